@@ -1,0 +1,43 @@
+//! Area, normal and centroid of planar polygons given by their corners.
+
+use glam::DVec3;
+
+/// Returns the area vector of a closed polygon: its area times its unit normal.
+///
+/// a = 1/2 Σ (v_k − c) × (v_{k+1} − c) with c = v_0, in m². The normal follows the right-hand rule of the
+/// winding. For a non-planar polygon this is the area vector of any surface that it bounds.
+/// Accuracy: a few ulps of the squared diameter; subtracting v_0 first keeps the digits of a small polygon far from the origin.
+/// Departures: none.
+#[must_use]
+pub fn area_vector(corners: &[DVec3]) -> DVec3 {
+    let Some((&c, rest)) = corners.split_first() else {
+        return DVec3::ZERO;
+    };
+    rest.windows(2).map(|w| (w[0] - c).cross(w[1] - c)).sum::<DVec3>() * 0.5
+}
+
+/// Returns the centroid of a planar polygon with a non-zero area.
+///
+/// c = v_0 + Σ a_k (v_k + v_{k+1} − 2 v_0) / (3 Σ a_k), with a_k the signed areas of the fan's triangles.
+#[must_use]
+pub fn centroid(corners: &[DVec3]) -> DVec3 {
+    let c = corners[0];
+    let normal = area_vector(corners).normalize_or_zero();
+    let mut total = 0.0;
+    let mut moment = DVec3::ZERO;
+    for w in corners[1..].windows(2) {
+        let (p, q) = (w[0] - c, w[1] - c);
+        let area = p.cross(q).dot(normal);
+        total += area;
+        moment += area * (p + q);
+    }
+    c + moment / (3.0 * total)
+}
+
+/// Returns the largest distance of a corner from the plane through the corners' mean with the polygon's own normal, in m.
+#[must_use]
+pub fn planarity_error(corners: &[DVec3]) -> f64 {
+    let normal = area_vector(corners).normalize_or_zero();
+    let mean = corners.iter().sum::<DVec3>() / corners.len() as f64;
+    corners.iter().map(|&v| normal.dot(v - mean).abs()).fold(0.0, f64::max)
+}

@@ -1,0 +1,7 @@
+//! Light in diffuse scenes, as exactly as numbers allow.
+
+pub mod geometry;
+pub mod progress;
+pub mod scene;
+pub mod solver;
+pub mod visibility;

@@ -1,0 +1,121 @@
+//! A validated scene: vertices, flat faces with one or two sides, named surfaces, materials.
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use crate::geometry::polygon;
+
+/// Index of a face in [`Scene::faces`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct FaceId(pub u32);
+
+/// Index of a surface in [`Scene::surfaces`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct SurfaceId(pub u32);
+
+/// Index of a material in [`Scene::materials`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct MaterialId(pub u32);
+
+/// The corners of a face: three or four vertex indices, counter-clockwise seen from the front.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Corners {
+    /// A triangle.
+    Triangle([u32; 3]),
+    /// A planar, convex quadrilateral.
+    Quad([u32; 4]),
+}
+
+impl Corners {
+    /// Returns the vertex indices as a slice of three or four.
+    #[must_use]
+    pub fn as_slice(&self) -> &[u32] {
+        match self {
+            Self::Triangle(v) => v,
+            Self::Quad(v) => v,
+        }
+    }
+}
+
+/// One flat face: a triangle or a planar convex quad that sees along its normal and blocks from both sides.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Face {
+    /// Indices into [`Scene::vertices`].
+    pub corners: Corners,
+    /// The named group that owns the face.
+    pub surface: SurfaceId,
+    /// The face's material.
+    pub material: MaterialId,
+    /// The line of the scene file that the face comes from; 0 for a face made in memory.
+    pub line: u32,
+}
+
+/// A named group of faces (an OBJ `o` or `g`).
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Surface {
+    /// The name in the scene file.
+    pub name: String,
+}
+
+/// A diffuse material with three channels.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Material {
+    /// The name in the material file.
+    pub name: String,
+    /// ρ, in \[0, 1\] per channel (`Kd`).
+    pub reflectance: [f64; 3],
+    /// E, self-emitted, W·m⁻² per channel (`Ke`).
+    pub exitance: [f64; 3],
+}
+
+/// A validated scene; lengths in metres.
+#[derive(Clone, Debug, Default)]
+pub struct Scene {
+    /// Vertices, shared between faces (bit-identical positions are one vertex).
+    pub vertices: Vec<DVec3>,
+    /// Faces in file order.
+    pub faces: Vec<Face>,
+    /// Surfaces in file order.
+    pub surfaces: Vec<Surface>,
+    /// Materials in the order of first use.
+    pub materials: Vec<Material>,
+}
+
+impl Scene {
+    /// Returns the corner positions of a face.
+    #[must_use]
+    pub fn polygon(&self, face: FaceId) -> Vec<DVec3> {
+        self.faces[face.0 as usize]
+            .corners
+            .as_slice()
+            .iter()
+            .map(|&v| self.vertices[v as usize])
+            .collect()
+    }
+
+    /// Returns area times unit normal of a face, in m².
+    #[must_use]
+    pub fn area_vector(&self, face: FaceId) -> DVec3 {
+        polygon::area_vector(&self.polygon(face))
+    }
+
+    /// Iterates over all face ids in file order.
+    pub fn face_ids(&self) -> impl ExactSizeIterator<Item = FaceId> + use<> {
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "the number of faces is checked against u32 when a scene is built"
+        )]
+        let n = self.faces.len() as u32;
+        (0..n).map(FaceId)
+    }
+
+    /// Returns the least and greatest corner of the box around all vertices in use.
+    #[must_use]
+    pub fn bounding_box(&self) -> (DVec3, DVec3) {
+        let used = self.faces.iter().flat_map(|f| f.corners.as_slice().to_vec());
+        used.map(|v| self.vertices[v as usize])
+            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), v| {
+                (lo.min(v), hi.max(v))
+            })
+    }
+}

@@ -1,0 +1,3 @@
+//! Solvers of the radiosity system B = E + diag(ρ) F B.
+
+pub mod operator;

@@ -1,0 +1,88 @@
+//! What a solver sees of the form factors: a linear operator on blocks of vectors.
+
+/// n rows by c channels of f64, row-major: the channel runs fastest.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Block {
+    n_channels: usize,
+    values: Vec<f64>,
+}
+
+impl Block {
+    /// Returns a block of zeros.
+    #[must_use]
+    pub fn zeros(n_rows: usize, n_channels: usize) -> Self {
+        assert!(n_channels > 0, "a block has at least one channel");
+        Self {
+            n_channels,
+            values: vec![0.0; n_rows * n_channels],
+        }
+    }
+
+    /// Wraps `values` (row-major, channel fastest).
+    #[must_use]
+    #[track_caller]
+    pub fn from_values(values: Vec<f64>, n_channels: usize) -> Self {
+        assert!(
+            n_channels > 0 && values.len().is_multiple_of(n_channels),
+            "values fill whole rows"
+        );
+        Self { n_channels, values }
+    }
+
+    /// Returns the number of rows (patches).
+    #[must_use]
+    pub fn n_rows(&self) -> usize {
+        self.values.len() / self.n_channels
+    }
+
+    /// Returns the number of channels.
+    #[must_use]
+    pub fn n_channels(&self) -> usize {
+        self.n_channels
+    }
+
+    /// Returns all values, row-major.
+    #[must_use]
+    pub fn values(&self) -> &[f64] {
+        &self.values
+    }
+
+    /// Returns all values for writing, row-major.
+    pub fn values_mut(&mut self) -> &mut [f64] {
+        &mut self.values
+    }
+
+    /// Returns the channels of one row.
+    #[must_use]
+    pub fn row(&self, i: usize) -> &[f64] {
+        &self.values[i * self.n_channels..(i + 1) * self.n_channels]
+    }
+
+    /// Returns the channels of one row for writing.
+    pub fn row_mut(&mut self, i: usize) -> &mut [f64] {
+        &mut self.values[i * self.n_channels..(i + 1) * self.n_channels]
+    }
+}
+
+/// A square operator, such as the form-factor matrix F, that can be applied to a block of vectors.
+///
+/// Sums are f64 and reduced in an order that does not depend on the number of threads.
+pub trait LinearOperator: Sync {
+    /// Returns n, the number of patches.
+    fn n_rows(&self) -> usize;
+
+    /// Computes `y` = F `x`, every channel in one pass over F.
+    fn apply(&self, x: &Block, y: &mut Block);
+
+    /// Returns access by rows, for solvers that need it, or `None` where rows cannot be had cheaply.
+    fn rows(&self) -> Option<&dyn RowAccess>;
+
+    /// Returns the A_i for which A_i F_ij is exactly symmetric, or `None` if reciprocity does not hold.
+    fn reciprocal_areas(&self) -> Option<&[f64]>;
+}
+
+/// Rows of an operator, one at a time.
+pub trait RowAccess: Sync {
+    /// Adds Σ_{j≠i} F_ij x_j to `sum` (one entry per channel) and returns F_ii.
+    fn dot_off_diagonal(&self, i: usize, x: &Block, sum: &mut [f64]) -> f64;
+}

@@ -1,0 +1,124 @@
+//! Who sees whom: batches of rays against the faces of a scene.
+
+use glam::DVec3;
+
+use crate::scene::FaceId;
+
+/// Whether neighbouring rays of a batch go nearly the same way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Coherence {
+    /// Bundles: rays that share an origin or a direction, such as primary rays and patch-to-patch segments.
+    Coherent,
+    /// Random directions, such as cosine-distributed rays.
+    Incoherent,
+}
+
+/// A batch of rays as a structure of arrays, in f32 and in the frame of one [`Visibility`] (its [`frame_origin`](Visibility::frame_origin) subtracted).
+///
+/// A point of a ray is o + t d with 0 ≤ t ≤ t_far: infinity for a ray, 1 for a segment whose direction is the difference of its ends.
+#[derive(Clone, Debug, Default)]
+pub struct RayBatch {
+    /// Origins, one array per axis.
+    pub origin: [Vec<f32>; 3],
+    /// Directions, one array per axis; they need not be unit vectors.
+    pub direction: [Vec<f32>; 3],
+    /// The end of each ray in units of its direction.
+    pub t_far: Vec<f32>,
+}
+
+/// What a closest-hit query found, as a structure of arrays.
+#[derive(Clone, Debug, Default)]
+pub struct HitBatch {
+    /// Face and side; see [`HitBatch::face`]. [`HitBatch::MISS`] where nothing was hit.
+    pub face_and_side: Vec<u32>,
+    /// Distance in units of the direction; unspecified after a miss.
+    pub t: Vec<f32>,
+    /// First local coordinate of the hit (see [`Visibility::closest_hits`]).
+    pub u: Vec<f32>,
+    /// Second local coordinate of the hit.
+    pub v: Vec<f32>,
+}
+
+/// A face seen from its front or from its back.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FaceHit {
+    /// The face.
+    pub face: FaceId,
+    /// True where the ray came from behind: a back is black.
+    pub back: bool,
+}
+
+impl HitBatch {
+    /// The entry of [`HitBatch::face_and_side`] for a ray that hits nothing.
+    pub const MISS: u32 = u32::MAX;
+
+    /// Returns the face that ray `k` hits first, or `None`. Encoding: 2 · face + (1 if from behind).
+    #[must_use]
+    pub fn face(&self, k: usize) -> Option<FaceHit> {
+        let code = self.face_and_side[k];
+        (code != Self::MISS).then_some(FaceHit {
+            face: FaceId(code >> 1),
+            back: code & 1 == 1,
+        })
+    }
+}
+
+/// Answers ray queries against the faces of one scene.
+pub trait Visibility: Send + Sync {
+    /// Returns the point that is subtracted from world coordinates before they are rounded to f32.
+    fn frame_origin(&self) -> DVec3;
+
+    /// Returns the distance, in m, by which the ends of rays are moved along their inward normals so that a patch does not shadow itself.
+    fn offset(&self) -> f64;
+
+    /// Finds the first face along each ray; `hits` is resized to the batch.
+    ///
+    /// Local coordinates: on a triangle v0 v1 v2 the point is v0 + u (v1 − v0) + v (v2 − v0). On a quad v0 v1 v2 v3
+    /// it is v0 + u (v1 − v0) + v (v3 − v0) where u + v ≤ 1 and v2 + (1 − u)(v3 − v2) + (1 − v)(v1 − v2) elsewhere,
+    /// which for a parallelogram is the same map.
+    /// Where two faces of opposite winding coincide, the one that faces the ray's origin is reported.
+    fn closest_hits(&self, rays: &RayBatch, coherence: Coherence, hits: &mut HitBatch);
+
+    /// Tells for each ray whether any face lies between its origin and t_far; `blocked` is resized to the batch.
+    fn occluded(&self, rays: &RayBatch, coherence: Coherence, blocked: &mut Vec<bool>);
+}
+
+impl RayBatch {
+    /// Returns the number of rays.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.t_far.len()
+    }
+
+    /// Returns true if there is no ray.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.t_far.is_empty()
+    }
+
+    /// Removes all rays and keeps the memory.
+    pub fn clear(&mut self) {
+        self.origin.iter_mut().for_each(Vec::clear);
+        self.direction.iter_mut().for_each(Vec::clear);
+        self.t_far.clear();
+    }
+
+    /// Adds a ray without an end. `origin` is in the frame (world minus [`Visibility::frame_origin`]), both are rounded to f32 here.
+    pub fn push_ray(&mut self, origin: DVec3, direction: DVec3) {
+        self.push(origin, direction, f32::INFINITY);
+    }
+
+    /// Adds the segment from `from` to `to`, both in the frame; the direction is computed in f64.
+    pub fn push_segment(&mut self, from: DVec3, to: DVec3) {
+        self.push(from, to - from, 1.0);
+    }
+
+    fn push(&mut self, origin: DVec3, direction: DVec3, t_far: f32) {
+        let (o, d) = (origin.as_vec3(), direction.as_vec3());
+        for axis in 0..3 {
+            self.origin[axis].push(o[axis]);
+            self.direction[axis].push(d[axis]);
+        }
+        self.t_far.push(t_far);
+    }
+}
