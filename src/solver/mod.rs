@@ -1,3 +1,3 @@
 //! Solvers of the radiosity system B = E + diag(ρ) F B.
 
-pub mod operator;
+pub use crate::matrix::operator;

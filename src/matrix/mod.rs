@@ -1,0 +1,3 @@
+//! Form factors: stored, checked and applied.
+
+pub mod operator;
