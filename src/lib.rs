@@ -1,5 +1,6 @@
 //! Light in diffuse scenes, as exactly as numbers allow.
 
+pub mod embree;
 pub mod geometry;
 pub mod matrix;
 pub mod mesh;
