@@ -181,7 +181,10 @@ mod tests {
             let mut vertices = unit_triangle();
             vertices[1][2] = bad;
             let error = SceneBuilder::new(vertices).unwrap_err();
-            assert!(matches!(error, EmbreeError::VertexOutOfRange { vertex: 1, .. }), "{error:?}");
+            assert!(
+                matches!(error, EmbreeError::VertexOutOfRange { vertex: 1, .. }),
+                "{error:?}"
+            );
         }
     }
 

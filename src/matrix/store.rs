@@ -5,9 +5,9 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::dense::DenseTile;
+use super::operator::Block;
 use super::sparse::SparseTile;
 use super::{Layout, MatrixError, Precision, RowTile, StorageChoice};
-use super::operator::Block;
 
 /// The share of non-zero entries from which a tile is stored in full. With its column an entry takes 12 bytes instead of 8,
 /// so a dense tile is at most twice as large here; it is applied without gathering.
@@ -106,7 +106,13 @@ pub(super) fn add_dot<T: Scalar>(
         3 => add_dot_fixed::<T, 3>(values, row_of, factor, x, sum),
         n_channels => {
             for (c, sum) in sum.iter_mut().enumerate() {
-                add_dot_fixed::<T, 1>(values, |k| row_of(k) * n_channels + c, factor, x, std::slice::from_mut(sum));
+                add_dot_fixed::<T, 1>(
+                    values,
+                    |k| row_of(k) * n_channels + c,
+                    factor,
+                    x,
+                    std::slice::from_mut(sum),
+                );
             }
         }
     }
