@@ -76,7 +76,11 @@ impl Embree {
             env::var("CARGO_CFG_TARGET_ARCH").unwrap_or_default()
         );
         let existing = |names: &[&str]| -> Vec<PathBuf> {
-            names.iter().map(|name| prefix.join(name)).filter(|dir| dir.is_dir()).collect()
+            names
+                .iter()
+                .map(|name| prefix.join(name))
+                .filter(|dir| dir.is_dir())
+                .collect()
         };
         Self {
             includes: existing(&["include"]),
@@ -110,7 +114,9 @@ impl Embree {
     fn config_header(&self) -> PathBuf {
         let name = "embree4/rtcore_config.h";
         let mut places = self.includes.iter().map(|dir| dir.join(name));
-        places.find(|path| path.exists()).unwrap_or_else(|| Path::new("/usr/include").join(name))
+        places
+            .find(|path| path.exists())
+            .unwrap_or_else(|| Path::new("/usr/include").join(name))
     }
 }
 

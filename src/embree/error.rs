@@ -71,7 +71,9 @@ pub enum EmbreeError {
         position: [f32; 3],
     },
     /// The scene is so small or so large that products of its coordinates leave the range of f32.
-    #[error("the largest distance of a vertex from the scene's centre, along an axis, is {largest} m: it must be 1e-8 m to 1e11 m")]
+    #[error(
+        "the largest distance of a vertex from the scene's centre, along an axis, is {largest} m: it must be 1e-8 m to 1e11 m"
+    )]
     ExtentOutOfRange {
         /// The largest absolute coordinate after centring, in m.
         largest: f64,
@@ -144,8 +146,12 @@ mod tests {
     #[test]
     fn codes_become_variants_and_keep_embrees_words() {
         assert!(from_c(0, "").check().is_ok());
-        assert!(matches!(from_c(4, "too large").check(), Err(EmbreeError::OutOfMemory { message }) if message == "too large"));
-        assert!(matches!(from_c(5, "no SSE2").check(), Err(EmbreeError::UnsupportedCpu { message }) if message == "no SSE2"));
+        assert!(
+            matches!(from_c(4, "too large").check(), Err(EmbreeError::OutOfMemory { message }) if message == "too large")
+        );
+        assert!(
+            matches!(from_c(5, "no SSE2").check(), Err(EmbreeError::UnsupportedCpu { message }) if message == "no SSE2")
+        );
         assert!(matches!(from_c(2, "bad").check(), Err(EmbreeError::Failed { code: 2, message }) if message == "bad"));
     }
 

@@ -5,6 +5,11 @@ use crate::visibility::{Coherence, HitBatch, RayBatch};
 use super::ffi;
 use super::scene::CommittedScene;
 
+const _: () = assert!(
+    ffi::RADIOSITY_MISS == HitBatch::MISS,
+    "both sides of the bindings mean the same by a miss"
+);
+
 impl CommittedScene {
     /// Finds the first face along each ray, as [`Visibility::closest_hits`](crate::visibility::Visibility::closest_hits) says, but for coincident faces: there, either may be reported.
     ///
@@ -32,7 +37,12 @@ impl CommittedScene {
         // SAFETY: the scene lives; `from` points at n floats in each array, checked by `arrays`, and `to` at room for n
         // values each, made by `resize` above.
         unsafe {
-            ffi::radiosity_closest_hits(self.handle().as_ptr(), &raw const from, is_coherent(coherence), &raw const to);
+            ffi::radiosity_closest_hits(
+                self.handle().as_ptr(),
+                &raw const from,
+                is_coherent(coherence),
+                &raw const to,
+            );
         }
     }
 
@@ -49,7 +59,12 @@ impl CommittedScene {
         let from = arrays(rays);
         // SAFETY: as above; the C side writes n values of C's bool, which is Rust's.
         unsafe {
-            ffi::radiosity_occluded(self.handle().as_ptr(), &raw const from, is_coherent(coherence), blocked.as_mut_ptr());
+            ffi::radiosity_occluded(
+                self.handle().as_ptr(),
+                &raw const from,
+                is_coherent(coherence),
+                blocked.as_mut_ptr(),
+            );
         }
     }
 }
@@ -63,7 +78,11 @@ fn arrays(rays: &RayBatch) -> ffi::radiosity_rays {
     let n = rays.len();
     for axis in 0..3 {
         assert_eq!(rays.origin[axis].len(), n, "origins and ends of rays differ in number");
-        assert_eq!(rays.direction[axis].len(), n, "directions and ends of rays differ in number");
+        assert_eq!(
+            rays.direction[axis].len(),
+            n,
+            "directions and ends of rays differ in number"
+        );
     }
     ffi::radiosity_rays {
         origin: rays.origin.each_ref().map(Vec::as_ptr),
