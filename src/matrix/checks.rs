@@ -70,7 +70,11 @@ impl FormFactors {
             checks.row_sum.min = checks.row_sum.min.min(row_sum);
             checks.row_sum.max = checks.row_sum.max.max(row_sum);
             let tally = &self.tallies[i];
-            let left = if closed { Some(0.0) } else { tally.escaped().zip(tally.absorbed()).map(|(e, a)| e + a) };
+            let left = if closed {
+                Some(0.0)
+            } else {
+                tally.escaped().zip(tally.absorbed()).map(|(e, a)| e + a)
+            };
             let error = left.map(|left| (1.0 - row_sum - left).abs());
             checks.closure_error_max = greater(checks.closure_error_max, error);
         }

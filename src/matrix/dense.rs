@@ -2,10 +2,10 @@
 
 use std::ops::Range;
 
+use super::operator::Block;
 use super::store::{Scalar, Store, add_dot, rounded};
 use super::tile::is_zero;
 use super::{MatrixError, RowTile};
-use super::operator::Block;
 
 /// A tile as a row-major array of all n columns.
 #[derive(Debug)]

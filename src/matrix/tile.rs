@@ -86,8 +86,11 @@ impl RowTile {
     pub fn push_row(&mut self, entries: &[Entry], tally: RowTally) {
         assert!(entries.is_sorted_by(|a, b| a.0 < b.0), "columns are strictly ascending");
         // An entry that is zero for certain says no more than its absence.
-        self.entries
-            .extend(entries.iter().filter(|(_, value, error)| !is_zero(*value) || !is_zero(*error)));
+        self.entries.extend(
+            entries
+                .iter()
+                .filter(|(_, value, error)| !is_zero(*value) || !is_zero(*error)),
+        );
         self.ends.push(self.entries.len());
         self.tallies.push(tally);
     }
