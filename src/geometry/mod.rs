@@ -3,6 +3,8 @@
 pub mod clip;
 pub mod point_form_factor;
 pub mod polygon;
+pub mod quadrature;
 pub mod rectangle;
+pub mod sampling;
 
 pub use glam::DVec3;
