@@ -4,6 +4,7 @@ pub mod geometry;
 pub mod matrix;
 pub mod mesh;
 pub mod progress;
+pub mod render;
 pub mod scene;
 pub mod solver;
 pub mod visibility;
