@@ -9,6 +9,18 @@ use crate::scene::{Corners, FaceId, MaterialId, SurfaceId};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct PatchId(pub u32);
 
+impl PatchId {
+    /// Returns the id of the patch at `index`.
+    ///
+    /// # Panics
+    /// If `index` is not below 2^32; no mesh has as many patches.
+    #[must_use]
+    #[track_caller]
+    pub fn from_index(index: usize) -> Self {
+        Self(u32::try_from(index).expect("a patch index fits into 32 bits"))
+    }
+}
+
 /// A flat triangle or convex quad with one radiosity.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Patch {

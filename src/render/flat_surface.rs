@@ -100,7 +100,7 @@ fn flatten(scene: &Scene, surface: SurfaceId, name: &str, faces: &[FaceId]) -> O
 
 /// Returns the smallest bounding rectangle of a convex polygon; a rectangle along `first` wins against equal ones.
 ///
-/// One side of the smallest rectangle lies along an edge of the hull (Freeman and Shapira 1975).
+/// One side of the smallest rectangle lies along an edge of the hull ([`FREEMAN_SHAPIRA_1975`](crate::references::FREEMAN_SHAPIRA_1975)).
 fn smallest_rectangle(hull: &[DVec3], normal: DVec3, first: DVec3) -> Oriented {
     let edges = (0..hull.len()).map(|k| (hull[(k + 1) % hull.len()] - hull[k]).normalize_or_zero());
     let mut best = bounding_rectangle(hull, first, normal.cross(first));

@@ -14,7 +14,7 @@ pub const WHITE: f64 = 4.0;
 /// bright source hardly moves it), then Y′ = Y (1 + Y / w²)/(1 + Y) with w = [`WHITE`]; the colours keep their ratios and are cut at 1. Values that are
 /// negative or not finite count as 0.
 ///
-/// Source: E. Reinhard et al., "Photographic Tone Reproduction for Digital Images", SIGGRAPH 2002, equation (4); sRGB of IEC 61966-2-1.
+/// Source: [`REINHARD_2002`](crate::references::REINHARD_2002), equation (4); sRGB of IEC 61966-2-1.
 /// Departures: the median in place of the log-average, and a fixed white.
 #[must_use]
 pub fn tone_map(image: &Image) -> Vec<u8> {

@@ -1,5 +1,7 @@
 //! A validated scene: vertices, flat faces with one or two sides, named surfaces, materials.
 
+pub mod topology;
+
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 

@@ -5,7 +5,7 @@ use crate::geometry::sampling::Sequence;
 /// Returns the number of independent samples that n samples of a stream are worth at least.
 ///
 /// Independent numbers: n. Scrambled Sobol points: n / Γ, with Γ = 2 the bound on a net's variance relative to independent samples in
-/// two dimensions of base 2 (Owen 1997, "Monte Carlo variance of scrambled net quadrature": (b/(b−1))^(s−1)), and for an n that is not a power of two the
+/// two dimensions of base 2 ((b/(b−1))^(s−1), [`OWEN_1997`](crate::references::OWEN_1997)), and for an n that is not a power of two the
 /// standard deviations of the nets that it falls into, added: Γ = 2 (Σ 2^(a/2))² / n over the binary digits 2^a of n.
 /// Departures: the variance bound is used as if it bounded the tails as well; real nets stay far below it.
 pub(super) fn effective_samples(n: u32, sequence: Sequence) -> f64 {
@@ -25,7 +25,7 @@ pub(super) fn effective_samples(n: u32, sequence: Sequence) -> f64 {
 /// Returns how far the mean of n independent numbers in [0, 1] may lie from its expectation p: the larger of both sides.
 ///
 /// The mean leaves [p − d, p + d] with a probability of at most 2 exp(−`log_odds`), because P(mean ≥ q) ≤ exp(−n KL(q ‖ p)), and the same below
-/// (Hoeffding 1963, theorem 1; it holds for any distribution, and for means p_k that differ, with p their mean).
+/// ([`HOEFFDING_1963`](crate::references::HOEFFDING_1963), theorem 1; it holds for any distribution, and for means p_k that differ, with p their mean).
 pub(super) fn hoeffding(p: f64, n: f64, log_odds: f64) -> f64 {
     if p <= 0.0 || p >= 1.0 {
         return 0.0;
@@ -55,8 +55,8 @@ pub(super) fn hoeffding(p: f64, n: f64, log_odds: f64) -> f64 {
 
 /// Returns how far the mean of m independent errors of expectation zero may lie from zero, judged by their own spread.
 ///
-/// |Σ r| ≤ √(2 `log_odds`) √(Σ r²) but for a probability of 2 exp(−`log_odds`): exact for symmetric errors (Efron 1969), and to leading order for
-/// others when their number is large (Shao 1997).
+/// |Σ r| ≤ √(2 `log_odds`) √(Σ r²) but for a probability of 2 exp(−`log_odds`): exact for symmetric errors
+/// ([`EFRON_1969`](crate::references::EFRON_1969)), and to leading order for others when their number is large ([`SHAO_1997`](crate::references::SHAO_1997)).
 pub(super) fn self_normalised(sum_of_squares: f64, m: f64, log_odds: f64) -> f64 {
     (2.0 * log_odds * sum_of_squares).sqrt() / m
 }
