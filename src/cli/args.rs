@@ -12,8 +12,10 @@ use crate::mesh::Subdivision;
 /// Light in diffuse scenes: form factors to high accuracy, radiosity, OpenEXR pictures.
 #[derive(Debug, Parser)]
 #[command(name = "radiosity", version, about, propagate_version = true, max_term_width = 110)]
-#[command(after_help = "Exit codes: 0 done, 1 error in the input or at run time, 2 usage, 3 not converged or a budget \
-                        spent above the tolerance, 4 a check outside its tolerance.")]
+#[command(
+    after_help = "Exit codes: 0 done, 1 error in the input or at run time, 2 usage, 3 not converged or a budget \
+                        spent above the tolerance, 4 a check outside its tolerance."
+)]
 pub struct Cli {
     /// What to do.
     #[command(subcommand)]
@@ -190,6 +192,17 @@ pub enum SolverName {
     Pcg,
 }
 
+impl SolverName {
+    /// Returns the name in the registry of solvers.
+    #[must_use]
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::GaussSeidel => "gauss-seidel",
+            Self::Pcg => "pcg",
+        }
+    }
+}
+
 /// How the system is solved.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Solver")]
@@ -308,7 +321,7 @@ pub struct ImageArgs {
     /// Integrate the light of the emitters at each pixel [default: polygons; unfolded: rays; with --flat: off]
     #[arg(long, value_enum)]
     pub direct: Option<DirectName>,
-    /// Rays of the direct pass for each pixel (for each emitter with `polygons`) [default: 16; rays: 1024]
+    /// Rays of the direct pass for each pixel (for each emitter with `polygons`) [default: 16; rays: 4096]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub direct_samples: Option<u32>,
     /// Samples along each side of a pixel, averaged in the colour layers [default: 2; unfolded: 1]
@@ -319,9 +332,15 @@ pub struct ImageArgs {
 fn parse_vector(text: &str) -> Result<[f64; 3], String> {
     let numbers: Vec<f64> = text
         .split(',')
-        .map(|part| part.trim().parse::<f64>().map_err(|_| format!("'{part}' is not a number")))
+        .map(|part| {
+            part.trim()
+                .parse::<f64>()
+                .map_err(|_| format!("'{part}' is not a number"))
+        })
         .collect::<Result<_, _>>()?;
-    let vector: [f64; 3] = numbers.try_into().map_err(|_| "give three numbers, as in 1,2.5,0".to_owned())?;
+    let vector: [f64; 3] = numbers
+        .try_into()
+        .map_err(|_| "give three numbers, as in 1,2.5,0".to_owned())?;
     if vector.iter().all(|x| x.is_finite()) {
         Ok(vector)
     } else {

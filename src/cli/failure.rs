@@ -6,27 +6,28 @@ use serde_json::json;
 
 use super::exit_code::ExitCode;
 use crate::matrix::MatrixError;
+use crate::render::RenderError;
 use crate::scene::SceneError;
 use crate::solver::SolverError;
 
 /// An error as the user sees it.
 #[derive(Clone, Debug)]
-pub struct Failure {
+pub(super) struct Failure {
     /// A stable name of the kind, snake_case.
-    pub kind: &'static str,
+    pub(super) kind: &'static str,
     /// One line: what is wrong, where, and what to do.
-    pub message: String,
+    pub(super) message: String,
     /// The file that is at fault.
-    pub file: Option<PathBuf>,
+    pub(super) file: Option<PathBuf>,
     /// The line of that file.
-    pub line: Option<u32>,
+    pub(super) line: Option<u32>,
     /// The exit code.
-    pub code: ExitCode,
+    pub(super) code: ExitCode,
 }
 
 impl Failure {
     /// Returns an error of the input or at run time (exit code 1).
-    pub fn new(kind: &'static str, message: impl ToString) -> Self {
+    pub(super) fn new(kind: &'static str, message: impl ToString) -> Self {
         Self {
             kind,
             message: message.to_string(),
@@ -37,7 +38,7 @@ impl Failure {
     }
 
     /// Returns a usage error (exit code 2).
-    pub fn usage(message: impl ToString) -> Self {
+    pub(super) fn usage(message: impl ToString) -> Self {
         Self {
             code: ExitCode::Usage,
             ..Self::new("usage", message)
@@ -46,14 +47,14 @@ impl Failure {
 
     /// Adds the file that is at fault.
     #[must_use]
-    pub fn in_file(mut self, file: impl Into<PathBuf>) -> Self {
+    pub(super) fn in_file(mut self, file: impl Into<PathBuf>) -> Self {
         self.file = Some(file.into());
         self
     }
 
     /// Returns the JSON document of the error.
     #[must_use]
-    pub fn to_json(&self) -> serde_json::Value {
+    pub(super) fn to_json(&self) -> serde_json::Value {
         json!({
             "schema_version": super::SCHEMA_VERSION,
             "error": {
@@ -90,5 +91,15 @@ impl From<SolverError> for Failure {
             _ => "solver",
         };
         Self::new(kind, error)
+    }
+}
+
+impl From<RenderError> for Failure {
+    fn from(error: RenderError) -> Self {
+        match &error {
+            RenderError::Io { path, .. } => Self::new("io", &error).in_file(path),
+            RenderError::TooLarge { .. } => Self::new("too_large", &error),
+            _ => Self::new("render", &error),
+        }
     }
 }

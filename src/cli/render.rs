@@ -5,13 +5,13 @@ use std::num::NonZeroU32;
 use std::path::Path;
 
 use glam::DVec3;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::Outcome;
 use super::args::{DirectName, ImageArgs, RenderArgs, SolverName};
 use super::failure::Failure;
 use super::form_factors::{checks_to_json, describe_checks};
-use super::pipeline::{Computed, Prepared, Run};
+use super::pipeline::{Computed, Prepared, Run, materials_of_patches};
 use super::{output, solve};
 use crate::matrix::operator::{Block, LinearOperator};
 use crate::mesh::Subdivision;
@@ -41,26 +41,30 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     output::expect_possible(&args.output)?;
     let mut prepared = run.prepare(&args.scene, args.mesh, default_subdivision)?;
     let view = view(&args.image, &args.scene, &prepared.scene)?;
-    let needs_symmetry = args.solver.solver == SolverName::Pcg;
-    let computed = run.form_factors(&mut prepared, &args.method, DEFAULT_RAYS, needs_symmetry)?;
-    let solution = run.solve(&mut prepared, &computed, &args.solver)?;
-    let indirect = (settings.direct != DirectMethod::Off)
-        .then(|| run.times.time("solve", || indirect_irradiance(&prepared, &computed, &solution)));
+    let solved = solve_scene(&mut run, &mut prepared, args, settings.direct)?;
     if settings.direct == DirectMethod::Off {
-        prepared.plan.left_out.push("direct light at each pixel: the patches' light is interpolated".into());
+        prepared
+            .plan
+            .left_out
+            .push("direct light at each pixel: the patches' light is interpolated".into());
     }
     if let AnyView::Unfolded(unfolded) = &view {
-        prepared.plan.left_out.extend(unfolded.layout().left_out.iter().cloned());
+        prepared
+            .plan
+            .left_out
+            .extend(unfolded.layout().left_out.iter().cloned());
     }
     let input = RenderInput {
         scene: &prepared.scene,
         mesh: &prepared.mesh,
         visibility: &prepared.visibility,
-        radiosity: &solution.radiosity,
-        irradiance: &solution.irradiance,
-        indirect_irradiance: indirect.as_ref(),
+        radiosity: &solved.solution.radiosity,
+        irradiance: &solved.solution.irradiance,
+        indirect_irradiance: solved.indirect_irradiance.as_ref(),
     };
-    let image = run.times.time("render", || render(&input, view.as_view(), &settings, &run.progress))?;
+    let image = run
+        .times
+        .time("render", || render(&input, view.as_view(), &settings, &run.progress))?;
     let attributes = Attributes::new(
         &prepared.scene,
         view.as_view().description(),
@@ -74,8 +78,8 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     })?;
     run.progress.finish();
 
-    let mut result = solve::to_json(&prepared, &solution);
-    result["form_factors"] = checks_to_json(&computed);
+    let mut result = solve::to_json(&prepared, solved.solver, &solved.solution);
+    result["form_factors"] = solved.computed.as_ref().map_or(Value::Null, checks_to_json);
     result["image"] = json!(args.output);
     result["preview"] = json!(preview);
     result["width"] = json!(image.width());
@@ -84,8 +88,10 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     let mut text = run.explanation(&prepared);
     let (n_patches, n_surfaces) = (prepared.mesh.n_patches(), prepared.scene.surfaces.len());
     let _ = writeln!(text, "{n_patches} patches on {n_surfaces} surfaces");
-    describe_checks(&mut text, &computed);
-    solve::describe(&mut text, &prepared, &solution);
+    if let Some(computed) = &solved.computed {
+        describe_checks(&mut text, computed);
+    }
+    solve::describe(&mut text, &prepared, solved.solver, &solved.solution);
     run.describe_times(&mut text);
     let _ = writeln!(
         text,
@@ -98,7 +104,53 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     Ok(Outcome {
         text,
         document,
-        code: solve::code(&solution),
+        code: solve::code(&solved.solution),
+    })
+}
+
+/// What the picture is made from.
+struct Solved {
+    solver: &'static str,
+    solution: Solution,
+    /// The form factors, unless they were not needed.
+    computed: Option<Computed>,
+    /// F (B − E), where a direct pass adds the rest.
+    indirect_irradiance: Option<Block>,
+}
+
+/// Solves the scene, as far as the picture needs it.
+fn solve_scene(
+    run: &mut Run,
+    prepared: &mut Prepared,
+    args: &RenderArgs,
+    direct: DirectMethod,
+) -> Result<Solved, Failure> {
+    let with_direct = direct != DirectMethod::Off;
+    if with_direct && !prepared.scene.is_reflecting() {
+        // All light comes straight from the emitters, and the direct pass finds it at each pixel.
+        let reason = "form factors and solver: nothing reflects, and the direct pass finds all light";
+        prepared.plan.left_out.push(reason.into());
+        let (_, exitance) = materials_of_patches(&prepared.scene, &prepared.mesh, prepared.plan.n_channels);
+        let dark = Block::zeros(exitance.n_rows(), exitance.n_channels());
+        return Ok(Solved {
+            solver: "none",
+            solution: Solution::without_reflection(exitance),
+            computed: None,
+            indirect_irradiance: Some(dark),
+        });
+    }
+    let needs_symmetry = args.solver.solver == SolverName::Pcg;
+    let computed = run.form_factors(prepared, &args.method, DEFAULT_RAYS, needs_symmetry)?;
+    let solution = run.solve(prepared, &computed, &args.solver)?;
+    let indirect_irradiance = with_direct.then(|| {
+        run.times
+            .time("solve", || indirect_irradiance(prepared, &computed, &solution))
+    });
+    Ok(Solved {
+        solver: args.solver.solver.as_str(),
+        solution,
+        computed: Some(computed),
+        indirect_irradiance,
     })
 }
 
@@ -138,10 +190,12 @@ fn render_settings(args: &RenderArgs) -> Result<RenderSettings, Failure> {
     };
     let direct = match direct {
         DirectName::Off if image.direct_samples.is_some() => {
-            return Err(Failure::usage("--direct-samples has no use without a direct pass; leave out --flat or --direct off"));
+            return Err(Failure::usage(
+                "--direct-samples has no use without a direct pass; leave out --flat or --direct off",
+            ));
         }
         DirectName::Off => DirectMethod::Off,
-        DirectName::Rays => DirectMethod::CosineRays { n: n_or(1024)? },
+        DirectName::Rays => DirectMethod::CosineRays { n: n_or(4096)? },
         DirectName::Polygons => DirectMethod::Polygons { n: n_or(16)? },
     };
     // One sample a pixel is what a check by pixels wants; more are for the eye.
@@ -197,7 +251,10 @@ fn view(args: &ImageArgs, scene_file: &Path, scene: &Scene) -> Result<AnyView, F
         camera = Camera::new(eye, direction, up, fov)?.with_image_size(camera.width(), camera.height());
     }
     let width = args.width.or(camera.width()).unwrap_or(512);
-    let height = args.height.or(camera.height().filter(|_| args.width.is_none())).unwrap_or(width);
+    let height = args
+        .height
+        .or(camera.height().filter(|_| args.width.is_none()))
+        .unwrap_or(width);
     let parameters = json!({
         "eye": camera.eye().to_array(),
         "direction": camera.direction().to_array(),
@@ -205,5 +262,7 @@ fn view(args: &ImageArgs, scene_file: &Path, scene: &Scene) -> Result<AnyView, F
         "vertical_fov_degree": camera.vertical_fov(),
     });
     let ray = move |x: f64, y: f64| camera.primary_ray(x, y, width, height);
-    Ok(AnyView::Perspective(Box::new(RayView::new(width, height, ray, parameters))))
+    Ok(AnyView::Perspective(Box::new(RayView::new(
+        width, height, ray, parameters,
+    ))))
 }

@@ -28,18 +28,29 @@ pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
     if let Some(path) = &args.output {
         run.times.time("write", || {
             output::write(path, |writer| {
-                csv::write_solution(writer, &prepared.scene, &prepared.mesh, &solution.radiosity, &solution.irradiance)
+                csv::write_solution(
+                    writer,
+                    &prepared.scene,
+                    &prepared.mesh,
+                    &solution.radiosity,
+                    &solution.irradiance,
+                )
             })
         })?;
     }
     run.progress.finish();
-    let mut result = to_json(&prepared, &solution);
+    let mut result = to_json(&prepared, args.solver.solver.as_str(), &solution);
     result["form_factors"] = checks_to_json(&computed);
     let document = run.document(&prepared, result);
     let mut text = run.explanation(&prepared);
-    let _ = writeln!(text, "{} patches on {} surfaces", prepared.mesh.n_patches(), prepared.scene.surfaces.len());
+    let _ = writeln!(
+        text,
+        "{} patches on {} surfaces",
+        prepared.mesh.n_patches(),
+        prepared.scene.surfaces.len()
+    );
     describe_checks(&mut text, &computed);
-    describe(&mut text, &prepared, &solution);
+    describe(&mut text, &prepared, args.solver.solver.as_str(), &solution);
     run.describe_times(&mut text);
     if let Some(path) = &args.output {
         let _ = writeln!(text, "wrote {}", path.display());
@@ -55,20 +66,27 @@ fn expect_csv(path: &Path) -> Result<(), Failure> {
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv")) {
         return Ok(());
     }
-    Err(Failure::usage(&format!("{}: the solution is written as .csv; change the name", path.display())))
+    Err(Failure::usage(&format!(
+        "{}: the solution is written as .csv; change the name",
+        path.display()
+    )))
 }
 
 /// Returns the exit code that a solution deserves.
 pub(super) fn code(solution: &Solution) -> ExitCode {
-    if solution.stop_reason == StopReason::Converged { ExitCode::Done } else { ExitCode::NotConverged }
+    if solution.stop_reason == StopReason::Converged {
+        ExitCode::Done
+    } else {
+        ExitCode::NotConverged
+    }
 }
 
 /// Returns what documents say about a solution.
-pub(super) fn to_json(prepared: &Prepared, solution: &Solution) -> Value {
+pub(super) fn to_json(prepared: &Prepared, solver: &str, solution: &Solution) -> Value {
     json!({
         "n_patches": prepared.mesh.n_patches(),
         "n_channels": solution.radiosity.n_channels(),
-        "solver": solution.solver,
+        "solver": solver,
         "why": null,
         "stop_reason": solution.stop_reason,
         "n_passes": solution.n_passes,
@@ -81,12 +99,17 @@ pub(super) fn to_json(prepared: &Prepared, solution: &Solution) -> Value {
 }
 
 /// Describes a solution: how it was reached, and the mean radiosity of each surface.
-pub(super) fn describe(text: &mut String, prepared: &Prepared, solution: &Solution) {
-    let bound = solution.error_bound.map_or("unknown".to_owned(), |bound| format!("{bound:.1e}"));
+pub(super) fn describe(text: &mut String, prepared: &Prepared, solver: &str, solution: &Solution) {
+    let bound = solution
+        .error_bound
+        .map_or("unknown".to_owned(), |bound| format!("{bound:.1e}"));
     let _ = writeln!(
         text,
         "{}: {} after {} passes, relative residual {:.1e}, bound on the relative error {bound}",
-        solution.solver, solution.stop_reason, solution.n_passes, solution.residual_l2
+        solver.as_str(),
+        solution.stop_reason,
+        solution.n_passes,
+        solution.residual_l2
     );
     let _ = writeln!(text, "\nmean radiosity by surface, W/m²");
     let surfaces = prepared.surface_means(&solution.radiosity);

@@ -157,6 +157,13 @@ impl Scene {
         self.materials_in_use().any(|m| m.exitance.iter().any(|&e| e > 0.0))
     }
 
+    /// Tells whether any face reflects light: some channel of ρ of its material is positive.
+    #[must_use]
+    pub fn is_reflecting(&self) -> bool {
+        self.materials_in_use()
+            .any(|m| m.reflectance.iter().any(|&rho| rho > 0.0))
+    }
+
     /// Returns how many channels a solution needs: 1 if every material in use is grey in both ρ and E, otherwise 3.
     #[must_use]
     pub fn n_channels_needed(&self) -> usize {

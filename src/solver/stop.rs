@@ -1,5 +1,7 @@
 //! When a solver stops.
 
+use std::fmt;
+
 use serde::Serialize;
 
 use super::SolverError;
@@ -65,6 +67,18 @@ pub enum StopReason {
     Diverged,
     /// The caller asked to stop.
     Interrupted,
+}
+
+impl fmt::Display for StopReason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Converged => "converged",
+            Self::MaxPasses => "out of passes",
+            Self::Stagnated => "stagnated",
+            Self::Diverged => "diverged",
+            Self::Interrupted => "interrupted",
+        })
+    }
 }
 
 /// Growth of the residual, over its first value, that counts as divergence.
