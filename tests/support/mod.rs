@@ -5,7 +5,7 @@
 pub(crate) mod solving;
 
 use radiosity::matrix::operator::Block;
-use radiosity::matrix::{Entry, FormFactors, RowTally, RowTile, StorageChoice, Weighting};
+use radiosity::matrix::{Entry, FormFactors, Layout, Precision, RowTally, RowTile, StorageChoice, Weighting};
 
 /// A small generator of uniform numbers in [0, 1): SplitMix64.
 pub(crate) struct Uniform(pub(crate) u64);
@@ -186,4 +186,61 @@ impl LewisRoom {
     pub(crate) fn form_factors(&self) -> FormFactors {
         matrix(&self.areas, &self.rows)
     }
+}
+
+/// The rows of a closed room as fractions of `n_rays` rays each, which hit patches with the probabilities F_ij.
+pub(crate) fn shoot(probabilities: &[Vec<f64>], areas: &[f64], n_rays: u64, uniform: &mut Uniform) -> FormFactors {
+    let mut tile = RowTile::new(0);
+    for row in probabilities {
+        let mut counts = vec![0_u32; row.len()];
+        for _ in 0..n_rays {
+            let mut left = uniform.next() * row.iter().sum::<f64>();
+            let hit = row.iter().position(|p| {
+                left -= p;
+                left < 0.0
+            });
+            counts[hit.unwrap_or(row.len() - 1)] += 1;
+        }
+        let entry = |(j, &count): (u32, &u32)| {
+            let p = f64::from(count) / n_rays as f64;
+            (j, p, (p * (1.0 - p) / n_rays as f64).sqrt())
+        };
+        let entries: Vec<_> = (0..).zip(&counts).map(entry).collect();
+        tile.push_row(
+            &entries,
+            RowTally {
+                n_rays,
+                ..RowTally::default()
+            },
+        );
+    }
+    FormFactors::from_tiles(areas.to_vec(), [tile], StorageChoice::default()).expect("a valid matrix")
+}
+
+pub(crate) fn storage(layout: Layout, precision: Precision) -> StorageChoice {
+    StorageChoice { layout, precision }
+}
+
+pub(crate) fn all_storages() -> impl Iterator<Item = StorageChoice> {
+    let layouts = [Layout::Auto, Layout::Dense, Layout::Sparse];
+    layouts
+        .into_iter()
+        .flat_map(|layout| [Precision::F32, Precision::F64].map(|precision| storage(layout, precision)))
+}
+
+/// Rows with a share `density` of entries that are not zero, values in [0, 1 / n].
+pub(crate) fn random_rows(n: usize, density: f64, seed: u64) -> Vec<Vec<f64>> {
+    let mut uniform = Uniform(seed);
+    let mut entry = || {
+        if uniform.next() < density {
+            uniform.next() / n as f64
+        } else {
+            0.0
+        }
+    };
+    (0..n).map(|_| (0..n).map(|_| entry()).collect()).collect()
+}
+
+pub(crate) fn bits(values: &[f64]) -> Vec<u64> {
+    values.iter().map(|x| x.to_bits()).collect()
 }

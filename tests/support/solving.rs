@@ -54,7 +54,3 @@ pub(crate) fn channel(block: &Block, c: usize) -> Block {
     let column = (0..block.n_rows()).map(|i| block.row(i)[c]).collect();
     Block::from_values(column, 1)
 }
-
-pub(crate) fn bits(block: &Block) -> Vec<u64> {
-    block.values().iter().map(|x| x.to_bits()).collect()
-}
