@@ -66,7 +66,7 @@ fn expect_csv(path: &Path) -> Result<(), Failure> {
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv")) {
         return Ok(());
     }
-    Err(Failure::usage(&format!(
+    Err(Failure::usage(format!(
         "{}: the solution is written as .csv; change the name",
         path.display()
     )))
@@ -106,10 +106,7 @@ pub(super) fn describe(text: &mut String, prepared: &Prepared, solver: &str, sol
     let _ = writeln!(
         text,
         "{}: {} after {} passes, relative residual {:.1e}, bound on the relative error {bound}",
-        solver.as_str(),
-        solution.stop_reason,
-        solution.n_passes,
-        solution.residual_l2
+        solver, solution.stop_reason, solution.n_passes, solution.residual_l2
     );
     let _ = writeln!(text, "\nmean radiosity by surface, W/m²");
     let surfaces = prepared.surface_means(&solution.radiosity);
