@@ -3,6 +3,8 @@
 //! [`load`] reads OBJ and MTL files, [`builtin::build`] makes the scenes of the literature, [`write_obj`] writes either,
 //! and a [`Camera`] looks at it.
 
+pub mod topology;
+
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -156,6 +158,13 @@ impl Scene {
     #[must_use]
     pub fn is_emitting(&self) -> bool {
         self.materials_in_use().any(|m| m.exitance.iter().any(|&e| e > 0.0))
+    }
+
+    /// Tells whether any face reflects light: some channel of ρ of its material is positive.
+    #[must_use]
+    pub fn is_reflecting(&self) -> bool {
+        self.materials_in_use()
+            .any(|m| m.reflectance.iter().any(|&rho| rho > 0.0))
     }
 
     /// Returns how many channels a solution needs: 1 if every material in use is grey in both ρ and E, otherwise 3.

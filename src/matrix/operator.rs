@@ -9,7 +9,11 @@ pub struct Block {
 
 impl Block {
     /// Returns a block of zeros.
+    ///
+    /// # Panics
+    /// If there is no channel.
     #[must_use]
+    #[track_caller]
     pub fn zeros(n_rows: usize, n_channels: usize) -> Self {
         assert!(n_channels > 0, "a block has at least one channel");
         Self {
@@ -19,6 +23,9 @@ impl Block {
     }
 
     /// Wraps `values` (row-major, channel fastest).
+    ///
+    /// # Panics
+    /// If there is no channel, or the values do not fill whole rows.
     #[must_use]
     #[track_caller]
     pub fn from_values(values: Vec<f64>, n_channels: usize) -> Self {
@@ -79,6 +86,32 @@ pub trait LinearOperator: Sync {
 
     /// Returns the A_i for which A_i F_ij is exactly symmetric, or `None` if reciprocity does not hold.
     fn reciprocal_areas(&self) -> Option<&[f64]>;
+
+    /// Returns the connected components of the graph with an edge wherever F_ij > 0 or F_ji > 0, or `None` where that
+    /// cannot be had cheaply: then all patches count as one component.
+    fn components(&self) -> Option<Components> {
+        None
+    }
+}
+
+/// A partition of the patches into sets that exchange no light with one another.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Components {
+    /// The component of every patch, numbered from 0 in the order of their first patches.
+    pub labels: Vec<u32>,
+    /// The number of components.
+    pub n_components: usize,
+}
+
+impl Components {
+    /// Returns the partition of `n_rows` patches into a single component.
+    #[must_use]
+    pub fn single(n_rows: usize) -> Self {
+        Self {
+            labels: vec![0; n_rows],
+            n_components: 1,
+        }
+    }
 }
 
 /// Rows of an operator, one at a time.

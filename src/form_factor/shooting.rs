@@ -1,0 +1,126 @@
+//! What the shooting methods share: rays leave a patch with a cosine distribution and are tallied where they land.
+//!
+//! Source: Baranoski, Bramley and Shirley 1995, appendix A.
+
+use glam::DVec3;
+
+use super::Input;
+use crate::geometry::sampling::{Frame, cosine_direction};
+use crate::matrix::{Entry, RayWeights, RowTally};
+use crate::mesh::{Patch, PatchId};
+use crate::visibility::{Coherence, HitBatch, RayBatch};
+
+/// One ray to shoot: where it starts, where the two numbers of its direction point, and its share of the patch.
+pub(super) struct Shot {
+    /// The starting point on the patch, in world coordinates.
+    pub(super) point: DVec3,
+    /// The numbers that [`cosine_direction`] takes.
+    pub(super) direction: [f64; 2],
+    /// The share of the patch's light that this ray carries, up to a common factor.
+    pub(super) weight: f64,
+}
+
+/// Rays that are traced at once: enough to hide the call, few enough to stay in the first cache.
+const BATCH: usize = 512;
+
+/// The buffers of one thread, and the tally of one row at a time.
+pub(super) struct Shooter<'a> {
+    input: Input<'a>,
+    rays: RayBatch,
+    weights: Vec<f64>,
+    hits: HitBatch,
+    /// Σ w and Σ w² of the rays that hit each patch in this row.
+    sums: Vec<[f64; 2]>,
+    touched: Vec<u32>,
+    entries: Vec<Entry>,
+}
+
+impl<'a> Shooter<'a> {
+    pub(super) fn new(input: Input<'a>) -> Self {
+        Self {
+            input,
+            rays: RayBatch::default(),
+            weights: Vec::new(),
+            hits: HitBatch::default(),
+            sums: vec![[0.0; 2]; input.mesh.n_patches()],
+            touched: Vec::new(),
+            entries: Vec::new(),
+        }
+    }
+
+    /// Shoots `shots` from a patch and returns its row: sorted entries (j, F_ij, standard error), and what did not land on a front.
+    ///
+    /// With weights scaled to a sum of 1, F_ij = Σ w over the rays that hit j from the front. The standard error is that of
+    /// independent rays, sqrt(Σ w² − F² Σ_all w²), for equal weights the binomial sqrt(F (1 − F) / N); for stratified points and directions
+    /// it errs on the safe side.
+    pub(super) fn row(&mut self, patch: &Patch, shots: impl Iterator<Item = Shot>) -> (&[Entry], RowTally) {
+        let visibility = self.input.visibility;
+        let frame = Frame::from_normal(patch.normal);
+        let lift = patch.normal * visibility.offset() - visibility.frame_origin();
+        let mut tally = RowTally::default();
+        let mut total = 0.0;
+        let mut sums = RayWeights {
+            escaped: 0.0,
+            absorbed: 0.0,
+            squared: 0.0,
+        };
+        for shot in shots {
+            let direction = frame.to_world(cosine_direction(shot.direction[0], shot.direction[1]));
+            self.rays.push_ray(shot.point + lift, direction);
+            self.weights.push(shot.weight);
+            total += shot.weight;
+            sums.squared += shot.weight * shot.weight;
+            tally.n_rays += 1;
+            if self.rays.len() == BATCH {
+                self.trace(&mut tally, &mut sums);
+            }
+        }
+        self.trace(&mut tally, &mut sums);
+        sums.escaped /= total;
+        sums.absorbed /= total;
+        sums.squared /= total * total;
+        self.touched.sort_unstable();
+        self.entries.clear();
+        for &j in &self.touched {
+            let [sum, squared] = std::mem::take(&mut self.sums[j as usize]);
+            let factor = sum / total;
+            let variance = squared / (total * total) - factor * factor * sums.squared;
+            self.entries.push((j, factor, variance.max(0.0).sqrt()));
+        }
+        self.touched.clear();
+        tally.weights = Some(sums);
+        (&self.entries, tally)
+    }
+
+    fn trace(&mut self, tally: &mut RowTally, sums: &mut RayWeights) {
+        self.input
+            .visibility
+            .closest_hits(&self.rays, Coherence::Incoherent, &mut self.hits);
+        for (k, &weight) in self.weights.iter().enumerate() {
+            match self.hits.face(k) {
+                None => {
+                    tally.n_escaped += 1;
+                    sums.escaped += weight;
+                }
+                Some(hit) if hit.back => {
+                    tally.n_absorbed += 1;
+                    sums.absorbed += weight;
+                }
+                Some(hit) => {
+                    let PatchId(j) =
+                        self.input
+                            .mesh
+                            .patch_at(hit.face, f64::from(self.hits.u[k]), f64::from(self.hits.v[k]));
+                    let of_patch = &mut self.sums[j as usize];
+                    if of_patch[0] <= 0.0 {
+                        self.touched.push(j);
+                    }
+                    of_patch[0] += weight;
+                    of_patch[1] += weight * weight;
+                }
+            }
+        }
+        self.rays.clear();
+        self.weights.clear();
+    }
+}

@@ -1,0 +1,207 @@
+//! Repairs: reciprocity by averaging with the transpose, row sums by a symmetric scaling.
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::operator::{Block, LinearOperator};
+use super::transpose::{Pair, index};
+use super::{FormFactors, MatrixError, RowTally, RowTile, store};
+
+/// How much each of the two estimates of an exchange area, A_i F_ij and A_j F_ji, counts in their mean.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Weighting {
+    /// Each counts half.
+    Plain,
+    /// Each counts by the inverse of its variance. Between two rows of rays the variances are a A_i / N_i and a A_j / N_j
+    /// for the same true exchange area a (up to 1 − F), so the weights are N_i / A_i and N_j / A_j: taken from the counts
+    /// themselves they would favour the estimate that happens to be smaller. Otherwise the standard errors give them,
+    /// where both are known; where not, each counts half.
+    #[default]
+    InverseVariance,
+}
+
+/// How a balance went.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct BalanceReport {
+    /// Passes over F.
+    pub n_passes: usize,
+    /// max_i |Σ_j F_ij − target_i| of the result, over the rows that see anything.
+    pub row_error_max: f64,
+    /// Rows with a positive target that see nothing: no scaling can give them a sum.
+    pub n_empty_rows: usize,
+    /// True if `row_error_max` is within the tolerance.
+    pub converged: bool,
+}
+
+/// A factor d_i beyond all use: no scaling exists, and the factors would go on to infinity and zero.
+const RUNAWAY_FROM: f64 = 1e100;
+
+impl FormFactors {
+    /// Returns form factors with symmetric exchange areas: the weighted mean of A_i F_ij and A_j F_ji.
+    ///
+    /// a_ij = w A_i F_ij + (1 − w) A_j F_ji, symmetric to the last bit; its standard error is that of independent
+    /// estimates. A matrix that is symmetric already is returned as it is. Row sums change: on noisy form factors follow it
+    /// with [`balanced`](Self::balanced), without which the radiosities of a bright room get worse, not better.
+    /// Source: weighted least squares. Departures: none.
+    ///
+    /// # Errors
+    /// [`MatrixError::Value`] if an exchange area is too large for the precision of the storage.
+    pub fn symmetrised(&self, weighting: Weighting) -> Result<Self, MatrixError> {
+        if self.is_symmetric() {
+            return Ok(self.clone());
+        }
+        let area_max = self.areas.iter().copied().fold(0.0, f64::max);
+        let tile = |rows: std::ops::Range<usize>| {
+            let mut lists = vec![Vec::new(); rows.len()];
+            self.for_each_pair(rows.clone(), |i, j, pair| {
+                let (exchange, std_error) = self.mean_exchange(weighting, area_max, (i, j), &pair);
+                lists[i - rows.start].push((index(j), exchange, std_error));
+            });
+            exchange_tile(rows.start, &lists)
+        };
+        let factors = self.areas.iter().map(|a| area_max / a).collect();
+        self.with_exchange_areas(tile, factors)
+    }
+
+    /// Returns form factors whose rows sum to `targets`, by a symmetric scaling of the exchange areas.
+    ///
+    /// a'_ij = d_i d_j a_ij with d such that Σ_j a'_ij = A_i `targets[i]`. Reciprocity is kept to the last bit, entries that
+    /// are zero stay zero, and standard errors are scaled along. Every pass replaces d_i by d_i sqrt(`targets[i]` / row sum_i).
+    /// In a cube the error halves with every pass: 33 passes to 1e-12, whether it has 384 patches or 6144.
+    ///
+    /// Stops when every row sum is within `tolerance` of its target, after `max_passes` (at least one), or when a factor
+    /// runs away; the result is then the best one met, and the report says so. Rows that see nothing stay empty.
+    /// Such a d exists if the zeros allow it: two patches that see only each other cannot both have the sum 1 unless their
+    /// areas are equal.
+    /// Source: Knight, Ruiz and Uçar 2014, "A symmetry preserving algorithm for matrix scaling", in the 1-norm.
+    /// Departures: the row sums have targets other than 1.
+    ///
+    /// # Errors
+    /// [`MatrixError::NotSymmetric`] unless [`is_symmetric`](Self::is_symmetric), [`MatrixError::Target`] if a target is
+    /// negative or not finite.
+    ///
+    /// # Panics
+    /// If there is not one target per row.
+    #[track_caller]
+    pub fn balanced(
+        &self,
+        targets: &[f64],
+        tolerance: f64,
+        max_passes: usize,
+    ) -> Result<(Self, BalanceReport), MatrixError> {
+        assert_eq!(targets.len(), self.n_rows(), "one target per row");
+        let Some(factors) = self.row_factors.clone() else {
+            return Err(MatrixError::NotSymmetric);
+        };
+        if let Some(row) = targets.iter().position(|t| !(t.is_finite() && *t >= 0.0)) {
+            let target = targets[row];
+            return Err(MatrixError::Target { row, target });
+        }
+        let (scaling, report) = self.scaling(targets, tolerance, max_passes);
+        let tile = |rows: std::ops::Range<usize>| {
+            let mut lists = vec![Vec::new(); rows.len()];
+            for i in rows.clone() {
+                self.for_each_stored(i, 0..self.n_rows(), &mut |j, exchange, std_error| {
+                    let scale = scaling[i] * scaling[j];
+                    lists[i - rows.start].push((index(j), scale * exchange, scale * std_error));
+                });
+            }
+            exchange_tile(rows.start, &lists)
+        };
+        Ok((self.with_exchange_areas(tile, factors)?, report))
+    }
+
+    /// Returns the best d met, and how good it is.
+    fn scaling(&self, targets: &[f64], tolerance: f64, max_passes: usize) -> (Vec<f64>, BalanceReport) {
+        let n = self.n_rows();
+        let mut scaling = Block::from_values(vec![1.0; n], 1);
+        let mut seen = Block::zeros(n, 1);
+        let mut best = (scaling.values().to_vec(), f64::INFINITY, 0);
+        let mut n_passes = 0;
+        loop {
+            n_passes += 1;
+            self.apply(&scaling, &mut seen);
+            let mut error_max: f64 = 0.0;
+            let mut n_empty = 0;
+            let mut next = scaling.clone();
+            for (i, d) in next.values_mut().iter_mut().enumerate() {
+                let row_sum = *d * seen.values()[i];
+                if row_sum > 0.0 {
+                    error_max = error_max.max((row_sum - targets[i]).abs());
+                    *d *= (targets[i] / row_sum).sqrt();
+                } else {
+                    n_empty += usize::from(targets[i] > 0.0);
+                }
+            }
+            if error_max < best.1 {
+                best = (scaling.values().to_vec(), error_max, n_empty);
+            }
+            let ran_away = next.values().iter().any(|d| !d.is_finite() || *d > RUNAWAY_FROM);
+            if best.1 <= tolerance || n_passes >= max_passes || ran_away {
+                break;
+            }
+            scaling = next;
+        }
+        let (best_scaling, row_error_max, n_empty_rows) = best;
+        let converged = row_error_max <= tolerance;
+        let report = BalanceReport {
+            n_passes,
+            row_error_max,
+            n_empty_rows,
+            converged,
+        };
+        (best_scaling, report)
+    }
+
+    /// Returns the mean of A_i F_ij and A_j F_ji and its standard error, both divided by `area_max`. Swapping i and j
+    /// swaps terms of commutative operations only, so the result is the same to the last bit.
+    fn mean_exchange(&self, weighting: Weighting, area_max: f64, (i, j): (usize, usize), pair: &Pair) -> (f64, f64) {
+        let (a_i, a_j) = (self.areas[i] / area_max, self.areas[j] / area_max);
+        let (x, x_error) = (a_i * pair.there.0, a_i * pair.there.1);
+        let (y, y_error) = (a_j * pair.back.0, a_j * pair.back.1);
+        let rays = |k: usize| self.tallies[k].effective_rays();
+        let (p, q) = match (weighting, rays(i), rays(j)) {
+            (Weighting::Plain, ..) => (1.0, 1.0),
+            (_, Some(n_i), Some(n_j)) => (n_i / a_i, n_j / a_j),
+            _ if x_error > 0.0 && y_error > 0.0 => {
+                let ratio = x_error.max(y_error);
+                ((ratio / x_error).powi(2), (ratio / y_error).powi(2))
+            }
+            _ => (1.0, 1.0),
+        };
+        let (p, q) = (p / (p + q), q / (p + q));
+        // f64::hypot is not required to be symmetric in its arguments to the last bit.
+        let std_error = ((p * x_error).powi(2) + (q * y_error).powi(2)).sqrt();
+        (p * x + q * y, std_error)
+    }
+
+    fn with_exchange_areas(
+        &self,
+        tile: impl Fn(std::ops::Range<usize>) -> RowTile + Sync,
+        row_factors: Vec<f64>,
+    ) -> Result<Self, MatrixError> {
+        let blocks = self.row_blocks();
+        let first_rows = blocks.iter().map(|rows| rows.start).collect();
+        let n = self.n_rows();
+        let tiles = blocks
+            .into_par_iter()
+            .map(|rows| store::store(&tile(rows), n, self.storage))
+            .collect::<Result<_, _>>()?;
+        Ok(Self {
+            areas: self.areas.clone(),
+            tiles,
+            first_rows,
+            tallies: self.tallies.clone(),
+            storage: self.storage,
+            row_factors: Some(row_factors),
+        })
+    }
+}
+
+fn exchange_tile(first_row: usize, rows: &[Vec<super::Entry>]) -> RowTile {
+    let mut tile = RowTile::new(first_row);
+    for row in rows {
+        tile.push_row(row, RowTally::default());
+    }
+    tile
+}

@@ -1,0 +1,143 @@
+//! How good form factors are, as far as they can tell by themselves.
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::FormFactors;
+
+/// Least and greatest of some values.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct MinMax {
+    /// The least.
+    pub min: f64,
+    /// The greatest.
+    pub max: f64,
+}
+
+/// What the laws of closure and reciprocity say about form factors. Values that are not finite are refused before, by
+/// [`FormFactors::from_tiles`].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Checks {
+    /// Least and greatest Σ_j F_ij.
+    pub row_sum: MinMax,
+    /// In a closed scene max_i |1 − Σ_j F_ij|. In an open one max_i |1 − Σ_j F_ij − sky_i − back_i| with the fractions of
+    /// the row's rays that escaped and that backs took, over the rows that have rays; `None` if none has.
+    pub closure_error_max: Option<f64>,
+    /// max_ij |A_i F_ij − A_j F_ji| / min(A_i, A_j).
+    pub reciprocity_error_max: f64,
+    /// max_ij A_i F_ij / min(A_i, A_j): above 1, more light would arrive than can.
+    pub exchange_ratio_max: f64,
+    /// How many F_ij are negative.
+    pub n_negative: u64,
+    /// Rays of all rows.
+    pub n_rays: u64,
+    /// Rays of all rows that hit nothing.
+    pub n_escaped: u64,
+    /// Rays of all rows that hit a back.
+    pub n_absorbed: u64,
+}
+
+impl FormFactors {
+    /// Checks closure, reciprocity, bounds and signs; one pass over F and its transpose.
+    ///
+    /// `closed`: true if light cannot leave the scene and no back can be seen.
+    /// Accuracy: rounding, about 1e-16 in each difference and n 1e-16 in each sum.
+    #[must_use]
+    pub fn checks(&self, closed: bool) -> Checks {
+        let blocks = self.row_blocks().into_par_iter();
+        let mut checks = blocks.map(|rows| self.check_rows(rows, closed)).reduce(nothing, join);
+        for tally in self.tallies() {
+            checks.n_rays += tally.n_rays;
+            checks.n_escaped += tally.n_escaped;
+            checks.n_absorbed += tally.n_absorbed;
+        }
+        checks
+    }
+
+    fn check_rows(&self, rows: std::ops::Range<usize>, closed: bool) -> Checks {
+        let mut checks = nothing();
+        let mut row_sums = vec![0.0; rows.len()];
+        self.for_each_pair(rows.clone(), |i, j, pair| {
+            let (a_i, a_j) = (self.areas[i], self.areas[j]);
+            let (there, back) = (a_i * pair.there.0, a_j * pair.back.0);
+            let smaller = a_i.min(a_j);
+            checks.reciprocity_error_max = checks.reciprocity_error_max.max((there - back).abs() / smaller);
+            checks.exchange_ratio_max = checks.exchange_ratio_max.max(there / smaller);
+            checks.n_negative += u64::from(pair.there.0 < 0.0);
+            row_sums[i - rows.start] += pair.there.0;
+        });
+        for (i, row_sum) in rows.zip(row_sums) {
+            checks.row_sum.min = checks.row_sum.min.min(row_sum);
+            checks.row_sum.max = checks.row_sum.max.max(row_sum);
+            let tally = &self.tallies[i];
+            let left = if closed {
+                Some(0.0)
+            } else {
+                tally.escaped().zip(tally.absorbed()).map(|(e, a)| e + a)
+            };
+            let error = left.map(|left| (1.0 - row_sum - left).abs());
+            checks.closure_error_max = greater(checks.closure_error_max, error);
+        }
+        checks
+    }
+
+    /// Returns the row sums that [`balanced`](Self::balanced) should restore: 1 in a closed scene, otherwise 1 less the
+    /// fractions of the row's rays that escaped and that backs took; a row without rays keeps its sum.
+    #[must_use]
+    pub fn row_targets(&self, closed: bool) -> Vec<f64> {
+        let target = |i: usize| match (closed, self.tallies[i].escaped(), self.tallies[i].absorbed()) {
+            (true, ..) => 1.0,
+            (false, Some(escaped), Some(absorbed)) => (1.0 - escaped - absorbed).max(0.0),
+            (false, ..) => self.row_sum(i).max(0.0),
+        };
+        (0..self.n_rows()).into_par_iter().map(target).collect()
+    }
+
+    /// Returns the fraction of the light of patch i that no patch receives: that of its rays that hit nothing, or where
+    /// no rays are known 1 − Σ_j F_ij if that is positive (which counts black backs and the error of the row as sky).
+    ///
+    /// # Panics
+    /// If i is not less than n.
+    #[must_use]
+    #[track_caller]
+    pub fn sky_factor(&self, i: usize) -> f64 {
+        let missing = || (1.0 - self.row_sum(i)).max(0.0);
+        self.tallies[i].escaped().unwrap_or_else(missing)
+    }
+}
+
+fn nothing() -> Checks {
+    Checks {
+        row_sum: MinMax {
+            min: f64::INFINITY,
+            max: f64::NEG_INFINITY,
+        },
+        closure_error_max: None,
+        reciprocity_error_max: 0.0,
+        exchange_ratio_max: 0.0,
+        n_negative: 0,
+        n_rays: 0,
+        n_escaped: 0,
+        n_absorbed: 0,
+    }
+}
+
+fn join(a: Checks, b: Checks) -> Checks {
+    Checks {
+        row_sum: MinMax {
+            min: a.row_sum.min.min(b.row_sum.min),
+            max: a.row_sum.max.max(b.row_sum.max),
+        },
+        closure_error_max: greater(a.closure_error_max, b.closure_error_max),
+        reciprocity_error_max: a.reciprocity_error_max.max(b.reciprocity_error_max),
+        exchange_ratio_max: a.exchange_ratio_max.max(b.exchange_ratio_max),
+        n_negative: a.n_negative + b.n_negative,
+        n_rays: a.n_rays + b.n_rays,
+        n_escaped: a.n_escaped + b.n_escaped,
+        n_absorbed: a.n_absorbed + b.n_absorbed,
+    }
+}
+
+fn greater(a: Option<f64>, b: Option<f64>) -> Option<f64> {
+    a.into_iter().chain(b).reduce(f64::max)
+}

@@ -1,0 +1,88 @@
+//! Rows stored in full.
+
+use std::ops::Range;
+
+use super::operator::Block;
+use super::store::{Scalar, Store, add_dot, rounded};
+use super::tile::is_zero;
+use super::{MatrixError, RowTile};
+
+/// A tile as a row-major array of all n columns.
+#[derive(Debug)]
+pub(super) struct DenseTile<T> {
+    n_columns: usize,
+    values: Vec<T>,
+    /// As `values`, or empty where every standard error is zero.
+    std_errors: Vec<f32>,
+    n_nonzero: usize,
+}
+
+impl<T: Scalar> DenseTile<T> {
+    pub(super) fn new(tile: &RowTile, n: usize) -> Result<Self, MatrixError> {
+        let size = tile.n_rows() * n;
+        let mut values = vec![T::from_f64(0.0); size];
+        let mut std_errors = Vec::new();
+        let mut n_nonzero = 0;
+        for k in 0..tile.n_rows() {
+            for &entry in tile.row(k) {
+                let (value, std_error) = rounded::<T>(tile.first_row() + k, entry, n)?;
+                let place = k * n + entry.0 as usize;
+                values[place] = value;
+                n_nonzero += usize::from(!is_zero(value.to_f64()));
+                if std_error > 0.0 {
+                    std_errors.resize(size, 0.0);
+                    std_errors[place] = std_error;
+                }
+            }
+        }
+        Ok(Self {
+            n_columns: n,
+            values,
+            std_errors,
+            n_nonzero,
+        })
+    }
+
+    fn row(&self, row: usize) -> &[T] {
+        &self.values[row * self.n_columns..(row + 1) * self.n_columns]
+    }
+
+    fn std_error(&self, row: usize, column: usize) -> f64 {
+        self.std_errors
+            .get(row * self.n_columns + column)
+            .map_or(0.0, |&error| f64::from(error))
+    }
+}
+
+impl<T: Scalar> Store for DenseTile<T> {
+    fn entry(&self, row: usize, column: usize) -> (f64, f64) {
+        (self.row(row)[column].to_f64(), self.std_error(row, column))
+    }
+
+    fn for_each(&self, row: usize, columns: Range<usize>, visit: &mut dyn FnMut(usize, f64, f64)) {
+        let values = &self.row(row)[columns.clone()];
+        for (column, value) in columns.zip(values) {
+            let (value, std_error) = (value.to_f64(), self.std_error(row, column));
+            if !is_zero(value) || !is_zero(std_error) {
+                visit(column, value, std_error);
+            }
+        }
+    }
+
+    fn dot_off_diagonal(&self, row: usize, diagonal: usize, factor: f64, x: &Block, sum: &mut [f64]) -> f64 {
+        let values = self.row(row);
+        let (before, after) = (&values[..diagonal], &values[diagonal + 1..]);
+        let (x_before, x_after) = x.values().split_at(diagonal * x.n_channels());
+        add_dot(before, |k| k, factor, x_before, sum);
+        add_dot(after, |k| k, factor, &x_after[x.n_channels()..], sum);
+        values[diagonal].to_f64()
+    }
+
+    fn n_nonzero(&self) -> usize {
+        self.n_nonzero
+    }
+
+    fn stored_byte(&self) -> usize {
+        size_of_val(self.values.as_slice()) + size_of_val(self.std_errors.as_slice())
+    }
+}

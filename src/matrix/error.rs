@@ -1,0 +1,71 @@
+//! What can be wrong with form factors.
+
+use thiserror::Error;
+
+/// Why form factors were refused.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum MatrixError {
+    /// There is no patch.
+    #[error("a form-factor matrix needs at least one patch")]
+    Empty,
+    /// More patches than 32-bit column numbers can name.
+    #[error("{n_rows} patches are more than 32-bit ids can name")]
+    TooManyRows {
+        /// The number of patches.
+        n_rows: usize,
+    },
+    /// An area that is not a positive, finite number.
+    #[error("patch {row} has the area {area} m²; an area is positive and finite")]
+    Area {
+        /// The patch.
+        row: usize,
+        /// Its area, m².
+        area: f64,
+    },
+    /// A tile that does not begin where the one before it ended.
+    #[error("a tile begins at row {found}, but row {expected} is next")]
+    TileOrder {
+        /// The row that is next.
+        expected: usize,
+        /// The tile's first row.
+        found: usize,
+    },
+    /// Tiles that do not cover all rows, or more than all.
+    #[error("the tiles hold {found} rows for {expected} patches")]
+    RowCount {
+        /// The number of patches.
+        expected: usize,
+        /// The number of rows in the tiles.
+        found: usize,
+    },
+    /// A column number that names no patch.
+    #[error("row {row} has a form factor to patch {column}, but there are only {n_rows} patches")]
+    Column {
+        /// The row.
+        row: usize,
+        /// The column.
+        column: u32,
+        /// The number of patches.
+        n_rows: usize,
+    },
+    /// A form factor or standard error that is infinite or not a number, or that is so in the precision asked for; or a negative standard error.
+    #[error("the form factor from patch {row} to patch {column} or its standard error is not a usable number")]
+    Value {
+        /// The row.
+        row: usize,
+        /// The column.
+        column: u32,
+    },
+    /// A target of a row sum that is negative, infinite or not a number.
+    #[error("the row sum asked for at patch {row} is {target}; it must be finite and not negative")]
+    Target {
+        /// The row.
+        row: usize,
+        /// What was asked for.
+        target: f64,
+    },
+    /// A balance was asked for form factors that are not symmetric as exchange areas.
+    #[error("only symmetric exchange areas can be balanced: symmetrise the form factors first")]
+    NotSymmetric,
+}

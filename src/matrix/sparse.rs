@@ -1,0 +1,98 @@
+//! Rows stored as sorted lists of their entries (compressed sparse rows).
+
+use std::ops::Range;
+
+use super::operator::Block;
+use super::store::{Scalar, Store, add_dot, rounded};
+use super::tile::is_zero;
+use super::{MatrixError, RowTile};
+
+/// A tile in compressed sparse rows.
+#[derive(Debug)]
+pub(super) struct SparseTile<T> {
+    /// Row k holds the places `begins[k]..begins[k + 1]`.
+    begins: Vec<usize>,
+    columns: Vec<u32>,
+    values: Vec<T>,
+    /// As `values`, or empty where every standard error is zero.
+    std_errors: Vec<f32>,
+    n_nonzero: usize,
+}
+
+impl<T: Scalar> SparseTile<T> {
+    pub(super) fn new(tile: &RowTile, n: usize) -> Result<Self, MatrixError> {
+        let size = tile.n_entries();
+        let mut stored = Self {
+            begins: vec![0],
+            columns: Vec::with_capacity(size),
+            values: Vec::with_capacity(size),
+            std_errors: Vec::new(),
+            n_nonzero: 0,
+        };
+        for k in 0..tile.n_rows() {
+            for &entry in tile.row(k) {
+                let (value, std_error) = rounded::<T>(tile.first_row() + k, entry, n)?;
+                if is_zero(value.to_f64()) && is_zero(std_error.to_f64()) {
+                    continue; // Too small for the precision.
+                }
+                if std_error > 0.0 {
+                    stored.std_errors.resize(size, 0.0);
+                    stored.std_errors[stored.values.len()] = std_error;
+                }
+                stored.columns.push(entry.0);
+                stored.values.push(value);
+                stored.n_nonzero += usize::from(!is_zero(value.to_f64()));
+            }
+            stored.begins.push(stored.values.len());
+        }
+        stored.std_errors.truncate(stored.values.len());
+        Ok(stored)
+    }
+
+    /// Returns the places of a row whose columns lie in `columns`.
+    fn places(&self, row: usize, columns: Range<usize>) -> Range<usize> {
+        let begin = self.begins[row];
+        let in_row = &self.columns[begin..self.begins[row + 1]];
+        let first_from = |column: usize| begin + in_row.partition_point(|&c| (c as usize) < column);
+        first_from(columns.start)..first_from(columns.end)
+    }
+
+    fn at(&self, place: usize) -> (f64, f64) {
+        let std_error = self.std_errors.get(place).map_or(0.0, |&error| f64::from(error));
+        (self.values[place].to_f64(), std_error)
+    }
+}
+
+impl<T: Scalar> Store for SparseTile<T> {
+    fn entry(&self, row: usize, column: usize) -> (f64, f64) {
+        let places = self.places(row, column..column + 1);
+        places.map(|place| self.at(place)).next().unwrap_or((0.0, 0.0))
+    }
+
+    fn for_each(&self, row: usize, columns: Range<usize>, visit: &mut dyn FnMut(usize, f64, f64)) {
+        for place in self.places(row, columns) {
+            let (value, std_error) = self.at(place);
+            visit(self.columns[place] as usize, value, std_error);
+        }
+    }
+
+    fn dot_off_diagonal(&self, row: usize, diagonal: usize, factor: f64, x: &Block, sum: &mut [f64]) -> f64 {
+        let on = self.places(row, diagonal..diagonal + 1);
+        for part in [self.begins[row]..on.start, on.end..self.begins[row + 1]] {
+            let columns = &self.columns[part.clone()];
+            add_dot(&self.values[part], |k| columns[k] as usize, factor, x.values(), sum);
+        }
+        on.map(|place| self.values[place].to_f64()).next().unwrap_or(0.0)
+    }
+
+    fn n_nonzero(&self) -> usize {
+        self.n_nonzero
+    }
+
+    fn stored_byte(&self) -> usize {
+        size_of_val(self.begins.as_slice())
+            + size_of_val(self.columns.as_slice())
+            + size_of_val(self.values.as_slice())
+            + size_of_val(self.std_errors.as_slice())
+    }
+}

@@ -1,0 +1,143 @@
+//! How a tile of rows is kept: the interface of the layouts, the precision of the numbers, and the sums over a row.
+
+use std::fmt::Debug;
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::dense::DenseTile;
+use super::operator::Block;
+use super::sparse::SparseTile;
+use super::{Layout, MatrixError, Precision, RowTile, StorageChoice};
+
+/// The share of non-zero entries from which a tile is stored in full. With its column an entry takes 12 bytes instead of 8,
+/// so a dense tile is at most twice as large here; it is applied without gathering.
+const DENSE_FROM: f64 = 1.0 / 3.0;
+
+/// A number as it is stored: f32 or f64.
+pub(super) trait Scalar: Copy + Send + Sync + Debug + 'static {
+    /// Rounds to the nearest number that can be stored.
+    fn from_f64(value: f64) -> Self;
+    /// Returns the number; exact.
+    fn to_f64(self) -> f64;
+}
+
+impl Scalar for f64 {
+    fn from_f64(value: f64) -> Self {
+        value
+    }
+    fn to_f64(self) -> f64 {
+        self
+    }
+}
+
+impl Scalar for f32 {
+    #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is what is asked for")]
+    fn from_f64(value: f64) -> Self {
+        value as Self
+    }
+    fn to_f64(self) -> f64 {
+        f64::from(self)
+    }
+}
+
+/// The numbers of a few consecutive rows, in some layout. Rows are counted from the tile's first.
+pub(super) trait Store: Debug + Send + Sync {
+    /// Returns the number and its standard error at a place.
+    fn entry(&self, row: usize, column: usize) -> (f64, f64);
+
+    /// Calls `visit(column, number, standard error)` in ascending order for all of `columns` where one of the two is not zero.
+    fn for_each(&self, row: usize, columns: Range<usize>, visit: &mut dyn FnMut(usize, f64, f64));
+
+    /// Adds `factor` times Σ_{j ≠ `diagonal`} a_j x_j over the row to `sum` and returns a_`diagonal`, without the factor.
+    fn dot_off_diagonal(&self, row: usize, diagonal: usize, factor: f64, x: &Block, sum: &mut [f64]) -> f64;
+
+    /// Returns how many numbers are not zero.
+    fn n_nonzero(&self) -> usize;
+
+    /// Returns the memory in use.
+    fn stored_byte(&self) -> usize;
+}
+
+/// Stores a tile of an n by n matrix as `choice` says.
+pub(super) fn store(tile: &RowTile, n: usize, choice: StorageChoice) -> Result<Arc<dyn Store>, MatrixError> {
+    let dense = match choice.layout {
+        Layout::Dense => true,
+        Layout::Sparse => false,
+        Layout::Auto => tile.n_entries() as f64 >= DENSE_FROM * tile.n_rows() as f64 * n as f64,
+    };
+    Ok(match (dense, choice.precision) {
+        (true, Precision::F64) => Arc::new(DenseTile::<f64>::new(tile, n)?),
+        (true, Precision::F32) => Arc::new(DenseTile::<f32>::new(tile, n)?),
+        (false, Precision::F64) => Arc::new(SparseTile::<f64>::new(tile, n)?),
+        (false, Precision::F32) => Arc::new(SparseTile::<f32>::new(tile, n)?),
+    })
+}
+
+/// Rounds an entry of row `row` to what is stored, and refuses what is not a usable number there.
+pub(super) fn rounded<T: Scalar>(
+    row: usize,
+    (column, value, std_error): super::Entry,
+    n: usize,
+) -> Result<(T, f32), MatrixError> {
+    if column as usize >= n {
+        return Err(MatrixError::Column { row, column, n_rows: n });
+    }
+    let (value, std_error) = (T::from_f64(value), f32::from_f64(std_error));
+    if value.to_f64().is_finite() && std_error.is_finite() && std_error >= 0.0 {
+        Ok((value, std_error))
+    } else {
+        Err(MatrixError::Value { row, column })
+    }
+}
+
+/// Adds `factor` times Σ_k `values[k]` x[k] to `sum`, where x[k] is the row of `x` (row-major, one entry per channel) that `row_of(k)` names.
+///
+/// The order of the additions depends on the number of values alone: four sums over k = 0, 1, 2, 3 mod 4, then their sum.
+/// A channel's sum is the same bytes whatever the number of channels.
+pub(super) fn add_dot<T: Scalar>(
+    values: &[T],
+    row_of: impl Fn(usize) -> usize,
+    factor: f64,
+    x: &[f64],
+    sum: &mut [f64],
+) {
+    match sum.len() {
+        1 => add_dot_fixed::<T, 1>(values, row_of, factor, x, sum),
+        3 => add_dot_fixed::<T, 3>(values, row_of, factor, x, sum),
+        n_channels => {
+            for c in 0..n_channels {
+                let place_of = |k| row_of(k) * n_channels + c;
+                add_dot_fixed::<T, 1>(values, place_of, factor, x, &mut sum[c..=c]);
+            }
+        }
+    }
+}
+
+fn add_dot_fixed<T: Scalar, const C: usize>(
+    values: &[T],
+    row_of: impl Fn(usize) -> usize,
+    factor: f64,
+    x: &[f64],
+    sum: &mut [f64],
+) {
+    let (rows, _) = x.as_chunks::<C>();
+    let (fours, rest) = values.as_chunks::<4>();
+    let mut lanes = [[0.0; C]; 4];
+    let add = |lane: &mut [f64; C], value: T, k: usize| {
+        let row = &rows[row_of(k)];
+        for c in 0..C {
+            lane[c] += value.to_f64() * row[c];
+        }
+    };
+    for (block, four) in fours.iter().enumerate() {
+        for l in 0..4 {
+            add(&mut lanes[l], four[l], 4 * block + l);
+        }
+    }
+    for (l, &value) in rest.iter().enumerate() {
+        add(&mut lanes[l], value, 4 * fours.len() + l);
+    }
+    for c in 0..C {
+        sum[c] += factor * ((lanes[0][c] + lanes[1][c]) + (lanes[2][c] + lanes[3][c]));
+    }
+}

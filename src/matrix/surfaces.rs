@@ -1,0 +1,105 @@
+//! Form factors between surfaces, from those between their patches.
+
+use rayon::prelude::*;
+
+use super::FormFactors;
+
+/// Form factors between surfaces: the fraction of the light leaving S, equally bright all over, that reaches T.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SurfaceFormFactors {
+    /// The number of surfaces.
+    pub n_surfaces: usize,
+    /// A_S, m².
+    pub areas: Vec<f64>,
+    /// F_ST, row-major \[n_surfaces, n_surfaces\].
+    pub form_factor: Vec<f64>,
+    /// An estimate of the absolute error of each F_ST, same shape.
+    pub error: Vec<f64>,
+    /// The area mean of [`FormFactors::sky_factor`] over each surface.
+    pub sky_factor: Vec<f64>,
+}
+
+impl FormFactors {
+    /// Returns the form factors between surfaces, with errors that respect what the patches' rays have in common.
+    ///
+    /// F_ST = Σ_{i∈S} A_i F_iT / A_S with F_iT = Σ_{j∈T} F_ij. `patch_surface` names the surface of each patch; a
+    /// surface without patches has zeros.
+    ///
+    /// Error: within a row made of N rays the entries compete for the same rays, so F_iT is itself one binomial fraction.
+    /// Its variance is p (1 − p) / N with p = (N F_iT + 1) / (N + 2), which does not vanish where no ray, or every ray,
+    /// hit T; N is [`effective_rays`](super::RowTally::effective_rays). Stratified rays err less than this. Rows are
+    /// independent: error² = Σ (A_i / A_S)² variance_i. Rows without rays, and all rows of a symmetrised or balanced
+    /// matrix, where each number comes from two rows, contribute the sum of their entries' standard errors,
+    /// Σ (A_i / A_S) Σ_j, as if all were off in the same direction.
+    /// Source: sums of multinomial counts. Departures: none.
+    ///
+    /// # Panics
+    /// If `patch_surface` does not name one of the surfaces for every patch.
+    #[must_use]
+    #[track_caller]
+    pub fn surface_form_factors(&self, patch_surface: &[u32], n_surfaces: usize) -> SurfaceFormFactors {
+        assert_eq!(patch_surface.len(), self.n_rows(), "one surface per patch");
+        assert!(
+            patch_surface.iter().all(|&s| (s as usize) < n_surfaces),
+            "every surface is one of n_surfaces"
+        );
+        let mut patches = vec![Vec::new(); n_surfaces];
+        for (i, &surface) in patch_surface.iter().enumerate() {
+            patches[surface as usize].push(i);
+        }
+        let rows: Vec<SurfaceRow> = patches
+            .par_iter()
+            .map(|patches| self.surface_row(patches, patch_surface, n_surfaces))
+            .collect();
+        SurfaceFormFactors {
+            n_surfaces,
+            areas: rows.iter().map(|row| row.area).collect(),
+            form_factor: rows.iter().flat_map(|row| row.form_factor.iter().copied()).collect(),
+            error: rows.iter().flat_map(|row| row.error.iter().copied()).collect(),
+            sky_factor: rows.iter().map(|row| row.sky_factor).collect(),
+        }
+    }
+
+    fn surface_row(&self, patches: &[usize], patch_surface: &[u32], n_surfaces: usize) -> SurfaceRow {
+        let area: f64 = patches.iter().map(|&i| self.areas[i]).sum();
+        let mut form_factor = vec![0.0; n_surfaces];
+        let mut variance = vec![0.0; n_surfaces];
+        let mut common = vec![0.0; n_surfaces];
+        let mut sky_factor = 0.0;
+        let (mut sums, mut errors) = (vec![0.0; n_surfaces], vec![0.0; n_surfaces]);
+        for &i in patches {
+            sums.fill(0.0);
+            errors.fill(0.0);
+            self.for_each_in_row(i, |j, value, std_error| {
+                sums[patch_surface[j] as usize] += value;
+                errors[patch_surface[j] as usize] += std_error;
+            });
+            let weight = self.areas[i] / area;
+            let n_rays = self.tallies[i].effective_rays().filter(|_| !self.is_symmetric());
+            for t in 0..n_surfaces {
+                form_factor[t] += weight * sums[t];
+                if let Some(n) = n_rays {
+                    let p = ((n * sums[t] + 1.0) / (n + 2.0)).clamp(0.0, 1.0);
+                    variance[t] += weight * weight * p * (1.0 - p) / n;
+                } else {
+                    common[t] += weight * errors[t];
+                }
+            }
+            sky_factor += weight * self.sky_factor(i);
+        }
+        let error = variance.iter().zip(&common).map(|(v, c)| v.sqrt() + c).collect();
+        SurfaceRow {
+            area,
+            form_factor,
+            error,
+            sky_factor,
+        }
+    }
+}
+
+struct SurfaceRow {
+    area: f64,
+    form_factor: Vec<f64>,
+    error: Vec<f64>,
+    sky_factor: f64,
+}

@@ -1,0 +1,137 @@
+//! What a form-factor method emits: a range of rows.
+
+/// One entry of a row: column j, form factor F_ij, standard error of F_ij (0 where it is exact or unknown).
+pub type Entry = (u32, f64, f64);
+
+/// What became of the rays that left one patch.
+///
+/// A method leaves it at its default where a row is not made of rays that leave the patch over its hemisphere.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct RowTally {
+    /// Rays that left the patch, independent and with a cosine distribution.
+    pub n_rays: u64,
+    /// Rays that hit nothing: they end in the sky.
+    pub n_escaped: u64,
+    /// Rays that hit the back of a face: a back is black and takes their light.
+    pub n_absorbed: u64,
+    /// The sums of the rays' weights, or `None` where each ray weighs 1 / `n_rays`.
+    pub weights: Option<RayWeights>,
+}
+
+/// Sums over the weights w of the rays of one patch, where these differ from ray to ray; Σ w = 1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RayWeights {
+    /// Σ w over the rays that hit nothing.
+    pub escaped: f64,
+    /// Σ w over the rays that hit a back.
+    pub absorbed: f64,
+    /// Σ w² over all rays.
+    pub squared: f64,
+}
+
+impl RowTally {
+    /// Returns the fraction of the patch's light that hits nothing, or `None` without rays.
+    #[must_use]
+    pub fn escaped(&self) -> Option<f64> {
+        let fraction = |w: RayWeights| w.escaped;
+        self.fraction(fraction, self.n_escaped)
+    }
+
+    /// Returns the fraction of the patch's light that black backs take, or `None` without rays.
+    #[must_use]
+    pub fn absorbed(&self) -> Option<f64> {
+        let fraction = |w: RayWeights| w.absorbed;
+        self.fraction(fraction, self.n_absorbed)
+    }
+
+    /// Returns the number of rays of equal weight that have the same variance, 1 / Σ w², or `None` without rays.
+    #[must_use]
+    pub fn effective_rays(&self) -> Option<f64> {
+        (self.n_rays > 0).then(|| self.weights.map_or(self.n_rays as f64, |w| w.squared.recip()))
+    }
+
+    fn fraction(&self, weighted: impl Fn(RayWeights) -> f64, counted: u64) -> Option<f64> {
+        let equal = || counted as f64 / self.n_rays as f64;
+        (self.n_rays > 0).then(|| self.weights.map_or_else(equal, weighted))
+    }
+}
+
+/// Consecutive rows of form factors, each a sorted list of its entries: the unit of parallel work.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RowTile {
+    first_row: usize,
+    /// Row k holds `entries[ends[k − 1]..ends[k]]`.
+    ends: Vec<usize>,
+    entries: Vec<Entry>,
+    tallies: Vec<RowTally>,
+}
+
+impl RowTile {
+    /// Returns a tile without rows; the first row pushed is row `first_row` of the matrix.
+    #[must_use]
+    pub fn new(first_row: usize) -> Self {
+        Self {
+            first_row,
+            ends: Vec::new(),
+            entries: Vec::new(),
+            tallies: Vec::new(),
+        }
+    }
+
+    /// Adds the next row. Columns that are not mentioned are zero.
+    ///
+    /// # Panics
+    /// If the columns are not strictly ascending.
+    #[track_caller]
+    pub fn push_row(&mut self, entries: &[Entry], tally: RowTally) {
+        assert!(entries.is_sorted_by(|a, b| a.0 < b.0), "columns are strictly ascending");
+        // An entry that is zero for certain says no more than its absence.
+        self.entries.extend(
+            entries
+                .iter()
+                .filter(|(_, value, error)| !is_zero(*value) || !is_zero(*error)),
+        );
+        self.ends.push(self.entries.len());
+        self.tallies.push(tally);
+    }
+
+    /// Returns the number of the first row.
+    #[must_use]
+    pub fn first_row(&self) -> usize {
+        self.first_row
+    }
+
+    /// Returns the number of rows.
+    #[must_use]
+    pub fn n_rows(&self) -> usize {
+        self.ends.len()
+    }
+
+    /// Returns the number of entries in all rows; entries that are zero with a standard error of zero are not kept.
+    #[must_use]
+    pub fn n_entries(&self) -> usize {
+        self.entries.len()
+    }
+
+    /// Returns the entries of the `k`-th row of the tile, in ascending order of the columns.
+    ///
+    /// # Panics
+    /// If the tile has no row `k`.
+    #[must_use]
+    #[track_caller]
+    pub fn row(&self, k: usize) -> &[Entry] {
+        let begin = if k == 0 { 0 } else { self.ends[k - 1] };
+        &self.entries[begin..self.ends[k]]
+    }
+
+    /// Returns the tallies of all rows.
+    #[must_use]
+    pub fn tallies(&self) -> &[RowTally] {
+        &self.tallies
+    }
+}
+
+/// Tells whether a number is exactly zero, of either sign.
+pub(super) fn is_zero(value: f64) -> bool {
+    matches!(value.classify(), std::num::FpCategory::Zero)
+}

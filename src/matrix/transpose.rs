@@ -1,0 +1,69 @@
+//! Rows of F beside the same rows of its transpose, block by block, so that each pass over F reads memory in order.
+
+use std::ops::Range;
+
+use super::{Entry, FormFactors};
+
+/// Rows that are transposed at a time: a few cache lines of every row of F.
+const BLOCK_ROWS: usize = 32;
+
+/// One place of F and its mirror image: (F_ij, standard error) and (F_ji, standard error).
+pub(super) struct Pair {
+    pub(super) there: (f64, f64),
+    pub(super) back: (f64, f64),
+}
+
+impl FormFactors {
+    /// Returns the row ranges in which the transpose is best asked for.
+    pub(super) fn row_blocks(&self) -> Vec<Range<usize>> {
+        let n = self.n_rows();
+        let starts = (0..n).step_by(BLOCK_ROWS);
+        starts.map(|start| start..n.min(start + BLOCK_ROWS)).collect()
+    }
+
+    /// Calls `visit(i, j, pair)` for all i in `rows` and all j where F_ij or F_ji is stored, row by row in ascending order.
+    pub(super) fn for_each_pair(&self, rows: Range<usize>, mut visit: impl FnMut(usize, usize, Pair)) {
+        let columns = self.columns(rows.clone());
+        let mut row = Vec::new();
+        for (i, column) in rows.zip(columns) {
+            row.clear();
+            self.for_each_in_row(i, |j, value, std_error| row.push((index(j), value, std_error)));
+            merge(&row, &column, |j, pair| visit(i, j, pair));
+        }
+    }
+
+    /// Returns the columns `range` of F as sorted lists of their entries.
+    fn columns(&self, range: Range<usize>) -> Vec<Vec<Entry>> {
+        let mut columns = vec![Vec::new(); range.len()];
+        for j in 0..self.n_rows() {
+            let factor = self.row_factor(j);
+            self.for_each_stored(j, range.clone(), &mut |i, value, std_error| {
+                columns[i - range.start].push((index(j), factor * value, factor * std_error));
+            });
+        }
+        columns
+    }
+}
+
+fn merge(mut row: &[Entry], mut column: &[Entry], mut visit: impl FnMut(usize, Pair)) {
+    let take = |list: &mut &[Entry], j: u32| match list.split_first() {
+        Some((&(k, value, std_error), rest)) if k == j => {
+            *list = rest;
+            (value, std_error)
+        }
+        _ => (0.0, 0.0),
+    };
+    while let Some(j) = row.first().into_iter().chain(column.first()).map(|entry| entry.0).min() {
+        let (there, back) = (take(&mut row, j), take(&mut column, j));
+        visit(j as usize, Pair { there, back });
+    }
+}
+
+/// Returns a row number as a column number.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "the number of patches is checked against u32 when form factors are stored"
+)]
+pub(super) fn index(row: usize) -> u32 {
+    row as u32
+}

@@ -1,0 +1,298 @@
+//! Cutting faces into patches so that flat neighbours match along their common edges.
+
+use std::collections::HashMap;
+
+use glam::DVec3;
+use thiserror::Error;
+
+use super::grid::FaceGrid;
+use super::planes::{DisjointSets, FaceEdge, flat_joints};
+use super::{Mesh, Patch};
+use crate::geometry::polygon;
+use crate::scene::{Corners, FaceId, Scene};
+
+/// How finely faces are cut.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Subdivision {
+    /// Every edge into N parts: a quad into N × N quads, a triangle into N² triangles.
+    Uniform(u32),
+    /// Every edge into the fewest equal parts that are not longer than this, in m, and as many as its flat
+    /// neighbours and its opposite edge need.
+    MaxEdge(f64),
+}
+
+/// Why a scene could not be cut into patches.
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+#[non_exhaustive]
+pub enum MeshError {
+    /// N = 0.
+    #[error("a face cannot be cut into 0 parts; give --subdivide 1 or more")]
+    ZeroParts,
+    /// A length that is not a positive number.
+    #[error("an edge length of {0} m cannot be reached; give --max-edge a positive number")]
+    BadLength(f64),
+    /// More patches than 32-bit ids can name.
+    #[error("{0:.0} patches are more than 2^31; subdivide less")]
+    TooManyPatches(f64),
+}
+
+pub(super) fn subdivide(scene: &Scene, subdivision: Subdivision) -> Result<Mesh, MeshError> {
+    let joints = flat_joints(scene);
+    let parts = edge_parts(scene, subdivision, &joints)?;
+    let n_patches: f64 = parts.iter().map(|p| f64::from(p[0]) * f64::from(p[1])).sum();
+    // Vertices exceed patches by the border of each face only; half the range of u32 holds both.
+    if n_patches > 2f64.powi(31) {
+        return Err(MeshError::TooManyPatches(n_patches));
+    }
+    let mut builder = Builder::new(scene, &joints);
+    for face in scene.face_ids() {
+        builder.add_face(face, parts[face.0 as usize]);
+    }
+    Ok(builder.mesh)
+}
+
+/// Returns the number of parts along the first and the last edge of each face (equal in a triangle).
+fn edge_parts(
+    scene: &Scene,
+    subdivision: Subdivision,
+    joints: &[(FaceEdge, FaceEdge)],
+) -> Result<Vec<[u32; 2]>, MeshError> {
+    let longest = match subdivision {
+        Subdivision::Uniform(0) => return Err(MeshError::ZeroParts),
+        Subdivision::Uniform(n) => return Ok(vec![[n, n]; scene.faces.len()]),
+        Subdivision::MaxEdge(longest) => longest,
+    };
+    if !(longest > 0.0 && longest.is_finite()) {
+        return Err(MeshError::BadLength(longest));
+    }
+    // Two classes of edges a face: a quad's opposite edges get one number, a triangle's edges all do.
+    let class_of = |(face, k): FaceEdge| {
+        let is_quad = matches!(scene.faces[face.0 as usize].corners, Corners::Quad(_));
+        2 * face.0 as usize + if is_quad { k % 2 } else { 0 }
+    };
+    let mut classes = DisjointSets::new(2 * scene.faces.len());
+    for &(a, b) in joints {
+        classes.join(class_of(a), class_of(b));
+    }
+    let mut parts = vec![1.0_f64; 2 * scene.faces.len()];
+    for face in scene.face_ids() {
+        let corners = scene.polygon(face);
+        for k in 0..corners.len() {
+            let length = corners[k].distance(corners[(k + 1) % corners.len()]);
+            let class = classes.find(class_of((face, k)));
+            // An edge that is a whole multiple up to rounding is not cut once more.
+            parts[class] = parts[class].max((length / longest * (1.0 - 1e-12)).ceil());
+        }
+    }
+    scene
+        .face_ids()
+        .map(|face| {
+            let is_quad = matches!(scene.faces[face.0 as usize].corners, Corners::Quad(_));
+            let n_u = parts[classes.find(class_of((face, 0)))];
+            let n_v = if is_quad {
+                parts[classes.find(class_of((face, 1)))]
+            } else {
+                n_u
+            };
+            if n_u * n_v > 2f64.powi(31) {
+                return Err(MeshError::TooManyPatches(n_u * n_v));
+            }
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "whole numbers from 1 to 2^31"
+            )]
+            let whole = [n_u as u32, n_v as u32];
+            Ok(whole)
+        })
+        .collect()
+}
+
+/// Where a vertex stands: enough to find it again from the neighbouring face.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+enum Place {
+    Corner(u32),
+    /// `step` of `n` parts from the scene vertex `low` to `high`.
+    Edge {
+        low: u32,
+        high: u32,
+        step: u32,
+        n: u32,
+    },
+}
+
+struct Builder<'a> {
+    scene: &'a Scene,
+    plane_of_face: Vec<usize>,
+    /// Vertices on the border of a face, by plane and place.
+    shared: HashMap<(usize, Place), u32>,
+    mesh: Mesh,
+}
+
+impl<'a> Builder<'a> {
+    fn new(scene: &'a Scene, joints: &[(FaceEdge, FaceEdge)]) -> Self {
+        let mut planes = DisjointSets::new(scene.faces.len());
+        for &((a, _), (b, _)) in joints {
+            planes.join(a.0 as usize, b.0 as usize);
+        }
+        Self {
+            scene,
+            plane_of_face: (0..scene.faces.len()).map(|f| planes.find(f)).collect(),
+            shared: HashMap::new(),
+            mesh: Mesh {
+                patches: Vec::new(),
+                vertices: Vec::new(),
+                grids: Vec::new(),
+            },
+        }
+    }
+
+    fn add_face(&mut self, face: FaceId, [n_u, n_v]: [u32; 2]) {
+        let first_patch = id(self.mesh.patches.len());
+        match self.scene.faces[face.0 as usize].corners {
+            Corners::Triangle(v) => {
+                self.mesh.grids.push(FaceGrid::triangle(first_patch, n_u));
+                let vertex = self.triangle_vertices(face, v, n_u);
+                for j in 0..n_u {
+                    for i in 0..n_u - j {
+                        self.add_patch(
+                            face,
+                            Corners::Triangle([vertex(i, j), vertex(i + 1, j), vertex(i, j + 1)]),
+                        );
+                        if i + j + 1 < n_u {
+                            let inverted = [vertex(i + 1, j), vertex(i + 1, j + 1), vertex(i, j + 1)];
+                            self.add_patch(face, Corners::Triangle(inverted));
+                        }
+                    }
+                }
+            }
+            Corners::Quad(v) => {
+                let corners = v.map(|k| self.scene.vertices[k as usize]);
+                self.mesh.grids.push(FaceGrid::quad(first_patch, n_u, n_v, corners));
+                let vertex = self.quad_vertices(face, v, n_u, n_v);
+                for j in 0..n_v {
+                    for i in 0..n_u {
+                        let quad = [vertex(i, j), vertex(i + 1, j), vertex(i + 1, j + 1), vertex(i, j + 1)];
+                        self.add_patch(face, Corners::Quad(quad));
+                    }
+                }
+            }
+        }
+    }
+
+    /// Makes the vertices of a triangle's grid; the closure gives their ids by (i, j) with i + j ≤ n.
+    fn triangle_vertices(&mut self, face: FaceId, v: [u32; 3], n: u32) -> impl Fn(u32, u32) -> u32 + use<> {
+        let [a, b, c] = v.map(|k| self.scene.vertices[k as usize]);
+        let mut ids = Vec::new();
+        for j in 0..=n {
+            for i in 0..=n - j {
+                let place = match (i, j) {
+                    (0, 0) => Some(Place::Corner(v[0])),
+                    (i, 0) if i == n => Some(Place::Corner(v[1])),
+                    (0, j) if j == n => Some(Place::Corner(v[2])),
+                    (i, 0) => Some(on_edge(v[0], v[1], i, n)),
+                    (0, j) => Some(on_edge(v[0], v[2], j, n)),
+                    (i, j) if i + j == n => Some(on_edge(v[1], v[2], j, n)),
+                    _ => None,
+                };
+                let (s, t) = (f64::from(i) / f64::from(n), f64::from(j) / f64::from(n));
+                ids.push(self.vertex(face, place, || a + s * (b - a) + t * (c - a)));
+            }
+        }
+        move |i, j| ids[(j * (n + 1) - j * j.saturating_sub(1) / 2 + i) as usize]
+    }
+
+    /// Makes the vertices of a quad's grid; the closure gives their ids by (i, j).
+    fn quad_vertices(&mut self, face: FaceId, v: [u32; 4], n_u: u32, n_v: u32) -> impl Fn(u32, u32) -> u32 + use<> {
+        let [a, b, c, d] = v.map(|k| self.scene.vertices[k as usize]);
+        let mut ids = Vec::new();
+        for j in 0..=n_v {
+            for i in 0..=n_u {
+                let (at_right, at_top) = (i == n_u, j == n_v);
+                let place = match (i, j) {
+                    (0, 0) => Some(Place::Corner(v[0])),
+                    (_, 0) if at_right => Some(Place::Corner(v[1])),
+                    _ if at_right && at_top => Some(Place::Corner(v[2])),
+                    (0, _) if at_top => Some(Place::Corner(v[3])),
+                    (i, 0) => Some(on_edge(v[0], v[1], i, n_u)),
+                    (i, _) if at_top => Some(on_edge(v[3], v[2], i, n_u)),
+                    (0, j) => Some(on_edge(v[0], v[3], j, n_v)),
+                    (_, j) if at_right => Some(on_edge(v[1], v[2], j, n_v)),
+                    _ => None,
+                };
+                let (s, t) = (f64::from(i) / f64::from(n_u), f64::from(j) / f64::from(n_v));
+                ids.push(self.vertex(face, place, || {
+                    let (near, far) = (a + s * (b - a), d + s * (c - d));
+                    near + t * (far - near)
+                }));
+            }
+        }
+        move |i, j| ids[(j * (n_u + 1) + i) as usize]
+    }
+
+    /// Returns the id of a vertex: an old one if its place in this plane is known, else a new one.
+    fn vertex(&mut self, face: FaceId, place: Option<Place>, inside: impl FnOnce() -> DVec3) -> u32 {
+        let new_id = id(self.mesh.vertices.len());
+        let position = match place {
+            None => inside(),
+            Some(place) => {
+                let key = (self.plane_of_face[face.0 as usize], place);
+                if let Some(&known) = self.shared.get(&key) {
+                    return known;
+                }
+                self.shared.insert(key, new_id);
+                match place {
+                    Place::Corner(v) => self.scene.vertices[v as usize],
+                    Place::Edge { low, high, step, n } => {
+                        // From the lower id: both faces, and both planes at a crease, compute the same bits.
+                        let (a, b) = (self.scene.vertices[low as usize], self.scene.vertices[high as usize]);
+                        a + f64::from(step) / f64::from(n) * (b - a)
+                    }
+                }
+            }
+        };
+        self.mesh.vertices.push(position);
+        new_id
+    }
+
+    fn add_patch(&mut self, face: FaceId, corners: Corners) {
+        let positions: Vec<DVec3> = corners
+            .as_slice()
+            .iter()
+            .map(|&v| self.mesh.vertices[v as usize])
+            .collect();
+        let source = &self.scene.faces[face.0 as usize];
+        let normal = self.scene.area_vector(face).normalize();
+        self.mesh.patches.push(Patch {
+            corners,
+            face,
+            surface: source.surface,
+            material: source.material,
+            area: polygon::area_vector(&positions).length(),
+            normal,
+            centroid: polygon::centroid(&positions),
+        });
+    }
+}
+
+fn on_edge(from: u32, to: u32, step: u32, n: u32) -> Place {
+    if from < to {
+        Place::Edge {
+            low: from,
+            high: to,
+            step,
+            n,
+        }
+    } else {
+        Place::Edge {
+            low: to,
+            high: from,
+            step: n - step,
+            n,
+        }
+    }
+}
+
+fn id(index: usize) -> u32 {
+    u32::try_from(index).expect("the number of patches is checked against 2^31 before any is made")
+}

@@ -1,0 +1,188 @@
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use super::*;
+use crate::geometry::polygon;
+use crate::scene::{Corners, Face, Material, MaterialId, Surface, SurfaceId};
+
+/// A scene of the given faces with one material and one surface.
+fn scene(vertices: Vec<DVec3>, faces: &[Corners]) -> Scene {
+    Scene {
+        vertices,
+        faces: faces
+            .iter()
+            .map(|&corners| Face {
+                corners,
+                surface: SurfaceId(0),
+                material: MaterialId(0),
+                line: 0,
+            })
+            .collect(),
+        surfaces: vec![Surface { name: "s".into() }],
+        materials: vec![Material {
+            name: "m".into(),
+            reflectance: [0.5; 3],
+            exitance: [0.0; 3],
+        }],
+    }
+}
+
+/// A quad 2 × 1 in the plane z = 0 and a triangle that continues it, then one that rises from it.
+fn quad_and_triangles() -> Scene {
+    scene(
+        vec![
+            DVec3::new(0.0, 0.0, 0.0),
+            DVec3::new(2.0, 0.0, 0.0),
+            DVec3::new(2.0, 1.0, 0.0),
+            DVec3::new(0.0, 1.0, 0.0),
+            DVec3::new(3.0, 0.4, 0.0),
+            DVec3::new(0.7, 2.0, 1.0),
+        ],
+        &[
+            Corners::Quad([0, 1, 2, 3]),
+            Corners::Triangle([2, 1, 4]),
+            Corners::Triangle([3, 2, 5]),
+        ],
+    )
+}
+
+#[test]
+fn patches_fill_their_face_and_lie_where_they_are_found() {
+    let mut source = quad_and_triangles();
+    source.faces[1].corners = Corners::Triangle([1, 4, 2]);
+    for subdivision in [
+        Subdivision::Uniform(1),
+        Subdivision::Uniform(5),
+        Subdivision::MaxEdge(0.23),
+    ] {
+        let mesh = Mesh::new(&source, subdivision).unwrap();
+        for face in source.face_ids() {
+            let whole = source.area_vector(face);
+            let parts: DVec3 = mesh
+                .patches
+                .iter()
+                .filter(|p| p.face == face)
+                .map(|p| {
+                    polygon::area_vector(
+                        &p.corners
+                            .as_slice()
+                            .iter()
+                            .map(|&v| mesh.vertices[v as usize])
+                            .collect::<Vec<_>>(),
+                    )
+                })
+                .sum();
+            assert!((whole - parts).length() < 1e-14, "{subdivision:?} {face:?}");
+        }
+        for (k, patch) in mesh.patches.iter().enumerate() {
+            let corners = source.polygon(patch.face);
+            let (e, f) = (corners[1] - corners[0], corners[corners.len() - 1] - corners[0]);
+            let h = patch.centroid - corners[0];
+            let (ee, ef, ff) = (e.dot(e), e.dot(f), f.dot(f));
+            let det = ee * ff - ef * ef;
+            let u = (h.dot(e) * ff - h.dot(f) * ef) / det;
+            let v = (h.dot(f) * ee - h.dot(e) * ef) / det;
+            let point = mesh.locate(patch.face, u, v);
+            assert_eq!(point.patch.0 as usize, k);
+            assert_eq!(mesh.patch_at(patch.face, u, v), point.patch);
+            let back: DVec3 = mesh
+                .polygon(point.patch)
+                .iter()
+                .zip(point.weights)
+                .map(|(&p, w)| w * p)
+                .sum();
+            assert!(back.distance(patch.centroid) < 1e-14);
+        }
+    }
+}
+
+#[test]
+fn flat_neighbours_share_vertices_and_a_crease_does_not() {
+    let mut source = quad_and_triangles();
+    source.faces[1].corners = Corners::Triangle([1, 4, 2]);
+    for subdivision in [Subdivision::Uniform(4), Subdivision::MaxEdge(0.3)] {
+        let mesh = Mesh::new(&source, subdivision).unwrap();
+        let used = |face: u32| -> std::collections::BTreeSet<u32> {
+            let own = mesh.patches.iter().filter(|p| p.face == FaceId(face));
+            own.flat_map(|p| p.corners.as_slice().to_vec()).collect()
+        };
+        let (quad, flat, risen) = (used(0), used(1), used(2));
+        let on_joint = |v: &u32| (mesh.vertices[*v as usize].x - 2.0).abs() < 1e-12;
+        let joint: Vec<u32> = quad.iter().copied().filter(on_joint).collect();
+        assert_eq!(joint, flat.iter().copied().filter(on_joint).collect::<Vec<_>>());
+        assert!(joint.len() >= 5);
+        assert!(quad.is_disjoint(&risen));
+        // At the crease both planes have the same positions, bit for bit.
+        let place = |v: &u32| mesh.vertices[*v as usize].to_array().map(f64::to_bits);
+        let ridge = |set: &std::collections::BTreeSet<u32>| -> std::collections::BTreeSet<[u64; 3]> {
+            set.iter()
+                .filter(|&&v| {
+                    (mesh.vertices[v as usize].y - 1.0).abs() < 1e-12 && mesh.vertices[v as usize].z.abs() < 1e-12
+                })
+                .map(place)
+                .collect()
+        };
+        if subdivision == Subdivision::Uniform(4) {
+            assert_eq!(ridge(&quad), ridge(&risen));
+        }
+    }
+}
+
+#[test]
+fn max_edge_is_kept_and_not_overdone() {
+    let source = quad_and_triangles();
+    let mesh = Mesh::new(&source, Subdivision::MaxEdge(0.5)).unwrap();
+    let quad = mesh.patches.iter().filter(|p| p.face == FaceId(0)).count();
+    // Four by two would do for the quad alone; its flat neighbour has an edge of 1.08 m, and takes the quad along.
+    assert_eq!(quad, 4 * 3);
+    for patch in 0..mesh.n_patches() {
+        let corners = mesh.polygon(PatchId(u32::try_from(patch).unwrap()));
+        for k in 0..corners.len() {
+            assert!(corners[k].distance(corners[(k + 1) % corners.len()]) <= 0.5 * (1.0 + 1e-9));
+        }
+    }
+}
+
+#[test]
+fn vertex_values_keep_constants_and_linear_fields_inside() {
+    let source = quad_and_triangles();
+    let mesh = Mesh::new(&source, Subdivision::Uniform(6)).unwrap();
+    let constant = mesh.vertex_values(&Block::from_values(vec![0.7; mesh.n_patches()], 1));
+    assert!(constant.values().iter().all(|v| (v - 0.7).abs() < 1e-15));
+    let field = |p: DVec3| 1.0 + 2.0 * p.x - 0.5 * p.y;
+    let per_patch = mesh.patches.iter().map(|p| field(p.centroid)).collect();
+    let at_vertices = mesh.vertex_values(&Block::from_values(per_patch, 1));
+    let mut n_inside = 0;
+    for (k, v) in mesh.vertices.iter().enumerate() {
+        let inside_quad = v.z.abs() < 1e-12 && v.x > 0.1 && v.x < 1.9 && v.y > 0.1 && v.y < 0.9;
+        if inside_quad {
+            n_inside += 1;
+            assert!((at_vertices.row(k)[0] - field(*v)).abs() < 1e-12);
+        }
+    }
+    assert_eq!(n_inside, 25);
+}
+
+#[test]
+fn impossible_subdivisions_are_refused() {
+    let source = quad_and_triangles();
+    assert_eq!(
+        Mesh::new(&source, Subdivision::Uniform(0)).unwrap_err(),
+        MeshError::ZeroParts
+    );
+    assert_eq!(
+        Mesh::new(&source, Subdivision::MaxEdge(0.0)).unwrap_err(),
+        MeshError::BadLength(0.0)
+    );
+    assert!(matches!(
+        Mesh::new(&source, Subdivision::MaxEdge(f64::NAN)),
+        Err(MeshError::BadLength(_))
+    ));
+    assert!(matches!(
+        Mesh::new(&source, Subdivision::MaxEdge(1e-7)),
+        Err(MeshError::TooManyPatches(_))
+    ));
+    assert!(matches!(
+        Mesh::new(&source, Subdivision::Uniform(60_000)),
+        Err(MeshError::TooManyPatches(_))
+    ));
+}
