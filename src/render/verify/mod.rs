@@ -71,6 +71,8 @@ pub struct VerifyReport {
     pub n_not_checkable: usize,
     /// Checked pixels outside their tolerance.
     pub n_outside: usize,
+    /// Rows and columns of a tile's pixels whose mean is outside its tolerance.
+    pub n_strips_outside: usize,
     /// Pixels whose position `P` is not the point that the layout says.
     pub n_misplaced: usize,
     /// Pixels whose radiosity is not E + ρ H, whose radiance is not radiosity/π, or whose irradiance is not the direct one although nothing reflects.
@@ -133,11 +135,11 @@ pub struct WallReport {
 ///
 /// In the scene that the file describes, the direct irradiance at a point is Σ_j E_j F(x → j), F Lambert's
 /// [form factor](crate::geometry::point_form_factor::point_form_factor), wherever the point sees every emitter j unhindered; this is proven per pixel in f64, and a pixel for which
-/// it cannot be is counted and left out. The mean over a wall is also compared with Σ_j E_j A_i F_ij / A_i of the
+/// it cannot be is counted and left out. The means over a tile's rows and columns are compared as well, where noise hides more of a pixel; that over a wall is also compared with Σ_j E_j A_i F_ij / A_i of the
 /// [rectangles](crate::geometry::rectangle::rectangle_exchange_area). Beside that, positions must be those of the layout,
 /// and radiosity and radiance those that follow from the irradiance.
 ///
-/// Tolerances are computed: noise of a direct pass by rays (none for one by polygons) by Hoeffding's bound, at a probability of 1e-6 for any alarm at all in a correct image; for walls
+/// Tolerances are computed: noise of a direct pass by rays (none for one by polygons) by Hoeffding's bound, at a probability of 1e-6 for any alarm at all in a correct image; for means
 /// also by the errors' own spread; the rays' start above the surface; rounding to f32.
 ///
 /// # Errors
@@ -166,29 +168,39 @@ pub fn verify_image(image: &Image, attributes: &Attributes) -> Result<VerifyRepo
 
     let tiles: Vec<Vec<PixelAnswer>> = layout.tiles.iter().map(|tile| reference.answers(tile)).collect();
     let n_checks = tiles.iter().flatten().filter(|answer| answer.is_checked()).count() * 3;
-    // One half of the false alarms for the pixels, one for the walls; two sides each.
-    let log_odds = |n: usize| (4.0 * n.max(1) as f64 / FALSE_ALARM).ln();
-    let (pixel_odds, wall_odds) = (log_odds(n_checks), log_odds(3 * tiles.len()));
+    let n_strips: usize = layout
+        .tiles
+        .iter()
+        .map(|tile| tile.width as usize + tile.height as usize)
+        .sum();
+    // One third of the false alarms each for pixels, strips and walls; two sides, and two bounds on every mean.
+    let log_odds = |n: usize| (12.0 * n.max(1) as f64 / FALSE_ALARM).ln();
+    let [pixel_odds, strip_odds, wall_odds] = [n_checks, 3 * n_strips, 3 * tiles.len()].map(log_odds);
 
     let mut tally = Tally::default();
-    let mut walls = Vec::new();
+    let (mut walls, mut n_strips_outside) = (Vec::new(), 0);
     for (tile, answers) in layout.tiles.iter().zip(&tiles) {
         let judged: Vec<Judged> = answers
             .par_iter()
             .enumerate()
             .map(|(k, answer)| layers.judge(tile, k, answer, &reference, pixel_odds))
             .collect();
-        judged.iter().for_each(|judged| tally.add(judged));
+        for pixel in &judged {
+            tally.add(pixel);
+        }
+        n_strips_outside += count_wrong_strips(tile, answers, &judged, &reference, strip_odds);
         walls.push(wall_report(tile, answers, &judged, &reference, wall_odds));
     }
     let (n_checked, n_values) = (tally.n_checked, tally.n_checked.max(1) * 3);
-    let right = tally.n_outside + tally.n_misplaced + tally.n_inconsistent == 0 && walls.iter().all(|wall| wall.passed);
+    let n_wrong = tally.n_outside + n_strips_outside + tally.n_misplaced + tally.n_inconsistent;
+    let right = n_wrong == 0 && walls.iter().all(|wall| wall.passed);
     Ok(VerifyReport {
         passed: right && n_checked > 0,
         n_pixels: tally.n_pixels,
         n_checked,
         n_not_checkable: tally.n_pixels - n_checked,
         n_outside: tally.n_outside,
+        n_strips_outside,
         n_misplaced: tally.n_misplaced,
         n_inconsistent: tally.n_inconsistent,
         max_error: tally.max_error,
@@ -351,6 +363,72 @@ impl Tally {
     }
 }
 
+/// The mean of the checked pixels of a group, one channel.
+#[derive(Clone, Copy, Debug, Default)]
+struct GroupMean {
+    n_checked: usize,
+    /// The mean of the exact answers.
+    expected: f64,
+    /// The mean error.
+    error: f64,
+    statistical: f64,
+    /// Statistical, offset and rounding.
+    tolerance: f64,
+}
+
+impl GroupMean {
+    fn new<'a>(
+        pixels: impl Iterator<Item = (&'a PixelAnswer, &'a Judged)>,
+        channel: usize,
+        reference: &Reference<'_>,
+        log_odds: f64,
+    ) -> Self {
+        let (mut group, mut squares, mut offset, mut rounding) = (Self::default(), 0.0, 0.0, 0.0);
+        for (answer, judged) in pixels {
+            let Some((exact, change)) = answer.irradiance() else {
+                continue;
+            };
+            group.n_checked += 1;
+            group.expected += exact[channel];
+            group.error += judged.error[channel];
+            squares += judged.error[channel].powi(2);
+            offset += change[channel];
+            rounding += judged.parts[2][channel];
+        }
+        let m = group.n_checked.max(1) as f64;
+        group.expected /= m;
+        group.error /= m;
+        group.statistical = reference.statistical(channel, group.expected, m, log_odds);
+        if reference.expected_hits(channel, group.expected) * m >= MIN_HITS {
+            group.statistical = group.statistical.min(tolerance::self_normalised(squares, m, log_odds));
+        }
+        group.tolerance = group.statistical + (offset / m).abs() + rounding / m;
+        group
+    }
+
+    fn is_right(&self) -> bool {
+        self.error.abs() <= self.tolerance
+    }
+}
+
+/// Counts the pixel rows and columns of a tile whose mean is wrong.
+fn count_wrong_strips(
+    tile: &Tile,
+    answers: &[PixelAnswer],
+    judged: &[Judged],
+    reference: &Reference<'_>,
+    log_odds: f64,
+) -> usize {
+    let (columns, rows) = (tile.width as usize, tile.height as usize);
+    let is_wrong = |start: usize, step: usize, n: usize| {
+        let strip = || answers.iter().zip(judged).skip(start).step_by(step).take(n);
+        (0..3).any(|c| !GroupMean::new(strip(), c, reference, log_odds).is_right())
+    };
+    let wrong_rows = (0..rows).filter(|row| is_wrong(row * columns, 1, columns)).count();
+    let wrong_columns = (0..columns).filter(|column| is_wrong(*column, columns, rows)).count();
+    wrong_rows + wrong_columns
+}
+
 fn wall_report(
     tile: &Tile,
     answers: &[PixelAnswer],
@@ -358,47 +436,25 @@ fn wall_report(
     reference: &Reference<'_>,
     log_odds: f64,
 ) -> WallReport {
-    let n_checked = judged.iter().filter(|pixel| pixel.checked).count();
-    let m = n_checked.max(1) as f64;
+    let pixels = || answers.iter().zip(judged);
+    let means = [0, 1, 2].map(|c| GroupMean::new(pixels(), c, reference, log_odds));
+    let n_checked = means[0].n_checked;
     let whole = n_checked == answers.len();
     let exact = whole.then(|| exact_mean(tile, reference)).flatten();
-    let mut wall = WallReport {
+    let quadrature = exact.map(|exact| [0, 1, 2].map(|c| means[c].expected - exact[c]));
+    let missed = quadrature.unwrap_or_default();
+    WallReport {
         name: tile.name.clone(),
         n_checked,
-        mean: [0.0; 3],
-        expected: [0.0; 3],
+        mean: means.map(|mean| mean.expected + mean.error),
+        expected: means.map(|mean| mean.expected),
         exact,
-        quadrature: None,
-        error: [0.0; 3],
-        tolerance: [0.0; 3],
-        statistical: [0.0; 3],
-        passed: true,
-    };
-    for c in 0..3 {
-        let irradiance = answers.iter().filter_map(PixelAnswer::irradiance);
-        let (expected, offset) = irradiance.fold((0.0, 0.0), |(sum, offsets), (exact, offset)| {
-            (sum + exact[c] / m, offsets + offset[c] / m)
-        });
-        let checked = judged.iter().filter(|pixel| pixel.checked);
-        let (error, squares, rounding) = checked.fold((0.0, 0.0, 0.0), |(error, squares, rounding), pixel| {
-            let r = pixel.error[c];
-            (error + r / m, squares + r * r, rounding + pixel.parts[2][c] / m)
-        });
-        let mut statistical = reference.statistical(c, expected, m, log_odds);
-        if reference.expected_hits(c, expected) * m >= MIN_HITS {
-            statistical = statistical.min(tolerance::self_normalised(squares, m, log_odds));
-        }
-        let tolerance = statistical + offset.abs() + rounding;
-        let quadrature = exact.map_or(0.0, |exact| expected - exact[c]);
-        wall.mean[c] = expected + error;
-        wall.expected[c] = expected;
-        wall.statistical[c] = statistical;
-        wall.error[c] = error + quadrature;
-        wall.tolerance[c] = tolerance + quadrature.abs();
-        wall.passed &= error.abs() <= tolerance;
+        quadrature,
+        error: [0, 1, 2].map(|c| means[c].error + missed[c]),
+        tolerance: [0, 1, 2].map(|c| means[c].tolerance + missed[c].abs()),
+        statistical: means.map(|mean| mean.statistical),
+        passed: means.iter().all(GroupMean::is_right),
     }
-    wall.quadrature = exact.map(|exact| std::array::from_fn(|c| wall.expected[c] - exact[c]));
-    wall
 }
 
 /// Returns Σ_j E_j A F_j / A for a tile that its surface fills, or `None` where no closed form is known.
@@ -417,6 +473,3 @@ fn exact_mean(tile: &Tile, reference: &Reference<'_>) -> Option<[f64; 3]> {
     }
     Some(mean)
 }
-
-#[cfg(test)]
-mod tests;
