@@ -287,12 +287,12 @@ impl<'a> DirectPass<'a> {
                 rays.push_segment(origin, to - frame + emitter.normal * offset);
             }
             self.visibility.occluded(rays, Coherence::Coherent, blocked);
-            for (&weight, &blocked) in weights.iter().zip(blocked.iter()) {
-                let v = f64::from(!blocked);
-                total += weight;
-                seen += weight * v;
-                squares[0] += weight * weight * v;
-                squares[1] += weight * weight;
+            for (&w, &hidden) in weights.iter().zip(blocked.iter()) {
+                let v = f64::from(!hidden);
+                total += w;
+                seen += w * v;
+                squares[0] += w * w * v;
+                squares[1] += w * w;
             }
         }
         let fraction = seen / total;

@@ -115,10 +115,12 @@ fn interpolated_walls_are_smooth() {
                 if i > 0 {
                     let left = rgb(&image, "irradiance", index(i - 1, j));
                     largest_step = (0..3).map(|c| (h[c] - left[c]).abs()).fold(largest_step, f64::max);
-                    let patch = |k: usize| image.u32("patch").unwrap()[k] as usize;
-                    let row = |k: usize| solved.irradiance.row(patch(k)).to_vec();
-                    let (a, b) = (row(k), row(index(i - 1, j)));
-                    largest_flat_step = (0..3).map(|c| (a[c] - b[c]).abs()).fold(largest_flat_step, f64::max);
+                    let patch = |pixel: usize| image.u32("patch").unwrap()[pixel] as usize;
+                    let row = |pixel: usize| solved.irradiance.row(patch(pixel)).to_vec();
+                    let (here, there) = (row(k), row(index(i - 1, j)));
+                    largest_flat_step = (0..3)
+                        .map(|c| (here[c] - there[c]).abs())
+                        .fold(largest_flat_step, f64::max);
                 }
             }
         }

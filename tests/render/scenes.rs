@@ -13,8 +13,8 @@ use radiosity::visibility::Visibility;
 
 /// Collects faces; equal positions become one vertex.
 #[derive(Default)]
-pub struct Builder {
-    pub scene: Scene,
+pub(crate) struct Builder {
+    pub(crate) scene: Scene,
 }
 
 impl Builder {
@@ -27,12 +27,12 @@ impl Builder {
         .unwrap()
     }
 
-    pub fn surface(&mut self, name: &str) -> SurfaceId {
+    pub(crate) fn surface(&mut self, name: &str) -> SurfaceId {
         self.scene.surfaces.push(Surface { name: name.to_owned() });
         SurfaceId(u32::try_from(self.scene.surfaces.len() - 1).unwrap())
     }
 
-    pub fn material(&mut self, exitance: [f64; 3], reflectance: [f64; 3]) -> MaterialId {
+    pub(crate) fn material(&mut self, exitance: [f64; 3], reflectance: [f64; 3]) -> MaterialId {
         let name = format!("m{}", self.scene.materials.len());
         self.scene.materials.push(Material {
             name,
@@ -42,15 +42,15 @@ impl Builder {
         MaterialId(u32::try_from(self.scene.materials.len() - 1).unwrap())
     }
 
-    pub fn face(&mut self, surface: SurfaceId, material: MaterialId, corners: &[DVec3]) {
+    pub(crate) fn face(&mut self, surface: SurfaceId, material: MaterialId, corners: &[DVec3]) {
         let ids: Vec<u32> = corners.iter().map(|&v| self.vertex(v)).collect();
-        let corners = match ids[..] {
+        let indices = match ids[..] {
             [a, b, c] => Corners::Triangle([a, b, c]),
             [a, b, c, d] => Corners::Quad([a, b, c, d]),
             _ => panic!("three or four corners"),
         };
         self.scene.faces.push(Face {
-            corners,
+            corners: indices,
             surface,
             material,
             line: 0,
@@ -58,14 +58,14 @@ impl Builder {
     }
 }
 
-pub fn rectangle(c: DVec3, a: DVec3, b: DVec3) -> [DVec3; 4] {
+pub(crate) fn rectangle(c: DVec3, a: DVec3, b: DVec3) -> [DVec3; 4] {
     [c, c + a, c + a + b, c + b]
 }
 
-pub const WALLS: [&str; 6] = ["x0", "x1", "y0", "y1", "z0", "z1"];
+pub(crate) const WALLS: [&str; 6] = ["x0", "x1", "y0", "y1", "z0", "z1"];
 
 /// The inward-facing walls x0, x1, y0, y1, z0, z1 of a box with one corner at the origin.
-pub fn box_walls(size: DVec3) -> [[DVec3; 4]; 6] {
+pub(crate) fn box_walls(size: DVec3) -> [[DVec3; 4]; 6] {
     let (x, y, z) = (DVec3::X * size.x, DVec3::Y * size.y, DVec3::Z * size.z);
     [
         rectangle(DVec3::ZERO, y, z),
@@ -78,7 +78,7 @@ pub fn box_walls(size: DVec3) -> [[DVec3; 4]; 6] {
 }
 
 /// A box with one exitance and one reflectance per wall.
-pub fn box_scene(size: DVec3, exitance: [[f64; 3]; 6], reflectance: [[f64; 3]; 6]) -> Scene {
+pub(crate) fn box_scene(size: DVec3, exitance: [[f64; 3]; 6], reflectance: [[f64; 3]; 6]) -> Scene {
     let mut builder = Builder::default();
     for (k, wall) in box_walls(size).iter().enumerate() {
         let surface = builder.surface(WALLS[k]);
@@ -89,14 +89,14 @@ pub fn box_scene(size: DVec3, exitance: [[f64; 3]; 6], reflectance: [[f64; 3]; 6
 }
 
 /// The unit cube whose wall x0 emits and in which nothing reflects.
-pub fn black_cube() -> Scene {
+pub(crate) fn black_cube() -> Scene {
     let mut exitance = [[0.0; 3]; 6];
     exitance[0] = [1.0, 2.0, 0.5];
     box_scene(DVec3::ONE, exitance, [[0.0; 3]; 6])
 }
 
 /// The unit cube with coloured walls, two of which emit.
-pub fn bright_cube() -> Scene {
+pub(crate) fn bright_cube() -> Scene {
     let mut exitance = [[0.0; 3]; 6];
     exitance[0] = [1.0, 2.0, 0.5];
     exitance[5] = [0.0, 0.25, 1.0];
@@ -105,16 +105,16 @@ pub fn bright_cube() -> Scene {
 }
 
 /// A solution by fixed-point iteration with closed-form factors, for convex scenes of axis-aligned rectangles.
-pub struct Solved {
-    pub scene: Scene,
-    pub mesh: Mesh,
-    pub radiosity: Block,
-    pub irradiance: Block,
-    pub indirect: Block,
+pub(crate) struct Solved {
+    pub(crate) scene: Scene,
+    pub(crate) mesh: Mesh,
+    pub(crate) radiosity: Block,
+    pub(crate) irradiance: Block,
+    pub(crate) indirect: Block,
 }
 
 impl Solved {
-    pub fn new(scene: Scene, n: u32) -> Self {
+    pub(crate) fn new(scene: Scene, n: u32) -> Self {
         let mesh = Mesh::new(&scene, Subdivision::Uniform(n)).unwrap();
         let n_patches = mesh.n_patches();
         let polygons: Vec<Vec<DVec3>> = (0..n_patches)
@@ -165,7 +165,7 @@ impl Solved {
         }
     }
 
-    pub fn input<'a>(&'a self, visibility: &'a dyn Visibility) -> RenderInput<'a> {
+    pub(crate) fn input<'a>(&'a self, visibility: &'a dyn Visibility) -> RenderInput<'a> {
         RenderInput {
             scene: &self.scene,
             mesh: &self.mesh,
@@ -177,7 +177,12 @@ impl Solved {
     }
 
     /// Renders the unfolded view.
-    pub fn unfold(&self, visibility: &dyn Visibility, n_pixels: u32, settings: RenderSettings) -> (Image, Attributes) {
+    pub(crate) fn unfold(
+        &self,
+        visibility: &dyn Visibility,
+        n_pixels: u32,
+        settings: RenderSettings,
+    ) -> (Image, Attributes) {
         let view = UnfoldedView::new(&self.scene, NonZeroU32::new(n_pixels).unwrap()).unwrap();
         let image = render(&self.input(visibility), &view, &settings, &Silent).unwrap();
         let solution = serde_json::json!({"method": "closed-form", "comment": "naïve"});

@@ -48,7 +48,7 @@ fn change(image: &mut Image, tile: &Tile, layer: &str, new: impl Fn(&dyn Fn(u32,
     let mut samples = old.clone();
     for j in 0..tile.height {
         for i in 0..tile.width {
-            samples[index(i, j)] = new(&|i, j| old[index(i, j)], i, j);
+            samples[index(i, j)] = new(&|column, row| old[index(column, row)], i, j);
         }
     }
     image.insert(layer, Samples::F32(samples));
@@ -208,8 +208,8 @@ fn flipped_tiles_fail() {
                 if along_row { old(i, 15 - j) } else { old(15 - i, j) }
             });
         }
-        let report = check(&mirrored, &attributes);
-        assert!(!report.passed && report.n_misplaced == 256, "{report:#?}");
+        let second = check(&mirrored, &attributes);
+        assert!(!second.passed && second.n_misplaced == 256, "{second:#?}");
     }
 }
 
@@ -227,17 +227,17 @@ fn pictures_that_do_not_follow_from_the_light_fail() {
         assert!(!report.passed && report.n_inconsistent == 64, "{layer}: {report:#?}");
     }
     let black = Solved::new(black_cube(), 1);
-    let (mut image, attributes) = black.unfold(&visibility, 8, polygons());
-    change(&mut image, tile(&attributes, "z0"), "irradiance.R", |old, i, j| {
+    let (mut dark, dark_attributes) = black.unfold(&visibility, 8, polygons());
+    change(&mut dark, tile(&dark_attributes, "z0"), "irradiance.R", |old, i, j| {
         1.1 * old(i, j)
     });
     assert_eq!(
-        check(&image, &attributes).n_inconsistent,
+        check(&dark, &dark_attributes).n_inconsistent,
         64,
         "nothing reflects: all irradiance is direct"
     );
-    change(&mut image, tile(&attributes, "z0"), "direct.R", |_, _, _| f32::NAN);
-    assert!(!check(&image, &attributes).passed);
+    change(&mut dark, tile(&dark_attributes, "z0"), "direct.R", |_, _, _| f32::NAN);
+    assert!(!check(&dark, &dark_attributes).passed);
 }
 
 /// Pixels in a shadow are not compared; all others are, and must be right.
@@ -306,8 +306,8 @@ fn shadows_are_left_out_and_counted() {
 fn images_that_cannot_be_verified_say_why() {
     let solved = Solved::new(black_cube(), 1);
     let visibility = BruteForce::new(&solved.scene);
-    let (image, attributes) = solved.unfold(&visibility, 8, RenderSettings::default());
-    let error = verify_image(&image, &attributes).unwrap_err();
+    let (interpolated, described) = solved.unfold(&visibility, 8, RenderSettings::default());
+    let error = verify_image(&interpolated, &described).unwrap_err();
     assert!(matches!(error, VerifyError::NoDirectPass) && error.to_string().contains("direct pass"));
 
     let (image, attributes) = solved.unfold(&visibility, 8, polygons());

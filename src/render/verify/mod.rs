@@ -2,13 +2,13 @@
 
 mod clear_view;
 mod points;
+mod report;
 mod tolerance;
 
 use std::path::Path;
 
 use glam::DVec3;
 use rayon::prelude::*;
-use serde::Serialize;
 use thiserror::Error;
 
 use super::attributes::Attributes;
@@ -21,6 +21,7 @@ use crate::geometry::polygon;
 use crate::geometry::rectangle::rectangle_exchange_area;
 use clear_view::Plate;
 use points::{PixelAnswer, Reference};
+pub use report::{Tolerance, VerifyReport, WallReport};
 
 /// The probability with which a correct image may fail.
 const FALSE_ALARM: f64 = 1e-6;
@@ -56,79 +57,6 @@ pub enum VerifyError {
     /// No surface has an exitance.
     #[error("no surface of the image's scene emits light: there is nothing to verify")]
     NoEmitter,
-}
-
-/// What verification found; see [`verify`].
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct VerifyReport {
-    /// Whether everything that could be checked was right, and something could.
-    pub passed: bool,
-    /// Pixels that show a surface.
-    pub n_pixels: usize,
-    /// Pixels that were compared with the exact irradiance.
-    pub n_checked: usize,
-    /// Pixels on the border of a surface, or for which a clear view of all emitters could not be proven.
-    pub n_not_checkable: usize,
-    /// Checked pixels outside their tolerance.
-    pub n_outside: usize,
-    /// Rows and columns of a tile's pixels whose mean is outside its tolerance.
-    pub n_strips_outside: usize,
-    /// Pixels whose position `P` is not the point that the layout says.
-    pub n_misplaced: usize,
-    /// Pixels whose radiosity is not E + ρ H, whose radiance is not radiosity/π, or whose irradiance is not the direct one although nothing reflects.
-    pub n_inconsistent: usize,
-    /// The largest error of a checked pixel and channel, in W·m⁻².
-    pub max_error: f64,
-    /// The root of the mean squared error over checked pixels and channels, in W·m⁻².
-    pub rms_error: f64,
-    /// The tolerance and its parts.
-    pub tolerance: Tolerance,
-    /// One row per tile.
-    pub walls: Vec<WallReport>,
-}
-
-/// The tolerance of a pixel: statistical + offset + rounding, each computed per pixel and channel.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Tolerance {
-    /// The probability with which a correct image may fail, all checks together.
-    pub false_alarm: f64,
-    /// Rays per pixel whose noise is allowed for; 0 where the image has none.
-    pub n_rays: u64,
-    /// What these rays are worth in independent samples; 0 where the image has none.
-    pub n_effective: f64,
-    /// The largest statistical part of a pixel's tolerance, in W·m⁻².
-    pub max_statistical: f64,
-    /// The largest part due to the rays' start above the surface, in W·m⁻²: the exact change of the answer over 1.1 offsets.
-    pub max_offset: f64,
-    /// The largest part due to rounding, in W·m⁻².
-    pub max_rounding: f64,
-}
-
-/// One tile: its mean over all checked pixels.
-///
-/// The wall is right if |mean − expected| ≤ statistical + offset + rounding in every channel.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct WallReport {
-    /// The surface's name.
-    pub name: String,
-    /// Pixels of the tile that were compared.
-    pub n_checked: usize,
-    /// The mean direct irradiance in the image.
-    pub mean: [f64; 3],
-    /// The mean of the exact irradiance at the same points.
-    pub expected: [f64; 3],
-    /// The exact mean over the whole wall, where it is a rectangle that was checked everywhere, and the emitters are rectangles with parallel edges.
-    pub exact: Option<[f64; 3]>,
-    /// expected − exact: what pixel centres miss of the wall's mean.
-    pub quadrature: Option<[f64; 3]>,
-    /// mean − exact, or mean − expected where there is no `exact`.
-    pub error: [f64; 3],
-    /// The bound on `error`: statistical + offset + rounding + |quadrature|.
-    pub tolerance: [f64; 3],
-    /// The statistical part.
-    pub statistical: [f64; 3],
-    /// Whether the wall is right.
-    pub passed: bool,
 }
 
 /// Verifies an EXR file: its direct irradiance, pixel by pixel and wall by wall, against the closed forms.
@@ -185,8 +113,8 @@ pub fn verify_image(image: &Image, attributes: &Attributes) -> Result<VerifyRepo
             .enumerate()
             .map(|(k, answer)| layers.judge(tile, k, answer, &reference, pixel_odds))
             .collect();
-        for pixel in &judged {
-            tally.add(pixel);
+        for (answer, pixel) in answers.iter().zip(&judged) {
+            tally.add(answer, pixel);
         }
         n_strips_outside += count_wrong_strips(tile, answers, &judged, &reference, strip_odds);
         walls.push(wall_report(tile, answers, &judged, &reference, wall_odds));
@@ -255,8 +183,6 @@ struct Layers<'a> {
 /// One pixel, judged.
 #[derive(Clone, Copy, Debug, Default)]
 struct Judged {
-    on_surface: bool,
-    checked: bool,
     outside: bool,
     misplaced: bool,
     inconsistent: bool,
@@ -290,11 +216,7 @@ impl<'a> Layers<'a> {
         let columns = tile.width as usize;
         let (column, row) = (k % columns, k / columns);
         let index = (tile.top as usize + row) * self.width + tile.left as usize + column;
-        let mut judged = Judged {
-            on_surface: answer.on_surface(),
-            checked: answer.is_checked(),
-            ..Judged::default()
-        };
+        let mut judged = Judged::default();
         let Some(material) = answer.material() else {
             return judged;
         };
@@ -320,8 +242,7 @@ impl<'a> Layers<'a> {
                 judged.parts[1][c] = offset[c].abs();
                 judged.parts[2][c] = reference.rounding(c, exact[c]);
                 let tolerance: f64 = judged.parts.iter().map(|part| part[c]).sum();
-                // A value that is not a number is outside, too.
-                judged.outside |= !(judged.error[c].abs() <= tolerance);
+                judged.outside |= judged.error[c].is_nan() || judged.error[c].abs() > tolerance;
             }
         }
         judged
@@ -347,9 +268,9 @@ struct Tally {
 }
 
 impl Tally {
-    fn add(&mut self, pixel: &Judged) {
-        self.n_pixels += usize::from(pixel.on_surface);
-        self.n_checked += usize::from(pixel.checked);
+    fn add(&mut self, answer: &PixelAnswer, pixel: &Judged) {
+        self.n_pixels += usize::from(answer.on_surface());
+        self.n_checked += usize::from(answer.is_checked());
         self.n_outside += usize::from(pixel.outside);
         self.n_misplaced += usize::from(pixel.misplaced);
         self.n_inconsistent += usize::from(pixel.inconsistent);
@@ -467,8 +388,8 @@ fn exact_mean(tile: &Tile, reference: &Reference<'_>) -> Option<[f64; 3]> {
     let mut mean = [0.0; 3];
     for (Plate { corners, .. }, exitance) in reference.emitters() {
         let exchange_area = rectangle_exchange_area(&rectangle, corners)?;
-        for (mean, exitance) in mean.iter_mut().zip(exitance) {
-            *mean += exitance * exchange_area / area;
+        for c in 0..3 {
+            mean[c] += exitance[c] * exchange_area / area;
         }
     }
     Some(mean)
