@@ -10,7 +10,7 @@ use super::args::{BalanceName, CommonArgs, MeshArgs, MethodArgs, MethodName, Sol
 use super::failure::Failure;
 use super::progress::Bars;
 use super::{SCHEMA_VERSION, warn};
-use crate::form_factor::{self, FormFactorMethod, GaussShooting, Input, RandomShooting};
+use crate::form_factor::{FormFactorMethod, GaussShooting, Input, RandomShooting};
 use crate::matrix::operator::Block;
 use crate::matrix::{BalanceReport, Checks, FormFactors, StorageChoice, Weighting};
 use crate::mesh::{Mesh, Patch, Subdivision};
@@ -115,11 +115,13 @@ impl Run {
     ) -> Result<Computed, Failure> {
         let method = self.method(args, default_rays)?;
         let input = Input {
+            scene: &prepared.scene,
+            unoccluded: prepared.plan.convex_and_empty,
             mesh: &prepared.mesh,
             visibility: &prepared.visibility,
         };
         let raw = self.times.time("form_factors", || {
-            form_factor::compute(method.as_ref(), input, StorageChoice::default(), &self.progress)
+            method.compute(input, StorageChoice::default(), &self.progress)
         })?;
         let n_rays: u64 = raw.tallies().iter().map(|t| t.n_rays).sum();
         let n_escaped: u64 = raw.tallies().iter().map(|t| t.n_escaped).sum();
