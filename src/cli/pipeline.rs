@@ -96,7 +96,7 @@ impl Run {
         let visibility = self
             .times
             .time("ray_tracer", || EmbreeVisibility::new(&scene))
-            .map_err(|error| Failure::new("embree", error))?;
+            .map_err(|error| Failure::new("embree", error.to_string()))?;
         Ok(Prepared {
             scene,
             plan,
@@ -304,7 +304,9 @@ impl Prepared {
         for (mean, area) in means.iter_mut().zip(self.surface_areas()) {
             // A surface whose faces were all skipped has no area and no mean but 0.
             if area > 0.0 {
-                mean.iter_mut().for_each(|value| *value /= area);
+                for value in mean {
+                    *value /= area;
+                }
             }
         }
         means

@@ -141,9 +141,9 @@ fn bounding_rectangle(points: &[DVec3], right: DVec3, up: DVec3) -> Oriented {
 fn convex_hull(points: impl Iterator<Item = (DVec2, DVec3)>) -> Vec<DVec3> {
     let mut points: Vec<(DVec2, DVec3)> = points.collect();
     points.sort_by(|(a, _), (b, _)| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
-    let chain = |points: &mut dyn Iterator<Item = &(DVec2, DVec3)>| {
+    let chain = |sorted: &mut dyn Iterator<Item = &(DVec2, DVec3)>| {
         let mut hull: Vec<(DVec2, DVec3)> = Vec::new();
-        for &p in points {
+        for &p in sorted {
             while let [.., (a, _), (b, _)] = hull[..] {
                 if (b - a).perp_dot(p.0 - a) > 0.0 {
                     break;

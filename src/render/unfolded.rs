@@ -371,6 +371,3 @@ impl View for UnfoldedView {
         ViewDescription::Unfolded(self.layout.clone())
     }
 }
-
-#[cfg(test)]
-mod tests;
