@@ -273,7 +273,9 @@ fn every_invalid_file_is_refused_in_its_own_words() {
     let on_disk = std::fs::read_dir(INVALID)
         .unwrap()
         .map(|entry| entry.unwrap().file_name().into_string().unwrap());
-    let mut on_disk: Vec<String> = on_disk.filter(|name| name.ends_with(".obj")).collect();
+    let mut on_disk: Vec<String> = on_disk
+        .filter(|name| Path::new(name).extension().is_some_and(|e| e == "obj"))
+        .collect();
     on_disk.sort();
     named.sort();
     assert_eq!(on_disk, named, "every file of the corpus is tested");
@@ -311,15 +313,8 @@ fn a_face_of_too_many_corners_is_refused() {
     let file: PathBuf = directory.path().join("long.obj");
     let n = MAX_CORNERS as usize + 1;
     // A staircase: no two corners alike.
-    let mut text = String::new();
-    for k in 0..n {
-        text += &format!("v {} {} 0\n", k, k % 7);
-    }
-    text += "f";
-    for k in 1..=n {
-        text += &format!(" {k}");
-    }
-    std::fs::write(&file, text).unwrap();
+    let corners: Vec<DVec3> = (0..n).map(|k| DVec3::new(k as f64, (k % 7) as f64, 0.0)).collect();
+    std::fs::write(&file, one_face(&corners)).unwrap();
     let error = load(&file).unwrap_err();
     assert_eq!(error.kind(), "too_many");
     assert!(
@@ -327,6 +322,14 @@ fn a_face_of_too_many_corners_is_refused() {
             .to_string()
             .ends_with(": 1048576 corners in one face is the limit, and there are more; split the scene")
     );
+}
+
+/// An OBJ file with one face.
+fn one_face(corners: &[DVec3]) -> String {
+    let vertex = |v: &DVec3| format!("v {:?} {:?} {:?}", v.x, v.y, v.z);
+    let vertices: Vec<String> = corners.iter().map(vertex).collect();
+    let numbers: Vec<String> = (1..=corners.len()).map(|k| k.to_string()).collect();
+    format!("{}\nf {}\n", vertices.join("\n"), numbers.join(" "))
 }
 
 /// A statement, sensible or not.
@@ -375,17 +378,9 @@ proptest! {
             let (s, c) = (std::f64::consts::TAU * k as f64 / n as f64).sin_cos();
             DVec3::from_array(shift) + turn * DVec3::new(r * c, r * s, 0.0)
         }).collect();
-        let mut text = String::from("usemtl m\n");
-        for v in &corners {
-            text += &format!("v {:?} {:?} {:?}\n", v.x, v.y, v.z);
-        }
-        text += "f";
-        for k in 1..=n {
-            text += &format!(" {k}");
-        }
         let directory = tempfile::tempdir().unwrap();
         let file = directory.path().join("star.obj");
-        std::fs::write(&file, text).unwrap();
+        std::fs::write(&file, one_face(&corners)).unwrap();
         let scene = load(&file).unwrap_or_else(|error| panic!("{error}")).scene;
         let n_triangles: usize = scene.faces.iter().map(|f| f.corners.as_slice().len() - 2).sum();
         prop_assert_eq!(n_triangles, n - 2);

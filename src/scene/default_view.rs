@@ -40,6 +40,10 @@ pub(super) fn choose(scene: &Scene) -> Camera {
                     continue;
                 };
                 let score = n_fronts(&targets, &camera);
+                // No later place can show more than all.
+                if score == (GRID * GRID) as usize {
+                    return camera;
+                }
                 if best.as_ref().is_none_or(|(most, _)| score > *most) {
                     best = Some((score, camera));
                 }
