@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use serde_json::json;
 
 use super::exit_code::ExitCode;
+use crate::form_factor::FormFactorError;
 use crate::matrix::MatrixError;
 use crate::render::RenderError;
 use crate::scene::SceneError;
@@ -73,6 +74,15 @@ impl From<SceneError> for Failure {
             file: error.file().map(Into::into),
             line: error.line(),
             ..Self::new(error.kind(), error.to_string())
+        }
+    }
+}
+
+impl From<FormFactorError> for Failure {
+    fn from(error: FormFactorError) -> Self {
+        match error {
+            FormFactorError::Matrix(error) => error.into(),
+            other => Self::new("form_factors", other.to_string()),
         }
     }
 }

@@ -52,6 +52,8 @@ pub(super) fn checks_to_json(computed: &Computed) -> Value {
         "density": computed.factors.density(),
         "stored_byte": computed.factors.stored_byte(),
         "balance": computed.balance,
+        "pairs": computed.pairs,
+        "tolerance_met": computed.tolerance_met,
     })
 }
 

@@ -10,7 +10,7 @@ use super::args::{BalanceName, CommonArgs, MeshArgs, MethodArgs, MethodName, Sol
 use super::failure::Failure;
 use super::progress::Bars;
 use super::{SCHEMA_VERSION, warn};
-use crate::form_factor::{FormFactorMethod, GaussShooting, Input, RandomShooting};
+use crate::form_factor::{FormFactorMethod, GaussShooting, Input, PairCounts, RandomShooting};
 use crate::matrix::operator::Block;
 use crate::matrix::{BalanceReport, Checks, FormFactors, StorageChoice, Weighting};
 use crate::mesh::{Mesh, Patch, Subdivision};
@@ -43,6 +43,8 @@ pub(super) struct Computed {
     pub(super) checks: Checks,
     pub(super) balance: Option<BalanceReport>,
     pub(super) closed: bool,
+    pub(super) pairs: Option<PairCounts>,
+    pub(super) tolerance_met: bool,
 }
 
 /// Row sums are restored to far below the noise, or as far as so many passes go.
@@ -120,9 +122,10 @@ impl Run {
             mesh: &prepared.mesh,
             visibility: &prepared.visibility,
         };
-        let raw = self.times.time("form_factors", || {
+        let result = self.times.time("form_factors", || {
             method.compute(input, StorageChoice::default(), &self.progress)
         })?;
+        let raw = result.factors;
         let n_rays: u64 = raw.tallies().iter().map(|t| t.n_rays).sum();
         let n_escaped: u64 = raw.tallies().iter().map(|t| t.n_escaped).sum();
         // A scene that no light leaves is closed, whether its faces show it or not.
@@ -135,7 +138,7 @@ impl Run {
         let wanted = match args.balance {
             BalanceName::On => true,
             BalanceName::Off => false,
-            BalanceName::Auto => needs_symmetry,
+            BalanceName::Auto => needs_symmetry && !raw.is_symmetric(),
         };
         self.set("balance", wanted);
         let plan = &mut prepared.plan;
@@ -171,6 +174,8 @@ impl Run {
             checks,
             balance,
             closed,
+            pairs: result.pairs,
+            tolerance_met: result.tolerance_met,
         })
     }
 

@@ -8,7 +8,6 @@ mod error;
 mod pairs;
 mod rows;
 mod sg;
-mod sg;
 mod shooting;
 mod sr;
 
