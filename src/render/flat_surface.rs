@@ -16,6 +16,8 @@ pub(super) struct FlatSurface {
     pub(super) normal: DVec3,
     /// The largest distance of a vertex from the plane through the first one, in m.
     pub(super) deviation: f64,
+    /// Whether the convex hull is a rectangle, to the same tolerance.
+    pub(super) is_rectangle: bool,
     natural: Oriented,
     /// The corners of the convex hull.
     hull: Vec<DVec3>,
@@ -88,12 +90,15 @@ fn flatten(scene: &Scene, surface: SurfaceId, name: &str, faces: &[FaceId]) -> O
         let local = DVec2::new(x.dot(v - origin), y.dot(v - origin));
         (local, v)
     }));
+    let natural = smallest_rectangle(&hull, normal, x);
+    let missing = natural.size[0] * natural.size[1] - polygon::area_vector(&hull).length();
     Some(FlatSurface {
+        is_rectangle: missing <= PLANARITY_TOLERANCE * extent * extent,
         surface,
         name: name.to_owned(),
         normal,
         deviation,
-        natural: smallest_rectangle(&hull, normal, x),
+        natural,
         hull,
     })
 }

@@ -299,3 +299,47 @@ fn direct_methods_agree_in_a_penumbra() {
     // In the middle of the floor the plate hides most of the lamp, but not in the corner.
     assert!(worst > 0.1, "the errors are not exaggerated beyond all use: {worst}");
 }
+
+/// Points exactly on the edge between two walls, and emitters that touch the walls, are not shadowed by rounding.
+#[test]
+fn edges_between_walls_are_lit() {
+    let turn = glam::DQuat::from_axis_angle(DVec3::new(1.0, 2.0, 3.0).normalize(), 0.9);
+    let mut exitance = [[0.0; 3]; 6];
+    exitance[5] = [1.0; 3];
+    let mut scene = box_scene(DVec3::ONE, exitance, [[0.0; 3]; 6]);
+    for vertex in &mut scene.vertices {
+        *vertex = turn * *vertex;
+    }
+    let solved = Solved::new(scene, 1);
+    let visibility = EmbreeVisibility::new(&solved.scene).unwrap();
+    // One column of pixels, all on the line x = 0, y = 1 between two walls, well above the floor.
+    let eye = turn * DVec3::new(0.5, 0.5, 0.5);
+    let ray = |_, y: f64| (eye, turn * DVec3::new(0.0, 1.0, 1.0 - y / 500.0) - eye);
+    let view = RayView::new(1, 500, ray, serde_json::Value::Null);
+    for direct in [
+        DirectMethod::Polygons { n: n(64) },
+        DirectMethod::CosineRays { n: n(1024) },
+    ] {
+        let settings = RenderSettings {
+            direct,
+            ..RenderSettings::default()
+        };
+        let image = render(&solved.input(&visibility), &view, &settings, &Silent).unwrap();
+        for k in 0..500 {
+            let height = 1.0 - (k as f64 + 0.5) / 500.0;
+            // Howell's B-4 with the ceiling cut at the corner: a unit square whose corner lies straight above, 1 − height away.
+            let d = 1.0 - height;
+            let exact = (1.0f64.atan2(d) - d / d.hypot(1.0) * (1.0 / d.hypot(1.0)).atan()) / (2.0 * PI);
+            let found = rgb(&image, "direct", k)[0];
+            let tolerance = if matches!(direct, DirectMethod::Polygons { .. }) {
+                1e-6
+            } else {
+                5.0 * (exact * (1.0 - exact) / 1024.0).sqrt()
+            };
+            assert!(
+                (found - exact).abs() < tolerance,
+                "{direct:?} {height}: {found} {exact}"
+            );
+        }
+    }
+}
