@@ -14,6 +14,7 @@ mod verify;
 
 use std::ffi::OsString;
 use std::io::Write;
+use std::panic::{AssertUnwindSafe, PanicHookInfo};
 
 use clap::Parser;
 use serde_json::Value;
@@ -48,7 +49,16 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Verify(a) => &a.common,
     };
     let json = common.json;
-    match run(&cli.command, common) {
+    // A panic is a defect of the program: one line says so, and that it is not the user's fault.
+    std::panic::set_hook(Box::new(|defect| {
+        complain(&format!(
+            "a defect of the program, please report it: {}",
+            one_line(defect)
+        ))
+    }));
+    let result = std::panic::catch_unwind(AssertUnwindSafe(|| run(&cli.command, common)))
+        .unwrap_or_else(|_| Err(Failure::new("defect", "")));
+    match result {
         Ok(outcome) => {
             let printed = if json {
                 print_document(&outcome.document)
@@ -58,7 +68,9 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
             if printed { outcome.code } else { ExitCode::Error }
         }
         Err(failure) => {
-            complain(&failure.message);
+            if !failure.message.is_empty() {
+                complain(&failure.message);
+            }
             if json {
                 print_document(&failure.to_json());
             }
@@ -123,6 +135,14 @@ fn print(text: &str) -> bool {
             false
         }
     }
+}
+
+fn one_line(defect: &PanicHookInfo<'_>) -> String {
+    let text = defect.payload_as_str().unwrap_or("unknown").replace('\n', " ");
+    defect.location().map_or_else(
+        || text.clone(),
+        |place| format!("{text} ({}:{})", place.file(), place.line()),
+    )
 }
 
 /// Writes one line to stderr.

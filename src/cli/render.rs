@@ -80,8 +80,8 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
 
     let mut result = solve::to_json(&prepared, solved.solver, &solved.solution);
     result["form_factors"] = solved.computed.as_ref().map_or(Value::Null, checks_to_json);
-    result["image"] = json!(args.output);
-    result["preview"] = json!(preview);
+    result["image"] = json!(args.output.display().to_string());
+    result["preview"] = json!(preview.display().to_string());
     result["width"] = json!(image.width());
     result["height"] = json!(image.height());
     let document = run.document(&prepared, result);

@@ -11,12 +11,25 @@ use crate::scene::{builtin, write_obj};
 pub(super) fn run(args: &SceneArgs) -> Result<Outcome, Failure> {
     let built = builtin::build(&args.name, args.level)?;
     write_obj(&built.scene, &args.output)?;
+    // A camera that is there already is the user's own, or belongs to another scene of the folder.
+    let camera_file = args.output.with_file_name("camera.toml");
+    let written_camera = match &built.camera {
+        Some(camera) if !camera_file.exists() => {
+            camera.save(&camera_file)?;
+            Some(camera_file)
+        }
+        _ => None,
+    };
     let (n_faces, n_surfaces) = (built.scene.faces.len(), built.scene.surfaces.len());
+    let mut text = format!(
+        "wrote {}: {n_faces} faces on {n_surfaces} surfaces\n",
+        args.output.display()
+    );
+    if let Some(file) = &written_camera {
+        text += &format!("wrote {}\n", file.display());
+    }
     Ok(Outcome {
-        text: format!(
-            "wrote {}: {n_faces} faces on {n_surfaces} surfaces\n",
-            args.output.display()
-        ),
+        text,
         document: json!({
             "schema_version": SCHEMA_VERSION,
             "command": "scene",
@@ -24,6 +37,7 @@ pub(super) fn run(args: &SceneArgs) -> Result<Outcome, Failure> {
             "scene": args.name,
             "level": args.level,
             "output": args.output.display().to_string(),
+            "camera": written_camera.map(|file| file.display().to_string()),
             "n_faces": n_faces,
             "n_surfaces": n_surfaces,
         }),

@@ -8,19 +8,24 @@ use super::args::VerifyArgs;
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::{Outcome, SCHEMA_VERSION};
-use crate::render::verify::{VerifyReport, verify};
+use crate::render::verify::{VerifyError, VerifyReport, verify};
 use crate::report::StageTimes;
 
 pub(super) fn run(args: &VerifyArgs) -> Result<Outcome, Failure> {
     let mut times = StageTimes::default();
-    let report = times
-        .time("verify", || verify(&args.image))
-        .map_err(|error| Failure::new("verify", format!("{}: {error}", args.image.display())).in_file(&args.image))?;
+    let report = times.time("verify", || verify(&args.image)).map_err(|error| {
+        // Errors of reading name the file themselves.
+        let message = match &error {
+            VerifyError::Read(_) => error.to_string(),
+            _ => format!("{}: {error}", args.image.display()),
+        };
+        Failure::new("verify", message).in_file(&args.image)
+    })?;
     let mut document = json!({
         "schema_version": SCHEMA_VERSION,
         "command": "verify",
         "version": env!("CARGO_PKG_VERSION"),
-        "image": args.image,
+        "image": args.image.display().to_string(),
         "stages": times.to_json(),
     });
     if let (Value::Object(all), Value::Object(more)) = (&mut document, json!(report)) {
@@ -59,6 +64,16 @@ fn describe(report: &VerifyReport) -> String {
         tolerance.max_offset,
         tolerance.max_rounding
     );
+    if report.n_strips_outside > 0 {
+        let _ = writeln!(
+            text,
+            "{} rows and columns of pixels have means outside their tolerance",
+            report.n_strips_outside
+        );
+    }
+    if !report.scene_intact {
+        let _ = writeln!(text, "the scene in the file is not the one that its hash was made from");
+    }
     if report.n_misplaced + report.n_inconsistent > 0 {
         let _ = writeln!(
             text,

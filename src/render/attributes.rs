@@ -49,6 +49,8 @@ pub struct Attributes {
     pub view: ViewDescription,
     /// The scene: one record per surface, in file order.
     pub surfaces: Vec<SurfaceRecord>,
+    /// Whether `surfaces` is what `scene_sha256` was made from; false in a file whose description was changed afterwards.
+    pub scene_intact: bool,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -91,6 +93,7 @@ impl Attributes {
             solution,
             view,
             surfaces,
+            scene_intact: true,
         }
     }
 
@@ -121,12 +124,7 @@ impl Attributes {
             return Err(AttributeError::Format(format));
         }
         let surfaces = get("surfaces")?;
-        if sha256(&surfaces) != get("scene_sha256")? {
-            return Err(AttributeError::Bad {
-                name: "surfaces",
-                reason: "it is not the scene that \"scene_sha256\" was made from".to_owned(),
-            });
-        }
+        let scene_intact = sha256(&surfaces) == get("scene_sha256")?;
         let settings: Settings = parse("settings", &get("settings")?)?;
         Ok(Self {
             version: get("radiosity_version")?,
@@ -135,6 +133,7 @@ impl Attributes {
             solution: settings.solution,
             view: parse("camera", &get("camera")?)?,
             surfaces: parse("surfaces", &surfaces)?,
+            scene_intact,
         })
     }
 }

@@ -121,9 +121,10 @@ pub fn verify_image(image: &Image, attributes: &Attributes) -> Result<VerifyRepo
     }
     let (n_checked, n_values) = (tally.n_checked, tally.n_checked.max(1) * 3);
     let n_wrong = tally.n_outside + n_strips_outside + tally.n_misplaced + tally.n_inconsistent;
-    let right = n_wrong == 0 && walls.iter().all(|wall| wall.passed);
+    let right = attributes.scene_intact && n_wrong == 0 && walls.iter().all(|wall| wall.passed);
     Ok(VerifyReport {
         passed: right && n_checked > 0,
+        scene_intact: attributes.scene_intact,
         n_pixels: tally.n_pixels,
         n_checked,
         n_not_checkable: tally.n_pixels - n_checked,

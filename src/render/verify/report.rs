@@ -7,6 +7,8 @@ use serde::Serialize;
 pub struct VerifyReport {
     /// Whether everything that could be checked was right, and something could.
     pub passed: bool,
+    /// Whether the scene in the file is the one that its hash was made from.
+    pub scene_intact: bool,
     /// Pixels that show a surface.
     pub n_pixels: usize,
     /// Pixels that were compared with the exact irradiance.
