@@ -12,6 +12,8 @@ const LARGEST_COORDINATE: f32 = 1.8e18;
 /// A face code is 2 · face + side, and the largest code means a miss.
 const LARGEST_FACE: u32 = (u32::MAX >> 1) - 1;
 
+const _: () = assert!(2 * LARGEST_FACE + 1 < ffi::RADIOSITY_MISS);
+
 /// Gathers the faces of a scene; [`SceneBuilder::commit`] turns it into one that can be queried.
 #[derive(Clone, Debug)]
 pub struct SceneBuilder {
@@ -22,7 +24,7 @@ pub struct SceneBuilder {
     faces_of_quads: Vec<u32>,
 }
 
-/// A scene that answers queries, from many threads at once. Queries are in [`rays`](super::rays).
+/// A scene that answers queries, from many threads at once. Queries are in [`CommittedScene::closest_hits`] and [`CommittedScene::occluded`].
 #[derive(Debug)]
 pub struct CommittedScene {
     handle: NonNull<ffi::radiosity_scene>,
@@ -88,6 +90,11 @@ impl SceneBuilder {
     ///
     /// [`EmbreeError::OutOfMemory`], [`EmbreeError::TooMany`], or what Embree reports.
     pub fn commit(self, device: &Device) -> Result<CommittedScene, EmbreeError> {
+        self.commit_for_packets(device, device.packet_width())
+    }
+
+    /// Builds the scene for queries in packets of 16, 8 or 4 rays, or one by one.
+    pub(super) fn commit_for_packets(self, device: &Device, width: u32) -> Result<CommittedScene, EmbreeError> {
         let Self {
             vertices,
             triangles,
@@ -109,7 +116,8 @@ impl SceneBuilder {
         let mut error = ffi::radiosity_error::NONE;
         // SAFETY: the device lives; `mesh` describes arrays that live through the call, which copies them; every corner is
         // below n_vertices and every face below 2³¹ − 1, checked when it was added.
-        let handle = unsafe { ffi::radiosity_scene_new(device.handle().as_ptr(), &raw const mesh, &raw mut error) };
+        let handle =
+            unsafe { ffi::radiosity_scene_new(device.handle().as_ptr(), &raw const mesh, width, &raw mut error) };
         let scene = NonNull::new(handle).map(|handle| CommittedScene { handle });
         error.check()?;
         scene.ok_or(EmbreeError::Failed {
@@ -194,7 +202,6 @@ mod tests {
         builder.triangle([0, 1, 2], LARGEST_FACE).unwrap();
         let error = builder.triangle([0, 1, 2], LARGEST_FACE + 1).unwrap_err();
         assert!(matches!(error, EmbreeError::TooMany { .. }), "{error:?}");
-        assert!(2 * LARGEST_FACE + 1 < ffi::RADIOSITY_MISS);
     }
 
     #[test]
