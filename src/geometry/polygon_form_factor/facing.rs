@@ -74,7 +74,7 @@ impl<'a> Part<'a> {
         }
         Self {
             polygon: Cow::Owned(polygon.part(&corners)),
-            heights: Heights::from_vec(&corner_heights),
+            heights: Heights::from_fn(corner_heights.len(), |k| corner_heights[k]),
         }
     }
 }
@@ -83,35 +83,47 @@ impl<'a> Part<'a> {
 pub(super) struct Heights {
     first: [f64; 4],
     others: Vec<f64>,
+    mean: f64,
+    highest: f64,
 }
 
 impl Heights {
     /// Returns the heights of a polygon's corners over a plane, or `None` if none is positive.
     fn new(polygon: &PreparedPolygon, plane: &PreparedPolygon, tolerance: f64) -> Option<Self> {
-        let height = |k: usize| plane.height(polygon.corners()[k], tolerance);
-        let n = polygon.n_corners();
+        let corners = polygon.corners();
+        let heights = Self::from_fn(corners.len(), |k| plane.height(corners[k], tolerance));
+        (heights.highest > 0.0).then_some(heights)
+    }
+
+    fn from_fn(n: usize, height: impl Fn(usize) -> f64) -> Self {
         let mut heights = Self {
             first: [0.0; 4],
             others: Vec::new(),
+            mean: 0.0,
+            highest: 0.0,
         };
-        for k in 0..n.min(4) {
-            heights.first[k] = height(k);
+        for (k, place) in heights.first.iter_mut().enumerate().take(n) {
+            *place = height(k);
         }
         heights.others.extend((4..n).map(height));
-        (0..n).any(|k| heights.get(k) > 0.0).then_some(heights)
-    }
-
-    fn from_vec(heights: &[f64]) -> Self {
-        let mut first = [0.0; 4];
-        let n = heights.len().min(4);
-        first[..n].copy_from_slice(&heights[..n]);
-        Self {
-            first,
-            others: heights[n..].to_vec(),
+        for &height in heights.first[..n.min(4)].iter().chain(&heights.others) {
+            heights.mean += height / n as f64;
+            heights.highest = heights.highest.max(height);
         }
+        heights
     }
 
     pub(super) fn get(&self, k: usize) -> f64 {
         if k < 4 { self.first[k] } else { self.others[k - 4] }
+    }
+
+    /// The corners' mean height.
+    pub(super) fn mean(&self) -> f64 {
+        self.mean
+    }
+
+    /// The highest corner's height.
+    pub(super) fn highest(&self) -> f64 {
+        self.highest
     }
 }

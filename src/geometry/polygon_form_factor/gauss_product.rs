@@ -9,7 +9,7 @@ use super::facing::{FacingPair, Part};
 use super::real::Real;
 
 /// The largest order: 20 × 20 points a piece.
-pub(super) const LARGEST_ORDER: usize = 20;
+pub const LARGEST_ORDER: usize = 20;
 
 /// A point of the square with its weight and its weights of the four corners.
 pub(super) struct SquarePoint {

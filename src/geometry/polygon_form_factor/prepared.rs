@@ -16,6 +16,8 @@ pub struct PreparedPolygon {
     area_vector: Vector<DoubleDouble>,
     normal: DVec3,
     area: f64,
+    /// The pieces' area, with folds counted twice; the area itself for convex polygons.
+    unsigned_area: f64,
     centre: DVec3,
     radius: f64,
     perimeter: f64,
@@ -90,6 +92,7 @@ impl PreparedPolygon {
             remainders,
             area_vector,
             normal,
+            unsigned_area: 0.0,
             centre: DVec3::ZERO,
             radius: 0.0,
             perimeter: 0.0,
@@ -108,6 +111,10 @@ impl PreparedPolygon {
             .step_by(2)
             .map(|k| polygon.piece([0, k, k + 1, if k + 2 < n { k + 2 } else { 0 }]))
             .collect();
+        for piece in &polygon.pieces {
+            let [a, b, c] = piece.elements;
+            polygon.unsigned_area += 0.25 * [a, b, c, b + c - a].map(f64::abs).iter().sum::<f64>();
+        }
         polygon
     }
 
@@ -147,6 +154,10 @@ impl PreparedPolygon {
     #[must_use]
     pub fn radius(&self) -> f64 {
         self.radius
+    }
+
+    pub(super) fn unsigned_area(&self) -> f64 {
+        self.unsigned_area
     }
 
     pub(super) fn n_corners(&self) -> usize {
