@@ -13,7 +13,7 @@ use crate::progress::Progress;
 ///
 /// Order: second in the patches' size over their distance; first in the distance where patches touch. Bias: the error of the rule, positive between patches
 /// that touch (0.318 instead of 0.200 for two unit squares at right angles); nothing keeps A_i F_ij below the smaller area, or row sums below 1.
-/// Error of an entry: its distance from the exact form factor without blockers (two digits of it), plus a third of that where something may block, as one
+/// Error of an entry: its distance from the exact form factor without blockers (two digits of it), plus 0.41 of that where something may block, as one
 /// ray says so little; with `normalise`, divided by α_i too, which leaves out the error of α_i.
 ///
 /// Source: [`LEWIS_1992`](crate::references::LEWIS_1992), equation (5). Departures: visibility is traced, not assumed; normalising is a choice.

@@ -5,6 +5,7 @@ use std::ops::Range;
 
 use glam::DVec3;
 
+use super::segments::unseen_square;
 use super::{Computed, FormFactorError, FormFactorMethod, Input, rows, sampled};
 use crate::geometry::point_form_factor::point_form_factor;
 use crate::geometry::polygon_form_factor::{PreparedPolygon, Tolerance, exchange_area};
@@ -25,8 +26,8 @@ use crate::visibility::{Coherence, HitBatch, RayBatch};
 /// per cent to tens of per cent where patches touch and q = 1; aliasing at the cells, of the order 1/√m of an entry made of m cells.
 /// Not symmetric; A_i F_ij may exceed the smaller area; patches that fall between the rays have no entry.
 /// Error of an entry: the points' distance from the exact form factor without blockers (two digits of it); 0.58/√m of the entry for aliasing (what an edge
-/// along the cells errs by, as root mean square); and where something may block 1/(N + 2) of it with N = (q² m)^(3/4), or sqrt(v(1 − v))/q where a fraction v < 1 is visible
-/// from the points.
+/// along the cells errs by, as root mean square); and where something may block sqrt(v(1 − v)/q² + 2/((N + 2)(N + 3))) of it, with N = (q² m)^(3/4) and v the fraction
+/// that is visible from the points.
 ///
 /// Source: [`COHEN_GREENBERG_1985`](crate::references::COHEN_GREENBERG_1985). Departures: rays through the cells' middles instead of scan conversion, which finds
 /// the same patch in each cell; exact ΔF instead of the integrand at the middle times the cell's area; more than one point by choice.
@@ -64,7 +65,7 @@ fn cells(resolution: usize) -> Vec<Cell> {
             add(DVec3::new(place(a), place(b), 1.0), x, y);
         }
     }
-    for (out, along) in [(DVec3::X, -y), (DVec3::Y, x), (-DVec3::X, y), (-DVec3::Y, -x)] {
+    for (out, along) in [(DVec3::X, y), (DVec3::Y, -x), (-DVec3::X, -y), (-DVec3::Y, x)] {
         for c in 0..half {
             for a in 0..2 * half {
                 let corner = out + along * (a as f64 - half as f64) + z * c as f64;
@@ -233,8 +234,8 @@ impl<'a> Row<'a> {
         } else {
             let n_points = points.len() as f64;
             let hidden = (1.0 - factor / seen - aliasing).clamp(0.0, 1.0);
-            let unseen = 1.0 / ((n_points * count as f64).powf(0.75) + 2.0);
-            (hidden * (1.0 - hidden) / n_points).sqrt().max(unseen)
+            let unseen = unseen_square((n_points * count as f64).powf(0.75));
+            (hidden * (1.0 - hidden) / n_points + unseen).sqrt()
         };
         bias + aliasing * factor + shadow * exact.value / patch.area
     }

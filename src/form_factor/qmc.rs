@@ -16,7 +16,7 @@ use crate::progress::Progress;
 /// has none where patches touch. A sequence of its own for each pair.
 ///
 /// Bias: O(1/N) of the entry, that of a ratio of sums. Error of an entry: the standard error of that ratio for independent rays, which the scrambled
-/// sequence stays below, with 1/(N + 2) for what all rays may have missed. 0 ≤ A_i F_ij ≤ X.
+/// sequence stays below, with 2/((N + 2)(N + 3)) in its square for what all rays may have missed. 0 ≤ A_i F_ij ≤ X.
 ///
 /// Source: [`OWEN_1997`](crate::references::OWEN_1997) for the points; the ratio estimator is textbook statistics
 /// (Cochran, *Sampling Techniques*, chapter 6). Departures: none.

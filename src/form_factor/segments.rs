@@ -31,6 +31,11 @@ pub(super) enum Independence {
     SharedEnds,
 }
 
+/// Returns the mean square of a fraction that n independent rays miss, 2 / ((n + 2)(n + 3)).
+pub(super) fn unseen_square(n: f64) -> f64 {
+    2.0 / ((n + 2.0) * (n + 3.0))
+}
+
 /// Sums over the segments of one pair; w is a segment's weight, in m².
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct PairSums {
@@ -56,9 +61,10 @@ pub(super) struct VisibleFraction {
 impl PairSums {
     /// Returns v = Σ w V / Σ w and its error.
     ///
-    /// error² = Σ w² (V − v)² / (Σ w)² + 1 / (N + 2)², with N = (Σ w)² / Σ w² the number of equal rays. The first term is the variance of a
-    /// ratio of sums; the second is what remains unknown where all rays agree: a blocker, or a gap, that all of them miss
-    /// (the rule of succession). With shared ends N is N^(3/4) in both terms. Pairs without a ray may be anything.
+    /// error² = Σ w² (V − v)² / (Σ w)² + 2 / ((N + 2)(N + 3)), with N = (Σ w)² / Σ w² the number of equal rays. The first term is the variance of a
+    /// ratio of sums; the second is what remains unknown where all rays agree, the mean square of a fraction that N rays
+    /// miss if all fractions are equally likely beforehand (Laplace's rule of succession). With shared ends N^(3/4) stands for N in both terms.
+    /// Pairs without a ray may be anything.
     fn visible(&self, independence: Independence) -> VisibleFraction {
         if self.all <= 0.0 {
             let (fraction, error) = (0.5, 0.5);
@@ -72,8 +78,7 @@ impl PairSums {
         };
         let scatter = self.open_squared * (1.0 - 2.0 * fraction) + self.all_squared * fraction * fraction;
         let variance = scatter.max(0.0) / (self.all * self.all) * (n / effective);
-        let unseen = 1.0 / (effective + 2.0);
-        let error = (variance + unseen * unseen).sqrt();
+        let error = (variance + unseen_square(effective)).sqrt();
         VisibleFraction { fraction, error }
     }
 }
@@ -209,11 +214,11 @@ mod tests {
     fn equal_rays_err_like_a_binomial_fraction() {
         let visible = equal(64, 16).visible(Independence::Independent);
         assert!((visible.fraction - 0.25).abs() < 1e-15);
-        let expected = (0.25 * 0.75 / 64.0 + 66.0_f64.powi(-2)).sqrt();
+        let expected = (0.25 * 0.75 / 64.0 + 2.0 / (66.0 * 67.0)).sqrt();
         assert!((visible.error - expected).abs() < 1e-15);
         // 81 rays with shared ends count as 27.
         let visible = equal(81, 27).visible(Independence::SharedEnds);
-        let expected = (2.0 / 9.0 / 27.0 + 29.0_f64.powi(-2)).sqrt();
+        let expected = (2.0 / 9.0 / 27.0 + 2.0 / (29.0 * 30.0_f64)).sqrt();
         assert!((visible.error - expected).abs() < 1e-15);
     }
 
@@ -222,7 +227,7 @@ mod tests {
         for n_open in [0, 64] {
             let visible = equal(64, n_open).visible(Independence::Independent);
             assert!((visible.fraction - f64::from(n_open) / 64.0).abs() < 1e-15);
-            assert!((visible.error - 1.0 / 66.0).abs() < 1e-15);
+            assert!((visible.error - (2.0 / (66.0 * 67.0_f64)).sqrt()).abs() < 1e-15);
         }
         let unknown = PairSums::default().visible(Independence::Independent);
         assert!((unknown.fraction - 0.5).abs() < 1e-15 && (unknown.error - 0.5).abs() < 1e-15);
