@@ -25,9 +25,9 @@ use crate::visibility::{Coherence, HitBatch, RayBatch};
 /// Rays are traced in every scene, as they are what finds the patches. Bias: what patch i sees is what its points see, wrong by some
 /// per cent to tens of per cent where patches touch and q = 1; aliasing at the cells, of the order 1/√m of an entry made of m cells.
 /// Not symmetric; A_i F_ij may exceed the smaller area.
-/// Error of an entry: the points' distance from the exact form factor without blockers (two digits of it); 0.58/√m of the entry for aliasing (what an edge
-/// along the cells errs by, as root mean square); and where something may block sqrt(v(1 − v)/q² + 2/((N + 2)(N + 3))) of it, with N = (q² m)^(3/4) and v the fraction
-/// that is visible from the points. A patch that no ray finds is 0 with an error of the same kind.
+/// Error of an entry: its distance from the exact form factor without blockers (two digits of it) where nothing blocks. Where something may, plus
+/// sqrt(2/((N + 2)(N + 3))) of that, N = (q² m)^(3/4), for what m rays may have missed. Where a fraction v < 1 − 1/√m is visible from the points: the
+/// points' distance from the exact form factor, plus sqrt(v(1 − v)/q² + 2/((N + 2)(N + 3))) of it, plus 1/√m of the entry.
 ///
 /// Source: [`COHEN_GREENBERG_1985`](crate::references::COHEN_GREENBERG_1985). Departures: rays through the cells' middles instead of scan conversion, which finds
 /// the same patch in each cell; exact ΔF instead of the integrand at the middle times the cell's area; more than one point by choice.
@@ -78,9 +78,6 @@ fn cells(resolution: usize) -> Vec<Cell> {
 
 /// Rays that are traced at once.
 const BATCH: usize = 512;
-
-/// The weight of each cell's error: the standard deviation of a uniform place of an edge in a cell, at both ends of a patch.
-const ALIASING: f64 = 0.58;
 
 impl FormFactorMethod for Hemicube {
     fn name(&self) -> &'static str {
@@ -225,24 +222,18 @@ impl<'a> Row<'a> {
             .iter()
             .map(|p| p.weight * point_form_factor(p.position, patch.normal, polygons[j].corners()))
             .sum();
-        let bias = (seen - unoccluded).abs() + unoccluded_error;
-        // A patch that no ray finds may lie between the rays.
-        let aliasing = (ALIASING / (count as f64).sqrt()).min(1.0);
-        let shadow = if self.input.unoccluded {
-            0.0
-        } else {
-            let n_points = points.len() as f64;
-            let visible = if seen > factor { factor / seen } else { 1.0 };
-            let hidden = (1.0 - visible - aliasing).clamp(0.0, 1.0);
-            let unseen = unseen_square((n_points * count.max(1) as f64).powf(0.75));
-            (hidden * (1.0 - hidden) / n_points + unseen).sqrt()
-        };
-        let between_rays = if count == 0 && self.input.unoccluded {
-            seen
-        } else {
-            aliasing * factor
-        };
-        bias + between_rays + shadow * unoccluded
+        if self.input.unoccluded {
+            return (factor - unoccluded).abs() + unoccluded_error;
+        }
+        let n_points = points.len() as f64;
+        let unseen = unseen_square((n_points * count.max(1) as f64).powf(0.75));
+        let aliasing = 1.0 / (count.max(1) as f64).sqrt();
+        let hidden = if seen > factor { 1.0 - factor / seen } else { 0.0 };
+        if hidden <= aliasing {
+            return (factor - unoccluded).abs() + unoccluded_error + unseen.sqrt() * unoccluded;
+        }
+        let shadow = (hidden * (1.0 - hidden) / n_points + unseen).sqrt();
+        (seen - unoccluded).abs() + unoccluded_error + aliasing * factor + shadow * unoccluded
     }
 }
 
