@@ -34,7 +34,10 @@ fn sum_over_cube(walls: &[Vec<PreparedPolygon>; 6], tolerance: Tolerance) -> f64
     for (k, wall) in walls.iter().enumerate() {
         for other in &walls[k + 1..] {
             for from in wall {
-                sum += other.iter().map(|to| exchange_area(from, to, tolerance).value).sum::<f64>();
+                sum += other
+                    .iter()
+                    .map(|to| exchange_area(from, to, tolerance).value)
+                    .sum::<f64>();
             }
         }
     }
@@ -48,8 +51,14 @@ fn main() {
     let walls = cube(n);
     group.throughput(Throughput::Elements(15 * u64::from(n).pow(4)));
     group.sample_size(10);
-    for (name, rel, abs) in [("abs 1e-12", 0.0, 1e-12), ("abs 1e-14", 0.0, 1e-14), ("rel 1e-10", 1e-10, 0.0)] {
-        group.bench_function(name, |b| b.iter(|| sum_over_cube(black_box(&walls), Tolerance { rel, abs })));
+    for (name, rel, abs) in [
+        ("abs 1e-12", 0.0, 1e-12),
+        ("abs 1e-14", 0.0, 1e-14),
+        ("rel 1e-10", 1e-10, 0.0),
+    ] {
+        group.bench_function(name, |b| {
+            b.iter(|| sum_over_cube(black_box(&walls), Tolerance { rel, abs }))
+        });
     }
     group.finish();
 
@@ -57,10 +66,18 @@ fn main() {
     let triangle = [DVec3::ZERO, DVec3::X, DVec3::new(0.3, 0.8, 0.0)].map(|p| p + 0.1);
     let first = PreparedPolygon::new(&triangle);
     let meeting = PreparedPolygon::new(&[triangle[1], triangle[0], DVec3::new(0.6, 0.3, 0.7)]);
-    let near = PreparedPolygon::new(&[DVec3::new(0.1, 0.2, 0.101), DVec3::new(0.9, 0.1, 0.3), DVec3::new(0.5, 0.9, 0.4)]);
+    let near = PreparedPolygon::new(&[
+        DVec3::new(0.1, 0.2, 0.101),
+        DVec3::new(0.9, 0.1, 0.3),
+        DVec3::new(0.5, 0.9, 0.4),
+    ]);
     for (name, second) in [("shared edge", &meeting), ("near", &near)] {
-        group.bench_function(format!("{name}, contour"), |b| b.iter(|| contour(black_box(&first), second)));
-        group.bench_function(format!("{name}, extended"), |b| b.iter(|| contour_extended(black_box(&first), second)));
+        group.bench_function(format!("{name}, contour"), |b| {
+            b.iter(|| contour(black_box(&first), second))
+        });
+        group.bench_function(format!("{name}, extended"), |b| {
+            b.iter(|| contour_extended(black_box(&first), second))
+        });
     }
     group.finish();
     criterion.final_summary();

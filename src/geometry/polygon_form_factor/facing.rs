@@ -109,7 +109,7 @@ impl Heights {
         (heights.highest > 0.0).then_some(heights)
     }
 
-    fn from_fn(n: usize, height: impl Fn(usize) -> f64) -> Self {
+    fn from_fn(n: usize, height_of: impl Fn(usize) -> f64) -> Self {
         let mut heights = Self {
             first: [0.0; 4],
             others: Vec::new(),
@@ -118,9 +118,9 @@ impl Heights {
             highest: 0.0,
         };
         for (k, place) in heights.first.iter_mut().enumerate().take(n) {
-            *place = height(k);
+            *place = height_of(k);
         }
-        heights.others.extend((4..n).map(height));
+        heights.others.extend((4..n).map(height_of));
         for &height in heights.first[..n.min(4)].iter().chain(&heights.others) {
             heights.mean += height / n as f64;
             heights.lowest = heights.lowest.min(height);

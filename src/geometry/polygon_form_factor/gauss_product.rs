@@ -6,6 +6,7 @@ use std::sync::OnceLock;
 use glam::DVec3;
 
 use super::facing::{FacingPair, Part};
+use super::prepared::Piece;
 use super::real::Real;
 
 /// The largest order: 20 × 20 points a piece.
@@ -64,19 +65,18 @@ impl<const N: usize> Cloud<N> {
         }
     }
 
-    /// Fills in the points of the k-th piece, seen from `-shift`.
-    fn fill(&mut self, part: &Part, k: usize, shift: DVec3, order: usize) {
-        let piece = &part.polygon.pieces()[k];
-        let heights = piece.corners.map(|k| part.heights.get(k));
+    /// Fills in the points of a piece, seen from `-shift`.
+    fn fill(&mut self, part: &Part, piece: &Piece, shift: DVec3, order: usize) {
+        let heights = piece.corners.map(|corner| part.heights.get(corner));
         let [a, b, c, d] = piece.offsets.map(|corner| shift + corner);
         let rule = square_rule(order);
         let n = rule.weight.len();
         self.n = n;
         // One plain loop for each array, so that the compiler can use vectors.
         let [f, g, h, i] = [0, 1, 2, 3].map(|corner| &rule.shares[corner][..n]);
-        let fill = |place: &mut [f64], [a, b, c, d]: [f64; 4]| {
+        let fill = |place: &mut [f64], values: [f64; 4]| {
             for k in 0..n {
-                place[k] = f[k] * a + g[k] * b + h[k] * c + i[k] * d;
+                place[k] = f[k] * values[0] + g[k] * values[1] + h[k] * values[2] + i[k] * values[3];
             }
         };
         fill(&mut self.x[..n], [a.x, b.x, c.x, d.x]);
@@ -107,12 +107,11 @@ pub(super) fn product_sum(pair: &FacingPair, orders: [usize; 2]) -> f64 {
 
 fn sum_over_pieces<const N: usize>(pair: &FacingPair, orders: [usize; 2]) -> f64 {
     let (mut first, mut second) = (Cloud::<N>::new(), Cloud::<N>::new());
-    let shift = pair.shift;
     let mut sum = 0.0;
-    for k in 0..pair.first.polygon.pieces().len() {
-        first.fill(&pair.first, k, DVec3::ZERO, orders[0]);
-        for l in 0..pair.second.polygon.pieces().len() {
-            second.fill(&pair.second, l, shift, orders[1]);
+    for piece in pair.first.polygon.pieces() {
+        first.fill(&pair.first, piece, DVec3::ZERO, orders[0]);
+        for other in pair.second.polygon.pieces() {
+            second.fill(&pair.second, other, pair.shift, orders[1]);
             sum += cloud_sum(&first, &second);
         }
     }
@@ -132,5 +131,8 @@ fn cloud_sum<const N: usize>(first: &Cloud<N>, second: &Cloud<N>) -> f64 {
             sums[j] += moment / (r_squared * r_squared);
         }
     }
-    sums.iter().zip(&second.moment[..n]).map(|(sum, moment)| sum * moment).sum()
+    sums.iter()
+        .zip(&second.moment[..n])
+        .map(|(sum, moment)| sum * moment)
+        .sum()
 }

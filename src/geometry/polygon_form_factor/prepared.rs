@@ -69,7 +69,7 @@ impl PreparedPolygon {
 
     /// Prepares a part of this polygon, which keeps its plane.
     pub(super) fn part(&self, corners: &[Vector<DoubleDouble>]) -> Self {
-        let (corners, remainders) = corners.iter().map(|corner| corner.split()).unzip();
+        let (corners, remainders) = corners.iter().copied().map(Vector::split).unzip();
         let mut part = Self::build(corners, remainders, self.area_vector, self.normal);
         part.area = 0.0;
         for piece in &part.pieces {
@@ -79,12 +79,7 @@ impl PreparedPolygon {
         part
     }
 
-    fn build(
-        corners: Vec<DVec3>,
-        remainders: Vec<DVec3>,
-        area_vector: Vector<DoubleDouble>,
-        normal: DVec3,
-    ) -> Self {
+    fn build(corners: Vec<DVec3>, remainders: Vec<DVec3>, area_vector: Vector<DoubleDouble>, normal: DVec3) -> Self {
         let mut polygon = Self {
             area: area_vector.to_f64().length(),
             extent: corners.iter().map(|v| v.abs().max_element()).fold(0.0, f64::max),

@@ -114,7 +114,7 @@ impl Real for DoubleDouble {
 }
 
 /// Returns node and weight on [0, 1] from a node on [−1, 1] that is good to 1e-15.
-fn refine_node(n: usize, mut x: DoubleDouble) -> (DoubleDouble, DoubleDouble) {
+fn refine_node(n: usize, start: DoubleDouble) -> (DoubleDouble, DoubleDouble) {
     let one = DoubleDouble::new(1.0);
     // Returns 1 − x² and (1 − x²) P′ besides P, the Legendre polynomial.
     let legendre = |x: DoubleDouble| {
@@ -127,13 +127,14 @@ fn refine_node(n: usize, mut x: DoubleDouble) -> (DoubleDouble, DoubleDouble) {
         let flank = one - x * x;
         (value, flank, (before - x * value) * DoubleDouble::new(n as f64))
     };
+    let mut node = start;
     for _ in 0..2 {
-        let (value, flank, slope) = legendre(x);
-        x = x - value * flank / slope;
+        let (value, flank, slope) = legendre(node);
+        node = node - value * flank / slope;
     }
-    let (_, flank, slope) = legendre(x);
+    let (_, flank, slope) = legendre(node);
     // Half of 2/((1 − x²) P′²), for an interval of half the length.
-    ((x + one).scale(0.5), flank / (slope * slope))
+    ((node + one).scale(0.5), flank / (slope * slope))
 }
 
 /// A vector of three numbers.

@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::contour::{Estimate, contour_sum};
 use super::double_double::DoubleDouble;
-use super::facing::{FacingPair, Heights, Part};
+use super::facing::{FacingPair, Part};
 use super::gauss_lambert::{distance_in_radii, lambert_sum};
 use super::gauss_product::{LARGEST_ORDER, product_sum};
 use super::prepared::PreparedPolygon;
@@ -120,7 +120,12 @@ impl Convergence {
 
     /// Returns the errors of the rules of order 2, 3, ..., as parts of the sum's size.
     fn errors(self) -> impl Iterator<Item = f64> {
-        let Self { step, variation, element_variation, sine } = self;
+        let Self {
+            step,
+            variation,
+            element_variation,
+            sine,
+        } = self;
         let mut power = (step + variation) * (step + element_variation) / 3.0;
         (2_u32..).map(move |order| {
             let q = f64::from(order);
@@ -144,12 +149,14 @@ impl ProductBound {
         let (heights, others) = (&pair.first.heights, &pair.second.heights);
         let scale = first.unsigned_area() * second.unsigned_area() / (PI * distance_squared * distance_squared);
         let convergence = |own, other| Convergence::new(own, other, distance);
-        let slope = |heights: &Heights| (distance / heights.mean()).min(20.0);
+        let slope = |part: &Part| (distance / part.heights.mean()).min(20.0);
         Self {
             size: scale * heights.highest() * others.highest(),
             value: scale * heights.mean() * others.mean(),
-            rounding: 4.0 * f64::EPSILON * (2.0 + slope(heights) + slope(others)),
-            convergence: convergence(&pair.first, &pair.second).zip(convergence(&pair.second, &pair.first)).map(<[_; 2]>::from),
+            rounding: 4.0 * f64::EPSILON * (2.0 + slope(&pair.first) + slope(&pair.second)),
+            convergence: convergence(&pair.first, &pair.second)
+                .zip(convergence(&pair.second, &pair.first))
+                .map(<[_; 2]>::from),
         }
     }
 
@@ -158,7 +165,10 @@ impl ProductBound {
         // Half of the tolerance for each polygon, and the value may turn out smaller.
         let wanted = 0.25 * tolerance.of(self.value);
         let [first, second] = self.convergence?.map(|convergence| {
-            let enough = convergence.errors().take(LARGEST_ORDER - 1).position(|error| 2.0 * self.size * error <= wanted);
+            let enough = convergence
+                .errors()
+                .take(LARGEST_ORDER - 1)
+                .position(|error| 2.0 * self.size * error <= wanted);
             enough.map(|k| k + 2)
         });
         Some([first?, second?])
@@ -172,7 +182,9 @@ impl ProductBound {
         let term = |k: usize| {
             // There is no bound for the rule of one point.
             let order = orders[k].checked_sub(2);
-            order.and_then(|n| convergence[k].errors().nth(n)).unwrap_or(f64::INFINITY)
+            order
+                .and_then(|n| convergence[k].errors().nth(n))
+                .unwrap_or(f64::INFINITY)
         };
         2.0 * self.size * (term(0) + term(1)) + self.rounding * value
     }
@@ -207,9 +219,7 @@ fn rectangles(from: &PreparedPolygon, to: &PreparedPolygon, pair: &FacingPair) -
     let (first, second) = (from.corners(), to.corners());
     let value = rectangle_exchange_area(first, second)?;
     let skew = {
-        let axes = |corners: &[DVec3]| {
-            [corners[1] - corners[0], corners[3] - corners[0]].map(DVec3::normalize)
-        };
+        let axes = |corners: &[DVec3]| [corners[1] - corners[0], corners[3] - corners[0]].map(DVec3::normalize);
         let ([x, y], others) = (axes(first), axes(second));
         let frame = [x, y, from.normal()];
         others
@@ -249,7 +259,11 @@ fn lambert_error(ratio: f64, area: f64, order: usize) -> f64 {
         return f64::INFINITY;
     }
     let rho = ratio + (ratio * ratio - 1.0).sqrt();
-    #[expect(clippy::cast_possible_truncation, clippy::cast_possible_wrap, reason = "an order is below 21")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_possible_wrap,
+        reason = "an order is below 21"
+    )]
     let power = 1 - 2 * order as i32;
     area * (0.25 * rho.powi(power) + 8e-15)
 }

@@ -109,7 +109,10 @@ impl Random {
     /// A triangle, or a convex or concave quad exactly in z = 0, of size 1 and sometimes thin.
     fn first_polygon(&mut self) -> Vec<DVec3> {
         let ([a, b, c, d], u, v) = (self.numbers(), self.point(), self.point());
-        let (u, v) = (DVec3::new(u.x, u.y, 0.0), DVec3::new(v.x, v.y, 0.0) * if d < 0.5 { 1.0 } else { d * d });
+        let (u, v) = (
+            DVec3::new(u.x, u.y, 0.0),
+            DVec3::new(v.x, v.y, 0.0) * if d < 0.5 { 1.0 } else { d * d },
+        );
         match (4.0 * c).floor() {
             0.0 => vec![DVec3::ZERO, u, v],
             1.0 => vec![DVec3::ZERO, u, u + v, v],
@@ -160,7 +163,10 @@ fn rules_agree_within_their_estimates_and_the_tolerance_is_met() {
         n_pairs += 1;
     }
     // The comparison must have met each rule where it is good.
-    assert!(n_pairs > 2000 && good.into_iter().all(|n| n > 400), "{n_pairs} {good:?}");
+    assert!(
+        n_pairs > 2000 && good.into_iter().all(|n| n > 400),
+        "{n_pairs} {good:?}"
+    );
 }
 
 #[test]
@@ -173,7 +179,8 @@ fn symmetric_and_invariant() {
         assert!((value - reverse).abs() <= 1e-12 * value, "{value:e} {reverse:e}");
         // Powers of two change no digit, and so nothing but the cheap choice of a rule could.
         for scale in [2.0_f64.powi(-20), 2.0_f64.powi(20)] {
-            let [p, q] = [&p, &q].map(|p| PreparedPolygon::new(&p.corners().iter().map(|&v| scale * v).collect::<Vec<_>>()));
+            let [p, q] =
+                [&p, &q].map(|p| PreparedPolygon::new(&p.corners().iter().map(|&v| scale * v).collect::<Vec<_>>()));
             let scaled = exchange_area(&p, &q, Tolerance::default()).value / (scale * scale);
             assert!((value - scaled).abs() <= 1e-15 * value, "{value:e} {scaled:e}");
         }
@@ -226,10 +233,20 @@ fn assert_closed(faces: &[Vec<DVec3>], tolerance: f64) {
     for face in &faces {
         let sum: f64 = faces
             .iter()
-            .map(|other| exchange_area(face, other, Tolerance { rel: 1e-13, abs: 1e-15 * face.area() }).value)
+            .map(|other| {
+                exchange_area(
+                    face,
+                    other,
+                    Tolerance {
+                        rel: 1e-13,
+                        abs: 1e-15 * face.area(),
+                    },
+                )
+                .value
+            })
             .sum();
         let error = (sum / face.area() - 1.0).abs();
-        if std::env::var("SHOW").is_ok() { println!("SHOW {tolerance:e} {error:e}"); } else {assert!(error < tolerance, "{error:e} in {faces:?}");}
+        assert!(error < tolerance, "{error:e} in {faces:?}");
     }
 }
 
@@ -252,7 +269,7 @@ fn rows_of_a_turned_cube_sum_to_one() {
             }
         }
     }
-    assert_closed(&faces, 1e-13);
+    assert_closed(&faces, 1e-14);
 }
 
 /// The faces that two apexes make with a ring of corners, seen from inside.
@@ -277,15 +294,16 @@ fn ring(random: &mut Random, n: u32) -> Vec<DVec3> {
 fn rows_of_random_polyhedra_sum_to_one() {
     let mut random = Random::new(4);
     for trial in 0..150 {
-        // Some so flat that opposite faces nearly touch and neighbours are nearly coplanar.
+        // Some so flat that opposite faces nearly touch and neighbours are nearly coplanar; what they lose is the corners' rounding.
         let [height, other, ..] = random.numbers();
-        let flat = [1.0, 0.1, 1e-3][trial % 3];
+        let (flat, tolerance) = [(1.0, 5e-15), (0.1, 2e-14), (1e-3, 1e-13)][trial % 3];
         let turn = random.rotation();
         let turned = |faces: Vec<Vec<DVec3>>| -> Vec<Vec<DVec3>> {
-            faces.into_iter().map(|face| face.into_iter().map(|v| turn * v).collect()).collect()
+            faces
+                .into_iter()
+                .map(|face| face.into_iter().map(|v| turn * v).collect())
+                .collect()
         };
-        // Rounding moves corners by 1e-16, heights by that over the flatness.
-        let tolerance = 2e-14 / flat;
         let base = ring(&mut random, 3 + u32::try_from(trial).unwrap() % 5);
         let apex = 0.1 * random.point();
         let up = DVec3::new(apex.x, apex.y, flat * (0.2 + height));
@@ -311,7 +329,14 @@ fn rows_of_random_polyhedra_sum_to_one() {
 
 #[test]
 fn far_near_and_aligned_pairs_take_their_rules() {
-    let square = |z: f64| [DVec3::Z * z, DVec3::new(1.0, 0.0, z), DVec3::new(1.0, 1.0, z), DVec3::new(0.0, 1.0, z)];
+    let square = |z: f64| {
+        [
+            DVec3::Z * z,
+            DVec3::new(1.0, 0.0, z),
+            DVec3::new(1.0, 1.0, z),
+            DVec3::new(0.0, 1.0, z),
+        ]
+    };
     let floor = PreparedPolygon::new(&square(0.0));
     let rule = |mut corners: Vec<DVec3>| {
         corners.reverse();
@@ -321,7 +346,7 @@ fn far_near_and_aligned_pairs_take_their_rules() {
     assert_eq!(rule(square(0.01).to_vec()), Rule::Rectangles);
     assert_eq!(rule(square(0.01)[..3].to_vec()), Rule::Contour);
     let small: Vec<DVec3> = square(20.0).iter().map(|&v| 1e-2 * v + 0.1).collect();
-    assert_eq!(rule(small), Rule::GaussLambert { order: 5 });
+    assert_eq!(rule(small), Rule::GaussLambert { order: 4 });
     let ridge = vec![DVec3::ZERO, DVec3::X, DVec3::new(0.5, -1.0, 1e-4)];
     assert_eq!(rule(ridge), Rule::ContourExtended);
 }
@@ -361,7 +386,9 @@ fn doubled_corners_and_corners_on_edges_change_nothing() {
     for (name, p, q, exact) in certified() {
         let crowded = |p: &[DVec3]| -> Vec<DVec3> {
             let n = p.len();
-            (0..n).flat_map(|k| [p[k], p[k], 0.5 * (p[k] + p[(k + 1) % n])]).collect()
+            (0..n)
+                .flat_map(|k| [p[k], p[k], 0.5 * (p[k] + p[(k + 1) % n])])
+                .collect()
         };
         let exchange = exchange_area(
             &PreparedPolygon::new(&crowded(&p)),
