@@ -3,7 +3,7 @@
 
 use std::num::NonZeroUsize;
 
-use radiosity::form_factor::{self, FormFactorMethod, GaussShooting, Input, RandomShooting};
+use radiosity::form_factor::{FormFactorMethod, GaussShooting, Input, RandomShooting};
 use radiosity::geometry::sampling::Sequence;
 use radiosity::matrix::{FormFactors, StorageChoice, SurfaceFormFactors};
 use radiosity::mesh::{Mesh, Subdivision};
@@ -29,10 +29,15 @@ fn compute_with(
 ) -> (Mesh, FormFactors) {
     let mesh = Mesh::new(scene, Subdivision::Uniform(subdivide)).unwrap();
     let input = Input {
+        scene: scene,
         mesh: &mesh,
         visibility,
+        unoccluded: false,
     };
-    let factors = form_factor::compute(method, input, StorageChoice::default(), &Silent).unwrap();
+    let factors = method
+        .compute(input, StorageChoice::default(), &Silent)
+        .unwrap()
+        .factors;
     (mesh, factors)
 }
 

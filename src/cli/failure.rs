@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use serde_json::json;
 
 use super::exit_code::ExitCode;
+use crate::form_factor::FormFactorError;
 use crate::matrix::MatrixError;
 use crate::render::RenderError;
 use crate::scene::SceneError;
@@ -27,10 +28,10 @@ pub(super) struct Failure {
 
 impl Failure {
     /// Returns an error of the input or at run time (exit code 1).
-    pub(super) fn new(kind: &'static str, message: impl ToString) -> Self {
+    pub(super) fn new(kind: &'static str, message: impl Into<String>) -> Self {
         Self {
             kind,
-            message: message.to_string(),
+            message: message.into(),
             file: None,
             line: None,
             code: ExitCode::Error,
@@ -38,7 +39,7 @@ impl Failure {
     }
 
     /// Returns a usage error (exit code 2).
-    pub(super) fn usage(message: impl ToString) -> Self {
+    pub(super) fn usage(message: impl Into<String>) -> Self {
         Self {
             code: ExitCode::Usage,
             ..Self::new("usage", message)
@@ -72,14 +73,23 @@ impl From<SceneError> for Failure {
         Self {
             file: error.file().map(Into::into),
             line: error.line(),
-            ..Self::new(error.kind(), &error)
+            ..Self::new(error.kind(), error.to_string())
+        }
+    }
+}
+
+impl From<FormFactorError> for Failure {
+    fn from(error: FormFactorError) -> Self {
+        match error {
+            FormFactorError::Matrix(error) => error.into(),
+            other => Self::new("form_factors", other.to_string()),
         }
     }
 }
 
 impl From<MatrixError> for Failure {
     fn from(error: MatrixError) -> Self {
-        Self::new("form_factors", error)
+        Self::new("form_factors", error.to_string())
     }
 }
 
@@ -87,19 +97,19 @@ impl From<SolverError> for Failure {
     fn from(error: SolverError) -> Self {
         let kind = match error {
             SolverError::NoFiniteSolution { .. } => "no_finite_solution",
-            SolverError::Tolerance { .. } => return Self::usage(error),
+            SolverError::Tolerance { .. } => return Self::usage(error.to_string()),
             _ => "solver",
         };
-        Self::new(kind, error)
+        Self::new(kind, error.to_string())
     }
 }
 
 impl From<RenderError> for Failure {
     fn from(error: RenderError) -> Self {
         match &error {
-            RenderError::Io { path, .. } => Self::new("io", &error).in_file(path),
-            RenderError::TooLarge { .. } => Self::new("too_large", &error),
-            _ => Self::new("render", &error),
+            RenderError::Io { path, .. } => Self::new("io", error.to_string()).in_file(path),
+            RenderError::TooLarge { .. } => Self::new("too_large", error.to_string()),
+            _ => Self::new("render", error.to_string()),
         }
     }
 }

@@ -133,7 +133,7 @@ fn solve_scene(
         let (_, exitance) = materials_of_patches(&prepared.scene, &prepared.mesh, prepared.plan.n_channels);
         let dark = Block::zeros(exitance.n_rows(), exitance.n_channels());
         return Ok(Solved {
-            solver: "none",
+            solver: solve::NO_SOLVER,
             solution: Solution::without_reflection(exitance),
             computed: None,
             indirect_irradiance: Some(dark),

@@ -15,6 +15,9 @@ use crate::mesh::Subdivision;
 use crate::report::csv;
 use crate::solver::{Solution, StopReason};
 
+/// What stands in the place of a solver's name where none was needed.
+pub(super) const NO_SOLVER: &str = "none";
+
 pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
     let mut run = Run::new("solve", &args.common);
     if let Some(path) = &args.output {
@@ -66,7 +69,7 @@ fn expect_csv(path: &Path) -> Result<(), Failure> {
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv")) {
         return Ok(());
     }
-    Err(Failure::usage(&format!(
+    Err(Failure::usage(format!(
         "{}: the solution is written as .csv; change the name",
         path.display()
     )))
@@ -100,17 +103,21 @@ pub(super) fn to_json(prepared: &Prepared, solver: &str, solution: &Solution) ->
 
 /// Describes a solution: how it was reached, and the mean radiosity of each surface.
 pub(super) fn describe(text: &mut String, prepared: &Prepared, solver: &str, solution: &Solution) {
-    let bound = solution
-        .error_bound
-        .map_or("unknown".to_owned(), |bound| format!("{bound:.1e}"));
-    let _ = writeln!(
-        text,
-        "{}: {} after {} passes, relative residual {:.1e}, bound on the relative error {bound}",
-        solver.as_str(),
-        solution.stop_reason,
-        solution.n_passes,
-        solution.residual_l2
-    );
+    if solver == NO_SOLVER {
+        let _ = writeln!(
+            text,
+            "nothing reflects: the radiosity is the exitance, and no form factor is needed"
+        );
+    } else {
+        let bound = solution
+            .error_bound
+            .map_or("unknown".to_owned(), |bound| format!("{bound:.1e}"));
+        let _ = writeln!(
+            text,
+            "{solver}: {} after {} passes, relative residual {:.1e}, bound on the relative error {bound}",
+            solution.stop_reason, solution.n_passes, solution.residual_l2
+        );
+    }
     let _ = writeln!(text, "\nmean radiosity by surface, W/m²");
     let surfaces = prepared.surface_means(&solution.radiosity);
     let names = prepared.scene.surfaces.iter().map(|s| s.name.as_str());

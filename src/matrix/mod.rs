@@ -8,6 +8,7 @@ mod checks;
 mod components;
 mod dense;
 mod error;
+mod exchange;
 pub mod operator;
 mod sparse;
 mod store;

@@ -34,6 +34,9 @@ pub use write::write_obj;
 /// (see [`HitBatch`](crate::visibility::HitBatch)).
 pub const MAX_FACES: u32 = u32::MAX / 2;
 
+/// The greatest number of corners of one face of a file.
+pub const MAX_CORNERS: u32 = 1 << 20;
+
 /// The greatest |coordinate| in a scene, in m: beyond it, products of lengths leave the range of the f32 that rays are traced in.
 pub const MAX_COORDINATE: f64 = 1e15;
 
