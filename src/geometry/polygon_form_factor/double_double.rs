@@ -93,7 +93,6 @@ impl DoubleDouble {
     /// Returns the natural logarithm of a positive normal number.
     pub(super) fn ln(self) -> Self {
         let tables = Tables::get();
-        #[expect(clippy::cast_possible_truncation, reason = "an exponent has 11 bits")]
         let exponent = ((self.hi.to_bits() >> 52) & 0x7ff) as i32 - 1023;
         let power = 2.0_f64.powi(-exponent);
         let mantissa = self.scale(power);

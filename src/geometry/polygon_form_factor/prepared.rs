@@ -109,7 +109,7 @@ impl PreparedPolygon {
             .step_by(2)
             .map(|k| polygon.piece([0, k, k + 1, if k + 2 < n { k + 2 } else { 0 }]))
             .collect();
-        polygon.is_parallelogram = polygon.pieces.iter().all(|piece| piece.is_parallelogram());
+        polygon.is_parallelogram = polygon.pieces.iter().all(Piece::is_parallelogram);
         for piece in &polygon.pieces {
             for k in 0..4 {
                 let (a, b) = (piece.offsets[k], piece.offsets[(k + 1) % 4]);

@@ -202,11 +202,11 @@ mod tests {
                 }
                 let exact = DoubleDouble::new(1.0) / DoubleDouble::new((m + 1) as f64);
                 assert!((sum - exact).to_f64().abs() < 2e-30, "{n} {m}");
-                let sum: f64 = f64::line_rule(n)
+                let plain: f64 = f64::line_rule(n)
                     .iter()
                     .map(|&(node, weight)| weight * (0..m).fold(1.0, |power, _| power * node))
                     .sum();
-                assert!((sum - exact.to_f64()).abs() < 2e-15, "{n} {m}");
+                assert!((plain - exact.to_f64()).abs() < 2e-15, "{n} {m}");
             }
         }
     }

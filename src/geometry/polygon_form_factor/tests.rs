@@ -149,9 +149,9 @@ fn rules_agree_within_their_estimates_and_the_tolerance_is_met() {
             let exchange = gauss_product(&p, &q, order);
             assert_near(exchange, exact, f64::INFINITY, "product");
             good[1] += usize::from(exchange.error < 1e-12 * exact);
-            let exchange = gauss_lambert(&p, &q, order);
-            assert_near(exchange, exact, f64::INFINITY, "Lambert");
-            good[2] += usize::from(exchange.error < 1e-12 * exact);
+            let other = gauss_lambert(&p, &q, order);
+            assert_near(other, exact, f64::INFINITY, "Lambert");
+            good[2] += usize::from(other.error < 1e-12 * exact);
         }
         for rel in [1e-4, 1e-8, 1e-12] {
             let exchange = exchange_area(&p, &q, Tolerance { rel, abs: 0.0 });
@@ -210,10 +210,10 @@ fn additive_under_subdivision() {
         if p.len() != 3 || q.len() != 3 || exact < 1e-4 {
             continue;
         }
-        let halves = |p: &[DVec3]| {
+        let halves = |v: &[DVec3]| {
             // The rounding of this corner is all that is not exact.
-            let middle = 0.5 * (p[0] + p[1]);
-            [[p[0], middle, p[2]], [middle, p[1], p[2]]].map(|half| PreparedPolygon::new(&half))
+            let middle = 0.5 * (v[0] + v[1]);
+            [[v[0], middle, v[2]], [middle, v[1], v[2]]].map(|half| PreparedPolygon::new(&half))
         };
         let mut sum = 0.0;
         for a in halves(&p) {
@@ -319,8 +319,8 @@ fn rows_of_random_polyhedra_sum_to_one() {
 
         // An oblique prism.
         let top: Vec<DVec3> = base.iter().map(|&v| v + up).collect();
-        let side = |k: usize| vec![base[(k + 1) % n], base[k], top[k], top[(k + 1) % n]];
-        let mut prism: Vec<Vec<DVec3>> = (0..n).map(side).collect();
+        let wall = |k: usize| vec![base[(k + 1) % n], base[k], top[k], top[(k + 1) % n]];
+        let mut prism: Vec<Vec<DVec3>> = (0..n).map(wall).collect();
         prism.push(base.clone());
         prism.push(top.iter().rev().copied().collect());
         assert_closed(&turned(prism), tolerance);
@@ -384,10 +384,10 @@ fn fronts_that_do_not_see_each_other_exchange_nothing() {
 #[test]
 fn doubled_corners_and_corners_on_edges_change_nothing() {
     for (name, p, q, exact) in certified() {
-        let crowded = |p: &[DVec3]| -> Vec<DVec3> {
-            let n = p.len();
+        let crowded = |v: &[DVec3]| -> Vec<DVec3> {
+            let n = v.len();
             (0..n)
-                .flat_map(|k| [p[k], p[k], 0.5 * (p[k] + p[(k + 1) % n])])
+                .flat_map(|k| [v[k], v[k], 0.5 * (v[k] + v[(k + 1) % n])])
                 .collect()
         };
         let exchange = exchange_area(
