@@ -122,10 +122,11 @@ impl Heights {
         }
         heights.others.extend((4..n).map(height_of));
         for &height in heights.first[..n.min(4)].iter().chain(&heights.others) {
-            heights.mean += height / n as f64;
+            heights.mean += height;
             heights.lowest = heights.lowest.min(height);
             heights.highest = heights.highest.max(height);
         }
+        heights.mean /= n as f64;
         heights
     }
 

@@ -148,7 +148,7 @@ impl ProductBound {
         let (heights, others) = (&pair.first.heights, &pair.second.heights);
         let scale = first.unsigned_area() * second.unsigned_area() / (PI * distance_squared * distance_squared);
         let convergence = |own, other| Convergence::new(own, other, distance);
-        let slope = |part: &Part| (distance / part.heights.mean()).min(20.0);
+        let slope = |part: &Part| (distance / part.heights.mean()).min(100.0);
         Self {
             size: scale * heights.highest() * others.highest(),
             value: scale * heights.mean() * others.mean(),
