@@ -105,7 +105,7 @@ impl Heights {
     /// Returns the heights of a polygon's corners over a plane, or `None` if none is positive.
     fn new(polygon: &PreparedPolygon, plane: &PreparedPolygon, tolerance: f64) -> Option<Self> {
         let corners = polygon.corners();
-        let heights = Self::from_fn(corners.len(), |k| plane.height(corners[k], tolerance));
+        let heights = Self::from_fn(corners.len(), |k| plane.height(&corners[k], tolerance));
         (heights.highest > 0.0).then_some(heights)
     }
 
