@@ -2,7 +2,7 @@
 
 use std::hint::black_box;
 
-use criterion::{Criterion, Throughput};
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use radiosity::geometry::DVec3;
 use radiosity::geometry::polygon_form_factor::{PreparedPolygon, Tolerance, contour, contour_extended, exchange_area};
 
@@ -44,8 +44,7 @@ fn sum_over_cube(walls: &[Vec<PreparedPolygon>; 6], tolerance: Tolerance) -> f64
     sum
 }
 
-fn main() {
-    let mut criterion = Criterion::default().configure_from_args();
+fn cube_pairs(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("cube");
     let n = 13;
     let walls = cube(n);
@@ -56,29 +55,30 @@ fn main() {
         ("abs 1e-14", 0.0, 1e-14),
         ("rel 1e-10", 1e-10, 0.0),
     ] {
-        group.bench_function(name, |b| {
-            b.iter(|| sum_over_cube(black_box(&walls), Tolerance { rel, abs }))
-        });
+        let tolerance = Tolerance { rel, abs };
+        group.bench_function(name, |b| b.iter(|| sum_over_cube(black_box(&walls), tolerance)));
     }
     group.finish();
+}
 
-    let mut group = criterion.benchmark_group("pair");
+fn contours(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("contour");
     let triangle = [DVec3::ZERO, DVec3::X, DVec3::new(0.3, 0.8, 0.0)].map(|p| p + 0.1);
     let first = PreparedPolygon::new(&triangle);
-    let meeting = PreparedPolygon::new(&[triangle[1], triangle[0], DVec3::new(0.6, 0.3, 0.7)]);
-    let near = PreparedPolygon::new(&[
+    let meeting = [triangle[1], triangle[0], DVec3::new(0.6, 0.3, 0.7)];
+    let near = [
         DVec3::new(0.1, 0.2, 0.101),
         DVec3::new(0.9, 0.1, 0.3),
         DVec3::new(0.5, 0.9, 0.4),
-    ]);
-    for (name, second) in [("shared edge", &meeting), ("near", &near)] {
-        group.bench_function(format!("{name}, contour"), |b| {
-            b.iter(|| contour(black_box(&first), second))
-        });
-        group.bench_function(format!("{name}, extended"), |b| {
-            b.iter(|| contour_extended(black_box(&first), second))
-        });
+    ];
+    for (name, corners) in [("shared edge", meeting), ("near", near)] {
+        let second = PreparedPolygon::new(&corners);
+        group.bench_function(name, |b| b.iter(|| contour(black_box(&first), &second)));
+        let name = format!("{name}, extended");
+        group.bench_function(name, |b| b.iter(|| contour_extended(black_box(&first), &second)));
     }
     group.finish();
-    criterion.final_summary();
 }
+
+criterion_group!(benches, cube_pairs, contours);
+criterion_main!(benches);

@@ -105,7 +105,7 @@ impl Heights {
     /// Returns the heights of a polygon's corners over a plane, or `None` if none is positive.
     fn new(polygon: &PreparedPolygon, plane: &PreparedPolygon, tolerance: f64) -> Option<Self> {
         let corners = polygon.corners();
-        let heights = Self::from_fn(corners.len(), |k| plane.height(corners[k], tolerance));
+        let heights = Self::from_fn(corners.len(), |k| plane.height(&corners[k], tolerance));
         (heights.highest > 0.0).then_some(heights)
     }
 
@@ -122,10 +122,11 @@ impl Heights {
         }
         heights.others.extend((4..n).map(height_of));
         for &height in heights.first[..n.min(4)].iter().chain(&heights.others) {
-            heights.mean += height / n as f64;
+            heights.mean += height;
             heights.lowest = heights.lowest.min(height);
             heights.highest = heights.highest.max(height);
         }
+        heights.mean /= n as f64;
         heights
     }
 

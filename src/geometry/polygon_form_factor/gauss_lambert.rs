@@ -2,56 +2,81 @@
 
 use glam::DVec3;
 
-use super::facing::{FacingPair, Part};
+use super::facing::FacingPair;
 use super::gauss_product::square_rule;
+use super::prepared::PreparedPolygon;
 use crate::geometry::point_form_factor::point_form_factor;
 
-/// Returns Σ w_i F(x_i → other part) over the Gauss points of the part of smaller radius.
-pub(super) fn lambert_sum(pair: &FacingPair, order: usize) -> f64 {
-    let (near, far, shift) = outer_first(pair);
-    let origin = far.polygon.exact_corner(0);
-    let target: Vec<DVec3> = (0..far.polygon.n_corners())
-        .map(|k| far.polygon.exact_corner(k).minus(origin).to_f64())
-        .collect();
-    let normal = near.polygon.normal();
-    let mut sum = 0.0;
-    let rule = square_rule(order);
-    for piece in near.polygon.pieces() {
-        let [element, element_s, element_t] = piece.elements;
-        for (k, weight) in rule.weight.iter().enumerate() {
-            let mut point = -shift;
-            for (shares, corner) in rule.shares.iter().zip(piece.offsets) {
-                point += shares[k] * corner;
-            }
-            let element = element + rule.s[k] * (element_s - element) + rule.t[k] * (element_t - element);
-            sum += weight * element * point_form_factor(point, normal, &target);
+/// The part of smaller radius, which the Gauss points lie on, and the corners of the other one.
+pub(super) struct Outer<'a> {
+    polygon: &'a PreparedPolygon,
+    /// From the other polygon's first corner to this one's.
+    shift: DVec3,
+    /// The other's corners, from its first one.
+    target: Vec<DVec3>,
+}
+
+impl<'a> Outer<'a> {
+    pub(super) fn new(pair: &'a FacingPair) -> Self {
+        let (first, second) = (&*pair.first.polygon, &*pair.second.polygon);
+        let (polygon, other, shift) = if first.radius() <= second.radius() {
+            (first, second, -pair.shift)
+        } else {
+            (second, first, pair.shift)
+        };
+        let origin = other.exact_corner(0);
+        Self {
+            polygon,
+            shift,
+            target: (0..other.n_corners())
+                .map(|k| other.exact_corner(k).minus(origin).to_f64())
+                .collect(),
         }
     }
-    sum
-}
 
-/// Returns the part to integrate over, the other one, and the vector between their first corners.
-fn outer_first<'a, 'b>(pair: &'b FacingPair<'a>) -> (&'b Part<'a>, &'b Part<'a>, DVec3) {
-    if pair.first.polygon.radius() <= pair.second.polygon.radius() {
-        (&pair.first, &pair.second, pair.shift)
-    } else {
-        (&pair.second, &pair.first, -pair.shift)
+    pub(super) fn area(&self) -> f64 {
+        self.polygon.area()
     }
-}
 
-/// Returns how far the outer polygon's middle is from the other's edges, in radii of the outer one, and the outer one's area.
-pub(super) fn distance_in_radii(pair: &FacingPair) -> (f64, f64) {
-    let (near, far, shift) = outer_first(pair);
-    let centre = near.polygon.centre() - shift;
-    let origin = far.polygon.exact_corner(0);
-    let n = far.polygon.n_corners();
-    let corner = |k: usize| far.polygon.exact_corner(k % n).minus(origin).to_f64() - centre;
-    let distance = (0..n)
-        .map(|k| {
-            let (a, edge) = (corner(k), corner(k + 1) - corner(k));
-            let t = (-a.dot(edge) / edge.length_squared()).clamp(0.0, 1.0);
-            (a + t * edge).length()
-        })
-        .fold(f64::INFINITY, f64::min); // ignores NaN, from edges of no length
-    (distance / near.polygon.radius(), near.polygon.area())
+    pub(super) fn n_points(&self, order: usize) -> usize {
+        order * order * self.polygon.pieces().len()
+    }
+
+    /// Returns how far the polygon's middle is from the other's edges, in radii of the polygon.
+    pub(super) fn distance_in_radii(&self) -> f64 {
+        let centre = self.shift + self.polygon.centre();
+        let n = self.target.len();
+        let distance = (0..n)
+            .map(|k| (self.target[k] - centre, self.target[(k + 1) % n] - self.target[k]))
+            .map(|(start, edge)| {
+                let t = (-start.dot(edge) / edge.length_squared()).clamp(0.0, 1.0);
+                (start + t * edge).length()
+            })
+            .fold(f64::INFINITY, f64::min); // ignores NaN, from edges of no length
+        distance / self.polygon.radius()
+    }
+
+    /// Returns the form factor from the polygon's middle.
+    pub(super) fn middle_factor(&self) -> f64 {
+        let middle = self.shift + self.polygon.centre();
+        point_form_factor(middle, self.polygon.normal(), &self.target)
+    }
+
+    /// Returns Σ w_i F(x_i → other part) over the Gauss points.
+    pub(super) fn lambert_sum(&self, order: usize) -> f64 {
+        let rule = square_rule(order);
+        let mut sum = 0.0;
+        for piece in self.polygon.pieces() {
+            let [element, element_s, element_t] = piece.elements;
+            for (k, weight) in rule.weight.iter().enumerate() {
+                let mut point = self.shift;
+                for (shares, corner) in rule.shares.iter().zip(piece.offsets) {
+                    point += shares[k] * corner;
+                }
+                let element = element + rule.s[k] * (element_s - element) + rule.t[k] * (element_t - element);
+                sum += weight * element * point_form_factor(point, self.polygon.normal(), &self.target);
+            }
+        }
+        sum
+    }
 }

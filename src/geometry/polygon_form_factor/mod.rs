@@ -6,7 +6,7 @@
 //!
 //! | rule | formula | where | error |
 //! |---|---|---|---|
-//! | [`gauss_product`] | Σ w_i w_j h_i h_j / (π r⁴) over Gauss points of both | apart by more than their sizes | the bound below, 1e-15 to 4e-14 of the value |
+//! | [`gauss_product`] | Σ w_i w_j h_i h_j / (π r⁴) over Gauss points of both | apart by more than their sizes | the bound below, 1e-15 to 2e-13 of the value |
 //! | rectangles | [closed form](super::rectangle::rectangle_exchange_area) | rectangles with parallel edges | 3e-15 of the diameter² |
 //! | [`gauss_lambert`] | Σ w_i F(x_i → polygon), exact F | one polygon small against its distance from the other's edges | A₁ρ^(1−2q)/4, 8e-15 of A₁ |
 //! | [`contour`] | 1/(2π) ∮∮ ln r dr₁·dr₂, inner integral exact | anywhere | 3e-16 of its terms without signs |

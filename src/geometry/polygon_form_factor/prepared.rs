@@ -223,18 +223,19 @@ impl PreparedPolygon {
         self.area_vector.dot(point.minus(self.exact_corner(0)))
     }
 
-    /// Returns the height of a point over the polygon's plane, in m; 0 within `tolerance` of it, else to about 50 ulps of itself.
+    /// Returns the height of a point over the polygon's plane, in m; 0 within `tolerance` of it, else to about 200 ulps of itself.
     #[inline]
-    pub(super) fn height(&self, point: DVec3, tolerance: f64) -> f64 {
-        let away = point - self.corners[0];
-        let height = self.normal.dot(away);
-        let distance = away.abs();
-        if height.abs() > 0.05 * (distance.x + distance.y + distance.z) {
+    pub(super) fn height(&self, point: &DVec3, tolerance: f64) -> f64 {
+        // By components, which stay in registers.
+        let (corner, normal) = (&self.corners[0], &self.normal);
+        let (x, y, z) = (point.x - corner.x, point.y - corner.y, point.z - corner.z);
+        let height = normal.x * x + normal.y * y + normal.z * z;
+        if height.abs() > 0.01 * (x.abs() + y.abs() + z.abs()) {
             height
         } else if height.abs() <= tolerance {
             0.0
         } else {
-            self.low_height(point)
+            self.low_height(*point)
         }
     }
 

@@ -7,7 +7,7 @@ use glam::DVec3;
 use super::contour::{Estimate, contour_sum};
 use super::double_double::DoubleDouble;
 use super::facing::{FacingPair, Part};
-use super::gauss_lambert::{distance_in_radii, lambert_sum};
+use super::gauss_lambert::Outer;
 use super::gauss_product::{LARGEST_ORDER, product_sum};
 use super::prepared::PreparedPolygon;
 use super::{Exchange, Rule, Tolerance};
@@ -54,10 +54,9 @@ pub(super) fn exchange_area(
     if let Some(exchange) = try_product(usize::MAX) {
         return exchange;
     }
-    // Where the first value means something, it tells how many digits will do.
-    let perimeters = pair.first.polygon.perimeter() * pair.second.polygon.perimeter();
+    // The first error goes with the size of the terms; where its value means something, both tell how many digits will do.
     let wanted = if first.value > 2.0 * first.error {
-        0.1 * tolerance.of(first.value) / perimeters
+        0.1 * tolerance.of(first.value) * f64::EPSILON / first.error
     } else {
         0.0
     };
@@ -149,7 +148,7 @@ impl ProductBound {
         let (heights, others) = (&pair.first.heights, &pair.second.heights);
         let scale = first.unsigned_area() * second.unsigned_area() / (PI * distance_squared * distance_squared);
         let convergence = |own, other| Convergence::new(own, other, distance);
-        let slope = |part: &Part| (distance / part.heights.mean()).min(20.0);
+        let slope = |part: &Part| (distance / part.heights.mean()).min(100.0);
         Self {
             size: scale * heights.highest() * others.highest(),
             value: scale * heights.mean() * others.mean(),
@@ -240,17 +239,24 @@ fn rectangles(from: &PreparedPolygon, to: &PreparedPolygon, pair: &FacingPair) -
 }
 
 fn try_lambert(pair: &FacingPair, tolerance: Tolerance) -> Option<Exchange> {
-    let (ratio, area) = distance_in_radii(pair);
-    // The value is not known, but is at most the area: an order that is too low for this is too low.
-    let wanted = 0.5 * tolerance.of(area);
-    let order = (2..=9).find(|&order| lambert_error(ratio, area, order) <= wanted)?;
-    (order * order * pair.first.polygon.pieces().len() <= POINTS_CHEAPER_THAN_CONTOUR).then(|| lambert(pair, order))
+    let outer = Outer::new(pair);
+    let (ratio, area) = (outer.distance_in_radii(), outer.area());
+    let cheap = |order: usize| outer.n_points(order) <= POINTS_CHEAPER_THAN_CONTOUR;
+    // The factor from the middle, a rule of one point, tells roughly what the value will be.
+    let wanted = 0.5 * tolerance.of(area * outer.middle_factor());
+    let order = (2..=LARGEST_ORDER)
+        .take_while(|&order| cheap(order))
+        .find(|&order| lambert_error(ratio, area, order) <= wanted)?;
+    Some(lambert_from(pair, &outer, order))
 }
 
 pub(super) fn lambert(pair: &FacingPair, order: usize) -> Exchange {
-    let (ratio, area) = distance_in_radii(pair);
-    let error = lambert_error(ratio, area, order);
-    bounded(pair, lambert_sum(pair, order), error, Rule::GaussLambert { order })
+    lambert_from(pair, &Outer::new(pair), order)
+}
+
+fn lambert_from(pair: &FacingPair, outer: &Outer, order: usize) -> Exchange {
+    let error = lambert_error(outer.distance_in_radii(), outer.area(), order);
+    bounded(pair, outer.lambert_sum(order), error, Rule::GaussLambert { order })
 }
 
 /// Returns the bound A ρ^(1−2q)/4 with rounding; its constant is measured.
