@@ -16,7 +16,7 @@ enum { TRIANGLES = 0, QUADS = 1 };
 
 struct radiosity_scene {
   RTCScene scene;
-  uint32_t width;
+  uint32_t packet_width;
   uint32_t n_triangles;
   uint32_t *codes; /* 2 face for each triangle, then for each quad; never empty */
 };
@@ -61,7 +61,7 @@ uint32_t radiosity_device_version(radiosity_device *device) {
   return (uint32_t)rtcGetDeviceProperty(embree(device), RTC_DEVICE_PROPERTY_VERSION);
 }
 
-uint32_t radiosity_device_width(radiosity_device *device) {
+uint32_t radiosity_device_packet_width(radiosity_device *device) {
   if (rtcGetDeviceProperty(embree(device), RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED)) return 16;
   if (rtcGetDeviceProperty(embree(device), RTC_DEVICE_PROPERTY_NATIVE_RAY8_SUPPORTED)) return 8;
   if (rtcGetDeviceProperty(embree(device), RTC_DEVICE_PROPERTY_NATIVE_RAY4_SUPPORTED)) return 4;
@@ -114,7 +114,8 @@ static RTCScene build(RTCDevice device, const radiosity_mesh *mesh) {
   return scene;
 }
 
-radiosity_scene *radiosity_scene_new(radiosity_device *device, const radiosity_mesh *mesh, radiosity_error *error) {
+radiosity_scene *radiosity_scene_new(radiosity_device *device, const radiosity_mesh *mesh, uint32_t packet_width,
+                                     radiosity_error *error) {
   clear_error();
   const size_t n = mesh->n_triangles + mesh->n_quads;
   radiosity_scene *scene = calloc(1, sizeof *scene);
@@ -124,7 +125,7 @@ radiosity_scene *radiosity_scene_new(radiosity_device *device, const radiosity_m
     codes[n] = 0;
     scene->codes = codes;
     scene->n_triangles = (uint32_t)mesh->n_triangles;
-    scene->width = radiosity_device_width(device);
+    scene->packet_width = packet_width;
     scene->scene = build(embree(device), mesh);
     if (!scene->scene && last_error.code == RTC_ERROR_NONE) on_error(NULL, RTC_ERROR_UNKNOWN, "no scene was made");
   } else {
@@ -233,7 +234,7 @@ size_t radiosity_device_stray_bytes(radiosity_device *device, radiosity_error *e
   RTCScene scene = build(embree(device), &mesh);
   if (last_error.code == RTC_ERROR_NONE) {
     stray = stray_bytes_1(scene, origin, direction, &hit);
-    switch (radiosity_device_width(device)) {
+    switch (radiosity_device_packet_width(device)) {
       case 16: stray += stray_bytes_16(scene, origin, direction, &hit); break;
       case 8: stray += stray_bytes_8(scene, origin, direction, &hit); break;
       case 4: stray += stray_bytes_4(scene, origin, direction, &hit); break;
@@ -250,7 +251,7 @@ void radiosity_closest_hits(const radiosity_scene *scene, const radiosity_rays *
   struct RTCIntersectArguments arguments;
   rtcInitIntersectArguments(&arguments);
   arguments.flags = coherent ? RTC_RAY_QUERY_FLAG_COHERENT : RTC_RAY_QUERY_FLAG_INCOHERENT;
-  switch (scene->width) {
+  switch (scene->packet_width) {
     case 16: closest_hits_16(scene, rays, &arguments, hits); break;
     case 8: closest_hits_8(scene, rays, &arguments, hits); break;
     case 4: closest_hits_4(scene, rays, &arguments, hits); break;
@@ -262,7 +263,7 @@ void radiosity_occluded(const radiosity_scene *scene, const radiosity_rays *rays
   struct RTCOccludedArguments arguments;
   rtcInitOccludedArguments(&arguments);
   arguments.flags = coherent ? RTC_RAY_QUERY_FLAG_COHERENT : RTC_RAY_QUERY_FLAG_INCOHERENT;
-  switch (scene->width) {
+  switch (scene->packet_width) {
     case 16: occluded_16(scene, rays, &arguments, blocked); break;
     case 8: occluded_8(scene, rays, &arguments, blocked); break;
     case 4: occluded_4(scene, rays, &arguments, blocked); break;

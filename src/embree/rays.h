@@ -61,15 +61,17 @@ void radiosity_device_free(radiosity_device *device);
 uint32_t radiosity_device_version(radiosity_device *device);
 
 /* The widest packet of rays that this device traces natively: 16, 8 or 4, or 1 where it has none. */
-uint32_t radiosity_device_width(radiosity_device *device);
+uint32_t radiosity_device_packet_width(radiosity_device *device);
 
 /* Traces into packets that are followed by canaries, and returns how many bytes the library wrote behind the
  * end that the headers give to a packet: 0 unless headers and library disagree about a layout. Sets the error
  * if the trial scene cannot be built or the trial ray does not hit it. */
 size_t radiosity_device_stray_bytes(radiosity_device *device, radiosity_error *error);
 
-/* Builds a scene, or returns NULL and sets the error. Everything is copied. */
-radiosity_scene *radiosity_scene_new(radiosity_device *device, const radiosity_mesh *mesh, radiosity_error *error);
+/* Builds a scene that is traced in packets of 16, 8 or 4 rays, or else ray by ray; or returns NULL and sets the
+ * error. Everything is copied. */
+radiosity_scene *radiosity_scene_new(radiosity_device *device, const radiosity_mesh *mesh, uint32_t packet_width,
+                                     radiosity_error *error);
 
 void radiosity_scene_free(radiosity_scene *scene);
 

@@ -5,6 +5,11 @@ use crate::visibility::{Coherence, HitBatch, RayBatch};
 use super::ffi;
 use super::scene::CommittedScene;
 
+const _: () = assert!(
+    ffi::RADIOSITY_MISS == HitBatch::MISS,
+    "both sides of the bindings mean the same by a miss"
+);
+
 impl CommittedScene {
     /// Finds the first face along each ray, as [`Visibility::closest_hits`](crate::visibility::Visibility::closest_hits) says, but for coincident faces: there, either may be reported.
     ///

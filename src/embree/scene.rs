@@ -88,6 +88,11 @@ impl SceneBuilder {
     ///
     /// [`EmbreeError::OutOfMemory`], [`EmbreeError::TooMany`], or what Embree reports.
     pub fn commit(self, device: &Device) -> Result<CommittedScene, EmbreeError> {
+        self.commit_for_packets(device, device.packet_width())
+    }
+
+    /// Builds the scene for queries in packets of 16, 8 or 4 rays, or one by one.
+    pub(super) fn commit_for_packets(self, device: &Device, width: u32) -> Result<CommittedScene, EmbreeError> {
         let Self {
             vertices,
             triangles,
@@ -109,7 +114,8 @@ impl SceneBuilder {
         let mut error = ffi::radiosity_error::NONE;
         // SAFETY: the device lives; `mesh` describes arrays that live through the call, which copies them; every corner is
         // below n_vertices and every face below 2³¹ − 1, checked when it was added.
-        let handle = unsafe { ffi::radiosity_scene_new(device.handle().as_ptr(), &raw const mesh, &raw mut error) };
+        let handle =
+            unsafe { ffi::radiosity_scene_new(device.handle().as_ptr(), &raw const mesh, width, &raw mut error) };
         let scene = NonNull::new(handle).map(|handle| CommittedScene { handle });
         error.check()?;
         scene.ok_or(EmbreeError::Failed {

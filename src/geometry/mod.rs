@@ -1,7 +1,10 @@
 //! Polygons, closed forms, quadrature rules and sampling: mathematics that knows nothing of scenes.
 
+pub mod clip;
+pub mod point_form_factor;
 pub mod polygon;
 pub mod quadrature;
+pub mod rectangle;
 pub mod sampling;
 
 pub use glam::DVec3;

@@ -1,5 +1,12 @@
 //! Who sees whom: batches of rays against the faces of a scene.
 
+mod box_pairs;
+pub mod brute_force;
+pub mod embree;
+mod flat_polygon;
+mod frame;
+mod sheets;
+
 use glam::DVec3;
 
 use crate::scene::FaceId;
@@ -121,4 +128,9 @@ impl RayBatch {
         }
         self.t_far.push(t_far);
     }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "rounding is what is wanted")]
+fn to_f32(x: f64) -> f32 {
+    x as f32
 }

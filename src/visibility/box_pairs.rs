@@ -1,0 +1,148 @@
+//! All pairs of faces whose boxes overlap, without looking at all pairs of faces.
+
+use glam::DVec3;
+
+use super::flat_polygon::FlatPolygon;
+
+/// A group of at most this many faces is not split.
+const LEAF: usize = 8;
+
+/// A tree of groups of faces.
+struct Group {
+    low: DVec3,
+    high: DVec3,
+    content: Content,
+}
+
+enum Content {
+    Faces(Vec<u32>),
+    Halves(Box<[Group; 2]>),
+}
+
+/// Calls `visit` once for each pair of faces whose boxes, widened by `margin`, overlap.
+pub(super) fn overlapping_pairs(polygons: &[FlatPolygon], margin: f64, mut visit: impl FnMut(u32, u32)) {
+    let boxes = Boxes(polygons.iter().map(|polygon| bounds(polygon, margin)).collect());
+    if let Ok(n) = u32::try_from(polygons.len()) {
+        boxes.within(&boxes.group((0..n).collect()), &mut visit);
+    }
+}
+
+fn bounds(polygon: &FlatPolygon, margin: f64) -> (DVec3, DVec3) {
+    let all = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let (low, high) = polygon
+        .corners
+        .iter()
+        .fold(all, |(low, high), &v| (low.min(v), high.max(v)));
+    (low - margin * 0.5, high + margin * 0.5)
+}
+
+struct Boxes(Vec<(DVec3, DVec3)>);
+
+impl Boxes {
+    fn group(&self, mut faces: Vec<u32>) -> Group {
+        let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        let (low, high) = faces.iter().fold(empty, |(low, high), &face| {
+            let (l, h) = self.0[face as usize];
+            (low.min(l), high.max(h))
+        });
+        let content = if faces.len() <= LEAF {
+            Content::Faces(faces)
+        } else {
+            let axis = (high - low).max_position();
+            let middle = faces.len() / 2;
+            let twice_centre = |&face: &u32| self.0[face as usize].0[axis] + self.0[face as usize].1[axis];
+            faces.select_nth_unstable_by(middle, |a, b| twice_centre(a).total_cmp(&twice_centre(b)));
+            let upper = faces.split_off(middle);
+            Content::Halves(Box::new([self.group(faces), self.group(upper)]))
+        };
+        Group { low, high, content }
+    }
+
+    /// Visits the pairs within one group.
+    fn within(&self, group: &Group, visit: &mut impl FnMut(u32, u32)) {
+        match &group.content {
+            Content::Faces(faces) => {
+                for (i, &a) in faces.iter().enumerate() {
+                    faces[i + 1..].iter().for_each(|&b| self.pair(a, b, visit));
+                }
+            }
+            Content::Halves(halves) => {
+                self.within(&halves[0], visit);
+                self.within(&halves[1], visit);
+                self.between(&halves[0], &halves[1], visit);
+            }
+        }
+    }
+
+    /// Visits the pairs with one face in each of two groups.
+    fn between(&self, a: &Group, b: &Group, visit: &mut impl FnMut(u32, u32)) {
+        if !overlap((a.low, a.high), (b.low, b.high)) {
+            return;
+        }
+        match (&a.content, &b.content) {
+            (Content::Faces(of_a), Content::Faces(of_b)) => {
+                for &face in of_a {
+                    of_b.iter().for_each(|&other| self.pair(face, other, visit));
+                }
+            }
+            (Content::Halves(halves), Content::Faces(_)) => halves.iter().for_each(|half| self.between(half, b, visit)),
+            (Content::Faces(_), Content::Halves(halves)) => halves.iter().for_each(|half| self.between(a, half, visit)),
+            (Content::Halves(of_a), Content::Halves(of_b)) => {
+                for half in of_a.iter() {
+                    of_b.iter().for_each(|other| self.between(half, other, visit));
+                }
+            }
+        }
+    }
+
+    fn pair(&self, a: u32, b: u32, visit: &mut impl FnMut(u32, u32)) {
+        if overlap(self.0[a as usize], self.0[b as usize]) {
+            visit(a, b);
+        }
+    }
+}
+
+fn overlap(a: (DVec3, DVec3), b: (DVec3, DVec3)) -> bool {
+    a.0.cmple(b.1).all() && b.0.cmple(a.1).all()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+
+    #[test]
+    fn the_pairs_are_those_of_a_double_loop_each_once() {
+        // A staircase of triangles of very different sizes.
+        let polygons: Vec<FlatPolygon> = (0..300)
+            .map(|i| {
+                let x = f64::from(i * 37 % 41);
+                let y = f64::from(i * 59 % 43);
+                let size = f64::from(1 + i * 17 % 23) * if i % 50 == 0 { 3.0 } else { 0.4 };
+                let corner = DVec3::new(x, y, 0.1 * x);
+                FlatPolygon::new(vec![
+                    corner,
+                    corner + size * DVec3::X,
+                    corner + size * (DVec3::Y + DVec3::Z),
+                ])
+            })
+            .collect();
+        let mut found = Vec::new();
+        overlapping_pairs(&polygons, 0.01, |a, b| found.push((a.min(b), a.max(b))));
+        let mut expected = BTreeSet::new();
+        for a in 0..300_u32 {
+            for b in a + 1..300 {
+                if overlap(bounds(&polygons[a as usize], 0.01), bounds(&polygons[b as usize], 0.01)) {
+                    expected.insert((a, b));
+                }
+            }
+        }
+        assert!(
+            expected.len() > 1000 && expected.len() < 300 * 299 / 4,
+            "the test tells pairs apart"
+        );
+        assert_eq!(found.len(), expected.len());
+        assert_eq!(found.into_iter().collect::<BTreeSet<_>>(), expected);
+    }
+}

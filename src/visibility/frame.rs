@@ -1,0 +1,63 @@
+//! The frame in which rays are traced: where its origin is, and which distances f32 can tell apart there.
+
+use glam::DVec3;
+
+use crate::scene::Scene;
+
+use super::flat_polygon::FlatPolygon;
+
+/// The offset of the ends of rays, in units of the largest centred coordinate L.
+///
+/// Half a unit in the last place of an f32 coordinate is at most 2⁻²⁴ L ≈ 6e-8 L, so that a rounded vertex, and a
+/// rounded point of a face, are at most √3 · 6e-8 L ≈ 1e-7 L from where they should be. A rounded point can thus lie
+/// 2e-7 L on the wrong side of its own rounded face, and the arithmetic of the intersection adds a few times as much:
+/// the offset must exceed 1e-6 L, and should not exceed it much, because whatever is thinner is lost.
+/// Measured: between points of the faces of boxes under arbitrary rigid motions, OFFSETS.
+pub(super) const OFFSET: f64 = 5e-6;
+
+/// Faces whose distance is below this, in units of L, coincide: f32 cannot tell which one comes first. Two units in the last place.
+pub(super) const COINCIDENT: f64 = 1.0 / (1 << 22) as f64;
+
+/// The frame of a scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Frame {
+    /// The centre of the scene's box.
+    pub(super) origin: DVec3,
+    /// L, the largest absolute coordinate of a vertex after centring, in m.
+    pub(super) largest: f64,
+}
+
+impl Frame {
+    pub(super) fn of(scene: &Scene) -> Self {
+        if scene.faces.is_empty() {
+            return Self {
+                origin: DVec3::ZERO,
+                largest: 0.0,
+            };
+        }
+        let (low, high) = scene.bounding_box();
+        Self {
+            origin: low.midpoint(high),
+            largest: ((high - low) * 0.5).max_element(),
+        }
+    }
+
+    pub(super) fn offset(&self) -> f64 {
+        OFFSET * self.largest
+    }
+
+    pub(super) fn coincident(&self) -> f64 {
+        COINCIDENT * self.largest
+    }
+
+    /// Returns the corners of all faces in this frame, not rounded.
+    pub(super) fn polygons(&self, scene: &Scene) -> Vec<FlatPolygon> {
+        scene
+            .face_ids()
+            .map(|face| {
+                let corners = scene.polygon(face).into_iter().map(|v| v - self.origin).collect();
+                FlatPolygon::new(corners)
+            })
+            .collect()
+    }
+}
