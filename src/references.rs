@@ -25,3 +25,27 @@ pub const LAMBERT_1760: &str = "Lambert 1760";
 ///
 /// <https://www.graphics.cornell.edu/online/box/data.html>
 pub const CORNELL_BOX: &str = "Cornell box data";
+
+/// I. E. Sutherland, G. W. Hodgman, "Reentrant polygon clipping", Communications of the ACM 17(1), 1974: cutting a polygon along one plane after another.
+pub const SUTHERLAND_HODGMAN_1974: &str = "Sutherland and Hodgman 1974";
+
+/// E. M. Sparrow, "A New and Simpler Formulation for Radiative Angle Factors", Journal of Heat Transfer 85(2), 1963: form factors as contour integrals.
+pub const SPARROW_1963: &str = "Sparrow 1963";
+
+/// H. Freeman, R. Shapira, "Determining the minimum-area encasing rectangle for an arbitrary closed curve", Communications of the ACM 18(7), 1975.
+pub const FREEMAN_SHAPIRA_1975: &str = "Freeman and Shapira 1975";
+
+/// E. Reinhard, M. Stark, P. Shirley, J. Ferwerda, "Photographic Tone Reproduction for Digital Images", SIGGRAPH 2002.
+pub const REINHARD_2002: &str = "Reinhard et al. 2002";
+
+/// W. Hoeffding, "Probability Inequalities for Sums of Bounded Random Variables", Journal of the American Statistical Association 58(301), 1963.
+pub const HOEFFDING_1963: &str = "Hoeffding 1963";
+
+/// A. B. Owen, "Monte Carlo Variance of Scrambled Net Quadrature", SIAM Journal on Numerical Analysis 34(5), 1997.
+pub const OWEN_1997: &str = "Owen 1997";
+
+/// B. Efron, "Student's t-Test Under Symmetry Conditions", Journal of the American Statistical Association 64(328), 1969.
+pub const EFRON_1969: &str = "Efron 1969";
+
+/// Q.-M. Shao, "Self-normalized Large Deviations", The Annals of Probability 25(1), 1997.
+pub const SHAO_1997: &str = "Shao 1997";

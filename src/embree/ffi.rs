@@ -4,6 +4,7 @@
     non_camel_case_types,
     unreachable_pub,
     clippy::pedantic,
+    clippy::allow_attributes_without_reason,
     reason = "generated from C, and private to this module"
 )]
 

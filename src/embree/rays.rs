@@ -91,3 +91,87 @@ fn arrays(rays: &RayBatch) -> ffi::radiosity_rays {
         n,
     }
 }
+
+#[cfg(test)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::embree::{Device, SceneBuilder};
+
+    /// Triangles and quads, each in its own plane, that face up and down by turns: n × n of them over the unit square.
+    fn scales(n: u16, device: &Device, packet_width: u32) -> CommittedScene {
+        let mut vertices = Vec::new();
+        let mut corners = Vec::new();
+        for cell in 0..n * n {
+            let (x, y) = (f32::from(cell % n), f32::from(cell / n));
+            let slope = f32::from(cell % 7) / 10.0;
+            let first = u32::try_from(vertices.len()).unwrap();
+            for (dx, dy) in [(0.1, 0.1), (0.9, 0.1), (0.9, 0.9), (0.1, 0.9)] {
+                vertices.push([(x + dx) / f32::from(n), (y + dy) / f32::from(n), slope * (dx - dy)]);
+            }
+            corners.push([0, 1, 2, 3].map(|k| first + if cell % 2 == 0 { k } else { 3 - k }));
+        }
+        let mut builder = SceneBuilder::new(vertices).unwrap();
+        for (face, &[a, b, c, d]) in (0..).zip(&corners) {
+            if face % 3 == 0 {
+                builder.triangle([a, b, c], face).unwrap();
+            } else {
+                builder.quad([a, b, c, d], face).unwrap();
+            }
+        }
+        builder.commit_for_packets(device, packet_width).unwrap()
+    }
+
+    /// Rays from a grid of points above the unit square; every seventh is a segment that ends too early.
+    fn grid_of_rays(n: u16) -> RayBatch {
+        let mut rays = RayBatch::default();
+        for k in 0..n * n {
+            let [x, y] = [k % n, k / n].map(|i| (f64::from(i) + 0.5) / f64::from(n));
+            let origin = DVec3::new(0.5, 0.5, if k % 2 == 0 { 3.0 } else { -3.0 });
+            let target = DVec3::new(x, y, 0.0);
+            if k % 7 == 0 {
+                rays.push_segment(origin, origin.lerp(target, 0.75));
+            } else {
+                rays.push_ray(origin, target - origin);
+            }
+        }
+        rays
+    }
+
+    #[test]
+    fn packets_of_all_widths_and_single_rays_give_the_same_answers() {
+        let device = Device::new().unwrap();
+        // 199² rays fill no packet to the end.
+        let rays = grid_of_rays(199);
+        let answers = |packet_width: u32| {
+            let scene = scales(30, &device, packet_width);
+            let (mut hits, mut blocked) = (HitBatch::default(), Vec::new());
+            scene.closest_hits(&rays, Coherence::Coherent, &mut hits);
+            scene.occluded(&rays, Coherence::Coherent, &mut blocked);
+            (hits, blocked)
+        };
+        let (alone, alone_blocked) = answers(1);
+        let n_backs = (0..rays.len())
+            .filter_map(|k| alone.face(k))
+            .filter(|hit| hit.back)
+            .count();
+        let n_hits = (0..rays.len()).filter_map(|k| alone.face(k)).count();
+        assert!(n_hits > 10_000 && n_hits < 30_000 && n_backs > n_hits / 4 && n_backs < n_hits * 3 / 4);
+        for packet_width in [4, 8, 16] {
+            let (hits, blocked) = answers(packet_width);
+            assert_eq!(hits.face_and_side, alone.face_and_side, "packets of {packet_width}");
+            assert_eq!(blocked, alone_blocked, "packets of {packet_width}");
+            for (values, expected) in [(&hits.t, &alone.t), (&hits.u, &alone.u), (&hits.v, &alone.v)] {
+                let apart = values
+                    .iter()
+                    .zip(expected)
+                    .filter(|(a, b)| a != b)
+                    .map(|(a, b)| (a - b).abs());
+                let largest = apart.fold(0.0, f32::max);
+                assert!(largest < 1e-5, "packets of {packet_width}: {largest}");
+            }
+        }
+    }
+}

@@ -12,6 +12,8 @@ const LARGEST_COORDINATE: f32 = 1.8e18;
 /// A face code is 2 · face + side, and the largest code means a miss.
 const LARGEST_FACE: u32 = (u32::MAX >> 1) - 1;
 
+const _: () = assert!(2 * LARGEST_FACE + 1 < ffi::RADIOSITY_MISS);
+
 /// Gathers the faces of a scene; [`SceneBuilder::commit`] turns it into one that can be queried.
 #[derive(Clone, Debug)]
 pub struct SceneBuilder {
@@ -200,7 +202,6 @@ mod tests {
         builder.triangle([0, 1, 2], LARGEST_FACE).unwrap();
         let error = builder.triangle([0, 1, 2], LARGEST_FACE + 1).unwrap_err();
         assert!(matches!(error, EmbreeError::TooMany { .. }), "{error:?}");
-        assert!(2 * LARGEST_FACE + 1 < ffi::RADIOSITY_MISS);
     }
 
     #[test]

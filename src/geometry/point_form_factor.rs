@@ -20,10 +20,7 @@ use super::polygon;
 /// the sum is then taken about the polygon's middle, where its leading terms cancel by algebra and not by subtraction.
 /// Exact under scaling by a power of two, as long as fourth powers of the lengths stay in range (1e-75 to 1e75).
 ///
-/// Source: Lambert, *Photometria* (1760), in the form of [Baum, Rushmeier and Winget 1989], equation (5).
-/// Departures: the evaluation about the polygon's middle.
-///
-/// [Baum, Rushmeier and Winget 1989]: https://doi.org/10.1145/74334.74367
+/// Source: [`LAMBERT_1760`](crate::references::LAMBERT_1760). Departures: the cut at the horizon; the evaluation about the polygon's middle.
 #[must_use]
 #[doc(alias = "view factor")]
 pub fn point_form_factor(point: DVec3, normal: DVec3, polygon: &[DVec3]) -> f64 {

@@ -18,10 +18,8 @@ const ANGLE_TOLERANCE: f64 = 1e-12;
 /// plane or back to front give `Some(0.0)`. Angles are taken as right within 1e-12.
 ///
 /// Accuracy: 3e-15 of the squared diameter of the pair, absolute. Terms cancel: the relative error grows to 1e-11 at F = 1e-4, so that
-/// quadrature is better beyond about three diameters. Source: the contour integral of Sparrow (1963), equation (8), integrated by hand;
-/// the same values as [Ehlert and Smith 1993]. Departures: none.
-///
-/// [Ehlert and Smith 1993]: https://doi.org/10.2514/3.11589
+/// quadrature is better beyond about three diameters. Source: the contour integral of
+/// [`SPARROW_1963`](crate::references::SPARROW_1963), integrated by hand. Departures: none.
 #[must_use]
 #[doc(alias = "view factor")]
 pub fn rectangle_exchange_area(from: &[DVec3], to: &[DVec3]) -> Option<f64> {

@@ -133,7 +133,7 @@ impl FormFactors {
             }
             scaling = next;
         }
-        let (scaling, row_error_max, n_empty_rows) = best;
+        let (best_scaling, row_error_max, n_empty_rows) = best;
         let converged = row_error_max <= tolerance;
         let report = BalanceReport {
             n_passes,
@@ -141,7 +141,7 @@ impl FormFactors {
             n_empty_rows,
             converged,
         };
-        (scaling, report)
+        (best_scaling, report)
     }
 
     /// Returns the mean of A_i F_ij and A_j F_ji and its standard error, both divided by `area_max`. Swapping i and j

@@ -264,8 +264,8 @@ impl LinearOperator for FormFactors {
         rows.with_min_len(ROWS_PER_TASK).for_each(|(i, sum)| {
             sum.fill(0.0);
             let diagonal = self.dot_off_diagonal(i, x, sum);
-            for (sum, x) in sum.iter_mut().zip(x.row(i)) {
-                *sum += diagonal * x;
+            for (channel_sum, x_ic) in sum.iter_mut().zip(x.row(i)) {
+                *channel_sum += diagonal * x_ic;
             }
         });
     }

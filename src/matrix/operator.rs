@@ -9,7 +9,11 @@ pub struct Block {
 
 impl Block {
     /// Returns a block of zeros.
+    ///
+    /// # Panics
+    /// If there is no channel.
     #[must_use]
+    #[track_caller]
     pub fn zeros(n_rows: usize, n_channels: usize) -> Self {
         assert!(n_channels > 0, "a block has at least one channel");
         Self {
@@ -19,6 +23,9 @@ impl Block {
     }
 
     /// Wraps `values` (row-major, channel fastest).
+    ///
+    /// # Panics
+    /// If there is no channel, or the values do not fill whole rows.
     #[must_use]
     #[track_caller]
     pub fn from_values(values: Vec<f64>, n_channels: usize) -> Self {

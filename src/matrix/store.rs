@@ -105,14 +105,9 @@ pub(super) fn add_dot<T: Scalar>(
         1 => add_dot_fixed::<T, 1>(values, row_of, factor, x, sum),
         3 => add_dot_fixed::<T, 3>(values, row_of, factor, x, sum),
         n_channels => {
-            for (c, sum) in sum.iter_mut().enumerate() {
-                add_dot_fixed::<T, 1>(
-                    values,
-                    |k| row_of(k) * n_channels + c,
-                    factor,
-                    x,
-                    std::slice::from_mut(sum),
-                );
+            for c in 0..n_channels {
+                let place_of = |k| row_of(k) * n_channels + c;
+                add_dot_fixed::<T, 1>(values, place_of, factor, x, &mut sum[c..=c]);
             }
         }
     }
@@ -129,19 +124,20 @@ fn add_dot_fixed<T: Scalar, const C: usize>(
     let (fours, rest) = values.as_chunks::<4>();
     let mut lanes = [[0.0; C]; 4];
     let add = |lane: &mut [f64; C], value: T, k: usize| {
-        for (lane, x) in lane.iter_mut().zip(&rows[row_of(k)]) {
-            *lane += value.to_f64() * x;
+        let row = &rows[row_of(k)];
+        for c in 0..C {
+            lane[c] += value.to_f64() * row[c];
         }
     };
-    for (block, values) in fours.iter().enumerate() {
-        for (l, lane) in lanes.iter_mut().enumerate() {
-            add(lane, values[l], 4 * block + l);
+    for (block, four) in fours.iter().enumerate() {
+        for l in 0..4 {
+            add(&mut lanes[l], four[l], 4 * block + l);
         }
     }
     for (l, &value) in rest.iter().enumerate() {
         add(&mut lanes[l], value, 4 * fours.len() + l);
     }
-    for (c, sum) in sum.iter_mut().enumerate() {
-        *sum += factor * ((lanes[0][c] + lanes[1][c]) + (lanes[2][c] + lanes[3][c]));
+    for c in 0..C {
+        sum[c] += factor * ((lanes[0][c] + lanes[1][c]) + (lanes[2][c] + lanes[3][c]));
     }
 }

@@ -1,4 +1,7 @@
-//! A validated scene: vertices, flat faces with one or two sides, named surfaces, materials.
+//! A validated scene: vertices, flat faces that see along their normal, named surfaces, materials.
+//!
+//! [`load`] reads OBJ and MTL files, [`builtin::build`] makes the scenes of the literature, [`write_obj`] writes either,
+//! and a [`Camera`] looks at it.
 
 pub mod topology;
 
@@ -6,6 +9,33 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::polygon;
+
+mod builder;
+pub mod builtin;
+mod camera;
+mod default_view;
+mod error;
+mod hash;
+mod lines;
+mod mtl;
+mod obj;
+mod obj_lines;
+mod split;
+mod warning;
+mod write;
+
+pub use camera::Camera;
+pub use error::SceneError;
+pub use obj::{DEFAULT_REFLECTANCE, Loaded, load};
+pub use warning::SceneWarning;
+pub use write::write_obj;
+
+/// The greatest number of faces in a scene, 2³¹ − 1: a hit is a face and a side in 32 bits
+/// (see [`HitBatch`](crate::visibility::HitBatch)).
+pub const MAX_FACES: u32 = u32::MAX / 2;
+
+/// The greatest |coordinate| in a scene, in m: beyond it, products of lengths leave the range of the f32 that rays are traced in.
+pub const MAX_COORDINATE: f64 = 1e15;
 
 /// Index of a face in [`Scene::faces`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
@@ -119,5 +149,26 @@ impl Scene {
             .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), v| {
                 (lo.min(v), hi.max(v))
             })
+    }
+
+    /// Tells whether any face emits light: some channel of E of its material is positive.
+    #[must_use]
+    pub fn is_emitting(&self) -> bool {
+        self.materials_in_use().any(|m| m.exitance.iter().any(|&e| e > 0.0))
+    }
+
+    /// Returns how many channels a solution needs: 1 if every material in use is grey in both ρ and E, otherwise 3.
+    #[must_use]
+    pub fn n_channels_needed(&self) -> usize {
+        let grey = |v: [f64; 3]| v.iter().all(|x| x.to_bits() == v[0].to_bits());
+        if self.materials_in_use().all(|m| grey(m.reflectance) && grey(m.exitance)) {
+            1
+        } else {
+            3
+        }
+    }
+
+    fn materials_in_use(&self) -> impl Iterator<Item = &Material> {
+        self.faces.iter().map(|f| &self.materials[f.material.0 as usize])
     }
 }

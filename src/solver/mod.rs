@@ -1,3 +1,92 @@
 //! Solvers of the radiosity system B = E + diag(ρ) F B.
+//!
+//! A [`RadiositySystem`] holds a validated system, a [`Solver`] turns it into a [`Solution`]; solvers are found by
+//! name with [`by_name`]. Every solution carries the true residual of the radiosities that are returned, however the solver kept
+//! its own accounts, and a bound of their error.
+
+mod error;
+mod error_bound;
+mod gauss_seidel;
+mod history;
+mod pcg;
+mod scaled;
+mod solution;
+mod start;
+mod stop;
+mod system;
 
 pub use crate::matrix::operator;
+pub use error::SolverError;
+pub use gauss_seidel::GaussSeidel;
+pub use history::HistoryEntry;
+pub use pcg::Pcg;
+pub use solution::Solution;
+pub use start::Start;
+pub use stop::{StopReason, Tolerance};
+pub use system::RadiositySystem;
+
+use std::ops::ControlFlow;
+
+/// What all solvers can be told.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SolveOptions {
+    /// What has to become small, and how small.
+    pub tolerance: Tolerance,
+    /// Passes that may be spent; each reads all of F once.
+    pub max_passes: usize,
+    /// Passes without a new least residual after which the solver gives up as [`StopReason::Stagnated`].
+    pub patience: usize,
+    /// The first radiosities.
+    pub start: Start,
+    /// Lets solvers that need symmetric exchange areas run without, at the caller's risk: the true residual tells what came of it.
+    pub allow_nonreciprocal: bool,
+}
+
+impl Default for SolveOptions {
+    /// 1e-6 on the relative residual, 1000 passes, a patience of 50, start B = E, symmetric exchange areas required where needed.
+    fn default() -> Self {
+        Self {
+            tolerance: Tolerance::default(),
+            max_passes: 1000,
+            patience: 50,
+            start: Start::default(),
+            allow_nonreciprocal: false,
+        }
+    }
+}
+
+/// A method to solve the radiosity system.
+pub trait Solver: Sync {
+    /// Returns the name on the command line.
+    fn name(&self) -> &'static str;
+
+    /// Solves for the radiosities.
+    ///
+    /// `monitor` is called after every pass, and once more for a pass after which the true residual replaces an estimate;
+    /// if it breaks, the solver checks what it has and returns it.
+    /// Not converging is not an error: see [`Solution::stop_reason`].
+    ///
+    /// # Errors
+    /// [`SolverError::Tolerance`] for a tolerance that is not positive and finite; [`SolverError::NeedsReciprocity`] and
+    /// [`SolverError::NeedsRows`] if the form factors lack what the solver needs.
+    fn solve(
+        &self,
+        system: &RadiositySystem,
+        options: &SolveOptions,
+        monitor: &mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>,
+    ) -> Result<Solution, SolverError>;
+}
+
+/// The registry: all solvers there are.
+static SOLVERS: [&dyn Solver; 2] = [&GaussSeidel, &Pcg];
+
+/// Returns the solver of a name, or `None` if there is none.
+#[must_use]
+pub fn by_name(name: &str) -> Option<&'static dyn Solver> {
+    SOLVERS.iter().copied().find(|solver| solver.name() == name)
+}
+
+/// Iterates over the names of all solvers.
+pub fn names() -> impl Iterator<Item = &'static str> {
+    SOLVERS.iter().map(|solver| solver.name())
+}

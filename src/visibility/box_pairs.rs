@@ -82,7 +82,9 @@ impl Boxes {
         match (&a.content, &b.content) {
             (Content::Faces(of_a), Content::Faces(of_b)) => {
                 for &face in of_a {
-                    of_b.iter().for_each(|&other| self.pair(face, other, visit));
+                    for &other in of_b {
+                        self.pair(face, other, visit);
+                    }
                 }
             }
             (Content::Halves(halves), Content::Faces(_)) => halves.iter().for_each(|half| self.between(half, b, visit)),

@@ -124,7 +124,7 @@ mod tests {
     use crate::scene::{Corners, Face, MaterialId, SurfaceId};
 
     fn scene_of(vertices: &[[f64; 3]], faces: &[&[u32]]) -> Scene {
-        let corners = |face: &&[u32]| match **face {
+        let corners_of = |indices: &&[u32]| match **indices {
             [a, b, c] => Corners::Triangle([a, b, c]),
             [a, b, c, d] => Corners::Quad([a, b, c, d]),
             _ => panic!("three or four corners"),
@@ -137,7 +137,7 @@ mod tests {
         };
         Scene {
             vertices: vertices.iter().copied().map(DVec3::from).collect(),
-            faces: faces.iter().map(|f| face(corners(f))).collect(),
+            faces: faces.iter().map(|f| face(corners_of(f))).collect(),
             ..Scene::default()
         }
     }

@@ -20,7 +20,7 @@ const EXTENTS: std::ops::RangeInclusive<f64> = 1e-8..=1e11;
 /// √3 · 2⁻²⁴ L, with L the largest centred coordinate; this is the accuracy of all answers, along with a few 2⁻²⁴ of the
 /// distance for t.
 ///
-/// The [`offset`](Visibility::offset) is 5e-6 L: large enough that a patch does not shadow itself, and a wall that is
+/// The [`offset`](Visibility::offset) is 3e-6 L: large enough that a patch does not shadow itself, and a wall that is
 /// thinner cannot be told from a sheet by segments between patches.
 ///
 /// Two faces of opposite winding that coincide, even in part, are a two-sided sheet: the one that faces the ray's origin is reported,

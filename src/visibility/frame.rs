@@ -10,10 +10,10 @@ use super::flat_polygon::FlatPolygon;
 ///
 /// Half a unit in the last place of an f32 coordinate is at most 2⁻²⁴ L ≈ 6e-8 L, so that a rounded vertex, and a
 /// rounded point of a face, are at most √3 · 6e-8 L ≈ 1e-7 L from where they should be. A rounded point can thus lie
-/// 2e-7 L on the wrong side of its own rounded face, and the arithmetic of the intersection adds a few times as much:
-/// the offset must exceed 1e-6 L, and should not exceed it much, because whatever is thinner is lost.
-/// Measured: between points of the faces of boxes under arbitrary rigid motions, OFFSETS.
-pub(super) const OFFSET: f64 = 5e-6;
+/// 2e-7 L on the wrong side of its own rounded face, and the arithmetic of the intersection adds as much again.
+/// Measured with 5.4 million segments between points of the walls of a room (of 6, 294 and 5400 cells; six rigid
+/// motions each): 90 % are blocked without an offset, 12 segments at 5e-7 L, none at 7e-7 L. Four times that is safe, and more would only blur what is thin.
+pub(super) const OFFSET: f64 = 3e-6;
 
 /// Faces whose distance is below this, in units of L, coincide: f32 cannot tell which one comes first. Two units in the last place.
 pub(super) const COINCIDENT: f64 = 1.0 / (1 << 22) as f64;

@@ -22,7 +22,7 @@ pub enum Coherence {
 
 /// A batch of rays as a structure of arrays, in f32 and in the frame of one [`Visibility`] (its [`frame_origin`](Visibility::frame_origin) subtracted).
 ///
-/// A point of a ray is o + t d with 0 ≤ t ≤ t_far: infinity for a ray, 1 for a segment whose direction is the difference of its ends.
+/// A point of a ray is o + t d with 0 ≤ t ≤ `t_far`: infinity for a ray, 1 for a segment whose direction is the difference of its ends.
 #[derive(Clone, Debug, Default)]
 pub struct RayBatch {
     /// Origins, one array per axis.
@@ -86,7 +86,7 @@ pub trait Visibility: Send + Sync {
     /// Where two faces of opposite winding coincide, the one that faces the ray's origin is reported.
     fn closest_hits(&self, rays: &RayBatch, coherence: Coherence, hits: &mut HitBatch);
 
-    /// Tells for each ray whether any face lies between its origin and t_far; `blocked` is resized to the batch.
+    /// Tells for each ray whether any face lies between its origin and `t_far`; `blocked` is resized to the batch.
     fn occluded(&self, rays: &RayBatch, coherence: Coherence, blocked: &mut Vec<bool>);
 }
 

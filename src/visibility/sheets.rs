@@ -63,8 +63,8 @@ impl Sheets {
         if depth < -self.tolerance {
             return None;
         }
-        let (u, v) = self.polygons[partner as usize].local_coordinates(point);
-        Some((partner, u.clamp(0.0, 1.0), v.clamp(0.0, 1.0)))
+        let (on_u, on_v) = self.polygons[partner as usize].local_coordinates(point);
+        Some((partner, on_u.clamp(0.0, 1.0), on_v.clamp(0.0, 1.0)))
     }
 }
 
@@ -72,9 +72,9 @@ impl Sheets {
 pub(super) fn coincide(a: &FlatPolygon, b: &FlatPolygon, gap: f64) -> bool {
     let within = |plane: &FlatPolygon, of: &FlatPolygon| of.corners.iter().all(|&v| plane.height(v).abs() <= gap);
     // Two convex polygons are apart if and only if the line of an edge of one of them separates them.
-    let apart = |a: &FlatPolygon, b: &FlatPolygon| {
-        a.edges()
-            .any(|(corner, inward)| b.corners.iter().all(|&v| inward.dot(v - corner) <= gap))
+    let apart = |by: &FlatPolygon, other: &FlatPolygon| {
+        by.edges()
+            .any(|(corner, inward)| other.corners.iter().all(|&v| inward.dot(v - corner) <= gap))
     };
     a.normal.dot(b.normal) < 0.0 && (within(a, b) || within(b, a)) && !apart(a, b) && !apart(b, a)
 }
@@ -95,7 +95,7 @@ mod tests {
         if reversed {
             corners.reverse();
         }
-        FlatPolygon::new(corners.into_iter().map(|(x, y)| turn * DVec3::new(x, y, z)).collect())
+        FlatPolygon::new(corners.into_iter().map(|(a, b)| turn * DVec3::new(a, b, z)).collect())
     }
 
     fn frame() -> Frame {

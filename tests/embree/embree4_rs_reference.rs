@@ -39,7 +39,8 @@ fn single_rays_through_embree4_rs_hit_the_same_triangles() {
 
     let mut rays = RayBatch::default();
     for _ in 0..50_000 {
-        rays.push_ray(random.direction(), random.direction());
+        let (from, to) = (random.direction(), 2.0 * (random.point() - 0.5));
+        rays.push_ray(from, to - from);
     }
     let mut hits = HitBatch::default();
     visibility.closest_hits(&rays, Coherence::Incoherent, &mut hits);

@@ -9,35 +9,35 @@ use rand_pcg::Pcg64;
 use rand_pcg::rand_core::{Rng, SeedableRng};
 
 /// Random numbers that are the same in every run.
-pub struct Random(Pcg64);
+pub(crate) struct Random(Pcg64);
 
 impl Random {
-    pub fn new(seed: u64) -> Self {
+    pub(crate) fn new(seed: u64) -> Self {
         Self(Pcg64::seed_from_u64(seed))
     }
 
     /// A number in [0, 1).
-    pub fn unit(&mut self) -> f64 {
+    pub(crate) fn unit(&mut self) -> f64 {
         (self.0.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    pub fn between(&mut self, low: f64, high: f64) -> f64 {
+    pub(crate) fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.unit()
     }
 
     /// A point in the cube from 0 to 1.
-    pub fn point(&mut self) -> DVec3 {
+    pub(crate) fn point(&mut self) -> DVec3 {
         DVec3::new(self.unit(), self.unit(), self.unit())
     }
 
     /// A unit vector, all directions alike.
-    pub fn direction(&mut self) -> DVec3 {
+    pub(crate) fn direction(&mut self) -> DVec3 {
         let (z, phi) = (self.between(-1.0, 1.0), self.between(0.0, TAU));
         let r = (1.0 - z * z).max(0.0).sqrt();
         DVec3::new(r * phi.cos(), r * phi.sin(), z)
     }
 
-    pub fn motion(&mut self) -> Motion {
+    pub(crate) fn motion(&mut self) -> Motion {
         Motion {
             rotation: DQuat::from_axis_angle(self.direction(), self.between(0.0, TAU)),
             translation: 5.0 * self.direction(),
@@ -47,22 +47,22 @@ impl Random {
 
 /// A rigid motion.
 #[derive(Clone, Copy, Debug)]
-pub struct Motion {
-    pub rotation: DQuat,
-    pub translation: DVec3,
+pub(crate) struct Motion {
+    pub(crate) rotation: DQuat,
+    pub(crate) translation: DVec3,
 }
 
 impl Motion {
-    pub const NONE: Self = Self {
+    pub(crate) const NONE: Self = Self {
         rotation: DQuat::IDENTITY,
         translation: DVec3::ZERO,
     };
 
-    pub fn point(&self, p: DVec3) -> DVec3 {
+    pub(crate) fn point(&self, p: DVec3) -> DVec3 {
         self.rotation * p + self.translation
     }
 
-    pub fn scene(&self, mut scene: Scene) -> Scene {
+    pub(crate) fn scene(&self, mut scene: Scene) -> Scene {
         for v in &mut scene.vertices {
             *v = self.point(*v);
         }
@@ -72,7 +72,7 @@ impl Motion {
 
 /// Gathers faces; corners at bit-identical positions become one vertex.
 #[derive(Default)]
-pub struct Builder {
+pub(crate) struct Builder {
     scene: Scene,
     known: HashMap<[u64; 3], u32>,
 }
@@ -88,7 +88,7 @@ impl Builder {
         })
     }
 
-    pub fn face(&mut self, corners: &[DVec3]) {
+    pub(crate) fn face(&mut self, corners: &[DVec3]) {
         let corners: Vec<u32> = corners.iter().map(|&v| self.vertex(v)).collect();
         self.scene.faces.push(Face {
             corners: match *corners {
@@ -102,13 +102,13 @@ impl Builder {
         });
     }
 
-    pub fn finish(self) -> Scene {
+    pub(crate) fn finish(self) -> Scene {
         self.scene
     }
 }
 
 /// Random triangles, and convex quads on ellipses, about a tenth of the unit cube in size.
-pub fn soup(n: usize, quads: bool, random: &mut Random) -> Scene {
+pub(crate) fn soup(n: usize, quads: bool, random: &mut Random) -> Scene {
     let mut builder = Builder::default();
     for i in 0..n {
         let centre = random.point();
@@ -162,14 +162,14 @@ fn add_room(builder: &mut Builder, n: u32, quads: bool) {
 }
 
 /// The unit box, closed, seen from within; n × n cells a wall.
-pub fn room(n: u32) -> Scene {
+pub(crate) fn room(n: u32) -> Scene {
     let mut builder = Builder::default();
     add_room(&mut builder, n, true);
     builder.finish()
 }
 
 /// A closed room with a sphere in it: 14,288 triangles.
-pub fn room_and_sphere() -> Scene {
+pub(crate) fn room_and_sphere() -> Scene {
     const LONGITUDES: u32 = 80;
     const LATITUDES: u32 = 90;
     let mut builder = Builder::default();

@@ -93,6 +93,9 @@ fn beside_a_small_face_on_its_back_a_large_one_shows_its_back() {
     }
     let mut hits = HitBatch::default();
     visibility.closest_hits(&rays, Coherence::Coherent, &mut hits);
-    let front_of = |face: u32| 2 * face;
-    assert_eq!(hits.face_and_side, [front_of(1), front_of(0), 2 * 0 + 1, front_of(0)]);
+    let seen: Vec<_> = (0..4)
+        .filter_map(|k| hits.face(k))
+        .map(|hit| (hit.face.0, hit.back))
+        .collect();
+    assert_eq!(seen, [(1, false), (0, false), (0, true), (0, false)]);
 }

@@ -1,0 +1,330 @@
+//! The command line: names, defaults, help.
+
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use serde::Serialize;
+
+use crate::geometry::sampling::Sequence;
+use crate::mesh::Subdivision;
+
+/// Light in diffuse scenes: form factors to high accuracy, radiosity, OpenEXR pictures.
+#[derive(Debug, Parser)]
+#[command(name = "radiosity", version, about, propagate_version = true, max_term_width = 110)]
+#[command(after_help = "Exit codes: 0 done, 1 error in the input or at run time, 2 usage, 3 not converged or a budget \
+                        spent above the tolerance, 4 a check outside its tolerance.")]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Write a built-in scene as OBJ and MTL
+    Scene(SceneArgs),
+    /// Compute form factors, check them, and report them by surface
+    FormFactors(FormFactorsArgs),
+    /// Solve for the radiosity of every patch
+    Solve(SolveArgs),
+    /// Render a scene to a layered OpenEXR image and a PNG preview
+    Render(RenderArgs),
+    /// Check an EXR against the analytic answer of the scene that it was made from
+    Verify(VerifyArgs),
+}
+
+/// Flags that every command has.
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Common")]
+pub struct CommonArgs {
+    /// Number of threads [default: all cores]; results do not depend on it
+    #[arg(long, value_name = "K")]
+    pub threads: Option<NonZeroUsize>,
+    /// Print what was chosen and what was left out, and why
+    #[arg(long)]
+    pub explain: bool,
+    /// Print one JSON document instead of text
+    #[arg(long)]
+    pub json: bool,
+    /// No progress, no warnings
+    #[arg(long)]
+    pub quiet: bool,
+}
+
+/// `radiosity scene`.
+#[derive(Args, Debug)]
+pub struct SceneArgs {
+    /// The built-in scene's name
+    #[arg(value_name = "NAME")]
+    pub name: String,
+    /// Level of refinement, for scenes that have levels
+    #[arg(long, value_name = "L")]
+    pub level: Option<u32>,
+    /// The OBJ file to write; the MTL file goes beside it
+    #[arg(short, long, value_name = "OUT.obj")]
+    pub output: PathBuf,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub common: CommonArgs,
+}
+
+/// How faces are cut into patches.
+#[derive(Args, Clone, Copy, Debug)]
+#[command(next_help_heading = "Patches")]
+pub struct MeshArgs {
+    /// Cut every edge into N parts: a quad into N×N patches, a triangle into N² [default: 1; render: by size]
+    #[arg(long, value_name = "N", conflicts_with = "max_edge")]
+    pub subdivide: Option<u32>,
+    /// Cut every edge into parts of at most L metres
+    #[arg(long, value_name = "L")]
+    pub max_edge: Option<f64>,
+}
+
+impl MeshArgs {
+    /// Returns what the flags ask for, or `default`.
+    #[must_use]
+    pub fn subdivision(self, default: Subdivision) -> Subdivision {
+        match (self.subdivide, self.max_edge) {
+            (Some(n), _) => Subdivision::Uniform(n),
+            (None, Some(length)) => Subdivision::MaxEdge(length),
+            (None, None) => default,
+        }
+    }
+}
+
+/// The form-factor methods.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum MethodName {
+    /// Shooting from random points
+    Sr,
+    /// Shooting from Q × Q Gauss points
+    Sg,
+    /// Shooting from 5 × 5 Gauss points
+    Sg5,
+    /// Shooting from 10 × 10 Gauss points
+    Sg10,
+}
+
+/// The kinds of numbers that shooting uses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum SequenceName {
+    /// Owen-scrambled Sobol points
+    Sobol,
+    /// Independent pseudo-random numbers
+    Random,
+}
+
+impl From<SequenceName> for Sequence {
+    fn from(name: SequenceName) -> Self {
+        match name {
+            SequenceName::Sobol => Self::Sobol,
+            SequenceName::Random => Self::Random,
+        }
+    }
+}
+
+/// Whether form factors are made symmetric and their rows made to sum to what they should.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum BalanceName {
+    /// Where the solver needs a symmetric system
+    Auto,
+    /// Always
+    On,
+    /// Never
+    Off,
+}
+
+/// How form factors are computed.
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Form factors")]
+pub struct MethodArgs {
+    /// The method
+    #[arg(long, value_enum, default_value_t = MethodName::Sr)]
+    pub method: MethodName,
+    /// Rays for each patch [default: 4096; render: 16384]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub rays: Option<u64>,
+    /// Gauss points along each side of a patch, for `sg` [default: 5]
+    #[arg(long, value_name = "Q")]
+    pub points: Option<NonZeroUsize>,
+    /// Where the numbers come from
+    #[arg(long, value_enum, default_value_t = SequenceName::Sobol)]
+    pub sequence: SequenceName,
+    /// Seed of all numbers
+    #[arg(long, value_name = "S", default_value_t = 0)]
+    pub seed: u64,
+    /// Average each pair with its reverse and rebalance the rows (symmetric Sinkhorn scaling)
+    #[arg(long, value_enum, default_value_t = BalanceName::Auto)]
+    pub balance: BalanceName,
+}
+
+/// `radiosity form-factors`.
+#[derive(Args, Debug)]
+pub struct FormFactorsArgs {
+    /// The scene (OBJ)
+    #[arg(value_name = "SCENE")]
+    pub scene: PathBuf,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub mesh: MeshArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub method: MethodArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub common: CommonArgs,
+}
+
+/// The solvers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum SolverName {
+    /// Gauss-Seidel
+    GaussSeidel,
+    /// Conjugate gradients preconditioned with V⁻¹ = ρ/A
+    Pcg,
+}
+
+/// How the system is solved.
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Solver")]
+pub struct SolverArgs {
+    /// The solver
+    #[arg(long, value_enum, default_value_t = SolverName::Pcg)]
+    pub solver: SolverName,
+    /// Tolerance on sqrt(Σ A r² / Σ A E²), worst channel
+    #[arg(long, value_name = "T", default_value_t = 1e-6)]
+    pub tolerance: f64,
+    /// The most passes over the form factors
+    #[arg(long, value_name = "K", default_value_t = 1000)]
+    pub max_passes: usize,
+}
+
+/// `radiosity solve`.
+#[derive(Args, Debug)]
+pub struct SolveArgs {
+    /// The scene (OBJ)
+    #[arg(value_name = "SCENE")]
+    pub scene: PathBuf,
+    /// A CSV file for the solution: one row a patch
+    #[arg(short, long, value_name = "B.csv")]
+    pub output: Option<PathBuf>,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub mesh: MeshArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub method: MethodArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub solver: SolverArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub common: CommonArgs,
+}
+
+/// `radiosity verify`.
+#[derive(Args, Debug)]
+pub struct VerifyArgs {
+    /// The image that `radiosity render` wrote
+    #[arg(value_name = "IMAGE.exr")]
+    pub image: PathBuf,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub common: CommonArgs,
+}
+
+/// The direct pass: light from the emitters, integrated at each pixel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum DirectName {
+    /// None: the radiosity of the patches alone, interpolated
+    Off,
+    /// Cosine-distributed rays, with a standard error for every pixel; for `verify`
+    Rays,
+    /// The exact form factor of each emitter times its visible fraction
+    Polygons,
+}
+
+/// `radiosity render`.
+#[derive(Args, Debug)]
+pub struct RenderArgs {
+    /// The scene (OBJ)
+    #[arg(value_name = "SCENE")]
+    pub scene: PathBuf,
+    /// The image to write; a PNG preview goes beside it
+    #[arg(short, long, value_name = "IMAGE.exr")]
+    pub output: PathBuf,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub image: ImageArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub mesh: MeshArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub method: MethodArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub solver: SolverArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub common: CommonArgs,
+}
+
+/// The picture.
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Picture")]
+pub struct ImageArgs {
+    /// A camera file, or `unfolded` for one orthographic tile a planar surface [default: camera.toml beside the scene, else a view from inside]
+    #[arg(long, value_name = "FILE|unfolded")]
+    pub camera: Option<PathBuf>,
+    /// The eye, in m
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse_vector, allow_hyphen_values = true)]
+    pub eye: Option<[f64; 3]>,
+    /// The point to look at, in m
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse_vector, allow_hyphen_values = true)]
+    pub look_at: Option<[f64; 3]>,
+    /// The direction that is up in the image
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse_vector, allow_hyphen_values = true)]
+    pub up: Option<[f64; 3]>,
+    /// Vertical field of view in degrees
+    #[arg(long, value_name = "DEGREES")]
+    pub fov: Option<f64>,
+    /// Width in pixels; with `--camera unfolded`, of the largest tile's longer side [default: 512; unfolded: 64]
+    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..=16384))]
+    pub width: Option<u32>,
+    /// Height in pixels [default: as wide]
+    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..=16384))]
+    pub height: Option<u32>,
+    /// Show each patch's own radiosity, not interpolated
+    #[arg(long)]
+    pub flat: bool,
+    /// Integrate the light of the emitters at each pixel [default: polygons; unfolded: rays; with --flat: off]
+    #[arg(long, value_enum)]
+    pub direct: Option<DirectName>,
+    /// Rays of the direct pass for each pixel (for each emitter with `polygons`) [default: 16; rays: 1024]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65536))]
+    pub direct_samples: Option<u32>,
+    /// Samples along each side of a pixel, averaged in the colour layers [default: 2; unfolded: 1]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16))]
+    pub samples: Option<u32>,
+}
+
+fn parse_vector(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Vec<f64> = text
+        .split(',')
+        .map(|part| part.trim().parse::<f64>().map_err(|_| format!("'{part}' is not a number")))
+        .collect::<Result<_, _>>()?;
+    let vector: [f64; 3] = numbers.try_into().map_err(|_| "give three numbers, as in 1,2.5,0".to_owned())?;
+    if vector.iter().all(|x| x.is_finite()) {
+        Ok(vector)
+    } else {
+        Err("give finite numbers".to_owned())
+    }
+}

@@ -1,0 +1,23 @@
+//! Exit codes.
+
+/// What the program says to its caller.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum ExitCode {
+    /// Done.
+    Done = 0,
+    /// An error in the input or at run time.
+    Error = 1,
+    /// A usage error.
+    Usage = 2,
+    /// Not converged, or a budget spent above the tolerance.
+    NotConverged = 3,
+    /// A check outside its tolerance.
+    CheckFailed = 4,
+}
+
+impl From<ExitCode> for std::process::ExitCode {
+    fn from(code: ExitCode) -> Self {
+        Self::from(code as u8)
+    }
+}

@@ -1,0 +1,133 @@
+//! `radiosity form-factors`.
+
+use std::fmt::Write as _;
+
+use serde_json::{Value, json};
+
+use super::args::FormFactorsArgs;
+use super::exit_code::ExitCode;
+use super::failure::Failure;
+use super::pipeline::{Computed, Prepared, Run};
+use super::Outcome;
+use crate::matrix::SurfaceFormFactors;
+use crate::mesh::Subdivision;
+
+/// Rays for each patch unless `--rays` says otherwise.
+pub(super) const DEFAULT_RAYS: u64 = 4096;
+
+pub(super) fn run(args: &FormFactorsArgs) -> Result<Outcome, Failure> {
+    let mut run = Run::new("form-factors", &args.common);
+    let mut prepared = run.prepare(&args.scene, args.mesh, |_| Subdivision::Uniform(1))?;
+    let computed = run.form_factors(&mut prepared, &args.method, DEFAULT_RAYS, false)?;
+    let surfaces = run.times.time("surfaces", || {
+        let surface_of_patch: Vec<u32> = prepared.mesh.patches.iter().map(|p| p.surface.0).collect();
+        computed.factors.surface_form_factors(&surface_of_patch, prepared.scene.surfaces.len())
+    });
+    run.progress.finish();
+    let document = run.document(&prepared, to_json(&prepared, &computed, &surfaces));
+    let mut text = run.explanation(&prepared);
+    describe(&mut text, &prepared, &computed, &surfaces);
+    run.describe_times(&mut text);
+    Ok(Outcome {
+        text,
+        document,
+        code: ExitCode::Done,
+    })
+}
+
+/// Returns what is said about form factors in every document that has some.
+pub(super) fn checks_to_json(computed: &Computed) -> Value {
+    let checks = &computed.checks;
+    json!({
+        "closed": computed.closed,
+        "row_sum": checks.row_sum,
+        "closure_error_max": checks.closure_error_max,
+        "reciprocity_error_max": checks.reciprocity_error_max,
+        "exchange_ratio_max": checks.exchange_ratio_max,
+        "n_rays": checks.n_rays,
+        "n_escaped": checks.n_escaped,
+        "n_absorbed": checks.n_absorbed,
+        "density": computed.factors.density(),
+        "stored_byte": computed.factors.stored_byte(),
+        "balance": computed.balance,
+    })
+}
+
+fn to_json(prepared: &Prepared, computed: &Computed, surfaces: &SurfaceFormFactors) -> Value {
+    let n = surfaces.n_surfaces;
+    let rows = |values: &[f64]| -> Vec<Vec<f64>> { values.chunks(n).map(<[f64]>::to_vec).collect() };
+    let mut result = checks_to_json(computed);
+    let more = json!({
+        "n_patches": prepared.mesh.n_patches(),
+        "n_surfaces": n,
+        "surfaces": prepared.surfaces_to_json(),
+        "surface_form_factor": rows(&surfaces.form_factor),
+        "surface_error": rows(&surfaces.error),
+        "sky_factor": surfaces.sky_factor,
+    });
+    if let (Value::Object(all), Value::Object(more)) = (&mut result, more) {
+        all.extend(more);
+    }
+    result
+}
+
+/// Writing to a String cannot fail; the results of `write!` are dropped for that reason.
+fn describe(text: &mut String, prepared: &Prepared, computed: &Computed, surfaces: &SurfaceFormFactors) {
+    let n = surfaces.n_surfaces;
+    let _ = writeln!(text, "{} patches on {n} surfaces", prepared.mesh.n_patches());
+    describe_checks(text, computed);
+    /// More surfaces than this do not fit a terminal as a table.
+    const TABLE: usize = 12;
+    if n > TABLE {
+        let _ = writeln!(text, "the table of {n} × {n} surface form factors is in the document that --json prints");
+        return;
+    }
+    let names: Vec<&str> = prepared.scene.surfaces.iter().map(|s| s.name.as_str()).collect();
+    let width = names.iter().map(|name| name.chars().count()).max().unwrap_or(0);
+    let _ = writeln!(text, "\nform factors from row to column, and the greatest estimated error of each row");
+    let _ = write!(text, "{:width$}", "");
+    for column in 0..n {
+        let _ = write!(text, " {:>9}", shortened(names[column], 9));
+    }
+    let _ = writeln!(text, " {:>9} {:>9}", "sky", "error");
+    for row in 0..n {
+        let _ = write!(text, "{:width$}", names[row]);
+        let entries = row * n..(row + 1) * n;
+        for value in &surfaces.form_factor[entries.clone()] {
+            let _ = write!(text, " {value:>9.6}");
+        }
+        let error = surfaces.error[entries].iter().copied().fold(0.0, f64::max);
+        let _ = writeln!(text, " {:>9.6} {error:>9.1e}", surfaces.sky_factor[row]);
+    }
+    let _ = writeln!(text);
+}
+
+/// Describes the checks of form factors in two or three lines.
+pub(super) fn describe_checks(text: &mut String, computed: &Computed) {
+    let checks = &computed.checks;
+    let _ = writeln!(
+        text,
+        "row sums {:.9} to {:.9}, closure error {}, reciprocity error {:.1e}",
+        checks.row_sum.min,
+        checks.row_sum.max,
+        checks.closure_error_max.map_or("unknown".to_owned(), |e| format!("{e:.1e}")),
+        checks.reciprocity_error_max,
+    );
+    if checks.n_rays > 0 {
+        let _ = writeln!(
+            text,
+            "{} rays, {} escaped, {} met the back of a face",
+            checks.n_rays, checks.n_escaped, checks.n_absorbed
+        );
+    }
+    let _ = writeln!(
+        text,
+        "matrix {:.1} % filled, {:.1} MB",
+        100.0 * computed.factors.density(),
+        computed.factors.stored_byte() as f64 / 1e6
+    );
+}
+
+fn shortened(name: &str, width: usize) -> String {
+    name.chars().take(width).collect()
+}

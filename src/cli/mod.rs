@@ -1,0 +1,123 @@
+//! The command-line program.
+
+pub mod args;
+mod exit_code;
+mod failure;
+mod form_factors;
+mod output;
+mod pipeline;
+mod progress;
+mod render;
+mod scene;
+mod solve;
+mod verify;
+
+use std::ffi::OsString;
+use std::io::Write;
+
+use clap::Parser;
+use serde_json::Value;
+
+use args::{Cli, Command, CommonArgs};
+pub use exit_code::ExitCode;
+use failure::Failure;
+
+/// The version of the JSON documents.
+pub const SCHEMA_VERSION: u32 = 1;
+
+/// What a command gives back: text for people, the same as a document, and how it ended.
+struct Outcome {
+    text: String,
+    document: Value,
+    code: ExitCode,
+}
+
+/// Runs the program on its arguments (the first is the program's name) and returns its exit code.
+#[must_use]
+pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+    let arguments: Vec<OsString> = arguments.into_iter().collect();
+    let cli = match Cli::try_parse_from(&arguments) {
+        Ok(cli) => cli,
+        Err(error) => return usage(&error, &arguments),
+    };
+    let common = match &cli.command {
+        Command::Scene(a) => &a.common,
+        Command::FormFactors(a) => &a.common,
+        Command::Solve(a) => &a.common,
+        Command::Render(a) => &a.common,
+        Command::Verify(a) => &a.common,
+    };
+    let json = common.json;
+    match run(&cli.command, common) {
+        Ok(outcome) => {
+            let printed = if json { print_document(&outcome.document) } else { print(&outcome.text) };
+            if printed { outcome.code } else { ExitCode::Error }
+        }
+        Err(failure) => {
+            complain(&failure.message);
+            if json {
+                print_document(&failure.to_json());
+            }
+            failure.code
+        }
+    }
+}
+
+fn run(command: &Command, common: &CommonArgs) -> Result<Outcome, Failure> {
+    let threads = common.threads.map_or(0, std::num::NonZeroUsize::get);
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .map_err(|error| Failure::new("threads", format!("cannot start {threads} threads: {error}; give --threads a smaller number")))?;
+    // Everything runs inside the pool, so that --threads holds for all stages.
+    pool.install(|| match command {
+        Command::Scene(a) => scene::run(a),
+        Command::FormFactors(a) => form_factors::run(a),
+        Command::Solve(a) => solve::run(a),
+        Command::Render(a) => render::run(a),
+        Command::Verify(a) => verify::run(a),
+    })
+}
+
+/// Prints clap's message; with `--json`, the document of the error too.
+fn usage(error: &clap::Error, arguments: &[OsString]) -> ExitCode {
+    use clap::error::ErrorKind;
+    if matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) {
+        return if print(&error.render().to_string()) { ExitCode::Done } else { ExitCode::Error };
+    }
+    // Printing can only fail if stderr is closed; there is nobody left to tell.
+    let _ = error.print();
+    if arguments.iter().any(|a| a == "--json") {
+        let text = error.render().to_string();
+        let line = text.lines().next().unwrap_or_default().trim_start_matches("error: ");
+        print_document(&Failure::new("usage", line).to_json());
+    }
+    ExitCode::Usage
+}
+
+fn print_document(document: &Value) -> bool {
+    print(&format!("{document:#}\n"))
+}
+
+/// Writes to stdout; returns false where that failed for another reason than a reader who has seen enough.
+fn print(text: &str) -> bool {
+    let mut stdout = std::io::stdout().lock();
+    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+        Ok(()) => true,
+        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => true,
+        Err(error) => {
+            complain(&format!("cannot write to standard output: {error}"));
+            false
+        }
+    }
+}
+
+/// Writes one line to stderr.
+fn complain(message: &str) {
+    let _ = writeln!(std::io::stderr(), "radiosity: {message}");
+}
+
+/// Writes a warning to stderr.
+fn warn(message: &str) {
+    let _ = writeln!(std::io::stderr(), "radiosity: warning: {message}");
+}

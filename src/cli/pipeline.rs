@@ -1,0 +1,309 @@
+//! The stages that several commands share, each one call into the library, timed and told to the progress bar.
+
+use std::fmt::Write as _;
+use std::num::NonZeroUsize;
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use super::args::{BalanceName, CommonArgs, MeshArgs, MethodArgs, MethodName, SolverArgs, SolverName};
+use super::failure::Failure;
+use super::progress::Bars;
+use super::{SCHEMA_VERSION, warn};
+use crate::form_factor::{self, FormFactorMethod, GaussShooting, Input, RandomShooting};
+use crate::matrix::operator::Block;
+use crate::matrix::{BalanceReport, Checks, FormFactors, StorageChoice, Weighting};
+use crate::mesh::{Mesh, Patch, Subdivision};
+use crate::plan::Plan;
+use crate::report::{StageTimes, memory_peak_byte};
+use crate::scene::{Material, Scene, Surface};
+use crate::solver::{self, RadiositySystem, Solution, SolveOptions, StopReason, Tolerance};
+use crate::visibility::embree::EmbreeVisibility;
+
+/// A run of one command: settings, clock, progress.
+pub(super) struct Run {
+    pub(super) command: &'static str,
+    pub(super) common: CommonArgs,
+    pub(super) times: StageTimes,
+    pub(super) progress: Bars,
+    pub(super) settings: serde_json::Map<String, Value>,
+}
+
+/// A scene with its patches, ready for ray queries.
+pub(super) struct Prepared {
+    pub(super) scene: Scene,
+    pub(super) plan: Plan,
+    pub(super) mesh: Mesh,
+    pub(super) visibility: EmbreeVisibility,
+}
+
+/// Form factors with what was found out about them.
+pub(super) struct Computed {
+    pub(super) factors: FormFactors,
+    pub(super) checks: Checks,
+    pub(super) balance: Option<BalanceReport>,
+    pub(super) closed: bool,
+}
+
+/// Row sums are restored to rounding, or as far as so many passes go.
+const BALANCE_TOLERANCE: f64 = 1e-13;
+const BALANCE_PASSES: usize = 200;
+
+impl Run {
+    pub(super) fn new(command: &'static str, common: &CommonArgs) -> Self {
+        Self {
+            command,
+            common: common.clone(),
+            times: StageTimes::default(),
+            progress: Bars::new(common.quiet),
+            settings: serde_json::Map::new(),
+        }
+    }
+
+    pub(super) fn warn(&self, message: &str) {
+        if !self.common.quiet {
+            self.progress.finish();
+            warn(message);
+        }
+    }
+
+    pub(super) fn set(&mut self, name: &str, value: impl Into<Value>) {
+        self.settings.insert(name.to_owned(), value.into());
+    }
+
+    /// Reads a scene, cuts it into patches and builds the ray tracer's tree.
+    pub(super) fn prepare(&mut self, path: &Path, mesh_args: MeshArgs, default: impl FnOnce(&Scene) -> Subdivision) -> Result<Prepared, Failure> {
+        let loaded = self.times.time("scene", || crate::scene::load(path))?;
+        for warning in &loaded.warnings {
+            self.warn(&warning.to_string());
+        }
+        let scene = loaded.scene;
+        let plan = self.times.time("plan", || Plan::new(&scene));
+        let subdivision = mesh_args.subdivision(default(&scene));
+        match subdivision {
+            Subdivision::Uniform(n) => self.set("subdivide", n),
+            Subdivision::MaxEdge(length) => self.set("max_edge_m", length),
+        }
+        let mesh = self
+            .times
+            .time("mesh", || Mesh::new(&scene, subdivision))
+            .map_err(|error| Failure::new("mesh", format!("{}: {error}", path.display())).in_file(path))?;
+        let visibility = self
+            .times
+            .time("ray_tracer", || EmbreeVisibility::new(&scene))
+            .map_err(|error| Failure::new("embree", error))?;
+        Ok(Prepared { scene, plan, mesh, visibility })
+    }
+
+    /// Computes form factors, makes them symmetric where that is asked for, and checks them.
+    pub(super) fn form_factors(&mut self, prepared: &mut Prepared, args: &MethodArgs, default_rays: u64, needs_symmetry: bool) -> Result<Computed, Failure> {
+        let method = self.method(args, default_rays)?;
+        let input = Input { mesh: &prepared.mesh, visibility: &prepared.visibility };
+        let raw = self.times.time("form_factors", || {
+            form_factor::compute(method.as_ref(), input, StorageChoice::default(), &self.progress)
+        })?;
+        let n_rays: u64 = raw.tallies().iter().map(|t| t.n_rays).sum();
+        let n_escaped: u64 = raw.tallies().iter().map(|t| t.n_escaped).sum();
+        // A scene that no light leaves is closed, whether its faces show it or not.
+        let closed = prepared.plan.watertight || (n_rays > 0 && n_escaped == 0);
+        if prepared.plan.watertight && n_escaped > 0 {
+            self.warn(&format!(
+                "{n_escaped} of {n_rays} rays escaped from a closed scene; the row sums show what that amounts to"
+            ));
+        }
+        let wanted = match args.balance {
+            BalanceName::On => true,
+            BalanceName::Off => false,
+            BalanceName::Auto => needs_symmetry,
+        };
+        self.set("balance", wanted);
+        let plan = &mut prepared.plan;
+        let (factors, balance) = if wanted {
+            let targets = raw.row_targets(closed);
+            let (factors, report) = self.times.time("balance", || {
+                raw.symmetrised(Weighting::default())?.balanced(&targets, BALANCE_TOLERANCE, BALANCE_PASSES)
+            })?;
+            plan.decide(
+                "reciprocity",
+                "restored",
+                format!("each pair averaged with its reverse, rows rescaled symmetrically in {} passes", report.n_passes),
+            );
+            (factors, Some(report))
+        } else {
+            plan.left_out.push("balancing of the form factors: no symmetric system is needed".into());
+            (raw, None)
+        };
+        if let Some(report) = balance.filter(|report| !report.converged) {
+            self.warn(&format!(
+                "rebalancing left row sums off by up to {:.1e} after {} passes",
+                report.row_error_max, report.n_passes
+            ));
+        }
+        let checks = self.times.time("checks", || factors.checks(closed));
+        Ok(Computed { factors, checks, balance, closed })
+    }
+
+    fn method(&mut self, args: &MethodArgs, default_rays: u64) -> Result<Box<dyn FormFactorMethod>, Failure> {
+        let rays = args.rays.unwrap_or(default_rays);
+        let points = match (args.method, args.points) {
+            (MethodName::Sg, given) => given.map_or(5, NonZeroUsize::get),
+            (MethodName::Sg5, None) => 5,
+            (MethodName::Sg10, None) => 10,
+            (MethodName::Sr, None) => 0,
+            (_, Some(_)) => return Err(Failure::usage("--points is for `--method sg`")),
+        };
+        self.set("method", if args.method == MethodName::Sr { "sr" } else { "sg" });
+        self.set("rays", rays);
+        self.set("seed", args.seed);
+        self.set("sequence", json!(args.sequence));
+        let (sequence, seed) = (args.sequence.into(), args.seed);
+        match NonZeroUsize::new(points) {
+            None => Ok(Box::new(RandomShooting { rays, sequence, seed })),
+            Some(points) => {
+                self.set("points", points.get());
+                Ok(Box::new(GaussShooting { points, rays, sequence, seed }))
+            }
+        }
+    }
+
+    /// Solves the radiosity system of a scene.
+    pub(super) fn solve(&mut self, prepared: &mut Prepared, computed: &Computed, args: &SolverArgs) -> Result<Solution, Failure> {
+        let plan = &mut prepared.plan;
+        let (reflectance, exitance) = materials_of_patches(&prepared.scene, &prepared.mesh, plan.n_channels);
+        let name = match args.solver {
+            SolverName::GaussSeidel => "gauss-seidel",
+            SolverName::Pcg => "pcg",
+        };
+        self.set("solver", name);
+        self.set("tolerance", args.tolerance);
+        self.set("max_passes", args.max_passes);
+        let areas = computed.factors.areas().to_vec();
+        let system = RadiositySystem::new(&computed.factors, areas, reflectance, exitance)?;
+        let options = SolveOptions {
+            tolerance: Tolerance::ResidualL2(args.tolerance),
+            max_passes: args.max_passes,
+            ..SolveOptions::default()
+        };
+        let Some(solver) = solver::by_name(name) else {
+            return Err(Failure::usage(format!("there is no solver `{name}`")));
+        };
+        let solution = self.times.time("solve", || {
+            solver.solve(&system, &options, &mut |_| std::ops::ControlFlow::Continue(()))
+        })?;
+        if solution.stop_reason != StopReason::Converged {
+            self.warn(&format!(
+                "the solver stopped without converging ({}) at a relative residual of {:.3e}",
+                solution.stop_reason, solution.residual_l2
+            ));
+        }
+        Ok(solution)
+    }
+
+    /// Returns the text of `--explain`, or nothing.
+    pub(super) fn explanation(&self, prepared: &Prepared) -> String {
+        let mut text = String::new();
+        if self.common.explain {
+            for decision in &prepared.plan.decisions {
+                let _ = writeln!(text, "{}: {} ({})", decision.subject, decision.choice, decision.reason);
+            }
+            for item in &prepared.plan.left_out {
+                let _ = writeln!(text, "left out: {item}");
+            }
+            let _ = writeln!(text);
+        }
+        text
+    }
+
+    /// Adds the line that says where the time went.
+    pub(super) fn describe_times(&self, text: &mut String) {
+        let total = self.times.total_s();
+        let _ = write!(text, "{total:.2} s:");
+        for (k, (name, seconds)) in self.times.iter().filter(|(_, s)| *s >= 0.005 * total).enumerate() {
+            let comma = if k == 0 { "" } else { "," };
+            let _ = write!(text, "{comma} {} {seconds:.2} s", name.replace('_', " "));
+        }
+        let _ = writeln!(text);
+    }
+
+    /// Returns the parts that every document has, with `result` merged in.
+    pub(super) fn document(&self, prepared: &Prepared, result: Value) -> Value {
+        let mut document = json!({
+            "schema_version": SCHEMA_VERSION,
+            "command": self.command,
+            "version": env!("CARGO_PKG_VERSION"),
+            "settings": self.settings,
+            "stages": self.times.to_json(),
+            "total_s": self.times.total_s(),
+            "memory_peak_byte": memory_peak_byte(),
+            "left_out": prepared.plan.left_out,
+        });
+        if self.common.explain {
+            document["decisions"] = json!(prepared.plan.decisions);
+        }
+        if let (Value::Object(all), Value::Object(more)) = (&mut document, result) {
+            all.extend(more);
+        }
+        document
+    }
+}
+
+impl Prepared {
+    /// Returns the area of each surface, in m².
+    pub(super) fn surface_areas(&self) -> Vec<f64> {
+        let mut areas = vec![0.0; self.scene.surfaces.len()];
+        for patch in &self.mesh.patches {
+            areas[patch.surface.0 as usize] += patch.area;
+        }
+        areas
+    }
+
+    /// Returns the area mean of `per_patch` over each surface, per channel.
+    pub(super) fn surface_means(&self, per_patch: &Block) -> Vec<Vec<f64>> {
+        let mut means = vec![vec![0.0; per_patch.n_channels()]; self.scene.surfaces.len()];
+        for (i, patch) in self.mesh.patches.iter().enumerate() {
+            for (mean, value) in means[patch.surface.0 as usize].iter_mut().zip(per_patch.row(i)) {
+                *mean += patch.area * value;
+            }
+        }
+        for (mean, area) in means.iter_mut().zip(self.surface_areas()) {
+            // A surface whose faces were all skipped has no area and no mean but 0.
+            if area > 0.0 {
+                mean.iter_mut().for_each(|value| *value /= area);
+            }
+        }
+        means
+    }
+
+    /// Returns name, area and number of patches of each surface.
+    pub(super) fn surfaces_to_json(&self) -> Value {
+        let mut n_patches = vec![0u64; self.scene.surfaces.len()];
+        for patch in &self.mesh.patches {
+            n_patches[patch.surface.0 as usize] += 1;
+        }
+        let areas = self.surface_areas();
+        let surface = |(k, s): (usize, &Surface)| {
+            json!({"name": s.name, "area_m2": areas[k], "n_patches": n_patches[k]})
+        };
+        self.scene.surfaces.iter().enumerate().map(surface).collect()
+    }
+
+    /// Returns name, area and mean radiosity of each surface.
+    pub(super) fn surfaces_with_radiosity(&self, solution: &Solution) -> Value {
+        let means = self.surface_means(&solution.radiosity);
+        let mut surfaces = self.surfaces_to_json();
+        for (surface, mean) in surfaces.as_array_mut().into_iter().flatten().zip(means) {
+            surface["radiosity"] = json!(mean);
+        }
+        surfaces
+    }
+}
+
+/// Returns ρ and E of every patch, in one channel where all are grey, else in three.
+fn materials_of_patches(scene: &Scene, mesh: &Mesh, n_channels: usize) -> (Block, Block) {
+    let collect = |value: fn(&Material) -> [f64; 3]| {
+        let of_patch = |patch: &Patch| value(&scene.materials[patch.material.0 as usize]);
+        let values = mesh.patches.iter().flat_map(|p| of_patch(p).into_iter().take(n_channels));
+        Block::from_values(values.collect(), n_channels)
+    };
+    (collect(|m| m.reflectance), collect(|m| m.exitance))
+}

@@ -1,0 +1,209 @@
+//! `radiosity render`.
+
+use std::fmt::Write as _;
+use std::num::NonZeroU32;
+use std::path::Path;
+
+use glam::DVec3;
+use serde_json::json;
+
+use super::Outcome;
+use super::args::{DirectName, ImageArgs, RenderArgs, SolverName};
+use super::failure::Failure;
+use super::form_factors::{checks_to_json, describe_checks};
+use super::pipeline::{Computed, Prepared, Run};
+use super::{output, solve};
+use crate::matrix::operator::{Block, LinearOperator};
+use crate::mesh::Subdivision;
+use crate::render::{
+    Attributes, DirectMethod, RayView, RenderInput, RenderSettings, UnfoldedView, View, exr, png, render,
+};
+use crate::scene::{Camera, Scene};
+use crate::solver::Solution;
+use crate::visibility::Visibility;
+
+/// Rays for each patch unless `--rays` says otherwise: enough that the noise of a patch does not show.
+const DEFAULT_RAYS: u64 = 16384;
+
+/// The number of patches that the default subdivision aims at.
+const DEFAULT_PATCHES: f64 = 3000.0;
+
+pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
+    let mut run = Run::new("render", &args.common);
+    let settings = render_settings(args)?;
+    let preview = args.output.with_extension("png");
+    if preview == args.output {
+        return Err(Failure::usage(format!(
+            "{}: that is the preview's name; give the image another extension, as in .exr",
+            args.output.display()
+        )));
+    }
+    output::expect_possible(&args.output)?;
+    let mut prepared = run.prepare(&args.scene, args.mesh, default_subdivision)?;
+    let view = view(&args.image, &args.scene, &prepared.scene)?;
+    let needs_symmetry = args.solver.solver == SolverName::Pcg;
+    let computed = run.form_factors(&mut prepared, &args.method, DEFAULT_RAYS, needs_symmetry)?;
+    let solution = run.solve(&mut prepared, &computed, &args.solver)?;
+    let indirect = (settings.direct != DirectMethod::Off)
+        .then(|| run.times.time("solve", || indirect_irradiance(&prepared, &computed, &solution)));
+    if settings.direct == DirectMethod::Off {
+        prepared.plan.left_out.push("direct light at each pixel: the patches' light is interpolated".into());
+    }
+    if let AnyView::Unfolded(unfolded) = &view {
+        prepared.plan.left_out.extend(unfolded.layout().left_out.iter().cloned());
+    }
+    let input = RenderInput {
+        scene: &prepared.scene,
+        mesh: &prepared.mesh,
+        visibility: &prepared.visibility,
+        radiosity: &solution.radiosity,
+        irradiance: &solution.irradiance,
+        indirect_irradiance: indirect.as_ref(),
+    };
+    let image = run.times.time("render", || render(&input, view.as_view(), &settings, &run.progress))?;
+    let attributes = Attributes::new(
+        &prepared.scene,
+        view.as_view().description(),
+        settings,
+        prepared.visibility.offset(),
+        json!(run.settings),
+    );
+    run.times.time("write", || {
+        exr::write(&args.output, &image, &attributes)?;
+        png::write(&preview, &image)
+    })?;
+    run.progress.finish();
+
+    let mut result = solve::to_json(&prepared, &solution);
+    result["form_factors"] = checks_to_json(&computed);
+    result["image"] = json!(args.output);
+    result["preview"] = json!(preview);
+    result["width"] = json!(image.width());
+    result["height"] = json!(image.height());
+    let document = run.document(&prepared, result);
+    let mut text = run.explanation(&prepared);
+    let (n_patches, n_surfaces) = (prepared.mesh.n_patches(), prepared.scene.surfaces.len());
+    let _ = writeln!(text, "{n_patches} patches on {n_surfaces} surfaces");
+    describe_checks(&mut text, &computed);
+    solve::describe(&mut text, &prepared, &solution);
+    run.describe_times(&mut text);
+    let _ = writeln!(
+        text,
+        "wrote {} ({} × {}) and {}",
+        args.output.display(),
+        image.width(),
+        image.height(),
+        preview.display()
+    );
+    Ok(Outcome {
+        text,
+        document,
+        code: solve::code(&solution),
+    })
+}
+
+/// Returns patches of about equal size, [`DEFAULT_PATCHES`] in all.
+fn default_subdivision(scene: &Scene) -> Subdivision {
+    let area: f64 = scene.face_ids().map(|face| scene.area_vector(face).length()).sum();
+    Subdivision::MaxEdge((area / DEFAULT_PATCHES).sqrt())
+}
+
+/// Returns H without what comes straight from the emitters: F (B − E).
+fn indirect_irradiance(prepared: &Prepared, computed: &Computed, solution: &Solution) -> Block {
+    let mut reflected = solution.radiosity.clone();
+    for (i, patch) in prepared.mesh.patches.iter().enumerate() {
+        let exitance = prepared.scene.materials[patch.material.0 as usize].exitance;
+        for (value, emitted) in reflected.row_mut(i).iter_mut().zip(exitance) {
+            *value -= emitted;
+        }
+    }
+    let mut irradiance = Block::zeros(reflected.n_rows(), reflected.n_channels());
+    computed.factors.apply(&reflected, &mut irradiance);
+    irradiance
+}
+
+fn is_unfolded(args: &ImageArgs) -> bool {
+    args.camera.as_deref() == Some(Path::new("unfolded"))
+}
+
+fn render_settings(args: &RenderArgs) -> Result<RenderSettings, Failure> {
+    let image = &args.image;
+    let direct = image.direct.unwrap_or_else(|| match (is_unfolded(image), image.flat) {
+        (_, true) => DirectName::Off,
+        (true, false) => DirectName::Rays,
+        (false, false) => DirectName::Polygons,
+    });
+    let n_or = |default: u32| {
+        NonZeroU32::new(image.direct_samples.unwrap_or(default)).ok_or(Failure::usage("--direct-samples starts at 1"))
+    };
+    let direct = match direct {
+        DirectName::Off if image.direct_samples.is_some() => {
+            return Err(Failure::usage("--direct-samples has no use without a direct pass; leave out --flat or --direct off"));
+        }
+        DirectName::Off => DirectMethod::Off,
+        DirectName::Rays => DirectMethod::CosineRays { n: n_or(1024)? },
+        DirectName::Polygons => DirectMethod::Polygons { n: n_or(16)? },
+    };
+    // One sample a pixel is what a check by pixels wants; more are for the eye.
+    let samples = image.samples.unwrap_or(if is_unfolded(image) { 1 } else { 2 });
+    Ok(RenderSettings {
+        flat: image.flat,
+        samples: NonZeroU32::new(samples).ok_or(Failure::usage("--samples starts at 1"))?,
+        direct,
+        sequence: args.method.sequence.into(),
+        seed: args.method.seed,
+    })
+}
+
+/// A view of one kind or the other.
+enum AnyView {
+    Perspective(Box<dyn View>),
+    Unfolded(UnfoldedView),
+}
+
+impl AnyView {
+    fn as_view(&self) -> &dyn View {
+        match self {
+            Self::Perspective(view) => view.as_ref(),
+            Self::Unfolded(view) => view,
+        }
+    }
+}
+
+fn view(args: &ImageArgs, scene_file: &Path, scene: &Scene) -> Result<AnyView, Failure> {
+    let flags = args.eye.is_some() || args.look_at.is_some() || args.up.is_some() || args.fov.is_some();
+    if is_unfolded(args) {
+        if flags || args.height.is_some() {
+            return Err(Failure::usage("--camera unfolded goes with --width alone"));
+        }
+        let n_pixels = NonZeroU32::new(args.width.unwrap_or(64)).ok_or(Failure::usage("--width starts at 1"))?;
+        return Ok(AnyView::Unfolded(UnfoldedView::new(scene, n_pixels)?));
+    }
+    let mut camera = match &args.camera {
+        Some(file) => Camera::load(file)?,
+        None => match Camera::load_beside(scene_file)? {
+            Some(camera) => camera,
+            None => Camera::default_view(scene),
+        },
+    };
+    if flags {
+        let eye = args.eye.map_or(camera.eye(), DVec3::from_array);
+        let direction = match args.look_at {
+            Some(target) => DVec3::from_array(target) - eye,
+            None => camera.direction(),
+        };
+        let up = args.up.map_or(camera.up(), DVec3::from_array);
+        let fov = args.fov.unwrap_or(camera.vertical_fov());
+        camera = Camera::new(eye, direction, up, fov)?.with_image_size(camera.width(), camera.height());
+    }
+    let width = args.width.or(camera.width()).unwrap_or(512);
+    let height = args.height.or(camera.height().filter(|_| args.width.is_none())).unwrap_or(width);
+    let parameters = json!({
+        "eye": camera.eye().to_array(),
+        "direction": camera.direction().to_array(),
+        "up": camera.up().to_array(),
+        "vertical_fov_degree": camera.vertical_fov(),
+    });
+    let ray = move |x: f64, y: f64| camera.primary_ray(x, y, width, height);
+    Ok(AnyView::Perspective(Box::new(RayView::new(width, height, ray, parameters))))
+}

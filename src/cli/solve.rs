@@ -1,0 +1,103 @@
+//! `radiosity solve`.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use super::args::{SolveArgs, SolverName};
+use super::exit_code::ExitCode;
+use super::failure::Failure;
+use super::form_factors::{DEFAULT_RAYS, checks_to_json, describe_checks};
+use super::pipeline::{Prepared, Run};
+use super::{Outcome, output};
+use crate::mesh::Subdivision;
+use crate::report::csv;
+use crate::solver::{Solution, StopReason};
+
+pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
+    let mut run = Run::new("solve", &args.common);
+    if let Some(path) = &args.output {
+        expect_csv(path)?;
+        output::expect_possible(path)?;
+    }
+    let mut prepared = run.prepare(&args.scene, args.mesh, |_| Subdivision::Uniform(1))?;
+    let needs_symmetry = args.solver.solver == SolverName::Pcg;
+    let computed = run.form_factors(&mut prepared, &args.method, DEFAULT_RAYS, needs_symmetry)?;
+    let solution = run.solve(&mut prepared, &computed, &args.solver)?;
+    if let Some(path) = &args.output {
+        run.times.time("write", || {
+            output::write(path, |writer| {
+                csv::write_solution(writer, &prepared.scene, &prepared.mesh, &solution.radiosity, &solution.irradiance)
+            })
+        })?;
+    }
+    run.progress.finish();
+    let mut result = to_json(&prepared, &solution);
+    result["form_factors"] = checks_to_json(&computed);
+    let document = run.document(&prepared, result);
+    let mut text = run.explanation(&prepared);
+    let _ = writeln!(text, "{} patches on {} surfaces", prepared.mesh.n_patches(), prepared.scene.surfaces.len());
+    describe_checks(&mut text, &computed);
+    describe(&mut text, &prepared, &solution);
+    run.describe_times(&mut text);
+    if let Some(path) = &args.output {
+        let _ = writeln!(text, "wrote {}", path.display());
+    }
+    Ok(Outcome {
+        text,
+        document,
+        code: code(&solution),
+    })
+}
+
+fn expect_csv(path: &Path) -> Result<(), Failure> {
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv")) {
+        return Ok(());
+    }
+    Err(Failure::usage(&format!("{}: the solution is written as .csv; change the name", path.display())))
+}
+
+/// Returns the exit code that a solution deserves.
+pub(super) fn code(solution: &Solution) -> ExitCode {
+    if solution.stop_reason == StopReason::Converged { ExitCode::Done } else { ExitCode::NotConverged }
+}
+
+/// Returns what documents say about a solution.
+pub(super) fn to_json(prepared: &Prepared, solution: &Solution) -> Value {
+    json!({
+        "n_patches": prepared.mesh.n_patches(),
+        "n_channels": solution.radiosity.n_channels(),
+        "solver": solution.solver,
+        "why": null,
+        "stop_reason": solution.stop_reason,
+        "n_passes": solution.n_passes,
+        "residual_max_power": solution.residual_max_power,
+        "residual_l2": solution.residual_l2,
+        "error_bound": solution.error_bound,
+        "history": solution.history,
+        "surfaces": prepared.surfaces_with_radiosity(solution),
+    })
+}
+
+/// Describes a solution: how it was reached, and the mean radiosity of each surface.
+pub(super) fn describe(text: &mut String, prepared: &Prepared, solution: &Solution) {
+    let bound = solution.error_bound.map_or("unknown".to_owned(), |bound| format!("{bound:.1e}"));
+    let _ = writeln!(
+        text,
+        "{}: {} after {} passes, relative residual {:.1e}, bound on the relative error {bound}",
+        solution.solver, solution.stop_reason, solution.n_passes, solution.residual_l2
+    );
+    let _ = writeln!(text, "\nmean radiosity by surface, W/m²");
+    let surfaces = prepared.surface_means(&solution.radiosity);
+    let names = prepared.scene.surfaces.iter().map(|s| s.name.as_str());
+    let width = names.clone().map(|name| name.chars().count()).max().unwrap_or(0);
+    for (name, mean) in names.zip(&surfaces) {
+        let _ = write!(text, "{name:width$}");
+        for value in mean {
+            let _ = write!(text, " {value:>12.6}");
+        }
+        let _ = writeln!(text);
+    }
+    let _ = writeln!(text);
+}

@@ -1,0 +1,71 @@
+//! What a scene needs, what can be left out, and why: decided before the work starts, printed by `--explain`.
+
+use serde::Serialize;
+
+use crate::scene::{Scene, topology};
+
+/// One decision with its reason.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Decision {
+    /// What was decided on.
+    pub subject: &'static str,
+    /// What was chosen.
+    pub choice: String,
+    /// Why.
+    pub reason: String,
+}
+
+/// What a scene needs.
+#[derive(Clone, Debug, Serialize)]
+pub struct Plan {
+    /// 1 where every material is grey, else 3.
+    pub n_channels: usize,
+    /// True if no face can block another: visibility between patches need not be asked.
+    pub convex_and_empty: bool,
+    /// True if the faces are known to enclose all light before any ray is traced.
+    pub watertight: bool,
+    /// The decisions, in the order in which they were made.
+    pub decisions: Vec<Decision>,
+    /// What is not done because this scene does not need it.
+    pub left_out: Vec<String>,
+}
+
+impl Plan {
+    /// Looks at a scene.
+    #[must_use]
+    pub fn new(scene: &Scene) -> Self {
+        let mut plan = Self {
+            n_channels: scene.n_channels_needed(),
+            convex_and_empty: topology::is_convex_and_empty(scene),
+            watertight: topology::is_watertight(scene),
+            decisions: Vec::new(),
+            left_out: Vec::new(),
+        };
+        if plan.n_channels == 1 {
+            plan.decide("channels", "1", "every material is grey");
+            plan.left_out.push("two of three channels: every material is grey".into());
+        } else {
+            plan.decide("channels", "3", "at least one material is coloured");
+        }
+        if plan.convex_and_empty {
+            plan.decide("visibility", "none needed", "no vertex lies behind the plane of a face: nothing can block");
+        } else {
+            plan.decide("visibility", "by rays", "a vertex lies behind the plane of a face: something may block");
+        }
+        if plan.watertight {
+            plan.decide("closure", "closed", "every edge joins two faces, and every piece faces into an enclosure");
+        } else {
+            plan.decide("closure", "open until rays show otherwise", "some edge does not join two faces, or some piece faces outwards");
+        }
+        plan
+    }
+
+    /// Adds a decision.
+    pub fn decide(&mut self, subject: &'static str, choice: impl Into<String>, reason: impl Into<String>) {
+        self.decisions.push(Decision {
+            subject,
+            choice: choice.into(),
+            reason: reason.into(),
+        });
+    }
+}

@@ -1,0 +1,203 @@
+//! What an image file says about how it was made.
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+use sha2::{Digest, Sha256};
+
+use super::RenderSettings;
+use super::view::ViewDescription;
+use crate::scene::Scene;
+
+/// The layout of the attributes; it changes when an older reader would misread them.
+pub(super) const FORMAT: u32 = 1;
+
+/// A face of the scene as the image file describes it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PolygonRecord {
+    /// Corners in m, counter-clockwise seen from the front.
+    pub corners: Vec<DVec3>,
+    /// E in W·m⁻² per channel.
+    pub exitance: [f64; 3],
+    /// ρ per channel.
+    pub reflectance: [f64; 3],
+}
+
+/// A surface of the scene as the image file describes it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SurfaceRecord {
+    /// The surface's name.
+    pub name: String,
+    /// Its faces in file order.
+    pub polygons: Vec<PolygonRecord>,
+}
+
+/// Everything that an image file says beside its pixels: no time, path, thread count or command line.
+///
+/// As attributes of the EXR file, all of them text (JSON in ASCII where they are not plain): `radiosity_format`, `radiosity_version`, `seed`,
+/// `settings` {`render`, `ray_offset_m`, `solution`}, `camera`, `surfaces`, `scene_sha256`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Attributes {
+    /// The version of the crate that rendered the image.
+    pub version: String,
+    /// The renderer's settings, the seed among them.
+    pub render: RenderSettings,
+    /// The distance, in m, by which ray origins were moved off the surfaces.
+    pub ray_offset: f64,
+    /// The settings that led to the solution, as the caller tells them.
+    pub solution: serde_json::Value,
+    /// The camera, or the tiles of the unfolded view.
+    pub view: ViewDescription,
+    /// The scene: one record per surface, in file order.
+    pub surfaces: Vec<SurfaceRecord>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Settings {
+    render: RenderSettings,
+    ray_offset_m: f64,
+    solution: serde_json::Value,
+}
+
+impl Attributes {
+    /// Describes an image of `scene`.
+    #[must_use]
+    pub fn new(
+        scene: &Scene,
+        view: ViewDescription,
+        render: RenderSettings,
+        ray_offset: f64,
+        solution: serde_json::Value,
+    ) -> Self {
+        let mut surfaces: Vec<SurfaceRecord> = scene
+            .surfaces
+            .iter()
+            .map(|surface| SurfaceRecord {
+                name: surface.name.clone(),
+                polygons: Vec::new(),
+            })
+            .collect();
+        for (face, id) in scene.faces.iter().zip(scene.face_ids()) {
+            let material = &scene.materials[face.material.0 as usize];
+            surfaces[face.surface.0 as usize].polygons.push(PolygonRecord {
+                corners: scene.polygon(id),
+                exitance: material.exitance,
+                reflectance: material.reflectance,
+            });
+        }
+        Self {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            render,
+            ray_offset,
+            solution,
+            view,
+            surfaces,
+        }
+    }
+
+    /// Returns the attributes' names and texts, in the order of the names.
+    pub(super) fn to_texts(&self) -> Result<Vec<(&'static str, String)>, serde_json::Error> {
+        let surfaces = ascii_json(&self.surfaces)?;
+        let settings = Settings {
+            render: self.render,
+            ray_offset_m: self.ray_offset,
+            solution: self.solution.clone(),
+        };
+        Ok(vec![
+            ("camera", ascii_json(&self.view)?),
+            ("radiosity_format", FORMAT.to_string()),
+            ("radiosity_version", self.version.clone()),
+            ("scene_sha256", sha256(&surfaces)),
+            ("seed", self.render.seed.to_string()),
+            ("settings", ascii_json(&settings)?),
+            ("surfaces", surfaces),
+        ])
+    }
+
+    /// Reads what [`to_texts`](Self::to_texts) wrote; `text` looks an attribute up.
+    pub(super) fn from_texts(text: impl Fn(&'static str) -> Option<String>) -> Result<Self, AttributeError> {
+        let get = |name| text(name).ok_or(AttributeError::Missing(name));
+        let format = get("radiosity_format")?;
+        if format != FORMAT.to_string() {
+            return Err(AttributeError::Format(format));
+        }
+        let surfaces = get("surfaces")?;
+        if sha256(&surfaces) != get("scene_sha256")? {
+            return Err(AttributeError::Bad {
+                name: "surfaces",
+                reason: "it is not the scene that \"scene_sha256\" was made from".to_owned(),
+            });
+        }
+        let settings: Settings = parse("settings", &get("settings")?)?;
+        Ok(Self {
+            version: get("radiosity_version")?,
+            render: settings.render,
+            ray_offset: settings.ray_offset_m,
+            solution: settings.solution,
+            view: parse("camera", &get("camera")?)?,
+            surfaces: parse("surfaces", &surfaces)?,
+        })
+    }
+}
+
+/// Why attributes cannot be read.
+#[derive(Debug)]
+pub(super) enum AttributeError {
+    Missing(&'static str),
+    Format(String),
+    Bad { name: &'static str, reason: String },
+}
+
+fn parse<T: DeserializeOwned>(name: &'static str, text: &str) -> Result<T, AttributeError> {
+    serde_json::from_str(text).map_err(|error| AttributeError::Bad {
+        name,
+        reason: error.to_string(),
+    })
+}
+
+/// Returns JSON in which every character outside ASCII is escaped: attribute texts are bytes without an encoding.
+fn ascii_json(value: &impl Serialize) -> Result<String, serde_json::Error> {
+    use std::fmt::Write;
+    let json = serde_json::to_string(value)?;
+    let mut text = String::with_capacity(json.len());
+    for character in json.chars() {
+        if character.is_ascii() {
+            text.push(character);
+        } else {
+            for unit in character.encode_utf16(&mut [0; 2]) {
+                // Writing to a String cannot fail.
+                let _ = write!(text, "\\u{unit:04x}");
+            }
+        }
+    }
+    Ok(text)
+}
+
+fn sha256(text: &str) -> String {
+    use std::fmt::Write;
+    Sha256::digest(text).iter().fold(String::new(), |mut hex, byte| {
+        let _ = write!(hex, "{byte:02x}");
+        hex
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn json_is_ascii_and_reads_back() {
+        let names = ["naïve", "光", "😀", "\"\\\n"];
+        let text = ascii_json(&names).expect("strings are valid JSON");
+        assert!(text.is_ascii() && text.contains("\\u5149"));
+        let back: [String; 4] = serde_json::from_str(&text).expect("the text is JSON");
+        assert_eq!(back, names);
+    }
+
+    #[test]
+    fn the_hash_is_sha256() {
+        assert_eq!(
+            sha256("abc"),
+            "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
+        );
+    }
+}

@@ -1,0 +1,251 @@
+//! The irradiance that comes straight from the emitters, integrated at every pixel.
+
+use std::num::NonZeroU32;
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use crate::geometry::clip::clip_to_half_space;
+use crate::geometry::point_form_factor::point_form_factor;
+use crate::geometry::polygon;
+use crate::geometry::sampling::{Frame, PointStream, Sequence, UniformOnPolygon, cosine_direction};
+use crate::scene::Scene;
+use crate::visibility::{Coherence, HitBatch, RayBatch, Visibility};
+
+/// How the direct irradiance of a pixel is found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum DirectMethod {
+    /// Not at all: all irradiance is interpolated from the patches.
+    #[default]
+    Off,
+    /// By cosine-distributed rays: H = 1/n Σ E(front hit by ray k).
+    ///
+    /// Unbiased; it knows nothing of the emitters' shapes. The error falls as n^(−1/2) at least, best with n a power of two.
+    CosineRays {
+        /// Rays per sample of a pixel.
+        n: NonZeroU32,
+    },
+    /// By the exact form factor to every emitting face, times the fraction of it that is visible: H = Σ_j E_j F(x → j) V_j.
+    ///
+    /// V = Σ w_k v_k / Σ w_k over n points of the face, with v = 1 where a shadow ray arrives and w = cos θ cos θ′ / r². Exact where the
+    /// face is visible as a whole or not at all; in a penumbra consistent, with a bias of order 1/n.
+    /// The time grows with pixels × emitting faces × n.
+    Polygons {
+        /// Shadow rays per emitting face and sample of a pixel.
+        n: NonZeroU32,
+    },
+}
+
+/// A front-facing point at which the direct irradiance is wanted.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct DirectPoint {
+    pub(super) point: DVec3,
+    pub(super) normal: DVec3,
+    /// The number of the point's own random stream.
+    pub(super) stream: u64,
+}
+
+/// The estimate at one point, per channel.
+///
+/// The variance is that of the mean of independent samples; it is 0 where all samples agree.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct DirectEstimate {
+    pub(super) mean: [f64; 3],
+    pub(super) variance: [f64; 3],
+}
+
+struct Emitter {
+    corners: Vec<DVec3>,
+    normal: DVec3,
+    exitance: [f64; 3],
+    points: UniformOnPolygon,
+}
+
+/// The emitters of a scene, prepared.
+pub(super) struct DirectPass<'a> {
+    visibility: &'a dyn Visibility,
+    method: DirectMethod,
+    sequence: Sequence,
+    seed: u64,
+    emitters: Vec<Emitter>,
+    /// E of every face.
+    exitance: Vec<[f64; 3]>,
+}
+
+/// Buffers of one thread.
+#[derive(Default)]
+pub(super) struct Scratch {
+    rays: RayBatch,
+    hits: HitBatch,
+    blocked: Vec<bool>,
+    weights: Vec<f64>,
+}
+
+/// The most rays that are traced at once.
+const BATCH: u32 = 1 << 14;
+
+impl<'a> DirectPass<'a> {
+    pub(super) fn new(
+        scene: &Scene,
+        visibility: &'a dyn Visibility,
+        method: DirectMethod,
+        sequence: Sequence,
+        seed: u64,
+    ) -> Self {
+        let exitance: Vec<[f64; 3]> = scene
+            .faces
+            .iter()
+            .map(|face| scene.materials[face.material.0 as usize].exitance)
+            .collect();
+        let emitters = scene
+            .face_ids()
+            .zip(&exitance)
+            .filter(|(_, exitance)| exitance.iter().any(|&e| e > 0.0))
+            .map(|(face, &exitance)| {
+                let corners = scene.polygon(face);
+                Emitter {
+                    normal: polygon::area_vector(&corners).normalize_or_zero(),
+                    exitance,
+                    points: UniformOnPolygon::new(&corners),
+                    corners,
+                }
+            })
+            .collect();
+        Self {
+            visibility,
+            method,
+            sequence,
+            seed,
+            emitters,
+            exitance,
+        }
+    }
+
+    /// Estimates the direct irradiance at one point.
+    pub(super) fn estimate(&self, at: &DirectPoint, scratch: &mut Scratch) -> DirectEstimate {
+        match self.method {
+            DirectMethod::Off => DirectEstimate::default(),
+            DirectMethod::CosineRays { n } => self.by_rays(at, n.get(), scratch),
+            DirectMethod::Polygons { n } => self.by_polygons(at, n.get(), scratch),
+        }
+    }
+
+    fn stream(&self, at: &DirectPoint) -> PointStream {
+        PointStream::new(self.sequence, self.seed, at.stream)
+    }
+
+    fn by_rays(&self, at: &DirectPoint, n: u32, scratch: &mut Scratch) -> DirectEstimate {
+        let Scratch { rays, hits, .. } = scratch;
+        let frame = Frame::from_normal(at.normal);
+        let origin = at.point - self.visibility.frame_origin() + at.normal * self.visibility.offset();
+        let mut stream = self.stream(at);
+        let (mut sum, mut squares) = ([0.0; 3], [0.0; 3]);
+        let mut left = n;
+        while left > 0 {
+            let n_batch = left.min(BATCH);
+            left -= n_batch;
+            rays.clear();
+            for _ in 0..n_batch {
+                let [u, v, ..] = stream.next_point();
+                rays.push_ray(origin, frame.to_world(cosine_direction(u, v)));
+            }
+            self.visibility.closest_hits(rays, Coherence::Incoherent, hits);
+            for k in 0..rays.len() {
+                let Some(hit) = hits.face(k).filter(|hit| !hit.back) else {
+                    continue;
+                };
+                let exitance = self.exitance[hit.face.0 as usize];
+                for c in 0..3 {
+                    sum[c] += exitance[c];
+                    squares[c] += exitance[c] * exitance[c];
+                }
+            }
+        }
+        let n = f64::from(n);
+        let mean = sum.map(|sum| sum / n);
+        DirectEstimate {
+            mean,
+            // A single sample says nothing of its spread; its square is the most it can be.
+            variance: std::array::from_fn(|c| {
+                let spread = (squares[c] / n - mean[c] * mean[c]).max(0.0);
+                if n > 1.0 { spread / (n - 1.0) } else { squares[c] }
+            }),
+        }
+    }
+
+    fn by_polygons(&self, at: &DirectPoint, n: u32, scratch: &mut Scratch) -> DirectEstimate {
+        let mut stream = self.stream(at);
+        let mut estimate = DirectEstimate::default();
+        for emitter in &self.emitters {
+            // Each emitter takes its share of the stream, whether it is seen or not.
+            let form_factor = point_form_factor(at.point, at.normal, &emitter.corners);
+            if form_factor > 0.0 {
+                let (fraction, variance) = self.visible_fraction(at, emitter, n, &mut stream, scratch);
+                for (c, exitance) in emitter.exitance.iter().enumerate() {
+                    let whole = exitance * form_factor;
+                    estimate.mean[c] += whole * fraction;
+                    estimate.variance[c] += whole * whole * variance;
+                }
+            }
+        }
+        estimate
+    }
+
+    /// Returns V and its variance.
+    fn visible_fraction(
+        &self,
+        at: &DirectPoint,
+        emitter: &Emitter,
+        n: u32,
+        stream: &mut PointStream,
+        scratch: &mut Scratch,
+    ) -> (f64, f64) {
+        let Scratch {
+            rays, blocked, weights, ..
+        } = scratch;
+        let (mut total, mut seen, mut squares) = (0.0, 0.0, [0.0; 3]);
+        let frame = self.visibility.frame_origin();
+        let offset = self.visibility.offset();
+        let origin = at.point - frame + at.normal * offset;
+        let weight = |to: DVec3| {
+            let r = to - at.point;
+            at.normal.dot(r).max(0.0) * -emitter.normal.dot(r) / r.length_squared().powi(2)
+        };
+        let mut left = n;
+        while left > 0 {
+            let n_batch = left.min(BATCH);
+            left -= n_batch;
+            rays.clear();
+            weights.clear();
+            for _ in 0..n_batch {
+                let [u, v, ..] = stream.next_point();
+                let to = emitter.points.point(u, v);
+                let weight = weight(to);
+                if weight > 0.0 {
+                    weights.push(weight);
+                    rays.push_segment(origin, to - frame + emitter.normal * offset);
+                }
+            }
+            if left == 0 && rays.is_empty() && total <= 0.0 {
+                // All points are below the horizon, but a part of the face is not.
+                let above = clip_to_half_space(&emitter.corners, at.point, at.normal);
+                let to = above.iter().sum::<DVec3>() / above.len() as f64;
+                weights.push(1.0);
+                rays.push_segment(origin, to - frame + emitter.normal * offset);
+            }
+            self.visibility.occluded(rays, Coherence::Coherent, blocked);
+            for (&weight, &blocked) in weights.iter().zip(blocked.iter()) {
+                let v = f64::from(!blocked);
+                total += weight;
+                seen += weight * v;
+                squares[0] += weight * weight * v;
+                squares[1] += weight * weight;
+            }
+        }
+        let fraction = seen / total;
+        // Σ w² (v − V)², with v² = v.
+        squares[2] = squares[0] * (1.0 - 2.0 * fraction) + squares[1] * fraction * fraction;
+        (fraction, squares[2].max(0.0) / (total * total))
+    }
+}

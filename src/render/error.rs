@@ -1,0 +1,74 @@
+//! What can go wrong with an image.
+
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+/// An image cannot be rendered, written or read.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum RenderError {
+    /// A direct pass adds the indirect irradiance, which was not given.
+    #[error("a direct pass needs the indirect irradiance F (B - E) of every patch")]
+    MissingIndirect,
+    /// The view has more pixels than an image file can hold.
+    #[error("an image of {width} x {height} pixels is too large: at most {limit} pixels in all, and 2^31 - 1 a side")]
+    TooLarge {
+        /// The width in pixels.
+        width: u64,
+        /// The height in pixels.
+        height: u64,
+        /// The largest number of pixels.
+        limit: u64,
+    },
+    /// The view has no pixels: an image side of zero, or an unfolded view without a planar surface.
+    #[error("the view has no pixels; an unfolded view needs at least one planar surface")]
+    Empty,
+    /// The file could not be read or written.
+    #[error("{path}: {source}")]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The file is no OpenEXR file, or a damaged one.
+    #[error("{path} is not a readable OpenEXR file: {reason}")]
+    NotExr {
+        /// The file.
+        path: PathBuf,
+        /// What the decoder says.
+        reason: String,
+    },
+    /// The file lacks an attribute that `radiosity render` writes.
+    #[error("{path} has no attribute \"{name}\": it was not written by `radiosity render`")]
+    MissingAttribute {
+        /// The file.
+        path: PathBuf,
+        /// The attribute.
+        name: &'static str,
+    },
+    /// An attribute cannot be understood.
+    #[error("{path}: the attribute \"{name}\" is damaged: {reason}")]
+    BadAttribute {
+        /// The file.
+        path: PathBuf,
+        /// The attribute.
+        name: &'static str,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// The attributes were written by a version whose layout this one does not know.
+    #[error("{path} has attributes of format {found}, this program reads format {expected}")]
+    WrongFormat {
+        /// The file.
+        path: PathBuf,
+        /// The format of the file.
+        found: String,
+        /// The format that is understood.
+        expected: u32,
+    },
+    /// An image could not be encoded.
+    #[error("the image cannot be encoded: {0}")]
+    Encode(String),
+}

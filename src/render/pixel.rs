@@ -1,0 +1,99 @@
+//! Pixels, and how they become layers.
+
+use std::f64::consts::PI;
+
+use super::direct::DirectEstimate;
+use super::image::{Image, Samples, channel_names};
+use super::shade::{Shade, SurfacePoint};
+
+/// Everything about one pixel.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Pixel {
+    pub(super) shade: Shade,
+    pub(super) direct: DirectEstimate,
+    /// What is seen at the pixel's centre.
+    pub(super) centre: Option<SurfacePoint>,
+}
+
+type Value = fn(&Pixel) -> [f64; 3];
+
+const RGB: [char; 3] = ['R', 'G', 'B'];
+const XYZ: [char; 3] = ['X', 'Y', 'Z'];
+
+/// The layers that every image has; the empty prefix is the picture itself.
+const TRIPLES: [(&str, [char; 3], Value); 6] = [
+    ("", RGB, |pixel| pixel.shade.radiosity.map(|b| b / PI)),
+    ("irradiance", RGB, |pixel| pixel.shade.irradiance),
+    ("radiosity", RGB, |pixel| pixel.shade.radiosity),
+    ("albedo", RGB, |pixel| pixel.shade.albedo),
+    ("N", XYZ, |pixel| {
+        pixel.centre.map_or([0.0; 3], |at| at.normal.to_array())
+    }),
+    ("P", XYZ, |pixel| {
+        pixel.centre.map_or([0.0; 3], |at| at.point.to_array())
+    }),
+];
+
+/// The layers of a direct pass.
+const DIRECT_TRIPLES: [(&str, [char; 3], Value); 2] = [
+    ("direct", RGB, |pixel| pixel.direct.mean),
+    ("direct_error", RGB, |pixel| pixel.direct.variance.map(f64::sqrt)),
+];
+
+/// An image while its pixels arrive.
+pub(super) struct Canvas {
+    width: usize,
+    height: usize,
+    triples: Vec<(&'static str, [char; 3], Value, [Vec<f32>; 3])>,
+    depth: Vec<f32>,
+    patch: Vec<u32>,
+}
+
+impl Canvas {
+    pub(super) fn new(width: usize, height: usize, with_direct: bool) -> Self {
+        let n = width * height;
+        let direct: &[_] = if with_direct { &DIRECT_TRIPLES } else { &[] };
+        let triples = TRIPLES
+            .iter()
+            .chain(direct)
+            .map(|&(prefix, suffixes, value)| (prefix, suffixes, value, std::array::from_fn(|_| vec![0.0; n])))
+            .collect();
+        Self {
+            width,
+            height,
+            triples,
+            depth: vec![0.0; n],
+            patch: vec![u32::MAX; n],
+        }
+    }
+
+    pub(super) fn set(&mut self, x: u32, y: u32, pixel: &Pixel) {
+        let k = y as usize * self.width + x as usize;
+        for (_, _, value, channels) in &mut self.triples {
+            for (channel, value) in channels.iter_mut().zip(value(pixel)) {
+                channel[k] = single(value);
+            }
+        }
+        if let Some(at) = &pixel.centre {
+            self.depth[k] = single(at.depth);
+            self.patch[k] = at.patch.patch.0;
+        }
+    }
+
+    pub(super) fn into_image(self) -> Image {
+        let mut image = Image::new(self.width, self.height);
+        for (prefix, suffixes, _, channels) in self.triples {
+            for (name, samples) in channel_names(prefix, suffixes).iter().zip(channels) {
+                image.insert(name, Samples::F32(samples));
+            }
+        }
+        image.insert("Z", Samples::F32(self.depth));
+        image.insert("patch", Samples::U32(self.patch));
+        image
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "image layers are f32 by design")]
+fn single(x: f64) -> f32 {
+    x as f32
+}

@@ -1,0 +1,35 @@
+//! The preview beside an image: 8-bit sRGB.
+
+use std::path::Path;
+
+use super::error::RenderError;
+use super::image::Image;
+use super::tone_map::tone_map;
+use super::whole_file;
+
+/// Writes a tone-mapped PNG of the image's `R,G,B` layers, whole or not at all.
+///
+/// The curve is that of [`tone_map`]; the file says that its values are sRGB.
+///
+/// # Errors
+/// [`RenderError::Io`], [`RenderError::Encode`].
+pub fn write(path: &Path, image: &Image) -> Result<(), RenderError> {
+    let bytes = encode(image).map_err(|error| RenderError::Encode(error.to_string()))?;
+    whole_file::write(path, &bytes).map_err(|source| RenderError::Io {
+        path: path.to_owned(),
+        source,
+    })
+}
+
+fn encode(image: &Image) -> Result<Vec<u8>, ::png::EncodingError> {
+    let side = |n: usize| u32::try_from(n).map_err(|_| ::png::EncodingError::LimitsExceeded);
+    let mut bytes = Vec::new();
+    let mut encoder = ::png::Encoder::new(&mut bytes, side(image.width())?, side(image.height())?);
+    encoder.set_color(::png::ColorType::Rgb);
+    encoder.set_depth(::png::BitDepth::Eight);
+    encoder.set_source_srgb(::png::SrgbRenderingIntent::Perceptual);
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(&tone_map(image))?;
+    writer.finish()?;
+    Ok(bytes)
+}

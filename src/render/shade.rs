@@ -1,0 +1,178 @@
+//! From a ray to what a point of a surface looks like.
+
+use glam::DVec3;
+
+use super::RenderInput;
+use super::view::Sight;
+use crate::matrix::operator::Block;
+use crate::mesh::{PatchId, PatchPoint};
+use crate::scene::{FaceId, Material};
+use crate::visibility::{HitBatch, RayBatch, Visibility};
+
+/// How many of the visibility's offsets a ray for a [`Sight::Point`] starts above the surface, and ends below it.
+const SIGHT_OFFSETS: f64 = 4.0;
+
+/// A point of the scene's surface that a pixel sees.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SurfacePoint {
+    pub(super) face: FaceId,
+    pub(super) back: bool,
+    pub(super) point: DVec3,
+    /// The face's own normal, also where its back is seen.
+    pub(super) normal: DVec3,
+    pub(super) depth: f64,
+    pub(super) patch: PatchPoint,
+}
+
+/// The colours of a point; zero at a back.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Shade {
+    pub(super) irradiance: [f64; 3],
+    pub(super) radiosity: [f64; 3],
+    pub(super) albedo: [f64; 3],
+}
+
+/// Adds the ray of a sight to a batch.
+pub(super) fn push_sight(rays: &mut RayBatch, sight: &Sight, visibility: &dyn Visibility) {
+    let frame = visibility.frame_origin();
+    match *sight {
+        Sight::Ray { origin, direction, .. } => rays.push_ray(origin - frame, direction),
+        Sight::Point {
+            point,
+            normal,
+            clearance,
+            ..
+        } => {
+            let reach = normal * (SIGHT_OFFSETS * visibility.offset() + 2.0 * clearance);
+            rays.push_segment(point - frame + reach, point - frame - reach);
+        }
+    }
+}
+
+/// Values that are looked up by [`PatchPoint`].
+enum Field<'a> {
+    /// Constant over each patch.
+    Flat(&'a Block),
+    /// Interpolated between the corners.
+    Smooth(Block),
+}
+
+/// Looks points up in a scene with a solution.
+pub(super) struct Shader<'a> {
+    input: &'a RenderInput<'a>,
+    /// Irradiance, or its indirect part where a direct pass adds the rest.
+    irradiance: Field<'a>,
+    /// The patches' own radiosities, where the image shows these.
+    radiosity: Option<&'a Block>,
+    /// Per face.
+    normals: Vec<DVec3>,
+}
+
+impl<'a> Shader<'a> {
+    /// `irradiance` has one row per patch; `radiosity`, if given, is shown in place of E + ρ H.
+    pub(super) fn new(
+        input: &'a RenderInput<'a>,
+        irradiance: &'a Block,
+        flat: bool,
+        radiosity: Option<&'a Block>,
+    ) -> Self {
+        Self {
+            input,
+            irradiance: if flat {
+                Field::Flat(irradiance)
+            } else {
+                Field::Smooth(input.mesh.vertex_values(irradiance))
+            },
+            radiosity,
+            normals: input
+                .scene
+                .face_ids()
+                .map(|face| input.scene.area_vector(face).normalize_or_zero())
+                .collect(),
+        }
+    }
+
+    /// Returns the point that ray `k` of a batch made by [`push_sight`] found.
+    pub(super) fn locate(&self, sight: &Sight, hits: &HitBatch, k: usize) -> Option<SurfacePoint> {
+        let hit = hits.face(k)?;
+        let face = &self.input.scene.faces[hit.face.0 as usize];
+        let normal = self.normals[hit.face.0 as usize];
+        let (point, depth) = match *sight {
+            Sight::Ray {
+                origin,
+                direction,
+                depth_axis,
+            } => {
+                // Embree tells which face; where on its plane is computed again in f64, except at grazing rays.
+                let corner = self.input.scene.vertices[face.corners.as_slice()[0] as usize];
+                let t_single = f64::from(hits.t[k]);
+                let t_plane = normal.dot(corner - origin) / normal.dot(direction);
+                let close = (t_plane - t_single).abs() <= 1e-3 * t_single;
+                let point = origin + direction * if close { t_plane } else { t_single };
+                (point, depth_axis.dot(point - origin))
+            }
+            Sight::Point { point, surface, .. } => {
+                if face.surface != surface {
+                    return None;
+                }
+                (point, 0.0)
+            }
+        };
+        Some(SurfacePoint {
+            face: hit.face,
+            back: hit.back,
+            point,
+            normal,
+            depth,
+            patch: self
+                .input
+                .mesh
+                .locate(hit.face, f64::from(hits.u[k]), f64::from(hits.v[k])),
+        })
+    }
+
+    /// Returns the colours of a point, with `direct` added to the irradiance.
+    pub(super) fn shade(&self, point: &SurfacePoint, direct: [f64; 3]) -> Shade {
+        if point.back {
+            return Shade::default();
+        }
+        let material: &Material =
+            &self.input.scene.materials[self.input.scene.faces[point.face.0 as usize].material.0 as usize];
+        let indirect = self.irradiance(&point.patch);
+        let irradiance = [0, 1, 2].map(|c| indirect[c] + direct[c]);
+        let radiosity = match self.radiosity {
+            Some(block) => channels(block.row(point.patch.patch.0 as usize)),
+            None => [0, 1, 2].map(|c| material.exitance[c] + material.reflectance[c] * irradiance[c]),
+        };
+        Shade {
+            irradiance,
+            radiosity,
+            albedo: material.reflectance,
+        }
+    }
+
+    fn irradiance(&self, at: &PatchPoint) -> [f64; 3] {
+        let PatchId(patch) = at.patch;
+        match &self.irradiance {
+            Field::Flat(block) => channels(block.row(patch as usize)),
+            Field::Smooth(block) => {
+                let corners = self.input.mesh.patches[patch as usize].corners;
+                let mut sum = [0.0; 3];
+                for (&vertex, weight) in corners.as_slice().iter().zip(at.weights) {
+                    for (sum, value) in sum.iter_mut().zip(channels(block.row(vertex as usize))) {
+                        *sum += weight * value;
+                    }
+                }
+                sum
+            }
+        }
+    }
+}
+
+/// Returns the three colours of a row with three channels, or of a grey one.
+fn channels(row: &[f64]) -> [f64; 3] {
+    match *row {
+        [grey] => [grey; 3],
+        _ => [row[0], row[1], row[2]],
+    }
+}

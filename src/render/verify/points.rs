@@ -1,0 +1,264 @@
+//! The exact direct irradiance at the points that an image's pixels show.
+
+use rayon::prelude::*;
+
+use super::clear_view::{Plate, is_clear, misses_region};
+use super::tolerance::{effective_samples, hoeffding};
+use super::{DVec3, ROUNDING, Tile};
+use crate::geometry::point_form_factor::point_form_factor;
+use crate::geometry::polygon;
+use crate::render::attributes::{Attributes, PolygonRecord};
+use crate::render::sample_places;
+
+/// Exitance and reflectance.
+type Material = ([f64; 3], [f64; 3]);
+
+/// What is known about a pixel without looking at it.
+#[derive(Clone, Debug)]
+pub(super) enum PixelAnswer {
+    /// No sample of the pixel is on the surface.
+    Background,
+    /// Some samples are on the surface, or one is on its border.
+    Border,
+    /// All samples are well on the surface.
+    Surface {
+        /// The material, where the surface has only one.
+        material: Option<Material>,
+        /// The exact direct irradiance and its change over the rays' offset, where a clear view of the emitters is proven.
+        irradiance: Option<([f64; 3], [f64; 3])>,
+    },
+}
+
+impl PixelAnswer {
+    pub(super) fn on_surface(&self) -> bool {
+        !matches!(self, Self::Background)
+    }
+
+    pub(super) fn is_checked(&self) -> bool {
+        self.irradiance().is_some()
+    }
+
+    /// Returns `None` off the surface, `Some(None)` where its material is not known.
+    #[expect(
+        clippy::option_option,
+        reason = "two questions: on the surface, and of which material"
+    )]
+    pub(super) fn material(&self) -> Option<Option<Material>> {
+        match self {
+            Self::Surface { material, .. } => Some(*material),
+            _ => None,
+        }
+    }
+
+    pub(super) fn irradiance(&self) -> Option<([f64; 3], [f64; 3])> {
+        match self {
+            Self::Surface { irradiance, .. } => *irradiance,
+            _ => None,
+        }
+    }
+}
+
+/// The scene of an image, ready for closed forms.
+pub(super) struct Reference<'a> {
+    attributes: &'a Attributes,
+    plates: Vec<Plate>,
+    emitters: Vec<(Plate, [f64; 3])>,
+    /// The largest exitance per channel.
+    brightest: [f64; 3],
+    /// The sum of all exitances per channel.
+    total: [f64; 3],
+    nothing_reflects: bool,
+    /// Length below which geometry is rounding, in m.
+    slack: f64,
+    /// Rays per pixel; 0 where the direct pass has no noise at a clear point.
+    n_rays: u64,
+    n_effective: f64,
+    /// How far above the surface the estimate was really made, in m.
+    offset: f64,
+}
+
+impl<'a> Reference<'a> {
+    /// Returns `None` if nothing emits. `n_rays` is per sample.
+    pub(super) fn new(attributes: &'a Attributes, n_rays: u32) -> Option<Self> {
+        let records = || attributes.surfaces.iter().flat_map(|surface| &surface.polygons);
+        let plate = |record: &PolygonRecord| Plate::new(record.corners.clone());
+        let emitters: Vec<(Plate, [f64; 3])> = records()
+            .filter(|record| record.exitance.iter().any(|&e| e > 0.0))
+            .map(|record| (plate(record), record.exitance))
+            .collect();
+        if emitters.is_empty() {
+            return None;
+        }
+        let corners = || records().flat_map(|record| &record.corners);
+        let size = corners().map(|v| v.abs().max_element()).fold(0.0, f64::max);
+        let per_channel = |fold: fn(f64, f64) -> f64| {
+            [0, 1, 2].map(|c| emitters.iter().map(|(_, exitance)| exitance[c]).fold(0.0, fold))
+        };
+        let n_samples = u64::from(attributes.render.samples.get()).pow(2);
+        Some(Self {
+            attributes,
+            plates: records().map(plate).collect(),
+            brightest: per_channel(f64::max),
+            total: per_channel(|a, b| a + b),
+            emitters,
+            nothing_reflects: records().all(|record| record.reflectance.iter().all(|&rho| rho <= 0.0)),
+            slack: 1e-12 * size,
+            n_rays: n_samples * u64::from(n_rays),
+            n_effective: n_samples as f64 * effective_samples(n_rays.max(1), attributes.render.sequence),
+            // A tenth more for the rounding of ray origins to f32.
+            offset: if n_rays > 0 { 1.1 * attributes.ray_offset } else { 0.0 },
+        })
+    }
+
+    pub(super) fn slack(&self) -> f64 {
+        self.slack
+    }
+
+    pub(super) fn n_rays(&self) -> u64 {
+        self.n_rays
+    }
+
+    pub(super) fn n_effective(&self) -> f64 {
+        if self.n_rays > 0 { self.n_effective } else { 0.0 }
+    }
+
+    pub(super) fn nothing_reflects(&self) -> bool {
+        self.nothing_reflects
+    }
+
+    pub(super) fn emitters(&self) -> &[(Plate, [f64; 3])] {
+        &self.emitters
+    }
+
+    /// Returns the area of a tile's surface, in m².
+    pub(super) fn surface_area(&self, tile: &Tile) -> f64 {
+        self.records(tile)
+            .iter()
+            .map(|record| polygon::area_vector(&record.corners).length())
+            .sum()
+    }
+
+    fn records(&self, tile: &Tile) -> &'a [PolygonRecord] {
+        &self.attributes.surfaces[tile.surface.0 as usize].polygons
+    }
+
+    /// Returns the mean number of rays of a pixel that hit the brightest emitter, for an irradiance of `exact`.
+    pub(super) fn expected_hits(&self, channel: usize, exact: f64) -> f64 {
+        if self.brightest[channel] > 0.0 {
+            self.n_effective * exact / self.brightest[channel]
+        } else {
+            0.0
+        }
+    }
+
+    /// Returns how far the mean over `n_pixels` pixels may lie from `exact` by chance; a ray's value is between 0 and the largest exitance.
+    pub(super) fn statistical(&self, channel: usize, exact: f64, n_pixels: f64, log_odds: f64) -> f64 {
+        let scale = self.brightest[channel];
+        if self.n_rays == 0 || scale <= 0.0 {
+            return 0.0;
+        }
+        scale * hoeffding(exact / scale, self.n_effective * n_pixels, log_odds)
+    }
+
+    /// Returns the rounding of a layer's value, and of the closed forms.
+    pub(super) fn rounding(&self, channel: usize, exact: f64) -> f64 {
+        ROUNDING * exact + 1e-14 * self.total[channel] + f64::from(f32::MIN_POSITIVE)
+    }
+
+    /// Returns the answers of all pixels of a tile, row by row.
+    pub(super) fn answers(&self, tile: &Tile) -> Vec<PixelAnswer> {
+        let normal = tile.normal();
+        let rectangle = tile.rectangle();
+        // Per emitter, what may stand between it and some point of the tile.
+        let blockers: Vec<Vec<&Plate>> = self
+            .emitters
+            .iter()
+            .map(|(emitter, _)| {
+                let misses = |plate: &Plate| misses_region(plate, &rectangle, normal, emitter, self.slack);
+                self.plates.iter().filter(|plate| !misses(plate)).collect()
+            })
+            .collect();
+        let records = self.records(tile);
+        let material = records.first().map(|record| (record.exitance, record.reflectance));
+        let uniform = records
+            .iter()
+            .all(|record| Some((record.exitance, record.reflectance)) == material);
+        let n_pixels = tile.width as usize * tile.height as usize;
+        let columns = tile.width as usize;
+        (0..n_pixels)
+            .into_par_iter()
+            .map(|k| {
+                let corner = (
+                    f64::from(tile.left) + (k % columns) as f64,
+                    f64::from(tile.top) + (k / columns) as f64,
+                );
+                let points: Vec<DVec3> = sample_places(self.attributes.render.samples.get())
+                    .map(|(x, y)| tile.point(corner.0 + x, corner.1 + y))
+                    .collect();
+                match self.coverage(tile, &points) {
+                    Coverage::None => PixelAnswer::Background,
+                    Coverage::Partial => PixelAnswer::Border,
+                    Coverage::Full => PixelAnswer::Surface {
+                        material: material.filter(|_| uniform),
+                        irradiance: self.irradiance(&points, normal, &blockers),
+                    },
+                }
+            })
+            .collect()
+    }
+
+    fn irradiance(&self, points: &[DVec3], normal: DVec3, blockers: &[Vec<&Plate>]) -> Option<([f64; 3], [f64; 3])> {
+        let (mut exact, mut moved) = ([0.0; 3], [0.0; 3]);
+        let share = 1.0 / points.len() as f64;
+        for &point in points {
+            for ((emitter, exitance), blockers) in self.emitters.iter().zip(blockers) {
+                let form_factor = |at: DVec3| point_form_factor(at, normal, &emitter.corners);
+                let here = form_factor(point);
+                let above = form_factor(point + normal * self.offset);
+                if here <= 0.0 && above <= 0.0 {
+                    continue;
+                }
+                if !is_clear(point, normal, emitter, blockers.iter().copied(), self.slack) {
+                    return None;
+                }
+                for c in 0..3 {
+                    exact[c] += share * exitance[c] * here;
+                    moved[c] += share * exitance[c] * above;
+                }
+            }
+        }
+        Some((exact, std::array::from_fn(|c| moved[c] - exact[c])))
+    }
+
+    fn coverage(&self, tile: &Tile, points: &[DVec3]) -> Coverage {
+        // Far above the rounding of rays to f32, far below a pixel.
+        let margin = (1e6 * self.slack).min(0.25 * tile.pixel_size[0].min(tile.pixel_size[1]));
+        let (x, y) = (tile.right * margin, tile.down * margin);
+        let mut n_inside = 0;
+        for &point in points {
+            for place in [point + x + y, point + x - y, point - x + y, point - x - y] {
+                let inside = |record: &PolygonRecord| contains(&record.corners, place, tile.normal());
+                n_inside += usize::from(self.records(tile).iter().any(inside));
+            }
+        }
+        match n_inside {
+            0 => Coverage::None,
+            n if n == 4 * points.len() => Coverage::Full,
+            _ => Coverage::Partial,
+        }
+    }
+}
+
+enum Coverage {
+    None,
+    Partial,
+    Full,
+}
+
+/// Returns true if a point of the plane is in a convex polygon or on its border.
+fn contains(corners: &[DVec3], point: DVec3, normal: DVec3) -> bool {
+    (0..corners.len()).all(|k| {
+        let (a, b) = (corners[k], corners[(k + 1) % corners.len()]);
+        normal.dot((b - a).cross(point - a)) >= 0.0
+    })
+}

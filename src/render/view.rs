@@ -1,0 +1,102 @@
+//! What a pixel looks at.
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use super::unfolded::Unfolded;
+use crate::scene::SurfaceId;
+
+/// What is seen through one point of the image.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Sight {
+    /// The first face along a ray.
+    Ray {
+        /// Where the ray starts, in world coordinates (m).
+        origin: DVec3,
+        /// Where it goes; any length but zero.
+        direction: DVec3,
+        /// The unit vector along which depth is measured.
+        depth_axis: DVec3,
+    },
+    /// A given point of a planar surface, seen from right above; its depth is 0.
+    Point {
+        /// The point in world coordinates (m).
+        point: DVec3,
+        /// The unit normal of the surface there.
+        normal: DVec3,
+        /// How far the surface's faces may lie from the point, in m.
+        clearance: f64,
+        /// Only faces of this surface count.
+        surface: SurfaceId,
+    },
+}
+
+/// A camera, or any other map from the image to the scene.
+pub trait View: Sync {
+    /// Returns width and height in pixels.
+    fn size(&self) -> (u32, u32);
+
+    /// Returns what is seen at image coordinates (x, y), or `None` for background.
+    ///
+    /// x runs right from 0 to the width and y down from 0 to the height; pixel (i, j) has its centre at (i + 1/2, j + 1/2).
+    fn sight(&self, x: f64, y: f64) -> Option<Sight>;
+
+    /// Returns what goes into the image file about the view.
+    fn description(&self) -> ViewDescription;
+}
+
+/// A view as the image file describes it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ViewDescription {
+    /// A perspective camera and its parameters.
+    Perspective(serde_json::Value),
+    /// The tiles of an unfolded view.
+    Unfolded(Unfolded),
+}
+
+/// A view along rays that a camera makes.
+#[derive(Clone, Debug)]
+pub struct RayView<F> {
+    width: u32,
+    height: u32,
+    forward: DVec3,
+    ray: F,
+    parameters: serde_json::Value,
+}
+
+impl<F: Fn(f64, f64) -> (DVec3, DVec3) + Sync> RayView<F> {
+    /// Makes a view of width × height pixels from a function that returns origin and direction of the ray at (x, y), in pixels.
+    ///
+    /// Depth is measured along the ray through the image's middle, the camera's axis: it is the distance from the image
+    /// plane, not along each ray. `parameters` is written to the image file as it is.
+    pub fn new(width: u32, height: u32, ray: F, parameters: serde_json::Value) -> Self {
+        let (_, forward) = ray(0.5 * f64::from(width), 0.5 * f64::from(height));
+        Self {
+            width,
+            height,
+            forward: forward.normalize_or_zero(),
+            ray,
+            parameters,
+        }
+    }
+}
+
+impl<F: Fn(f64, f64) -> (DVec3, DVec3) + Sync> View for RayView<F> {
+    fn size(&self) -> (u32, u32) {
+        (self.width, self.height)
+    }
+
+    fn sight(&self, x: f64, y: f64) -> Option<Sight> {
+        let (origin, direction) = (self.ray)(x, y);
+        Some(Sight::Ray {
+            origin,
+            direction,
+            depth_axis: self.forward,
+        })
+    }
+
+    fn description(&self) -> ViewDescription {
+        ViewDescription::Perspective(self.parameters.clone())
+    }
+}

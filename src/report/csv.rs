@@ -1,0 +1,52 @@
+//! The solution as a table: one row a patch.
+
+use std::io::{self, Write};
+
+use crate::matrix::operator::Block;
+use crate::mesh::Mesh;
+use crate::scene::Scene;
+
+/// Writes one row a patch: its id, surface, area in m², centroid in m, and radiosity and irradiance in W·m⁻² per channel.
+///
+/// Numbers have the fewest digits that read back as the same f64. Names are quoted where they need it (RFC 4180).
+///
+/// # Errors
+/// Those of the writer.
+pub fn write_solution(
+    writer: &mut dyn Write,
+    scene: &Scene,
+    mesh: &Mesh,
+    radiosity: &Block,
+    irradiance: &Block,
+) -> io::Result<()> {
+    write!(writer, "patch,surface,area_m2,x_m,y_m,z_m")?;
+    for quantity in ["radiosity", "irradiance"] {
+        for channel in channel_names(radiosity.n_channels()) {
+            write!(writer, ",{quantity}_{channel}")?;
+        }
+    }
+    writeln!(writer)?;
+    for (i, patch) in mesh.patches.iter().enumerate() {
+        let name = quoted(&scene.surfaces[patch.surface.0 as usize].name);
+        let c = patch.centroid;
+        write!(writer, "{i},{name},{:?},{:?},{:?},{:?}", patch.area, c.x, c.y, c.z)?;
+        for value in radiosity.row(i).iter().chain(irradiance.row(i)) {
+            write!(writer, ",{value:?}")?;
+        }
+        writeln!(writer)?;
+    }
+    Ok(())
+}
+
+/// Returns the names of one grey channel or of three.
+fn channel_names(n_channels: usize) -> &'static [&'static str] {
+    if n_channels == 1 { &["grey"] } else { &["r", "g", "b"] }
+}
+
+fn quoted(name: &str) -> String {
+    if name.contains(['"', ',', '\n', '\r']) {
+        format!("\"{}\"", name.replace('"', "\"\""))
+    } else {
+        name.to_owned()
+    }
+}

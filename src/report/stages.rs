@@ -1,0 +1,51 @@
+//! Where the time went.
+
+use std::time::{Duration, Instant};
+
+/// Wall times of the stages of a run, in order.
+#[derive(Clone, Debug, Default)]
+pub struct StageTimes {
+    stages: Vec<(&'static str, Duration)>,
+}
+
+impl StageTimes {
+    /// Runs `work` and adds its wall time to the stage `name`.
+    pub fn time<T>(&mut self, name: &'static str, work: impl FnOnce() -> T) -> T {
+        let start = Instant::now();
+        let result = work();
+        let elapsed = start.elapsed();
+        match self.stages.iter_mut().find(|(known, _)| *known == name) {
+            Some((_, total)) => *total += elapsed,
+            None => self.stages.push((name, elapsed)),
+        }
+        result
+    }
+
+    /// Iterates over the stages and their seconds.
+    pub fn iter(&self) -> impl Iterator<Item = (&'static str, f64)> + '_ {
+        self.stages.iter().map(|(name, time)| (*name, time.as_secs_f64()))
+    }
+
+    /// Returns the sum of all stages in seconds.
+    #[must_use]
+    pub fn total_s(&self) -> f64 {
+        self.iter().map(|(_, seconds)| seconds).sum()
+    }
+
+    /// Returns a JSON object with one entry `NAME_s` a stage.
+    #[must_use]
+    pub fn to_json(&self) -> serde_json::Value {
+        self.iter()
+            .map(|(name, seconds)| (format!("{name}_s"), serde_json::Value::from(seconds)))
+            .collect()
+    }
+}
+
+/// Returns the most memory that this process has held, in bytes, or `None` where the system does not tell.
+#[must_use]
+pub fn memory_peak_byte() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kibibytes * 1024)
+}

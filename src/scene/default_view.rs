@@ -1,0 +1,126 @@
+//! Where to stand in a scene that comes without a camera.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::{Camera, FaceId, Scene};
+
+/// The vertical angle of view, in degrees.
+const VERTICAL_FOV: f64 = 60.0;
+
+/// How far the eye stands behind the middle of the box, in units of its extent along the view: just inside, further in, outside.
+const DEPTHS: [f64; 4] = [0.48, 0.35, 0.2, 1.5];
+
+/// The rays per side of the grid that counts fronts.
+const GRID: u32 = 10;
+
+/// Chooses the view; see [`Camera::default_view`].
+#[track_caller]
+pub(super) fn choose(scene: &Scene) -> Camera {
+    assert!(!scene.faces.is_empty(), "a view needs something to look at");
+    let (low, high) = scene.bounding_box();
+    let centre = 0.5 * (low + high);
+    let extent = high - low;
+    let up = up_axis(scene);
+    let (a, b) = ((up + 1) % 3, (up + 2) % 3);
+    // A flat scene has no depth of its own: keep some distance from it.
+    let least = 0.5 * extent.max_element();
+    let targets: Vec<Target> = scene.face_ids().map(|face| Target::new(scene, face)).collect();
+    let mut best: Option<(usize, Camera)> = None;
+    for depth in DEPTHS {
+        // From the far end of the longer side first: of equal views, the deeper one.
+        let long_first = if extent[a] >= extent[b] { [a, b] } else { [b, a] };
+        for axis in long_first {
+            for sign in [1.0, -1.0] {
+                let direction = DVec3::AXES[axis] * sign;
+                let eye = centre - direction * depth * extent[axis].max(least);
+                let Ok(camera) = Camera::new(eye, direction, DVec3::AXES[up], VERTICAL_FOV) else {
+                    continue;
+                };
+                let score = n_fronts(&targets, &camera);
+                if best.as_ref().is_none_or(|(most, _)| score > *most) {
+                    best = Some((score, camera));
+                }
+            }
+        }
+    }
+    let Some((_, camera)) = best else {
+        unreachable!("up is across every horizontal axis, and the coordinates of a scene are finite");
+    };
+    camera
+}
+
+/// Returns 1 if the emitted power leaves mostly along −y, and 2 otherwise.
+fn up_axis(scene: &Scene) -> usize {
+    let power: DVec3 = scene
+        .face_ids()
+        .map(|id| {
+            let face = scene.faces[id.0 as usize];
+            let exitance: f64 = scene.materials[face.material.0 as usize].exitance.iter().sum();
+            exitance * scene.area_vector(id)
+        })
+        .sum();
+    if -power.y > power.z.abs() { 1 } else { 2 }
+}
+
+/// A convex face, ready for many rays.
+struct Target {
+    corners: [DVec3; 4],
+    n_corners: usize,
+    area_vector: DVec3,
+}
+
+impl Target {
+    fn new(scene: &Scene, face: FaceId) -> Self {
+        let polygon = scene.polygon(face);
+        let mut corners = [polygon[0]; 4];
+        corners[..polygon.len()].copy_from_slice(&polygon);
+        Self {
+            corners,
+            n_corners: polygon.len(),
+            area_vector: scene.area_vector(face),
+        }
+    }
+
+    /// Returns the distance along a ray, in units of the direction, if it is less than or equal to `limit`.
+    fn distance(&self, origin: DVec3, direction: DVec3, limit: f64) -> Option<f64> {
+        let t = (self.corners[0] - origin).dot(self.area_vector) / direction.dot(self.area_vector);
+        // A parallel ray has an infinite t or none, and meets nothing.
+        if !(t > 0.0 && t <= limit && t.is_finite()) {
+            return None;
+        }
+        let point = origin + t * direction;
+        let inside = (0..self.n_corners).all(|k| {
+            let (from, to) = (self.corners[k], self.corners[(k + 1) % self.n_corners]);
+            (to - from).cross(point - from).dot(self.area_vector) >= 0.0
+        });
+        inside.then_some(t)
+    }
+}
+
+fn n_fronts(targets: &[Target], camera: &Camera) -> usize {
+    (0..GRID * GRID)
+        .into_par_iter()
+        .filter(|k| {
+            let (x, y) = (f64::from(k % GRID) + 0.5, f64::from(k / GRID) + 0.5);
+            let (origin, direction) = camera.primary_ray(x, y, GRID, GRID);
+            meets_front(targets, origin, direction)
+        })
+        .count()
+}
+
+/// Tells whether the first face along a ray is met from the front; of the two sides of a sheet, the front counts.
+fn meets_front(targets: &[Target], origin: DVec3, direction: DVec3) -> bool {
+    let mut first = f64::INFINITY;
+    let mut front = false;
+    for target in targets {
+        let faces_ray = target.area_vector.dot(direction) < 0.0;
+        if let Some(t) = target.distance(origin, direction, first)
+            && (t < first || faces_ray)
+        {
+            first = t;
+            front = faces_ray;
+        }
+    }
+    front
+}

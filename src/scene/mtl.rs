@@ -1,0 +1,202 @@
+//! Material libraries: `Kd` is the reflectance, `Ke` the exitance, and nothing else matters to a diffuse scene.
+
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use super::lines::{Statement, for_each_statement, read_text};
+use super::obj_lines::NamedLine;
+use super::{SceneError, SceneWarning};
+
+/// A material as its library defines it.
+#[derive(Clone, Debug)]
+pub(super) struct Definition {
+    /// The library.
+    pub(super) file: PathBuf,
+    /// The line of the `newmtl`.
+    pub(super) line: u32,
+    /// `Kd`, where there is one.
+    pub(super) reflectance: Option<[f64; 3]>,
+    /// `Ke`, or zero.
+    pub(super) exitance: [f64; 3],
+    /// The line of the first texture of the diffuse or emitted colour.
+    pub(super) texture_line: Option<u32>,
+    /// True if an earlier definition has the same name.
+    pub(super) repeated: bool,
+}
+
+/// All materials of the libraries of one scene, by name.
+#[derive(Debug, Default)]
+pub(super) struct Definitions {
+    by_name: HashMap<String, Definition>,
+}
+
+/// What stands in a library besides its numbers.
+#[derive(Default)]
+struct Scan {
+    /// The line of each `newmtl`, and that of its first texture.
+    materials: Vec<(u32, Option<u32>)>,
+    /// The checked `newmtl`, `Kd` and `Ke` lines: the parser panics at a `Kd` with fewer than three numbers.
+    values: String,
+}
+
+impl Definitions {
+    /// Reads the libraries that a scene file names, beside the scene file; one that does not exist is a warning.
+    pub(super) fn read_all(
+        libraries: &[NamedLine],
+        scene_file: &Path,
+        warnings: &mut Vec<SceneWarning>,
+    ) -> Result<Self, SceneError> {
+        let mut definitions = Self::default();
+        for library in libraries {
+            let files = files_of(&library.name, scene_file);
+            if files.is_empty() {
+                warnings.push(SceneWarning::MissingLibrary {
+                    file: scene_file.to_owned(),
+                    line: library.line,
+                    name: library.name.clone(),
+                });
+            }
+            for file in files {
+                definitions.read(&file)?;
+            }
+        }
+        Ok(definitions)
+    }
+
+    /// Returns the definition of a material.
+    pub(super) fn get(&self, name: &str) -> Option<&Definition> {
+        self.by_name.get(name)
+    }
+
+    fn read(&mut self, file: &Path) -> Result<(), SceneError> {
+        let scan = scan(&read_text(file)?, file)?;
+        let disagree = |message: String| SceneError::Parser {
+            file: file.to_owned(),
+            message,
+        };
+        let (parsed, _) =
+            tobj::load_mtl_buf(&mut scan.values.as_bytes()).map_err(|error| disagree(error.to_string()))?;
+        if parsed.len() != scan.materials.len() {
+            return Err(disagree(format!(
+                "{} materials, not {}",
+                parsed.len(),
+                scan.materials.len()
+            )));
+        }
+        for (material, (line, texture_line)) in parsed.into_iter().zip(scan.materials) {
+            let definition = Definition {
+                file: file.to_owned(),
+                line,
+                reflectance: material.diffuse,
+                exitance: material.emissive.unwrap_or_default(),
+                texture_line,
+                repeated: false,
+            };
+            match self.by_name.entry(material.name) {
+                Entry::Vacant(free) => {
+                    free.insert(definition);
+                }
+                Entry::Occupied(mut taken) => {
+                    taken.insert(Definition {
+                        repeated: true,
+                        ..definition
+                    });
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Returns the files of one `mtllib` that exist: the whole name (blanks and all), or else each of its words.
+fn files_of(name: &str, scene_file: &Path) -> Vec<PathBuf> {
+    let directory = scene_file.parent().unwrap_or(Path::new(""));
+    let beside = |part: &str| directory.join(part);
+    let whole = beside(name);
+    if whole.exists() {
+        return vec![whole];
+    }
+    let words: Vec<PathBuf> = name.split_whitespace().map(beside).collect();
+    if words.iter().all(|file| file.exists()) {
+        words
+    } else {
+        Vec::new()
+    }
+}
+
+fn scan(text: &str, file: &Path) -> Result<Scan, SceneError> {
+    let mut scan = Scan::default();
+    for_each_statement(text, |s| {
+        match s.keyword {
+            "newmtl" if s.rest.is_empty() => {
+                return Err(SceneError::MissingName {
+                    file: file.to_owned(),
+                    line: s.line,
+                    keyword: "newmtl",
+                });
+            }
+            "newmtl" => {
+                scan.materials.push((s.line, None));
+                let _ = writeln!(scan.values, "newmtl {}", s.rest);
+            }
+            "Kd" => {
+                let value = rgb(&s, "Kd", file, &scan)?;
+                if let Some(value) = value.into_iter().find(|x| !(0.0..=1.0).contains(x)) {
+                    return Err(SceneError::ReflectanceOutOfRange {
+                        file: file.to_owned(),
+                        line: s.line,
+                        value,
+                    });
+                }
+                write_rgb(&mut scan.values, "Kd", value);
+            }
+            "Ke" => {
+                let value = rgb(&s, "Ke", file, &scan)?;
+                if let Some(value) = value.into_iter().find(|x| !x.is_finite() || *x < 0.0) {
+                    return Err(SceneError::ExitanceOutOfRange {
+                        file: file.to_owned(),
+                        line: s.line,
+                        value,
+                    });
+                }
+                write_rgb(&mut scan.values, "Ke", value);
+            }
+            "map_Kd" | "map_Ke" => {
+                if let Some((_, texture_line)) = scan.materials.last_mut() {
+                    texture_line.get_or_insert(s.line);
+                }
+            }
+            _ => {}
+        }
+        Ok(())
+    })?;
+    Ok(scan)
+}
+
+/// Returns the three numbers of a `Kd` or `Ke`; one number stands for three.
+fn rgb(s: &Statement, keyword: &'static str, file: &Path, scan: &Scan) -> Result<[f64; 3], SceneError> {
+    if scan.materials.is_empty() {
+        return Err(SceneError::OutsideMaterial {
+            file: file.to_owned(),
+            line: s.line,
+            keyword,
+        });
+    }
+    let numbers: Option<Vec<f64>> = s.words().map(|word| word.parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[grey]) => Ok([grey; 3]),
+        Some(&[r, g, b]) => Ok([r, g, b]),
+        _ => Err(SceneError::BadMaterialValue {
+            file: file.to_owned(),
+            line: s.line,
+            keyword,
+            value: s.words().collect::<Vec<_>>().join(" "),
+        }),
+    }
+}
+
+fn write_rgb(values: &mut String, keyword: &str, [r, g, b]: [f64; 3]) {
+    let _ = writeln!(values, "{keyword} {r:?} {g:?} {b:?}");
+}

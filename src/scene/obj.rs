@@ -1,0 +1,245 @@
+//! Scenes from OBJ and MTL files, through tobj.
+
+use std::collections::hash_map::Entry;
+use std::collections::{HashMap, HashSet};
+use std::path::Path;
+
+use glam::DVec3;
+
+use super::builder::{Added, Builder};
+use super::lines::read_text;
+use super::mtl::{Definition, Definitions};
+use super::obj_lines::{ObjIndex, scan};
+use super::{Material, MaterialId, Scene, SceneError, SceneWarning};
+
+/// A scene from a file, and what was doubtful about it.
+#[derive(Clone, Debug)]
+pub struct Loaded {
+    /// The scene.
+    pub scene: Scene,
+    /// What was left open in the file, in the order in which it was found.
+    pub warnings: Vec<SceneWarning>,
+}
+
+/// The reflectance of a material that states none.
+pub const DEFAULT_REFLECTANCE: f64 = 0.5;
+
+/// Loads a scene from an OBJ file and the MTL files that it names.
+///
+/// - Lengths are metres, as written: every f64 survives, no coordinate is moved, and bit-identical positions become one vertex (0 and −0 are the same).
+/// - A face sees along the normal of its winding. Flat convex quads stay quads; a quad is flat if no corner is further than
+///   1e-6 of its diameter from its plane. Bent or concave quads and larger outlines become triangles of the same outline.
+/// - The last `o` or `g` above a face names its surface (tools write either, or an `o` for the object and a `g` for a part of it: the finer name
+///   counts). A `g` with several names is one surface with all of them in its name. Faces above the first one, or below one without a name, are surface `default`.
+///   A file without any `o` or `g` has one surface per face, `face1`... Surfaces are in the order in which their names appear;
+///   names without faces are dropped.
+/// - `Kd` is the reflectance ρ, `Ke` the exitance E in W·m⁻²; one number stands for all three channels. Without `Kd`, without a
+///   material, or if the library is missing, ρ is [`DEFAULT_REFLECTANCE`], with a warning. Textures are not read, with a warning.
+/// - Faces without an area are skipped, with a warning. Faces of opposite winding may coincide.
+/// - Texture coordinates, normals, `l` and `p` elements and all else are ignored.
+///
+/// Accuracy: coordinates, reflectance and exitance are the nearest f64 to the text.
+///
+/// # Errors
+/// [`SceneError`], with file, line and remedy: files that cannot be read, coordinates or indices that are none, faces with fewer than three
+/// corners, outlines that cross themselves, coincident faces of the same winding, `Kd` outside \[0, 1\], negative `Ke`, and
+/// scenes without a usable face.
+///
+/// Source: Wavefront's OBJ and MTL formats. Departures: only polygons; a vertex must stand above the faces that use it; the weight of a vertex is ignored.
+pub fn load(path: impl AsRef<Path>) -> Result<Loaded, SceneError> {
+    let file = path.as_ref();
+    let index = scan(&read_text(file)?, file)?;
+    let mut warnings = Vec::new();
+    let definitions = Definitions::read_all(&index.libraries, file, &mut warnings)?;
+    let outlines = Outlines::parse(&index, file)?;
+    let scene = Assembly {
+        file,
+        index: &index,
+        definitions: &definitions,
+        builder: Builder::new(file),
+        warnings: &mut warnings,
+    }
+    .assemble(&outlines)?;
+    if !scene.is_emitting() {
+        warnings.push(SceneWarning::NoEmission { file: file.to_owned() });
+    }
+    Ok(Loaded { scene, warnings })
+}
+
+/// The corners of all faces of a file, in file order.
+struct Outlines {
+    corners: Vec<DVec3>,
+    /// Where each face ends in `corners`.
+    ends: Vec<usize>,
+}
+
+impl Outlines {
+    fn parse(index: &ObjIndex, file: &Path) -> Result<Self, SceneError> {
+        let disagree = |message: String| SceneError::Parser {
+            file: file.to_owned(),
+            message,
+        };
+        let options = tobj::LoadOptions::default();
+        let (models, _) = tobj::load_obj_buf(&mut index.geometry.as_bytes(), &options, |_| {
+            Err(tobj::LoadError::OpenFileFailed)
+        })
+        .map_err(|error| disagree(error.to_string()))?;
+        let mut outlines = Self {
+            corners: Vec::new(),
+            ends: Vec::new(),
+        };
+        for model in models {
+            let mesh = model.mesh;
+            let positions = mesh.positions.as_chunks::<3>().0;
+            outlines
+                .corners
+                .extend(mesh.indices.iter().map(|&v| DVec3::from_array(positions[v as usize])));
+            let mut end = outlines.ends.last().copied().unwrap_or(0);
+            // The parser leaves the arities out where all faces are triangles.
+            let n_faces = if mesh.face_arities.is_empty() {
+                mesh.indices.len() / 3
+            } else {
+                mesh.face_arities.len()
+            };
+            for k in 0..n_faces {
+                end += mesh.face_arities.get(k).map_or(3, |&n| n as usize);
+                outlines.ends.push(end);
+            }
+        }
+        let (n, expected) = (outlines.ends.len(), index.faces.len());
+        if n != expected || outlines.ends.last().copied().unwrap_or(0) != outlines.corners.len() {
+            return Err(disagree(format!("{n} faces, not {expected}")));
+        }
+        Ok(outlines)
+    }
+
+    fn iter(&self) -> impl Iterator<Item = &[DVec3]> {
+        let starts = std::iter::once(0).chain(self.ends.iter().copied());
+        starts
+            .zip(&self.ends)
+            .map(|(start, &end)| self.corners.get(start..end).unwrap_or(&[]))
+    }
+}
+
+struct Assembly<'a> {
+    file: &'a Path,
+    index: &'a ObjIndex,
+    definitions: &'a Definitions,
+    builder: Builder,
+    warnings: &'a mut Vec<SceneWarning>,
+}
+
+impl Assembly<'_> {
+    fn assemble(mut self, outlines: &Outlines) -> Result<Scene, SceneError> {
+        let index = self.index;
+        let surfaces = index
+            .groups
+            .iter()
+            .map(|name| self.builder.surface(name.as_str()))
+            .collect::<Result<Vec<_>, _>>()?;
+        let mut materials: HashMap<Option<usize>, MaterialId> = HashMap::new();
+        let mut in_use = HashSet::new();
+        let mut without_area = FirstAndCount::default();
+        let mut without_material = FirstAndCount::default();
+        for (face, corners) in index.faces.iter().zip(outlines.iter()) {
+            let material = match materials.entry(face.material) {
+                Entry::Occupied(known) => *known.get(),
+                Entry::Vacant(free) => *free.insert(self.material(face.material)?),
+            };
+            if self.builder.face(corners, surfaces[face.group], material, face.line)? == Added::ZeroArea {
+                without_area.count(face.line);
+                continue;
+            }
+            if face.material.is_none() {
+                without_material.count(face.line);
+            }
+            if in_use.insert(face.material) {
+                self.warn_about(face.material);
+            }
+        }
+        if let Some((line, count)) = without_material.0 {
+            self.warnings.push(SceneWarning::NoMaterial {
+                file: self.file.to_owned(),
+                line,
+                count,
+            });
+        }
+        if let Some((line, count)) = without_area.0 {
+            self.warnings.push(SceneWarning::ZeroAreaFaces {
+                file: self.file.to_owned(),
+                line,
+                count,
+            });
+        }
+        self.builder.finish()
+    }
+
+    fn material(&mut self, material: Option<usize>) -> Result<MaterialId, SceneError> {
+        let name = material.map_or_else(|| self.free_name(), |k| self.index.materials[k].name.clone());
+        let definition = material.and_then(|_| self.definitions.get(&name));
+        self.builder.material(Material {
+            reflectance: definition
+                .and_then(|d| d.reflectance)
+                .unwrap_or([DEFAULT_REFLECTANCE; 3]),
+            exitance: definition.map(|d| d.exitance).unwrap_or_default(),
+            name,
+        })
+    }
+
+    /// Returns a name for the material of faces without one that no other material has.
+    fn free_name(&self) -> String {
+        let mut name = "unassigned".to_owned();
+        while self.index.materials.iter().any(|m| m.name == name) {
+            name.push('_');
+        }
+        name
+    }
+
+    fn warn_about(&mut self, material: Option<usize>) {
+        let Some(named) = material.map(|k| &self.index.materials[k]) else {
+            return;
+        };
+        let name = || named.name.clone();
+        let Some(definition) = self.definitions.get(&named.name) else {
+            self.warnings.push(SceneWarning::UnknownMaterial {
+                file: self.file.to_owned(),
+                line: named.line,
+                name: name(),
+            });
+            return;
+        };
+        let Definition { file, line, .. } = definition;
+        if definition.repeated {
+            self.warnings.push(SceneWarning::RepeatedMaterial {
+                file: file.clone(),
+                line: *line,
+                name: name(),
+            });
+        }
+        if definition.reflectance.is_none() {
+            self.warnings.push(SceneWarning::MissingReflectance {
+                file: file.clone(),
+                line: *line,
+                name: name(),
+            });
+        }
+        if let Some(texture_line) = definition.texture_line {
+            self.warnings.push(SceneWarning::IgnoredTexture {
+                file: file.clone(),
+                line: texture_line,
+                name: name(),
+            });
+        }
+    }
+}
+
+/// The first line at which something happens, and how often it does.
+#[derive(Default)]
+struct FirstAndCount(Option<(u32, usize)>);
+
+impl FirstAndCount {
+    fn count(&mut self, line: u32) {
+        let (first, count) = self.0.unwrap_or((line, 0));
+        self.0 = Some((first, count + 1));
+    }
+}

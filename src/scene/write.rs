@@ -1,0 +1,126 @@
+//! Scenes to OBJ and MTL files.
+
+use std::collections::HashSet;
+use std::ffi::OsStr;
+use std::fmt::Write as _;
+use std::io::{self, Write as _};
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+
+use super::{Scene, SceneError};
+
+/// Writes a scene to `path`, which ends in `.obj`, and its materials to the `.mtl` beside it.
+///
+/// Numbers are the shortest text that reads back as the same f64, so [`load`](super::load) returns a scene with the same
+/// [`content_hash`](Scene::content_hash). The bytes depend on the scene and the file's name alone. Each file is written whole or not at all
+/// (a temporary file in the same directory, then a rename), the materials first.
+///
+/// # Errors
+/// A path that does not end in `.obj`; names that the format cannot hold; whatever the file system refuses.
+pub fn write_obj(scene: &Scene, path: impl AsRef<Path>) -> Result<(), SceneError> {
+    let obj_file = path.as_ref();
+    let is_obj = obj_file.extension().is_some_and(|e| e.eq_ignore_ascii_case("obj"));
+    let mtl_file = obj_file.with_extension("mtl");
+    let (true, Some(mtl_name)) = (is_obj, mtl_file.file_name().and_then(OsStr::to_str)) else {
+        return Err(SceneError::NotObj {
+            file: obj_file.to_owned(),
+        });
+    };
+    check_names("surface", scene.surfaces.iter().map(|s| s.name.as_str()))?;
+    check_names("material", scene.materials.iter().map(|m| m.name.as_str()))?;
+    write_whole(&mtl_file, &mtl_text(scene))?;
+    write_whole(obj_file, &obj_text(scene, mtl_name))
+}
+
+/// Writes a file whole or not at all.
+pub(super) fn write_whole(file: &Path, text: &str) -> Result<(), SceneError> {
+    let unwritable = |source: io::Error| SceneError::Unwritable {
+        file: file.to_owned(),
+        source,
+    };
+    let directory = match file.parent() {
+        Some(parent) if parent != Path::new("") => parent.to_owned(),
+        _ => PathBuf::from("."),
+    };
+    let mut builder = tempfile::Builder::new();
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt as _;
+        // A temporary file is private by default; the scene is an ordinary file, within the umask.
+        builder.permissions(std::fs::Permissions::from_mode(0o666));
+    }
+    let mut temporary = builder.tempfile_in(directory).map_err(unwritable)?;
+    temporary.write_all(text.as_bytes()).map_err(unwritable)?;
+    temporary.persist(file).map_err(|error| unwritable(error.error))?;
+    Ok(())
+}
+
+fn check_names<'a>(what: &'static str, names: impl Iterator<Item = &'a str>) -> Result<(), SceneError> {
+    let mut seen = HashSet::new();
+    for name in names {
+        let sound = !name.is_empty()
+            && name.trim() == name
+            && !name.ends_with('\\')
+            && !name.contains(['\n', '\r'])
+            && seen.insert(name);
+        if !sound {
+            return Err(SceneError::UnwritableName {
+                what,
+                name: name.to_owned(),
+            });
+        }
+    }
+    Ok(())
+}
+
+fn mtl_text(scene: &Scene) -> String {
+    let mut text = String::new();
+    for material in &scene.materials {
+        let _ = writeln!(text, "newmtl {}", material.name);
+        for (keyword, [r, g, b]) in [("Kd", material.reflectance), ("Ke", material.exitance)] {
+            let _ = writeln!(text, "{keyword} {r:?} {g:?} {b:?}");
+        }
+    }
+    text
+}
+
+fn obj_text(scene: &Scene, mtl_name: &str) -> String {
+    let mut text = format!("mtllib {mtl_name}\n");
+    for DVec3 { x, y, z } in &scene.vertices {
+        let _ = writeln!(text, "v {x:?} {y:?} {z:?}");
+    }
+    if !surfaces_are_in_order(scene) {
+        for surface in &scene.surfaces {
+            let _ = writeln!(text, "o {}", surface.name);
+        }
+    }
+    let mut last_surface = None;
+    let mut last_material = None;
+    for face in &scene.faces {
+        if last_surface.replace(face.surface) != Some(face.surface) {
+            let _ = writeln!(text, "o {}", scene.surfaces[face.surface.0 as usize].name);
+        }
+        if last_material.replace(face.material) != Some(face.material) {
+            let _ = writeln!(text, "usemtl {}", scene.materials[face.material.0 as usize].name);
+        }
+        text.push('f');
+        for &v in face.corners.as_slice() {
+            let _ = write!(text, " {}", u64::from(v) + 1);
+        }
+        text.push('\n');
+    }
+    text
+}
+
+/// Tells whether the faces alone bring the surfaces in their order; if not, the names stand before the first face.
+fn surfaces_are_in_order(scene: &Scene) -> bool {
+    let mut n_seen = 0;
+    for face in &scene.faces {
+        if face.surface.0 > n_seen {
+            return false;
+        }
+        n_seen = n_seen.max(face.surface.0 + 1);
+    }
+    true
+}

@@ -1,0 +1,79 @@
+//! What can be wrong with a radiosity system.
+
+use thiserror::Error;
+
+/// Why a radiosity system was refused.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum SolverError {
+    /// There is no patch.
+    #[error("a radiosity system needs at least one patch")]
+    Empty,
+    /// Sizes that do not fit one another.
+    #[error("{what}: {found}, but {expected} are needed")]
+    Shape {
+        /// What has the wrong size.
+        what: &'static str,
+        /// The size that is needed.
+        expected: usize,
+        /// The size that was given.
+        found: usize,
+    },
+    /// An area that is not a positive, finite number.
+    #[error("patch {patch} has the area {area} m²; an area is positive and finite")]
+    Area {
+        /// The patch.
+        patch: usize,
+        /// Its area, m².
+        area: f64,
+    },
+    /// A reflectance outside \[0, 1\], or not a number.
+    #[error("patch {patch} has the reflectance {reflectance} in channel {channel}; a reflectance is in [0, 1]")]
+    Reflectance {
+        /// The patch.
+        patch: usize,
+        /// The channel.
+        channel: usize,
+        /// Its ρ.
+        reflectance: f64,
+    },
+    /// An exitance that is negative, infinite or not a number.
+    #[error("patch {patch} has the exitance {exitance} in channel {channel}; an exitance is finite and not negative")]
+    Exitance {
+        /// The patch.
+        patch: usize,
+        /// The channel.
+        channel: usize,
+        /// Its E, W·m⁻².
+        exitance: f64,
+    },
+    /// Light enters an enclosure that neither absorbs it nor lets it out.
+    #[error(
+        "no finite solution in channel {channel}: the patches that exchange light with patch {patch} emit, \
+         reflect everything, and let nothing out"
+    )]
+    NoFiniteSolution {
+        /// An emitting patch of the enclosure.
+        patch: usize,
+        /// The channel.
+        channel: usize,
+    },
+    /// The solver needs form factors with symmetric exchange areas.
+    #[error("{solver} needs form factors whose exchange areas are symmetric: balance them first")]
+    NeedsReciprocity {
+        /// The solver's name.
+        solver: &'static str,
+    },
+    /// The solver needs access to single rows.
+    #[error("{solver} needs the rows of the form factors one at a time")]
+    NeedsRows {
+        /// The solver's name.
+        solver: &'static str,
+    },
+    /// A tolerance that is not a positive, finite number.
+    #[error("the tolerance {value} is not positive and finite")]
+    Tolerance {
+        /// The tolerance.
+        value: f64,
+    },
+}

@@ -1,0 +1,132 @@
+//! The system in the units in which solvers calculate, and its residual.
+
+use super::RadiositySystem;
+use crate::matrix::operator::Block;
+
+/// A system in units near its greatest area and, per channel, its greatest exitance. The units are powers of two, so
+/// that radiosities scale back exactly, and so that squares stay in range whatever units the scene is modelled in.
+pub(super) struct Scaled<'a> {
+    pub(super) system: &'a RadiositySystem<'a>,
+    /// A.
+    pub(super) areas: Vec<f64>,
+    /// E.
+    pub(super) exitance: Block,
+    /// sqrt(Σ A E²) of each channel.
+    exitance_l2: Vec<f64>,
+}
+
+/// Norms of a residual in each channel.
+#[derive(Clone, Debug)]
+pub(super) struct Norms {
+    /// sqrt(Σ A r² / Σ A E²); 0 where r and E are zero.
+    pub(super) l2: Vec<f64>,
+    /// max |r_i A_i|, W.
+    pub(super) max_power: Vec<f64>,
+    /// max |r_i|, W·m⁻².
+    pub(super) max: Vec<f64>,
+}
+
+/// What the radiosities themselves say.
+pub(super) struct TrueResidual {
+    /// r = E − B + ρ H.
+    pub(super) residual: Block,
+    /// H = F B.
+    pub(super) irradiance: Block,
+    pub(super) norms: Norms,
+}
+
+impl<'a> Scaled<'a> {
+    pub(super) fn new(system: &'a RadiositySystem<'a>) -> Self {
+        let areas: Vec<f64> = system.areas().iter().map(|a| a / system.area_unit()).collect();
+        let mut exitance = system.exitance().clone();
+        for_each_channel(&mut exitance, system.exitance_units(), |e, unit| *e /= unit);
+        let exitance_l2 = l2(&areas, &exitance);
+        Self {
+            system,
+            areas,
+            exitance,
+            exitance_l2,
+        }
+    }
+
+    /// Returns zeros in the shape of B.
+    pub(super) fn zeros(&self) -> Block {
+        Block::zeros(self.system.n_patches(), self.system.n_channels())
+    }
+
+    /// Tells whether a channel emits nothing: then it has no light.
+    pub(super) fn is_dark(&self, channel: usize) -> bool {
+        self.exitance_l2[channel] <= 0.0
+    }
+
+    /// Calculates the residual of `radiosity` with one pass over F.
+    pub(super) fn true_residual(&self, radiosity: &Block) -> TrueResidual {
+        let mut irradiance = self.zeros();
+        self.system.operator().apply(radiosity, &mut irradiance);
+        let mut residual = self.exitance.clone();
+        let terms = radiosity.values().iter().zip(self.system.reflectance().values());
+        for ((r, (b, rho)), h) in residual.values_mut().iter_mut().zip(terms).zip(irradiance.values()) {
+            *r += rho * h - b;
+        }
+        let norms = self.norms(&residual);
+        TrueResidual {
+            residual,
+            irradiance,
+            norms,
+        }
+    }
+
+    /// Returns the norms of a residual, in SI units.
+    pub(super) fn norms(&self, residual: &Block) -> Norms {
+        let n_channels = residual.n_channels();
+        let mut max_power = vec![0.0_f64; n_channels];
+        let mut max = vec![0.0_f64; n_channels];
+        for (i, &area) in self.areas.iter().enumerate() {
+            for (c, r) in residual.row(i).iter().enumerate() {
+                max_power[c] = max_power[c].max(r.abs() * area);
+                max[c] = max[c].max(r.abs());
+            }
+        }
+        let mut relative = l2(&self.areas, residual);
+        for (c, norm) in relative.iter_mut().enumerate() {
+            let unit = self.system.exitance_units()[c];
+            max[c] *= unit;
+            max_power[c] *= self.system.area_unit() * unit;
+            if norm.is_nan() {
+                // f64::max passes over what is not a number; the sum of squares does not.
+                max[c] = f64::NAN;
+                max_power[c] = f64::NAN;
+            } else if *norm > 0.0 {
+                *norm /= self.exitance_l2[c];
+            }
+        }
+        Norms {
+            l2: relative,
+            max_power,
+            max,
+        }
+    }
+
+    /// Returns a block of radiosities or irradiances in W·m⁻².
+    pub(super) fn to_si(&self, mut block: Block) -> Block {
+        for_each_channel(&mut block, self.system.exitance_units(), |value, unit| *value *= unit);
+        block
+    }
+}
+
+fn for_each_channel(block: &mut Block, units: &[f64], change: impl Fn(&mut f64, f64)) {
+    for (value, &unit) in block.values_mut().iter_mut().zip(units.iter().cycle()) {
+        change(value, unit);
+    }
+}
+
+/// Returns sqrt(Σ A x²) of each channel, summed in patch order.
+pub(super) fn l2(areas: &[f64], x: &Block) -> Vec<f64> {
+    let mut sums = vec![0.0; x.n_channels()];
+    for (i, area) in areas.iter().enumerate() {
+        for (sum, value) in sums.iter_mut().zip(x.row(i)) {
+            *sum += area * value * value;
+        }
+    }
+    sums.into_iter().map(f64::sqrt).collect()
+}

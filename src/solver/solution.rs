@@ -1,0 +1,67 @@
+//! What a solver returns.
+
+use super::error_bound;
+use super::history::{HistoryEntry, Recorder};
+use super::scaled::{Scaled, TrueResidual};
+use super::stop::{StopReason, Tolerance, worst};
+use crate::matrix::operator::Block;
+
+/// Radiosities, and how good they are.
+#[derive(Clone, Debug)]
+pub struct Solution {
+    /// B, W·m⁻², \[n, c\].
+    pub radiosity: Block,
+    /// H = F B of these radiosities, W·m⁻², \[n, c\]. B = E + ρ H up to the residual.
+    pub irradiance: Block,
+    /// Why the solver stopped.
+    pub stop_reason: StopReason,
+    /// Passes of the method; each reads all of F once.
+    pub n_passes: usize,
+    /// Further passes over F that were spent on true residuals.
+    pub n_checks: usize,
+    /// sqrt(Σ A r² / Σ A E²) of these radiosities, the worst channel; r = E − (I − diag(ρ) F) B.
+    pub residual_l2: f64,
+    /// max |r_i A_i| of these radiosities, W, the worst channel.
+    pub residual_max_power: f64,
+    /// A bound of the relative error ‖B − B*‖ / ‖B‖, ‖x‖² = Σ A x², the worst channel; B* solves the system exactly.
+    /// `None` where none can be proved: see the error of the form factors for the rest.
+    pub error_bound: Option<f64>,
+    /// What happened pass by pass; the last entry holds the true residual.
+    pub history: Vec<HistoryEntry>,
+}
+
+impl Solution {
+    /// Puts a solution together. `truth` belongs to `radiosity`, in solver units; `gave_up` tells why the solver stopped
+    /// where it did not reach the tolerance.
+    pub(super) fn new(
+        scaled: &Scaled,
+        radiosity: Block,
+        truth: TrueResidual,
+        tolerance: Tolerance,
+        gave_up: StopReason,
+        (n_passes, n_checks): (usize, usize),
+        recorder: Recorder,
+    ) -> Self {
+        let error_bound = error_bound::relative(scaled, &radiosity, &truth);
+        let met = worst(&tolerance.excess(&truth.norms)) <= 1.0;
+        let radiosity = scaled.to_si(radiosity);
+        let stop_reason = if gave_up == StopReason::Diverged || radiosity.values().iter().any(|b| !b.is_finite()) {
+            StopReason::Diverged
+        } else if met {
+            StopReason::Converged
+        } else {
+            gave_up
+        };
+        Self {
+            radiosity,
+            irradiance: scaled.to_si(truth.irradiance),
+            stop_reason,
+            n_passes,
+            n_checks,
+            residual_l2: worst(&truth.norms.l2),
+            residual_max_power: worst(&truth.norms.max_power),
+            error_bound,
+            history: recorder.entries,
+        }
+    }
+}

@@ -1,0 +1,364 @@
+//! The program as its users and their scripts meet it: exit codes, messages, documents, files.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+fn radiosity(directory: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_radiosity"))
+        .current_dir(directory)
+        .args(arguments)
+        .output()
+        .unwrap()
+}
+
+/// Runs with `--json` and returns the exit code and the document.
+fn document(directory: &Path, arguments: &[&str]) -> (i32, Value) {
+    let output = radiosity(directory, &[arguments, &["--json"]].concat());
+    let text = String::from_utf8(output.stdout).unwrap();
+    let value = serde_json::from_str(&text).unwrap_or_else(|e| panic!("{e}: {text}"));
+    (output.status.code().unwrap(), value)
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8(output.stderr.clone()).unwrap()
+}
+
+/// A directory with a built-in scene as `scene.obj`.
+fn with_scene(name: &str) -> TempDir {
+    let directory = tempfile::tempdir().unwrap();
+    let output = radiosity(directory.path(), &["scene", name, "-o", "scene.obj"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    directory
+}
+
+fn numbers(value: &Value) -> Vec<f64> {
+    value.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
+}
+
+#[test]
+fn form_factors_of_the_cube_as_a_document() {
+    let directory = with_scene("cube");
+    let (code, result) = document(
+        directory.path(),
+        &["form-factors", "scene.obj", "--subdivide", "3", "--rays", "2000"],
+    );
+    assert_eq!(code, 0);
+    assert_eq!(result["schema_version"], 1);
+    assert_eq!(result["n_patches"], 54);
+    assert_eq!(result["n_surfaces"], 6);
+    assert_eq!(result["n_rays"], 108_000);
+    assert_eq!(result["n_escaped"], 0);
+    let names: Vec<&str> = result["surfaces"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|s| s["name"].as_str().unwrap())
+        .collect();
+    assert_eq!(names, ["x0", "x1", "y0", "y1", "z0", "z1"]);
+    let first = numbers(&result["surface_form_factor"][0]);
+    let error = numbers(&result["surface_error"][0]);
+    for (j, exact) in [0.0, 0.199_825, 0.200_044, 0.200_044, 0.200_044, 0.200_044]
+        .iter()
+        .enumerate()
+    {
+        assert!((first[j] - exact).abs() < 4.0 * error[j] + 1e-6, "{first:?}");
+        assert!(error[j] < 5e-3);
+    }
+    assert!((result["row_sum"]["min"].as_f64().unwrap() - 1.0).abs() < 1e-12);
+    assert!(result["closure_error_max"].as_f64().unwrap() < 1e-12);
+    assert!(result["reciprocity_error_max"].as_f64().unwrap() > 0.0);
+    assert_eq!(numbers(&result["sky_factor"]), [0.0; 6]);
+    assert!(result["stages"]["form_factors_s"].as_f64().unwrap() > 0.0);
+    assert!(result["memory_peak_byte"].as_u64().unwrap() > 1_000_000);
+    assert!(
+        result["left_out"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .any(|x| x.as_str().unwrap().contains("channels"))
+    );
+}
+
+#[test]
+fn the_same_seed_gives_the_same_result_at_any_number_of_threads() {
+    let directory = with_scene("room-box");
+    let run = |threads: &str| {
+        let (code, mut result) = document(
+            directory.path(),
+            &[
+                "solve",
+                "scene.obj",
+                "--subdivide",
+                "2",
+                "--rays",
+                "500",
+                "--seed",
+                "5",
+                "--threads",
+                threads,
+            ],
+        );
+        assert_eq!(code, 0);
+        for varying in ["stages", "total_s", "memory_peak_byte", "history"] {
+            result.as_object_mut().unwrap().remove(varying);
+        }
+        result
+    };
+    let one = run("1");
+    assert_eq!(one, run("2"));
+    assert_eq!(one, run("4"));
+    assert!(one["surfaces"][0]["radiosity"][0].as_f64().unwrap() > 0.0);
+}
+
+#[test]
+fn solvers_agree_and_say_how_they_stopped() {
+    let directory = with_scene("lewis-room");
+    let solve = |solver: &str| {
+        let (code, result) = document(
+            directory.path(),
+            &[
+                "solve",
+                "scene.obj",
+                "--rays",
+                "1000",
+                "--balance",
+                "on",
+                "--solver",
+                solver,
+                "--tolerance",
+                "1e-10",
+            ],
+        );
+        assert_eq!(code, 0);
+        assert_eq!(result["solver"], solver);
+        assert_eq!(result["stop_reason"], "converged");
+        assert!(result["residual_l2"].as_f64().unwrap() <= 1e-10);
+        assert!(!result["history"].as_array().unwrap().is_empty());
+        let surfaces = result["surfaces"].as_array().unwrap().clone();
+        surfaces
+            .iter()
+            .map(|s| s["radiosity"][0].as_f64().unwrap())
+            .collect::<Vec<_>>()
+    };
+    let (a, b) = (solve("gauss-seidel"), solve("pcg"));
+    for (x, y) in a.iter().zip(&b) {
+        assert!((x - y).abs() < 1e-8 * x.abs(), "{a:?} {b:?}");
+    }
+}
+
+#[test]
+fn too_few_passes_are_exit_code_3_and_still_give_a_document() {
+    let directory = with_scene("lewis-room");
+    let (code, result) = document(
+        directory.path(),
+        &[
+            "solve",
+            "scene.obj",
+            "--rays",
+            "200",
+            "--max-passes",
+            "2",
+            "--tolerance",
+            "1e-12",
+        ],
+    );
+    assert_eq!(code, 3);
+    assert_eq!(result["stop_reason"], "max_passes");
+    assert_eq!(result["n_passes"], 2);
+}
+
+#[test]
+fn the_solution_is_written_as_csv() {
+    let directory = with_scene("cube");
+    let output = radiosity(
+        directory.path(),
+        &["solve", "scene.obj", "--subdivide", "2", "-o", "b.csv"],
+    );
+    assert!(output.status.success(), "{}", stderr(&output));
+    let table = std::fs::read_to_string(directory.path().join("b.csv")).unwrap();
+    let lines: Vec<&str> = table.lines().collect();
+    assert_eq!(lines.len(), 25);
+    assert_eq!(
+        lines[0],
+        "patch,surface,area_m2,x_m,y_m,z_m,radiosity_grey,irradiance_grey"
+    );
+    assert!(lines[1].starts_with("0,x0,0.25,0.0,"), "{}", lines[1]);
+    let output = radiosity(directory.path(), &["solve", "scene.obj", "-o", "b.txt"]);
+    assert_eq!(output.status.code(), Some(2));
+}
+
+#[test]
+fn bad_input_gets_one_line_and_exit_code_1() {
+    let directory = with_scene("cube");
+    std::fs::write(directory.path().join("bad.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n").unwrap();
+    std::fs::write(directory.path().join("empty.obj"), "").unwrap();
+    for (file, needle) in [
+        ("bad.obj", "bad.obj:4:"),
+        ("empty.obj", "empty.obj:"),
+        ("missing.obj", "missing.obj:"),
+        (".", ".:"),
+    ] {
+        for command in ["form-factors", "solve", "render"] {
+            let mut arguments = vec![command, file];
+            if command == "render" {
+                arguments.extend(["-o", "x.exr"]);
+            }
+            let output = radiosity(directory.path(), &arguments);
+            assert_eq!(output.status.code(), Some(1), "{arguments:?}");
+            let message = stderr(&output);
+            assert_eq!(message.lines().count(), 1, "{message}");
+            assert!(message.contains(needle) && !message.contains("panicked"), "{message}");
+            assert!(output.stdout.is_empty());
+            assert!(!directory.path().join("x.exr").exists());
+        }
+    }
+    let (code, result) = document(directory.path(), &["solve", "bad.obj"]);
+    assert_eq!(code, 1);
+    assert_eq!(result["error"]["kind"], "index_out_of_range");
+    assert_eq!(result["error"]["file"], "bad.obj");
+    assert_eq!(result["error"]["line"], 4);
+}
+
+#[test]
+fn usage_errors_are_exit_code_2() {
+    let directory = with_scene("cube");
+    for arguments in [
+        &["solve", "scene.obj", "--method", "hyper"] as &[&str],
+        &["solve", "scene.obj", "--solver", "magic"],
+        &["solve", "scene.obj", "--subdivide", "2", "--max-edge", "0.1"],
+        &["solve", "scene.obj", "--rays", "0"],
+        &["solve", "scene.obj", "--tolerance", "-1"],
+        &["paint", "scene.obj"],
+        &["form-factors"],
+    ] {
+        let output = radiosity(directory.path(), arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+        assert!(!stderr(&output).is_empty());
+    }
+    let (code, result) = document(directory.path(), &["solve", "scene.obj", "--method", "hyper"]);
+    assert_eq!(code, 2);
+    assert_eq!(result["error"]["kind"], "usage");
+}
+
+#[test]
+fn a_room_that_cannot_lose_light_has_no_solution() {
+    let directory = with_scene("cube");
+    let library = "newmtl wall\nKd 1 1 1\nnewmtl lamp\nKd 1 1 1\nKe 1 1 1\n";
+    let obj = std::fs::read_to_string(directory.path().join("scene.obj")).unwrap();
+    std::fs::write(directory.path().join("scene.mtl"), {
+        let names = obj.lines().filter_map(|line| line.strip_prefix("usemtl "));
+        let mut text = String::from(library);
+        for (k, name) in names.collect::<std::collections::BTreeSet<_>>().into_iter().enumerate() {
+            text += &format!("newmtl {name}\nKd 1 1 1\nKe {k} {k} {k}\n");
+        }
+        text
+    })
+    .unwrap();
+    let (code, result) = document(directory.path(), &["solve", "scene.obj", "--rays", "100"]);
+    assert_eq!(code, 1);
+    assert_eq!(result["error"]["kind"], "no_finite_solution");
+}
+
+#[test]
+fn explain_says_what_is_left_out() {
+    let directory = with_scene("cube");
+    let output = radiosity(
+        directory.path(),
+        &["form-factors", "scene.obj", "--rays", "100", "--explain"],
+    );
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(text.contains("channels: 1 (every material is grey)"), "{text}");
+    assert!(text.contains("closure: closed"), "{text}");
+    assert!(text.contains("visibility: none needed"), "{text}");
+    assert!(text.contains("left out:"), "{text}");
+}
+
+#[test]
+fn an_unfolded_cube_is_proved_and_a_tampered_one_is_not() {
+    let directory = with_scene("cube");
+    let output = radiosity(
+        directory.path(),
+        &[
+            "render",
+            "scene.obj",
+            "-o",
+            "cube.exr",
+            "--camera",
+            "unfolded",
+            "--width",
+            "24",
+            "--direct-samples",
+            "512",
+        ],
+    );
+    assert!(output.status.success(), "{}", stderr(&output));
+    let (code, result) = document(directory.path(), &["verify", "cube.exr"]);
+    assert_eq!(code, 0, "{result}");
+    assert_eq!(result["passed"], true);
+    assert!(result["n_checked"].as_u64().unwrap() >= 5 * 24 * 24);
+    assert!(result["error_max"].as_f64().unwrap() > 0.0);
+
+    // A scene whose light is 2 % brighter than the picture says.
+    let mut bytes = std::fs::read(directory.path().join("cube.exr")).unwrap();
+    let needle = b"\"exitance\":[1.0,1.0,1.0]";
+    let at = bytes.windows(needle.len()).position(|w| w == needle).unwrap();
+    bytes[at..at + needle.len()].copy_from_slice(b"\"exitance\":[1.1,1.1,1.1]");
+    std::fs::write(directory.path().join("brighter.exr"), bytes).unwrap();
+    let (code, result) = document(directory.path(), &["verify", "brighter.exr"]);
+    assert_eq!(code, 4, "{result}");
+    assert_eq!(result["passed"], false);
+}
+
+#[test]
+fn a_picture_is_written_whole_with_its_preview() {
+    let directory = with_scene("cornell-box");
+    let arguments = [
+        "render",
+        "scene.obj",
+        "-o",
+        "box.exr",
+        "--width",
+        "64",
+        "--max-edge",
+        "0.2",
+        "--rays",
+        "500",
+        "--samples",
+        "1",
+    ];
+    let (code, result) = document(directory.path(), &arguments);
+    assert_eq!(code, 0, "{result}");
+    assert_eq!(
+        (result["width"].as_u64(), result["height"].as_u64()),
+        (Some(64), Some(64))
+    );
+    assert_eq!(result["image"], "box.exr");
+    let first = std::fs::read(directory.path().join("box.exr")).unwrap();
+    let preview = std::fs::read(directory.path().join("box.png")).unwrap();
+    assert!(first.starts_with(&[0x76, 0x2f, 0x31, 0x01]) && preview.starts_with(b"\x89PNG"));
+    // Again, with another number of threads: the same bytes, in place of the old file.
+    let (code, _) = document(directory.path(), &[&arguments as &[&str], &["--threads", "1"]].concat());
+    assert_eq!(code, 0);
+    assert_eq!(first, std::fs::read(directory.path().join("box.exr")).unwrap());
+    let left: Vec<_> = std::fs::read_dir(directory.path())
+        .unwrap()
+        .map(|f| f.unwrap().file_name())
+        .collect();
+    assert_eq!(left.len(), 4, "{left:?}");
+}
+
+#[test]
+fn an_output_that_cannot_be_written_leaves_the_old_file() {
+    let directory = with_scene("cube");
+    let output = radiosity(
+        directory.path(),
+        &["render", "scene.obj", "-o", "no/such/dir/x.exr", "--width", "8"],
+    );
+    assert_eq!(output.status.code(), Some(1));
+    assert_eq!(stderr(&output).lines().count(), 1, "{}", stderr(&output));
+    assert!(stderr(&output).contains("no/such/dir/x.exr"));
+}

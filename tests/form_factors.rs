@@ -1,0 +1,220 @@
+//! Every form-factor method against closed forms and its own guarantees.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use std::num::NonZeroUsize;
+
+use radiosity::form_factor::{self, FormFactorMethod, GaussShooting, Input, RandomShooting};
+use radiosity::geometry::sampling::Sequence;
+use radiosity::matrix::{FormFactors, StorageChoice, SurfaceFormFactors};
+use radiosity::mesh::{Mesh, Subdivision};
+use radiosity::progress::Silent;
+use radiosity::scene::{Scene, builtin};
+use radiosity::visibility::Visibility;
+use radiosity::visibility::brute_force::BruteForce;
+use radiosity::visibility::embree::EmbreeVisibility;
+
+const PARALLEL: f64 = 0.199_824_895_698_387_38;
+const PERPENDICULAR: f64 = 0.200_043_776_075_403_15;
+
+fn compute(scene: &Scene, subdivide: u32, method: &dyn FormFactorMethod) -> (Mesh, FormFactors) {
+    let visibility = EmbreeVisibility::new(scene).unwrap();
+    compute_with(scene, subdivide, method, &visibility)
+}
+
+fn compute_with(
+    scene: &Scene,
+    subdivide: u32,
+    method: &dyn FormFactorMethod,
+    visibility: &dyn Visibility,
+) -> (Mesh, FormFactors) {
+    let mesh = Mesh::new(scene, Subdivision::Uniform(subdivide)).unwrap();
+    let input = Input {
+        mesh: &mesh,
+        visibility,
+    };
+    let factors = form_factor::compute(method, input, StorageChoice::default(), &Silent).unwrap();
+    (mesh, factors)
+}
+
+fn by_surface(scene: &Scene, mesh: &Mesh, factors: &FormFactors) -> SurfaceFormFactors {
+    let surfaces: Vec<u32> = mesh.patches.iter().map(|p| p.surface.0).collect();
+    factors.surface_form_factors(&surfaces, scene.surfaces.len())
+}
+
+fn sr(rays: u64, sequence: Sequence, seed: u64) -> RandomShooting {
+    RandomShooting { rays, sequence, seed }
+}
+
+fn sg(points: usize, rays: u64, sequence: Sequence, seed: u64) -> GaussShooting {
+    GaussShooting {
+        points: NonZeroUsize::new(points).unwrap(),
+        rays,
+        sequence,
+        seed,
+    }
+}
+
+/// The exact form factors between the walls of the cube, in the order x0 x1 y0 y1 z0 z1.
+fn cube(i: usize, j: usize) -> f64 {
+    if i == j {
+        0.0
+    } else if i / 2 == j / 2 {
+        PARALLEL
+    } else {
+        PERPENDICULAR
+    }
+}
+
+#[test]
+fn shooting_meets_the_cube_within_its_own_error() {
+    let scene = builtin::build("cube", None).unwrap().scene;
+    // Independent numbers: 30 factors and 20 seeds, |z| beyond 4.5 has a chance of 0.4 % in all; the mean of z² has a
+    // standard deviation of about 0.1 with the factors of a row being weakly dependent.
+    let (mut z_max, mut z_squared, mut count) = (0.0_f64, 0.0, 0);
+    for seed in 0..20 {
+        let (mesh, factors) = compute(&scene, 2, &sr(2000, Sequence::Random, seed));
+        let surfaces = by_surface(&scene, &mesh, &factors);
+        for i in 0..6 {
+            for j in 0..6 {
+                let difference = surfaces.form_factor[6 * i + j] - cube(i, j);
+                if i == j {
+                    assert!(difference.abs() < 1e-15, "a wall does not see itself");
+                    continue;
+                }
+                let z = difference / surfaces.error[6 * i + j];
+                z_max = z_max.max(z.abs());
+                z_squared += z * z;
+                count += 1;
+            }
+        }
+    }
+    let mean = z_squared / f64::from(count);
+    // Below 1 because the four starting patches of a wall are stratified and their factors differ.
+    assert!(
+        (0.6..1.25).contains(&mean),
+        "the stated errors are the true ones: {mean}"
+    );
+    assert!(z_max < 4.5, "{z_max}");
+}
+
+#[test]
+fn sobol_points_beat_independent_ones() {
+    let scene = builtin::build("cube", None).unwrap().scene;
+    let rms = |sequence| {
+        let mut sum = 0.0;
+        for seed in 0..10 {
+            let (mesh, factors) = compute(&scene, 1, &sr(4096, sequence, seed));
+            let surfaces = by_surface(&scene, &mesh, &factors);
+            for i in 0..6 {
+                for j in 0..6 {
+                    sum += (surfaces.form_factor[6 * i + j] - cube(i, j)).powi(2) / 300.0;
+                }
+            }
+        }
+        sum.sqrt()
+    };
+    let (sobol, random) = (rms(Sequence::Sobol), rms(Sequence::Random));
+    // sqrt(0.2 · 0.8 / 4096) = 0.00625 for independent rays.
+    assert!((0.005..0.0075).contains(&random), "{random}");
+    assert!(sobol < 0.25 * random, "{sobol} against {random}");
+}
+
+#[test]
+fn gauss_points_converge_to_the_cube() {
+    let scene = builtin::build("cube", None).unwrap().scene;
+    for points in [5, 10] {
+        let (mesh, factors) = compute(&scene, 3, &sg(points, 20_000, Sequence::Sobol, 1));
+        let surfaces = by_surface(&scene, &mesh, &factors);
+        for i in 0..6 {
+            for j in 0..6 {
+                let difference = (surfaces.form_factor[6 * i + j] - cube(i, j)).abs();
+                assert!(difference < 4e-4, "sg{points} {i} {j}: {difference:e}");
+            }
+        }
+    }
+}
+
+#[test]
+fn occluded_scenes_meet_their_certified_factors() {
+    let scene = builtin::build("corridor", None).unwrap().scene;
+    let (mesh, factors) = compute(&scene, 1, &sr(400_000, Sequence::Sobol, 1));
+    let surfaces = by_surface(&scene, &mesh, &factors);
+    let n = surfaces.n_surfaces;
+    // A to B beneath the partition, A to the partition: tests/data/reference/occluded.json.
+    for (column, exact) in [(1, 0.102_930_079_594_358_68), (2, 0.193_191_244_633_067_53)] {
+        let (value, error) = (surfaces.form_factor[column], surfaces.error[column]);
+        assert!(
+            (value - exact).abs() < 3.0 * error && error < 1e-3,
+            "{value} ± {error}, exact {exact}"
+        );
+    }
+    // B sees the other side of the partition, and A never does.
+    assert!((surfaces.form_factor[n + 3] - 0.193_191_244_633_067_53).abs() < 3.0 * surfaces.error[n + 3]);
+    assert!(surfaces.form_factor[3].abs() < 1e-15 && surfaces.form_factor[n + 2].abs() < 1e-15);
+    assert!((surfaces.sky_factor[0] - (1.0 - surfaces.form_factor[1] - surfaces.form_factor[2])).abs() < 1e-12);
+}
+
+#[test]
+fn the_room_with_a_box_meets_its_certified_factors() {
+    let text = std::fs::read_to_string("tests/data/reference/occluded.json").unwrap();
+    let reference: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let exact = &reference["room_box_12"]["F"];
+    let scene = builtin::build("room-box", None).unwrap().scene;
+    let (mesh, factors) = compute(&scene, 4, &sr(20_000, Sequence::Sobol, 5));
+    let surfaces = by_surface(&scene, &mesh, &factors);
+    assert_eq!(surfaces.n_surfaces, 12);
+    let mut worst: f64 = 0.0;
+    for i in 0..12 {
+        for j in 0..12 {
+            let (k, expected) = (12 * i + j, exact[i][j].as_f64().unwrap());
+            let difference = (surfaces.form_factor[k] - expected).abs();
+            worst = worst.max(difference);
+            assert!(
+                difference < 3.5 * surfaces.error[k],
+                "{i} {j}: {difference:e} ± {:e}",
+                surfaces.error[k]
+            );
+        }
+    }
+    assert!(worst < 5e-4, "{worst:e}");
+}
+
+#[test]
+fn equal_seeds_give_equal_bits_at_any_number_of_threads() {
+    let scene = builtin::build("room-box", None).unwrap().scene;
+    for method in [
+        &sr(300, Sequence::Sobol, 7) as &dyn FormFactorMethod,
+        &sg(3, 300, Sequence::Random, 7),
+    ] {
+        let bits = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let (_, factors) = pool.install(|| compute(&scene, 3, method));
+            let mut all = Vec::new();
+            for i in 0..factors.n_rows() {
+                factors.for_each_in_row(i, |j, value, error| all.push((i, j, value.to_bits(), error.to_bits())));
+            }
+            all
+        };
+        let one = bits(1);
+        assert!(!one.is_empty());
+        assert_eq!(one, bits(2));
+        assert_eq!(one, bits(4));
+    }
+}
+
+#[test]
+fn the_f64_oracle_gives_the_same_form_factors() {
+    let scene = builtin::build("room-box", None).unwrap().scene;
+    let method = sr(200, Sequence::Random, 11);
+    let (_, embree) = compute(&scene, 2, &method);
+    let oracle = BruteForce::new(&scene).unwrap();
+    let (_, exact) = compute_with(&scene, 2, &method, &oracle);
+    let mut differing = 0;
+    for i in 0..embree.n_rows() {
+        for j in 0..embree.n_rows() {
+            differing += u32::from((embree.get(i, j) - exact.get(i, j)).abs() > 1e-12);
+        }
+    }
+    // A ray within f32 rounding of an edge may go either way: of 9600 rays, none or hardly one.
+    assert!(differing <= 2, "{differing} entries differ");
+}

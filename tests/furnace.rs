@@ -1,0 +1,95 @@
+//! The furnace: in a closed scene with one reflectance and one exitance everywhere, B = E / (1 − ρ) on every patch.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use std::num::NonZeroUsize;
+use std::ops::ControlFlow;
+
+use radiosity::form_factor::{self, FormFactorMethod, GaussShooting, Input, RandomShooting};
+use radiosity::geometry::sampling::Sequence;
+use radiosity::matrix::operator::Block;
+use radiosity::matrix::{FormFactors, StorageChoice, Weighting};
+use radiosity::mesh::{Mesh, Subdivision};
+use radiosity::progress::Silent;
+use radiosity::scene::builtin;
+use radiosity::solver::{self, RadiositySystem, SolveOptions, StopReason, Tolerance};
+use radiosity::visibility::embree::EmbreeVisibility;
+
+const RHO: f64 = 0.7;
+const EXITANCE: f64 = 2.5;
+
+fn methods() -> Vec<Box<dyn FormFactorMethod>> {
+    let points = NonZeroUsize::new(5).unwrap();
+    let mut all: Vec<Box<dyn FormFactorMethod>> = Vec::new();
+    for sequence in [Sequence::Sobol, Sequence::Random] {
+        all.push(Box::new(RandomShooting {
+            rays: 500,
+            sequence,
+            seed: 3,
+        }));
+        all.push(Box::new(GaussShooting {
+            points,
+            rays: 500,
+            sequence,
+            seed: 3,
+        }));
+    }
+    all
+}
+
+/// Solves with every solver and returns the greatest relative distance of a radiosity from the furnace's.
+fn worst_radiosity(factors: &FormFactors, solvers: &[&str]) -> f64 {
+    let n = factors.n_rows();
+    let rho = Block::from_values(vec![RHO; n], 1);
+    let exitance = Block::from_values(vec![EXITANCE; n], 1);
+    let system = RadiositySystem::new(factors, factors.areas().to_vec(), rho, exitance).unwrap();
+    let options = SolveOptions {
+        tolerance: Tolerance::ResidualL2(1e-12),
+        ..SolveOptions::default()
+    };
+    let mut worst: f64 = 0.0;
+    for name in solvers {
+        let solver = solver::by_name(name).unwrap();
+        let solution = solver
+            .solve(&system, &options, &mut |_| ControlFlow::Continue(()))
+            .unwrap();
+        assert_eq!(solution.stop_reason, StopReason::Converged, "{name}");
+        for b in solution.radiosity.values() {
+            worst = worst.max((b * (1.0 - RHO) / EXITANCE - 1.0).abs());
+        }
+    }
+    worst
+}
+
+#[test]
+fn uniform_light_stays_uniform_in_every_closed_scene() {
+    for (name, subdivide) in [("cube", 4), ("lewis-room", 1), ("sphere-room-r1", 1), ("room-box", 3)] {
+        let scene = builtin::build(name, None).unwrap().scene;
+        let mesh = Mesh::new(&scene, Subdivision::Uniform(subdivide)).unwrap();
+        let visibility = EmbreeVisibility::new(&scene).unwrap();
+        for method in methods() {
+            let input = Input {
+                mesh: &mesh,
+                visibility: &visibility,
+            };
+            let raw = form_factor::compute(method.as_ref(), input, StorageChoice::default(), &Silent).unwrap();
+            let lost: u64 = raw.tallies().iter().map(|t| t.n_escaped + t.n_absorbed).sum();
+            assert_eq!(
+                lost,
+                0,
+                "{name}, {}: no ray leaves a closed scene or meets a back",
+                method.name()
+            );
+            // A row of shooting form factors sums to 1 by construction: only rounding and the solver's tolerance are left.
+            let worst = worst_radiosity(&raw, &["gauss-seidel"]);
+            assert!(worst < 1e-11, "{name}, {}: {worst:e}", method.name());
+            let (balanced, report) = raw
+                .symmetrised(Weighting::default())
+                .unwrap()
+                .balanced(&raw.row_targets(true), 1e-13, 500)
+                .unwrap();
+            assert!(report.converged, "{name}, {}: {report:?}", method.name());
+            let worst = worst_radiosity(&balanced, &["gauss-seidel", "pcg"]);
+            assert!(worst < 1e-11, "{name}, {}, balanced: {worst:e}", method.name());
+        }
+    }
+}
