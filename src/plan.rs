@@ -43,19 +43,36 @@ impl Plan {
         };
         if plan.n_channels == 1 {
             plan.decide("channels", "1", "every material is grey");
-            plan.left_out.push("two of three channels: every material is grey".into());
+            plan.left_out
+                .push("two of three channels: every material is grey".into());
         } else {
             plan.decide("channels", "3", "at least one material is coloured");
         }
         if plan.convex_and_empty {
-            plan.decide("visibility", "none needed", "no vertex lies behind the plane of a face: nothing can block");
+            plan.decide(
+                "visibility",
+                "none needed",
+                "no vertex lies behind the plane of a face: nothing can block",
+            );
         } else {
-            plan.decide("visibility", "by rays", "a vertex lies behind the plane of a face: something may block");
+            plan.decide(
+                "visibility",
+                "by rays",
+                "a vertex lies behind the plane of a face: something may block",
+            );
         }
         if plan.watertight {
-            plan.decide("closure", "closed", "every edge joins two faces, and every piece faces into an enclosure");
+            plan.decide(
+                "closure",
+                "closed",
+                "every edge joins two faces, and every piece faces into an enclosure",
+            );
         } else {
-            plan.decide("closure", "open until rays show otherwise", "some edge does not join two faces, or some piece faces outwards");
+            plan.decide(
+                "closure",
+                "open until rays show otherwise",
+                "some edge does not join two faces, or some piece faces outwards",
+            );
         }
         plan
     }

@@ -12,8 +12,10 @@ use crate::mesh::Subdivision;
 /// Light in diffuse scenes: form factors to high accuracy, radiosity, OpenEXR pictures.
 #[derive(Debug, Parser)]
 #[command(name = "radiosity", version, about, propagate_version = true, max_term_width = 110)]
-#[command(after_help = "Exit codes: 0 done, 1 error in the input or at run time, 2 usage, 3 not converged or a budget \
-                        spent above the tolerance, 4 a check outside its tolerance.")]
+#[command(
+    after_help = "Exit codes: 0 done, 1 error in the input or at run time, 2 usage, 3 not converged or a budget \
+                        spent above the tolerance, 4 a check outside its tolerance."
+)]
 pub struct Cli {
     /// What to do.
     #[command(subcommand)]
@@ -319,9 +321,15 @@ pub struct ImageArgs {
 fn parse_vector(text: &str) -> Result<[f64; 3], String> {
     let numbers: Vec<f64> = text
         .split(',')
-        .map(|part| part.trim().parse::<f64>().map_err(|_| format!("'{part}' is not a number")))
+        .map(|part| {
+            part.trim()
+                .parse::<f64>()
+                .map_err(|_| format!("'{part}' is not a number"))
+        })
         .collect::<Result<_, _>>()?;
-    let vector: [f64; 3] = numbers.try_into().map_err(|_| "give three numbers, as in 1,2.5,0".to_owned())?;
+    let vector: [f64; 3] = numbers
+        .try_into()
+        .map_err(|_| "give three numbers, as in 1,2.5,0".to_owned())?;
     if vector.iter().all(|x| x.is_finite()) {
         Ok(vector)
     } else {

@@ -4,11 +4,11 @@ use std::fmt::Write as _;
 
 use serde_json::{Value, json};
 
+use super::Outcome;
 use super::args::FormFactorsArgs;
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::pipeline::{Computed, Prepared, Run};
-use super::Outcome;
 use crate::matrix::SurfaceFormFactors;
 use crate::mesh::Subdivision;
 
@@ -21,7 +21,9 @@ pub(super) fn run(args: &FormFactorsArgs) -> Result<Outcome, Failure> {
     let computed = run.form_factors(&mut prepared, &args.method, DEFAULT_RAYS, false)?;
     let surfaces = run.times.time("surfaces", || {
         let surface_of_patch: Vec<u32> = prepared.mesh.patches.iter().map(|p| p.surface.0).collect();
-        computed.factors.surface_form_factors(&surface_of_patch, prepared.scene.surfaces.len())
+        computed
+            .factors
+            .surface_form_factors(&surface_of_patch, prepared.scene.surfaces.len())
     });
     run.progress.finish();
     let document = run.document(&prepared, to_json(&prepared, &computed, &surfaces));
@@ -79,12 +81,18 @@ fn describe(text: &mut String, prepared: &Prepared, computed: &Computed, surface
     /// More surfaces than this do not fit a terminal as a table.
     const TABLE: usize = 12;
     if n > TABLE {
-        let _ = writeln!(text, "the table of {n} × {n} surface form factors is in the document that --json prints");
+        let _ = writeln!(
+            text,
+            "the table of {n} × {n} surface form factors is in the document that --json prints"
+        );
         return;
     }
     let names: Vec<&str> = prepared.scene.surfaces.iter().map(|s| s.name.as_str()).collect();
     let width = names.iter().map(|name| name.chars().count()).max().unwrap_or(0);
-    let _ = writeln!(text, "\nform factors from row to column, and the greatest estimated error of each row");
+    let _ = writeln!(
+        text,
+        "\nform factors from row to column, and the greatest estimated error of each row"
+    );
     let _ = write!(text, "{:width$}", "");
     for column in 0..n {
         let _ = write!(text, " {:>9}", shortened(names[column], 9));
@@ -110,7 +118,9 @@ pub(super) fn describe_checks(text: &mut String, computed: &Computed) {
         "row sums {:.9} to {:.9}, closure error {}, reciprocity error {:.1e}",
         checks.row_sum.min,
         checks.row_sum.max,
-        checks.closure_error_max.map_or("unknown".to_owned(), |e| format!("{e:.1e}")),
+        checks
+            .closure_error_max
+            .map_or("unknown".to_owned(), |e| format!("{e:.1e}")),
         checks.reciprocity_error_max,
     );
     if checks.n_rays > 0 {

@@ -50,7 +50,11 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let json = common.json;
     match run(&cli.command, common) {
         Ok(outcome) => {
-            let printed = if json { print_document(&outcome.document) } else { print(&outcome.text) };
+            let printed = if json {
+                print_document(&outcome.document)
+            } else {
+                print(&outcome.text)
+            };
             if printed { outcome.code } else { ExitCode::Error }
         }
         Err(failure) => {
@@ -68,7 +72,12 @@ fn run(command: &Command, common: &CommonArgs) -> Result<Outcome, Failure> {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
         .build()
-        .map_err(|error| Failure::new("threads", format!("cannot start {threads} threads: {error}; give --threads a smaller number")))?;
+        .map_err(|error| {
+            Failure::new(
+                "threads",
+                format!("cannot start {threads} threads: {error}; give --threads a smaller number"),
+            )
+        })?;
     // Everything runs inside the pool, so that --threads holds for all stages.
     pool.install(|| match command {
         Command::Scene(a) => scene::run(a),
@@ -83,7 +92,11 @@ fn run(command: &Command, common: &CommonArgs) -> Result<Outcome, Failure> {
 fn usage(error: &clap::Error, arguments: &[OsString]) -> ExitCode {
     use clap::error::ErrorKind;
     if matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) {
-        return if print(&error.render().to_string()) { ExitCode::Done } else { ExitCode::Error };
+        return if print(&error.render().to_string()) {
+            ExitCode::Done
+        } else {
+            ExitCode::Error
+        };
     }
     // Printing can only fail if stderr is closed; there is nobody left to tell.
     let _ = error.print();

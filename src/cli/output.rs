@@ -9,7 +9,10 @@ use super::failure::Failure;
 ///
 /// An existing file stays as it is until a complete new one replaces it.
 pub(super) fn write(path: &Path, content: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), Failure> {
-    let directory = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let directory = path
+        .parent()
+        .filter(|p| !p.as_os_str().is_empty())
+        .unwrap_or(Path::new("."));
     let attempt = || -> io::Result<()> {
         let mut file = tempfile::NamedTempFile::new_in(directory)?;
         let mut writer = BufWriter::new(file.as_file_mut());
@@ -26,7 +29,10 @@ pub(super) fn write(path: &Path, content: impl FnOnce(&mut dyn Write) -> io::Res
 
 /// Refuses an output that cannot be written before any work is done for it.
 pub(super) fn expect_possible(path: &Path) -> Result<(), Failure> {
-    let directory = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let directory = path
+        .parent()
+        .filter(|p| !p.as_os_str().is_empty())
+        .unwrap_or(Path::new("."));
     let problem = if path.is_dir() {
         "is a directory; name a file"
     } else if !directory.is_dir() {
@@ -34,5 +40,9 @@ pub(super) fn expect_possible(path: &Path) -> Result<(), Failure> {
     } else {
         return Ok(());
     };
-    Err(Failure::new("unwritable", format!("{}: cannot be written: {problem}", path.display())).in_file(path))
+    Err(Failure::new(
+        "unwritable",
+        format!("{}: cannot be written: {problem}", path.display()),
+    )
+    .in_file(path))
 }

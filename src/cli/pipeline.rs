@@ -72,7 +72,12 @@ impl Run {
     }
 
     /// Reads a scene, cuts it into patches and builds the ray tracer's tree.
-    pub(super) fn prepare(&mut self, path: &Path, mesh_args: MeshArgs, default: impl FnOnce(&Scene) -> Subdivision) -> Result<Prepared, Failure> {
+    pub(super) fn prepare(
+        &mut self,
+        path: &Path,
+        mesh_args: MeshArgs,
+        default: impl FnOnce(&Scene) -> Subdivision,
+    ) -> Result<Prepared, Failure> {
         let loaded = self.times.time("scene", || crate::scene::load(path))?;
         for warning in &loaded.warnings {
             self.warn(&warning.to_string());
@@ -92,13 +97,27 @@ impl Run {
             .times
             .time("ray_tracer", || EmbreeVisibility::new(&scene))
             .map_err(|error| Failure::new("embree", error))?;
-        Ok(Prepared { scene, plan, mesh, visibility })
+        Ok(Prepared {
+            scene,
+            plan,
+            mesh,
+            visibility,
+        })
     }
 
     /// Computes form factors, makes them symmetric where that is asked for, and checks them.
-    pub(super) fn form_factors(&mut self, prepared: &mut Prepared, args: &MethodArgs, default_rays: u64, needs_symmetry: bool) -> Result<Computed, Failure> {
+    pub(super) fn form_factors(
+        &mut self,
+        prepared: &mut Prepared,
+        args: &MethodArgs,
+        default_rays: u64,
+        needs_symmetry: bool,
+    ) -> Result<Computed, Failure> {
         let method = self.method(args, default_rays)?;
-        let input = Input { mesh: &prepared.mesh, visibility: &prepared.visibility };
+        let input = Input {
+            mesh: &prepared.mesh,
+            visibility: &prepared.visibility,
+        };
         let raw = self.times.time("form_factors", || {
             form_factor::compute(method.as_ref(), input, StorageChoice::default(), &self.progress)
         })?;
@@ -121,16 +140,21 @@ impl Run {
         let (factors, balance) = if wanted {
             let targets = raw.row_targets(closed);
             let (factors, report) = self.times.time("balance", || {
-                raw.symmetrised(Weighting::default())?.balanced(&targets, BALANCE_TOLERANCE, BALANCE_PASSES)
+                raw.symmetrised(Weighting::default())?
+                    .balanced(&targets, BALANCE_TOLERANCE, BALANCE_PASSES)
             })?;
             plan.decide(
                 "reciprocity",
                 "restored",
-                format!("each pair averaged with its reverse, rows rescaled symmetrically in {} passes", report.n_passes),
+                format!(
+                    "each pair averaged with its reverse, rows rescaled symmetrically in {} passes",
+                    report.n_passes
+                ),
             );
             (factors, Some(report))
         } else {
-            plan.left_out.push("balancing of the form factors: no symmetric system is needed".into());
+            plan.left_out
+                .push("balancing of the form factors: no symmetric system is needed".into());
             (raw, None)
         };
         if let Some(report) = balance.filter(|report| !report.converged) {
@@ -140,7 +164,12 @@ impl Run {
             ));
         }
         let checks = self.times.time("checks", || factors.checks(closed));
-        Ok(Computed { factors, checks, balance, closed })
+        Ok(Computed {
+            factors,
+            checks,
+            balance,
+            closed,
+        })
     }
 
     fn method(&mut self, args: &MethodArgs, default_rays: u64) -> Result<Box<dyn FormFactorMethod>, Failure> {
@@ -161,13 +190,23 @@ impl Run {
             None => Ok(Box::new(RandomShooting { rays, sequence, seed })),
             Some(points) => {
                 self.set("points", points.get());
-                Ok(Box::new(GaussShooting { points, rays, sequence, seed }))
+                Ok(Box::new(GaussShooting {
+                    points,
+                    rays,
+                    sequence,
+                    seed,
+                }))
             }
         }
     }
 
     /// Solves the radiosity system of a scene.
-    pub(super) fn solve(&mut self, prepared: &mut Prepared, computed: &Computed, args: &SolverArgs) -> Result<Solution, Failure> {
+    pub(super) fn solve(
+        &mut self,
+        prepared: &mut Prepared,
+        computed: &Computed,
+        args: &SolverArgs,
+    ) -> Result<Solution, Failure> {
         let plan = &mut prepared.plan;
         let (reflectance, exitance) = materials_of_patches(&prepared.scene, &prepared.mesh, plan.n_channels);
         let name = match args.solver {
@@ -281,9 +320,8 @@ impl Prepared {
             n_patches[patch.surface.0 as usize] += 1;
         }
         let areas = self.surface_areas();
-        let surface = |(k, s): (usize, &Surface)| {
-            json!({"name": s.name, "area_m2": areas[k], "n_patches": n_patches[k]})
-        };
+        let surface =
+            |(k, s): (usize, &Surface)| json!({"name": s.name, "area_m2": areas[k], "n_patches": n_patches[k]});
         self.scene.surfaces.iter().enumerate().map(surface).collect()
     }
 
@@ -302,7 +340,10 @@ impl Prepared {
 fn materials_of_patches(scene: &Scene, mesh: &Mesh, n_channels: usize) -> (Block, Block) {
     let collect = |value: fn(&Material) -> [f64; 3]| {
         let of_patch = |patch: &Patch| value(&scene.materials[patch.material.0 as usize]);
-        let values = mesh.patches.iter().flat_map(|p| of_patch(p).into_iter().take(n_channels));
+        let values = mesh
+            .patches
+            .iter()
+            .flat_map(|p| of_patch(p).into_iter().take(n_channels));
         Block::from_values(values.collect(), n_channels)
     };
     (collect(|m| m.reflectance), collect(|m| m.exitance))

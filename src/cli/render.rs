@@ -44,13 +44,21 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     let needs_symmetry = args.solver.solver == SolverName::Pcg;
     let computed = run.form_factors(&mut prepared, &args.method, DEFAULT_RAYS, needs_symmetry)?;
     let solution = run.solve(&mut prepared, &computed, &args.solver)?;
-    let indirect = (settings.direct != DirectMethod::Off)
-        .then(|| run.times.time("solve", || indirect_irradiance(&prepared, &computed, &solution)));
+    let indirect = (settings.direct != DirectMethod::Off).then(|| {
+        run.times
+            .time("solve", || indirect_irradiance(&prepared, &computed, &solution))
+    });
     if settings.direct == DirectMethod::Off {
-        prepared.plan.left_out.push("direct light at each pixel: the patches' light is interpolated".into());
+        prepared
+            .plan
+            .left_out
+            .push("direct light at each pixel: the patches' light is interpolated".into());
     }
     if let AnyView::Unfolded(unfolded) = &view {
-        prepared.plan.left_out.extend(unfolded.layout().left_out.iter().cloned());
+        prepared
+            .plan
+            .left_out
+            .extend(unfolded.layout().left_out.iter().cloned());
     }
     let input = RenderInput {
         scene: &prepared.scene,
@@ -60,7 +68,9 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
         irradiance: &solution.irradiance,
         indirect_irradiance: indirect.as_ref(),
     };
-    let image = run.times.time("render", || render(&input, view.as_view(), &settings, &run.progress))?;
+    let image = run
+        .times
+        .time("render", || render(&input, view.as_view(), &settings, &run.progress))?;
     let attributes = Attributes::new(
         &prepared.scene,
         view.as_view().description(),
@@ -138,7 +148,9 @@ fn render_settings(args: &RenderArgs) -> Result<RenderSettings, Failure> {
     };
     let direct = match direct {
         DirectName::Off if image.direct_samples.is_some() => {
-            return Err(Failure::usage("--direct-samples has no use without a direct pass; leave out --flat or --direct off"));
+            return Err(Failure::usage(
+                "--direct-samples has no use without a direct pass; leave out --flat or --direct off",
+            ));
         }
         DirectName::Off => DirectMethod::Off,
         DirectName::Rays => DirectMethod::CosineRays { n: n_or(1024)? },
@@ -197,7 +209,10 @@ fn view(args: &ImageArgs, scene_file: &Path, scene: &Scene) -> Result<AnyView, F
         camera = Camera::new(eye, direction, up, fov)?.with_image_size(camera.width(), camera.height());
     }
     let width = args.width.or(camera.width()).unwrap_or(512);
-    let height = args.height.or(camera.height().filter(|_| args.width.is_none())).unwrap_or(width);
+    let height = args
+        .height
+        .or(camera.height().filter(|_| args.width.is_none()))
+        .unwrap_or(width);
     let parameters = json!({
         "eye": camera.eye().to_array(),
         "direction": camera.direction().to_array(),
@@ -205,5 +220,7 @@ fn view(args: &ImageArgs, scene_file: &Path, scene: &Scene) -> Result<AnyView, F
         "vertical_fov_degree": camera.vertical_fov(),
     });
     let ray = move |x: f64, y: f64| camera.primary_ray(x, y, width, height);
-    Ok(AnyView::Perspective(Box::new(RayView::new(width, height, ray, parameters))))
+    Ok(AnyView::Perspective(Box::new(RayView::new(
+        width, height, ray, parameters,
+    ))))
 }

@@ -13,7 +13,10 @@ pub(super) fn run(args: &SceneArgs) -> Result<Outcome, Failure> {
     write_obj(&built.scene, &args.output)?;
     let (n_faces, n_surfaces) = (built.scene.faces.len(), built.scene.surfaces.len());
     Ok(Outcome {
-        text: format!("wrote {}: {n_faces} faces on {n_surfaces} surfaces\n", args.output.display()),
+        text: format!(
+            "wrote {}: {n_faces} faces on {n_surfaces} surfaces\n",
+            args.output.display()
+        ),
         document: json!({
             "schema_version": SCHEMA_VERSION,
             "command": "scene",

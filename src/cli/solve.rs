@@ -28,7 +28,13 @@ pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
     if let Some(path) = &args.output {
         run.times.time("write", || {
             output::write(path, |writer| {
-                csv::write_solution(writer, &prepared.scene, &prepared.mesh, &solution.radiosity, &solution.irradiance)
+                csv::write_solution(
+                    writer,
+                    &prepared.scene,
+                    &prepared.mesh,
+                    &solution.radiosity,
+                    &solution.irradiance,
+                )
             })
         })?;
     }
@@ -37,7 +43,12 @@ pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
     result["form_factors"] = checks_to_json(&computed);
     let document = run.document(&prepared, result);
     let mut text = run.explanation(&prepared);
-    let _ = writeln!(text, "{} patches on {} surfaces", prepared.mesh.n_patches(), prepared.scene.surfaces.len());
+    let _ = writeln!(
+        text,
+        "{} patches on {} surfaces",
+        prepared.mesh.n_patches(),
+        prepared.scene.surfaces.len()
+    );
     describe_checks(&mut text, &computed);
     describe(&mut text, &prepared, &solution);
     run.describe_times(&mut text);
@@ -55,12 +66,19 @@ fn expect_csv(path: &Path) -> Result<(), Failure> {
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv")) {
         return Ok(());
     }
-    Err(Failure::usage(&format!("{}: the solution is written as .csv; change the name", path.display())))
+    Err(Failure::usage(&format!(
+        "{}: the solution is written as .csv; change the name",
+        path.display()
+    )))
 }
 
 /// Returns the exit code that a solution deserves.
 pub(super) fn code(solution: &Solution) -> ExitCode {
-    if solution.stop_reason == StopReason::Converged { ExitCode::Done } else { ExitCode::NotConverged }
+    if solution.stop_reason == StopReason::Converged {
+        ExitCode::Done
+    } else {
+        ExitCode::NotConverged
+    }
 }
 
 /// Returns what documents say about a solution.
@@ -82,7 +100,9 @@ pub(super) fn to_json(prepared: &Prepared, solution: &Solution) -> Value {
 
 /// Describes a solution: how it was reached, and the mean radiosity of each surface.
 pub(super) fn describe(text: &mut String, prepared: &Prepared, solution: &Solution) {
-    let bound = solution.error_bound.map_or("unknown".to_owned(), |bound| format!("{bound:.1e}"));
+    let bound = solution
+        .error_bound
+        .map_or("unknown".to_owned(), |bound| format!("{bound:.1e}"));
     let _ = writeln!(
         text,
         "{}: {} after {} passes, relative residual {:.1e}, bound on the relative error {bound}",

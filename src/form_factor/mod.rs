@@ -4,6 +4,7 @@
 //!
 //! Each method is one file behind [`FormFactorMethod`]; [`compute`] runs a method over all rows in parallel.
 
+pub mod partial;
 mod sg;
 mod shooting;
 mod sr;
