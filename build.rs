@@ -133,6 +133,8 @@ fn compile_bare_loop(embree: &Embree) {
             for object in objects {
                 println!("cargo:rustc-link-arg-benches={}", object.display());
             }
+            // Once more behind the object: to a linker that drops libraries that nothing before them needs.
+            println!("cargo:rustc-link-arg-benches=-lembree4");
         }
         Err(_) => give_up("a C compiler that can compile benches/rays/bare.c"),
     }

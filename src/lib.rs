@@ -37,7 +37,7 @@
 //! ```
 //! use std::ops::ControlFlow;
 //!
-//! use radiosity::form_factor::{self, Input, RandomShooting};
+//! use radiosity::form_factor::{FormFactorMethod, Input, RandomShooting};
 //! use radiosity::geometry::sampling::Sequence;
 //! use radiosity::matrix::operator::Block;
 //! use radiosity::matrix::{StorageChoice, Weighting};
@@ -53,8 +53,8 @@
 //! let visibility = EmbreeVisibility::new(&scene)?;
 //!
 //! let method = RandomShooting { rays: 4096, sequence: Sequence::Sobol, seed: 0 };
-//! let input = Input { mesh: &mesh, visibility: &visibility };
-//! let raw = form_factor::compute(&method, input, StorageChoice::default(), &Silent)?;
+//! let input = Input { scene: &scene, mesh: &mesh, visibility: &visibility, unoccluded: false };
+//! let raw = method.compute(input, StorageChoice::default(), &Silent)?.factors;
 //! let (factors, _) = raw
 //!     .symmetrised(Weighting::default())?
 //!     .balanced(&raw.row_targets(true), 1e-12, 100)?;

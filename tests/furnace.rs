@@ -4,7 +4,7 @@
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 
-use radiosity::form_factor::{self, FormFactorMethod, GaussShooting, Input, RandomShooting};
+use radiosity::form_factor::{FormFactorMethod, GaussShooting, Input, RandomShooting};
 use radiosity::geometry::sampling::Sequence;
 use radiosity::matrix::operator::Block;
 use radiosity::matrix::{FormFactors, StorageChoice, Weighting};
@@ -68,10 +68,15 @@ fn uniform_light_stays_uniform_in_every_closed_scene() {
         let visibility = EmbreeVisibility::new(&scene).unwrap();
         for method in methods() {
             let input = Input {
+                scene: &scene,
                 mesh: &mesh,
                 visibility: &visibility,
+                unoccluded: false,
             };
-            let raw = form_factor::compute(method.as_ref(), input, StorageChoice::default(), &Silent).unwrap();
+            let raw = method
+                .compute(input, StorageChoice::default(), &Silent)
+                .unwrap()
+                .factors;
             let lost: u64 = raw.tallies().iter().map(|t| t.n_escaped + t.n_absorbed).sum();
             assert_eq!(
                 lost,

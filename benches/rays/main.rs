@@ -220,9 +220,7 @@ fn median(mut values: Vec<f64>) -> f64 {
 /// Prints the table: medians over rounds in which all three trace by turns.
 fn summarise(contenders: &Contenders, all_rays: &[Rays]) {
     const ROUNDS: usize = 31;
-    println!(
-        "| rays, threads | radiosity, 10⁶/s | bare C loop | embree4-rs | radiosity / bare | radiosity / embree4-rs |"
-    );
+    println!("| rays, threads | radiosity | bare C loop | embree4-rs | radiosity / bare | radiosity / embree4-rs |");
     println!("|---|---|---|---|---|---|");
     for rays in all_rays {
         for n_threads in 1..=MAX_THREADS {

@@ -192,6 +192,17 @@ pub enum SolverName {
     Pcg,
 }
 
+impl SolverName {
+    /// Returns the name in the registry of solvers.
+    #[must_use]
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::GaussSeidel => "gauss-seidel",
+            Self::Pcg => "pcg",
+        }
+    }
+}
+
 /// How the system is solved.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Solver")]
@@ -310,7 +321,7 @@ pub struct ImageArgs {
     /// Integrate the light of the emitters at each pixel [default: polygons; unfolded: rays; with --flat: off]
     #[arg(long, value_enum)]
     pub direct: Option<DirectName>,
-    /// Rays of the direct pass for each pixel (for each emitter with `polygons`) [default: 16; rays: 1024]
+    /// Rays of the direct pass for each pixel (for each emitter with `polygons`) [default: 16; rays: 4096]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub direct_samples: Option<u32>,
     /// Samples along each side of a pixel, averaged in the colour layers [default: 2; unfolded: 1]

@@ -5,31 +5,33 @@ use std::path::PathBuf;
 use serde_json::json;
 
 use super::exit_code::ExitCode;
+use crate::form_factor::FormFactorError;
 use crate::matrix::MatrixError;
+use crate::render::RenderError;
 use crate::scene::SceneError;
 use crate::solver::SolverError;
 
 /// An error as the user sees it.
 #[derive(Clone, Debug)]
-pub struct Failure {
+pub(super) struct Failure {
     /// A stable name of the kind, snake_case.
-    pub kind: &'static str,
+    pub(super) kind: &'static str,
     /// One line: what is wrong, where, and what to do.
-    pub message: String,
+    pub(super) message: String,
     /// The file that is at fault.
-    pub file: Option<PathBuf>,
+    pub(super) file: Option<PathBuf>,
     /// The line of that file.
-    pub line: Option<u32>,
+    pub(super) line: Option<u32>,
     /// The exit code.
-    pub code: ExitCode,
+    pub(super) code: ExitCode,
 }
 
 impl Failure {
     /// Returns an error of the input or at run time (exit code 1).
-    pub fn new(kind: &'static str, message: impl ToString) -> Self {
+    pub(super) fn new(kind: &'static str, message: impl Into<String>) -> Self {
         Self {
             kind,
-            message: message.to_string(),
+            message: message.into(),
             file: None,
             line: None,
             code: ExitCode::Error,
@@ -37,7 +39,7 @@ impl Failure {
     }
 
     /// Returns a usage error (exit code 2).
-    pub fn usage(message: impl ToString) -> Self {
+    pub(super) fn usage(message: impl Into<String>) -> Self {
         Self {
             code: ExitCode::Usage,
             ..Self::new("usage", message)
@@ -46,14 +48,14 @@ impl Failure {
 
     /// Adds the file that is at fault.
     #[must_use]
-    pub fn in_file(mut self, file: impl Into<PathBuf>) -> Self {
+    pub(super) fn in_file(mut self, file: impl Into<PathBuf>) -> Self {
         self.file = Some(file.into());
         self
     }
 
     /// Returns the JSON document of the error.
     #[must_use]
-    pub fn to_json(&self) -> serde_json::Value {
+    pub(super) fn to_json(&self) -> serde_json::Value {
         json!({
             "schema_version": super::SCHEMA_VERSION,
             "error": {
@@ -71,14 +73,23 @@ impl From<SceneError> for Failure {
         Self {
             file: error.file().map(Into::into),
             line: error.line(),
-            ..Self::new(error.kind(), &error)
+            ..Self::new(error.kind(), error.to_string())
+        }
+    }
+}
+
+impl From<FormFactorError> for Failure {
+    fn from(error: FormFactorError) -> Self {
+        match error {
+            FormFactorError::Matrix(error) => error.into(),
+            other => Self::new("form_factors", other.to_string()),
         }
     }
 }
 
 impl From<MatrixError> for Failure {
     fn from(error: MatrixError) -> Self {
-        Self::new("form_factors", error)
+        Self::new("form_factors", error.to_string())
     }
 }
 
@@ -86,9 +97,19 @@ impl From<SolverError> for Failure {
     fn from(error: SolverError) -> Self {
         let kind = match error {
             SolverError::NoFiniteSolution { .. } => "no_finite_solution",
-            SolverError::Tolerance { .. } => return Self::usage(error),
+            SolverError::Tolerance { .. } => return Self::usage(error.to_string()),
             _ => "solver",
         };
-        Self::new(kind, error)
+        Self::new(kind, error.to_string())
+    }
+}
+
+impl From<RenderError> for Failure {
+    fn from(error: RenderError) -> Self {
+        match &error {
+            RenderError::Io { path, .. } => Self::new("io", error.to_string()).in_file(path),
+            RenderError::TooLarge { .. } => Self::new("too_large", error.to_string()),
+            _ => Self::new("render", error.to_string()),
+        }
     }
 }

@@ -52,6 +52,8 @@ pub(super) fn checks_to_json(computed: &Computed) -> Value {
         "density": computed.factors.density(),
         "stored_byte": computed.factors.stored_byte(),
         "balance": computed.balance,
+        "pairs": computed.pairs,
+        "tolerance_met": computed.tolerance_met,
     })
 }
 
@@ -73,13 +75,14 @@ fn to_json(prepared: &Prepared, computed: &Computed, surfaces: &SurfaceFormFacto
     result
 }
 
+/// More surfaces than this do not fit a terminal as a table.
+const TABLE: usize = 12;
+
 /// Writing to a String cannot fail; the results of `write!` are dropped for that reason.
 fn describe(text: &mut String, prepared: &Prepared, computed: &Computed, surfaces: &SurfaceFormFactors) {
     let n = surfaces.n_surfaces;
     let _ = writeln!(text, "{} patches on {n} surfaces", prepared.mesh.n_patches());
     describe_checks(text, computed);
-    /// More surfaces than this do not fit a terminal as a table.
-    const TABLE: usize = 12;
     if n > TABLE {
         let _ = writeln!(
             text,
@@ -94,12 +97,12 @@ fn describe(text: &mut String, prepared: &Prepared, computed: &Computed, surface
         "\nform factors from row to column, and the greatest estimated error of each row"
     );
     let _ = write!(text, "{:width$}", "");
-    for column in 0..n {
-        let _ = write!(text, " {:>9}", shortened(names[column], 9));
+    for name in &names {
+        let _ = write!(text, " {:>9}", shortened(name, 9));
     }
     let _ = writeln!(text, " {:>9} {:>9}", "sky", "error");
-    for row in 0..n {
-        let _ = write!(text, "{:width$}", names[row]);
+    for (row, name) in names.iter().enumerate() {
+        let _ = write!(text, "{name:width$}");
         let entries = row * n..(row + 1) * n;
         for value in &surfaces.form_factor[entries.clone()] {
             let _ = write!(text, " {value:>9.6}");

@@ -6,11 +6,11 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use super::args::{BalanceName, CommonArgs, MeshArgs, MethodArgs, MethodName, SolverArgs, SolverName};
+use super::args::{BalanceName, CommonArgs, MeshArgs, MethodArgs, MethodName, SolverArgs};
 use super::failure::Failure;
 use super::progress::Bars;
 use super::{SCHEMA_VERSION, warn};
-use crate::form_factor::{self, FormFactorMethod, GaussShooting, Input, RandomShooting};
+use crate::form_factor::{FormFactorMethod, GaussShooting, Input, PairCounts, RandomShooting};
 use crate::matrix::operator::Block;
 use crate::matrix::{BalanceReport, Checks, FormFactors, StorageChoice, Weighting};
 use crate::mesh::{Mesh, Patch, Subdivision};
@@ -43,10 +43,12 @@ pub(super) struct Computed {
     pub(super) checks: Checks,
     pub(super) balance: Option<BalanceReport>,
     pub(super) closed: bool,
+    pub(super) pairs: Option<PairCounts>,
+    pub(super) tolerance_met: bool,
 }
 
-/// Row sums are restored to rounding, or as far as so many passes go.
-const BALANCE_TOLERANCE: f64 = 1e-13;
+/// Row sums are restored to far below the noise, or as far as so many passes go.
+const BALANCE_TOLERANCE: f64 = 1e-10;
 const BALANCE_PASSES: usize = 200;
 
 impl Run {
@@ -96,7 +98,7 @@ impl Run {
         let visibility = self
             .times
             .time("ray_tracer", || EmbreeVisibility::new(&scene))
-            .map_err(|error| Failure::new("embree", error))?;
+            .map_err(|error| Failure::new("embree", error.to_string()))?;
         Ok(Prepared {
             scene,
             plan,
@@ -115,12 +117,15 @@ impl Run {
     ) -> Result<Computed, Failure> {
         let method = self.method(args, default_rays)?;
         let input = Input {
+            scene: &prepared.scene,
+            unoccluded: prepared.plan.convex_and_empty,
             mesh: &prepared.mesh,
             visibility: &prepared.visibility,
         };
-        let raw = self.times.time("form_factors", || {
-            form_factor::compute(method.as_ref(), input, StorageChoice::default(), &self.progress)
+        let result = self.times.time("form_factors", || {
+            method.compute(input, StorageChoice::default(), &self.progress)
         })?;
+        let raw = result.factors;
         let n_rays: u64 = raw.tallies().iter().map(|t| t.n_rays).sum();
         let n_escaped: u64 = raw.tallies().iter().map(|t| t.n_escaped).sum();
         // A scene that no light leaves is closed, whether its faces show it or not.
@@ -133,7 +138,7 @@ impl Run {
         let wanted = match args.balance {
             BalanceName::On => true,
             BalanceName::Off => false,
-            BalanceName::Auto => needs_symmetry,
+            BalanceName::Auto => needs_symmetry && !raw.is_symmetric(),
         };
         self.set("balance", wanted);
         let plan = &mut prepared.plan;
@@ -169,6 +174,8 @@ impl Run {
             checks,
             balance,
             closed,
+            pairs: result.pairs,
+            tolerance_met: result.tolerance_met,
         })
     }
 
@@ -209,10 +216,7 @@ impl Run {
     ) -> Result<Solution, Failure> {
         let plan = &mut prepared.plan;
         let (reflectance, exitance) = materials_of_patches(&prepared.scene, &prepared.mesh, plan.n_channels);
-        let name = match args.solver {
-            SolverName::GaussSeidel => "gauss-seidel",
-            SolverName::Pcg => "pcg",
-        };
+        let name = args.solver.as_str();
         self.set("solver", name);
         self.set("tolerance", args.tolerance);
         self.set("max_passes", args.max_passes);
@@ -307,7 +311,9 @@ impl Prepared {
         for (mean, area) in means.iter_mut().zip(self.surface_areas()) {
             // A surface whose faces were all skipped has no area and no mean but 0.
             if area > 0.0 {
-                mean.iter_mut().for_each(|value| *value /= area);
+                for value in mean {
+                    *value /= area;
+                }
             }
         }
         means
@@ -337,7 +343,7 @@ impl Prepared {
 }
 
 /// Returns ρ and E of every patch, in one channel where all are grey, else in three.
-fn materials_of_patches(scene: &Scene, mesh: &Mesh, n_channels: usize) -> (Block, Block) {
+pub(super) fn materials_of_patches(scene: &Scene, mesh: &Mesh, n_channels: usize) -> (Block, Block) {
     let collect = |value: fn(&Material) -> [f64; 3]| {
         let of_patch = |patch: &Patch| value(&scene.materials[patch.material.0 as usize]);
         let values = mesh

@@ -8,7 +8,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use crate::progress::Progress;
 
 /// One bar on stderr for the current stage, with the time left.
-pub struct Bars {
+pub(super) struct Bars {
     current: Mutex<ProgressBar>,
     shown: bool,
 }
@@ -16,7 +16,7 @@ pub struct Bars {
 impl Bars {
     /// Shows bars if stderr is a terminal and `quiet` is not asked for.
     #[must_use]
-    pub fn new(quiet: bool) -> Self {
+    pub(super) fn new(quiet: bool) -> Self {
         Self {
             current: Mutex::new(ProgressBar::hidden()),
             shown: !quiet && std::io::stderr().is_terminal(),
@@ -24,7 +24,7 @@ impl Bars {
     }
 
     /// Removes the bar.
-    pub fn finish(&self) {
+    pub(super) fn finish(&self) {
         self.with(ProgressBar::finish_and_clear);
     }
 

@@ -5,13 +5,13 @@ use std::num::NonZeroU32;
 use std::path::Path;
 
 use glam::DVec3;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::Outcome;
 use super::args::{DirectName, ImageArgs, RenderArgs, SolverName};
 use super::failure::Failure;
 use super::form_factors::{checks_to_json, describe_checks};
-use super::pipeline::{Computed, Prepared, Run};
+use super::pipeline::{Computed, Prepared, Run, materials_of_patches};
 use super::{output, solve};
 use crate::matrix::operator::{Block, LinearOperator};
 use crate::mesh::Subdivision;
@@ -41,13 +41,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     output::expect_possible(&args.output)?;
     let mut prepared = run.prepare(&args.scene, args.mesh, default_subdivision)?;
     let view = view(&args.image, &args.scene, &prepared.scene)?;
-    let needs_symmetry = args.solver.solver == SolverName::Pcg;
-    let computed = run.form_factors(&mut prepared, &args.method, DEFAULT_RAYS, needs_symmetry)?;
-    let solution = run.solve(&mut prepared, &computed, &args.solver)?;
-    let indirect = (settings.direct != DirectMethod::Off).then(|| {
-        run.times
-            .time("solve", || indirect_irradiance(&prepared, &computed, &solution))
-    });
+    let solved = solve_scene(&mut run, &mut prepared, args, settings.direct)?;
     if settings.direct == DirectMethod::Off {
         prepared
             .plan
@@ -64,9 +58,9 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
         scene: &prepared.scene,
         mesh: &prepared.mesh,
         visibility: &prepared.visibility,
-        radiosity: &solution.radiosity,
-        irradiance: &solution.irradiance,
-        indirect_irradiance: indirect.as_ref(),
+        radiosity: &solved.solution.radiosity,
+        irradiance: &solved.solution.irradiance,
+        indirect_irradiance: solved.indirect_irradiance.as_ref(),
     };
     let image = run
         .times
@@ -84,8 +78,8 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     })?;
     run.progress.finish();
 
-    let mut result = solve::to_json(&prepared, &solution);
-    result["form_factors"] = checks_to_json(&computed);
+    let mut result = solve::to_json(&prepared, solved.solver, &solved.solution);
+    result["form_factors"] = solved.computed.as_ref().map_or(Value::Null, checks_to_json);
     result["image"] = json!(args.output);
     result["preview"] = json!(preview);
     result["width"] = json!(image.width());
@@ -94,8 +88,10 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     let mut text = run.explanation(&prepared);
     let (n_patches, n_surfaces) = (prepared.mesh.n_patches(), prepared.scene.surfaces.len());
     let _ = writeln!(text, "{n_patches} patches on {n_surfaces} surfaces");
-    describe_checks(&mut text, &computed);
-    solve::describe(&mut text, &prepared, &solution);
+    if let Some(computed) = &solved.computed {
+        describe_checks(&mut text, computed);
+    }
+    solve::describe(&mut text, &prepared, solved.solver, &solved.solution);
     run.describe_times(&mut text);
     let _ = writeln!(
         text,
@@ -108,7 +104,53 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     Ok(Outcome {
         text,
         document,
-        code: solve::code(&solution),
+        code: solve::code(&solved.solution),
+    })
+}
+
+/// What the picture is made from.
+struct Solved {
+    solver: &'static str,
+    solution: Solution,
+    /// The form factors, unless they were not needed.
+    computed: Option<Computed>,
+    /// F (B − E), where a direct pass adds the rest.
+    indirect_irradiance: Option<Block>,
+}
+
+/// Solves the scene, as far as the picture needs it.
+fn solve_scene(
+    run: &mut Run,
+    prepared: &mut Prepared,
+    args: &RenderArgs,
+    direct: DirectMethod,
+) -> Result<Solved, Failure> {
+    let with_direct = direct != DirectMethod::Off;
+    if with_direct && !prepared.scene.is_reflecting() {
+        // All light comes straight from the emitters, and the direct pass finds it at each pixel.
+        let reason = "form factors and solver: nothing reflects, and the direct pass finds all light";
+        prepared.plan.left_out.push(reason.into());
+        let (_, exitance) = materials_of_patches(&prepared.scene, &prepared.mesh, prepared.plan.n_channels);
+        let dark = Block::zeros(exitance.n_rows(), exitance.n_channels());
+        return Ok(Solved {
+            solver: solve::NO_SOLVER,
+            solution: Solution::without_reflection(exitance),
+            computed: None,
+            indirect_irradiance: Some(dark),
+        });
+    }
+    let needs_symmetry = args.solver.solver == SolverName::Pcg;
+    let computed = run.form_factors(prepared, &args.method, DEFAULT_RAYS, needs_symmetry)?;
+    let solution = run.solve(prepared, &computed, &args.solver)?;
+    let indirect_irradiance = with_direct.then(|| {
+        run.times
+            .time("solve", || indirect_irradiance(prepared, &computed, &solution))
+    });
+    Ok(Solved {
+        solver: args.solver.solver.as_str(),
+        solution,
+        computed: Some(computed),
+        indirect_irradiance,
     })
 }
 
@@ -153,7 +195,7 @@ fn render_settings(args: &RenderArgs) -> Result<RenderSettings, Failure> {
             ));
         }
         DirectName::Off => DirectMethod::Off,
-        DirectName::Rays => DirectMethod::CosineRays { n: n_or(1024)? },
+        DirectName::Rays => DirectMethod::CosineRays { n: n_or(4096)? },
         DirectName::Polygons => DirectMethod::Polygons { n: n_or(16)? },
     };
     // One sample a pixel is what a check by pixels wants; more are for the eye.

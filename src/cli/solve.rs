@@ -15,6 +15,9 @@ use crate::mesh::Subdivision;
 use crate::report::csv;
 use crate::solver::{Solution, StopReason};
 
+/// What stands in the place of a solver's name where none was needed.
+pub(super) const NO_SOLVER: &str = "none";
+
 pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
     let mut run = Run::new("solve", &args.common);
     if let Some(path) = &args.output {
@@ -39,7 +42,7 @@ pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
         })?;
     }
     run.progress.finish();
-    let mut result = to_json(&prepared, &solution);
+    let mut result = to_json(&prepared, args.solver.solver.as_str(), &solution);
     result["form_factors"] = checks_to_json(&computed);
     let document = run.document(&prepared, result);
     let mut text = run.explanation(&prepared);
@@ -50,7 +53,7 @@ pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
         prepared.scene.surfaces.len()
     );
     describe_checks(&mut text, &computed);
-    describe(&mut text, &prepared, &solution);
+    describe(&mut text, &prepared, args.solver.solver.as_str(), &solution);
     run.describe_times(&mut text);
     if let Some(path) = &args.output {
         let _ = writeln!(text, "wrote {}", path.display());
@@ -66,7 +69,7 @@ fn expect_csv(path: &Path) -> Result<(), Failure> {
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv")) {
         return Ok(());
     }
-    Err(Failure::usage(&format!(
+    Err(Failure::usage(format!(
         "{}: the solution is written as .csv; change the name",
         path.display()
     )))
@@ -82,11 +85,11 @@ pub(super) fn code(solution: &Solution) -> ExitCode {
 }
 
 /// Returns what documents say about a solution.
-pub(super) fn to_json(prepared: &Prepared, solution: &Solution) -> Value {
+pub(super) fn to_json(prepared: &Prepared, solver: &str, solution: &Solution) -> Value {
     json!({
         "n_patches": prepared.mesh.n_patches(),
         "n_channels": solution.radiosity.n_channels(),
-        "solver": solution.solver,
+        "solver": solver,
         "why": null,
         "stop_reason": solution.stop_reason,
         "n_passes": solution.n_passes,
@@ -99,15 +102,22 @@ pub(super) fn to_json(prepared: &Prepared, solution: &Solution) -> Value {
 }
 
 /// Describes a solution: how it was reached, and the mean radiosity of each surface.
-pub(super) fn describe(text: &mut String, prepared: &Prepared, solution: &Solution) {
-    let bound = solution
-        .error_bound
-        .map_or("unknown".to_owned(), |bound| format!("{bound:.1e}"));
-    let _ = writeln!(
-        text,
-        "{}: {} after {} passes, relative residual {:.1e}, bound on the relative error {bound}",
-        solution.solver, solution.stop_reason, solution.n_passes, solution.residual_l2
-    );
+pub(super) fn describe(text: &mut String, prepared: &Prepared, solver: &str, solution: &Solution) {
+    if solver == NO_SOLVER {
+        let _ = writeln!(
+            text,
+            "nothing reflects: the radiosity is the exitance, and no form factor is needed"
+        );
+    } else {
+        let bound = solution
+            .error_bound
+            .map_or("unknown".to_owned(), |bound| format!("{bound:.1e}"));
+        let _ = writeln!(
+            text,
+            "{solver}: {} after {} passes, relative residual {:.1e}, bound on the relative error {bound}",
+            solution.stop_reason, solution.n_passes, solution.residual_l2
+        );
+    }
     let _ = writeln!(text, "\nmean radiosity by surface, W/m²");
     let surfaces = prepared.surface_means(&solution.radiosity);
     let names = prepared.scene.surfaces.iter().map(|s| s.name.as_str());

@@ -8,5 +8,94 @@ use super::args::VerifyArgs;
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::{Outcome, SCHEMA_VERSION};
-use crate::render::verify;
+use crate::render::verify::{VerifyReport, verify};
 use crate::report::StageTimes;
+
+pub(super) fn run(args: &VerifyArgs) -> Result<Outcome, Failure> {
+    let mut times = StageTimes::default();
+    let report = times
+        .time("verify", || verify(&args.image))
+        .map_err(|error| Failure::new("verify", format!("{}: {error}", args.image.display())).in_file(&args.image))?;
+    let mut document = json!({
+        "schema_version": SCHEMA_VERSION,
+        "command": "verify",
+        "version": env!("CARGO_PKG_VERSION"),
+        "image": args.image,
+        "stages": times.to_json(),
+    });
+    if let (Value::Object(all), Value::Object(more)) = (&mut document, json!(report)) {
+        all.extend(more);
+    }
+    Ok(Outcome {
+        text: describe(&report),
+        document,
+        code: if report.passed {
+            ExitCode::Done
+        } else {
+            ExitCode::CheckFailed
+        },
+    })
+}
+
+fn describe(report: &VerifyReport) -> String {
+    let mut text = String::new();
+    let tolerance = &report.tolerance;
+    let _ = writeln!(
+        text,
+        "{} of {} pixels compared with the closed form, {} not checkable",
+        report.n_checked, report.n_pixels, report.n_not_checkable
+    );
+    let _ = writeln!(
+        text,
+        "error of a pixel: max {:.3e}, rms {:.3e} W/m²; {} outside their tolerance",
+        report.max_error, report.rms_error, report.n_outside
+    );
+    let _ = writeln!(
+        text,
+        "tolerance of a pixel: statistical {:.3e} ({} rays, chance of a false alarm {:.0e}) + ray offset {:.1e} + rounding {:.1e}",
+        tolerance.max_statistical,
+        tolerance.n_rays,
+        tolerance.false_alarm,
+        tolerance.max_offset,
+        tolerance.max_rounding
+    );
+    if report.n_misplaced + report.n_inconsistent > 0 {
+        let _ = writeln!(
+            text,
+            "{} pixels are not where the layout puts them, {} have layers that contradict each other",
+            report.n_misplaced, report.n_inconsistent
+        );
+    }
+    let width = report
+        .walls
+        .iter()
+        .map(|wall| wall.name.chars().count())
+        .max()
+        .unwrap_or(0)
+        .max(4);
+    let _ = writeln!(
+        text,
+        "\n{:width$} {:>17} {:>17} {:>10} {:>10} {:>10} {:>10}",
+        "wall", "mean", "exact", "error", "tolerance", "noise", "quadrature"
+    );
+    for wall in &report.walls {
+        // Walls of a grey light have three equal channels; the worst is the one to show.
+        let worst = (0..3)
+            .max_by(|&a, &b| wall.error[a].abs().total_cmp(&wall.error[b].abs()))
+            .unwrap_or(0);
+        let exact = wall.exact.unwrap_or(wall.expected)[worst];
+        let quadrature = wall.quadrature.map_or("-".to_owned(), |q| format!("{:.1e}", q[worst]));
+        let _ = writeln!(
+            text,
+            "{:width$} {:>17.12} {exact:>17.12} {:>10.1e} {:>10.1e} {:>10.1e} {quadrature:>10} {}",
+            wall.name,
+            wall.mean[worst],
+            wall.error[worst],
+            wall.tolerance[worst],
+            wall.statistical[worst],
+            if wall.passed { "right" } else { "WRONG" }
+        );
+    }
+    let _ = writeln!(text, "\n{}", if report.passed { "passed" } else { "failed" });
+    text
+}

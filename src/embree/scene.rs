@@ -24,7 +24,7 @@ pub struct SceneBuilder {
     faces_of_quads: Vec<u32>,
 }
 
-/// A scene that answers queries, from many threads at once. Queries are in [`rays`](super::rays).
+/// A scene that answers queries, from many threads at once. Queries are in [`CommittedScene::closest_hits`] and [`CommittedScene::occluded`].
 #[derive(Debug)]
 pub struct CommittedScene {
     handle: NonNull<ffi::radiosity_scene>,

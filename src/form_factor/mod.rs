@@ -4,70 +4,81 @@
 //!
 //! Each method is one file behind [`FormFactorMethod`]; [`compute`] runs a method over all rows in parallel.
 
+mod error;
+mod pairs;
+mod rows;
 pub mod partial;
 mod sg;
 mod shooting;
 mod sr;
 
+pub use error::FormFactorError;
 pub use sg::GaussShooting;
 pub use sr::RandomShooting;
 
-use std::ops::Range;
+use serde::Serialize;
 
-use rayon::prelude::*;
-
-use crate::matrix::{FormFactors, MatrixError, RowTile, StorageChoice};
+use crate::matrix::{FormFactors, StorageChoice};
 use crate::mesh::Mesh;
 use crate::progress::Progress;
+use crate::scene::Scene;
 use crate::visibility::Visibility;
 
 /// What every method works on.
 #[derive(Clone, Copy)]
 pub struct Input<'a> {
+    /// The scene that the patches are cut from.
+    pub scene: &'a Scene,
     /// The patches.
     pub mesh: &'a Mesh,
     /// Who sees whom.
     pub visibility: &'a dyn Visibility,
+    /// True if no face can block another (see [`is_convex_and_empty`](crate::scene::topology::is_convex_and_empty)):
+    /// methods between pairs of patches then trace no ray.
+    pub unoccluded: bool,
 }
 
-/// A way to compute form factors, row by row.
+/// Form factors and what a method has to say about how it came by them.
+#[derive(Clone, Debug)]
+pub struct Computed {
+    /// The form factors.
+    pub factors: FormFactors,
+    /// How the pairs of patches were treated; `None` for methods that do not look at pairs.
+    pub pairs: Option<PairCounts>,
+    /// False if a budget was spent before the tolerance was met; the entries' errors say what was reached.
+    pub tolerance_met: bool,
+}
+
+/// How many unordered pairs of patches went which way.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct PairCounts {
+    /// Pairs whose fronts do not face each other: exactly 0.
+    pub not_facing: u64,
+    /// Pairs that see each other whole.
+    pub full: u64,
+    /// Pairs that do not see each other at all.
+    pub hidden: u64,
+    /// Pairs that something stands between, or may.
+    pub partial: u64,
+    /// Rays traced between points of pairs.
+    pub n_rays: u64,
+}
+
+/// A way to compute form factors.
 pub trait FormFactorMethod: Sync {
     /// Returns the name on the command line.
     fn name(&self) -> &'static str;
 
-    /// Returns the number of rays that the method traces for each patch, as far as that does not depend on the scene.
-    fn rays_per_patch(&self) -> u64;
-
-    /// Computes the rows of the patches `rows`; the result depends on nothing but the input and the method's settings.
-    fn row_tile(&self, input: Input<'_>, rows: Range<usize>) -> RowTile;
-}
-
-/// The number of rows that are computed as one piece of parallel work.
-const ROWS_PER_TILE: usize = 16;
-
-/// Computes all form factors of a mesh.
-///
-/// Tiles of rows are computed in parallel and stored in order: equal settings give equal bytes at any number of threads.
-///
-/// # Errors
-/// [`MatrixError`] if there is no patch, or a value does not fit the precision of the storage.
-pub fn compute(
-    method: &dyn FormFactorMethod,
-    input: Input<'_>,
-    storage: StorageChoice,
-    progress: &dyn Progress,
-) -> Result<FormFactors, MatrixError> {
-    let n = input.mesh.n_patches();
-    progress.begin("form factors", n as u64);
-    let tiles: Vec<RowTile> = (0..n.div_ceil(ROWS_PER_TILE))
-        .into_par_iter()
-        .map(|tile| {
-            let rows = tile * ROWS_PER_TILE..n.min((tile + 1) * ROWS_PER_TILE);
-            let n_rows = rows.len() as u64;
-            let result = method.row_tile(input, rows);
-            progress.advance(n_rows);
-            result
-        })
-        .collect();
-    FormFactors::from_tiles(input.mesh.areas(), tiles, storage)
+    /// Computes all form factors of a mesh.
+    ///
+    /// The result depends on nothing but the input and the method's settings: equal settings give equal bytes at any number of threads.
+    ///
+    /// # Errors
+    /// [`FormFactorError`] if the method cannot treat the scene, there is no patch, or a value does not fit the precision of the storage.
+    fn compute(
+        &self,
+        input: Input<'_>,
+        storage: StorageChoice,
+        progress: &dyn Progress,
+    ) -> Result<Computed, FormFactorError>;
 }

@@ -4,11 +4,12 @@ use std::num::NonZeroUsize;
 use std::ops::Range;
 
 use super::shooting::{Shooter, Shot};
-use super::{FormFactorMethod, Input};
+use super::{Computed, FormFactorError, FormFactorMethod, Input, rows};
 use crate::geometry::quadrature::{GaussProduct, WeightedPoint};
 use crate::geometry::sampling::{PointStream, Sequence};
-use crate::matrix::RowTile;
+use crate::matrix::{RowTile, StorageChoice};
 use crate::mesh::PatchId;
+use crate::progress::Progress;
 
 /// Shooting from q × q Gauss points, each with its Gauss weight ("SG5", "SG10"; printed as SD5, SD10 in places).
 ///
@@ -41,11 +42,18 @@ impl FormFactorMethod for GaussShooting {
         "sg"
     }
 
-    fn rays_per_patch(&self) -> u64 {
-        self.rays_per_point() * (self.points.get() * self.points.get()) as u64
+    fn compute(
+        &self,
+        input: Input<'_>,
+        storage: StorageChoice,
+        progress: &dyn Progress,
+    ) -> Result<Computed, FormFactorError> {
+        rows::by_rows(input, storage, progress, |rows| self.tile(input, rows))
     }
+}
 
-    fn row_tile(&self, input: Input<'_>, rows: Range<usize>) -> RowTile {
+impl GaussShooting {
+    fn tile(&self, input: Input<'_>, rows: Range<usize>) -> RowTile {
         let mut tile = RowTile::new(rows.start);
         let mut shooter = Shooter::new(input);
         let rule = GaussProduct::new(self.points);

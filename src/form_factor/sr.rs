@@ -3,10 +3,11 @@
 use std::ops::Range;
 
 use super::shooting::{Shooter, Shot};
-use super::{FormFactorMethod, Input};
+use super::{Computed, FormFactorError, FormFactorMethod, Input, rows};
 use crate::geometry::sampling::{PointStream, Sequence, UniformOnPolygon};
-use crate::matrix::RowTile;
+use crate::matrix::{RowTile, StorageChoice};
 use crate::mesh::PatchId;
+use crate::progress::Progress;
 
 /// Shooting with a random distribution of starting points ("SR").
 ///
@@ -30,11 +31,18 @@ impl FormFactorMethod for RandomShooting {
         "sr"
     }
 
-    fn rays_per_patch(&self) -> u64 {
-        self.rays
+    fn compute(
+        &self,
+        input: Input<'_>,
+        storage: StorageChoice,
+        progress: &dyn Progress,
+    ) -> Result<Computed, FormFactorError> {
+        rows::by_rows(input, storage, progress, |rows| self.tile(input, rows))
     }
+}
 
-    fn row_tile(&self, input: Input<'_>, rows: Range<usize>) -> RowTile {
+impl RandomShooting {
+    fn tile(&self, input: Input<'_>, rows: Range<usize>) -> RowTile {
         let mut tile = RowTile::new(rows.start);
         let mut shooter = Shooter::new(input);
         for i in rows {

@@ -7,7 +7,7 @@ use super::FormFactors;
 
 /// Least and greatest of some values.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Range {
+pub struct MinMax {
     /// The least.
     pub min: f64,
     /// The greatest.
@@ -19,7 +19,7 @@ pub struct Range {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Checks {
     /// Least and greatest Σ_j F_ij.
-    pub row_sum: Range,
+    pub row_sum: MinMax,
     /// In a closed scene max_i |1 − Σ_j F_ij|. In an open one max_i |1 − Σ_j F_ij − sky_i − back_i| with the fractions of
     /// the row's rays that escaped and that backs took, over the rows that have rays; `None` if none has.
     pub closure_error_max: Option<f64>,
@@ -108,7 +108,7 @@ impl FormFactors {
 
 fn nothing() -> Checks {
     Checks {
-        row_sum: Range {
+        row_sum: MinMax {
             min: f64::INFINITY,
             max: f64::NEG_INFINITY,
         },
@@ -124,7 +124,7 @@ fn nothing() -> Checks {
 
 fn join(a: Checks, b: Checks) -> Checks {
     Checks {
-        row_sum: Range {
+        row_sum: MinMax {
             min: a.row_sum.min.min(b.row_sum.min),
             max: a.row_sum.max.max(b.row_sum.max),
         },

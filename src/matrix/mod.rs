@@ -8,6 +8,7 @@ mod checks;
 mod components;
 mod dense;
 mod error;
+mod exchange;
 pub mod operator;
 mod sparse;
 mod store;
@@ -16,7 +17,7 @@ mod tile;
 mod transpose;
 
 pub use balance::{BalanceReport, Weighting};
-pub use checks::{Checks, Range};
+pub use checks::{Checks, MinMax};
 pub use error::MatrixError;
 pub use surfaces::SurfaceFormFactors;
 pub use tile::{Entry, RayWeights, RowTally, RowTile};
@@ -43,8 +44,9 @@ pub enum Layout {
 /// How many digits of each form factor are kept. Sums are f64 in either case.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Precision {
-    /// 24 bits: each form factor is rounded by at most 6e-8 of itself; where the roundings are independent, the
-    /// radiosities of a room with reflectance ρ and about a thousand patches change by about 5e-11 / (1 − ρ) of themselves.
+    /// 24 bits: each form factor is rounded by at most 6e-8 of itself. Roundings mostly cancel: the radiosities of a closed
+    /// room of 400 patches, one of them lit, change by 5e-10, 2e-9 and 5e-8 (relative, area-weighted) with ρ = 0.5, 0.99 and
+    /// 0.9999, in the end like 1 / (1 − ρ).
     F32,
     /// 53 bits.
     #[default]

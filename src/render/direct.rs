@@ -9,7 +9,7 @@ use crate::geometry::clip::clip_to_half_space;
 use crate::geometry::point_form_factor::point_form_factor;
 use crate::geometry::polygon;
 use crate::geometry::sampling::{Frame, PointStream, Sequence, UniformOnPolygon, cosine_direction};
-use crate::scene::Scene;
+use crate::scene::{FaceId, Scene};
 use crate::visibility::{Coherence, HitBatch, RayBatch, Visibility};
 
 /// How the direct irradiance of a pixel is found.
@@ -40,6 +40,7 @@ pub enum DirectMethod {
 /// A front-facing point at which the direct irradiance is wanted.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DirectPoint {
+    pub(super) face: FaceId,
     pub(super) point: DVec3,
     pub(super) normal: DVec3,
     /// The number of the point's own random stream.
@@ -55,6 +56,39 @@ pub(super) struct DirectEstimate {
     pub(super) variance: [f64; 3],
 }
 
+/// A map of a convex face into its inside, away from the edges.
+///
+/// Points within rounding of an edge may lie behind the neighbouring wall once they are f32, and see nothing.
+#[derive(Clone, Copy, Debug)]
+struct Inset {
+    centroid: DVec3,
+    /// Points move to centroid + scale (point − centroid).
+    scale: f64,
+}
+
+impl Inset {
+    /// The map that leaves no point nearer to an edge than `margin`, or half of the way from the centroid in a face that is too narrow for that.
+    fn new(corners: &[DVec3], margin: f64) -> Self {
+        let centroid = polygon::centroid(corners);
+        let scale = 1.0 - (margin / edge_distance(corners, centroid)).min(0.5);
+        Self { centroid, scale }
+    }
+
+    fn apply(self, point: DVec3) -> DVec3 {
+        self.centroid + (point - self.centroid) * self.scale
+    }
+}
+
+/// Returns the distance of a point in a polygon from the nearest edge's line.
+fn edge_distance(corners: &[DVec3], point: DVec3) -> f64 {
+    (0..corners.len())
+        .map(|k| {
+            let (a, b) = (corners[k], corners[(k + 1) % corners.len()]);
+            (b - a).cross(point - a).length() / (b - a).length()
+        })
+        .fold(f64::INFINITY, f64::min)
+}
+
 struct Emitter {
     corners: Vec<DVec3>,
     normal: DVec3,
@@ -64,6 +98,7 @@ struct Emitter {
 
 /// The emitters of a scene, prepared.
 pub(super) struct DirectPass<'a> {
+    scene: &'a Scene,
     visibility: &'a dyn Visibility,
     method: DirectMethod,
     sequence: Sequence,
@@ -82,12 +117,15 @@ pub(super) struct Scratch {
     weights: Vec<f64>,
 }
 
+/// How many of the visibility's offsets the ends of rays keep away from the edges of their faces.
+const EDGE_OFFSETS: f64 = 2.0;
+
 /// The most rays that are traced at once.
 const BATCH: u32 = 1 << 14;
 
 impl<'a> DirectPass<'a> {
     pub(super) fn new(
-        scene: &Scene,
+        scene: &'a Scene,
         visibility: &'a dyn Visibility,
         method: DirectMethod,
         sequence: Sequence,
@@ -104,15 +142,18 @@ impl<'a> DirectPass<'a> {
             .filter(|(_, exitance)| exitance.iter().any(|&e| e > 0.0))
             .map(|(face, &exitance)| {
                 let corners = scene.polygon(face);
+                let inset = Inset::new(&corners, EDGE_OFFSETS * visibility.offset());
+                let inside: Vec<DVec3> = corners.iter().map(|&v| inset.apply(v)).collect();
                 Emitter {
                     normal: polygon::area_vector(&corners).normalize_or_zero(),
                     exitance,
-                    points: UniformOnPolygon::new(&corners),
+                    points: UniformOnPolygon::new(&inside),
                     corners,
                 }
             })
             .collect();
         Self {
+            scene,
             visibility,
             method,
             sequence,
@@ -135,10 +176,21 @@ impl<'a> DirectPass<'a> {
         PointStream::new(self.sequence, self.seed, at.stream)
     }
 
+    /// Returns where the rays of a point start, in the frame of the visibility.
+    fn origin(&self, at: &DirectPoint) -> DVec3 {
+        let offset = self.visibility.offset();
+        let corners = self.scene.polygon(at.face);
+        let mut point = at.point;
+        if edge_distance(&corners, point) < offset {
+            point = Inset::new(&corners, EDGE_OFFSETS * offset).apply(point);
+        }
+        point - self.visibility.frame_origin() + at.normal * offset
+    }
+
     fn by_rays(&self, at: &DirectPoint, n: u32, scratch: &mut Scratch) -> DirectEstimate {
         let Scratch { rays, hits, .. } = scratch;
         let frame = Frame::from_normal(at.normal);
-        let origin = at.point - self.visibility.frame_origin() + at.normal * self.visibility.offset();
+        let origin = self.origin(at);
         let mut stream = self.stream(at);
         let (mut sum, mut squares) = ([0.0; 3], [0.0; 3]);
         let mut left = n;
@@ -207,7 +259,7 @@ impl<'a> DirectPass<'a> {
         let (mut total, mut seen, mut squares) = (0.0, 0.0, [0.0; 3]);
         let frame = self.visibility.frame_origin();
         let offset = self.visibility.offset();
-        let origin = at.point - frame + at.normal * offset;
+        let origin = self.origin(at);
         let weight = |to: DVec3| {
             let r = to - at.point;
             at.normal.dot(r).max(0.0) * -emitter.normal.dot(r) / r.length_squared().powi(2)
@@ -235,12 +287,12 @@ impl<'a> DirectPass<'a> {
                 rays.push_segment(origin, to - frame + emitter.normal * offset);
             }
             self.visibility.occluded(rays, Coherence::Coherent, blocked);
-            for (&weight, &blocked) in weights.iter().zip(blocked.iter()) {
-                let v = f64::from(!blocked);
-                total += weight;
-                seen += weight * v;
-                squares[0] += weight * weight * v;
-                squares[1] += weight * weight;
+            for (&w, &hidden) in weights.iter().zip(blocked.iter()) {
+                let v = f64::from(!hidden);
+                total += w;
+                seen += w * v;
+                squares[0] += w * w * v;
+                squares[1] += w * w;
             }
         }
         let fraction = seen / total;

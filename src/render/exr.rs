@@ -28,7 +28,7 @@ pub fn write(path: &Path, image: &Image, attributes: &Attributes) -> Result<(), 
     })
 }
 
-/// Reads an image that [`write`] wrote.
+/// Reads an image that [`write()`] wrote.
 ///
 /// # Errors
 /// [`RenderError::Io`] if the file cannot be read, [`RenderError::NotExr`] if it is no EXR file or damaged,

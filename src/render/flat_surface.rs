@@ -16,6 +16,8 @@ pub(super) struct FlatSurface {
     pub(super) normal: DVec3,
     /// The largest distance of a vertex from the plane through the first one, in m.
     pub(super) deviation: f64,
+    /// Whether the convex hull is a rectangle, to the same tolerance.
+    pub(super) is_rectangle: bool,
     natural: Oriented,
     /// The corners of the convex hull.
     hull: Vec<DVec3>,
@@ -88,12 +90,15 @@ fn flatten(scene: &Scene, surface: SurfaceId, name: &str, faces: &[FaceId]) -> O
         let local = DVec2::new(x.dot(v - origin), y.dot(v - origin));
         (local, v)
     }));
+    let natural = smallest_rectangle(&hull, normal, x);
+    let missing = natural.size[0] * natural.size[1] - polygon::area_vector(&hull).length();
     Some(FlatSurface {
+        is_rectangle: missing <= PLANARITY_TOLERANCE * extent * extent,
         surface,
         name: name.to_owned(),
         normal,
         deviation,
-        natural: smallest_rectangle(&hull, normal, x),
+        natural,
         hull,
     })
 }
@@ -141,9 +146,9 @@ fn bounding_rectangle(points: &[DVec3], right: DVec3, up: DVec3) -> Oriented {
 fn convex_hull(points: impl Iterator<Item = (DVec2, DVec3)>) -> Vec<DVec3> {
     let mut points: Vec<(DVec2, DVec3)> = points.collect();
     points.sort_by(|(a, _), (b, _)| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
-    let chain = |points: &mut dyn Iterator<Item = &(DVec2, DVec3)>| {
+    let chain = |sorted: &mut dyn Iterator<Item = &(DVec2, DVec3)>| {
         let mut hull: Vec<(DVec2, DVec3)> = Vec::new();
-        for &p in points {
+        for &p in sorted {
             while let [.., (a, _), (b, _)] = hull[..] {
                 if (b - a).perp_dot(p.0 - a) > 0.0 {
                     break;

@@ -287,6 +287,7 @@ impl Renderer<'_> {
     fn add(&self, pixel: &mut Pixel, point: &SurfacePoint, share: f64, stream: u64, scratch: &mut Scratch) {
         let direct = self.direct.as_ref().map_or_else(DirectEstimate::default, |pass| {
             let at = DirectPoint {
+                face: point.face,
                 point: point.point,
                 normal: point.normal,
                 stream,

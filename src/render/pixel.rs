@@ -40,11 +40,19 @@ const DIRECT_TRIPLES: [(&str, [char; 3], Value); 2] = [
     ("direct_error", RGB, |pixel| pixel.direct.variance.map(f64::sqrt)),
 ];
 
+/// Three layers while they are filled.
+struct Triple {
+    prefix: &'static str,
+    suffixes: [char; 3],
+    value: Value,
+    channels: [Vec<f32>; 3],
+}
+
 /// An image while its pixels arrive.
 pub(super) struct Canvas {
     width: usize,
     height: usize,
-    triples: Vec<(&'static str, [char; 3], Value, [Vec<f32>; 3])>,
+    triples: Vec<Triple>,
     depth: Vec<f32>,
     patch: Vec<u32>,
 }
@@ -56,7 +64,12 @@ impl Canvas {
         let triples = TRIPLES
             .iter()
             .chain(direct)
-            .map(|&(prefix, suffixes, value)| (prefix, suffixes, value, std::array::from_fn(|_| vec![0.0; n])))
+            .map(|&(prefix, suffixes, value)| Triple {
+                prefix,
+                suffixes,
+                value,
+                channels: std::array::from_fn(|_| vec![0.0; n]),
+            })
             .collect();
         Self {
             width,
@@ -69,8 +82,8 @@ impl Canvas {
 
     pub(super) fn set(&mut self, x: u32, y: u32, pixel: &Pixel) {
         let k = y as usize * self.width + x as usize;
-        for (_, _, value, channels) in &mut self.triples {
-            for (channel, value) in channels.iter_mut().zip(value(pixel)) {
+        for triple in &mut self.triples {
+            for (channel, value) in triple.channels.iter_mut().zip((triple.value)(pixel)) {
                 channel[k] = single(value);
             }
         }
@@ -82,8 +95,9 @@ impl Canvas {
 
     pub(super) fn into_image(self) -> Image {
         let mut image = Image::new(self.width, self.height);
-        for (prefix, suffixes, _, channels) in self.triples {
-            for (name, samples) in channel_names(prefix, suffixes).iter().zip(channels) {
+        for triple in self.triples {
+            let names = channel_names(triple.prefix, triple.suffixes);
+            for (name, samples) in names.iter().zip(triple.channels) {
                 image.insert(name, Samples::F32(samples));
             }
         }

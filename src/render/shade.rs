@@ -157,13 +157,13 @@ impl<'a> Shader<'a> {
             Field::Flat(block) => channels(block.row(patch as usize)),
             Field::Smooth(block) => {
                 let corners = self.input.mesh.patches[patch as usize].corners;
-                let mut sum = [0.0; 3];
+                let mut irradiance = [0.0; 3];
                 for (&vertex, weight) in corners.as_slice().iter().zip(at.weights) {
-                    for (sum, value) in sum.iter_mut().zip(channels(block.row(vertex as usize))) {
+                    for (sum, value) in irradiance.iter_mut().zip(channels(block.row(vertex as usize))) {
                         *sum += weight * value;
                     }
                 }
-                sum
+                irradiance
             }
         }
     }

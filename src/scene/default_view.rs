@@ -8,8 +8,11 @@ use super::{Camera, FaceId, Scene};
 /// The vertical angle of view, in degrees.
 const VERTICAL_FOV: f64 = 60.0;
 
-/// How far the eye stands behind the middle of the box, in units of its extent along the view: just inside, further in, outside.
-const DEPTHS: [f64; 4] = [0.48, 0.35, 0.2, 1.5];
+/// How far the eye stands behind the middle of the box, in units of its extent along the view: just inside, then further in.
+const INSIDE: [f64; 3] = [0.48, 0.35, 0.2];
+
+/// The same from outside, in units of its greatest extent: a flat scene has none along the view.
+const OUTSIDE: f64 = 1.5;
 
 /// The rays per side of the grid that counts fronts.
 const GRID: u32 = 10;
@@ -23,21 +26,24 @@ pub(super) fn choose(scene: &Scene) -> Camera {
     let extent = high - low;
     let up = up_axis(scene);
     let (a, b) = ((up + 1) % 3, (up + 2) % 3);
-    // A flat scene has no depth of its own: keep some distance from it.
-    let least = 0.5 * extent.max_element();
     let targets: Vec<Target> = scene.face_ids().map(|face| Target::new(scene, face)).collect();
     let mut best: Option<(usize, Camera)> = None;
-    for depth in DEPTHS {
+    let inside = INSIDE.map(|depth| depth * extent);
+    for distance in inside.into_iter().chain([DVec3::splat(OUTSIDE * extent.max_element())]) {
         // From the far end of the longer side first: of equal views, the deeper one.
         let long_first = if extent[a] >= extent[b] { [a, b] } else { [b, a] };
         for axis in long_first {
             for sign in [1.0, -1.0] {
                 let direction = DVec3::AXES[axis] * sign;
-                let eye = centre - direction * depth * extent[axis].max(least);
+                let eye = centre - direction * distance[axis];
                 let Ok(camera) = Camera::new(eye, direction, DVec3::AXES[up], VERTICAL_FOV) else {
                     continue;
                 };
                 let score = n_fronts(&targets, &camera);
+                // No later place can show more than all.
+                if score == (GRID * GRID) as usize {
+                    return camera;
+                }
                 if best.as_ref().is_none_or(|(most, _)| score > *most) {
                     best = Some((score, camera));
                 }

@@ -34,15 +34,13 @@ pub enum SceneError {
         /// The scene file.
         file: PathBuf,
     },
-    /// There are more faces or vertices than ids.
-    #[error("{}: {count} {what}, the limit is {limit}; split the scene", .file.display())]
+    /// There are more faces, vertices or corners than can be numbered.
+    #[error("{}: {limit} {what} is the limit, and there are more; split the scene", .file.display())]
     TooMany {
         /// The scene file.
         file: PathBuf,
-        /// What is counted: `faces` or `vertices`.
+        /// What is counted, such as `faces`.
         what: &'static str,
-        /// How many there are.
-        count: usize,
         /// How many there may be.
         limit: u32,
     },

@@ -34,6 +34,9 @@ pub use write::write_obj;
 /// (see [`HitBatch`](crate::visibility::HitBatch)).
 pub const MAX_FACES: u32 = u32::MAX / 2;
 
+/// The greatest number of corners of one face of a file.
+pub const MAX_CORNERS: u32 = 1 << 20;
+
 /// The greatest |coordinate| in a scene, in m: beyond it, products of lengths leave the range of the f32 that rays are traced in.
 pub const MAX_COORDINATE: f64 = 1e15;
 
@@ -155,6 +158,13 @@ impl Scene {
     #[must_use]
     pub fn is_emitting(&self) -> bool {
         self.materials_in_use().any(|m| m.exitance.iter().any(|&e| e > 0.0))
+    }
+
+    /// Tells whether any face reflects light: some channel of ρ of its material is positive.
+    #[must_use]
+    pub fn is_reflecting(&self) -> bool {
+        self.materials_in_use()
+            .any(|m| m.reflectance.iter().any(|&rho| rho > 0.0))
     }
 
     /// Returns how many channels a solution needs: 1 if every material in use is grey in both ρ and E, otherwise 3.

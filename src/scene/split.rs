@@ -5,7 +5,7 @@ use glam::{DVec2, DVec3};
 use super::Corners;
 use crate::geometry::polygon;
 
-/// A quad is flat if no corner is further than this from its plane, in units of the quad's diameter.
+/// A quad is flat if no corner is further than this from its plane, in units of the diagonal of the quad's bounding box.
 ///
 /// Exporters commonly write six decimals, so a rotated quad of a metre is flat to about 1e-6 of its size. What
 /// bending remains changes the area by its square.
@@ -31,14 +31,15 @@ pub(super) enum Outline {
 ///   that share them leave no crack.
 ///
 /// The area is zero if no triangle of the fan about the first corner exceeds 8 ε (m + d) d, the rounding error of
-/// decimal coordinates, with m the greatest |coordinate|, d the diameter and ε = 2.2e-16.
+/// decimal coordinates, with m the greatest |coordinate|, d the diagonal of the bounding box and ε = 2.2e-16.
 pub(super) fn split(corners: &[DVec3]) -> Outline {
     let Some(&first) = corners.first() else {
         return Outline::ZeroArea;
     };
-    let diameter = 2.0 * corners.iter().map(|v| v.distance(first)).fold(0.0, f64::max);
-    let greatest = corners.iter().map(|v| v.abs().max_element()).fold(0.0, f64::max);
-    let noise = 8.0 * f64::EPSILON * (greatest + diameter) * diameter;
+    let low = corners.iter().fold(first, |low, &v| low.min(v));
+    let high = corners.iter().fold(first, |high, &v| high.max(v));
+    let size = low.distance(high);
+    let noise = 8.0 * f64::EPSILON * (low.abs().max(high.abs()).max_element() + size) * size;
     let area_vector = polygon::area_vector(corners);
     if corners[1..]
         .windows(2)
@@ -51,17 +52,17 @@ pub(super) fn split(corners: &[DVec3]) -> Outline {
     }
     match corners {
         [_, _, _] => Outline::Faces(vec![Corners::Triangle([0, 1, 2])]),
-        &[a, b, c, d] => split_quad([a, b, c, d], area_vector.normalize(), diameter, noise),
+        &[a, b, c, d] => split_quad([a, b, c, d], area_vector.normalize(), size, noise),
         _ => split_polygon(corners, area_vector, noise),
     }
 }
 
-fn split_quad(v: [DVec3; 4], normal: DVec3, diameter: f64, noise: f64) -> Outline {
+fn split_quad(v: [DVec3; 4], normal: DVec3, size: f64, noise: f64) -> Outline {
     let area = |[i, j, k]: [usize; 3]| 0.5 * (v[j] - v[i]).cross(v[k] - v[i]).dot(normal);
     let in_front = |triangle| area(triangle) > noise;
     let cut_02 = in_front([0, 1, 2]) && in_front([0, 2, 3]);
     let cut_13 = in_front([1, 2, 3]) && in_front([1, 3, 0]);
-    if cut_02 && cut_13 && polygon::planarity_error(&v) <= PLANARITY * diameter {
+    if cut_02 && cut_13 && polygon::planarity_error(&v) <= PLANARITY * size {
         return Outline::Faces(vec![Corners::Quad([0, 1, 2, 3])]);
     }
     let shorter_02 = v[0].distance_squared(v[2]) <= v[1].distance_squared(v[3]);
@@ -76,15 +77,26 @@ fn split_quad(v: [DVec3; 4], normal: DVec3, diameter: f64, noise: f64) -> Outlin
 
 fn split_polygon(corners: &[DVec3], area_vector: DVec3, noise: f64) -> Outline {
     let flat = project(corners, area_vector);
-    let mut indices: Vec<u32> = Vec::new();
-    earcut::Earcut::new().earcut(flat.iter().map(|v| [v.x, v.y]), &[], &mut indices);
-    let mut triangles: Vec<[u32; 3]> = indices.as_chunks().0.to_vec();
-    for t in &mut triangles {
-        if area_2d(&flat, *t) < 0.0 {
-            t.swap(1, 2);
-        }
+    // Ear clipping would make slivers of corners that are straight but for rounding: they are put back afterwards.
+    let n = flat.len();
+    let straight = |i: usize| {
+        let (before, after) = (flat[i] - flat[(i + n - 1) % n], flat[(i + 1) % n] - flat[i]);
+        0.5 * before.perp_dot(after).abs() <= noise
+    };
+    let bends: Vec<u32> = (0..).zip(0..n).filter(|&(_, i)| !straight(i)).map(|(k, _)| k).collect();
+    let mut ears: Vec<usize> = Vec::new();
+    let points = bends.iter().map(|&i| flat[i as usize].to_array());
+    earcut::Earcut::new().earcut(points, &[], &mut ears);
+    let mut triangles = Vec::new();
+    for &ear in ears.as_chunks::<3>().0 {
+        let [a, b, c] = ear.map(|k| bends[k]);
+        let in_front = area_2d(&flat, [a, b, c]) > 0.0;
+        triangles.push(if in_front { [a, b, c] } else { [a, c, b] });
     }
     let triangles = restore_straight_corners(triangles, corners.len());
+    if triangles.iter().any(|&t| area_2d(&flat, t) <= 0.0) {
+        return Outline::SelfIntersecting;
+    }
     // The projection of the outline bounds the signed area; ears that overlap or are missing do not add up to it.
     let total: f64 = triangles.iter().map(|&t| area_2d(&flat, t)).sum();
     let expected = area_vector.abs().max_element();
@@ -234,13 +246,22 @@ mod tests {
     #[test]
     fn a_bent_quad_is_cut_along_its_shorter_diagonal() {
         let mut quad = at(&[[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [-0.5, 1.0]]);
-        let d = (quad[0] - quad[2]).length();
-        quad[3].z += 1e-5 * d;
+        // Lifting one corner by h moves each corner about h / 4 away from the mean plane.
+        let (flat, normal) = (quad[3], polygon::area_vector(&quad).normalize());
+        let low = quad.iter().fold(flat, |low, &v| low.min(v));
+        let high = quad.iter().fold(flat, |high, &v| high.max(v));
+        let size = low.distance(high);
+        quad[3] = flat + 4.8 * PLANARITY * size * normal;
         assert_eq!(
             faces(&quad),
             vec![Corners::Triangle([0, 1, 2]), Corners::Triangle([0, 2, 3])]
         );
-        quad[3].z -= (1e-5 - 1e-7) * d;
+        quad.rotate_left(1);
+        assert_eq!(
+            faces(&quad),
+            vec![Corners::Triangle([1, 2, 3]), Corners::Triangle([1, 3, 0])]
+        );
+        quad[2] = flat + 3.2 * PLANARITY * size * normal;
         assert_eq!(faces(&quad), vec![Corners::Quad([0, 1, 2, 3])]);
     }
 

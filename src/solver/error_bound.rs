@@ -26,7 +26,8 @@ const RESOLVED_FROM: f64 = 1e-12;
 /// because some patch reflects everything, v ← 1 + diag(ρ) F v looks one reflection further, one pass over F each.
 /// Accuracy: rigorous but for the rounding of r (about 1e-16 ‖B‖) and for form factors that are negative. It bounds the
 /// error of solving, not that of the form factors.
-/// Source: Berman and Plemmons, "Nonnegative Matrices in the Mathematical Sciences", theorem 6.2.3 for the M-matrix; Departures: none.
+/// Source: Berman and Plemmons, "Nonnegative Matrices in the Mathematical Sciences", chapter 6, theorem 2.3, for the M-matrix.
+/// Departures: none.
 pub(super) fn relative(scaled: &Scaled, radiosity: &Block, truth: &TrueResidual) -> Option<f64> {
     let system = scaled.system;
     let lit: Vec<usize> = (0..system.n_channels()).filter(|&c| !scaled.is_dark(c)).collect();

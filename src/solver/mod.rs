@@ -34,7 +34,8 @@ pub struct SolveOptions {
     pub tolerance: Tolerance,
     /// Passes that may be spent; each reads all of F once.
     pub max_passes: usize,
-    /// Passes without a new least residual after which the solver gives up as [`StopReason::Stagnated`].
+    /// Passes without a new least residual after which the solver gives up: as [`StopReason::Diverged`] if the residual
+    /// rose in every one of them, else as [`StopReason::Stagnated`]. At least 1.
     pub patience: usize,
     /// The first radiosities.
     pub start: Start,

@@ -31,6 +31,24 @@ pub struct Solution {
 }
 
 impl Solution {
+    /// Returns the solution of a scene in which nothing reflects: B = E, exactly, whatever F is.
+    ///
+    /// The irradiance, which plays no part in it, is left at 0. `exitance`: E, W·m⁻², \[n, c\]. Departures: none.
+    #[must_use]
+    pub fn without_reflection(exitance: Block) -> Self {
+        Self {
+            irradiance: Block::zeros(exitance.n_rows(), exitance.n_channels()),
+            radiosity: exitance,
+            stop_reason: StopReason::Converged,
+            n_passes: 0,
+            n_checks: 0,
+            residual_l2: 0.0,
+            residual_max_power: 0.0,
+            error_bound: Some(0.0),
+            history: Vec::new(),
+        }
+    }
+
     /// Puts a solution together. `truth` belongs to `radiosity`, in solver units; `gave_up` tells why the solver stopped
     /// where it did not reach the tolerance.
     pub(super) fn new(

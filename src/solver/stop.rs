@@ -1,5 +1,7 @@
 //! When a solver stops.
 
+use std::fmt;
+
 use serde::Serialize;
 
 use super::SolverError;
@@ -67,6 +69,18 @@ pub enum StopReason {
     Interrupted,
 }
 
+impl fmt::Display for StopReason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Converged => "converged",
+            Self::MaxPasses => "out of passes",
+            Self::Stagnated => "stagnated",
+            Self::Diverged => "diverged",
+            Self::Interrupted => "interrupted",
+        })
+    }
+}
+
 /// Growth of the residual, over its first value, that counts as divergence.
 const DIVERGED_FROM: f64 = 1e8;
 
@@ -75,7 +89,10 @@ pub(super) struct Watch {
     patience: usize,
     limit: Option<f64>,
     best: f64,
+    last: f64,
     passes_since_best: usize,
+    /// True while every pass since the best one has been worse than the one before it.
+    rises: bool,
 }
 
 impl Watch {
@@ -84,7 +101,9 @@ impl Watch {
             patience,
             limit: None,
             best: f64::INFINITY,
+            last: f64::INFINITY,
             passes_since_best: 0,
+            rises: true,
         }
     }
 
@@ -94,12 +113,21 @@ impl Watch {
         if !excess.is_finite() || excess > limit {
             return Some(StopReason::Diverged);
         }
-        self.passes_since_best += 1;
         if excess < self.best {
             self.best = excess;
             self.passes_since_best = 0;
+            self.rises = true;
+        } else {
+            self.passes_since_best += 1;
+            self.rises &= excess > self.last;
         }
-        (self.passes_since_best >= self.patience).then_some(StopReason::Stagnated)
+        self.last = excess;
+        let reason = if self.rises {
+            StopReason::Diverged
+        } else {
+            StopReason::Stagnated
+        };
+        (self.passes_since_best >= self.patience.max(1)).then_some(reason)
     }
 }
 

@@ -2,13 +2,13 @@
 
 mod clear_view;
 mod points;
+mod report;
 mod tolerance;
 
 use std::path::Path;
 
 use glam::DVec3;
 use rayon::prelude::*;
-use serde::Serialize;
 use thiserror::Error;
 
 use super::attributes::Attributes;
@@ -21,6 +21,7 @@ use crate::geometry::polygon;
 use crate::geometry::rectangle::rectangle_exchange_area;
 use clear_view::Plate;
 use points::{PixelAnswer, Reference};
+pub use report::{Tolerance, VerifyReport, WallReport};
 
 /// The probability with which a correct image may fail.
 const FALSE_ALARM: f64 = 1e-6;
@@ -58,86 +59,15 @@ pub enum VerifyError {
     NoEmitter,
 }
 
-/// What verification found; see [`verify`].
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct VerifyReport {
-    /// Whether everything that could be checked was right, and something could.
-    pub passed: bool,
-    /// Pixels that show a surface.
-    pub n_pixels: usize,
-    /// Pixels that were compared with the exact irradiance.
-    pub n_checked: usize,
-    /// Pixels on the border of a surface, or for which a clear view of all emitters could not be proven.
-    pub n_not_checkable: usize,
-    /// Checked pixels outside their tolerance.
-    pub n_outside: usize,
-    /// Pixels whose position `P` is not the point that the layout says.
-    pub n_misplaced: usize,
-    /// Pixels whose radiosity is not E + ρ H, whose radiance is not radiosity/π, or whose irradiance is not the direct one although nothing reflects.
-    pub n_inconsistent: usize,
-    /// The largest error of a checked pixel and channel, in W·m⁻².
-    pub max_error: f64,
-    /// The root of the mean squared error over checked pixels and channels, in W·m⁻².
-    pub rms_error: f64,
-    /// The tolerance and its parts.
-    pub tolerance: Tolerance,
-    /// One row per tile.
-    pub walls: Vec<WallReport>,
-}
-
-/// The tolerance of a pixel: statistical + offset + rounding, each computed per pixel and channel.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Tolerance {
-    /// The probability with which a correct image may fail, all checks together.
-    pub false_alarm: f64,
-    /// Rays per pixel whose noise is allowed for; 0 where the image has none.
-    pub n_rays: u64,
-    /// What these rays are worth in independent samples; 0 where the image has none.
-    pub n_effective: f64,
-    /// The largest statistical part of a pixel's tolerance, in W·m⁻².
-    pub max_statistical: f64,
-    /// The largest part due to the rays' start above the surface, in W·m⁻²: the exact change of the answer over 1.1 offsets.
-    pub max_offset: f64,
-    /// The largest part due to rounding, in W·m⁻².
-    pub max_rounding: f64,
-}
-
-/// One tile: its mean over all checked pixels.
-///
-/// The wall is right if |mean − expected| ≤ statistical + offset + rounding in every channel.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct WallReport {
-    /// The surface's name.
-    pub name: String,
-    /// Pixels of the tile that were compared.
-    pub n_checked: usize,
-    /// The mean direct irradiance in the image.
-    pub mean: [f64; 3],
-    /// The mean of the exact irradiance at the same points.
-    pub expected: [f64; 3],
-    /// The exact mean over the whole wall, where it is a rectangle that was checked everywhere, and the emitters are rectangles with parallel edges.
-    pub exact: Option<[f64; 3]>,
-    /// expected − exact: what pixel centres miss of the wall's mean.
-    pub quadrature: Option<[f64; 3]>,
-    /// mean − exact, or mean − expected where there is no `exact`.
-    pub error: [f64; 3],
-    /// The bound on `error`: statistical + offset + rounding + |quadrature|.
-    pub tolerance: [f64; 3],
-    /// The statistical part.
-    pub statistical: [f64; 3],
-    /// Whether the wall is right.
-    pub passed: bool,
-}
-
 /// Verifies an EXR file: its direct irradiance, pixel by pixel and wall by wall, against the closed forms.
 ///
 /// In the scene that the file describes, the direct irradiance at a point is Σ_j E_j F(x → j), F Lambert's
 /// [form factor](crate::geometry::point_form_factor::point_form_factor), wherever the point sees every emitter j unhindered; this is proven per pixel in f64, and a pixel for which
-/// it cannot be is counted and left out. The mean over a wall is also compared with Σ_j E_j A_i F_ij / A_i of the
+/// it cannot be is counted and left out. The means over a tile's rows and columns are compared as well, where noise hides more of a pixel; that over a wall is also compared with Σ_j E_j A_i F_ij / A_i of the
 /// [rectangles](crate::geometry::rectangle::rectangle_exchange_area). Beside that, positions must be those of the layout,
 /// and radiosity and radiance those that follow from the irradiance.
 ///
-/// Tolerances are computed: noise of a direct pass by rays (none for one by polygons) by Hoeffding's bound, at a probability of 1e-6 for any alarm at all in a correct image; for walls
+/// Tolerances are computed: noise of a direct pass by rays (none for one by polygons) by Hoeffding's bound, at a probability of 1e-6 for any alarm at all in a correct image; for means
 /// also by the errors' own spread; the rays' start above the surface; rounding to f32.
 ///
 /// # Errors
@@ -166,29 +96,39 @@ pub fn verify_image(image: &Image, attributes: &Attributes) -> Result<VerifyRepo
 
     let tiles: Vec<Vec<PixelAnswer>> = layout.tiles.iter().map(|tile| reference.answers(tile)).collect();
     let n_checks = tiles.iter().flatten().filter(|answer| answer.is_checked()).count() * 3;
-    // One half of the false alarms for the pixels, one for the walls; two sides each.
-    let log_odds = |n: usize| (4.0 * n.max(1) as f64 / FALSE_ALARM).ln();
-    let (pixel_odds, wall_odds) = (log_odds(n_checks), log_odds(3 * tiles.len()));
+    let n_strips: usize = layout
+        .tiles
+        .iter()
+        .map(|tile| tile.width as usize + tile.height as usize)
+        .sum();
+    // One third of the false alarms each for pixels, strips and walls; two sides, and two bounds on every mean.
+    let log_odds = |n: usize| (12.0 * n.max(1) as f64 / FALSE_ALARM).ln();
+    let [pixel_odds, strip_odds, wall_odds] = [n_checks, 3 * n_strips, 3 * tiles.len()].map(log_odds);
 
     let mut tally = Tally::default();
-    let mut walls = Vec::new();
+    let (mut walls, mut n_strips_outside) = (Vec::new(), 0);
     for (tile, answers) in layout.tiles.iter().zip(&tiles) {
         let judged: Vec<Judged> = answers
             .par_iter()
             .enumerate()
             .map(|(k, answer)| layers.judge(tile, k, answer, &reference, pixel_odds))
             .collect();
-        judged.iter().for_each(|judged| tally.add(judged));
+        for (answer, pixel) in answers.iter().zip(&judged) {
+            tally.add(answer, pixel);
+        }
+        n_strips_outside += count_wrong_strips(tile, answers, &judged, &reference, strip_odds);
         walls.push(wall_report(tile, answers, &judged, &reference, wall_odds));
     }
     let (n_checked, n_values) = (tally.n_checked, tally.n_checked.max(1) * 3);
-    let right = tally.n_outside + tally.n_misplaced + tally.n_inconsistent == 0 && walls.iter().all(|wall| wall.passed);
+    let n_wrong = tally.n_outside + n_strips_outside + tally.n_misplaced + tally.n_inconsistent;
+    let right = n_wrong == 0 && walls.iter().all(|wall| wall.passed);
     Ok(VerifyReport {
         passed: right && n_checked > 0,
         n_pixels: tally.n_pixels,
         n_checked,
         n_not_checkable: tally.n_pixels - n_checked,
         n_outside: tally.n_outside,
+        n_strips_outside,
         n_misplaced: tally.n_misplaced,
         n_inconsistent: tally.n_inconsistent,
         max_error: tally.max_error,
@@ -243,8 +183,6 @@ struct Layers<'a> {
 /// One pixel, judged.
 #[derive(Clone, Copy, Debug, Default)]
 struct Judged {
-    on_surface: bool,
-    checked: bool,
     outside: bool,
     misplaced: bool,
     inconsistent: bool,
@@ -278,11 +216,7 @@ impl<'a> Layers<'a> {
         let columns = tile.width as usize;
         let (column, row) = (k % columns, k / columns);
         let index = (tile.top as usize + row) * self.width + tile.left as usize + column;
-        let mut judged = Judged {
-            on_surface: answer.on_surface(),
-            checked: answer.is_checked(),
-            ..Judged::default()
-        };
+        let mut judged = Judged::default();
         let Some(material) = answer.material() else {
             return judged;
         };
@@ -308,8 +242,7 @@ impl<'a> Layers<'a> {
                 judged.parts[1][c] = offset[c].abs();
                 judged.parts[2][c] = reference.rounding(c, exact[c]);
                 let tolerance: f64 = judged.parts.iter().map(|part| part[c]).sum();
-                // A value that is not a number is outside, too.
-                judged.outside |= !(judged.error[c].abs() <= tolerance);
+                judged.outside |= judged.error[c].is_nan() || judged.error[c].abs() > tolerance;
             }
         }
         judged
@@ -335,9 +268,9 @@ struct Tally {
 }
 
 impl Tally {
-    fn add(&mut self, pixel: &Judged) {
-        self.n_pixels += usize::from(pixel.on_surface);
-        self.n_checked += usize::from(pixel.checked);
+    fn add(&mut self, answer: &PixelAnswer, pixel: &Judged) {
+        self.n_pixels += usize::from(answer.on_surface());
+        self.n_checked += usize::from(answer.is_checked());
         self.n_outside += usize::from(pixel.outside);
         self.n_misplaced += usize::from(pixel.misplaced);
         self.n_inconsistent += usize::from(pixel.inconsistent);
@@ -351,6 +284,72 @@ impl Tally {
     }
 }
 
+/// The mean of the checked pixels of a group, one channel.
+#[derive(Clone, Copy, Debug, Default)]
+struct GroupMean {
+    n_checked: usize,
+    /// The mean of the exact answers.
+    expected: f64,
+    /// The mean error.
+    error: f64,
+    statistical: f64,
+    /// Statistical, offset and rounding.
+    tolerance: f64,
+}
+
+impl GroupMean {
+    fn new<'a>(
+        pixels: impl Iterator<Item = (&'a PixelAnswer, &'a Judged)>,
+        channel: usize,
+        reference: &Reference<'_>,
+        log_odds: f64,
+    ) -> Self {
+        let (mut group, mut squares, mut offset, mut rounding) = (Self::default(), 0.0, 0.0, 0.0);
+        for (answer, judged) in pixels {
+            let Some((exact, change)) = answer.irradiance() else {
+                continue;
+            };
+            group.n_checked += 1;
+            group.expected += exact[channel];
+            group.error += judged.error[channel];
+            squares += judged.error[channel].powi(2);
+            offset += change[channel];
+            rounding += judged.parts[2][channel];
+        }
+        let m = group.n_checked.max(1) as f64;
+        group.expected /= m;
+        group.error /= m;
+        group.statistical = reference.statistical(channel, group.expected, m, log_odds);
+        if reference.expected_hits(channel, group.expected) * m >= MIN_HITS {
+            group.statistical = group.statistical.min(tolerance::self_normalised(squares, m, log_odds));
+        }
+        group.tolerance = group.statistical + (offset / m).abs() + rounding / m;
+        group
+    }
+
+    fn is_right(&self) -> bool {
+        self.error.abs() <= self.tolerance
+    }
+}
+
+/// Counts the pixel rows and columns of a tile whose mean is wrong.
+fn count_wrong_strips(
+    tile: &Tile,
+    answers: &[PixelAnswer],
+    judged: &[Judged],
+    reference: &Reference<'_>,
+    log_odds: f64,
+) -> usize {
+    let (columns, rows) = (tile.width as usize, tile.height as usize);
+    let is_wrong = |start: usize, step: usize, n: usize| {
+        let strip = || answers.iter().zip(judged).skip(start).step_by(step).take(n);
+        (0..3).any(|c| !GroupMean::new(strip(), c, reference, log_odds).is_right())
+    };
+    let wrong_rows = (0..rows).filter(|row| is_wrong(row * columns, 1, columns)).count();
+    let wrong_columns = (0..columns).filter(|column| is_wrong(*column, columns, rows)).count();
+    wrong_rows + wrong_columns
+}
+
 fn wall_report(
     tile: &Tile,
     answers: &[PixelAnswer],
@@ -358,47 +357,25 @@ fn wall_report(
     reference: &Reference<'_>,
     log_odds: f64,
 ) -> WallReport {
-    let n_checked = judged.iter().filter(|pixel| pixel.checked).count();
-    let m = n_checked.max(1) as f64;
+    let pixels = || answers.iter().zip(judged);
+    let means = [0, 1, 2].map(|c| GroupMean::new(pixels(), c, reference, log_odds));
+    let n_checked = means[0].n_checked;
     let whole = n_checked == answers.len();
     let exact = whole.then(|| exact_mean(tile, reference)).flatten();
-    let mut wall = WallReport {
+    let quadrature = exact.map(|exact| [0, 1, 2].map(|c| means[c].expected - exact[c]));
+    let missed = quadrature.unwrap_or_default();
+    WallReport {
         name: tile.name.clone(),
         n_checked,
-        mean: [0.0; 3],
-        expected: [0.0; 3],
+        mean: means.map(|mean| mean.expected + mean.error),
+        expected: means.map(|mean| mean.expected),
         exact,
-        quadrature: None,
-        error: [0.0; 3],
-        tolerance: [0.0; 3],
-        statistical: [0.0; 3],
-        passed: true,
-    };
-    for c in 0..3 {
-        let irradiance = answers.iter().filter_map(PixelAnswer::irradiance);
-        let (expected, offset) = irradiance.fold((0.0, 0.0), |(sum, offsets), (exact, offset)| {
-            (sum + exact[c] / m, offsets + offset[c] / m)
-        });
-        let checked = judged.iter().filter(|pixel| pixel.checked);
-        let (error, squares, rounding) = checked.fold((0.0, 0.0, 0.0), |(error, squares, rounding), pixel| {
-            let r = pixel.error[c];
-            (error + r / m, squares + r * r, rounding + pixel.parts[2][c] / m)
-        });
-        let mut statistical = reference.statistical(c, expected, m, log_odds);
-        if reference.expected_hits(c, expected) * m >= MIN_HITS {
-            statistical = statistical.min(tolerance::self_normalised(squares, m, log_odds));
-        }
-        let tolerance = statistical + offset.abs() + rounding;
-        let quadrature = exact.map_or(0.0, |exact| expected - exact[c]);
-        wall.mean[c] = expected + error;
-        wall.expected[c] = expected;
-        wall.statistical[c] = statistical;
-        wall.error[c] = error + quadrature;
-        wall.tolerance[c] = tolerance + quadrature.abs();
-        wall.passed &= error.abs() <= tolerance;
+        quadrature,
+        error: [0, 1, 2].map(|c| means[c].error + missed[c]),
+        tolerance: [0, 1, 2].map(|c| means[c].tolerance + missed[c].abs()),
+        statistical: means.map(|mean| mean.statistical),
+        passed: means.iter().all(GroupMean::is_right),
     }
-    wall.quadrature = exact.map(|exact| std::array::from_fn(|c| wall.expected[c] - exact[c]));
-    wall
 }
 
 /// Returns Σ_j E_j A F_j / A for a tile that its surface fills, or `None` where no closed form is known.
@@ -411,12 +388,9 @@ fn exact_mean(tile: &Tile, reference: &Reference<'_>) -> Option<[f64; 3]> {
     let mut mean = [0.0; 3];
     for (Plate { corners, .. }, exitance) in reference.emitters() {
         let exchange_area = rectangle_exchange_area(&rectangle, corners)?;
-        for (mean, exitance) in mean.iter_mut().zip(exitance) {
-            *mean += exitance * exchange_area / area;
+        for c in 0..3 {
+            mean[c] += exitance[c] * exchange_area / area;
         }
     }
     Some(mean)
 }
-
-#[cfg(test)]
-mod tests;

@@ -211,14 +211,14 @@ impl<'a> Reference<'a> {
         let (mut exact, mut moved) = ([0.0; 3], [0.0; 3]);
         let share = 1.0 / points.len() as f64;
         for &point in points {
-            for ((emitter, exitance), blockers) in self.emitters.iter().zip(blockers) {
+            for ((emitter, exitance), candidates) in self.emitters.iter().zip(blockers) {
                 let form_factor = |at: DVec3| point_form_factor(at, normal, &emitter.corners);
                 let here = form_factor(point);
                 let above = form_factor(point + normal * self.offset);
                 if here <= 0.0 && above <= 0.0 {
                     continue;
                 }
-                if !is_clear(point, normal, emitter, blockers.iter().copied(), self.slack) {
+                if !is_clear(point, normal, emitter, candidates.iter().copied(), self.slack) {
                     return None;
                 }
                 for c in 0..3 {

@@ -84,13 +84,14 @@ pub fn names() -> impl ExactSizeIterator<Item = &'static str> {
 /// Builds a built-in scene; `level` refines those that have levels.
 ///
 /// - `cube`: the unit cube from inside; walls `x0`, `x1`, `y0`, `y1`, `z0`, `z1`; black, E = 1 on `z1`. Form factors in closed form.
-/// - `cornell-box`: the measured Cornell box with its two blocks and its camera, in metres, y up, open at the front.
-/// - `lewis-room`: the unit room of Lewis 1992, section 4, with 2^level × 2^level faces a wall (default 3, at most 10).
-/// - `sphere-room-r1`, `sphere-room-r2`: the room of Baranoski et al. 1995 around a sphere of radius 1 or 2, 992 faces.
+/// - `cornell-box`: the measured Cornell box ([`CORNELL_BOX`](crate::references::CORNELL_BOX)) with its two blocks and its camera, in metres, y up, open at the front.
+/// - `lewis-room`: the unit room of [`LEWIS_1992`](crate::references::LEWIS_1992), section 4, with 2^level × 2^level faces a wall (default 3, at most 10).
+/// - `sphere-room-r1`, `sphere-room-r2`: the room of [`BARANOSKI_1995`](crate::references::BARANOSKI_1995) around a sphere of radius 1 or 2, 992 faces.
 /// - `corridor`: two walls with a partition of half their height between them, a coincident two-sided sheet.
 /// - `room-box`: a room with a floating box, twelve rectangles.
 ///
-/// Coordinates and values are literals, quotients and sums: no function whose last bit depends on the machine.
+/// Coordinates and values are literals and what sums, products, quotients and square roots make of them: no function whose last bit depends on the machine.
+/// Departures: each scene's `README.md` in `scenes/` says what its source leaves open, and how that was decided.
 ///
 /// # Errors
 /// [`SceneError::UnknownBuiltin`], [`SceneError::NoLevels`], [`SceneError::LevelTooHigh`].

@@ -5,9 +5,8 @@
 //! divided by the factors' area mean, so that `rho_avg` is the mean over the whole scene.
 //!
 //! Departures: the origin is the centre of the room and the sphere (the paper's room is [0, 6]³). The paper gives neither the emission nor the reflectances of
-//! single walls; E = 50 and the factors below bring the passes near those inferred from it. It says r = 1 and 2 without
-//! telling which is which: r = 1 has the 69.5 % density of its cases E and F, r = 2 the 53.1 % of A to D. The default
-//! `rho_avg` is that of case E (0.78) for r = 1 and of case C (0.77) for r = 2.
+//! single walls; E = 50 and the factors below bring the passes near those inferred from it. r = 1 has the 69.5 % density of its
+//! cases E and F, r = 2 the 53.1 % of A to D; `rho_avg` is that of case E (0.78) for r = 1 and of case C (0.77) for r = 2.
 
 use glam::DVec3;
 

@@ -1,0 +1,147 @@
+//! Methods that compute the exchange area of one pair of patches at a time: A_i F_ij = A_j F_ji is computed once.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::{Computed, FormFactorError, Input, PairCounts};
+use crate::matrix::{FormFactors, RowTally, RowTile, StorageChoice};
+use crate::mesh::{Mesh, PatchId};
+use crate::progress::Progress;
+
+/// The number of rows of the upper triangle that are computed as one piece of parallel work.
+const ROWS_PER_TILE: usize = 8;
+
+/// The exchange area of a pair.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Exchange {
+    /// A_i F_ij = A_j F_ji, m².
+    pub(super) area: f64,
+    /// An estimate of its absolute error, m².
+    pub(super) error: f64,
+}
+
+/// What one thread computes pairs with; made once for every tile.
+pub(super) trait PairWorker {
+    /// Computes the exchange areas of patch `i` with each of `others`, all of which face it, in their order.
+    ///
+    /// `emit` is called once for each, in order.
+    fn row(&mut self, i: usize, others: &[usize], emit: &mut dyn FnMut(Exchange));
+
+    /// Returns what this worker did; `not_facing` is counted by the caller.
+    fn counts(&self) -> PairCounts;
+
+    /// Returns false if a budget was spent before a tolerance was met.
+    fn tolerance_met(&self) -> bool {
+        true
+    }
+}
+
+/// Computes the upper triangle, tile by tile in parallel, and stores it symmetric.
+///
+/// Patches of one plane, and those that lie behind each other's planes, are not passed on: they exchange nothing.
+pub(super) fn by_pairs<W: PairWorker>(
+    input: Input<'_>,
+    storage: StorageChoice,
+    progress: &dyn Progress,
+    worker: impl Fn() -> W + Sync,
+) -> Result<Computed, FormFactorError> {
+    let n = input.mesh.n_patches();
+    progress.begin("form factors", (n as u64 * (n as u64).saturating_sub(1)) / 2);
+    let facing = Facing::new(input.mesh);
+    let tiles: Vec<(RowTile, PairCounts, bool)> = (0..n.div_ceil(ROWS_PER_TILE))
+        .into_par_iter()
+        .map(|k| {
+            let rows = k * ROWS_PER_TILE..n.min((k + 1) * ROWS_PER_TILE);
+            let n_pairs: usize = rows.clone().map(|i| n - 1 - i).sum();
+            let result = tile(rows, &facing, &mut worker());
+            progress.advance(n_pairs as u64);
+            result
+        })
+        .collect();
+    let mut counts = PairCounts::default();
+    let mut tolerance_met = true;
+    for (_, of_tile, met) in &tiles {
+        counts.not_facing += of_tile.not_facing;
+        counts.full += of_tile.full;
+        counts.hidden += of_tile.hidden;
+        counts.partial += of_tile.partial;
+        counts.n_rays += of_tile.n_rays;
+        tolerance_met &= met;
+    }
+    let upper = tiles.into_iter().map(|(tile, ..)| tile);
+    Ok(Computed {
+        factors: FormFactors::from_exchange_tiles(input.mesh.areas(), upper, storage)?,
+        pairs: Some(counts),
+        tolerance_met,
+    })
+}
+
+fn tile(rows: Range<usize>, facing: &Facing, worker: &mut impl PairWorker) -> (RowTile, PairCounts, bool) {
+    let mut tile = RowTile::new(rows.start);
+    let mut not_facing = 0;
+    let (mut others, mut entries) = (Vec::new(), Vec::new());
+    for i in rows {
+        others.clear();
+        entries.clear();
+        others.extend((i + 1..facing.len()).filter(|&j| facing.pair(i, j)));
+        not_facing += (facing.len() - 1 - i - others.len()) as u64;
+        let mut columns = others.iter();
+        worker.row(i, &others, &mut |exchange| {
+            if let Some(&j) = columns.next() {
+                entries.push((PatchId::from_index(j).0, exchange.area, exchange.error));
+            }
+        });
+        assert_eq!(entries.len(), others.len(), "one exchange area for each pair");
+        tile.push_row(&entries, RowTally::default());
+    }
+    let counts = PairCounts {
+        not_facing,
+        ..worker.counts()
+    };
+    (tile, counts, worker.tolerance_met())
+}
+
+/// The planes of all patches and their corners, for the test that goes first.
+struct Facing {
+    corners: Vec<Vec<glam::DVec3>>,
+    normals: Vec<glam::DVec3>,
+    sizes: Vec<f64>,
+}
+
+impl Facing {
+    fn new(mesh: &Mesh) -> Self {
+        let corners: Vec<Vec<glam::DVec3>> = (0..mesh.n_patches())
+            .map(|i| mesh.polygon(PatchId::from_index(i)))
+            .collect();
+        let sizes = corners
+            .iter()
+            .map(|c| c.iter().map(|v| v.distance(c[0])).fold(0.0, f64::max))
+            .collect();
+        Self {
+            corners,
+            normals: mesh.patches.iter().map(|p| p.normal).collect(),
+            sizes,
+        }
+    }
+
+    fn len(&self) -> usize {
+        self.corners.len()
+    }
+
+    /// Tells whether part of each patch lies in front of the other's plane.
+    ///
+    /// A corner counts as in front from 1e-14 of its distance and the patch's size on: below that, rounding decides the sign, and
+    /// patches of one plane must be told from patches that meet at an edge.
+    fn pair(&self, i: usize, j: usize) -> bool {
+        self.sees(i, j) && self.sees(j, i)
+    }
+
+    fn sees(&self, i: usize, j: usize) -> bool {
+        let (origin, normal) = (self.corners[i][0], self.normals[i]);
+        self.corners[j].iter().any(|&v| {
+            let to = v - origin;
+            normal.dot(to) > 1e-14 * (to.length() + self.sizes[i])
+        })
+    }
+}

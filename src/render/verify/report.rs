@@ -1,0 +1,76 @@
+//! What verification finds.
+
+use serde::Serialize;
+
+/// What verification found; see [`verify`](super::verify()).
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct VerifyReport {
+    /// Whether everything that could be checked was right, and something could.
+    pub passed: bool,
+    /// Pixels that show a surface.
+    pub n_pixels: usize,
+    /// Pixels that were compared with the exact irradiance.
+    pub n_checked: usize,
+    /// Pixels on the border of a surface, or for which a clear view of all emitters could not be proven.
+    pub n_not_checkable: usize,
+    /// Checked pixels outside their tolerance.
+    pub n_outside: usize,
+    /// Rows and columns of a tile's pixels whose mean is outside its tolerance.
+    pub n_strips_outside: usize,
+    /// Pixels whose position `P` is not the point that the layout says.
+    pub n_misplaced: usize,
+    /// Pixels whose radiosity is not E + ρ H, whose radiance is not radiosity/π, or whose irradiance is not the direct one although nothing reflects.
+    pub n_inconsistent: usize,
+    /// The largest error of a checked pixel and channel, in W·m⁻².
+    pub max_error: f64,
+    /// The root of the mean squared error over checked pixels and channels, in W·m⁻².
+    pub rms_error: f64,
+    /// The tolerance and its parts.
+    pub tolerance: Tolerance,
+    /// One row per tile.
+    pub walls: Vec<WallReport>,
+}
+
+/// The tolerance of a pixel: statistical + offset + rounding, each computed per pixel and channel.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Tolerance {
+    /// The probability with which a correct image may fail, all checks together.
+    pub false_alarm: f64,
+    /// Rays per pixel whose noise is allowed for; 0 where the image has none.
+    pub n_rays: u64,
+    /// What these rays are worth in independent samples; 0 where the image has none.
+    pub n_effective: f64,
+    /// The largest statistical part of a pixel's tolerance, in W·m⁻².
+    pub max_statistical: f64,
+    /// The largest part due to the rays' start above the surface, in W·m⁻²: the exact change of the answer over 1.1 offsets.
+    pub max_offset: f64,
+    /// The largest part due to rounding, in W·m⁻².
+    pub max_rounding: f64,
+}
+
+/// One tile: its mean over all checked pixels.
+///
+/// The wall is right if |mean − expected| ≤ statistical + offset + rounding in every channel.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct WallReport {
+    /// The surface's name.
+    pub name: String,
+    /// Pixels of the tile that were compared.
+    pub n_checked: usize,
+    /// The mean direct irradiance in the image.
+    pub mean: [f64; 3],
+    /// The mean of the exact irradiance at the same points.
+    pub expected: [f64; 3],
+    /// The exact mean over the whole wall, where it is a rectangle that was checked everywhere, and the emitters are rectangles with parallel edges.
+    pub exact: Option<[f64; 3]>,
+    /// expected − exact: what pixel centres miss of the wall's mean.
+    pub quadrature: Option<[f64; 3]>,
+    /// mean − exact, or mean − expected where there is no `exact`.
+    pub error: [f64; 3],
+    /// The bound on `error`: statistical + offset + rounding + |quadrature|.
+    pub tolerance: [f64; 3],
+    /// The statistical part.
+    pub statistical: [f64; 3],
+    /// Whether the wall is right.
+    pub passed: bool,
+}

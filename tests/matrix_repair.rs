@@ -1,0 +1,194 @@
+//! Form factors made reciprocal, and balanced.
+
+#![expect(
+    clippy::unwrap_used,
+    clippy::shadow_unrelated,
+    clippy::needless_range_loop,
+    reason = "a failed unwrap is a failed test, every step of a test names its own results, and i and j are places of a matrix"
+)]
+
+mod support;
+
+use radiosity::matrix::operator::{Block, LinearOperator};
+use radiosity::matrix::{FormFactors, Layout, MatrixError, Precision, RowTally, RowTile, StorageChoice, Weighting};
+use support::{
+    LewisRoom, Uniform, all_storages, bits, dense, matrix, random_room, random_rows, relative_error, shoot,
+    solve_direct, storage, tiles,
+};
+
+#[test]
+fn symmetrised_exchange_areas_are_equal_to_the_last_bit() {
+    let areas = [1.0, 0.3, 7e-5, 2.0];
+    for choice in all_storages() {
+        let f = FormFactors::from_tiles(areas.to_vec(), tiles(&random_rows(4, 0.8, 10), 2), choice).unwrap();
+        assert!(f.reciprocal_areas().is_none());
+        let symmetric = f.symmetrised(Weighting::Plain).unwrap();
+        assert_eq!(bits(symmetric.reciprocal_areas().unwrap()), bits(&areas));
+        for i in 0..4 {
+            for j in 0..4 {
+                let mean = f64::midpoint(areas[i] * f.get(i, j), areas[j] * f.get(j, i));
+                let tolerance = if choice.precision == Precision::F32 {
+                    1e-7
+                } else {
+                    1e-15
+                };
+                assert!((areas[i] * symmetric.get(i, j) - mean).abs() <= tolerance * mean);
+                // Through F_ij = a_ij / A_i each side is rounded twice more.
+                let (there, back) = (areas[i] * symmetric.get(i, j), areas[j] * symmetric.get(j, i));
+                assert!((there - back).abs() <= 8e-16 * there);
+            }
+        }
+    }
+}
+
+#[test]
+fn better_estimates_count_more() {
+    let new = |tallies: [RowTally; 2], entries: [(f64, f64); 2]| {
+        let mut tile = RowTile::new(0);
+        tile.push_row(&[(1, entries[0].0, entries[0].1)], tallies[0]);
+        tile.push_row(&[(0, entries[1].0, entries[1].1)], tallies[1]);
+        let f = FormFactors::from_tiles(vec![2.0, 1.0], [tile], StorageChoice::default()).unwrap();
+        let symmetric = f.symmetrised(Weighting::InverseVariance).unwrap();
+        (2.0 * symmetric.get(0, 1), 2.0 * symmetric.std_error(0, 1))
+    };
+    let near = |(a, e): (f64, f64), exchange: f64, std_error: f64| {
+        assert!(
+            (a - exchange).abs() < 1e-14 && (e - std_error).abs() < 1e-8,
+            "{a} ± {e}"
+        );
+    };
+    let none = RowTally::default();
+    // Exchange areas 0.4 ± 0.02 and 0.3 ± 0.01: weights 1 : 4.
+    near(
+        new([none; 2], [(0.2, 0.01), (0.3, 0.01)]),
+        0.32,
+        (0.004_f64.powi(2) + 0.008_f64.powi(2)).sqrt(),
+    );
+    // An unknown error proves nothing: half and half.
+    near(new([none; 2], [(0.2, 0.0), (0.3, 0.01)]), 0.35, 0.005);
+    // Rays: weights N / A = 100 / 2 and 200 / 1, whatever the counts say.
+    let rays = |n_rays| RowTally { n_rays, ..none };
+    near(
+        new([rays(100), rays(200)], [(0.2, 0.01), (0.3, 0.01)]),
+        0.32,
+        (0.004_f64.powi(2) + 0.008_f64.powi(2)).sqrt(),
+    );
+}
+
+/// Rare hits: weights taken from the counts themselves would make the mean too small.
+#[test]
+fn the_mean_of_counts_is_not_biased() {
+    let room = random_room(20, 0.05, 11);
+    let probabilities = dense(&room);
+    let mut uniform = Uniform(12);
+    let (n_runs, mut sum, mut squares) = (200, 0.0, 0.0);
+    for _ in 0..n_runs {
+        let f = shoot(&probabilities, room.areas(), 40, &mut uniform);
+        let symmetric = f.symmetrised(Weighting::InverseVariance).unwrap();
+        let total: f64 = (0..20).map(|i| room.areas()[i] * symmetric.row_sum(i)).sum();
+        sum += total;
+        squares += total * total;
+    }
+    let mean = sum / f64::from(n_runs);
+    let std_error = ((squares / f64::from(n_runs) - mean * mean) / f64::from(n_runs)).sqrt();
+    let truth: f64 = room.areas().iter().sum();
+    assert!(std_error < 2e-3 * truth, "the test can see a bias of a per cent");
+    assert!(
+        (mean - truth).abs() < 4.0 * std_error,
+        "{mean} ± {std_error} for {truth}"
+    );
+}
+
+#[test]
+fn balance_gives_the_rows_their_sums() {
+    let n = 40;
+    let mut uniform = Uniform(13);
+    // Where few patches see each other, a large one may find too little area to send its light to.
+    for (layout, density, area_min) in [
+        (Layout::Dense, 1.0, 1e-4),
+        (Layout::Sparse, 0.3, 0.3),
+        (Layout::Auto, 0.3, 0.3),
+    ] {
+        let areas: Vec<f64> = (0..n).map(|_| f64::powf(area_min, uniform.next())).collect();
+        let mut rows = random_rows(n, density, 14);
+        for (i, row) in rows.iter_mut().enumerate() {
+            row.iter_mut().zip(&areas).for_each(|(f, a)| *f *= a / areas[i].max(*a));
+        }
+        let f = FormFactors::from_tiles(areas.clone(), tiles(&rows, 7), storage(layout, Precision::F64)).unwrap();
+        let f = f.symmetrised(Weighting::Plain).unwrap();
+        let targets: Vec<f64> = (0..n).map(|i| if i % 3 == 0 { 0.6 } else { 1.0 }).collect();
+        let (balanced, report) = f.balanced(&targets, 1e-12, 2000).unwrap();
+        assert!(
+            report.converged && report.row_error_max <= 1e-12,
+            "{layout:?} {report:?}"
+        );
+        assert!(balanced.is_symmetric() && balanced.checks(true).reciprocity_error_max < 1e-13);
+        for i in 0..n {
+            assert!((balanced.row_sum(i) - targets[i]).abs() < 2e-12);
+            for j in 0..n {
+                let (before, after) = (f.get(i, j), balanced.get(i, j));
+                assert_eq!(before > 0.0, after > 0.0, "zeros stay, and nothing else becomes zero");
+            }
+        }
+        let (_, cut_short) = f.balanced(&targets, 1e-12, 3).unwrap();
+        assert!(!cut_short.converged && cut_short.n_passes == 3 && cut_short.row_error_max > 1e-12);
+        let (kept, report) = balanced.balanced(&targets, 1e-11, 10).unwrap();
+        assert_eq!(report.n_passes, 1);
+        assert_eq!(
+            bits(&dense(&kept).concat()),
+            bits(&dense(&balanced).concat()),
+            "nothing to do"
+        );
+    }
+}
+
+#[test]
+fn balance_says_what_it_cannot_do() {
+    let plates = |areas: [f64; 2]| {
+        let f = matrix(&areas, &[vec![0.0, 0.1], vec![0.1, 0.0]]);
+        f.symmetrised(Weighting::Plain)
+            .unwrap()
+            .balanced(&[1.0; 2], 1e-12, 100)
+            .unwrap()
+    };
+    let (equal, report) = plates([2.0, 2.0]);
+    assert!(report.converged && (equal.get(0, 1) - 1.0).abs() < 1e-12);
+    let (_, report) = plates([1.0, 2.0]);
+    assert!(
+        !report.converged && report.row_error_max > 0.1,
+        "the larger plate cannot send all to the smaller"
+    );
+    // Patch 2 sees nothing, and stays so.
+    let rows = [vec![0.0, 0.5, 0.0], vec![0.5, 0.0, 0.0], vec![0.0; 3]];
+    let lonely = matrix(&[1.0; 3], &rows);
+    assert_eq!(
+        lonely.balanced(&[1.0; 3], 1e-12, 10).unwrap_err(),
+        MatrixError::NotSymmetric
+    );
+    let lonely = lonely.symmetrised(Weighting::Plain).unwrap();
+    let (balanced, report) = lonely.balanced(&[1.0; 3], 1e-12, 100).unwrap();
+    assert!(report.converged && report.n_empty_rows == 1);
+    assert_eq!(bits(&[balanced.row_sum(2)]), [0]);
+    let error = lonely.balanced(&[1.0, -0.5, 1.0], 1e-12, 10).unwrap_err();
+    assert_eq!(error, MatrixError::Target { row: 1, target: -0.5 });
+}
+
+/// In a room with ρ = 0.999 and 200 rays a patch the mean with the transpose alone makes the light worse, and the
+/// balance after it mends it.
+#[test]
+fn balanced_noise_gives_better_light_than_symmetrised_noise() {
+    let lewis = LewisRoom::new(2);
+    let f = matrix(&lewis.areas, &lewis.rows).symmetrised(Weighting::Plain).unwrap();
+    let n = lewis.areas.len();
+    let (room, report) = f.balanced(&vec![1.0; n], 1e-13, 1000).unwrap();
+    assert!(report.converged);
+    let noisy = shoot(&dense(&room), &lewis.areas, 200, &mut Uniform(15));
+    let symmetric = noisy.symmetrised(Weighting::InverseVariance).unwrap();
+    let (balanced, report) = symmetric.balanced(&noisy.row_targets(true), 1e-12, 1000).unwrap();
+    assert!(report.converged);
+    let reflectance = Block::from_values(vec![0.999; n], 1);
+    let light = |f: &FormFactors| solve_direct(&dense(f), &reflectance, &lewis.exitance);
+    let truth = light(&room);
+    let errors = [&noisy, &symmetric, &balanced].map(|f| relative_error(&lewis.areas, &light(f), &truth));
+    assert!(errors[1] > 0.05 && errors[2] < 1e-3, "{errors:?}");
+}

@@ -1,0 +1,393 @@
+//! Scenes from OBJ and MTL files: what is read, what is doubted, what is refused.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+use proptest::prelude::*;
+use radiosity::scene::{Corners, Loaded, MAX_CORNERS, Scene, load};
+
+const VALID: &str = "tests/data/obj/valid";
+const INVALID: &str = "tests/data/obj/invalid";
+
+fn valid(name: &str) -> Loaded {
+    load(Path::new(VALID).join(name)).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// The messages of a valid file, without the directory.
+fn warnings(loaded: &Loaded) -> Vec<String> {
+    let text = |w: &radiosity::scene::SceneWarning| w.to_string().replace(&format!("{VALID}/"), "");
+    loaded.warnings.iter().map(text).collect()
+}
+
+fn surface_names(scene: &Scene) -> Vec<&str> {
+    scene.surfaces.iter().map(|s| s.name.as_str()).collect()
+}
+
+/// The surface name and the line of each face.
+fn face_owners(scene: &Scene) -> Vec<(&str, u32)> {
+    let owner = |f: &radiosity::scene::Face| (scene.surfaces[f.surface.0 as usize].name.as_str(), f.line);
+    scene.faces.iter().map(owner).collect()
+}
+
+fn area(scene: &Scene) -> f64 {
+    scene.face_ids().map(|f| scene.area_vector(f).length()).sum()
+}
+
+fn assert_close(a: f64, b: f64, rel_tol: f64) {
+    assert!((a - b).abs() <= rel_tol * b.abs(), "{a} is not {b}");
+}
+
+#[test]
+fn the_same_quad_is_read_from_every_dialect() {
+    for name in ["quad.obj", "bom_crlf.obj", "cr.obj", "tabs_comments.obj"] {
+        let loaded = valid(name);
+        assert_eq!(warnings(&loaded), [""; 0], "{name}");
+        let scene = loaded.scene;
+        assert_eq!(
+            scene.vertices,
+            [DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::Y],
+            "{name}"
+        );
+        assert_eq!(scene.faces.len(), 1, "{name}");
+        assert_eq!(scene.faces[0].corners, Corners::Quad([0, 1, 2, 3]), "{name}");
+        assert_eq!(scene.materials[0].name, "lamp", "{name}");
+        assert_eq!(
+            scene.materials[0].exitance.map(f64::to_bits),
+            [1.0_f64; 3].map(f64::to_bits)
+        );
+        assert_eq!(
+            scene.materials[0].reflectance.map(f64::to_bits),
+            [0.0_f64; 3].map(f64::to_bits)
+        );
+    }
+    assert_eq!(face_owners(&valid("quad.obj").scene), [("face1", 7)]);
+    assert_eq!(face_owners(&valid("bom_crlf.obj").scene), [("plate", 8)]);
+    assert_eq!(face_owners(&valid("cr.obj").scene), [("plate", 8)]);
+    assert_eq!(face_owners(&valid("tabs_comments.obj").scene), [("my plate", 10)]);
+}
+
+#[test]
+fn a_continued_face_has_its_first_line() {
+    let scene = valid("continuation.obj").scene;
+    assert_eq!(face_owners(&scene), [("face1", 8), ("face2", 11)]);
+    assert_eq!(scene.faces[0].corners, Corners::Quad([0, 1, 2, 3]));
+    assert_eq!(scene.faces[1].corners, Corners::Quad([3, 2, 1, 0]));
+}
+
+#[test]
+fn negative_indices_count_from_the_last_vertex_so_far() {
+    let scene = valid("negative.obj").scene;
+    assert_eq!(scene.area_vector(radiosity::scene::FaceId(0)), DVec3::Z);
+    assert_eq!(scene.area_vector(radiosity::scene::FaceId(1)), DVec3::NEG_Z);
+    assert_eq!(scene.polygon(radiosity::scene::FaceId(1))[0], DVec3::new(0.0, 1.0, 1.0));
+}
+
+#[test]
+fn lines_points_and_texture_coordinates_are_ignored() {
+    let scene = valid("textured.obj").scene;
+    assert_eq!(face_owners(&scene), [("face1", 10), ("face2", 13)]);
+    assert_eq!(scene.faces[1].corners, Corners::Triangle([0, 3, 2]));
+}
+
+#[test]
+fn the_last_group_names_the_surface_whatever_the_material() {
+    let loaded = valid("groups.obj");
+    assert_eq!(warnings(&loaded), [""; 0]);
+    let scene = loaded.scene;
+    assert_eq!(surface_names(&scene), ["top", "bottom"]);
+    let owners = [("bottom", 14), ("top", 17), ("bottom", 19), ("bottom", 21)];
+    assert_eq!(face_owners(&scene), owners);
+    let materials: Vec<u32> = scene.faces.iter().map(|f| f.material.0).collect();
+    assert_eq!(materials, [0, 1, 1, 0]);
+    assert_eq!(scene.materials[0].name, "grey");
+}
+
+#[test]
+fn faces_outside_groups_are_default_or_one_surface_each() {
+    let scene = valid("default_group.obj").scene;
+    assert_eq!(face_owners(&scene), [("default", 10), ("named", 12), ("default", 14)]);
+    assert_eq!(surface_names(&scene), ["default", "named"]);
+    let alone = valid("no_groups.obj").scene;
+    // The second face has no area; the others keep their numbers.
+    assert_eq!(surface_names(&alone), ["face1", "face3"]);
+}
+
+#[test]
+fn a_concave_polygon_becomes_triangles_of_its_area() {
+    let scene = valid("split.obj").scene;
+    // A U of eight corners (16 m² less a notch of 6), and the notch's rim read backwards as a concave quad.
+    let areas = |surface: u32| -> f64 {
+        let of_surface = scene
+            .face_ids()
+            .filter(|f| scene.faces[f.0 as usize].surface.0 == surface);
+        of_surface.map(|f| scene.area_vector(f).z).sum()
+    };
+    assert_close(areas(0), 10.0, 1e-15);
+    assert_eq!(scene.faces.iter().filter(|f| f.surface.0 == 0).count(), 6);
+    assert!(
+        scene
+            .face_ids()
+            .filter(|f| scene.faces[f.0 as usize].surface.0 == 0)
+            .all(|f| scene.area_vector(f).z > 0.0)
+    );
+    assert_close(areas(1), -3.0, 1e-15);
+    assert!(scene.faces.iter().all(|f| f.line == 11 || f.surface.0 == 1));
+}
+
+#[test]
+fn a_bent_quad_becomes_two_triangles_with_one_line() {
+    let scene = valid("bent.obj").scene;
+    assert_eq!(face_owners(&scene), [("face1", 7), ("face1", 7)]);
+    assert!(scene.faces.iter().all(|f| matches!(f.corners, Corners::Triangle(_))));
+}
+
+#[test]
+fn a_gap_of_a_micrometre_survives() {
+    let scene = valid("gap.obj").scene;
+    assert_eq!(scene.vertices.len(), 12);
+    let (low, high) = scene.bounding_box();
+    assert_eq!((high.z - low.z).to_bits(), 1e-6_f64.to_bits());
+    assert_close(area(&scene), 2.0 + 1e-6, 1e-15);
+}
+
+#[test]
+fn identical_positions_are_one_vertex() {
+    let scene = valid("merge.obj").scene;
+    assert_eq!(scene.vertices.len(), 6);
+    assert_eq!(scene.faces[1].corners, Corners::Quad([1, 4, 5, 2]));
+}
+
+#[test]
+fn a_two_sided_sheet_is_legal() {
+    assert_eq!(valid("sheet.obj").scene.faces.len(), 2);
+}
+
+#[test]
+fn faces_without_area_are_skipped_and_told_once() {
+    let loaded = valid("zero_area.obj");
+    assert_eq!(
+        warnings(&loaded),
+        ["zero_area.obj:8: 3 faces without an area are skipped, this is the first"]
+    );
+    assert_eq!(face_owners(&loaded.scene), [("face2", 9)]);
+    assert_eq!(loaded.scene.vertices.len(), 4);
+}
+
+#[test]
+fn missing_materials_reflect_a_half() {
+    let half = [0.5_f64; 3].map(f64::to_bits);
+    let bare = valid("no_material.obj");
+    assert_eq!(
+        warnings(&bare),
+        [
+            "no_material.obj:6: 2 faces have no material, this is the first; they reflect 0.5",
+            "no_material.obj: no face emits light; give a material an exitance `Ke`"
+        ]
+    );
+    assert_eq!(bare.scene.materials.len(), 1);
+    assert_eq!(bare.scene.materials[0].reflectance.map(f64::to_bits), half);
+
+    let lost = valid("missing_library.obj");
+    assert_eq!(
+        warnings(&lost),
+        [
+            "missing_library.obj:1: material library `not there.mtl` is not there; its materials reflect 0.5",
+            "missing_library.obj:6: no library defines material `paint`; it reflects 0.5",
+            "missing_library.obj: no face emits light; give a material an exitance `Ke`"
+        ]
+    );
+    assert_eq!(lost.scene.materials[0].name, "paint");
+    assert_eq!(lost.scene.materials[0].reflectance.map(f64::to_bits), half);
+    let kinds: Vec<_> = lost.warnings.iter().map(|w| (w.kind(), w.line())).collect();
+    assert_eq!(
+        kinds,
+        [
+            ("missing_library", Some(1)),
+            ("unknown_material", Some(6)),
+            ("no_emission", None)
+        ]
+    );
+}
+
+#[test]
+fn libraries_are_found_by_names_with_blanks_and_one_by_one() {
+    let blanks = valid("library_with_blanks.obj");
+    assert_eq!(warnings(&blanks), [""; 0]);
+    assert_eq!(
+        blanks.scene.materials[0].reflectance.map(f64::to_bits),
+        [0.25_f64; 3].map(f64::to_bits)
+    );
+    assert_eq!(
+        blanks.scene.materials[0].exitance.map(f64::to_bits),
+        [2.0_f64; 3].map(f64::to_bits)
+    );
+
+    let two = valid("two_libraries.obj");
+    assert_eq!(
+        warnings(&two),
+        [
+            "odd.mtl:9: material `lamp` is defined again; this definition counts",
+            "odd.mtl:9: material `lamp` has no `Kd`; it reflects 0.5",
+            "odd.mtl:11: the texture of material `lamp` is not read; its `Kd` counts everywhere"
+        ]
+    );
+    let values = |k: usize| two.scene.materials[k].reflectance.map(f64::to_bits);
+    assert_eq!(values(0), [0.5_f64; 3].map(f64::to_bits));
+    assert_eq!(
+        two.scene.materials[0].exitance.map(f64::to_bits),
+        [3.0_f64, 2.0, 1.0].map(f64::to_bits)
+    );
+    assert_eq!(two.scene.materials[1].name, "Material #25");
+    assert_eq!(values(1), [0.1_f64, 0.2, 0.3].map(f64::to_bits));
+    assert_eq!(two.scene.n_channels_needed(), 3);
+    assert_eq!(blanks.scene.n_channels_needed(), 1);
+}
+
+#[test]
+fn every_invalid_file_is_refused_in_its_own_words() {
+    let expected = std::fs::read_to_string(Path::new(INVALID).join("expected.txt")).unwrap();
+    let mut named = Vec::new();
+    for (name, message) in expected.lines().map(|line| line.split_once('\t').unwrap()) {
+        named.push(name.to_owned());
+        let Err(error) = load(Path::new(INVALID).join(name)) else {
+            panic!("{name} is accepted");
+        };
+        let text = error.to_string();
+        assert_eq!(text, format!("{INVALID}/{message}"));
+        // The parts that programs read say the same as the sentence.
+        let place = match error.line() {
+            Some(line) => format!("{}:{line}: ", error.file().unwrap().display()),
+            None => format!("{}: ", error.file().unwrap().display()),
+        };
+        assert!(text.starts_with(&place), "{text} does not start with {place}");
+        assert!(
+            error
+                .kind()
+                .chars()
+                .all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_'),
+            "{}",
+            error.kind()
+        );
+    }
+    let on_disk = std::fs::read_dir(INVALID)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    let mut on_disk: Vec<String> = on_disk
+        .filter(|name| Path::new(name).extension().is_some_and(|e| e == "obj"))
+        .collect();
+    on_disk.sort();
+    named.sort();
+    assert_eq!(on_disk, named, "every file of the corpus is tested");
+}
+
+#[test]
+fn files_that_cannot_be_read_say_why() {
+    let directory = tempfile::tempdir().unwrap();
+    let missing = directory.path().join("no.obj");
+    let message = |path: &Path| load(path).unwrap_err().to_string();
+    assert_eq!(
+        message(&missing),
+        format!("{}: no such file; check the path", missing.display())
+    );
+    let itself = directory.path();
+    assert_eq!(
+        message(itself),
+        format!("{}: is a directory; name the file in it", itself.display())
+    );
+
+    let scene = directory.path().join("a.obj");
+    std::fs::write(&scene, "mtllib sub\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    let library = directory.path().join("sub");
+    std::fs::create_dir(&library).unwrap();
+    assert_eq!(
+        message(&scene),
+        format!("{}: is a directory; name the file in it", library.display())
+    );
+    assert_eq!(load(&scene).unwrap_err().kind(), "unreadable");
+}
+
+#[test]
+fn a_face_of_too_many_corners_is_refused() {
+    let directory = tempfile::tempdir().unwrap();
+    let file: PathBuf = directory.path().join("long.obj");
+    let n = MAX_CORNERS as usize + 1;
+    // A staircase: no two corners alike.
+    let corners: Vec<DVec3> = (0..n).map(|k| DVec3::new(k as f64, (k % 7) as f64, 0.0)).collect();
+    std::fs::write(&file, one_face(&corners)).unwrap();
+    let error = load(&file).unwrap_err();
+    assert_eq!(error.kind(), "too_many");
+    assert!(
+        error
+            .to_string()
+            .ends_with(": 1048576 corners in one face is the limit, and there are more; split the scene")
+    );
+}
+
+/// An OBJ file with one face.
+fn one_face(corners: &[DVec3]) -> String {
+    let vertex = |v: &DVec3| format!("v {:?} {:?} {:?}", v.x, v.y, v.z);
+    let vertices: Vec<String> = corners.iter().map(vertex).collect();
+    let numbers: Vec<String> = (1..=corners.len()).map(|k| k.to_string()).collect();
+    format!("{}\nf {}\n", vertices.join("\n"), numbers.join(" "))
+}
+
+/// A statement, sensible or not.
+fn statement() -> impl Strategy<Value = String> {
+    let number = prop_oneof![
+        4 => (-3_i32..4).prop_map(|x| x.to_string()),
+        2 => (-1.0_f64..1.0).prop_map(|x| format!("{x}")),
+        1 => prop::sample::select(vec!["1e-300", "1e14", "nan", "x", "1/2", "#", "\\", "-1//"]).prop_map(str::to_owned),
+    ];
+    let keyword = prop_oneof![
+        4 => Just("v"), 4 => Just("f"), 1 => prop::sample::select(vec!["o", "g", "usemtl", "l", "vt", "mtllib", "#", "\u{feff}v"]),
+    ];
+    (keyword, prop::collection::vec(number, 0..9)).prop_map(|(keyword, words)| format!("{keyword} {}", words.join(" ")))
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(512))]
+
+    #[test]
+    fn no_text_makes_the_loader_panic(statements in prop::collection::vec(statement(), 0..40)) {
+        let directory = tempfile::tempdir().unwrap();
+        let file = directory.path().join("soup.obj");
+        let vertices = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0.5 0.5 1\n";
+        std::fs::write(&file, format!("{vertices}{}\n", statements.join("\n"))).unwrap();
+        match load(&file) {
+            Ok(loaded) => {
+                prop_assert!(!loaded.scene.faces.is_empty());
+                for face in loaded.scene.face_ids() {
+                    prop_assert!(loaded.scene.area_vector(face).length() > 0.0);
+                }
+            }
+            Err(error) => prop_assert!(!error.to_string().contains('\n'), "{error}"),
+        }
+    }
+
+    /// A polygon that is star-shaped about a point inside it never crosses itself: it is accepted, and its area is kept.
+    #[test]
+    fn star_shaped_polygons_keep_their_area(
+        radii in prop::collection::vec(0.2_f64..2.0, 3..40),
+        shift in prop::array::uniform3(-100.0_f64..100.0),
+        turn in prop::array::uniform3(-3.0_f64..3.0),
+    ) {
+        let turn = glam::DMat3::from_euler(glam::EulerRot::XYZ, turn[0], turn[1], turn[2]);
+        let n = radii.len();
+        let corners: Vec<DVec3> = radii.iter().enumerate().map(|(k, r)| {
+            let (s, c) = (std::f64::consts::TAU * k as f64 / n as f64).sin_cos();
+            DVec3::from_array(shift) + turn * DVec3::new(r * c, r * s, 0.0)
+        }).collect();
+        let directory = tempfile::tempdir().unwrap();
+        let file = directory.path().join("star.obj");
+        std::fs::write(&file, one_face(&corners)).unwrap();
+        let scene = load(&file).unwrap_or_else(|error| panic!("{error}")).scene;
+        let n_triangles: usize = scene.faces.iter().map(|f| f.corners.as_slice().len() - 2).sum();
+        prop_assert_eq!(n_triangles, n - 2);
+        let expected = 0.5 * (std::f64::consts::TAU / n as f64).sin()
+            * (0..n).map(|k| radii[k] * radii[(k + 1) % n]).sum::<f64>();
+        let total = scene.face_ids().map(|f| scene.area_vector(f).length()).sum::<f64>();
+        // The corners are rounded at a distance of up to 180 m: 3e-14 m each.
+        prop_assert!((total - expected).abs() < 1e-11, "{} is not {}", total, expected);
+    }
+}

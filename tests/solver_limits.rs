@@ -1,0 +1,362 @@
+//! Every solver on extreme, singular, noisy and invalid systems.
+
+#![expect(
+    clippy::unwrap_used,
+    clippy::shadow_unrelated,
+    reason = "a failed unwrap is a failed test, and every step of a test names its own results"
+)]
+
+mod support;
+
+use std::ops::ControlFlow;
+
+use radiosity::matrix::operator::Block;
+use radiosity::matrix::{FormFactors, Weighting};
+use radiosity::solver::{self, HistoryEntry, RadiositySystem, SolveOptions, SolverError, Start, StopReason};
+use support::solving::{all, constant, l2, random_materials, run, system};
+use support::{LewisRoom, Uniform, bits, dense, matrix, random_room, relative_error, solve_direct};
+
+/// The same light at any unit of length and power: neither squares nor tolerances depend on it.
+#[test]
+fn units_do_not_matter() {
+    let f = random_room(30, 0.01, 8);
+    let (reflectance, exitance) = random_materials(30, 0.9, 9);
+    for solver in all() {
+        let base = run(solver, &system(&f, &reflectance, &exitance), &l2(1e-6));
+        for (length, light) in [
+            (1e-6, 1.0),
+            (1e6, 1.0),
+            (1.0, 1e-30),
+            (1.0, 1e30),
+            (1e-75, 1e-300),
+            (1e75, 1e300),
+        ] {
+            let areas: Vec<f64> = f.areas().iter().map(|a| a * length * length).collect();
+            let scaled_f = matrix(&areas, &dense(&f)).symmetrised(Weighting::Plain).unwrap();
+            let scaled_e = exitance.values().iter().map(|e| e * light).collect();
+            let scaled_e = Block::from_values(scaled_e, 3);
+            let solution = run(solver, &system(&scaled_f, &reflectance, &scaled_e), &l2(1e-6));
+            assert_eq!(solution.stop_reason, StopReason::Converged);
+            assert_eq!(
+                solution.n_passes,
+                base.n_passes,
+                "{} at {length:e}, {light:e}",
+                solver.name()
+            );
+            let pairs = solution.radiosity.values().iter().zip(base.radiosity.values());
+            let error = pairs
+                .map(|(b, expected)| (b / light / expected - 1.0).abs())
+                .fold(0.0, f64::max);
+            assert!(error < 1e-12, "{} at {length:e}, {light:e}: {error:e}", solver.name());
+            assert!((solution.residual_l2 / base.residual_l2 - 1.0).abs() < 1e-6);
+        }
+    }
+}
+
+#[test]
+fn areas_that_differ_by_1e8() {
+    let f = random_room(40, 1e-8, 10);
+    let spread = f.areas().iter().copied().fold(1.0, f64::min);
+    assert!(spread < 1e-7);
+    let (reflectance, exitance) = random_materials(40, 0.95, 11);
+    let expected = solve_direct(&dense(&f), &reflectance, &exitance);
+    for solver in all() {
+        let solution = run(solver, &system(&f, &reflectance, &exitance), &l2(1e-9));
+        assert_eq!(solution.stop_reason, StopReason::Converged);
+        for (b, expected) in solution.radiosity.values().iter().zip(expected.values()) {
+            assert!(
+                (b - expected).abs() <= 1e-4 * expected,
+                "{}: {b} for {expected}",
+                solver.name()
+            );
+        }
+        assert!(relative_error(f.areas(), &solution.radiosity, &expected) < 1e-7);
+    }
+}
+
+#[test]
+fn nearly_white_rooms() {
+    let f = random_room(60, 0.1, 12);
+    let mut emission = vec![0.0; 60];
+    emission[7] = 1.0;
+    let exitance = Block::from_values(emission, 1);
+    for dark in [1e-2, 1e-4, 1e-8] {
+        let mut uniform = Uniform(13);
+        let reflectance = (0..60).map(|_| 1.0 - 2.0 * dark * uniform.next()).collect();
+        let reflectance = Block::from_values(reflectance, 1);
+        let expected = solve_direct(&dense(&f), &reflectance, &exitance);
+        let solution = run(
+            solver::by_name("pcg").unwrap(),
+            &system(&f, &reflectance, &exitance),
+            &l2(1e-6),
+        );
+        assert_eq!(solution.stop_reason, StopReason::Converged);
+        assert!(
+            solution.n_passes <= 12,
+            "1 − ρ = {dark:e}: {} passes",
+            solution.n_passes
+        );
+        let error = relative_error(f.areas(), &solution.radiosity, &expected);
+        assert!(error < 1e-6, "1 − ρ = {dark:e}: {error:e}");
+    }
+}
+
+#[test]
+fn black_patches() {
+    let f = random_room(20, 0.1, 14);
+    let (_, exitance) = random_materials(20, 0.9, 15);
+    for solver in all() {
+        let solution = run(solver, &system(&f, &Block::zeros(20, 3), &exitance), &l2(1e-12));
+        assert_eq!(
+            bits(solution.radiosity.values()),
+            bits(exitance.values()),
+            "{}",
+            solver.name()
+        );
+        assert_eq!(solution.stop_reason, StopReason::Converged);
+        // A reflectance at the edge of f64 must not unbalance the others.
+        let mut reflectance = Block::zeros(20, 3);
+        for (k, rho) in reflectance.values_mut().iter_mut().enumerate() {
+            *rho = [0.0, 1e-300, 0.5, 0.9][k % 4];
+        }
+        let solution = run(solver, &system(&f, &reflectance, &exitance), &l2(1e-12));
+        let expected = solve_direct(&dense(&f), &reflectance, &exitance);
+        assert_eq!(solution.stop_reason, StopReason::Converged);
+        assert!(relative_error(f.areas(), &solution.radiosity, &expected) < 1e-11);
+    }
+}
+
+#[test]
+fn darkness_takes_no_pass() {
+    let f = random_room(10, 0.1, 16);
+    for solver in all() {
+        let solution = run(solver, &system(&f, &constant(10, 1.0), &constant(10, 0.0)), &l2(1e-12));
+        assert_eq!(solution.stop_reason, StopReason::Converged);
+        assert_eq!(solution.n_passes, 0);
+        assert_eq!(bits(solution.radiosity.values()), vec![0; 10]);
+        assert_eq!(solution.error_bound.unwrap().to_bits(), 0);
+    }
+}
+
+#[test]
+fn one_patch() {
+    for (f_ii, rho, expected) in [(1.0, 0.75, 4.0), (0.5, 1.0, 2.0), (0.0, 1.0, 1.0)] {
+        let f = matrix(&[2.0], &[vec![f_ii]]).symmetrised(Weighting::Plain).unwrap();
+        for solver in all() {
+            let solution = run(solver, &system(&f, &constant(1, rho), &constant(1, 1.0)), &l2(1e-12));
+            assert!(
+                (solution.radiosity.values()[0] - expected).abs() < 1e-12,
+                "{}",
+                solver.name()
+            );
+        }
+    }
+}
+
+/// Two rooms that do not see each other, of two plates each.
+fn two_rooms() -> FormFactors {
+    let row = |j: usize| (0..4).map(|k| f64::from(u8::from(k == j))).collect();
+    matrix(&[1.0; 4], &[row(1), row(0), row(3), row(2)])
+        .symmetrised(Weighting::Plain)
+        .unwrap()
+}
+
+#[test]
+fn white_rooms_have_no_finite_solution_where_they_are_lit() {
+    let f = two_rooms();
+    let new = |rho: [f64; 4], e: [f64; 4]| {
+        let blocks = [rho, e].map(|values| Block::from_values(values.to_vec(), 1));
+        let [reflectance, exitance] = blocks;
+        RadiositySystem::new(&f, f.areas().to_vec(), reflectance, exitance).map(|_| ())
+    };
+    let refused = Err(SolverError::NoFiniteSolution { patch: 3, channel: 0 });
+    assert_eq!(new([0.5, 0.5, 1.0, 1.0], [1.0, 0.0, 0.0, 1e-30]), refused);
+    assert_eq!(
+        new([1.0, 1.0, 0.5, 0.5], [0.0, 0.0, 0.0, 1.0]),
+        Ok(()),
+        "the white room is dark"
+    );
+    assert_eq!(
+        new([0.5, 1.0, 1.0, 0.999], [1.0, 0.0, 0.0, 1.0]),
+        Ok(()),
+        "both rooms absorb"
+    );
+    let open = matrix(&[1.0; 2], &[vec![0.0, 0.99], vec![0.99, 0.0]]);
+    let white = RadiositySystem::new(&open, vec![1.0; 2], constant(2, 1.0), constant(2, 1.0));
+    let solution = run(solver::by_name("gauss-seidel").unwrap(), &white.unwrap(), &l2(1e-12));
+    assert!(
+        (solution.radiosity.values()[0] / 100.0 - 1.0).abs() < 1e-9,
+        "light leaves an open white room"
+    );
+}
+
+/// A white, dark room beside a lit one: it stays dark, whatever the start, and nothing is singular.
+#[test]
+fn light_stays_in_its_component() {
+    let f = two_rooms();
+    let reflectance = Block::from_values(vec![0.9, 0.8, 1.0, 1.0], 1);
+    let exitance = Block::from_values(vec![1.0, 0.0, 0.0, 0.0], 1);
+    for solver in all() {
+        for start in [Start::Exitance, Start::Zero, Start::Ambient] {
+            let options = SolveOptions { start, ..l2(1e-13) };
+            let solution = run(solver, &system(&f, &reflectance, &exitance), &options);
+            assert_eq!(solution.stop_reason, StopReason::Converged);
+            let b = solution.radiosity.values();
+            assert!(
+                (b[0] - 1.0 / 0.28).abs() < 1e-11 && (b[1] - 0.8 / 0.28).abs() < 1e-11,
+                "{b:?}"
+            );
+            assert!(b[2].abs() < 1e-300 && b[3].abs() < 1e-300);
+        }
+    }
+}
+
+#[test]
+fn conjugate_gradients_refuse_what_is_not_reciprocal() {
+    let room = LewisRoom::new(1);
+    let f = room.form_factors();
+    let system = system(&f, &room.reflectance, &room.exitance);
+    let pcg = solver::by_name("pcg").unwrap();
+    let refusal = pcg.solve(&system, &l2(1e-6), &mut |_| ControlFlow::Continue(()));
+    assert_eq!(refusal.unwrap_err(), SolverError::NeedsReciprocity { solver: "pcg" });
+}
+
+/// Form factors that are wrong by 2 % make the system indefinite from ρ = 1 / 1.02 on; the answer would be negative.
+#[test]
+fn row_sums_above_one_are_found_out() {
+    let closed = random_room(40, 0.1, 22);
+    let rows: Vec<Vec<f64>> = dense(&closed)
+        .iter()
+        .map(|row| row.iter().map(|f| 1.02 * f).collect())
+        .collect();
+    let f = matrix(closed.areas(), &rows).symmetrised(Weighting::Plain).unwrap();
+    let mut emission = vec![0.0; 40];
+    emission[0] = 1.0;
+    let exitance = Block::from_values(emission, 1);
+    let definite = run(
+        solver::by_name("pcg").unwrap(),
+        &system(&f, &constant(40, 0.98), &exitance),
+        &l2(1e-6),
+    );
+    assert_eq!(definite.stop_reason, StopReason::Converged);
+    for solver in all() {
+        let solution = run(solver, &system(&f, &constant(40, 0.99), &exitance), &l2(1e-6));
+        assert_eq!(solution.stop_reason, StopReason::Diverged, "{}", solver.name());
+        assert_eq!(solution.error_bound, None);
+    }
+}
+
+/// Form factors of a closed room with multiplicative noise: rows sum to 1, reciprocity is off by up to a factor.
+fn noisy_room(n: usize, noise: f64, seed: u64) -> FormFactors {
+    let room = random_room(n, 0.5, seed);
+    let mut uniform = Uniform(seed + 1);
+    let mut rows = dense(&room);
+    for row in &mut rows {
+        for f in row.iter_mut() {
+            *f *= 1.0 + noise * (2.0 * uniform.next() - 1.0);
+        }
+        let sum: f64 = row.iter().sum();
+        for f in row.iter_mut() {
+            *f /= sum;
+        }
+    }
+    matrix(room.areas(), &rows)
+}
+
+/// Without symmetry conjugate gradients need not converge; the solution must say so.
+#[test]
+fn noise_is_not_called_convergence() {
+    let f = noisy_room(60, 0.9, 23);
+    let mut emission = vec![0.0; 60];
+    emission[5] = 1.0;
+    let (reflectance, exitance) = (constant(60, 0.95), Block::from_values(emission, 1));
+    let options = SolveOptions {
+        allow_nonreciprocal: true,
+        ..l2(1e-11)
+    };
+    let solution = run(
+        solver::by_name("pcg").unwrap(),
+        &system(&f, &reflectance, &exitance),
+        &options,
+    );
+    assert_eq!(solution.stop_reason, StopReason::Stagnated);
+    assert!(solution.residual_l2 > 1e-11);
+    let expected = solve_direct(&dense(&f), &reflectance, &exitance);
+    let error = relative_error(f.areas(), &solution.radiosity, &expected);
+    assert!(error <= solution.error_bound.unwrap());
+}
+
+/// The recurrence of conjugate gradients goes on falling where rounding keeps the true residual up.
+#[test]
+fn a_tolerance_below_rounding_stagnates() {
+    let f = random_room(40, 0.1, 26);
+    let (reflectance, exitance) = random_materials(40, 0.9, 27);
+    for solver in all() {
+        let mut claims = 0;
+        let system = system(&f, &reflectance, &exitance);
+        let mut monitor = |entry: &HistoryEntry| {
+            claims += u32::from(entry.estimated && entry.residual_l2 <= 1e-17);
+            ControlFlow::Continue(())
+        };
+        let solution = solver.solve(&system, &l2(1e-17), &mut monitor).unwrap();
+        assert_eq!(solution.stop_reason, StopReason::Stagnated, "{}", solver.name());
+        assert!(solution.residual_l2 < 1e-14 && solution.residual_l2 > 1e-17);
+        assert_eq!(claims > 0, solver.name() == "pcg");
+    }
+}
+
+#[test]
+fn bad_systems_are_refused() {
+    let f = random_room(3, 0.1, 32);
+    let new = |areas: &[f64], rho: &[f64], e: &[f64], n_channels: usize| {
+        let (rho, e) = (
+            Block::from_values(rho.to_vec(), n_channels),
+            Block::from_values(e.to_vec(), 1),
+        );
+        RadiositySystem::new(&f, areas.to_vec(), rho, e)
+            .map(|_| ())
+            .unwrap_err()
+    };
+    let ones = [1.0; 3];
+    let shape = |what, found| SolverError::Shape {
+        what,
+        expected: 3,
+        found,
+    };
+    assert_eq!(new(&[1.0; 2], &ones, &ones, 1), shape("areas", 2));
+    assert_eq!(new(&ones, &[0.5; 2], &ones, 1), shape("rows of reflectance", 2));
+    assert_eq!(new(&ones, &[0.5; 3], &[1.0; 4], 1), shape("rows of exitance", 4));
+    assert!(matches!(
+        new(&ones, &[0.5; 6], &ones, 2),
+        SolverError::Shape {
+            what: "channels of reflectance",
+            expected: 1,
+            found: 2
+        }
+    ));
+    assert_eq!(
+        new(&[1.0, 0.0, 1.0], &ones, &ones, 1),
+        SolverError::Area { patch: 1, area: 0.0 }
+    );
+    for reflectance in [-1e-9, 1.000_000_1] {
+        let expected = SolverError::Reflectance {
+            patch: 2,
+            channel: 0,
+            reflectance,
+        };
+        assert_eq!(new(&ones, &[0.5, 0.5, reflectance], &ones, 1), expected);
+    }
+    let error = new(&ones, &[f64::NAN, 0.5, 0.5], &ones, 1);
+    assert!(matches!(error, SolverError::Reflectance { patch: 0, .. }));
+    let error = new(&ones, &[0.5; 3], &[1.0, -1.0, 0.0], 1);
+    assert_eq!(
+        error,
+        SolverError::Exitance {
+            patch: 1,
+            channel: 0,
+            exitance: -1.0
+        }
+    );
+    let error = new(&ones, &[0.5; 3], &[1.0, 1.0, f64::INFINITY], 1);
+    assert!(matches!(error, SolverError::Exitance { patch: 2, .. }));
+}
