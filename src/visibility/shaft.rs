@@ -37,7 +37,7 @@ impl Plane {
 /// What of each polygon lies behind the other's plane is cut off first, because light does not go there. The hull is the set of all
 /// points on segments between the two, so that a face that does not meet its interior cannot block any light between them.
 ///
-/// Lengths below [`tolerance`](Self::tolerance) count as zero: a face that reaches less deep into the hull does not meet its interior.
+/// Lengths below 1e-10 of the diameter of both polygons (and 16 ulps of the largest coordinate) count as zero: a face that reaches less deep into the hull does not meet its interior.
 /// Walls that share an edge with one of the polygons, or lie in its plane, thus stay outside in spite of rounding. What is neglected is a
 /// blocker's border of that width: for patches of size s at the distance D it changes F by less than about 1e-10 s/D.
 #[derive(Debug)]
@@ -72,11 +72,6 @@ impl<'a> Shaft<'a> {
             high,
             tolerance,
         })
-    }
-
-    /// Returns the length below which heights count as zero, in m: 1e-10 of the diameter of both polygons and 16 ulps of the largest coordinate.
-    pub(crate) fn tolerance(&self) -> f64 {
-        self.tolerance
     }
 
     /// Tells whether a box may meet the hull's interior. May err on the side of true.
