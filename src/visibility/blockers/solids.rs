@@ -17,11 +17,14 @@ pub(super) struct Solid {
 }
 
 impl Solid {
-    /// Tells whether a polygon lies outside, or touches from outside: whether it is in front of one of the solid's planes.
+    /// Tells whether the inside of a polygon lies strictly outside of the solid: whether it is in front of one of the solid's planes, and not in it.
+    ///
+    /// A polygon in the plane of a side may lie behind that side, which then hides nothing from it: it counts as outside only if another plane tells.
     pub(super) fn excludes(&self, corners: &[DVec3], tolerance: f64) -> bool {
-        self.planes
-            .iter()
-            .any(|plane| corners.iter().all(|&v| plane.height(v) >= -tolerance))
+        self.planes.iter().any(|plane| {
+            let heights = || corners.iter().map(|&v| plane.height(v));
+            heights().all(|h| h >= -tolerance) && heights().any(|h| h > tolerance)
+        })
     }
 }
 
