@@ -6,8 +6,8 @@
 
 mod error;
 mod pairs;
-mod rows;
 pub mod partial;
+mod rows;
 mod sg;
 mod shooting;
 mod sr;

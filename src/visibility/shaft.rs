@@ -57,13 +57,11 @@ impl<'a> Shaft<'a> {
     /// Returns the shaft, or `None` if no point of one polygon's front sees the other's front.
     pub(crate) fn new(p: &'a [DVec3], q: &'a [DVec3]) -> Option<Self> {
         let planes = [Plane::of(p), Plane::of(q)];
-        let all = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        let (low, high) = p.iter().chain(q).fold(all, |(l, h), &v| (l.min(v), h.max(v)));
-        let largest = low.abs().max(high.abs()).max_element();
-        let tolerance = RELATIVE_TOLERANCE * (high - low).length() + 16.0 * f64::EPSILON * largest;
+        let (all_low, all_high) = bounds(p.iter().chain(q));
+        let largest = all_low.abs().max(all_high.abs()).max_element();
+        let tolerance = RELATIVE_TOLERANCE * (all_high - all_low).length() + 16.0 * f64::EPSILON * largest;
         let ends = [in_front(p, &planes[1], tolerance)?, in_front(q, &planes[0], tolerance)?];
-        let corners = ends[0].iter().chain(ends[1].iter());
-        let (low, high) = corners.fold(all, |(l, h), &v| (l.min(v), h.max(v)));
+        let (low, high) = bounds(ends[0].iter().chain(ends[1].iter()));
         Some(Self {
             ends,
             planes,
@@ -105,28 +103,50 @@ impl<'a> Shaft<'a> {
     }
 
     /// Tells whether one convex polygon stops all light: whether every segment between the two ends crosses it.
-    ///
-    /// Its plane must part the ends; the segments between corners then cross it in a set of points whose convex hull all others cross.
     pub(crate) fn is_closed_by(&self, corners: &[DVec3], plane: &Plane) -> bool {
-        let heights = self
-            .ends
-            .each_ref()
-            .map(|end| end.iter().map(|&v| plane.height(v)).collect::<Vec<_>>());
-        let on_side = |k: usize, sign: f64| heights[k].iter().all(|&h| h * sign >= -self.tolerance);
-        if !(on_side(0, 1.0) && on_side(1, -1.0) || on_side(0, -1.0) && on_side(1, 1.0)) {
-            return false;
-        }
-        let inside = |point: DVec3| {
+        self.section_lies_in(plane, |point| {
             (0..corners.len()).all(|k| {
                 let (a, b) = (corners[k], corners[(k + 1) % corners.len()]);
                 let inward = plane.normal.cross(b - a).normalize_or_zero();
                 inward.dot(point - a) >= -self.tolerance
             })
+        })
+    }
+
+    /// Tells whether every segment between the two ends goes through the inside of a convex solid.
+    ///
+    /// Looks at one section of the shaft, through `middle` and across the line between the ends' centres; errs on the side of false.
+    pub(crate) fn is_closed_by_solid(&self, middle: DVec3, planes: &[Plane]) -> bool {
+        let [from, to] = self
+            .ends
+            .each_ref()
+            .map(|end| end.iter().sum::<DVec3>() / end.len() as f64);
+        let normal = (to - from).normalize_or_zero();
+        let across = Plane {
+            normal,
+            level: normal.dot(middle),
         };
-        self.ends[0].iter().zip(&heights[0]).all(|(&a, &height_a)| {
-            self.ends[1].iter().zip(&heights[1]).all(|(&b, &height_b)| {
-                let drop = height_a - height_b;
-                drop.abs() > 2.0 * self.tolerance && inside(a + (b - a) * (height_a / drop))
+        self.section_lies_in(&across, |point| {
+            planes.iter().all(|plane| plane.height(point) < -self.tolerance)
+        })
+    }
+
+    /// Tells whether a plane parts the two ends, and its section with the hull lies in a convex set.
+    ///
+    /// The section is the convex hull of the points in which the segments between corners cross the plane.
+    fn section_lies_in(&self, plane: &Plane, contains: impl Fn(DVec3) -> bool) -> bool {
+        let on_side = |k: usize, sign: f64| {
+            let mut heights = self.ends[k].iter().map(|&v| plane.height(v) * sign);
+            heights.all(|height| height >= -self.tolerance)
+        };
+        if !(on_side(0, 1.0) && on_side(1, -1.0) || on_side(0, -1.0) && on_side(1, 1.0)) {
+            return false;
+        }
+        self.ends[0].iter().all(|&a| {
+            let height_a = plane.height(a);
+            self.ends[1].iter().all(|&b| {
+                let drop = height_a - plane.height(b);
+                drop.abs() > 2.0 * self.tolerance && contains(a + (b - a) * (height_a / drop))
             })
         })
     }
@@ -175,6 +195,11 @@ impl<'a> Shaft<'a> {
             level: -plane.level,
         }))
     }
+}
+
+fn bounds<'v>(corners: impl Iterator<Item = &'v DVec3>) -> (DVec3, DVec3) {
+    let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    corners.fold(none, |(low, high), &v| (low.min(v), high.max(v)))
 }
 
 /// Returns the part of a polygon in front of a plane; `None` if there is none.

@@ -36,14 +36,16 @@ fn nothing_stands_between_patches_of_a_convex_room_wherever_it_is() {
         let motion = random.motion();
         let mut walls = cuboid(DVec3::ZERO, DVec3::new(3.0, 2.0, 2.5), false);
         for wall in &mut walls {
-            wall.iter_mut().for_each(|v| *v = motion.point(*v));
+            for v in wall {
+                *v = motion.point(*v);
+            }
         }
         let patches: Vec<(usize, Polygon)> = (0..6)
             .flat_map(|i| cut(&walls[i], 3, 4).into_iter().map(move |p| (i, p)))
             .collect();
         let faces: Vec<Polygon> = patches.iter().map(|(_, p)| p.clone()).collect();
-        for faces in [faces.clone(), in_triangles(&faces)] {
-            let index = BlockerIndex::new(&scene_of(&faces));
+        for variant in [in_triangles(&faces), faces] {
+            let index = BlockerIndex::new(&scene_of(&variant));
             for (i, p) in &patches {
                 for (j, q) in &patches {
                     let expected = if i == j {
@@ -177,6 +179,44 @@ fn a_wall_across_closes_the_way() {
     );
     let seen: Polygon = wall.iter().rev().copied().collect();
     assert_eq!(index.classify(&faces[0], &seen), PairVisibility::Full);
+}
+
+#[test]
+fn a_solid_across_closes_the_way() {
+    let motion = Random::new(43).motion();
+    let solid = turned(
+        cuboid(DVec3::splat(-0.5), DVec3::splat(0.5), true),
+        motion.rotation,
+        DVec3::ZERO,
+    );
+    let index = BlockerIndex::new(&scene_of(&solid));
+    let square = |height: f64, side: f64| {
+        rectangle(
+            DVec3::new(-0.5 * side, -0.5 * side, height),
+            DVec3::X * side,
+            DVec3::Y * side,
+        )
+    };
+    let above = |height: f64, side: f64| square(height, side).into_iter().rev().collect::<Polygon>();
+    // No single side covers the way, all of them together do.
+    assert_eq!(
+        index.classify(&square(-1.0, 0.6), &above(1.0, 0.6)),
+        PairVisibility::None
+    );
+    assert!(matches!(
+        index.classify(&square(-1.0, 2.0), &above(1.0, 2.0)),
+        PairVisibility::Partial(_)
+    ));
+    // Inside of the solid nothing is in the way.
+    assert_eq!(
+        index.classify(&square(-0.2, 0.1), &above(0.2, 0.1)),
+        PairVisibility::Full
+    );
+    // From the inside out its sides are.
+    assert!(matches!(
+        index.classify(&square(-0.2, 0.1), &above(2.0, 1.0)),
+        PairVisibility::None | PairVisibility::Partial(_)
+    ));
 }
 
 #[test]

@@ -78,7 +78,9 @@ fn all_pairs_of_a_room_with_a_floating_box() {
         let mut faces = cuboid(corner("room", 0), corner("room", 1), false);
         faces.extend(cuboid(corner("box", 0), corner("box", 1), true));
         for face in &mut faces {
-            face.iter_mut().for_each(|v| *v = motion.point(*v));
+            for v in face {
+                *v = motion.point(*v);
+            }
         }
         let areas: Vec<f64> = faces.iter().map(|face| area(face)).collect();
         let pairs = if in_halves {

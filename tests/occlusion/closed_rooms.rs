@@ -40,7 +40,9 @@ fn boxes_that_float_at_any_angle() {
         }
         let motion = random.motion();
         for face in &mut faces {
-            face.iter_mut().for_each(|v| *v = motion.point(*v));
+            for v in face {
+                *v = motion.point(*v);
+            }
         }
         check(&faces, 1e-6, |_| 1.0);
     }

@@ -29,7 +29,9 @@ pub(crate) fn cuboid(low: DVec3, high: DVec3, outwards: bool) -> Vec<Polygon> {
         rectangle(low + z, y, x),
     ];
     if outwards {
-        sides.iter_mut().for_each(|side| side[1..].reverse());
+        for side in &mut sides {
+            side[1..].reverse();
+        }
     }
     sides
 }
@@ -65,7 +67,9 @@ pub(crate) fn area(polygon: &[DVec3]) -> f64 {
 
 pub(crate) fn scene_of(faces: &[Polygon]) -> Scene {
     let mut builder = Builder::default();
-    faces.iter().for_each(|face| builder.face(face));
+    for face in faces {
+        builder.face(face);
+    }
     builder.finish()
 }
 
@@ -106,7 +110,11 @@ pub(crate) fn random_case(random: &mut Random) -> (Polygon, Polygon, Vec<Polygon
     };
     let (from, to) = (polygon::centroid(&p), polygon::centroid(&q));
     let mut blockers = Vec::new();
-    for _ in 0..random.between(1.0, 3.999).floor() as usize {
+    let n = 1 + [1.0 / 3.0, 2.0 / 3.0]
+        .iter()
+        .filter(|&&share| random.unit() > share)
+        .count();
+    for _ in 0..n {
         let centre = from.lerp(to, random.between(0.2, 0.8)) + random.direction() * 0.1 * size;
         let rotation = random_rotation(random, TAU);
         if random.unit() < 0.5 {

@@ -28,7 +28,7 @@ impl Cells {
         let mut open = BinaryHeap::from([Cell::new(corners, &all, events, margin)]);
         while let Some(cell) = open.pop() {
             match cell.events.first() {
-                Some(&k) if done.len() + open.len() < most => {
+                Some(&k) if done.len() + open.len() + 1 < most => {
                     let event = &events[k as usize];
                     let left = (event.to - event.from).normalize_or_zero().perp();
                     open.extend([left, -left].map(|inward| {
@@ -139,4 +139,69 @@ fn clip(corners: &[DVec2], point: DVec2, inward: DVec2) -> Vec<DVec2> {
         }
     }
     part
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SQUARE: [DVec2; 4] = [
+        DVec2::new(0.0, 0.0),
+        DVec2::new(1.0, 0.0),
+        DVec2::new(1.0, 1.0),
+        DVec2::new(0.0, 1.0),
+    ];
+
+    fn event(from: (f64, f64), to: (f64, f64)) -> Event {
+        Event {
+            from: DVec2::from(from),
+            to: DVec2::from(to),
+        }
+    }
+
+    fn areas(cells: &Cells) -> Vec<f64> {
+        let area = |[a, b, c]: [DVec2; 3]| 0.5 * (b - a).perp_dot(c - a);
+        cells.triangles().map(area).collect()
+    }
+
+    #[test]
+    fn cells_fill_the_polygon_and_no_event_crosses_them() {
+        let events = [
+            event((-1.0, 0.3), (2.0, 0.4)),
+            event((0.2, -1.0), (0.9, 2.0)),
+            event((0.5, 0.5), (0.7, 0.1)),
+            event((0.1, 0.9), (0.15, 0.95)),
+        ];
+        let cells = Cells::cut(SQUARE.to_vec(), &events, 1e-9, 1000);
+        assert!(areas(&cells).iter().all(|&a| a > 0.0));
+        assert!((areas(&cells).iter().sum::<f64>() - 1.0).abs() < 1e-14);
+        for cell in &cells.0 {
+            for e in &events {
+                assert!(length_inside(e, cell, 1e-9) < 1e-8);
+            }
+        }
+        assert!(cells.0.len() > 6 && cells.0.len() < 14, "{}", cells.0.len());
+    }
+
+    #[test]
+    fn events_on_the_border_or_twice_cut_once() {
+        let events = [
+            event((0.0, 0.0), (1.0, 0.0)),
+            event((0.5, 0.0), (0.5, 1.0)),
+            event((0.5, 0.2), (0.5, 0.8)),
+            event((0.5 + 1e-12, 0.1), (0.5 - 1e-12, 0.9)),
+            event((2.0, 0.0), (2.0, 1.0)),
+        ];
+        assert_eq!(Cells::cut(SQUARE.to_vec(), &events, 1e-9, 1000).0.len(), 2);
+    }
+
+    #[test]
+    fn the_number_of_cells_is_kept_to_and_large_cells_are_cut_first() {
+        let events: Vec<Event> = (1..40)
+            .map(|k| event((0.0, f64::from(k) / 40.0), (1.0, f64::from(k) / 40.0)))
+            .collect();
+        let cells = Cells::cut(SQUARE.to_vec(), &events, 1e-9, 10);
+        assert_eq!(cells.0.len(), 10);
+        assert!((areas(&cells).iter().sum::<f64>() - 1.0).abs() < 1e-14);
+    }
 }

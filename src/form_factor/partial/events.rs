@@ -89,6 +89,9 @@ struct Edge {
 
 type Bits = [u64; 3];
 
+/// Edges by their ends: the index of the edge, and the planes of the blockers that it belongs to.
+type KnownEdges = HashMap<[Bits; 2], (usize, Vec<(DVec3, f64)>)>;
+
 fn bits(p: DVec3) -> Bits {
     p.to_array().map(|x| (x + 0.0).to_bits())
 }
@@ -129,7 +132,7 @@ impl<'a> Outline<'a> {
             outline.push_edge([corner, target[(k + 1) % target.len()]], true);
         }
         let mut known_vertices: HashMap<Bits, usize> = HashMap::new();
-        let mut known_edges: HashMap<[Bits; 2], (usize, Vec<(DVec3, f64)>)> = HashMap::new();
+        let mut known_edges = KnownEdges::new();
         for corners in blockers {
             let plane_normal = polygon::area_vector(corners).normalize_or_zero();
             let plane = (plane_normal, plane_normal.dot(corners[0]));
@@ -141,6 +144,7 @@ impl<'a> Outline<'a> {
                 if key_a == key_b {
                     continue;
                 }
+                // The sign of the plane is that of the run from the lesser to the greater end.
                 let forward = key_a < key_b;
                 let key = if forward { [key_a, key_b] } else { [key_b, key_a] };
                 let (edge, planes) = known_edges
@@ -268,23 +272,19 @@ impl<'a> Outline<'a> {
         let mut range = Range { low: 0.0, high: 1.0 };
         // With z on the edge, x = (h_v z − h_z v) / (h_v − h_z): both are affine along the edge.
         range.keep(edge.h.map(|h| side * (h - vertex.h)))?;
-        let numerator = [0, 1].map(|k| edge.ends[k] * vertex.h - v * edge.h[k]);
+        let numerator = [0, 1].map(|i| edge.ends[i] * vertex.h - v * edge.h[i]);
         let denominator = edge.h.map(|h| vertex.h - h);
-        let corners = &self.receiver.corners;
-        for (k, &a) in corners.iter().enumerate() {
-            let inward = self.receiver.normal.cross(corners[(k + 1) % corners.len()] - a);
-            let level = inward.dot(a);
-            range.keep([0, 1].map(|k| -side * (inward.dot(numerator[k]) - denominator[k] * level)))?;
+        for (point, inward) in inward_normals(&self.receiver.corners, self.receiver.normal) {
+            let level = inward.dot(point);
+            range.keep([0, 1].map(|i| -side * (inward.dot(numerator[i]) - denominator[i] * level)))?;
         }
         if !vertex.of_target && !edge.of_target {
             // The line must go on to the target, which it meets at y = (g_v z − g_z v) / (g_v − g_z).
             range.keep(edge.g.map(|g| side * (vertex.g - g)))?;
-            let (normal, _) = self.target_plane;
-            for (k, &a) in self.target.iter().enumerate() {
-                let inward = normal.cross(self.target[(k + 1) % self.target.len()] - a);
-                let level = inward.dot(a);
-                range.keep([0, 1].map(|k| {
-                    let (y, w) = (edge.ends[k] * vertex.g - v * edge.g[k], vertex.g - edge.g[k]);
+            for (point, inward) in inward_normals(self.target, self.target_plane.0) {
+                let level = inward.dot(point);
+                range.keep([0, 1].map(|i| {
+                    let (y, w) = (edge.ends[i] * vertex.g - v * edge.g[i], vertex.g - edge.g[i]);
                     side * (inward.dot(y) - w * level)
                 }))?;
             }
@@ -326,6 +326,12 @@ impl<'a> Outline<'a> {
     }
 }
 
+/// Iterates over the corners of a polygon, each with a vector that points inwards from the edge that begins there.
+fn inward_normals(corners: &[DVec3], normal: DVec3) -> impl Iterator<Item = (DVec3, DVec3)> + '_ {
+    let next = corners.iter().cycle().skip(1);
+    corners.iter().zip(next).map(move |(&a, &b)| (a, normal.cross(b - a)))
+}
+
 /// An interval of the parameter of an edge.
 struct Range {
     low: f64,
@@ -345,5 +351,86 @@ impl Range {
             self.high = self.high.min(zero);
         }
         (self.low < self.high).then_some(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rectangle(corner: DVec3, a: DVec3, b: DVec3) -> Vec<DVec3> {
+        vec![corner, corner + a, corner + a + b, corner + b]
+    }
+
+    fn floor() -> Receiver {
+        Receiver::new(
+            rectangle(DVec3::new(-2.0, -2.0, 0.0), DVec3::X * 4.0, DVec3::Y * 4.0),
+            DVec3::Z,
+        )
+    }
+
+    fn world_events(receiver: &Receiver, target: &[DVec3], blockers: &[Vec<DVec3>]) -> Vec<[DVec3; 2]> {
+        let outline = Outline::new(receiver, target, blockers.iter().map(Vec::as_slice), 4.0);
+        let events = outline.events(1e-9);
+        events
+            .iter()
+            .map(|e| [receiver.to_world(e.from), receiver.to_world(e.to)])
+            .collect()
+    }
+
+    #[test]
+    fn a_plate_below_a_square_casts_the_borders_of_umbra_and_penumbra() {
+        let receiver = floor();
+        let target = rectangle(DVec3::new(-0.5, -0.5, 2.0), DVec3::Y, DVec3::X);
+        let plate = rectangle(DVec3::new(-0.3, -0.3, 1.0), DVec3::X * 0.6, DVec3::Y * 0.6);
+        let events = world_events(&receiver, &target, &[plate]);
+        // Each of x and y is at ±2·0.3 ± 0.5 along an event.
+        assert_eq!(events.len(), 32);
+        for [from, to] in &events {
+            let on_line = |axis: usize| {
+                let (a, b) = (from[axis], to[axis]);
+                (a - b).abs() < 1e-12 && [0.1, 1.1].iter().any(|line| (a.abs() - line).abs() < 1e-12)
+            };
+            assert!(on_line(0) || on_line(1), "{from} {to}");
+        }
+    }
+
+    #[test]
+    fn inner_edges_of_a_flat_blocker_make_no_events() {
+        let receiver = floor();
+        let target = rectangle(DVec3::new(-0.5, -0.5, 2.0), DVec3::Y, DVec3::X);
+        let halves = [
+            rectangle(DVec3::new(-0.3, -0.3, 1.0), DVec3::X * 0.3, DVec3::Y * 0.6),
+            rectangle(DVec3::new(0.0, -0.3, 1.0), DVec3::X * 0.3, DVec3::Y * 0.6),
+        ];
+        for [from, to] in world_events(&receiver, &target, &halves) {
+            // The shadow of the inner edge would end at x = ±0.5, along twice the edge's length; its two ends are on the outline and count.
+            let as_long = (from.distance(to) - 1.2).abs() < 1e-9;
+            assert!(!as_long || (from.x.abs() - 0.5).abs() > 1e-9, "{from} {to}");
+        }
+    }
+
+    #[test]
+    fn a_blocker_that_is_seen_edge_on_makes_an_event_only_if_it_parts_the_target() {
+        let receiver = floor();
+        let wall = rectangle(DVec3::new(0.2, -9.0, 1.0), DVec3::Y * 18.0, DVec3::Z * 0.5);
+        let below = |[from, to]: &[DVec3; 2]| (from.x - 0.2).abs() < 1e-12 && (to.x - 0.2).abs() < 1e-12;
+        let target = rectangle(DVec3::new(-0.5, -0.5, 2.0), DVec3::Y, DVec3::X);
+        assert!(
+            world_events(&receiver, &target, std::slice::from_ref(&wall))
+                .iter()
+                .any(below)
+        );
+        let beside = rectangle(DVec3::new(0.5, -0.5, 2.0), DVec3::Y, DVec3::X);
+        assert!(!world_events(&receiver, &beside, &[wall]).iter().any(below));
+    }
+
+    #[test]
+    fn what_is_behind_the_receiver_or_the_target_makes_no_events() {
+        let receiver = floor();
+        let target = rectangle(DVec3::new(-0.5, -0.5, 2.0), DVec3::Y, DVec3::X);
+        let below = rectangle(DVec3::new(-0.3, -0.3, -1.0), DVec3::X * 0.6, DVec3::Y * 0.6);
+        let above = rectangle(DVec3::new(-0.3, -0.3, 3.0), DVec3::X * 0.6, DVec3::Y * 0.6);
+        assert!(world_events(&receiver, &target, &[below, above]).is_empty());
     }
 }

@@ -65,7 +65,7 @@ pub struct Partial {
 #[must_use]
 #[doc(alias = "view factor")]
 pub fn exchange_area(p: &[DVec3], q: &[DVec3], blockers: &[Blocker<'_>], accuracy: Accuracy) -> Partial {
-    let [area_p, area_q] = [p, q].map(|corners| polygon::area_vector(corners));
+    let [area_p, area_q] = [p, q].map(polygon::area_vector);
     let mut sides = [
         clip_to_half_space(p, q.first().copied().unwrap_or_default(), area_q),
         clip_to_half_space(q, p.first().copied().unwrap_or_default(), area_p),
@@ -161,49 +161,40 @@ fn integrate(receiver: &Receiver, target: &[DVec3], blockers: &[Blocker<'_>], go
     } else {
         Vec::new()
     };
-    let corners = receiver.corners.iter().map(|&v| receiver.to_plane(v)).collect();
-    let cells = Cells::cut(corners, &events, margin, MOST_CELLS.min(budget / (2 * rule::N_POINTS)));
+    let outer = receiver.corners.iter().map(|&v| receiver.to_plane(v)).collect();
+    let cells = Cells::cut(outer, &events, margin, MOST_CELLS.min(budget / (2 * rule::N_POINTS)));
 
     let mut shadows = Shadows::new(receiver, target, blockers, size);
-    let mut look = |x: DVec2| shadows.visible_factor(receiver.to_world(x));
-    let mut n_evaluations = 0;
-    let mut pieces: BinaryHeap<Piece> = BinaryHeap::new();
-    let mut error = 0.0;
-    for corners in cells.triangles() {
-        let estimate = rule::integrate(corners, &mut look);
-        n_evaluations += rule::N_POINTS;
-        error += estimate.error;
-        pieces.push(Piece { corners, estimate });
-    }
-    while error > goal && n_evaluations < budget {
-        let Some(Piece {
-            corners,
-            estimate: before,
-        }) = pieces.pop()
-        else {
+    let mut look = |corners: [DVec2; 3]| Piece {
+        corners,
+        estimate: rule::integrate(corners, |x| shadows.visible_factor(receiver.to_world(x))),
+    };
+    let mut pieces: BinaryHeap<Piece> = cells.triangles().map(&mut look).collect();
+    let mut n_looks = pieces.len();
+    let mut open_error: f64 = pieces.iter().map(|piece| piece.estimate.error).sum();
+    while open_error > goal && n_looks * rule::N_POINTS < budget {
+        let Some(worst) = pieces.pop() else {
             break;
         };
-        let mut halves = halves(corners).map(|corners| Piece {
-            corners,
-            estimate: rule::integrate(corners, &mut look),
-        });
-        n_evaluations += 2 * rule::N_POINTS;
+        let mut parts = halves(worst.corners).map(&mut look);
+        n_looks += 2;
         // Where the estimate has just been seen to fail, its successors are not trusted either.
-        let change = (before.integral - halves.iter().map(|half| half.estimate.integral).sum::<f64>()).abs();
-        error -= before.error;
-        for half in &mut halves {
-            let own = &mut half.estimate.error;
-            *own = own.max((*own * change / before.error).min(0.5 * change));
-            error += *own;
+        let change = worst.estimate.integral - parts.iter().map(|part| part.estimate.integral).sum::<f64>();
+        let excess = change.abs() / worst.estimate.error;
+        open_error -= worst.estimate.error;
+        for part in &mut parts {
+            let own = &mut part.estimate.error;
+            *own = own.max((*own * excess).min(0.5 * change.abs()));
+            open_error += *own;
         }
-        pieces.extend(halves);
+        pieces.extend(parts);
     }
     let pieces = pieces.into_sorted_vec(); // the small ones first, for the sake of the sums
     let error = pieces.iter().map(|piece| piece.estimate.error).sum();
     Partial {
         exchange_area: pieces.iter().map(|piece| piece.estimate.integral).sum(),
         error,
-        n_evaluations,
+        n_evaluations: n_looks * rule::N_POINTS,
         reached: error <= goal,
     }
 }

@@ -96,7 +96,7 @@ impl Shadows {
                 }
                 let heights = target.iter().map(|&v| normal.dot(v - corners[0]));
                 let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
-                let target = match (low >= -coplanar, high <= coplanar) {
+                let target_side = match (low >= -coplanar, high <= coplanar) {
                     (true, _) => Side::Front,
                     (_, true) => Side::Back,
                     _ => Side::Both,
@@ -104,7 +104,7 @@ impl Shadows {
                 Some(Caster {
                     corners: corners.to_vec(),
                     normal,
-                    target,
+                    target: target_side,
                     one_sided,
                 })
             })
@@ -269,4 +269,94 @@ fn contour_vector(corners: &[DVec3]) -> DVec3 {
         a = b;
     }
     sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::point_form_factor::point_form_factor;
+
+    fn rectangle(corner: DVec3, a: DVec3, b: DVec3) -> Vec<DVec3> {
+        vec![corner, corner + a, corner + a + b, corner + b]
+    }
+
+    fn ceiling() -> Vec<DVec3> {
+        rectangle(DVec3::Z, DVec3::Y, DVec3::X)
+    }
+
+    fn factor(blockers: &[(Vec<DVec3>, bool)], point: DVec3) -> f64 {
+        let receiver = Receiver::new(rectangle(DVec3::ZERO, DVec3::X, DVec3::Y), DVec3::Z);
+        let mut list = Vec::new();
+        for (corners, one_sided) in blockers {
+            list.push(Blocker {
+                corners,
+                one_sided: *one_sided,
+            });
+        }
+        Shadows::new(&receiver, &ceiling(), &list, 2.0).visible_factor(point)
+    }
+
+    const POINT: DVec3 = DVec3::new(0.25, 0.5, 0.0);
+
+    #[test]
+    fn without_blockers_it_is_the_whole_target() {
+        let exact = point_form_factor(POINT, DVec3::Z, &ceiling());
+        assert!((factor(&[], POINT) - exact).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_plate_takes_away_what_is_behind_it() {
+        // The plate at half height hides twice its size; its image is [0.25, 0.75] × [0, 0.5].
+        let plate = rectangle(DVec3::new(0.25, 0.25, 0.5), DVec3::X * 0.25, DVec3::Y * 0.25);
+        let image = rectangle(DVec3::new(0.25, 0.0, 1.0), DVec3::Y * 0.5, DVec3::X * 0.5);
+        let exact = point_form_factor(POINT, DVec3::Z, &ceiling()) - point_form_factor(POINT, DVec3::Z, &image);
+        let turned: Vec<DVec3> = plate.iter().rev().copied().collect();
+        let beyond: Vec<DVec3> = plate.iter().map(|&v| v + DVec3::Z).collect();
+        for blockers in [
+            vec![(plate.clone(), false)],
+            vec![(turned.clone(), false)],
+            vec![(turned.clone(), true)],
+            vec![(plate.clone(), false), (turned.clone(), false), (beyond, false)],
+        ] {
+            assert!((factor(&blockers, POINT) - exact).abs() < 1e-15, "{blockers:?}");
+        }
+        // Its front looks up: one-sided it hides nothing from below.
+        let whole = point_form_factor(POINT, DVec3::Z, &ceiling());
+        assert!((factor(&[(plate, true)], POINT) - whole).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_plate_through_the_target_hides_only_what_is_behind_the_part_before_it() {
+        // A wall in the plane x = 0.5 whose lower edge is at half height: from x = 0.25 it hides the ceiling from 0.5 to 0.75, and what of
+        // it stands above the ceiling hides no more.
+        let seen = [
+            rectangle(DVec3::Z, DVec3::Y, DVec3::X * 0.5),
+            rectangle(DVec3::new(0.75, 0.0, 1.0), DVec3::Y, DVec3::X * 0.25),
+        ];
+        let exact: f64 = seen.iter().map(|part| point_form_factor(POINT, DVec3::Z, part)).sum();
+        for height in [0.5, 4.0] {
+            let wall = rectangle(DVec3::new(0.5, -1.0, 0.5), DVec3::Y * 3.0, DVec3::Z * height);
+            let value = factor(&[(wall, false)], POINT);
+            assert!((value - exact).abs() < 1e-15, "{value} {exact}");
+        }
+    }
+
+    #[test]
+    fn nothing_is_left_behind_a_screen_of_pieces() {
+        let mut screen = Vec::new();
+        for k in 0..9 {
+            let corner = DVec3::new(f64::from(k % 3) * 1.1 - 1.2, f64::from(k / 3) * 1.1 - 1.2, 0.4);
+            screen.push((rectangle(corner, DVec3::X * 1.1, DVec3::Y * 1.1), false));
+        }
+        assert!(factor(&screen, POINT).abs() < f64::MIN_POSITIVE);
+        screen.remove(4);
+        assert!(factor(&screen, POINT) > 0.1);
+    }
+
+    #[test]
+    fn a_plate_seen_edge_on_hides_nothing() {
+        let plate = rectangle(DVec3::new(0.25, -1.0, 0.2), DVec3::Y * 3.0, DVec3::Z * 0.5);
+        let whole = point_form_factor(POINT, DVec3::Z, &ceiling());
+        assert!((factor(&[(plate, false)], POINT) - whole).abs() < 1e-15);
+    }
 }

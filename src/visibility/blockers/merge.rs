@@ -35,12 +35,11 @@ pub(super) fn convex_polygons(scene: &Scene) -> Vec<(Vec<u32>, Vec<u32>)> {
         }
         let mut key = corners.as_slice().to_vec();
         key.sort_unstable();
-        match known.get(&key) {
-            Some(&twin) => merger.loops[twin].faces.push(face.0),
-            None => {
-                known.insert(key, merger.loops.len());
-                merger.push(corners.as_slice().to_vec(), area_vector.normalize(), face.0);
-            }
+        if let Some(&twin) = known.get(&key) {
+            merger.loops[twin].faces.push(face.0);
+        } else {
+            known.insert(key, merger.loops.len());
+            merger.push(corners.as_slice().to_vec(), area_vector.normalize(), face.0);
         }
     }
     for k in 0..merger.loops.len() {
@@ -156,11 +155,9 @@ impl Merger<'_> {
                 .by_edge
                 .entry(edge(a, absorbed[(i + 1) % absorbed.len()]))
                 .or_default();
-            owners.iter_mut().for_each(|owner| {
-                if *owner == other {
-                    *owner = k;
-                }
-            });
+            for owner in owners.iter_mut().filter(|owner| **owner == other) {
+                *owner = k;
+            }
         }
         self.loops[k].corners = union;
         self.loops[k].faces.extend(faces);

@@ -30,7 +30,7 @@ pub struct Blocker<'a> {
 pub enum PairVisibility {
     /// Everything in front of each other's planes: no face stands in between.
     Full,
-    /// Nothing: their fronts do not face each other, or one face closes the way.
+    /// Nothing: their fronts do not face each other, or one polygon or one convex solid closes the way.
     None,
     /// Perhaps a part: these blockers reach into the space between them. There may be nothing left, which integration then finds.
     Partial(Vec<BlockerId>),
@@ -117,16 +117,7 @@ impl BlockerIndex {
     /// else ask [`classify_among`](Self::classify_among) for the parts.
     #[must_use]
     pub fn classify(&self, p: &[DVec3], q: &[DVec3]) -> PairVisibility {
-        let Some(shaft) = Shaft::new(p, q) else {
-            return PairVisibility::None;
-        };
-        let mut found = Vec::new();
-        let mut closed = false;
-        self.tree.visit(&shaft, |k| {
-            closed = self.look_at(&shaft, BlockerId(k), &mut found);
-            !closed
-        });
-        result(closed, found)
+        self.classify_with(p, q, |look_at, shaft| self.tree.visit(shaft, |k| look_at(BlockerId(k))))
     }
 
     /// Finds which of the blockers `among` stand between two convex polygons.
@@ -134,30 +125,54 @@ impl BlockerIndex {
     /// For parts of two larger polygons, whose own blockers are all that can stand between the parts.
     #[must_use]
     pub fn classify_among(&self, p: &[DVec3], q: &[DVec3], among: &[BlockerId]) -> PairVisibility {
+        self.classify_with(p, q, |look_at, _| {
+            among.iter().all(|&k| look_at(k));
+        })
+    }
+
+    /// Looks at blockers until one closes the way.
+    fn classify_with(
+        &self,
+        p: &[DVec3],
+        q: &[DVec3],
+        each: impl FnOnce(&mut dyn FnMut(BlockerId) -> bool, &Shaft<'_>),
+    ) -> PairVisibility {
         let Some(shaft) = Shaft::new(p, q) else {
             return PairVisibility::None;
         };
         let mut found = Vec::new();
-        let closed = among.iter().any(|&k| self.look_at(&shaft, k, &mut found));
-        result(closed, found)
-    }
-
-    /// Adds the blocker if it reaches into the shaft; true if it closes the shaft.
-    fn look_at(&self, shaft: &Shaft<'_>, blocker: BlockerId, found: &mut Vec<BlockerId>) -> bool {
-        let entry = &self.entries[blocker.0 as usize];
-        if !shaft.meets(&entry.corners) {
-            return false;
+        let mut closed = false;
+        let mut last_solid = None;
+        let mut look_at = |blocker: BlockerId| {
+            let entry = &self.entries[blocker.0 as usize];
+            if shaft.meets(&entry.corners) {
+                found.push(blocker);
+                closed = shaft.is_closed_by(&entry.corners, &entry.plane);
+                if let Some(solid) = entry.solid
+                    && last_solid != Some(solid)
+                {
+                    last_solid = Some(solid);
+                    closed |= self.solids[solid as usize].closes(&shaft, p, q, rounding(p, q));
+                }
+            }
+            !closed
+        };
+        each(&mut look_at, &shaft);
+        if closed {
+            PairVisibility::None
+        } else if found.is_empty() {
+            PairVisibility::Full
+        } else {
+            found.sort_unstable();
+            PairVisibility::Partial(found)
         }
-        found.push(blocker);
-        shaft.is_closed_by(&entry.corners, &entry.plane)
     }
 
     /// Returns the polygons of the blockers between two patches, as integration wants them.
     #[must_use]
     pub fn blockers(&self, p: &[DVec3], q: &[DVec3], blockers: &[BlockerId]) -> Vec<Blocker<'_>> {
         let mut outside: Vec<(u32, bool)> = Vec::new();
-        let extent = p.iter().chain(q).fold(0.0_f64, |m, v| m.max(v.abs().max_element()));
-        let tolerance = 16.0 * f64::EPSILON * extent;
+        let tolerance = rounding(p, q);
         blockers
             .iter()
             .map(|&id| {
@@ -180,13 +195,8 @@ impl BlockerIndex {
     }
 }
 
-fn result(closed: bool, mut found: Vec<BlockerId>) -> PairVisibility {
-    if closed {
-        PairVisibility::None
-    } else if found.is_empty() {
-        PairVisibility::Full
-    } else {
-        found.sort_unstable();
-        PairVisibility::Partial(found)
-    }
+/// Returns 16 ulps of the largest coordinate.
+fn rounding(p: &[DVec3], q: &[DVec3]) -> f64 {
+    let largest = p.iter().chain(q).fold(0.0_f64, |m, v| m.max(v.abs().max_element()));
+    16.0 * f64::EPSILON * largest
 }

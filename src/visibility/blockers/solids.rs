@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
-use super::super::shaft::Plane;
+use super::super::shaft::{Plane, Shaft};
 use crate::scene::{FaceId, Scene};
 
 /// A solid with more polygons is not looked at for convexity, which takes polygons × corners: its shadows then only cost more.
@@ -14,6 +14,8 @@ const MOST_POLYGONS: usize = 2000;
 #[derive(Clone, Debug)]
 pub(super) struct Solid {
     planes: Vec<Plane>,
+    /// A point inside.
+    middle: DVec3,
 }
 
 impl Solid {
@@ -25,6 +27,15 @@ impl Solid {
             let heights = || corners.iter().map(|&v| plane.height(v));
             heights().all(|h| h >= -tolerance) && heights().any(|h| h > tolerance)
         })
+    }
+}
+
+impl Solid {
+    /// Tells whether the solid alone stops all light between two polygons. Errs on the side of false.
+    pub(super) fn closes(&self, shaft: &Shaft<'_>, p: &[DVec3], q: &[DVec3], tolerance: f64) -> bool {
+        // From inside of the solid to its inside nothing is in the way.
+        shaft.is_closed_by_solid(self.middle, &self.planes)
+            && (self.excludes(p, tolerance) || self.excludes(q, tolerance))
     }
 }
 
@@ -60,8 +71,13 @@ pub(super) fn find(scene: &Scene, polygons: &[(Vec<DVec3>, Vec<FaceId>)]) -> (Ve
         let slack = 1e-12 * (high - low).length() + 16.0 * f64::EPSILON * low.abs().max(high.abs()).max_element();
         if planes.iter().all(|plane| corners().all(|v| plane.height(v) <= slack)) {
             let index = u32::try_from(solids.len()).ok();
-            sides.iter().for_each(|&k| solid_of_polygon[k] = index);
-            solids.push(Solid { planes });
+            for &k in &sides {
+                solid_of_polygon[k] = index;
+            }
+            solids.push(Solid {
+                planes,
+                middle: low.midpoint(high),
+            });
         }
     }
     (solids, solid_of_polygon)
