@@ -106,7 +106,12 @@ fn length_inside(event: &Event, corners: &[DVec2], margin: f64) -> f64 {
     let (mut low, mut high) = (0.0_f64, 1.0_f64);
     let mut a = corners[corners.len() - 1];
     for &b in corners {
-        let inward = (b - a).perp().normalize_or_zero();
+        let edge = b - a;
+        // Cuts through one point leave edges of rounding's length, whose direction means nothing.
+        if edge.length_squared() <= margin * margin {
+            continue;
+        }
+        let inward = edge.perp().normalize();
         let at_0 = inward.dot(event.from - a) - margin;
         let at_1 = inward.dot(event.to - a) - margin;
         a = b;
@@ -193,6 +198,18 @@ mod tests {
             event((2.0, 0.0), (2.0, 1.0)),
         ];
         assert_eq!(Cells::cut(SQUARE.to_vec(), &events, 1e-9, 1000).0.len(), 2);
+    }
+
+    #[test]
+    fn edges_of_no_length_do_not_hide_events() {
+        let mut corners = SQUARE.to_vec();
+        corners.insert(1, DVec2::new(1.0 - 1e-16, -1e-16));
+        corners.insert(3, DVec2::new(1.0 - 1e-16, 1.0 + 2e-16));
+        let across = event((0.0, 0.4), (1.0, 0.6));
+        for turn in 0..corners.len() {
+            corners.rotate_left(turn);
+            assert!(length_inside(&across, &corners, 1e-9) > 1.0);
+        }
     }
 
     #[test]
