@@ -4,6 +4,7 @@
 //! edge ab in the view: x then lies on the line in which the plane of v, a, b cuts the receiver, within the image of ab
 //! as projected from v. (Where three edges cross in the view x lies on a conic instead; those events are not listed here.)
 
+use std::cmp::Ordering;
 use std::collections::HashMap;
 
 use glam::{DVec2, DVec3};
@@ -87,6 +88,50 @@ struct Edge {
     of_target: bool,
 }
 
+/// A blocker as something that may stop a line of sight.
+struct Screen {
+    /// Each corner with the unit vector that points inwards from the edge that begins there.
+    corners: Vec<(DVec3, DVec3)>,
+    /// The unit normal and the level of the plane.
+    plane: (DVec3, f64),
+}
+
+impl Screen {
+    fn new(corners: &[DVec3], plane: (DVec3, f64)) -> Self {
+        Self {
+            corners: inward_normals(corners, plane.0)
+                .map(|(corner, inward)| (corner, inward.normalize_or_zero()))
+                .collect(),
+            plane,
+        }
+    }
+
+    /// Tells where the segment from x through v to y crosses the screen, deeper inside than `tolerance`: before v or behind it.
+    fn place_on(&self, x: DVec3, v: DVec3, y: DVec3, tolerance: f64) -> Option<Ordering> {
+        let (normal, level) = self.plane;
+        let (height_x, height_y) = (normal.dot(x) - level, normal.dot(y) - level);
+        if height_x * height_y >= 0.0 || height_x.abs().min(height_y.abs()) <= tolerance {
+            return None;
+        }
+        let crossing = x + (y - x) * (height_x / (height_x - height_y));
+        if !self
+            .corners
+            .iter()
+            .all(|&(corner, inward)| inward.dot(crossing - corner) > tolerance)
+        {
+            return None;
+        }
+        let beyond = (crossing - v).dot(y - x);
+        (beyond.abs() > tolerance * (y - x).length()).then_some(beyond.total_cmp(&0.0))
+    }
+
+    /// Tells whether the vertex is a corner of the screen, or the edge one of its edges.
+    fn touches(&self, vertex: &Vertex, edge: &Edge) -> bool {
+        let has = |p: DVec3| self.corners.iter().any(|&(corner, _)| corner == p);
+        has(vertex.position) || edge.ends.iter().all(|&end| has(end))
+    }
+}
+
 type Bits = [u64; 3];
 
 /// Edges by their ends: the index of the edge, and the planes of the blockers that it belongs to.
@@ -103,8 +148,7 @@ pub(super) struct Outline<'a> {
     target_plane: (DVec3, f64),
     vertices: Vec<Vertex>,
     edges: Vec<Edge>,
-    /// The planes of the blockers: unit normal and level.
-    planes: Vec<(DVec3, f64)>,
+    screens: Vec<Screen>,
     /// Heights and lengths below this are zero.
     tolerance: f64,
 }
@@ -124,7 +168,7 @@ impl<'a> Outline<'a> {
             target_plane: (normal, normal.dot(target[0])),
             vertices: Vec::new(),
             edges: Vec::new(),
-            planes: Vec::new(),
+            screens: Vec::new(),
             tolerance: 1e-12 * size,
         };
         for (k, &corner) in target.iter().enumerate() {
@@ -136,7 +180,7 @@ impl<'a> Outline<'a> {
         for corners in blockers {
             let plane_normal = polygon::area_vector(corners).normalize_or_zero();
             let plane = (plane_normal, plane_normal.dot(corners[0]));
-            outline.planes.push(plane);
+            outline.screens.push(Screen::new(corners, plane));
             let part = outline.between(corners);
             for (k, &a) in part.iter().enumerate() {
                 let b = part[(k + 1) % part.len()];
@@ -222,7 +266,11 @@ impl<'a> Outline<'a> {
 
     /// Returns the events that are longer than `shortest`.
     pub(super) fn events(&self, shortest: f64) -> Vec<Event> {
-        let mut events: Vec<Event> = self.planes.iter().filter_map(|&plane| self.edge_on(plane)).collect();
+        let mut events: Vec<Event> = self
+            .screens
+            .iter()
+            .filter_map(|screen| self.edge_on(screen.plane))
+            .collect();
         events.retain(|event| event.from.distance(event.to) > shortest);
         for vertex in &self.vertices {
             for edge in &self.edges {
@@ -294,6 +342,25 @@ impl<'a> Outline<'a> {
             (numerator[0] + (numerator[1] - numerator[0]) * t) / w
         });
         if !ends.iter().all(|x| x.is_finite()) || self.is_hidden(vertex, edge, ends) {
+            return None;
+        }
+        let seen = [range.low, range.high].map(|t| {
+            let z = edge.ends[0].lerp(edge.ends[1], t);
+            if vertex.of_target {
+                v
+            } else if edge.of_target {
+                z
+            } else {
+                let g = edge.g[0] + (edge.g[1] - edge.g[0]) * t;
+                (z * vertex.g - v * g) / (vertex.g - g)
+            }
+        });
+        let is_screened = |screen: &Screen| {
+            let [first, last] = [0, 1].map(|i| screen.place_on(ends[i], v, seen[i], self.tolerance));
+            // Both lines of sight cross it on one side of v, and so do all between them.
+            first.is_some() && first == last && !screen.touches(vertex, edge)
+        };
+        if self.screens.iter().any(is_screened) {
             return None;
         }
         Some(Event {

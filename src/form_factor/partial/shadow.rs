@@ -1,5 +1,6 @@
 //! What a point sees of a convex polygon behind convex blockers, by exact clipping.
 
+use std::cmp::Reverse;
 use std::f64::consts::TAU;
 
 use glam::DVec3;
@@ -86,7 +87,7 @@ impl Shadows {
     /// Prepares the casters for a target that lies in front of the receiver's plane.
     pub(super) fn new(receiver: &Receiver, target: &[DVec3], blockers: &[Blocker<'_>], size: f64) -> Self {
         let coplanar = 1e-14 * size;
-        let casters = blockers
+        let mut casters: Vec<Caster> = blockers
             .iter()
             .filter_map(|&Blocker { corners, one_sided }| {
                 let normal = polygon::area_vector(corners).normalize_or_zero();
@@ -109,6 +110,13 @@ impl Shadows {
                 })
             })
             .collect();
+        // What hides most comes first, so that little is left for the others to cut.
+        let eye = polygon::centroid(&receiver.corners);
+        casters.sort_by_cached_key(|caster| {
+            let r = polygon::centroid(&caster.corners) - eye;
+            let facing = polygon::area_vector(&caster.corners).dot(r).abs();
+            Reverse((facing / r.length().powi(3)).to_bits())
+        });
         Self {
             target: target.to_vec(),
             receiver_normal: receiver.normal,
