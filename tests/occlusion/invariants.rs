@@ -3,6 +3,7 @@
 use std::f64::consts::TAU;
 
 use glam::DVec3;
+use radiosity::form_factor::partial::{Accuracy, exchange_area};
 
 use crate::scenes::Random;
 use crate::shapes::{
@@ -109,6 +110,34 @@ fn motions_and_scales_change_nothing_but_the_unit() {
             );
         }
     }
+}
+
+#[test]
+fn polygons_without_an_area_exchange_nothing() {
+    let q = rectangle(DVec3::Z, DVec3::Y, DVec3::X);
+    let p = rectangle(DVec3::ZERO, DVec3::X, DVec3::Y);
+    let line = vec![DVec3::ZERO, DVec3::X, DVec3::X * 2.0];
+    let degenerate: [&[DVec3]; 3] = [&[], &p[..2], &line];
+    let open = exchange(&p, &q, &[], TOLERANCE).exchange_area;
+    for corners in degenerate {
+        assert!(exchange(corners, &q, &[], TOLERANCE).exchange_area.abs() < f64::MIN_POSITIVE);
+        assert!(exchange(&q, corners, &[], TOLERANCE).exchange_area.abs() < f64::MIN_POSITIVE);
+        let raised: Polygon = corners.iter().map(|&v| v + DVec3::new(0.2, 0.3, 0.5)).collect();
+        assert!((exchange(&p, &q, &[raised], TOLERANCE).exchange_area - open).abs() < 2.0 * TOLERANCE);
+    }
+}
+
+#[test]
+fn coordinates_that_are_no_numbers_come_back_as_such() {
+    let mut p = rectangle(DVec3::ZERO, DVec3::X, DVec3::Y);
+    let q = rectangle(DVec3::Z, DVec3::Y, DVec3::X);
+    p[1].x = f64::NAN;
+    let accuracy = Accuracy {
+        tolerance: TOLERANCE,
+        budget: 1000,
+    };
+    let result = exchange_area(&p, &q, &[], accuracy);
+    assert!(result.exchange_area.is_nan() && !result.reached, "{result:?}");
 }
 
 #[test]

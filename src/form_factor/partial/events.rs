@@ -463,6 +463,26 @@ mod tests {
     }
 
     #[test]
+    fn a_screen_in_front_of_it_all_leaves_its_own_events_only() {
+        let receiver = floor();
+        let target = rectangle(DVec3::new(-0.5, -0.5, 2.0), DVec3::Y, DVec3::X);
+        let plate = rectangle(DVec3::new(-0.3, -0.3, 1.0), DVec3::X * 0.6, DVec3::Y * 0.6);
+        let screen = rectangle(DVec3::new(-3.0, -3.0, 0.4), DVec3::X * 6.0, DVec3::Y * 6.0);
+        let screened = world_events(&receiver, &target, &[plate.clone(), screen.clone()]);
+        assert!(screened.is_empty(), "{screened:?}");
+        // Half a screen leaves the other half of the receiver as it was.
+        let half = rectangle(DVec3::new(-3.0, -3.0, 0.4), DVec3::X * 3.0, DVec3::Y * 6.0);
+        let left = world_events(&receiver, &target, &[plate.clone(), half]);
+        for event in world_events(&receiver, &target, &[plate]) {
+            let in_sight = event.iter().all(|x| x.x > 0.6);
+            let kept = left
+                .iter()
+                .any(|e| e[0].distance(event[0]) + e[1].distance(event[1]) < 1e-12);
+            assert!(kept || !in_sight, "{event:?}");
+        }
+    }
+
+    #[test]
     fn inner_edges_of_a_flat_blocker_make_no_events() {
         let receiver = floor();
         let target = rectangle(DVec3::new(-0.5, -0.5, 2.0), DVec3::Y, DVec3::X);

@@ -53,10 +53,12 @@ pub struct Partial {
 /// both polygons; those in the plane of P or of Q hide nothing. Either order of P and Q gives the same bits.
 ///
 /// Accuracy: the estimated error is the sum over all cells of an estimate that looks at how fast the polynomial degrees of the integrand
-/// fall; in tests against runs with a far smaller tolerance it held in all but about 0.1 % of random cases with up to three intersecting boxes and plates, and
-/// the true error is mostly ten times smaller. The tolerance is reached down to about 1e-12. A part of Q that is smaller than 1e-15 of
-/// the distances involved may count as hidden, and the result is then exactly 0 where nothing else is seen.
-/// Cost: for each cell 19 evaluations of some 0.3 µs and more, by the number of blockers; cells are as many as lines of change cut P into.
+/// fall. Against runs with a far smaller tolerance it held in all of several hundred random cases with up to three intersecting boxes and plates;
+/// the true error is mostly more than ten times smaller. Tolerances down to 1e-12 are reached. What is left of Q within 1e-15 of
+/// the distances involved may count as hidden, and the result is exactly 0 where nothing else is seen.
+/// More than 4096 cells or a million pairs of vertices and edges are left to plain subdivision, which finds their lines with more evaluations.
+/// A polygon without area, or with less than three corners, exchanges nothing; coordinates that are not finite give NaN.
+/// Cost: for each triangle of each cell 19 evaluations of 0.3 µs (one blocker) to 3 µs (eighteen); P has as many cells as lines of change cut it into.
 ///
 /// Source: Lambert's formula as in [`point_form_factor`](crate::geometry::point_form_factor::point_form_factor); the lines of change are the
 /// EV events of Gigus and Malik, "Computing the Aspect Graph for Line Drawings of Polyhedral Objects", IEEE PAMI 12(2), 1990, as discontinuity meshing of shadows
@@ -70,25 +72,32 @@ pub fn exchange_area(p: &[DVec3], q: &[DVec3], blockers: &[Blocker<'_>], accurac
         clip_to_half_space(p, q.first().copied().unwrap_or_default(), area_q),
         clip_to_half_space(q, p.first().copied().unwrap_or_default(), area_p),
     ];
-    if sides.iter().any(|side| side.len() < 3) {
-        return Partial {
-            exchange_area: 0.0,
-            error: 0.0,
-            n_evaluations: 0,
-            reached: true,
-        };
+    let without_looking = |value: f64| Partial {
+        exchange_area: value,
+        error: value,
+        n_evaluations: 0,
+        reached: !value.is_nan(),
+    };
+    let mut corners = p.iter().chain(q).chain(blockers.iter().flat_map(|b| b.corners));
+    if !corners.all(|v| v.is_finite()) {
+        return without_looking(f64::NAN);
     }
+    let smaller_area = area_p.length().min(area_q.length());
+    if smaller_area <= 0.0 || sides.iter().any(|side| side.len() < 3) {
+        return without_looking(0.0);
+    }
+    let blockers: Vec<Blocker<'_>> = blockers.iter().filter(|b| b.corners.len() >= 3).copied().collect();
     let mut normals = [area_p.normalize_or_zero(), area_q.normalize_or_zero()];
-    if !first_receives(&sides, blockers) {
+    if !first_receives(&sides, &blockers) {
         sides.reverse();
         normals.reverse();
     }
-    let goal = accuracy.tolerance * area_p.length().min(area_q.length());
+    let goal = accuracy.tolerance * smaller_area;
     let [receiver, target] = sides;
     integrate(
         &Receiver::new(receiver, normals[0]),
         &target,
-        blockers,
+        &blockers,
         goal,
         accuracy.budget,
     )
