@@ -53,6 +53,9 @@ struct Entry {
 /// A query is conservative: [`PairVisibility::Full`] and [`PairVisibility::None`] are proven, up to a tolerance of 1e-10 of
 /// the pair's diameter (and 16 ulps of the largest coordinate), below which a face does not count as reaching in between.
 /// Faces that only touch the convex hull of the two polygons (neighbours, walls that they stand on or lie in) are not blockers.
+///
+/// Source: the shaft of E. A. Haines and J. R. Wallace, "Shaft Culling for Efficient Ray-Traced Radiosity", 1991.
+/// Departures: the hull of the two polygons itself, not of their boxes.
 #[derive(Clone, Debug)]
 pub struct BlockerIndex {
     entries: Vec<Entry>,
