@@ -25,6 +25,7 @@ mod error;
 mod gauss_lambert;
 mod hemicube;
 mod pairs;
+pub mod partial;
 mod pdm;
 mod qmc;
 pub mod registry;

@@ -121,8 +121,8 @@ impl<'a> Seen<'a> {
     }
 }
 
-/// Returns (a × b) θ / |a × b| for one edge.
-fn near_term(a: DVec3, b: DVec3) -> DVec3 {
+/// Returns (a × b) θ / |a × b| for one edge: its share of −2π times the irradiance vector, seen from the origin.
+pub(crate) fn near_term(a: DVec3, b: DVec3) -> DVec3 {
     let cross = a.cross(b - a);
     let (sine, cosine) = (cross.length(), a.dot(b));
     let ratio = if sine <= 1e-4 * cosine {

@@ -1,10 +1,12 @@
 //! Who sees whom: batches of rays against the faces of a scene.
 
+pub mod blockers;
 mod box_pairs;
 pub mod brute_force;
 pub mod embree;
 mod flat_polygon;
 mod frame;
+pub(crate) mod shaft;
 mod sheets;
 
 use glam::DVec3;

@@ -1,0 +1,224 @@
+//! Cutting the receiver into convex cells along the lines of change.
+
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+
+use glam::DVec2;
+
+use super::events::Event;
+
+/// A convex part of the receiver and the events that cross it.
+struct Cell {
+    corners: Vec<DVec2>,
+    area: f64,
+    /// Indices of events, the one that runs longest through the cell first.
+    events: Vec<u32>,
+}
+
+/// The cells of a receiver.
+pub(super) struct Cells(Vec<Vec<DVec2>>);
+
+impl Cells {
+    /// Cuts a convex polygon along events until none crosses a cell deeper than `margin`, or there are `most` cells; larger cells come first.
+    ///
+    /// A cut runs along the whole line of an event through the cell.
+    pub(super) fn cut(corners: Vec<DVec2>, events: &[Event], margin: f64, most: usize) -> Self {
+        let all: Vec<u32> = (0..u32::try_from(events.len()).unwrap_or(u32::MAX)).collect();
+        let mut done = Vec::new();
+        let mut open = BinaryHeap::from([Cell::new(corners, &all, events, margin)]);
+        while let Some(cell) = open.pop() {
+            match cell.events.first() {
+                Some(&k) if done.len() + open.len() + 1 < most => {
+                    let event = &events[k as usize];
+                    let left = (event.to - event.from).normalize_or_zero().perp();
+                    open.extend([left, -left].map(|inward| {
+                        let part = clip(&cell.corners, event.from, inward);
+                        Cell::new(part, &cell.events, events, margin)
+                    }));
+                }
+                _ => done.push(cell.corners),
+            }
+        }
+        Self(done)
+    }
+
+    /// Iterates over triangles that fill the cells.
+    pub(super) fn triangles(&self) -> impl Iterator<Item = [DVec2; 3]> + '_ {
+        self.0.iter().flat_map(|c| {
+            let n = c.len();
+            // A quad is cut along its shorter diagonal.
+            let shift = usize::from(n == 4 && c[1].distance_squared(c[3]) < c[0].distance_squared(c[2]));
+            (1..n.saturating_sub(1)).map(move |k| [c[shift], c[(shift + k) % n], c[(shift + k + 1) % n]])
+        })
+    }
+}
+
+impl Cell {
+    /// Makes a cell with those of the events `among` that cross it.
+    fn new(corners: Vec<DVec2>, among: &[u32], events: &[Event], margin: f64) -> Self {
+        let mut crossing: Vec<u32> = Vec::with_capacity(among.len());
+        let mut longest = margin;
+        for &k in among {
+            let length = length_inside(&events[k as usize], &corners, margin);
+            if length > margin {
+                crossing.push(k);
+            }
+            if length > longest {
+                longest = length;
+                let last = crossing.len() - 1;
+                crossing.swap(0, last);
+            }
+        }
+        let area = corners
+            .windows(2)
+            .map(|w| (w[0] - corners[0]).perp_dot(w[1] - corners[0]))
+            .sum();
+        Self {
+            corners,
+            area,
+            events: crossing,
+        }
+    }
+}
+
+impl PartialEq for Cell {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Cell {}
+
+impl PartialOrd for Cell {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Cell {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.area.total_cmp(&other.area)
+    }
+}
+
+/// Returns the length of the part of an event that lies more than `margin` inside of a convex polygon, wound counter-clockwise.
+fn length_inside(event: &Event, corners: &[DVec2], margin: f64) -> f64 {
+    let (mut low, mut high) = (0.0_f64, 1.0_f64);
+    let mut a = corners[corners.len() - 1];
+    for &b in corners {
+        let edge = b - a;
+        // Cuts through one point leave edges of rounding's length, whose direction means nothing.
+        if edge.length_squared() <= margin * margin {
+            continue;
+        }
+        let inward = edge.perp().normalize();
+        let at_0 = inward.dot(event.from - a) - margin;
+        let at_1 = inward.dot(event.to - a) - margin;
+        a = b;
+        if at_0 < 0.0 {
+            if at_1 <= 0.0 {
+                return 0.0;
+            }
+            low = low.max(at_0 / (at_0 - at_1));
+        } else if at_1 < 0.0 {
+            high = high.min(at_0 / (at_0 - at_1));
+        }
+        if low >= high {
+            return 0.0;
+        }
+    }
+    (high - low) * event.from.distance(event.to)
+}
+
+/// Returns the part of a convex polygon on the side of a line that `inward` points to.
+fn clip(corners: &[DVec2], point: DVec2, inward: DVec2) -> Vec<DVec2> {
+    let mut part = Vec::with_capacity(corners.len() + 1);
+    for (k, &a) in corners.iter().enumerate() {
+        let b = corners[(k + 1) % corners.len()];
+        let (height_a, height_b) = (inward.dot(a - point), inward.dot(b - point));
+        if height_a >= 0.0 {
+            part.push(a);
+        }
+        if (height_a >= 0.0) != (height_b >= 0.0) {
+            part.push(a + (b - a) * (height_a / (height_a - height_b)));
+        }
+    }
+    part
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SQUARE: [DVec2; 4] = [
+        DVec2::new(0.0, 0.0),
+        DVec2::new(1.0, 0.0),
+        DVec2::new(1.0, 1.0),
+        DVec2::new(0.0, 1.0),
+    ];
+
+    fn event(from: (f64, f64), to: (f64, f64)) -> Event {
+        Event {
+            from: DVec2::from(from),
+            to: DVec2::from(to),
+        }
+    }
+
+    fn areas(cells: &Cells) -> Vec<f64> {
+        let area = |[a, b, c]: [DVec2; 3]| 0.5 * (b - a).perp_dot(c - a);
+        cells.triangles().map(area).collect()
+    }
+
+    #[test]
+    fn cells_fill_the_polygon_and_no_event_crosses_them() {
+        let events = [
+            event((-1.0, 0.3), (2.0, 0.4)),
+            event((0.2, -1.0), (0.9, 2.0)),
+            event((0.5, 0.5), (0.7, 0.1)),
+            event((0.1, 0.9), (0.15, 0.95)),
+        ];
+        let cells = Cells::cut(SQUARE.to_vec(), &events, 1e-9, 1000);
+        assert!(areas(&cells).iter().all(|&a| a > 0.0));
+        assert!((areas(&cells).iter().sum::<f64>() - 1.0).abs() < 1e-14);
+        for cell in &cells.0 {
+            for e in &events {
+                assert!(length_inside(e, cell, 1e-9) < 1e-8);
+            }
+        }
+        assert!(cells.0.len() > 6 && cells.0.len() < 14, "{}", cells.0.len());
+    }
+
+    #[test]
+    fn events_on_the_border_or_twice_cut_once() {
+        let events = [
+            event((0.0, 0.0), (1.0, 0.0)),
+            event((0.5, 0.0), (0.5, 1.0)),
+            event((0.5, 0.2), (0.5, 0.8)),
+            event((0.5 + 1e-12, 0.1), (0.5 - 1e-12, 0.9)),
+            event((2.0, 0.0), (2.0, 1.0)),
+        ];
+        assert_eq!(Cells::cut(SQUARE.to_vec(), &events, 1e-9, 1000).0.len(), 2);
+    }
+
+    #[test]
+    fn edges_of_no_length_do_not_hide_events() {
+        let mut corners = SQUARE.to_vec();
+        corners.insert(1, DVec2::new(1.0 - 1e-16, -1e-16));
+        corners.insert(3, DVec2::new(1.0 - 1e-16, 1.0 + 2e-16));
+        let across = event((0.0, 0.4), (1.0, 0.6));
+        for turn in 0..corners.len() {
+            corners.rotate_left(turn);
+            assert!(length_inside(&across, &corners, 1e-9) > 1.0);
+        }
+    }
+
+    #[test]
+    fn the_number_of_cells_is_kept_to_and_large_cells_are_cut_first() {
+        let events: Vec<Event> = (1..40)
+            .map(|k| event((0.0, f64::from(k) / 40.0), (1.0, f64::from(k) / 40.0)))
+            .collect();
+        let cells = Cells::cut(SQUARE.to_vec(), &events, 1e-9, 10);
+        assert_eq!(cells.0.len(), 10);
+        assert!((areas(&cells).iter().sum::<f64>() - 1.0).abs() < 1e-14);
+    }
+}

@@ -1,0 +1,523 @@
+//! The lines on the receiver along which the shadows on the target change their structure.
+//!
+//! Seen from a point x, the visible part of the target is a polygon. It changes its structure where a vertex v crosses an
+//! edge ab in the view: x then lies on the line in which the plane of v, a, b cuts the receiver, within the image of ab
+//! as projected from v. (Where three edges cross in the view x lies on a conic instead; those events are not listed here.)
+
+use std::cmp::Ordering;
+use std::collections::HashMap;
+
+use glam::{DVec2, DVec3};
+
+use crate::geometry::clip::clip_contour;
+use crate::geometry::polygon;
+
+/// A segment in the receiver's plane where the view changes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Event {
+    /// One end, in the receiver's frame.
+    pub(super) from: DVec2,
+    /// The other end.
+    pub(super) to: DVec2,
+}
+
+/// A receiver with a frame in its plane.
+pub(super) struct Receiver {
+    /// The corners, counter-clockwise.
+    pub(super) corners: Vec<DVec3>,
+    /// The unit normal.
+    pub(super) normal: DVec3,
+    origin: DVec3,
+    x: DVec3,
+    y: DVec3,
+}
+
+impl Receiver {
+    pub(super) fn new(corners: Vec<DVec3>, normal: DVec3) -> Self {
+        let origin = corners[0];
+        // Along the longest edge, so that cells of a rectangle have exact coordinates.
+        let along = (0..corners.len())
+            .map(|k| corners[(k + 1) % corners.len()] - corners[k])
+            .fold(
+                DVec3::ZERO,
+                |m, e| if e.length_squared() > m.length_squared() { e } else { m },
+            );
+        let x = (along - normal * normal.dot(along)).normalize_or_zero();
+        Self {
+            corners,
+            normal,
+            origin,
+            x,
+            y: normal.cross(x),
+        }
+    }
+
+    pub(super) fn to_world(&self, p: DVec2) -> DVec3 {
+        self.origin + self.x * p.x + self.y * p.y
+    }
+
+    pub(super) fn to_plane(&self, p: DVec3) -> DVec2 {
+        let r = p - self.origin;
+        DVec2::new(self.x.dot(r), self.y.dot(r))
+    }
+
+    fn height(&self, p: DVec3) -> f64 {
+        self.normal.dot(p - self.origin)
+    }
+}
+
+/// A corner of the target or of a blocker.
+struct Vertex {
+    position: DVec3,
+    /// Height over the receiver's plane, and over the target's.
+    h: f64,
+    g: f64,
+    /// The blocker edges that meet here; empty for a corner of the target.
+    edges: Vec<usize>,
+    of_target: bool,
+}
+
+/// An edge of the target or of a blocker.
+struct Edge {
+    ends: [DVec3; 2],
+    h: [f64; 2],
+    g: [f64; 2],
+    /// For an edge that two blockers share: their planes, each turned so that its sign tells on which side of the edge, seen from a point,
+    /// the blocker lies. The edge is an outline only where the signs agree.
+    planes: Option<[(DVec3, f64); 2]>,
+    of_target: bool,
+}
+
+/// A blocker as something that may stop a line of sight.
+struct Screen {
+    /// Each corner with the unit vector that points inwards from the edge that begins there.
+    corners: Vec<(DVec3, DVec3)>,
+    /// The unit normal and the level of the plane.
+    plane: (DVec3, f64),
+}
+
+impl Screen {
+    fn new(corners: &[DVec3], plane: (DVec3, f64)) -> Self {
+        Self {
+            corners: inward_normals(corners, plane.0)
+                .map(|(corner, inward)| (corner, inward.normalize_or_zero()))
+                .collect(),
+            plane,
+        }
+    }
+
+    /// Tells where the segment from x through v to y crosses the screen, deeper inside than `tolerance`: before v or behind it.
+    fn place_on(&self, x: DVec3, v: DVec3, y: DVec3, tolerance: f64) -> Option<Ordering> {
+        let (normal, level) = self.plane;
+        let (height_x, height_y) = (normal.dot(x) - level, normal.dot(y) - level);
+        if height_x * height_y >= 0.0 || height_x.abs().min(height_y.abs()) <= tolerance {
+            return None;
+        }
+        let crossing = x + (y - x) * (height_x / (height_x - height_y));
+        if !self
+            .corners
+            .iter()
+            .all(|&(corner, inward)| inward.dot(crossing - corner) > tolerance)
+        {
+            return None;
+        }
+        let beyond = (crossing - v).dot(y - x);
+        (beyond.abs() > tolerance * (y - x).length()).then_some(beyond.total_cmp(&0.0))
+    }
+
+    /// Tells whether the vertex is a corner of the screen, or the edge one of its edges.
+    fn touches(&self, vertex: &Vertex, edge: &Edge) -> bool {
+        let has = |p: DVec3| self.corners.iter().any(|&(corner, _)| corner == p);
+        has(vertex.position) || edge.ends.iter().all(|&end| has(end))
+    }
+}
+
+type Bits = [u64; 3];
+
+/// Edges by their ends: the index of the edge, and the planes of the blockers that it belongs to.
+type KnownEdges = HashMap<[Bits; 2], (usize, Vec<(DVec3, f64)>)>;
+
+fn bits(p: DVec3) -> Bits {
+    p.to_array().map(|x| (x + 0.0).to_bits())
+}
+
+/// The vertices and edges that a view is made of.
+pub(super) struct Outline<'a> {
+    receiver: &'a Receiver,
+    target: &'a [DVec3],
+    target_plane: (DVec3, f64),
+    vertices: Vec<Vertex>,
+    edges: Vec<Edge>,
+    screens: Vec<Screen>,
+    /// Heights and lengths below this are zero.
+    tolerance: f64,
+}
+
+impl<'a> Outline<'a> {
+    /// Gathers the corners and edges of a target and of the parts of blockers between it and the receiver.
+    pub(super) fn new<'b>(
+        receiver: &'a Receiver,
+        target: &'a [DVec3],
+        blockers: impl Iterator<Item = &'b [DVec3]>,
+        size: f64,
+    ) -> Self {
+        let normal = polygon::area_vector(target).normalize_or_zero();
+        let mut outline = Self {
+            receiver,
+            target,
+            target_plane: (normal, normal.dot(target[0])),
+            vertices: Vec::new(),
+            edges: Vec::new(),
+            screens: Vec::new(),
+            tolerance: 1e-12 * size,
+        };
+        for (k, &corner) in target.iter().enumerate() {
+            outline.push_vertex(corner, true);
+            outline.push_edge([corner, target[(k + 1) % target.len()]], true);
+        }
+        let mut known_vertices: HashMap<Bits, usize> = HashMap::new();
+        let mut known_edges = KnownEdges::new();
+        for corners in blockers {
+            let plane_normal = polygon::area_vector(corners).normalize_or_zero();
+            let plane = (plane_normal, plane_normal.dot(corners[0]));
+            outline.screens.push(Screen::new(corners, plane));
+            let part = outline.between(corners);
+            for (k, &a) in part.iter().enumerate() {
+                let b = part[(k + 1) % part.len()];
+                let (key_a, key_b) = (bits(a), bits(b));
+                if key_a == key_b {
+                    continue;
+                }
+                // The sign of the plane is that of the run from the lesser to the greater end.
+                let forward = key_a < key_b;
+                let key = if forward { [key_a, key_b] } else { [key_b, key_a] };
+                let (edge, planes) = known_edges
+                    .entry(key)
+                    .or_insert_with(|| (outline.push_edge([a, b], false), Vec::new()));
+                planes.push(if forward { plane } else { (-plane.0, -plane.1) });
+                for corner in [a, b] {
+                    let vertex = *known_vertices
+                        .entry(bits(corner))
+                        .or_insert_with(|| outline.push_vertex(corner, false));
+                    if !outline.vertices[vertex].edges.contains(edge) {
+                        outline.vertices[vertex].edges.push(*edge);
+                    }
+                }
+            }
+        }
+        for (edge, planes) in known_edges.into_values() {
+            if let [first, second] = planes[..] {
+                outline.edges[edge].planes = Some([first, second]);
+            }
+        }
+        outline
+    }
+
+    fn target_height(&self, p: DVec3) -> f64 {
+        self.target_plane.0.dot(p) - self.target_plane.1
+    }
+
+    /// Returns the part of a blocker in front of the receiver's and the target's plane.
+    fn between(&self, corners: &[DVec3]) -> Vec<DVec3> {
+        let snapped = |height: f64| if height.abs() <= self.tolerance { 0.0 } else { height };
+        let mut part = Vec::new();
+        clip_contour(
+            corners.len(),
+            |k| corners[k],
+            |v| snapped(self.receiver.height(v)),
+            |v| part.push(v),
+        );
+        let mut both = Vec::new();
+        clip_contour(
+            part.len(),
+            |k| part[k],
+            |v| snapped(self.target_height(v)),
+            |v| both.push(v),
+        );
+        both
+    }
+
+    fn push_vertex(&mut self, position: DVec3, of_target: bool) -> usize {
+        self.vertices.push(Vertex {
+            position,
+            h: self.receiver.height(position).max(0.0),
+            g: self.target_height(position).max(0.0),
+            edges: Vec::new(),
+            of_target,
+        });
+        self.vertices.len() - 1
+    }
+
+    fn push_edge(&mut self, ends: [DVec3; 2], of_target: bool) -> usize {
+        self.edges.push(Edge {
+            ends,
+            h: ends.map(|p| self.receiver.height(p).max(0.0)),
+            g: ends.map(|p| self.target_height(p).max(0.0)),
+            planes: None,
+            of_target,
+        });
+        self.edges.len() - 1
+    }
+
+    /// Returns an upper bound of the work that [`events`](Self::events) is: the pairs of a vertex and an edge.
+    pub(super) fn n_pairs(&self) -> usize {
+        self.vertices.len() * self.edges.len()
+    }
+
+    /// Returns the events that are longer than `shortest`.
+    pub(super) fn events(&self, shortest: f64) -> Vec<Event> {
+        let mut events: Vec<Event> = self
+            .screens
+            .iter()
+            .filter_map(|screen| self.edge_on(screen.plane))
+            .collect();
+        events.retain(|event| event.from.distance(event.to) > shortest);
+        for vertex in &self.vertices {
+            for edge in &self.edges {
+                if vertex.of_target && edge.of_target {
+                    continue;
+                }
+                for far_edge in [true, false] {
+                    if let Some(event) = self.event(vertex, edge, far_edge)
+                        && event.from.distance(event.to) > shortest
+                    {
+                        events.push(event);
+                    }
+                }
+            }
+        }
+        events
+    }
+
+    /// Returns from where a blocker is seen edge on, if that makes a difference: if its plane cuts the receiver and the target.
+    fn edge_on(&self, (normal, level): (DVec3, f64)) -> Option<Event> {
+        let height = |v: DVec3| normal.dot(v) - level;
+        let target = self.target.iter().map(|&v| height(v));
+        if target.clone().all(|x| x < self.tolerance) || target.clone().all(|x| x > -self.tolerance) {
+            return None;
+        }
+        let corners = &self.receiver.corners;
+        let mut ends = (0..corners.len()).filter_map(|k| {
+            let (a, b) = (corners[k], corners[(k + 1) % corners.len()]);
+            let (height_a, height_b) = (height(a), height(b));
+            ((height_a >= 0.0) != (height_b >= 0.0)).then(|| a + (b - a) * (height_a / (height_a - height_b)))
+        });
+        let (from, to) = (ends.next()?, ends.next()?);
+        Some(Event {
+            from: self.receiver.to_plane(from),
+            to: self.receiver.to_plane(to),
+        })
+    }
+
+    /// Returns where, seen from the receiver, the vertex lies on the edge; `far_edge` tells which of them is behind the other.
+    fn event(&self, vertex: &Vertex, edge: &Edge, far_edge: bool) -> Option<Event> {
+        let v = vertex.position;
+        // A corner of the target lies behind any blocker, an edge of the target too.
+        if (vertex.of_target && far_edge) || (edge.of_target && !far_edge) || edge.ends.contains(&v) {
+            return None;
+        }
+        let side = if far_edge { 1.0 } else { -1.0 };
+        let mut range = Range { low: 0.0, high: 1.0 };
+        // With z on the edge, x = (h_v z − h_z v) / (h_v − h_z): both are affine along the edge.
+        range.keep(edge.h.map(|h| side * (h - vertex.h)))?;
+        let numerator = [0, 1].map(|i| edge.ends[i] * vertex.h - v * edge.h[i]);
+        let denominator = edge.h.map(|h| vertex.h - h);
+        for (point, inward) in inward_normals(&self.receiver.corners, self.receiver.normal) {
+            let level = inward.dot(point);
+            range.keep([0, 1].map(|i| -side * (inward.dot(numerator[i]) - denominator[i] * level)))?;
+        }
+        if !vertex.of_target && !edge.of_target {
+            // The line must go on to the target, which it meets at y = (g_v z − g_z v) / (g_v − g_z).
+            range.keep(edge.g.map(|g| side * (vertex.g - g)))?;
+            for (point, inward) in inward_normals(self.target, self.target_plane.0) {
+                let level = inward.dot(point);
+                range.keep([0, 1].map(|i| {
+                    let (y, w) = (edge.ends[i] * vertex.g - v * edge.g[i], vertex.g - edge.g[i]);
+                    side * (inward.dot(y) - w * level)
+                }))?;
+            }
+        }
+        let ends = [range.low, range.high].map(|t| {
+            let w = denominator[0] + (denominator[1] - denominator[0]) * t;
+            (numerator[0] + (numerator[1] - numerator[0]) * t) / w
+        });
+        if !ends.iter().all(|x| x.is_finite()) || self.is_hidden(vertex, edge, ends) {
+            return None;
+        }
+        let seen = [range.low, range.high].map(|t| {
+            let z = edge.ends[0].lerp(edge.ends[1], t);
+            if vertex.of_target {
+                v
+            } else if edge.of_target {
+                z
+            } else {
+                let g = edge.g[0] + (edge.g[1] - edge.g[0]) * t;
+                (z * vertex.g - v * g) / (vertex.g - g)
+            }
+        });
+        let is_screened = |screen: &Screen| {
+            let [first, last] = [0, 1].map(|i| screen.place_on(ends[i], v, seen[i], self.tolerance));
+            // Both lines of sight cross it on one side of v, and so do all between them.
+            first.is_some() && first == last && !screen.touches(vertex, edge)
+        };
+        if self.screens.iter().any(is_screened) {
+            return None;
+        }
+        Some(Event {
+            from: self.receiver.to_plane(ends[0]),
+            to: self.receiver.to_plane(ends[1]),
+        })
+    }
+
+    /// Tells whether, seen from everywhere between the two ends, the edge or the vertex lies inside its blockers' outline.
+    fn is_hidden(&self, vertex: &Vertex, edge: &Edge, ends: [DVec3; 2]) -> bool {
+        self.is_inner(edge, ends)
+            || (!vertex.edges.is_empty() && vertex.edges.iter().all(|&e| self.is_inner(&self.edges[e], ends)))
+    }
+
+    fn is_inner(&self, edge: &Edge, ends: [DVec3; 2]) -> bool {
+        let Some(planes) = edge.planes else {
+            return false;
+        };
+        let [first, second] = planes.map(|(normal, level)| {
+            let [a, b] = ends.map(|x| normal.dot(x) - level);
+            if a > self.tolerance && b > self.tolerance {
+                1
+            } else if a < -self.tolerance && b < -self.tolerance {
+                -1
+            } else {
+                0
+            }
+        });
+        first * second < 0
+    }
+}
+
+/// Iterates over the corners of a polygon, each with a vector that points inwards from the edge that begins there.
+fn inward_normals(corners: &[DVec3], normal: DVec3) -> impl Iterator<Item = (DVec3, DVec3)> + '_ {
+    let next = corners.iter().cycle().skip(1);
+    corners.iter().zip(next).map(move |(&a, &b)| (a, normal.cross(b - a)))
+}
+
+/// An interval of the parameter of an edge.
+struct Range {
+    low: f64,
+    high: f64,
+}
+
+impl Range {
+    /// Keeps what is not negative of an affine function given by its values at 0 and at 1; `None` if nothing is left.
+    fn keep(&mut self, [at_0, at_1]: [f64; 2]) -> Option<()> {
+        let zero = at_0 / (at_0 - at_1);
+        if at_0 < 0.0 {
+            if at_1 <= 0.0 {
+                return None;
+            }
+            self.low = self.low.max(zero);
+        } else if at_1 < 0.0 {
+            self.high = self.high.min(zero);
+        }
+        (self.low < self.high).then_some(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rectangle(corner: DVec3, a: DVec3, b: DVec3) -> Vec<DVec3> {
+        vec![corner, corner + a, corner + a + b, corner + b]
+    }
+
+    fn floor() -> Receiver {
+        Receiver::new(
+            rectangle(DVec3::new(-2.0, -2.0, 0.0), DVec3::X * 4.0, DVec3::Y * 4.0),
+            DVec3::Z,
+        )
+    }
+
+    fn world_events(receiver: &Receiver, target: &[DVec3], blockers: &[Vec<DVec3>]) -> Vec<[DVec3; 2]> {
+        let outline = Outline::new(receiver, target, blockers.iter().map(Vec::as_slice), 4.0);
+        let events = outline.events(1e-9);
+        events
+            .iter()
+            .map(|e| [receiver.to_world(e.from), receiver.to_world(e.to)])
+            .collect()
+    }
+
+    #[test]
+    fn a_plate_below_a_square_casts_the_borders_of_umbra_and_penumbra() {
+        let receiver = floor();
+        let target = rectangle(DVec3::new(-0.5, -0.5, 2.0), DVec3::Y, DVec3::X);
+        let plate = rectangle(DVec3::new(-0.3, -0.3, 1.0), DVec3::X * 0.6, DVec3::Y * 0.6);
+        let events = world_events(&receiver, &target, &[plate]);
+        // Each of x and y is at ±2·0.3 ± 0.5 along an event.
+        assert_eq!(events.len(), 32);
+        for [from, to] in &events {
+            let on_line = |axis: usize| {
+                let (a, b) = (from[axis], to[axis]);
+                (a - b).abs() < 1e-12 && [0.1, 1.1].iter().any(|line| (a.abs() - line).abs() < 1e-12)
+            };
+            assert!(on_line(0) || on_line(1), "{from} {to}");
+        }
+    }
+
+    #[test]
+    fn a_screen_in_front_of_it_all_leaves_its_own_events_only() {
+        let receiver = floor();
+        let target = rectangle(DVec3::new(-0.5, -0.5, 2.0), DVec3::Y, DVec3::X);
+        let plate = rectangle(DVec3::new(-0.3, -0.3, 1.0), DVec3::X * 0.6, DVec3::Y * 0.6);
+        let screen = rectangle(DVec3::new(-3.0, -3.0, 0.4), DVec3::X * 6.0, DVec3::Y * 6.0);
+        let screened = world_events(&receiver, &target, &[plate.clone(), screen.clone()]);
+        assert!(screened.is_empty(), "{screened:?}");
+        // Half a screen leaves the other half of the receiver as it was.
+        let half = rectangle(DVec3::new(-3.0, -3.0, 0.4), DVec3::X * 3.0, DVec3::Y * 6.0);
+        let left = world_events(&receiver, &target, &[plate.clone(), half]);
+        for event in world_events(&receiver, &target, &[plate]) {
+            let in_sight = event.iter().all(|x| x.x > 0.6);
+            let kept = left
+                .iter()
+                .any(|e| e[0].distance(event[0]) + e[1].distance(event[1]) < 1e-12);
+            assert!(kept || !in_sight, "{event:?}");
+        }
+    }
+
+    #[test]
+    fn inner_edges_of_a_flat_blocker_make_no_events() {
+        let receiver = floor();
+        let target = rectangle(DVec3::new(-0.5, -0.5, 2.0), DVec3::Y, DVec3::X);
+        let halves = [
+            rectangle(DVec3::new(-0.3, -0.3, 1.0), DVec3::X * 0.3, DVec3::Y * 0.6),
+            rectangle(DVec3::new(0.0, -0.3, 1.0), DVec3::X * 0.3, DVec3::Y * 0.6),
+        ];
+        for [from, to] in world_events(&receiver, &target, &halves) {
+            // The shadow of the inner edge would end at x = ±0.5, along twice the edge's length; its two ends are on the outline and count.
+            let as_long = (from.distance(to) - 1.2).abs() < 1e-9;
+            assert!(!as_long || (from.x.abs() - 0.5).abs() > 1e-9, "{from} {to}");
+        }
+    }
+
+    #[test]
+    fn a_blocker_that_is_seen_edge_on_makes_an_event_only_if_it_parts_the_target() {
+        let receiver = floor();
+        let wall = rectangle(DVec3::new(0.2, -9.0, 1.0), DVec3::Y * 18.0, DVec3::Z * 0.5);
+        let below = |[from, to]: &[DVec3; 2]| (from.x - 0.2).abs() < 1e-12 && (to.x - 0.2).abs() < 1e-12;
+        let target = rectangle(DVec3::new(-0.5, -0.5, 2.0), DVec3::Y, DVec3::X);
+        assert!(
+            world_events(&receiver, &target, std::slice::from_ref(&wall))
+                .iter()
+                .any(below)
+        );
+        let beside = rectangle(DVec3::new(0.5, -0.5, 2.0), DVec3::Y, DVec3::X);
+        assert!(!world_events(&receiver, &beside, &[wall]).iter().any(below));
+    }
+
+    #[test]
+    fn what_is_behind_the_receiver_or_the_target_makes_no_events() {
+        let receiver = floor();
+        let target = rectangle(DVec3::new(-0.5, -0.5, 2.0), DVec3::Y, DVec3::X);
+        let below = rectangle(DVec3::new(-0.3, -0.3, -1.0), DVec3::X * 0.6, DVec3::Y * 0.6);
+        let above = rectangle(DVec3::new(-0.3, -0.3, 3.0), DVec3::X * 0.6, DVec3::Y * 0.6);
+        assert!(world_events(&receiver, &target, &[below, above]).is_empty());
+    }
+}

@@ -1,0 +1,223 @@
+//! The exchange area of two polygons with blockers between them, to a given tolerance.
+//!
+//! A_P F_PQ = ∫_P F(x → visible part of Q) dA. The inner factor is exact: Q is clipped against the shadow of every blocker as seen from x, and
+//! the pieces that are left are summed by Lambert's formula. As a function of x it is analytic but for the lines on which the view changes its
+//! structure; P is cut along these first, and the cells are then integrated by an adaptive rule, worst cell first.
+//! f64 throughout, no rays.
+
+mod cells;
+mod events;
+mod rule;
+mod shadow;
+
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+
+use glam::{DVec2, DVec3};
+
+use crate::geometry::clip::clip_to_half_space;
+use crate::geometry::polygon;
+use crate::visibility::blockers::Blocker;
+use cells::Cells;
+use events::{Outline, Receiver};
+use rule::Estimate;
+use shadow::Shadows;
+
+/// How exactly to integrate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Accuracy {
+    /// The tolerance on A_P F_PQ / min(A_P, A_Q): on the absolute error of the larger of the two form factors.
+    pub tolerance: f64,
+    /// The number of evaluations of the inner factor after which no more are begun; the first look at all cells is always finished.
+    pub budget: usize,
+}
+
+/// An exchange area and how well it is known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Partial {
+    /// A_P F_PQ = A_Q F_QP in m².
+    pub exchange_area: f64,
+    /// The estimate of its absolute error, in m².
+    pub error: f64,
+    /// The number of points from which the other polygon was looked at.
+    pub n_evaluations: usize,
+    /// True if the estimate is within the tolerance; false if the budget was spent before.
+    pub reached: bool,
+}
+
+/// Returns the exchange area of two convex planar polygons, of which blockers may hide any part from the other.
+///
+/// A_P F_PQ = ∫_P ∫_Q V cos θ_P cos θ_Q / (π r²) dA dA in m². Corners run counter-clockwise seen from the front; what lies behind the other
+/// polygon's plane does not count. `blockers` must hold all polygons that reach in between, such as
+/// [`BlockerIndex`](crate::visibility::blockers::BlockerIndex) finds; more do no harm. They may touch, pierce and overlap each other and
+/// both polygons; those in the plane of P or of Q hide nothing. Either order of P and Q gives the same bits.
+///
+/// Accuracy: the estimated error is the sum over all cells of an estimate that looks at how fast the polynomial degrees of the integrand
+/// fall. Against runs with a far smaller tolerance it held in all of several hundred random cases with up to three intersecting boxes and plates;
+/// the true error is mostly more than ten times smaller. Tolerances down to 1e-12 are reached. What is left of Q within 1e-15 of
+/// the distances involved may count as hidden, and the result is exactly 0 where nothing else is seen.
+/// More than 4096 cells or a million pairs of vertices and edges are left to plain subdivision, which finds their lines with more evaluations.
+/// A polygon without area, or with less than three corners, exchanges nothing; coordinates that are not finite give NaN.
+/// Cost: for each triangle of each cell 19 evaluations of 0.3 µs (one blocker) to 3 µs (eighteen); P has as many cells as lines of change cut it into.
+///
+/// Source: Lambert's formula as in [`point_form_factor`](crate::geometry::point_form_factor::point_form_factor); the lines of change are the
+/// EV events of Gigus and Malik, "Computing the Aspect Graph for Line Drawings of Polyhedral Objects", IEEE PAMI 12(2), 1990, as discontinuity meshing of shadows
+/// uses them (Lischinski, Tampieri and Greenberg 1992, Heckbert 1992).
+/// Departures: their curved EEE events are left to adaptive subdivision.
+#[must_use]
+#[doc(alias = "view factor")]
+pub fn exchange_area(p: &[DVec3], q: &[DVec3], blockers: &[Blocker<'_>], accuracy: Accuracy) -> Partial {
+    let [area_p, area_q] = [p, q].map(polygon::area_vector);
+    let mut sides = [
+        clip_to_half_space(p, q.first().copied().unwrap_or_default(), area_q),
+        clip_to_half_space(q, p.first().copied().unwrap_or_default(), area_p),
+    ];
+    let without_looking = |value: f64| Partial {
+        exchange_area: value,
+        error: value,
+        n_evaluations: 0,
+        reached: !value.is_nan(),
+    };
+    let mut corners = p.iter().chain(q).chain(blockers.iter().flat_map(|b| b.corners));
+    if !corners.all(|v| v.is_finite()) {
+        return without_looking(f64::NAN);
+    }
+    let smaller_area = area_p.length().min(area_q.length());
+    if smaller_area <= 0.0 || sides.iter().any(|side| side.len() < 3) {
+        return without_looking(0.0);
+    }
+    let blockers: Vec<Blocker<'_>> = blockers.iter().filter(|b| b.corners.len() >= 3).copied().collect();
+    let mut normals = [area_p.normalize_or_zero(), area_q.normalize_or_zero()];
+    if !first_receives(&sides, &blockers) {
+        sides.reverse();
+        normals.reverse();
+    }
+    let goal = accuracy.tolerance * smaller_area;
+    let [receiver, target] = sides;
+    integrate(
+        &Receiver::new(receiver, normals[0]),
+        &target,
+        &blockers,
+        goal,
+        accuracy.budget,
+    )
+}
+
+/// Decides which polygon is integrated over: the one that is farther from all blockers in units of its own size, because shadows are softer there.
+fn first_receives(sides: &[Vec<DVec3>; 2], blockers: &[Blocker<'_>]) -> bool {
+    let [p, q] = sides.each_ref().map(|side| {
+        let (low, high) = bounds(side);
+        let gap = blockers.iter().map(|blocker| {
+            let (l, h) = bounds(blocker.corners);
+            (l - high).max(low - h).max(DVec3::ZERO).length_squared()
+        });
+        gap.fold(f64::INFINITY, f64::min) / (high - low).length_squared()
+    });
+    let position = |k: usize| polygon::centroid(&sides[k]);
+    let by_place = || position(0).to_array().partial_cmp(&position(1).to_array());
+    p.total_cmp(&q)
+        .reverse()
+        .then_with(|| by_place().unwrap_or(Ordering::Equal))
+        != Ordering::Greater
+}
+
+fn bounds(corners: &[DVec3]) -> (DVec3, DVec3) {
+    let all = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    corners.iter().fold(all, |(low, high), &v| (low.min(v), high.max(v)))
+}
+
+/// A triangle of the receiver with its integral.
+struct Piece {
+    corners: [DVec2; 3],
+    estimate: Estimate,
+}
+
+impl PartialEq for Piece {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Piece {}
+
+impl PartialOrd for Piece {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Piece {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.estimate.error.total_cmp(&other.estimate.error)
+    }
+}
+
+/// The most cells that the receiver is cut into before integration; beyond, plain subdivision finds the rest of the lines.
+const MOST_CELLS: usize = 4096;
+
+/// The most pairs of a vertex and an edge that are looked at for lines of change.
+const MOST_EVENT_PAIRS: usize = 1 << 20;
+
+fn integrate(receiver: &Receiver, target: &[DVec3], blockers: &[Blocker<'_>], goal: f64, budget: usize) -> Partial {
+    let (low, high) = bounds(&receiver.corners);
+    let (target_low, target_high) = bounds(target);
+    let size = (high.max(target_high) - low.min(target_low)).length();
+    let outline = Outline::new(receiver, target, blockers.iter().map(|b| b.corners), size);
+    // A line that is missed by this much changes an integral by its square only.
+    let margin = 1e-9 * (high - low).length();
+    let events = if outline.n_pairs() <= MOST_EVENT_PAIRS {
+        outline.events(margin)
+    } else {
+        Vec::new()
+    };
+    let outer = receiver.corners.iter().map(|&v| receiver.to_plane(v)).collect();
+    let cells = Cells::cut(outer, &events, margin, MOST_CELLS.min(budget / (2 * rule::N_POINTS)));
+
+    let mut shadows = Shadows::new(receiver, target, blockers, size);
+    let mut look = |corners: [DVec2; 3]| Piece {
+        corners,
+        estimate: rule::integrate(corners, |x| shadows.visible_factor(receiver.to_world(x))),
+    };
+    let mut pieces: BinaryHeap<Piece> = cells.triangles().map(&mut look).collect();
+    let mut n_looks = pieces.len();
+    let mut open_error: f64 = pieces.iter().map(|piece| piece.estimate.error).sum();
+    while open_error > goal && n_looks * rule::N_POINTS < budget {
+        let Some(worst) = pieces.pop() else {
+            break;
+        };
+        let mut parts = halves(worst.corners).map(&mut look);
+        n_looks += 2;
+        // Where the estimate has just been seen to fail, its successors are not trusted either.
+        let change = worst.estimate.integral - parts.iter().map(|part| part.estimate.integral).sum::<f64>();
+        let excess = change.abs() / worst.estimate.error;
+        open_error -= worst.estimate.error;
+        for part in &mut parts {
+            let own = &mut part.estimate.error;
+            *own = own.max((*own * excess).min(0.5 * change.abs()));
+            open_error += *own;
+        }
+        pieces.extend(parts);
+    }
+    let pieces = pieces.into_sorted_vec(); // the small ones first, for the sake of the sums
+    let error = pieces.iter().map(|piece| piece.estimate.error).sum();
+    Partial {
+        exchange_area: pieces.iter().map(|piece| piece.estimate.integral).sum(),
+        error,
+        n_evaluations: n_looks * rule::N_POINTS,
+        reached: error <= goal,
+    }
+}
+
+/// Cuts a triangle through the middle of its longest side.
+fn halves([a, b, c]: [DVec2; 3]) -> [[DVec2; 3]; 2] {
+    let [ab, bc, ca] = [a.distance_squared(b), b.distance_squared(c), c.distance_squared(a)];
+    let (a, b, c) = if ab >= bc && ab >= ca {
+        (a, b, c)
+    } else if bc >= ca {
+        (b, c, a)
+    } else {
+        (c, a, b)
+    };
+    let middle = a.midpoint(b);
+    [[a, middle, c], [middle, b, c]]
+}

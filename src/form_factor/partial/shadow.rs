@@ -1,0 +1,370 @@
+//! What a point sees of a convex polygon behind convex blockers, by exact clipping.
+
+use std::cmp::Reverse;
+use std::f64::consts::TAU;
+
+use glam::DVec3;
+
+use crate::geometry::point_form_factor::near_term;
+use crate::geometry::polygon;
+use crate::visibility::blockers::Blocker;
+
+use super::events::Receiver;
+
+/// A convex planar blocker.
+#[derive(Clone, Debug)]
+struct Caster {
+    corners: Vec<DVec3>,
+    /// The unit normal.
+    normal: DVec3,
+    /// Where the target lies: wholly in front of the caster's plane, wholly behind, or on both sides.
+    target: Side,
+    /// True if only a point in front of the caster needs to look at it.
+    one_sided: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Side {
+    Front,
+    Back,
+    Both,
+}
+
+/// A half-space n · r + c > 0 of the vectors r from the point of view.
+#[derive(Clone, Copy, Debug)]
+struct HalfSpace {
+    normal: DVec3,
+    offset: f64,
+    /// Values up to this count as on the plane.
+    slack: f64,
+}
+
+impl HalfSpace {
+    fn value(&self, r: DVec3) -> f64 {
+        self.normal.dot(r) + self.offset
+    }
+}
+
+/// A target and the casters in front of it; buffers included, so that evaluations allocate nothing.
+pub(super) struct Shadows {
+    target: Vec<DVec3>,
+    receiver_normal: DVec3,
+    casters: Vec<Caster>,
+    /// A caster's plane that is nearer than this to the point counts as seen edge on.
+    coplanar: f64,
+    fragments: Fragments,
+    next: Fragments,
+    piece: Vec<DVec3>,
+    rest: Vec<DVec3>,
+    half_spaces: Vec<HalfSpace>,
+}
+
+/// Convex polygons, one after the other.
+#[derive(Default)]
+struct Fragments {
+    corners: Vec<DVec3>,
+    ends: Vec<usize>,
+}
+
+impl Fragments {
+    fn clear(&mut self) {
+        self.corners.clear();
+        self.ends.clear();
+    }
+
+    fn push(&mut self, corners: &[DVec3]) {
+        self.corners.extend_from_slice(corners);
+        self.ends.push(self.corners.len());
+    }
+
+    fn iter(&self) -> impl Iterator<Item = &[DVec3]> {
+        let starts = std::iter::once(0).chain(self.ends.iter().copied());
+        starts.zip(&self.ends).map(|(start, &end)| &self.corners[start..end])
+    }
+}
+
+impl Shadows {
+    /// Prepares the casters for a target that lies in front of the receiver's plane.
+    pub(super) fn new(receiver: &Receiver, target: &[DVec3], blockers: &[Blocker<'_>], size: f64) -> Self {
+        let coplanar = 1e-14 * size;
+        let mut casters: Vec<Caster> = blockers
+            .iter()
+            .filter_map(|&Blocker { corners, one_sided }| {
+                let normal = polygon::area_vector(corners).normalize_or_zero();
+                let from = receiver.corners.iter().map(|&v| normal.dot(v - corners[0]));
+                if one_sided && from.fold(f64::NEG_INFINITY, f64::max) <= coplanar {
+                    return None;
+                }
+                let heights = target.iter().map(|&v| normal.dot(v - corners[0]));
+                let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
+                let target_side = match (low >= -coplanar, high <= coplanar) {
+                    (true, _) => Side::Front,
+                    (_, true) => Side::Back,
+                    _ => Side::Both,
+                };
+                Some(Caster {
+                    corners: corners.to_vec(),
+                    normal,
+                    target: target_side,
+                    one_sided,
+                })
+            })
+            .collect();
+        // What hides most comes first, so that little is left for the others to cut.
+        let eye = polygon::centroid(&receiver.corners);
+        casters.sort_by_cached_key(|caster| {
+            let r = polygon::centroid(&caster.corners) - eye;
+            let facing = polygon::area_vector(&caster.corners).dot(r).abs();
+            Reverse((facing / r.length().powi(3)).to_bits())
+        });
+        Self {
+            target: target.to_vec(),
+            receiver_normal: receiver.normal,
+            casters,
+            coplanar,
+            fragments: Fragments::default(),
+            next: Fragments::default(),
+            piece: Vec::new(),
+            rest: Vec::new(),
+            half_spaces: Vec::new(),
+        }
+    }
+
+    /// Returns the form factor from a point of the receiver to the part of the target that it sees.
+    pub(super) fn visible_factor(&mut self, point: DVec3) -> f64 {
+        self.fragments.clear();
+        self.rest.clear();
+        self.rest.extend(self.target.iter().map(|&v| v - point));
+        self.fragments.push(&self.rest);
+        for k in 0..self.casters.len() {
+            if !self.prepare_half_spaces(k, point) {
+                continue;
+            }
+            self.next.clear();
+            for fragment in self.fragments.iter() {
+                subtract(
+                    fragment,
+                    &self.half_spaces,
+                    &mut self.next,
+                    &mut self.rest,
+                    &mut self.piece,
+                );
+            }
+            std::mem::swap(&mut self.fragments, &mut self.next);
+            if self.fragments.ends.is_empty() {
+                return 0.0;
+            }
+        }
+        let sum: f64 = self
+            .fragments
+            .iter()
+            .map(contour_vector)
+            .sum::<DVec3>()
+            .dot(self.receiver_normal);
+        (-sum / TAU).clamp(0.0, 1.0)
+    }
+
+    /// Sets the half-spaces whose intersection is the space that caster `k` hides from the point; false if there is none.
+    fn prepare_half_spaces(&mut self, k: usize, point: DVec3) -> bool {
+        let caster = &self.casters[k];
+        let height = caster.normal.dot(point - caster.corners[0]);
+        let (front, hidden) = match caster.target {
+            _ if height.abs() <= self.coplanar => return false,
+            Side::Both => (height > 0.0, true),
+            Side::Front => (height > 0.0, height < 0.0),
+            Side::Back => (height > 0.0, height > 0.0),
+        };
+        if !hidden || (caster.one_sided && !front) {
+            return false;
+        }
+        self.half_spaces.clear();
+        let sign = if front { 1.0 } else { -1.0 };
+        let n = caster.corners.len();
+        let mut a = caster.corners[n - 1] - point;
+        let mut size_a = a.abs().element_sum();
+        for &corner in &caster.corners {
+            let b = corner - point;
+            let size_b = b.abs().element_sum();
+            // Seen from the front the contour runs counter-clockwise, and a × b points out of the cone's right side: inwards is the reverse.
+            self.half_spaces.push(HalfSpace {
+                normal: a.cross(b) * -sign,
+                offset: 0.0,
+                slack: 1e-15 * size_a * size_b,
+            });
+            (a, size_a) = (b, size_b);
+        }
+        if caster.target == Side::Both {
+            self.half_spaces.push(HalfSpace {
+                normal: caster.normal * -sign,
+                offset: height * -sign,
+                slack: 0.0,
+            });
+        }
+        true
+    }
+}
+
+/// Adds to `out` the convex pieces of a convex fragment that lie outside of at least one half-space.
+fn subtract(
+    fragment: &[DVec3],
+    half_spaces: &[HalfSpace],
+    out: &mut Fragments,
+    rest: &mut Vec<DVec3>,
+    piece: &mut Vec<DVec3>,
+) {
+    let reach = fragment.iter().map(|r| r.abs().element_sum()).fold(0.0, f64::max);
+    let mut cutting = 0_u64;
+    for (k, half_space) in half_spaces.iter().enumerate() {
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        for &r in fragment {
+            let value = half_space.value(r);
+            low = low.min(value);
+            high = high.max(value);
+        }
+        let slack = half_space.slack * reach;
+        if high <= slack {
+            out.push(fragment);
+            return;
+        }
+        if low < -slack {
+            cutting |= 1 << (k & 63);
+        }
+    }
+    rest.clear();
+    rest.extend_from_slice(fragment);
+    for (k, half_space) in half_spaces.iter().enumerate() {
+        if cutting & (1 << (k & 63)) == 0 {
+            continue;
+        }
+        piece.clear();
+        split(rest, half_space, piece);
+        if piece.len() >= 3 {
+            out.push(piece);
+        }
+        if rest.len() < 3 {
+            return;
+        }
+    }
+}
+
+/// Splits a convex polygon: `inside` keeps what lies inside the half-space, the rest goes to `outside`.
+fn split(inside: &mut Vec<DVec3>, half_space: &HalfSpace, outside: &mut Vec<DVec3>) {
+    let n = inside.len();
+    let start = n;
+    for k in 0..n {
+        let (a, b) = (inside[k], inside[if k + 1 == n { 0 } else { k + 1 }]);
+        let (value_a, value_b) = (half_space.value(a), half_space.value(b));
+        if value_a >= 0.0 {
+            inside.push(a);
+        } else {
+            outside.push(a);
+        }
+        if (value_a >= 0.0) != (value_b >= 0.0) {
+            let cut = a + (b - a) * (value_a / (value_a - value_b));
+            inside.push(cut);
+            outside.push(cut);
+        }
+    }
+    inside.drain(..start);
+}
+
+/// Returns Σ (r_k × r_{k+1}) θ_k / |r_k × r_{k+1}| around a polygon.
+fn contour_vector(corners: &[DVec3]) -> DVec3 {
+    let mut a = corners[corners.len() - 1];
+    let mut sum = DVec3::ZERO;
+    for &b in corners {
+        sum += near_term(a, b);
+        a = b;
+    }
+    sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::point_form_factor::point_form_factor;
+
+    fn rectangle(corner: DVec3, a: DVec3, b: DVec3) -> Vec<DVec3> {
+        vec![corner, corner + a, corner + a + b, corner + b]
+    }
+
+    fn ceiling() -> Vec<DVec3> {
+        rectangle(DVec3::Z, DVec3::Y, DVec3::X)
+    }
+
+    fn factor(blockers: &[(Vec<DVec3>, bool)], point: DVec3) -> f64 {
+        let receiver = Receiver::new(rectangle(DVec3::ZERO, DVec3::X, DVec3::Y), DVec3::Z);
+        let mut list = Vec::new();
+        for (corners, one_sided) in blockers {
+            list.push(Blocker {
+                corners,
+                one_sided: *one_sided,
+            });
+        }
+        Shadows::new(&receiver, &ceiling(), &list, 2.0).visible_factor(point)
+    }
+
+    const POINT: DVec3 = DVec3::new(0.25, 0.5, 0.0);
+
+    #[test]
+    fn without_blockers_it_is_the_whole_target() {
+        let exact = point_form_factor(POINT, DVec3::Z, &ceiling());
+        assert!((factor(&[], POINT) - exact).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_plate_takes_away_what_is_behind_it() {
+        // The plate at half height hides twice its size; its image is [0.25, 0.75] × [0, 0.5].
+        let plate = rectangle(DVec3::new(0.25, 0.25, 0.5), DVec3::X * 0.25, DVec3::Y * 0.25);
+        let image = rectangle(DVec3::new(0.25, 0.0, 1.0), DVec3::Y * 0.5, DVec3::X * 0.5);
+        let exact = point_form_factor(POINT, DVec3::Z, &ceiling()) - point_form_factor(POINT, DVec3::Z, &image);
+        let turned: Vec<DVec3> = plate.iter().rev().copied().collect();
+        let beyond: Vec<DVec3> = plate.iter().map(|&v| v + DVec3::Z).collect();
+        for blockers in [
+            vec![(plate.clone(), false)],
+            vec![(turned.clone(), false)],
+            vec![(turned.clone(), true)],
+            vec![(plate.clone(), false), (turned.clone(), false), (beyond, false)],
+        ] {
+            assert!((factor(&blockers, POINT) - exact).abs() < 1e-15, "{blockers:?}");
+        }
+        // Its front looks up: one-sided it hides nothing from below.
+        let whole = point_form_factor(POINT, DVec3::Z, &ceiling());
+        assert!((factor(&[(plate, true)], POINT) - whole).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_plate_through_the_target_hides_only_what_is_behind_the_part_before_it() {
+        // A wall in the plane x = 0.5 whose lower edge is at half height: from x = 0.25 it hides the ceiling from 0.5 to 0.75, and what of
+        // it stands above the ceiling hides no more.
+        let seen = [
+            rectangle(DVec3::Z, DVec3::Y, DVec3::X * 0.5),
+            rectangle(DVec3::new(0.75, 0.0, 1.0), DVec3::Y, DVec3::X * 0.25),
+        ];
+        let exact: f64 = seen.iter().map(|part| point_form_factor(POINT, DVec3::Z, part)).sum();
+        for height in [0.5, 4.0] {
+            let wall = rectangle(DVec3::new(0.5, -1.0, 0.5), DVec3::Y * 3.0, DVec3::Z * height);
+            let value = factor(&[(wall, false)], POINT);
+            assert!((value - exact).abs() < 1e-15, "{value} {exact}");
+        }
+    }
+
+    #[test]
+    fn nothing_is_left_behind_a_screen_of_pieces() {
+        let mut screen = Vec::new();
+        for k in 0..9 {
+            let corner = DVec3::new(f64::from(k % 3) * 1.1 - 1.2, f64::from(k / 3) * 1.1 - 1.2, 0.4);
+            screen.push((rectangle(corner, DVec3::X * 1.1, DVec3::Y * 1.1), false));
+        }
+        assert!(factor(&screen, POINT).abs() < f64::MIN_POSITIVE);
+        screen.remove(4);
+        assert!(factor(&screen, POINT) > 0.1);
+    }
+
+    #[test]
+    fn a_plate_seen_edge_on_hides_nothing() {
+        let plate = rectangle(DVec3::new(0.25, -1.0, 0.2), DVec3::Y * 3.0, DVec3::Z * 0.5);
+        let whole = point_form_factor(POINT, DVec3::Z, &ceiling());
+        assert!((factor(&[(plate, false)], POINT) - whole).abs() < 1e-15);
+    }
+}

@@ -1,0 +1,186 @@
+//! Joining flat neighbours into larger convex polygons: the fewer edges, the less work for shadows.
+
+use std::collections::HashMap;
+
+use glam::DVec3;
+
+use crate::geometry::polygon;
+use crate::scene::Scene;
+
+/// Normals of one plane differ by less than this.
+const ANGLE_TOLERANCE: f64 = 1e-12;
+
+type Edge = (u32, u32);
+
+fn edge(a: u32, b: u32) -> Edge {
+    (a.min(b), a.max(b))
+}
+
+/// Returns the faces of a scene as vertex loops, coincident ones once, and flat neighbours with a convex union joined.
+///
+/// Faces block from both sides, so that the two faces of a sheet count as one; of joined faces all turn their fronts the same way. The
+/// second part of each item is the list of the faces that it is made of. Faces without an area are left out.
+pub(super) fn convex_polygons(scene: &Scene) -> Vec<(Vec<u32>, Vec<u32>)> {
+    let mut merger = Merger {
+        vertices: &scene.vertices,
+        loops: Vec::new(),
+        by_edge: HashMap::new(),
+    };
+    let mut known: HashMap<Vec<u32>, usize> = HashMap::new();
+    for face in scene.face_ids() {
+        let corners = scene.faces[face.0 as usize].corners;
+        let area_vector = scene.area_vector(face);
+        if area_vector.length_squared() <= 0.0 {
+            continue;
+        }
+        let mut key = corners.as_slice().to_vec();
+        key.sort_unstable();
+        if let Some(&twin) = known.get(&key) {
+            merger.loops[twin].faces.push(face.0);
+        } else {
+            known.insert(key, merger.loops.len());
+            merger.push(corners.as_slice().to_vec(), area_vector.normalize(), face.0);
+        }
+    }
+    for k in 0..merger.loops.len() {
+        while merger.join_a_neighbour(k) {}
+    }
+    let scene_vertices = merger.vertices;
+    let alive = merger.loops.into_iter().filter(|l| !l.corners.is_empty());
+    alive
+        .map(|l| (without_straight_corners(scene_vertices, &l), l.faces))
+        .collect()
+}
+
+struct Loop {
+    /// Empty once the loop is joined to another.
+    corners: Vec<u32>,
+    normal: DVec3,
+    faces: Vec<u32>,
+}
+
+struct Merger<'a> {
+    vertices: &'a [DVec3],
+    loops: Vec<Loop>,
+    by_edge: HashMap<Edge, Vec<usize>>,
+}
+
+impl Merger<'_> {
+    fn push(&mut self, corners: Vec<u32>, normal: DVec3, face: u32) {
+        let index = self.loops.len();
+        for (k, &a) in corners.iter().enumerate() {
+            let b = corners[(k + 1) % corners.len()];
+            self.by_edge.entry(edge(a, b)).or_default().push(index);
+        }
+        self.loops.push(Loop {
+            corners,
+            normal,
+            faces: vec![face],
+        });
+    }
+
+    /// Joins one flat neighbour with a convex union to loop `k`; false if there is none.
+    fn join_a_neighbour(&mut self, k: usize) -> bool {
+        let corners = &self.loops[k].corners;
+        for i in 0..corners.len() {
+            let (a, b) = (corners[i], corners[(i + 1) % corners.len()]);
+            let Some(&[x, y]) = self.by_edge.get(&edge(a, b)).map(Vec::as_slice) else {
+                continue; // a border, or an edge at which more than two faces meet
+            };
+            let other = if x == k { y } else { x };
+            if other == k || (self.loops[k].normal - self.loops[other].normal).length() > ANGLE_TOLERANCE {
+                continue;
+            }
+            if let Some(union) = self.union(k, other) {
+                self.replace(k, other, union);
+                return true;
+            }
+        }
+        false
+    }
+
+    /// Returns the loop around two loops that share one run of edges, if it is convex.
+    fn union(&self, k: usize, other: usize) -> Option<Vec<u32>> {
+        let (first, second) = (&self.loops[k].corners, &self.loops[other].corners);
+        let (n, m) = (first.len(), second.len());
+        let shared = |i: usize| {
+            let (a, b) = (first[i % n], first[(i + 1) % n]);
+            (0..m).any(|j| second[j] == b && second[(j + 1) % m] == a)
+        };
+        // Turn the first loop so that it begins behind the shared run.
+        let start = (0..n).find(|&i| !shared(i) && shared(i + n - 1))?;
+        let own: Vec<u32> = (0..n)
+            .take_while(|&i| !shared(start + i))
+            .map(|i| first[(start + i) % n])
+            .collect();
+        let n_shared = n - own.len();
+        if (0..n).filter(|&i| shared(i)).count() != n_shared {
+            return None; // several runs: the union has a hole
+        }
+        let (run_begin, run_end) = (first[(start + own.len()) % n], first[start]);
+        let at = second.iter().position(|&v| v == run_begin)?;
+        let mut union = own;
+        for j in 0..m {
+            let v = second[(at + j) % m];
+            if v == run_end {
+                break;
+            }
+            union.push(v);
+        }
+        let mut distinct = union.clone();
+        distinct.sort_unstable();
+        distinct.dedup();
+        (distinct.len() == union.len() && self.is_convex(&union, self.loops[k].normal)).then_some(union)
+    }
+
+    fn is_convex(&self, corners: &[u32], normal: DVec3) -> bool {
+        let v = |i: usize| self.vertices[corners[i % corners.len()] as usize];
+        let flat_turns = (0..corners.len()).all(|i| {
+            let (before, after) = (v(i + 1) - v(i), v(i + 2) - v(i + 1));
+            let scale = before.length() * after.length();
+            normal.dot(before.cross(after)) >= -ANGLE_TOLERANCE * scale
+                && (before.dot(after) > 0.0 || normal.dot(before.cross(after)) > ANGLE_TOLERANCE * scale)
+        });
+        // Long chains of flat turns must not bend out of the plane either.
+        let plane = normal.dot(v(0));
+        let size = (0..corners.len()).map(|i| (v(i) - v(0)).length()).fold(0.0, f64::max);
+        flat_turns && (0..corners.len()).all(|i| (normal.dot(v(i)) - plane).abs() <= ANGLE_TOLERANCE * size)
+    }
+
+    fn replace(&mut self, k: usize, other: usize, union: Vec<u32>) {
+        let absorbed = std::mem::take(&mut self.loops[other].corners);
+        let faces = std::mem::take(&mut self.loops[other].faces);
+        for (i, &a) in absorbed.iter().enumerate() {
+            let owners = self
+                .by_edge
+                .entry(edge(a, absorbed[(i + 1) % absorbed.len()]))
+                .or_default();
+            for owner in owners.iter_mut().filter(|owner| **owner == other) {
+                *owner = k;
+            }
+        }
+        self.loops[k].corners = union;
+        self.loops[k].faces.extend(faces);
+    }
+}
+
+/// Returns the corners of a loop at which it turns.
+fn without_straight_corners(vertices: &[DVec3], l: &Loop) -> Vec<u32> {
+    let n = l.corners.len();
+    let v = |i: usize| vertices[l.corners[i % n] as usize];
+    let turning = (0..n).filter(|&i| {
+        let (before, after) = (v(i) - v(i + n - 1), v(i + 1) - v(i));
+        l.normal.dot(before.cross(after)) > ANGLE_TOLERANCE * before.length() * after.length()
+    });
+    let kept: Vec<u32> = turning.map(|i| l.corners[i]).collect();
+    // A loop must keep its area whatever rounding says.
+    let area = |corners: &[u32]| {
+        let points: Vec<DVec3> = corners.iter().map(|&k| vertices[k as usize]).collect();
+        polygon::area_vector(&points).length()
+    };
+    if kept.len() >= 3 && (area(&kept) - area(&l.corners)).abs() <= ANGLE_TOLERANCE * area(&l.corners) {
+        kept
+    } else {
+        l.corners.clone()
+    }
+}

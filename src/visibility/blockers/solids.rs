@@ -1,0 +1,132 @@
+//! Closed convex solids among the faces of a scene: of these, a point outside need look at the near side only.
+
+use std::collections::HashMap;
+
+use glam::DVec3;
+
+use super::super::shaft::{Plane, Shaft};
+use crate::scene::{FaceId, Scene};
+
+/// A solid with more polygons is not looked at for convexity, which takes polygons × corners: its shadows then only cost more.
+const MOST_POLYGONS: usize = 2000;
+
+/// A closed convex solid whose faces look outwards.
+#[derive(Clone, Debug)]
+pub(super) struct Solid {
+    planes: Vec<Plane>,
+    /// A point inside.
+    middle: DVec3,
+}
+
+impl Solid {
+    /// Tells whether the inside of a polygon lies strictly outside of the solid: whether it is in front of one of the solid's planes, and not in it.
+    ///
+    /// A polygon in the plane of a side may lie behind that side, which then hides nothing from it: it counts as outside only if another plane tells.
+    pub(super) fn excludes(&self, corners: &[DVec3], tolerance: f64) -> bool {
+        self.planes.iter().any(|plane| {
+            let heights = || corners.iter().map(|&v| plane.height(v));
+            heights().all(|h| h >= -tolerance) && heights().any(|h| h > tolerance)
+        })
+    }
+}
+
+impl Solid {
+    /// Tells whether the solid alone stops all light between two polygons. Errs on the side of false.
+    pub(super) fn closes(&self, shaft: &Shaft<'_>, p: &[DVec3], q: &[DVec3], tolerance: f64) -> bool {
+        // From inside of the solid to its inside nothing is in the way.
+        shaft.is_closed_by_solid(self.middle, &self.planes)
+            && (self.excludes(p, tolerance) || self.excludes(q, tolerance))
+    }
+}
+
+/// Returns the closed convex solids, and for each polygon (a list of faces with its corners) the solid that it is a side of.
+pub(super) fn find(scene: &Scene, polygons: &[(Vec<DVec3>, Vec<FaceId>)]) -> (Vec<Solid>, Vec<Option<u32>>) {
+    let piece_of_face = closed_pieces(scene);
+    let mut polygons_of_piece: HashMap<u32, Vec<usize>> = HashMap::new();
+    for (k, (_, faces)) in polygons.iter().enumerate() {
+        // A polygon that stands for two coincident faces is no side of a solid: light may come from either.
+        let mut pieces = faces.iter().map(|face| piece_of_face[face.0 as usize]);
+        if let Some(Some(first)) = pieces.next()
+            && pieces.all(|piece| piece == Some(first))
+        {
+            polygons_of_piece.entry(first).or_default().push(k);
+        }
+    }
+    let mut n_faces: HashMap<u32, usize> = HashMap::new();
+    for piece in piece_of_face.iter().flatten() {
+        *n_faces.entry(*piece).or_default() += 1;
+    }
+    let mut pieces: Vec<(u32, Vec<usize>)> = polygons_of_piece.into_iter().collect();
+    pieces.sort_unstable();
+    let (mut solids, mut solid_of_polygon) = (Vec::new(), vec![None; polygons.len()]);
+    for (piece, sides) in pieces {
+        let covered: usize = sides.iter().map(|&k| polygons[k].1.len()).sum();
+        if sides.len() > MOST_POLYGONS || covered != n_faces[&piece] {
+            continue;
+        }
+        let planes: Vec<Plane> = sides.iter().map(|&k| Plane::of(&polygons[k].0)).collect();
+        let corners = || sides.iter().flat_map(|&k| polygons[k].0.iter().copied());
+        let all = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        let (low, high) = corners().fold(all, |(l, h), v| (l.min(v), h.max(v)));
+        let slack = 1e-12 * (high - low).length() + 16.0 * f64::EPSILON * low.abs().max(high.abs()).max_element();
+        if planes.iter().all(|plane| corners().all(|v| plane.height(v) <= slack)) {
+            let index = u32::try_from(solids.len()).ok();
+            for &k in &sides {
+                solid_of_polygon[k] = index;
+            }
+            solids.push(Solid {
+                planes,
+                middle: low.midpoint(high),
+            });
+        }
+    }
+    (solids, solid_of_polygon)
+}
+
+/// Returns for each face its connected piece of surface, if that is closed: if every edge is run along once in each sense.
+fn closed_pieces(scene: &Scene) -> Vec<Option<u32>> {
+    let mut runs: HashMap<(u32, u32), (u32, bool)> = HashMap::new();
+    for face in scene.face_ids() {
+        for edge in edges(scene, face) {
+            runs.entry(edge)
+                .and_modify(|run| run.1 = false)
+                .or_insert((face.0, true));
+        }
+    }
+    let mut piece: Vec<Option<u32>> = vec![None; scene.faces.len()];
+    let mut closed = Vec::new();
+    for seed in scene.face_ids() {
+        if piece[seed.0 as usize].is_some() {
+            continue;
+        }
+        let index = u32::try_from(closed.len()).ok();
+        let mut is_closed = true;
+        let mut stack = vec![seed.0];
+        piece[seed.0 as usize] = index;
+        while let Some(face) = stack.pop() {
+            for (a, b) in edges(scene, FaceId(face)) {
+                let once = runs.get(&(a, b)).is_some_and(|run| run.1);
+                match runs.get(&(b, a)) {
+                    Some(&(neighbour, true)) if once => {
+                        if piece[neighbour as usize].is_none() {
+                            piece[neighbour as usize] = index;
+                            stack.push(neighbour);
+                        }
+                    }
+                    _ => is_closed = false,
+                }
+            }
+        }
+        closed.push(is_closed);
+    }
+    for entry in &mut piece {
+        *entry = entry.filter(|&k| closed[k as usize]);
+    }
+    piece
+}
+
+fn edges(scene: &Scene, face: FaceId) -> impl Iterator<Item = (u32, u32)> + use<> {
+    let corners = scene.faces[face.0 as usize].corners;
+    let n = corners.as_slice().len();
+    (0..n).map(move |k| (corners.as_slice()[k], corners.as_slice()[(k + 1) % n]))
+}

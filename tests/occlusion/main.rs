@@ -1,0 +1,16 @@
+//! Form factors behind blockers: against certified values, closed rooms, brute force and themselves.
+
+#[path = "../embree/scenes.rs"]
+#[allow(
+    dead_code,
+    reason = "made for rays; only the random numbers, motions and the builder are used here"
+)]
+mod scenes;
+
+mod blocker_index;
+mod certified;
+mod closed_rooms;
+mod error_estimates;
+mod invariants;
+mod monte_carlo;
+mod shapes;
