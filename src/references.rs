@@ -49,3 +49,6 @@ pub const EFRON_1969: &str = "Efron 1969";
 
 /// Q.-M. Shao, "Self-normalized Large Deviations", The Annals of Probability 25(1), 1997.
 pub const SHAO_1997: &str = "Shao 1997";
+
+/// M. F. Cohen, D. P. Greenberg, "The Hemi-Cube: A Radiosity Solution for Complex Environments", SIGGRAPH 1985.
+pub const COHEN_GREENBERG_1985: &str = "Cohen and Greenberg 1985";

@@ -3,9 +3,11 @@
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use serde::Serialize;
 
+use crate::form_factor::registry::METHODS;
 use crate::geometry::sampling::Sequence;
 use crate::mesh::Subdivision;
 
@@ -100,18 +102,13 @@ impl MeshArgs {
     }
 }
 
-/// The form-factor methods.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
-#[serde(rename_all = "kebab-case")]
-pub enum MethodName {
-    /// Shooting from random points
-    Sr,
-    /// Shooting from Q × Q Gauss points
-    Sg,
-    /// Shooting from 5 × 5 Gauss points
-    Sg5,
-    /// Shooting from 10 × 10 Gauss points
-    Sg10,
+/// Reads the name of a form-factor method; help lists those that the registry has.
+fn method_name() -> impl TypedValueParser<Value = String> {
+    PossibleValuesParser::new(
+        METHODS
+            .iter()
+            .map(|method| PossibleValue::new(method.name).help(method.summary)),
+    )
 }
 
 /// The kinds of numbers that shooting uses.
@@ -150,17 +147,23 @@ pub enum BalanceName {
 #[command(next_help_heading = "Form factors")]
 pub struct MethodArgs {
     /// The method
-    #[arg(long, value_enum, default_value_t = MethodName::Sr)]
-    pub method: MethodName,
-    /// Rays for each patch [default: 4096; render: 16384]
+    #[arg(long, value_name = "NAME", value_parser = method_name(), default_value = "sr")]
+    pub method: String,
+    /// Rays for each patch, with sr and sg [default: 4096; render: 16384], or for each pair, with qmc [default: 64]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub rays: Option<u64>,
-    /// Gauss points along each side of a patch, for `sg` [default: 5]
+    /// Points along each side of a patch, with sg, pdm, gauss-lambert, contour and closed-form [default: 5] and hemicube [default: 1]
     #[arg(long, value_name = "Q")]
     pub points: Option<NonZeroUsize>,
-    /// Where the numbers come from
-    #[arg(long, value_enum, default_value_t = SequenceName::Sobol)]
-    pub sequence: SequenceName,
+    /// Cells along each edge of the top, with hemicube [default: 256]
+    #[arg(long, value_name = "N")]
+    pub resolution: Option<NonZeroUsize>,
+    /// Divide each row by its sum, with centre
+    #[arg(long)]
+    pub normalise: bool,
+    /// Where the numbers of sr and sg come from [default: sobol]
+    #[arg(long, value_enum)]
+    pub sequence: Option<SequenceName>,
     /// Seed of all numbers
     #[arg(long, value_name = "S", default_value_t = 0)]
     pub seed: u64,

@@ -82,6 +82,9 @@ impl From<FormFactorError> for Failure {
     fn from(error: FormFactorError) -> Self {
         match error {
             FormFactorError::Matrix(error) => error.into(),
+            FormFactorError::UnknownMethod { .. } | FormFactorError::UnusedSetting { .. } => {
+                Self::usage(error.to_string())
+            }
             other => Self::new("form_factors", other.to_string()),
         }
     }

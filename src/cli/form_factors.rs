@@ -46,7 +46,7 @@ pub(super) fn checks_to_json(computed: &Computed) -> Value {
         "closure_error_max": checks.closure_error_max,
         "reciprocity_error_max": checks.reciprocity_error_max,
         "exchange_ratio_max": checks.exchange_ratio_max,
-        "n_rays": checks.n_rays,
+        "n_rays": checks.n_rays + computed.pairs.map_or(0, |pairs| pairs.n_rays),
         "n_escaped": checks.n_escaped,
         "n_absorbed": checks.n_absorbed,
         "density": computed.factors.density(),
@@ -131,6 +131,17 @@ pub(super) fn describe_checks(text: &mut String, computed: &Computed) {
             text,
             "{} rays, {} escaped, {} met the back of a face",
             checks.n_rays, checks.n_escaped, checks.n_absorbed
+        );
+    }
+    if let Some(pairs) = computed.pairs {
+        let _ = writeln!(
+            text,
+            "{} pairs face each other: {} see each other whole, {} in part, {} not at all; {} rays between them",
+            pairs.full + pairs.partial + pairs.hidden,
+            pairs.full,
+            pairs.partial,
+            pairs.hidden,
+            pairs.n_rays
         );
     }
     let _ = writeln!(

@@ -1,16 +1,16 @@
 //! The stages that several commands share, each one call into the library, timed and told to the progress bar.
 
 use std::fmt::Write as _;
-use std::num::NonZeroUsize;
 use std::path::Path;
 
 use serde_json::{Value, json};
 
-use super::args::{BalanceName, CommonArgs, MeshArgs, MethodArgs, MethodName, SolverArgs};
+use super::args::{BalanceName, CommonArgs, MeshArgs, MethodArgs, SolverArgs};
 use super::failure::Failure;
 use super::progress::Bars;
 use super::{SCHEMA_VERSION, warn};
-use crate::form_factor::{FormFactorMethod, GaussShooting, Input, PairCounts, RandomShooting};
+use crate::form_factor::registry::{self, Setting};
+use crate::form_factor::{FormFactorMethod, Input, MethodSettings, PairCounts};
 use crate::matrix::operator::Block;
 use crate::matrix::{BalanceReport, Checks, FormFactors, StorageChoice, Weighting};
 use crate::mesh::{Mesh, Patch, Subdivision};
@@ -152,6 +152,9 @@ impl Run {
         };
         self.set("balance", wanted);
         let plan = &mut prepared.plan;
+        if input.unoccluded && result.pairs.is_some() {
+            plan.left_out.push("rays between patches: nothing can block".into());
+        }
         let (factors, balance) = if wanted {
             let targets = raw.row_targets(closed);
             let (factors, report) = self.times.time("balance", || {
@@ -190,31 +193,35 @@ impl Run {
     }
 
     fn method(&mut self, args: &MethodArgs, default_rays: u64) -> Result<Box<dyn FormFactorMethod>, Failure> {
-        let rays = args.rays.unwrap_or(default_rays);
-        let points = match (args.method, args.points) {
-            (MethodName::Sg, given) => given.map_or(5, NonZeroUsize::get),
-            (MethodName::Sg5, None) => 5,
-            (MethodName::Sg10, None) => 10,
-            (MethodName::Sr, None) => 0,
-            (_, Some(_)) => return Err(Failure::usage("--points is for `--method sg`")),
-        };
-        self.set("method", if args.method == MethodName::Sr { "sr" } else { "sg" });
-        self.set("rays", rays);
+        let entry = registry::by_name(&args.method)?;
+        // The direct pass of a render takes its numbers from there too.
+        let sequence_is_elsewhere = self.command == "render" && !entry.settings.contains(&Setting::Sequence);
+        let settings = entry.resolve(&MethodSettings {
+            rays: args.rays.or(entry.shoots().then_some(default_rays)),
+            points: args.points,
+            resolution: args.resolution,
+            normalise: args.normalise,
+            sequence: args.sequence.filter(|_| !sequence_is_elsewhere).map(Into::into),
+            seed: args.seed,
+        })?;
+        self.set("method", entry.name);
         self.set("seed", args.seed);
-        self.set("sequence", json!(args.sequence));
-        let (sequence, seed) = (args.sequence.into(), args.seed);
-        match NonZeroUsize::new(points) {
-            None => Ok(Box::new(RandomShooting { rays, sequence, seed })),
-            Some(points) => {
-                self.set("points", points.get());
-                Ok(Box::new(GaussShooting {
-                    points,
-                    rays,
-                    sequence,
-                    seed,
-                }))
-            }
+        if let Some(rays) = settings.rays {
+            self.set("rays", rays);
         }
+        if let Some(points) = settings.points {
+            self.set("points", points.get());
+        }
+        if let Some(resolution) = settings.resolution {
+            self.set("resolution", resolution.get());
+        }
+        if entry.settings.contains(&Setting::Normalise) {
+            self.set("normalise", settings.normalise);
+        }
+        if let Some(sequence) = settings.sequence {
+            self.set("sequence", json!(sequence));
+        }
+        Ok(entry.build(&settings))
     }
 
     /// Solves the radiosity system of a scene.

@@ -13,6 +13,7 @@ use super::failure::Failure;
 use super::form_factors::{checks_to_json, describe_checks};
 use super::pipeline::{Computed, Prepared, Run, materials_of_patches};
 use super::{output, solve};
+use crate::geometry::sampling::Sequence;
 use crate::matrix::operator::{Block, LinearOperator};
 use crate::mesh::Subdivision;
 use crate::render::{
@@ -204,7 +205,7 @@ fn render_settings(args: &RenderArgs) -> Result<RenderSettings, Failure> {
         flat: image.flat,
         samples: NonZeroU32::new(samples).ok_or(Failure::usage("--samples starts at 1"))?,
         direct,
-        sequence: args.method.sequence.into(),
+        sequence: args.method.sequence.map_or_else(Sequence::default, Into::into),
         seed: args.method.seed,
     })
 }

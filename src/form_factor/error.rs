@@ -19,4 +19,22 @@ pub enum FormFactorError {
         /// Why not, and what to use instead.
         reason: String,
     },
+    /// There is no method of this name.
+    #[error("there is no method `{name}`; there are {known}")]
+    UnknownMethod {
+        /// The name asked for.
+        name: String,
+        /// The names that there are.
+        known: String,
+    },
+    /// A setting was given that the method has no use for.
+    #[error("`{flag}` has no meaning with the method `{method}`; it is for {used_by}")]
+    UnusedSetting {
+        /// The setting's flag.
+        flag: &'static str,
+        /// The method's name.
+        method: &'static str,
+        /// The methods that use it.
+        used_by: String,
+    },
 }

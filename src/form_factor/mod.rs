@@ -2,16 +2,48 @@
 //!
 //! F_ij = 1/A_i ∫_{A_i} ∫_{A_j} V cos θ_i cos θ_j / (π r²) dA_j dA_i, dimensionless, in \[0, 1\].
 //!
-//! Each method is one file behind [`FormFactorMethod`]; [`compute`] runs a method over all rows in parallel.
+//! Each method is one file behind [`FormFactorMethod`], and one line in the [`registry`]. What each of them promises without a blocker:
+//!
+//! | method | A_i F_ij symmetric | A_i F_ij ≤ min(A_i, A_j) | rows sum to 1 if closed | error of an entry from |
+//! |---|---|---|---|---|
+//! | [`CentrePoint`] | unless normalised | no | if normalised | the exact value |
+//! | [`ParametricDifferential`] | yes | no | no | the exact value |
+//! | [`RandomShooting`], [`GaussShooting`] | to the noise | to the noise | yes | the number of hits |
+//! | [`Hemicube`] | no | no | yes | the exact value, and the cells' size |
+//! | [`GaussLambert`] | yes | to its error | to its error | a rule with fewer points |
+//! | [`ContourIntegral`] | yes | yes | to rounding | rounding |
+//! | [`ClosedForm`] | yes | yes | to rounding | rounding |
+//! | [`QuasiMonteCarlo`] | yes | yes | to rounding | rounding |
+//!
+//! With blockers the methods between pairs add the standard error of the visible fraction, which rays between the two patches give.
+//! These methods trace no ray where nothing can block.
 
+mod centre;
+mod closed_form;
+mod contour;
 mod error;
+mod gauss_lambert;
+mod hemicube;
 mod pairs;
+mod pdm;
+mod qmc;
+pub mod registry;
 mod rows;
+mod sampled;
+mod segments;
 mod sg;
 mod shooting;
 mod sr;
 
+pub use centre::CentrePoint;
+pub use closed_form::ClosedForm;
+pub use contour::ContourIntegral;
 pub use error::FormFactorError;
+pub use gauss_lambert::GaussLambert;
+pub use hemicube::Hemicube;
+pub use pdm::ParametricDifferential;
+pub use qmc::QuasiMonteCarlo;
+pub use registry::{MethodSettings, method};
 pub use sg::GaussShooting;
 pub use sr::RandomShooting;
 
@@ -53,9 +85,9 @@ pub struct Computed {
 pub struct PairCounts {
     /// Pairs whose fronts do not face each other: exactly 0.
     pub not_facing: u64,
-    /// Pairs that see each other whole.
+    /// Pairs that see each other whole, as far as the method can tell.
     pub full: u64,
-    /// Pairs that do not see each other at all.
+    /// Pairs that do not see each other at all, as far as the method can tell.
     pub hidden: u64,
     /// Pairs that something stands between, or may.
     pub partial: u64,

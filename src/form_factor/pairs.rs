@@ -25,8 +25,8 @@ pub(super) struct Exchange {
 pub(super) trait PairWorker {
     /// Computes the exchange areas of patch `i` with each of `others`, all of which face it, in their order.
     ///
-    /// `emit` is called once for each, in order.
-    fn row(&mut self, i: usize, others: &[usize], emit: &mut dyn FnMut(Exchange));
+    /// `emit` is called once for each, in order. Fails where the method cannot treat a pair.
+    fn row(&mut self, i: usize, others: &[usize], emit: &mut dyn FnMut(Exchange)) -> Result<(), FormFactorError>;
 
     /// Returns what this worker did; `not_facing` is counted by the caller.
     fn counts(&self) -> PairCounts;
@@ -49,7 +49,7 @@ pub(super) fn by_pairs<W: PairWorker>(
     let n = input.mesh.n_patches();
     progress.begin("form factors", (n as u64 * (n as u64).saturating_sub(1)) / 2);
     let facing = Facing::new(input.mesh);
-    let tiles: Vec<(RowTile, PairCounts, bool)> = (0..n.div_ceil(ROWS_PER_TILE))
+    let results: Vec<Result<(RowTile, PairCounts, bool), FormFactorError>> = (0..n.div_ceil(ROWS_PER_TILE))
         .into_par_iter()
         .map(|k| {
             let rows = k * ROWS_PER_TILE..n.min((k + 1) * ROWS_PER_TILE);
@@ -59,6 +59,8 @@ pub(super) fn by_pairs<W: PairWorker>(
             result
         })
         .collect();
+    // Collected first: of several errors it is always the first row's that is reported.
+    let tiles = results.into_iter().collect::<Result<Vec<_>, _>>()?;
     let mut counts = PairCounts::default();
     let mut tolerance_met = true;
     for (_, of_tile, met) in &tiles {
@@ -77,7 +79,11 @@ pub(super) fn by_pairs<W: PairWorker>(
     })
 }
 
-fn tile(rows: Range<usize>, facing: &Facing, worker: &mut impl PairWorker) -> (RowTile, PairCounts, bool) {
+fn tile(
+    rows: Range<usize>,
+    facing: &Facing,
+    worker: &mut impl PairWorker,
+) -> Result<(RowTile, PairCounts, bool), FormFactorError> {
     let mut tile = RowTile::new(rows.start);
     let mut not_facing = 0;
     let (mut others, mut entries) = (Vec::new(), Vec::new());
@@ -91,7 +97,7 @@ fn tile(rows: Range<usize>, facing: &Facing, worker: &mut impl PairWorker) -> (R
             if let Some(&j) = columns.next() {
                 entries.push((PatchId::from_index(j).0, exchange.area, exchange.error));
             }
-        });
+        })?;
         assert_eq!(entries.len(), others.len(), "one exchange area for each pair");
         tile.push_row(&entries, RowTally::default());
     }
@@ -99,7 +105,7 @@ fn tile(rows: Range<usize>, facing: &Facing, worker: &mut impl PairWorker) -> (R
         not_facing,
         ..worker.counts()
     };
-    (tile, counts, worker.tolerance_met())
+    Ok((tile, counts, worker.tolerance_met()))
 }
 
 /// The planes of all patches and their corners, for the test that goes first.

@@ -3,6 +3,7 @@
 pub mod clip;
 pub mod point_form_factor;
 pub mod polygon;
+pub mod polygon_form_factor;
 pub mod quadrature;
 pub mod rectangle;
 pub mod sampling;

@@ -8,7 +8,7 @@ pub type Entry = (u32, f64, f64);
 /// A method leaves it at its default where a row is not made of rays that leave the patch over its hemisphere.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RowTally {
-    /// Rays that left the patch, independent and with a cosine distribution.
+    /// Rays that left the patch over its hemisphere.
     pub n_rays: u64,
     /// Rays that hit nothing: they end in the sky.
     pub n_escaped: u64,
@@ -25,7 +25,7 @@ pub struct RayWeights {
     pub escaped: f64,
     /// Σ w over the rays that hit a back.
     pub absorbed: f64,
-    /// Σ w² over all rays.
+    /// Σ w² over all rays; 0 if the rays are not independent samples, so that the errors of the entries tell more than the rays' number.
     pub squared: f64,
 }
 
@@ -44,10 +44,11 @@ impl RowTally {
         self.fraction(fraction, self.n_absorbed)
     }
 
-    /// Returns the number of rays of equal weight that have the same variance, 1 / Σ w², or `None` without rays.
+    /// Returns the number of rays of equal weight that have the same variance, 1 / Σ w², or `None` without rays that are independent.
     #[must_use]
     pub fn effective_rays(&self) -> Option<f64> {
-        (self.n_rays > 0).then(|| self.weights.map_or(self.n_rays as f64, |w| w.squared.recip()))
+        let squared = self.weights.map_or_else(|| (self.n_rays as f64).recip(), |w| w.squared);
+        (self.n_rays > 0 && squared > 0.0).then(|| squared.recip())
     }
 
     fn fraction(&self, weighted: impl Fn(RayWeights) -> f64, counted: u64) -> Option<f64> {

@@ -1,0 +1,98 @@
+//! `gauss-lambert`: Gauss points on one patch, the exact form factor from each of them to the other.
+
+use std::num::NonZeroUsize;
+
+use super::pairs::Exchange;
+use super::sampled::{self, Sampled};
+use super::segments::{Independence, PairSums, Segments, VisibleFraction, kernel};
+use super::{Computed, FormFactorError, FormFactorMethod, Input};
+use crate::geometry::point_form_factor::point_form_factor;
+use crate::geometry::quadrature::{GaussProduct, WeightedPoint};
+use crate::matrix::StorageChoice;
+use crate::progress::Progress;
+
+/// Gauss points on the smaller patch of each pair (by the radius around its corners), exact point-to-polygon form factors to the larger one.
+///
+/// A_i F_ij = A_i Σ_p w_p F(x_p → j) v_p, with F by [`point_form_factor`] and v_p = Σ_s k_ps V_ps / Σ_s k_ps the visible fraction by rays from x_p to q × q
+/// Gauss points of the other patch, k the integrand times the Gauss weight.
+///
+/// Order: 2q between patches apart from each other; where they touch still high, as the exact inner integral leaves no singularity but a weak one
+/// of higher derivatives (3e-8 in a cube of 216 patches with q = 5); second where one patch crosses the other's plane. Bias: that of the rule, and about q^(−3/2) of the entry at the
+/// border of a shadow. 0 ≤ A_i F_ij ≤ the smaller patch's area.
+/// Error of an entry: the difference from the rule with q − 1 (for q = 1, 2) points a side, as far as the pair is visible, plus the error of the visible
+/// fraction and 1e-14 of the smaller area for rounding.
+///
+/// Source: [`LAMBERT_1760`](crate::references::LAMBERT_1760); the combination is folklore. Departures: none.
+#[derive(Clone, Copy, Debug)]
+pub struct GaussLambert {
+    /// q, the number of Gauss points along each side.
+    pub points: NonZeroUsize,
+}
+
+impl FormFactorMethod for GaussLambert {
+    fn name(&self) -> &'static str {
+        "gauss-lambert"
+    }
+
+    fn compute(
+        &self,
+        input: Input<'_>,
+        storage: StorageChoice,
+        progress: &dyn Progress,
+    ) -> Result<Computed, FormFactorError> {
+        let patches = &input.mesh.patches;
+        let polygons = sampled::prepared(input.mesh);
+        let on_patches = |q: NonZeroUsize| {
+            let rule = GaussProduct::new(q);
+            sampled::polygons(input.mesh, |corners| rule.on_polygon(corners))
+        };
+        let q = self.points.get();
+        let points = on_patches(self.points);
+        let other_points = on_patches(NonZeroUsize::new(q - 1).unwrap_or(NonZeroUsize::MIN.saturating_add(1)));
+        let outer_first = |[i, j]: [usize; 2]| {
+            let is_smaller = polygons[i].radius() <= polygons[j].radius();
+            if is_smaller { [i, j] } else { [j, i] }
+        };
+        let exact = |outer: usize, inner: usize, x: &WeightedPoint| {
+            let corners = polygons[inner].corners();
+            patches[outer].area * x.weight * point_form_factor(x.position, patches[outer].normal, corners)
+        };
+        let method = Sampled {
+            independence: Independence::SharedEnds,
+            sample: |segments: &mut Segments<'_>, owner: usize, pair: [usize; 2]| {
+                let [outer, inner] = outer_first(pair);
+                let mut densities = Vec::with_capacity(points[inner].len());
+                for x in &points[outer] {
+                    let share = exact(outer, inner, x);
+                    densities.clear();
+                    densities.extend(points[inner].iter().map(|y| {
+                        y.weight * kernel((x.position, patches[outer].normal), (y.position, patches[inner].normal))
+                    }));
+                    let total: f64 = densities.iter().sum();
+                    if segments.unoccluded() || total <= 0.0 {
+                        // Nothing blocks, or no point of the other patch is above the horizon although a sliver of it is.
+                        segments.add_untraced(owner, share);
+                        continue;
+                    }
+                    for (y, density) in points[inner].iter().zip(&densities) {
+                        if *density > 0.0 {
+                            let weight = share * density / total;
+                            segments.add(owner, (outer, x.position), (inner, y.position), weight);
+                        }
+                    }
+                }
+            },
+            exchange: |pair: [usize; 2], sums: PairSums, visible: VisibleFraction| {
+                let [outer, inner] = outer_first(pair);
+                let other_rule: f64 = other_points[outer].iter().map(|x| exact(outer, inner, x)).sum();
+                let rounding = 1e-14 * patches[outer].area;
+                let all = sums.all + sums.untraced;
+                Ok(Exchange {
+                    area: sums.open + sums.untraced * visible.fraction,
+                    error: (all - other_rule).abs() * visible.fraction + all * visible.error + rounding,
+                })
+            },
+        };
+        method.compute(input, storage, progress)
+    }
+}

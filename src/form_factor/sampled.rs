@@ -1,0 +1,157 @@
+//! What the methods between pairs share: points on both patches, rays between them, and an exchange area from their sums.
+
+use super::pairs::{self, Exchange, PairWorker};
+use super::segments::{Independence, PairSums, Segments, VisibleFraction, kernel};
+use super::{Computed, FormFactorError, Input, PairCounts};
+use crate::geometry::polygon_form_factor::{PreparedPolygon, Tolerance, exchange_area};
+use crate::geometry::quadrature::WeightedPoint;
+use crate::geometry::sampling::{PointStream, Sequence, UniformOnPolygon};
+use crate::matrix::StorageChoice;
+use crate::mesh::{Mesh, PatchId};
+use crate::progress::Progress;
+
+/// A method between pairs: `sample` adds the segments of a pair (its number in the row, i, j), and `exchange` makes an exchange area
+/// of what became of them.
+pub(super) struct Sampled<S, X> {
+    pub(super) independence: Independence,
+    pub(super) sample: S,
+    pub(super) exchange: X,
+}
+
+impl<S, X> Sampled<S, X>
+where
+    S: Fn(&mut Segments<'_>, usize, [usize; 2]) + Sync,
+    X: Fn([usize; 2], PairSums, VisibleFraction) -> Result<Exchange, FormFactorError> + Sync,
+{
+    pub(super) fn compute(
+        &self,
+        input: Input<'_>,
+        storage: StorageChoice,
+        progress: &dyn Progress,
+    ) -> Result<Computed, FormFactorError> {
+        pairs::by_pairs(input, storage, progress, || Worker {
+            method: self,
+            segments: Segments::new(input, self.independence),
+        })
+    }
+}
+
+struct Worker<'a, S, X> {
+    method: &'a Sampled<S, X>,
+    segments: Segments<'a>,
+}
+
+impl<S, X> PairWorker for Worker<'_, S, X>
+where
+    S: Fn(&mut Segments<'_>, usize, [usize; 2]),
+    X: Fn([usize; 2], PairSums, VisibleFraction) -> Result<Exchange, FormFactorError>,
+{
+    fn row(&mut self, i: usize, others: &[usize], emit: &mut dyn FnMut(Exchange)) -> Result<(), FormFactorError> {
+        self.segments.begin(others.len());
+        for (k, &j) in others.iter().enumerate() {
+            (self.method.sample)(&mut self.segments, k, [i, j]);
+        }
+        self.segments.finish();
+        for (k, &j) in others.iter().enumerate() {
+            let (sums, visible) = self.segments.result(k);
+            emit((self.method.exchange)([i, j], sums, visible)?);
+        }
+        Ok(())
+    }
+
+    fn counts(&self) -> PairCounts {
+        self.segments.counts()
+    }
+}
+
+/// Returns the patches as polygons for [`exchange_area`].
+pub(super) fn prepared(mesh: &Mesh) -> Vec<PreparedPolygon> {
+    polygons(mesh, PreparedPolygon::new)
+}
+
+/// Returns what `map` makes of the corners of each patch.
+pub(super) fn polygons<T>(mesh: &Mesh, map: impl Fn(&[glam::DVec3]) -> T) -> Vec<T> {
+    (0..mesh.n_patches())
+        .map(|i| map(&mesh.polygon(PatchId::from_index(i))))
+        .collect()
+}
+
+/// Returns q × q stratified points on every patch: one at random in each cell of equal area.
+pub(super) fn stratified(mesh: &Mesh, q: usize, seed: u64) -> Vec<Vec<WeightedPoint>> {
+    let cell = 1.0 / q as f64;
+    (0..mesh.n_patches())
+        .map(|i| {
+            let map = UniformOnPolygon::new(&mesh.polygon(PatchId::from_index(i)));
+            let mut stream = PointStream::new(Sequence::Random, seed, i as u64);
+            (0..q * q)
+                .map(|k| {
+                    let [u, v, ..] = stream.next_point();
+                    WeightedPoint {
+                        position: map.point(((k % q) as f64 + u) * cell, ((k / q) as f64 + v) * cell),
+                        weight: cell * cell,
+                    }
+                })
+                .collect()
+        })
+        .collect()
+}
+
+/// Adds the segments between all points of i and all points of j, weighted by the exchange area that each stands for.
+pub(super) fn join_all(
+    segments: &mut Segments<'_>,
+    mesh: &Mesh,
+    points: &[Vec<WeightedPoint>],
+    owner: usize,
+    [i, j]: [usize; 2],
+) {
+    let (from, to) = (&mesh.patches[i], &mesh.patches[j]);
+    let areas = from.area * to.area;
+    for x in &points[i] {
+        for y in &points[j] {
+            let density = kernel((x.position, from.normal), (y.position, to.normal));
+            if density > 0.0 {
+                let weight = areas * x.weight * y.weight * density;
+                segments.add(owner, (i, x.position), (j, y.position), weight);
+            }
+        }
+    }
+}
+
+/// Computes Σ w V over all segments between given points: a quadrature rule for the whole integral.
+///
+/// Error: how far the rule is from the exact exchange area without blockers, as far as it is visible, plus the error of the visible fraction.
+pub(super) fn quadrature(
+    points: &[Vec<WeightedPoint>],
+    input: Input<'_>,
+    storage: StorageChoice,
+    progress: &dyn Progress,
+) -> Result<Computed, FormFactorError> {
+    // Two digits of an error are enough, and cheap.
+    let tolerance = Tolerance { rel: 1e-2, abs: 0.0 };
+    let polygons = prepared(input.mesh);
+    let method = Sampled {
+        independence: Independence::SharedEnds,
+        sample: |segments: &mut Segments<'_>, owner: usize, pair: [usize; 2]| {
+            join_all(segments, input.mesh, points, owner, pair);
+        },
+        exchange: |[i, j]: [usize; 2], sums: PairSums, visible: VisibleFraction| {
+            let exact = exchange_area(&polygons[i], &polygons[j], tolerance);
+            let bias = (sums.all - exact.value).abs() + exact.error;
+            Ok(Exchange {
+                area: sums.open,
+                error: bias * visible.fraction + exact.value * visible.error,
+            })
+        },
+    };
+    method.compute(input, storage, progress)
+}
+
+impl Exchange {
+    /// Returns an exchange area without blockers times the visible fraction, with both errors.
+    pub(super) fn times(self, visible: VisibleFraction) -> Self {
+        Self {
+            area: self.area * visible.fraction,
+            error: self.error * visible.fraction + self.area * visible.error,
+        }
+    }
+}

@@ -1,0 +1,222 @@
+//! Which rule is the cheapest that is good enough.
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+
+use super::contour::{Estimate, contour_sum};
+use super::double_double::DoubleDouble;
+use super::facing::FacingPair;
+use super::gauss_lambert::{distance_in_radii, lambert_sum};
+use super::gauss_product::{LARGEST_ORDER, product_sum};
+use super::prepared::PreparedPolygon;
+use super::{Exchange, Rule, Tolerance};
+use crate::geometry::rectangle::rectangle_exchange_area;
+
+/// Digits of the contour's Gauss rules in `f64`.
+pub(super) const DIGITS: f64 = 17.0;
+/// The same in double-double numbers.
+pub(super) const EXTENDED_DIGITS: f64 = 30.0;
+
+/// Up to so many kernel evaluations a product rule costs less than a closed form (some 500 ns) or a contour (some 10 µs).
+const CHEAPER_THAN_CLOSED_FORM: usize = 500;
+const CHEAPER_THAN_CONTOUR: usize = 8000;
+/// Up to so many points with exact form factors (some 50 ns an edge) cost less than a contour.
+const POINTS_CHEAPER_THAN_CONTOUR: usize = 81;
+
+pub(super) fn exchange_area(
+    from: &PreparedPolygon,
+    to: &PreparedPolygon,
+    pair: &FacingPair,
+    tolerance: Tolerance,
+) -> Exchange {
+    let good = |exchange: &Exchange| exchange.error <= tolerance.of(exchange.value);
+    let bound = ProductBound::new(pair);
+    let plan = bound.orders(tolerance);
+    let try_product = |limit: usize| {
+        plan.filter(|&orders| evaluations(pair, orders) <= limit)
+            .map(|orders| product_with(pair, &bound, orders))
+            .filter(good)
+    };
+    let near = || {
+        rectangles(from, to, pair)
+            .filter(good)
+            .or_else(|| try_product(CHEAPER_THAN_CONTOUR))
+            .or_else(|| try_lambert(pair, tolerance).filter(good))
+    };
+    if let Some(exchange) = try_product(CHEAPER_THAN_CLOSED_FORM).or_else(near) {
+        return exchange;
+    }
+    let first = checked(pair, contour_sum::<f64>(pair, DIGITS), Rule::Contour);
+    if good(&first) {
+        return first;
+    }
+    if let Some(exchange) = try_product(usize::MAX) {
+        return exchange;
+    }
+    // Where the first value means something, it tells how many digits will do.
+    let perimeters = pair.first.polygon.perimeter() * pair.second.polygon.perimeter();
+    let wanted = if first.value > 2.0 * first.error {
+        0.1 * tolerance.of(first.value) / perimeters
+    } else {
+        0.0
+    };
+    let digits = (-wanted.log10()).clamp(DIGITS, EXTENDED_DIGITS);
+    let second = checked(pair, contour_sum::<DoubleDouble>(pair, digits), Rule::ContourExtended);
+    if good(&second) || digits >= EXTENDED_DIGITS {
+        return second;
+    }
+    let estimate = contour_sum::<DoubleDouble>(pair, EXTENDED_DIGITS);
+    checked(pair, estimate, Rule::ContourExtended)
+}
+
+/// Keeps a value between 0 and the smaller area, and adds its own rounding to its error.
+pub(super) fn checked(pair: &FacingPair, estimate: Estimate, rule: Rule) -> Exchange {
+    let most = pair.first.polygon.area().min(pair.second.polygon.area());
+    let value = estimate.value.clamp(0.0, most);
+    Exchange {
+        value,
+        error: (estimate.error + 2.0 * f64::EPSILON * value).min(most),
+        rule,
+    }
+}
+
+/// How fast product rules converge for a pair.
+struct ProductBound {
+    /// The sum's size: A₁A₂h₁h₂/(πr⁴) at the highest corners, areas without their signs.
+    size: f64,
+    /// The value, roughly.
+    value: f64,
+    /// ρ⁻² of each polygon, or `None` if the spheres around them touch.
+    rates: Option<[f64; 2]>,
+}
+
+impl ProductBound {
+    fn new(pair: &FacingPair) -> Self {
+        let (first, second) = (&*pair.first.polygon, &*pair.second.polygon);
+        let middle = pair.shift() + second.centre() - first.centre();
+        let distance_squared = middle.length_squared();
+        let distance = distance_squared.sqrt();
+        let radii = [first.radius(), second.radius()];
+        let rate = |near: f64, far: f64| {
+            let d = (distance - far) / near;
+            (d + (d * d - 1.0).sqrt()).powi(-2)
+        };
+        let (heights, others) = (&pair.first.heights, &pair.second.heights);
+        let scale = first.unsigned_area() * second.unsigned_area() / (PI * distance_squared * distance_squared);
+        Self {
+            size: scale * heights.highest() * others.highest(),
+            value: scale * heights.mean() * others.mean(),
+            rates: (distance > radii[0] + radii[1])
+                .then(|| [rate(radii[0], radii[1]), rate(radii[1], radii[0])]),
+        }
+    }
+
+    /// Returns the orders that reach a tolerance, if there are such.
+    fn orders(&self, tolerance: Tolerance) -> Option<[usize; 2]> {
+        // Half of the tolerance for each polygon, and the value may turn out smaller.
+        let wanted = 0.25 * tolerance.of(self.value);
+        let mut orders = [2, 2];
+        for (order, rate) in orders.iter_mut().zip(self.rates?) {
+            let mut error = TRUNCATION * self.size * rate;
+            while error > wanted {
+                error *= rate;
+                *order += 1;
+                if *order > LARGEST_ORDER {
+                    return None;
+                }
+            }
+        }
+        Some(orders)
+    }
+
+    fn error(&self, orders: [usize; 2]) -> f64 {
+        let Some(rates) = self.rates else {
+            return f64::INFINITY;
+        };
+        let terms = [0, 1].map(|k| {
+            #[expect(clippy::cast_possible_truncation, clippy::cast_possible_wrap, reason = "an order is below 21")]
+            let power = orders[k] as i32 - 1;
+            rates[k].powi(power)
+        });
+        self.size * (TRUNCATION * (terms[0] + terms[1]) + 8.0 * f64::EPSILON)
+    }
+}
+
+/// The measured constant of the product rules' bound.
+const TRUNCATION: f64 = 4.0;
+
+fn evaluations(pair: &FacingPair, orders: [usize; 2]) -> usize {
+    let points = (orders[0] * orders[1]).pow(2);
+    points * pair.first.polygon.pieces().len() * pair.second.polygon.pieces().len()
+}
+
+pub(super) fn product(pair: &FacingPair, orders: [usize; 2]) -> Exchange {
+    product_with(pair, &ProductBound::new(pair), orders)
+}
+
+fn product_with(pair: &FacingPair, bound: &ProductBound, orders: [usize; 2]) -> Exchange {
+    bounded(pair, product_sum(pair, orders), bound.error(orders), Rule::GaussProduct { orders })
+}
+
+/// Keeps an error below all that a value can be wrong by.
+fn bounded(pair: &FacingPair, value: f64, error: f64, rule: Rule) -> Exchange {
+    let most = pair.first.polygon.area().min(pair.second.polygon.area());
+    Exchange {
+        value: value.max(0.0),
+        error: (error + 8.0 * f64::EPSILON * value).min(value.max(most)),
+        rule,
+    }
+}
+
+/// Returns the closed form where it applies, its error with what the edges are off their directions.
+fn rectangles(from: &PreparedPolygon, to: &PreparedPolygon, pair: &FacingPair) -> Option<Exchange> {
+    let (first, second) = (from.corners(), to.corners());
+    let value = rectangle_exchange_area(first, second)?;
+    let skew = {
+        let axes = |corners: &[DVec3]| {
+            [corners[1] - corners[0], corners[3] - corners[0]].map(DVec3::normalize)
+        };
+        let ([x, y], others) = (axes(first), axes(second));
+        let frame = [x, y, from.normal()];
+        others
+            .into_iter()
+            .map(|axis| {
+                let mut cosines = frame.map(|f| axis.dot(f).abs());
+                cosines.sort_by(f64::total_cmp);
+                cosines[0] + cosines[1]
+            })
+            .fold(x.dot(y).abs() + others[0].dot(others[1]).abs(), f64::max)
+    };
+    let radii = from.radius() + to.radius();
+    let middle = second[0] - first[0] + to.centre() - from.centre();
+    let diameter = middle.length() + radii;
+    let perimeter = from.perimeter().min(to.perimeter());
+    let error = 3e-15 * diameter * diameter + skew * radii * perimeter;
+    Some(bounded(pair, value, error, Rule::Rectangles))
+}
+
+fn try_lambert(pair: &FacingPair, tolerance: Tolerance) -> Option<Exchange> {
+    let (ratio, area) = distance_in_radii(pair);
+    // The value is not known, but is at most the area: an order that is too low for this is too low.
+    let wanted = 0.5 * tolerance.of(area);
+    let order = (2..=9).find(|&order| lambert_error(ratio, area, order) <= wanted)?;
+    (order * order * pair.first.polygon.pieces().len() <= POINTS_CHEAPER_THAN_CONTOUR).then(|| lambert(pair, order))
+}
+
+pub(super) fn lambert(pair: &FacingPair, order: usize) -> Exchange {
+    let (ratio, area) = distance_in_radii(pair);
+    let error = lambert_error(ratio, area, order);
+    bounded(pair, lambert_sum(pair, order), error, Rule::GaussLambert { order })
+}
+
+/// Returns the bound A ρ^(1−2q)/4 with rounding; its constant is measured.
+fn lambert_error(ratio: f64, area: f64, order: usize) -> f64 {
+    if ratio <= 1.0 {
+        return f64::INFINITY;
+    }
+    let rho = ratio + (ratio * ratio - 1.0).sqrt();
+    #[expect(clippy::cast_possible_truncation, clippy::cast_possible_wrap, reason = "an order is below 21")]
+    let power = 1 - 2 * order as i32;
+    area * (0.25 * rho.powi(power) + 2e-15)
+}
