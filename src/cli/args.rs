@@ -295,8 +295,8 @@ pub struct CompareArgs {
     /// Whether occluders are looked at
     #[arg(long, value_enum, default_value_t = VisibilityName::Both)]
     pub visibility: VisibilityName,
-    /// Rays for each patch of the reference, where nothing better is known
-    #[arg(long, value_name = "N", default_value_t = 1 << 20, value_parser = clap::value_parser!(u64).range(1..))]
+    /// Rays for each pair of patches of the reference, where nothing better is known
+    #[arg(long, value_name = "N", default_value_t = 4096, value_parser = clap::value_parser!(u64).range(1..))]
     pub reference_rays: u64,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]

@@ -28,8 +28,8 @@ const PATCHES: usize = 200;
 /// One half of the work: occluders looked at or not.
 struct Part {
     visibility: &'static str,
-    /// `None` where there is nothing to measure against.
-    measured: Option<(Reference, Comparison)>,
+    reference: Reference,
+    comparison: Comparison,
 }
 
 pub(super) fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
@@ -82,16 +82,12 @@ pub(super) fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
         .iter()
         .map(|&visibility| measure(&mut run, &prepared, &settings, visibility, args.reference_rays))
         .collect::<Result<_, _>>()?;
-    let storage = match parts.iter().find_map(|part| part.measured.as_ref()) {
-        Some((reference, _)) => {
-            let input = input(&prepared, parts[0].visibility);
-            let figures = run
-                .times
-                .time("storage", || storage_figures(input, reference, &run.progress));
-            Some(figures.map_err(failure)?)
-        }
-        None => None,
-    };
+    let first = &parts[0];
+    let input = input(&prepared, first.visibility);
+    let storage = run
+        .times
+        .time("storage", || storage_figures(input, &first.reference, &run.progress));
+    let storage = storage.map_err(failure)?;
     run.progress.finish();
     let subject = Subject {
         name: &name,
@@ -99,8 +95,8 @@ pub(super) fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
         settings: &settings,
         machine: Machine::here(),
     };
-    let text = subject.report(&parts, storage.as_ref());
-    let mut document = run.document(&prepared, subject.to_json(&parts, storage.as_ref()));
+    let text = subject.report(&parts, &storage);
+    let mut document = run.document(&prepared, subject.to_json(&parts, &storage));
     let mut files = vec![
         "report.md".to_owned(),
         "results.csv".to_owned(),
@@ -171,20 +167,14 @@ fn measure(
             Reference::find(input, occluders, reference_rays, &run.progress)
         })
         .map_err(failure)?;
-    let Some(reference) = reference else {
-        run.warn("visibility off: there is nothing to measure against, as only pairs of rectangles with parallel edges have a closed form");
-        return Ok(Part {
-            visibility,
-            measured: None,
-        });
-    };
     let comparison = run
         .times
         .time("compare", || compare(input, &reference, settings, &run.progress))
         .map_err(failure)?;
     Ok(Part {
         visibility,
-        measured: Some((reference, comparison)),
+        reference,
+        comparison,
     })
 }
 
@@ -198,7 +188,7 @@ struct Subject<'a> {
 
 impl Subject<'_> {
     /// Returns the report in Markdown.
-    fn report(&self, parts: &[Part], storage: Option<&StorageFigures>) -> String {
+    fn report(&self, parts: &[Part], storage: &StorageFigures) -> String {
         let mut text = format!("# {}: form-factor methods side by side\n\n", self.name);
         let _ = writeln!(
             text,
@@ -211,10 +201,9 @@ impl Subject<'_> {
         );
         for part in parts {
             let _ = writeln!(text, "\n## Visibility {}\n", part.visibility);
-            let Some((reference, comparison)) = &part.measured else {
-                let _ = writeln!(text, "There is nothing to measure against.");
-                continue;
-            };
+            let Part {
+                reference, comparison, ..
+            } = part;
             let _ = writeln!(text, "{}\n", describe(reference));
             if comparison.cases.is_empty() {
                 let _ = writeln!(text, "No method was measured.");
@@ -237,16 +226,16 @@ impl Subject<'_> {
                 );
             }
         }
-        if let Some(storage) = storage {
-            text.push_str(&storage_section(storage));
-        }
+        text.push_str(&storage_section(storage));
         text
     }
 
-    fn to_json(&self, parts: &[Part], storage: Option<&StorageFigures>) -> Value {
-        let part = |part: &Part| match &part.measured {
-            None => json!({"visibility": part.visibility, "reference": null}),
-            Some((reference, comparison)) => json!({
+    fn to_json(&self, parts: &[Part], storage: &StorageFigures) -> Value {
+        let part = |part: &Part| {
+            let Part {
+                reference, comparison, ..
+            } = part;
+            json!({
                 "visibility": part.visibility,
                 "reference": {
                     "kind": reference.kind,
@@ -259,7 +248,7 @@ impl Subject<'_> {
                 "cases": comparison.cases,
                 "runs": comparison.runs,
                 "left_out": comparison.left_out,
-            }),
+            })
         };
         json!({
             "scene": self.name,
@@ -275,9 +264,9 @@ impl Subject<'_> {
     fn write_plots(&self, parts: &[Part], directory: &Path) -> Result<Vec<String>, Failure> {
         let mut files = Vec::new();
         for part in parts {
-            let Some((reference, comparison)) = &part.measured else {
-                continue;
-            };
+            let Part {
+                reference, comparison, ..
+            } = part;
             if comparison.cases.is_empty() {
                 continue;
             }
@@ -359,27 +348,29 @@ fn ranged(spread: Spread) -> Ranged {
 fn short_name(reference: &Reference) -> String {
     match (reference.kind, reference.rays) {
         (ReferenceKind::ClosedForm, _) => "closed form".to_owned(),
+        (ReferenceKind::Polygons, _) => "exact between polygons".to_owned(),
         (ReferenceKind::Certified, _) => "certified".to_owned(),
-        (ReferenceKind::LongRun, rays) => format!("sr, {} rays a patch", rays.unwrap_or(0)),
+        (ReferenceKind::LongRun, rays) => format!("qmc, {} rays a pair", rays.unwrap_or(0)),
     }
 }
 
 fn describe(reference: &Reference) -> String {
+    let error = reference.error_max;
     match reference.kind {
-        ReferenceKind::ClosedForm => format!(
-            "Reference: the closed form of every pair of patches, exact to {:.0e}.",
-            reference.error_max
-        ),
+        ReferenceKind::ClosedForm => {
+            format!("Reference: the closed form of every pair of patches, exact to {error:.0e}.")
+        }
+        ReferenceKind::Polygons => {
+            format!("Reference: the exact form factor of every pair of polygons, to {error:.0e}.")
+        }
         ReferenceKind::Certified => format!(
-            "Reference: certified form factors between the whole surfaces, exact to {:.0e}; errors are between surfaces.",
-            reference.error_max
+            "Reference: certified form factors between the whole surfaces, exact to {error:.0e}; errors are between surfaces."
         ),
         ReferenceKind::LongRun => format!(
-            "Reference: nothing exact is known here; it is a run of `sr` with {} rays a patch, each pair averaged with its reverse. Its own \
-             standard error is {:.1e} (root mean square) and {:.1e} at most: errors near that are the reference's as much as the method's.",
+            "Reference: with occluders nothing exact is known here; it is a run of `qmc` with {} rays a pair. Its own standard error is {:.1e} (root mean \
+             square) and {error:.1e} at most: errors near that are the reference's as much as the method's.",
             reference.rays.unwrap_or(0),
             reference.error_rms,
-            reference.error_max
         ),
     }
 }
@@ -439,7 +430,7 @@ fn runs_table(parts: &[Part]) -> Table {
         "stored_byte",
     ]);
     for part in parts {
-        for run in part.measured.iter().flat_map(|(_, comparison)| &comparison.runs) {
+        for run in &part.comparison.runs {
             table.push([
                 part.visibility.to_owned(),
                 run.method.to_owned(),

@@ -190,6 +190,7 @@ fn figures_table(table: &TableResult) -> Table {
             }),
             match figure.printed_percentile {
                 Some(p) => format!("{p:.1} %"),
+                None if figure.reproduced => "the same".to_owned(),
                 None => "not reproduced".to_owned(),
             },
         ];

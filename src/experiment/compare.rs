@@ -5,8 +5,8 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::statistics::Spread;
-use super::{ExperimentError, Reference, Sweep, pareto};
-use crate::form_factor::Input;
+use super::{ExperimentError, RayUse, Reference, Sweep, pareto};
+use crate::form_factor::{FormFactorError, Input};
 use crate::matrix::StorageChoice;
 use crate::progress::{Progress, Silent};
 
@@ -97,7 +97,10 @@ struct Case {
     sweep: &'static Sweep,
     value: u64,
     runs: Vec<Run>,
+    /// True if it does not run any more.
     stopped: bool,
+    /// True if the method cannot treat the scene.
+    unusable: bool,
 }
 
 /// Runs every setting of every method over the seeds and measures the errors against `reference`.
@@ -121,7 +124,7 @@ pub fn compare(
     let mut left_out = Vec::new();
     let mut cases = Vec::new();
     for &sweep in &settings.sweeps {
-        if input.unoccluded && sweep.always_traces {
+        if input.unoccluded && sweep.rays == RayUse::Everything {
             left_out.push(LeftOut {
                 method: sweep.name,
                 values: sweep.values.to_vec(),
@@ -129,16 +132,19 @@ pub fn compare(
             });
             continue;
         }
+        let values = sweep.values(input.unoccluded);
         let case = |&value| Case {
             sweep,
             value,
             runs: Vec::new(),
             stopped: false,
+            unusable: false,
         };
-        cases.extend(sweep.values.iter().map(case));
+        cases.extend(values.iter().map(case));
     }
     if let Some(first) = cases.first() {
-        measure(input, reference, first, settings.first_seed)?;
+        // Its errors, if any, come again below.
+        let _ = measure(input, reference, first, settings.first_seed);
     }
     progress.begin("compare", settings.n_seeds * cases.len() as u64);
     let mut runs = Vec::new();
@@ -155,7 +161,17 @@ pub fn compare(
             if cases[k].stopped {
                 continue;
             }
-            let run = measure(input, reference, &cases[k], settings.first_seed.wrapping_add(turn))?;
+            let run = match measure(input, reference, &cases[k], settings.first_seed.wrapping_add(turn)) {
+                Ok(run) => run,
+                Err(ExperimentError::Method {
+                    source: source @ FormFactorError::NotApplicable { .. },
+                    ..
+                }) => {
+                    left_out.push(cannot_be_used(&mut cases, k, &source));
+                    continue;
+                }
+                Err(error) => return Err(error),
+            };
             runs.push(run);
             cases[k].runs.push(run);
             if turn == 0 {
@@ -178,20 +194,21 @@ pub fn compare(
 
 fn measure(input: Input<'_>, reference: &Reference, case: &Case, seed: u64) -> Result<Run, ExperimentError> {
     let Case { sweep, value, .. } = *case;
-    let method = sweep.method(value, seed);
+    let failed = |source| ExperimentError::Method {
+        method: sweep.name,
+        parameter: sweep.parameter.name(),
+        value,
+        source,
+    };
+    let method = sweep.build(value, seed).map_err(failed)?;
     let start = Instant::now();
     let computed = method.compute(input, StorageChoice::default(), &Silent);
     let time_s = start.elapsed().as_secs_f64();
-    let computed = computed.map_err(|source| ExperimentError::Method {
-        method: sweep.name,
-        parameter: sweep.parameter,
-        value,
-        source,
-    })?;
+    let computed = computed.map_err(failed)?;
     let (error_max, error_rms) = reference.errors(&computed.factors, input.mesh);
     Ok(Run {
         method: sweep.name,
-        parameter: sweep.parameter,
+        parameter: sweep.parameter.name(),
         value,
         seed,
         time_s,
@@ -202,6 +219,22 @@ fn measure(input: Input<'_>, reference: &Reference, case: &Case, seed: u64) -> R
     })
 }
 
+/// Stops all settings of the method of setting `k`, which cannot treat the scene.
+fn cannot_be_used(cases: &mut [Case], k: usize, reason: &FormFactorError) -> LeftOut {
+    let name = cases[k].sweep.name;
+    let mut values = Vec::new();
+    for case in cases.iter_mut().filter(|case| case.sweep.name == name) {
+        case.stopped = true;
+        case.unusable = true;
+        values.push(case.value);
+    }
+    LeftOut {
+        method: name,
+        values,
+        reason: reason.to_string(),
+    }
+}
+
 /// Stops setting `k` if it took longer than the limit, and the dearer settings of its method that are expected to.
 fn stop_what_takes_too_long(cases: &mut [Case], k: usize, time_s: f64, limit_s: f64) {
     let (name, value) = (cases[k].sweep.name, cases[k].value);
@@ -209,7 +242,7 @@ fn stop_what_takes_too_long(cases: &mut [Case], k: usize, time_s: f64, limit_s: 
         .iter_mut()
         .filter(|case| case.sweep.name == name && case.value >= value)
     {
-        let growth = (case.value as f64 / value as f64).powi(case.sweep.cost_power);
+        let growth = (case.value as f64 / value as f64).powi(case.sweep.parameter.cost_power());
         case.stopped |= time_s * growth > limit_s;
     }
 }
@@ -217,7 +250,7 @@ fn stop_what_takes_too_long(cases: &mut [Case], k: usize, time_s: f64, limit_s: 
 fn shortened(sweep: &Sweep, cases: &[Case], settings: &CompareSettings) -> Option<LeftOut> {
     let stopped = cases
         .iter()
-        .filter(|case| case.sweep.name == sweep.name && case.stopped);
+        .filter(|case| case.sweep.name == sweep.name && case.stopped && !case.unusable);
     let values: Vec<u64> = stopped.map(|case| case.value).collect();
     (!values.is_empty()).then(|| LeftOut {
         method: sweep.name,
@@ -236,7 +269,7 @@ fn summaries(cases: &[Case]) -> Vec<CaseSummary> {
         .iter()
         .map(|case| CaseSummary {
             method: case.sweep.name,
-            parameter: case.sweep.parameter,
+            parameter: case.sweep.parameter.name(),
             value: case.value,
             n_runs: case.runs.len(),
             time_s: spread(case, |run| run.time_s),

@@ -15,7 +15,7 @@ mod sweep;
 pub use compare::{CaseSummary, CompareSettings, Comparison, LeftOut, Run, compare};
 pub use reference::{Reference, ReferenceKind, ReferenceLevel};
 pub use storage::{StorageFigures, storage_figures};
-pub use sweep::{SWEEPS, Sweep, sweep_by_name};
+pub use sweep::{Parameter, RayUse, SWEEPS, Sweep, sweep_by_name};
 
 use crate::form_factor::FormFactorError;
 use crate::matrix::MatrixError;

@@ -1,16 +1,15 @@
 //! What the methods are measured against.
 
-use glam::DVec3;
+use std::num::NonZeroUsize;
+
 use rayon::prelude::*;
 use serde::Serialize;
 
 use super::ExperimentError;
 use super::known;
-use crate::form_factor::{FormFactorMethod, Input, RandomShooting};
-use crate::geometry::rectangle::rectangle_exchange_area;
-use crate::geometry::sampling::Sequence;
-use crate::matrix::{FormFactors, StorageChoice, Weighting};
-use crate::mesh::{Mesh, PatchId};
+use crate::form_factor::{ClosedForm, FormFactorError, FormFactorMethod, Input, QuasiMonteCarlo};
+use crate::matrix::{FormFactors, StorageChoice};
+use crate::mesh::Mesh;
 use crate::progress::Progress;
 
 /// Where a reference comes from.
@@ -19,9 +18,11 @@ use crate::progress::Progress;
 pub enum ReferenceKind {
     /// The closed form for rectangles with parallel edges, pair by pair.
     ClosedForm,
+    /// The exchange area of each pair of polygons to a tolerance far below any error that is measured.
+    Polygons,
     /// Certified numbers between whole surfaces.
     Certified,
-    /// A long run of shooting, each pair averaged with its reverse.
+    /// The exchange area of each pair times a visible fraction from many rays.
     LongRun,
 }
 
@@ -46,42 +47,54 @@ pub struct Reference {
     pub n: usize,
     /// F, row-major \[n, n\].
     pub values: Vec<f64>,
-    /// Its greatest absolute error: a bound, or for a long run the greatest standard error of an entry.
+    /// Its greatest absolute error, as the method that made it states it: a bound, or for a long run the greatest standard error of an entry.
     pub error_max: f64,
-    /// Its root-mean-square error, as [`Reference::errors`] defines it: a bound, or for a long run an estimate.
+    /// Its root-mean-square error, as [`Reference::errors`] defines it: a bound, or for a long run that of its standard errors.
     pub error_rms: f64,
-    /// The rays of each patch, of a long run.
+    /// The rays of each pair, of a long run.
     pub rays: Option<u64>,
 }
+
+/// The seed of references, the last that a comparison would come to.
+const SEED: u64 = u64::MAX;
 
 impl Reference {
     /// Finds or computes the reference for a scene.
     ///
-    /// In this order: the closed form, if nothing blocks (or `input.unoccluded` says not to look) and all patches are rectangles with
-    /// parallel edges; certified numbers, if the scene is one that has them and occluders count; a run of `sr` with `rays` rays a patch (its seed is
-    /// outside of those that are compared), each pair averaged with its reverse. `None` where occluders are to be looked through and there is no closed
-    /// form: rays cannot look through them.
+    /// Where nothing blocks, or `input.unoccluded` says not to look: the closed form if all patches are rectangles with parallel edges, else the exchange
+    /// area of each pair of polygons, both without rays. Else certified numbers, if the scene has them. Else `qmc` with `rays` rays a pair, with a seed
+    /// outside of those that are compared.
     ///
     /// # Errors
-    /// [`ExperimentError::Reference`] if the long run fails.
+    /// [`ExperimentError::Reference`] if a method fails.
     pub fn find(
         input: Input<'_>,
         occluders_exist: bool,
         rays: u64,
         progress: &dyn Progress,
-    ) -> Result<Option<Self>, ExperimentError> {
-        if (input.unoccluded || !occluders_exist)
-            && let Some(reference) = Self::closed_form(input.mesh)
-        {
-            return Ok(Some(reference));
+    ) -> Result<Self, ExperimentError> {
+        let of_pairs = |method: &dyn FormFactorMethod, unoccluded| {
+            let input = Input { unoccluded, ..input };
+            method.compute(input, StorageChoice::default(), progress)
+        };
+        let qmc = |rays| QuasiMonteCarlo { rays, seed: SEED };
+        if input.unoccluded || !occluders_exist {
+            let closed_form = ClosedForm {
+                points: NonZeroUsize::MIN,
+                seed: SEED,
+            };
+            let (computed, kind) = match of_pairs(&closed_form, true) {
+                Err(FormFactorError::NotApplicable { .. }) => (of_pairs(&qmc(1), true), ReferenceKind::Polygons),
+                computed => (computed, ReferenceKind::ClosedForm),
+            };
+            return Ok(Self::between_patches(
+                &computed.map_err(ExperimentError::Reference)?.factors,
+                kind,
+                None,
+            ));
         }
-        if input.unoccluded && occluders_exist {
-            return Ok(None);
-        }
-        if !input.unoccluded
-            && let Some(known) = known::surface_form_factors(input.scene)
-        {
-            return Ok(Some(Self {
+        if let Some(known) = known::surface_form_factors(input.scene) {
+            return Ok(Self {
                 kind: ReferenceKind::Certified,
                 level: ReferenceLevel::Surfaces,
                 n: input.scene.surfaces.len(),
@@ -89,55 +102,17 @@ impl Reference {
                 error_max: known.error,
                 error_rms: known.error,
                 rays: None,
-            }));
+            });
         }
-        Self::long_run(input, rays, progress).map(Some)
+        let computed = of_pairs(&qmc(rays), false).map_err(ExperimentError::Reference)?;
+        Ok(Self::between_patches(
+            &computed.factors,
+            ReferenceKind::LongRun,
+            Some(rays),
+        ))
     }
 
-    /// Returns the closed form between all patches, or `None` if two of them are not rectangles with parallel edges.
-    #[must_use]
-    pub fn closed_form(mesh: &Mesh) -> Option<Self> {
-        let n = mesh.n_patches();
-        let polygons: Vec<_> = (0..n).map(|i| mesh.polygon(PatchId::from_index(i))).collect();
-        let row = |i: usize| -> Option<Vec<f64>> {
-            let area = mesh.patches[i].area;
-            let other = |j: usize| match i == j {
-                true => Some(0.0),
-                // One evaluation for both directions: the two agree to the last bit of the exchange area.
-                false => Some(rectangle_exchange_area(&polygons[i.min(j)], &polygons[i.max(j)])? / area),
-            };
-            (0..n).map(other).collect()
-        };
-        let rows: Option<Vec<Vec<f64>>> = (0..n).into_par_iter().map(row).collect();
-        let everything = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        let (low, high) = mesh
-            .vertices
-            .iter()
-            .fold(everything, |(lo, hi), v| (lo.min(*v), hi.max(*v)));
-        let squared_diameter = (high - low).length_squared();
-        let least_area = mesh.patches.iter().map(|p| p.area).fold(f64::INFINITY, f64::min);
-        let error = 3e-15 * squared_diameter / least_area;
-        Some(Self {
-            kind: ReferenceKind::ClosedForm,
-            level: ReferenceLevel::Patches,
-            n,
-            values: rows?.concat(),
-            error_max: error,
-            error_rms: error,
-            rays: None,
-        })
-    }
-
-    fn long_run(input: Input<'_>, rays: u64, progress: &dyn Progress) -> Result<Self, ExperimentError> {
-        let method = RandomShooting {
-            rays,
-            sequence: Sequence::Sobol,
-            seed: u64::MAX,
-        };
-        let computed = method
-            .compute(input, StorageChoice::default(), progress)
-            .map_err(ExperimentError::Reference)?;
-        let factors = computed.factors.symmetrised(Weighting::default())?;
+    fn between_patches(factors: &FormFactors, kind: ReferenceKind, rays: Option<u64>) -> Self {
         let n = factors.n_rows();
         let (mut values, mut errors) = (vec![0.0; n * n], Vec::new());
         for i in 0..n {
@@ -147,15 +122,15 @@ impl Reference {
             });
         }
         let n_errors = errors.len().max(1) as f64;
-        Ok(Self {
-            kind: ReferenceKind::LongRun,
+        Self {
+            kind,
             level: ReferenceLevel::Patches,
             n,
             values,
             error_max: errors.iter().copied().fold(0.0, f64::max),
             error_rms: (errors.iter().map(|e| e * e).sum::<f64>() / n_errors).sqrt(),
-            rays: Some(rays),
-        })
+            rays,
+        }
     }
 
     /// Returns the share of the entries that are not zero.

@@ -23,7 +23,7 @@ pub struct StorageFigures {
     pub symmetric_byte: u64,
     /// Memory in use with the non-zero entries stored by row, each with its column.
     pub sparse_byte: u64,
-    /// The rays of each patch that the density was counted with, or `None` if the reference's own entries were counted.
+    /// The rays of each patch of the run whose entries were counted, or `None` if they were the reference's own.
     pub rays: Option<u64>,
 }
 
@@ -44,7 +44,7 @@ pub fn storage_figures(
 ) -> Result<StorageFigures, ExperimentError> {
     let n = input.mesh.n_patches();
     let (values, rays) = match reference.level {
-        ReferenceLevel::Patches => (reference.values.clone(), reference.rays),
+        ReferenceLevel::Patches => (reference.values.clone(), None),
         ReferenceLevel::Surfaces => {
             let method = RandomShooting {
                 rays: RAYS,

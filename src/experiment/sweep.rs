@@ -2,58 +2,127 @@
 
 use std::num::NonZeroUsize;
 
-use crate::form_factor::{FormFactorMethod, GaussShooting, RandomShooting};
+use crate::form_factor::registry::{self, MethodSettings};
+use crate::form_factor::{FormFactorError, FormFactorMethod};
 use crate::geometry::sampling::Sequence;
 
 /// A method and the values of the parameter that trades its time for its error.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub struct Sweep {
     /// The name in tables, plots and `--methods`.
     pub name: &'static str,
-    /// What the entry is, in a few words.
-    pub description: &'static str,
+    /// The method's name in the [`registry`].
+    pub method: &'static str,
     /// What is varied.
-    pub parameter: &'static str,
+    pub parameter: Parameter,
     /// Its values, ascending in cost.
     pub values: &'static [u64],
-    /// The run time grows with this power of the parameter, for a forecast.
-    pub cost_power: i32,
-    /// True if every run traces rays to their first hit: such a method cannot leave visibility out.
-    pub always_traces: bool,
-    make: fn(value: u64, seed: u64) -> Box<dyn FormFactorMethod>,
+    /// The source of numbers, where it is not the method's default.
+    pub sequence: Option<Sequence>,
+    /// How the method stands to visibility.
+    pub rays: RayUse,
+}
+
+/// What is varied from one setting of a method to the next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Parameter {
+    /// Nothing.
+    None,
+    /// Rays of each patch.
+    RaysPerPatch,
+    /// Rays of each pair of patches.
+    RaysPerPair,
+    /// Points along each side of one patch.
+    Points,
+    /// Points along each side of both patches.
+    PointsOnBoth,
+    /// Cells along each edge of the hemicube's top.
+    Resolution,
+}
+
+/// What a method traces rays for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RayUse {
+    /// For everything: it cannot leave visibility out.
+    Everything,
+    /// For visibility alone; its parameter counts for more than that.
+    Visibility,
+    /// For visibility alone, and so is its parameter: without visibility all of its values are the same.
+    VisibilityOnly,
+}
+
+impl Parameter {
+    /// Returns the name in tables.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::None => "–",
+            Self::RaysPerPatch => "rays per patch",
+            Self::RaysPerPair => "rays per pair",
+            Self::Points | Self::PointsOnBoth => "points per side",
+            Self::Resolution => "resolution",
+        }
+    }
+
+    /// Returns the power of the parameter with which the run time grows, for forecasts.
+    pub(super) fn cost_power(self) -> i32 {
+        match self {
+            Self::None => 0,
+            Self::RaysPerPatch | Self::RaysPerPair => 1,
+            Self::Points | Self::Resolution => 2,
+            Self::PointsOnBoth => 4,
+        }
+    }
 }
 
 impl Sweep {
     /// Returns the method with one value of the parameter and a seed.
-    #[must_use]
-    pub fn method(&self, value: u64, seed: u64) -> Box<dyn FormFactorMethod> {
-        (self.make)(value, seed)
+    ///
+    /// # Errors
+    /// Those of the [`registry`], if the method does not have the parameter.
+    pub fn build(&self, value: u64, seed: u64) -> Result<Box<dyn FormFactorMethod>, FormFactorError> {
+        let mut settings = MethodSettings {
+            seed,
+            sequence: self.sequence,
+            ..MethodSettings::default()
+        };
+        let count = usize::try_from(value).ok().and_then(NonZeroUsize::new);
+        match self.parameter {
+            Parameter::None => {}
+            Parameter::RaysPerPatch | Parameter::RaysPerPair => settings.rays = Some(value),
+            Parameter::Points | Parameter::PointsOnBoth => settings.points = count,
+            Parameter::Resolution => settings.resolution = count,
+        }
+        registry::method(self.method, &settings)
     }
-}
 
-impl std::fmt::Debug for Sweep {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{} over {} {:?}", self.name, self.parameter, self.values)
+    /// Returns the values worth running: only the first where they are all the same.
+    #[must_use]
+    pub fn values(&self, unoccluded: bool) -> &'static [u64] {
+        match self.rays {
+            RayUse::VisibilityOnly if unoccluded => &self.values[..1],
+            _ => self.values,
+        }
     }
 }
 
 /// Rays of each patch, for the methods that shoot.
 const RAYS: &[u64] = &[64, 256, 1024, 4096, 16384];
 
-/// Every method that can be compared, in the order of tables and legends.
+/// Everything that can be compared, one line each, in the order of tables and legends.
+#[rustfmt::skip]
 pub const SWEEPS: &[Sweep] = &[
-    shooting("sr", "random points, Sobol numbers", |rays, seed| {
-        random(rays, seed, Sequence::Sobol)
-    }),
-    shooting("sr-random", "random points, pseudo-random numbers", |rays, seed| {
-        random(rays, seed, Sequence::Random)
-    }),
-    shooting("sg5", "5 × 5 Gauss points, Sobol numbers", |rays, seed| {
-        gauss(5, rays, seed)
-    }),
-    shooting("sg10", "10 × 10 Gauss points, Sobol numbers", |rays, seed| {
-        gauss(10, rays, seed)
-    }),
+    sweep("centre", Parameter::None, &[1], RayUse::Visibility),
+    sweep("pdm", Parameter::PointsOnBoth, &[2, 3, 5, 8], RayUse::Visibility),
+    sweep("sr", Parameter::RaysPerPatch, RAYS, RayUse::Everything),
+    Sweep { name: "sr-random", sequence: Some(Sequence::Random), ..sweep("sr", Parameter::RaysPerPatch, RAYS, RayUse::Everything) },
+    sweep("sg5", Parameter::RaysPerPatch, RAYS, RayUse::Everything),
+    sweep("sg10", Parameter::RaysPerPatch, RAYS, RayUse::Everything),
+    sweep("hemicube", Parameter::Resolution, &[16, 32, 64, 128, 256], RayUse::Everything),
+    sweep("gauss-lambert", Parameter::Points, &[1, 2, 3, 5, 10], RayUse::Visibility),
+    sweep("contour", Parameter::PointsOnBoth, &[2, 3, 5, 8], RayUse::VisibilityOnly),
+    sweep("closed-form", Parameter::PointsOnBoth, &[2, 3, 5, 8], RayUse::VisibilityOnly),
+    sweep("qmc", Parameter::RaysPerPair, &[4, 16, 64, 256, 1024], RayUse::VisibilityOnly),
 ];
 
 /// Returns the sweep of that name.
@@ -62,33 +131,15 @@ pub fn sweep_by_name(name: &str) -> Option<&'static Sweep> {
     SWEEPS.iter().find(|sweep| sweep.name == name)
 }
 
-const fn shooting(
-    name: &'static str,
-    description: &'static str,
-    make: fn(u64, u64) -> Box<dyn FormFactorMethod>,
-) -> Sweep {
+const fn sweep(name: &'static str, parameter: Parameter, values: &'static [u64], rays: RayUse) -> Sweep {
     Sweep {
         name,
-        description,
-        parameter: "rays per patch",
-        values: RAYS,
-        cost_power: 1,
-        always_traces: true,
-        make,
-    }
-}
-
-fn random(rays: u64, seed: u64, sequence: Sequence) -> Box<dyn FormFactorMethod> {
-    Box::new(RandomShooting { rays, sequence, seed })
-}
-
-fn gauss(points: usize, rays: u64, seed: u64) -> Box<dyn FormFactorMethod> {
-    Box::new(GaussShooting {
-        points: NonZeroUsize::new(points).unwrap_or(NonZeroUsize::MIN),
+        method: name,
+        parameter,
+        values,
+        sequence: None,
         rays,
-        sequence: Sequence::Sobol,
-        seed,
-    })
+    }
 }
 
 #[cfg(test)]
@@ -96,14 +147,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_unique_and_values_ascend() {
+    fn every_entry_makes_its_method_and_every_method_has_an_entry() {
         for (k, sweep) in SWEEPS.iter().enumerate() {
             assert!(SWEEPS[..k].iter().all(|other| other.name != sweep.name));
             assert!(!sweep.values.is_empty() && sweep.values.is_sorted_by(|a, b| a < b));
-            assert!(std::ptr::eq(
-                sweep_by_name(sweep.name).into_iter().next().unwrap_or(sweep),
-                sweep
-            ));
+            for &value in sweep.values {
+                assert!(sweep.build(value, 1).is_ok(), "{} {value}", sweep.name);
+            }
+        }
+        for entry in registry::METHODS {
+            // `sg` is in by its two usual numbers of points.
+            let name = if entry.name == "sg" { "sg5" } else { entry.name };
+            assert!(sweep_by_name(name).is_some(), "{name}");
         }
         assert!(sweep_by_name("nothing").is_none());
     }

@@ -115,10 +115,11 @@ impl ErrorTimePlot {
         let floor = (times.low(), errors.low());
         let reference_error = self.reference_error.filter(|e| *e > floor.1);
         let mut chart = ChartBuilder::on(&plot)
+            .margin_left(14)
             .margin_right(16)
             .margin_bottom(12)
-            .x_label_area_size(58)
-            .y_label_area_size(88)
+            .x_label_area_size(54)
+            .y_label_area_size(80)
             .build_cartesian_2d(times.clone(), errors)?;
         chart
             .configure_mesh()
@@ -139,6 +140,16 @@ impl ErrorTimePlot {
         }
         let mut front: Vec<(f64, f64)> = points().filter(|p| p.on_front).map(middle).collect();
         front.sort_by(|a, b| a.0.total_cmp(&b.0));
+        // More time is needed before less error can be had: the front is a staircase.
+        let steps = front.windows(2).map(|pair| (pair[1].0, pair[0].1));
+        let corners: Vec<(f64, f64)> = steps.collect();
+        let mut front: Vec<(f64, f64)> = front
+            .iter()
+            .zip(corners.iter().map(Some).chain([None]))
+            .flat_map(|(p, c)| [Some(*p), c.copied()])
+            .flatten()
+            .collect();
+        front.dedup();
         chart.draw_series(plotters::series::DashedLineSeries::new(
             front,
             7,

@@ -7,12 +7,10 @@ use glam::DVec3;
 use super::expected::{Expected, Start};
 use super::{LEAST_SEEDS, PairFactors};
 use crate::experiment::ExperimentError;
-use crate::form_factor::{FormFactorMethod, GaussShooting, Input, RandomShooting};
-use crate::geometry::polygon;
-use crate::geometry::quadrature::{GaussProduct, WeightedPoint};
+use crate::form_factor::{FormFactorMethod, GaussShooting, Input, ParametricDifferential, RandomShooting};
 use crate::geometry::sampling::Sequence;
-use crate::matrix::StorageChoice;
-use crate::mesh::{Mesh, PatchId, Subdivision};
+use crate::matrix::{FormFactors, StorageChoice};
+use crate::mesh::{Mesh, Subdivision};
 use crate::progress::{Progress, Silent};
 use crate::scene::{FaceId, Scene, builtin};
 use crate::visibility::embree::EmbreeVisibility;
@@ -72,7 +70,6 @@ impl Cube {
                 least: LEAST_SEEDS,
             });
         }
-        let surface_of_patch: Vec<u32> = self.mesh.patches.iter().map(|p| p.surface.0).collect();
         let run = |seed: u64| {
             let sequence = Sequence::Random;
             let (method, name): (Box<dyn FormFactorMethod>, _) = match start {
@@ -87,13 +84,7 @@ impl Cube {
                     "SG",
                 ),
             };
-            let input = Input {
-                scene: &self.scene,
-                mesh: &self.mesh,
-                visibility: &self.visibility,
-                unoccluded: false,
-            };
-            let computed = method.compute(input, StorageChoice::default(), &Silent);
+            let computed = method.compute(self.input(false), StorageChoice::default(), &Silent);
             progress.advance(1);
             let computed = computed.map_err(|source| ExperimentError::Method {
                 method: name,
@@ -101,9 +92,7 @@ impl Cube {
                 value: rays,
                 source,
             })?;
-            let whole = computed.factors.surface_form_factors(&surface_of_patch, 6).form_factor;
-            let at = |i: usize, j: usize| whole[(6 * SURFACE_OF_FACE[i] + SURFACE_OF_FACE[j]) as usize];
-            Ok(std::array::from_fn(|i| std::array::from_fn(|j| at(i, j))))
+            Ok(self.between_faces(&computed.factors))
         };
         let seeds = (0..n_seeds).map(|k| first_seed.wrapping_add(k));
         Ok(Ensemble {
@@ -112,49 +101,36 @@ impl Cube {
         })
     }
 
-    /// Returns the form factors between the faces by the plain product of 5 × 5 Gauss points on both patches of each pair:
-    /// F_IJ = Σ_i∈I Σ_j∈J A_i Σ_pq w_p w_q cos θ_p cos θ_q A_j / (π r²) / A_I.
+    /// Returns the form factors between the faces by 5 × 5 Gauss points on both patches of each pair.
     ///
     /// The method that this stands beside is not reproducible; see the module's documentation.
-    pub(super) fn gauss(&self) -> PairFactors {
-        // A cube has two kinds of pairs, neighbours and opposites.
-        let (neighbour, opposite) = (self.gauss_pair(0, 1), self.gauss_pair(0, 5));
-        let opposite_of = [5, 2, 1, 4, 3, 0];
-        std::array::from_fn(|i| {
-            std::array::from_fn(|j| match j {
-                _ if j == i => 0.0,
-                _ if j == opposite_of[i] => opposite,
-                _ => neighbour,
-            })
-        })
+    pub(super) fn gauss(&self) -> Result<PairFactors, ExperimentError> {
+        let points = NonZeroUsize::MIN.saturating_add(4);
+        let computed = ParametricDifferential { points }
+            .compute(self.input(true), StorageChoice::default(), &Silent)
+            .map_err(|source| ExperimentError::Method {
+                method: "PDM",
+                parameter: "points per side",
+                value: 5,
+                source,
+            })?;
+        Ok(self.between_faces(&computed.factors))
     }
 
-    fn gauss_pair(&self, from: usize, to: usize) -> f64 {
-        let rule = GaussProduct::new(NonZeroUsize::MIN.saturating_add(4));
-        let points = |face: usize| -> Vec<(DVec3, f64)> {
-            let of_face = |i: &usize| self.face_of_patch[*i] == face;
-            let patches = (0..self.mesh.n_patches()).filter(of_face);
-            let weighted = |i: usize| {
-                let area = self.mesh.patches[i].area;
-                let points = rule.on_polygon(&self.mesh.polygon(PatchId::from_index(i)));
-                points
-                    .into_iter()
-                    .map(move |WeightedPoint { position, weight }| (position, weight * area))
-            };
-            patches.flat_map(weighted).collect()
-        };
-        let normal = |face: usize| polygon::area_vector(&self.faces[face]).normalize();
-        let area = polygon::area_vector(&self.faces[from]).length();
-        let (n, m) = (normal(from), normal(to));
-        let targets = points(to);
-        let kernel = |(x, w): &(DVec3, f64)| -> f64 {
-            let from_point = |(y, v): &(DVec3, f64)| {
-                let r = *y - *x;
-                let squared = r.length_squared();
-                v * n.dot(r) * -m.dot(r) / (squared * squared)
-            };
-            w * targets.iter().map(from_point).sum::<f64>()
-        };
-        points(from).iter().map(kernel).sum::<f64>() / (std::f64::consts::PI * area)
+    fn input(&self, unoccluded: bool) -> Input<'_> {
+        Input {
+            scene: &self.scene,
+            mesh: &self.mesh,
+            visibility: &self.visibility,
+            unoccluded,
+        }
+    }
+
+    /// Returns the form factors between the faces, in the paper's order.
+    fn between_faces(&self, factors: &FormFactors) -> PairFactors {
+        let surface_of_patch: Vec<u32> = self.mesh.patches.iter().map(|p| p.surface.0).collect();
+        let whole = factors.surface_form_factors(&surface_of_patch, 6).form_factor;
+        let at = |i: usize, j: usize| whole[(6 * SURFACE_OF_FACE[i] + SURFACE_OF_FACE[j]) as usize];
+        std::array::from_fn(|i| std::array::from_fn(|j| at(i, j)))
     }
 }

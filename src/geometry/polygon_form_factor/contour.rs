@@ -19,7 +19,10 @@ pub(super) fn contour_sum<T: Real>(pair: &FacingPair, digits: f64) -> Estimate {
     let (first, second) = (&*pair.first.polygon, &*pair.second.polygon);
     // Logarithms of lengths near 1 cancel best, and the sum around closed contours does not depend on the unit.
     let middle = pair.shift() + second.centre() - first.centre();
-    let unit = (middle.length().max(first.radius()).max(second.radius())).log2().round().exp2();
+    let unit = (middle.length().max(first.radius()).max(second.radius()))
+        .log2()
+        .round()
+        .exp2();
     let origin = first.exact_corner(0);
     let edges = |polygon: &PreparedPolygon| -> Vec<Edge<T>> {
         let n = polygon.n_corners();

@@ -153,10 +153,17 @@ fn graded_pieces(singularities: &[Singularity], digits: f64, integrate: &mut imp
         let (ellipse, x) = singularities
             .iter()
             .map(|place| (place.ellipse(low, high), place.x))
-            .fold((f64::INFINITY, 0.0), |best, next| if next.0 < best.0 { next } else { best });
+            .fold(
+                (f64::INFINITY, 0.0),
+                |best, next| if next.0 < best.0 { next } else { best },
+            );
         if ellipse >= SMALLEST_ELLIPSE || width <= shortest {
             let rate = 2.0 * ellipse.max(SMALLEST_ELLIPSE).log10();
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small and positive")]
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "small and positive"
+            )]
             let n_points = (digits / rate).ceil() as usize + 1;
             integrate(low, high, n_points.min(LONGEST_RULE));
             continue;

@@ -112,5 +112,8 @@ fn cloud_sum<const N: usize>(first: &Cloud<N>, second: &Cloud<N>) -> f64 {
             sums[j] += moment / (r_squared * r_squared);
         }
     }
-    sums.iter().zip(&second.moment[..n]).map(|(sum, moment)| sum * moment).sum()
+    sums.iter()
+        .zip(&second.moment[..n])
+        .map(|(sum, moment)| sum * moment)
+        .sum()
 }

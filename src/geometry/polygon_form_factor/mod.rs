@@ -125,7 +125,9 @@ impl Exchange {
 #[must_use]
 #[doc(alias = "view factor")]
 pub fn exchange_area(from: &PreparedPolygon, to: &PreparedPolygon, tolerance: Tolerance) -> Exchange {
-    FacingPair::new(from, to).map_or(Exchange::UNSEEN, |pair| select::exchange_area(from, to, &pair, tolerance))
+    FacingPair::new(from, to).map_or(Exchange::UNSEEN, |pair| {
+        select::exchange_area(from, to, &pair, tolerance)
+    })
 }
 
 /// Returns A₁F₁₂ from Gauss points on both polygons, `order`² of them on each triangle or quad that they are cut into.

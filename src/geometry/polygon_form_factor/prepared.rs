@@ -79,12 +79,7 @@ impl PreparedPolygon {
         part
     }
 
-    fn build(
-        corners: Vec<DVec3>,
-        remainders: Vec<DVec3>,
-        area_vector: Vector<DoubleDouble>,
-        normal: DVec3,
-    ) -> Self {
+    fn build(corners: Vec<DVec3>, remainders: Vec<DVec3>, area_vector: Vector<DoubleDouble>, normal: DVec3) -> Self {
         let mut polygon = Self {
             area: area_vector.to_f64().length(),
             extent: corners.iter().map(|v| v.abs().max_element()).fold(0.0, f64::max),

@@ -107,8 +107,7 @@ impl ProductBound {
         Self {
             size: scale * heights.highest() * others.highest(),
             value: scale * heights.mean() * others.mean(),
-            rates: (distance > radii[0] + radii[1])
-                .then(|| [rate(radii[0], radii[1]), rate(radii[1], radii[0])]),
+            rates: (distance > radii[0] + radii[1]).then(|| [rate(radii[0], radii[1]), rate(radii[1], radii[0])]),
         }
     }
 
@@ -135,7 +134,11 @@ impl ProductBound {
             return f64::INFINITY;
         };
         let terms = [0, 1].map(|k| {
-            #[expect(clippy::cast_possible_truncation, clippy::cast_possible_wrap, reason = "an order is below 21")]
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_possible_wrap,
+                reason = "an order is below 21"
+            )]
             let power = orders[k] as i32 - 1;
             rates[k].powi(power)
         });
@@ -156,7 +159,12 @@ pub(super) fn product(pair: &FacingPair, orders: [usize; 2]) -> Exchange {
 }
 
 fn product_with(pair: &FacingPair, bound: &ProductBound, orders: [usize; 2]) -> Exchange {
-    bounded(pair, product_sum(pair, orders), bound.error(orders), Rule::GaussProduct { orders })
+    bounded(
+        pair,
+        product_sum(pair, orders),
+        bound.error(orders),
+        Rule::GaussProduct { orders },
+    )
 }
 
 /// Keeps an error below all that a value can be wrong by.
@@ -174,9 +182,7 @@ fn rectangles(from: &PreparedPolygon, to: &PreparedPolygon, pair: &FacingPair) -
     let (first, second) = (from.corners(), to.corners());
     let value = rectangle_exchange_area(first, second)?;
     let skew = {
-        let axes = |corners: &[DVec3]| {
-            [corners[1] - corners[0], corners[3] - corners[0]].map(DVec3::normalize)
-        };
+        let axes = |corners: &[DVec3]| [corners[1] - corners[0], corners[3] - corners[0]].map(DVec3::normalize);
         let ([x, y], others) = (axes(first), axes(second));
         let frame = [x, y, from.normal()];
         others
@@ -216,7 +222,11 @@ fn lambert_error(ratio: f64, area: f64, order: usize) -> f64 {
         return f64::INFINITY;
     }
     let rho = ratio + (ratio * ratio - 1.0).sqrt();
-    #[expect(clippy::cast_possible_truncation, clippy::cast_possible_wrap, reason = "an order is below 21")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_possible_wrap,
+        reason = "an order is below 21"
+    )]
     let power = 1 - 2 * order as i32;
     area * (0.25 * rho.powi(power) + 2e-15)
 }
