@@ -211,20 +211,12 @@ impl Subject<'_> {
                 let _ = writeln!(
                     text,
                     "Medians, and in brackets the least and the greatest of the runs. The last column tells for which error a setting is on \
-                     the Pareto front: no other is as fast and as accurate, and better in one of the two.\n"
+                     the Pareto front: no other is as fast and as accurate, and better in one of the two. Errors below the reference's own count as that; an error of 0 \
+                     means that the method is what made the reference.\n"
                 );
                 text.push_str(&cases_table(comparison).to_markdown());
             }
-            for item in &comparison.left_out {
-                let values: Vec<String> = item.values.iter().map(u64::to_string).collect();
-                let _ = writeln!(
-                    text,
-                    "\nLeft out: {} ({}): {}.",
-                    item.method,
-                    values.join(", "),
-                    item.reason
-                );
-            }
+            text.push_str(&left_out(comparison));
         }
         text.push_str(&storage_section(storage));
         text
@@ -293,19 +285,31 @@ impl Subject<'_> {
         short: &str,
         long: &str,
     ) -> ErrorTimePlot {
+        let reference_error = match short {
+            "max" => reference.error_max,
+            _ => reference.error_rms,
+        };
         let point = |case: &CaseSummary| {
             let (error, on_front) = match short {
                 "max" => (case.error_max, case.on_front_max),
                 _ => (case.error_rms, case.on_front_rms),
             };
+            let Ranged { middle, low, high } = ranged(error);
             PlotPoint {
                 time_s: ranged(case.time_s),
-                error: ranged(error),
+                // Less than its own error the reference cannot show.
+                error: Ranged {
+                    middle: middle.max(reference_error),
+                    low: low.max(reference_error),
+                    high: high.max(reference_error),
+                },
                 on_front,
             }
         };
+        let style = |name: &str| SWEEPS.iter().position(|s| s.name == name).unwrap_or(0);
         let series = self.settings.sweeps.iter().map(|sweep| Series {
             name: sweep.name.to_owned(),
+            style: style(sweep.name),
             points: comparison
                 .cases
                 .iter()
@@ -316,10 +320,6 @@ impl Subject<'_> {
         let between = match reference.level {
             ReferenceLevel::Patches => "patches",
             ReferenceLevel::Surfaces => "surfaces",
-        };
-        let reference_error = match short {
-            "max" => reference.error_max,
-            _ => reference.error_rms,
         };
         ErrorTimePlot {
             title: format!("{}: error of the form factors against run time", self.name),
@@ -375,6 +375,29 @@ fn describe(reference: &Reference) -> String {
     }
 }
 
+/// Returns one line for each reason.
+fn left_out(comparison: &Comparison) -> String {
+    let mut reasons: Vec<&str> = Vec::new();
+    for item in &comparison.left_out {
+        if !reasons.contains(&item.reason.as_str()) {
+            reasons.push(&item.reason);
+        }
+    }
+    let mut text = String::new();
+    for reason in reasons {
+        let names = comparison
+            .left_out
+            .iter()
+            .filter(|item| item.reason == reason)
+            .map(|item| {
+                let values: Vec<String> = item.values.iter().map(u64::to_string).collect();
+                format!("{} ({})", item.method, values.join(", "))
+            });
+        let _ = writeln!(text, "\nLeft out, {reason}: {}.", names.collect::<Vec<_>>().join("; "));
+    }
+    text
+}
+
 fn cases_table(comparison: &Comparison) -> Table {
     let columns = [
         "method",
@@ -389,9 +412,16 @@ fn cases_table(comparison: &Comparison) -> Table {
     let mut table = Table::new(columns);
     for case in &comparison.cases {
         let ms = |s: f64| format!("{:.3}", 1e3 * s);
-        let e = |error: f64| format!("{error:.2e}");
+        // A method that is the reference has no error against it.
+        let e = |error: f64| {
+            if error > 0.0 {
+                format!("{error:.2e}")
+            } else {
+                "0".to_owned()
+            }
+        };
         let with_range = |s: Spread, show: &dyn Fn(f64) -> String| {
-            if case.n_runs == 1 {
+            if case.n_runs == 1 || s.min >= s.max {
                 return show(s.median);
             }
             format!("{} [{}, {}]", show(s.median), show(s.min), show(s.max))

@@ -185,3 +185,76 @@ impl Reference {
         (max, (sum / self.n_nonzero().max(1.0)).sqrt())
     }
 }
+
+#[cfg(test)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::matrix::{RowTally, RowTile};
+    use crate::mesh::Subdivision;
+    use crate::progress::Silent;
+    use crate::scene::{Scene, builtin};
+    use crate::visibility::embree::EmbreeVisibility;
+
+    fn find(scene: &Scene, n: u32, unoccluded: bool, occluders: bool) -> (Reference, Mesh) {
+        let mesh = Mesh::new(scene, Subdivision::Uniform(n)).unwrap();
+        let visibility = EmbreeVisibility::new(scene).unwrap();
+        let input = Input {
+            scene,
+            mesh: &mesh,
+            visibility: &visibility,
+            unoccluded,
+        };
+        (Reference::find(input, occluders, 64, &Silent).unwrap(), mesh)
+    }
+
+    fn builtin_scene(name: &str) -> Scene {
+        builtin::build(name, None).unwrap().scene
+    }
+
+    #[test]
+    fn each_scene_has_the_best_reference_there_is() {
+        let (cube, _) = find(&builtin_scene("cube"), 1, false, false);
+        assert_eq!(
+            (cube.kind, cube.level),
+            (ReferenceKind::ClosedForm, ReferenceLevel::Patches)
+        );
+        assert!((cube.values[1] - 0.199_824_895_698_387_4).abs() < 1e-14 && cube.error_max < 1e-13);
+        assert!((cube.density() - 5.0 / 6.0).abs() < 1e-15);
+        let (room, _) = find(&builtin_scene("room-box"), 1, false, true);
+        assert_eq!(
+            (room.kind, room.level),
+            (ReferenceKind::Certified, ReferenceLevel::Surfaces)
+        );
+        let (corridor, _) = find(&builtin_scene("corridor"), 1, true, true);
+        assert_eq!(corridor.kind, ReferenceKind::ClosedForm);
+        assert!((corridor.values[1] - 0.205_860_159_188_717_36).abs() < 1e-12);
+        let (cornell, _) = find(&builtin_scene("cornell-box"), 1, true, true);
+        assert_eq!(cornell.kind, ReferenceKind::Polygons);
+        assert!(cornell.error_max < 1e-6, "{}", cornell.error_max);
+        let (cornell, _) = find(&builtin_scene("cornell-box"), 1, false, true);
+        assert_eq!((cornell.kind, cornell.rays), (ReferenceKind::LongRun, Some(64)));
+        assert!(cornell.error_rms > 0.0 && cornell.error_rms < cornell.error_max);
+    }
+
+    #[test]
+    fn errors_are_counted_where_they_are() {
+        let (reference, mesh) = find(&builtin_scene("cube"), 1, false, false);
+        let mut tile = RowTile::new(0);
+        for i in 0..6u32 {
+            let exact = &reference.values[6 * i as usize..][..6];
+            let off = |j: u32| match (i, j) {
+                (0, 1) => 0.03,
+                (2, 2) => -0.04, // where the reference is 0
+                _ => 0.0,
+            };
+            let entries: Vec<_> = (0..6).zip(exact).map(|(j, value)| (j, value + off(j), 0.0)).collect();
+            tile.push_row(&entries, RowTally::default());
+        }
+        let factors = FormFactors::from_tiles(mesh.areas(), [tile], StorageChoice::default()).unwrap();
+        let (max, rms) = reference.errors(&factors, &mesh);
+        assert!((max - 0.04).abs() < 1e-15);
+        // Thirty entries are not 0.
+        assert!((rms - 0.05 / 30f64.sqrt()).abs() < 1e-15, "{rms}");
+    }
+}

@@ -65,7 +65,7 @@ impl Ranged for LogAxis {
 
     fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
         let every = if self.decades() > 9.0 { 2 } else { 1 };
-        if hint.weight().allow_light_points() {
+        if hint.weight().allow_light_points() && self.decades() <= 7.0 {
             return self.marks(&[1, 2, 3, 4, 5, 6, 7, 8, 9], 1);
         }
         // A range that holds two powers of ten or fewer is labelled between them, too.
@@ -84,13 +84,13 @@ impl Ranged for LogAxis {
 
 impl ValueFormatter<f64> for LogAxis {
     fn format_ext(&self, value: &f64) -> String {
-        label(*value)
+        label(*value, self.range.start < 1e-3)
     }
 }
 
-/// Returns a number as people write it on an axis: 0.02, 10⁻⁵, 2×10⁻⁵.
-fn label(value: f64) -> String {
-    if (1e-3..1e4).contains(&value) {
+/// Returns a number as people write it on an axis: 0.02, or in powers of ten 2×10⁻², 10⁻⁵, 1.
+fn label(value: f64, in_powers: bool) -> String {
+    if (1.0..1e4).contains(&value) || !in_powers && (1e-3..1.0).contains(&value) {
         return format!("{value}");
     }
     let scientific = format!("{value:e}");
@@ -134,10 +134,13 @@ mod tests {
     fn a_narrow_axis_has_labels_too() {
         let labels = |low, high| -> Vec<String> {
             let axis = LogAxis { range: low..high };
-            axis.key_points(BoldPoints(10)).into_iter().map(label).collect()
+            axis.key_points(BoldPoints(10))
+                .iter()
+                .map(|v| axis.format_ext(v))
+                .collect()
         };
         assert_eq!(labels(0.15, 6.0), ["0.2", "0.5", "1", "2", "5"]);
-        assert_eq!(labels(3e-6, 2e-3), ["10⁻⁵", "10⁻⁴", "0.001"]);
+        assert_eq!(labels(3e-6, 2e-3), ["10⁻⁵", "10⁻⁴", "10⁻³"]);
         assert_eq!(labels(0.31, 0.65), ["0.4", "0.5", "0.6"]);
     }
 

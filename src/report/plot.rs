@@ -34,6 +34,8 @@ pub struct PlotPoint {
 pub struct Series {
     /// The method's name.
     pub name: String,
+    /// The number of its colour and mark: equal numbers look alike in all plots.
+    pub style: usize,
     /// Its settings.
     pub points: Vec<PlotPoint>,
 }
@@ -59,7 +61,7 @@ pub struct ErrorTimePlot {
 pub struct PlotError(String);
 
 /// Colours that people with any colour vision can tell apart (M. Okabe and K. Ito, "Color Universal Design", 2008), without the yellow,
-/// which is too faint for lines on white. A second round is told from the first by its marks.
+/// which is too faint for lines on white.
 const PALETTE: [RGBColor; 7] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
@@ -138,26 +140,19 @@ impl ErrorTimePlot {
             ];
             chart.draw_series([PathElement::new(ends, GREY.stroke_width(1))])?;
         }
-        let mut front: Vec<(f64, f64)> = points().filter(|p| p.on_front).map(middle).collect();
-        front.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut best: Vec<(f64, f64)> = points().filter(|p| p.on_front).map(middle).collect();
+        best.sort_by(|a, b| a.0.total_cmp(&b.0));
         // More time is needed before less error can be had: the front is a staircase.
-        let steps = front.windows(2).map(|pair| (pair[1].0, pair[0].1));
-        let corners: Vec<(f64, f64)> = steps.collect();
-        let mut front: Vec<(f64, f64)> = front
-            .iter()
-            .zip(corners.iter().map(Some).chain([None]))
-            .flat_map(|(p, c)| [Some(*p), c.copied()])
-            .flatten()
-            .collect();
-        front.dedup();
+        let steps = best.windows(2).flat_map(|pair| [pair[0], (pair[1].0, pair[0].1)]);
+        let front: Vec<(f64, f64)> = steps.chain(best.last().copied()).collect();
         chart.draw_series(plotters::series::DashedLineSeries::new(
             front,
             7,
             5,
             GREY.stroke_width(2),
         ))?;
-        for (k, series) in self.series.iter().enumerate() {
-            let colour = PALETTE[k % PALETTE.len()];
+        for series in &self.series {
+            let colour = colour(series.style);
             let shown: Vec<&PlotPoint> = series.points.iter().filter(|p| has_place(p)).collect();
             let line: Vec<(f64, f64)> = shown.iter().map(|p| middle(p)).collect();
             chart.draw_series([PathElement::new(line, colour.mix(0.55).stroke_width(1))])?;
@@ -168,7 +163,7 @@ impl ErrorTimePlot {
                 chart.draw_series([EmptyElement::at(middle(point))
                     + Circle::new((0, 0), ring, GREY.stroke_width(if point.on_front { 2 } else { 0 }))])?;
                 let place = chart.backend_coord(&middle(point));
-                mark(&root, place, k, colour)?;
+                mark(&root, place, series.style)?;
             }
         }
         self.draw_legend(&legend, reference_error.is_some())?;
@@ -190,11 +185,11 @@ impl ErrorTimePlot {
                 .collect()
         };
         for (k, series) in self.series.iter().enumerate() {
-            let colour = PALETTE[k % PALETTE.len()];
+            let colour = colour(series.style);
             for element in line(row(k), colour.mix(0.55).stroke_width(1), &[(4, 34)]) {
                 area.draw(&element)?;
             }
-            mark(area, (19, row(k)), k, colour)?;
+            mark(area, (19, row(k)), series.style)?;
             area.draw(&Text::new(series.name.clone(), (44, row(k)), label.clone()))?;
         }
         let mut y = row(self.series.len()) + 10;
@@ -247,16 +242,19 @@ fn bars(point: &PlotPoint, floor: (f64, f64)) -> impl Iterator<Item = [(f64, f64
     .into_iter()
 }
 
-/// Draws the mark of series `k`: the shape changes with the series as the colour does.
+fn colour(style: usize) -> RGBColor {
+    PALETTE[style % PALETTE.len()]
+}
+
+/// Draws the mark of a style; the shape changes with the colour, and is another one in the second round of colours.
 fn mark(
     area: &plotters::drawing::DrawingArea<SVGBackend<'_>, plotters::coord::Shift>,
     (x, y): (i32, i32),
-    k: usize,
-    colour: RGBColor,
+    style: usize,
 ) -> Result<(), Box<dyn std::error::Error>> {
-    let fill = colour.filled();
+    let fill = colour(style).filled();
     let corners = |shape: &[(i32, i32)]| -> Vec<(i32, i32)> { shape.iter().map(|(dx, dy)| (x + dx, y + dy)).collect() };
-    match k % 5 {
+    match (style + style / PALETTE.len()) % 5 {
         0 => area.draw(&Circle::new((x, y), 4, fill))?,
         1 => area.draw(&Rectangle::new([(x - 4, y - 4), (x + 4, y + 4)], fill))?,
         2 => area.draw(&Polygon::new(corners(&[(0, -5), (5, 4), (-5, 4)]), fill))?,
@@ -264,4 +262,64 @@ fn mark(
         _ => area.draw(&Polygon::new(corners(&[(0, 5), (5, -4), (-5, -4)]), fill))?,
     }
     Ok(())
+}
+
+#[cfg(test)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::report::png_from_svg;
+
+    fn exactly(middle: f64) -> Ranged {
+        Ranged {
+            middle,
+            low: 0.5 * middle,
+            high: 2.0 * middle,
+        }
+    }
+
+    fn plot(errors: &[f64]) -> ErrorTimePlot {
+        let point = |(k, &error): (usize, &f64)| PlotPoint {
+            time_s: exactly(0.01 * (k + 1) as f64),
+            error: exactly(error),
+            on_front: k == 0,
+        };
+        ErrorTimePlot {
+            title: "title".to_owned(),
+            subtitle: "a < b & c".to_owned(),
+            error_label: "error".to_owned(),
+            series: vec![Series {
+                name: "some-method".to_owned(),
+                style: 9,
+                points: errors.iter().enumerate().map(point).collect(),
+            }],
+            reference_error: Some(1e-9),
+        }
+    }
+
+    #[test]
+    fn every_point_is_marked_and_every_text_is_there() {
+        let svg = plot(&[0.1, 1e-3, 1e-9]).to_svg().unwrap();
+        for text in [
+            "title",
+            "a &lt; b &amp; c",
+            "error",
+            "some-method",
+            "Pareto front",
+            "run time (s)",
+        ] {
+            assert!(svg.contains(text), "{text}");
+        }
+        // Style 9 is a circle in the second round: three points and the legend; rings are outlines.
+        assert_eq!(svg.matches("<circle").count(), 4 + 3 + 1);
+        assert_eq!(svg, plot(&[0.1, 1e-3, 1e-9]).to_svg().unwrap());
+        assert!(png_from_svg(&svg, 0.5).unwrap().starts_with(b"\x89PNG"));
+    }
+
+    #[test]
+    fn what_has_no_logarithm_is_left_out() {
+        let circles = |errors: &[f64]| plot(errors).to_svg().unwrap().matches("<circle").count();
+        assert_eq!(circles(&[0.1, 0.0, f64::NAN, f64::INFINITY]), circles(&[0.1]));
+        assert!(plot(&[]).to_svg().is_ok());
+    }
 }

@@ -370,3 +370,75 @@ fn plain(method: &'static str, name: String, printed: Printed, measured: Spread)
         p_sd: None,
     }
 }
+
+#[cfg(test)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::experiment::baranoski::LEAST_SEEDS;
+    use crate::progress::Silent;
+
+    /// Values that are spread like normal ones about `mean`.
+    fn sample(mean: f64, sd: f64) -> Vec<f64> {
+        let z = [
+            -1.83, -1.28, -0.97, -0.73, -0.52, -0.34, -0.17, 0.0, 0.17, 0.34, 0.52, 0.73, 0.97, 1.28, 1.83,
+        ];
+        z.iter().chain(&z).map(|z| mean + sd * z).collect()
+    }
+
+    fn verdict(values: &[f64], mean: f64, sd: f64) -> bool {
+        let printed = SUMS[0].columns[1].sums[1];
+        let figure = varying("SR", "some sum".to_owned(), printed, values, mean, sd);
+        finish(3, String::new(), &SUMS[0], 30, vec![figure]).inside
+    }
+
+    #[test]
+    fn a_wrong_mean_or_spread_is_outside() {
+        assert!(verdict(&sample(1.0, 0.003), 1.0, 0.003));
+        // The standard error of the mean of 30 is 0.183 standard deviations.
+        assert!(verdict(&sample(1.0, 0.003), 1.0015, 0.003));
+        assert!(!verdict(&sample(1.0, 0.003), 1.0025, 0.003));
+        assert!(!verdict(&sample(1.0, 0.006), 1.0, 0.003));
+        assert!(!verdict(&sample(1.0, 0.001), 1.0, 0.003));
+        assert!(verdict(&[1.0; 30], 1.0, 0.0));
+        assert!(!verdict(&[1.0 + 1e-9; 30], 1.0, 0.0));
+    }
+
+    #[test]
+    fn table_3_is_what_it_must_be() {
+        let tables = reproduce(&[3], LEAST_SEEDS, 0, &Silent).unwrap();
+        let [table] = &tables[..] else { panic!("one table") };
+        assert!(table.inside, "{:e}", table.p_least);
+        assert_eq!((table.number, table.n_patches, table.figures.len()), (3, 216, 4 * 7));
+        // One test for each of PDM's figures; for each method face 1, two for each of five sums, and the error.
+        assert_eq!(table.n_tests, 7 + 3 * 12);
+        // The standard deviations of the faces' sums that an independent simulation gave: 0.0031 to 0.0046 by SR.
+        let figure = |method: &str, name: &str| {
+            table
+                .figures
+                .iter()
+                .find(|f| f.method == method && f.name.ends_with(name))
+                .unwrap()
+        };
+        for (name, sd) in [("face 2", 0.0029), ("face 6", 0.0046)] {
+            assert!((figure("SR", name).expected_sd.unwrap() - sd).abs() < 6e-5, "{name}");
+        }
+        for method in ["SR", "SG5", "SG10"] {
+            for face in 1..=6 {
+                // Gauss points lose less than a hundredth of the noise.
+                assert!((figure(method, &format!("face {face}")).expected_mean.unwrap() - 1.0).abs() < 3e-5);
+            }
+            let [low, high] = figure(method, "(%)").range.unwrap();
+            let mean = figure(method, "(%)").expected_mean.unwrap();
+            assert!(0.0 < low && low < 0.3 * mean && 2.0 * mean < high && high < 3.0 * mean);
+        }
+        assert!(!figure("PDM", "face 1").reproduced);
+        assert_eq!(figure("SR", "face 3").corrected, Some(1.0114));
+    }
+
+    #[test]
+    fn too_few_seeds_are_refused() {
+        let error = reproduce(&[3], LEAST_SEEDS - 1, 0, &Silent).err().unwrap();
+        assert!(matches!(error, ExperimentError::TooFewSeeds { n_seeds: 29, least: 30 }));
+    }
+}
