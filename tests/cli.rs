@@ -362,3 +362,79 @@ fn an_output_that_cannot_be_written_leaves_the_old_file() {
     assert_eq!(stderr(&output).lines().count(), 1, "{}", stderr(&output));
     assert!(stderr(&output).contains("no/such/dir/x.exr"));
 }
+
+#[test]
+fn every_method_runs_from_the_command_line() {
+    let directory = with_scene("cube");
+    for (method, setting, value) in [
+        ("centre", "normalise", Value::from(false)),
+        ("pdm", "points", 5.into()),
+        ("sr", "rays", 4096.into()),
+        ("sg", "points", 5.into()),
+        ("sg5", "rays", 4096.into()),
+        ("sg10", "sequence", "sobol".into()),
+        ("hemicube", "resolution", 256.into()),
+        ("gauss-lambert", "points", 5.into()),
+        ("contour", "points", 5.into()),
+        ("closed-form", "seed", 0.into()),
+        ("qmc", "rays", 64.into()),
+    ] {
+        let (code, result) = document(directory.path(), &["form-factors", "scene.obj", "--method", method]);
+        assert_eq!(code, 0, "{method}");
+        assert_eq!(result["settings"]["method"], method);
+        assert_eq!(result["settings"][setting], value, "{method}");
+        let shoots = method.starts_with('s') || method == "hemicube";
+        assert_eq!(result["pairs"].is_null(), shoots, "{method}");
+        assert_eq!(result["n_rays"].as_u64().unwrap() > 0, shoots, "{method}");
+        let left_out = result["left_out"].to_string();
+        assert_eq!(
+            left_out.contains("rays between patches"),
+            !shoots,
+            "{method}: {left_out}"
+        );
+    }
+    let directory = with_scene("room-box");
+    let (_, result) = document(
+        directory.path(),
+        &["form-factors", "scene.obj", "--method", "qmc", "--rays", "16"],
+    );
+    let pairs = &result["pairs"];
+    assert_eq!(result["n_rays"], pairs["n_rays"]);
+    assert!(result["n_rays"].as_u64().unwrap() > 100 && pairs["partial"].as_u64().unwrap() > 0);
+}
+
+#[test]
+fn flags_that_a_method_has_no_use_for_are_usage_errors() {
+    let directory = with_scene("cube");
+    for (arguments, users) in [
+        (["--method", "pdm", "--rays", "10"], "`sr`, `sg`, `sg5`, `sg10`, `qmc`"),
+        (["--method", "sg5", "--points", "3"], "`pdm`, `sg`, `hemicube`"),
+        (["--method", "sr", "--resolution", "64"], "`hemicube`"),
+        (["--method", "qmc", "--sequence", "random"], "`sr`, `sg`, `sg5`, `sg10`"),
+        (["--normalise", "--method", "contour", "--quiet"], "`centre`"),
+    ] {
+        let output = radiosity(
+            directory.path(),
+            &[&["form-factors", "scene.obj"][..], &arguments].concat(),
+        );
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+        assert!(stderr(&output).contains(users), "{}", stderr(&output));
+    }
+    let output = radiosity(directory.path(), &["form-factors", "scene.obj", "--method", "magic"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("gauss-lambert"), "{}", stderr(&output));
+    // The sequence is the direct pass's too, whatever the method.
+    let render = [
+        "render",
+        "scene.obj",
+        "-o",
+        "cube.exr",
+        "--width",
+        "8",
+        "--method",
+        "contour",
+        "--sequence",
+        "random",
+    ];
+    assert_eq!(radiosity(directory.path(), &render).status.code(), Some(0));
+}

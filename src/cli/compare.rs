@@ -62,9 +62,9 @@ pub(super) fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
         .output
         .clone()
         .unwrap_or_else(|| PathBuf::from(format!("compare-{name}")));
-    output::make_directory(&directory)?;
     let mut run = Run::new("compare", &args.common);
     let prepared = prepare(&mut run, args)?;
+    output::make_directory(&directory)?;
     run.set("seeds", args.seeds);
     run.set("seed", args.seed);
     run.set("time_limit_s", args.time_limit);
@@ -95,7 +95,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
         settings: &settings,
         machine: Machine::here(),
     };
-    let text = subject.report(&parts, &storage);
+    let report = subject.report(&parts, &storage);
     let mut document = run.document(&prepared, subject.to_json(&parts, &storage));
     let mut files = vec![
         "report.md".to_owned(),
@@ -105,10 +105,10 @@ pub(super) fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
     files.extend(subject.write_plots(&parts, &directory)?);
     document["files"] = json!(files);
     let write = |file: &str, text: &str| output::write(&directory.join(file), |w| w.write_all(text.as_bytes()));
-    write("report.md", &text)?;
+    write("report.md", &report)?;
     write("results.csv", &runs_table(&parts).to_csv())?;
     write("results.json", &format!("{document:#}\n"))?;
-    let mut printed = run.explanation(&prepared) + &text;
+    let mut printed = run.explanation(&prepared) + &report;
     let _ = writeln!(printed, "\nwrote {} files to {}", files.len(), directory.display());
     Ok(Outcome {
         text: printed,

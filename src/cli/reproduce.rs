@@ -65,9 +65,9 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
     write("report.md", &report)?;
     write("results.csv", &all_figures(&results).to_csv())?;
     write("results.json", &format!("{results_document:#}\n"))?;
-    let mut text = report;
+    let mut printed = report;
     let _ = writeln!(
-        text,
+        printed,
         "\nwrote report.md, results.csv and results.json to {}",
         directory.display()
     );
@@ -75,7 +75,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
         run.warn("our own figures are outside of their 99.9 % range; see the tables marked so");
     }
     Ok(Outcome {
-        text,
+        text: printed,
         document,
         code: if inside { ExitCode::Done } else { ExitCode::CheckFailed },
     })
@@ -85,9 +85,9 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
 fn parse_tables(list: &str) -> Result<Vec<u8>, Failure> {
     let mut tables = Vec::new();
     for part in list.split(',') {
-        let (first, last) = part.split_once('-').unwrap_or((part, part));
+        let ends = part.split_once('-').unwrap_or((part, part));
         let number = |text: &str| text.trim().parse::<u8>().ok();
-        let range = number(first).zip(number(last)).filter(|(a, b)| a <= b);
+        let range = number(ends.0).zip(number(ends.1)).filter(|(a, b)| a <= b);
         let Some((first, last)) = range else {
             return Err(Failure::usage(format!(
                 "`{part}` names no tables; write --tables 3-8 or --tables 3,5-7"

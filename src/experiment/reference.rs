@@ -77,7 +77,10 @@ impl Reference {
             let input = Input { unoccluded, ..input };
             method.compute(input, StorageChoice::default(), progress)
         };
-        let qmc = |rays| QuasiMonteCarlo { rays, seed: SEED };
+        let qmc = |rays_of_pair| QuasiMonteCarlo {
+            rays: rays_of_pair,
+            seed: SEED,
+        };
         if input.unoccluded || !occluders_exist {
             let closed_form = ClosedForm {
                 points: NonZeroUsize::MIN,

@@ -50,8 +50,9 @@ impl FormFactorMethod for GaussLambert {
         let points = on_patches(self.points);
         let other_points = on_patches(NonZeroUsize::new(q - 1).unwrap_or(NonZeroUsize::MIN.saturating_add(1)));
         let outer_first = |[i, j]: [usize; 2]| {
-            let is_smaller = polygons[i].radius() <= polygons[j].radius();
-            if is_smaller { [i, j] } else { [j, i] }
+            // Between equal patches rounding must not decide: a moved scene would give another rule.
+            let is_smaller = polygons[j].radius() < (1.0 - 1e-9) * polygons[i].radius();
+            if is_smaller { [j, i] } else { [i, j] }
         };
         let exact = |outer: usize, inner: usize, x: &WeightedPoint| {
             let corners = polygons[inner].corners();

@@ -24,10 +24,10 @@ use crate::visibility::{Coherence, HitBatch, RayBatch};
 ///
 /// Rays are traced in every scene, as they are what finds the patches. Bias: what patch i sees is what its points see, wrong by some
 /// per cent to tens of per cent where patches touch and q = 1; aliasing at the cells, of the order 1/√m of an entry made of m cells.
-/// Not symmetric; A_i F_ij may exceed the smaller area; patches that fall between the rays have no entry.
-/// Error of an entry: the points' distance from the exact form factor without blockers (two digits of it); 0.58/√m of the entry for aliasing (what an edge
-/// along the cells errs by, as root mean square); and where something may block sqrt(v(1 − v)/q² + 2/((N + 2)(N + 3))) of it, with N = (q² m)^(3/4) and v the fraction
-/// that is visible from the points.
+/// Not symmetric; A_i F_ij may exceed the smaller area.
+/// Error of an entry: its distance from the exact form factor without blockers (two digits of it) where nothing blocks. Where something may, plus
+/// sqrt(2/((N + 2)(N + 3))) of that, N = (q² m)^(3/4), for what m rays may have missed. Where a fraction v < 1 − 1/√m is visible from the points: the
+/// points' distance from the exact form factor, plus sqrt(v(1 − v)/q² + 2/((N + 2)(N + 3))) of it, plus 1/√m of the entry.
 ///
 /// Source: [`COHEN_GREENBERG_1985`](crate::references::COHEN_GREENBERG_1985). Departures: rays through the cells' middles instead of scan conversion, which finds
 /// the same patch in each cell; exact ΔF instead of the integrand at the middle times the cell's area; more than one point by choice.
@@ -78,9 +78,6 @@ fn cells(resolution: usize) -> Vec<Cell> {
 
 /// Rays that are traced at once.
 const BATCH: usize = 512;
-
-/// The weight of each cell's error: the standard deviation of a uniform place of an edge in a cell, at both ends of a patch.
-const ALIASING: f64 = 0.58;
 
 impl FormFactorMethod for Hemicube {
     fn name(&self) -> &'static str {
@@ -133,7 +130,6 @@ struct Row<'a> {
     hits: HitBatch,
     /// Σ w ΔF and the number of cells that see each patch.
     sums: Vec<(f64, u64)>,
-    touched: Vec<usize>,
     tally: RowTally,
     weights: RayWeights,
 }
@@ -146,7 +142,6 @@ impl<'a> Row<'a> {
             factors: Vec::new(),
             hits: HitBatch::default(),
             sums: vec![(0.0, 0); input.mesh.n_patches()],
-            touched: Vec::new(),
             tally: RowTally::default(),
             weights: NO_RAYS,
         }
@@ -184,9 +179,6 @@ impl<'a> Row<'a> {
                     let (u, v) = (f64::from(self.hits.u[k]), f64::from(self.hits.v[k]));
                     let PatchId(j) = self.input.mesh.patch_at(hit.face, u, v);
                     let (sum, count) = &mut self.sums[j as usize];
-                    if *count == 0 {
-                        self.touched.push(j as usize);
-                    }
                     *sum += factor;
                     *count += 1;
                 }
@@ -198,9 +190,8 @@ impl<'a> Row<'a> {
 
     /// Returns the finished row and makes room for the next.
     fn take(&mut self, i: usize, points: &[WeightedPoint], polygons: &[PreparedPolygon]) -> (Vec<Entry>, RowTally) {
-        self.touched.sort_unstable();
-        let mut entries = Vec::with_capacity(self.touched.len());
-        for j in std::mem::take(&mut self.touched) {
+        let mut entries = Vec::new();
+        for j in 0..self.sums.len() {
             let (factor, count) = std::mem::take(&mut self.sums[j]);
             let error = self.error((i, j), factor, count, points, polygons);
             entries.push((PatchId::from_index(j).0, factor, error));
@@ -223,21 +214,26 @@ impl<'a> Row<'a> {
         let patch = &self.input.mesh.patches[i];
         let tolerance = Tolerance { rel: 1e-2, abs: 0.0 };
         let exact = exchange_area(&polygons[i], &polygons[j], tolerance);
+        if exact.value <= 0.0 {
+            return 0.0;
+        }
+        let (unoccluded, unoccluded_error) = (exact.value / patch.area, exact.error / patch.area);
         let seen: f64 = points
             .iter()
             .map(|p| p.weight * point_form_factor(p.position, patch.normal, polygons[j].corners()))
             .sum();
-        let bias = (seen - exact.value / patch.area).abs() + exact.error / patch.area;
-        let aliasing = ALIASING / (count as f64).sqrt();
-        let shadow = if self.input.unoccluded {
-            0.0
-        } else {
-            let n_points = points.len() as f64;
-            let hidden = (1.0 - factor / seen - aliasing).clamp(0.0, 1.0);
-            let unseen = unseen_square((n_points * count as f64).powf(0.75));
-            (hidden * (1.0 - hidden) / n_points + unseen).sqrt()
-        };
-        bias + aliasing * factor + shadow * exact.value / patch.area
+        if self.input.unoccluded {
+            return (factor - unoccluded).abs() + unoccluded_error;
+        }
+        let n_points = points.len() as f64;
+        let unseen = unseen_square((n_points * count.max(1) as f64).powf(0.75));
+        let aliasing = 1.0 / (count.max(1) as f64).sqrt();
+        let hidden = if seen > factor { 1.0 - factor / seen } else { 0.0 };
+        if hidden <= aliasing {
+            return (factor - unoccluded).abs() + unoccluded_error + unseen.sqrt() * unoccluded;
+        }
+        let shadow = (hidden * (1.0 - hidden) / n_points + unseen).sqrt();
+        (seen - unoccluded).abs() + unoccluded_error + aliasing * factor + shadow * unoccluded
     }
 }
 

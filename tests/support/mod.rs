@@ -2,6 +2,7 @@
 
 #![allow(dead_code, reason = "each test binary uses another part")]
 
+pub(crate) mod rooms;
 pub(crate) mod solving;
 
 use radiosity::matrix::operator::Block;

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::PairFactors;
 use crate::geometry::point_form_factor::point_form_factor;
-use crate::geometry::quadrature::GaussProduct;
+use crate::geometry::quadrature::{GaussProduct, WeightedPoint};
 use crate::geometry::rectangle::rectangle_exchange_area;
 use crate::geometry::sampling::{PointStream, Sequence};
 use crate::mesh::{Mesh, PatchId};
@@ -58,29 +58,30 @@ impl Expected {
                 }
                 Start::Gauss(q) => {
                     let points = GaussProduct::new(q).on_polygon(&corners);
-                    let rays = rays.div_ceil(points.len() as u64) as f64;
-                    let stratum = |p: &crate::geometry::quadrature::WeightedPoint| Stratum {
+                    let rays_of_point = rays.div_ceil(points.len() as u64) as f64;
+                    let stratum = |p: &WeightedPoint| Stratum {
                         weight: p.weight / n_patches_of_face,
-                        rays,
+                        rays: rays_of_point,
                         hits: std::array::from_fn(|j| point_form_factor(p.position, normal, &faces[j])),
                     };
                     points.iter().map(stratum).collect()
                 }
             }
         };
-        let strata: Vec<Vec<Stratum>> = (0..mesh.n_patches()).into_par_iter().map(of_patch).collect();
+        let strata_of_patches: Vec<Vec<Stratum>> = (0..mesh.n_patches()).into_par_iter().map(of_patch).collect();
         let mut expected = Self {
             mean: [[0.0; 6]; 6],
             covariance: [[[0.0; 6]; 6]; 6],
         };
-        for (i, strata) in strata.iter().enumerate() {
+        for (i, strata) in strata_of_patches.iter().enumerate() {
             let face = face_of_patch[i];
-            for Stratum { weight, rays, hits } in strata {
+            for stratum in strata {
+                let hits = &stratum.hits;
                 for j in face + 1..6 {
-                    expected.mean[face][j] += weight * hits[j];
+                    expected.mean[face][j] += stratum.weight * hits[j];
                     for k in face + 1..6 {
                         let same = if j == k { hits[j] } else { 0.0 };
-                        expected.covariance[face][j][k] += weight * weight * (same - hits[j] * hits[k]) / rays;
+                        expected.covariance[face][j][k] += stratum.weight.powi(2) * (same - hits[j] * hits[k]) / stratum.rays;
                     }
                 }
             }

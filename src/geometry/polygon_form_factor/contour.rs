@@ -18,7 +18,7 @@ pub(super) struct Estimate {
 pub(super) fn contour_sum<T: Real>(pair: &FacingPair, digits: f64) -> Estimate {
     let (first, second) = (&*pair.first.polygon, &*pair.second.polygon);
     // Logarithms of lengths near 1 cancel best, and the sum around closed contours does not depend on the unit.
-    let middle = pair.shift() + second.centre() - first.centre();
+    let middle = pair.shift + second.centre() - first.centre();
     let unit = (middle.length().max(first.radius()).max(second.radius()))
         .log2()
         .round()
@@ -40,15 +40,15 @@ pub(super) fn contour_sum<T: Real>(pair: &FacingPair, digits: f64) -> Estimate {
         for b in &second_edges {
             let product = a.vector.dot(b.vector);
             if product.to_f64().abs() > T::EPSILON * a.length() * b.length() {
-                let term = product * logarithm_integral(a, b, digits);
-                sum = sum + term;
-                size += term.to_f64().abs() + product.to_f64().abs();
+                let integral = logarithm_integral(a, b, digits);
+                sum = sum + product * integral.value;
+                size += product.to_f64().abs() * (integral.value.to_f64().abs() + integral.size);
             }
         }
     }
     let scale = unit * unit / TAU;
     Estimate {
         value: sum.to_f64() * scale,
-        error: size * scale * (2.0 * T::EPSILON + 10.0_f64.powf(-digits)),
+        error: size * scale * (1.5 * T::EPSILON + 10.0_f64.powf(-digits)),
     }
 }

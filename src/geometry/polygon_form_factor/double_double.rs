@@ -93,14 +93,13 @@ impl DoubleDouble {
     /// Returns the natural logarithm of a positive normal number.
     pub(super) fn ln(self) -> Self {
         let tables = Tables::get();
-        let exponent = ((self.hi.to_bits() >> 52) & 0x7ff) as i64 - 1023;
-        #[expect(clippy::cast_possible_truncation, reason = "an exponent has 11 bits")]
-        let power = 2.0_f64.powi(-(exponent as i32));
+        let exponent = ((self.hi.to_bits() >> 52) & 0x7ff) as i32 - 1023;
+        let power = 2.0_f64.powi(-exponent);
         let mantissa = self.scale(power);
         let k = nearest_step(mantissa.hi - 1.0);
         let c = 1.0 + k as f64 / STEPS as f64;
         let z = (mantissa - Self::new(c)) / (mantissa + Self::new(c));
-        tables.ln_2.times(exponent as f64) + tables.logarithms[k] + tables.odd_series(z, 1.0).scale(2.0)
+        tables.ln_2.times(f64::from(exponent)) + tables.logarithms[k] + tables.odd_series(z, 1.0).scale(2.0)
     }
 
     /// Returns the angle of the vector (x, y), for y ≥ 0: from 0 to π; 0 for the zero vector.
@@ -166,8 +165,8 @@ impl Tables {
                 let (a, b) = (k as f64 / steps, (k + 1) as f64 / steps);
                 let ratio = DoubleDouble::new(b - a) / DoubleDouble::new(2.0 + a + b);
                 tables.logarithms[k + 1] = tables.logarithms[k] + tables.odd_series(ratio, 1.0).scale(2.0);
-                let ratio = DoubleDouble::new(b - a) / DoubleDouble::new(1.0 + a * b);
-                tables.angles[k + 1] = tables.angles[k] + tables.odd_series(ratio, -1.0);
+                let tangent = DoubleDouble::new(b - a) / DoubleDouble::new(1.0 + a * b);
+                tables.angles[k + 1] = tables.angles[k] + tables.odd_series(tangent, -1.0);
             }
             tables.ln_2 = tables.logarithms[STEPS];
             tables

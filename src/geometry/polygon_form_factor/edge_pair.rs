@@ -51,12 +51,18 @@ impl<T: Real> Edge<T> {
     }
 }
 
+/// An integral of ln r and the size of the terms that it was summed from, which its rounding goes with.
+pub(super) struct Integral<T> {
+    pub(super) value: T,
+    pub(super) size: f64,
+}
+
 /// Returns ∫₀¹ ∫₀¹ ln r ds dt over two edges, r the distance of their points.
 ///
 /// Edges that share a corner, exactly: with r homogeneous of degree 1 in (s, t), Euler's theorem makes the integral half of its two
 /// inner integrals at s = 1 and t = 1, minus 1/2. Else the inner integral is exact and the outer one a Gauss rule
 /// on pieces that shrink towards the places where the other edge comes near, `digits` decimal digits of them.
-pub(super) fn logarithm_integral<T: Real>(a: &Edge<T>, b: &Edge<T>, digits: f64) -> T {
+pub(super) fn logarithm_integral<T: Real>(a: &Edge<T>, b: &Edge<T>, digits: f64) -> Integral<T> {
     let meeting = [
         (a.start, a.end, b.start, b.end),
         (a.start, a.end, b.end, b.start),
@@ -65,7 +71,11 @@ pub(super) fn logarithm_integral<T: Real>(a: &Edge<T>, b: &Edge<T>, digits: f64)
     ];
     for (apex_a, end_a, apex_b, end_b) in meeting {
         if apex_a == apex_b {
-            return (a.logarithm_from(end_b) + b.logarithm_from(end_a) - T::new(1.0)).scale(0.5);
+            let ratio = a.length() / b.length();
+            return Integral {
+                value: (a.logarithm_from(end_b) + b.logarithm_from(end_a) - T::new(1.0)).scale(0.5),
+                size: 2.0 + ratio.max(1.0 / ratio),
+            };
         }
     }
     // The edges come near each other less often along the shorter one.
@@ -87,7 +97,11 @@ pub(super) fn logarithm_integral<T: Real>(a: &Edge<T>, b: &Edge<T>, digits: f64)
             sum = sum + width * weight * inner.logarithm_from(outer.start.plus(s, outer.vector));
         }
     });
-    sum
+    Integral {
+        value: sum,
+        // The terms of the inner integral are as large as the edges' distance in lengths of the inner one.
+        size: 2.0 + (outer.start.minus(inner.start).to_f64().length() + outer.length()) / inner.length(),
+    }
 }
 
 /// A complex place x ± iy along the outer edge (its ends at 0 and 1) where the inner integral is not analytic.
@@ -145,8 +159,8 @@ const SMALLEST_ELLIPSE: f64 = 2.5;
 /// A Gauss rule of n points has an error of the order of ρ^(−2n) where the integrand is analytic inside the ellipse of
 /// the half axes' sum ρ (Trefethen, *Approximation Theory and Approximation Practice*, theorem 19.3).
 fn graded_pieces(singularities: &[Singularity], digits: f64, integrate: &mut impl FnMut(f64, f64, usize)) {
-    // A piece of length l with the singularity at its end, s ln s, has an error of l² times that of the rule.
-    let shortest = 10.0_f64.powf(-0.5 * digits - 0.5);
+    // A piece of length l with the singularity at its end, s ln s, has an error of 1e-3 l² or less; and f64 places end at 1e-16.
+    let shortest = 10.0_f64.powf(-0.5 * digits).max(1e-15);
     let mut waiting = vec![(0.0, 1.0)];
     while let Some((low, high)) = waiting.pop() {
         let width: f64 = high - low;

@@ -1,6 +1,6 @@
 //! The parts of two polygons that face each other.
 
-use std::borrow::Cow;
+use std::ops::Deref;
 
 use glam::DVec3;
 
@@ -10,13 +10,31 @@ use super::prepared::PreparedPolygon;
 pub(super) struct FacingPair<'a> {
     pub(super) first: Part<'a>,
     pub(super) second: Part<'a>,
+    /// From the first part's first corner to the second's.
+    pub(super) shift: DVec3,
 }
 
 /// What is left of a polygon in front of a plane.
 pub(super) struct Part<'a> {
-    pub(super) polygon: Cow<'a, PreparedPolygon>,
+    pub(super) polygon: WholeOrCut<'a>,
     /// Of the corners over the other's plane, in m; none is negative.
     pub(super) heights: Heights,
+}
+
+/// A polygon that was not cut, or what was left of one.
+pub(super) enum WholeOrCut<'a> {
+    Whole(&'a PreparedPolygon),
+    Cut(Box<PreparedPolygon>),
+}
+
+impl Deref for WholeOrCut<'_> {
+    type Target = PreparedPolygon;
+    fn deref(&self) -> &PreparedPolygon {
+        match self {
+            Self::Whole(polygon) => polygon,
+            Self::Cut(polygon) => polygon,
+        }
+    }
 }
 
 impl<'a> FacingPair<'a> {
@@ -24,26 +42,21 @@ impl<'a> FacingPair<'a> {
     ///
     /// A corner within 8 ulps (of the largest coordinate) of the other's plane counts as in it, and is neither cut off nor seen.
     pub(super) fn new(first: &'a PreparedPolygon, second: &'a PreparedPolygon) -> Option<Self> {
+        let has_area = |polygon: &PreparedPolygon| polygon.area() > 0.0 && polygon.area().is_finite();
+        if !has_area(first) || !has_area(second) {
+            return None;
+        }
         let tolerance = 8.0 * f64::EPSILON * (first.extent() + second.extent());
         let first_heights = Heights::new(first, second, tolerance)?;
         let second_heights = Heights::new(second, first, tolerance)?;
+        let first_part = Part::new(first, first_heights, second);
+        let second_part = Part::new(second, second_heights, first);
+        let shift = first_part.polygon.to_first_corner_of(&second_part.polygon);
         Some(Self {
-            first: Part::new(first, first_heights, second),
-            second: Part::new(second, second_heights, first),
+            first: first_part,
+            second: second_part,
+            shift,
         })
-    }
-
-    /// Returns whether a horizon cut one of the polygons.
-    pub(super) fn is_cut(&self) -> bool {
-        [&self.first, &self.second]
-            .iter()
-            .any(|part| matches!(part.polygon, Cow::Owned(_)))
-    }
-
-    /// Returns the vector from the first polygon's first corner to the second's.
-    pub(super) fn shift(&self) -> DVec3 {
-        let [a, b] = [&self.first, &self.second].map(|part| part.polygon.exact_corner(0));
-        b.minus(a).to_f64()
     }
 }
 
@@ -52,7 +65,7 @@ impl<'a> Part<'a> {
         let n = polygon.n_corners();
         if (0..n).all(|k| heights.get(k) >= 0.0) {
             return Self {
-                polygon: Cow::Borrowed(polygon),
+                polygon: WholeOrCut::Whole(polygon),
                 heights,
             };
         }
@@ -73,7 +86,7 @@ impl<'a> Part<'a> {
             }
         }
         Self {
-            polygon: Cow::Owned(polygon.part(&corners)),
+            polygon: WholeOrCut::Cut(Box::new(polygon.part(&corners))),
             heights: Heights::from_fn(corner_heights.len(), |k| corner_heights[k]),
         }
     }
@@ -84,6 +97,7 @@ pub(super) struct Heights {
     first: [f64; 4],
     others: Vec<f64>,
     mean: f64,
+    lowest: f64,
     highest: f64,
 }
 
@@ -95,19 +109,21 @@ impl Heights {
         (heights.highest > 0.0).then_some(heights)
     }
 
-    fn from_fn(n: usize, height: impl Fn(usize) -> f64) -> Self {
+    fn from_fn(n: usize, height_of: impl Fn(usize) -> f64) -> Self {
         let mut heights = Self {
             first: [0.0; 4],
             others: Vec::new(),
             mean: 0.0,
+            lowest: f64::INFINITY,
             highest: 0.0,
         };
         for (k, place) in heights.first.iter_mut().enumerate().take(n) {
-            *place = height(k);
+            *place = height_of(k);
         }
-        heights.others.extend((4..n).map(height));
+        heights.others.extend((4..n).map(height_of));
         for &height in heights.first[..n.min(4)].iter().chain(&heights.others) {
             heights.mean += height / n as f64;
+            heights.lowest = heights.lowest.min(height);
             heights.highest = heights.highest.max(height);
         }
         heights
@@ -120,6 +136,16 @@ impl Heights {
     /// The corners' mean height.
     pub(super) fn mean(&self) -> f64 {
         self.mean
+    }
+
+    /// The lowest corner's height.
+    pub(super) fn lowest(&self) -> f64 {
+        self.lowest
+    }
+
+    /// How much the heights vary, from 0 to 1: (highest − lowest)/highest.
+    pub(super) fn variation(&self) -> f64 {
+        1.0 - self.lowest / self.highest
     }
 
     /// The highest corner's height.

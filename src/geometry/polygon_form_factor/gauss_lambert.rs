@@ -15,10 +15,16 @@ pub(super) fn lambert_sum(pair: &FacingPair, order: usize) -> f64 {
         .collect();
     let normal = near.polygon.normal();
     let mut sum = 0.0;
+    let rule = square_rule(order);
     for piece in near.polygon.pieces() {
-        for point in square_rule(order) {
-            let (offset, element) = piece.at(point);
-            sum += point.weight * element * point_form_factor(offset - shift, normal, &target);
+        let [element, element_s, element_t] = piece.elements;
+        for (k, weight) in rule.weight.iter().enumerate() {
+            let mut point = -shift;
+            for (shares, corner) in rule.shares.iter().zip(piece.offsets) {
+                point += shares[k] * corner;
+            }
+            let element = element + rule.s[k] * (element_s - element) + rule.t[k] * (element_t - element);
+            sum += weight * element * point_form_factor(point, normal, &target);
         }
     }
     sum
@@ -27,9 +33,9 @@ pub(super) fn lambert_sum(pair: &FacingPair, order: usize) -> f64 {
 /// Returns the part to integrate over, the other one, and the vector between their first corners.
 fn outer_first<'a, 'b>(pair: &'b FacingPair<'a>) -> (&'b Part<'a>, &'b Part<'a>, DVec3) {
     if pair.first.polygon.radius() <= pair.second.polygon.radius() {
-        (&pair.first, &pair.second, pair.shift())
+        (&pair.first, &pair.second, pair.shift)
     } else {
-        (&pair.second, &pair.first, -pair.shift())
+        (&pair.second, &pair.first, -pair.shift)
     }
 }
 

@@ -6,33 +6,42 @@ use std::sync::OnceLock;
 use glam::DVec3;
 
 use super::facing::{FacingPair, Part};
+use super::prepared::Piece;
 use super::real::Real;
 
 /// The largest order: 20 × 20 points a piece.
 pub const LARGEST_ORDER: usize = 20;
 
-/// A point of the square with its weight and its weights of the four corners.
-pub(super) struct SquarePoint {
-    pub(super) s: f64,
-    pub(super) t: f64,
-    pub(super) weight: f64,
-    pub(super) shares: [f64; 4],
+/// Gauss points of the unit square: places, weights, and weights of the four corners.
+pub(super) struct SquareRule {
+    pub(super) s: Vec<f64>,
+    pub(super) t: Vec<f64>,
+    pub(super) weight: Vec<f64>,
+    pub(super) shares: [Vec<f64>; 4],
 }
 
-/// Returns the Gauss points of the unit square, order² of them.
-pub(super) fn square_rule(order: usize) -> &'static [SquarePoint] {
-    static RULES: [OnceLock<Vec<SquarePoint>>; LARGEST_ORDER] = [const { OnceLock::new() }; LARGEST_ORDER];
+/// Returns the Gauss rule of the unit square with order² points.
+pub(super) fn square_rule(order: usize) -> &'static SquareRule {
+    static RULES: [OnceLock<SquareRule>; LARGEST_ORDER] = [const { OnceLock::new() }; LARGEST_ORDER];
     RULES[order - 1].get_or_init(|| {
         let line = f64::line_rule(order);
-        let point = |&(t, weight_t): &(f64, f64), &(s, weight_s): &(f64, f64)| SquarePoint {
-            s,
-            t,
-            weight: weight_s * weight_t,
-            shares: [(1.0 - s) * (1.0 - t), s * (1.0 - t), s * t, (1.0 - s) * t],
+        let over_square = |value: &dyn Fn(f64, f64) -> f64| -> Vec<f64> {
+            line.iter()
+                .flat_map(|outer| line.iter().map(|inner| value(inner.0, outer.0)))
+                .collect()
         };
-        line.iter()
-            .flat_map(|outer| line.iter().map(move |inner| point(outer, inner)))
-            .collect()
+        let weights = line.iter().flat_map(|outer| line.iter().map(|inner| inner.1 * outer.1));
+        SquareRule {
+            s: over_square(&|s, _| s),
+            t: over_square(&|_, t| t),
+            weight: weights.collect(),
+            shares: [
+                over_square(&|s, t| (1.0 - s) * (1.0 - t)),
+                over_square(&|s, t| s * (1.0 - t)),
+                over_square(&|s, t| s * t),
+                over_square(&|s, t| (1.0 - s) * t),
+            ],
+        }
     })
 }
 
@@ -56,18 +65,29 @@ impl<const N: usize> Cloud<N> {
         }
     }
 
-    /// Fills in the points of the k-th piece, seen from `-shift`.
-    fn fill(&mut self, part: &Part, k: usize, shift: DVec3, order: usize) {
-        let piece = &part.polygon.pieces()[k];
-        let heights = piece.corners.map(|k| part.heights.get(k));
+    /// Fills in the points of a piece, seen from `-shift`.
+    fn fill(&mut self, part: &Part, piece: &Piece, shift: DVec3, order: usize) {
+        let heights = piece.corners.map(|corner| part.heights.get(corner));
+        let [a, b, c, d] = piece.offsets.map(|corner| shift + corner);
         let rule = square_rule(order);
-        self.n = rule.len();
-        for (k, point) in rule.iter().enumerate() {
-            let (offset, element) = piece.at(point);
-            (self.x[k], self.y[k], self.z[k]) = (shift + offset).into();
-            let [f, g, h, i] = point.shares;
-            let height = f * heights[0] + g * heights[1] + h * heights[2] + i * heights[3];
-            self.moment[k] = point.weight * element * height;
+        let n = rule.weight.len();
+        self.n = n;
+        // One plain loop for each array, so that the compiler can use vectors.
+        let [f, g, h, i] = [0, 1, 2, 3].map(|corner| &rule.shares[corner][..n]);
+        let fill = |place: &mut [f64], values: [f64; 4]| {
+            for k in 0..n {
+                place[k] = f[k] * values[0] + g[k] * values[1] + h[k] * values[2] + i[k] * values[3];
+            }
+        };
+        fill(&mut self.x[..n], [a.x, b.x, c.x, d.x]);
+        fill(&mut self.y[..n], [a.y, b.y, c.y, d.y]);
+        fill(&mut self.z[..n], [a.z, b.z, c.z, d.z]);
+        fill(&mut self.moment[..n], heights);
+        let [element, element_s, element_t] = piece.elements;
+        let (along_s, along_t) = (element_s - element, element_t - element);
+        let (s, t, weight, moment) = (&rule.s[..n], &rule.t[..n], &rule.weight[..n], &mut self.moment[..n]);
+        for k in 0..n {
+            moment[k] *= weight[k] * (element + s[k] * along_s + t[k] * along_t);
         }
     }
 }
@@ -87,12 +107,11 @@ pub(super) fn product_sum(pair: &FacingPair, orders: [usize; 2]) -> f64 {
 
 fn sum_over_pieces<const N: usize>(pair: &FacingPair, orders: [usize; 2]) -> f64 {
     let (mut first, mut second) = (Cloud::<N>::new(), Cloud::<N>::new());
-    let shift = pair.shift();
     let mut sum = 0.0;
-    for k in 0..pair.first.polygon.pieces().len() {
-        first.fill(&pair.first, k, DVec3::ZERO, orders[0]);
-        for l in 0..pair.second.polygon.pieces().len() {
-            second.fill(&pair.second, l, shift, orders[1]);
+    for piece in pair.first.polygon.pieces() {
+        first.fill(&pair.first, piece, DVec3::ZERO, orders[0]);
+        for other in pair.second.polygon.pieces() {
+            second.fill(&pair.second, other, pair.shift, orders[1]);
             sum += cloud_sum(&first, &second);
         }
     }

@@ -114,7 +114,7 @@ impl Real for DoubleDouble {
 }
 
 /// Returns node and weight on [0, 1] from a node on [−1, 1] that is good to 1e-15.
-fn refine_node(n: usize, mut x: DoubleDouble) -> (DoubleDouble, DoubleDouble) {
+fn refine_node(n: usize, start: DoubleDouble) -> (DoubleDouble, DoubleDouble) {
     let one = DoubleDouble::new(1.0);
     // Returns 1 − x² and (1 − x²) P′ besides P, the Legendre polynomial.
     let legendre = |x: DoubleDouble| {
@@ -127,13 +127,14 @@ fn refine_node(n: usize, mut x: DoubleDouble) -> (DoubleDouble, DoubleDouble) {
         let flank = one - x * x;
         (value, flank, (before - x * value) * DoubleDouble::new(n as f64))
     };
+    let mut node = start;
     for _ in 0..2 {
-        let (value, flank, slope) = legendre(x);
-        x = x - value * flank / slope;
+        let (value, flank, slope) = legendre(node);
+        node = node - value * flank / slope;
     }
-    let (_, flank, slope) = legendre(x);
+    let (_, flank, slope) = legendre(node);
     // Half of 2/((1 − x²) P′²), for an interval of half the length.
-    ((x + one).scale(0.5), flank / (slope * slope))
+    ((node + one).scale(0.5), flank / (slope * slope))
 }
 
 /// A vector of three numbers.
@@ -201,11 +202,11 @@ mod tests {
                 }
                 let exact = DoubleDouble::new(1.0) / DoubleDouble::new((m + 1) as f64);
                 assert!((sum - exact).to_f64().abs() < 2e-30, "{n} {m}");
-                let sum: f64 = f64::line_rule(n)
+                let plain: f64 = f64::line_rule(n)
                     .iter()
                     .map(|&(node, weight)| weight * (0..m).fold(1.0, |power, _| power * node))
                     .sum();
-                assert!((sum - exact.to_f64()).abs() < 2e-15, "{n} {m}");
+                assert!((plain - exact.to_f64()).abs() < 2e-15, "{n} {m}");
             }
         }
     }

@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::contour::{Estimate, contour_sum};
 use super::double_double::DoubleDouble;
-use super::facing::FacingPair;
+use super::facing::{FacingPair, Part};
 use super::gauss_lambert::{distance_in_radii, lambert_sum};
 use super::gauss_product::{LARGEST_ORDER, product_sum};
 use super::prepared::PreparedPolygon;
@@ -16,7 +16,7 @@ use crate::geometry::rectangle::rectangle_exchange_area;
 /// Digits of the contour's Gauss rules in `f64`.
 pub(super) const DIGITS: f64 = 17.0;
 /// The same in double-double numbers.
-pub(super) const EXTENDED_DIGITS: f64 = 30.0;
+pub(super) const EXTENDED_DIGITS: f64 = 31.0;
 
 /// Up to so many kernel evaluations a product rule costs less than a closed form (some 500 ns) or a contour (some 10 µs).
 const CHEAPER_THAN_CLOSED_FORM: usize = 500;
@@ -73,7 +73,7 @@ pub(super) fn exchange_area(
 /// Keeps a value between 0 and the smaller area, and adds its own rounding to its error.
 pub(super) fn checked(pair: &FacingPair, estimate: Estimate, rule: Rule) -> Exchange {
     let most = pair.first.polygon.area().min(pair.second.polygon.area());
-    let value = estimate.value.clamp(0.0, most);
+    let value = estimate.value.max(0.0).min(most);
     Exchange {
         value,
         error: (estimate.error + 2.0 * f64::EPSILON * value).min(most),
@@ -87,27 +87,76 @@ struct ProductBound {
     size: f64,
     /// The value, roughly.
     value: f64,
-    /// ρ⁻² of each polygon, or `None` if the spheres around them touch.
-    rates: Option<[f64; 2]>,
+    /// Relative rounding of the value, most of it from low heights.
+    rounding: f64,
+    /// For each polygon, or `None` if they are too near for a bound.
+    convergence: Option<[Convergence; 2]>,
+}
+
+/// What the error of a Gauss rule over one polygon depends on.
+#[derive(Clone, Copy)]
+struct Convergence {
+    /// Half of the longest line of points, against the distance of its middle from the other's sphere; below 1.
+    step: f64,
+    /// Half of the relative variation of the height and of the area element along a line.
+    variation: f64,
+    element_variation: f64,
+    /// The sine of the least angle between a line of points and the direction to the other polygon: at least that to the polygon's plane.
+    sine: f64,
+}
+
+impl Convergence {
+    /// Returns `None` where a singularity may lie on a line of points.
+    fn new(own: &Part, other: &Part, distance: f64) -> Option<Self> {
+        let (polygon, other_polygon) = (&*own.polygon, &*other.polygon);
+        let nearest = distance - other_polygon.radius() - polygon.reach();
+        (nearest > polygon.half_edge()).then(|| Self {
+            step: polygon.half_edge() / nearest,
+            variation: 0.5 * own.heights.variation(),
+            element_variation: if polygon.is_parallelogram() { 0.0 } else { 1.0 },
+            sine: other.heights.lowest() / (distance + polygon.radius() + other_polygon.radius()),
+        })
+    }
+
+    /// Returns the errors of the rules of order 2, 3, ..., as parts of the sum's size.
+    fn errors(self) -> impl Iterator<Item = f64> {
+        let Self {
+            step,
+            variation,
+            element_variation,
+            sine,
+        } = self;
+        let mut power = (step + variation) * (step + element_variation) / 3.0;
+        (2_u32..).map(move |order| {
+            let q = f64::from(order);
+            // The error of the q-point rule on x^2q, from that of the rule before.
+            power *= step * step * q * q / ((2.0 * q - 1.0) * (2.0 * q + 1.0));
+            // The coefficient of x^2q in (1 − 2x cos φ + x²)⁻², a Gegenbauer polynomial of cos φ.
+            let n = 2.0 * q;
+            let along = (n + 3.0) * (n + 2.0) * (n + 1.0) / 6.0;
+            let aslant = 0.5 * (n + 2.0 + 1.0 / sine) / (sine * sine);
+            power * along.min(aslant)
+        })
+    }
 }
 
 impl ProductBound {
     fn new(pair: &FacingPair) -> Self {
         let (first, second) = (&*pair.first.polygon, &*pair.second.polygon);
-        let middle = pair.shift() + second.centre() - first.centre();
+        let middle = pair.shift + second.centre() - first.centre();
         let distance_squared = middle.length_squared();
         let distance = distance_squared.sqrt();
-        let radii = [first.radius(), second.radius()];
-        let rate = |near: f64, far: f64| {
-            let d = (distance - far) / near;
-            (d + (d * d - 1.0).sqrt()).powi(-2)
-        };
         let (heights, others) = (&pair.first.heights, &pair.second.heights);
         let scale = first.unsigned_area() * second.unsigned_area() / (PI * distance_squared * distance_squared);
+        let convergence = |own, other| Convergence::new(own, other, distance);
+        let slope = |part: &Part| (distance / part.heights.mean()).min(20.0);
         Self {
             size: scale * heights.highest() * others.highest(),
             value: scale * heights.mean() * others.mean(),
-            rates: (distance > radii[0] + radii[1]).then(|| [rate(radii[0], radii[1]), rate(radii[1], radii[0])]),
+            rounding: 4.0 * f64::EPSILON * (2.0 + slope(&pair.first) + slope(&pair.second)),
+            convergence: convergence(&pair.first, &pair.second)
+                .zip(convergence(&pair.second, &pair.first))
+                .map(<[_; 2]>::from),
         }
     }
 
@@ -115,39 +164,31 @@ impl ProductBound {
     fn orders(&self, tolerance: Tolerance) -> Option<[usize; 2]> {
         // Half of the tolerance for each polygon, and the value may turn out smaller.
         let wanted = 0.25 * tolerance.of(self.value);
-        let mut orders = [2, 2];
-        for (order, rate) in orders.iter_mut().zip(self.rates?) {
-            let mut error = TRUNCATION * self.size * rate;
-            while error > wanted {
-                error *= rate;
-                *order += 1;
-                if *order > LARGEST_ORDER {
-                    return None;
-                }
-            }
-        }
-        Some(orders)
+        let [first, second] = self.convergence?.map(|convergence| {
+            let enough = convergence
+                .errors()
+                .take(LARGEST_ORDER - 1)
+                .position(|error| 2.0 * self.size * error <= wanted);
+            enough.map(|k| k + 2)
+        });
+        Some([first?, second?])
     }
 
-    fn error(&self, orders: [usize; 2]) -> f64 {
-        let Some(rates) = self.rates else {
+    /// Returns the bound of the error of a sum, given its value.
+    fn error(&self, orders: [usize; 2], value: f64) -> f64 {
+        let Some(convergence) = self.convergence else {
             return f64::INFINITY;
         };
-        let terms = [0, 1].map(|k| {
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_possible_wrap,
-                reason = "an order is below 21"
-            )]
-            let power = orders[k] as i32 - 1;
-            rates[k].powi(power)
-        });
-        self.size * (TRUNCATION * (terms[0] + terms[1]) + 8.0 * f64::EPSILON)
+        let term = |k: usize| {
+            // There is no bound for the rule of one point.
+            let order = orders[k].checked_sub(2);
+            order
+                .and_then(|n| convergence[k].errors().nth(n))
+                .unwrap_or(f64::INFINITY)
+        };
+        2.0 * self.size * (term(0) + term(1)) + self.rounding * value
     }
 }
-
-/// The measured constant of the product rules' bound.
-const TRUNCATION: f64 = 4.0;
 
 fn evaluations(pair: &FacingPair, orders: [usize; 2]) -> usize {
     let points = (orders[0] * orders[1]).pow(2);
@@ -159,12 +200,8 @@ pub(super) fn product(pair: &FacingPair, orders: [usize; 2]) -> Exchange {
 }
 
 fn product_with(pair: &FacingPair, bound: &ProductBound, orders: [usize; 2]) -> Exchange {
-    bounded(
-        pair,
-        product_sum(pair, orders),
-        bound.error(orders),
-        Rule::GaussProduct { orders },
-    )
+    let value = product_sum(pair, orders);
+    bounded(pair, value, bound.error(orders, value), Rule::GaussProduct { orders })
 }
 
 /// Keeps an error below all that a value can be wrong by.
@@ -228,5 +265,5 @@ fn lambert_error(ratio: f64, area: f64, order: usize) -> f64 {
         reason = "an order is below 21"
     )]
     let power = 1 - 2 * order as i32;
-    area * (0.25 * rho.powi(power) + 2e-15)
+    area * (0.25 * rho.powi(power) + 8e-15)
 }

@@ -1,0 +1,196 @@
+//! Laws that form factors obey in any scene, for every method on random rooms with boxes and triangles in them.
+//!
+//! The random cases are the same in every run.
+
+mod support;
+
+use glam::{DQuat, DVec3};
+use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
+use radiosity::matrix::FormFactors;
+use radiosity::scene::Scene;
+use support::rooms::{Prepared, Shapes, moved, names, quick};
+
+/// A room of 1 to 2 m a side with things in it that do not touch its walls.
+#[derive(Clone, Debug)]
+struct Room {
+    size: DVec3,
+    /// Middle and half sizes in units of the room, and a turn (0 for boxes along the walls).
+    boxes: Vec<(DVec3, DVec3, f64)>,
+    /// Corners in units of the room.
+    triangles: Vec<[DVec3; 3]>,
+}
+
+impl Room {
+    fn shapes(&self) -> Shapes {
+        let mut shapes = Shapes::default();
+        shapes.cuboid(DVec3::ZERO, self.size, DQuat::IDENTITY, true);
+        for &(middle, half, turn) in &self.boxes {
+            let axis = DVec3::new(1.0, 2.0, 3.0).normalize();
+            let (low, high) = ((middle - half) * self.size, (middle + half) * self.size);
+            shapes.cuboid(low, high, DQuat::from_axis_angle(axis, turn), false);
+        }
+        for triangle in &self.triangles {
+            shapes.face(&triangle.map(|v| v * self.size));
+        }
+        shapes
+    }
+
+    fn scene(&self) -> Scene {
+        self.shapes().scene()
+    }
+
+    /// Whether `closed-form` takes it.
+    fn is_rectangular(&self) -> bool {
+        self.triangles.is_empty() && self.boxes.iter().all(|b| b.2.abs() < 1e-12)
+    }
+
+    fn methods(&self) -> impl Iterator<Item = &'static str> {
+        let rectangular = self.is_rectangular();
+        names().filter(move |&name| name != "closed-form" || rectangular)
+    }
+}
+
+fn between(low: f64, high: f64) -> impl Strategy<Value = DVec3> {
+    [low..high, low..high, low..high].prop_map(DVec3::from)
+}
+
+fn room(n_triangles: impl Into<proptest::collection::SizeRange>) -> impl Strategy<Value = Room> {
+    let turn = prop_oneof![Just(0.0), 0.1..1.5];
+    let boxes = proptest::collection::vec((between(0.3, 0.7), between(0.05, 0.14), turn), 0..2);
+    let triangle = [between(0.1, 0.9), between(0.1, 0.9), between(0.1, 0.9)]
+        .prop_filter("a triangle that is not thin", |[a, b, c]| {
+            (b - a).cross(c - a).length() > 0.05
+        });
+    (
+        between(1.0, 2.0),
+        boxes,
+        proptest::collection::vec(triangle, n_triangles),
+    )
+        .prop_map(|(size, boxes, triangles)| Room { size, boxes, triangles })
+}
+
+fn cases(n: u32, seed: u64) -> ProptestConfig {
+    ProptestConfig {
+        cases: n,
+        rng_seed: RngSeed::Fixed(seed),
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    }
+}
+
+/// Calls `check(i, j, F, error)` for all pairs of the first `n` patches.
+fn for_each(factors: &FormFactors, n: usize, mut check: impl FnMut(usize, usize, f64, f64)) {
+    for i in 0..n {
+        for j in 0..n {
+            check(i, j, factors.get(i, j), factors.std_error(i, j));
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(cases(12, 1))]
+
+    #[test]
+    fn form_factors_are_bounded_and_reciprocal(room in room(0..3)) {
+        let prepared = Prepared::new(room.scene(), 2);
+        let areas = prepared.mesh.areas();
+        for name in room.methods() {
+            let factors = prepared.compute(&*quick(name, 3));
+            let is_noisy = name.starts_with('s');
+            // Rows of rays keep A_i F_ij below the smaller area to their noise; these three do not promise it.
+            let is_bounded = !["centre", "pdm", "hemicube"].contains(&name);
+            let is_reciprocal = !is_noisy && name != "hemicube";
+            for_each(&factors, factors.n_rows(), |i, j, value, error| {
+                let exchange = areas[i] * value;
+                let smaller = areas[i].min(areas[j]);
+                let noise = if is_noisy { 5.0 * areas[i] * error } else { 1e-14 * smaller + 1e-6 * areas[i] * error };
+                assert!(value >= 0.0 && error >= 0.0 && error.is_finite(), "{name} {i} {j}: {value} ± {error}");
+                assert!(!is_bounded || exchange <= smaller + noise, "{name} {i} {j}: {exchange} of {smaller}");
+                let reverse = areas[j] * factors.get(j, i);
+                assert!(!is_reciprocal || (exchange - reverse).abs() <= 1e-15 * exchange, "{name} {i} {j}");
+                let same_face = prepared.mesh.patches[i].face == prepared.mesh.patches[j].face;
+                assert!(!same_face || value.abs() < 1e-300, "{name} {i} {j}: a flat face does not see itself");
+            });
+        }
+    }
+
+    #[test]
+    fn an_occluder_never_increases_a_form_factor(room in room(1..2)) {
+        let with = Prepared::new(room.scene(), 2);
+        let without = Prepared::new(Room { triangles: Vec::new(), ..room.clone() }.scene(), 2);
+        let n = without.mesh.n_patches();
+        let mut n_less = 0;
+        for name in room.methods() {
+            let (open, shaded) = (without.compute(&*quick(name, 5)), with.compute(&*quick(name, 5)));
+            for_each(&shaded, n, |i, j, value, _| {
+                // Rounding: in a room without boxes no ray was traced before, and the sums are not the same ones.
+                let before = open.get(i, j);
+                assert!(value <= before * (1.0 + 1e-12) + 1e-13, "{name} {i} {j}: {value} above {before}");
+                n_less += u32::from(value < 0.999 * before);
+            });
+        }
+        prop_assert!(n_less > 0, "the triangle hides something");
+    }
+
+    #[test]
+    fn rows_of_a_closed_room_sum_to_one_within_their_errors(room in room(0..1)) {
+        let prepared = Prepared::new(room.scene(), 2);
+        for name in room.methods() {
+            let factors = prepared.compute(&*quick(name, 7));
+            let sums_rays = ["sr", "sg", "sg5", "sg10", "hemicube"].contains(&name);
+            for i in 0..factors.n_rows() {
+                let (mut sum, mut error) = (0.0, 0.0);
+                factors.for_each_in_row(i, |_, value, stated| {
+                    sum += value;
+                    error += stated;
+                });
+                let tolerance = if sums_rays { 1e-12 } else { 2.0 * error + 1e-13 };
+                assert!((sum - 1.0).abs() <= tolerance, "{name} {i}: {sum} ± {error:e}");
+            }
+        }
+    }
+
+    #[test]
+    fn form_factors_add_up_over_the_parts_of_a_face(room in room(0..2)) {
+        let (whole, parts) = (Prepared::new(room.scene(), 1), Prepared::new(room.scene(), 3));
+        for name in room.methods() {
+            // What `sg` states leaves out the bias of its grid, which is coarse on a whole wall.
+            if name.starts_with("sg") {
+                continue;
+            }
+            let coarse = whole.by_surface(&whole.compute(&*quick(name, 9)));
+            let fine = parts.by_surface(&parts.compute(&*quick(name, 9)));
+            for k in 0..coarse.form_factor.len() {
+                let difference = (coarse.form_factor[k] - fine.form_factor[k]).abs();
+                let error = coarse.error[k] + fine.error[k];
+                assert!(difference <= 3.0 * error + 1e-13, "{name} {k}: {difference:e} ± {error:e}");
+            }
+        }
+    }
+
+    #[test]
+    fn form_factors_do_not_change_when_the_scene_is_moved_or_scaled(
+        room in room(0..2), turn in 0.1..6.0, axis in between(0.1, 1.0), scale in 0.01..100.0, shift in between(-5.0, 5.0),
+    ) {
+        let here = Prepared::new(room.scene(), 2);
+        let rotation = DQuat::from_axis_angle(axis.normalize(), turn);
+        let turned = Prepared::new(moved(&here.scene, rotation, scale, scale * shift), 2);
+        let shifted = Prepared::new(moved(&here.scene, DQuat::IDENTITY, scale, scale * shift), 2);
+        for name in room.methods() {
+            // Directions of rays are taken in a frame that does not turn with the scene.
+            let turns_along = !["sr", "sg", "sg5", "sg10", "hemicube"].contains(&name);
+            let there = if turns_along { &turned } else { &shifted };
+            let (before, after) = (here.compute(&*quick(name, 11)), there.compute(&*quick(name, 11)));
+            let n = before.n_rows();
+            let mut n_different = 0;
+            for_each(&after, n, |i, j, value, error| {
+                let difference = (value - before.get(i, j)).abs();
+                // One ray that passes an edge within f32's rounding may change sides.
+                n_different += usize::from(difference > 1e-9);
+                assert!(difference <= 1e-9 + 3.0 * error, "{name} {i} {j}: {difference:e} ± {error:e}");
+            });
+            assert!(n_different <= n * n / 100, "{name}: {n_different} of {} differ", n * n);
+        }
+    }
+}

@@ -1,0 +1,165 @@
+//! Scenes made in memory, and every form-factor method to run on them.
+
+use glam::{DQuat, DVec3};
+use radiosity::form_factor::registry::{self, METHODS};
+use radiosity::form_factor::{Computed, FormFactorError, FormFactorMethod, Input, MethodSettings};
+use radiosity::matrix::{FormFactors, StorageChoice, SurfaceFormFactors};
+use radiosity::mesh::{Mesh, Subdivision};
+use radiosity::progress::Silent;
+use radiosity::scene::{Corners, Face, Material, MaterialId, Scene, Surface, SurfaceId, topology};
+use radiosity::visibility::embree::EmbreeVisibility;
+use std::num::NonZeroUsize;
+
+/// The corners of the six sides of a box, numbered by bits x y z.
+const SIDES: [[usize; 4]; 6] = [
+    [0, 2, 6, 4],
+    [1, 5, 7, 3],
+    [0, 4, 5, 1],
+    [2, 3, 7, 6],
+    [0, 1, 3, 2],
+    [4, 6, 7, 5],
+];
+
+/// A scene under construction: every outline is a surface of its own.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Shapes(Scene);
+
+impl Shapes {
+    pub(crate) fn face(&mut self, corners: &[DVec3]) {
+        let scene = &mut self.0;
+        let ids: Vec<u32> = corners
+            .iter()
+            .map(|corner| {
+                let known = scene.vertices.iter().position(|v| v == corner);
+                let index = known.unwrap_or_else(|| {
+                    scene.vertices.push(*corner);
+                    scene.vertices.len() - 1
+                });
+                u32::try_from(index).expect("a small scene")
+            })
+            .collect();
+        let number = u32::try_from(scene.surfaces.len()).expect("a small scene");
+        scene.surfaces.push(Surface {
+            name: format!("face{number}"),
+        });
+        scene.faces.push(Face {
+            corners: match *ids {
+                [a, b, c] => Corners::Triangle([a, b, c]),
+                [a, b, c, d] => Corners::Quad([a, b, c, d]),
+                _ => panic!("three or four corners"),
+            },
+            surface: SurfaceId(number),
+            material: MaterialId(0),
+            line: 0,
+        });
+    }
+
+    /// Adds a box with the corners `low` and `high`, turned about its middle, that faces inwards or outwards.
+    pub(crate) fn cuboid(&mut self, low: DVec3, high: DVec3, turn: DQuat, inwards: bool) {
+        let middle = 0.5 * (low + high);
+        let corner = |k: usize| {
+            let pick = DVec3::new((k & 1) as f64, (k >> 1 & 1) as f64, (k >> 2 & 1) as f64);
+            middle + turn * (low + pick * (high - low) - middle)
+        };
+        for side in SIDES {
+            let mut corners = side.map(corner);
+            if inwards {
+                // The numbers above wind counter-clockwise seen from the inside.
+                corners.rotate_left(1);
+            } else {
+                corners.reverse();
+            }
+            self.face(&corners);
+        }
+    }
+
+    pub(crate) fn scene(mut self) -> Scene {
+        self.0.materials = vec![Material {
+            name: "grey".to_owned(),
+            reflectance: [0.5; 3],
+            exitance: [0.0; 3],
+        }];
+        self.0
+    }
+}
+
+/// Returns the scene turned, scaled, then moved.
+pub(crate) fn moved(scene: &Scene, turn: DQuat, scale: f64, shift: DVec3) -> Scene {
+    let mut scene = scene.clone();
+    for vertex in &mut scene.vertices {
+        *vertex = scale * (turn * *vertex) + shift;
+    }
+    scene
+}
+
+/// Settings that keep tests fast, and give every method something to do.
+pub(crate) fn quick(name: &str, seed: u64) -> Box<dyn FormFactorMethod> {
+    let number = |n| NonZeroUsize::new(n);
+    let settings = match name {
+        "sr" | "sg5" | "sg10" => MethodSettings {
+            rays: Some(2000),
+            ..MethodSettings::default()
+        },
+        "sg" => MethodSettings {
+            rays: Some(2000),
+            points: number(3),
+            ..MethodSettings::default()
+        },
+        "hemicube" => MethodSettings {
+            resolution: number(32),
+            points: number(2),
+            ..MethodSettings::default()
+        },
+        "pdm" | "gauss-lambert" | "contour" | "closed-form" => MethodSettings {
+            points: number(3),
+            ..MethodSettings::default()
+        },
+        _ => MethodSettings::default(),
+    };
+    registry::method(name, &MethodSettings { seed, ..settings }).expect("a method of the registry")
+}
+
+/// The names of all methods.
+pub(crate) fn names() -> impl Iterator<Item = &'static str> {
+    METHODS.iter().map(|m| m.name)
+}
+
+/// A scene with everything that methods need of it.
+pub(crate) struct Prepared {
+    pub(crate) scene: Scene,
+    pub(crate) mesh: Mesh,
+    visibility: EmbreeVisibility,
+}
+
+impl Prepared {
+    pub(crate) fn new(scene: Scene, subdivide: u32) -> Self {
+        let mesh = Mesh::new(&scene, Subdivision::Uniform(subdivide)).expect("a mesh");
+        let visibility = EmbreeVisibility::new(&scene).expect("Embree");
+        Self {
+            scene,
+            mesh,
+            visibility,
+        }
+    }
+
+    pub(crate) fn try_compute(&self, method: &dyn FormFactorMethod) -> Result<Computed, FormFactorError> {
+        let input = Input {
+            scene: &self.scene,
+            mesh: &self.mesh,
+            visibility: &self.visibility,
+            unoccluded: topology::is_convex_and_empty(&self.scene),
+        };
+        method.compute(input, StorageChoice::default(), &Silent)
+    }
+
+    pub(crate) fn compute(&self, method: &dyn FormFactorMethod) -> FormFactors {
+        self.try_compute(method)
+            .expect("the method can treat the scene")
+            .factors
+    }
+
+    pub(crate) fn by_surface(&self, factors: &FormFactors) -> SurfaceFormFactors {
+        let surfaces: Vec<u32> = self.mesh.patches.iter().map(|p| p.surface.0).collect();
+        factors.surface_form_factors(&surfaces, self.scene.surfaces.len())
+    }
+}
