@@ -316,7 +316,7 @@ mod tests {
                 unusable: false,
             })
             .into();
-        let stopped = |cases: &[Case]| -> Vec<bool> { cases.iter().map(|c| c.stopped).collect() };
+        let stopped = |all: &[Case]| -> Vec<bool> { all.iter().map(|c| c.stopped).collect() };
         // Four times as many rays would take 0.8 s; what comes after that is not foretold from here.
         stop_what_takes_too_long(&mut cases, 0, 0.2, 1.0);
         assert_eq!(stopped(&cases), [false; 4]);

@@ -235,9 +235,9 @@ mod tests {
         let (cornell, _) = find(&builtin_scene("cornell-box"), 1, true, true);
         assert_eq!(cornell.kind, ReferenceKind::Polygons);
         assert!(cornell.error_max < 1e-6, "{}", cornell.error_max);
-        let (cornell, _) = find(&builtin_scene("cornell-box"), 1, false, true);
-        assert_eq!((cornell.kind, cornell.rays), (ReferenceKind::LongRun, Some(64)));
-        assert!(cornell.error_rms > 0.0 && cornell.error_rms < cornell.error_max);
+        let (long_run, _) = find(&builtin_scene("cornell-box"), 1, false, true);
+        assert_eq!((long_run.kind, long_run.rays), (ReferenceKind::LongRun, Some(64)));
+        assert!(long_run.error_rms > 0.0 && long_run.error_rms < long_run.error_max);
     }
 
     #[test]

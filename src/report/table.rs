@@ -59,7 +59,9 @@ impl Table {
         line(&header);
         let rule = |(k, &width): (usize, &usize)| "-".repeat(width - usize::from(k > 0)) + if k > 0 { ":" } else { "" };
         line(&widths.iter().enumerate().map(rule).collect::<Vec<_>>());
-        rows.iter().for_each(|row| line(row));
+        for row in &rows {
+            line(row);
+        }
         text
     }
 

@@ -81,7 +81,8 @@ impl Expected {
                     expected.mean[face][j] += stratum.weight * hits[j];
                     for k in face + 1..6 {
                         let same = if j == k { hits[j] } else { 0.0 };
-                        expected.covariance[face][j][k] += stratum.weight.powi(2) * (same - hits[j] * hits[k]) / stratum.rays;
+                        expected.covariance[face][j][k] +=
+                            stratum.weight.powi(2) * (same - hits[j] * hits[k]) / stratum.rays;
                     }
                 }
             }
