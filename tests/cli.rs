@@ -393,14 +393,14 @@ fn every_method_runs_from_the_command_line() {
             "{method}: {left_out}"
         );
     }
-    let directory = with_scene("room-box");
-    let (_, result) = document(
-        directory.path(),
+    let occluded = with_scene("room-box");
+    let (_, counted) = document(
+        occluded.path(),
         &["form-factors", "scene.obj", "--method", "qmc", "--rays", "16"],
     );
-    let pairs = &result["pairs"];
-    assert_eq!(result["n_rays"], pairs["n_rays"]);
-    assert!(result["n_rays"].as_u64().unwrap() > 100 && pairs["partial"].as_u64().unwrap() > 0);
+    let pairs = &counted["pairs"];
+    assert_eq!(counted["n_rays"], pairs["n_rays"]);
+    assert!(pairs["n_rays"].as_u64().unwrap() > 100 && pairs["partial"].as_u64().unwrap() > 0);
 }
 
 #[test]

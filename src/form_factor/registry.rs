@@ -222,13 +222,13 @@ mod tests {
             error.contains("--normalise") && error.contains("`pdm`") && error.contains("`centre`"),
             "{error}"
         );
-        let settings = MethodSettings {
+        let with_points = MethodSettings {
             points: Some(number(3)),
             ..MethodSettings::default()
         };
         for entry in METHODS {
             let uses = ["pdm", "sg", "hemicube", "gauss-lambert", "contour", "closed-form"].contains(&entry.name);
-            assert_eq!(entry.resolve(&settings).is_ok(), uses, "{}", entry.name);
+            assert_eq!(entry.resolve(&with_points).is_ok(), uses, "{}", entry.name);
         }
     }
 

@@ -214,12 +214,12 @@ mod tests {
     fn equal_rays_err_like_a_binomial_fraction() {
         let visible = equal(64, 16).visible(Independence::Independent);
         assert!((visible.fraction - 0.25).abs() < 1e-15);
-        let expected = (0.25 * 0.75 / 64.0 + 2.0 / (66.0 * 67.0)).sqrt();
+        let expected = (0.25_f64 * 0.75 / 64.0 + 2.0 / (66.0 * 67.0)).sqrt();
         assert!((visible.error - expected).abs() < 1e-15);
         // 81 rays with shared ends count as 27.
-        let visible = equal(81, 27).visible(Independence::SharedEnds);
-        let expected = (2.0 / 9.0 / 27.0 + 2.0 / (29.0 * 30.0_f64)).sqrt();
-        assert!((visible.error - expected).abs() < 1e-15);
+        let shared = equal(81, 27).visible(Independence::SharedEnds);
+        let of_27 = (2.0 / 9.0 / 27.0 + 2.0 / (29.0 * 30.0_f64)).sqrt();
+        assert!((shared.error - of_27).abs() < 1e-15);
     }
 
     #[test]
