@@ -367,7 +367,7 @@ fn describe(reference: &Reference) -> String {
             "Reference: certified form factors between the whole surfaces, exact to {error:.0e}; errors are between surfaces."
         ),
         ReferenceKind::LongRun => format!(
-            "Reference: with occluders nothing exact is known here; it is a run of `qmc` with {} rays a pair. Its own standard error is {:.1e} (root mean \
+            "Reference: with occluders nothing exact is known here; it is the mean of eight runs of `qmc`, {} rays a pair in all. Their spread gives its own standard error as {:.1e} (root mean \
              square) and {error:.1e} at most: errors near that are the reference's as much as the method's.",
             reference.rays.unwrap_or(0),
             reference.error_rms,

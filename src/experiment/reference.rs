@@ -47,7 +47,7 @@ pub struct Reference {
     pub n: usize,
     /// F, row-major \[n, n\].
     pub values: Vec<f64>,
-    /// Its greatest absolute error, as the method that made it states it: a bound, or for a long run the greatest standard error of an entry.
+    /// Its greatest absolute error, a bound, or for a long run the greatest standard error of an entry.
     pub error_max: f64,
     /// Its root-mean-square error, as [`Reference::errors`] defines it: a bound, or for a long run that of its standard errors.
     pub error_rms: f64,
@@ -55,15 +55,18 @@ pub struct Reference {
     pub rays: Option<u64>,
 }
 
-/// The seed of references, the last that a comparison would come to.
+/// The greatest seed of references: the last that a comparison would come to.
 const SEED: u64 = u64::MAX;
+
+/// A long run is made of so many independent ones, whose spread is its error.
+const REPLICATES: u64 = 8;
 
 impl Reference {
     /// Finds or computes the reference for a scene.
     ///
     /// Where nothing blocks, or `input.unoccluded` says not to look: the closed form if all patches are rectangles with parallel edges, else the exchange
-    /// area of each pair of polygons, both without rays. Else certified numbers, if the scene has them. Else `qmc` with `rays` rays a pair, with a seed
-    /// outside of those that are compared.
+    /// area of each pair of polygons, both without rays. Else certified numbers, if the scene has them. Else `qmc` with `rays` rays a pair, in eight runs with
+    /// seeds outside of those that are compared: their mean, with the standard errors that their spread shows.
     ///
     /// # Errors
     /// [`ExperimentError::Reference`] if a method fails.
@@ -73,28 +76,27 @@ impl Reference {
         rays: u64,
         progress: &dyn Progress,
     ) -> Result<Self, ExperimentError> {
-        let of_pairs = |method: &dyn FormFactorMethod, unoccluded| {
+        let between_patches = |method: &dyn FormFactorMethod, unoccluded, kind| {
             let input = Input { unoccluded, ..input };
-            method.compute(input, StorageChoice::default(), progress)
+            let computed = method.compute(input, StorageChoice::default(), progress)?;
+            Ok(Self::between_patches(&computed.factors, kind))
         };
-        let qmc = |rays_of_pair| QuasiMonteCarlo {
+        let qmc = |rays_of_pair, seed| QuasiMonteCarlo {
             rays: rays_of_pair,
-            seed: SEED,
+            seed,
         };
         if input.unoccluded || !occluders_exist {
             let closed_form = ClosedForm {
                 points: NonZeroUsize::MIN,
                 seed: SEED,
             };
-            let (computed, kind) = match of_pairs(&closed_form, true) {
-                Err(FormFactorError::NotApplicable { .. }) => (of_pairs(&qmc(1), true), ReferenceKind::Polygons),
-                computed => (computed, ReferenceKind::ClosedForm),
+            let reference = match between_patches(&closed_form, true, ReferenceKind::ClosedForm) {
+                Err(FormFactorError::NotApplicable { .. }) => {
+                    between_patches(&qmc(1, SEED), true, ReferenceKind::Polygons)
+                }
+                reference => reference,
             };
-            return Ok(Self::between_patches(
-                &computed.map_err(ExperimentError::Reference)?.factors,
-                kind,
-                None,
-            ));
+            return reference.map_err(ExperimentError::Reference);
         }
         if let Some(known) = known::surface_form_factors(input.scene) {
             return Ok(Self {
@@ -107,15 +109,12 @@ impl Reference {
                 rays: None,
             });
         }
-        let computed = of_pairs(&qmc(rays), false).map_err(ExperimentError::Reference)?;
-        Ok(Self::between_patches(
-            &computed.factors,
-            ReferenceKind::LongRun,
-            Some(rays),
-        ))
+        let rays_of_run = rays.div_ceil(REPLICATES);
+        let run = |k| between_patches(&qmc(rays_of_run, SEED - k), false, ReferenceKind::LongRun);
+        Self::mean((0..REPLICATES).map(run), REPLICATES * rays_of_run).map_err(ExperimentError::Reference)
     }
 
-    fn between_patches(factors: &FormFactors, kind: ReferenceKind, rays: Option<u64>) -> Self {
+    fn between_patches(factors: &FormFactors, kind: ReferenceKind) -> Self {
         let n = factors.n_rows();
         let (mut values, mut errors) = (vec![0.0; n * n], Vec::new());
         for i in 0..n {
@@ -132,8 +131,39 @@ impl Reference {
             values,
             error_max: errors.iter().copied().fold(0.0, f64::max),
             error_rms: (errors.iter().map(|e| e * e).sum::<f64>() / n_errors).sqrt(),
-            rays,
+            rays: None,
         }
+    }
+
+    /// Returns the mean of independent runs, with the standard errors that their spread shows.
+    ///
+    /// A method's own statement of its error must hold for any pair, and is far too careful for most; the spread is what the noise is.
+    fn mean(runs: impl Iterator<Item = Result<Self, FormFactorError>>, rays: u64) -> Result<Self, FormFactorError> {
+        let (mut mean, mut squares, mut n, mut n_runs) = (Vec::new(), Vec::new(), 0, 0.0);
+        for run in runs {
+            let run = run?;
+            mean.resize(run.values.len(), 0.0);
+            squares.resize(run.values.len(), 0.0);
+            n = run.n;
+            n_runs += 1.0;
+            // Welford's recurrence: nothing cancels.
+            for ((m, s), value) in mean.iter_mut().zip(&mut squares).zip(run.values) {
+                let off = value - *m;
+                *m += off / n_runs;
+                *s += off * (value - *m);
+            }
+        }
+        let variance_of_mean = |s: &f64| s / ((n_runs - 1.0) * n_runs);
+        let n_nonzero = mean.iter().filter(|v| **v != 0.0).count().max(1) as f64;
+        Ok(Self {
+            kind: ReferenceKind::LongRun,
+            level: ReferenceLevel::Patches,
+            n,
+            error_max: squares.iter().map(variance_of_mean).fold(0.0, f64::max).sqrt(),
+            error_rms: (squares.iter().map(variance_of_mean).sum::<f64>() / n_nonzero).sqrt(),
+            values: mean,
+            rays: Some(rays),
+        })
     }
 
     /// Returns the share of the entries that are not zero.
@@ -238,6 +268,27 @@ mod tests {
         let (long_run, _) = find(&builtin_scene("cornell-box"), 1, false, true);
         assert_eq!((long_run.kind, long_run.rays), (ReferenceKind::LongRun, Some(64)));
         assert!(long_run.error_rms > 0.0 && long_run.error_rms < long_run.error_max);
+        assert!(long_run.values.iter().all(|f| (0.0..=1.0).contains(f)));
+    }
+
+    #[test]
+    fn the_spread_of_runs_is_the_error_of_their_mean() {
+        let run = |value: f64| {
+            Ok(Reference {
+                kind: ReferenceKind::LongRun,
+                level: ReferenceLevel::Patches,
+                n: 2,
+                values: vec![0.0, value, 0.5, 0.0],
+                error_max: 0.0,
+                error_rms: 0.0,
+                rays: None,
+            })
+        };
+        let mean = Reference::mean([0.1, 0.2, 0.4, 0.5].map(run).into_iter(), 64).unwrap();
+        assert!((mean.values[1] - 0.3).abs() < 1e-15 && (mean.values[2] - 0.5).abs() < 1e-15);
+        // The sum of squares is 0.1, the variance of the mean of four 0.1 / 3 / 4; two entries are not 0.
+        assert!((mean.error_max - (0.1_f64 / 12.0).sqrt()).abs() < 1e-15);
+        assert!((mean.error_rms - (0.1_f64 / 24.0).sqrt()).abs() < 1e-15);
     }
 
     #[test]
