@@ -82,6 +82,7 @@
 
 pub mod cli;
 pub mod embree;
+pub mod experiment;
 pub mod form_factor;
 pub mod geometry;
 pub mod matrix;

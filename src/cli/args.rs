@@ -37,6 +37,10 @@ pub enum Command {
     Render(RenderArgs),
     /// Check an EXR against the analytic answer of the scene that it was made from
     Verify(VerifyArgs),
+    /// Run all form-factor methods side by side: true error against run time, as tables and plots
+    Compare(CompareArgs),
+    /// Print a paper's tables beside what we measure
+    Reproduce(ReproduceArgs),
 }
 
 /// Flags that every command has.
@@ -255,6 +259,84 @@ pub struct VerifyArgs {
     pub common: CommonArgs,
 }
 
+/// Whether occluders are looked at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum VisibilityName {
+    /// Yes
+    On,
+    /// No: form factors of the bare pairs, for the methods that can leave visibility out
+    Off,
+    /// Both, one after the other
+    Both,
+}
+
+/// `radiosity compare`.
+#[derive(Args, Debug)]
+pub struct CompareArgs {
+    /// A scene file (OBJ), or the name of a built-in scene
+    #[arg(value_name = "SCENE")]
+    pub scene: PathBuf,
+    /// The directory for tables and plots, made if needed [default: compare-SCENE]
+    #[arg(short, long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
+    /// The methods, separated by commas [default: all]
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub methods: Vec<String>,
+    /// Runs of every setting, each with a seed of its own
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=10000))]
+    pub seeds: u64,
+    /// The first seed
+    #[arg(long, value_name = "S", default_value_t = 0)]
+    pub seed: u64,
+    /// Leave out settings of which one run takes longer than S seconds
+    #[arg(long, value_name = "S", default_value_t = 10.0, value_parser = parse_positive)]
+    pub time_limit: f64,
+    /// Whether occluders are looked at
+    #[arg(long, value_enum, default_value_t = VisibilityName::Both)]
+    pub visibility: VisibilityName,
+    /// Rays for each pair of patches of the reference, where nothing better is known
+    #[arg(long, value_name = "N", default_value_t = 4096, value_parser = clap::value_parser!(u64).range(1..))]
+    pub reference_rays: u64,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub mesh: MeshArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub common: CommonArgs,
+}
+
+/// The papers whose tables can be repeated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum PaperName {
+    /// Baranoski, Bramley and Shirley 1995: tables 3 to 8 (form factors by shooting and quadrature)
+    Baranoski,
+}
+
+/// `radiosity reproduce`.
+#[derive(Args, Debug)]
+pub struct ReproduceArgs {
+    /// The paper
+    #[arg(value_enum, value_name = "PAPER")]
+    pub paper: PaperName,
+    /// The tables, as in `3-8` or `3,5-7` [default: all that are built]
+    #[arg(long, value_name = "LIST")]
+    pub tables: Option<String>,
+    /// The directory for the tables as files, made if needed [default: reproduce-PAPER]
+    #[arg(short, long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
+    /// Runs of every stochastic method, each with a seed of its own
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u64).range(30..=10000))]
+    pub seeds: u64,
+    /// The first seed
+    #[arg(long, value_name = "S", default_value_t = 0)]
+    pub seed: u64,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub common: CommonArgs,
+}
+
 /// The direct pass: light from the emitters, integrated at each pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
 #[serde(rename_all = "kebab-case")]
@@ -330,6 +412,13 @@ pub struct ImageArgs {
     /// Samples along each side of a pixel, averaged in the colour layers [default: 2; unfolded: 1]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16))]
     pub samples: Option<u32>,
+}
+
+fn parse_positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
+        _ => Err("give a number above 0".to_owned()),
+    }
 }
 
 fn parse_vector(text: &str) -> Result<[f64; 3], String> {

@@ -1,6 +1,7 @@
 //! The command-line program.
 
 pub mod args;
+mod compare;
 mod exit_code;
 mod failure;
 mod form_factors;
@@ -8,6 +9,7 @@ mod output;
 mod pipeline;
 mod progress;
 mod render;
+mod reproduce;
 mod scene;
 mod solve;
 mod verify;
@@ -47,6 +49,8 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Solve(a) => &a.common,
         Command::Render(a) => &a.common,
         Command::Verify(a) => &a.common,
+        Command::Compare(a) => &a.common,
+        Command::Reproduce(a) => &a.common,
     };
     let json = common.json;
     // A panic is a defect of the program: one line says so, and that it is not the user's fault.
@@ -97,6 +101,8 @@ fn run(command: &Command, common: &CommonArgs) -> Result<Outcome, Failure> {
         Command::Solve(a) => solve::run(a),
         Command::Render(a) => render::run(a),
         Command::Verify(a) => verify::run(a),
+        Command::Compare(a) => compare::run(a),
+        Command::Reproduce(a) => reproduce::run(a),
     })
 }
 

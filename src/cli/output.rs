@@ -46,3 +46,10 @@ pub(super) fn expect_possible(path: &Path) -> Result<(), Failure> {
     )
     .in_file(path))
 }
+
+/// Makes a directory for outputs, and those above it, unless it is there.
+pub(super) fn make_directory(path: &Path) -> Result<(), Failure> {
+    std::fs::create_dir_all(path).map_err(|error| {
+        Failure::new("unwritable", format!("{}: cannot be made: {error}", path.display())).in_file(path)
+    })
+}

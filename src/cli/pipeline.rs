@@ -84,7 +84,17 @@ impl Run {
         for warning in &loaded.warnings {
             self.warn(&warning.to_string());
         }
-        let scene = loaded.scene;
+        self.prepare_scene(path, loaded.scene, mesh_args, default)
+    }
+
+    /// Cuts a scene into patches and builds the ray tracer's tree; `path` is what messages call it.
+    pub(super) fn prepare_scene(
+        &mut self,
+        path: &Path,
+        scene: Scene,
+        mesh_args: MeshArgs,
+        default: impl FnOnce(&Scene) -> Subdivision,
+    ) -> Result<Prepared, Failure> {
         let plan = self.times.time("plan", || Plan::new(&scene));
         let subdivision = mesh_args.subdivision(default(&scene));
         match subdivision {

@@ -43,7 +43,7 @@ fn channel_names(n_channels: usize) -> &'static [&'static str] {
     if n_channels == 1 { &["grey"] } else { &["r", "g", "b"] }
 }
 
-fn quoted(name: &str) -> String {
+pub(super) fn quoted(name: &str) -> String {
     if name.contains(['"', ',', '\n', '\r']) {
         format!("\"{}\"", name.replace('"', "\"\""))
     } else {

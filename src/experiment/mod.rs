@@ -1,0 +1,62 @@
+//! Experiments: the methods side by side on one scene, and the papers' tables beside what we measure.
+//!
+//! [`compare`](compare()) runs every setting of every method ([`SWEEPS`]) over several seeds and says how far each is from a
+//! [`Reference`], and how long it took. [`baranoski`] repeats the tables of appendix A of that paper.
+
+pub mod baranoski;
+mod compare;
+mod known;
+mod pareto;
+mod reference;
+pub mod statistics;
+mod storage;
+mod sweep;
+
+pub use compare::{CaseSummary, CompareSettings, Comparison, LeftOut, Run, compare};
+pub use reference::{Reference, ReferenceKind, ReferenceLevel};
+pub use storage::{StorageFigures, storage_figures};
+pub use sweep::{Parameter, RayUse, SWEEPS, Sweep, sweep_by_name};
+
+use crate::form_factor::FormFactorError;
+use crate::matrix::MatrixError;
+
+/// Why an experiment could not be made.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ExperimentError {
+    /// A method failed.
+    #[error("{method} with {parameter} {value}: {source}")]
+    Method {
+        /// The method's name in the sweep.
+        method: &'static str,
+        /// What is varied.
+        parameter: &'static str,
+        /// Its value.
+        value: u64,
+        /// Why it failed.
+        source: FormFactorError,
+    },
+    /// The reference could not be computed.
+    #[error("the reference: {0}")]
+    Reference(#[source] FormFactorError),
+    /// Form factors could not be stored.
+    #[error(transparent)]
+    Matrix(#[from] MatrixError),
+    /// A built-in scene could not be made.
+    #[error(transparent)]
+    Scene(#[from] crate::scene::SceneError),
+    /// A scene could not be cut into patches.
+    #[error(transparent)]
+    Mesh(#[from] crate::mesh::MeshError),
+    /// The ray tracer failed.
+    #[error(transparent)]
+    Embree(#[from] crate::embree::EmbreeError),
+    /// Too few runs for a spread.
+    #[error("{n_seeds} seeds are too few; give at least {least}")]
+    TooFewSeeds {
+        /// What was asked for.
+        n_seeds: u64,
+        /// The least number.
+        least: u64,
+    },
+}

@@ -1,0 +1,165 @@
+//! The settings that are compared: one entry for each method.
+
+use std::num::NonZeroUsize;
+
+use crate::form_factor::registry::{self, MethodSettings};
+use crate::form_factor::{FormFactorError, FormFactorMethod};
+use crate::geometry::sampling::Sequence;
+
+/// A method and the values of the parameter that trades its time for its error.
+#[derive(Clone, Copy, Debug)]
+pub struct Sweep {
+    /// The name in tables, plots and `--methods`.
+    pub name: &'static str,
+    /// The method's name in the [`registry`].
+    pub method: &'static str,
+    /// What is varied.
+    pub parameter: Parameter,
+    /// Its values, ascending in cost.
+    pub values: &'static [u64],
+    /// The source of numbers, where it is not the method's default.
+    pub sequence: Option<Sequence>,
+    /// How the method stands to visibility.
+    pub rays: RayUse,
+}
+
+/// What is varied from one setting of a method to the next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Parameter {
+    /// Nothing.
+    None,
+    /// Rays of each patch.
+    RaysPerPatch,
+    /// Rays of each pair of patches.
+    RaysPerPair,
+    /// Points along each side of one patch.
+    Points,
+    /// Points along each side of both patches.
+    PointsOnBoth,
+    /// Cells along each edge of the hemicube's top.
+    Resolution,
+}
+
+/// What a method traces rays for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RayUse {
+    /// For everything: it cannot leave visibility out.
+    Everything,
+    /// For visibility alone; its parameter counts for more than that.
+    Visibility,
+    /// For visibility alone, and so is its parameter: without visibility all of its values are the same.
+    VisibilityOnly,
+}
+
+impl Parameter {
+    /// Returns the name in tables.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::None => "–",
+            Self::RaysPerPatch => "rays per patch",
+            Self::RaysPerPair => "rays per pair",
+            Self::Points | Self::PointsOnBoth => "points per side",
+            Self::Resolution => "resolution",
+        }
+    }
+
+    /// Returns the power of the parameter with which the run time grows, for forecasts.
+    pub(super) fn cost_power(self) -> i32 {
+        match self {
+            Self::None => 0,
+            Self::RaysPerPatch | Self::RaysPerPair => 1,
+            Self::Points | Self::Resolution => 2,
+            Self::PointsOnBoth => 4,
+        }
+    }
+}
+
+impl Sweep {
+    /// Returns the method with one value of the parameter and a seed.
+    ///
+    /// # Errors
+    /// Those of the [`registry`], if the method does not have the parameter.
+    pub fn build(&self, value: u64, seed: u64) -> Result<Box<dyn FormFactorMethod>, FormFactorError> {
+        let mut settings = MethodSettings {
+            seed,
+            sequence: self.sequence,
+            ..MethodSettings::default()
+        };
+        let count = usize::try_from(value).ok().and_then(NonZeroUsize::new);
+        match self.parameter {
+            Parameter::None => {}
+            Parameter::RaysPerPatch | Parameter::RaysPerPair => settings.rays = Some(value),
+            Parameter::Points | Parameter::PointsOnBoth => settings.points = count,
+            Parameter::Resolution => settings.resolution = count,
+        }
+        registry::method(self.method, &settings)
+    }
+
+    /// Returns the values worth running: only the first where they are all the same.
+    #[must_use]
+    pub fn values(&self, unoccluded: bool) -> &'static [u64] {
+        match self.rays {
+            RayUse::VisibilityOnly if unoccluded => &self.values[..1],
+            _ => self.values,
+        }
+    }
+}
+
+/// Rays of each patch, for the methods that shoot.
+const RAYS: &[u64] = &[64, 256, 1024, 4096, 16384];
+
+/// Everything that can be compared, one line each, in the order of tables and legends.
+#[rustfmt::skip]
+pub const SWEEPS: &[Sweep] = &[
+    sweep("centre", Parameter::None, &[1], RayUse::Visibility),
+    sweep("pdm", Parameter::PointsOnBoth, &[2, 3, 5, 8], RayUse::Visibility),
+    sweep("sr", Parameter::RaysPerPatch, RAYS, RayUse::Everything),
+    Sweep { name: "sr-random", sequence: Some(Sequence::Random), ..sweep("sr", Parameter::RaysPerPatch, RAYS, RayUse::Everything) },
+    sweep("sg5", Parameter::RaysPerPatch, RAYS, RayUse::Everything),
+    sweep("sg10", Parameter::RaysPerPatch, RAYS, RayUse::Everything),
+    sweep("hemicube", Parameter::Resolution, &[16, 32, 64, 128, 256], RayUse::Everything),
+    sweep("gauss-lambert", Parameter::Points, &[1, 2, 3, 5, 10], RayUse::Visibility),
+    sweep("contour", Parameter::PointsOnBoth, &[2, 3, 5, 8], RayUse::VisibilityOnly),
+    sweep("closed-form", Parameter::PointsOnBoth, &[2, 3, 5, 8], RayUse::VisibilityOnly),
+    sweep("qmc", Parameter::RaysPerPair, &[4, 16, 64, 256, 1024], RayUse::VisibilityOnly),
+];
+
+/// Returns the sweep of that name.
+#[must_use]
+pub fn sweep_by_name(name: &str) -> Option<&'static Sweep> {
+    SWEEPS.iter().find(|sweep| sweep.name == name)
+}
+
+const fn sweep(name: &'static str, parameter: Parameter, values: &'static [u64], rays: RayUse) -> Sweep {
+    Sweep {
+        name,
+        method: name,
+        parameter,
+        values,
+        sequence: None,
+        rays,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_entry_makes_its_method_and_every_method_has_an_entry() {
+        for (k, sweep) in SWEEPS.iter().enumerate() {
+            assert!(SWEEPS[..k].iter().all(|other| other.name != sweep.name));
+            assert!(!sweep.values.is_empty() && sweep.values.is_sorted_by(|a, b| a < b));
+            for &value in sweep.values {
+                assert!(sweep.build(value, 1).is_ok(), "{} {value}", sweep.name);
+            }
+        }
+        for entry in registry::METHODS {
+            // `sg` is in by its two usual numbers of points.
+            let name = if entry.name == "sg" { "sg5" } else { entry.name };
+            assert!(sweep_by_name(name).is_some(), "{name}");
+        }
+        assert!(sweep_by_name("nothing").is_none());
+    }
+}

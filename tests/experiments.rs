@@ -1,0 +1,245 @@
+//! `compare` and `reproduce` as their users meet them: documents, files, exit codes.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+fn radiosity(directory: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_radiosity"))
+        .current_dir(directory)
+        .args(arguments)
+        .output()
+        .unwrap()
+}
+
+fn document(directory: &Path, arguments: &[&str]) -> Value {
+    let output = radiosity(directory, &[arguments, &["--json"]].concat());
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(output.status.code(), Some(0), "{text}");
+    serde_json::from_str(&text).unwrap()
+}
+
+fn files(directory: &Path) -> BTreeSet<String> {
+    let entries = std::fs::read_dir(directory).unwrap();
+    entries
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect()
+}
+
+fn cases<'a>(part: &'a Value, method: &str) -> Vec<&'a Value> {
+    part["cases"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .filter(|c| c["method"] == method)
+        .collect()
+}
+
+#[test]
+fn methods_are_measured_against_the_closed_form() {
+    let directory = tempfile::tempdir().unwrap();
+    let arguments = [
+        "compare",
+        "cube",
+        "--subdivide",
+        "2",
+        "--seeds",
+        "3",
+        "--methods",
+        "sr,contour,closed-form",
+    ];
+    let result = document(directory.path(), &arguments);
+    assert_eq!(result["n_patches"], 24);
+    assert!(result["machine"]["n_threads"].as_u64().unwrap() >= 1);
+    let [on, off] = &result["comparisons"].as_array().unwrap()[..] else {
+        panic!("both by default")
+    };
+    assert_eq!(
+        (&on["visibility"], &off["visibility"]),
+        (&Value::from("on"), &Value::from("off"))
+    );
+    assert_eq!(on["reference"]["kind"], "closed-form");
+    let shooting = cases(on, "sr");
+    assert_eq!(shooting.len(), 5);
+    for pair in shooting.windows(2) {
+        let [dear, cheap] = [pair[1], pair[0]].map(|case| case["error_rms"]["median"].as_f64().unwrap());
+        // Four times as many rays: at least half the error.
+        assert!(dear < 0.6 * cheap && dear > 0.1 * cheap, "{cheap} {dear}");
+    }
+    for case in &shooting {
+        let at = |key: &str| case["error_max"][key].as_f64().unwrap();
+        assert_eq!(case["n_runs"], 3);
+        assert!(at("min") < at("max") && at("min") <= at("median") && at("median") <= at("max"));
+        assert!(at("median") > case["error_rms"]["median"].as_f64().unwrap());
+    }
+    assert!(
+        cases(on, "contour")
+            .iter()
+            .all(|c| c["error_max"]["max"].as_f64().unwrap() < 1e-14)
+    );
+    assert!(cases(off, "sr").is_empty());
+    assert_eq!(off["left_out"][0]["method"], "sr");
+    // Without visibility the points of the visible fraction change nothing: one setting each.
+    assert_eq!((cases(off, "contour").len(), cases(off, "closed-form").len()), (1, 1));
+    assert!(
+        on["cases"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .any(|c| c["on_front_max"] == true)
+    );
+    assert_eq!(result["storage"]["dense_byte"], 8 * 24 * 24);
+    assert_eq!(result["storage"]["symmetric_byte"], 4 * 24 * 25);
+    assert!((result["storage"]["density"].as_f64().unwrap() - 5.0 / 6.0).abs() < 1e-12);
+
+    let output = directory.path().join("compare-cube");
+    let listed: BTreeSet<String> = result["files"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|f| f.as_str().unwrap().to_owned())
+        .collect();
+    assert_eq!(files(&output), listed);
+    assert_eq!(listed.len(), 3 + 8);
+    let csv = std::fs::read_to_string(output.join("results.csv")).unwrap();
+    let n_runs = |part: &Value| part["runs"].as_array().unwrap().len();
+    assert_eq!(csv.lines().count(), 1 + n_runs(on) + n_runs(off));
+    let report = std::fs::read_to_string(output.join("report.md")).unwrap();
+    assert!(report.contains("| sr ") && report.contains("closed form of every pair"));
+    let written: Value = serde_json::from_str(&std::fs::read_to_string(output.join("results.json")).unwrap()).unwrap();
+    assert_eq!(written["comparisons"], result["comparisons"]);
+}
+
+#[test]
+fn certified_surfaces_and_errors_that_no_thread_changes() {
+    let directory = tempfile::tempdir().unwrap();
+    let errors = |threads: &str| -> Vec<(u64, f64, f64)> {
+        let arguments = [
+            "compare",
+            "corridor",
+            "--subdivide",
+            "3",
+            "--seeds",
+            "2",
+            "--methods",
+            "qmc",
+            "--visibility",
+            "on",
+        ];
+        let result = document(
+            directory.path(),
+            &[&arguments[..], &["--threads", threads, "-o", "out"]].concat(),
+        );
+        let part = &result["comparisons"][0];
+        assert_eq!(part["reference"]["kind"], "certified");
+        assert_eq!(part["reference"]["level"], "surfaces");
+        assert_eq!(result["comparisons"].as_array().unwrap().len(), 1);
+        let runs = part["runs"].as_array().unwrap().iter();
+        let number = |run: &Value, key: &str| run[key].as_f64().unwrap();
+        runs.map(|r| {
+            (
+                r["value"].as_u64().unwrap(),
+                number(r, "error_max"),
+                number(r, "error_rms"),
+            )
+        })
+        .collect()
+    };
+    let (one, two) = (errors("1"), errors("2"));
+    assert_eq!(one, two);
+    for &(rays, max, rms) in &one {
+        // A form factor of 0.1, half blocked, the mean of 81 pairs with noise of their own.
+        let expected = match rays {
+            4 => 5e-5..1e-2,
+            1024 => 1e-7..1e-4,
+            _ => 1e-7..1e-2,
+        };
+        assert!(
+            expected.contains(&max) && rms < max && rms > 0.2 * max,
+            "{rays}: {max} {rms}"
+        );
+    }
+}
+
+#[test]
+fn what_cannot_treat_a_scene_is_left_out() {
+    let directory = tempfile::tempdir().unwrap();
+    let arguments = [
+        "compare",
+        "cornell-box",
+        "--subdivide",
+        "1",
+        "--seeds",
+        "2",
+        "--methods",
+        "centre,closed-form",
+        "--reference-rays",
+        "64",
+    ];
+    let result = document(directory.path(), &arguments);
+    for part in result["comparisons"].as_array().unwrap() {
+        assert!(cases(part, "closed-form").is_empty());
+        assert_eq!(cases(part, "centre").len(), 1);
+        let reason = part["left_out"][0]["reason"].as_str().unwrap();
+        assert!(
+            reason.contains("not a rectangle") || reason.contains("not parallel"),
+            "{reason}"
+        );
+    }
+    let kinds = [0, 1].map(|k| result["comparisons"][k]["reference"]["kind"].as_str().unwrap());
+    assert_eq!(kinds, ["long-run", "polygons"]);
+}
+
+#[test]
+fn a_table_of_the_paper_is_repeated_to_the_byte() {
+    let directory = tempfile::tempdir().unwrap();
+    let run = |threads: &str, output: &str| {
+        let arguments = [
+            "reproduce",
+            "baranoski",
+            "--tables",
+            "3",
+            "--seeds",
+            "30",
+            "--threads",
+            threads,
+            "-o",
+            output,
+        ];
+        document(directory.path(), &arguments)
+    };
+    let (first, second) = (run("1", "a"), run("2", "b"));
+    assert_eq!(first["tables"], second["tables"]);
+    for file in ["report.md", "results.csv", "results.json"] {
+        let read = |folder: &str| std::fs::read(directory.path().join(folder).join(file)).unwrap();
+        assert_eq!(read("a"), read("b"), "{file}");
+    }
+    assert_eq!(first["inside"], true);
+    let report = std::fs::read_to_string(directory.path().join("a/report.md")).unwrap();
+    assert!(report.contains("1.00114† (1.0114)") && report.contains("not reproduced"));
+    assert!(report.contains("inside the 99.9 % range"));
+}
+
+#[test]
+fn what_is_not_built_is_a_usage_error_that_says_what_is() {
+    let directory = tempfile::tempdir().unwrap();
+    for (arguments, expected) in [
+        (&["reproduce", "lewis"][..], "baranoski"),
+        (&["reproduce", "baranoski", "--tables", "2"], "3 to 8"),
+        (&["reproduce", "baranoski", "--seeds", "29"], "30"),
+        (&["compare", "cube", "--methods", "sr,magic"], "gauss-lambert"),
+        (&["compare", "cube", "--time-limit", "0"], "above 0"),
+    ] {
+        let output = radiosity(directory.path(), arguments);
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
+        assert!(message.contains(expected), "{arguments:?}: {message}");
+    }
+    let output = radiosity(directory.path(), &["compare", "nowhere.obj"]);
+    assert_eq!(output.status.code(), Some(1));
+    // Nothing was made for what could not be done.
+    assert!(files(directory.path()).is_empty(), "{:?}", files(directory.path()));
+}
