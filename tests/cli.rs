@@ -1,5 +1,9 @@
 //! The program as its users and their scripts meet it: exit codes, messages, documents, files.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![expect(
+    clippy::shadow_unrelated,
+    reason = "each run of a test has its own output, code and result"
+)]
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -253,7 +257,7 @@ fn a_room_that_cannot_lose_light_has_no_solution() {
         let names = obj.lines().filter_map(|line| line.strip_prefix("usemtl "));
         let mut text = String::from(library);
         for (k, name) in names.collect::<std::collections::BTreeSet<_>>().into_iter().enumerate() {
-            text += &format!("newmtl {name}\nKd 1 1 1\nKe {k} {k} {k}\n");
+            text.push_str(&["newmtl ", name, "\nKd 1 1 1\nKe ", &k.to_string(), " 1 1\n"].concat());
         }
         text
     })

@@ -29,7 +29,7 @@ fn compute_with(
 ) -> (Mesh, FormFactors) {
     let mesh = Mesh::new(scene, Subdivision::Uniform(subdivide)).unwrap();
     let input = Input {
-        scene: scene,
+        scene,
         mesh: &mesh,
         visibility,
         unoccluded: false,

@@ -58,7 +58,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         complain(&format!(
             "a defect of the program, please report it: {}",
             one_line(defect)
-        ))
+        ));
     }));
     let result = std::panic::catch_unwind(AssertUnwindSafe(|| run(&cli.command, common)))
         .unwrap_or_else(|_| Err(Failure::new("defect", "")));
@@ -144,7 +144,12 @@ fn print(text: &str) -> bool {
 }
 
 fn one_line(defect: &PanicHookInfo<'_>) -> String {
-    let text = defect.payload_as_str().unwrap_or("unknown").replace('\n', " ");
+    let payload = defect.payload();
+    let known = payload
+        .downcast_ref::<&str>()
+        .copied()
+        .or(payload.downcast_ref::<String>().map(String::as_str));
+    let text = known.unwrap_or("unknown").replace('\n', " ");
     defect.location().map_or_else(
         || text.clone(),
         |place| format!("{text} ({}:{})", place.file(), place.line()),

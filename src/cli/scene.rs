@@ -1,5 +1,7 @@
 //! `radiosity scene`.
 
+use std::fmt::Write as _;
+
 use serde_json::json;
 
 use super::args::SceneArgs;
@@ -26,7 +28,7 @@ pub(super) fn run(args: &SceneArgs) -> Result<Outcome, Failure> {
         args.output.display()
     );
     if let Some(file) = &written_camera {
-        text += &format!("wrote {}\n", file.display());
+        let _ = writeln!(text, "wrote {}", file.display());
     }
     Ok(Outcome {
         text,
