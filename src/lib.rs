@@ -96,3 +96,4 @@ pub mod report;
 pub mod scene;
 pub mod solver;
 pub mod visibility;
+mod whole_file;

@@ -443,3 +443,103 @@ fn flags_that_a_method_has_no_use_for_are_usage_errors() {
     ];
     assert_eq!(radiosity(directory.path(), &render).status.code(), Some(0));
 }
+
+/// Runs, expects success, and returns the document without what varies from run to run.
+fn repeatable(directory: &Path, arguments: &[&str]) -> Value {
+    let (code, mut result) = document(directory, arguments);
+    assert_eq!(code, 0, "{result}");
+    for varying in [
+        "stages",
+        "total_s",
+        "memory_peak_byte",
+        "history",
+        "settings",
+        "left_out",
+    ] {
+        result.as_object_mut().unwrap().remove(varying);
+    }
+    result
+}
+
+#[test]
+fn form_factors_from_a_file_give_the_same_solution() {
+    let directory = with_scene("room-box");
+    let directory = directory.path();
+    let computing = ["--subdivide", "2", "--rays", "500"];
+    let direct = repeatable(directory, &[&["solve", "scene.obj"], &computing[..]].concat());
+    for (file, threads) in [("F.npz", "1"), ("G.npz", "2")] {
+        let written = [
+            &["form-factors", "scene.obj", "-o", file, "--threads", threads],
+            &computing[..],
+        ]
+        .concat();
+        assert_eq!(repeatable(directory, &written)["output"], file);
+        // The patches come from the file.
+        let reused = repeatable(directory, &["solve", "scene.obj", "--form-factors", file]);
+        assert_eq!(reused, direct);
+    }
+    let bytes = |file: &str| std::fs::read(directory.join(file)).unwrap();
+    assert!(bytes("F.npz") == bytes("G.npz"), "equal work gives equal bytes");
+
+    // Other materials have the same form factors.
+    let library = std::fs::read_to_string(directory.join("scene.mtl")).unwrap();
+    std::fs::write(directory.join("scene.mtl"), library.replace("Kd 0.", "Kd 0.0")).unwrap();
+    let darker = repeatable(directory, &["solve", "scene.obj", "--form-factors", "F.npz"]);
+    assert_eq!(darker["form_factors"], direct["form_factors"]);
+    assert_ne!(darker["surfaces"], direct["surfaces"]);
+}
+
+#[test]
+fn form_factors_of_another_scene_or_for_other_patches_are_refused() {
+    let directory = with_scene("cube");
+    let directory = directory.path();
+    let run = |arguments: &[&str]| radiosity(directory, arguments);
+    assert!(
+        run(&[
+            "form-factors",
+            "scene.obj",
+            "--rays",
+            "100",
+            "--max-edge",
+            "0.5",
+            "-o",
+            "F.npz"
+        ])
+        .status
+        .success()
+    );
+    assert!(
+        run(&["scene", "lewis-room", "--level", "1", "-o", "other.obj"])
+            .status
+            .success()
+    );
+    let output = run(&["solve", "other.obj", "--form-factors", "F.npz"]);
+    assert_eq!(output.status.code(), Some(1));
+    let message = stderr(&output);
+    assert_eq!(message.lines().count(), 1, "{message}");
+    for part in ["F.npz", "other.obj", "radiosity form-factors other.obj -o F.npz"] {
+        assert!(message.contains(part), "{message}");
+    }
+    let solve = ["solve", "scene.obj", "--form-factors", "F.npz"];
+    for (flags, code, part) in [
+        (&["--max-edge", "0.5"][..], 0, ""),
+        (&["--max-edge", "0.25"], 2, "--max-edge 0.5"),
+        (&["--subdivide", "2"], 2, "--max-edge 0.5"),
+        (&["--rays", "100"], 2, "--rays"),
+        (&["--method", "sr"], 2, "--method"),
+    ] {
+        let output = run(&[&solve[..], flags].concat());
+        assert_eq!(output.status.code(), Some(code), "{flags:?} {}", stderr(&output));
+        assert!(stderr(&output).contains(part), "{}", stderr(&output));
+    }
+    let (code, result) = document(directory, &["solve", "scene.obj", "--form-factors", "missing.npz"]);
+    assert_eq!((code, &result["error"]["kind"]), (1, &Value::from("unreadable")));
+    let (code, result) = document(directory, &["form-factors", "scene.obj", "-o", "F.txt"]);
+    assert_eq!((code, &result["error"]["kind"]), (2, &Value::from("usage")));
+    // Half of a file is not one.
+    let bytes = std::fs::read(directory.join("F.npz")).unwrap();
+    std::fs::write(directory.join("F.npz"), &bytes[..bytes.len() / 2]).unwrap();
+    let (code, result) = document(directory, &solve);
+    assert_eq!((code, &result["error"]["kind"]), (1, &Value::from("damaged")));
+    assert_eq!(result["error"]["file"], "F.npz");
+}

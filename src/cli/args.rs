@@ -178,6 +178,12 @@ pub struct FormFactorsArgs {
     /// The scene (OBJ)
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
+    /// A file for the form factors: .npz, .npy, .mtx or .exr (between patches), .csv (between surfaces), .vtu (sums and errors of each patch)
+    #[arg(short, long, value_name = "F.npz")]
+    pub output: Option<PathBuf>,
+    /// A surface by name: with `-o F.vtu`, the form factor from each patch to it
+    #[arg(long, value_name = "NAME", requires = "output")]
+    pub surface: Option<String>,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub mesh: MeshArgs,
@@ -231,9 +237,12 @@ pub struct SolveArgs {
     /// The scene (OBJ)
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
-    /// A CSV file for the solution: one row a patch
+    /// A file for the solution of each patch: .csv, .npz or .vtu
     #[arg(short, long, value_name = "B.csv")]
     pub output: Option<PathBuf>,
+    /// Form factors that `form-factors -o` wrote, instead of computing them; they know how the scene was cut into patches
+    #[arg(long, value_name = "F.npz", conflicts_with_all = ["method", "rays", "points", "sequence", "seed", "resolution", "normalise"])]
+    pub form_factors: Option<PathBuf>,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub mesh: MeshArgs,

@@ -8,6 +8,7 @@ use super::exit_code::ExitCode;
 use crate::form_factor::FormFactorError;
 use crate::matrix::MatrixError;
 use crate::render::RenderError;
+use crate::report::ReportError;
 use crate::scene::SceneError;
 use crate::solver::SolverError;
 
@@ -104,6 +105,15 @@ impl From<SolverError> for Failure {
             _ => "solver",
         };
         Self::new(kind, error.to_string())
+    }
+}
+
+impl From<ReportError> for Failure {
+    fn from(error: ReportError) -> Self {
+        match error {
+            ReportError::UnknownFormat { .. } => Self::usage(error.to_string()),
+            _ => Self::new(error.kind(), error.to_string()).in_file(error.path()),
+        }
     }
 }
 

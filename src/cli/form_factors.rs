@@ -4,20 +4,33 @@ use std::fmt::Write as _;
 
 use serde_json::{Value, json};
 
-use super::Outcome;
 use super::args::FormFactorsArgs;
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::pipeline::{Computed, Prepared, Run};
+use super::{Outcome, output};
 use crate::matrix::SurfaceFormFactors;
 use crate::mesh::Subdivision;
+use crate::report::form_factors::{FormFactorReport, Format};
+use crate::scene::{Scene, SurfaceId};
 
 /// Rays for each patch unless `--rays` says otherwise.
 pub(super) const DEFAULT_RAYS: u64 = 4096;
 
 pub(super) fn run(args: &FormFactorsArgs) -> Result<Outcome, Failure> {
     let mut run = Run::new("form-factors", &args.common);
+    if let Some(path) = &args.output {
+        if Format::of(path)? != Format::Vtu && args.surface.is_some() {
+            return Err(Failure::usage("--surface is for `-o F.vtu`"));
+        }
+        output::expect_possible(path)?;
+    }
     let mut prepared = run.prepare(&args.scene, args.mesh, |_| Subdivision::Uniform(1))?;
+    let surface = args
+        .surface
+        .as_deref()
+        .map(|name| surface_named(&prepared.scene, name))
+        .transpose()?;
     let computed = run.form_factors(&mut prepared, &args.method, DEFAULT_RAYS, false)?;
     let surfaces = run.times.time("surfaces", || {
         let surface_of_patch: Vec<u32> = prepared.mesh.patches.iter().map(|p| p.surface.0).collect();
@@ -25,15 +38,42 @@ pub(super) fn run(args: &FormFactorsArgs) -> Result<Outcome, Failure> {
             .factors
             .surface_form_factors(&surface_of_patch, prepared.scene.surfaces.len())
     });
+    if let Some(path) = &args.output {
+        let report = FormFactorReport {
+            scene: &prepared.scene,
+            mesh: &prepared.mesh,
+            factors: &computed.factors,
+            tolerance_met: computed.tolerance_met,
+            settings: &run.settings,
+            surface,
+        };
+        run.times.time("write", || report.write(path))?;
+    }
     run.progress.finish();
-    let document = run.document(&prepared, to_json(&prepared, &computed, &surfaces));
+    let mut result = to_json(&prepared, &computed, &surfaces);
+    result["output"] = json!(args.output);
+    let document = run.document(&prepared, result);
     let mut text = run.explanation(&prepared);
     describe(&mut text, &prepared, &computed, &surfaces);
     run.describe_times(&mut text);
+    if let Some(path) = &args.output {
+        let _ = writeln!(text, "wrote {}", path.display());
+    }
     Ok(Outcome {
         text,
         document,
         code: ExitCode::Done,
+    })
+}
+
+fn surface_named(scene: &Scene, name: &str) -> Result<SurfaceId, Failure> {
+    let place = scene.surfaces.iter().position(|surface| surface.name == name);
+    place.and_then(|k| u32::try_from(k).ok()).map(SurfaceId).ok_or_else(|| {
+        let known: Vec<&str> = scene.surfaces.iter().map(|s| s.name.as_str()).take(12).collect();
+        Failure::usage(format!(
+            "there is no surface `{name}`; the first ones are {}",
+            known.join(", ")
+        ))
     })
 }
 

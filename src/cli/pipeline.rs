@@ -135,6 +135,17 @@ impl Run {
         let result = self.times.time("form_factors", || {
             method.compute(input, StorageChoice::default(), &self.progress)
         })?;
+        self.repaired(prepared, result, args.balance, needs_symmetry)
+    }
+
+    /// Makes form factors symmetric where that is asked for, and checks them.
+    pub(super) fn repaired(
+        &mut self,
+        prepared: &mut Prepared,
+        result: crate::form_factor::Computed,
+        asked: BalanceName,
+        needs_symmetry: bool,
+    ) -> Result<Computed, Failure> {
         let raw = result.factors;
         let n_rays: u64 = raw.tallies().iter().map(|t| t.n_rays).sum();
         let n_escaped: u64 = raw.tallies().iter().map(|t| t.n_escaped).sum();
@@ -145,14 +156,14 @@ impl Run {
                 "{n_escaped} of {n_rays} rays escaped from a closed scene; the row sums show what that amounts to"
             ));
         }
-        let wanted = match args.balance {
+        let wanted = match asked {
             BalanceName::On => true,
             BalanceName::Off => false,
             BalanceName::Auto => needs_symmetry && !raw.is_symmetric(),
         };
         self.set("balance", wanted);
         let plan = &mut prepared.plan;
-        if input.unoccluded && result.pairs.is_some() {
+        if plan.convex_and_empty && result.pairs.is_some() {
             plan.left_out.push("rays between patches: nothing can block".into());
         }
         let (factors, balance) = if wanted {

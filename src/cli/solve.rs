@@ -1,7 +1,6 @@
 //! `radiosity solve`.
 
 use std::fmt::Write as _;
-use std::path::Path;
 
 use serde_json::{Value, json};
 
@@ -9,10 +8,11 @@ use super::args::{SolveArgs, SolverName};
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::form_factors::{DEFAULT_RAYS, checks_to_json, describe_checks};
-use super::pipeline::{Prepared, Run};
-use super::{Outcome, output};
+use super::pipeline::{Prepared, Run, materials_of_patches};
+use super::{Outcome, output, reuse};
 use crate::mesh::Subdivision;
-use crate::report::csv;
+use crate::report::form_factors::FormFactorFile;
+use crate::report::solution::{Format, SolutionReport};
 use crate::solver::{Solution, StopReason};
 
 /// What stands in the place of a solver's name where none was needed.
@@ -21,25 +21,34 @@ pub(super) const NO_SOLVER: &str = "none";
 pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
     let mut run = Run::new("solve", &args.common);
     if let Some(path) = &args.output {
-        expect_csv(path)?;
+        Format::of(path)?;
         output::expect_possible(path)?;
     }
-    let mut prepared = run.prepare(&args.scene, args.mesh, |_| Subdivision::Uniform(1))?;
+    let file = args.form_factors.as_deref().map(FormFactorFile::open).transpose()?;
+    let mesh_args = file
+        .as_ref()
+        .map_or(Ok(args.mesh), |file| reuse::mesh_args(file, args.mesh))?;
+    let mut prepared = run.prepare(&args.scene, mesh_args, |_| Subdivision::Uniform(1))?;
     let needs_symmetry = args.solver.solver == SolverName::Pcg;
-    let computed = run.form_factors(&mut prepared, &args.method, DEFAULT_RAYS, needs_symmetry)?;
+    let computed = match &file {
+        None => run.form_factors(&mut prepared, &args.method, DEFAULT_RAYS, needs_symmetry)?,
+        Some(file) => {
+            let result = reuse::form_factors(&mut run, &mut prepared, file, &args.scene)?;
+            run.repaired(&mut prepared, result, args.method.balance, needs_symmetry)?
+        }
+    };
     let solution = run.solve(&mut prepared, &computed, &args.solver)?;
     if let Some(path) = &args.output {
-        run.times.time("write", || {
-            output::write(path, |writer| {
-                csv::write_solution(
-                    writer,
-                    &prepared.scene,
-                    &prepared.mesh,
-                    &solution.radiosity,
-                    &solution.irradiance,
-                )
-            })
-        })?;
+        let (reflectance, exitance) = materials_of_patches(&prepared.scene, &prepared.mesh, prepared.plan.n_channels);
+        let report = SolutionReport {
+            scene: &prepared.scene,
+            mesh: &prepared.mesh,
+            reflectance: &reflectance,
+            exitance: &exitance,
+            solution: &solution,
+            settings: &run.settings,
+        };
+        run.times.time("write", || report.write(path))?;
     }
     run.progress.finish();
     let mut result = to_json(&prepared, args.solver.solver.as_str(), &solution);
@@ -63,16 +72,6 @@ pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
         document,
         code: code(&solution),
     })
-}
-
-fn expect_csv(path: &Path) -> Result<(), Failure> {
-    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv")) {
-        return Ok(());
-    }
-    Err(Failure::usage(format!(
-        "{}: the solution is written as .csv; change the name",
-        path.display()
-    )))
 }
 
 /// Returns the exit code that a solution deserves.

@@ -1,11 +1,12 @@
 //! Repairs: reciprocity by averaging with the transpose, row sums by a symmetric scaling.
 
-use rayon::prelude::*;
+use std::sync::Arc;
+
 use serde::Serialize;
 
 use super::operator::{Block, LinearOperator};
 use super::transpose::{Pair, index};
-use super::{FormFactors, MatrixError, RowTally, RowTile, store};
+use super::{Entries, FormFactors, MatrixError, RowTally, RowTile, Symmetric, symmetric};
 
 /// How much each of the two estimates of an exchange area, A_i F_ij and A_j F_ji, counts in their mean.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -51,16 +52,21 @@ impl FormFactors {
             return Ok(self.clone());
         }
         let area_max = self.areas.iter().copied().fold(0.0, f64::max);
-        let tile = |rows: std::ops::Range<usize>| {
+        let upper = |rows: std::ops::Range<usize>| {
             let mut lists = vec![Vec::new(); rows.len()];
             self.for_each_pair(rows.clone(), |i, j, pair| {
-                let (exchange, std_error) = self.mean_exchange(weighting, area_max, (i, j), &pair);
-                lists[i - rows.start].push((index(j), exchange, std_error));
+                if j >= i {
+                    let (exchange, std_error) = self.mean_exchange(weighting, area_max, (i, j), &pair);
+                    lists[i - rows.start].push((index(j), exchange, std_error));
+                }
             });
-            exchange_tile(rows.start, &lists)
+            let mut tile = RowTile::new(rows.start);
+            for list in &lists {
+                tile.push_row(list, RowTally::default());
+            }
+            tile
         };
-        let factors = self.areas.iter().map(|a| area_max / a).collect();
-        self.with_exchange_areas(tile, factors)
+        Ok(self.with_exchange(symmetric::from_blocks(self.n_rows(), self.storage, upper)?))
     }
 
     /// Returns form factors whose rows sum to `targets`, by a symmetric scaling of the exchange areas.
@@ -90,7 +96,7 @@ impl FormFactors {
         max_passes: usize,
     ) -> Result<(Self, BalanceReport), MatrixError> {
         assert_eq!(targets.len(), self.n_rows(), "one target per row");
-        let Some(factors) = self.row_factors.clone() else {
+        let Entries::Symmetric { exchange, .. } = &self.entries else {
             return Err(MatrixError::NotSymmetric);
         };
         if let Some(row) = targets.iter().position(|t| !(t.is_finite() && *t >= 0.0)) {
@@ -98,17 +104,7 @@ impl FormFactors {
             return Err(MatrixError::Target { row, target });
         }
         let (scaling, report) = self.scaling(targets, tolerance, max_passes);
-        let tile = |rows: std::ops::Range<usize>| {
-            let mut lists = vec![Vec::new(); rows.len()];
-            for i in rows.clone() {
-                self.for_each_stored(i, 0..self.n_rows(), &mut |j, exchange, std_error| {
-                    let scale = scaling[i] * scaling[j];
-                    lists[i - rows.start].push((index(j), scale * exchange, scale * std_error));
-                });
-            }
-            exchange_tile(rows.start, &lists)
-        };
-        Ok((self.with_exchange_areas(tile, factors)?, report))
+        Ok((self.with_exchange(exchange.scaled(&scaling)?), report))
     }
 
     /// Returns the best d met, and how good it is.
@@ -175,33 +171,8 @@ impl FormFactors {
         (p * x + q * y, std_error)
     }
 
-    fn with_exchange_areas(
-        &self,
-        tile: impl Fn(std::ops::Range<usize>) -> RowTile + Sync,
-        row_factors: Vec<f64>,
-    ) -> Result<Self, MatrixError> {
-        let blocks = self.row_blocks();
-        let first_rows = blocks.iter().map(|rows| rows.start).collect();
-        let n = self.n_rows();
-        let tiles = blocks
-            .into_par_iter()
-            .map(|rows| store::store(&tile(rows), n, self.storage))
-            .collect::<Result<_, _>>()?;
-        Ok(Self {
-            areas: self.areas.clone(),
-            tiles,
-            first_rows,
-            tallies: self.tallies.clone(),
-            storage: self.storage,
-            row_factors: Some(row_factors),
-        })
+    /// Returns form factors of other exchange areas between the same patches.
+    fn with_exchange(&self, exchange: Arc<dyn Symmetric>) -> Self {
+        Self::from_symmetric(self.areas.clone(), exchange, self.tallies.clone(), self.storage)
     }
-}
-
-fn exchange_tile(first_row: usize, rows: &[Vec<super::Entry>]) -> RowTile {
-    let mut tile = RowTile::new(first_row);
-    for row in rows {
-        tile.push_row(row, RowTally::default());
-    }
-    tile
 }

@@ -55,10 +55,6 @@ impl<T: Scalar> DenseTile<T> {
 }
 
 impl<T: Scalar> Store for DenseTile<T> {
-    fn entry(&self, row: usize, column: usize) -> (f64, f64) {
-        (self.row(row)[column].to_f64(), self.std_error(row, column))
-    }
-
     fn for_each(&self, row: usize, columns: Range<usize>, visit: &mut dyn FnMut(usize, f64, f64)) {
         let values = &self.row(row)[columns.clone()];
         for (column, value) in columns.zip(values) {
@@ -69,12 +65,12 @@ impl<T: Scalar> Store for DenseTile<T> {
         }
     }
 
-    fn dot_off_diagonal(&self, row: usize, diagonal: usize, factor: f64, x: &Block, sum: &mut [f64]) -> f64 {
+    fn dot_off_diagonal(&self, row: usize, diagonal: usize, x: &Block, sum: &mut [f64]) -> f64 {
         let values = self.row(row);
         let (before, after) = (&values[..diagonal], &values[diagonal + 1..]);
         let (x_before, x_after) = x.values().split_at(diagonal * x.n_channels());
-        add_dot(before, |k| k, factor, x_before, sum);
-        add_dot(after, |k| k, factor, &x_after[x.n_channels()..], sum);
+        add_dot(before, |k| k, 1.0, x_before, sum);
+        add_dot(after, |k| k, 1.0, &x_after[x.n_channels()..], sum);
         values[diagonal].to_f64()
     }
 

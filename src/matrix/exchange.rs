@@ -1,10 +1,6 @@
 //! Form factors made from exchange areas: symmetric from the start.
 
-use super::transpose::index;
-use super::{Entry, FormFactors, MatrixError, RowTally, RowTile, StorageChoice};
-
-/// Rows of the full matrix that are put together at a time.
-const ROWS_PER_TILE: usize = 32;
+use super::{FormFactors, MatrixError, RowTally, RowTile, StorageChoice, expect_areas, symmetric};
 
 impl FormFactors {
     /// Stores the exchange areas a_ij = A_i F_ij = A_j F_ji that a method emitted, each pair once.
@@ -19,47 +15,78 @@ impl FormFactors {
         upper: impl IntoIterator<Item = RowTile>,
         storage: StorageChoice,
     ) -> Result<Self, MatrixError> {
+        expect_areas(&areas)?;
         let n = areas.len();
         let area_max = areas.iter().copied().fold(0.0, f64::max);
-        // Row i of the full matrix: what the rows above say about i, in ascending order, then its own entries.
-        let mut rows: Vec<Vec<Entry>> = vec![Vec::new(); n];
-        let mut next = 0;
-        for tile in upper {
-            if tile.first_row() != next && tile.n_rows() > 0 {
-                let (expected, found) = (next, tile.first_row());
-                return Err(MatrixError::TileOrder { expected, found });
+        let mut rows = Rows {
+            tiles: upper.into_iter().filter(|tile| tile.n_rows() > 0).fuse(),
+            current: None,
+            next: 0,
+        };
+        let blocks = symmetric::block_rows(n).map(|range| {
+            let mut block = RowTile::new(range.start);
+            let mut entries = Vec::new();
+            for _ in range {
+                let (tile, k) = rows.next_row(n)?;
+                entries.clear();
+                entries.extend(
+                    tile.row(k)
+                        .iter()
+                        .map(|&(j, a, error)| (j, a / area_max, error / area_max)),
+                );
+                block.push_row(&entries, RowTally::default());
             }
-            for k in 0..tile.n_rows() {
-                let i = tile.first_row() + k;
-                for &(j, value, error) in tile.row(k) {
-                    if (j as usize) < i || j as usize >= n || i >= n {
-                        let (row, column, n_rows) = (i, j, n);
-                        return Err(MatrixError::Column { row, column, n_rows });
-                    }
-                    let scaled = (value / area_max, error / area_max);
-                    rows[i].push((j, scaled.0, scaled.1));
-                    if j as usize != i {
-                        rows[j as usize].push((index(i), scaled.0, scaled.1));
-                    }
-                }
-            }
-            next = next.max(tile.first_row() + tile.n_rows());
-        }
-        if next != n {
-            let (expected, found) = (n, next);
-            return Err(MatrixError::RowCount { expected, found });
-        }
-        let tiles = rows.chunks_mut(ROWS_PER_TILE).enumerate().map(|(k, chunk)| {
-            let mut tile = RowTile::new(k * ROWS_PER_TILE);
-            for row in chunk {
-                // The entries below the diagonal came in the order of their rows, before those of the row itself.
-                tile.push_row(&std::mem::take(row), RowTally::default());
-            }
-            tile
+            Ok(block)
         });
-        let mut factors = Self::from_tiles(areas, tiles, storage)?;
-        factors.row_factors = Some(factors.areas.iter().map(|a| area_max / a).collect());
-        Ok(factors)
+        let exchange = symmetric::from_rows(n, storage, blocks)?;
+        rows.expect_end(n)?;
+        Ok(Self::from_symmetric(
+            areas,
+            exchange,
+            vec![RowTally::default(); n],
+            storage,
+        ))
+    }
+}
+
+/// The rows of a sequence of tiles, one by one.
+struct Rows<I> {
+    tiles: I,
+    /// The tile that the next row may lie in, and its place there.
+    current: Option<(RowTile, usize)>,
+    next: usize,
+}
+
+impl<I: Iterator<Item = RowTile>> Rows<I> {
+    /// Returns the tile of the next of n rows, and the row's place in it.
+    fn next_row(&mut self, n: usize) -> Result<(&RowTile, usize), MatrixError> {
+        let (expected, found) = (n, self.next);
+        if self.current.as_ref().is_none_or(|(tile, k)| *k == tile.n_rows()) {
+            self.current = self.tiles.next().map(|tile| (tile, 0));
+            if let Some((tile, _)) = &self.current
+                && tile.first_row() != self.next
+            {
+                return Err(MatrixError::TileOrder {
+                    expected: self.next,
+                    found: tile.first_row(),
+                });
+            }
+        }
+        let (tile, k) = self.current.as_mut().ok_or(MatrixError::RowCount { expected, found })?;
+        self.next += 1;
+        *k += 1;
+        Ok((tile, *k - 1))
+    }
+
+    /// Refuses rows after the last of n.
+    fn expect_end(mut self, n: usize) -> Result<(), MatrixError> {
+        let left = self.current.take().map_or(0, |(tile, k)| tile.n_rows() - k);
+        let found = n + left + self.tiles.map(|tile| tile.n_rows()).sum::<usize>();
+        if found == n {
+            Ok(())
+        } else {
+            Err(MatrixError::RowCount { expected: n, found })
+        }
     }
 }
 

@@ -11,8 +11,10 @@ mod error;
 mod exchange;
 pub mod operator;
 mod sparse;
+mod square;
 mod store;
 mod surfaces;
+mod symmetric;
 mod tile;
 mod transpose;
 
@@ -28,16 +30,18 @@ use rayon::prelude::*;
 
 use operator::{Block, Components, LinearOperator, RowAccess};
 use store::Store;
+use symmetric::Symmetric;
 
-/// How a matrix is laid out in memory.
+/// How a matrix is laid out in memory: tile by tile, where a tile is a range of rows, or 64 by 64 places of a symmetric matrix,
+/// of which only the upper triangle is stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Layout {
     /// Dense for tiles that are at least a third non-zero, else sparse.
     #[default]
     Auto,
-    /// All n columns of every row: 8 bytes an entry in f64, 4 in f32.
+    /// All places: 8 bytes each in f64, 4 in f32; half of that for a symmetric matrix.
     Dense,
-    /// A sorted list per row: 12 bytes for each non-zero entry in f64, 8 in f32.
+    /// Sorted lists: 12 bytes for each entry in f64, 8 in f32; half of that for a symmetric matrix.
     Sparse,
 }
 
@@ -65,20 +69,33 @@ pub struct StorageChoice {
 /// The form factors F_ij of n patches, the standard errors of their estimates, and the tallies of the rays that they come from.
 ///
 /// F_ij is the fraction of the light leaving patch i that reaches patch j. Stored as tiles of rows, each dense or sparse.
-/// A matrix made by [`symmetrised`](Self::symmetrised) or [`balanced`](Self::balanced) stores the exchange areas A_i F_ij
-/// instead, divided by the largest area, so that they are symmetric to the last bit in any [`Precision`].
+/// A matrix made by [`from_exchange_tiles`](Self::from_exchange_tiles), [`symmetrised`](Self::symmetrised) or
+/// [`balanced`](Self::balanced) stores the upper triangle of the exchange areas A_i F_ij instead, divided by the largest area: they
+/// are symmetric to the last bit in any [`Precision`], take half the memory, and every tile is applied together with its transpose.
 /// A clone shares the tiles.
 #[doc(alias = "view factor")]
 #[derive(Clone, Debug)]
 pub struct FormFactors {
     areas: Vec<f64>,
-    tiles: Vec<Arc<dyn Store>>,
-    /// The first row of each tile, ascending.
-    first_rows: Vec<usize>,
+    entries: Entries,
     tallies: Vec<RowTally>,
     storage: StorageChoice,
-    /// `None`: the numbers stored are F_ij. `Some(f)`: they are symmetric, and F_ij = f_i times what is stored.
-    row_factors: Option<Vec<f64>>,
+}
+
+#[derive(Clone, Debug)]
+enum Entries {
+    /// F_ij, by rows.
+    Rows {
+        tiles: Vec<Arc<dyn Store>>,
+        /// The first row of each tile, ascending.
+        first_rows: Vec<usize>,
+    },
+    /// s_ij = A_i F_ij / max A.
+    Symmetric {
+        exchange: Arc<dyn Symmetric>,
+        /// f_i = max A / A_i: F_ij = f_i s_ij.
+        row_factors: Vec<f64>,
+    },
 }
 
 impl FormFactors {
@@ -95,15 +112,7 @@ impl FormFactors {
         storage: StorageChoice,
     ) -> Result<Self, MatrixError> {
         let n = areas.len();
-        if n == 0 {
-            return Err(MatrixError::Empty);
-        }
-        if u32::try_from(n).is_err() {
-            return Err(MatrixError::TooManyRows { n_rows: n });
-        }
-        if let Some(row) = areas.iter().position(|a| !(a.is_finite() && *a > 0.0)) {
-            return Err(MatrixError::Area { row, area: areas[row] });
-        }
+        expect_areas(&areas)?;
         let (mut stored, mut first_rows, mut tallies) = (Vec::new(), Vec::new(), Vec::with_capacity(n));
         for tile in tiles {
             if tile.n_rows() == 0 {
@@ -123,12 +132,60 @@ impl FormFactors {
         }
         Ok(Self {
             areas,
-            tiles: stored,
-            first_rows,
+            entries: Entries::Rows {
+                tiles: stored,
+                first_rows,
+            },
             tallies,
             storage,
-            row_factors: None,
         })
+    }
+
+    /// Stores form factors that are symmetric as exchange areas, from those on and above the diagonal.
+    ///
+    /// `upper` yields tiles of [`UPPER_ROWS`] rows (the last may have fewer) with entries F_ij, j ≥ i; `E` is its error.
+    pub(crate) fn from_upper_rows<E: From<MatrixError>>(
+        areas: Vec<f64>,
+        tallies: Vec<RowTally>,
+        upper: impl Iterator<Item = Result<RowTile, E>>,
+        storage: StorageChoice,
+    ) -> Result<Self, E> {
+        expect_areas(&areas)?;
+        let factors = row_factors(&areas);
+        let scaled = upper.map(|tile| {
+            let tile: RowTile = tile?;
+            let mut exchange = RowTile::new(tile.first_row());
+            let mut entries = Vec::new();
+            for k in 0..tile.n_rows() {
+                let factor = factors[tile.first_row() + k];
+                entries.clear();
+                entries.extend(
+                    tile.row(k)
+                        .iter()
+                        .map(|&(j, value, error)| (j, value / factor, error / factor)),
+                );
+                exchange.push_row(&entries, RowTally::default());
+            }
+            Ok::<_, E>(exchange)
+        });
+        let exchange = symmetric::from_rows(areas.len(), storage, scaled)?;
+        Ok(Self::from_symmetric(areas, exchange, tallies, storage))
+    }
+
+    /// Puts symmetric form factors together from exchange areas divided by the largest area.
+    fn from_symmetric(
+        areas: Vec<f64>,
+        exchange: Arc<dyn Symmetric>,
+        tallies: Vec<RowTally>,
+        storage: StorageChoice,
+    ) -> Self {
+        let row_factors = row_factors(&areas);
+        Self {
+            areas,
+            entries: Entries::Symmetric { exchange, row_factors },
+            tallies,
+            storage,
+        }
     }
 
     /// Returns n, the number of patches.
@@ -149,10 +206,16 @@ impl FormFactors {
         &self.tallies
     }
 
+    /// Returns layout and precision of what is stored.
+    #[must_use]
+    pub fn storage(&self) -> StorageChoice {
+        self.storage
+    }
+
     /// Returns true if the exchange areas are stored, and so are symmetric to the last bit.
     #[must_use]
     pub fn is_symmetric(&self) -> bool {
-        self.row_factors.is_some()
+        matches!(self.entries, Entries::Symmetric { .. })
     }
 
     /// Returns F_ij.
@@ -180,10 +243,12 @@ impl FormFactors {
     #[track_caller]
     fn entry(&self, i: usize, j: usize) -> (f64, f64) {
         assert!(i < self.n_rows() && j < self.n_rows(), "a place inside the matrix");
-        let (tile, row) = self.locate(i);
-        let (value, std_error) = tile.entry(row, j);
+        let mut found = (0.0, 0.0);
         let factor = self.row_factor(i);
-        (factor * value, factor * std_error)
+        self.for_each_stored(i, j..j + 1, &mut |_, value, std_error| {
+            found = (factor * value, factor * std_error);
+        });
+        found
     }
 
     /// Calls `visit(j, F_ij, standard error)` in ascending order of j for all entries of row i where one of the two is not zero.
@@ -212,43 +277,80 @@ impl FormFactors {
     /// Returns the share of entries that are not zero.
     #[must_use]
     pub fn density(&self) -> f64 {
-        let n_nonzero: f64 = self.tiles.iter().map(|tile| tile.n_nonzero() as f64).sum();
-        n_nonzero / (self.n_rows() as f64).powi(2)
+        let n_nonzero = match &self.entries {
+            Entries::Rows { tiles, .. } => tiles.iter().map(|tile| tile.n_nonzero()).sum(),
+            Entries::Symmetric { exchange, .. } => exchange.n_nonzero(),
+        };
+        n_nonzero as f64 / (self.n_rows() as f64).powi(2)
     }
 
     /// Returns the memory that entries and standard errors take, in bytes.
     #[must_use]
     pub fn stored_byte(&self) -> usize {
-        self.tiles.iter().map(|tile| tile.stored_byte()).sum()
-    }
-
-    /// Returns the tile of row i, and the number of the row in it.
-    #[track_caller]
-    fn locate(&self, i: usize) -> (&dyn Store, usize) {
-        let tile = self.first_rows.partition_point(|&first| first <= i) - 1;
-        (&*self.tiles[tile], i - self.first_rows[tile])
+        match &self.entries {
+            Entries::Rows { tiles, .. } => tiles.iter().map(|tile| tile.stored_byte()).sum(),
+            Entries::Symmetric { exchange, .. } => exchange.stored_byte(),
+        }
     }
 
     fn row_factor(&self, i: usize) -> f64 {
-        self.row_factors.as_ref().map_or(1.0, |factors| factors[i])
+        match &self.entries {
+            Entries::Rows { .. } => 1.0,
+            Entries::Symmetric { row_factors, .. } => row_factors[i],
+        }
     }
 
     /// Visits what is stored in the columns `columns` of row i, without the row's factor.
     #[track_caller]
     fn for_each_stored(&self, i: usize, columns: std::ops::Range<usize>, visit: &mut dyn FnMut(usize, f64, f64)) {
-        let (tile, row) = self.locate(i);
-        tile.for_each(row, columns, visit);
+        match &self.entries {
+            Entries::Rows { tiles, first_rows } => {
+                let (tile, row) = locate(tiles, first_rows, i);
+                tile.for_each(row, columns, visit);
+            }
+            Entries::Symmetric { exchange, .. } => exchange.for_each(i, columns, visit),
+        }
     }
 }
+
+/// Returns the tile of row i, and the number of the row in it.
+#[track_caller]
+fn locate<'a>(tiles: &'a [Arc<dyn Store>], first_rows: &[usize], i: usize) -> (&'a dyn Store, usize) {
+    let tile = first_rows.partition_point(|&first| first <= i) - 1;
+    (&*tiles[tile], i - first_rows[tile])
+}
+
+fn expect_areas(areas: &[f64]) -> Result<(), MatrixError> {
+    let n_rows = areas.len();
+    if n_rows == 0 {
+        return Err(MatrixError::Empty);
+    }
+    if u32::try_from(n_rows).is_err() {
+        return Err(MatrixError::TooManyRows { n_rows });
+    }
+    match areas.iter().position(|a| !(a.is_finite() && *a > 0.0)) {
+        Some(row) => Err(MatrixError::Area { row, area: areas[row] }),
+        None => Ok(()),
+    }
+}
+
+/// Returns f_i = max A / A_i.
+fn row_factors(areas: &[f64]) -> Vec<f64> {
+    let area_max = areas.iter().copied().fold(0.0, f64::max);
+    areas.iter().map(|a| area_max / a).collect()
+}
+
+/// The rows of a tile of symmetric form factors.
+pub(crate) const UPPER_ROWS: usize = square::SIDE;
 
 /// Rows of y that one thread computes at a time: enough to hide the start of a task.
 const ROWS_PER_TASK: usize = 16;
 
 /// Applies F: y_ic = Σ_j F_ij x_jc.
 ///
-/// Rows are shared out to threads, and each row is summed by one thread in a fixed order: the result is the same bytes
-/// at any number of threads, and in each channel the same as if it were alone. Accuracy: the relative rounding error is
-/// at most about (n / 4 + 4) 1.1e-16 for terms of one sign.
+/// Rows, and tiles of a symmetric matrix, are shared out to threads, and what belongs together is summed in a fixed order: the
+/// result is the same bytes at any number of threads, and in each channel the same as if it were alone. Accuracy: the relative
+/// rounding error is at most about (n / 4 + 70) 1.1e-16 for terms of one sign.
 impl LinearOperator for FormFactors {
     fn n_rows(&self) -> usize {
         self.areas.len()
@@ -262,6 +364,15 @@ impl LinearOperator for FormFactors {
             y.n_rows() == self.n_rows() && y.n_channels() == n_channels,
             "y has the shape of x"
         );
+        if let Entries::Symmetric { exchange, row_factors } = &self.entries {
+            exchange.apply(x, y);
+            for (sum, factor) in y.values_mut().chunks_exact_mut(n_channels).zip(row_factors) {
+                for s in sum {
+                    *s *= factor;
+                }
+            }
+            return;
+        }
         let rows = y.values_mut().par_chunks_mut(n_channels).enumerate();
         rows.with_min_len(ROWS_PER_TASK).for_each(|(i, sum)| {
             sum.fill(0.0);
@@ -277,7 +388,7 @@ impl LinearOperator for FormFactors {
     }
 
     fn reciprocal_areas(&self) -> Option<&[f64]> {
-        self.row_factors.as_ref().map(|_| self.areas.as_slice())
+        self.is_symmetric().then_some(self.areas.as_slice())
     }
 
     fn components(&self) -> Option<Components> {
@@ -292,8 +403,15 @@ impl RowAccess for FormFactors {
             x.n_rows() == self.n_rows() && x.n_channels() == sum.len(),
             "x has one row per patch, and sum one entry per channel"
         );
-        let (tile, row) = self.locate(i);
-        let factor = self.row_factor(i);
-        factor * tile.dot_off_diagonal(row, i, factor, x, sum)
+        match &self.entries {
+            Entries::Rows { tiles, first_rows } => {
+                let (tile, row) = locate(tiles, first_rows, i);
+                tile.dot_off_diagonal(row, i, x, sum)
+            }
+            Entries::Symmetric { exchange, row_factors } => {
+                let factor = row_factors[i];
+                factor * exchange.dot_off_diagonal(i, factor, x, sum)
+            }
+        }
     }
 }

@@ -64,11 +64,6 @@ impl<T: Scalar> SparseTile<T> {
 }
 
 impl<T: Scalar> Store for SparseTile<T> {
-    fn entry(&self, row: usize, column: usize) -> (f64, f64) {
-        let places = self.places(row, column..column + 1);
-        places.map(|place| self.at(place)).next().unwrap_or((0.0, 0.0))
-    }
-
     fn for_each(&self, row: usize, columns: Range<usize>, visit: &mut dyn FnMut(usize, f64, f64)) {
         for place in self.places(row, columns) {
             let (value, std_error) = self.at(place);
@@ -76,11 +71,11 @@ impl<T: Scalar> Store for SparseTile<T> {
         }
     }
 
-    fn dot_off_diagonal(&self, row: usize, diagonal: usize, factor: f64, x: &Block, sum: &mut [f64]) -> f64 {
+    fn dot_off_diagonal(&self, row: usize, diagonal: usize, x: &Block, sum: &mut [f64]) -> f64 {
         let on = self.places(row, diagonal..diagonal + 1);
         for part in [self.begins[row]..on.start, on.end..self.begins[row + 1]] {
             let columns = &self.columns[part.clone()];
-            add_dot(&self.values[part], |k| columns[k] as usize, factor, x.values(), sum);
+            add_dot(&self.values[part], |k| columns[k] as usize, 1.0, x.values(), sum);
         }
         on.map(|place| self.values[place].to_f64()).next().unwrap_or(0.0)
     }

@@ -11,7 +11,7 @@ use super::{Layout, MatrixError, Precision, RowTile, StorageChoice};
 
 /// The share of non-zero entries from which a tile is stored in full. With its column an entry takes 12 bytes instead of 8,
 /// so a dense tile is at most twice as large here; it is applied without gathering.
-const DENSE_FROM: f64 = 1.0 / 3.0;
+pub(super) const DENSE_FROM: f64 = 1.0 / 3.0;
 
 /// A number as it is stored: f32 or f64.
 pub(super) trait Scalar: Copy + Send + Sync + Debug + 'static {
@@ -42,14 +42,11 @@ impl Scalar for f32 {
 
 /// The numbers of a few consecutive rows, in some layout. Rows are counted from the tile's first.
 pub(super) trait Store: Debug + Send + Sync {
-    /// Returns the number and its standard error at a place.
-    fn entry(&self, row: usize, column: usize) -> (f64, f64);
-
     /// Calls `visit(column, number, standard error)` in ascending order for all of `columns` where one of the two is not zero.
     fn for_each(&self, row: usize, columns: Range<usize>, visit: &mut dyn FnMut(usize, f64, f64));
 
-    /// Adds `factor` times Σ_{j ≠ `diagonal`} a_j x_j over the row to `sum` and returns a_`diagonal`, without the factor.
-    fn dot_off_diagonal(&self, row: usize, diagonal: usize, factor: f64, x: &Block, sum: &mut [f64]) -> f64;
+    /// Adds Σ_{j ≠ `diagonal`} a_j x_j over the row to `sum` and returns a_`diagonal`.
+    fn dot_off_diagonal(&self, row: usize, diagonal: usize, x: &Block, sum: &mut [f64]) -> f64;
 
     /// Returns how many numbers are not zero.
     fn n_nonzero(&self) -> usize;

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::{Entry, FormFactors};
+use super::{Entries, Entry, FormFactors};
 
 /// Rows that are transposed at a time: a few cache lines of every row of F.
 const BLOCK_ROWS: usize = 32;
@@ -23,6 +23,16 @@ impl FormFactors {
 
     /// Calls `visit(i, j, pair)` for all i in `rows` and all j where F_ij or F_ji is stored, row by row in ascending order.
     pub(super) fn for_each_pair(&self, rows: Range<usize>, mut visit: impl FnMut(usize, usize, Pair)) {
+        if let Entries::Symmetric { exchange, row_factors } = &self.entries {
+            for i in rows {
+                exchange.for_each(i, 0..self.n_rows(), &mut |j, value, std_error| {
+                    let scaled = |factor: f64| (factor * value, factor * std_error);
+                    let (there, back) = (scaled(row_factors[i]), scaled(row_factors[j]));
+                    visit(i, j, Pair { there, back });
+                });
+            }
+            return;
+        }
         let columns = self.columns(rows.clone());
         let mut row = Vec::new();
         for (i, column) in rows.zip(columns) {
@@ -36,9 +46,8 @@ impl FormFactors {
     fn columns(&self, range: Range<usize>) -> Vec<Vec<Entry>> {
         let mut columns = vec![Vec::new(); range.len()];
         for j in 0..self.n_rows() {
-            let factor = self.row_factor(j);
             self.for_each_stored(j, range.clone(), &mut |i, value, std_error| {
-                columns[i - range.start].push((index(j), factor * value, factor * std_error));
+                columns[i - range.start].push((index(j), value, std_error));
             });
         }
         columns

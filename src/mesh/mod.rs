@@ -1,6 +1,7 @@
 //! Patches: the faces of a scene, subdivided, with the vertices that carry interpolated values.
 
 mod grid;
+mod hash;
 mod patch;
 mod planes;
 mod subdivide;

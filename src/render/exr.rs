@@ -1,6 +1,6 @@
 //! OpenEXR files: the image's layers and what verification needs.
 
-use std::io::Cursor;
+use std::io::{Cursor, Write as _};
 use std::path::Path;
 
 use ::exr::image::{AnyChannel, AnyChannels, Encoding, FlatSamples, Layer as ExrLayer};
@@ -11,7 +11,7 @@ use ::exr::prelude::{Blocks, Compression, ReadChannels, ReadLayers, WritableImag
 use super::attributes::{AttributeError, Attributes, FORMAT};
 use super::error::RenderError;
 use super::image::{Image, Samples};
-use super::whole_file;
+use crate::whole_file;
 
 /// Writes an image with its attributes, whole or not at all.
 ///
@@ -22,7 +22,7 @@ use super::whole_file;
 /// [`RenderError::Io`], [`RenderError::Encode`].
 pub fn write(path: &Path, image: &Image, attributes: &Attributes) -> Result<(), RenderError> {
     let bytes = encode(image, attributes)?;
-    whole_file::write(path, &bytes).map_err(|source| RenderError::Io {
+    whole_file::write(path, |writer| writer.write_all(&bytes)).map_err(|source| RenderError::Io {
         path: path.to_owned(),
         source,
     })

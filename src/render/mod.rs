@@ -13,7 +13,6 @@ pub mod tone_map;
 mod unfolded;
 pub mod verify;
 mod view;
-mod whole_file;
 
 pub use attributes::{Attributes, PolygonRecord, SurfaceRecord};
 pub use direct::DirectMethod;

@@ -1,11 +1,12 @@
 //! The preview beside an image: 8-bit sRGB.
 
+use std::io::Write as _;
 use std::path::Path;
 
 use super::error::RenderError;
 use super::image::Image;
 use super::tone_map::tone_map;
-use super::whole_file;
+use crate::whole_file;
 
 /// Writes a tone-mapped PNG of the image's `R,G,B` layers, whole or not at all.
 ///
@@ -15,7 +16,7 @@ use super::whole_file;
 /// [`RenderError::Io`], [`RenderError::Encode`].
 pub fn write(path: &Path, image: &Image) -> Result<(), RenderError> {
     let bytes = encode(image).map_err(|error| RenderError::Encode(error.to_string()))?;
-    whole_file::write(path, &bytes).map_err(|source| RenderError::Io {
+    whole_file::write(path, |writer| writer.write_all(&bytes)).map_err(|source| RenderError::Io {
         path: path.to_owned(),
         source,
     })

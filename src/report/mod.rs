@@ -1,4 +1,4 @@
-//! What was done, how well, how long it took, and what was left out.
+//! What was done, how well, how long it took, and what was left out; and the files that carry results to other programs.
 
 pub mod csv;
 mod log_axis;
@@ -10,5 +10,19 @@ mod table;
 
 pub use machine::Machine;
 pub use raster::{RasterError, png_from_svg};
+mod description;
+mod error;
+pub mod form_factors;
+mod matrix_csv;
+mod matrix_exr;
+mod mtx;
+mod npy;
+mod npz;
+mod read;
+pub mod solution;
+mod vtu;
+
+pub use description::Description;
+pub use error::ReportError;
 pub use stages::{StageTimes, memory_peak_byte};
 pub use table::Table;

@@ -40,16 +40,19 @@ impl Scene {
                 numbers(&mut hasher, new.exitance);
             }
         }
-        hasher
-            .finalize()
-            .iter()
-            .flat_map(|byte| [byte >> 4, byte & 15])
-            .filter_map(|nibble| char::from_digit(nibble.into(), 16))
-            .collect()
+        hexadecimal(&hasher.finalize())
     }
 }
 
-fn count(hasher: &mut Sha256, n: usize) {
+/// Returns two hexadecimal digits a byte.
+pub(crate) fn hexadecimal(bytes: &[u8]) -> String {
+    let nibbles = bytes.iter().flat_map(|byte| [byte >> 4, byte & 15]);
+    nibbles
+        .filter_map(|nibble| char::from_digit(nibble.into(), 16))
+        .collect()
+}
+
+pub(crate) fn count(hasher: &mut Sha256, n: usize) {
     hasher.update((n as u64).to_le_bytes());
 }
 
@@ -58,7 +61,7 @@ fn text(hasher: &mut Sha256, text: &str) {
     hasher.update(text);
 }
 
-fn numbers(hasher: &mut Sha256, numbers: [f64; 3]) {
+pub(crate) fn numbers(hasher: &mut Sha256, numbers: [f64; 3]) {
     for x in numbers {
         // Adding zero turns -0.0 into 0.0.
         hasher.update((x + 0.0).to_le_bytes());

@@ -15,7 +15,7 @@ pub mod builtin;
 mod camera;
 mod default_view;
 mod error;
-mod hash;
+pub(crate) mod hash;
 mod lines;
 mod mtl;
 mod obj;

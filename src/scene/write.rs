@@ -4,17 +4,18 @@ use std::collections::HashSet;
 use std::ffi::OsStr;
 use std::fmt::Write as _;
 use std::io::{self, Write as _};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use glam::DVec3;
 
 use super::{Scene, SceneError};
+use crate::whole_file;
 
 /// Writes a scene to `path`, which ends in `.obj`, and its materials to the `.mtl` beside it.
 ///
 /// Numbers are the shortest text that reads back as the same f64, so [`load`](super::load) returns a scene with the same
-/// [`content_hash`](Scene::content_hash). The bytes depend on the scene and the file's name alone. Each file is written whole or not at all
-/// (a temporary file in the same directory, then a rename), the materials first.
+/// [`content_hash`](Scene::content_hash). The bytes depend on the scene and the file's name alone. Each file is written whole or not at all,
+/// the materials first.
 ///
 /// # Errors
 /// A path that does not end in `.obj`; names that the format cannot hold; whatever the file system refuses.
@@ -39,21 +40,7 @@ pub(super) fn write_whole(file: &Path, text: &str) -> Result<(), SceneError> {
         file: file.to_owned(),
         source,
     };
-    let directory = match file.parent() {
-        Some(parent) if parent != Path::new("") => parent.to_owned(),
-        _ => PathBuf::from("."),
-    };
-    let mut builder = tempfile::Builder::new();
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt as _;
-        // A temporary file is private by default; the scene is an ordinary file, within the umask.
-        builder.permissions(std::fs::Permissions::from_mode(0o666));
-    }
-    let mut temporary = builder.tempfile_in(directory).map_err(unwritable)?;
-    temporary.write_all(text.as_bytes()).map_err(unwritable)?;
-    temporary.persist(file).map_err(|error| unwritable(error.error))?;
-    Ok(())
+    whole_file::write(file, |writer| writer.write_all(text.as_bytes())).map_err(unwritable)
 }
 
 fn check_names<'a>(what: &'static str, names: impl Iterator<Item = &'a str>) -> Result<(), SceneError> {

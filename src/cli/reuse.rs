@@ -1,0 +1,67 @@
+//! Form factors from a file instead of a method.
+
+use std::path::Path;
+
+use serde_json::Value;
+
+use super::args::MeshArgs;
+use super::failure::Failure;
+use super::pipeline::{Prepared, Run};
+use crate::form_factor::Computed;
+use crate::mesh::Subdivision;
+use crate::report::ReportError;
+use crate::report::form_factors::FormFactorFile;
+
+/// Returns the patches that a file is for; flags that ask for others are an error.
+pub(super) fn mesh_args(file: &FormFactorFile, given: MeshArgs) -> Result<MeshArgs, Failure> {
+    let Some(subdivision) = file.description().subdivision() else {
+        return Ok(given);
+    };
+    let (in_file, flag) = match subdivision {
+        Subdivision::Uniform(n) => ((Some(n), None), format!("--subdivide {n}")),
+        Subdivision::MaxEdge(length) => ((None, Some(length)), format!("--max-edge {length:?}")),
+    };
+    let known = MeshArgs {
+        subdivide: in_file.0,
+        max_edge: in_file.1,
+    };
+    let asked = given.subdivision(subdivision);
+    if asked == subdivision {
+        return Ok(known);
+    }
+    Err(Failure::usage(format!(
+        "{} is for {flag}; leave the flag out, or compute other form factors",
+        file.path().display()
+    )))
+}
+
+/// Reads the form factors of a scene's patches.
+pub(super) fn form_factors(
+    run: &mut Run,
+    prepared: &mut Prepared,
+    file: &FormFactorFile,
+    scene: &Path,
+) -> Result<Computed, Failure> {
+    let read = run.times.time("form_factors", || file.read(&prepared.mesh));
+    let factors = read.map_err(|error| match error {
+        ReportError::OtherGeometry { path } => {
+            let (path, scene) = (path.display(), scene.display());
+            let message = format!(
+                "{path}: holds form factors of another geometry than {scene}; compute them again: radiosity form-factors {scene} -o {path}"
+            );
+            Failure::new("other_geometry", message).in_file(file.path())
+        }
+        other => other.into(),
+    })?;
+    let description = file.description();
+    run.set("form_factors", Value::Object(description.settings.clone()));
+    prepared
+        .plan
+        .left_out
+        .push("computing form factors: they are read from a file".into());
+    Ok(Computed {
+        factors,
+        pairs: None,
+        tolerance_met: description.tolerance_met,
+    })
+}

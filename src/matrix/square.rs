@@ -1,0 +1,373 @@
+//! One square tile of a symmetric matrix: full, or a list of its entries that can be read by rows and by columns.
+
+use std::ops::Range;
+
+use super::store::{DENSE_FROM, Scalar, add_dot, rounded};
+use super::tile::is_zero;
+use super::transpose::index;
+use super::{Entry, Layout, MatrixError};
+
+/// Rows and columns of a tile: 32 KiB in f64, so that a tile and the vectors that it meets stay in the second-level cache, and
+/// places inside it fit a byte.
+pub(super) const SIDE: usize = 64;
+
+/// A tile of at most [`SIDE`] by [`SIDE`] numbers. Rows and columns are counted from the tile's first.
+#[derive(Clone, Debug)]
+pub(super) enum Square<T> {
+    /// All numbers are zero, for certain.
+    Empty,
+    /// All numbers, row by row.
+    Full(Box<Full<T>>),
+    /// The entries alone.
+    List(Box<List<T>>),
+}
+
+/// Numbers with their standard errors, the latter empty where every one is zero.
+#[derive(Clone, Debug)]
+struct Values<T> {
+    values: Box<[T]>,
+    std_errors: Box<[f32]>,
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct Full<T> {
+    n_columns: usize,
+    numbers: Values<T>,
+}
+
+/// Entries in the order of rows, then columns: 2 bytes for the place, and 2 for the order by columns.
+#[derive(Clone, Debug)]
+pub(super) struct List<T> {
+    rows: Box<[u8]>,
+    columns: Box<[u8]>,
+    /// The places of the entries in the order of columns, then rows.
+    by_column: Box<[u16]>,
+    numbers: Values<T>,
+}
+
+/// One entry of a tile that is to be stored: row and column in the matrix, number, standard error.
+pub(super) type Placed<T> = (usize, u32, T, f32);
+
+impl<T: Scalar> Square<T> {
+    /// Stores entries, sorted by row and column, of the tile that covers `rows` and `columns` of the matrix.
+    pub(super) fn new(entries: &[Placed<T>], rows: &Range<usize>, columns: &Range<usize>, layout: Layout) -> Self {
+        let size = rows.len() * columns.len();
+        let full = match layout {
+            Layout::Dense => true,
+            Layout::Sparse => false,
+            Layout::Auto => entries.len() as f64 >= DENSE_FROM * size as f64,
+        };
+        let place = |&(row, column, ..): &Placed<T>| (row - rows.start, column as usize - columns.start);
+        let with_errors = entries.iter().any(|&(.., std_error)| std_error > 0.0);
+        if full {
+            let mut values = vec![T::from_f64(0.0); size];
+            let mut std_errors = vec![0.0; if with_errors { size } else { 0 }];
+            for entry in entries {
+                let (row, column) = place(entry);
+                let at = row * columns.len() + column;
+                values[at] = entry.2;
+                if with_errors {
+                    std_errors[at] = entry.3;
+                }
+            }
+            let numbers = Values {
+                values: values.into(),
+                std_errors: std_errors.into(),
+            };
+            let n_columns = columns.len();
+            return Self::Full(Box::new(Full { n_columns, numbers }));
+        }
+        if entries.is_empty() {
+            return Self::Empty;
+        }
+        let in_tile = |k: usize| u8::try_from(k).expect("a tile has at most 64 rows and columns");
+        let places = entries.iter().map(place);
+        let (in_rows, in_columns): (Vec<u8>, Vec<u8>) =
+            places.map(|(row, column)| (in_tile(row), in_tile(column))).unzip();
+        let mut by_column: Vec<u16> = (0..).take(entries.len()).collect();
+        by_column.sort_by_key(|&at| in_columns[usize::from(at)]);
+        let std_errors = entries.iter().filter(|_| with_errors).map(|entry| entry.3);
+        Self::List(Box::new(List {
+            rows: in_rows.into(),
+            columns: in_columns.into(),
+            by_column: by_column.into(),
+            numbers: Values {
+                values: entries.iter().map(|entry| entry.2).collect(),
+                std_errors: std_errors.collect(),
+            },
+        }))
+    }
+
+    /// Returns a tile with the number and the standard error at every place (row, column) multiplied by `factor(row, column)`.
+    pub(super) fn scaled(
+        &self,
+        first: (usize, usize),
+        n: usize,
+        factor: impl Fn(usize, usize) -> f64,
+    ) -> Result<Self, MatrixError> {
+        let mut scaled = self.clone();
+        let scale = |row: usize, column: usize, numbers: &mut Values<T>, at: usize| {
+            let factor = factor(row, column);
+            let (value, std_error) = numbers.at(at);
+            let entry: Entry = (index(first.1 + column), factor * value, factor * std_error);
+            let (new_value, new_error) = rounded::<T>(first.0 + row, entry, n)?;
+            numbers.values[at] = new_value;
+            if let Some(stored) = numbers.std_errors.get_mut(at) {
+                *stored = new_error;
+            }
+            Ok(())
+        };
+        match &mut scaled {
+            Self::Empty => {}
+            Self::Full(full) => {
+                for at in 0..full.numbers.values.len() {
+                    scale(at / full.n_columns, at % full.n_columns, &mut full.numbers, at)?;
+                }
+            }
+            Self::List(list) => {
+                for at in 0..list.rows.len() {
+                    let (row, column) = (list.rows[at].into(), list.columns[at].into());
+                    scale(row, column, &mut list.numbers, at)?;
+                }
+            }
+        }
+        Ok(scaled)
+    }
+
+    /// Calls `visit(column, number, standard error)` in ascending order for the entries of a row in `columns`.
+    pub(super) fn for_each_in_row(&self, row: usize, columns: Range<usize>, visit: &mut dyn FnMut(usize, f64, f64)) {
+        match self {
+            Self::Empty => {}
+            Self::Full(full) => {
+                for column in columns {
+                    full.visit(row, column, column, visit);
+                }
+            }
+            Self::List(list) => {
+                for at in list.row(row) {
+                    let column = usize::from(list.columns[at]);
+                    if columns.contains(&column) {
+                        let (value, std_error) = list.numbers.at(at);
+                        visit(column, value, std_error);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Calls `visit(row, number, standard error)` in ascending order for the entries of a column in `rows`.
+    pub(super) fn for_each_in_column(&self, column: usize, rows: Range<usize>, visit: &mut dyn FnMut(usize, f64, f64)) {
+        match self {
+            Self::Empty => {}
+            Self::Full(full) => {
+                for row in rows {
+                    full.visit(row, column, row, visit);
+                }
+            }
+            Self::List(list) => {
+                for &at in list.column(column) {
+                    let row = usize::from(list.rows[usize::from(at)]);
+                    if rows.contains(&row) {
+                        let (value, std_error) = list.numbers.at(at.into());
+                        visit(row, value, std_error);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Adds `factor` Σ_{k ≠ `except`} t_k x_k over a row to `sum`, and returns the number at `except`.
+    pub(super) fn add_row(&self, row: usize, except: Option<usize>, factor: f64, x: &[f64], sum: &mut [f64]) -> f64 {
+        let mut left_out = 0.0;
+        match self {
+            Self::Empty => {}
+            Self::Full(full) => {
+                let values = &full.numbers.values[row * full.n_columns..(row + 1) * full.n_columns];
+                let Some(diagonal) = except else {
+                    add_dot(values, |k| k, factor, x, sum);
+                    return 0.0;
+                };
+                add_dot(&values[..diagonal], |k| k, factor, x, sum);
+                add_dot(&values[diagonal + 1..], |k| diagonal + 1 + k, factor, x, sum);
+                left_out = values[diagonal].to_f64();
+            }
+            Self::List(list) => {
+                let places = list.row(row);
+                let first_from = |column: usize| {
+                    let in_row = &list.columns[places.clone()];
+                    places.start + in_row.partition_point(|&c| usize::from(c) < column)
+                };
+                let on = except.map_or(places.end..places.end, |d| first_from(d)..first_from(d + 1));
+                for part in [places.start..on.start, on.end..places.end] {
+                    let columns = &list.columns[part.clone()];
+                    add_dot(&list.numbers.values[part], |k| columns[k].into(), factor, x, sum);
+                }
+                if let Some(at) = on.into_iter().next() {
+                    left_out = list.numbers.values[at].to_f64();
+                }
+            }
+        }
+        left_out
+    }
+
+    /// Adds `factor` Σ_k t_k x_k over a column to `sum`.
+    pub(super) fn add_column(&self, column: usize, factor: f64, x: &[f64], sum: &mut [f64]) {
+        let mut gathered = [T::from_f64(0.0); SIDE];
+        match self {
+            Self::Empty => {}
+            Self::Full(full) => {
+                let values = full.numbers.values.iter().skip(column).step_by(full.n_columns);
+                let mut n = 0;
+                for (slot, value) in gathered.iter_mut().zip(values) {
+                    *slot = *value;
+                    n += 1;
+                }
+                add_dot(&gathered[..n], |k| k, factor, x, sum);
+            }
+            Self::List(list) => {
+                let places = list.column(column);
+                for (slot, &at) in gathered.iter_mut().zip(places) {
+                    *slot = list.numbers.values[usize::from(at)];
+                }
+                let row_of = |k: usize| usize::from(list.rows[usize::from(places[k])]);
+                add_dot(&gathered[..places.len()], row_of, factor, x, sum);
+            }
+        }
+    }
+
+    /// Adds T x to `y` for a tile on the diagonal, which is symmetric and stored whole.
+    pub(super) fn apply_diagonal(&self, x: &[f64], y: &mut [f64]) {
+        for (row, sum) in y.iter_mut().enumerate() {
+            self.add_row(row, None, 1.0, x, std::slice::from_mut(sum));
+        }
+    }
+
+    /// Adds T `x_columns` to `y_rows` and T^T `x_rows` to `y_columns`, reading the tile once.
+    pub(super) fn apply_both(&self, x_rows: &[f64], x_columns: &[f64], y_rows: &mut [f64], y_columns: &mut [f64]) {
+        match self {
+            Self::Empty => {}
+            Self::Full(full) => {
+                let n_columns = full.n_columns;
+                let mut blocks = full.numbers.values.chunks_exact(4 * n_columns);
+                for (block, (x, y)) in (&mut blocks).zip(x_rows.chunks_exact(4).zip(y_rows.chunks_exact_mut(4))) {
+                    let [a, b, c, d] = std::array::from_fn(|r| &block[r * n_columns..(r + 1) * n_columns]);
+                    let sums = four_rows([a, b, c, d], [x[0], x[1], x[2], x[3]], x_columns, y_columns);
+                    for (y_r, sum) in y.iter_mut().zip(sums) {
+                        *y_r += sum;
+                    }
+                }
+                let done = x_rows.len() - x_rows.len() % 4;
+                let rest = blocks.remainder().chunks_exact(n_columns);
+                for (row, (x, y)) in rest.zip(x_rows[done..].iter().zip(&mut y_rows[done..])) {
+                    for ((value, x_k), y_k) in row.iter().zip(x_columns).zip(&mut *y_columns) {
+                        *y += value.to_f64() * x_k;
+                        *y_k += value.to_f64() * x;
+                    }
+                }
+            }
+            Self::List(list) => {
+                let entries = list.numbers.values.iter().zip(&list.columns).zip(&list.rows);
+                // A row's sum stays in a register until the row ends.
+                let (mut row, mut sum, mut x_row) = (0, 0.0, x_rows[0]);
+                for ((value, &column), &row_of_entry) in entries {
+                    if row_of_entry != row {
+                        y_rows[usize::from(row)] += sum;
+                        (row, sum, x_row) = (row_of_entry, 0.0, x_rows[usize::from(row_of_entry)]);
+                    }
+                    let column = usize::from(column);
+                    sum += value.to_f64() * x_columns[column];
+                    y_columns[column] += value.to_f64() * x_row;
+                }
+                y_rows[usize::from(row)] += sum;
+            }
+        }
+    }
+
+    /// Returns how many numbers are not zero.
+    pub(super) fn n_nonzero(&self) -> usize {
+        let numbers = match self {
+            Self::Empty => return 0,
+            Self::Full(full) => &full.numbers,
+            Self::List(list) => &list.numbers,
+        };
+        numbers.values.iter().filter(|v| !is_zero(v.to_f64())).count()
+    }
+
+    /// Returns the memory in use.
+    pub(super) fn stored_byte(&self) -> usize {
+        let in_box = match self {
+            Self::Empty => 0,
+            Self::Full(full) => full.numbers.stored_byte(),
+            Self::List(list) => {
+                let places = size_of_val(&*list.rows) + size_of_val(&*list.columns) + size_of_val(&*list.by_column);
+                places + list.numbers.stored_byte()
+            }
+        };
+        size_of::<Self>() + in_box
+    }
+}
+
+impl<T: Scalar> Values<T> {
+    fn at(&self, at: usize) -> (f64, f64) {
+        let std_error = self.std_errors.get(at).map_or(0.0, |&error| f64::from(error));
+        (self.values[at].to_f64(), std_error)
+    }
+
+    fn stored_byte(&self) -> usize {
+        size_of_val(&*self.values) + size_of_val(&*self.std_errors)
+    }
+}
+
+impl<T: Scalar> Full<T> {
+    /// Calls `visit(name, ...)` for a place where the number or its standard error is not zero.
+    fn visit(&self, row: usize, column: usize, name: usize, visit: &mut dyn FnMut(usize, f64, f64)) {
+        let (value, std_error) = self.numbers.at(row * self.n_columns + column);
+        if !is_zero(value) || !is_zero(std_error) {
+            visit(name, value, std_error);
+        }
+    }
+}
+
+impl<T> List<T> {
+    /// Returns the places of a row's entries.
+    fn row(&self, row: usize) -> Range<usize> {
+        let first_from = |bound: usize| self.rows.partition_point(|&r| usize::from(r) < bound);
+        first_from(row)..first_from(row + 1)
+    }
+
+    /// Returns the places of a column's entries, in the order of rows.
+    fn column(&self, column: usize) -> &[u16] {
+        let column_of = |&at: &u16| usize::from(self.columns[usize::from(at)]);
+        let first_from = |bound: usize| self.by_column.partition_point(|at| column_of(at) < bound);
+        &self.by_column[first_from(column)..first_from(column + 1)]
+    }
+}
+
+/// Returns the products of four rows with `x_columns`, and adds the rows' sum weighted with `x` to `y_columns`.
+///
+/// The order of the additions depends on the number of columns alone.
+fn four_rows<T: Scalar>(rows: [&[T]; 4], x: [f64; 4], x_columns: &[f64], y_columns: &mut [f64]) -> [f64; 4] {
+    const LANES: usize = 2;
+    let [a, b, c, d] = rows.map(<[T]>::as_chunks::<LANES>);
+    let (x_whole, x_rest) = x_columns.as_chunks::<LANES>();
+    let (y_whole, y_rest) = y_columns.as_chunks_mut::<LANES>();
+    let mut lanes = [[0.0; LANES]; 4];
+    let whole = a.0.iter().zip(b.0).zip(c.0.iter().zip(d.0));
+    for (((a_k, b_k), (c_k, d_k)), (x_k, y_k)) in whole.zip(x_whole.iter().zip(y_whole)) {
+        for l in 0..LANES {
+            let values = [a_k[l], b_k[l], c_k[l], d_k[l]].map(T::to_f64);
+            for r in 0..4 {
+                lanes[r][l] += values[r] * x_k[l];
+            }
+            y_k[l] += (values[0] * x[0] + values[1] * x[1]) + (values[2] * x[2] + values[3] * x[3]);
+        }
+    }
+    for (l, (x_k, y_k)) in x_rest.iter().zip(y_rest).enumerate() {
+        let values = [a.1[l], b.1[l], c.1[l], d.1[l]].map(T::to_f64);
+        for r in 0..4 {
+            lanes[r][l] += values[r] * x_k;
+        }
+        *y_k += (values[0] * x[0] + values[1] * x[1]) + (values[2] * x[2] + values[3] * x[3]);
+    }
+    lanes.map(|l| l[0] + l[1])
+}

@@ -1,0 +1,258 @@
+//! Symmetric matrices: the upper triangle in square tiles, each applied together with its transpose.
+
+use std::fmt::Debug;
+use std::ops::Range;
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::operator::Block;
+use super::square::{Placed, SIDE, Square};
+use super::store::{Scalar, rounded};
+use super::transpose::index;
+use super::{MatrixError, Precision, RowTile, StorageChoice};
+
+/// A symmetric matrix, whatever the precision of its numbers.
+pub(super) trait Symmetric: Debug + Send + Sync {
+    /// Calls `visit(j, number, standard error)` in ascending order for all j in `columns` where row i has an entry.
+    fn for_each(&self, i: usize, columns: Range<usize>, visit: &mut dyn FnMut(usize, f64, f64));
+
+    /// Adds `factor` Σ_{j ≠ i} s_ij x_j to `sum` and returns s_ii, without the factor.
+    fn dot_off_diagonal(&self, i: usize, factor: f64, x: &Block, sum: &mut [f64]) -> f64;
+
+    /// Computes y = S x.
+    fn apply(&self, x: &Block, y: &mut Block);
+
+    /// Returns the matrix d_i s_ij d_j, with its standard errors scaled alike.
+    fn scaled(&self, d: &[f64]) -> Result<Arc<dyn Symmetric>, MatrixError>;
+
+    /// Returns how many s_ij are not zero.
+    fn n_nonzero(&self) -> usize;
+
+    /// Returns the memory in use.
+    fn stored_byte(&self) -> usize;
+}
+
+/// Returns the row ranges that make one row of tiles each.
+pub(super) fn block_rows(n: usize) -> impl ExactSizeIterator<Item = Range<usize>> {
+    (0..n.div_ceil(SIDE)).map(move |k| k * SIDE..n.min((k + 1) * SIDE))
+}
+
+/// Stores an n by n matrix of which `upper` gives the entries on and above the diagonal for each of [`block_rows`], in parallel.
+pub(super) fn from_blocks(
+    n: usize,
+    choice: StorageChoice,
+    upper: impl Fn(Range<usize>) -> RowTile + Sync,
+) -> Result<Arc<dyn Symmetric>, MatrixError> {
+    fn build<T: Scalar>(
+        n: usize,
+        choice: StorageChoice,
+        upper: impl Fn(Range<usize>) -> RowTile + Sync,
+    ) -> Result<Arc<dyn Symmetric>, MatrixError> {
+        let blocks: Vec<_> = block_rows(n).collect();
+        let rows = blocks.into_par_iter().map(|rows| row_of_tiles(&upper(rows), n, choice));
+        let rows: Vec<Vec<Square<T>>> = rows.collect::<Result<_, _>>()?;
+        Ok(Arc::new(Tiles { n, rows }))
+    }
+    match choice.precision {
+        Precision::F64 => build::<f64>(n, choice, upper),
+        Precision::F32 => build::<f32>(n, choice, upper),
+    }
+}
+
+/// Stores an n by n matrix of which `upper` yields the entries on and above the diagonal for each of [`block_rows`] in order.
+///
+/// `E` is the error of the iterator.
+pub(super) fn from_rows<E: From<MatrixError>>(
+    n: usize,
+    choice: StorageChoice,
+    upper: impl Iterator<Item = Result<RowTile, E>>,
+) -> Result<Arc<dyn Symmetric>, E> {
+    fn build<T: Scalar, E: From<MatrixError>>(
+        n: usize,
+        choice: StorageChoice,
+        upper: impl Iterator<Item = Result<RowTile, E>>,
+    ) -> Result<Arc<dyn Symmetric>, E> {
+        let rows = upper.map(|tile| Ok(row_of_tiles::<T>(&tile?, n, choice)?));
+        let rows = rows.collect::<Result<Vec<_>, E>>()?;
+        assert_eq!(rows.len(), block_rows(n).len(), "a tile for every row of blocks");
+        Ok(Arc::new(Tiles { n, rows }))
+    }
+    match choice.precision {
+        Precision::F64 => build::<f64, E>(n, choice, upper),
+        Precision::F32 => build::<f32, E>(n, choice, upper),
+    }
+}
+
+/// Cuts rows of the upper triangle into tiles; the one on the diagonal gets its lower half.
+fn row_of_tiles<T: Scalar>(upper: &RowTile, n: usize, choice: StorageChoice) -> Result<Vec<Square<T>>, MatrixError> {
+    let rows = upper.first_row()..upper.first_row() + upper.n_rows();
+    let mut tiles: Vec<Vec<Placed<T>>> = vec![Vec::new(); (n - rows.start).div_ceil(SIDE)];
+    for i in rows.clone() {
+        for &entry in upper.row(i - rows.start) {
+            let (value, std_error) = rounded::<T>(i, entry, n)?;
+            if value.to_f64().abs() <= 0.0 && std_error <= 0.0 {
+                continue; // Too small for the precision.
+            }
+            let j = entry.0 as usize;
+            if j < i {
+                let (row, column, n_rows) = (i, entry.0, n);
+                return Err(MatrixError::Column { row, column, n_rows });
+            }
+            tiles[(j - rows.start) / SIDE].push((i, entry.0, value, std_error));
+            if i < j && j < rows.end {
+                tiles[0].push((j, index(i), value, std_error));
+            }
+        }
+    }
+    tiles[0].sort_unstable_by_key(|&(i, j, ..)| (i, j));
+    let square = |(k, entries): (usize, &Vec<_>)| {
+        let first = rows.start + k * SIDE;
+        Square::new(entries, &rows, &(first..n.min(first + SIDE)), choice.layout)
+    };
+    Ok(tiles.iter().enumerate().map(square).collect())
+}
+
+/// The tiles (I, J) with J ≥ I: `rows[I][J − I]`.
+#[derive(Debug)]
+struct Tiles<T> {
+    n: usize,
+    rows: Vec<Vec<Square<T>>>,
+}
+
+/// The number of pieces into which the rows of tiles are divided when the matrix is applied. A constant, so that the order of
+/// the sums does not depend on the number of threads; enough for the threads of one machine, and few enough that the vectors of
+/// all pieces are small beside the matrix.
+const PIECES: usize = 64;
+
+/// Numbers whose sums over the pieces one thread computes at a time.
+const SUMS_PER_TASK: usize = 1024;
+
+impl<T: Scalar> Tiles<T> {
+    /// Returns the block rows of each piece: about as many tiles in one as in another.
+    fn pieces(&self) -> Vec<Range<usize>> {
+        let n_blocks = self.rows.len();
+        let n_tiles = n_blocks * (n_blocks + 1) / 2;
+        let n_pieces = PIECES.min(n_blocks);
+        let mut pieces = Vec::with_capacity(n_pieces);
+        let (mut begin, mut n_before) = (0, 0);
+        for end in 1..=n_blocks {
+            n_before += n_blocks + 1 - end;
+            if n_before * n_pieces >= (pieces.len() + 1) * n_tiles || end == n_blocks {
+                pieces.push(begin..end);
+                begin = end;
+            }
+        }
+        pieces
+    }
+
+    /// Returns what the tiles of some block rows add to y, from the first of these rows on, channel by channel.
+    fn apply_piece(&self, piece: Range<usize>, channels: &[Vec<f64>]) -> Vec<f64> {
+        let first = piece.start * SIDE;
+        let n_left = self.n - first;
+        let mut sums = vec![0.0; n_left * channels.len()];
+        for i in piece {
+            let rows = i * SIDE..self.n.min((i + 1) * SIDE);
+            for (k, tile) in self.rows[i].iter().enumerate() {
+                let columns = rows.start + k * SIDE..self.n.min(rows.start + (k + 1) * SIDE);
+                // All channels while the tile is in the cache, each as if it were alone.
+                for (x, y) in channels.iter().zip(sums.chunks_exact_mut(n_left)) {
+                    if k == 0 {
+                        tile.apply_diagonal(&x[rows.clone()], &mut y[rows.start - first..rows.end - first]);
+                    } else {
+                        let (above, below) = y.split_at_mut(columns.start - first);
+                        let y_rows = &mut above[rows.start - first..rows.end - first];
+                        let y_columns = &mut below[..columns.len()];
+                        tile.apply_both(&x[rows.clone()], &x[columns.clone()], y_rows, y_columns);
+                    }
+                }
+            }
+        }
+        sums
+    }
+}
+
+impl<T: Scalar> Symmetric for Tiles<T> {
+    fn for_each(&self, i: usize, columns: Range<usize>, visit: &mut dyn FnMut(usize, f64, f64)) {
+        if columns.is_empty() {
+            return;
+        }
+        let (own, row) = (i / SIDE, i % SIDE);
+        for block in columns.start / SIDE..=(columns.end - 1) / SIDE {
+            let first = block * SIDE;
+            let part = columns.start.max(first) - first..columns.end.min(first + SIDE) - first;
+            let shifted = &mut |k, value, std_error| visit(first + k, value, std_error);
+            if block < own {
+                self.rows[block][own - block].for_each_in_column(row, part, shifted);
+            } else {
+                self.rows[own][block - own].for_each_in_row(row, part, shifted);
+            }
+        }
+    }
+
+    fn dot_off_diagonal(&self, i: usize, factor: f64, x: &Block, sum: &mut [f64]) -> f64 {
+        let (own, row) = (i / SIDE, i % SIDE);
+        let x_from = |block: usize| &x.values()[block * SIDE * x.n_channels()..];
+        for block in 0..own {
+            self.rows[block][own - block].add_column(row, factor, x_from(block), sum);
+        }
+        let diagonal = self.rows[own][0].add_row(row, Some(row), factor, x_from(own), sum);
+        for (k, tile) in self.rows[own].iter().enumerate().skip(1) {
+            tile.add_row(row, None, factor, x_from(own + k), sum);
+        }
+        diagonal
+    }
+
+    fn apply(&self, x: &Block, y: &mut Block) {
+        let n_channels = x.n_channels();
+        let of_channel = |c: usize| x.values().iter().skip(c).step_by(n_channels).copied().collect();
+        let channels: Vec<Vec<f64>> = (0..n_channels).map(of_channel).collect();
+        let pieces = self.pieces();
+        let first_row = |k: usize| pieces[k].start * SIDE;
+        let parts: Vec<Vec<f64>> = pieces
+            .par_iter()
+            .map(|piece| self.apply_piece(piece.clone(), &channels))
+            .collect();
+        let tasks = y.values_mut().par_chunks_mut(SUMS_PER_TASK * n_channels).enumerate();
+        tasks.for_each(|(task, sums)| {
+            sums.fill(0.0);
+            let begin = task * SUMS_PER_TASK;
+            let end = begin + sums.len() / n_channels;
+            for (k, of_piece) in parts.iter().enumerate() {
+                let first = first_row(k);
+                for (c, part) in of_piece.chunks_exact(self.n - first).enumerate() {
+                    for i in begin.max(first)..end {
+                        sums[(i - begin) * n_channels + c] += part[i - first];
+                    }
+                }
+            }
+        });
+    }
+
+    fn scaled(&self, d: &[f64]) -> Result<Arc<dyn Symmetric>, MatrixError> {
+        let scale_row = |(i, tiles): (usize, &Vec<Square<T>>)| {
+            let scale = |(k, tile): (usize, &Square<T>)| {
+                let first = (i * SIDE, (i + k) * SIDE);
+                tile.scaled(first, self.n, |row, column| d[first.0 + row] * d[first.1 + column])
+            };
+            tiles.iter().enumerate().map(scale).collect()
+        };
+        let rows = self.rows.par_iter().enumerate().map(scale_row);
+        let rows = rows.collect::<Result<_, _>>()?;
+        Ok(Arc::new(Self { n: self.n, rows }))
+    }
+
+    fn n_nonzero(&self) -> usize {
+        let of_row = |tiles: &Vec<Square<T>>| {
+            let counts = tiles.iter().enumerate();
+            counts
+                .map(|(k, tile)| tile.n_nonzero() * if k == 0 { 1 } else { 2 })
+                .sum::<usize>()
+        };
+        self.rows.par_iter().map(of_row).sum()
+    }
+
+    fn stored_byte(&self) -> usize {
+        self.rows.iter().flatten().map(Square::stored_byte).sum()
+    }
+}

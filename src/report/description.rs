@@ -1,0 +1,79 @@
+//! What a file of form factors says about itself.
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+use crate::mesh::Subdivision;
+
+/// The layout of the files; a number that changes when old files cannot be read any more.
+pub(super) const FORMAT: &str = "radiosity form factors 1";
+
+/// What a file of form factors says about itself, in JSON.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Description {
+    /// Name and number of the file's layout.
+    pub(super) format: String,
+    /// Which way the matrix is to be read.
+    orientation: String,
+    /// The units of the arrays.
+    unit: String,
+    /// n.
+    pub n_patches: usize,
+    /// [`Mesh::geometry_hash`](crate::mesh::Mesh::geometry_hash).
+    pub geometry_sha256: String,
+    /// True if A_i F_ij is symmetric to rounding, because the upper triangle is what was computed or repaired.
+    pub symmetric: bool,
+    /// False if a budget was spent before the tolerance was met.
+    pub tolerance_met: bool,
+    /// How the form factors were computed.
+    pub settings: Map<String, Value>,
+    /// Length and checksum of the file beside which the description stands, where that cannot hold them itself.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub(super) file: Option<FileCheck>,
+}
+
+/// Length and checksum of a file.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct FileCheck {
+    pub(super) byte: u64,
+    pub(super) sha256: String,
+}
+
+impl Description {
+    pub(super) fn new(
+        n_patches: usize,
+        geometry_sha256: String,
+        symmetric: bool,
+        tolerance_met: bool,
+        settings: Map<String, Value>,
+    ) -> Self {
+        Self {
+            format: FORMAT.into(),
+            orientation: "F[i, j] is the fraction of the light leaving patch i that reaches patch j".into(),
+            unit: "F and its standard error: 1; area: m2".into(),
+            n_patches,
+            geometry_sha256,
+            symmetric,
+            tolerance_met,
+            settings,
+            file: None,
+        }
+    }
+
+    /// Returns how the scene was cut into patches, or `None` where the settings do not tell.
+    #[must_use]
+    pub fn subdivision(&self) -> Option<Subdivision> {
+        let parts = self.settings.get("subdivide").and_then(Value::as_u64);
+        let length = self.settings.get("max_edge_m").and_then(Value::as_f64);
+        match (parts, length) {
+            (Some(parts), _) => u32::try_from(parts).ok().map(Subdivision::Uniform),
+            (None, Some(length)) => Some(Subdivision::MaxEdge(length)),
+            (None, None) => None,
+        }
+    }
+
+    /// Returns the JSON text.
+    pub(super) fn to_json(&self) -> String {
+        serde_json::to_string_pretty(self).expect("text, numbers and maps with text keys")
+    }
+}

@@ -1,0 +1,111 @@
+//! Why a report could not be written, or a file of form factors not be read.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+
+use crate::matrix::MatrixError;
+
+/// Why a report could not be written, or a file of form factors not be read.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum ReportError {
+    /// The file cannot be written.
+    #[error("{}: cannot be written: {source}", .path.display())]
+    Unwritable {
+        /// The file.
+        path: PathBuf,
+        /// What the operating system said.
+        source: io::Error,
+    },
+    /// The file cannot be read.
+    #[error("{}: {source}", .path.display())]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// What the operating system said.
+        source: io::Error,
+    },
+    /// The name does not end in a format that is known for this content.
+    #[error("{}: the ending names no format for {content}; use one of {known}", .path.display())]
+    UnknownFormat {
+        /// The file.
+        path: PathBuf,
+        /// What was to be written or read.
+        content: &'static str,
+        /// The endings that are understood.
+        known: &'static str,
+    },
+    /// The file does not say what it holds: another program wrote it, or the description beside it is missing.
+    #[error("{}: {what} is missing, so the file cannot be matched with a scene; write it with `radiosity form-factors`", .path.display())]
+    NoDescription {
+        /// The file.
+        path: PathBuf,
+        /// The part of the file, or the file beside it, that is missing.
+        what: String,
+    },
+    /// A later layout of the file than this program knows.
+    #[error("{}: holds \"{found}\", and this program reads \"{expected}\"", .path.display())]
+    Version {
+        /// The file.
+        path: PathBuf,
+        /// What the file says.
+        found: String,
+        /// What is understood.
+        expected: &'static str,
+    },
+    /// The file is cut off, changed, or contradicts itself.
+    #[error("{}: damaged: {reason}; write it again with `radiosity form-factors`", .path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
+    /// The form factors belong to other patches than those at hand.
+    #[error("{}: holds form factors of another geometry; compute them for this scene with `radiosity form-factors`", .path.display())]
+    OtherGeometry {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The numbers make no form factors.
+    #[error("{}: {source}; write it again with `radiosity form-factors`", .path.display())]
+    Matrix {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with them.
+        source: MatrixError,
+    },
+}
+
+impl ReportError {
+    /// Returns the file that is at fault.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        match self {
+            Self::Unwritable { path, .. }
+            | Self::Unreadable { path, .. }
+            | Self::UnknownFormat { path, .. }
+            | Self::NoDescription { path, .. }
+            | Self::Version { path, .. }
+            | Self::Damaged { path, .. }
+            | Self::OtherGeometry { path }
+            | Self::Matrix { path, .. } => path,
+        }
+    }
+
+    /// Returns a stable name of the kind, snake_case.
+    #[must_use]
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Unwritable { .. } => "unwritable",
+            Self::Unreadable { .. } => "unreadable",
+            Self::UnknownFormat { .. } => "unknown_format",
+            Self::NoDescription { .. } => "no_description",
+            Self::Version { .. } => "version",
+            Self::Damaged { .. } | Self::Matrix { .. } => "damaged",
+            Self::OtherGeometry { .. } => "other_geometry",
+        }
+    }
+}

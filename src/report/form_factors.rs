@@ -1,0 +1,356 @@
+//! Files of form factors.
+//!
+//! | ending | content | for |
+//! |---|---|---|
+//! | `.npz` | dense: `F`, `area`, `error`; sparse: what `scipy.sparse.load_npz` reads, with `area` and `error` | this program, NumPy, SciPy |
+//! | `.npy` | F in full; the description stands in a file of the same name with `.json` after it | this program, NumPy |
+//! | `.mtx` | F as coordinates | Matrix Market readers: SciPy, MATLAB, Julia |
+//! | `.csv` | form factors between surfaces, with their errors | tables |
+//! | `.exr` | F as an image: row i downwards, column j to the right | viewers |
+//! | `.vtu` | patches with row sum, error, sky factor, and the form factor to a chosen surface | ParaView, PyVista |
+//!
+//! F\[i, j\] is the fraction of the light leaving patch i that reaches patch j, `area` is in m², `error` the standard error of
+//! each form factor. Every file says so itself, together with the hash of the patches' geometry and the settings; it holds no
+//! time, path or number of threads, and equal content gives equal bytes.
+
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+use serde_json::{Map, Value};
+use sha2::{Digest, Sha256};
+
+use super::description::FileCheck;
+use super::npy::{Dtype, Header};
+use super::npz::{NpzWriter, write_numbers};
+use super::vtu::CellData;
+use super::{Description, ReportError, matrix_csv, matrix_exr, mtx, vtu};
+use crate::matrix::{FormFactors, Precision, RowTally};
+use crate::mesh::Mesh;
+use crate::scene::hash::hexadecimal;
+use crate::scene::{Scene, SurfaceId};
+use crate::whole_file;
+
+pub use super::read::FormFactorFile;
+
+/// Form factors with what they belong to.
+#[derive(Clone, Copy, Debug)]
+pub struct FormFactorReport<'a> {
+    /// The scene.
+    pub scene: &'a Scene,
+    /// Its patches.
+    pub mesh: &'a Mesh,
+    /// Their form factors.
+    pub factors: &'a FormFactors,
+    /// False if a budget was spent before the tolerance was met.
+    pub tolerance_met: bool,
+    /// How the form factors were computed: no time, path or number of threads. `subdivide` or `max_edge_m` tells how the scene was
+    /// cut into patches.
+    pub settings: &'a Map<String, Value>,
+    /// The surface that `.vtu` gives every patch's form factor to; no other format asks for it.
+    pub surface: Option<SurfaceId>,
+}
+
+/// The formats that form factors are written in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// NumPy's archive of arrays.
+    Npz,
+    /// NumPy's array, with its description beside it.
+    Npy,
+    /// Matrix Market.
+    Mtx,
+    /// A table of surfaces.
+    Csv,
+    /// An image.
+    Exr,
+    /// An unstructured grid of VTK.
+    Vtu,
+}
+
+/// The endings of the formats that can be written.
+const WRITTEN: &str = ".npz, .npy, .mtx, .csv, .exr, .vtu";
+
+/// From this share of non-zero entries on a matrix is written dense, as it is stored.
+const DENSE_FROM: f64 = 1.0 / 3.0;
+
+impl Format {
+    /// Returns the format that a file's ending names.
+    ///
+    /// # Errors
+    /// [`ReportError::UnknownFormat`].
+    pub fn of(path: &Path) -> Result<Self, ReportError> {
+        let ending = path.extension().map(std::ffi::OsStr::to_ascii_lowercase);
+        match ending.as_ref().and_then(|e| e.to_str()) {
+            Some("npz") => Ok(Self::Npz),
+            Some("npy") => Ok(Self::Npy),
+            Some("mtx") => Ok(Self::Mtx),
+            Some("csv") => Ok(Self::Csv),
+            Some("exr") => Ok(Self::Exr),
+            Some("vtu") => Ok(Self::Vtu),
+            _ => Err(ReportError::UnknownFormat {
+                path: path.to_owned(),
+                content: "form factors",
+                known: WRITTEN,
+            }),
+        }
+    }
+}
+
+impl FormFactorReport<'_> {
+    /// Writes the form factors to `path`, whole or not at all, in the format that its ending names.
+    ///
+    /// # Errors
+    /// [`ReportError::UnknownFormat`], [`ReportError::Unwritable`].
+    ///
+    /// # Panics
+    /// If the mesh has not one patch for every row.
+    #[track_caller]
+    pub fn write(&self, path: &Path) -> Result<(), ReportError> {
+        assert_eq!(self.mesh.n_patches(), self.factors.n_rows(), "one row per patch");
+        let factors = self.factors;
+        let written = match Format::of(path)? {
+            Format::Npz => whole_file::write(path, |writer| self.write_npz(writer)),
+            Format::Npy => self.write_npy(path),
+            Format::Mtx => whole_file::write(path, |writer| mtx::write(writer, factors, &self.description())),
+            Format::Csv => whole_file::write(path, |writer| {
+                let surfaces = factors.surface_form_factors(&self.patch_surfaces(), self.scene.surfaces.len());
+                matrix_csv::write(writer, self.scene, &surfaces, &self.description())
+            }),
+            Format::Exr => whole_file::write(path, |writer| {
+                matrix_exr::write(writer, factors, &self.description()).map_err(io::Error::other)
+            }),
+            Format::Vtu => whole_file::write(path, |writer| {
+                let description = self.description().to_json();
+                vtu::write(writer, self.scene, self.mesh, &description, &self.cell_data())
+            }),
+        };
+        written.map_err(|source| ReportError::Unwritable {
+            path: path.to_owned(),
+            source,
+        })
+    }
+
+    fn patch_surfaces(&self) -> Vec<u32> {
+        self.mesh.patches.iter().map(|patch| patch.surface.0).collect()
+    }
+
+    /// Returns what `.vtu` says of every patch.
+    fn cell_data(&self) -> Vec<CellData> {
+        let n = self.factors.n_rows();
+        let sum_to = |i: usize, counts: &dyn Fn(usize) -> bool| {
+            let mut sums = (0.0, 0.0);
+            self.factors.for_each_in_row(i, |j, value, error| {
+                if counts(j) {
+                    sums = (sums.0 + value, sums.1 + error);
+                }
+            });
+            sums
+        };
+        let columns = |name: &str, counts: &(dyn Fn(usize) -> bool + Sync)| {
+            let rows = (0..n).into_par_iter().map(|i| sum_to(i, counts));
+            let (sums, errors) = rows.unzip();
+            [
+                CellData::new(name, 1, sums),
+                CellData::new(format!("{name}_error"), 1, errors),
+            ]
+        };
+        let mut data = Vec::from(columns("row_sum", &|_| true));
+        let sky = (0..n).into_par_iter().map(|i| self.factors.sky_factor(i)).collect();
+        data.push(CellData::new("sky_factor", 1, sky));
+        if let Some(surface) = self.surface {
+            let name = format!("form_factor_to_{}", self.scene.surfaces[surface.0 as usize].name);
+            data.extend(columns(&name, &|j| self.mesh.patches[j].surface == surface));
+        }
+        data
+    }
+
+    /// Writes F in full, and then the description with its checksum beside it.
+    fn write_npy(&self, path: &Path) -> io::Result<()> {
+        let n = self.factors.n_rows() as u64;
+        let (mut hasher, mut byte) = (Sha256::new(), 0);
+        whole_file::write(path, |writer| {
+            let mut hashed = Hashed {
+                writer,
+                hasher: &mut hasher,
+                byte: &mut byte,
+            };
+            hashed.write_all(&Header::new(self.dtype(), &[n, n]).encode())?;
+            self.write_rows(self.dtype(), &mut hashed, |value, _| value)
+        })?;
+        let mut description = self.description();
+        let sha256 = hexadecimal(&hasher.finalize());
+        description.file = Some(FileCheck { byte, sha256 });
+        whole_file::write(&beside(path), |writer| {
+            writer.write_all(description.to_json().as_bytes())
+        })
+    }
+
+    pub(super) fn description(&self) -> Description {
+        Description::new(
+            self.factors.n_rows(),
+            self.mesh.geometry_hash(),
+            self.factors.is_symmetric(),
+            self.tolerance_met,
+            self.settings.clone(),
+        )
+    }
+
+    /// Returns the type in which F is written: that in which it is stored.
+    pub(super) fn dtype(&self) -> Dtype {
+        match self.factors.storage().precision {
+            Precision::F64 => Dtype::F64,
+            Precision::F32 => Dtype::F32,
+        }
+    }
+
+    fn write_npz<W: Write + io::Seek>(&self, writer: W) -> io::Result<()> {
+        let mut npz = NpzWriter::new(BufWriter::with_capacity(1 << 20, writer));
+        npz.bytes("meta.json", self.description().to_json().as_bytes())?;
+        if self.factors.density() < DENSE_FROM {
+            self.add_sparse(&mut npz)?;
+        } else {
+            self.add_dense(&mut npz)?;
+        }
+        let n = self.factors.n_rows();
+        npz.numbers("area", &[n], self.factors.areas())?;
+        add_tallies(&mut npz, self.factors.tallies())?;
+        npz.finish()
+    }
+
+    fn add_dense<W: Write + io::Seek>(&self, npz: &mut NpzWriter<W>) -> io::Result<()> {
+        let n = self.factors.n_rows() as u64;
+        let header = |dtype| Header::new(dtype, &[n, n]);
+        npz.array("F", &header(self.dtype()), |writer| {
+            self.write_rows(self.dtype(), writer, |value, _| value)
+        })?;
+        npz.array("error", &header(Dtype::F32), |writer| {
+            self.write_rows(Dtype::F32, writer, |_, error| error)
+        })
+    }
+
+    /// Writes rows with all their columns; `pick` chooses between the form factor and its error.
+    pub(super) fn write_rows(
+        &self,
+        dtype: Dtype,
+        writer: &mut dyn Write,
+        pick: impl Fn(f64, f64) -> f64,
+    ) -> io::Result<()> {
+        let mut row = vec![0.0; self.factors.n_rows()];
+        for i in 0..row.len() {
+            row.fill(0.0);
+            self.factors
+                .for_each_in_row(i, |j, value, error| row[j] = pick(value, error));
+            write_reals(writer, dtype, &row)?;
+        }
+        Ok(())
+    }
+
+    /// Calls `write` with the entries of each row: column, form factor, standard error.
+    fn for_each_row(&self, mut write: impl FnMut(&[(usize, f64, f64)]) -> io::Result<()>) -> io::Result<()> {
+        let mut row = Vec::new();
+        for i in 0..self.factors.n_rows() {
+            row.clear();
+            self.factors
+                .for_each_in_row(i, |j, value, error| row.push((j, value, error)));
+            write(&row)?;
+        }
+        Ok(())
+    }
+
+    /// Adds compressed sparse rows as `scipy.sparse.save_npz` does, and the errors of the same entries.
+    fn add_sparse<W: Write + io::Seek>(&self, npz: &mut NpzWriter<W>) -> io::Result<()> {
+        let n = self.factors.n_rows();
+        let mut begins = vec![0_i64];
+        let mut n_entries = 0_i64;
+        for i in 0..n {
+            self.factors.for_each_in_row(i, |_, _, _| n_entries += 1);
+            begins.push(n_entries);
+        }
+        let size = n_entries.unsigned_abs();
+        // SciPy wants both index arrays of one type.
+        let narrow = begins.iter().map(|&b| i32::try_from(b)).collect::<Result<Vec<_>, _>>();
+        let narrow = narrow.ok().filter(|_| i32::try_from(n).is_ok());
+        npz.array("format", &Header::new(Dtype::Bytes(3), &[]), |w| w.write_all(b"csr"))?;
+        npz.numbers("shape", &[2], &[n as u64, n as u64].map(u64::cast_signed))?;
+        let index = if narrow.is_some() { Dtype::I32 } else { Dtype::I64 };
+        match &narrow {
+            Some(narrow) => npz.numbers("indptr", &[n + 1], narrow)?,
+            None => npz.numbers("indptr", &[n + 1], &begins)?,
+        }
+        npz.array("indices", &Header::new(index, &[size]), |writer| {
+            self.for_each_row(|row| {
+                let byte = if index == Dtype::I32 { 4 } else { 8 };
+                let columns = row
+                    .iter()
+                    .flat_map(|&(j, ..)| (j as u64).to_le_bytes().into_iter().take(byte));
+                writer.write_all(&columns.collect::<Vec<_>>())
+            })
+        })?;
+        npz.array("data", &Header::new(self.dtype(), &[size]), |writer| {
+            self.for_each_row(|row| write_reals(writer, self.dtype(), &row.iter().map(|e| e.1).collect::<Vec<_>>()))
+        })?;
+        npz.array("error", &Header::new(Dtype::F32, &[size]), |writer| {
+            self.for_each_row(|row| write_reals(writer, Dtype::F32, &row.iter().map(|e| e.2).collect::<Vec<_>>()))
+        })
+    }
+}
+
+/// Returns the name of the description beside an array: the array's with `.json` after it.
+pub(super) fn beside(path: &Path) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".json");
+    name.into()
+}
+
+/// Writes bytes, counts and hashes them.
+struct Hashed<'a, W> {
+    writer: W,
+    hasher: &'a mut Sha256,
+    byte: &'a mut u64,
+}
+
+impl<W: Write> Write for Hashed<'_, W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let n = self.writer.write(bytes)?;
+        self.hasher.update(&bytes[..n]);
+        *self.byte += n as u64;
+        Ok(n)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.writer.flush()
+    }
+}
+
+/// Writes numbers as f32 where that is the type asked for, else as f64.
+fn write_reals(writer: &mut dyn Write, dtype: Dtype, numbers: &[f64]) -> io::Result<()> {
+    if dtype == Dtype::F32 {
+        #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is what is asked for")]
+        let narrow: Vec<f32> = numbers.iter().map(|&x| x as f32).collect();
+        return write_numbers(writer, &narrow);
+    }
+    write_numbers(writer, numbers)
+}
+
+/// Adds the tallies of the rays, if there are any: counts, and the sums of the weights (not a number in rows without).
+fn add_tallies<W: Write + io::Seek>(npz: &mut NpzWriter<W>, tallies: &[RowTally]) -> io::Result<()> {
+    let n = tallies.len();
+    if tallies.iter().all(|tally| *tally == RowTally::default()) {
+        return Ok(());
+    }
+    for (name, k) in [("n_rays", 0), ("n_escaped", 1), ("n_absorbed", 2)] {
+        let counts = tallies
+            .iter()
+            .map(|tally| [tally.n_rays, tally.n_escaped, tally.n_absorbed][k]);
+        npz.numbers(name, &[n], &counts.collect::<Vec<_>>())?;
+    }
+    if tallies.iter().any(|tally| tally.weights.is_some()) {
+        let weights = tallies.iter().flat_map(|tally| match tally.weights {
+            Some(w) => [w.escaped, w.absorbed, w.squared],
+            None => [f64::NAN; 3],
+        });
+        npz.numbers("ray_weights", &[n, 3], &weights.collect::<Vec<_>>())?;
+    }
+    Ok(())
+}

@@ -1,0 +1,405 @@
+//! Form factors read back from a file, for the patches that they belong to.
+
+use std::path::{Path, PathBuf};
+
+use super::description::FORMAT;
+use super::form_factors::{Format, beside};
+use super::npy::Dtype;
+use super::npz::{Archive, Array};
+use super::{Description, ReportError};
+use crate::matrix::{
+    Entry, FormFactors, Layout, MatrixError, Precision, RayWeights, RowTally, RowTile, StorageChoice, UPPER_ROWS,
+};
+use crate::mesh::Mesh;
+
+/// A file of form factors whose description has been read.
+#[derive(Clone, Debug)]
+pub struct FormFactorFile {
+    path: PathBuf,
+    description: Description,
+}
+
+impl FormFactorFile {
+    /// Opens a `.npz` or `.npy` file that [`FormFactorReport::write`](super::form_factors::FormFactorReport::write) wrote, and reads its description.
+    ///
+    /// # Errors
+    /// [`ReportError::Unreadable`], [`ReportError::Damaged`], [`ReportError::NoDescription`] for a file of another program,
+    /// [`ReportError::Version`] for one of a later version, [`ReportError::UnknownFormat`].
+    pub fn open(path: &Path) -> Result<Self, ReportError> {
+        let missing = |what: String| ReportError::NoDescription {
+            path: path.to_owned(),
+            what,
+        };
+        let description = match Format::of(path) {
+            Ok(Format::Npz) => {
+                let text = Archive::open(path)?.bytes("meta.json")?;
+                description(path, &text.ok_or_else(|| missing("the member `meta.json`".into()))?)?
+            }
+            Ok(Format::Npy) => {
+                let path = beside(path);
+                match std::fs::read(&path) {
+                    Ok(text) => description(&path, &text)?,
+                    Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+                        return Err(missing(format!("{} beside it", path.display())));
+                    }
+                    Err(source) => return Err(ReportError::Unreadable { path, source }),
+                }
+            }
+            _ => {
+                return Err(ReportError::UnknownFormat {
+                    path: path.to_owned(),
+                    content: "form factors to read",
+                    known: ".npz, .npy",
+                });
+            }
+        };
+        Ok(Self {
+            path: path.to_owned(),
+            description,
+        })
+    }
+
+    /// Returns the file's path.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Returns what the file says about itself.
+    #[must_use]
+    pub fn description(&self) -> &Description {
+        &self.description
+    }
+
+    /// Reads the form factors of a mesh.
+    ///
+    /// Accuracy: form factors that are not symmetric come back to the last bit. Of symmetric ones the exchange areas do to 3 units in
+    /// the last place: they are the upper triangle of F times the areas. A `.npy` file has neither errors nor tallies of rays: they
+    /// come back as unknown.
+    ///
+    /// # Errors
+    /// [`ReportError::OtherGeometry`] unless the mesh has the patches that the form factors were computed for; [`ReportError::Damaged`] and
+    /// [`ReportError::Matrix`] if the file is cut off, changed, contradicts itself, or holds what can be no form factor.
+    pub fn read(&self, mesh: &Mesh) -> Result<FormFactors, ReportError> {
+        if mesh.geometry_hash() != self.description.geometry_sha256 {
+            return Err(ReportError::OtherGeometry {
+                path: self.path.clone(),
+            });
+        }
+        let n = mesh.n_patches();
+        let (areas, tallies) = if self.description.file.is_some() {
+            (mesh.areas(), vec![RowTally::default(); n])
+        } else {
+            let mut archive = Archive::open(&self.path)?;
+            (Self::areas(&mut archive, mesh)?, self.tallies(&mut archive, n)?)
+        };
+        let mut rows = self.rows(n)?;
+        let storage = StorageChoice {
+            layout: Layout::Auto,
+            precision: rows.precision(),
+        };
+        let in_file = |error| self.in_file(error);
+        if !self.description.symmetric {
+            let mut failure = None;
+            let tiles = (0..n).step_by(UPPER_ROWS).map_while(|first| {
+                let end = n.min(first + UPPER_ROWS);
+                rows.tile(first..end, &tallies, |_, _| true)
+                    .map_err(|error| failure = Some(error))
+                    .ok()
+            });
+            let factors = FormFactors::from_tiles(areas, tiles, storage);
+            if let Some(error) = failure {
+                return Err(in_file(error));
+            }
+            rows.finish()?;
+            return factors.map_err(|error| in_file(error.into()));
+        }
+        let upper = (0..n).step_by(UPPER_ROWS).map(|first| {
+            let end = n.min(first + UPPER_ROWS);
+            rows.tile(first..end, &tallies, |i, j| j >= i)
+        });
+        let factors = FormFactors::from_upper_rows(areas, tallies.clone(), upper, storage).map_err(in_file)?;
+        rows.finish()?;
+        self.expect_symmetric(self.rows(n)?, &factors)?;
+        Ok(factors)
+    }
+
+    /// Opens the rows of F at the first.
+    fn rows(&self, n: usize) -> Result<Rows, ReportError> {
+        match &self.description.file {
+            Some(check) => Rows::in_full(Array::open_npy(&self.path, check)?, None, n),
+            None => Rows::open(&mut Archive::open(&self.path)?, n),
+        }
+    }
+
+    fn in_file(&self, failure: Failure) -> ReportError {
+        match failure {
+            Failure::Report(error) => error,
+            Failure::Matrix(source) => ReportError::Matrix {
+                path: self.path.clone(),
+                source,
+            },
+        }
+    }
+
+    fn areas(archive: &mut Archive, mesh: &Mesh) -> Result<Vec<f64>, ReportError> {
+        let areas = mesh.areas();
+        let mut array = archive.array("area")?;
+        array.expect_shape(&[areas.len() as u64])?;
+        let mut found = Vec::new();
+        array.next_reals(areas.len(), &mut found)?;
+        let same = |(a, b): (&f64, &f64)| a.to_bits() == b.to_bits();
+        if let Some(patch) = areas.iter().zip(&found).position(|pair| !same(pair)) {
+            let (told, known) = (found[patch], areas[patch]);
+            let reason = format!("patch {patch} has {known:?} m² and the file says {told:?} m²");
+            return Err(array.error(reason));
+        }
+        array.finish().map(|()| areas)
+    }
+
+    fn tallies(&self, archive: &mut Archive, n: usize) -> Result<Vec<RowTally>, ReportError> {
+        let mut tallies = vec![RowTally::default(); n];
+        if !archive.has("n_rays") {
+            return Ok(tallies);
+        }
+        let mut counts = [Vec::new(), Vec::new(), Vec::new()];
+        for (name, of_rows) in ["n_rays", "n_escaped", "n_absorbed"].iter().zip(&mut counts) {
+            let mut array = archive.array(name)?;
+            array.expect_shape(&[n as u64])?;
+            array.next_counts(n, of_rows)?;
+            array.finish()?;
+        }
+        let mut weights = Vec::new();
+        if archive.has("ray_weights") {
+            let mut array = archive.array("ray_weights")?;
+            array.expect_shape(&[n as u64, 3])?;
+            array.next_reals(3 * n, &mut weights)?;
+            array.finish()?;
+        }
+        for (i, tally) in tallies.iter_mut().enumerate() {
+            let [n_rays, n_escaped, n_absorbed] = [counts[0][i], counts[1][i], counts[2][i]];
+            let of_row = weights.get(3 * i..3 * i + 3).filter(|w| !w[0].is_nan());
+            let in_range = of_row.is_none_or(|w| w.iter().all(|x| (0.0..=1.0).contains(x)) && w[2] > 0.0);
+            if n_escaped.checked_add(n_absorbed).is_none_or(|lost| lost > n_rays) || !in_range {
+                let reason = format!("the tally of the rays of patch {i} contradicts itself");
+                return Err(ReportError::Damaged {
+                    path: self.path.clone(),
+                    reason,
+                });
+            }
+            *tally = RowTally {
+                n_rays,
+                n_escaped,
+                n_absorbed,
+                weights: of_row.map(|w| RayWeights {
+                    escaped: w[0],
+                    absorbed: w[1],
+                    squared: w[2],
+                }),
+            };
+        }
+        Ok(tallies)
+    }
+
+    /// Refuses a file whose lower triangle says something else than the upper, from which `factors` were made.
+    fn expect_symmetric(&self, mut rows: Rows, factors: &FormFactors) -> Result<(), ReportError> {
+        let n = factors.n_rows();
+        let (unit, least) = match factors.storage().precision {
+            Precision::F64 => (f64::EPSILON, f64::MIN_POSITIVE),
+            Precision::F32 => (f32::EPSILON.into(), f32::MIN_POSITIVE.into()),
+        };
+        let none = vec![RowTally::default(); n];
+        let mut expected = vec![0.0; n];
+        for i in 0..n {
+            expected.fill(0.0);
+            factors.for_each_in_row(i, |j, value, _| expected[j] = value);
+            let tile = rows
+                .tile(i..i + 1, &none, |_, _| true)
+                .map_err(|error| self.in_file(error))?;
+            for &(j, value, _) in tile.row(0) {
+                expected[j as usize] -= value;
+                // Three roundings on the way from the upper triangle, and two on the way to the lower.
+                if expected[j as usize].abs() <= 4.0 * unit * value.abs() + least {
+                    expected[j as usize] = 0.0;
+                }
+            }
+            if let Some(j) = expected.iter().position(|difference| difference.abs() > 0.0) {
+                return Err(ReportError::Damaged {
+                    path: self.path.clone(),
+                    reason: format!(
+                        "it says that A_i F_ij is symmetric, and it is not between the patches {i} and {j}"
+                    ),
+                });
+            }
+        }
+        rows.finish()
+    }
+}
+
+fn description(path: &Path, text: &[u8]) -> Result<Description, ReportError> {
+    let damaged = |reason: String| ReportError::Damaged {
+        path: path.to_owned(),
+        reason,
+    };
+    let value: serde_json::Value =
+        serde_json::from_slice(text).map_err(|error| damaged(format!("its description is no JSON: {error}")))?;
+    let format = value["format"].as_str().unwrap_or("nothing known");
+    if format != FORMAT {
+        return Err(ReportError::Version {
+            path: path.to_owned(),
+            found: format.to_owned(),
+            expected: FORMAT,
+        });
+    }
+    serde_json::from_value(value).map_err(|error| damaged(format!("its description: {error}")))
+}
+
+/// What can go wrong while rows become a matrix.
+enum Failure {
+    Report(ReportError),
+    Matrix(MatrixError),
+}
+
+impl From<MatrixError> for Failure {
+    fn from(error: MatrixError) -> Self {
+        Self::Matrix(error)
+    }
+}
+
+impl From<ReportError> for Failure {
+    fn from(error: ReportError) -> Self {
+        Self::Report(error)
+    }
+}
+
+/// The rows of F and their standard errors, read side by side.
+struct Rows {
+    values: Array,
+    errors: Option<Array>,
+    n: usize,
+    /// For sparse rows: the columns of the entries, and where each row begins.
+    sparse: Option<(Array, Vec<u64>)>,
+    buffer: [Vec<f64>; 2],
+    columns: Vec<u64>,
+}
+
+impl Rows {
+    fn new(values: Array, errors: Option<Array>, n: usize, sparse: Option<(Array, Vec<u64>)>) -> Self {
+        Self {
+            values,
+            errors,
+            n,
+            sparse,
+            buffer: Default::default(),
+            columns: Vec::new(),
+        }
+    }
+
+    /// Returns rows with all their columns.
+    fn in_full(values: Array, errors: Option<Array>, n: usize) -> Result<Self, ReportError> {
+        for array in [&values].into_iter().chain(&errors) {
+            array.expect_shape(&[n as u64; 2])?;
+        }
+        Ok(Self::new(values, errors, n, None))
+    }
+
+    fn open(archive: &mut Archive, n: usize) -> Result<Self, ReportError> {
+        if archive.has("F") {
+            return Self::in_full(archive.array("F")?, Some(archive.array("error")?), n);
+        }
+        let mut format = archive.array("format")?;
+        if format.next_text()? != "csr" {
+            return Err(format.error("only compressed sparse rows, `csr`, can be read"));
+        }
+        format.finish()?;
+        let square = [n as u64; 2];
+        let mut shape = archive.array("shape")?;
+        let mut found = Vec::new();
+        shape.expect_shape(&[2])?;
+        shape.next_counts(2, &mut found)?;
+        if found != square {
+            return Err(shape.error(format!("the matrix has the shape {found:?} instead of {square:?}")));
+        }
+        shape.finish()?;
+        let mut begins = archive.array("indptr")?;
+        begins.expect_shape(&[n as u64 + 1])?;
+        let mut begin = Vec::new();
+        begins.next_counts(n + 1, &mut begin)?;
+        let (values, errors, columns) = (
+            archive.array("data")?,
+            archive.array("error")?,
+            archive.array("indices")?,
+        );
+        let size = [values.header.shape.first().copied().unwrap_or(0)];
+        for array in [&values, &errors, &columns] {
+            array.expect_shape(&size)?;
+        }
+        if begin[0] != 0 || begin[n] != size[0] || !begin.is_sorted() {
+            return Err(begins.error("the rows do not follow each other"));
+        }
+        begins.finish()?;
+        Ok(Self::new(values, Some(errors), n, Some((columns, begin))))
+    }
+
+    fn precision(&self) -> Precision {
+        if self.values.header.dtype == Dtype::F32 {
+            Precision::F32
+        } else {
+            Precision::F64
+        }
+    }
+
+    /// Reads the next rows, which are `range`, and keeps the entries that `keep(i, j)` names.
+    fn tile(
+        &mut self,
+        range: std::ops::Range<usize>,
+        tallies: &[RowTally],
+        keep: impl Fn(usize, usize) -> bool,
+    ) -> Result<RowTile, Failure> {
+        let mut tile = RowTile::new(range.start);
+        let mut entries: Vec<Entry> = Vec::new();
+        for i in range {
+            let size = self.read_row(i)?;
+            entries.clear();
+            for k in 0..size {
+                let column = self
+                    .columns
+                    .get(k)
+                    .map_or(k, |&j| usize::try_from(j).unwrap_or(usize::MAX));
+                if keep(i, column) {
+                    let column = u32::try_from(column).unwrap_or(u32::MAX);
+                    entries.push((column, self.buffer[0][k], self.buffer[1][k]));
+                }
+            }
+            tile.push_row(&entries, tallies[i]);
+        }
+        Ok(tile)
+    }
+
+    /// Reads row i into the buffers, and returns the number of its entries; all columns if the rows are not sparse.
+    fn read_row(&mut self, i: usize) -> Result<usize, ReportError> {
+        let mut size = self.n;
+        if let Some((columns, begins)) = &mut self.sparse {
+            size = usize::try_from(begins[i + 1] - begins[i]).unwrap_or(usize::MAX);
+            columns.next_counts(size, &mut self.columns)?;
+            let n = self.n as u64;
+            if !self.columns.is_sorted_by(|a, b| a < b) || self.columns.last().is_some_and(|&j| j >= n) {
+                return Err(columns.error(format!("the columns of row {i} are not ascending numbers below {n}")));
+            }
+        }
+        self.values.next_reals(size, &mut self.buffer[0])?;
+        match &mut self.errors {
+            Some(errors) => errors.next_reals(size, &mut self.buffer[1])?,
+            None => self.buffer[1].resize(size, 0.0),
+        }
+        Ok(size)
+    }
+
+    fn finish(self) -> Result<(), ReportError> {
+        if let Some((columns, _)) = self.sparse {
+            columns.finish()?;
+        }
+        self.values.finish()?;
+        self.errors.map_or(Ok(()), Array::finish)
+    }
+}

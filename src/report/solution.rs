@@ -1,0 +1,170 @@
+//! Files of solutions.
+//!
+//! | ending | content | for |
+//! |---|---|---|
+//! | `.csv` | a row for each patch: surface, area, centroid, radiosity, irradiance | tables |
+//! | `.npz` | `radiosity`, `irradiance`, `exitance`, `reflectance`, `residual` \[n, c\]; `area`, `surface` \[n\]; `centroid` \[n, 3\]; `meta.json` | NumPy |
+//! | `.vtu` | patches with the same quantities | ParaView, PyVista |
+//!
+//! Radiosity, irradiance, exitance and residual are in W·m⁻², area in m², centroids in m.
+
+use std::io::{self, Seek, Write};
+use std::path::Path;
+
+use serde_json::{Map, Value, json};
+
+use super::npz::NpzWriter;
+use super::vtu::CellData;
+use super::{ReportError, csv, vtu};
+use crate::matrix::operator::Block;
+use crate::mesh::Mesh;
+use crate::scene::Scene;
+use crate::solver::Solution;
+use crate::whole_file;
+
+/// A solution with what it belongs to.
+#[derive(Clone, Copy, Debug)]
+pub struct SolutionReport<'a> {
+    /// The scene.
+    pub scene: &'a Scene,
+    /// Its patches.
+    pub mesh: &'a Mesh,
+    /// ρ, \[n, c\].
+    pub reflectance: &'a Block,
+    /// E, W·m⁻², \[n, c\].
+    pub exitance: &'a Block,
+    /// B and H.
+    pub solution: &'a Solution,
+    /// How the form factors and the solution were computed: no time, path or number of threads.
+    pub settings: &'a Map<String, Value>,
+}
+
+/// The formats that solutions are written in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// A table.
+    Csv,
+    /// NumPy's archive of arrays.
+    Npz,
+    /// An unstructured grid of VTK.
+    Vtu,
+}
+
+impl Format {
+    /// Returns the format that a file's ending names.
+    ///
+    /// # Errors
+    /// [`ReportError::UnknownFormat`].
+    pub fn of(path: &Path) -> Result<Self, ReportError> {
+        let ending = path.extension().map(std::ffi::OsStr::to_ascii_lowercase);
+        match ending.as_ref().and_then(|e| e.to_str()) {
+            Some("csv") => Ok(Self::Csv),
+            Some("npz") => Ok(Self::Npz),
+            Some("vtu") => Ok(Self::Vtu),
+            _ => Err(ReportError::UnknownFormat {
+                path: path.to_owned(),
+                content: "a solution",
+                known: ".csv, .npz, .vtu",
+            }),
+        }
+    }
+}
+
+impl SolutionReport<'_> {
+    /// Writes the solution to `path`, whole or not at all, in the format that its ending names.
+    ///
+    /// # Errors
+    /// [`ReportError::UnknownFormat`], [`ReportError::Unwritable`].
+    ///
+    /// # Panics
+    /// If the blocks have not one row for every patch.
+    #[track_caller]
+    pub fn write(&self, path: &Path) -> Result<(), ReportError> {
+        let n = self.mesh.n_patches();
+        let blocks = [
+            self.reflectance,
+            self.exitance,
+            &self.solution.radiosity,
+            &self.solution.irradiance,
+        ];
+        assert!(blocks.iter().all(|block| block.n_rows() == n), "one row per patch");
+        let (radiosity, irradiance) = (&self.solution.radiosity, &self.solution.irradiance);
+        let format = Format::of(path)?;
+        let written = whole_file::write(path, |writer| match format {
+            Format::Csv => csv::write_solution(writer, self.scene, self.mesh, radiosity, irradiance),
+            Format::Npz => self.write_npz(writer),
+            Format::Vtu => self.write_vtu(writer),
+        });
+        written.map_err(|source| ReportError::Unwritable {
+            path: path.to_owned(),
+            source,
+        })
+    }
+
+    fn description(&self) -> String {
+        let description = json!({
+            "format": "radiosity solution 1",
+            "unit": "radiosity, irradiance, exitance, residual: W m-2; area: m2; centroid: m; reflectance: 1",
+            "n_patches": self.mesh.n_patches(),
+            "geometry_sha256": self.mesh.geometry_hash(),
+            "scene_sha256": self.scene.content_hash(),
+            "surfaces": self.scene.surfaces.iter().map(|s| &s.name).collect::<Vec<_>>(),
+            "settings": self.settings,
+            "stop_reason": self.solution.stop_reason,
+            "residual_l2": self.solution.residual_l2,
+            "error_bound": self.solution.error_bound,
+        });
+        format!("{description:#}")
+    }
+
+    /// Returns r = E − B + ρ H.
+    fn residual(&self) -> Block {
+        let mut residual = self.exitance.clone();
+        let terms = self
+            .solution
+            .radiosity
+            .values()
+            .iter()
+            .zip(self.solution.irradiance.values());
+        for ((r, (b, h)), rho) in residual
+            .values_mut()
+            .iter_mut()
+            .zip(terms)
+            .zip(self.reflectance.values())
+        {
+            *r += rho * h - b;
+        }
+        residual
+    }
+
+    fn quantities(&self) -> [(&'static str, Block); 5] {
+        [
+            ("radiosity", self.solution.radiosity.clone()),
+            ("irradiance", self.solution.irradiance.clone()),
+            ("exitance", self.exitance.clone()),
+            ("reflectance", self.reflectance.clone()),
+            ("residual", self.residual()),
+        ]
+    }
+
+    fn write_npz<W: Write + Seek>(&self, writer: W) -> io::Result<()> {
+        let n = self.mesh.n_patches();
+        let mut npz = NpzWriter::new(writer);
+        npz.bytes("meta.json", self.description().as_bytes())?;
+        for (name, block) in self.quantities() {
+            npz.numbers(name, &[n, block.n_channels()], block.values())?;
+        }
+        npz.numbers("area", &[n], &self.mesh.areas())?;
+        let centroids = self.mesh.patches.iter().flat_map(|patch| patch.centroid.to_array());
+        npz.numbers("centroid", &[n, 3], &centroids.collect::<Vec<_>>())?;
+        let surfaces = self.mesh.patches.iter().map(|patch| i64::from(patch.surface.0));
+        npz.numbers("surface", &[n], &surfaces.collect::<Vec<_>>())?;
+        npz.finish()
+    }
+
+    fn write_vtu(&self, writer: &mut dyn Write) -> io::Result<()> {
+        let cell_data = |(name, block): (&str, Block)| CellData::new(name, block.n_channels(), block.values().to_vec());
+        let data: Vec<_> = self.quantities().into_iter().map(cell_data).collect();
+        vtu::write(writer, self.scene, self.mesh, &self.description(), &data)
+    }
+}

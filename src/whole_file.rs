@@ -1,0 +1,143 @@
+//! Files are written whole or not at all.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+/// Writes a file under a temporary name in its own directory, and gives it its name once all of it is on the disk.
+///
+/// `content` writes the bytes; it may seek. Until the end an existing file stays as it is, and if anything fails, the temporary
+/// file is removed. A symbolic link stays, and the file that it points to is replaced. The permissions are those of any new
+/// file, within the umask.
+///
+/// # Errors
+/// Those of `content` and of the file system; `path` names something that is not a regular file, such as a directory or a device.
+pub(crate) fn write(path: &Path, content: impl FnOnce(&mut BufWriter<&mut File>) -> io::Result<()>) -> io::Result<()> {
+    let target = expect_possible(path)?;
+    let mut builder = tempfile::Builder::new();
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt as _;
+        // A temporary file is private by default; the umask takes away what the user does not want.
+        builder.permissions(std::fs::Permissions::from_mode(0o666));
+    }
+    let directory = directory_of(&target);
+    let mut temporary = builder.prefix(".radiosity-").tempfile_in(directory)?;
+    let mut writer = BufWriter::new(temporary.as_file_mut());
+    content(&mut writer)?;
+    writer.flush()?;
+    drop(writer);
+    // Without this a crash soon after the rename can leave an empty file under the new name.
+    temporary.as_file().sync_all()?;
+    temporary.persist(&target)?;
+    #[cfg(unix)]
+    File::open(directory)?.sync_all()?;
+    Ok(())
+}
+
+/// Tells whether `path` can name a file to write, and returns the place that it stands for: a link is followed.
+///
+/// # Errors
+/// The directory does not exist, or `path` names something that is not a regular file.
+pub(crate) fn expect_possible(path: &Path) -> io::Result<PathBuf> {
+    let target = match path.canonicalize() {
+        Ok(target) => target,
+        // New, or a link to nothing, which the new file replaces.
+        Err(error) if error.kind() == io::ErrorKind::NotFound => path.to_owned(),
+        Err(error) => return Err(error),
+    };
+    let refuse = |kind, reason| Err(io::Error::new(kind, reason));
+    match target.metadata() {
+        Ok(found) if found.is_dir() => refuse(io::ErrorKind::IsADirectory, "it is a directory; name a file"),
+        Ok(found) if !found.is_file() => refuse(io::ErrorKind::InvalidInput, "it is not a regular file; name a file"),
+        _ if target.file_name().is_none() => refuse(io::ErrorKind::InvalidInput, "it names no file; name one"),
+        _ if !directory_of(&target).is_dir() => {
+            refuse(io::ErrorKind::NotFound, "its directory does not exist; make it first")
+        }
+        _ => Ok(target),
+    }
+}
+
+fn directory_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(directory) if !directory.as_os_str().is_empty() => directory,
+        _ => Path::new("."),
+    }
+}
+
+#[cfg(test)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use std::io::Seek as _;
+
+    use super::*;
+
+    fn names(directory: &Path) -> Vec<String> {
+        let entries = std::fs::read_dir(directory).unwrap();
+        let mut names: Vec<_> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn a_file_is_replaced_whole_and_nothing_else_is_left() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.txt");
+        for text in ["a longer first text", "second"] {
+            write(&path, |w| {
+                w.write_all(text.as_bytes())?;
+                w.rewind()?;
+                w.write_all(b"S")
+            })
+            .unwrap();
+            assert_eq!(std::fs::read_to_string(&path).unwrap(), format!("S{}", &text[1..]));
+        }
+        assert_eq!(names(directory.path()), ["a.txt"]);
+    }
+
+    #[test]
+    fn a_failure_leaves_the_old_file_and_no_other() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.txt");
+        std::fs::write(&path, "old").unwrap();
+        let result = write(&path, |w| {
+            w.write_all(b"new")?;
+            Err(io::Error::other("no more"))
+        });
+        assert_eq!(result.unwrap_err().to_string(), "no more");
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "old");
+        assert_eq!(names(directory.path()), ["a.txt"]);
+    }
+
+    #[test]
+    fn what_is_no_place_for_a_file_is_refused() {
+        let directory = tempfile::tempdir().unwrap();
+        let refused = |path: &Path| write(path, |_| Ok(())).unwrap_err();
+        assert_eq!(refused(directory.path()).kind(), io::ErrorKind::IsADirectory);
+        let nowhere = directory.path().join("no/such/a.txt");
+        assert!(refused(&nowhere).to_string().contains("does not exist"));
+        assert!(names(directory.path()).is_empty());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn devices_stay_and_links_are_followed() {
+        use std::os::unix::fs::{PermissionsExt as _, symlink};
+        let refused = write(Path::new("/dev/null"), |_| Ok(())).unwrap_err();
+        assert!(refused.to_string().contains("not a regular file"));
+
+        let directory = tempfile::tempdir().unwrap();
+        let (real, link) = (directory.path().join("real"), directory.path().join("link"));
+        std::fs::write(&real, "old").unwrap();
+        symlink(&real, &link).unwrap();
+        write(&link, |w| w.write_all(b"new")).unwrap();
+        assert!(link.is_symlink());
+        assert_eq!(std::fs::read_to_string(&real).unwrap(), "new");
+
+        // The permissions are those of a file that is made the ordinary way.
+        let ordinary = directory.path().join("ordinary");
+        std::fs::write(&ordinary, "").unwrap();
+        let mode = |path: &Path| path.metadata().unwrap().permissions().mode();
+        assert_eq!(mode(&real), mode(&ordinary));
+    }
+}
