@@ -102,6 +102,15 @@ impl MeshArgs {
     }
 }
 
+/// Reads the name of a solver; help lists those that the registry has.
+fn solver_name() -> impl TypedValueParser<Value = String> {
+    PossibleValuesParser::new(
+        crate::solver::registry::SOLVERS
+            .iter()
+            .map(|solver| PossibleValue::new(solver.name).help(solver.summary)),
+    )
+}
+
 /// Reads the name of a form-factor method; help lists those that the registry has.
 fn method_name() -> impl TypedValueParser<Value = String> {
     PossibleValuesParser::new(
@@ -195,34 +204,13 @@ pub struct FormFactorsArgs {
     pub common: CommonArgs,
 }
 
-/// The solvers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
-#[serde(rename_all = "kebab-case")]
-pub enum SolverName {
-    /// Gauss-Seidel
-    GaussSeidel,
-    /// Conjugate gradients preconditioned with V⁻¹ = ρ/A
-    Pcg,
-}
-
-impl SolverName {
-    /// Returns the name in the registry of solvers.
-    #[must_use]
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Self::GaussSeidel => "gauss-seidel",
-            Self::Pcg => "pcg",
-        }
-    }
-}
-
 /// How the system is solved.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Solver")]
 pub struct SolverArgs {
     /// The solver
-    #[arg(long, value_enum, default_value_t = SolverName::Pcg)]
-    pub solver: SolverName,
+    #[arg(long, value_name = "NAME", default_value = "pcg", value_parser = solver_name())]
+    pub solver: String,
     /// Tolerance on sqrt(Σ A r² / Σ A E²), worst channel
     #[arg(long, value_name = "T", default_value_t = 1e-6)]
     pub tolerance: f64,

@@ -17,7 +17,8 @@ use crate::mesh::{Mesh, Patch, Subdivision};
 use crate::plan::Plan;
 use crate::report::{StageTimes, memory_peak_byte};
 use crate::scene::{Material, Scene, Surface};
-use crate::solver::{self, RadiositySystem, Solution, SolveOptions, StopReason, Tolerance};
+use crate::solver::registry::SolverEntry;
+use crate::solver::{self, RadiositySystem, Solution, SolveOptions, SolverSettings, StopReason, Tolerance};
 use crate::visibility::embree::EmbreeVisibility;
 
 /// A run of one command: settings, clock, progress.
@@ -235,6 +236,12 @@ impl Run {
         Ok(entry.build(&settings))
     }
 
+    /// Returns the solver that is asked for.
+    #[expect(clippy::unused_self, reason = "a choice of this run")]
+    pub(super) fn solver_entry(&self, args: &SolverArgs) -> Result<&'static SolverEntry, Failure> {
+        Ok(solver::registry::by_name(&args.solver)?)
+    }
+
     /// Solves the radiosity system of a scene.
     pub(super) fn solve(
         &mut self,
@@ -244,8 +251,8 @@ impl Run {
     ) -> Result<Solution, Failure> {
         let plan = &mut prepared.plan;
         let (reflectance, exitance) = materials_of_patches(&prepared.scene, &prepared.mesh, plan.n_channels);
-        let name = args.solver.as_str();
-        self.set("solver", name);
+        let entry = self.solver_entry(args)?;
+        self.set("solver", entry.name);
         self.set("tolerance", args.tolerance);
         self.set("max_passes", args.max_passes);
         let areas = computed.factors.areas().to_vec();
@@ -255,9 +262,7 @@ impl Run {
             max_passes: args.max_passes,
             ..SolveOptions::default()
         };
-        let Some(solver) = solver::by_name(name) else {
-            return Err(Failure::usage(format!("there is no solver `{name}`")));
-        };
+        let solver = entry.build(&SolverSettings::default());
         let solution = self.times.time("solve", || {
             solver.solve(&system, &options, &mut |_| std::ops::ControlFlow::Continue(()))
         })?;

@@ -8,7 +8,7 @@ use glam::DVec3;
 use serde_json::{Value, json};
 
 use super::Outcome;
-use super::args::{DirectName, ImageArgs, RenderArgs, SolverName};
+use super::args::{DirectName, ImageArgs, RenderArgs};
 use super::failure::Failure;
 use super::form_factors::{checks_to_json, describe_checks};
 use super::pipeline::{Computed, Prepared, Run, materials_of_patches};
@@ -79,7 +79,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     })?;
     run.progress.finish();
 
-    let mut result = solve::to_json(&prepared, solved.solver, &solved.solution);
+    let mut result = solve::to_json(&prepared, &solved.solver, &solved.solution);
     result["form_factors"] = solved.computed.as_ref().map_or(Value::Null, checks_to_json);
     result["image"] = json!(args.output.display().to_string());
     result["preview"] = json!(preview.display().to_string());
@@ -92,7 +92,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     if let Some(computed) = &solved.computed {
         describe_checks(&mut text, computed);
     }
-    solve::describe(&mut text, &prepared, solved.solver, &solved.solution);
+    solve::describe(&mut text, &prepared, &solved.solver, &solved.solution);
     run.describe_times(&mut text);
     let _ = writeln!(
         text,
@@ -111,7 +111,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
 
 /// What the picture is made from.
 struct Solved {
-    solver: &'static str,
+    solver: String,
     solution: Solution,
     /// The form factors, unless they were not needed.
     computed: Option<Computed>,
@@ -134,13 +134,13 @@ fn solve_scene(
         let (_, exitance) = materials_of_patches(&prepared.scene, &prepared.mesh, prepared.plan.n_channels);
         let dark = Block::zeros(exitance.n_rows(), exitance.n_channels());
         return Ok(Solved {
-            solver: solve::NO_SOLVER,
+            solver: solve::NO_SOLVER.to_owned(),
             solution: Solution::without_reflection(exitance),
             computed: None,
             indirect_irradiance: Some(dark),
         });
     }
-    let needs_symmetry = args.solver.solver == SolverName::Pcg;
+    let needs_symmetry = run.solver_entry(&args.solver)?.needs_reciprocity;
     let computed = run.form_factors(prepared, &args.method, DEFAULT_RAYS, needs_symmetry)?;
     let solution = run.solve(prepared, &computed, &args.solver)?;
     let indirect_irradiance = with_direct.then(|| {
@@ -148,7 +148,7 @@ fn solve_scene(
             .time("solve", || indirect_irradiance(prepared, &computed, &solution))
     });
     Ok(Solved {
-        solver: args.solver.solver.as_str(),
+        solver: args.solver.solver.clone(),
         solution,
         computed: Some(computed),
         indirect_irradiance,
