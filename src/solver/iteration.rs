@@ -85,14 +85,18 @@ pub(super) fn run<I: Iteration>(
         truth = None;
         let estimate = iteration.pass(&excess);
         n_passes += 1;
-        let (mut norms, mut stagnated) = match estimate {
-            Estimate::Running(norms) => (norms, false),
-            Estimate::True(exact) => (truth.insert(exact).norms.clone(), false),
+        let mut norms = match estimate {
+            Estimate::Running(norms) => norms,
+            Estimate::True(exact) => truth.insert(exact).norms.clone(),
             Estimate::Breakdown => {
                 gave_up = StopReason::Diverged;
                 break;
             }
         };
+        let mut goes_on = recorder.note(n_passes, iteration.work(), &norms, truth.is_none(), || {
+            iteration.radiosity()
+        });
+        let mut stagnated = false;
         if truth.is_none() && worst(&tolerance.excess(&norms)) <= 1.0 {
             let exact = truth.insert(scaled.true_residual(&iteration.radiosity()));
             n_checks += 1;
@@ -100,13 +104,11 @@ pub(super) fn run<I: Iteration>(
             let checked = worst(&tolerance.excess(&norms));
             stagnated = checked > GAIN * checked_before;
             checked_before = checked;
+            goes_on = recorder.note(n_passes, 0.0, &norms, false, || iteration.radiosity()) && goes_on;
             if checked > 1.0 && !stagnated {
                 iteration.restart(exact);
             }
         }
-        let goes_on = recorder.note(n_passes, iteration.work(), &norms, truth.is_none(), || {
-            iteration.radiosity()
-        });
         excess = tolerance.excess(&norms);
         if worst(&excess) <= 1.0 {
             break;
