@@ -19,7 +19,9 @@ use crate::report::{StageTimes, memory_peak_byte};
 use crate::scene::{Material, Scene, Surface};
 use crate::solver::registry::SolverEntry;
 use crate::solver::{self, RadiositySystem, Solution, SolveOptions, SolverSettings, StopReason, Tolerance};
+use crate::visibility::Visibility as _;
 use crate::visibility::embree::EmbreeVisibility;
+use crate::visibility::gaps::narrowest_gap;
 
 /// A run of one command: settings, clock, progress.
 pub(super) struct Run {
@@ -28,6 +30,7 @@ pub(super) struct Run {
     pub(super) times: StageTimes,
     pub(super) progress: Bars,
     pub(super) settings: serde_json::Map<String, Value>,
+    has_looked_at_gaps: bool,
 }
 
 /// A scene with its patches, ready for ray queries.
@@ -60,6 +63,7 @@ impl Run {
             times: StageTimes::default(),
             progress: Bars::new(common.quiet),
             settings: serde_json::Map::new(),
+            has_looked_at_gaps: false,
         }
     }
 
@@ -110,6 +114,14 @@ impl Run {
             .times
             .time("ray_tracer", || EmbreeVisibility::new(&scene))
             .map_err(|error| Failure::new("embree", error.to_string()))?;
+        if let Some(&face) = visibility.vanished_faces().first() {
+            self.warn(&format!(
+                "{}:{}: this face and {} more are too small, beside the size of the scene, for rays to hit them",
+                path.display(),
+                scene.faces[face.0 as usize].line,
+                visibility.vanished_faces().len() - 1
+            ));
+        }
         Ok(Prepared {
             scene,
             plan,
@@ -136,7 +148,32 @@ impl Run {
         let result = self.times.time("form_factors", || {
             method.compute(input, StorageChoice::default(), &self.progress)
         })?;
+        let of_pairs = result.pairs.map_or(0, |pairs| pairs.n_rays);
+        if of_pairs > 0 || result.factors.tallies().iter().any(|tally| tally.n_rays > 0) {
+            self.warn_of_narrow_gaps(prepared);
+        }
         self.repaired(prepared, result, args.balance, needs_symmetry)
+    }
+
+    /// Warns if rays start too far off the faces to see what lies in the narrowest gap.
+    pub(super) fn warn_of_narrow_gaps(&mut self, prepared: &Prepared) {
+        if std::mem::replace(&mut self.has_looked_at_gaps, true) {
+            return;
+        }
+        let (scene, offset) = (&prepared.scene, prepared.visibility.offset());
+        let Some(gap) = narrowest_gap(scene, offset) else {
+            return;
+        };
+        let [first, second] = gap.faces.map(|id| {
+            let face = &scene.faces[id.0 as usize];
+            let name = &scene.surfaces[face.surface.0 as usize].name;
+            format!("`{name}` (line {})", face.line)
+        });
+        self.warn(&format!(
+            "{first} and {second} are {:.2e} m apart, and rays start {offset:.2e} m off a face: light between them is lost or blurred; \
+             use a method without rays, or model the gap in a scene of its own",
+            gap.width
+        ));
     }
 
     /// Makes form factors symmetric where that is asked for, and checks them.

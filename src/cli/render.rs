@@ -42,6 +42,9 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     output::expect_possible(&args.output)?;
     let mut prepared = run.prepare(&args.scene, args.mesh, default_subdivision)?;
     let view = view(&args.image, &args.scene, &prepared.scene)?;
+    if settings.direct != DirectMethod::Off {
+        run.warn_of_narrow_gaps(&prepared);
+    }
     let solved = solve_scene(&mut run, &mut prepared, args, settings.direct)?;
     if settings.direct == DirectMethod::Off {
         prepared
