@@ -51,6 +51,17 @@ pub(super) struct Computed {
     pub(super) tolerance_met: bool,
 }
 
+/// How finely form factors are computed, as far as commands differ in it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Fineness {
+    /// Rays for each patch unless `--rays` says otherwise.
+    pub(super) default_rays: u64,
+    /// The tolerance asked for.
+    pub(super) tolerance: Option<f64>,
+    /// What it is called among the settings.
+    pub(super) tolerance_name: &'static str,
+}
+
 /// Row sums are restored to far below the noise, or as far as so many passes go.
 const BALANCE_TOLERANCE: f64 = 1e-10;
 const BALANCE_PASSES: usize = 200;
@@ -135,10 +146,10 @@ impl Run {
         &mut self,
         prepared: &mut Prepared,
         args: &MethodArgs,
-        default_rays: u64,
+        fineness: Fineness,
         needs_symmetry: bool,
     ) -> Result<Computed, Failure> {
-        let method = self.method(args, default_rays)?;
+        let method = self.method(args, fineness)?;
         let input = Input {
             scene: &prepared.scene,
             unoccluded: prepared.plan.convex_and_empty,
@@ -241,16 +252,18 @@ impl Run {
         })
     }
 
-    fn method(&mut self, args: &MethodArgs, default_rays: u64) -> Result<Box<dyn FormFactorMethod>, Failure> {
+    fn method(&mut self, args: &MethodArgs, fineness: Fineness) -> Result<Box<dyn FormFactorMethod>, Failure> {
         let entry = registry::by_name(&args.method)?;
         // The direct pass of a render takes its numbers from there too.
         let sequence_is_elsewhere = self.command == "render" && !entry.settings.contains(&Setting::Sequence);
         let settings = entry.resolve(&MethodSettings {
-            rays: args.rays.or(entry.shoots().then_some(default_rays)),
+            rays: args.rays.or(entry.shoots().then_some(fineness.default_rays)),
             points: args.points,
             resolution: args.resolution,
             normalise: args.normalise,
             sequence: args.sequence.filter(|_| !sequence_is_elsewhere).map(Into::into),
+            tolerance: fineness.tolerance,
+            budget: args.budget,
             seed: args.seed,
         })?;
         self.set("method", entry.name);
@@ -269,6 +282,12 @@ impl Run {
         }
         if let Some(sequence) = settings.sequence {
             self.set("sequence", json!(sequence));
+        }
+        if let Some(tolerance) = settings.tolerance {
+            self.set(fineness.tolerance_name, tolerance);
+        }
+        if let Some(budget) = settings.budget {
+            self.set("budget", budget.get());
         }
         Ok(entry.build(&settings))
     }

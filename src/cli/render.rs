@@ -11,7 +11,7 @@ use super::Outcome;
 use super::args::{DirectName, ImageArgs, RenderArgs};
 use super::failure::Failure;
 use super::form_factors::{checks_to_json, describe_checks};
-use super::pipeline::{Computed, Prepared, Run, materials_of_patches};
+use super::pipeline::{Computed, Fineness, Prepared, Run, materials_of_patches};
 use super::{output, solve};
 use crate::geometry::sampling::Sequence;
 use crate::matrix::operator::{Block, LinearOperator};
@@ -144,7 +144,12 @@ fn solve_scene(
         });
     }
     let needs_symmetry = run.solver_entry(&args.solver)?.needs_reciprocity;
-    let computed = run.form_factors(prepared, &args.method, DEFAULT_RAYS, needs_symmetry)?;
+    let fineness = Fineness {
+        default_rays: DEFAULT_RAYS,
+        tolerance: args.form_factor_tolerance,
+        tolerance_name: "form_factor_tolerance",
+    };
+    let computed = run.form_factors(prepared, &args.method, fineness, needs_symmetry)?;
     let solution = run.solve(prepared, &computed, &args.solver)?;
     let indirect_irradiance = with_direct.then(|| {
         run.times
