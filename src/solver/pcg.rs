@@ -82,9 +82,7 @@ impl Solver for Pcg {
             }
             if let Some(gave_up) = gave_up.or((checked <= 1.0).then_some(StopReason::Converged)) {
                 let counts = (n_passes, n_checks);
-                return Ok(Solution::new(
-                    &scaled, radiosity, truth, tolerance, gave_up, counts, recorder,
-                ));
+                return Solution::new(&scaled, radiosity, truth, tolerance, gave_up, counts, recorder);
             }
             checked_before = checked;
             state.restart(&weights, &truth.irradiance);
