@@ -2,10 +2,9 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use super::{Computed, FormFactorError, Input, PairCounts};
-use crate::matrix::{FormFactors, RowTally, RowTile, StorageChoice};
+use crate::in_order::InOrder;
+use crate::matrix::{Entry, FormFactors, RowTally, RowTile, StorageChoice};
 use crate::mesh::{Mesh, PatchId};
 use crate::progress::Progress;
 
@@ -49,27 +48,40 @@ pub(super) fn by_pairs<W: PairWorker>(
     let n = input.mesh.n_patches();
     progress.begin("form factors", (n as u64 * (n as u64).saturating_sub(1)) / 2);
     let facing = Facing::new(input.mesh);
-    let results: Vec<Result<(RowTile, PairCounts, bool), FormFactorError>> = (0..n.div_ceil(ROWS_PER_TILE))
-        .into_par_iter()
-        .map(|k| {
+    let tile_byte = (ROWS_PER_TILE * n * size_of::<Entry>()) as u64;
+    let results = InOrder::new(
+        n.div_ceil(ROWS_PER_TILE),
+        tile_byte,
+        storage.place.waiting_byte(),
+        |k| {
             let rows = k * ROWS_PER_TILE..n.min((k + 1) * ROWS_PER_TILE);
             let n_pairs: usize = rows.clone().map(|i| n - 1 - i).sum();
             let result = tile(rows, &facing, &mut worker());
             progress.advance(n_pairs as u64);
             result
-        })
-        .collect();
-    // Collected first: of several errors it is always the first row's that is reported.
-    let tiles = results.into_iter().collect::<Result<Vec<_>, _>>()?;
+        },
+    );
     let mut counts = PairCounts::default();
     let mut tolerance_met = true;
-    for (_, of_tile, met) in &tiles {
-        counts = counts.plus(*of_tile);
-        tolerance_met &= met;
+    let mut failure = None;
+    // In order: of several errors it is always the first row's that is reported.
+    let upper = results.map_while(|result| match result {
+        Ok((tile, of_tile, met)) => {
+            counts = counts.plus(of_tile);
+            tolerance_met &= met;
+            Some(tile)
+        }
+        Err(error) => {
+            failure = Some(error);
+            None
+        }
+    });
+    let factors = FormFactors::from_exchange_tiles(input.mesh.areas(), upper, storage);
+    if let Some(error) = failure {
+        return Err(error);
     }
-    let upper = tiles.into_iter().map(|(tile, ..)| tile);
     Ok(Computed {
-        factors: FormFactors::from_exchange_tiles(input.mesh.areas(), upper, storage)?,
+        factors: factors?,
         pairs: Some(counts),
         tolerance_met,
     })

@@ -75,9 +75,7 @@ impl Iterator for Batches<'_> {
         while row < n && n_pairs < PAIRS_PER_BATCH {
             let f = self.patches.face_of_patch[row];
             let face = &self.patches.faces[f];
-            let k = face
-                .row_runs
-                .partition_point(|&k| face.runs[k].patches.end <= row);
+            let k = face.row_runs.partition_point(|&k| face.runs[k].patches.end <= row);
             runs.push((f, face.row_runs[k]));
             let range = face.runs[face.row_runs[k]].patches.clone();
             n_pairs += range.clone().map(|i| n - 1 - i).sum::<usize>();
@@ -251,7 +249,9 @@ impl Batches<'_> {
             area: found.exchange_area.min(most.area),
             error: found.error.min(most.area + most.error),
         };
-        let smaller_area = self.patches.prepared[pair.i].area().min(self.patches.prepared[pair.j].area());
+        let smaller_area = self.patches.prepared[pair.i]
+            .area()
+            .min(self.patches.prepared[pair.j].area());
         let reached = found.reached || exchange.error <= accuracy.tolerance * smaller_area;
         (exchange, reached)
     }
