@@ -3,8 +3,8 @@
 use std::num::NonZeroUsize;
 
 use super::{
-    CentrePoint, ClosedForm, ContourIntegral, ExactMethod, FormFactorError, FormFactorMethod, GaussLambert, GaussShooting, Hemicube,
-    ParametricDifferential, QuasiMonteCarlo, RandomShooting,
+    CentrePoint, ClosedForm, ContourIntegral, ExactMethod, FormFactorError, FormFactorMethod, GaussLambert,
+    GaussShooting, Hemicube, ParametricDifferential, QuasiMonteCarlo, RandomShooting,
 };
 use crate::geometry::sampling::Sequence;
 

@@ -62,10 +62,7 @@ impl Lattice {
                 DVec3::ZERO
             }
         };
-        let steps = [
-            mean_step(first + n_u - 1, n_u),
-            mean_step(first + n_u * (n_v - 1), n_v),
-        ];
+        let steps = [mean_step(first + n_u - 1, n_u), mean_step(first + n_u * (n_v - 1), n_v)];
         let at = |k: usize| steps[0] * (k % n_u) as f64 + steps[1] * (k / n_u) as f64;
         (0..n).all(|k| is_shift(first + k, at(k))).then_some(Self {
             first,

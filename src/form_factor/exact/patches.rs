@@ -96,7 +96,12 @@ impl FacePatches {
             halves: None,
         });
         let is_row_run = range.len() <= ROW_RUN;
-        if is_row_run && self.row_runs.last().is_none_or(|&k| self.runs[k].patches.end <= range.start) {
+        if is_row_run
+            && self
+                .row_runs
+                .last()
+                .is_none_or(|&k| self.runs[k].patches.end <= range.start)
+        {
             self.row_runs.push(index);
         }
         if range.len() > 1 && (nested || !is_row_run) {
@@ -158,10 +163,7 @@ impl Frame {
     fn hull(&self, points: impl Iterator<Item = DVec3>) -> Vec<DVec3> {
         let mut points: Vec<(DVec2, DVec3)> = points.map(|p| (self.to_plane(p), p)).collect();
         points.sort_by(|(a, _), (b, _)| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
-        let size = points
-            .iter()
-            .map(|(p, _)| p.distance(points[0].0))
-            .fold(0.0, f64::max);
+        let size = points.iter().map(|(p, _)| p.distance(points[0].0)).fold(0.0, f64::max);
         let slack = FLAT * size;
         let mut hull: Vec<(DVec2, DVec3)> = Vec::new();
         let mut chain = |points: &mut dyn Iterator<Item = &(DVec2, DVec3)>| {
