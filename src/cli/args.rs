@@ -301,9 +301,9 @@ pub struct CompareArgs {
     /// Whether occluders are looked at
     #[arg(long, value_enum, default_value_t = VisibilityName::Both)]
     pub visibility: VisibilityName,
-    /// Rays for each pair of patches of the reference, where nothing better is known
-    #[arg(long, value_name = "N", default_value_t = 4096, value_parser = clap::value_parser!(u64).range(1..))]
-    pub reference_rays: u64,
+    /// The tolerance of exact that the methods are judged for: where nothing is known of the scene, the reference is exact at T/100
+    #[arg(long, value_name = "T", default_value_t = 1e-6, value_parser = parse_positive)]
+    pub tolerance: f64,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub mesh: MeshArgs,
@@ -364,7 +364,7 @@ pub struct RenderArgs {
     /// The image to write; a PNG preview goes beside it
     #[arg(short, long, value_name = "IMAGE.exr")]
     pub output: PathBuf,
-    /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-6]
+    /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-5]
     #[arg(long, value_name = "T", value_parser = parse_positive)]
     pub form_factor_tolerance: Option<f64>,
     #[command(flatten)]

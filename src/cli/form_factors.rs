@@ -9,6 +9,7 @@ use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::pipeline::{Computed, Fineness, Prepared, Run};
 use super::{Outcome, output};
+use crate::form_factor::ExactMethod;
 use crate::matrix::SurfaceFormFactors;
 use crate::mesh::Subdivision;
 use crate::report::form_factors::{FormFactorReport, Format};
@@ -35,6 +36,7 @@ pub(super) fn run(args: &FormFactorsArgs) -> Result<Outcome, Failure> {
         let fineness = Fineness {
             default_rays: DEFAULT_RAYS,
             tolerance: args.tolerance,
+            default_tolerance: ExactMethod::DEFAULT_TOLERANCE,
             tolerance_name: "tolerance",
         };
         run.form_factors(&mut prepared, &args.method, fineness, false)?
@@ -69,8 +71,17 @@ pub(super) fn run(args: &FormFactorsArgs) -> Result<Outcome, Failure> {
     Ok(Outcome {
         text,
         document,
-        code: ExitCode::Done,
+        code: code(&computed),
     })
+}
+
+/// Returns the exit code that form factors deserve.
+pub(super) fn code(computed: &Computed) -> ExitCode {
+    if computed.tolerance_met {
+        ExitCode::Done
+    } else {
+        ExitCode::NotConverged
+    }
 }
 
 fn surface_named(scene: &Scene, name: &str) -> Result<SurfaceId, Failure> {

@@ -9,8 +9,8 @@ use super::args::{BalanceName, CommonArgs, MeshArgs, MethodArgs, SolverArgs};
 use super::failure::Failure;
 use super::progress::Bars;
 use super::{SCHEMA_VERSION, warn};
-use crate::form_factor::registry::{self, Setting};
-use crate::form_factor::{FormFactorMethod, Input, MethodSettings, PairCounts};
+use crate::form_factor::registry::{self, MethodEntry, Setting};
+use crate::form_factor::{ExactMethod, FormFactorMethod, Input, MethodSettings, PairCounts};
 use crate::matrix::operator::Block;
 use crate::matrix::{BalanceReport, Checks, FormFactors, StorageChoice, Weighting};
 use crate::mesh::{Mesh, Patch, Subdivision};
@@ -20,6 +20,7 @@ use crate::scene::{Material, Scene, Surface};
 use crate::solver::registry::SolverEntry;
 use crate::solver::{self, RadiositySystem, Solution, SolveOptions, SolverSettings, StopReason, Tolerance};
 use crate::visibility::Visibility as _;
+use crate::visibility::blockers::BlockerIndex;
 use crate::visibility::embree::EmbreeVisibility;
 use crate::visibility::gaps::narrowest_gap;
 
@@ -56,10 +57,53 @@ pub(super) struct Computed {
 pub(super) struct Fineness {
     /// Rays for each patch unless `--rays` says otherwise.
     pub(super) default_rays: u64,
-    /// The tolerance asked for.
+    /// The tolerance asked for, or the command's own.
     pub(super) tolerance: Option<f64>,
+    /// What is taken where none is asked for, by methods that have a tolerance.
+    pub(super) default_tolerance: f64,
     /// What it is called among the settings.
     pub(super) tolerance_name: &'static str,
+}
+
+impl Fineness {
+    fn tolerance_for(self, entry: &MethodEntry) -> Option<f64> {
+        let has_one = entry.settings.iter().any(|s| matches!(s, Setting::Tolerance(_)));
+        self.tolerance.or(has_one.then_some(self.default_tolerance))
+    }
+}
+
+/// Says how visibility is found by exact clipping.
+fn explain_exact(prepared: &mut Prepared, fineness: Fineness) {
+    let tolerance = fineness.tolerance.unwrap_or(fineness.default_tolerance);
+    let plan = &mut prepared.plan;
+    if !plan.convex_and_empty {
+        let n = BlockerIndex::new(&prepared.scene).n_blockers();
+        plan.revise(
+            "visibility",
+            format!("exact clipping against {n} blockers"),
+            "a vertex lies behind the plane of a face: something may block; flat neighbours count as one blocker",
+        );
+        let reason = if fineness.tolerance.is_some() {
+            "as asked for"
+        } else if tolerance > ExactMethod::DEFAULT_TOLERANCE {
+            "the size of the patches weighs more in a picture than this"
+        } else {
+            "the default"
+        };
+        plan.decide("form-factor tolerance", format!("{tolerance:e}"), reason);
+    }
+    plan.left_out
+        .push("rays between patches: nothing here is sampled".into());
+}
+
+/// Returns the greatest error of A_i F_ij / min(A_i, A_j).
+fn worst_error(factors: &FormFactors) -> f64 {
+    let areas = factors.areas();
+    let mut worst = 0.0_f64;
+    for (i, area) in areas.iter().enumerate() {
+        factors.for_each_in_row(i, |j, _, error| worst = worst.max(error * area / area.min(areas[j])));
+    }
+    worst
 }
 
 /// Row sums are restored to far below the noise, or as far as so many passes go.
@@ -150,6 +194,9 @@ impl Run {
         needs_symmetry: bool,
     ) -> Result<Computed, Failure> {
         let method = self.method(args, fineness)?;
+        if method.name() == "exact" && self.common.explain {
+            explain_exact(prepared, fineness);
+        }
         let input = Input {
             scene: &prepared.scene,
             unoccluded: prepared.plan.convex_and_empty,
@@ -162,6 +209,14 @@ impl Run {
         let of_pairs = result.pairs.map_or(0, |pairs| pairs.n_rays);
         if of_pairs > 0 || result.factors.tallies().iter().any(|tally| tally.n_rays > 0) {
             self.warn_of_narrow_gaps(prepared);
+        }
+        if let Some(pairs) = result.pairs.filter(|pairs| pairs.n_above_tolerance > 0) {
+            self.warn(&format!(
+                "{} pairs of patches spent their budget above the tolerance; the worst error is {:.1e}; give a greater --budget or --{}",
+                pairs.n_above_tolerance,
+                worst_error(&result.factors),
+                fineness.tolerance_name.replace('_', "-")
+            ));
         }
         self.repaired(prepared, result, args.balance, needs_symmetry)
     }
@@ -212,7 +267,7 @@ impl Run {
         };
         self.set("balance", wanted);
         let plan = &mut prepared.plan;
-        if plan.convex_and_empty && result.pairs.is_some() {
+        if plan.convex_and_empty && result.pairs.is_some() && self.settings.get("method") != Some(&json!("exact")) {
             plan.left_out.push("rays between patches: nothing can block".into());
         }
         let (factors, balance) = if wanted {
@@ -231,8 +286,12 @@ impl Run {
             );
             (factors, Some(report))
         } else {
-            plan.left_out
-                .push("balancing of the form factors: no symmetric system is needed".into());
+            let reason = if raw.is_symmetric() && asked == BalanceName::Auto {
+                "they are symmetric as they are"
+            } else {
+                "no symmetric system is needed"
+            };
+            plan.left_out.push(format!("balancing of the form factors: {reason}"));
             (raw, None)
         };
         if let Some(report) = balance.filter(|report| !report.converged) {
@@ -262,7 +321,7 @@ impl Run {
             resolution: args.resolution,
             normalise: args.normalise,
             sequence: args.sequence.filter(|_| !sequence_is_elsewhere).map(Into::into),
-            tolerance: fineness.tolerance,
+            tolerance: fineness.tolerance_for(entry),
             budget: args.budget,
             seed: args.seed,
         })?;

@@ -26,6 +26,10 @@ use crate::visibility::Visibility;
 /// Rays for each patch unless `--rays` says otherwise: enough that the noise of a patch does not show.
 const DEFAULT_RAYS: u64 = 16384;
 
+/// The tolerance of form factors unless `--form-factor-tolerance` says otherwise: below a tenth of a typical factor between patches of the default
+/// size, which is 1/3000, and errors of both signs mostly cancel; patches of that size are off by more.
+const DEFAULT_TOLERANCE: f64 = 1e-5;
+
 /// The number of patches that the default subdivision aims at.
 const DEFAULT_PATCHES: f64 = 3000.0;
 
@@ -108,7 +112,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     Ok(Outcome {
         text,
         document,
-        code: solve::code(&solved.solution),
+        code: solve::code(&solved.solution, solved.computed.as_ref()),
     })
 }
 
@@ -147,6 +151,7 @@ fn solve_scene(
     let fineness = Fineness {
         default_rays: DEFAULT_RAYS,
         tolerance: args.form_factor_tolerance,
+        default_tolerance: DEFAULT_TOLERANCE,
         tolerance_name: "form_factor_tolerance",
     };
     let computed = run.form_factors(prepared, &args.method, fineness, needs_symmetry)?;

@@ -7,9 +7,10 @@ use serde_json::{Value, json};
 use super::args::SolveArgs;
 use super::exit_code::ExitCode;
 use super::failure::Failure;
-use super::form_factors::{DEFAULT_RAYS, checks_to_json, describe_checks};
-use super::pipeline::{Fineness, Prepared, Run, materials_of_patches};
+use super::form_factors::{self, DEFAULT_RAYS, checks_to_json, describe_checks};
+use super::pipeline::{Computed, Fineness, Prepared, Run, materials_of_patches};
 use super::{Outcome, output, reuse};
+use crate::form_factor::ExactMethod;
 use crate::mesh::Subdivision;
 use crate::report::form_factors::FormFactorFile;
 use crate::report::solution::{Format, SolutionReport};
@@ -35,6 +36,7 @@ pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
             let fineness = Fineness {
                 default_rays: DEFAULT_RAYS,
                 tolerance: args.form_factor_tolerance,
+                default_tolerance: ExactMethod::DEFAULT_TOLERANCE,
                 tolerance_name: "form_factor_tolerance",
             };
             run.form_factors(&mut prepared, &args.method, fineness, needs_symmetry)?
@@ -77,14 +79,14 @@ pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
     Ok(Outcome {
         text,
         document,
-        code: code(&solution),
+        code: code(&solution, Some(&computed)),
     })
 }
 
-/// Returns the exit code that a solution deserves.
-pub(super) fn code(solution: &Solution) -> ExitCode {
+/// Returns the exit code that a solution and the form factors that it is from deserve.
+pub(super) fn code(solution: &Solution, computed: Option<&Computed>) -> ExitCode {
     if solution.stop_reason == StopReason::Converged {
-        ExitCode::Done
+        computed.map_or(ExitCode::Done, form_factors::code)
     } else {
         ExitCode::NotConverged
     }

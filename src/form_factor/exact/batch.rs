@@ -21,8 +21,8 @@ use crate::visibility::shaft::Shaft;
 /// A batch ends with the first rows that bring it to so many pairs: enough work for many threads, and 100 MB at most.
 const PAIRS_PER_BATCH: usize = 1 << 21;
 
-/// The relative error that full pairs are computed to.
-const FULL: Tolerance = Tolerance { rel: 1e-12, abs: 0.0 };
+/// A partial pair's A_i F_ij / min(A_i, A_j) up to this is 0: a few roundings of the clipped corners.
+const NOISE: f64 = 1e-15;
 
 /// All batches in the order of their rows.
 pub(super) struct Batches<'a> {
@@ -128,7 +128,11 @@ struct PartialPair {
 
 impl Batches<'_> {
     fn kernel(&self, i: usize, j: usize) -> Exchange {
-        let exchange = exchange_area(&self.patches.prepared[i], &self.patches.prepared[j], FULL);
+        let tolerance = Tolerance {
+            rel: self.method.full_tolerance(),
+            abs: 0.0,
+        };
+        let exchange = exchange_area(&self.patches.prepared[i], &self.patches.prepared[j], tolerance);
         Exchange {
             area: exchange.value,
             error: exchange.error,
@@ -243,15 +247,25 @@ impl Batches<'_> {
     ) -> (Exchange, bool) {
         let [p, q] = [pair.i, pair.j].map(|k| self.patches.corners[k].as_slice());
         let most = self.kernel(pair.i, pair.j);
-        let found = partial::exchange_area(p, q, &index.blockers(p, q, blockers), accuracy);
-        // More than without blockers it cannot be, nor be off by more than that.
-        let exchange = Exchange {
-            area: found.exchange_area.min(most.area),
-            error: found.error.min(most.area + most.error),
-        };
+        let blockers = index.blockers(p, q, blockers);
+        let found = partial::exchange_area_below(p, q, &blockers, accuracy, most.area);
         let smaller_area = self.patches.prepared[pair.i]
             .area()
             .min(self.patches.prepared[pair.j].area());
+        // What rounding leaves of a pair that is hidden after all would make a row of noise.
+        let is_noise = found.exchange_area <= NOISE * smaller_area;
+        // More than without blockers it cannot be, nor be off by more than that.
+        let exchange = Exchange {
+            area: if is_noise {
+                0.0
+            } else {
+                found.exchange_area.min(most.area)
+            },
+            error: found
+                .error
+                .max(if is_noise { found.exchange_area } else { 0.0 })
+                .min(most.area + most.error),
+        };
         let reached = found.reached || exchange.error <= accuracy.tolerance * smaller_area;
         (exchange, reached)
     }

@@ -17,14 +17,14 @@ use batch::Batches;
 ///
 /// - Pairs are classified in f64 against all faces of the scene ([`BlockerIndex`](crate::visibility::blockers::BlockerIndex)): faces first, then runs of patches, then
 ///   patches, each only against what stood between the larger ones. With [`Input::unoccluded`] no index is made and nothing is classified.
-/// - Full pairs: [`polygon_form_factor::exchange_area`](crate::geometry::polygon_form_factor::exchange_area) to 1e-12 relative whatever the tolerance. Where two faces are
+/// - Full pairs: [`polygon_form_factor::exchange_area`](crate::geometry::polygon_form_factor::exchange_area) to a relative error of `tolerance`/10⁵, but not above 1e-9 or below 1e-12. Where two faces are
 ///   regular grids with a common step, pairs with the same step between them are computed once.
 /// - Hidden pairs are exactly 0.
 /// - Partial pairs: [`partial::exchange_area`](super::partial::exchange_area), which follows the edges of the shadows.
 ///
 /// Nothing here uses rays: pairs nearer than the offset of ray origins, or than f32 can tell, need no special care.
 ///
-/// Accuracy: of full pairs the kernel's own estimate, near 1e-12 relative. Of partial pairs |error| of A_i F_ij / min(A_i, A_j) ≤ `tolerance`, and below the entry's own estimate; where the
+/// Accuracy: of full pairs the kernel's own estimate. Of partial pairs |error| of A_i F_ij / min(A_i, A_j) ≤ `tolerance`, and below the entry's own estimate; where the
 /// budget is spent before, the estimate says what was reached and [`Computed::tolerance_met`] is false. A blocker's border of 1e-10 of a pair's diameter is neglected, as
 /// [`BlockerIndex`](crate::visibility::blockers::BlockerIndex) says. 0 ≤ A_i F_ij ≤ the exchange area without blockers.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,6 +40,11 @@ impl ExactMethod {
     pub const DEFAULT_TOLERANCE: f64 = 1e-6;
     /// The budget unless another is asked for: some seconds for one pair.
     pub const DEFAULT_BUDGET: usize = 10_000_000;
+
+    /// Returns the relative error that pairs without blockers are computed to.
+    fn full_tolerance(&self) -> f64 {
+        (1e-5 * self.tolerance).clamp(1e-12, 1e-9)
+    }
 }
 
 impl Default for ExactMethod {
