@@ -5,14 +5,15 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use super::args::{BalanceName, CommonArgs, MeshArgs, MethodArgs, SolverArgs};
+use super::args::{BalanceName, CommonArgs, MeshArgs, MethodArgs, SolverArgs, StorageName};
 use super::failure::Failure;
 use super::progress::Bars;
+use super::storage::{self, Storage};
 use super::{SCHEMA_VERSION, warn};
 use crate::form_factor::registry::{self, Setting};
 use crate::form_factor::{FormFactorMethod, Input, MethodSettings, PairCounts};
 use crate::matrix::operator::Block;
-use crate::matrix::{BalanceReport, Checks, FormFactors, StorageChoice, Weighting};
+use crate::matrix::{BalanceReport, Checks, FormFactors, Weighting};
 use crate::mesh::{Mesh, Patch, Subdivision};
 use crate::plan::Plan;
 use crate::report::{StageTimes, memory_peak_byte};
@@ -27,6 +28,7 @@ pub(super) struct Run {
     pub(super) times: StageTimes,
     pub(super) progress: Bars,
     pub(super) settings: serde_json::Map<String, Value>,
+    pub(super) storage: Storage,
 }
 
 /// A scene with its patches, ready for ray queries.
@@ -59,6 +61,7 @@ impl Run {
             times: StageTimes::default(),
             progress: Bars::new(common.quiet),
             settings: serde_json::Map::new(),
+            storage: Storage::default(),
         }
     }
 
@@ -125,7 +128,14 @@ impl Run {
         default_rays: u64,
         needs_symmetry: bool,
     ) -> Result<Computed, Failure> {
-        let method = self.method(args, default_rays)?;
+        let (method, by_rows, n_rays) = self.method(args, default_rays)?;
+        let needs_symmetry = needs_symmetry || self.wants_symmetry(args.balance)?;
+        let matrix = storage::Matrix {
+            by_rows,
+            repaired: repairs(args.balance, needs_symmetry && by_rows),
+            n_entries: n_rays.unwrap_or(u64::MAX),
+        };
+        let chosen = storage::choose(self, prepared, matrix)?;
         let input = Input {
             scene: &prepared.scene,
             unoccluded: prepared.plan.convex_and_empty,
@@ -133,7 +143,7 @@ impl Run {
             visibility: &prepared.visibility,
         };
         let result = self.times.time("form_factors", || {
-            method.compute(input, StorageChoice::default(), &self.progress)
+            method.compute(input, chosen.choice(), &self.progress)
         })?;
         self.repaired(prepared, result, args.balance, needs_symmetry)
     }
@@ -156,11 +166,7 @@ impl Run {
                 "{n_escaped} of {n_rays} rays escaped from a closed scene; the row sums show what that amounts to"
             ));
         }
-        let wanted = match asked {
-            BalanceName::On => true,
-            BalanceName::Off => false,
-            BalanceName::Auto => needs_symmetry && !raw.is_symmetric(),
-        };
+        let wanted = repairs(asked, needs_symmetry && !raw.is_symmetric());
         self.set("balance", wanted);
         let plan = &mut prepared.plan;
         if plan.convex_and_empty && result.pairs.is_some() {
@@ -193,6 +199,7 @@ impl Run {
             ));
         }
         let checks = self.times.time("checks", || factors.checks(closed));
+        factors.if_readable(())?;
         Ok(Computed {
             factors,
             checks,
@@ -203,7 +210,23 @@ impl Run {
         })
     }
 
-    fn method(&mut self, args: &MethodArgs, default_rays: u64) -> Result<Box<dyn FormFactorMethod>, Failure> {
+    /// Tells whether the storage asked for is that of symmetric form factors.
+    pub(super) fn wants_symmetry(&self, balance: BalanceName) -> Result<bool, Failure> {
+        let wanted = self.storage.args.storage == StorageName::Symmetric;
+        if wanted && balance == BalanceName::Off {
+            return Err(Failure::usage(
+                "--storage symmetric makes form factors symmetric, and --balance off keeps them as they are; leave one of them out",
+            ));
+        }
+        Ok(wanted)
+    }
+
+    /// Returns the method, whether it computes rows, and the most entries that a row of it can have, if it tells.
+    fn method(
+        &mut self,
+        args: &MethodArgs,
+        default_rays: u64,
+    ) -> Result<(Box<dyn FormFactorMethod>, bool, Option<u64>), Failure> {
         let entry = registry::by_name(&args.method)?;
         // The direct pass of a render takes its numbers from there too.
         let sequence_is_elsewhere = self.command == "render" && !entry.settings.contains(&Setting::Sequence);
@@ -232,7 +255,9 @@ impl Run {
         if let Some(sequence) = settings.sequence {
             self.set("sequence", json!(sequence));
         }
-        Ok(entry.build(&settings))
+        let by_rows = entry.by_rows() || settings.normalise;
+        let n_entries = settings.rays.filter(|_| entry.shoots());
+        Ok((entry.build(&settings), by_rows, n_entries))
     }
 
     /// Solves the radiosity system of a scene.
@@ -315,6 +340,15 @@ impl Run {
             all.extend(more);
         }
         document
+    }
+}
+
+/// Tells whether form factors are made symmetric and balanced.
+pub(super) fn repairs(asked: BalanceName, needed: bool) -> bool {
+    match asked {
+        BalanceName::On => true,
+        BalanceName::Off => false,
+        BalanceName::Auto => needed,
     }
 }
 

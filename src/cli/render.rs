@@ -12,6 +12,7 @@ use super::args::{DirectName, ImageArgs, RenderArgs, SolverName};
 use super::failure::Failure;
 use super::form_factors::{checks_to_json, describe_checks};
 use super::pipeline::{Computed, Prepared, Run, materials_of_patches};
+use super::storage::Storage;
 use super::{output, solve};
 use crate::geometry::sampling::Sequence;
 use crate::matrix::operator::{Block, LinearOperator};
@@ -25,6 +26,9 @@ use crate::visibility::Visibility;
 
 /// Rays for each patch unless `--rays` says otherwise: enough that the noise of a patch does not show.
 const DEFAULT_RAYS: u64 = 16384;
+
+/// Memory for a pixel while the image is rendered and written.
+const PIXEL_BYTE: u64 = 512;
 
 /// The number of patches that the default subdivision aims at.
 const DEFAULT_PATCHES: f64 = 3000.0;
@@ -42,6 +46,15 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     output::expect_possible(&args.output)?;
     let mut prepared = run.prepare(&args.scene, args.mesh, default_subdivision)?;
     let view = view(&args.image, &args.scene, &prepared.scene)?;
+    // All layers, and as much again while they are coded.
+    let (width, height) = view.as_view().size();
+    let n_pixels = u64::from(width) * u64::from(height);
+    run.storage = Storage {
+        args: args.storage.clone(),
+        output: Some(args.output.clone()),
+        tolerance: Some(args.solver.tolerance),
+        image_byte: n_pixels * PIXEL_BYTE,
+    };
     let solved = solve_scene(&mut run, &mut prepared, args, settings.direct)?;
     if settings.direct == DirectMethod::Off {
         prepared
@@ -147,6 +160,7 @@ fn solve_scene(
         run.times
             .time("solve", || indirect_irradiance(prepared, &computed, &solution))
     });
+    computed.factors.if_readable(())?;
     Ok(Solved {
         solver: args.solver.solver.as_str(),
         solution,
