@@ -49,6 +49,15 @@ pub(super) struct Computed {
     pub(super) tolerance_met: bool,
 }
 
+/// A method with what is known of its matrix.
+struct Chosen {
+    method: Box<dyn FormFactorMethod>,
+    /// True if it computes whole rows.
+    by_rows: bool,
+    /// The most entries that a row can have, where the settings tell.
+    n_entries: Option<u64>,
+}
+
 /// Row sums are restored to far below the noise, or as far as so many passes go.
 const BALANCE_TOLERANCE: f64 = 1e-10;
 const BALANCE_PASSES: usize = 200;
@@ -128,12 +137,16 @@ impl Run {
         default_rays: u64,
         needs_symmetry: bool,
     ) -> Result<Computed, Failure> {
-        let (method, by_rows, n_rays) = self.method(args, default_rays)?;
+        let Chosen {
+            method,
+            by_rows,
+            n_entries,
+        } = self.method(args, default_rays)?;
         let needs_symmetry = needs_symmetry || self.wants_symmetry(args.balance)?;
         let matrix = storage::Matrix {
             by_rows,
             repaired: repairs(args.balance, needs_symmetry && by_rows),
-            n_entries: n_rays.unwrap_or(u64::MAX),
+            n_entries: n_entries.unwrap_or(u64::MAX),
         };
         let chosen = storage::choose(self, prepared, matrix)?;
         let input = Input {
@@ -221,12 +234,7 @@ impl Run {
         Ok(wanted)
     }
 
-    /// Returns the method, whether it computes rows, and the most entries that a row of it can have, if it tells.
-    fn method(
-        &mut self,
-        args: &MethodArgs,
-        default_rays: u64,
-    ) -> Result<(Box<dyn FormFactorMethod>, bool, Option<u64>), Failure> {
+    fn method(&mut self, args: &MethodArgs, default_rays: u64) -> Result<Chosen, Failure> {
         let entry = registry::by_name(&args.method)?;
         // The direct pass of a render takes its numbers from there too.
         let sequence_is_elsewhere = self.command == "render" && !entry.settings.contains(&Setting::Sequence);
@@ -257,7 +265,11 @@ impl Run {
         }
         let by_rows = entry.by_rows() || settings.normalise;
         let n_entries = settings.rays.filter(|_| entry.shoots());
-        Ok((entry.build(&settings), by_rows, n_entries))
+        Ok(Chosen {
+            method: entry.build(&settings),
+            by_rows,
+            n_entries,
+        })
     }
 
     /// Solves the radiosity system of a scene.

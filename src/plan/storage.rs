@@ -157,7 +157,7 @@ pub fn plan_storage(demand: &StorageDemand, wish: StorageWish) -> Result<Storage
         && demand
             .accuracy
             .is_some_and(|a| F32_ERROR <= F32_SHARE * a.tolerance * a.absorption_min);
-    let plan = |precision, on_disk, reason: String| {
+    let plan_for = |precision, on_disk, reason: String| {
         let memory = estimate(demand, wish.layout, precision, on_disk);
         StoragePlan {
             layout: wish.layout,
@@ -169,7 +169,7 @@ pub fn plan_storage(demand: &StorageDemand, wish: StorageWish) -> Result<Storage
         }
     };
     let limit = byte_text(demand.limit_byte);
-    let in_memory = plan(wide, false, String::new());
+    let in_memory = plan_for(wide, false, String::new());
     let needed = in_memory.memory.total_byte();
     let fits = |plan: &StoragePlan| plan.memory.total_byte() <= demand.limit_byte;
     let said = |plan: StoragePlan, reason| Ok(StoragePlan { reason, ..plan });
@@ -178,7 +178,7 @@ pub fn plan_storage(demand: &StorageDemand, wish: StorageWish) -> Result<Storage
             let reason = format!("all together takes at most {} of {limit}", byte_text(needed));
             return said(in_memory, reason);
         }
-        let narrow = plan(Precision::F32, false, String::new());
+        let narrow = plan_for(Precision::F32, false, String::new());
         if narrow_suffices && fits(&narrow) {
             let reason = format!(
                 "f64 would take {} of {limit}, f32 takes {}, and its rounding stays below a tenth of the tolerance",
@@ -195,7 +195,7 @@ pub fn plan_storage(demand: &StorageDemand, wish: StorageWish) -> Result<Storage
             });
         }
     }
-    let on_disk = plan(wide, true, String::new());
+    let on_disk = plan_for(wide, true, String::new());
     if !fits(&on_disk) {
         return Err(StorageError::TooSmall {
             n_patches: demand.n_patches,

@@ -102,11 +102,11 @@ impl FormFactorFile {
             });
         }
         let n = mesh.n_patches();
-        let (areas, tallies) = if Format::to_read(&self.path)? != Format::Npz {
-            (mesh.areas(), vec![RowTally::default(); n])
-        } else {
+        let (areas, tallies) = if Format::to_read(&self.path)? == Format::Npz {
             let mut archive = Archive::open(&self.path)?;
             (Self::areas(&mut archive, mesh)?, self.tallies(&mut archive, n)?)
+        } else {
+            (mesh.areas(), vec![RowTally::default(); n])
         };
         let mut rows = self.rows(n)?;
         let storage = StorageChoice {
@@ -150,7 +150,7 @@ impl FormFactorFile {
             Some(check) if Format::to_read(&self.path)? == Format::Mtx => {
                 let entries = MtxRows::open(&self.path, n, check.clone())?;
                 Ok(Rows {
-                    source: Source::Text(entries),
+                    source: Source::Text(Box::new(entries)),
                     n,
                     buffer: Default::default(),
                     columns: Vec::new(),
@@ -321,7 +321,7 @@ enum Source {
         /// For sparse rows: the columns of the entries, and where each row begins.
         sparse: Option<(Array, Vec<u64>)>,
     },
-    Text(MtxRows),
+    Text(Box<MtxRows>),
 }
 
 impl Rows {
