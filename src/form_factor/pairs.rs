@@ -67,11 +67,7 @@ pub(super) fn by_pairs<W: PairWorker>(
     // In order: of several errors it is always the first row's that is reported.
     let upper = results.map_while(|result| match result {
         Ok((tile, of_tile, met)) => {
-            counts.not_facing += of_tile.not_facing;
-            counts.full += of_tile.full;
-            counts.hidden += of_tile.hidden;
-            counts.partial += of_tile.partial;
-            counts.n_rays += of_tile.n_rays;
+            counts = counts.plus(of_tile);
             tolerance_met &= met;
             Some(tile)
         }
@@ -121,14 +117,14 @@ fn tile(
 }
 
 /// The planes of all patches and their corners, for the test that goes first.
-struct Facing {
+pub(super) struct Facing {
     corners: Vec<Vec<glam::DVec3>>,
     normals: Vec<glam::DVec3>,
     sizes: Vec<f64>,
 }
 
 impl Facing {
-    fn new(mesh: &Mesh) -> Self {
+    pub(super) fn new(mesh: &Mesh) -> Self {
         let corners: Vec<Vec<glam::DVec3>> = (0..mesh.n_patches())
             .map(|i| mesh.polygon(PatchId::from_index(i)))
             .collect();
@@ -151,8 +147,14 @@ impl Facing {
     ///
     /// A corner counts as in front from 1e-14 of its distance and the patch's size on: below that, rounding decides the sign, and
     /// patches of one plane must be told from patches that meet at an edge.
-    fn pair(&self, i: usize, j: usize) -> bool {
+    pub(super) fn pair(&self, i: usize, j: usize) -> bool {
         self.sees(i, j) && self.sees(j, i)
+    }
+
+    /// Tells whether any patch of one flat range may see any of another, and the reverse.
+    pub(super) fn any(&self, from: Range<usize>, to: Range<usize>) -> bool {
+        let sees = |i: usize, mut others: Range<usize>| others.any(|j| self.sees(i, j));
+        sees(from.start, to.clone()) && sees(to.start, from)
     }
 
     fn sees(&self, i: usize, j: usize) -> bool {

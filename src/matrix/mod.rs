@@ -480,6 +480,10 @@ impl LinearOperator for FormFactors {
 }
 
 impl RowAccess for FormFactors {
+    fn visit_row(&self, i: usize, visit: &mut dyn FnMut(usize, f64)) {
+        self.for_each_in_row(i, |j, value, _| visit(j, value));
+    }
+
     #[track_caller]
     fn dot_off_diagonal(&self, i: usize, x: &Block, sum: &mut [f64]) -> f64 {
         assert!(

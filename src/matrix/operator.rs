@@ -128,4 +128,7 @@ impl Components {
 pub trait RowAccess: Sync {
     /// Adds Σ_{j≠i} F_ij x_j to `sum` (one entry per channel) and returns F_ii.
     fn dot_off_diagonal(&self, i: usize, x: &Block, sum: &mut [f64]) -> f64;
+
+    /// Calls `visit` with j and F_ij for every entry of row i that may not be 0, j ascending.
+    fn visit_row(&self, i: usize, visit: &mut dyn FnMut(usize, f64));
 }

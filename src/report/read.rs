@@ -150,7 +150,7 @@ impl FormFactorFile {
             Some(check) if Format::to_read(&self.path)? == Format::Mtx => {
                 let entries = MtxRows::open(&self.path, n, check.clone())?;
                 Ok(Rows {
-                    source: Source::Text(Box::new(entries)),
+                    source: Source::Text(entries),
                     n,
                     buffer: Default::default(),
                     columns: Vec::new(),
@@ -314,6 +314,7 @@ struct Rows {
 }
 
 /// Where rows come from.
+#[expect(clippy::large_enum_variant, reason = "there is one of them at a time")]
 enum Source {
     Arrays {
         values: Array,
@@ -321,7 +322,7 @@ enum Source {
         /// For sparse rows: the columns of the entries, and where each row begins.
         sparse: Option<(Array, Vec<u64>)>,
     },
-    Text(Box<MtxRows>),
+    Text(MtxRows),
 }
 
 impl Rows {

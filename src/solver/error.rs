@@ -72,6 +72,14 @@ pub enum SolverError {
         /// The solver's name.
         solver: &'static str,
     },
+    /// A name that no solver has.
+    #[error("there is no solver `{name}`; known are {known}")]
+    UnknownSolver {
+        /// The name.
+        name: String,
+        /// The names there are.
+        known: String,
+    },
     /// A tolerance that is not a positive, finite number.
     #[error("the tolerance {value} is not positive and finite")]
     Tolerance {
