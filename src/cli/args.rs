@@ -184,6 +184,54 @@ pub struct MethodArgs {
     pub balance: BalanceName,
 }
 
+/// How form factors are laid out, and where.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum StorageName {
+    /// In memory if they fit, else on a disk; dense or sparse tile by tile
+    #[default]
+    Auto,
+    /// In memory, every entry of each tile
+    Dense,
+    /// In memory, the upper triangle of the exchange areas; rows are averaged and balanced for it
+    Symmetric,
+    /// In memory, the entries that are not zero
+    Sparse,
+    /// In a scratch file
+    Disk,
+}
+
+/// How many digits of form factors are kept.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum PrecisionName {
+    /// f64, or f32 where that keeps a system in memory and suffices for its tolerance
+    #[default]
+    Auto,
+    /// 24 bits
+    F32,
+    /// 53 bits
+    F64,
+}
+
+/// Where form factors are kept.
+#[derive(Args, Clone, Debug, Default)]
+#[command(next_help_heading = "Memory")]
+pub struct StorageArgs {
+    /// The most memory to use, as in 512MiB or 2G [default: 80 % of what is available]
+    #[arg(long, value_name = "BYTES", value_parser = super::storage::parse_byte)]
+    pub memory_limit: Option<u64>,
+    /// How form factors are stored
+    #[arg(long, value_enum, default_value_t = StorageName::Auto)]
+    pub storage: StorageName,
+    /// The digits of stored form factors
+    #[arg(long, value_enum, default_value_t = PrecisionName::Auto)]
+    pub precision: PrecisionName,
+    /// The directory of the scratch file, if one is needed [default: that of the output, else the system's for temporary files]
+    #[arg(long, value_name = "DIR")]
+    pub scratch: Option<PathBuf>,
+}
+
 /// `radiosity form-factors`.
 #[derive(Args, Debug)]
 pub struct FormFactorsArgs {
@@ -205,6 +253,9 @@ pub struct FormFactorsArgs {
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub method: MethodArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub storage: StorageArgs,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub common: CommonArgs,
@@ -249,6 +300,9 @@ pub struct SolveArgs {
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub solver: SolverArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub storage: StorageArgs,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub common: CommonArgs,
@@ -304,6 +358,9 @@ pub struct CompareArgs {
     /// The tolerance of exact that the methods are judged for: where nothing is known of the scene, the reference is exact at T/100
     #[arg(long, value_name = "T", default_value_t = 1e-6, value_parser = parse_positive)]
     pub tolerance: f64,
+    /// The most memory to use, as in 512MiB or 2G [default: 80 % of what is available]
+    #[arg(long, value_name = "BYTES", value_parser = super::storage::parse_byte)]
+    pub memory_limit: Option<u64>,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub mesh: MeshArgs,
@@ -379,6 +436,9 @@ pub struct RenderArgs {
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub solver: SolverArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub storage: StorageArgs,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub common: CommonArgs,

@@ -13,6 +13,7 @@ mod reproduce;
 mod reuse;
 mod scene;
 mod solve;
+mod storage;
 mod verify;
 
 use std::ffi::OsString;

@@ -5,14 +5,15 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use super::args::{BalanceName, CommonArgs, MeshArgs, MethodArgs, SolverArgs};
+use super::args::{BalanceName, CommonArgs, MeshArgs, MethodArgs, SolverArgs, StorageName};
 use super::failure::Failure;
 use super::progress::Bars;
+use super::storage::{self, Storage};
 use super::{SCHEMA_VERSION, warn};
 use crate::form_factor::registry::{self, MethodEntry, Setting};
 use crate::form_factor::{ExactMethod, FormFactorMethod, Input, MethodSettings, PairCounts};
 use crate::matrix::operator::Block;
-use crate::matrix::{BalanceReport, Checks, FormFactors, StorageChoice, Weighting};
+use crate::matrix::{BalanceReport, Checks, FormFactors, Weighting};
 use crate::mesh::{Mesh, Patch, Subdivision};
 use crate::plan::Plan;
 use crate::report::{StageTimes, memory_peak_byte};
@@ -31,6 +32,7 @@ pub(super) struct Run {
     pub(super) times: StageTimes,
     pub(super) progress: Bars,
     pub(super) settings: serde_json::Map<String, Value>,
+    pub(super) storage: Storage,
     has_looked_at_gaps: bool,
 }
 
@@ -50,6 +52,15 @@ pub(super) struct Computed {
     pub(super) closed: bool,
     pub(super) pairs: Option<PairCounts>,
     pub(super) tolerance_met: bool,
+}
+
+/// A method with what is known of its matrix.
+struct Chosen {
+    method: Box<dyn FormFactorMethod>,
+    /// True if it computes whole rows.
+    by_rows: bool,
+    /// The most entries that a row can have, where the settings tell.
+    n_entries: Option<u64>,
 }
 
 /// How finely form factors are computed, as far as commands differ in it.
@@ -118,6 +129,7 @@ impl Run {
             times: StageTimes::default(),
             progress: Bars::new(common.quiet),
             settings: serde_json::Map::new(),
+            storage: Storage::default(),
             has_looked_at_gaps: false,
         }
     }
@@ -193,10 +205,21 @@ impl Run {
         fineness: Fineness,
         needs_symmetry: bool,
     ) -> Result<Computed, Failure> {
-        let method = self.method(args, fineness)?;
+        let Chosen {
+            method,
+            by_rows,
+            n_entries,
+        } = self.method(args, fineness)?;
         if method.name() == "exact" && self.common.explain {
             explain_exact(prepared, fineness);
         }
+        let needs_symmetry = needs_symmetry || self.wants_symmetry(args.balance)?;
+        let matrix = storage::Matrix {
+            by_rows,
+            repaired: repairs(args.balance, needs_symmetry && by_rows),
+            n_entries: n_entries.unwrap_or(u64::MAX),
+        };
+        let chosen = storage::choose(self, prepared, matrix)?;
         let input = Input {
             scene: &prepared.scene,
             unoccluded: prepared.plan.convex_and_empty,
@@ -204,7 +227,7 @@ impl Run {
             visibility: &prepared.visibility,
         };
         let result = self.times.time("form_factors", || {
-            method.compute(input, StorageChoice::default(), &self.progress)
+            method.compute(input, chosen.choice(), &self.progress)
         })?;
         let of_pairs = result.pairs.map_or(0, |pairs| pairs.n_rays);
         if of_pairs > 0 || result.factors.tallies().iter().any(|tally| tally.n_rays > 0) {
@@ -260,11 +283,7 @@ impl Run {
                 "{n_escaped} of {n_rays} rays escaped from a closed scene; the row sums show what that amounts to"
             ));
         }
-        let wanted = match asked {
-            BalanceName::On => true,
-            BalanceName::Off => false,
-            BalanceName::Auto => needs_symmetry && !raw.is_symmetric(),
-        };
+        let wanted = repairs(asked, needs_symmetry && !raw.is_symmetric());
         self.set("balance", wanted);
         let plan = &mut prepared.plan;
         if plan.convex_and_empty && result.pairs.is_some() && self.settings.get("method") != Some(&json!("exact")) {
@@ -301,6 +320,7 @@ impl Run {
             ));
         }
         let checks = self.times.time("checks", || factors.checks(closed));
+        factors.if_readable(())?;
         Ok(Computed {
             factors,
             checks,
@@ -311,7 +331,18 @@ impl Run {
         })
     }
 
-    fn method(&mut self, args: &MethodArgs, fineness: Fineness) -> Result<Box<dyn FormFactorMethod>, Failure> {
+    /// Tells whether the storage asked for is that of symmetric form factors.
+    pub(super) fn wants_symmetry(&self, balance: BalanceName) -> Result<bool, Failure> {
+        let wanted = self.storage.args.storage == StorageName::Symmetric;
+        if wanted && balance == BalanceName::Off {
+            return Err(Failure::usage(
+                "--storage symmetric makes form factors symmetric, and --balance off keeps them as they are; leave one of them out",
+            ));
+        }
+        Ok(wanted)
+    }
+
+    fn method(&mut self, args: &MethodArgs, fineness: Fineness) -> Result<Chosen, Failure> {
         let entry = registry::by_name(&args.method)?;
         // The direct pass of a render takes its numbers from there too.
         let sequence_is_elsewhere = self.command == "render" && !entry.settings.contains(&Setting::Sequence);
@@ -348,7 +379,13 @@ impl Run {
         if let Some(budget) = settings.budget {
             self.set("budget", budget.get());
         }
-        Ok(entry.build(&settings))
+        let by_rows = entry.by_rows() || settings.normalise;
+        let n_entries = settings.rays.filter(|_| entry.shoots());
+        Ok(Chosen {
+            method: entry.build(&settings),
+            by_rows,
+            n_entries,
+        })
     }
 
     /// Returns the solver that is asked for.
@@ -435,6 +472,15 @@ impl Run {
             all.extend(more);
         }
         document
+    }
+}
+
+/// Tells whether form factors are made symmetric and balanced.
+pub(super) fn repairs(asked: BalanceName, needed: bool) -> bool {
+    match asked {
+        BalanceName::On => true,
+        BalanceName::Off => false,
+        BalanceName::Auto => needed,
     }
 }
 

@@ -8,7 +8,8 @@ use super::args::SolveArgs;
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::form_factors::{self, DEFAULT_RAYS, checks_to_json, describe_checks};
-use super::pipeline::{Computed, Fineness, Prepared, Run, materials_of_patches};
+use super::pipeline::{Computed, Fineness, Prepared, Run, materials_of_patches, repairs};
+use super::storage::Storage;
 use super::{Outcome, output, reuse};
 use crate::form_factor::ExactMethod;
 use crate::mesh::Subdivision;
@@ -29,6 +30,12 @@ pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
     let mesh_args = file
         .as_ref()
         .map_or(Ok(args.mesh), |file| reuse::mesh_args(file, args.mesh))?;
+    run.storage = Storage {
+        args: args.storage.clone(),
+        output: args.output.clone(),
+        tolerance: Some(args.solver.tolerance),
+        image_byte: 0,
+    };
     let mut prepared = run.prepare(&args.scene, mesh_args, |_| Subdivision::Uniform(1))?;
     let needs_symmetry = run.solver_entry(&args.solver)?.needs_reciprocity;
     let computed = match &file {
@@ -42,7 +49,9 @@ pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
             run.form_factors(&mut prepared, &args.method, fineness, needs_symmetry)?
         }
         Some(file) => {
-            let result = reuse::form_factors(&mut run, &mut prepared, file, &args.scene)?;
+            let needs_symmetry = needs_symmetry || run.wants_symmetry(args.method.balance)?;
+            let repaired = repairs(args.method.balance, needs_symmetry && !file.description().symmetric);
+            let result = reuse::form_factors(&mut run, &mut prepared, file, &args.scene, repaired)?;
             run.repaired(&mut prepared, result, args.method.balance, needs_symmetry)?
         }
     };
