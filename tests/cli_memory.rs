@@ -41,6 +41,8 @@ fn solve_within(subdivide: &str, limit: &str, limit_byte: u64) {
             "scene.obj",
             "--method",
             "closed-form",
+            "--threads",
+            "2",
             "--subdivide",
             subdivide,
         ];
@@ -68,8 +70,8 @@ fn solve_within(subdivide: &str, limit: &str, limit_byte: u64) {
 
 #[test]
 fn a_matrix_larger_than_the_limit_is_solved_within_it() {
-    // 3174 patches: 49 MB on the disk.
-    solve_within("23", "44MiB", 44 << 20);
+    // 4056 patches: 84 MB on the disk.
+    solve_within("26", "64MiB", 64 << 20);
 }
 
 #[test]
@@ -128,7 +130,16 @@ fn what_cannot_fit_is_refused_with_one_line() {
 fn flags_choose_storage_and_precision_and_contradictions_are_refused() {
     let directory = with_scene("cube");
     let solve = |arguments: &[&str]| {
-        let common = ["solve", "scene.obj", "--subdivide", "3", "--rays", "500"];
+        let common = [
+            "solve",
+            "scene.obj",
+            "--subdivide",
+            "3",
+            "--method",
+            "sr",
+            "--rays",
+            "500",
+        ];
         document(directory.path(), &[&common[..], arguments].concat())
     };
     for (storage, layout, place) in [

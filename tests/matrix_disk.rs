@@ -11,7 +11,8 @@ use radiosity::matrix::operator::{Block, LinearOperator};
 use radiosity::matrix::{
     DiskError, FormFactors, Layout, MatrixError, Place, Precision, RowTally, RowTile, Scratch, StorageChoice, Weighting,
 };
-use radiosity::solver::{self, RadiositySystem, Solution, SolveOptions, SolverError};
+use radiosity::solver::registry::{self, SolverSettings};
+use radiosity::solver::{RadiositySystem, Solution, SolveOptions, SolverError};
 use support::{all_storages, bits, dense, on_disk, random_room, random_rows, storage, tiles};
 
 /// The upper triangle of a room's exchange areas, tile by tile.
@@ -32,7 +33,7 @@ fn solved(name: &str, factors: &FormFactors) -> Result<Solution, SolverError> {
     let reflectance = Block::from_values((0..n).flat_map(channel).collect(), 2);
     let exitance = Block::from_values((0..2 * n).map(|k| if k < 20 { 1.0 } else { 0.0 }).collect(), 2);
     let system = RadiositySystem::new(factors, factors.areas().to_vec(), reflectance, exitance)?;
-    let solver = solver::by_name(name).unwrap();
+    let solver = registry::solver(name, &SolverSettings::default()).unwrap();
     solver.solve(&system, &SolveOptions::default(), &mut |_| ControlFlow::Continue(()))
 }
 
@@ -45,7 +46,7 @@ fn relative_difference(a: &Solution, b: &Solution) -> f64 {
 fn every_solver_finds_the_same_in_every_storage() {
     let room = random_room(150, 0.1, 1);
     let upper = exchange_tiles(&room);
-    for name in solver::names() {
+    for name in registry::SOLVERS.iter().map(|entry| entry.name) {
         let reference = solved(name, &room).unwrap();
         for choice in all_storages() {
             let factors = FormFactors::from_exchange_tiles(room.areas().to_vec(), upper.clone(), choice).unwrap();

@@ -166,7 +166,7 @@ impl Run {
             by_rows,
             n_entries,
         } = self.method(args, fineness)?;
-        let needs_symmetry = needs_symmetry || self.wants_symmetry(args.balance)?;
+        let needs_symmetry = self.wants_symmetry(args.balance)? || needs_symmetry;
         let matrix = storage::Matrix {
             by_rows,
             repaired: repairs(args.balance, needs_symmetry && by_rows),
