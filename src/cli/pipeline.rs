@@ -213,7 +213,7 @@ impl Run {
         if method.name() == "exact" && self.common.explain {
             explain_exact(prepared, fineness);
         }
-        let needs_symmetry = needs_symmetry || self.wants_symmetry(args.balance)?;
+        let needs_symmetry = self.wants_symmetry(args.balance)? || needs_symmetry;
         let matrix = storage::Matrix {
             by_rows,
             repaired: repairs(args.balance, needs_symmetry && by_rows),

@@ -49,7 +49,7 @@ pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
             run.form_factors(&mut prepared, &args.method, fineness, needs_symmetry)?
         }
         Some(file) => {
-            let needs_symmetry = needs_symmetry || run.wants_symmetry(args.method.balance)?;
+            let needs_symmetry = run.wants_symmetry(args.method.balance)? || needs_symmetry;
             let repaired = repairs(args.method.balance, needs_symmetry && !file.description().symmetric);
             let result = reuse::form_factors(&mut run, &mut prepared, file, &args.scene, repaired)?;
             run.repaired(&mut prepared, result, args.method.balance, needs_symmetry)?
