@@ -61,7 +61,15 @@ fn main() {
             continue;
         }
         let one_in = if layout == Layout::Dense { 1 } else { ONE_IN };
-        let factors = factors(StorageChoice { layout, precision }, pairs, one_in);
+        let factors = factors(
+            StorageChoice {
+                layout,
+                precision,
+                ..StorageChoice::default()
+            },
+            pairs,
+            one_in,
+        );
         for n_threads in [1, 2] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build();
             let line = || compare(&name, n_threads, &factors, &read[..factors.stored_byte() / 8]);
@@ -125,11 +133,11 @@ fn plain_read(words: &[u64]) -> u64 {
             let (front, back) = eights.split_at(eights.len() / 2);
             let ((a, b), (c, d)) = (front.split_at(front.len() / 2), back.split_at(front.len() / 2));
             let mut lanes = [[0_u64; 8]; 4];
-            for (((a, b), c), d) in a.iter().zip(b).zip(c).zip(d) {
-                add(&mut lanes[0], a);
-                add(&mut lanes[1], b);
-                add(&mut lanes[2], c);
-                add(&mut lanes[3], d);
+            for (((p, q), r), s) in a.iter().zip(b).zip(c).zip(d) {
+                add(&mut lanes[0], p);
+                add(&mut lanes[1], q);
+                add(&mut lanes[2], r);
+                add(&mut lanes[3], s);
             }
             // A few words of the last chunk are left out where its length is not a multiple of 32.
             lanes
