@@ -5,6 +5,7 @@ mod compare;
 mod exit_code;
 mod failure;
 mod form_factors;
+mod lightings;
 mod output;
 mod pipeline;
 mod progress;
@@ -13,6 +14,7 @@ mod reproduce;
 mod reuse;
 mod scene;
 mod solve;
+mod stability;
 mod verify;
 
 use std::ffi::OsString;

@@ -249,23 +249,43 @@ impl Run {
         computed: &Computed,
         args: &SolverArgs,
     ) -> Result<Solution, Failure> {
-        let plan = &mut prepared.plan;
-        let (reflectance, exitance) = materials_of_patches(&prepared.scene, &prepared.mesh, plan.n_channels);
+        let (reflectance, exitance) = materials_of_patches(&prepared.scene, &prepared.mesh, prepared.plan.n_channels);
+        self.solve_system(prepared, computed, args, reflectance, exitance)
+    }
+
+    /// Solves for given reflectances and exitances of the patches.
+    pub(super) fn solve_system(
+        &mut self,
+        prepared: &mut Prepared,
+        computed: &Computed,
+        args: &SolverArgs,
+        reflectance: Block,
+        exitance: Block,
+    ) -> Result<Solution, Failure> {
         let entry = self.solver_entry(args)?;
+        let solver = entry.checked(&SolverSettings {
+            restart: args.restart,
+            depth: args.depth,
+            memory_limit_byte: args.memory_limit,
+        })?;
         self.set("solver", entry.name);
         self.set("tolerance", args.tolerance);
         self.set("max_passes", args.max_passes);
+        self.set("start", json!(args.start));
         let areas = computed.factors.areas().to_vec();
         let system = RadiositySystem::new(&computed.factors, areas, reflectance, exitance)?;
         let options = SolveOptions {
             tolerance: Tolerance::ResidualL2(args.tolerance),
             max_passes: args.max_passes,
+            start: args.start.into(),
             ..SolveOptions::default()
         };
-        let solver = entry.build(&SolverSettings::default());
         let solution = self.times.time("solve", || {
             solver.solve(&system, &options, &mut |_| std::ops::ControlFlow::Continue(()))
         })?;
+        if let Some(choice) = &solution.choice {
+            prepared.plan.decide("solver", choice.solver, choice.why.clone());
+        }
         if solution.stop_reason != StopReason::Converged {
             self.warn(&format!(
                 "the solver stopped without converging ({}) at a relative residual of {:.3e}",

@@ -140,7 +140,7 @@ fn solve_scene(
             indirect_irradiance: Some(dark),
         });
     }
-    let needs_symmetry = run.solver_entry(&args.solver)?.needs_reciprocity;
+    let needs_symmetry = run.solver_entry(&args.solver)?.gains_by_reciprocity();
     let computed = run.form_factors(prepared, &args.method, DEFAULT_RAYS, needs_symmetry)?;
     let solution = run.solve(prepared, &computed, &args.solver)?;
     let indirect_irradiance = with_direct.then(|| {

@@ -29,7 +29,7 @@ pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
         .as_ref()
         .map_or(Ok(args.mesh), |file| reuse::mesh_args(file, args.mesh))?;
     let mut prepared = run.prepare(&args.scene, mesh_args, |_| Subdivision::Uniform(1))?;
-    let needs_symmetry = run.solver_entry(&args.solver)?.needs_reciprocity;
+    let needs_symmetry = run.solver_entry(&args.solver)?.gains_by_reciprocity();
     let computed = match &file {
         None => run.form_factors(&mut prepared, &args.method, DEFAULT_RAYS, needs_symmetry)?,
         Some(file) => {
@@ -37,6 +37,9 @@ pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
             run.repaired(&mut prepared, result, args.method.balance, needs_symmetry)?
         }
     };
+    if !args.lighting.is_empty() {
+        return super::lightings::run(&args.lighting, run, prepared, &computed, args);
+    }
     let solution = run.solve(&mut prepared, &computed, &args.solver)?;
     if let Some(path) = &args.output {
         let (reflectance, exitance) = materials_of_patches(&prepared.scene, &prepared.mesh, prepared.plan.n_channels);
@@ -88,16 +91,22 @@ pub(super) fn to_json(prepared: &Prepared, solver: &str, solution: &Solution) ->
     json!({
         "n_patches": prepared.mesh.n_patches(),
         "n_channels": solution.radiosity.n_channels(),
-        "solver": solver,
-        "why": null,
+        "solver": chosen(solver, solution),
+        "why": solution.choice.as_ref().map(|choice| &choice.why),
         "stop_reason": solution.stop_reason,
         "n_passes": solution.n_passes,
         "residual_max_power": solution.residual_max_power,
         "residual_l2": solution.residual_l2,
         "error_bound": solution.error_bound,
         "history": solution.history,
+        "energy": solution.energy,
         "surfaces": prepared.surfaces_with_radiosity(solution),
     })
+}
+
+/// Returns the name of the solver that did the work: the one that `auto` chose, or the one that was asked for.
+pub(super) fn chosen<'a>(asked: &'a str, solution: &Solution) -> &'a str {
+    solution.choice.as_ref().map_or(asked, |choice| choice.solver)
 }
 
 /// Describes a solution: how it was reached, and the mean radiosity of each surface.
@@ -113,8 +122,11 @@ pub(super) fn describe(text: &mut String, prepared: &Prepared, solver: &str, sol
             .map_or("unknown".to_owned(), |bound| format!("{bound:.1e}"));
         let _ = writeln!(
             text,
-            "{solver}: {} after {} passes, relative residual {:.1e}, bound on the relative error {bound}",
-            solution.stop_reason, solution.n_passes, solution.residual_l2
+            "{}: {} after {} passes, relative residual {:.1e}, bound on the relative error {bound}",
+            chosen(solver, solution),
+            solution.stop_reason,
+            solution.n_passes,
+            solution.residual_l2
         );
     }
     let _ = writeln!(text, "\nmean radiosity by surface, W/m²");
