@@ -661,3 +661,35 @@ fn lightings_go_through_the_matrix_together() {
         assert!(stderr(&output).contains(expected), "{}", stderr(&output));
     }
 }
+
+/// Form factors that are computed again in every pass are the same ones.
+#[test]
+fn form_factors_need_not_be_stored() {
+    let directory = with_scene("lewis-room");
+    let base = [
+        "solve",
+        "scene.obj",
+        "--subdivide",
+        "2",
+        "--rays",
+        "500",
+        "--solver",
+        "gmres",
+    ];
+    let (code, stored) = document(directory.path(), &[&base[..], &["--balance", "off"]].concat());
+    assert_eq!(code, 0);
+    let (code, fly) = document(directory.path(), &[&base[..], &["--on-the-fly"]].concat());
+    assert_eq!(code, 0);
+    assert!(fly["form_factors"].is_null());
+    assert_eq!(fly["n_passes"], stored["n_passes"]);
+    for surface in 0..6 {
+        let of = |result: &Value| numbers(&result["surfaces"][surface]["radiosity"])[0];
+        assert!((of(&fly) - of(&stored)).abs() < 1e-12 * of(&stored));
+    }
+    for (more, expected) in [(["--method", "qmc"], "pairs"), (["--solver", "pcg"], "balanced")] {
+        let arguments = [&["solve", "scene.obj", "--on-the-fly"][..], &more].concat();
+        let refused = radiosity(directory.path(), &arguments);
+        assert_eq!(refused.status.code(), Some(2));
+        assert!(stderr(&refused).contains(expected), "{}", stderr(&refused));
+    }
+}

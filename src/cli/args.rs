@@ -266,6 +266,9 @@ pub struct SolveArgs {
     /// Form factors that `form-factors -o` wrote, instead of computing them; they know how the scene was cut into patches
     #[arg(long, value_name = "F.npz", conflicts_with_all = ["method", "rays", "points", "sequence", "seed", "resolution", "normalise"])]
     pub form_factors: Option<PathBuf>,
+    /// Compute the form factors again in every pass instead of storing them; for methods that compute rows
+    #[arg(long, conflicts_with_all = ["form_factors", "lighting", "balance"])]
+    pub on_the_fly: bool,
     /// A file with other exitances and reflectances, by surface or material; give it several times to solve for all at once
     #[arg(long, value_name = "A.toml")]
     pub lighting: Vec<PathBuf>,

@@ -6,6 +6,7 @@ mod exit_code;
 mod failure;
 mod form_factors;
 mod lightings;
+mod on_the_fly;
 mod output;
 mod pipeline;
 mod progress;

@@ -11,7 +11,7 @@ use super::progress::Bars;
 use super::{SCHEMA_VERSION, warn};
 use crate::form_factor::registry::{self, Setting};
 use crate::form_factor::{FormFactorMethod, Input, MethodSettings, PairCounts};
-use crate::matrix::operator::Block;
+use crate::matrix::operator::{Block, LinearOperator};
 use crate::matrix::{BalanceReport, Checks, FormFactors, StorageChoice, Weighting};
 use crate::mesh::{Mesh, Patch, Subdivision};
 use crate::plan::Plan;
@@ -204,7 +204,11 @@ impl Run {
         })
     }
 
-    fn method(&mut self, args: &MethodArgs, default_rays: u64) -> Result<Box<dyn FormFactorMethod>, Failure> {
+    pub(super) fn method(
+        &mut self,
+        args: &MethodArgs,
+        default_rays: u64,
+    ) -> Result<Box<dyn FormFactorMethod>, Failure> {
         let entry = registry::by_name(&args.method)?;
         // The direct pass of a render takes its numbers from there too.
         let sequence_is_elsewhere = self.command == "render" && !entry.settings.contains(&Setting::Sequence);
@@ -250,17 +254,22 @@ impl Run {
         args: &SolverArgs,
     ) -> Result<Solution, Failure> {
         let (reflectance, exitance) = materials_of_patches(&prepared.scene, &prepared.mesh, prepared.plan.n_channels);
-        self.solve_system(prepared, computed, args, reflectance, exitance)
+        let areas = computed.factors.areas().to_vec();
+        self.solve_system(
+            &mut prepared.plan,
+            (&computed.factors, areas),
+            args,
+            (reflectance, exitance),
+        )
     }
 
-    /// Solves for given reflectances and exitances of the patches.
+    /// Solves for given form factors and areas, reflectances and exitances of the patches.
     pub(super) fn solve_system(
         &mut self,
-        prepared: &mut Prepared,
-        computed: &Computed,
+        plan: &mut Plan,
+        (factors, areas): (&dyn LinearOperator, Vec<f64>),
         args: &SolverArgs,
-        reflectance: Block,
-        exitance: Block,
+        (reflectance, exitance): (Block, Block),
     ) -> Result<Solution, Failure> {
         let entry = self.solver_entry(args)?;
         let solver = entry.checked(&SolverSettings {
@@ -272,8 +281,7 @@ impl Run {
         self.set("tolerance", args.tolerance);
         self.set("max_passes", args.max_passes);
         self.set("start", json!(args.start));
-        let areas = computed.factors.areas().to_vec();
-        let system = RadiositySystem::new(&computed.factors, areas, reflectance, exitance)?;
+        let system = RadiositySystem::new(factors, areas, reflectance, exitance)?;
         let options = SolveOptions {
             tolerance: Tolerance::ResidualL2(args.tolerance),
             max_passes: args.max_passes,
@@ -284,7 +292,7 @@ impl Run {
             solver.solve(&system, &options, &mut |_| std::ops::ControlFlow::Continue(()))
         })?;
         if let Some(choice) = &solution.choice {
-            prepared.plan.decide("solver", choice.solver, choice.why.clone());
+            plan.decide("solver", choice.solver, choice.why.clone());
         }
         if solution.stop_reason != StopReason::Converged {
             self.warn(&format!(

@@ -8,7 +8,7 @@ use super::args::SolveArgs;
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::form_factors::{DEFAULT_RAYS, checks_to_json, describe_checks};
-use super::pipeline::{Prepared, Run, materials_of_patches};
+use super::pipeline::{Computed, Prepared, Run, materials_of_patches};
 use super::{Outcome, output, reuse};
 use crate::mesh::Subdivision;
 use crate::report::form_factors::FormFactorFile;
@@ -29,6 +29,10 @@ pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
         .as_ref()
         .map_or(Ok(args.mesh), |file| reuse::mesh_args(file, args.mesh))?;
     let mut prepared = run.prepare(&args.scene, mesh_args, |_| Subdivision::Uniform(1))?;
+    if args.on_the_fly {
+        let solution = super::on_the_fly::solve(&mut run, &mut prepared, args)?;
+        return finish(args, run, &prepared, None, &solution);
+    }
     let needs_symmetry = run.solver_entry(&args.solver)?.gains_by_reciprocity();
     let computed = match &file {
         None => run.form_factors(&mut prepared, &args.method, DEFAULT_RAYS, needs_symmetry)?,
@@ -41,6 +45,17 @@ pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
         return super::lightings::run(&args.lighting, run, prepared, &computed, args);
     }
     let solution = run.solve(&mut prepared, &computed, &args.solver)?;
+    finish(args, run, &prepared, Some(&computed), &solution)
+}
+
+/// Writes and describes a solution; without `computed` there are no stored form factors to tell of.
+fn finish(
+    args: &SolveArgs,
+    mut run: Run,
+    prepared: &Prepared,
+    computed: Option<&Computed>,
+    solution: &Solution,
+) -> Result<Outcome, Failure> {
     if let Some(path) = &args.output {
         let (reflectance, exitance) = materials_of_patches(&prepared.scene, &prepared.mesh, prepared.plan.n_channels);
         let report = SolutionReport {
@@ -48,24 +63,26 @@ pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
             mesh: &prepared.mesh,
             reflectance: &reflectance,
             exitance: &exitance,
-            solution: &solution,
+            solution,
             settings: &run.settings,
         };
         run.times.time("write", || report.write(path))?;
     }
     run.progress.finish();
-    let mut result = to_json(&prepared, &args.solver.solver, &solution);
-    result["form_factors"] = checks_to_json(&computed);
-    let document = run.document(&prepared, result);
-    let mut text = run.explanation(&prepared);
+    let mut result = to_json(prepared, &args.solver.solver, solution);
+    result["form_factors"] = computed.map_or(Value::Null, checks_to_json);
+    let document = run.document(prepared, result);
+    let mut text = run.explanation(prepared);
     let _ = writeln!(
         text,
         "{} patches on {} surfaces",
         prepared.mesh.n_patches(),
         prepared.scene.surfaces.len()
     );
-    describe_checks(&mut text, &computed);
-    describe(&mut text, &prepared, &args.solver.solver, &solution);
+    if let Some(computed) = computed {
+        describe_checks(&mut text, computed);
+    }
+    describe(&mut text, prepared, &args.solver.solver, solution);
     run.describe_times(&mut text);
     if let Some(path) = &args.output {
         let _ = writeln!(text, "wrote {}", path.display());
@@ -73,7 +90,7 @@ pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
     Ok(Outcome {
         text,
         document,
-        code: code(&solution),
+        code: code(solution),
     })
 }
 

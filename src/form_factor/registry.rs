@@ -66,6 +66,8 @@ pub struct MethodEntry {
     pub summary: &'static str,
     /// The settings that it uses.
     pub settings: &'static [Setting],
+    /// Whether it computes whole rows, so that it can be used without storing them (see [`OnTheFly`](super::OnTheFly)).
+    pub by_rows: bool,
     make: fn(&Values) -> Box<dyn FormFactorMethod>,
 }
 
@@ -89,17 +91,17 @@ const FIVE_POINTS: Setting = Setting::Points(number(5));
 /// All methods, in the order in which help lists them.
 #[rustfmt::skip]
 pub const METHODS: &[MethodEntry] = &[
-    MethodEntry { name: "centre", summary: "One ray between the centres (Lewis)", settings: &[Setting::Normalise], make: |v| Box::new(CentrePoint { normalise: v.normalise }) },
-    MethodEntry { name: "pdm", summary: "Gauss points on both patches (parametric differential method)", settings: &[FIVE_POINTS], make: |v| Box::new(ParametricDifferential { points: v.points }) },
-    MethodEntry { name: "sr", summary: "Shooting from random points", settings: &[SHOOTING, Setting::Sequence], make: |v| Box::new(RandomShooting { rays: v.rays, sequence: v.sequence, seed: v.seed }) },
-    MethodEntry { name: "sg", summary: "Shooting from Q × Q Gauss points", settings: &[SHOOTING, Setting::Sequence, FIVE_POINTS], make: |v| gauss_shooting(v.points, v) },
-    MethodEntry { name: "sg5", summary: "Shooting from 5 × 5 Gauss points", settings: &[SHOOTING, Setting::Sequence], make: |v| gauss_shooting(number(5), v) },
-    MethodEntry { name: "sg10", summary: "Shooting from 10 × 10 Gauss points", settings: &[SHOOTING, Setting::Sequence], make: |v| gauss_shooting(number(10), v) },
-    MethodEntry { name: "hemicube", summary: "Rays through the cells of a half cube (Cohen and Greenberg)", settings: &[Setting::Resolution(number(256)), Setting::Points(number(1))], make: |v| Box::new(Hemicube { resolution: v.resolution, points: v.points }) },
-    MethodEntry { name: "gauss-lambert", summary: "Gauss points on one patch, exact to the other", settings: &[FIVE_POINTS], make: |v| Box::new(GaussLambert { points: v.points }) },
-    MethodEntry { name: "contour", summary: "The integral around both contours, times the visible fraction", settings: &[FIVE_POINTS], make: |v| Box::new(ContourIntegral { points: v.points, seed: v.seed }) },
-    MethodEntry { name: "closed-form", summary: "Rectangles with parallel edges, times the visible fraction", settings: &[FIVE_POINTS], make: |v| Box::new(ClosedForm { points: v.points, seed: v.seed }) },
-    MethodEntry { name: "qmc", summary: "The exact factor times the visible fraction of low-discrepancy rays", settings: &[Setting::RaysPerPair(64)], make: |v| Box::new(QuasiMonteCarlo { rays: v.rays, seed: v.seed }) },
+    MethodEntry { name: "centre", summary: "One ray between the centres (Lewis)", settings: &[Setting::Normalise], by_rows: false, make: |v| Box::new(CentrePoint { normalise: v.normalise }) },
+    MethodEntry { name: "pdm", summary: "Gauss points on both patches (parametric differential method)", settings: &[FIVE_POINTS], by_rows: false, make: |v| Box::new(ParametricDifferential { points: v.points }) },
+    MethodEntry { name: "sr", summary: "Shooting from random points", settings: &[SHOOTING, Setting::Sequence], by_rows: true, make: |v| Box::new(RandomShooting { rays: v.rays, sequence: v.sequence, seed: v.seed }) },
+    MethodEntry { name: "sg", summary: "Shooting from Q × Q Gauss points", settings: &[SHOOTING, Setting::Sequence, FIVE_POINTS], by_rows: true, make: |v| gauss_shooting(v.points, v) },
+    MethodEntry { name: "sg5", summary: "Shooting from 5 × 5 Gauss points", settings: &[SHOOTING, Setting::Sequence], by_rows: true, make: |v| gauss_shooting(number(5), v) },
+    MethodEntry { name: "sg10", summary: "Shooting from 10 × 10 Gauss points", settings: &[SHOOTING, Setting::Sequence], by_rows: true, make: |v| gauss_shooting(number(10), v) },
+    MethodEntry { name: "hemicube", summary: "Rays through the cells of a half cube (Cohen and Greenberg)", settings: &[Setting::Resolution(number(256)), Setting::Points(number(1))], by_rows: true, make: |v| Box::new(Hemicube { resolution: v.resolution, points: v.points }) },
+    MethodEntry { name: "gauss-lambert", summary: "Gauss points on one patch, exact to the other", settings: &[FIVE_POINTS], by_rows: false, make: |v| Box::new(GaussLambert { points: v.points }) },
+    MethodEntry { name: "contour", summary: "The integral around both contours, times the visible fraction", settings: &[FIVE_POINTS], by_rows: false, make: |v| Box::new(ContourIntegral { points: v.points, seed: v.seed }) },
+    MethodEntry { name: "closed-form", summary: "Rectangles with parallel edges, times the visible fraction", settings: &[FIVE_POINTS], by_rows: false, make: |v| Box::new(ClosedForm { points: v.points, seed: v.seed }) },
+    MethodEntry { name: "qmc", summary: "The exact factor times the visible fraction of low-discrepancy rays", settings: &[Setting::RaysPerPair(64)], by_rows: false, make: |v| Box::new(QuasiMonteCarlo { rays: v.rays, seed: v.seed }) },
 ];
 
 fn gauss_shooting(points: NonZeroUsize, values: &Values) -> Box<dyn FormFactorMethod> {

@@ -82,9 +82,23 @@ impl Case {
 
 /// Builds all cases; `seed` is that of the Monte Carlo noise.
 pub(super) fn all(seed: u64) -> Result<Vec<Case>, ExperimentError> {
-    let exact = StorageChoice::default();
-    let cube_of = |edge: f64, factor: f64, storage| rooms::form_factors(&rooms::cube(edge, EDGE), factor, storage);
-    let cube = cube_of(1.0, 1.0, exact)?;
+    let cube = cube_of(1.0, 1.0, StorageChoice::default())?;
+    let small = rooms::form_factors(&rooms::cube(1.0, SMALL_EDGE), 1.0, StorageChoice::default())?;
+    let mut cases = stiff(&cube);
+    cases.extend(materials(&cube));
+    cases.extend(wrong_row_sums()?);
+    cases.extend(noisy(&small, seed)?);
+    cases.extend(scales(&cube)?);
+    cases.extend(shapes(&small)?);
+    cases.extend(single_precision()?);
+    Ok(cases)
+}
+
+fn cube_of(edge: f64, factor: f64, storage: StorageChoice) -> Result<FormFactors, ExperimentError> {
+    rooms::form_factors(&rooms::cube(edge, EDGE), factor, storage)
+}
+
+fn stiff(cube: &FormFactors) -> Vec<Case> {
     let mut cases = Vec::new();
     for exponent in [1, 2, 3, 4, 6, 8, 10, 12] {
         let dark = 10_f64.powi(-exponent);
@@ -103,6 +117,11 @@ pub(super) fn all(seed: u64) -> Result<Vec<Case>, ExperimentError> {
         cube.clone(),
         uneven,
     ));
+    cases
+}
+
+fn materials(cube: &FormFactors) -> Vec<Case> {
+    let mut cases = Vec::new();
     cases.push(Case::new("white and lit", "closed cube, ρ = 1", cube.clone(), |_| 1.0).refused());
     let balance = |i: usize| if i.is_multiple_of(2) { 1.0 } else { -1.0 };
     let mut balanced = Case::new(
@@ -123,6 +142,11 @@ pub(super) fn all(seed: u64) -> Result<Vec<Case>, ExperimentError> {
     cases.push(Case::new("all black", "cube, ρ = 0", cube.clone(), |_| 0.0));
     let only_one = |i: usize| if i == 7 { 1.0 } else { 0.0 };
     cases.push(Case::new("one emitter", "cube, ρ = 0.8", cube.clone(), |_| 0.8).lit_by(only_one));
+    cases
+}
+
+fn wrong_row_sums() -> Result<Vec<Case>, ExperimentError> {
+    let mut cases = Vec::new();
     for (factor, rho, refused) in [
         (1.02, 0.95, false),
         (1.02, 0.99, true),
@@ -133,14 +157,18 @@ pub(super) fn all(seed: u64) -> Result<Vec<Case>, ExperimentError> {
         let case = Case::new(
             &name,
             "cube, all form factors off by 2 %",
-            cube_of(1.0, factor, exact)?,
+            cube_of(1.0, factor, StorageChoice::default())?,
             |_| rho,
         );
         cases.push(if refused { case.refused() } else { case });
     }
-    let small = rooms::form_factors(&rooms::cube(1.0, SMALL_EDGE), 1.0, exact)?;
+    Ok(cases)
+}
+
+fn noisy(small: &FormFactors, seed: u64) -> Result<Vec<Case>, ExperimentError> {
+    let mut cases = Vec::new();
     for n_rays in [10, 100, 1000, 10_000, 100_000] {
-        let noisy = rooms::shot(&small, n_rays, seed)?;
+        let noisy = rooms::shot(small, n_rays, seed)?;
         for rho in [0.95, 0.999] {
             let name = format!("{n_rays} rays, ρ = {rho}");
             cases.push(Case::new(&name, "small cube, shot, as it comes", noisy.clone(), |_| {
@@ -158,6 +186,11 @@ pub(super) fn all(seed: u64) -> Result<Vec<Case>, ExperimentError> {
             |_| 0.999,
         ));
     }
+    Ok(cases)
+}
+
+fn scales(cube: &FormFactors) -> Result<Vec<Case>, ExperimentError> {
+    let mut cases = Vec::new();
     let areas = (0..100).map(|k| 10_f64.powf(-8.0 * f64::from(k) / 99.0)).collect();
     let spread = |i: usize| 0.2 + 0.75 * ((i * 37 % 100) as f64 / 100.0);
     cases.push(Case::new(
@@ -168,7 +201,12 @@ pub(super) fn all(seed: u64) -> Result<Vec<Case>, ExperimentError> {
     ));
     for edge in [1e-6, 1e6] {
         let name = format!("edge of {edge:e} m");
-        cases.push(Case::new(&name, "cube, ρ = 0.9", cube_of(edge, 1.0, exact)?, |_| 0.9));
+        cases.push(Case::new(
+            &name,
+            "cube, ρ = 0.9",
+            cube_of(edge, 1.0, StorageChoice::default())?,
+            |_| 0.9,
+        ));
     }
     for light in [1e-30, 1e30] {
         let name = format!("exitance {light:e} W/m²");
@@ -176,7 +214,12 @@ pub(super) fn all(seed: u64) -> Result<Vec<Case>, ExperimentError> {
             Case::new(&name, "cube, ρ = 0.9", cube.clone(), |_| 0.9).lit_by(|i| if i > 200 { light } else { 0.0 }),
         );
     }
-    let two = rooms::side_by_side(&[&small, &small])?;
+    Ok(cases)
+}
+
+fn shapes(small: &FormFactors) -> Result<Vec<Case>, ExperimentError> {
+    let mut cases = Vec::new();
+    let two = rooms::side_by_side(&[small, small])?;
     let rho_of_room = |i: usize| if i < 54 { 1.0 - 1e-6 } else { 0.5 };
     cases.push(
         Case::new("two rooms, one dark", "ρ = 0.9", two.clone(), |_| 0.9).lit_by(|i| if i < 20 { 1.0 } else { 0.0 }),
@@ -203,11 +246,16 @@ pub(super) fn all(seed: u64) -> Result<Vec<Case>, ExperimentError> {
     });
     for (gap, rho) in [(0.01, 0.9), (0.001, 1.0)] {
         let name = format!("plates at {gap} m, ρ = {rho}");
-        let plates = rooms::form_factors(&rooms::plates(gap, 10), 1.0, exact)?;
+        let plates = rooms::form_factors(&rooms::plates(gap, 10), 1.0, StorageChoice::default())?;
         cases.push(Case::new(&name, "two unit squares of 10 × 10 patches", plates, |_| {
             rho
         }));
     }
+    Ok(cases)
+}
+
+fn single_precision() -> Result<Vec<Case>, ExperimentError> {
+    let mut cases = Vec::new();
     for dark in [0.1, 1e-4, 1e-6] {
         for layout in [Layout::Dense, Layout::Sparse] {
             let storage = StorageChoice {

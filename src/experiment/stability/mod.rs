@@ -135,10 +135,12 @@ fn try_case(case: &Case, progress: &dyn Progress) -> Vec<Cell> {
     } else {
         RadiositySystem::new(&*case.operator, areas, reflectance, exitance)
     };
-    let judge = system.as_ref().map(|system| (system, Oracle::new(system, case.signed)));
+    let judge = system
+        .as_ref()
+        .map(|accepted| (accepted, Oracle::new(accepted, case.signed)));
     let cell = |entry: &SolverEntry| {
         let cell = match &judge {
-            Ok((system, oracle)) => solve(case, entry, system, oracle),
+            Ok((accepted, oracle)) => solve(case, entry, accepted, oracle),
             Err(error) => refused(case, entry, error),
         };
         progress.advance(1);
@@ -213,7 +215,7 @@ fn lie(case: &Case, system: &RadiositySystem, oracle: &Oracle, solution: &Soluti
     if b.iter().any(|b| !b.is_finite()) {
         return Some("a radiosity is not finite".to_owned());
     }
-    if case.expected == Expected::Refusal {
+    if case.expected == Expected::Refusal || !(oracle.of_light || case.signed) {
         return Some("converged, where nothing means anything".to_owned());
     }
     if !case.signed && b.iter().any(|b| *b < 0.0) {

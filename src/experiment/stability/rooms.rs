@@ -78,20 +78,17 @@ pub(super) fn sphere(areas: Vec<f64>) -> Result<FormFactors, ExperimentError> {
 pub(super) fn side_by_side(rooms: &[&FormFactors]) -> Result<FormFactors, ExperimentError> {
     let areas: Vec<f64> = rooms.iter().flat_map(|room| room.areas().iter().copied()).collect();
     let mut upper = RowTile::new(0);
-    let mut first = 0_u32;
+    let mut columns = 0_u32..;
     for room in rooms {
+        let own: Vec<u32> = columns.by_ref().take(room.n_rows()).collect();
         for (i, a) in room.areas().iter().enumerate() {
-            let mut entries: Vec<Entry> = Vec::new();
-            let mut column = first;
-            for j in 0..room.n_rows() {
-                if j >= i {
-                    entries.push((column, a * room.get(i, j), 0.0));
-                }
-                column += 1;
-            }
+            let entries: Vec<Entry> = own[i..]
+                .iter()
+                .zip(i..)
+                .map(|(&column, j)| (column, a * room.get(i, j), 0.0))
+                .collect();
             upper.push_row(&entries, RowTally::default());
         }
-        first += room.areas().iter().map(|_| 1).sum::<u32>();
     }
     Ok(FormFactors::from_exchange_tiles(
         areas,
