@@ -7,7 +7,7 @@ mod support;
 use std::num::NonZeroUsize;
 
 use radiosity::matrix::operator::Block;
-use radiosity::solver::{Anderson, Deflate, Gmres, Pcg, SolveOptions, Solver, StopReason, Tolerance};
+use radiosity::solver::{Anderson, Deflate, Gmres, Pcg, SolveOptions, StopReason, Tolerance};
 use support::solving::{constant, l2, run, system};
 use support::{dense, random_room, relative_error, shoot, solve_direct};
 

@@ -48,7 +48,8 @@ fn units_do_not_matter() {
                 .map(|(b, expected)| (b / light / expected - 1.0).abs())
                 .fold(0.0, f64::max);
             assert!(error < 1e-12, "{} at {length:e}, {light:e}: {error:e}", solver.name());
-            assert!((solution.residual_l2 / base.residual_l2 - 1.0).abs() < 1e-6);
+            // A factorisation leaves nothing but rounding, about 1e-15, which units change.
+            assert!((solution.residual_l2 - base.residual_l2).abs() < 1e-6 * base.residual_l2 + 1e-14);
         }
     }
 }

@@ -62,12 +62,13 @@ fn reports_the_true_residual() {
             worst_l2 = worst_l2.max((above / below).sqrt());
         }
         assert!(
-            (solution.residual_l2 - worst_l2).abs() < 1e-8 * worst_l2,
+            // Sums in another order differ by about 1e-16 of the terms, which are near 1.
+            (solution.residual_l2 - worst_l2).abs() < 1e-8 * worst_l2 + 1e-15,
             "{}",
             solver.name()
         );
         assert!(
-            (solution.residual_max_power - worst_power).abs() < 1e-8 * worst_power,
+            (solution.residual_max_power - worst_power).abs() < 1e-8 * worst_power + 1e-14,
             "{}",
             solver.name()
         );
@@ -203,8 +204,8 @@ fn the_error_bound_holds_and_is_not_far_off() {
                     solver.name()
                 );
                 assert!(
-                    // What rounding can do is bounded as well, with about 1e-15.
-                    bound < 200.0 * error.max(1e-15),
+                    // What rounding can do is bounded as well: (n / 4 + 70) 1.1e-16 = 1e-14 here, before it is amplified.
+                    bound < 200.0 * error.max(5e-15),
                     "{}: {error:e} far below {bound:e}",
                     solver.name()
                 );

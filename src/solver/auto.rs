@@ -2,6 +2,8 @@
 
 use std::ops::ControlFlow;
 
+use crate::matrix::operator::Block;
+
 use super::deflation::greatest_mean_reflectance;
 use super::direct::{equal_channels, memory_byte};
 use super::scaled::Scaled;
@@ -12,12 +14,14 @@ use super::{
 
 /// Looks at the system and takes the solver that will be fastest.
 ///
-/// What it looks at costs no pass over F: whether the exchange areas are symmetric, the number of patches n, of channels, and of distinct reflectances, the tolerance, and
+/// What it looks at costs no pass over F, with one exception: whether the exchange areas are symmetric, the number of patches n, of channels, and of distinct reflectances, the tolerance, and
 /// from the reflectances and row sums s_i the greatest mean reflectance ρ_avg of a component that emits and bounds of the spectral radius λ of
-/// diag(ρ) F: λ ≤ max ρ_i s_i, and λ ≥ min ρ_i s_i (Collatz and Wielandt with the vector 1). Whole estimates of the spectrum, by steps of Lanczos or powers of
-/// F, were left out: each costs a pass, as much as a tenth of a solution, and none of the choices below turns on more than these bounds.
+/// diag(ρ) F: λ ≤ max ρ_i s_i, and λ ≥ min ρ_i s_i (Collatz and Wielandt with the vector 1). Only where λ may be so near 1 that an iteration could take
+/// several times as long as a factorisation, one pass over F estimates the mean of the squared eigenvalues: near 0 in a room, where they cluster and
+/// iterations are fast whatever λ is, and near 1 between plates that face each other at a small gap, where they do not.
 ///
-/// - `direct` where n / [`LU_RATIO`] passes (see [`Direct`]) for each distinct reflectance are less than an iteration takes, for so many channels: many lightings.
+/// - `direct` where n / 8 passes (measured, see [`Direct`]) for each distinct reflectance are less than an iteration takes, for so many channels: few patches,
+///   many lightings, or eigenvalues that do not cluster;
 /// - `pcg` where the exchange areas are symmetric: the fewest passes at every ρ, and symmetric storage halves each.
 /// - else `gauss-seidel` where λ is so small that its sweeps, which need no check before them, are fewer;
 /// - else `gmres`.
@@ -32,7 +36,7 @@ pub struct Auto {
 }
 
 /// Multiplications of a factorisation that take the time of one in a pass: measured on two cores, see [`Direct`].
-const LU_RATIO: f64 = 10.0;
+const LU_RATIO: f64 = 8.0;
 
 /// Passes that conjugate gradients take for each decimal digit, beside the checks before and after.
 const PASSES_PER_DIGIT: f64 = 2.0;
@@ -103,10 +107,61 @@ impl Auto {
         // Channels beyond the first cost less than the first, which reads the matrix.
         let iteration = (PASSES_PER_DIGIT * digits + 2.0) * (1.0 + CHANNEL_COST * (n_channels - 1.0));
         let solves = 3.0 * (1.0 + CHANNEL_COST * (n_channels - 1.0));
-        (fits && factorisations + solves < iteration).then(|| {
-            format!("{groups} factorisation(s) of {n} patches serve {n_channels} channel(s) in less time than passes would take")
+        let direct = factorisations + solves;
+        if !fits {
+            return None;
+        }
+        if direct < iteration {
+            return Some(format!(
+                "{groups} factorisation(s) of {n} patches serve {n_channels} channel(s) in less time than passes would take"
+            ));
+        }
+        let (_, high) = spectral_radius_bounds(system);
+        // Conjugate gradients at worst: sqrt(κ) / 2 ln(2 / tolerance), with κ up to 2 / (1 − λ); with the checks, and in the same units as above.
+        let condition = 2.0 / (1.0 - high).max(f64::EPSILON);
+        let passes = 0.5 * condition.sqrt() * (2.0 * 10_f64.powf(digits)).ln();
+        let worst = passes * (1.0 + CHANNEL_COST * (n_channels - 1.0));
+        if 2.0 * direct >= worst {
+            return None;
+        }
+        let squares = mean_squared_eigenvalue(system);
+        (squares > CLUSTERED_BELOW).then(|| {
+            format!(
+                "the eigenvalues do not cluster (their mean square is {squares:.2}): passes could be up to {passes:.0}"
+            )
         })
     }
+}
+
+/// The mean square below which eigenvalues cluster near 0: rooms have some 2 / n.
+const CLUSTERED_BELOW: f64 = 0.2;
+
+/// Returns an estimate of Σ λ² / n over the eigenvalues λ of diag(ρ) F, the worst channel, with one pass over F.
+///
+/// S = A^½ ρ^½ F ρ^½ A^−½ has the same eigenvalues, and E ‖S z‖² = Σ λ² for random signs z where it is symmetric (Hutchinson 1990); else it is an upper bound.
+/// Standard error: at most sqrt(2 / n). The signs are those of a fixed sequence.
+fn mean_squared_eigenvalue(system: &RadiositySystem) -> f64 {
+    let mut probe = system.reflectance().clone();
+    let n_channels = probe.n_channels();
+    for (i, area) in system.areas().iter().enumerate() {
+        let mixed = (i as u64).wrapping_add(1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+        let mixed = (mixed ^ (mixed >> 29)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        let size = (system.area_unit() / area).sqrt();
+        let signed = if mixed >> 63 == 0 { size } else { -size };
+        for rho in probe.row_mut(i) {
+            *rho = rho.sqrt() * signed;
+        }
+    }
+    let mut image = Block::zeros(system.n_patches(), n_channels);
+    system.operator().apply(&probe, &mut image);
+    let mut sums = vec![0.0; n_channels];
+    for (i, area) in system.areas().iter().enumerate() {
+        let terms = image.row(i).iter().zip(system.reflectance().row(i));
+        for (sum, (y, rho)) in sums.iter_mut().zip(terms) {
+            *sum += area / system.area_unit() * rho * y * y;
+        }
+    }
+    sums.into_iter().fold(0.0, f64::max) / system.n_patches() as f64
 }
 
 /// What one more channel adds to a pass, as a share of the first.

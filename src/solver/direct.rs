@@ -21,7 +21,8 @@ use crate::matrix::operator::{Block, RowAccess};
 /// (see [`RadiositySystem::with_signed_exitance`]) the equation that the mean is zero is added to each of its rows.
 ///
 /// Needs rows, not reciprocity. Memory: 8 n² bytes for each distinct reflectance, refused above [`memory_limit_byte`](Self::memory_limit_byte).
-/// Work: n / 3 passes' worth of multiplications for each factorisation, about n / 30 of a pass's time since they run in the cache, and 2 passes for each solve.
+/// Work: n / 3 passes' worth of multiplications for each factorisation, about n / 8 in time since they run in the cache, and 2 passes for each solve. (`radiosity reproduce stability` on
+/// two busy cores, least of three runs: 36 µs at n = 54 where conjugate gradients take 45, 0.13 ms for 0.08 at n = 108, and 0.68 ms for 0.25 at n = 216.)
 /// The sums are divided in the same way at any number of threads.
 ///
 /// Source: Golub and Van Loan, "Matrix Computations", 4th edition, algorithms 3.4.1 and section 3.5.3. Departures: none.
