@@ -1,5 +1,12 @@
 //! What a scene needs, what can be left out, and why: decided before the work starts, printed by `--explain`.
 
+mod storage;
+
+pub use storage::{
+    Accuracy, MemoryEstimate, StorageDemand, StorageError, StoragePlan, StorageWish, byte_text, facing_share,
+    plan_storage,
+};
+
 use serde::Serialize;
 
 use crate::scene::{Scene, topology};
@@ -75,6 +82,21 @@ impl Plan {
             );
         }
         plan
+    }
+
+    /// Replaces the decision on a subject, or adds it.
+    pub fn revise(&mut self, subject: &'static str, choice: impl Into<String>, reason: impl Into<String>) {
+        let (choice, reason) = (choice.into(), reason.into());
+        match self.decisions.iter_mut().find(|decision| decision.subject == subject) {
+            Some(decision) => {
+                *decision = Decision {
+                    subject,
+                    choice,
+                    reason,
+                }
+            }
+            None => self.decide(subject, choice, reason),
+        }
     }
 
     /// Adds a decision.

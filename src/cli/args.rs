@@ -157,7 +157,7 @@ pub enum BalanceName {
 #[command(next_help_heading = "Form factors")]
 pub struct MethodArgs {
     /// The method
-    #[arg(long, value_name = "NAME", value_parser = method_name(), default_value = "sr")]
+    #[arg(long, value_name = "NAME", value_parser = method_name(), default_value = "exact")]
     pub method: String,
     /// Rays for each patch, with sr and sg [default: 4096; render: 16384], or for each pair, with qmc [default: 64]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
@@ -174,12 +174,63 @@ pub struct MethodArgs {
     /// Where the numbers of sr and sg come from [default: sobol]
     #[arg(long, value_enum)]
     pub sequence: Option<SequenceName>,
+    /// Evaluations for one pair of patches after which exact goes on to the next [default: 10000000]
+    #[arg(long, value_name = "N")]
+    pub budget: Option<NonZeroUsize>,
     /// Seed of all numbers
     #[arg(long, value_name = "S", default_value_t = 0)]
     pub seed: u64,
     /// Average each pair with its reverse and rebalance the rows (symmetric Sinkhorn scaling)
     #[arg(long, value_enum, default_value_t = BalanceName::Auto)]
     pub balance: BalanceName,
+}
+
+/// How form factors are laid out, and where.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum StorageName {
+    /// In memory if they fit, else on a disk; dense or sparse tile by tile
+    #[default]
+    Auto,
+    /// In memory, every entry of each tile
+    Dense,
+    /// In memory, the upper triangle of the exchange areas; rows are averaged and balanced for it
+    Symmetric,
+    /// In memory, the entries that are not zero
+    Sparse,
+    /// In a scratch file
+    Disk,
+}
+
+/// How many digits of form factors are kept.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum PrecisionName {
+    /// f64, or f32 where that keeps a system in memory and suffices for its tolerance
+    #[default]
+    Auto,
+    /// 24 bits
+    F32,
+    /// 53 bits
+    F64,
+}
+
+/// Where form factors are kept.
+#[derive(Args, Clone, Debug, Default)]
+#[command(next_help_heading = "Memory")]
+pub struct StorageArgs {
+    /// The most memory to use, as in 512MiB or 2G [default: 80 % of what is available]
+    #[arg(long, value_name = "BYTES", value_parser = super::storage::parse_byte)]
+    pub memory_limit: Option<u64>,
+    /// How form factors are stored
+    #[arg(long, value_enum, default_value_t = StorageName::Auto)]
+    pub storage: StorageName,
+    /// The digits of stored form factors
+    #[arg(long, value_enum, default_value_t = PrecisionName::Auto)]
+    pub precision: PrecisionName,
+    /// The directory of the scratch file, if one is needed [default: that of the output, else the system's for temporary files]
+    #[arg(long, value_name = "DIR")]
+    pub scratch: Option<PathBuf>,
 }
 
 /// `radiosity form-factors`.
@@ -194,12 +245,18 @@ pub struct FormFactorsArgs {
     /// A surface by name: with `-o F.vtu`, the form factor from each patch to it
     #[arg(long, value_name = "NAME", requires = "output")]
     pub surface: Option<String>,
+    /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-6]
+    #[arg(long, value_name = "T", value_parser = parse_positive)]
+    pub tolerance: Option<f64>,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub mesh: MeshArgs,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub method: MethodArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub storage: StorageArgs,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub common: CommonArgs,
@@ -227,9 +284,6 @@ pub struct SolverArgs {
     /// Steps that are remembered, with anderson [default: 8]
     #[arg(long, value_name = "M")]
     pub depth: Option<NonZeroUsize>,
-    /// The most memory that a factorisation may take, with direct and auto [default: 4294967296]
-    #[arg(long, value_name = "BYTES")]
-    pub memory_limit: Option<u64>,
 }
 
 /// The radiosities that a solver starts from.
@@ -264,7 +318,7 @@ pub struct SolveArgs {
     #[arg(short, long, value_name = "B.csv")]
     pub output: Option<PathBuf>,
     /// Form factors that `form-factors -o` wrote, instead of computing them; they know how the scene was cut into patches
-    #[arg(long, value_name = "F.npz", conflicts_with_all = ["method", "rays", "points", "sequence", "seed", "resolution", "normalise"])]
+    #[arg(long, value_name = "F.npz", conflicts_with_all = ["method", "rays", "points", "sequence", "seed", "resolution", "normalise", "budget", "form_factor_tolerance"])]
     pub form_factors: Option<PathBuf>,
     /// Compute the form factors again in every pass instead of storing them; for methods that compute rows
     #[arg(long, conflicts_with_all = ["form_factors", "lighting", "balance"])]
@@ -272,6 +326,9 @@ pub struct SolveArgs {
     /// A file with other exitances and reflectances, by surface or material; give it several times to solve for all at once
     #[arg(long, value_name = "A.toml")]
     pub lighting: Vec<PathBuf>,
+    /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-6]
+    #[arg(long, value_name = "T", value_parser = parse_positive)]
+    pub form_factor_tolerance: Option<f64>,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub mesh: MeshArgs,
@@ -281,6 +338,9 @@ pub struct SolveArgs {
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub solver: SolverArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub storage: StorageArgs,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub common: CommonArgs,
@@ -333,9 +393,12 @@ pub struct CompareArgs {
     /// Whether occluders are looked at
     #[arg(long, value_enum, default_value_t = VisibilityName::Both)]
     pub visibility: VisibilityName,
-    /// Rays for each pair of patches of the reference, where nothing better is known
-    #[arg(long, value_name = "N", default_value_t = 4096, value_parser = clap::value_parser!(u64).range(1..))]
-    pub reference_rays: u64,
+    /// The tolerance of exact that the methods are judged for: where nothing is known of the scene, the reference is exact at T/100
+    #[arg(long, value_name = "T", default_value_t = 1e-6, value_parser = parse_positive)]
+    pub tolerance: f64,
+    /// The most memory to use, as in 512MiB or 2G [default: 80 % of what is available]
+    #[arg(long, value_name = "BYTES", value_parser = super::storage::parse_byte)]
+    pub memory_limit: Option<u64>,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub mesh: MeshArgs,
@@ -398,6 +461,9 @@ pub struct RenderArgs {
     /// The image to write; a PNG preview goes beside it
     #[arg(short, long, value_name = "IMAGE.exr")]
     pub output: PathBuf,
+    /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-5]
+    #[arg(long, value_name = "T", value_parser = parse_positive)]
+    pub form_factor_tolerance: Option<f64>,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub image: ImageArgs,
@@ -410,6 +476,9 @@ pub struct RenderArgs {
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub solver: SolverArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub storage: StorageArgs,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub common: CommonArgs,

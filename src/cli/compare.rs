@@ -9,8 +9,8 @@ use super::Outcome;
 use super::args::{CompareArgs, VisibilityName};
 use super::exit_code::ExitCode;
 use super::failure::Failure;
-use super::output;
 use super::pipeline::{Prepared, Run};
+use super::{output, storage};
 use crate::experiment::statistics::Spread;
 use crate::experiment::{
     CaseSummary, CompareSettings, Comparison, ExperimentError, Reference, ReferenceKind, ReferenceLevel, SWEEPS,
@@ -18,12 +18,16 @@ use crate::experiment::{
 };
 use crate::form_factor::Input;
 use crate::mesh::Subdivision;
+use crate::plan::byte_text;
 use crate::report::plot::{ErrorTimePlot, PlotPoint, Ranged, Series};
-use crate::report::{Machine, Table, png_from_svg};
+use crate::report::{Machine, Table, memory_used_byte, png_from_svg};
 use crate::scene::{Scene, builtin};
 
 /// A scene is cut so that it has at least this many patches.
 const PATCHES: usize = 200;
+
+/// How much tighter than the tolerance asked for the reference is.
+const TIGHTER: f64 = 100.0;
 
 /// One half of the work: occluders looked at or not.
 struct Part {
@@ -64,10 +68,12 @@ pub(super) fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
         .unwrap_or_else(|| PathBuf::from(format!("compare-{name}")));
     let mut run = Run::new("compare", &args.common);
     let prepared = prepare(&mut run, args)?;
+    expect_memory(&prepared, args)?;
     output::make_directory(&directory)?;
     run.set("seeds", args.seeds);
     run.set("seed", args.seed);
     run.set("time_limit_s", args.time_limit);
+    run.set("tolerance", args.tolerance);
     run.set("visibility", json!(args.visibility));
     run.set(
         "methods",
@@ -80,7 +86,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
     };
     let parts: Vec<Part> = visibilities
         .iter()
-        .map(|&visibility| measure(&mut run, &prepared, &settings, visibility, args.reference_rays))
+        .map(|&visibility| measure(&mut run, &prepared, &settings, visibility, args.tolerance))
         .collect::<Result<_, _>>()?;
     let first = &parts[0];
     let input = input(&prepared, first.visibility);
@@ -143,6 +149,26 @@ fn prepare(run: &mut Run, args: &CompareArgs) -> Result<Prepared, Failure> {
     run.prepare(&args.scene, args.mesh, default)
 }
 
+/// Refuses a comparison whose matrices do not fit the memory: reference and result in full, in f64 with errors, for each way of looking.
+fn expect_memory(prepared: &Prepared, args: &CompareArgs) -> Result<(), Failure> {
+    const MATRICES: u64 = 6;
+    let n = prepared.mesh.n_patches() as u64;
+    let matrix = n.checked_mul(n).and_then(|entries| entries.checked_mul(16 * MATRICES));
+    let used = memory_used_byte().unwrap_or(0);
+    let needed = matrix.unwrap_or(u64::MAX).saturating_add(used);
+    let limit = storage::limit_byte(args.memory_limit);
+    if needed <= limit {
+        return Ok(());
+    }
+    let (needed, limit) = (byte_text(needed), byte_text(limit));
+    Err(Failure::new(
+        "memory_limit",
+        format!(
+            "comparing methods on {n} patches needs {needed} of memory, and the limit is {limit}; cut the scene into fewer patches, or raise --memory-limit"
+        ),
+    ))
+}
+
 fn input<'a>(prepared: &'a Prepared, visibility: &str) -> Input<'a> {
     Input {
         scene: &prepared.scene,
@@ -157,14 +183,14 @@ fn measure(
     prepared: &Prepared,
     settings: &CompareSettings,
     visibility: &'static str,
-    reference_rays: u64,
+    tolerance: f64,
 ) -> Result<Part, Failure> {
     let input = input(prepared, visibility);
     let occluders = !prepared.plan.convex_and_empty;
     let reference = run
         .times
         .time("reference", || {
-            Reference::find(input, occluders, reference_rays, &run.progress)
+            Reference::find(input, occluders, tolerance / TIGHTER, &run.progress)
         })
         .map_err(failure)?;
     let comparison = run
@@ -235,7 +261,7 @@ impl Subject<'_> {
                     "description": describe(reference),
                     "error_max": reference.error_max,
                     "error_rms": reference.error_rms,
-                    "rays": reference.rays,
+                    "tolerance": reference.tolerance,
                 },
                 "cases": comparison.cases,
                 "runs": comparison.runs,
@@ -346,11 +372,11 @@ fn ranged(spread: Spread) -> Ranged {
 }
 
 fn short_name(reference: &Reference) -> String {
-    match (reference.kind, reference.rays) {
+    match (reference.kind, reference.tolerance) {
         (ReferenceKind::ClosedForm, _) => "closed form".to_owned(),
         (ReferenceKind::Polygons, _) => "exact between polygons".to_owned(),
         (ReferenceKind::Certified, _) => "certified".to_owned(),
-        (ReferenceKind::LongRun, rays) => format!("qmc, {} rays a pair", rays.unwrap_or(0)),
+        (ReferenceKind::Exact, tolerance) => format!("exact at {:e}", tolerance.unwrap_or(0.0)),
     }
 }
 
@@ -366,10 +392,9 @@ fn describe(reference: &Reference) -> String {
         ReferenceKind::Certified => format!(
             "Reference: certified form factors between the whole surfaces, exact to {error:.0e}; errors are between surfaces."
         ),
-        ReferenceKind::LongRun => format!(
-            "Reference: with occluders nothing exact is known here; it is the mean of eight runs of `qmc`, {} rays a pair in all. Their spread gives its own standard error as {:.1e} (root mean \
-             square) and {error:.1e} at most: errors near that are the reference's as much as the method's.",
-            reference.rays.unwrap_or(0),
+        ReferenceKind::Exact => format!(
+            "Reference: `exact` at a tolerance of {:e}, two orders tighter than asked for; its own estimate of its error is {:.1e} (root mean square) and {error:.1e} at most.",
+            reference.tolerance.unwrap_or(0.0),
             reference.error_rms,
         ),
     }

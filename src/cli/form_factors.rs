@@ -7,9 +7,11 @@ use serde_json::{Value, json};
 use super::args::FormFactorsArgs;
 use super::exit_code::ExitCode;
 use super::failure::Failure;
-use super::pipeline::{Computed, Prepared, Run};
+use super::pipeline::{Computed, Fineness, Prepared, Run};
+use super::storage::Storage;
 use super::{Outcome, output};
-use crate::matrix::SurfaceFormFactors;
+use crate::form_factor::ExactMethod;
+use crate::matrix::{Layout, Place, Precision, StorageChoice, SurfaceFormFactors};
 use crate::mesh::Subdivision;
 use crate::report::form_factors::{FormFactorReport, Format};
 use crate::scene::{Scene, SurfaceId};
@@ -25,19 +27,33 @@ pub(super) fn run(args: &FormFactorsArgs) -> Result<Outcome, Failure> {
         }
         output::expect_possible(path)?;
     }
+    run.storage = Storage {
+        args: args.storage.clone(),
+        output: args.output.clone(),
+        ..Storage::default()
+    };
     let mut prepared = run.prepare(&args.scene, args.mesh, |_| Subdivision::Uniform(1))?;
     let surface = args
         .surface
         .as_deref()
         .map(|name| surface_named(&prepared.scene, name))
         .transpose()?;
-    let computed = run.form_factors(&mut prepared, &args.method, DEFAULT_RAYS, false)?;
+    let computed = {
+        let fineness = Fineness {
+            default_rays: DEFAULT_RAYS,
+            tolerance: args.tolerance,
+            default_tolerance: ExactMethod::DEFAULT_TOLERANCE,
+            tolerance_name: "tolerance",
+        };
+        run.form_factors(&mut prepared, &args.method, fineness, false)?
+    };
     let surfaces = run.times.time("surfaces", || {
         let surface_of_patch: Vec<u32> = prepared.mesh.patches.iter().map(|p| p.surface.0).collect();
         computed
             .factors
             .surface_form_factors(&surface_of_patch, prepared.scene.surfaces.len())
     });
+    computed.factors.if_readable(())?;
     if let Some(path) = &args.output {
         let report = FormFactorReport {
             scene: &prepared.scene,
@@ -62,8 +78,17 @@ pub(super) fn run(args: &FormFactorsArgs) -> Result<Outcome, Failure> {
     Ok(Outcome {
         text,
         document,
-        code: ExitCode::Done,
+        code: code(&computed),
     })
+}
+
+/// Returns the exit code that form factors deserve.
+pub(super) fn code(computed: &Computed) -> ExitCode {
+    if computed.tolerance_met {
+        ExitCode::Done
+    } else {
+        ExitCode::NotConverged
+    }
 }
 
 fn surface_named(scene: &Scene, name: &str) -> Result<SurfaceId, Failure> {
@@ -91,9 +116,28 @@ pub(super) fn checks_to_json(computed: &Computed) -> Value {
         "n_absorbed": checks.n_absorbed,
         "density": computed.factors.density(),
         "stored_byte": computed.factors.stored_byte(),
+        "storage": storage_to_json(&computed.factors.storage()),
         "balance": computed.balance,
         "pairs": computed.pairs,
         "tolerance_met": computed.tolerance_met,
+    })
+}
+
+fn storage_to_json(storage: &StorageChoice<'_>) -> Value {
+    json!({
+        "layout": match storage.layout {
+            Layout::Auto => "auto",
+            Layout::Dense => "dense",
+            Layout::Sparse => "sparse",
+        },
+        "precision": match storage.precision {
+            Precision::F32 => "f32",
+            Precision::F64 => "f64",
+        },
+        "place": match storage.place {
+            Place::Memory => "memory",
+            Place::Disk(_) => "disk",
+        },
     })
 }
 

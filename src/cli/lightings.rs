@@ -101,7 +101,7 @@ pub(super) fn run(
     Ok(Outcome {
         text: printed,
         document,
-        code: solve::code(&solution),
+        code: solve::code(&solution, Some(computed)),
     })
 }
 

@@ -16,6 +16,7 @@ mod reuse;
 mod scene;
 mod solve;
 mod stability;
+mod storage;
 mod verify;
 
 use std::ffi::OsString;

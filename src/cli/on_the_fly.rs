@@ -3,9 +3,9 @@
 use super::args::SolveArgs;
 use super::failure::Failure;
 use super::form_factors::DEFAULT_RAYS;
-use super::pipeline::{Prepared, Run, materials_of_patches};
+use super::pipeline::{Fineness, Prepared, Run, materials_of_patches};
 use crate::form_factor::registry::METHODS;
-use crate::form_factor::{Input, OnTheFly};
+use crate::form_factor::{ExactMethod, Input, OnTheFly};
 use crate::solver::Solution;
 
 pub(super) fn solve(run: &mut Run, prepared: &mut Prepared, args: &SolveArgs) -> Result<Solution, Failure> {
@@ -15,7 +15,13 @@ pub(super) fn solve(run: &mut Run, prepared: &mut Prepared, args: &SolveArgs) ->
             args.solver.solver
         )));
     }
-    let method = run.method(&args.method, DEFAULT_RAYS)?;
+    let fineness = Fineness {
+        default_rays: DEFAULT_RAYS,
+        tolerance: args.form_factor_tolerance,
+        default_tolerance: ExactMethod::DEFAULT_TOLERANCE,
+        tolerance_name: "form_factor_tolerance",
+    };
+    let method = run.method(&args.method, fineness)?.method;
     run.set("on_the_fly", true);
     let input = Input {
         scene: &prepared.scene,
@@ -29,7 +35,7 @@ pub(super) fn solve(run: &mut Run, prepared: &mut Prepared, args: &SolveArgs) ->
             args.method.method,
             METHODS
                 .iter()
-                .filter(|m| m.by_rows)
+                .filter(|m| m.by_rows())
                 .map(|m| m.name)
                 .collect::<Vec<_>>()
                 .join(", ")

@@ -7,9 +7,11 @@ use serde_json::{Value, json};
 use super::args::SolveArgs;
 use super::exit_code::ExitCode;
 use super::failure::Failure;
-use super::form_factors::{DEFAULT_RAYS, checks_to_json, describe_checks};
-use super::pipeline::{Computed, Prepared, Run, materials_of_patches};
+use super::form_factors::{self, DEFAULT_RAYS, checks_to_json, describe_checks};
+use super::pipeline::{Computed, Fineness, Prepared, Run, materials_of_patches, repairs};
+use super::storage::Storage;
 use super::{Outcome, output, reuse};
+use crate::form_factor::ExactMethod;
 use crate::mesh::Subdivision;
 use crate::report::form_factors::FormFactorFile;
 use crate::report::solution::{Format, SolutionReport};
@@ -28,6 +30,12 @@ pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
     let mesh_args = file
         .as_ref()
         .map_or(Ok(args.mesh), |file| reuse::mesh_args(file, args.mesh))?;
+    run.storage = Storage {
+        args: args.storage.clone(),
+        output: args.output.clone(),
+        tolerance: Some(args.solver.tolerance),
+        image_byte: 0,
+    };
     let mut prepared = run.prepare(&args.scene, mesh_args, |_| Subdivision::Uniform(1))?;
     if args.on_the_fly {
         let solution = super::on_the_fly::solve(&mut run, &mut prepared, args)?;
@@ -35,9 +43,19 @@ pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
     }
     let needs_symmetry = run.solver_entry(&args.solver)?.gains_by_reciprocity();
     let computed = match &file {
-        None => run.form_factors(&mut prepared, &args.method, DEFAULT_RAYS, needs_symmetry)?,
+        None => {
+            let fineness = Fineness {
+                default_rays: DEFAULT_RAYS,
+                tolerance: args.form_factor_tolerance,
+                default_tolerance: ExactMethod::DEFAULT_TOLERANCE,
+                tolerance_name: "form_factor_tolerance",
+            };
+            run.form_factors(&mut prepared, &args.method, fineness, needs_symmetry)?
+        }
         Some(file) => {
-            let result = reuse::form_factors(&mut run, &mut prepared, file, &args.scene)?;
+            let needs_symmetry = needs_symmetry || run.wants_symmetry(args.method.balance)?;
+            let repaired = repairs(args.method.balance, needs_symmetry && !file.description().symmetric);
+            let result = reuse::form_factors(&mut run, &mut prepared, file, &args.scene, repaired)?;
             run.repaired(&mut prepared, result, args.method.balance, needs_symmetry)?
         }
     };
@@ -90,14 +108,14 @@ fn finish(
     Ok(Outcome {
         text,
         document,
-        code: code(solution),
+        code: code(solution, computed),
     })
 }
 
-/// Returns the exit code that a solution deserves.
-pub(super) fn code(solution: &Solution) -> ExitCode {
+/// Returns the exit code that a solution and the form factors that it is from deserve.
+pub(super) fn code(solution: &Solution, computed: Option<&Computed>) -> ExitCode {
     if solution.stop_reason == StopReason::Converged {
-        ExitCode::Done
+        computed.map_or(ExitCode::Done, form_factors::code)
     } else {
         ExitCode::NotConverged
     }

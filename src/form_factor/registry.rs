@@ -3,13 +3,13 @@
 use std::num::NonZeroUsize;
 
 use super::{
-    CentrePoint, ClosedForm, ContourIntegral, FormFactorError, FormFactorMethod, GaussLambert, GaussShooting, Hemicube,
-    ParametricDifferential, QuasiMonteCarlo, RandomShooting,
+    CentrePoint, ClosedForm, ContourIntegral, ExactMethod, FormFactorError, FormFactorMethod, GaussLambert,
+    GaussShooting, Hemicube, ParametricDifferential, QuasiMonteCarlo, RandomShooting,
 };
 use crate::geometry::sampling::Sequence;
 
 /// What a user may set; `None` is the method's own default.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MethodSettings {
     /// Rays for each patch where the method shoots, for each pair in `qmc`.
     pub rays: Option<u64>,
@@ -21,12 +21,16 @@ pub struct MethodSettings {
     pub normalise: bool,
     /// Where the numbers of shooting come from.
     pub sequence: Option<Sequence>,
+    /// The tolerance on A_i F_ij / min(A_i, A_j).
+    pub tolerance: Option<f64>,
+    /// The most evaluations for one pair.
+    pub budget: Option<NonZeroUsize>,
     /// The seed of all numbers; methods without any ignore it.
     pub seed: u64,
 }
 
 /// A setting that some methods use and others do not, with its default.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Setting {
     /// [`MethodSettings::rays`], for each patch.
@@ -41,6 +45,10 @@ pub enum Setting {
     Normalise,
     /// [`MethodSettings::sequence`]; Sobol.
     Sequence,
+    /// [`MethodSettings::tolerance`].
+    Tolerance(f64),
+    /// [`MethodSettings::budget`].
+    Budget(NonZeroUsize),
 }
 
 impl Setting {
@@ -53,6 +61,8 @@ impl Setting {
             Self::Resolution(_) => "--resolution",
             Self::Normalise => "--normalise",
             Self::Sequence => "--sequence",
+            Self::Tolerance(_) => "--tolerance",
+            Self::Budget(_) => "--budget",
         }
     }
 }
@@ -66,8 +76,6 @@ pub struct MethodEntry {
     pub summary: &'static str,
     /// The settings that it uses.
     pub settings: &'static [Setting],
-    /// Whether it computes whole rows, so that it can be used without storing them (see [`OnTheFly`](super::OnTheFly)).
-    pub by_rows: bool,
     make: fn(&Values) -> Box<dyn FormFactorMethod>,
 }
 
@@ -78,6 +86,8 @@ struct Values {
     resolution: NonZeroUsize,
     normalise: bool,
     sequence: Sequence,
+    tolerance: f64,
+    budget: NonZeroUsize,
     seed: u64,
 }
 
@@ -91,17 +101,18 @@ const FIVE_POINTS: Setting = Setting::Points(number(5));
 /// All methods, in the order in which help lists them.
 #[rustfmt::skip]
 pub const METHODS: &[MethodEntry] = &[
-    MethodEntry { name: "centre", summary: "One ray between the centres (Lewis)", settings: &[Setting::Normalise], by_rows: false, make: |v| Box::new(CentrePoint { normalise: v.normalise }) },
-    MethodEntry { name: "pdm", summary: "Gauss points on both patches (parametric differential method)", settings: &[FIVE_POINTS], by_rows: false, make: |v| Box::new(ParametricDifferential { points: v.points }) },
-    MethodEntry { name: "sr", summary: "Shooting from random points", settings: &[SHOOTING, Setting::Sequence], by_rows: true, make: |v| Box::new(RandomShooting { rays: v.rays, sequence: v.sequence, seed: v.seed }) },
-    MethodEntry { name: "sg", summary: "Shooting from Q × Q Gauss points", settings: &[SHOOTING, Setting::Sequence, FIVE_POINTS], by_rows: true, make: |v| gauss_shooting(v.points, v) },
-    MethodEntry { name: "sg5", summary: "Shooting from 5 × 5 Gauss points", settings: &[SHOOTING, Setting::Sequence], by_rows: true, make: |v| gauss_shooting(number(5), v) },
-    MethodEntry { name: "sg10", summary: "Shooting from 10 × 10 Gauss points", settings: &[SHOOTING, Setting::Sequence], by_rows: true, make: |v| gauss_shooting(number(10), v) },
-    MethodEntry { name: "hemicube", summary: "Rays through the cells of a half cube (Cohen and Greenberg)", settings: &[Setting::Resolution(number(256)), Setting::Points(number(1))], by_rows: true, make: |v| Box::new(Hemicube { resolution: v.resolution, points: v.points }) },
-    MethodEntry { name: "gauss-lambert", summary: "Gauss points on one patch, exact to the other", settings: &[FIVE_POINTS], by_rows: false, make: |v| Box::new(GaussLambert { points: v.points }) },
-    MethodEntry { name: "contour", summary: "The integral around both contours, times the visible fraction", settings: &[FIVE_POINTS], by_rows: false, make: |v| Box::new(ContourIntegral { points: v.points, seed: v.seed }) },
-    MethodEntry { name: "closed-form", summary: "Rectangles with parallel edges, times the visible fraction", settings: &[FIVE_POINTS], by_rows: false, make: |v| Box::new(ClosedForm { points: v.points, seed: v.seed }) },
-    MethodEntry { name: "qmc", summary: "The exact factor times the visible fraction of low-discrepancy rays", settings: &[Setting::RaysPerPair(64)], by_rows: false, make: |v| Box::new(QuasiMonteCarlo { rays: v.rays, seed: v.seed }) },
+    MethodEntry { name: "centre", summary: "One ray between the centres (Lewis)", settings: &[Setting::Normalise], make: |v| Box::new(CentrePoint { normalise: v.normalise }) },
+    MethodEntry { name: "pdm", summary: "Gauss points on both patches (parametric differential method)", settings: &[FIVE_POINTS], make: |v| Box::new(ParametricDifferential { points: v.points }) },
+    MethodEntry { name: "sr", summary: "Shooting from random points", settings: &[SHOOTING, Setting::Sequence], make: |v| Box::new(RandomShooting { rays: v.rays, sequence: v.sequence, seed: v.seed }) },
+    MethodEntry { name: "sg", summary: "Shooting from Q × Q Gauss points", settings: &[SHOOTING, Setting::Sequence, FIVE_POINTS], make: |v| gauss_shooting(v.points, v) },
+    MethodEntry { name: "sg5", summary: "Shooting from 5 × 5 Gauss points", settings: &[SHOOTING, Setting::Sequence], make: |v| gauss_shooting(number(5), v) },
+    MethodEntry { name: "sg10", summary: "Shooting from 10 × 10 Gauss points", settings: &[SHOOTING, Setting::Sequence], make: |v| gauss_shooting(number(10), v) },
+    MethodEntry { name: "hemicube", summary: "Rays through the cells of a half cube (Cohen and Greenberg)", settings: &[Setting::Resolution(number(256)), Setting::Points(number(1))], make: |v| Box::new(Hemicube { resolution: v.resolution, points: v.points }) },
+    MethodEntry { name: "gauss-lambert", summary: "Gauss points on one patch, exact to the other", settings: &[FIVE_POINTS], make: |v| Box::new(GaussLambert { points: v.points }) },
+    MethodEntry { name: "contour", summary: "The integral around both contours, times the visible fraction", settings: &[FIVE_POINTS], make: |v| Box::new(ContourIntegral { points: v.points, seed: v.seed }) },
+    MethodEntry { name: "closed-form", summary: "Rectangles with parallel edges, times the visible fraction", settings: &[FIVE_POINTS], make: |v| Box::new(ClosedForm { points: v.points, seed: v.seed }) },
+    MethodEntry { name: "qmc", summary: "The exact factor times the visible fraction of low-discrepancy rays", settings: &[Setting::RaysPerPair(64)], make: |v| Box::new(QuasiMonteCarlo { rays: v.rays, seed: v.seed }) },
+    MethodEntry { name: "exact", summary: "Every pair to a tolerance, shadows by exact clipping", settings: &[Setting::Tolerance(ExactMethod::DEFAULT_TOLERANCE), Setting::Budget(number(ExactMethod::DEFAULT_BUDGET))], make: |v| Box::new(ExactMethod { tolerance: v.tolerance, budget: v.budget.get() }) },
 ];
 
 fn gauss_shooting(points: NonZeroUsize, values: &Values) -> Box<dyn FormFactorMethod> {
@@ -153,6 +164,8 @@ impl MethodEntry {
             (given.resolution.is_some(), "--resolution"),
             (given.normalise, "--normalise"),
             (given.sequence.is_some(), "--sequence"),
+            (given.tolerance.is_some(), "--tolerance"),
+            (given.budget.is_some(), "--budget"),
         ] {
             let uses = |m: &&MethodEntry| m.settings.iter().any(|s| s.flag() == flag);
             if is_given && !uses(&self) {
@@ -170,6 +183,8 @@ impl MethodEntry {
                 Setting::Points(n) => resolved.points = given.points.or(Some(n)),
                 Setting::Resolution(n) => resolved.resolution = given.resolution.or(Some(n)),
                 Setting::Sequence => resolved.sequence = given.sequence.or(Some(Sequence::default())),
+                Setting::Tolerance(t) => resolved.tolerance = given.tolerance.or(Some(t)),
+                Setting::Budget(n) => resolved.budget = given.budget.or(Some(n)),
                 Setting::Normalise => {}
             }
         }
@@ -185,8 +200,17 @@ impl MethodEntry {
             resolution: resolved.resolution.unwrap_or(NonZeroUsize::MIN),
             normalise: resolved.normalise,
             sequence: resolved.sequence.unwrap_or_default(),
+            tolerance: resolved.tolerance.unwrap_or(ExactMethod::DEFAULT_TOLERANCE),
+            budget: resolved.budget.unwrap_or(NonZeroUsize::MIN),
             seed: resolved.seed,
         })
+    }
+
+    /// Returns whether the method computes whole rows; the others compute pairs, each once.
+    #[must_use]
+    pub fn by_rows(&self) -> bool {
+        let of_rows = |s: &Setting| matches!(s, Setting::RaysPerPatch(_) | Setting::Resolution(_));
+        self.settings.iter().any(of_rows)
     }
 
     /// Returns whether the method shoots rays from patches, so that `rays` is a number for each patch.

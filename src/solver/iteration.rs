@@ -169,9 +169,7 @@ pub(super) fn run<I: Iteration>(
         recorder.note(n_passes, 0.0, &truth.norms, false, || radiosity.clone());
     }
     let counts = (n_passes, n_checks);
-    Ok(Solution::new(
-        scaled, radiosity, truth, tolerance, gave_up, counts, recorder,
-    ))
+    Solution::new(scaled, radiosity, truth, tolerance, gave_up, counts, recorder)
 }
 
 /// What became of radiosities that meet the tolerance.

@@ -92,7 +92,8 @@ pub trait Solver: Sync {
     ///
     /// # Errors
     /// [`SolverError::Tolerance`] for a tolerance that is not positive and finite; [`SolverError::NeedsReciprocity`] and
-    /// [`SolverError::NeedsRows`] if the form factors lack what the solver needs; [`SolverError::Memory`] if it needs more memory than it may take.
+    /// [`SolverError::NeedsRows`] if the form factors lack what the solver needs; [`SolverError::Memory`] if it needs more memory than it may take;
+    /// [`SolverError::Disk`] if they cannot be read.
     fn solve(
         &self,
         system: &RadiositySystem,

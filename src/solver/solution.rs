@@ -2,11 +2,13 @@
 
 use serde::Serialize;
 
+use super::SolverError;
 use super::energy::Energy;
 use super::error_bound;
 use super::history::{HistoryEntry, Recorder};
 use super::scaled::{Scaled, TrueResidual};
 use super::stop::{StopReason, Tolerance, worst};
+use super::system::expect_readable;
 use crate::matrix::operator::Block;
 
 /// Radiosities, and how good they are.
@@ -68,7 +70,7 @@ impl Solution {
     }
 
     /// Puts a solution together. `truth` belongs to `radiosity`, in solver units; `gave_up` tells why the solver stopped
-    /// where it did not reach the tolerance.
+    /// where it did not reach the tolerance. Fails if F could not be read.
     pub(super) fn new(
         scaled: &Scaled,
         radiosity: Block,
@@ -77,8 +79,10 @@ impl Solution {
         gave_up: StopReason,
         (n_passes, n_checks): (usize, usize),
         recorder: Recorder,
-    ) -> Self {
+    ) -> Result<Self, SolverError> {
         let error_bound = error_bound::relative(scaled, &radiosity, &truth);
+        // Whatever went wrong on the way, nothing that rests on it is returned.
+        expect_readable(scaled.system.operator())?;
         let met = worst(&tolerance.excess(&truth.norms)) <= 1.0;
         let (radiosity, irradiance) = (scaled.to_si(radiosity), scaled.to_si(truth.irradiance));
         let signed = scaled.system.is_signed();
@@ -90,7 +94,7 @@ impl Solution {
         } else {
             gave_up
         };
-        Self {
+        Ok(Self {
             energy: Energy::of(scaled.system, &radiosity, &irradiance),
             choice: None,
             radiosity,
@@ -102,6 +106,6 @@ impl Solution {
             residual_max_power: worst(&truth.norms.max_power),
             error_bound,
             history: recorder.entries,
-        }
+        })
     }
 }

@@ -40,7 +40,7 @@ impl<'a> RadiositySystem<'a> {
     /// [`SolverError::Empty`] without patches; [`SolverError::Shape`] if sizes differ; [`SolverError::Area`],
     /// [`SolverError::Reflectance`], [`SolverError::Exitance`] for values out of range;
     /// [`SolverError::NoFiniteSolution`] if in some channel a connected component of the patches emits, has ρ = 1 everywhere,
-    /// and row sums of 1 or more: to 1.2e-7, what f32 storage can resolve.
+    /// and row sums of 1 or more: to 1.2e-7, what f32 storage can resolve; [`SolverError::Disk`] if F cannot be read.
     pub fn new(
         operator: &'a dyn LinearOperator,
         areas: Vec<f64>,
@@ -110,6 +110,7 @@ impl<'a> RadiositySystem<'a> {
         }
         let mut row_sums = Block::zeros(n, 1);
         operator.apply(&Block::from_values(vec![1.0; n], 1), &mut row_sums);
+        expect_readable(operator)?;
         let units = Units {
             area: unit(areas.iter().copied()),
             exitance: (0..n_channels)
@@ -127,6 +128,7 @@ impl<'a> RadiositySystem<'a> {
             signed,
             singular: Vec::new(),
         };
+        expect_readable(operator)?;
         system.singular = system.find_singular()?;
         Ok(system)
     }
@@ -245,6 +247,11 @@ impl<'a> RadiositySystem<'a> {
 
 /// A sum of powers below this share of their sizes is zero but for rounding.
 const BALANCED_TO: f64 = 1e-12;
+
+/// Refuses to go on with what an operator returned after it could not be read.
+pub(super) fn expect_readable(operator: &dyn LinearOperator) -> Result<(), SolverError> {
+    operator.failure().map_or(Ok(()), |error| Err(error.clone().into()))
+}
 
 fn expect_size(what: &'static str, expected: usize, found: usize) -> Result<(), SolverError> {
     if expected == found {

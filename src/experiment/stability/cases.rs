@@ -261,6 +261,7 @@ fn single_precision() -> Result<Vec<Case>, ExperimentError> {
             let storage = StorageChoice {
                 layout,
                 precision: Precision::F32,
+                ..StorageChoice::default()
             };
             let name = format!("f32, {layout:?}, 1 − ρ = {dark:e}").to_lowercase();
             cases.push(Case::new(&name, "cube", cube_of(1.0, 1.0, storage)?, |_| 1.0 - dark));
