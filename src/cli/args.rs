@@ -10,6 +10,7 @@ use serde::Serialize;
 use crate::form_factor::registry::METHODS;
 use crate::geometry::sampling::Sequence;
 use crate::mesh::Subdivision;
+use crate::solver::Start;
 
 /// Light in diffuse scenes: form factors to high accuracy, radiosity, OpenEXR pictures.
 #[derive(Debug, Parser)]
@@ -266,7 +267,7 @@ pub struct FormFactorsArgs {
 #[command(next_help_heading = "Solver")]
 pub struct SolverArgs {
     /// The solver
-    #[arg(long, value_name = "NAME", default_value = "pcg", value_parser = solver_name())]
+    #[arg(long, value_name = "NAME", default_value = "auto", value_parser = solver_name())]
     pub solver: String,
     /// Tolerance on sqrt(Σ A r² / Σ A E²), worst channel
     #[arg(long, value_name = "T", default_value_t = 1e-6)]
@@ -274,6 +275,37 @@ pub struct SolverArgs {
     /// The most passes over the form factors
     #[arg(long, value_name = "K", default_value_t = 1000)]
     pub max_passes: usize,
+    /// The first radiosities
+    #[arg(long, value_enum, default_value_t = StartName::Exitance)]
+    pub start: StartName,
+    /// Passes between restarts, with gmres [default: 30]
+    #[arg(long, value_name = "M")]
+    pub restart: Option<NonZeroUsize>,
+    /// Steps that are remembered, with anderson [default: 8]
+    #[arg(long, value_name = "M")]
+    pub depth: Option<NonZeroUsize>,
+}
+
+/// The radiosities that a solver starts from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum StartName {
+    /// The exitance
+    Exitance,
+    /// No light
+    Zero,
+    /// The exitance, and the rest of the light spread evenly over each room
+    Ambient,
+}
+
+impl From<StartName> for Start {
+    fn from(name: StartName) -> Self {
+        match name {
+            StartName::Exitance => Self::Exitance,
+            StartName::Zero => Self::Zero,
+            StartName::Ambient => Self::Ambient,
+        }
+    }
 }
 
 /// `radiosity solve`.
@@ -288,6 +320,12 @@ pub struct SolveArgs {
     /// Form factors that `form-factors -o` wrote, instead of computing them; they know how the scene was cut into patches
     #[arg(long, value_name = "F.npz", conflicts_with_all = ["method", "rays", "points", "sequence", "seed", "resolution", "normalise", "budget", "form_factor_tolerance"])]
     pub form_factors: Option<PathBuf>,
+    /// Compute the form factors again in every pass instead of storing them; for methods that compute rows
+    #[arg(long, conflicts_with_all = ["form_factors", "lighting", "balance"])]
+    pub on_the_fly: bool,
+    /// A file with other exitances and reflectances, by surface or material; give it several times to solve for all at once
+    #[arg(long, value_name = "A.toml")]
+    pub lighting: Vec<PathBuf>,
     /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-6]
     #[arg(long, value_name = "T", value_parser = parse_positive)]
     pub form_factor_tolerance: Option<f64>,
@@ -375,6 +413,8 @@ pub struct CompareArgs {
 pub enum PaperName {
     /// Baranoski, Bramley and Shirley 1995: tables 3 to 8 (form factors by shooting and quadrature)
     Baranoski,
+    /// Every solver on stiff, extreme and impossible systems
+    Stability,
 }
 
 /// `radiosity reproduce`.

@@ -5,6 +5,8 @@ mod compare;
 mod exit_code;
 mod failure;
 mod form_factors;
+mod lightings;
+mod on_the_fly;
 mod output;
 mod pipeline;
 mod progress;
@@ -13,6 +15,7 @@ mod reproduce;
 mod reuse;
 mod scene;
 mod solve;
+mod stability;
 mod storage;
 mod verify;
 

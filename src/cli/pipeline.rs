@@ -12,7 +12,7 @@ use super::storage::{self, Storage};
 use super::{SCHEMA_VERSION, warn};
 use crate::form_factor::registry::{self, MethodEntry, Setting};
 use crate::form_factor::{ExactMethod, FormFactorMethod, Input, MethodSettings, PairCounts};
-use crate::matrix::operator::Block;
+use crate::matrix::operator::{Block, LinearOperator};
 use crate::matrix::{BalanceReport, Checks, FormFactors, Weighting};
 use crate::mesh::{Mesh, Patch, Subdivision};
 use crate::plan::Plan;
@@ -55,8 +55,8 @@ pub(super) struct Computed {
 }
 
 /// A method with what is known of its matrix.
-struct Chosen {
-    method: Box<dyn FormFactorMethod>,
+pub(super) struct Chosen {
+    pub(super) method: Box<dyn FormFactorMethod>,
     /// True if it computes whole rows.
     by_rows: bool,
     /// The most entries that a row can have, where the settings tell.
@@ -342,7 +342,7 @@ impl Run {
         Ok(wanted)
     }
 
-    fn method(&mut self, args: &MethodArgs, fineness: Fineness) -> Result<Chosen, Failure> {
+    pub(super) fn method(&mut self, args: &MethodArgs, fineness: Fineness) -> Result<Chosen, Failure> {
         let entry = registry::by_name(&args.method)?;
         // The direct pass of a render takes its numbers from there too.
         let sequence_is_elsewhere = self.command == "render" && !entry.settings.contains(&Setting::Sequence);
@@ -401,23 +401,52 @@ impl Run {
         computed: &Computed,
         args: &SolverArgs,
     ) -> Result<Solution, Failure> {
-        let plan = &mut prepared.plan;
-        let (reflectance, exitance) = materials_of_patches(&prepared.scene, &prepared.mesh, plan.n_channels);
+        let (reflectance, exitance) = materials_of_patches(&prepared.scene, &prepared.mesh, prepared.plan.n_channels);
+        let areas = computed.factors.areas().to_vec();
+        self.solve_system(
+            &mut prepared.plan,
+            (&computed.factors, areas),
+            args,
+            (reflectance, exitance),
+        )
+    }
+
+    /// Solves for given form factors and areas, reflectances and exitances of the patches.
+    pub(super) fn solve_system(
+        &mut self,
+        plan: &mut Plan,
+        (factors, areas): (&dyn LinearOperator, Vec<f64>),
+        args: &SolverArgs,
+        (reflectance, exitance): (Block, Block),
+    ) -> Result<Solution, Failure> {
         let entry = self.solver_entry(args)?;
+        let solver = entry.checked(&SolverSettings {
+            restart: args.restart,
+            depth: args.depth,
+            // The flag is the storage's too; solvers that need no memory to speak of pass over it.
+            memory_limit_byte: self
+                .storage
+                .args
+                .memory_limit
+                .filter(|_| entry.settings.contains(&solver::registry::Setting::MemoryLimit)),
+        })?;
         self.set("solver", entry.name);
         self.set("tolerance", args.tolerance);
         self.set("max_passes", args.max_passes);
-        let areas = computed.factors.areas().to_vec();
-        let system = RadiositySystem::new(&computed.factors, areas, reflectance, exitance)?;
+        self.set("start", json!(args.start));
+        let system = RadiositySystem::new(factors, areas, reflectance, exitance)?;
         let options = SolveOptions {
             tolerance: Tolerance::ResidualL2(args.tolerance),
             max_passes: args.max_passes,
+            start: args.start.into(),
             ..SolveOptions::default()
         };
-        let solver = entry.build(&SolverSettings::default());
         let solution = self.times.time("solve", || {
             solver.solve(&system, &options, &mut |_| std::ops::ControlFlow::Continue(()))
         })?;
+        if let Some(choice) = &solution.choice {
+            plan.decide("solver", choice.solver, choice.why.clone());
+        }
         if solution.stop_reason != StopReason::Converged {
             self.warn(&format!(
                 "the solver stopped without converging ({}) at a relative residual of {:.3e}",

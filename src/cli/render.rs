@@ -159,7 +159,7 @@ fn solve_scene(
             indirect_irradiance: Some(dark),
         });
     }
-    let needs_symmetry = run.solver_entry(&args.solver)?.needs_reciprocity;
+    let needs_symmetry = run.solver_entry(&args.solver)?.gains_by_reciprocity();
     let fineness = Fineness {
         default_rays: DEFAULT_RAYS,
         tolerance: args.form_factor_tolerance,

@@ -51,10 +51,14 @@ pub enum SolverError {
     },
     /// Light enters an enclosure that neither absorbs it nor lets it out.
     #[error(
-        "no finite solution in channel {channel}: the patches that exchange light with patch {patch} emit, \
+        "no finite solution in channel {channel}: the {n_patches} patches that exchange light with patch {patch} (component {component}) emit, \
          reflect everything, and let nothing out"
     )]
     NoFiniteSolution {
+        /// The component, as [`RadiositySystem::components`](super::RadiositySystem::components) numbers them.
+        component: u32,
+        /// The number of its patches.
+        n_patches: usize,
         /// An emitting patch of the enclosure.
         patch: usize,
         /// The channel.
@@ -72,6 +76,18 @@ pub enum SolverError {
         /// The solver's name.
         solver: &'static str,
     },
+    /// The solver needs more memory than it may take.
+    #[error(
+        "{solver} needs {needed_byte} bytes, above the limit of {limit_byte}: raise the limit, or take another solver"
+    )]
+    Memory {
+        /// The solver's name.
+        solver: &'static str,
+        /// What it needs.
+        needed_byte: u64,
+        /// What it may take.
+        limit_byte: u64,
+    },
     /// A name that no solver has.
     #[error("there is no solver `{name}`; known are {known}")]
     UnknownSolver {
@@ -79,6 +95,16 @@ pub enum SolverError {
         name: String,
         /// The names there are.
         known: String,
+    },
+    /// A setting that the solver has no use for.
+    #[error("{flag} has no use with the solver `{solver}`; it goes with {used_by}")]
+    UnusedSetting {
+        /// The flag of the setting.
+        flag: &'static str,
+        /// The solver's name.
+        solver: &'static str,
+        /// The solvers that use it.
+        used_by: String,
     },
     /// A tolerance that is not a positive, finite number.
     #[error("the tolerance {value} is not positive and finite")]

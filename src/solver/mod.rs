@@ -4,9 +4,17 @@
 //! name. Every solution carries the true residual of the radiosities that are returned, however the solver kept
 //! its own accounts, and a bound of their error.
 
+mod anderson;
+mod auto;
+mod best;
+mod deflation;
+mod direct;
+mod energy;
 mod error;
 mod error_bound;
 mod gauss_seidel;
+mod gauss_seidel_ambient;
+mod gmres;
 mod history;
 mod iteration;
 mod pcg;
@@ -16,14 +24,21 @@ mod solution;
 mod start;
 mod stop;
 mod system;
+mod vectors;
 
 pub use crate::matrix::operator;
+pub use anderson::Anderson;
+pub use auto::Auto;
+pub use direct::Direct;
+pub use energy::Energy;
 pub use error::SolverError;
 pub use gauss_seidel::GaussSeidel;
+pub use gauss_seidel_ambient::GaussSeidelAmbient;
+pub use gmres::Gmres;
 pub use history::{Errors, HistoryEntry};
-pub use pcg::Pcg;
+pub use pcg::{DEFLATED_FROM, Deflate, Pcg};
 pub use registry::{SolverSettings, solver};
-pub use solution::Solution;
+pub use solution::{Choice, Solution};
 pub use start::Start;
 pub use stop::{StopReason, Tolerance};
 pub use system::RadiositySystem;
@@ -77,7 +92,8 @@ pub trait Solver: Sync {
     ///
     /// # Errors
     /// [`SolverError::Tolerance`] for a tolerance that is not positive and finite; [`SolverError::NeedsReciprocity`] and
-    /// [`SolverError::NeedsRows`] if the form factors lack what the solver needs; [`SolverError::Disk`] if they cannot be read.
+    /// [`SolverError::NeedsRows`] if the form factors lack what the solver needs; [`SolverError::Memory`] if it needs more memory than it may take;
+    /// [`SolverError::Disk`] if they cannot be read.
     fn solve(
         &self,
         system: &RadiositySystem,

@@ -1,11 +1,55 @@
 //! The solvers by name: one line each.
 
-use super::{GaussSeidel, Pcg, Solver, SolverError};
+use std::num::NonZeroUsize;
+
+use super::{Anderson, Auto, Direct, GaussSeidel, GaussSeidelAmbient, Gmres, Pcg, Solver, SolverError};
 
 /// What a user may set; `None` is the solver's own default.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
-pub struct SolverSettings {}
+pub struct SolverSettings {
+    /// Passes between restarts, of `gmres`.
+    pub restart: Option<NonZeroUsize>,
+    /// Steps that `anderson` remembers.
+    pub depth: Option<NonZeroUsize>,
+    /// The most memory that factorisations may take, in bytes.
+    pub memory_limit_byte: Option<u64>,
+}
+
+/// A setting that some solvers use and others do not.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Setting {
+    /// [`SolverSettings::restart`].
+    Restart,
+    /// [`SolverSettings::depth`].
+    Depth,
+    /// [`SolverSettings::memory_limit_byte`].
+    MemoryLimit,
+}
+
+impl Setting {
+    /// All settings.
+    const ALL: [Self; 3] = [Self::Restart, Self::Depth, Self::MemoryLimit];
+
+    /// Returns the flag of the command line.
+    #[must_use]
+    pub fn flag(self) -> &'static str {
+        match self {
+            Self::Restart => "--restart",
+            Self::Depth => "--depth",
+            Self::MemoryLimit => "--memory-limit",
+        }
+    }
+
+    fn is_given(self, settings: &SolverSettings) -> bool {
+        match self {
+            Self::Restart => settings.restart.is_some(),
+            Self::Depth => settings.depth.is_some(),
+            Self::MemoryLimit => settings.memory_limit_byte.is_some(),
+        }
+    }
+}
 
 /// A solver as the registry knows it.
 #[derive(Debug)]
@@ -16,22 +60,47 @@ pub struct SolverEntry {
     pub summary: &'static str,
     /// Whether it needs symmetric exchange areas A_i F_ij.
     pub needs_reciprocity: bool,
+    /// The settings that it uses.
+    pub settings: &'static [Setting],
     make: fn(&SolverSettings) -> Box<dyn Solver>,
 }
 
 /// All solvers, in the order in which help lists them.
 #[rustfmt::skip]
 pub const SOLVERS: &[SolverEntry] = &[
-    SolverEntry { name: "gauss-seidel", summary: "Every patch in turn gathers from the newest radiosities", needs_reciprocity: false, make: |_| Box::new(GaussSeidel) },
-    SolverEntry { name: "pcg", summary: "Conjugate gradients preconditioned with V⁻¹ = ρ/A", needs_reciprocity: true, make: |_| Box::new(Pcg) },
+    SolverEntry { name: "auto", summary: "Whichever of the others suits the system; says which, and why", needs_reciprocity: false, settings: &[Setting::Restart, Setting::MemoryLimit], make: |s| Box::new(auto(s)) },
+    SolverEntry { name: "gauss-seidel", summary: "Every patch in turn gathers from the newest radiosities", needs_reciprocity: false, settings: &[], make: |_| Box::new(GaussSeidel) },
+    SolverEntry { name: "gauss-seidel-ambient", summary: "Gauss-Seidel with the total light of each room put right after every sweep", needs_reciprocity: false, settings: &[], make: |_| Box::new(GaussSeidelAmbient) },
+    SolverEntry { name: "pcg", summary: "Conjugate gradients preconditioned with V⁻¹ = ρ/A, deflated where that pays", needs_reciprocity: true, settings: &[], make: |_| Box::new(Pcg::default()) },
+    SolverEntry { name: "gmres", summary: "The least residual over a Krylov space; for form factors without symmetry", needs_reciprocity: false, settings: &[Setting::Restart], make: |s| Box::new(gmres(s)) },
+    SolverEntry { name: "anderson", summary: "Jacobi iteration with Anderson acceleration", needs_reciprocity: false, settings: &[Setting::Depth], make: |s| Box::new(s.depth.map_or_else(Anderson::default, |depth| Anderson { depth })) },
+    SolverEntry { name: "direct", summary: "Dense factorisation; for many lightings, and as the oracle", needs_reciprocity: false, settings: &[Setting::MemoryLimit], make: |s| Box::new(direct(s)) },
 ];
+
+fn gmres(settings: &SolverSettings) -> Gmres {
+    settings
+        .restart
+        .map_or_else(Gmres::default, |restart| Gmres { restart })
+}
+
+fn direct(settings: &SolverSettings) -> Direct {
+    let limit = settings.memory_limit_byte;
+    limit.map_or_else(Direct::default, |memory_limit_byte| Direct { memory_limit_byte })
+}
+
+fn auto(settings: &SolverSettings) -> Auto {
+    Auto {
+        gmres: gmres(settings),
+        direct: direct(settings),
+    }
+}
 
 /// Returns the solver of a name with the given settings.
 ///
 /// # Errors
-/// [`SolverError::UnknownSolver`].
+/// [`SolverError::UnknownSolver`], or [`SolverError::UnusedSetting`] if a setting is given that the solver has no use for.
 pub fn solver(name: &str, settings: &SolverSettings) -> Result<Box<dyn Solver>, SolverError> {
-    Ok(by_name(name)?.build(settings))
+    by_name(name)?.checked(settings)
 }
 
 /// Returns the entry of a name.
@@ -54,6 +123,29 @@ pub fn by_name(name: &str) -> Result<&'static SolverEntry, SolverError> {
 
 impl SolverEntry {
     /// Returns the solver with the given settings.
+    ///
+    /// # Errors
+    /// [`SolverError::UnusedSetting`] if a setting is given that the solver has no use for.
+    pub fn checked(&self, settings: &SolverSettings) -> Result<Box<dyn Solver>, SolverError> {
+        let unused = |s: &&Setting| s.is_given(settings) && !self.settings.contains(s);
+        if let Some(unused) = Setting::ALL.iter().find(unused) {
+            let users = SOLVERS.iter().filter(|solver| solver.settings.contains(unused));
+            return Err(SolverError::UnusedSetting {
+                flag: unused.flag(),
+                solver: self.name,
+                used_by: users.map(|s| s.name).collect::<Vec<_>>().join(", "),
+            });
+        }
+        Ok(self.build(settings))
+    }
+
+    /// Tells whether it needs symmetric exchange areas, or is better off with them.
+    #[must_use]
+    pub fn gains_by_reciprocity(&self) -> bool {
+        self.needs_reciprocity || self.name == "auto"
+    }
+
+    /// Returns the solver with the given settings; those that it has no use for are passed over.
     #[must_use]
     pub fn build(&self, settings: &SolverSettings) -> Box<dyn Solver> {
         (self.make)(settings)
@@ -72,5 +164,21 @@ mod tests {
         }
         let error = solver("magic", &SolverSettings::default()).err().unwrap().to_string();
         assert!(error.contains("`magic`") && error.contains("`pcg`"), "{error}");
+    }
+
+    #[test]
+    fn settings_that_do_nothing_are_refused() {
+        let settings = SolverSettings {
+            depth: NonZeroUsize::new(3),
+            ..SolverSettings::default()
+        };
+        let error = solver("pcg", &settings).err().unwrap();
+        let expected = SolverError::UnusedSetting {
+            flag: "--depth",
+            solver: "pcg",
+            used_by: "anderson".to_owned(),
+        };
+        assert_eq!(error, expected);
+        assert!(solver("anderson", &settings).is_ok());
     }
 }
