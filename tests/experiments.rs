@@ -227,7 +227,9 @@ fn a_table_of_the_paper_is_repeated_to_the_byte() {
 fn what_is_not_built_is_a_usage_error_that_says_what_is() {
     let directory = tempfile::tempdir().unwrap();
     for (arguments, expected) in [
-        (&["reproduce", "lewis"][..], "baranoski"),
+        (&["reproduce", "malgouyres"][..], "baranoski"),
+        (&["reproduce", "lewis", "--tables", "3"], "1 to 2"),
+        (&["reproduce", "lewis", "--seeds", "40"], "--seeds"),
         (&["reproduce", "baranoski", "--tables", "2"], "3 to 8"),
         (&["reproduce", "baranoski", "--seeds", "29"], "30"),
         (&["compare", "cube", "--methods", "sr,magic"], "gauss-lambert"),

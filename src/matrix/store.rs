@@ -48,6 +48,16 @@ pub(super) trait Store: Debug + Send + Sync {
     /// Adds Σ_{j ≠ `diagonal`} a_j x_j over the row to `sum` and returns a_`diagonal`.
     fn dot_off_diagonal(&self, row: usize, diagonal: usize, x: &Block, sum: &mut [f64]) -> f64;
 
+    /// Adds `factor` a_j to `sum[j]` over the row, and returns how many numbers of the row are stored.
+    fn add_row(&self, row: usize, factor: f64, sum: &mut [f64]) -> usize {
+        let mut n_stored = 0;
+        self.for_each(row, 0..sum.len(), &mut |j, value, _| {
+            sum[j] += factor * value;
+            n_stored += 1;
+        });
+        n_stored
+    }
+
     /// Returns how many numbers are not zero.
     fn n_nonzero(&self) -> usize;
 

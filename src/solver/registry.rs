@@ -1,11 +1,17 @@
 //! The solvers by name: one line each.
 
-use super::{GaussSeidel, Pcg, Solver, SolverError};
+use std::sync::Arc;
+
+use super::{GaussSeidel, Multigrid, Pcg, Solver, SolverError};
+use crate::mesh::Hierarchy;
 
 /// What a user may set; `None` is the solver's own default.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
-pub struct SolverSettings {}
+pub struct SolverSettings {
+    /// The levels of the mesh, for solvers that use coarser ones.
+    pub hierarchy: Option<Arc<Hierarchy>>,
+}
 
 /// A solver as the registry knows it.
 #[derive(Debug)]
@@ -23,6 +29,7 @@ pub struct SolverEntry {
 #[rustfmt::skip]
 pub const SOLVERS: &[SolverEntry] = &[
     SolverEntry { name: "gauss-seidel", summary: "Every patch in turn gathers from the newest radiosities", needs_reciprocity: false, make: |_| Box::new(GaussSeidel) },
+    SolverEntry { name: "multigrid", summary: "Gauss-Seidel, corrected on ever coarser levels of the mesh", needs_reciprocity: false, make: |s| Box::new(Multigrid { hierarchy: s.hierarchy.clone(), ..Multigrid::default() }) },
     SolverEntry { name: "pcg", summary: "Conjugate gradients preconditioned with V⁻¹ = ρ/A", needs_reciprocity: true, make: |_| Box::new(Pcg) },
 ];
 
