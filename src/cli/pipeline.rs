@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 use std::path::Path;
+use std::sync::Arc;
 
 use serde_json::{Value, json};
 
@@ -13,7 +14,7 @@ use crate::form_factor::registry::{self, Setting};
 use crate::form_factor::{FormFactorMethod, Input, MethodSettings, PairCounts};
 use crate::matrix::operator::Block;
 use crate::matrix::{BalanceReport, Checks, FormFactors, StorageChoice, Weighting};
-use crate::mesh::{Mesh, Patch, Subdivision};
+use crate::mesh::{Hierarchy, Mesh, Patch, Subdivision};
 use crate::plan::Plan;
 use crate::report::{StageTimes, memory_peak_byte};
 use crate::scene::{Material, Scene, Surface};
@@ -249,8 +250,8 @@ impl Run {
         computed: &Computed,
         args: &SolverArgs,
     ) -> Result<Solution, Failure> {
-        let plan = &mut prepared.plan;
-        let (reflectance, exitance) = materials_of_patches(&prepared.scene, &prepared.mesh, plan.n_channels);
+        let n_channels = prepared.plan.n_channels;
+        let (reflectance, exitance) = materials_of_patches(&prepared.scene, &prepared.mesh, n_channels);
         let entry = self.solver_entry(args)?;
         self.set("solver", entry.name);
         self.set("tolerance", args.tolerance);
@@ -262,7 +263,18 @@ impl Run {
             max_passes: args.max_passes,
             ..SolveOptions::default()
         };
-        let solver = entry.build(&SolverSettings::default());
+        let mut settings = SolverSettings::default();
+        if entry.uses_hierarchy() {
+            let hierarchy = self.times.time("levels", || Hierarchy::of_mesh(&prepared.mesh));
+            let sizes: Vec<String> = hierarchy.sizes().iter().map(ToString::to_string).collect();
+            prepared.plan.decide(
+                "levels",
+                sizes.join(", "),
+                "patches of the mesh, the finest level first".into(),
+            );
+            settings.hierarchy = Some(Arc::new(hierarchy));
+        }
+        let solver = entry.build(&settings);
         let solution = self.times.time("solve", || {
             solver.solve(&system, &options, &mut |_| std::ops::ControlFlow::Continue(()))
         })?;

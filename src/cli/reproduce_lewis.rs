@@ -24,7 +24,9 @@ const ROUNDS: usize = 7;
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
     if args.seeds.is_some() || args.seed.is_some() {
-        return Err(Failure::usage("--seeds and --seed are for `baranoski`; nothing in `lewis` is random"));
+        return Err(Failure::usage(
+            "--seeds and --seed are for `baranoski`; nothing in `lewis` is random",
+        ));
     }
     let tables = match &args.tables {
         None => lewis::TABLES.collect(),
@@ -104,7 +106,10 @@ fn files(tables: &[u8], results: &LewisResults) -> Result<Vec<(&'static str, Vec
         files.push(("table-2.csv", table_2_csv(results).to_csv().into_bytes()));
         files.push(("history.csv", history(results).to_csv().into_bytes()));
         files.push(("checks.csv", checks(results).to_csv().into_bytes()));
-        files.push(("figure-5.png", lewis::unfolded_png(4, &results.solution, 16).map_err(failure)?));
+        files.push((
+            "figure-5.png",
+            lewis::unfolded_png(4, &results.solution, 16).map_err(failure)?,
+        ));
         files.push(("figure-6.svg", plot(&figure_6(results))?));
         files.push(("convergence.svg", plot(&convergence(results))?));
     }
@@ -271,11 +276,23 @@ fn checks(results: &LewisResults) -> Table {
 }
 
 fn variants(results: &LewisResults) -> Table {
-    let mut table = Table::new(["form", "l = 1", "l = 2", "l = 3", "l = 4", "max |r| at l = 4, cycles 1 to 4"]);
+    let mut table = Table::new([
+        "form",
+        "l = 1",
+        "l = 2",
+        "l = 3",
+        "l = 4",
+        "max |r| at l = 4, cycles 1 to 4",
+    ]);
     for (variant, runs) in &results.variants {
         let mut cells = vec![variant.description().to_owned()];
-        cells.extend(runs.iter().map(|run| run.n_cycles.map_or("diverges".to_owned(), |n| n.to_string())));
-        let residuals = runs.last().map_or(&[][..], |run| &run.residuals[..run.residuals.len().min(4)]);
+        cells.extend(
+            runs.iter()
+                .map(|run| run.n_cycles.map_or("diverges".to_owned(), |n| n.to_string())),
+        );
+        let residuals = runs
+            .last()
+            .map_or(&[][..], |run| &run.residuals[..run.residuals.len().min(4)]);
         let shown: Vec<String> = residuals.iter().map(|r| format!("{r:.2e}")).collect();
         cells.push(shown.join(", "));
         table.push(cells);
@@ -284,7 +301,14 @@ fn variants(results: &LewisResults) -> Table {
 }
 
 fn by_levels(results: &LewisResults) -> Table {
-    let mut table = Table::new(["ε", "terms", "evaluations", "max error", "time by all pairs", "time by stored"]);
+    let mut table = Table::new([
+        "ε",
+        "terms",
+        "evaluations",
+        "max error",
+        "time by all pairs",
+        "time by stored",
+    ]);
     for run in &results.by_levels {
         table.push([
             format!("{:.0e}", run.epsilon),
@@ -300,12 +324,17 @@ fn by_levels(results: &LewisResults) -> Table {
 
 fn figure_6(results: &LewisResults) -> LinePlot {
     let of = |k: usize| {
-        let points = results.solvers.iter().map(|line| (line.n_patches as f64, line.times_s[k]));
+        let points = results
+            .solvers
+            .iter()
+            .map(|line| (line.n_patches as f64, line.times_s[k]));
         points.collect::<Vec<_>>()
     };
     let printed = |k: usize| {
         let lines = results.solvers.iter();
-        lines.filter_map(|line| Some((line.n_patches as f64, line.printed_times_s?[k]))).collect()
+        lines
+            .filter_map(|line| Some((line.n_patches as f64, line.printed_times_s?[k])))
+            .collect()
     };
     LinePlot {
         title: "Time of Gauss-Seidel and multigrid".to_owned(),

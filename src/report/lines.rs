@@ -46,7 +46,10 @@ impl LinePlot {
         let (plot, legend) = below.split_horizontally(WIDTH - LEGEND);
         let usable = |line: &[(f64, f64)]| -> Vec<(f64, f64)> {
             let in_range = |v: f64| v.is_finite() && v > 0.0;
-            line.iter().copied().filter(|&(x, y)| in_range(x) && in_range(y)).collect()
+            line.iter()
+                .copied()
+                .filter(|&(x, y)| in_range(x) && in_range(y))
+                .collect()
         };
         let all: Vec<(f64, f64)> = self.lines.iter().flat_map(|(_, line)| usable(line)).collect();
         let x_axis = LogAxis::covering(all.iter().map(|p| p.0));
@@ -99,10 +102,17 @@ mod tests {
             subtitle: "a < b".to_owned(),
             x_label: "passes".to_owned(),
             y_label: "residual".to_owned(),
-            lines: vec![("some".to_owned(), vec![(1.0, 1e-2), (2.0, 1e-4), (0.0, 1.0), (3.0, f64::NAN)])],
+            lines: vec![(
+                "some".to_owned(),
+                vec![(1.0, 1e-2), (2.0, 1e-4), (0.0, 1.0), (3.0, f64::NAN)],
+            )],
         };
         let svg = plot.to_svg().unwrap();
-        assert!(["title", "a &lt; b", "passes", "residual", "some"].iter().all(|text| svg.contains(text)));
+        assert!(
+            ["title", "a &lt; b", "passes", "residual", "some"]
+                .iter()
+                .all(|text| svg.contains(text))
+        );
         // Two points and the legend.
         assert_eq!(svg.matches("<circle").count(), 3);
         assert_eq!(svg, plot.to_svg().unwrap());

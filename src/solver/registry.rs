@@ -60,6 +60,12 @@ pub fn by_name(name: &str) -> Result<&'static SolverEntry, SolverError> {
 }
 
 impl SolverEntry {
+    /// Tells whether the solver uses [`SolverSettings::hierarchy`].
+    #[must_use]
+    pub fn uses_hierarchy(&self) -> bool {
+        self.name == "multigrid"
+    }
+
     /// Returns the solver with the given settings.
     #[must_use]
     pub fn build(&self, settings: &SolverSettings) -> Box<dyn Solver> {

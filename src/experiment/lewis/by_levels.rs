@@ -172,6 +172,9 @@ impl Gather<'_> {
             self.n_terms += 1;
             return k * mean;
         }
-        children(coarse, j).into_iter().map(|child| self.from(l + 1, child)).sum()
+        children(coarse, j)
+            .into_iter()
+            .map(|child| self.from(l + 1, child))
+            .sum()
     }
 }

@@ -2,8 +2,8 @@
 
 use serde::Serialize;
 
-use super::model::Room;
 use super::TOLERANCE;
+use super::model::Room;
 use crate::experiment::ExperimentError;
 use crate::matrix::Precision;
 
@@ -62,7 +62,7 @@ const MAX_CYCLES: usize = 100;
 
 /// Runs a variant at a level: plain matrices, one after the other, nothing shared with the solver `multigrid`.
 ///
-/// Prolongation is injection, the coarsest level has 20 sweeps of Gauss-Seidel, there is no smoothing in first recursive calls.
+/// Prolongation is injection (the solver's runs of table 2 have the bilinear one), the coarsest level has 20 sweeps of Gauss-Seidel, there is no smoothing in first recursive calls.
 ///
 /// # Errors
 /// [`ExperimentError::Matrix`] if form factors cannot be stored.

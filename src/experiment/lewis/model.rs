@@ -102,7 +102,13 @@ impl Room {
         if wall_i == wall_j {
             return 0.0;
         }
-        kernel(&self.centre(i), wall_i / 2, &j_room.centre(j), wall_j / 2, j_room.area())
+        kernel(
+            &self.centre(i),
+            wall_i / 2,
+            &j_room.centre(j),
+            wall_j / 2,
+            j_room.area(),
+        )
     }
 
     /// Returns F by equation (5), each row divided by α, its sum.

@@ -34,12 +34,14 @@ pub(super) const EXPECTED: [Expected; 6] = [
 ];
 
 /// max |r| after each cycle at l = 4, by the same program.
-pub(super) const MULTIGRID_RESIDUALS: [f64; 8] =
-    [5.571e-3, 6.029e-4, 7.661e-5, 1.081e-5, 1.492e-6, 2.035e-7, 2.769e-8, 3.763e-9];
+pub(super) const MULTIGRID_RESIDUALS: [f64; 8] = [
+    5.571e-3, 6.029e-4, 7.661e-5, 1.081e-5, 1.492e-6, 2.035e-7, 2.769e-8, 3.763e-9,
+];
 
 /// max |r| after each sweep of Gauss-Seidel at l = 4, by the same program.
 pub(super) const GAUSS_SEIDEL_RESIDUALS: [f64; 12] = [
-    3.253e-2, 1.361e-2, 6.770e-3, 3.221e-3, 1.470e-3, 6.583e-4, 2.922e-4, 1.291e-4, 5.695e-5, 2.509e-5, 1.104e-5, 4.861e-6,
+    3.253e-2, 1.361e-2, 6.770e-3, 3.221e-3, 1.470e-3, 6.583e-4, 2.922e-4, 1.291e-4, 5.695e-5, 2.509e-5, 1.104e-5,
+    4.861e-6,
 ];
 
 /// Means of the solution over the walls at l = 0, 3 and 4, by the same program.

@@ -77,7 +77,9 @@ impl Neighbours {
             if parents[group].is_some() {
                 continue;
             }
-            let free = self.borders[group].iter().filter(|&(&other, _)| parents[other as usize].is_none());
+            let free = self.borders[group]
+                .iter()
+                .filter(|&(&other, _)| parents[other as usize].is_none());
             let flat = free.filter(|&(&other, _)| self.may_join(group, other as usize));
             let partner = flat.fold(None, |best: Option<(u32, f64)>, (&other, &length)| match best {
                 Some((_, longest)) if longest >= length => best,

@@ -31,7 +31,11 @@ impl Cuts {
         let parent = |k: usize| {
             let own = coarse.0.partition_point(|&cut| cut <= self.0[k]) - 1;
             let from_middle = self.middle(k) - coarse.middle(own);
-            let side = if from_middle > 0.0 { own.checked_add(1) } else { own.checked_sub(1) };
+            let side = if from_middle > 0.0 {
+                own.checked_add(1)
+            } else {
+                own.checked_sub(1)
+            };
             let neighbour = side.filter(|&j| j < coarse.n() && from_middle.abs() > 0.0).map(|j| {
                 let weight = from_middle / (coarse.middle(j) - coarse.middle(own));
                 (j, weight)
@@ -92,12 +96,20 @@ impl FaceCells {
     /// Calls `visit` with the parent of every cell in turn, and the coarse cells and weights of its bilinear value.
     pub(super) fn for_each_parent(&self, coarse: &Self, mut visit: impl FnMut(u32, &[(u32, f64)])) {
         match (self, coarse) {
-            (Self::Quad { u, v }, Self::Quad { u: coarse_u, v: coarse_v }) => {
+            (
+                Self::Quad { u, v },
+                Self::Quad {
+                    u: coarse_u,
+                    v: coarse_v,
+                },
+            ) => {
                 let (in_u, in_v) = (u.parents(coarse_u), v.parents(coarse_v));
                 let index = |i: usize, j: usize| count(j * coarse_u.n() + i);
                 for in_v in &in_v {
                     for in_u in &in_u {
-                        let pairs = in_v.weights().flat_map(|(j, w)| in_u.weights().map(move |(i, v)| (i, j, v * w)));
+                        let pairs = in_v
+                            .weights()
+                            .flat_map(|(j, w)| in_u.weights().map(move |(i, v)| (i, j, v * w)));
                         let stencil: Vec<_> = pairs.map(|(i, j, weight)| (index(i, j), weight)).collect();
                         visit(index(in_u.own, in_v.own), &stencil);
                     }

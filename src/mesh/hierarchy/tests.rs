@@ -27,7 +27,12 @@ fn parts_halve_and_odd_ones_merge_three_in_one_place() {
 
 #[test]
 fn every_patch_is_the_union_of_its_children() {
-    for (name, n) in [("lewis-room", 5), ("cornell-box", 6), ("corridor", 7), ("sphere-room-r1", 1)] {
+    for (name, n) in [
+        ("lewis-room", 5),
+        ("cornell-box", 6),
+        ("corridor", 7),
+        ("sphere-room-r1", 1),
+    ] {
         let mesh = mesh(name, (name == "lewis-room").then_some(1), n);
         let hierarchy = Hierarchy::of_mesh(&mesh);
         let mut areas = mesh.areas();
@@ -55,7 +60,10 @@ fn every_patch_is_the_union_of_its_children() {
 fn walls_of_single_faces_become_as_coarse_as_walls() {
     let hierarchy = Hierarchy::of_mesh(&mesh("lewis-room", Some(3), 1));
     assert_eq!(hierarchy.sizes(), [384, 96, 24, 6]);
-    assert_eq!(Hierarchy::of_mesh(&mesh("lewis-room", Some(0), 8)).sizes(), [384, 96, 24, 6]);
+    assert_eq!(
+        Hierarchy::of_mesh(&mesh("lewis-room", Some(0), 8)).sizes(),
+        [384, 96, 24, 6]
+    );
     let sphere = mesh("sphere-room-r2", None, 1);
     let sizes = Hierarchy::of_mesh(&sphere).sizes();
     assert!(sizes[0] == 992 && *sizes.last().unwrap() <= 6 + 16, "{sizes:?}");

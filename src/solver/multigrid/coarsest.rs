@@ -64,11 +64,6 @@ impl Factored {
         (self.n * self.n) as f64
     }
 
-    /// Returns the memory of the factors.
-    pub(super) fn stored_byte(&self) -> usize {
-        8 * self.n * self.n
-    }
-
     /// Returns the multiplications of the factorisation, n³ / 3.
     pub(super) fn setup_multiply_adds(&self) -> f64 {
         (self.n as f64).powi(3) / 3.0

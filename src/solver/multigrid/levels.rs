@@ -107,7 +107,11 @@ impl<'a> Levels<'a> {
     /// d = R (u − K u − f), minus the restricted residual. All shapes are \[c\]\[n\] or \[c\]\[m\].
     pub(super) fn correction(&self, u: &[Vec<f64>], f: &[Vec<f64>]) -> Vec<Vec<f64>> {
         let step = &self.hierarchy.levels()[0];
-        let mut d: Vec<Vec<f64>> = u.iter().zip(f).map(|(u, f)| step.restricted(&difference(u, f))).collect();
+        let mut d: Vec<Vec<f64>> = u
+            .iter()
+            .zip(f)
+            .map(|(u, f)| step.restricted(&difference(u, f)))
+            .collect();
         self.restricted.subtract_product(u, &mut d);
         let channels = d.iter().enumerate();
         channels.map(|(c, d)| self.twice(0, c, d)).collect()
@@ -179,17 +183,6 @@ impl<'a> Levels<'a> {
             };
         };
         level.matrix.multiply_adds() + 2.0 * (level.restricted.multiply_adds() + self.twice_multiply_adds(k + 1))
-    }
-
-    /// Returns the memory of all matrices.
-    pub(super) fn stored_byte(&self) -> usize {
-        let between = self.between.iter();
-        let levels: usize = between.map(|l| l.matrix.stored_byte() + l.restricted.stored_byte()).sum();
-        let bottom = match &self.bottom {
-            Bottom::Direct(channels) => channels.iter().map(Factored::stored_byte).sum(),
-            Bottom::Sweeps(matrix, _) => matrix.stored_byte(),
-        };
-        self.restricted.stored_byte() + levels + bottom
     }
 }
 

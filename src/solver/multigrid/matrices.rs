@@ -8,8 +8,8 @@ use crate::mesh::hierarchy::Coarsening;
 /// The share of entries that are not zero from which a row is kept in full: then it takes as much memory as with its columns.
 const DENSE_FROM: f64 = 2.0 / 3.0;
 
-/// Rows that one thread multiplies at a time at least.
-const ROWS_PER_TASK: usize = 16;
+/// Multiplications for which a further thread is worth its start.
+const TERMS_PER_TASK: usize = 1 << 16;
 
 /// One row: all of its numbers, or those that are not zero with their columns.
 struct Row {
@@ -62,10 +62,6 @@ impl Row {
                 found.map_or(0.0, |place| self.values[place])
             }
         }
-    }
-
-    fn stored_byte(&self) -> usize {
-        size_of_val(&*self.values) + self.columns.as_ref().map_or(0, |columns| size_of_val(&**columns))
     }
 }
 
@@ -279,11 +275,17 @@ impl Matrix {
 
     /// Subtracts K x from y, channel by channel; rows are shared out to threads.
     pub(super) fn subtract_product(&self, x: &[Vec<f64>], y: &mut [Vec<f64>]) {
-        let product = |i: usize| -> Vec<f64> { (0..self.n_channels).map(|c| self.dot(i, c, &x[c])).collect() };
-        let rows = (0..self.n_rows()).into_par_iter().with_min_len(ROWS_PER_TASK);
-        let products: Vec<Vec<f64>> = rows.map(product).collect();
-        for (i, of_channels) in products.iter().enumerate() {
-            for (y, product) in y.iter_mut().zip(of_channels) {
+        let (n_rows, n_columns) = (self.n_rows(), x.first().map_or(1, Vec::len));
+        let mut products = vec![0.0; n_rows * self.n_channels];
+        let rows = products.par_chunks_mut(self.n_channels).enumerate();
+        let least = (TERMS_PER_TASK / n_columns.max(1)).max(1);
+        rows.with_min_len(least).for_each(|(i, row)| {
+            for (c, product) in row.iter_mut().enumerate() {
+                *product = self.dot(i, c, &x[c]);
+            }
+        });
+        for (i, row) in products.chunks(self.n_channels).enumerate() {
+            for (y, product) in y.iter_mut().zip(row) {
                 y[i] -= product;
             }
         }
@@ -291,12 +293,12 @@ impl Matrix {
 
     /// Returns the multiplications that K x takes, the mean over the channels.
     pub(super) fn multiply_adds(&self) -> f64 {
-        let entries: usize = self.slots.iter().map(|slot| self.rows[slot.row as usize].values.len()).sum();
+        let entries: usize = self
+            .slots
+            .iter()
+            .map(|slot| self.rows[slot.row as usize].values.len())
+            .sum();
         entries as f64 / self.n_channels as f64
-    }
-
-    pub(super) fn stored_byte(&self) -> usize {
-        self.rows.iter().map(Row::stored_byte).sum()
     }
 }
 
@@ -306,7 +308,9 @@ mod tests {
 
     #[test]
     fn sums_do_not_depend_on_how_a_row_is_kept() {
-        let values: Vec<f64> = (0..37).map(|j| if j % 3 == 0 { 0.0 } else { 1.0 / f64::from(j) }).collect();
+        let values: Vec<f64> = (0..37)
+            .map(|j| if j % 3 == 0 { 0.0 } else { 1.0 / f64::from(j) })
+            .collect();
         let x: Vec<f64> = (0..37).map(|j| f64::from(j) - 3.5).collect();
         let expected: f64 = values.iter().zip(&x).map(|(a, x)| a * x).sum();
         let sparse = Row::new(values.clone());

@@ -300,7 +300,10 @@ impl Forecast {
 
     fn correct(&mut self, truth: &Norms) {
         if let Some(forecast) = &self.forecast {
-            let ratios = truth.map_with(forecast, |true_norm, norm| if norm > 0.0 { true_norm / norm } else { 1.0 });
+            let ratios = truth.map_with(
+                forecast,
+                |true_norm, norm| if norm > 0.0 { true_norm / norm } else { 1.0 },
+            );
             let worst = ratios.l2.iter().chain(&ratios.max).copied().fold(1.0, f64::max);
             self.correction = self.correction.max(1.0) * worst;
         }
