@@ -11,7 +11,7 @@ use super::Outcome;
 use super::args::{DirectName, ImageArgs, RenderArgs};
 use super::failure::Failure;
 use super::form_factors::{checks_to_json, describe_checks};
-use super::pipeline::{Computed, Prepared, Run, materials_of_patches};
+use super::pipeline::{Computed, Fineness, Prepared, Run, materials_of_patches};
 use super::{output, solve};
 use crate::geometry::sampling::Sequence;
 use crate::matrix::operator::{Block, LinearOperator};
@@ -42,6 +42,9 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     output::expect_possible(&args.output)?;
     let mut prepared = run.prepare(&args.scene, args.mesh, default_subdivision)?;
     let view = view(&args.image, &args.scene, &prepared.scene)?;
+    if settings.direct != DirectMethod::Off {
+        run.warn_of_narrow_gaps(&prepared);
+    }
     let solved = solve_scene(&mut run, &mut prepared, args, settings.direct)?;
     if settings.direct == DirectMethod::Off {
         prepared
@@ -141,7 +144,12 @@ fn solve_scene(
         });
     }
     let needs_symmetry = run.solver_entry(&args.solver)?.needs_reciprocity;
-    let computed = run.form_factors(prepared, &args.method, DEFAULT_RAYS, needs_symmetry)?;
+    let fineness = Fineness {
+        default_rays: DEFAULT_RAYS,
+        tolerance: args.form_factor_tolerance,
+        tolerance_name: "form_factor_tolerance",
+    };
+    let computed = run.form_factors(prepared, &args.method, fineness, needs_symmetry)?;
     let solution = run.solve(prepared, &computed, &args.solver)?;
     let indirect_irradiance = with_direct.then(|| {
         run.times

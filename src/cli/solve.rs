@@ -8,7 +8,7 @@ use super::args::SolveArgs;
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::form_factors::{DEFAULT_RAYS, checks_to_json, describe_checks};
-use super::pipeline::{Prepared, Run, materials_of_patches};
+use super::pipeline::{Fineness, Prepared, Run, materials_of_patches};
 use super::{Outcome, output, reuse};
 use crate::mesh::Subdivision;
 use crate::report::form_factors::FormFactorFile;
@@ -31,7 +31,14 @@ pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
     let mut prepared = run.prepare(&args.scene, mesh_args, |_| Subdivision::Uniform(1))?;
     let needs_symmetry = run.solver_entry(&args.solver)?.needs_reciprocity;
     let computed = match &file {
-        None => run.form_factors(&mut prepared, &args.method, DEFAULT_RAYS, needs_symmetry)?,
+        None => {
+            let fineness = Fineness {
+                default_rays: DEFAULT_RAYS,
+                tolerance: args.form_factor_tolerance,
+                tolerance_name: "form_factor_tolerance",
+            };
+            run.form_factors(&mut prepared, &args.method, fineness, needs_symmetry)?
+        }
         Some(file) => {
             let result = reuse::form_factors(&mut run, &mut prepared, file, &args.scene)?;
             run.repaired(&mut prepared, result, args.method.balance, needs_symmetry)?

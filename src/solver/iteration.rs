@@ -145,7 +145,5 @@ pub(super) fn run<I: Iteration>(
         last
     });
     let counts = (n_passes, n_checks);
-    Ok(Solution::new(
-        scaled, radiosity, truth, tolerance, gave_up, counts, recorder,
-    ))
+    Solution::new(scaled, radiosity, truth, tolerance, gave_up, counts, recorder)
 }
