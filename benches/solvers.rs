@@ -17,7 +17,10 @@ const N_ROUNDS: usize = 9;
 
 fn main() {
     let level_max = std::env::args().find_map(|argument| argument.parse().ok()).unwrap_or(5);
-    println!("multigrid (Galerkin, direct coarsest level) by gauss-seidel, {} threads", rayon::current_num_threads());
+    println!(
+        "multigrid (Galerkin, direct coarsest level) by gauss-seidel, {} threads",
+        rayon::current_num_threads()
+    );
     println!(
         "{:>2} {:>6} {:>12} {:>12} {:>12} {:>7} {:>11} {:>7}",
         "l", "N", "gs", "mg", "setup", "mg/gs", "with setup", "cycles"
@@ -31,7 +34,8 @@ fn compare(level: u32) {
     let room = Room { level };
     let precision = if level < 6 { Precision::F64 } else { Precision::F32 };
     let factors = room.form_factors(precision).expect("a sound matrix");
-    let system = RadiositySystem::new(&factors, room.areas(), room.reflectance(), room.exitance()).expect("a sound system");
+    let system =
+        RadiositySystem::new(&factors, room.areas(), room.reflectance(), room.exitance()).expect("a sound system");
     let multigrid = Multigrid {
         hierarchy: Some(Arc::new(room.hierarchy())),
         prolongation: Prolongation::Injection,
@@ -47,7 +51,9 @@ fn compare(level: u32) {
         for (k, solver) in [&GaussSeidel as &dyn Solver, &multigrid].into_iter().enumerate() {
             let (mut total_s, mut setup_s) = (0.0, 0.0);
             for _ in 0..repeats {
-                let solution = solver.solve(&system, &options, &mut |_| ControlFlow::Continue(())).expect("solved");
+                let solution = solver
+                    .solve(&system, &options, &mut |_| ControlFlow::Continue(()))
+                    .expect("solved");
                 total_s += solution.history.last().map_or(f64::NAN, |last| last.time_s);
                 setup_s += solution.setup_s;
                 cycles = solution.n_passes;

@@ -326,7 +326,7 @@ impl Run {
             prepared.plan.decide(
                 "levels",
                 sizes.join(", "),
-                "patches of the mesh, the finest level first".into(),
+                "patches of the mesh, the finest level first",
             );
             settings.hierarchy = Some(Arc::new(hierarchy));
         }

@@ -120,12 +120,12 @@ impl Hierarchy {
             let coarse: Vec<FaceCells> = faces.iter().map(FaceCells::coarsened).collect();
             let (mut parents, mut stencils) = (Vec::new(), Vec::new());
             let mut first = 0;
-            for (fine, coarse) in faces.iter().zip(&coarse) {
-                fine.for_each_parent(coarse, |parent, stencil| {
+            for (fine, merged) in faces.iter().zip(&coarse) {
+                fine.for_each_parent(merged, |parent, stencil| {
                     parents.push(first + parent);
                     stencils.push(stencil.iter().map(|&(k, w)| (first + k, w)).collect::<Vec<_>>());
                 });
-                first += count(coarse.n_cells());
+                first += count(merged.n_cells());
             }
             let level = Coarsening::new(parents, Some(&stencils), &areas);
             areas = level.restricted_sums(&areas);

@@ -8,7 +8,13 @@
 //! stopping tests and all setup out, as his times do. Times are ours: the median of alternating runs to the same tolerance, each with one check of the true residual, on
 //! the machine that the report names; "with setup" adds the restricted matrices, which one thread or several make.
 //!
-//! Figure 2 is the algorithm; [`run_variant`] runs what a reader may make of it. Section 7 is tried by [`product_by_levels`].
+//! Figure 2 is the algorithm; [`run_variant`] runs what a reader may make of it, at l = 1 to 4: repaired it takes 4, 4, 4, 4 cycles; with line 12 as printed (Jacobi) 7, 6, 6, 6; with
+//! the sign of an ordinary defect 50, 7, 51, 7, which a test at even l alone would miss; with v = 0 before the second recursive call too 4, 5, 4, 4, so that counts alone do
+//! not tell; with coarse rows that do not sum to 1 it diverges at l = 1 and 2, and grows to 1e47 at l = 4 before the sweeps take over.
+//!
+//! Section 7, K u by levels, is tried by [`product_by_levels`] at l = 4: for errors of at most 2e-3, 2e-4 and 8e-6 W·m⁻² (of radiosities of 0.02 to 1.1) it evaluates 0.25, 0.91 and 1.10 as many form factors as there are
+//! pairs, in 0.5, 1.8 and 1.9 of the time of evaluating all pairs, and 36, 131 and 135 times that of a product with the stored matrix (one thread, one run each, `radiosity reproduce lewis`).
+//! His negative finding stands: at an accuracy that the solution needs (2.5e-5) the light of a room this small varies too much over patches for coarse ones to replace them, and the search costs as much as what it finds.
 
 mod by_levels;
 mod figure_2;

@@ -148,6 +148,7 @@ impl Room {
         let storage = StorageChoice {
             layout: Layout::Dense,
             precision,
+            ..StorageChoice::default()
         };
         let tiles = (0..n).step_by(ROWS_PER_TILE).map(tile);
         Ok(FormFactors::from_tiles(self.areas(), tiles, storage)?)

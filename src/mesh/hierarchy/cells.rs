@@ -105,13 +105,13 @@ impl FaceCells {
             ) => {
                 let (in_u, in_v) = (u.parents(coarse_u), v.parents(coarse_v));
                 let index = |i: usize, j: usize| count(j * coarse_u.n() + i);
-                for in_v in &in_v {
-                    for in_u in &in_u {
-                        let pairs = in_v
+                for above in &in_v {
+                    for beside in &in_u {
+                        let pairs = above
                             .weights()
-                            .flat_map(|(j, w)| in_u.weights().map(move |(i, v)| (i, j, v * w)));
+                            .flat_map(|(j, w_v)| beside.weights().map(move |(i, w_u)| (i, j, w_u * w_v)));
                         let stencil: Vec<_> = pairs.map(|(i, j, weight)| (index(i, j), weight)).collect();
-                        visit(index(in_u.own, in_v.own), &stencil);
+                        visit(index(beside.own, above.own), &stencil);
                     }
                 }
             }

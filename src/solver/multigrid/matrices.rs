@@ -70,8 +70,8 @@ fn dot(a: &[f64], x: &[f64]) -> f64 {
     let ((a_eights, a_rest), (x_eights, x_rest)) = (a.as_chunks::<8>(), x.as_chunks::<8>());
     let mut lanes = [0.0; 8];
     for (a, x) in a_eights.iter().zip(x_eights) {
-        for l in 0..8 {
-            lanes[l] += a[l] * x[l];
+        for ((lane, a), x) in lanes.iter_mut().zip(a).zip(x) {
+            *lane += a * x;
         }
     }
     let rest: f64 = a_rest.iter().zip(x_rest).map(|(a, x)| a * x).sum();

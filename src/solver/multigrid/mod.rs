@@ -14,6 +14,7 @@ use super::scaled::{Norms, Scaled, TrueResidual};
 use super::{HistoryEntry, RadiositySystem, Solution, SolveOptions, Solver, SolverError};
 use crate::matrix::FormFactors;
 use crate::matrix::operator::{Block, RowAccess};
+use crate::mesh::hierarchy::Coarsening;
 use crate::mesh::{Hierarchy, Prolongation};
 use levels::Levels;
 
@@ -95,7 +96,7 @@ impl Multigrid {
             });
         }
         let mut hierarchy = (**hierarchy).clone();
-        let n_coarsest = hierarchy.levels().last().map(|level| level.n_coarse());
+        let n_coarsest = hierarchy.levels().last().map(Coarsening::n_coarse);
         let galerkin = matches!(self.coarse_matrices, CoarseMatrices::Galerkin);
         if n_coarsest.is_none() || (n_coarsest > Some(COARSEST_MAX) && galerkin && self.coarsest == Coarsest::Direct) {
             let mut labels: Vec<u32> = system.components().labels.clone();
