@@ -166,8 +166,8 @@ struct Cycles<'a> {
     before: Block,
     /// f of each channel.
     exitance: Vec<Vec<f64>>,
-    /// Whether light gets to a patch: 1 or 0, \[c\]\[n\]; `None` where it gets everywhere.
-    lit: Option<Vec<Vec<f64>>>,
+    /// Whether a patch can shine by reflection: it reflects, and light gets to it, \[c n\]. The others are right after the sweep.
+    corrects: Vec<bool>,
     forecast: Forecast,
 }
 
@@ -182,7 +182,9 @@ impl<'a> Cycles<'a> {
         start: Instant,
     ) -> Self {
         let lit = lit_patches(scaled);
-        let partly = lit.iter().flatten().any(|&x| x < 1.0);
+        let reflects = channels(scaled.system.reflectance());
+        let bright = lit.iter().flatten().zip(reflects.iter().flatten());
+        let corrects: Vec<bool> = bright.map(|(&lit, &rho)| lit > 0.0 && rho > 0.0).collect();
         let physical = levels.as_ref().is_none_or(|levels| levels.is_physical(&lit));
         let setup = levels.as_ref().map_or_else(Setup::default, |levels| Setup {
             work: levels.setup_multiply_adds / levels.n_of_f.max(1.0),
@@ -199,7 +201,7 @@ impl<'a> Cycles<'a> {
             radiosity: options.start.radiosity(scaled),
             before: scaled.zeros(),
             exitance: channels(&scaled.exitance),
-            lit: partly.then_some(lit),
+            corrects,
             forecast: Forecast::default(),
         }
     }
@@ -220,9 +222,10 @@ impl Iteration for Cycles<'_> {
         let u = channels(&self.radiosity);
         let v = levels.correction(&u, &self.exitance);
         let step = &self.hierarchy.levels()[0];
-        for i in 0..self.radiosity.n_rows() {
+        let n = self.radiosity.n_rows();
+        for i in 0..n {
             for (c, b) in self.radiosity.row_mut(i).iter_mut().enumerate() {
-                if self.lit.as_ref().is_none_or(|lit| lit[c][i] > 0.0) {
+                if self.corrects[c * n + i] {
                     let correction = step.prolonged(self.settings.prolongation, &v[c], i);
                     // Not `max`, which would hide what is not a number.
                     *b -= correction;
