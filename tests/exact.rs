@@ -91,7 +91,10 @@ fn a_room_with_a_floating_box_is_within_tolerance_and_estimate_of_its_certified_
                     let most = tolerance * areas[i].min(areas[j]) / areas[i];
                     // The values are certified to 1e-10; estimates are stored as f32.
                     assert!(error <= most + 2e-10, "{i} {j} {tolerance:e}: {error:e}");
-                    assert!(error <= 1.000_001 * factors.std_error(i, j) + 2e-10, "{i} {j}: {error:e}");
+                    assert!(
+                        error <= 1.000_001 * factors.std_error(i, j) + 2e-10,
+                        "{i} {j}: {error:e}"
+                    );
                 }
             }
         }
@@ -122,7 +125,11 @@ fn a_cube_is_exact_to_rounding() {
 fn closed_scenes_lose_nothing_and_a_tighter_tolerance_agrees() {
     for seed in 0..6 {
         let scene = random_scene(seed);
-        for (place, scene) in places(&scene).into_iter().enumerate().take(if seed == 0 { 5 } else { 1 }) {
+        for (place, scene) in places(&scene)
+            .into_iter()
+            .enumerate()
+            .take(if seed == 0 { 5 } else { 1 })
+        {
             let prepared = Prepared::new(scene, 1);
             let loose = compute(&prepared, 1e-5).factors;
             let tight = compute(&prepared, 1e-7).factors;
@@ -132,7 +139,10 @@ fn closed_scenes_lose_nothing_and_a_tighter_tolerance_agrees() {
                 for j in 0..n {
                     let off = (loose.get(i, j) - tight.get(i, j)).abs();
                     let known = loose.std_error(i, j) + tight.std_error(i, j);
-                    assert!(off <= 1.000_001 * known + 1e-12, "{seed} {place} {i} {j}: {off:e} {known:e}");
+                    assert!(
+                        off <= 1.000_001 * known + 1e-12,
+                        "{seed} {place} {i} {j}: {off:e} {known:e}"
+                    );
                     sum += tight.get(i, j);
                     error += tight.std_error(i, j);
                 }
@@ -165,7 +175,10 @@ fn random_scenes_agree_with_rays_in_f64() {
             visibility: &visibility,
             unoccluded: false,
         };
-        let sampled = shooting.compute(input, StorageChoice::default(), &Silent).unwrap().factors;
+        let sampled = shooting
+            .compute(input, StorageChoice::default(), &Silent)
+            .unwrap()
+            .factors;
         for i in 0..factors.n_rows() {
             for j in 0..factors.n_rows() {
                 let f = factors.get(i, j);
@@ -197,7 +210,10 @@ fn parts_sum_to_the_whole() {
                 for k in 0..whole.form_factor.len() {
                     let off = (whole.form_factor[k] - by_surface.form_factor[k]).abs();
                     let known = whole.error[k] + by_surface.error[k];
-                    assert!(off <= 1.000_001 * known + 1e-13, "{n} {tolerance:e} {k}: {off:e} {known:e}");
+                    assert!(
+                        off <= 1.000_001 * known + 1e-13,
+                        "{n} {tolerance:e} {k}: {off:e} {known:e}"
+                    );
                 }
             }
         }
@@ -342,7 +358,10 @@ fn a_spent_budget_is_told_and_the_estimates_still_hold() {
     for i in 0..12 {
         for j in 0..12 {
             let off = (spent.factors.get(i, j) - tight.get(i, j)).abs();
-            assert!(off <= 1.000_001 * spent.factors.std_error(i, j) + 1e-8, "{i} {j}: {off:e}");
+            assert!(
+                off <= 1.000_001 * spent.factors.std_error(i, j) + 1e-8,
+                "{i} {j}: {off:e}"
+            );
         }
     }
 }

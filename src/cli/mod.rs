@@ -12,6 +12,7 @@ mod pipeline;
 mod progress;
 mod render;
 mod reproduce;
+mod reproduce_lewis;
 mod reuse;
 mod scene;
 mod solve;
