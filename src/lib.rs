@@ -65,7 +65,7 @@
 //!     Block::from_values(mesh.patches.iter().map(of_patch).collect(), 1)
 //! };
 //! let system = RadiositySystem::new(&factors, mesh.areas(), grey(|m| m.reflectance[0]), grey(|m| m.exitance[0]))?;
-//! let pcg = solver::by_name("pcg").ok_or("no such solver")?;
+//! let pcg = solver::solver("pcg", &solver::SolverSettings::default())?;
 //! let solution = pcg.solve(&system, &SolveOptions::default(), &mut |_| ControlFlow::Continue(()))?;
 //!
 //! assert_eq!(solution.stop_reason, StopReason::Converged);
@@ -86,6 +86,7 @@ pub mod embree;
 pub mod experiment;
 pub mod form_factor;
 pub mod geometry;
+mod in_order;
 pub mod matrix;
 pub mod mesh;
 pub mod notation;

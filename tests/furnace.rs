@@ -14,9 +14,10 @@ use radiosity::matrix::{FormFactors, StorageChoice, Weighting};
 use radiosity::mesh::{Mesh, Subdivision};
 use radiosity::progress::Silent;
 use radiosity::scene::builtin;
-use radiosity::solver::{self, RadiositySystem, SolveOptions, StopReason, Tolerance};
+use radiosity::solver::{RadiositySystem, SolveOptions, StopReason, Tolerance};
 use radiosity::visibility::embree::EmbreeVisibility;
 use support::rooms::{Prepared, Shapes, names, quick};
+use support::solving::by_name;
 
 const RHO: f64 = 0.7;
 const EXITANCE: f64 = 2.5;
@@ -52,7 +53,7 @@ fn worst_radiosity(factors: &FormFactors, solvers: &[&str]) -> f64 {
     };
     let mut worst: f64 = 0.0;
     for name in solvers {
-        let solver = solver::by_name(name).unwrap();
+        let solver = by_name(name);
         let solution = solver
             .solve(&system, &options, &mut |_| ControlFlow::Continue(()))
             .unwrap();

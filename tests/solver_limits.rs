@@ -12,8 +12,8 @@ use std::ops::ControlFlow;
 
 use radiosity::matrix::operator::Block;
 use radiosity::matrix::{FormFactors, Weighting};
-use radiosity::solver::{self, HistoryEntry, RadiositySystem, SolveOptions, SolverError, Start, StopReason};
-use support::solving::{all, constant, l2, random_materials, run, system};
+use radiosity::solver::{HistoryEntry, RadiositySystem, SolveOptions, SolverError, Start, StopReason};
+use support::solving::{all, by_name, constant, l2, random_materials, run, system};
 use support::{LewisRoom, Uniform, bits, dense, matrix, random_room, relative_error, solve_direct};
 
 /// The same light at any unit of length and power: neither squares nor tolerances depend on it.
@@ -85,11 +85,7 @@ fn nearly_white_rooms() {
         let reflectance = (0..60).map(|_| 1.0 - 2.0 * dark * uniform.next()).collect();
         let reflectance = Block::from_values(reflectance, 1);
         let expected = solve_direct(&dense(&f), &reflectance, &exitance);
-        let solution = run(
-            solver::by_name("pcg").unwrap(),
-            &system(&f, &reflectance, &exitance),
-            &l2(1e-6),
-        );
+        let solution = run(by_name("pcg"), &system(&f, &reflectance, &exitance), &l2(1e-6));
         assert_eq!(solution.stop_reason, StopReason::Converged);
         assert!(
             solution.n_passes <= 12,
@@ -183,7 +179,7 @@ fn white_rooms_have_no_finite_solution_where_they_are_lit() {
     );
     let open = matrix(&[1.0; 2], &[vec![0.0, 0.99], vec![0.99, 0.0]]);
     let white = RadiositySystem::new(&open, vec![1.0; 2], constant(2, 1.0), constant(2, 1.0));
-    let solution = run(solver::by_name("gauss-seidel").unwrap(), &white.unwrap(), &l2(1e-12));
+    let solution = run(by_name("gauss-seidel"), &white.unwrap(), &l2(1e-12));
     assert!(
         (solution.radiosity.values()[0] / 100.0 - 1.0).abs() < 1e-9,
         "light leaves an open white room"
@@ -216,7 +212,7 @@ fn conjugate_gradients_refuse_what_is_not_reciprocal() {
     let room = LewisRoom::new(1);
     let f = room.form_factors();
     let system = system(&f, &room.reflectance, &room.exitance);
-    let pcg = solver::by_name("pcg").unwrap();
+    let pcg = by_name("pcg");
     let refusal = pcg.solve(&system, &l2(1e-6), &mut |_| ControlFlow::Continue(()));
     assert_eq!(refusal.unwrap_err(), SolverError::NeedsReciprocity { solver: "pcg" });
 }
@@ -233,11 +229,7 @@ fn row_sums_above_one_are_found_out() {
     let mut emission = vec![0.0; 40];
     emission[0] = 1.0;
     let exitance = Block::from_values(emission, 1);
-    let definite = run(
-        solver::by_name("pcg").unwrap(),
-        &system(&f, &constant(40, 0.98), &exitance),
-        &l2(1e-6),
-    );
+    let definite = run(by_name("pcg"), &system(&f, &constant(40, 0.98), &exitance), &l2(1e-6));
     assert_eq!(definite.stop_reason, StopReason::Converged);
     for solver in all() {
         let solution = run(solver, &system(&f, &constant(40, 0.99), &exitance), &l2(1e-6));
@@ -274,11 +266,7 @@ fn noise_is_not_called_convergence() {
         allow_nonreciprocal: true,
         ..l2(1e-11)
     };
-    let solution = run(
-        solver::by_name("pcg").unwrap(),
-        &system(&f, &reflectance, &exitance),
-        &options,
-    );
+    let solution = run(by_name("pcg"), &system(&f, &reflectance, &exitance), &options);
     assert_eq!(solution.stop_reason, StopReason::Stagnated);
     assert!(solution.residual_l2 > 1e-11);
     let expected = solve_direct(&dense(&f), &reflectance, &exitance);

@@ -105,6 +105,15 @@ impl MeshArgs {
     }
 }
 
+/// Reads the name of a solver; help lists those that the registry has.
+fn solver_name() -> impl TypedValueParser<Value = String> {
+    PossibleValuesParser::new(
+        crate::solver::registry::SOLVERS
+            .iter()
+            .map(|solver| PossibleValue::new(solver.name).help(solver.summary)),
+    )
+}
+
 /// Reads the name of a form-factor method; help lists those that the registry has.
 fn method_name() -> impl TypedValueParser<Value = String> {
     PossibleValuesParser::new(
@@ -150,7 +159,7 @@ pub enum BalanceName {
 #[command(next_help_heading = "Form factors")]
 pub struct MethodArgs {
     /// The method
-    #[arg(long, value_name = "NAME", value_parser = method_name(), default_value = "sr")]
+    #[arg(long, value_name = "NAME", value_parser = method_name(), default_value = "exact")]
     pub method: String,
     /// Rays for each patch, with sr and sg [default: 4096; render: 16384], or for each pair, with qmc [default: 64]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
@@ -167,6 +176,9 @@ pub struct MethodArgs {
     /// Where the numbers of sr and sg come from [default: sobol]
     #[arg(long, value_enum)]
     pub sequence: Option<SequenceName>,
+    /// Evaluations for one pair of patches after which exact goes on to the next [default: 10000000]
+    #[arg(long, value_name = "N")]
+    pub budget: Option<NonZeroUsize>,
     /// Seed of all numbers
     #[arg(long, value_name = "S", default_value_t = 0)]
     pub seed: u64,
@@ -187,6 +199,9 @@ pub struct FormFactorsArgs {
     /// A surface by name: with `-o F.vtu`, the form factor from each patch to it
     #[arg(long, value_name = "NAME", requires = "output")]
     pub surface: Option<String>,
+    /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-6]
+    #[arg(long, value_name = "T", value_parser = parse_positive)]
+    pub tolerance: Option<f64>,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub mesh: MeshArgs,
@@ -198,34 +213,13 @@ pub struct FormFactorsArgs {
     pub common: CommonArgs,
 }
 
-/// The solvers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
-#[serde(rename_all = "kebab-case")]
-pub enum SolverName {
-    /// Gauss-Seidel
-    GaussSeidel,
-    /// Conjugate gradients preconditioned with V⁻¹ = ρ/A
-    Pcg,
-}
-
-impl SolverName {
-    /// Returns the name in the registry of solvers.
-    #[must_use]
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Self::GaussSeidel => "gauss-seidel",
-            Self::Pcg => "pcg",
-        }
-    }
-}
-
 /// How the system is solved.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Solver")]
 pub struct SolverArgs {
     /// The solver
-    #[arg(long, value_enum, default_value_t = SolverName::Pcg)]
-    pub solver: SolverName,
+    #[arg(long, value_name = "NAME", default_value = "pcg", value_parser = solver_name())]
+    pub solver: String,
     /// Tolerance on sqrt(Σ A r² / Σ A E²), worst channel
     #[arg(long, value_name = "T", default_value_t = 1e-6)]
     pub tolerance: f64,
@@ -244,8 +238,11 @@ pub struct SolveArgs {
     #[arg(short, long, value_name = "B.csv")]
     pub output: Option<PathBuf>,
     /// Form factors that `form-factors -o` wrote, instead of computing them; they know how the scene was cut into patches
-    #[arg(long, value_name = "F.npz", conflicts_with_all = ["method", "rays", "points", "sequence", "seed", "resolution", "normalise"])]
+    #[arg(long, value_name = "F.npz", conflicts_with_all = ["method", "rays", "points", "sequence", "seed", "resolution", "normalise", "budget", "form_factor_tolerance"])]
     pub form_factors: Option<PathBuf>,
+    /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-6]
+    #[arg(long, value_name = "T", value_parser = parse_positive)]
+    pub form_factor_tolerance: Option<f64>,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub mesh: MeshArgs,
@@ -370,6 +367,9 @@ pub struct RenderArgs {
     /// The image to write; a PNG preview goes beside it
     #[arg(short, long, value_name = "IMAGE.exr")]
     pub output: PathBuf,
+    /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-6]
+    #[arg(long, value_name = "T", value_parser = parse_positive)]
+    pub form_factor_tolerance: Option<f64>,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub image: ImageArgs,

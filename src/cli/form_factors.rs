@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use super::args::FormFactorsArgs;
 use super::exit_code::ExitCode;
 use super::failure::Failure;
-use super::pipeline::{Computed, Prepared, Run};
+use super::pipeline::{Computed, Fineness, Prepared, Run};
 use super::{Outcome, output};
 use crate::matrix::SurfaceFormFactors;
 use crate::mesh::Subdivision;
@@ -31,7 +31,14 @@ pub(super) fn run(args: &FormFactorsArgs) -> Result<Outcome, Failure> {
         .as_deref()
         .map(|name| surface_named(&prepared.scene, name))
         .transpose()?;
-    let computed = run.form_factors(&mut prepared, &args.method, DEFAULT_RAYS, false)?;
+    let computed = {
+        let fineness = Fineness {
+            default_rays: DEFAULT_RAYS,
+            tolerance: args.tolerance,
+            tolerance_name: "tolerance",
+        };
+        run.form_factors(&mut prepared, &args.method, fineness, false)?
+    };
     let surfaces = run.times.time("surfaces", || {
         let surface_of_patch: Vec<u32> = prepared.mesh.patches.iter().map(|p| p.surface.0).collect();
         computed

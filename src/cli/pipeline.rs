@@ -17,8 +17,11 @@ use crate::mesh::{Mesh, Patch, Subdivision};
 use crate::plan::Plan;
 use crate::report::{StageTimes, memory_peak_byte};
 use crate::scene::{Material, Scene, Surface};
-use crate::solver::{self, RadiositySystem, Solution, SolveOptions, StopReason, Tolerance};
+use crate::solver::registry::SolverEntry;
+use crate::solver::{self, RadiositySystem, Solution, SolveOptions, SolverSettings, StopReason, Tolerance};
+use crate::visibility::Visibility as _;
 use crate::visibility::embree::EmbreeVisibility;
+use crate::visibility::gaps::narrowest_gap;
 
 /// A run of one command: settings, clock, progress.
 pub(super) struct Run {
@@ -27,6 +30,7 @@ pub(super) struct Run {
     pub(super) times: StageTimes,
     pub(super) progress: Bars,
     pub(super) settings: serde_json::Map<String, Value>,
+    has_looked_at_gaps: bool,
 }
 
 /// A scene with its patches, ready for ray queries.
@@ -47,6 +51,17 @@ pub(super) struct Computed {
     pub(super) tolerance_met: bool,
 }
 
+/// How finely form factors are computed, as far as commands differ in it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Fineness {
+    /// Rays for each patch unless `--rays` says otherwise.
+    pub(super) default_rays: u64,
+    /// The tolerance asked for.
+    pub(super) tolerance: Option<f64>,
+    /// What it is called among the settings.
+    pub(super) tolerance_name: &'static str,
+}
+
 /// Row sums are restored to far below the noise, or as far as so many passes go.
 const BALANCE_TOLERANCE: f64 = 1e-10;
 const BALANCE_PASSES: usize = 200;
@@ -59,6 +74,7 @@ impl Run {
             times: StageTimes::default(),
             progress: Bars::new(common.quiet),
             settings: serde_json::Map::new(),
+            has_looked_at_gaps: false,
         }
     }
 
@@ -109,6 +125,14 @@ impl Run {
             .times
             .time("ray_tracer", || EmbreeVisibility::new(&scene))
             .map_err(|error| Failure::new("embree", error.to_string()))?;
+        if let Some(&face) = visibility.vanished_faces().first() {
+            self.warn(&format!(
+                "{}:{}: this face and {} more are too small, beside the size of the scene, for rays to hit them",
+                path.display(),
+                scene.faces[face.0 as usize].line,
+                visibility.vanished_faces().len() - 1
+            ));
+        }
         Ok(Prepared {
             scene,
             plan,
@@ -122,10 +146,10 @@ impl Run {
         &mut self,
         prepared: &mut Prepared,
         args: &MethodArgs,
-        default_rays: u64,
+        fineness: Fineness,
         needs_symmetry: bool,
     ) -> Result<Computed, Failure> {
-        let method = self.method(args, default_rays)?;
+        let method = self.method(args, fineness)?;
         let input = Input {
             scene: &prepared.scene,
             unoccluded: prepared.plan.convex_and_empty,
@@ -135,7 +159,32 @@ impl Run {
         let result = self.times.time("form_factors", || {
             method.compute(input, StorageChoice::default(), &self.progress)
         })?;
+        let of_pairs = result.pairs.map_or(0, |pairs| pairs.n_rays);
+        if of_pairs > 0 || result.factors.tallies().iter().any(|tally| tally.n_rays > 0) {
+            self.warn_of_narrow_gaps(prepared);
+        }
         self.repaired(prepared, result, args.balance, needs_symmetry)
+    }
+
+    /// Warns if rays start too far off the faces to see what lies in the narrowest gap.
+    pub(super) fn warn_of_narrow_gaps(&mut self, prepared: &Prepared) {
+        if std::mem::replace(&mut self.has_looked_at_gaps, true) {
+            return;
+        }
+        let (scene, offset) = (&prepared.scene, prepared.visibility.offset());
+        let Some(gap) = narrowest_gap(scene, offset) else {
+            return;
+        };
+        let [first, second] = gap.faces.map(|id| {
+            let face = &scene.faces[id.0 as usize];
+            let name = &scene.surfaces[face.surface.0 as usize].name;
+            format!("`{name}` (line {})", face.line)
+        });
+        self.warn(&format!(
+            "{first} and {second} are {:.2e} m apart, and rays start {offset:.2e} m off a face: light between them is lost or blurred; \
+             use a method without rays, or model the gap in a scene of its own",
+            gap.width
+        ));
     }
 
     /// Makes form factors symmetric where that is asked for, and checks them.
@@ -203,16 +252,18 @@ impl Run {
         })
     }
 
-    fn method(&mut self, args: &MethodArgs, default_rays: u64) -> Result<Box<dyn FormFactorMethod>, Failure> {
+    fn method(&mut self, args: &MethodArgs, fineness: Fineness) -> Result<Box<dyn FormFactorMethod>, Failure> {
         let entry = registry::by_name(&args.method)?;
         // The direct pass of a render takes its numbers from there too.
         let sequence_is_elsewhere = self.command == "render" && !entry.settings.contains(&Setting::Sequence);
         let settings = entry.resolve(&MethodSettings {
-            rays: args.rays.or(entry.shoots().then_some(default_rays)),
+            rays: args.rays.or(entry.shoots().then_some(fineness.default_rays)),
             points: args.points,
             resolution: args.resolution,
             normalise: args.normalise,
             sequence: args.sequence.filter(|_| !sequence_is_elsewhere).map(Into::into),
+            tolerance: fineness.tolerance,
+            budget: args.budget,
             seed: args.seed,
         })?;
         self.set("method", entry.name);
@@ -232,7 +283,19 @@ impl Run {
         if let Some(sequence) = settings.sequence {
             self.set("sequence", json!(sequence));
         }
+        if let Some(tolerance) = settings.tolerance {
+            self.set(fineness.tolerance_name, tolerance);
+        }
+        if let Some(budget) = settings.budget {
+            self.set("budget", budget.get());
+        }
         Ok(entry.build(&settings))
+    }
+
+    /// Returns the solver that is asked for.
+    #[expect(clippy::unused_self, reason = "a choice of this run")]
+    pub(super) fn solver_entry(&self, args: &SolverArgs) -> Result<&'static SolverEntry, Failure> {
+        Ok(solver::registry::by_name(&args.solver)?)
     }
 
     /// Solves the radiosity system of a scene.
@@ -244,8 +307,8 @@ impl Run {
     ) -> Result<Solution, Failure> {
         let plan = &mut prepared.plan;
         let (reflectance, exitance) = materials_of_patches(&prepared.scene, &prepared.mesh, plan.n_channels);
-        let name = args.solver.as_str();
-        self.set("solver", name);
+        let entry = self.solver_entry(args)?;
+        self.set("solver", entry.name);
         self.set("tolerance", args.tolerance);
         self.set("max_passes", args.max_passes);
         let areas = computed.factors.areas().to_vec();
@@ -255,9 +318,7 @@ impl Run {
             max_passes: args.max_passes,
             ..SolveOptions::default()
         };
-        let Some(solver) = solver::by_name(name) else {
-            return Err(Failure::usage(format!("there is no solver `{name}`")));
-        };
+        let solver = entry.build(&SolverSettings::default());
         let solution = self.times.time("solve", || {
             solver.solve(&system, &options, &mut |_| std::ops::ControlFlow::Continue(()))
         })?;

@@ -8,10 +8,10 @@ use glam::DVec3;
 use serde_json::{Value, json};
 
 use super::Outcome;
-use super::args::{DirectName, ImageArgs, RenderArgs, SolverName};
+use super::args::{DirectName, ImageArgs, RenderArgs};
 use super::failure::Failure;
 use super::form_factors::{checks_to_json, describe_checks};
-use super::pipeline::{Computed, Prepared, Run, materials_of_patches};
+use super::pipeline::{Computed, Fineness, Prepared, Run, materials_of_patches};
 use super::{output, solve};
 use crate::geometry::sampling::Sequence;
 use crate::matrix::operator::{Block, LinearOperator};
@@ -42,6 +42,9 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     output::expect_possible(&args.output)?;
     let mut prepared = run.prepare(&args.scene, args.mesh, default_subdivision)?;
     let view = view(&args.image, &args.scene, &prepared.scene)?;
+    if settings.direct != DirectMethod::Off {
+        run.warn_of_narrow_gaps(&prepared);
+    }
     let solved = solve_scene(&mut run, &mut prepared, args, settings.direct)?;
     if settings.direct == DirectMethod::Off {
         prepared
@@ -79,7 +82,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     })?;
     run.progress.finish();
 
-    let mut result = solve::to_json(&prepared, solved.solver, &solved.solution);
+    let mut result = solve::to_json(&prepared, &solved.solver, &solved.solution);
     result["form_factors"] = solved.computed.as_ref().map_or(Value::Null, checks_to_json);
     result["image"] = json!(args.output.display().to_string());
     result["preview"] = json!(preview.display().to_string());
@@ -92,7 +95,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     if let Some(computed) = &solved.computed {
         describe_checks(&mut text, computed);
     }
-    solve::describe(&mut text, &prepared, solved.solver, &solved.solution);
+    solve::describe(&mut text, &prepared, &solved.solver, &solved.solution);
     run.describe_times(&mut text);
     let _ = writeln!(
         text,
@@ -111,7 +114,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
 
 /// What the picture is made from.
 struct Solved {
-    solver: &'static str,
+    solver: String,
     solution: Solution,
     /// The form factors, unless they were not needed.
     computed: Option<Computed>,
@@ -134,21 +137,26 @@ fn solve_scene(
         let (_, exitance) = materials_of_patches(&prepared.scene, &prepared.mesh, prepared.plan.n_channels);
         let dark = Block::zeros(exitance.n_rows(), exitance.n_channels());
         return Ok(Solved {
-            solver: solve::NO_SOLVER,
+            solver: solve::NO_SOLVER.to_owned(),
             solution: Solution::without_reflection(exitance),
             computed: None,
             indirect_irradiance: Some(dark),
         });
     }
-    let needs_symmetry = args.solver.solver == SolverName::Pcg;
-    let computed = run.form_factors(prepared, &args.method, DEFAULT_RAYS, needs_symmetry)?;
+    let needs_symmetry = run.solver_entry(&args.solver)?.needs_reciprocity;
+    let fineness = Fineness {
+        default_rays: DEFAULT_RAYS,
+        tolerance: args.form_factor_tolerance,
+        tolerance_name: "form_factor_tolerance",
+    };
+    let computed = run.form_factors(prepared, &args.method, fineness, needs_symmetry)?;
     let solution = run.solve(prepared, &computed, &args.solver)?;
     let indirect_irradiance = with_direct.then(|| {
         run.times
             .time("solve", || indirect_irradiance(prepared, &computed, &solution))
     });
     Ok(Solved {
-        solver: args.solver.solver.as_str(),
+        solver: args.solver.solver.clone(),
         solution,
         computed: Some(computed),
         indirect_irradiance,

@@ -4,11 +4,11 @@ use std::fmt::Write as _;
 
 use serde_json::{Value, json};
 
-use super::args::{SolveArgs, SolverName};
+use super::args::SolveArgs;
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::form_factors::{DEFAULT_RAYS, checks_to_json, describe_checks};
-use super::pipeline::{Prepared, Run, materials_of_patches};
+use super::pipeline::{Fineness, Prepared, Run, materials_of_patches};
 use super::{Outcome, output, reuse};
 use crate::mesh::Subdivision;
 use crate::report::form_factors::FormFactorFile;
@@ -29,9 +29,16 @@ pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
         .as_ref()
         .map_or(Ok(args.mesh), |file| reuse::mesh_args(file, args.mesh))?;
     let mut prepared = run.prepare(&args.scene, mesh_args, |_| Subdivision::Uniform(1))?;
-    let needs_symmetry = args.solver.solver == SolverName::Pcg;
+    let needs_symmetry = run.solver_entry(&args.solver)?.needs_reciprocity;
     let computed = match &file {
-        None => run.form_factors(&mut prepared, &args.method, DEFAULT_RAYS, needs_symmetry)?,
+        None => {
+            let fineness = Fineness {
+                default_rays: DEFAULT_RAYS,
+                tolerance: args.form_factor_tolerance,
+                tolerance_name: "form_factor_tolerance",
+            };
+            run.form_factors(&mut prepared, &args.method, fineness, needs_symmetry)?
+        }
         Some(file) => {
             let result = reuse::form_factors(&mut run, &mut prepared, file, &args.scene)?;
             run.repaired(&mut prepared, result, args.method.balance, needs_symmetry)?
@@ -51,7 +58,7 @@ pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
         run.times.time("write", || report.write(path))?;
     }
     run.progress.finish();
-    let mut result = to_json(&prepared, args.solver.solver.as_str(), &solution);
+    let mut result = to_json(&prepared, &args.solver.solver, &solution);
     result["form_factors"] = checks_to_json(&computed);
     let document = run.document(&prepared, result);
     let mut text = run.explanation(&prepared);
@@ -62,7 +69,7 @@ pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
         prepared.scene.surfaces.len()
     );
     describe_checks(&mut text, &computed);
-    describe(&mut text, &prepared, args.solver.solver.as_str(), &solution);
+    describe(&mut text, &prepared, &args.solver.solver, &solution);
     run.describe_times(&mut text);
     if let Some(path) = &args.output {
         let _ = writeln!(text, "wrote {}", path.display());

@@ -1,5 +1,7 @@
 //! What a solver sees of the form factors: a linear operator on blocks of vectors.
 
+use super::DiskError;
+
 /// n rows by c channels of f64, row-major: the channel runs fastest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Block {
@@ -92,6 +94,14 @@ pub trait LinearOperator: Sync {
     fn components(&self) -> Option<Components> {
         None
     }
+
+    /// Returns what went wrong first when the operator was read from a disk, or `None`.
+    ///
+    /// From then on `apply` and the rows may yield NaN. A [`RadiositySystem`](crate::solver::RadiositySystem) asks
+    /// for it, and so does every solver before it returns.
+    fn failure(&self) -> Option<&DiskError> {
+        None
+    }
 }
 
 /// A partition of the patches into sets that exchange no light with one another.
@@ -118,4 +128,7 @@ impl Components {
 pub trait RowAccess: Sync {
     /// Adds Σ_{j≠i} F_ij x_j to `sum` (one entry per channel) and returns F_ii.
     fn dot_off_diagonal(&self, i: usize, x: &Block, sum: &mut [f64]) -> f64;
+
+    /// Calls `visit` with j and F_ij for every entry of row i that may not be 0, j ascending.
+    fn visit_row(&self, i: usize, visit: &mut dyn FnMut(usize, f64));
 }

@@ -2,6 +2,8 @@
 
 use thiserror::Error;
 
+use crate::matrix::DiskError;
+
 /// Why a radiosity system was refused.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
@@ -70,10 +72,21 @@ pub enum SolverError {
         /// The solver's name.
         solver: &'static str,
     },
+    /// A name that no solver has.
+    #[error("there is no solver `{name}`; known are {known}")]
+    UnknownSolver {
+        /// The name.
+        name: String,
+        /// The names there are.
+        known: String,
+    },
     /// A tolerance that is not a positive, finite number.
     #[error("the tolerance {value} is not positive and finite")]
     Tolerance {
         /// The tolerance.
         value: f64,
     },
+    /// The form factors could not be read from their disk.
+    #[error(transparent)]
+    Disk(#[from] DiskError),
 }

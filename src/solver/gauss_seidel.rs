@@ -2,10 +2,9 @@
 
 use std::ops::ControlFlow;
 
-use super::history::{HistoryEntry, Recorder};
-use super::scaled::Scaled;
-use super::stop::{StopReason, Watch, worst};
-use super::{RadiositySystem, Solution, SolveOptions, Solver, SolverError, Start};
+use super::iteration::{self, Estimate, Iteration};
+use super::scaled::{Scaled, TrueResidual};
+use super::{HistoryEntry, RadiositySystem, Solution, SolveOptions, Solver, SolverError};
 use crate::matrix::operator::{Block, RowAccess};
 
 /// Gauss-Seidel iteration, all channels together.
@@ -35,73 +34,45 @@ impl Solver for GaussSeidel {
         options: &SolveOptions,
         monitor: &mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>,
     ) -> Result<Solution, SolverError> {
-        let tolerance = options.tolerance.validated()?;
         let Some(rows) = system.operator().rows() else {
             return Err(SolverError::NeedsRows { solver: self.name() });
         };
         let scaled = Scaled::new(system);
-        let mut recorder = Recorder::new(monitor);
-        let mut watch = Watch::new(options.patience);
-        let mut radiosity = start(&scaled, options.start);
-        let mut before = scaled.zeros();
-        let mut truth = None;
-        let (mut n_passes, mut n_checks) = (0, 0);
-        let mut gave_up = StopReason::MaxPasses;
-        let dark = (0..system.n_channels()).all(|c| scaled.is_dark(c));
-        while n_passes < options.max_passes && !dark {
-            sweep(&scaled, rows, &mut radiosity, &mut before);
-            n_passes += 1;
-            let mut norms = scaled.norms(&before);
-            truth = None;
-            if worst(&tolerance.excess(&norms)) <= 1.0 {
-                n_checks += 1;
-                norms = truth.insert(scaled.true_residual(&radiosity)).norms.clone();
-            }
-            let goes_on = recorder.note(n_passes, &norms, truth.is_none());
-            let excess = worst(&tolerance.excess(&norms));
-            if excess <= 1.0 {
-                break;
-            }
-            if let Some(reason) = watch.observe(excess) {
-                gave_up = reason;
-                break;
-            }
-            if !goes_on {
-                gave_up = StopReason::Interrupted;
-                break;
-            }
-        }
-        let truth = truth.unwrap_or_else(|| {
-            n_checks += 1;
-            let last = scaled.true_residual(&radiosity);
-            recorder.note(n_passes, &last.norms, false);
-            last
-        });
-        let counts = (n_passes, n_checks);
-        Ok(Solution::new(
-            &scaled, radiosity, truth, tolerance, gave_up, counts, recorder,
-        ))
+        let sweeps = Sweeps {
+            scaled: &scaled,
+            rows,
+            radiosity: options.start.radiosity(&scaled),
+            before: scaled.zeros(),
+        };
+        iteration::run(&scaled, options, monitor, sweeps)
     }
 }
 
-fn start(scaled: &Scaled, start: Start) -> Block {
-    if start == Start::Zero {
-        return scaled.zeros();
+struct Sweeps<'a> {
+    scaled: &'a Scaled<'a>,
+    rows: &'a dyn RowAccess,
+    radiosity: Block,
+    /// The residual that each patch had just before its update.
+    before: Block,
+}
+
+impl Iteration for Sweeps<'_> {
+    const NEEDS_RESIDUAL: bool = false;
+
+    fn pass(&mut self, _excess: &[f64]) -> Estimate {
+        sweep(self.scaled, self.rows, &mut self.radiosity, &mut self.before);
+        Estimate::Running(self.scaled.norms(&self.before))
     }
-    let mut radiosity = start.irradiance(scaled);
-    let terms = scaled
-        .exitance
-        .values()
-        .iter()
-        .zip(scaled.system.reflectance().values());
-    for (b, (e, rho)) in radiosity.values_mut().iter_mut().zip(terms) {
-        *b = e + rho * *b;
+
+    fn radiosity(&self) -> Block {
+        self.radiosity.clone()
     }
-    radiosity
+
+    fn restart(&mut self, _truth: &TrueResidual) {}
 }
 
 /// Updates all patches in order; `before` receives the residual that each had just before its update.
-fn sweep(scaled: &Scaled, rows: &dyn RowAccess, radiosity: &mut Block, before: &mut Block) {
+pub(super) fn sweep(scaled: &Scaled, rows: &dyn RowAccess, radiosity: &mut Block, before: &mut Block) {
     let reflectance = scaled.system.reflectance();
     let mut gathered = vec![0.0; reflectance.n_channels()];
     for i in 0..scaled.areas.len() {

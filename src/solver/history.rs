@@ -5,54 +5,130 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::scaled::Norms;
+use super::scaled::{Norms, Scaled};
 use super::stop::worst;
+use crate::matrix::operator::Block;
 
-/// The residual after one pass, the worst channel of each norm.
+/// The state after one pass, the worst channel of each norm.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct HistoryEntry {
     /// The number of passes done; 0 is the start.
     pub pass: usize,
-    /// Wall time since the start, s.
+    /// Wall time since the start, s, without what is spent on this history itself.
     pub time_s: f64,
+    /// The work so far, in passes over F; checks of the true residual are not counted.
+    pub work: f64,
     /// sqrt(Σ A r² / Σ A E²).
     pub residual_l2: f64,
     /// max |r_i A_i|, W.
     pub residual_max_power: f64,
+    /// max |r_i|, W·m⁻².
+    pub residual_max: f64,
     /// True where the solver's own running estimate stands in for the residual: each solver says what it estimates.
     /// False where the residual was calculated from the radiosities themselves.
     pub estimated: bool,
+    /// The errors, where a reference solution is known.
+    #[serde(flatten, skip_serializing_if = "Option::is_none")]
+    pub errors: Option<Errors>,
+}
+
+/// Errors of radiosities B against a reference B*, the worst channel.
+///
+/// Source: Baranoski, Bramley and Shirley 1995, equations (27) and (28). Departures: none.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Errors {
+    /// sqrt(Σ A (B* − B)² / Σ A), W·m⁻².
+    pub error_rms: f64,
+    /// sqrt(Σ (B* − B)² / Σ (B* − E)²): the share of the reflected light that is wrong (Goertler); 0 where nothing is reflected and nothing is wrong.
+    pub error_goertler: f64,
 }
 
 /// Keeps the history and tells the caller's monitor.
 pub(super) struct Recorder<'a> {
     start: Instant,
+    /// Time that went into the history.
+    overhead_s: f64,
+    work: f64,
+    /// B* in solver units.
+    reference: Option<Block>,
+    scaled: &'a Scaled<'a>,
     monitor: &'a mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>,
     pub(super) entries: Vec<HistoryEntry>,
 }
 
 impl<'a> Recorder<'a> {
-    pub(super) fn new(monitor: &'a mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>) -> Self {
+    /// `reference`: B*, W·m⁻², \[n, c\].
+    #[track_caller]
+    pub(super) fn new(
+        scaled: &'a Scaled<'a>,
+        reference: Option<&Block>,
+        monitor: &'a mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>,
+    ) -> Self {
+        let shape = (scaled.system.n_patches(), scaled.system.n_channels());
+        assert!(
+            reference.is_none_or(|b| (b.n_rows(), b.n_channels()) == shape),
+            "the reference has one row per patch and as many channels as the system"
+        );
         Self {
             start: Instant::now(),
+            overhead_s: 0.0,
+            work: 0.0,
+            reference: reference.map(|b| scaled.from_si(b.clone())),
+            scaled,
             monitor,
             entries: Vec::new(),
         }
     }
 
-    /// Notes the state after a pass, in place of what was noted for the same pass before. Returns false if the caller asks to stop.
-    pub(super) fn note(&mut self, pass: usize, norms: &Norms, estimated: bool) -> bool {
+    /// Notes the state after a pass of so much `work`, in place of what was noted for the same pass before. Returns false if the
+    /// caller asks to stop.
+    pub(super) fn note(
+        &mut self,
+        pass: usize,
+        work: f64,
+        norms: &Norms,
+        estimated: bool,
+        radiosity: impl FnOnce() -> Block,
+    ) -> bool {
+        let now_s = self.start.elapsed().as_secs_f64();
+        self.work += work;
         let entry = HistoryEntry {
             pass,
-            time_s: self.start.elapsed().as_secs_f64(),
+            time_s: now_s - self.overhead_s,
+            work: self.work,
             residual_l2: worst(&norms.l2),
             residual_max_power: worst(&norms.max_power),
+            residual_max: worst(&norms.max),
             estimated,
+            errors: self.reference.as_ref().map(|b| errors(self.scaled, b, &radiosity())),
         };
         if self.entries.last().is_some_and(|last| last.pass == pass) {
             self.entries.pop();
         }
         self.entries.push(entry);
-        (self.monitor)(&entry).is_continue()
+        let goes_on = (self.monitor)(&entry).is_continue();
+        self.overhead_s += self.start.elapsed().as_secs_f64() - now_s;
+        goes_on
+    }
+}
+
+fn errors(scaled: &Scaled, reference: &Block, radiosity: &Block) -> Errors {
+    let n_channels = radiosity.n_channels();
+    let total_area: f64 = scaled.areas.iter().sum();
+    let (mut rms, mut goertler) = (vec![0.0; n_channels], vec![0.0; n_channels]);
+    for c in 0..n_channels {
+        let (mut weighted, mut wrong, mut reflected) = (0.0, 0.0, 0.0);
+        for (i, area) in scaled.areas.iter().enumerate() {
+            let (b, b_ref, e) = (radiosity.row(i)[c], reference.row(i)[c], scaled.exitance.row(i)[c]);
+            weighted += area * (b_ref - b).powi(2);
+            wrong += (b_ref - b).powi(2);
+            reflected += (b_ref - e).powi(2);
+        }
+        rms[c] = (weighted / total_area).sqrt() * scaled.system.exitance_units()[c];
+        goertler[c] = if wrong > 0.0 { (wrong / reflected).sqrt() } else { wrong };
+    }
+    Errors {
+        error_rms: worst(&rms),
+        error_goertler: worst(&goertler),
     }
 }

@@ -1,14 +1,16 @@
 //! Solvers of the radiosity system B = E + diag(ρ) F B.
 //!
-//! A [`RadiositySystem`] holds a validated system, a [`Solver`] turns it into a [`Solution`]; solvers are found by
-//! name with [`by_name`]. Every solution carries the true residual of the radiosities that are returned, however the solver kept
+//! A [`RadiositySystem`] holds a validated system, a [`Solver`] turns it into a [`Solution`]; the [`registry`] finds solvers by
+//! name. Every solution carries the true residual of the radiosities that are returned, however the solver kept
 //! its own accounts, and a bound of their error.
 
 mod error;
 mod error_bound;
 mod gauss_seidel;
 mod history;
+mod iteration;
 mod pcg;
+pub mod registry;
 mod scaled;
 mod solution;
 mod start;
@@ -18,8 +20,9 @@ mod system;
 pub use crate::matrix::operator;
 pub use error::SolverError;
 pub use gauss_seidel::GaussSeidel;
-pub use history::HistoryEntry;
+pub use history::{Errors, HistoryEntry};
 pub use pcg::Pcg;
+pub use registry::{SolverSettings, solver};
 pub use solution::Solution;
 pub use start::Start;
 pub use stop::{StopReason, Tolerance};
@@ -27,9 +30,11 @@ pub use system::RadiositySystem;
 
 use std::ops::ControlFlow;
 
+use crate::matrix::operator::Block;
+
 /// What all solvers can be told.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SolveOptions {
+pub struct SolveOptions<'a> {
     /// What has to become small, and how small.
     pub tolerance: Tolerance,
     /// Passes that may be spent; each reads all of F once.
@@ -41,9 +46,11 @@ pub struct SolveOptions {
     pub start: Start,
     /// Lets solvers that need symmetric exchange areas run without, at the caller's risk: the true residual tells what came of it.
     pub allow_nonreciprocal: bool,
+    /// B*, W·m⁻², \[n, c\], where it is known: the history then tells the errors against it.
+    pub reference: Option<&'a Block>,
 }
 
-impl Default for SolveOptions {
+impl Default for SolveOptions<'_> {
     /// 1e-6 on the relative residual, 1000 passes, a patience of 50, start B = E, symmetric exchange areas required where needed.
     fn default() -> Self {
         Self {
@@ -52,6 +59,7 @@ impl Default for SolveOptions {
             patience: 50,
             start: Start::default(),
             allow_nonreciprocal: false,
+            reference: None,
         }
     }
 }
@@ -69,25 +77,11 @@ pub trait Solver: Sync {
     ///
     /// # Errors
     /// [`SolverError::Tolerance`] for a tolerance that is not positive and finite; [`SolverError::NeedsReciprocity`] and
-    /// [`SolverError::NeedsRows`] if the form factors lack what the solver needs.
+    /// [`SolverError::NeedsRows`] if the form factors lack what the solver needs; [`SolverError::Disk`] if they cannot be read.
     fn solve(
         &self,
         system: &RadiositySystem,
         options: &SolveOptions,
         monitor: &mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>,
     ) -> Result<Solution, SolverError>;
-}
-
-/// The registry: all solvers there are.
-static SOLVERS: [&dyn Solver; 2] = [&GaussSeidel, &Pcg];
-
-/// Returns the solver of a name, or `None` if there is none.
-#[must_use]
-pub fn by_name(name: &str) -> Option<&'static dyn Solver> {
-    SOLVERS.iter().copied().find(|solver| solver.name() == name)
-}
-
-/// Iterates over the names of all solvers.
-pub fn names() -> impl Iterator<Item = &'static str> {
-    SOLVERS.iter().map(|solver| solver.name())
 }

@@ -2,10 +2,9 @@
 
 use std::ops::ControlFlow;
 
-use super::history::{HistoryEntry, Recorder};
-use super::scaled::Scaled;
-use super::stop::{StopReason, Watch, worst};
-use super::{RadiositySystem, Solution, SolveOptions, Solver, SolverError};
+use super::iteration::{self, Estimate, Iteration};
+use super::scaled::{Scaled, TrueResidual};
+use super::{HistoryEntry, RadiositySystem, Solution, SolveOptions, Solver, SolverError};
 use crate::matrix::operator::Block;
 
 /// Conjugate gradients on the symmetrised system, preconditioned with its diagonal, all channels together.
@@ -33,9 +32,6 @@ use crate::matrix::operator::Block;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Pcg;
 
-/// A check of the true residual after which it has not fallen below this share of the one before has gained nothing.
-const GAIN: f64 = 0.5;
-
 impl Solver for Pcg {
     fn name(&self) -> &'static str {
         "pcg"
@@ -47,7 +43,6 @@ impl Solver for Pcg {
         options: &SolveOptions,
         monitor: &mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>,
     ) -> Result<Solution, SolverError> {
-        let tolerance = options.tolerance.validated()?;
         let reciprocal = system.operator().reciprocal_areas();
         if reciprocal.is_none() && !options.allow_nonreciprocal {
             return Err(SolverError::NeedsReciprocity { solver: self.name() });
@@ -57,59 +52,16 @@ impl Solver for Pcg {
             || scaled.areas.clone(),
             |areas| areas.iter().map(|a| a / system.area_unit()).collect(),
         );
-        let mut recorder = Recorder::new(monitor);
-        let mut watch = Watch::new(options.patience);
-        let mut state = State::new(&scaled, options.start.irradiance(&scaled));
-        let (mut n_passes, mut n_checks) = (0, 0);
-        let mut gave_up = None;
-        let mut checked_before = f64::INFINITY;
-        loop {
-            let radiosity = state.radiosity();
-            let truth = scaled.true_residual(&radiosity);
-            n_checks += 1;
-            let goes_on = recorder.note(n_passes, &truth.norms, false);
-            let mut excess = tolerance.excess(&truth.norms);
-            let checked = worst(&excess);
-            if gave_up.is_none() {
-                gave_up = if n_passes >= options.max_passes {
-                    Some(StopReason::MaxPasses)
-                } else if !goes_on {
-                    Some(StopReason::Interrupted)
-                } else {
-                    let stagnated = (checked > GAIN * checked_before).then_some(StopReason::Stagnated);
-                    watch.observe(checked).or(stagnated)
-                };
-            }
-            if let Some(gave_up) = gave_up.or((checked <= 1.0).then_some(StopReason::Converged)) {
-                let counts = (n_passes, n_checks);
-                return Ok(Solution::new(
-                    &scaled, radiosity, truth, tolerance, gave_up, counts, recorder,
-                ));
-            }
-            checked_before = checked;
-            state.restart(&weights, &truth.irradiance);
-            while gave_up.is_none() && n_passes < options.max_passes && worst(&excess) > 1.0 {
-                let definite = state.step(&weights, &excess);
-                n_passes += 1;
-                let norms = scaled.norms(&state.residual());
-                let interrupted = !recorder.note(n_passes, &norms, true);
-                excess = tolerance.excess(&norms);
-                gave_up = if definite {
-                    watch.observe(worst(&excess))
-                } else {
-                    Some(StopReason::Diverged)
-                };
-                if gave_up.is_none() && interrupted {
-                    gave_up = Some(StopReason::Interrupted);
-                }
-            }
-        }
+        let state = State::new(&scaled, weights, options.start.irradiance(&scaled));
+        iteration::run(&scaled, options, monitor, state)
     }
 }
 
 /// The vectors of the iteration; all blocks are \[n, c\].
 struct State<'a> {
     scaled: &'a Scaled<'a>,
+    /// A, for which A_i F_ij is symmetric.
+    weights: Vec<f64>,
     /// ρ^½.
     root: Block,
     /// x.
@@ -125,13 +77,14 @@ struct State<'a> {
 }
 
 impl<'a> State<'a> {
-    fn new(scaled: &'a Scaled<'a>, irradiance: Block) -> Self {
+    fn new(scaled: &'a Scaled<'a>, weights: Vec<f64>, irradiance: Block) -> Self {
         let mut root = scaled.system.reflectance().clone();
         root.values_mut().iter_mut().for_each(|rho| *rho = rho.sqrt());
         let mut x = irradiance;
         scale(&mut x, &root);
         Self {
             scaled,
+            weights,
             root,
             x,
             residual: scaled.zeros(),
@@ -139,6 +92,57 @@ impl<'a> State<'a> {
             squared: vec![0.0; scaled.system.n_channels()],
             scratch: scaled.zeros(),
             product: scaled.zeros(),
+        }
+    }
+
+    /// Returns r = ρ^½ (g − K x).
+    fn residual(&self) -> Block {
+        let mut residual = self.residual.clone();
+        scale(&mut residual, &self.root);
+        residual
+    }
+
+    /// Takes one step in the channels that exceed the tolerance; false if K turns out not to be positive definite.
+    fn step(&mut self, excess: &[f64]) -> bool {
+        self.scratch.clone_from(&self.direction);
+        scale(&mut self.scratch, &self.root);
+        self.scaled.system.operator().apply(&self.scratch, &mut self.product);
+        let terms = self.root.values().iter().zip(self.direction.values());
+        for (product, (root, p)) in self.product.values_mut().iter_mut().zip(terms) {
+            *product = p - root * *product;
+        }
+        let curvature = inner(&self.weights, &self.direction, &self.product);
+        let moves = |c: usize| excess[c] > 1.0;
+        if (0..curvature.len()).any(|c| moves(c) && (curvature[c] <= 0.0 || curvature[c].is_nan())) {
+            return false;
+        }
+        let ratio = |above: &[f64], below: &[f64]| -> Vec<f64> {
+            let ratios = above.iter().zip(below).enumerate();
+            ratios.map(|(c, (a, b))| if moves(c) { a / b } else { 0.0 }).collect()
+        };
+        let alpha = ratio(&self.squared, &curvature);
+        add_scaled(&mut self.x, &alpha, &self.direction);
+        let minus_alpha: Vec<f64> = alpha.iter().map(|a| -a).collect();
+        add_scaled(&mut self.residual, &minus_alpha, &self.product);
+        let squared = inner(&self.weights, &self.residual, &self.residual);
+        let beta = ratio(&squared, &self.squared);
+        let all = self.direction.values_mut().iter_mut().zip(self.residual.values());
+        for ((p, r), b) in all.zip(beta.iter().cycle()) {
+            *p = r + b * *p;
+        }
+        self.squared = squared;
+        true
+    }
+}
+
+impl Iteration for State<'_> {
+    const NEEDS_RESIDUAL: bool = true;
+
+    fn pass(&mut self, excess: &[f64]) -> Estimate {
+        if self.step(excess) {
+            Estimate::Running(self.scaled.norms(&self.residual()))
+        } else {
+            Estimate::Breakdown
         }
     }
 
@@ -152,59 +156,15 @@ impl<'a> State<'a> {
         radiosity
     }
 
-    /// Returns r = ρ^½ (g − K x).
-    fn residual(&self) -> Block {
-        let mut residual = self.residual.clone();
-        scale(&mut residual, &self.root);
-        residual
-    }
-
-    /// Begins anew from x, of which `irradiance` = F B is known: g − K x = ρ^½ F B − x.
-    fn restart(&mut self, weights: &[f64], irradiance: &Block) {
+    /// Begins anew from x, of which `truth.irradiance` = F B is known: g − K x = ρ^½ F B − x.
+    fn restart(&mut self, truth: &TrueResidual) {
         let terms = self.root.values().iter().zip(self.x.values());
-        let all = self
-            .residual
-            .values_mut()
-            .iter_mut()
-            .zip(irradiance.values())
-            .zip(terms);
-        for ((residual, h), (root, x)) in all {
+        let residuals = self.residual.values_mut().iter_mut();
+        for ((residual, h), (root, x)) in residuals.zip(truth.irradiance.values()).zip(terms) {
             *residual = root * h - x;
         }
         self.direction.clone_from(&self.residual);
-        self.squared = inner(weights, &self.residual, &self.residual);
-    }
-
-    /// Takes one step in the channels that exceed the tolerance; false if K turns out not to be positive definite.
-    fn step(&mut self, weights: &[f64], excess: &[f64]) -> bool {
-        self.scratch.clone_from(&self.direction);
-        scale(&mut self.scratch, &self.root);
-        self.scaled.system.operator().apply(&self.scratch, &mut self.product);
-        let terms = self.root.values().iter().zip(self.direction.values());
-        for (product, (root, p)) in self.product.values_mut().iter_mut().zip(terms) {
-            *product = p - root * *product;
-        }
-        let curvature = inner(weights, &self.direction, &self.product);
-        let moves = |c: usize| excess[c] > 1.0;
-        if (0..curvature.len()).any(|c| moves(c) && (curvature[c] <= 0.0 || curvature[c].is_nan())) {
-            return false;
-        }
-        let ratio = |above: &[f64], below: &[f64]| -> Vec<f64> {
-            let ratios = above.iter().zip(below).enumerate();
-            ratios.map(|(c, (a, b))| if moves(c) { a / b } else { 0.0 }).collect()
-        };
-        let alpha = ratio(&self.squared, &curvature);
-        add_scaled(&mut self.x, &alpha, &self.direction);
-        let minus_alpha: Vec<f64> = alpha.iter().map(|a| -a).collect();
-        add_scaled(&mut self.residual, &minus_alpha, &self.product);
-        let squared = inner(weights, &self.residual, &self.residual);
-        let beta = ratio(&squared, &self.squared);
-        let all = self.direction.values_mut().iter_mut().zip(self.residual.values());
-        for ((p, r), b) in all.zip(beta.iter().cycle()) {
-            *p = r + b * *p;
-        }
-        self.squared = squared;
-        true
+        self.squared = inner(&self.weights, &self.residual, &self.residual);
     }
 }
 

@@ -107,6 +107,13 @@ impl<'a> Scaled<'a> {
         }
     }
 
+    /// Returns a block of radiosities or irradiances in solver units.
+    #[expect(clippy::wrong_self_convention, reason = "it converts the block, not the system")]
+    pub(super) fn from_si(&self, mut block: Block) -> Block {
+        for_each_channel(&mut block, self.system.exitance_units(), |value, unit| *value /= unit);
+        block
+    }
+
     /// Returns a block of radiosities or irradiances in W·m⁻².
     pub(super) fn to_si(&self, mut block: Block) -> Block {
         for_each_channel(&mut block, self.system.exitance_units(), |value, unit| *value *= unit);

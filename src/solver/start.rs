@@ -20,6 +20,23 @@ pub enum Start {
 }
 
 impl Start {
+    /// Returns the radiosities.
+    pub(super) fn radiosity(self, scaled: &Scaled) -> Block {
+        if self == Self::Zero {
+            return scaled.zeros();
+        }
+        let mut radiosity = self.irradiance(scaled);
+        let terms = scaled
+            .exitance
+            .values()
+            .iter()
+            .zip(scaled.system.reflectance().values());
+        for (b, (e, rho)) in radiosity.values_mut().iter_mut().zip(terms) {
+            *b = e + rho * *b;
+        }
+        radiosity
+    }
+
     /// Returns the irradiance h in B = E + diag(ρ) h that the start amounts to (for [`Start::Zero`] after one reflection).
     pub(super) fn irradiance(self, scaled: &Scaled) -> Block {
         match self {

@@ -4,12 +4,18 @@ use std::ops::ControlFlow;
 
 use radiosity::matrix::FormFactors;
 use radiosity::matrix::operator::Block;
-use radiosity::solver::{self, RadiositySystem, Solution, SolveOptions, Solver, Tolerance};
+use radiosity::solver::registry::SOLVERS;
+use radiosity::solver::{self, RadiositySystem, Solution, SolveOptions, Solver, SolverSettings, Tolerance};
 
 use super::Uniform;
 
+/// Returns the solver of a name with its defaults; it lives as long as the tests.
+pub(crate) fn by_name(name: &str) -> &'static dyn Solver {
+    Box::leak(solver::solver(name, &SolverSettings::default()).expect("known"))
+}
+
 pub(crate) fn all() -> impl Iterator<Item = &'static dyn Solver> {
-    solver::names().map(|name| solver::by_name(name).expect("accepted"))
+    SOLVERS.iter().map(|entry| by_name(entry.name))
 }
 
 pub(crate) fn run(solver: &dyn Solver, system: &RadiositySystem, options: &SolveOptions) -> Solution {
@@ -22,7 +28,7 @@ pub(crate) fn system<'a>(f: &'a FormFactors, reflectance: &Block, exitance: &Blo
     RadiositySystem::new(f, f.areas().to_vec(), reflectance.clone(), exitance.clone()).expect("accepted")
 }
 
-pub(crate) fn l2(tolerance: f64) -> SolveOptions {
+pub(crate) fn l2(tolerance: f64) -> SolveOptions<'static> {
     SolveOptions {
         tolerance: Tolerance::ResidualL2(tolerance),
         max_passes: 5000,
