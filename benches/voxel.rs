@@ -21,11 +21,7 @@ fn main() {
     let voxels = VoxelScene::new(&scene, 315).expect("a resolution in range");
     let sphere = DiscreteSphere::new(30, SolidAngle::Centre).expect("a radius in range");
     let visibility = EmbreeVisibility::new(&scene).expect("Embree builds the scene");
-    let directions: Vec<Direction> = sphere
-        .directions()
-        .iter()
-        .map(|d| Direction::new(d.vector))
-        .collect();
+    let directions: Vec<Direction> = sphere.directions().iter().map(|d| Direction::new(d.vector)).collect();
     let (mut walking, mut tracing) = (Duration::ZERO, Duration::ZERO);
     let (mut n_lines, mut n_seen, mut n_hits) = (0_u64, 0_u64, 0_u64);
     let mut rays = RayBatch::default();
@@ -52,14 +48,22 @@ fn main() {
                 rays.push_ray(origin, DVec3::from_array(direction.vector().map(f64::from)));
             }
             visibility.closest_hits(&rays, Coherence::Coherent, &mut hits);
-            n_hits += (0..rays.len()).filter(|&k| hits.face(k).is_some_and(|h| !h.back)).count() as u64;
+            n_hits += (0..rays.len())
+                .filter(|&k| hits.face(k).is_some_and(|h| !h.back))
+                .count() as u64;
         }
         tracing += start.elapsed();
     }
     let rate = |time: Duration| n_lines as f64 / time.as_secs_f64() / 1e6;
     println!("lines or rays          {n_lines}");
-    println!("discrete lines         {:.3} million/s, {n_seen} see a front", rate(walking));
-    println!("Embree's rays          {:.3} million/s, {n_hits} see a front", rate(tracing));
+    println!(
+        "discrete lines         {:.3} million/s, {n_seen} see a front",
+        rate(walking)
+    );
+    println!(
+        "Embree's rays          {:.3} million/s, {n_hits} see a front",
+        rate(tracing)
+    );
     println!("ratio                  {:.3}", rate(walking) / rate(tracing));
     println!("all lines, one thread  {:.0} s", walking.as_secs_f64() * STRIDE as f64);
 }

@@ -57,8 +57,8 @@ fn areas_are_exact_and_voxels_near_the_faces() {
         // Rounding of a sum of some thousand terms.
         assert!((of_surfels / total - 1.0).abs() < 1e-11, "{name}");
         let distance = voxels.hausdorff_distance(&scene).unwrap();
-        // A surface voxel's cube holds a point of its face: half the diagonal. Points in the corner of a room have their nearest voxel next to the corner: 1.
-        assert!(distance <= 1.01, "{name}: {distance}");
+        // In the corner of a room the nearest voxels lie √2 away, on the walls; everywhere else within one voxel. The second term is rounding.
+        assert!(distance <= std::f64::consts::SQRT_2 + 1e-9, "{name}: {distance}");
     }
 }
 
@@ -181,7 +181,7 @@ fn two_sides_of_a_sheet_stay_apart() {
             }
         }
     }
-    assert!(n[0] > 100 && n[0] == n[1], "{n:?}");
+    assert!(n[0] > 30 && n[0] == n[1], "{n:?}");
 }
 
 struct Solved {
@@ -252,11 +252,11 @@ fn by_patches(scene: &Scene, subdivide: u32) -> Vec<f64> {
     use radiosity::form_factor::{FormFactorMethod as _, Input, RandomShooting};
     use radiosity::matrix::{StorageChoice, Weighting};
     use radiosity::mesh::{Mesh, Subdivision};
-    use radiosity::solver::{self, RadiositySystem, SolveOptions};
+    use radiosity::solver::{self, RadiositySystem, SolveOptions, SolverSettings};
     let mesh = Mesh::new(scene, Subdivision::Uniform(subdivide)).unwrap();
     let visibility = radiosity::visibility::embree::EmbreeVisibility::new(scene).unwrap();
     let method = RandomShooting {
-        rays: 16384,
+        rays: 4096,
         sequence: Sequence::Sobol,
         seed: 0,
     };
@@ -290,7 +290,7 @@ fn by_patches(scene: &Scene, subdivide: u32) -> Vec<f64> {
         grey(|m| m.exitance[0]),
     )
     .unwrap();
-    let pcg = solver::by_name("pcg").unwrap();
+    let pcg = solver::solver("pcg", &SolverSettings::default()).unwrap();
     let solution = pcg
         .solve(&system, &SolveOptions::default(), &mut |_| {
             std::ops::ControlFlow::Continue(())
@@ -308,21 +308,21 @@ fn by_patches(scene: &Scene, subdivide: u32) -> Vec<f64> {
 fn voxels_and_patches_agree() {
     // Measured: the errors fall with the resolution, about in proportion.
     let scene = scene("room-box");
-    let patches = by_patches(&scene, 5);
+    let patches = by_patches(&scene, 12);
     let error = |n: u32, radius: u32| {
-        let means = solve(&scene, n, radius, 15, RowWeights::Normalised).means;
+        let means = solve(&scene, n, radius, 12, RowWeights::Normalised).means;
         let errors: Vec<f64> = means.iter().zip(&patches).map(|(v, p)| (v / p - 1.0).abs()).collect();
         eprintln!("{n} {radius}: {errors:.4?}");
         errors.into_iter().fold(0.0, f64::max)
     };
     let coarse = error(26, 10);
-    let fine = error(101, 20);
+    let fine = error(71, 14);
     assert!(fine < 0.02 && fine < 0.6 * coarse, "{coarse} {fine}");
 }
 
 #[test]
 fn forms_and_solvers_reach_the_same_radiosities() {
-    use radiosity::solver::{self, RadiositySystem, SolveOptions, StopReason, Tolerance};
+    use radiosity::solver::{self, RadiositySystem, SolveOptions, SolverSettings, StopReason, Tolerance};
     let scene = scene("room-box");
     let voxels = VoxelScene::new(&scene, 21).unwrap();
     let sphere = DiscreteSphere::new(6, SolidAngle::Centre).unwrap();
@@ -353,7 +353,7 @@ fn forms_and_solvers_reach_the_same_radiosities() {
         tolerance: Tolerance::ResidualL2(1e-12),
         ..SolveOptions::default()
     };
-    let solution = solver::by_name("gauss-seidel")
+    let solution = solver::solver("gauss-seidel", &SolverSettings::default())
         .unwrap()
         .solve(&system, &options, &mut |_| std::ops::ControlFlow::Continue(()))
         .unwrap();

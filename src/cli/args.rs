@@ -513,8 +513,8 @@ pub struct VoxelArgs {
     #[arg(long, help_heading = "Voxels")]
     pub show_voxels: bool,
     /// Solve to a tolerance with a solver, in place of a number of propagations
-    #[arg(long, value_enum, conflicts_with_all = ["passes", "form"], help_heading = "Voxels")]
-    pub solver: Option<SolverName>,
+    #[arg(long, value_name = "NAME", value_parser = solver_name(), conflicts_with_all = ["passes", "form"], help_heading = "Voxels")]
+    pub solver: Option<String>,
     /// The solver's tolerance on sqrt(Σ A r² / Σ A E²), worst channel
     #[arg(
         long,

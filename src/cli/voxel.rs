@@ -16,7 +16,7 @@ use crate::mesh::Subdivision;
 use crate::render::{Attributes, DirectMethod, RenderInput, RenderSettings, exr, png};
 use crate::report::voxels::write_vtu;
 use crate::scene::{Material, Scene};
-use crate::solver::{self, RadiositySystem, SolveOptions, StopReason, Tolerance};
+use crate::solver::{self, RadiositySystem, SolveOptions, SolverSettings, StopReason, Tolerance};
 use crate::voxel::{
     DiscreteSphere, Form, Grid, LinkOperator, Links, RowWeights, SolidAngle, ThinGap, VoxelScene, onto_patches,
     picture, propagate,
@@ -270,7 +270,7 @@ fn gaps_to_json(scene: &Scene, gaps: &[ThinGap]) -> Value {
 
 fn solve(run: &mut Run, prepared: &Prepared, operator: &LinkOperator<'_>, args: &VoxelArgs) -> Result<Solved, Failure> {
     let (reflectance, exitance) = materials_of_surfels(&prepared.scene, operator.scene(), prepared.plan.n_channels);
-    let Some(name) = args.solver.map(super::args::SolverName::as_str) else {
+    let Some(name) = args.solver.as_deref() else {
         let form: Form = args.form.into();
         run.set("form", json!(form));
         run.set("passes", args.passes);
@@ -296,9 +296,7 @@ fn solve(run: &mut Run, prepared: &Prepared, operator: &LinkOperator<'_>, args: 
         tolerance: Tolerance::ResidualL2(args.tolerance),
         ..SolveOptions::default()
     };
-    let Some(solver) = solver::by_name(name) else {
-        return Err(Failure::usage(format!("there is no solver `{name}`")));
-    };
+    let solver = solver::solver(name, &SolverSettings::default())?;
     let solution = run.times.time("solve", || {
         solver.solve(&system, &options, &mut |_| ControlFlow::Continue(()))
     })?;

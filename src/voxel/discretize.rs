@@ -121,8 +121,8 @@ impl VoxelScene {
     /// A face that is too small to meet any cross gets the voxel of its centroid.
     /// A face's area is shared out evenly over its voxels: areas of surfaces are exact in sum.
     ///
-    /// Hausdorff distance to the scene: at most √3/2 voxels, since every surface voxel holds a point of the scene in its cube and every point
-    /// of a face but near its border lies within half a voxel, along an axis, of a surface voxel's centre line.
+    /// Hausdorff distance to the scene: below 1 inside of faces, since every surface voxel holds a point of the scene in its cube; up to √2 where three faces meet in the
+    /// corner of a room, because none of them takes the pixels on its low border.
     ///
     /// # Errors
     /// [`VoxelError::Resolution`]; [`VoxelError::TooMany`] for 2³² surfels or more.

@@ -17,8 +17,10 @@ const NEVER: u64 = 1 << 40;
 pub struct Direction {
     /// v.
     vector: [i32; 3],
-    /// |v|.
+    /// |v_x|, |v_y|, |v_z|.
     size: [u32; 3],
+    /// v · v.
+    norm_squared: i64,
     /// Bit a is set where v_a is negative.
     octant: usize,
     /// The time between crossings of axis a, in halves, times the product of all |v_b| that are not zero: an integer.
@@ -46,6 +48,7 @@ impl Direction {
         Self {
             vector,
             size,
+            norm_squared: vector.iter().map(|&c| i64::from(c) * i64::from(c)).sum(),
             octant: (0..3).filter(|&a| vector[a] < 0).map(|a| 1 << a).sum(),
             step: wide.map(|c| product.checked_div(c).unwrap_or(NEVER)),
             reciprocal: wide.map(|c| (1_u64 << 32).div_ceil((2 * c).max(1))),
@@ -56,6 +59,12 @@ impl Direction {
     #[must_use]
     pub fn vector(&self) -> [i32; 3] {
         self.vector
+    }
+
+    /// Returns v · v.
+    #[must_use]
+    pub fn norm_squared(&self) -> i64 {
+        self.norm_squared
     }
 
     /// Returns the octant: bit a is set where v_a is negative.

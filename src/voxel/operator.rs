@@ -188,4 +188,19 @@ impl RowAccess for LinkOperator<'_> {
         }
         own
     }
+
+    fn visit_row(&self, i: usize, visit: &mut dyn FnMut(usize, f64)) {
+        let mut entries: Vec<(usize, f64)> = Vec::new();
+        self.links.with_chunk(self.scene, i / ROWS_PER_CHUNK, |chunk| {
+            let row = chunk.row(i % ROWS_PER_CHUNK);
+            self.with_weights(i, |weights| {
+                for_each_seen(row, i, |k, seen| entries.push((seen, weights[k])))
+            });
+        });
+        // Several directions see one surfel.
+        entries.sort_by_key(|entry| entry.0);
+        for same in entries.chunk_by(|a, b| a.0 == b.0) {
+            visit(same[0].0, same.iter().map(|entry| entry.1).sum());
+        }
+    }
 }

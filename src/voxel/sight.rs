@@ -32,7 +32,8 @@ impl VoxelScene {
     ///    line do not count: x then touches another surface and looks away from it.
     ///
     /// So a plane never hides from itself, and a line from the inside of a 6-separating surface does not get out.
-    /// Of several surfels in the voxel seen, the one counts that faces the line most; if all face away, it is a back.
+    /// Of several surfels in the voxel seen, the one counts that faces the line most. If all face away, it is a back, unless one does so by less than 17.5°, cos = 0.3: lines that graze
+    /// a silhouette meet the voxels just behind it, because surfaces are one voxel thick, and see the object, not darkness.
     ///
     /// Source: [`MALGOUYRES_2002`](crate::references::MALGOUYRES_2002), section 4.1, step 1 to 4; the choice of the first voxel ("a bit tricky") is ours.
     #[must_use]
@@ -59,6 +60,7 @@ impl VoxelScene {
         }
     }
 
+    /// Returns the surfel of the voxel itself that the line sees before it begins.
     fn seen_in_own_voxel(&self, surfel: usize, voxel: Voxel, direction: &Direction) -> Option<Sight> {
         let rank = self.octree.rank(voxel)?;
         let range = self.surfels_of(rank);
@@ -70,13 +72,21 @@ impl VoxelScene {
     /// Returns what a line sees of the surface voxel of a rank.
     fn front(&self, rank: u32, direction: &Direction) -> Sight {
         let range = self.surfels_of(rank);
-        self.most_facing(range, direction).map_or(Sight::Back, Sight::Surfel)
+        let towards = |s: usize| (self.normal(s).dot(direction.vector()), s);
+        let Some((dot, surfel)) = range.map(towards).min() else {
+            return Sight::Back;
+        };
+        if dot < 0 || is_grazing(dot, direction) {
+            Sight::Surfel(id(surfel))
+        } else {
+            Sight::Back
+        }
     }
 
     fn most_facing(&self, surfels: impl Iterator<Item = usize>, direction: &Direction) -> Option<u32> {
         let towards = |s: usize| (self.normal(s).dot(direction.vector()), s);
         let seen = surfels.map(towards).filter(|(dot, _)| *dot < 0).min();
-        seen.map(|(_, s)| u32::try_from(s).expect("surfels are counted in 32 bits"))
+        seen.map(|(_, s)| id(s))
     }
 
     /// Tells whether the line leaves the surface voxel of a rank behind it: all of its surfels face away.
@@ -123,6 +133,7 @@ impl VoxelScene {
         let mut counts = [0; 3];
         let mut height = 0;
         let mut lift = 1;
+        let mut previous = voxel;
         let mut met_free = false;
         let mut look = |voxel: Voxel| {
             let rank = self.octree.rank(voxel);
@@ -149,18 +160,15 @@ impl VoxelScene {
             height += i64::from(normal.integer[step]) * i64::from(direction.vector()[step].signum());
             let next = lift_at(height);
             if step != axis {
-                // Sideways at the old lift, then up or down to the new one.
-                let mut k = lift;
-                loop {
-                    if let Some(rank) = look(lifted(at, k)) {
-                        return Start::Seen(rank);
-                    }
-                    if k == next {
-                        break;
-                    }
-                    k += (next - k).signum();
+                // Up before going sideways, down after it: never through a height below 1.
+                let before = previous;
+                let rising = (lift + 1..=next).map(|k| lifted(before, k));
+                let falling = (next..=lift.max(next)).rev().map(|k| lifted(at, k));
+                if let Some(rank) = rising.chain(falling).find_map(&mut look) {
+                    return Start::Seen(rank);
                 }
             }
+            previous = at;
             lift = next;
             if lift == 0 {
                 break;
@@ -186,6 +194,17 @@ impl VoxelScene {
     fn is_outside(&self, voxel: Voxel) -> bool {
         (0..3).any(|a| voxel[a] < 0 || voxel[a] >= self.grid.n_voxels[a])
     }
+}
+
+/// Tells whether n · v (n in units of 2⁻³⁰) is less than 0.3 |v|.
+fn is_grazing(dot: i64, direction: &Direction) -> bool {
+    // The upper 14 bits of n: squares of both sides then fit into 64 bits.
+    let coarse = dot >> 16;
+    100 * coarse * coarse < 9 * (1 << 28) * direction.norm_squared()
+}
+
+fn id(surfel: usize) -> u32 {
+    u32::try_from(surfel).expect("surfels are counted in 32 bits")
 }
 
 /// How a line begins.
