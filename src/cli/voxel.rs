@@ -47,7 +47,7 @@ pub(super) fn run(args: &VoxelArgs) -> Result<Outcome, Failure> {
     let mut run = Run::new("voxel", &args.common);
     let format = args.output.as_deref().map(format_of).transpose()?;
     expect_sensible(args, format)?;
-    for path in args.output.iter() {
+    if let Some(path) = &args.output {
         output::expect_possible(path)?;
     }
     let mut prepared = run.prepare(&args.scene, args.mesh, |scene| match format {
@@ -99,10 +99,41 @@ pub(super) fn run(args: &VoxelArgs) -> Result<Outcome, Failure> {
     write(&mut run, &prepared, &voxels, &solved, args, format)?;
     run.progress.finish();
 
-    let n_surfels = voxels.n_surfels();
-    let mut result = json!({
+    let checked = Checked { gaps, leaks };
+    let mut result = to_json(&prepared.scene, &voxels, &sphere, &links, &checked);
+    result["surfaces"] = surfaces(&prepared.scene, &voxels, &solved.radiosity);
+    if let (Value::Object(all), Value::Object(more)) = (&mut result, solved.document) {
+        all.extend(more);
+    }
+    if let Some(path) = &args.output {
+        result["output"] = json!(path.display().to_string());
+    }
+    let mut text = run.explanation(&prepared);
+    describe(&mut text, &voxels, &sphere, &links);
+    let _ = writeln!(text, "{}", solved.line);
+    describe_surfaces(&mut text, &prepared.scene, &voxels, &solved.radiosity);
+    run.describe_times(&mut text);
+    if let Some(path) = &args.output {
+        let _ = writeln!(text, "wrote {}", path.display());
+    }
+    Ok(Outcome {
+        text,
+        document: run.document(&prepared, result),
+        code: solved.code,
+    })
+}
+
+/// What the checks of the discretisation found.
+struct Checked {
+    gaps: Vec<ThinGap>,
+    /// Surfels that are reached from outside.
+    leaks: Vec<u32>,
+}
+
+fn to_json(scene: &Scene, voxels: &VoxelScene, sphere: &DiscreteSphere, links: &Links, checked: &Checked) -> Value {
+    json!({
         "n_voxels": voxels.octree.n_voxels(),
-        "n_surfels": n_surfels,
+        "n_surfels": voxels.n_surfels(),
         "lattice": voxels.grid.n_voxels,
         "voxel_size_m": voxels.grid.voxel_size,
         "n_directions": sphere.directions().len(),
@@ -112,23 +143,19 @@ pub(super) fn run(args: &VoxelArgs) -> Result<Outcome, Failure> {
         "link_byte": links.n_bytes(),
         "octree_byte": voxels.octree.n_bytes(),
         "surfel_byte": voxels.n_bytes() - voxels.octree.n_bytes(),
-        "n_leaks": leaks.len(),
-        "thin_gaps": gaps_to_json(&prepared.scene, &gaps),
-        "surfaces": surfaces(&prepared.scene, &voxels, &solved.radiosity),
-    });
-    if let (Value::Object(all), Value::Object(more)) = (&mut result, solved.document) {
-        all.extend(more);
-    }
-    if let Some(path) = &args.output {
-        result["output"] = json!(path.display().to_string());
-    }
-    let mut text = run.explanation(&prepared);
+        "n_leaks": checked.leaks.len(),
+        "thin_gaps": gaps_to_json(scene, &checked.gaps),
+    })
+}
+
+fn describe(text: &mut String, voxels: &VoxelScene, sphere: &DiscreteSphere, links: &Links) {
     let [x, y, z] = voxels.grid.n_voxels;
     let _ = writeln!(
         text,
-        "{x} × {y} × {z} voxels of {:.4e} m, {} of them surface, {n_surfels} unknowns, octree {}",
+        "{x} × {y} × {z} voxels of {:.4e} m, {} of them surface, {} unknowns, octree {}",
         voxels.grid.voxel_size,
         voxels.octree.n_voxels(),
+        voxels.n_surfels(),
         mebibytes(voxels.octree.n_bytes() as f64)
     );
     let _ = writeln!(
@@ -141,17 +168,6 @@ pub(super) fn run(args: &VoxelArgs) -> Result<Outcome, Failure> {
         links.n_backs(),
         links.n_escaped()
     );
-    let _ = writeln!(text, "{}", solved.line);
-    describe_surfaces(&mut text, &prepared.scene, &voxels, &solved.radiosity);
-    run.describe_times(&mut text);
-    if let Some(path) = &args.output {
-        let _ = writeln!(text, "wrote {}", path.display());
-    }
-    Ok(Outcome {
-        text,
-        document: run.document(&prepared, result),
-        code: solved.code,
-    })
 }
 
 /// Bytes for a link, by which the plan reckons: measured, 1.3 to 2.3, the less the more directions there are.

@@ -26,6 +26,9 @@ impl VoxelScene {
     /// Returns the surfels whose front can be reached from outside of the lattice along a 6-path of free voxels.
     ///
     /// In a scene that is closed, seen from its fronts, there are none unless a surface leaks.
+    ///
+    /// # Panics
+    /// Never: a lattice has at most 4096 voxels a side and surfels are counted in 32 bits.
     #[must_use]
     pub fn reached_from_outside(&self) -> Vec<u32> {
         let [nx, ny, nz] = self.grid.n_voxels.map(|n| n.unsigned_abs() as usize + 2);

@@ -180,7 +180,7 @@ pub(super) fn first_surface(octree: &Octree, origin: Voxel, direction: &Directio
             let last: [u32; 3] = std::array::from_fn(|a| 4 * (b[a] + side) - 1 - start[a]);
             let a = direction.next_axis(last);
             let after = direction.counts_after(a, last[a]);
-            counts = std::array::from_fn(|b| after[b].max(place.at_least[b]));
+            counts = std::array::from_fn(|axis| after[axis].max(place.at_least[axis]));
         }
     }
 }

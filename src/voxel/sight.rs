@@ -173,7 +173,7 @@ impl VoxelScene {
             if lift == 0 {
                 break;
             }
-            if self.is_outside(lifted(at, lift)) {
+            if self.is_outside(at) {
                 return Start::Free(Place {
                     counts,
                     at_least: [0; 3],
