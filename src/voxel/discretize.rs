@@ -121,7 +121,7 @@ impl VoxelScene {
     /// A face that is too small to meet any cross gets the voxel of its centroid.
     /// A face's area is shared out evenly over its voxels: areas of surfaces are exact in sum.
     ///
-    /// Hausdorff distance to the scene: below 1 inside of faces, since every surface voxel holds a point of the scene in its cube; up to √2 where three faces meet in the
+    /// Hausdorff distance to the scene: below 1 inside of faces, since every surface voxel holds a point of the scene in its cube; up to 1.5 where three faces meet in the
     /// corner of a room, because none of them takes the pixels on its low border.
     ///
     /// # Errors

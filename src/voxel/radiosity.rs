@@ -18,7 +18,7 @@ pub enum Form {
     InPlace,
 }
 
-/// The parts into which the surfels are cut for [`Form::InPlace`]: a part is computed on all threads from the newest values of all parts before it.
+/// The most parts into which the surfels are cut for [`Form::InPlace`]: a part is computed on all threads from the newest values of all parts before it.
 const N_PARTS: usize = 256;
 
 /// Radiosities after some propagations.
@@ -40,8 +40,8 @@ pub struct Propagation {
 /// `reflectance`: ρ, \[n, c\]; `exitance`: E, W·m⁻², \[n, c\].
 ///
 /// Source: [`MALGOUYRES_2002`](crate::references::MALGOUYRES_2002), equation (3) and section 4.2.
-/// Departures: in place, the surfels are taken in at most 256 parts, each with the newest values of those before it, so that all threads have work;
-/// scenes of up to 256 surfels are taken one by one, as in the paper.
+/// Departures: in place, the surfels are taken in parts of 256 or, in larger scenes, in at most 256 parts, each with the newest values of those before it, so that
+/// all threads have work. Surfels of one part are neighbours, which give each other little.
 ///
 /// # Panics
 /// If the blocks differ in shape or have not one row per surfel.
@@ -63,11 +63,8 @@ pub fn propagate(
     assert_eq!(reflectance.n_channels(), n_channels, "as many channels of ρ as of E");
     let part = match form {
         Form::Jacobi => n,
-        // Whole chunks, where parts are that large: then each is read once a pass.
-        Form::InPlace => match n.div_ceil(N_PARTS) {
-            small @ ..ROWS_PER_CHUNK => small,
-            large => large.next_multiple_of(ROWS_PER_CHUNK),
-        },
+        // Whole chunks: each is read, or found again, once a pass.
+        Form::InPlace => n.div_ceil(N_PARTS).next_multiple_of(ROWS_PER_CHUNK),
     };
     let mut radiosity = exitance.clone();
     let mut irradiance = Block::zeros(n, n_channels);

@@ -25,8 +25,8 @@ impl VoxelScene {
     /// measured along a. All voxels of a plane have heights in (−1, 1) over one another.
     /// 1. Another surfel of the voxel x itself is seen if it faces the line and if the two faces rise above each other's planes, as in the corner of a room. The edge of a
     ///    table and the two sides of a sheet do not.
-    /// 2. As long as the line's voxel has a height below 1, the voxel above it (along a, towards the front) at a height in \[1, 2) is looked at in its stead; from the first
-    ///    voxel at height 1 on, the line's own. Where the voxels that are looked at do not adjoin, those between them are looked at too: they form a
+    /// 2. As long as the line's voxel has a height below 1, the voxel above it (along a, towards the front) at a height in \[1, 2) is looked at in its stead; once
+    ///    the line is so high that its voxels stay above 1, its own. Where the voxels that are looked at do not adjoin, those between them are looked at too: they form a
     ///    6-path that begins in front of x, not in the surface.
     /// 3. The first surface voxel on that path ends it. Until the path has met a free voxel, surface voxels all of whose surfels face away from the
     ///    line do not count: x then touches another surface and looks away from it.
@@ -125,6 +125,9 @@ impl VoxelScene {
         let up = normal.integer[axis].signum();
         let unit = i64::from(normal.integer[axis].unsigned_abs());
         let one = unit - (unit >> HEIGHT_SLACK);
+        // The voxels of a line stray from it by up to half of this height, up and down: once one is so far above 1, no later one falls below 1.
+        let stray: i64 = normal.integer.iter().map(|n| i64::from(n.unsigned_abs())).sum();
+        let clear = one + stray;
         // How far the voxel that is looked at lies above one whose height is known.
         let lift_at = |height: i64| {
             let missing = (one - height).max(0);
@@ -170,7 +173,7 @@ impl VoxelScene {
             }
             previous = at;
             lift = next;
-            if lift == 0 {
+            if height >= clear {
                 break;
             }
             if self.is_outside(at) {
