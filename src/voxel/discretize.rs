@@ -14,7 +14,8 @@ use crate::scene::{FaceId, MaterialId, Scene, SurfaceId};
 /// Normals are kept as integers of this scale, 2³⁰: heights over a lattice of 4096 voxels are then off by less than 6e-6 voxels.
 const NORMAL_SCALE: f64 = 1_073_741_824.0;
 
-/// Heights are rounded halves up, and what is a half but for rounding counts as one.
+/// A half, or what is one but for rounding, goes to the voxel on the face's front, whichever axis it is met along: all voxels
+/// of a plane then have heights in (−1, 1) over one another.
 const HALF_SLACK: f64 = 1e-7;
 
 /// Faces of one surface and material whose normals differ by less than 30° are one smooth surface where they meet in a voxel.
@@ -360,7 +361,7 @@ fn fill(corners: &[DVec3], normal: DVec3, axis: usize, voxels: &mut Vec<Voxel>) 
             let x = f64::from(column);
             let offset = normal[b] * (x - anchor[b]) + normal[c] * (y - anchor[c]);
             let mut voxel = [0; 3];
-            voxel[axis] = nearest(anchor[axis] - offset / normal[axis] + HALF_SLACK);
+            voxel[axis] = nearest(anchor[axis] - offset / normal[axis] + HALF_SLACK.copysign(normal[axis]));
             voxel[b] = column;
             voxel[c] = row;
             voxels.push(voxel);

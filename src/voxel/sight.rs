@@ -176,7 +176,8 @@ impl VoxelScene {
             if height >= clear {
                 break;
             }
-            if self.is_outside(at) {
+            // The line may leave the lattice before the voxels above it do.
+            if self.is_outside(at) && self.is_outside(lifted(at, lift)) {
                 return Start::Free(Place {
                     counts,
                     at_least: [0; 3],
