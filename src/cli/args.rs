@@ -11,6 +11,7 @@ use crate::form_factor::registry::METHODS;
 use crate::geometry::sampling::Sequence;
 use crate::mesh::Subdivision;
 use crate::solver::Start;
+use crate::voxel::Form;
 
 /// Light in diffuse scenes: form factors to high accuracy, radiosity, OpenEXR pictures.
 #[derive(Debug, Parser)]
@@ -36,6 +37,8 @@ pub enum Command {
     Solve(SolveArgs),
     /// Render a scene to a layered OpenEXR image and a PNG preview
     Render(RenderArgs),
+    /// Discrete radiosity: the light on voxels, who sees whom by integer lines
+    Voxel(VoxelArgs),
     /// Check an EXR against the analytic answer of the scene that it was made from
     Verify(VerifyArgs),
     /// Run all form-factor methods side by side: true error against run time, as tables and plots
@@ -526,6 +529,115 @@ pub struct ImageArgs {
     /// Samples along each side of a pixel, averaged in the colour layers [default: 2; unfolded: 1]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16))]
     pub samples: Option<u32>,
+}
+
+impl ImageArgs {
+    /// Tells whether any flag about the picture was given.
+    #[must_use]
+    pub fn is_given(&self) -> bool {
+        self.camera.is_some()
+            || self.eye.is_some()
+            || self.look_at.is_some()
+            || self.up.is_some()
+            || self.fov.is_some()
+            || self.width.is_some()
+            || self.height.is_some()
+            || self.flat
+            || self.samples.is_some()
+    }
+}
+
+/// What a propagation computes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum FormName {
+    /// All values of a pass from those of the pass before
+    Jacobi,
+    /// From the newest values there are
+    InPlace,
+}
+
+impl From<FormName> for Form {
+    fn from(name: FormName) -> Self {
+        match name {
+            FormName::Jacobi => Self::Jacobi,
+            FormName::InPlace => Self::InPlace,
+        }
+    }
+}
+
+/// Where links are between passes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum LinksName {
+    /// In memory up to --memory-limit, else on disk
+    Auto,
+    /// In memory
+    Memory,
+    /// In a file, checksummed; a killed run goes on where it was
+    Disk,
+    /// Nowhere: every pass finds them again
+    Recompute,
+}
+
+/// `radiosity voxel`.
+#[derive(Args, Debug)]
+pub struct VoxelArgs {
+    /// The scene (OBJ)
+    #[arg(value_name = "SCENE")]
+    pub scene: PathBuf,
+    /// A file to write: a picture (.exr, and a PNG preview beside it) or the voxels with their radiosity (.vtu)
+    #[arg(short, long, value_name = "IMAGE.exr|B.vtu")]
+    pub output: Option<PathBuf>,
+    /// Voxels along the longest axis, 4 to 4096
+    #[arg(long, value_name = "N", default_value_t = 100, help_heading = "Voxels")]
+    pub voxels: u32,
+    /// Radius of the discrete sphere of directions, 1 to 255
+    #[arg(long, value_name = "R", default_value_t = 20, help_heading = "Voxels")]
+    pub radius: u32,
+    /// Propagations of light
+    #[arg(long, value_name = "K", default_value_t = 10, help_heading = "Voxels")]
+    pub passes: usize,
+    /// What a propagation computes from
+    #[arg(long, value_enum, default_value_t = FormName::InPlace, help_heading = "Voxels")]
+    pub form: FormName,
+    /// Leave the weights of a voxel's directions as they are, not divided by their sum
+    #[arg(long, help_heading = "Voxels")]
+    pub unnormalised: bool,
+    /// Weigh directions by exact solid angles, not by those of the faces' centres
+    #[arg(long, help_heading = "Voxels")]
+    pub exact_solid_angles: bool,
+    /// Where the links between voxels are kept from pass to pass
+    #[arg(long, value_enum, default_value_t = LinksName::Auto, help_heading = "Voxels")]
+    pub links: LinksName,
+    /// The file of `--links disk`, used again where it fits [default: the scene's name with .links]
+    #[arg(long, value_name = "FILE", help_heading = "Voxels")]
+    pub link_file: Option<PathBuf>,
+    /// With `--links auto`, the most memory for links, in bytes; beyond it they go to disk
+    #[arg(long, value_name = "BYTES", default_value_t = 4 << 30, help_heading = "Voxels")]
+    pub memory_limit: u64,
+    /// Show the voxels themselves, not the surfaces that they stand for
+    #[arg(long, help_heading = "Voxels")]
+    pub show_voxels: bool,
+    /// Solve to a tolerance with a solver, in place of a number of propagations
+    #[arg(long, value_name = "NAME", value_parser = solver_name(), conflicts_with_all = ["passes", "form"], help_heading = "Voxels")]
+    pub solver: Option<String>,
+    /// The solver's tolerance on sqrt(Σ A r² / Σ A E²), worst channel
+    #[arg(
+        long,
+        value_name = "T",
+        default_value_t = 1e-6,
+        requires = "solver",
+        help_heading = "Voxels"
+    )]
+    pub tolerance: f64,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub image: ImageArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub mesh: MeshArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub common: CommonArgs,
 }
 
 fn parse_positive(text: &str) -> Result<f64, String> {

@@ -19,6 +19,7 @@ mod solve;
 mod stability;
 mod storage;
 mod verify;
+mod voxel;
 
 use std::ffi::OsString;
 use std::io::Write;
@@ -54,6 +55,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::FormFactors(a) => &a.common,
         Command::Solve(a) => &a.common,
         Command::Render(a) => &a.common,
+        Command::Voxel(a) => &a.common,
         Command::Verify(a) => &a.common,
         Command::Compare(a) => &a.common,
         Command::Reproduce(a) => &a.common,
@@ -106,6 +108,7 @@ fn run(command: &Command, common: &CommonArgs) -> Result<Outcome, Failure> {
         Command::FormFactors(a) => form_factors::run(a),
         Command::Solve(a) => solve::run(a),
         Command::Render(a) => render::run(a),
+        Command::Voxel(a) => voxel::run(a),
         Command::Verify(a) => verify::run(a),
         Command::Compare(a) => compare::run(a),
         Command::Reproduce(a) => reproduce::run(a),

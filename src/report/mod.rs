@@ -22,6 +22,7 @@ mod npy;
 mod npz;
 mod read;
 pub mod solution;
+pub mod voxels;
 mod vtu;
 
 pub use description::Description;
