@@ -57,8 +57,8 @@ impl LinearOperator for OnTheFly<'_> {
             for (row, sum) in sums.chunks_exact_mut(n_channels).enumerate() {
                 sum.fill(0.0);
                 for &(j, f, _) in tile.row(row) {
-                    for (s, x) in sum.iter_mut().zip(x.row(j as usize)) {
-                        *s += f * x;
+                    for (s, x_j) in sum.iter_mut().zip(x.row(j as usize)) {
+                        *s += f * x_j;
                     }
                 }
             }
@@ -87,8 +87,8 @@ impl RowAccess for OnTheFly<'_> {
                 diagonal = f;
                 return;
             }
-            for (s, x) in sum.iter_mut().zip(x.row(j)) {
-                *s += f * x;
+            for (s, x_j) in sum.iter_mut().zip(x.row(j)) {
+                *s += f * x_j;
             }
         });
         diagonal
