@@ -262,7 +262,7 @@ impl Run {
             max_passes: args.max_passes,
             ..SolveOptions::default()
         };
-        let solver = entry.build(&SolverSettings::default());
+        let solver = entry.build(&SolverSettings::default())?;
         let solution = self.times.time("solve", || {
             solver.solve(&system, &options, &mut |_| std::ops::ControlFlow::Continue(()))
         })?;

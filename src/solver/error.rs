@@ -78,6 +78,22 @@ pub enum SolverError {
         /// The names there are.
         known: String,
     },
+    /// A relaxation factor outside of (0, 2).
+    #[error("the relaxation factor {value} is not between 0 and 2")]
+    Omega {
+        /// The factor.
+        value: f64,
+    },
+    /// A setting that the solver has no use for.
+    #[error("{flag} has no use with the solver `{solver}`; it goes with {used_by}")]
+    UnusedSetting {
+        /// The flag of the setting.
+        flag: &'static str,
+        /// The solver's name.
+        solver: &'static str,
+        /// The solvers that use it.
+        used_by: String,
+    },
     /// A tolerance that is not a positive, finite number.
     #[error("the tolerance {value} is not positive and finite")]
     Tolerance {

@@ -4,26 +4,42 @@
 //! name. Every solution carries the true residual of the radiosities that are returned, however the solver kept
 //! its own accounts, and a bound of their error.
 
+mod ambient;
+mod cg;
+mod chebyshev;
+mod columns;
 mod error;
 mod error_bound;
 mod gauss_seidel;
 mod history;
 mod iteration;
+mod jacobi;
+mod lanczos;
+mod overshooting;
 mod pcg;
+mod progressive_refinement;
 pub mod registry;
 mod scaled;
 mod solution;
+mod sor;
 mod start;
 mod stop;
 mod system;
+mod tournament;
 
 pub use crate::matrix::operator;
+pub use cg::ConjugateGradients;
+pub use chebyshev::{Chebyshev, SpectrumBounds};
 pub use error::SolverError;
 pub use gauss_seidel::GaussSeidel;
 pub use history::{Errors, HistoryEntry};
+pub use jacobi::Jacobi;
+pub use overshooting::Overshooting;
 pub use pcg::Pcg;
+pub use progressive_refinement::ProgressiveRefinement;
 pub use registry::{SolverSettings, solver};
 pub use solution::Solution;
+pub use sor::Sor;
 pub use start::Start;
 pub use stop::{StopReason, Tolerance};
 pub use system::RadiositySystem;
@@ -48,10 +64,14 @@ pub struct SolveOptions<'a> {
     pub allow_nonreciprocal: bool,
     /// B*, W·m⁻², \[n, c\], where it is known: the history then tells the errors against it.
     pub reference: Option<&'a Block>,
+    /// Calculates the true residual after every pass, for the history and to stop by: one more pass over F each, which the history's
+    /// times and work leave out.
+    pub true_history: bool,
 }
 
 impl Default for SolveOptions<'_> {
-    /// 1e-6 on the relative residual, 1000 passes, a patience of 50, start B = E, symmetric exchange areas required where needed.
+    /// 1e-6 on the relative residual, 1000 passes, a patience of 50, start B = E, symmetric exchange areas required where needed,
+    /// true residuals only where they decide.
     fn default() -> Self {
         Self {
             tolerance: Tolerance::default(),
@@ -60,6 +80,7 @@ impl Default for SolveOptions<'_> {
             start: Start::default(),
             allow_nonreciprocal: false,
             reference: None,
+            true_history: false,
         }
     }
 }

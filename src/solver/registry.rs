@@ -1,11 +1,39 @@
 //! The solvers by name: one line each.
 
-use super::{GaussSeidel, Pcg, Solver, SolverError};
+use std::num::NonZeroUsize;
+
+use super::{
+    Chebyshev, ConjugateGradients, GaussSeidel, Jacobi, Overshooting, Pcg, ProgressiveRefinement, Solver, SolverError, Sor,
+    SpectrumBounds,
+};
 
 /// What a user may set; `None` is the solver's own default.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
-pub struct SolverSettings {}
+pub struct SolverSettings {
+    /// The relaxation factor ω of `sor`.
+    pub omega: Option<f64>,
+    /// Where `chebyshev` takes the interval of the eigenvalues from.
+    pub bounds: Option<SpectrumBounds>,
+    /// Steps that count as one pass where patches shoot one by one.
+    pub steps_per_pass: Option<NonZeroUsize>,
+}
+
+impl SolverSettings {
+    /// Returns the flags of the settings that are given.
+    fn given(&self) -> impl Iterator<Item = &'static str> {
+        let all = [
+            (OMEGA, self.omega.is_some()),
+            (BOUNDS, self.bounds.is_some()),
+            (STEPS, self.steps_per_pass.is_some()),
+        ];
+        all.into_iter().filter(|(_, is_given)| *is_given).map(|(flag, _)| flag)
+    }
+}
+
+const OMEGA: &str = "--omega";
+const BOUNDS: &str = "--bounds";
+const STEPS: &str = "--steps-per-pass";
 
 /// A solver as the registry knows it.
 #[derive(Debug)]
@@ -16,22 +44,30 @@ pub struct SolverEntry {
     pub summary: &'static str,
     /// Whether it needs symmetric exchange areas A_i F_ij.
     pub needs_reciprocity: bool,
+    /// The flags of the settings that it uses.
+    pub settings: &'static [&'static str],
     make: fn(&SolverSettings) -> Box<dyn Solver>,
 }
 
 /// All solvers, in the order in which help lists them.
 #[rustfmt::skip]
 pub const SOLVERS: &[SolverEntry] = &[
-    SolverEntry { name: "gauss-seidel", summary: "Every patch in turn gathers from the newest radiosities", needs_reciprocity: false, make: |_| Box::new(GaussSeidel) },
-    SolverEntry { name: "pcg", summary: "Conjugate gradients preconditioned with V⁻¹ = ρ/A", needs_reciprocity: true, make: |_| Box::new(Pcg) },
+    SolverEntry { name: "jacobi", summary: "Every patch gathers from the radiosities of the pass before", needs_reciprocity: false, settings: &[], make: |_| Box::new(Jacobi) },
+    SolverEntry { name: "gauss-seidel", summary: "Every patch in turn gathers from the newest radiosities", needs_reciprocity: false, settings: &[], make: |_| Box::new(GaussSeidel) },
+    SolverEntry { name: "sor", summary: "Gauss-Seidel with overrelaxation", needs_reciprocity: false, settings: &[OMEGA], make: |s| Box::new(Sor { omega: s.omega }) },
+    SolverEntry { name: "progressive-refinement", summary: "The patch with the most unshot power shoots first", needs_reciprocity: false, settings: &[STEPS], make: |s| Box::new(ProgressiveRefinement { steps_per_pass: s.steps_per_pass }) },
+    SolverEntry { name: "overshooting", summary: "Patches shoot what they have and what will come back (Feda)", needs_reciprocity: false, settings: &[STEPS], make: |s| Box::new(Overshooting { steps_per_pass: s.steps_per_pass }) },
+    SolverEntry { name: "chebyshev", summary: "The best polynomial for an interval that holds the spectrum", needs_reciprocity: false, settings: &[BOUNDS], make: |s| Box::new(Chebyshev { bounds: s.bounds.unwrap_or_default() }) },
+    SolverEntry { name: "cg", summary: "Conjugate gradients on V G, V = A/ρ, as in the paper", needs_reciprocity: true, settings: &[], make: |_| Box::new(ConjugateGradients) },
+    SolverEntry { name: "pcg", summary: "Conjugate gradients preconditioned with V⁻¹ = ρ/A", needs_reciprocity: true, settings: &[], make: |_| Box::new(Pcg) },
 ];
 
 /// Returns the solver of a name with the given settings.
 ///
 /// # Errors
-/// [`SolverError::UnknownSolver`].
+/// [`SolverError::UnknownSolver`], or [`SolverError::UnusedSetting`] if a setting is given that the solver has no use for.
 pub fn solver(name: &str, settings: &SolverSettings) -> Result<Box<dyn Solver>, SolverError> {
-    Ok(by_name(name)?.build(settings))
+    by_name(name)?.build(settings)
 }
 
 /// Returns the entry of a name.
@@ -44,19 +80,29 @@ pub fn by_name(name: &str) -> Result<&'static SolverEntry, SolverError> {
         .find(|entry| entry.name == name)
         .ok_or_else(|| SolverError::UnknownSolver {
             name: name.to_owned(),
-            known: SOLVERS
-                .iter()
-                .map(|s| format!("`{}`", s.name))
-                .collect::<Vec<_>>()
-                .join(", "),
+            known: joined(SOLVERS),
         })
+}
+
+fn joined<'a>(entries: impl IntoIterator<Item = &'a SolverEntry>) -> String {
+    let quoted: Vec<String> = entries.into_iter().map(|s| format!("`{}`", s.name)).collect();
+    quoted.join(", ")
 }
 
 impl SolverEntry {
     /// Returns the solver with the given settings.
-    #[must_use]
-    pub fn build(&self, settings: &SolverSettings) -> Box<dyn Solver> {
-        (self.make)(settings)
+    ///
+    /// # Errors
+    /// [`SolverError::UnusedSetting`] if a setting is given that the solver has no use for.
+    pub fn build(&self, settings: &SolverSettings) -> Result<Box<dyn Solver>, SolverError> {
+        if let Some(flag) = settings.given().find(|flag| !self.settings.contains(flag)) {
+            return Err(SolverError::UnusedSetting {
+                flag,
+                solver: self.name,
+                used_by: joined(SOLVERS.iter().filter(|s| s.settings.contains(&flag))),
+            });
+        }
+        Ok((self.make)(settings))
     }
 }
 
@@ -68,7 +114,7 @@ mod tests {
     #[test]
     fn every_name_makes_its_solver() {
         for entry in SOLVERS {
-            assert_eq!(entry.build(&SolverSettings::default()).name(), entry.name);
+            assert_eq!(entry.build(&SolverSettings::default()).unwrap().name(), entry.name);
         }
         let error = solver("magic", &SolverSettings::default()).err().unwrap().to_string();
         assert!(error.contains("`magic`") && error.contains("`pcg`"), "{error}");
