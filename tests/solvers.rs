@@ -16,6 +16,9 @@ use radiosity::solver::{HistoryEntry, SolveOptions, Solver, SolverError, Start, 
 use support::solving::{all, by_name, channel, constant, l2, random_materials, run, system};
 use support::{LewisRoom, bits, dense, random_room, relative_error, solve_direct};
 
+/// The solvers that choose patches one by one.
+const SELECTING: [&str; 2] = ["progressive-refinement", "overshooting"];
+
 #[test]
 fn agrees_with_a_direct_solve() {
     let f = random_room(60, 0.01, 1);
@@ -87,9 +90,12 @@ fn furnace() {
         for solver in all() {
             let solution = run(solver, &system, &l2(1e-12));
             assert_eq!(solution.stop_reason, StopReason::Converged);
-            for &b in solution.radiosity.values() {
+            for (&b, area) in solution.radiosity.values().iter().zip(f.areas()) {
                 let error = (b * (1.0 - rho) / 2.0 - 1.0).abs();
-                assert!(error < 2e-12 / (1.0 - rho), "{} ρ = {rho}: {error:e}", solver.name());
+                // Without a preconditioner an entry may err by as much as its area allows it.
+                let total: f64 = f.areas().iter().sum();
+                let share = if solver.name() == "cg" { (total / area).sqrt() } else { 1.0 };
+                assert!(error < 2e-12 * share / (1.0 - rho), "{} ρ = {rho}: {error:e}", solver.name());
             }
         }
     }
@@ -241,12 +247,19 @@ fn channels_do_not_influence_each_other() {
     let f = random_room(45, 0.01, 18);
     let (reflectance, exitance) = random_materials(45, 0.95, 19);
     for solver in all() {
-        // With a tolerance out of reach Gauss-Seidel does the same number of sweeps in both cases.
+        if SELECTING.contains(&solver.name()) {
+            continue; // All channels together decide which patch is next.
+        }
+        // With a tolerance out of reach the others do the same number of passes in both cases.
         let fixed = SolveOptions {
             max_passes: 7,
             ..l2(1e-300)
         };
-        let options = if solver.name() == "pcg" { l2(1e-8) } else { fixed };
+        let options = if ["cg", "pcg"].contains(&solver.name()) {
+            l2(1e-8)
+        } else {
+            fixed
+        };
         let together = run(solver, &system(&f, &reflectance, &exitance), &options);
         for c in 0..3 {
             let alone = run(

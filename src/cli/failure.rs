@@ -101,7 +101,10 @@ impl From<SolverError> for Failure {
     fn from(error: SolverError) -> Self {
         let kind = match error {
             SolverError::NoFiniteSolution { .. } => "no_finite_solution",
-            SolverError::Tolerance { .. } | SolverError::UnknownSolver { .. } => return Self::usage(error.to_string()),
+            SolverError::Tolerance { .. }
+            | SolverError::UnknownSolver { .. }
+            | SolverError::Omega { .. }
+            | SolverError::UnusedSetting { .. } => return Self::usage(error.to_string()),
             _ => "solver",
         };
         Self::new(kind, error.to_string())

@@ -10,6 +10,7 @@ mod pipeline;
 mod progress;
 mod render;
 mod reproduce;
+mod reproduce_solvers;
 mod reuse;
 mod scene;
 mod solve;

@@ -11,13 +11,13 @@ use super::progress::Bars;
 use super::{SCHEMA_VERSION, warn};
 use crate::form_factor::registry::{self, Setting};
 use crate::form_factor::{FormFactorMethod, Input, MethodSettings, PairCounts};
-use crate::matrix::operator::Block;
+use crate::matrix::operator::{Block, LinearOperator};
 use crate::matrix::{BalanceReport, Checks, FormFactors, StorageChoice, Weighting};
 use crate::mesh::{Mesh, Patch, Subdivision};
 use crate::plan::Plan;
 use crate::report::{StageTimes, memory_peak_byte};
 use crate::scene::{Material, Scene, Surface};
-use crate::solver::registry::SolverEntry;
+use crate::solver::registry::{DISPLAY_AMBIENT, SolverEntry};
 use crate::solver::{self, RadiositySystem, Solution, SolveOptions, SolverSettings, StopReason, Tolerance};
 use crate::visibility::embree::EmbreeVisibility;
 
@@ -236,10 +236,15 @@ impl Run {
         Ok(entry.build(&settings))
     }
 
-    /// Returns the solver that is asked for.
+    /// Returns the solver that is asked for; settings that it has no use for are a usage error.
     #[expect(clippy::unused_self, reason = "a choice of this run")]
     pub(super) fn solver_entry(&self, args: &SolverArgs) -> Result<&'static SolverEntry, Failure> {
-        Ok(solver::registry::by_name(&args.solver)?)
+        let entry = solver::registry::by_name(&args.solver)?;
+        entry.build(&solver_settings(args))?;
+        if args.display_ambient {
+            entry.expect_use_of(DISPLAY_AMBIENT)?;
+        }
+        Ok(entry)
     }
 
     /// Solves the radiosity system of a scene.
@@ -262,10 +267,27 @@ impl Run {
             max_passes: args.max_passes,
             ..SolveOptions::default()
         };
-        let solver = entry.build(&SolverSettings::default())?;
-        let solution = self.times.time("solve", || {
+        for (name, value) in [
+            ("omega", args.omega.map(Value::from)),
+            ("bounds", args.bounds.map(|bounds| json!(bounds))),
+            ("steps_per_pass", args.steps_per_pass.map(|n| Value::from(n.get()))),
+            ("display_ambient", args.display_ambient.then_some(Value::Bool(true))),
+        ] {
+            if let Some(value) = value {
+                self.set(name, value);
+            }
+        }
+        let solver = entry.build(&solver_settings(args))?;
+        let mut solution = self.times.time("solve", || {
             solver.solve(&system, &options, &mut |_| std::ops::ControlFlow::Continue(()))
         })?;
+        if args.display_ambient
+            && let Some(display) = solution.display.take()
+        {
+            // The picture's irradiance belongs to what it shows; residual and bound stay those of the solution.
+            computed.factors.apply(&display, &mut solution.irradiance);
+            solution.radiosity = display;
+        }
         if solution.stop_reason != StopReason::Converged {
             self.warn(&format!(
                 "the solver stopped without converging ({}) at a relative residual of {:.3e}",
@@ -372,6 +394,15 @@ impl Prepared {
             surface["radiosity"] = json!(mean);
         }
         surfaces
+    }
+}
+
+/// Returns the settings that the flags give.
+fn solver_settings(args: &SolverArgs) -> SolverSettings {
+    SolverSettings {
+        omega: args.omega,
+        bounds: args.bounds.map(Into::into),
+        steps_per_pass: args.steps_per_pass,
     }
 }
 

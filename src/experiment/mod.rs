@@ -1,7 +1,7 @@
 //! Experiments: the methods side by side on one scene, and the papers' tables beside what we measure.
 //!
 //! [`compare`](compare()) runs every setting of every method ([`SWEEPS`]) over several seeds and says how far each is from a
-//! [`Reference`], and how long it took. [`baranoski`] repeats the tables of appendix A of that paper.
+//! [`Reference`], and how long it took. [`baranoski`] repeats the tables of that paper.
 
 pub mod baranoski;
 mod compare;
@@ -39,6 +39,12 @@ pub enum ExperimentError {
     /// The reference could not be computed.
     #[error("the reference: {0}")]
     Reference(#[source] FormFactorError),
+    /// The form factors of a model could not be computed.
+    #[error(transparent)]
+    FormFactors(FormFactorError),
+    /// A solver refused a system.
+    #[error(transparent)]
+    Solver(#[from] crate::solver::SolverError),
     /// Form factors could not be stored.
     #[error(transparent)]
     Matrix(#[from] MatrixError),

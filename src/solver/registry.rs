@@ -35,6 +35,9 @@ const OMEGA: &str = "--omega";
 const BOUNDS: &str = "--bounds";
 const STEPS: &str = "--steps-per-pass";
 
+/// The flag that shows [`Solution::display`](super::Solution::display) in place of the radiosity: among the settings of the solvers that have one.
+pub const DISPLAY_AMBIENT: &str = "--display-ambient";
+
 /// A solver as the registry knows it.
 #[derive(Debug)]
 pub struct SolverEntry {
@@ -55,8 +58,8 @@ pub const SOLVERS: &[SolverEntry] = &[
     SolverEntry { name: "jacobi", summary: "Every patch gathers from the radiosities of the pass before", needs_reciprocity: false, settings: &[], make: |_| Box::new(Jacobi) },
     SolverEntry { name: "gauss-seidel", summary: "Every patch in turn gathers from the newest radiosities", needs_reciprocity: false, settings: &[], make: |_| Box::new(GaussSeidel) },
     SolverEntry { name: "sor", summary: "Gauss-Seidel with overrelaxation", needs_reciprocity: false, settings: &[OMEGA], make: |s| Box::new(Sor { omega: s.omega }) },
-    SolverEntry { name: "progressive-refinement", summary: "The patch with the most unshot power shoots first", needs_reciprocity: false, settings: &[STEPS], make: |s| Box::new(ProgressiveRefinement { steps_per_pass: s.steps_per_pass }) },
-    SolverEntry { name: "overshooting", summary: "Patches shoot what they have and what will come back (Feda)", needs_reciprocity: false, settings: &[STEPS], make: |s| Box::new(Overshooting { steps_per_pass: s.steps_per_pass }) },
+    SolverEntry { name: "progressive-refinement", summary: "The patch with the most unshot power shoots first", needs_reciprocity: false, settings: &[STEPS, DISPLAY_AMBIENT], make: |s| Box::new(ProgressiveRefinement { steps_per_pass: s.steps_per_pass }) },
+    SolverEntry { name: "overshooting", summary: "Patches shoot what they have and what will come back (Feda)", needs_reciprocity: false, settings: &[STEPS, DISPLAY_AMBIENT], make: |s| Box::new(Overshooting { steps_per_pass: s.steps_per_pass }) },
     SolverEntry { name: "chebyshev", summary: "The best polynomial for an interval that holds the spectrum", needs_reciprocity: false, settings: &[BOUNDS], make: |s| Box::new(Chebyshev { bounds: s.bounds.unwrap_or_default() }) },
     SolverEntry { name: "cg", summary: "Conjugate gradients on V G, V = A/ρ, as in the paper", needs_reciprocity: true, settings: &[], make: |_| Box::new(ConjugateGradients) },
     SolverEntry { name: "pcg", summary: "Conjugate gradients preconditioned with V⁻¹ = ρ/A", needs_reciprocity: true, settings: &[], make: |_| Box::new(Pcg) },
@@ -95,14 +98,23 @@ impl SolverEntry {
     /// # Errors
     /// [`SolverError::UnusedSetting`] if a setting is given that the solver has no use for.
     pub fn build(&self, settings: &SolverSettings) -> Result<Box<dyn Solver>, SolverError> {
-        if let Some(flag) = settings.given().find(|flag| !self.settings.contains(flag)) {
-            return Err(SolverError::UnusedSetting {
-                flag,
-                solver: self.name,
-                used_by: joined(SOLVERS.iter().filter(|s| s.settings.contains(&flag))),
-            });
-        }
+        settings.given().try_for_each(|flag| self.expect_use_of(flag))?;
         Ok((self.make)(settings))
+    }
+
+    /// Refuses a flag that the solver has no use for.
+    ///
+    /// # Errors
+    /// [`SolverError::UnusedSetting`].
+    pub fn expect_use_of(&self, flag: &'static str) -> Result<(), SolverError> {
+        if self.settings.contains(&flag) {
+            return Ok(());
+        }
+        Err(SolverError::UnusedSetting {
+            flag,
+            solver: self.name,
+            used_by: joined(SOLVERS.iter().filter(|s| s.settings.contains(&flag))),
+        })
     }
 }
 
@@ -110,6 +122,17 @@ impl SolverEntry {
 #[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
+
+    #[test]
+    fn settings_without_a_use_are_refused() {
+        let settings = SolverSettings {
+            omega: Some(1.2),
+            ..SolverSettings::default()
+        };
+        assert!(solver("sor", &settings).is_ok());
+        let error = solver("pcg", &settings).err().unwrap().to_string();
+        assert!(error.contains("--omega") && error.contains("`pcg`") && error.contains("`sor`"), "{error}");
+    }
 
     #[test]
     fn every_name_makes_its_solver() {
