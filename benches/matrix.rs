@@ -23,7 +23,11 @@ fn main() {
     );
     for precision in [Precision::F64, Precision::F32] {
         for (layout, step) in [(Layout::Dense, 1), (Layout::Sparse, 10)] {
-            let choice = StorageChoice { layout, precision };
+            let choice = StorageChoice {
+                layout,
+                precision,
+                ..StorageChoice::default()
+            };
             let rows = by_rows(choice, step);
             let symmetric = by_pairs(choice, step);
             for n_channels in [1, 3] {

@@ -85,6 +85,7 @@ pub mod embree;
 pub mod experiment;
 pub mod form_factor;
 pub mod geometry;
+mod in_order;
 pub mod matrix;
 pub mod mesh;
 pub mod notation;

@@ -77,6 +77,21 @@ impl Plan {
         plan
     }
 
+    /// Replaces the decision on a subject, or adds it.
+    pub fn revise(&mut self, subject: &'static str, choice: impl Into<String>, reason: impl Into<String>) {
+        let (choice, reason) = (choice.into(), reason.into());
+        match self.decisions.iter_mut().find(|decision| decision.subject == subject) {
+            Some(decision) => {
+                *decision = Decision {
+                    subject,
+                    choice,
+                    reason,
+                }
+            }
+            None => self.decide(subject, choice, reason),
+        }
+    }
+
     /// Adds a decision.
     pub fn decide(&mut self, subject: &'static str, choice: impl Into<String>, reason: impl Into<String>) {
         self.decisions.push(Decision {

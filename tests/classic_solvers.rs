@@ -60,7 +60,11 @@ fn rates_follow_from_the_spectrum() {
         .find(|w| 2.0 * (w - 1.0) * (w - 1.0).ln() / (w * (w - 2.0)) >= rho)
         .unwrap();
     let sor = rate(by_name("sor"), &system, 24);
-    assert!(sor < omega - 1.0 + 0.06 && sor < gauss_seidel - 0.25, "{sor} for {}", omega - 1.0);
+    assert!(
+        sor < omega - 1.0 + 0.06 && sor < gauss_seidel - 0.25,
+        "{sor} for {}",
+        omega - 1.0
+    );
     // Chebyshev on 1 ± ρ: σ / (1 + sqrt(1 − σ²)) a pass.
     let chebyshev = rate(by_name("chebyshev"), &system, 24);
     let expected = rho / (1.0 + (1.0 - rho * rho).sqrt());
@@ -155,7 +159,11 @@ fn the_display_estimate_conserves_energy() {
                 })
                 .sum();
             // Rounding of 200 steps.
-            assert!((absorbed / emitted - 1.0).abs() < 1e-12, "{} after {n_steps}: {absorbed}", solver.name());
+            assert!(
+                (absorbed / emitted - 1.0).abs() < 1e-12,
+                "{} after {n_steps}: {absorbed}",
+                solver.name()
+            );
             let plain = relative_error(f.areas(), &solution.radiosity, &exact);
             let shown = relative_error(f.areas(), &display, &exact);
             assert!(shown < plain, "{} after {n_steps}: {shown} {plain}", solver.name());
@@ -173,7 +181,11 @@ fn shooting_without_reciprocity() {
     assert!(f.reciprocal_areas().is_none());
     let expected = solve_direct(&dense(&f), &room.reflectance, &room.exitance);
     for name in ["progressive-refinement", "overshooting"] {
-        let solution = run(by_name(name), &system(&f, &room.reflectance, &room.exitance), &l2(1e-12));
+        let solution = run(
+            by_name(name),
+            &system(&f, &room.reflectance, &room.exitance),
+            &l2(1e-12),
+        );
         assert_eq!(solution.stop_reason, StopReason::Converged, "{name}");
         let error = relative_error(f.areas(), &solution.radiosity, &expected);
         assert!(error < 1e-10, "{name}: {error:e}");
@@ -184,7 +196,9 @@ fn shooting_without_reciprocity() {
 #[test]
 fn the_greatest_power_shoots_first() {
     // Two plates that see half of one another.
-    let f = matrix(&[1.0, 1.0], &[vec![0.0, 0.5], vec![0.5, 0.0]]).symmetrised(Weighting::Plain).unwrap();
+    let f = matrix(&[1.0, 1.0], &[vec![0.0, 0.5], vec![0.5, 0.0]])
+        .symmetrised(Weighting::Plain)
+        .unwrap();
     let reflectance = Block::from_values(vec![0.8, 0.4], 1);
     let exitance = Block::from_values(vec![1.0, 3.0], 1);
     let solver = ProgressiveRefinement {
@@ -226,8 +240,15 @@ fn steps_per_pass_only_divide_the_work() {
         };
         let (whole, fine) = (with(None), with(NonZeroUsize::new(7)));
         assert_eq!(whole.stop_reason, StopReason::Converged);
-        assert_eq!(whole.selections.iter().sum::<u64>(), fine.selections.iter().sum::<u64>(), "{name}");
+        assert_eq!(
+            whole.selections.iter().sum::<u64>(),
+            fine.selections.iter().sum::<u64>(),
+            "{name}"
+        );
         let work = fine.history.last().unwrap().work;
-        assert!((work * 50.0 - fine.selections.iter().sum::<u64>() as f64).abs() < 1e-6, "{name}: {work}");
+        assert!(
+            (work * 50.0 - fine.selections.iter().sum::<u64>() as f64).abs() < 1e-6,
+            "{name}: {work}"
+        );
     }
 }

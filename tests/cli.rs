@@ -543,3 +543,23 @@ fn form_factors_of_another_scene_or_for_other_patches_are_refused() {
     assert_eq!((code, &result["error"]["kind"]), (1, &Value::from("damaged")));
     assert_eq!(result["error"]["file"], "F.npz");
 }
+
+/// Two plates 1e-5 m apart, 4 m wide: rays start 6e-6 m off each.
+#[test]
+fn rays_that_start_too_far_off_a_narrow_gap_are_told_of() {
+    let directory = tempfile::tempdir().unwrap();
+    let plates = "o low\nv -2 -2 0\nv 2 -2 0\nv 2 2 0\nv -2 2 0\nf 1 2 3 4\n\
+                  o high\nv -2 -2 1e-5\nv 2 -2 1e-5\nv 2 2 1e-5\nv -2 2 1e-5\nf 8 7 6 5\n";
+    std::fs::write(directory.path().join("plates.obj"), plates).unwrap();
+    let with = |method: &str| {
+        let output = radiosity(directory.path(), &["form-factors", "plates.obj", "--method", method]);
+        assert!(output.status.success(), "{}", stderr(&output));
+        stderr(&output)
+    };
+    let told = with("sr");
+    assert!(
+        told.contains("`low` (line 6) and `high` (line 12) are 1.00e-5 m apart") && told.contains("6.00e-6 m off"),
+        "{told}"
+    );
+    assert!(!with("closed-form").contains("apart"), "no ray, no warning");
+}

@@ -48,7 +48,11 @@ fn units_do_not_matter() {
                 .map(|(b, expected)| (b / light / expected - 1.0).abs())
                 .fold(0.0, f64::max);
             // Without a preconditioner rounding decides among answers that are equally good: small patches by their areas' share less so.
-            let (limit, ratio) = if solver.name() == "cg" { (1e-4, 1.0) } else { (1e-12, 1e-6) };
+            let (limit, ratio) = if solver.name() == "cg" {
+                (1e-4, 1.0)
+            } else {
+                (1e-12, 1e-6)
+            };
             assert!(error < limit, "{} at {length:e}, {light:e}: {error:e}", solver.name());
             assert!((solution.residual_l2 / base.residual_l2 - 1.0).abs() < ratio);
         }
@@ -235,7 +239,11 @@ fn row_sums_above_one_are_found_out() {
         let solution = run(solver, &system(&f, &constant(40, 0.99), &exitance), &l2(1e-6));
         // Where patches are chosen one by one the residual grows, but not in every pass.
         let by_steps = solver.name() == "progressive-refinement" && solution.stop_reason == StopReason::Stagnated;
-        assert!(by_steps || solution.stop_reason == StopReason::Diverged, "{}", solver.name());
+        assert!(
+            by_steps || solution.stop_reason == StopReason::Diverged,
+            "{}",
+            solver.name()
+        );
         assert_eq!(solution.error_bound, None);
     }
 }

@@ -94,8 +94,16 @@ fn furnace() {
                 let error = (b * (1.0 - rho) / 2.0 - 1.0).abs();
                 // Without a preconditioner an entry may err by as much as its area allows it.
                 let total: f64 = f.areas().iter().sum();
-                let share = if solver.name() == "cg" { (total / area).sqrt() } else { 1.0 };
-                assert!(error < 2e-12 * share / (1.0 - rho), "{} ρ = {rho}: {error:e}", solver.name());
+                let share = if solver.name() == "cg" {
+                    (total / area).sqrt()
+                } else {
+                    1.0
+                };
+                assert!(
+                    error < 2e-12 * share / (1.0 - rho),
+                    "{} ρ = {rho}: {error:e}",
+                    solver.name()
+                );
             }
         }
     }

@@ -157,7 +157,7 @@ pub enum BalanceName {
 #[command(next_help_heading = "Form factors")]
 pub struct MethodArgs {
     /// The method
-    #[arg(long, value_name = "NAME", value_parser = method_name(), default_value = "sr")]
+    #[arg(long, value_name = "NAME", value_parser = method_name(), default_value = "exact")]
     pub method: String,
     /// Rays for each patch, with sr and sg [default: 4096; render: 16384], or for each pair, with qmc [default: 64]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
@@ -174,6 +174,9 @@ pub struct MethodArgs {
     /// Where the numbers of sr and sg come from [default: sobol]
     #[arg(long, value_enum)]
     pub sequence: Option<SequenceName>,
+    /// Evaluations for one pair of patches after which exact goes on to the next [default: 10000000]
+    #[arg(long, value_name = "N")]
+    pub budget: Option<NonZeroUsize>,
     /// Seed of all numbers
     #[arg(long, value_name = "S", default_value_t = 0)]
     pub seed: u64,
@@ -194,6 +197,9 @@ pub struct FormFactorsArgs {
     /// A surface by name: with `-o F.vtu`, the form factor from each patch to it
     #[arg(long, value_name = "NAME", requires = "output")]
     pub surface: Option<String>,
+    /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-6]
+    #[arg(long, value_name = "T", value_parser = parse_positive)]
+    pub tolerance: Option<f64>,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub mesh: MeshArgs,
@@ -264,8 +270,11 @@ pub struct SolveArgs {
     #[arg(short, long, value_name = "B.csv")]
     pub output: Option<PathBuf>,
     /// Form factors that `form-factors -o` wrote, instead of computing them; they know how the scene was cut into patches
-    #[arg(long, value_name = "F.npz", conflicts_with_all = ["method", "rays", "points", "sequence", "seed", "resolution", "normalise"])]
+    #[arg(long, value_name = "F.npz", conflicts_with_all = ["method", "rays", "points", "sequence", "seed", "resolution", "normalise", "budget", "form_factor_tolerance"])]
     pub form_factors: Option<PathBuf>,
+    /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-6]
+    #[arg(long, value_name = "T", value_parser = parse_positive)]
+    pub form_factor_tolerance: Option<f64>,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub mesh: MeshArgs,
@@ -327,9 +336,9 @@ pub struct CompareArgs {
     /// Whether occluders are looked at
     #[arg(long, value_enum, default_value_t = VisibilityName::Both)]
     pub visibility: VisibilityName,
-    /// Rays for each pair of patches of the reference, where nothing better is known
-    #[arg(long, value_name = "N", default_value_t = 4096, value_parser = clap::value_parser!(u64).range(1..))]
-    pub reference_rays: u64,
+    /// The tolerance of exact that the methods are judged for: where nothing is known of the scene, the reference is exact at T/100
+    #[arg(long, value_name = "T", default_value_t = 1e-6, value_parser = parse_positive)]
+    pub tolerance: f64,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub mesh: MeshArgs,
@@ -390,6 +399,9 @@ pub struct RenderArgs {
     /// The image to write; a PNG preview goes beside it
     #[arg(short, long, value_name = "IMAGE.exr")]
     pub output: PathBuf,
+    /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-5]
+    #[arg(long, value_name = "T", value_parser = parse_positive)]
+    pub form_factor_tolerance: Option<f64>,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub image: ImageArgs,

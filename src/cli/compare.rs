@@ -25,6 +25,9 @@ use crate::scene::{Scene, builtin};
 /// A scene is cut so that it has at least this many patches.
 const PATCHES: usize = 200;
 
+/// How much tighter than the tolerance asked for the reference is.
+const TIGHTER: f64 = 100.0;
+
 /// One half of the work: occluders looked at or not.
 struct Part {
     visibility: &'static str,
@@ -68,6 +71,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
     run.set("seeds", args.seeds);
     run.set("seed", args.seed);
     run.set("time_limit_s", args.time_limit);
+    run.set("tolerance", args.tolerance);
     run.set("visibility", json!(args.visibility));
     run.set(
         "methods",
@@ -80,7 +84,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
     };
     let parts: Vec<Part> = visibilities
         .iter()
-        .map(|&visibility| measure(&mut run, &prepared, &settings, visibility, args.reference_rays))
+        .map(|&visibility| measure(&mut run, &prepared, &settings, visibility, args.tolerance))
         .collect::<Result<_, _>>()?;
     let first = &parts[0];
     let input = input(&prepared, first.visibility);
@@ -157,14 +161,14 @@ fn measure(
     prepared: &Prepared,
     settings: &CompareSettings,
     visibility: &'static str,
-    reference_rays: u64,
+    tolerance: f64,
 ) -> Result<Part, Failure> {
     let input = input(prepared, visibility);
     let occluders = !prepared.plan.convex_and_empty;
     let reference = run
         .times
         .time("reference", || {
-            Reference::find(input, occluders, reference_rays, &run.progress)
+            Reference::find(input, occluders, tolerance / TIGHTER, &run.progress)
         })
         .map_err(failure)?;
     let comparison = run
@@ -235,7 +239,7 @@ impl Subject<'_> {
                     "description": describe(reference),
                     "error_max": reference.error_max,
                     "error_rms": reference.error_rms,
-                    "rays": reference.rays,
+                    "tolerance": reference.tolerance,
                 },
                 "cases": comparison.cases,
                 "runs": comparison.runs,
@@ -346,11 +350,11 @@ fn ranged(spread: Spread) -> Ranged {
 }
 
 fn short_name(reference: &Reference) -> String {
-    match (reference.kind, reference.rays) {
+    match (reference.kind, reference.tolerance) {
         (ReferenceKind::ClosedForm, _) => "closed form".to_owned(),
         (ReferenceKind::Polygons, _) => "exact between polygons".to_owned(),
         (ReferenceKind::Certified, _) => "certified".to_owned(),
-        (ReferenceKind::LongRun, rays) => format!("qmc, {} rays a pair", rays.unwrap_or(0)),
+        (ReferenceKind::Exact, tolerance) => format!("exact at {:e}", tolerance.unwrap_or(0.0)),
     }
 }
 
@@ -366,10 +370,9 @@ fn describe(reference: &Reference) -> String {
         ReferenceKind::Certified => format!(
             "Reference: certified form factors between the whole surfaces, exact to {error:.0e}; errors are between surfaces."
         ),
-        ReferenceKind::LongRun => format!(
-            "Reference: with occluders nothing exact is known here; it is the mean of eight runs of `qmc`, {} rays a pair in all. Their spread gives its own standard error as {:.1e} (root mean \
-             square) and {error:.1e} at most: errors near that are the reference's as much as the method's.",
-            reference.rays.unwrap_or(0),
+        ReferenceKind::Exact => format!(
+            "Reference: `exact` at a tolerance of {:e}, two orders tighter than asked for; its own estimate of its error is {:.1e} (root mean square) and {error:.1e} at most.",
+            reference.tolerance.unwrap_or(0.0),
             reference.error_rms,
         ),
     }

@@ -7,8 +7,9 @@ use serde_json::{Value, json};
 use super::args::FormFactorsArgs;
 use super::exit_code::ExitCode;
 use super::failure::Failure;
-use super::pipeline::{Computed, Prepared, Run};
+use super::pipeline::{Computed, Fineness, Prepared, Run};
 use super::{Outcome, output};
+use crate::form_factor::ExactMethod;
 use crate::matrix::SurfaceFormFactors;
 use crate::mesh::Subdivision;
 use crate::report::form_factors::{FormFactorReport, Format};
@@ -31,7 +32,15 @@ pub(super) fn run(args: &FormFactorsArgs) -> Result<Outcome, Failure> {
         .as_deref()
         .map(|name| surface_named(&prepared.scene, name))
         .transpose()?;
-    let computed = run.form_factors(&mut prepared, &args.method, DEFAULT_RAYS, false)?;
+    let computed = {
+        let fineness = Fineness {
+            default_rays: DEFAULT_RAYS,
+            tolerance: args.tolerance,
+            default_tolerance: ExactMethod::DEFAULT_TOLERANCE,
+            tolerance_name: "tolerance",
+        };
+        run.form_factors(&mut prepared, &args.method, fineness, false)?
+    };
     let surfaces = run.times.time("surfaces", || {
         let surface_of_patch: Vec<u32> = prepared.mesh.patches.iter().map(|p| p.surface.0).collect();
         computed
@@ -62,8 +71,17 @@ pub(super) fn run(args: &FormFactorsArgs) -> Result<Outcome, Failure> {
     Ok(Outcome {
         text,
         document,
-        code: ExitCode::Done,
+        code: code(&computed),
     })
+}
+
+/// Returns the exit code that form factors deserve.
+pub(super) fn code(computed: &Computed) -> ExitCode {
+    if computed.tolerance_met {
+        ExitCode::Done
+    } else {
+        ExitCode::NotConverged
+    }
 }
 
 fn surface_named(scene: &Scene, name: &str) -> Result<SurfaceId, Failure> {

@@ -9,8 +9,8 @@ use super::args::{BalanceName, CommonArgs, MeshArgs, MethodArgs, SolverArgs};
 use super::failure::Failure;
 use super::progress::Bars;
 use super::{SCHEMA_VERSION, warn};
-use crate::form_factor::registry::{self, Setting};
-use crate::form_factor::{FormFactorMethod, Input, MethodSettings, PairCounts};
+use crate::form_factor::registry::{self, MethodEntry, Setting};
+use crate::form_factor::{ExactMethod, FormFactorMethod, Input, MethodSettings, PairCounts};
 use crate::matrix::operator::{Block, LinearOperator};
 use crate::matrix::{BalanceReport, Checks, FormFactors, StorageChoice, Weighting};
 use crate::mesh::{Mesh, Patch, Subdivision};
@@ -19,7 +19,10 @@ use crate::report::{StageTimes, memory_peak_byte};
 use crate::scene::{Material, Scene, Surface};
 use crate::solver::registry::{DISPLAY_AMBIENT, SolverEntry};
 use crate::solver::{self, RadiositySystem, Solution, SolveOptions, SolverSettings, StopReason, Tolerance};
+use crate::visibility::Visibility as _;
+use crate::visibility::blockers::BlockerIndex;
 use crate::visibility::embree::EmbreeVisibility;
+use crate::visibility::gaps::narrowest_gap;
 
 /// A run of one command: settings, clock, progress.
 pub(super) struct Run {
@@ -28,6 +31,7 @@ pub(super) struct Run {
     pub(super) times: StageTimes,
     pub(super) progress: Bars,
     pub(super) settings: serde_json::Map<String, Value>,
+    has_looked_at_gaps: bool,
 }
 
 /// A scene with its patches, ready for ray queries.
@@ -48,6 +52,60 @@ pub(super) struct Computed {
     pub(super) tolerance_met: bool,
 }
 
+/// How finely form factors are computed, as far as commands differ in it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Fineness {
+    /// Rays for each patch unless `--rays` says otherwise.
+    pub(super) default_rays: u64,
+    /// The tolerance asked for, or the command's own.
+    pub(super) tolerance: Option<f64>,
+    /// What is taken where none is asked for, by methods that have a tolerance.
+    pub(super) default_tolerance: f64,
+    /// What it is called among the settings.
+    pub(super) tolerance_name: &'static str,
+}
+
+impl Fineness {
+    fn tolerance_for(self, entry: &MethodEntry) -> Option<f64> {
+        let has_one = entry.settings.iter().any(|s| matches!(s, Setting::Tolerance(_)));
+        self.tolerance.or(has_one.then_some(self.default_tolerance))
+    }
+}
+
+/// Says how visibility is found by exact clipping.
+fn explain_exact(prepared: &mut Prepared, fineness: Fineness) {
+    let tolerance = fineness.tolerance.unwrap_or(fineness.default_tolerance);
+    let plan = &mut prepared.plan;
+    if !plan.convex_and_empty {
+        let n = BlockerIndex::new(&prepared.scene).n_blockers();
+        plan.revise(
+            "visibility",
+            format!("exact clipping against {n} blockers"),
+            "a vertex lies behind the plane of a face: something may block; flat neighbours count as one blocker",
+        );
+        let reason = if fineness.tolerance.is_some() {
+            "as asked for"
+        } else if tolerance > ExactMethod::DEFAULT_TOLERANCE {
+            "the size of the patches weighs more in a picture than this"
+        } else {
+            "the default"
+        };
+        plan.decide("form-factor tolerance", format!("{tolerance:e}"), reason);
+    }
+    plan.left_out
+        .push("rays between patches: nothing here is sampled".into());
+}
+
+/// Returns the greatest error of A_i F_ij / min(A_i, A_j).
+fn worst_error(factors: &FormFactors) -> f64 {
+    let areas = factors.areas();
+    let mut worst = 0.0_f64;
+    for (i, area) in areas.iter().enumerate() {
+        factors.for_each_in_row(i, |j, _, error| worst = worst.max(error * area / area.min(areas[j])));
+    }
+    worst
+}
+
 /// Row sums are restored to far below the noise, or as far as so many passes go.
 const BALANCE_TOLERANCE: f64 = 1e-10;
 const BALANCE_PASSES: usize = 200;
@@ -60,6 +118,7 @@ impl Run {
             times: StageTimes::default(),
             progress: Bars::new(common.quiet),
             settings: serde_json::Map::new(),
+            has_looked_at_gaps: false,
         }
     }
 
@@ -110,6 +169,14 @@ impl Run {
             .times
             .time("ray_tracer", || EmbreeVisibility::new(&scene))
             .map_err(|error| Failure::new("embree", error.to_string()))?;
+        if let Some(&face) = visibility.vanished_faces().first() {
+            self.warn(&format!(
+                "{}:{}: this face and {} more are too small, beside the size of the scene, for rays to hit them",
+                path.display(),
+                scene.faces[face.0 as usize].line,
+                visibility.vanished_faces().len() - 1
+            ));
+        }
         Ok(Prepared {
             scene,
             plan,
@@ -123,10 +190,13 @@ impl Run {
         &mut self,
         prepared: &mut Prepared,
         args: &MethodArgs,
-        default_rays: u64,
+        fineness: Fineness,
         needs_symmetry: bool,
     ) -> Result<Computed, Failure> {
-        let method = self.method(args, default_rays)?;
+        let method = self.method(args, fineness)?;
+        if method.name() == "exact" && self.common.explain {
+            explain_exact(prepared, fineness);
+        }
         let input = Input {
             scene: &prepared.scene,
             unoccluded: prepared.plan.convex_and_empty,
@@ -136,7 +206,40 @@ impl Run {
         let result = self.times.time("form_factors", || {
             method.compute(input, StorageChoice::default(), &self.progress)
         })?;
+        let of_pairs = result.pairs.map_or(0, |pairs| pairs.n_rays);
+        if of_pairs > 0 || result.factors.tallies().iter().any(|tally| tally.n_rays > 0) {
+            self.warn_of_narrow_gaps(prepared);
+        }
+        if let Some(pairs) = result.pairs.filter(|pairs| pairs.n_above_tolerance > 0) {
+            self.warn(&format!(
+                "{} pairs of patches spent their budget above the tolerance; the worst error is {:.1e}; give a greater --budget or --{}",
+                pairs.n_above_tolerance,
+                worst_error(&result.factors),
+                fineness.tolerance_name.replace('_', "-")
+            ));
+        }
         self.repaired(prepared, result, args.balance, needs_symmetry)
+    }
+
+    /// Warns if rays start too far off the faces to see what lies in the narrowest gap.
+    pub(super) fn warn_of_narrow_gaps(&mut self, prepared: &Prepared) {
+        if std::mem::replace(&mut self.has_looked_at_gaps, true) {
+            return;
+        }
+        let (scene, offset) = (&prepared.scene, prepared.visibility.offset());
+        let Some(gap) = narrowest_gap(scene, offset) else {
+            return;
+        };
+        let [first, second] = gap.faces.map(|id| {
+            let face = &scene.faces[id.0 as usize];
+            let name = &scene.surfaces[face.surface.0 as usize].name;
+            format!("`{name}` (line {})", face.line)
+        });
+        self.warn(&format!(
+            "{first} and {second} are {:.2e} m apart, and rays start {offset:.2e} m off a face: light between them is lost or blurred; \
+             use a method without rays, or model the gap in a scene of its own",
+            gap.width
+        ));
     }
 
     /// Makes form factors symmetric where that is asked for, and checks them.
@@ -164,7 +267,7 @@ impl Run {
         };
         self.set("balance", wanted);
         let plan = &mut prepared.plan;
-        if plan.convex_and_empty && result.pairs.is_some() {
+        if plan.convex_and_empty && result.pairs.is_some() && self.settings.get("method") != Some(&json!("exact")) {
             plan.left_out.push("rays between patches: nothing can block".into());
         }
         let (factors, balance) = if wanted {
@@ -183,8 +286,12 @@ impl Run {
             );
             (factors, Some(report))
         } else {
-            plan.left_out
-                .push("balancing of the form factors: no symmetric system is needed".into());
+            let reason = if raw.is_symmetric() && asked == BalanceName::Auto {
+                "they are symmetric as they are"
+            } else {
+                "no symmetric system is needed"
+            };
+            plan.left_out.push(format!("balancing of the form factors: {reason}"));
             (raw, None)
         };
         if let Some(report) = balance.filter(|report| !report.converged) {
@@ -204,16 +311,18 @@ impl Run {
         })
     }
 
-    fn method(&mut self, args: &MethodArgs, default_rays: u64) -> Result<Box<dyn FormFactorMethod>, Failure> {
+    fn method(&mut self, args: &MethodArgs, fineness: Fineness) -> Result<Box<dyn FormFactorMethod>, Failure> {
         let entry = registry::by_name(&args.method)?;
         // The direct pass of a render takes its numbers from there too.
         let sequence_is_elsewhere = self.command == "render" && !entry.settings.contains(&Setting::Sequence);
         let settings = entry.resolve(&MethodSettings {
-            rays: args.rays.or(entry.shoots().then_some(default_rays)),
+            rays: args.rays.or(entry.shoots().then_some(fineness.default_rays)),
             points: args.points,
             resolution: args.resolution,
             normalise: args.normalise,
             sequence: args.sequence.filter(|_| !sequence_is_elsewhere).map(Into::into),
+            tolerance: fineness.tolerance_for(entry),
+            budget: args.budget,
             seed: args.seed,
         })?;
         self.set("method", entry.name);
@@ -232,6 +341,12 @@ impl Run {
         }
         if let Some(sequence) = settings.sequence {
             self.set("sequence", json!(sequence));
+        }
+        if let Some(tolerance) = settings.tolerance {
+            self.set(fineness.tolerance_name, tolerance);
+        }
+        if let Some(budget) = settings.budget {
+            self.set("budget", budget.get());
         }
         Ok(entry.build(&settings))
     }

@@ -11,7 +11,7 @@ use super::Outcome;
 use super::args::{DirectName, ImageArgs, RenderArgs};
 use super::failure::Failure;
 use super::form_factors::{checks_to_json, describe_checks};
-use super::pipeline::{Computed, Prepared, Run, materials_of_patches};
+use super::pipeline::{Computed, Fineness, Prepared, Run, materials_of_patches};
 use super::{output, solve};
 use crate::geometry::sampling::Sequence;
 use crate::matrix::operator::{Block, LinearOperator};
@@ -25,6 +25,10 @@ use crate::visibility::Visibility;
 
 /// Rays for each patch unless `--rays` says otherwise: enough that the noise of a patch does not show.
 const DEFAULT_RAYS: u64 = 16384;
+
+/// The tolerance of form factors unless `--form-factor-tolerance` says otherwise: below a tenth of a typical factor between patches of the default
+/// size, which is 1/3000, and errors of both signs mostly cancel; patches of that size are off by more.
+const DEFAULT_TOLERANCE: f64 = 1e-5;
 
 /// The number of patches that the default subdivision aims at.
 const DEFAULT_PATCHES: f64 = 3000.0;
@@ -42,6 +46,9 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     output::expect_possible(&args.output)?;
     let mut prepared = run.prepare(&args.scene, args.mesh, default_subdivision)?;
     let view = view(&args.image, &args.scene, &prepared.scene)?;
+    if settings.direct != DirectMethod::Off {
+        run.warn_of_narrow_gaps(&prepared);
+    }
     let solved = solve_scene(&mut run, &mut prepared, args, settings.direct)?;
     if settings.direct == DirectMethod::Off {
         prepared
@@ -105,7 +112,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     Ok(Outcome {
         text,
         document,
-        code: solve::code(&solved.solution),
+        code: solve::code(&solved.solution, solved.computed.as_ref()),
     })
 }
 
@@ -141,7 +148,13 @@ fn solve_scene(
         });
     }
     let needs_symmetry = run.solver_entry(&args.solver)?.needs_reciprocity;
-    let computed = run.form_factors(prepared, &args.method, DEFAULT_RAYS, needs_symmetry)?;
+    let fineness = Fineness {
+        default_rays: DEFAULT_RAYS,
+        tolerance: args.form_factor_tolerance,
+        default_tolerance: DEFAULT_TOLERANCE,
+        tolerance_name: "form_factor_tolerance",
+    };
+    let computed = run.form_factors(prepared, &args.method, fineness, needs_symmetry)?;
     let solution = run.solve(prepared, &computed, &args.solver)?;
     let indirect_irradiance = with_direct.then(|| {
         run.times

@@ -90,7 +90,11 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
     let _ = writeln!(
         printed,
         "\nwrote report.md, results.csv, results.json{} to {}",
-        if cases.is_empty() { "" } else { ", and the tables and plots of table 2," },
+        if cases.is_empty() {
+            ""
+        } else {
+            ", and the tables and plots of table 2,"
+        },
         directory.display()
     );
     if !inside {

@@ -61,7 +61,15 @@ pub(super) fn report(results: &[CaseResult]) -> String {
             result.eigenvalue_range[1]
         );
         text.push_str(&case_table(result).to_markdown());
-        let mut forms = Table::new(["as printed", "what is wrong", "steps", "outcome", "expected", "max |r A| (W)", "RMS error"]);
+        let mut forms = Table::new([
+            "as printed",
+            "what is wrong",
+            "steps",
+            "outcome",
+            "expected",
+            "max |r A| (W)",
+            "RMS error",
+        ]);
         for form in &result.printed_forms {
             forms.push([
                 form.name.to_owned(),
@@ -92,7 +100,18 @@ fn verdict(verdict: crate::experiment::baranoski::solvers::Verdict) -> String {
 
 fn case_table(result: &CaseResult) -> Table {
     let mut table = Table::new([
-        "method", "start", "paper: s", "paper: passes", "expected", "passes", "steps", "ms", "selected alike", "RMS error", "Goertler", "",
+        "method",
+        "start",
+        "paper: s",
+        "paper: passes",
+        "expected",
+        "passes",
+        "steps",
+        "ms",
+        "selected alike",
+        "RMS error",
+        "Goertler",
+        "",
     ]);
     for (run, method) in result.runs.iter().zip(&METHODS) {
         let dash = |text: Option<String>| text.unwrap_or_else(|| "–".to_owned());
@@ -102,7 +121,11 @@ fn case_table(result: &CaseResult) -> Table {
             dash(run.paper_time_s.map(|t| format!("{t:.2}"))),
             dash(run.paper_passes.map(|p| p.to_string())),
             dash(run.expected_count.map(|c| c.to_string())),
-            if method.by_steps { format!("{:.2}", run.n_passes) } else { format!("{:.0}", run.n_passes) },
+            if method.by_steps {
+                format!("{:.2}", run.n_passes)
+            } else {
+                format!("{:.0}", run.n_passes)
+            },
             run.n_steps.to_string(),
             format!("{:.2}", 1e3 * run.time_s),
             dash(run.selected_alike.map(|share| format!("{:.0} %", 100.0 * share))),
@@ -132,13 +155,24 @@ pub(super) fn write(directory: &Path, results: &[CaseResult]) -> Result<Vec<Stri
                 let plot = convergence(result, norm, by_time);
                 let axis = if by_time { "time" } else { "steps" };
                 let name = result.case.name.to_ascii_lowercase();
-                write(format!("case-{name}-{}-{axis}.svg", norm.file), &plot.to_svg().map_err(plot_failure)?)?;
+                write(
+                    format!("case-{name}-{}-{axis}.svg", norm.file),
+                    &plot.to_svg().map_err(plot_failure)?,
+                )?;
             }
         }
     }
     for (file, title, cases) in [
-        ("figure-2.svg", "Eigenvalues as the reflectance grows (figure 2)", &['A', 'B', 'C', 'D'][..]),
-        ("figure-3.svg", "Eigenvalues as the density grows (figure 3)", &['C', 'E'][..]),
+        (
+            "figure-2.svg",
+            "Eigenvalues as the reflectance grows (figure 2)",
+            &['A', 'B', 'C', 'D'][..],
+        ),
+        (
+            "figure-3.svg",
+            "Eigenvalues as the density grows (figure 3)",
+            &['C', 'E'][..],
+        ),
     ] {
         let plot = spectra(results, title, cases);
         write(file.to_owned(), &plot.to_svg().map_err(plot_failure)?)?;
@@ -159,7 +193,10 @@ fn convergence(result: &CaseResult, norm: &Norm, by_time: bool) -> CurvePlot {
     };
     CurvePlot {
         title: format!("Case {}: ρ_avg = {}", result.case.name, result.case.rho_avg),
-        subtitle: format!("992 patches, {:.1} % of F not 0; until max |r A| < 1e-3 W", 100.0 * result.density),
+        subtitle: format!(
+            "992 patches, {:.1} % of F not 0; until max |r A| < 1e-3 W",
+            100.0 * result.density
+        ),
         x_label: if by_time { "run time (ms)" } else { "steps of iteration" }.to_owned(),
         y_label: norm.label.to_owned(),
         log_y: true,
@@ -177,9 +214,19 @@ fn spectra(results: &[CaseResult], title: &str, cases: &[char]) -> CurvePlot {
         log_y: false,
         curves: shown
             .map(|(style, result)| Curve {
-                name: format!("{}: ρ_avg = {}, {:.0} %", result.case.name, result.case.rho_avg, 100.0 * result.density),
+                name: format!(
+                    "{}: ρ_avg = {}, {:.0} %",
+                    result.case.name,
+                    result.case.rho_avg,
+                    100.0 * result.density
+                ),
                 style,
-                points: result.eigenvalues.iter().enumerate().map(|(k, v)| ((k + 1) as f64, *v)).collect(),
+                points: result
+                    .eigenvalues
+                    .iter()
+                    .enumerate()
+                    .map(|(k, v)| ((k + 1) as f64, *v))
+                    .collect(),
             })
             .collect(),
     }
@@ -187,8 +234,24 @@ fn spectra(results: &[CaseResult], title: &str, cases: &[char]) -> CurvePlot {
 
 fn summary(results: &[CaseResult]) -> Table {
     let mut table = Table::new([
-        "case", "rho_avg", "density", "method", "start", "stop_reason", "n_steps", "n_passes", "time_s", "residual_max_power", "error_rms",
-        "error_goertler", "expected_count", "expected_rms", "paper_time_s", "paper_passes", "selected_alike", "inside",
+        "case",
+        "rho_avg",
+        "density",
+        "method",
+        "start",
+        "stop_reason",
+        "n_steps",
+        "n_passes",
+        "time_s",
+        "residual_max_power",
+        "error_rms",
+        "error_goertler",
+        "expected_count",
+        "expected_rms",
+        "paper_time_s",
+        "paper_passes",
+        "selected_alike",
+        "inside",
     ]);
     let number = |v: Option<f64>| v.map_or(String::new(), |v| format!("{v:?}"));
     let whole = |v: Option<u64>| v.map_or(String::new(), |v| v.to_string());
@@ -221,7 +284,16 @@ fn summary(results: &[CaseResult]) -> Table {
 
 fn histories(results: &[CaseResult]) -> Table {
     let mut table = Table::new([
-        "case", "method", "pass", "work", "time_s", "residual_max_power", "residual_euclidean", "residual_l2", "error_rms", "error_goertler",
+        "case",
+        "method",
+        "pass",
+        "work",
+        "time_s",
+        "residual_max_power",
+        "residual_euclidean",
+        "residual_l2",
+        "error_rms",
+        "error_goertler",
     ]);
     for result in results {
         for run in &result.runs {
@@ -235,7 +307,11 @@ fn histories(results: &[CaseResult]) -> Table {
                     entry.errors.map_or(f64::NAN, |e| e.error_rms),
                     entry.errors.map_or(f64::NAN, |e| e.error_goertler),
                 ];
-                let names = [result.case.name.to_string(), run.method.to_owned(), entry.pass.to_string()];
+                let names = [
+                    result.case.name.to_string(),
+                    run.method.to_owned(),
+                    entry.pass.to_string(),
+                ];
                 table.push(names.into_iter().chain(values.map(|v| format!("{v:?}"))));
             }
         }

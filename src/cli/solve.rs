@@ -7,9 +7,10 @@ use serde_json::{Value, json};
 use super::args::SolveArgs;
 use super::exit_code::ExitCode;
 use super::failure::Failure;
-use super::form_factors::{DEFAULT_RAYS, checks_to_json, describe_checks};
-use super::pipeline::{Prepared, Run, materials_of_patches};
+use super::form_factors::{self, DEFAULT_RAYS, checks_to_json, describe_checks};
+use super::pipeline::{Computed, Fineness, Prepared, Run, materials_of_patches};
 use super::{Outcome, output, reuse};
+use crate::form_factor::ExactMethod;
 use crate::mesh::Subdivision;
 use crate::report::form_factors::FormFactorFile;
 use crate::report::solution::{Format, SolutionReport};
@@ -31,7 +32,15 @@ pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
     let mut prepared = run.prepare(&args.scene, mesh_args, |_| Subdivision::Uniform(1))?;
     let needs_symmetry = run.solver_entry(&args.solver)?.needs_reciprocity;
     let computed = match &file {
-        None => run.form_factors(&mut prepared, &args.method, DEFAULT_RAYS, needs_symmetry)?,
+        None => {
+            let fineness = Fineness {
+                default_rays: DEFAULT_RAYS,
+                tolerance: args.form_factor_tolerance,
+                default_tolerance: ExactMethod::DEFAULT_TOLERANCE,
+                tolerance_name: "form_factor_tolerance",
+            };
+            run.form_factors(&mut prepared, &args.method, fineness, needs_symmetry)?
+        }
         Some(file) => {
             let result = reuse::form_factors(&mut run, &mut prepared, file, &args.scene)?;
             run.repaired(&mut prepared, result, args.method.balance, needs_symmetry)?
@@ -70,14 +79,14 @@ pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
     Ok(Outcome {
         text,
         document,
-        code: code(&solution),
+        code: code(&solution, Some(&computed)),
     })
 }
 
-/// Returns the exit code that a solution deserves.
-pub(super) fn code(solution: &Solution) -> ExitCode {
+/// Returns the exit code that a solution and the form factors that it is from deserve.
+pub(super) fn code(solution: &Solution, computed: Option<&Computed>) -> ExitCode {
     if solution.stop_reason == StopReason::Converged {
-        ExitCode::Done
+        computed.map_or(ExitCode::Done, form_factors::code)
     } else {
         ExitCode::NotConverged
     }

@@ -33,7 +33,7 @@
 //! - it hands the configuration string to C without the zero at its end, copies (and drops) the user's object in the
 //!   callbacks of user geometry, and checks no index;
 //! - it asks for the device's error after every ray, has no occlusion queries, and traces one ray at a time: packets of
-//!   sixteen are almost four times as fast for bundles that go from patch to patch.
+//!   sixteen are more than three times as fast for bundles that go from patch to patch.
 //!
 //! # Rates
 //!
@@ -42,14 +42,14 @@
 //! the same packets, traces them and counts their hits, and does nothing else.
 //!
 //! Command: `cargo bench --bench rays`, which ends with this table. Embree 4.3.3, AMD EPYC with AVX-512 (packets of 16),
-//! 2 cores:
+//! 2 cores, nothing else at work; on another machine of the same kind the rates were a third higher and the ratios 0.91 to 0.96:
 //!
 //! | rays, threads | radiosity | bare C loop | embree4-rs | radiosity / bare | radiosity / embree4-rs |
 //! |---|---|---|---|---|---|
-//! | incoherent, 1 | 10.5 | 11.0 | 8.1 | 0.963 | 1.30 |
-//! | incoherent, 2 | 17.9 | 18.9 | 14.4 | 0.950 | 1.24 |
-//! | bundles of 16, 1 | 35.5 | 38.6 | 9.1 | 0.919 | 3.90 |
-//! | bundles of 16, 2 | 69.0 | 76.3 | 18.0 | 0.905 | 3.84 |
+//! | incoherent, 1 | 8.3 | 9.1 | 6.9 | 0.919 | 1.21 |
+//! | incoherent, 2 | 12.4 | 14.3 | 11.0 | 0.961 | 1.24 |
+//! | bundles of 16, 1 | 25.8 | 28.6 | 8.0 | 0.896 | 3.16 |
+//! | bundles of 16, 2 | 47.3 | 52.2 | 15.0 | 0.896 | 3.24 |
 
 #![allow(unsafe_code, reason = "here, and here alone, Rust meets C")]
 

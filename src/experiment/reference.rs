@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::ExperimentError;
 use super::known;
-use crate::form_factor::{ClosedForm, FormFactorError, FormFactorMethod, Input, QuasiMonteCarlo};
+use crate::form_factor::{ClosedForm, ExactMethod, FormFactorError, FormFactorMethod, Input};
 use crate::matrix::{FormFactors, StorageChoice};
 use crate::mesh::Mesh;
 use crate::progress::Progress;
@@ -22,8 +22,8 @@ pub enum ReferenceKind {
     Polygons,
     /// Certified numbers between whole surfaces.
     Certified,
-    /// The exchange area of each pair times a visible fraction from many rays.
-    LongRun,
+    /// [`ExactMethod`] at a tolerance far below any error that is measured.
+    Exact,
 }
 
 /// What a reference is known between.
@@ -47,33 +47,29 @@ pub struct Reference {
     pub n: usize,
     /// F, row-major \[n, n\].
     pub values: Vec<f64>,
-    /// Its greatest absolute error, a bound, or for a long run the greatest standard error of an entry.
+    /// The greatest estimate of an entry's absolute error.
     pub error_max: f64,
-    /// Its root-mean-square error, as [`Reference::errors`] defines it: a bound, or for a long run that of its standard errors.
+    /// The root mean square of these estimates over the entries that are not 0, or a bound of it.
     pub error_rms: f64,
-    /// The rays of each pair, of a long run.
-    pub rays: Option<u64>,
+    /// The tolerance of [`ExactMethod`], where that made it.
+    pub tolerance: Option<f64>,
 }
 
 /// The greatest seed of references: the last that a comparison would come to.
 const SEED: u64 = u64::MAX;
 
-/// A long run is made of so many independent ones, whose spread is its error.
-const REPLICATES: u64 = 8;
-
 impl Reference {
     /// Finds or computes the reference for a scene.
     ///
     /// Where nothing blocks, or `input.unoccluded` says not to look: the closed form if all patches are rectangles with parallel edges, else the exchange
-    /// area of each pair of polygons, both without rays. Else certified numbers, if the scene has them. Else `qmc` with `rays` rays a pair, in eight runs with
-    /// seeds outside of those that are compared: their mean, with the standard errors that their spread shows.
+    /// area of each pair of polygons. Else certified numbers, if the scene has them. Else [`ExactMethod`] at `tolerance`. All without rays.
     ///
     /// # Errors
     /// [`ExperimentError::Reference`] if a method fails.
     pub fn find(
         input: Input<'_>,
         occluders_exist: bool,
-        rays: u64,
+        tolerance: f64,
         progress: &dyn Progress,
     ) -> Result<Self, ExperimentError> {
         let between_patches = |method: &dyn FormFactorMethod, unoccluded, kind| {
@@ -81,9 +77,9 @@ impl Reference {
             let computed = method.compute(input, StorageChoice::default(), progress)?;
             Ok(Self::between_patches(&computed.factors, kind))
         };
-        let qmc = |rays_of_pair, seed| QuasiMonteCarlo {
-            rays: rays_of_pair,
-            seed,
+        let exact = ExactMethod {
+            tolerance,
+            ..ExactMethod::default()
         };
         if input.unoccluded || !occluders_exist {
             let closed_form = ClosedForm {
@@ -91,9 +87,7 @@ impl Reference {
                 seed: SEED,
             };
             let reference = match between_patches(&closed_form, true, ReferenceKind::ClosedForm) {
-                Err(FormFactorError::NotApplicable { .. }) => {
-                    between_patches(&qmc(1, SEED), true, ReferenceKind::Polygons)
-                }
+                Err(FormFactorError::NotApplicable { .. }) => between_patches(&exact, true, ReferenceKind::Polygons),
                 reference => reference,
             };
             return reference.map_err(ExperimentError::Reference);
@@ -106,12 +100,14 @@ impl Reference {
                 values: known.values,
                 error_max: known.error,
                 error_rms: known.error,
-                rays: None,
+                tolerance: None,
             });
         }
-        let rays_of_run = rays.div_ceil(REPLICATES);
-        let run = |k| between_patches(&qmc(rays_of_run, SEED - k), false, ReferenceKind::LongRun);
-        Self::mean((0..REPLICATES).map(run), REPLICATES * rays_of_run).map_err(ExperimentError::Reference)
+        let reference = between_patches(&exact, false, ReferenceKind::Exact).map_err(ExperimentError::Reference)?;
+        Ok(Self {
+            tolerance: Some(tolerance),
+            ..reference
+        })
     }
 
     fn between_patches(factors: &FormFactors, kind: ReferenceKind) -> Self {
@@ -131,39 +127,8 @@ impl Reference {
             values,
             error_max: errors.iter().copied().fold(0.0, f64::max),
             error_rms: (errors.iter().map(|e| e * e).sum::<f64>() / n_errors).sqrt(),
-            rays: None,
+            tolerance: None,
         }
-    }
-
-    /// Returns the mean of independent runs, with the standard errors that their spread shows.
-    ///
-    /// A method's own statement of its error must hold for any pair, and is far too careful for most; the spread is what the noise is.
-    fn mean(runs: impl Iterator<Item = Result<Self, FormFactorError>>, rays: u64) -> Result<Self, FormFactorError> {
-        let (mut mean, mut squares, mut n, mut n_runs) = (Vec::new(), Vec::new(), 0, 0.0);
-        for run in runs {
-            let run = run?;
-            mean.resize(run.values.len(), 0.0);
-            squares.resize(run.values.len(), 0.0);
-            n = run.n;
-            n_runs += 1.0;
-            // Welford's recurrence: nothing cancels.
-            for ((m, s), value) in mean.iter_mut().zip(&mut squares).zip(run.values) {
-                let off = value - *m;
-                *m += off / n_runs;
-                *s += off * (value - *m);
-            }
-        }
-        let variance_of_mean = |s: &f64| s / ((n_runs - 1.0) * n_runs);
-        let n_nonzero = mean.iter().filter(|v| **v != 0.0).count().max(1) as f64;
-        Ok(Self {
-            kind: ReferenceKind::LongRun,
-            level: ReferenceLevel::Patches,
-            n,
-            error_max: squares.iter().map(variance_of_mean).fold(0.0, f64::max).sqrt(),
-            error_rms: (squares.iter().map(variance_of_mean).sum::<f64>() / n_nonzero).sqrt(),
-            values: mean,
-            rays: Some(rays),
-        })
     }
 
     /// Returns the share of the entries that are not zero.
@@ -238,7 +203,7 @@ mod tests {
             visibility: &visibility,
             unoccluded,
         };
-        (Reference::find(input, occluders, 64, &Silent).unwrap(), mesh)
+        (Reference::find(input, occluders, 1e-7, &Silent).unwrap(), mesh)
     }
 
     fn builtin_scene(name: &str) -> Scene {
@@ -264,31 +229,12 @@ mod tests {
         assert!((corridor.values[1] - 0.205_860_159_188_717_36).abs() < 1e-12);
         let (cornell, _) = find(&builtin_scene("cornell-box"), 1, true, true);
         assert_eq!(cornell.kind, ReferenceKind::Polygons);
-        assert!(cornell.error_max < 1e-6, "{}", cornell.error_max);
-        let (long_run, _) = find(&builtin_scene("cornell-box"), 1, false, true);
-        assert_eq!((long_run.kind, long_run.rays), (ReferenceKind::LongRun, Some(64)));
-        assert!(long_run.error_rms > 0.0 && long_run.error_rms < long_run.error_max);
-        assert!(long_run.values.iter().all(|f| (0.0..=1.0).contains(f)));
-    }
-
-    #[test]
-    fn the_spread_of_runs_is_the_error_of_their_mean() {
-        let run = |value: f64| {
-            Ok(Reference {
-                kind: ReferenceKind::LongRun,
-                level: ReferenceLevel::Patches,
-                n: 2,
-                values: vec![0.0, value, 0.5, 0.0],
-                error_max: 0.0,
-                error_rms: 0.0,
-                rays: None,
-            })
-        };
-        let mean = Reference::mean([0.1, 0.2, 0.4, 0.5].map(run).into_iter(), 64).unwrap();
-        assert!((mean.values[1] - 0.3).abs() < 1e-15 && (mean.values[2] - 0.5).abs() < 1e-15);
-        // The sum of squares is 0.1, the variance of the mean of four 0.1 / 3 / 4; two entries are not 0.
-        assert!((mean.error_max - (0.1_f64 / 12.0).sqrt()).abs() < 1e-15);
-        assert!((mean.error_rms - (0.1_f64 / 24.0).sqrt()).abs() < 1e-15);
+        assert!(cornell.error_max < 1e-11, "{}", cornell.error_max);
+        let (exact, _) = find(&builtin_scene("cornell-box"), 1, false, true);
+        assert_eq!((exact.kind, exact.tolerance), (ReferenceKind::Exact, Some(1e-7)));
+        // Factors from the larger of two patches are known better, those from the smaller to the tolerance.
+        assert!(exact.error_rms > 0.0 && exact.error_rms < exact.error_max && exact.error_max <= 1e-7);
+        assert!(exact.values.iter().all(|f| (0.0..=1.0).contains(f)));
     }
 
     #[test]

@@ -78,7 +78,11 @@ pub fn storage_figures(
         Ok(FormFactors::from_tiles(
             input.mesh.areas(),
             tiles,
-            StorageChoice { layout, precision },
+            StorageChoice {
+                layout,
+                precision,
+                ..StorageChoice::default()
+            },
         )?)
     };
     let (dense, sparse) = (stored(Layout::Dense)?, stored(Layout::Sparse)?);

@@ -38,6 +38,8 @@ pub enum Parameter {
     PointsOnBoth,
     /// Cells along each edge of the hemicube's top.
     Resolution,
+    /// The tolerance 10⁻ᵏ, as k.
+    Tolerance,
 }
 
 /// What a method traces rays for.
@@ -61,6 +63,7 @@ impl Parameter {
             Self::RaysPerPair => "rays per pair",
             Self::Points | Self::PointsOnBoth => "points per side",
             Self::Resolution => "resolution",
+            Self::Tolerance => "−log10 of the tolerance",
         }
     }
 
@@ -68,7 +71,7 @@ impl Parameter {
     pub(super) fn cost_power(self) -> i32 {
         match self {
             Self::None => 0,
-            Self::RaysPerPatch | Self::RaysPerPair => 1,
+            Self::RaysPerPatch | Self::RaysPerPair | Self::Tolerance => 1,
             Self::Points | Self::Resolution => 2,
             Self::PointsOnBoth => 4,
         }
@@ -92,6 +95,8 @@ impl Sweep {
             Parameter::RaysPerPatch | Parameter::RaysPerPair => settings.rays = Some(value),
             Parameter::Points | Parameter::PointsOnBoth => settings.points = count,
             Parameter::Resolution => settings.resolution = count,
+            // Read from text, so that it is the number that users write.
+            Parameter::Tolerance => settings.tolerance = format!("1e-{value}").parse().ok(),
         }
         registry::method(self.method, &settings)
     }
@@ -123,6 +128,7 @@ pub const SWEEPS: &[Sweep] = &[
     sweep("contour", Parameter::PointsOnBoth, &[2, 3, 5, 8], RayUse::VisibilityOnly),
     sweep("closed-form", Parameter::PointsOnBoth, &[2, 3, 5, 8], RayUse::VisibilityOnly),
     sweep("qmc", Parameter::RaysPerPair, &[4, 16, 64, 256, 1024], RayUse::VisibilityOnly),
+    sweep("exact", Parameter::Tolerance, &[3, 4, 5, 6], RayUse::VisibilityOnly),
 ];
 
 /// Returns the sweep of that name.

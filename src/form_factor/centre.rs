@@ -2,7 +2,7 @@
 
 use super::{Computed, FormFactorError, FormFactorMethod, Input, sampled};
 use crate::geometry::quadrature::WeightedPoint;
-use crate::matrix::{FormFactors, RowTally, RowTile, StorageChoice};
+use crate::matrix::{FormFactors, MatrixError, RowTally, RowTile, StorageChoice};
 use crate::mesh::{Patch, PatchId};
 use crate::progress::Progress;
 
@@ -63,5 +63,6 @@ fn normalised(factors: &FormFactors, storage: StorageChoice) -> Result<FormFacto
         tile.push_row(&entries, RowTally::default());
         tile
     });
-    Ok(FormFactors::from_tiles(factors.areas().to_vec(), rows, storage)?)
+    let stored = FormFactors::from_tiles(factors.areas().to_vec(), rows, storage)?;
+    Ok(factors.if_readable(stored).map_err(MatrixError::from)?)
 }

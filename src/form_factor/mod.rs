@@ -14,14 +14,16 @@
 //! | [`ContourIntegral`] | yes | yes | to rounding | rounding |
 //! | [`ClosedForm`] | yes | yes | to rounding | rounding |
 //! | [`QuasiMonteCarlo`] | yes | yes | to rounding | rounding |
+//! | [`ExactMethod`] | yes | yes | to rounding | rounding |
 //!
-//! With blockers the methods between pairs add the standard error of the visible fraction, which rays between the two patches give.
-//! These methods trace no ray where nothing can block.
+//! With blockers the methods between pairs add the standard error of the visible fraction, which rays between the two patches give, but
+//! for [`ExactMethod`], which traces no ray at all and keeps to a tolerance. The others trace none where nothing can block.
 
 mod centre;
 mod closed_form;
 mod contour;
 mod error;
+mod exact;
 mod gauss_lambert;
 mod hemicube;
 mod pairs;
@@ -40,6 +42,7 @@ pub use centre::CentrePoint;
 pub use closed_form::ClosedForm;
 pub use contour::ContourIntegral;
 pub use error::FormFactorError;
+pub use exact::ExactMethod;
 pub use gauss_lambert::GaussLambert;
 pub use hemicube::Hemicube;
 pub use pdm::ParametricDifferential;
@@ -94,6 +97,23 @@ pub struct PairCounts {
     pub partial: u64,
     /// Rays traced between points of pairs.
     pub n_rays: u64,
+    /// Partial pairs whose error is above the tolerance because their budget was spent.
+    pub n_above_tolerance: u64,
+}
+
+impl PairCounts {
+    /// Returns the counts of two sets of pairs together.
+    #[must_use]
+    pub fn plus(self, other: Self) -> Self {
+        Self {
+            not_facing: self.not_facing + other.not_facing,
+            full: self.full + other.full,
+            hidden: self.hidden + other.hidden,
+            partial: self.partial + other.partial,
+            n_rays: self.n_rays + other.n_rays,
+            n_above_tolerance: self.n_above_tolerance + other.n_above_tolerance,
+        }
+    }
 }
 
 /// A way to compute form factors.

@@ -2,10 +2,9 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use super::{Computed, FormFactorError, Input, PairCounts};
-use crate::matrix::{FormFactors, RowTally, RowTile, StorageChoice};
+use crate::in_order::InOrder;
+use crate::matrix::{Entry, FormFactors, RowTally, RowTile, StorageChoice};
 use crate::mesh::{Mesh, PatchId};
 use crate::progress::Progress;
 
@@ -49,31 +48,40 @@ pub(super) fn by_pairs<W: PairWorker>(
     let n = input.mesh.n_patches();
     progress.begin("form factors", (n as u64 * (n as u64).saturating_sub(1)) / 2);
     let facing = Facing::new(input.mesh);
-    let results: Vec<Result<(RowTile, PairCounts, bool), FormFactorError>> = (0..n.div_ceil(ROWS_PER_TILE))
-        .into_par_iter()
-        .map(|k| {
+    let tile_byte = (ROWS_PER_TILE * n * size_of::<Entry>()) as u64;
+    let results = InOrder::new(
+        n.div_ceil(ROWS_PER_TILE),
+        tile_byte,
+        storage.place.waiting_byte(),
+        |k| {
             let rows = k * ROWS_PER_TILE..n.min((k + 1) * ROWS_PER_TILE);
             let n_pairs: usize = rows.clone().map(|i| n - 1 - i).sum();
             let result = tile(rows, &facing, &mut worker());
             progress.advance(n_pairs as u64);
             result
-        })
-        .collect();
-    // Collected first: of several errors it is always the first row's that is reported.
-    let tiles = results.into_iter().collect::<Result<Vec<_>, _>>()?;
+        },
+    );
     let mut counts = PairCounts::default();
     let mut tolerance_met = true;
-    for (_, of_tile, met) in &tiles {
-        counts.not_facing += of_tile.not_facing;
-        counts.full += of_tile.full;
-        counts.hidden += of_tile.hidden;
-        counts.partial += of_tile.partial;
-        counts.n_rays += of_tile.n_rays;
-        tolerance_met &= met;
+    let mut failure = None;
+    // In order: of several errors it is always the first row's that is reported.
+    let upper = results.map_while(|result| match result {
+        Ok((tile, of_tile, met)) => {
+            counts = counts.plus(of_tile);
+            tolerance_met &= met;
+            Some(tile)
+        }
+        Err(error) => {
+            failure = Some(error);
+            None
+        }
+    });
+    let factors = FormFactors::from_exchange_tiles(input.mesh.areas(), upper, storage);
+    if let Some(error) = failure {
+        return Err(error);
     }
-    let upper = tiles.into_iter().map(|(tile, ..)| tile);
     Ok(Computed {
-        factors: FormFactors::from_exchange_tiles(input.mesh.areas(), upper, storage)?,
+        factors: factors?,
         pairs: Some(counts),
         tolerance_met,
     })
@@ -109,14 +117,14 @@ fn tile(
 }
 
 /// The planes of all patches and their corners, for the test that goes first.
-struct Facing {
+pub(super) struct Facing {
     corners: Vec<Vec<glam::DVec3>>,
     normals: Vec<glam::DVec3>,
     sizes: Vec<f64>,
 }
 
 impl Facing {
-    fn new(mesh: &Mesh) -> Self {
+    pub(super) fn new(mesh: &Mesh) -> Self {
         let corners: Vec<Vec<glam::DVec3>> = (0..mesh.n_patches())
             .map(|i| mesh.polygon(PatchId::from_index(i)))
             .collect();
@@ -139,8 +147,14 @@ impl Facing {
     ///
     /// A corner counts as in front from 1e-14 of its distance and the patch's size on: below that, rounding decides the sign, and
     /// patches of one plane must be told from patches that meet at an edge.
-    fn pair(&self, i: usize, j: usize) -> bool {
+    pub(super) fn pair(&self, i: usize, j: usize) -> bool {
         self.sees(i, j) && self.sees(j, i)
+    }
+
+    /// Tells whether any patch of one flat range may see any of another, and the reverse.
+    pub(super) fn any(&self, from: Range<usize>, to: Range<usize>) -> bool {
+        let sees = |i: usize, mut others: Range<usize>| others.any(|j| self.sees(i, j));
+        sees(from.start, to.clone()) && sees(to.start, from)
     }
 
     fn sees(&self, i: usize, j: usize) -> bool {

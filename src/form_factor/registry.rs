@@ -3,13 +3,13 @@
 use std::num::NonZeroUsize;
 
 use super::{
-    CentrePoint, ClosedForm, ContourIntegral, FormFactorError, FormFactorMethod, GaussLambert, GaussShooting, Hemicube,
-    ParametricDifferential, QuasiMonteCarlo, RandomShooting,
+    CentrePoint, ClosedForm, ContourIntegral, ExactMethod, FormFactorError, FormFactorMethod, GaussLambert,
+    GaussShooting, Hemicube, ParametricDifferential, QuasiMonteCarlo, RandomShooting,
 };
 use crate::geometry::sampling::Sequence;
 
 /// What a user may set; `None` is the method's own default.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MethodSettings {
     /// Rays for each patch where the method shoots, for each pair in `qmc`.
     pub rays: Option<u64>,
@@ -21,12 +21,16 @@ pub struct MethodSettings {
     pub normalise: bool,
     /// Where the numbers of shooting come from.
     pub sequence: Option<Sequence>,
+    /// The tolerance on A_i F_ij / min(A_i, A_j).
+    pub tolerance: Option<f64>,
+    /// The most evaluations for one pair.
+    pub budget: Option<NonZeroUsize>,
     /// The seed of all numbers; methods without any ignore it.
     pub seed: u64,
 }
 
 /// A setting that some methods use and others do not, with its default.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Setting {
     /// [`MethodSettings::rays`], for each patch.
@@ -41,6 +45,10 @@ pub enum Setting {
     Normalise,
     /// [`MethodSettings::sequence`]; Sobol.
     Sequence,
+    /// [`MethodSettings::tolerance`].
+    Tolerance(f64),
+    /// [`MethodSettings::budget`].
+    Budget(NonZeroUsize),
 }
 
 impl Setting {
@@ -53,6 +61,8 @@ impl Setting {
             Self::Resolution(_) => "--resolution",
             Self::Normalise => "--normalise",
             Self::Sequence => "--sequence",
+            Self::Tolerance(_) => "--tolerance",
+            Self::Budget(_) => "--budget",
         }
     }
 }
@@ -76,6 +86,8 @@ struct Values {
     resolution: NonZeroUsize,
     normalise: bool,
     sequence: Sequence,
+    tolerance: f64,
+    budget: NonZeroUsize,
     seed: u64,
 }
 
@@ -100,6 +112,7 @@ pub const METHODS: &[MethodEntry] = &[
     MethodEntry { name: "contour", summary: "The integral around both contours, times the visible fraction", settings: &[FIVE_POINTS], make: |v| Box::new(ContourIntegral { points: v.points, seed: v.seed }) },
     MethodEntry { name: "closed-form", summary: "Rectangles with parallel edges, times the visible fraction", settings: &[FIVE_POINTS], make: |v| Box::new(ClosedForm { points: v.points, seed: v.seed }) },
     MethodEntry { name: "qmc", summary: "The exact factor times the visible fraction of low-discrepancy rays", settings: &[Setting::RaysPerPair(64)], make: |v| Box::new(QuasiMonteCarlo { rays: v.rays, seed: v.seed }) },
+    MethodEntry { name: "exact", summary: "Every pair to a tolerance, shadows by exact clipping", settings: &[Setting::Tolerance(ExactMethod::DEFAULT_TOLERANCE), Setting::Budget(number(ExactMethod::DEFAULT_BUDGET))], make: |v| Box::new(ExactMethod { tolerance: v.tolerance, budget: v.budget.get() }) },
 ];
 
 fn gauss_shooting(points: NonZeroUsize, values: &Values) -> Box<dyn FormFactorMethod> {
@@ -151,6 +164,8 @@ impl MethodEntry {
             (given.resolution.is_some(), "--resolution"),
             (given.normalise, "--normalise"),
             (given.sequence.is_some(), "--sequence"),
+            (given.tolerance.is_some(), "--tolerance"),
+            (given.budget.is_some(), "--budget"),
         ] {
             let uses = |m: &&MethodEntry| m.settings.iter().any(|s| s.flag() == flag);
             if is_given && !uses(&self) {
@@ -168,6 +183,8 @@ impl MethodEntry {
                 Setting::Points(n) => resolved.points = given.points.or(Some(n)),
                 Setting::Resolution(n) => resolved.resolution = given.resolution.or(Some(n)),
                 Setting::Sequence => resolved.sequence = given.sequence.or(Some(Sequence::default())),
+                Setting::Tolerance(t) => resolved.tolerance = given.tolerance.or(Some(t)),
+                Setting::Budget(n) => resolved.budget = given.budget.or(Some(n)),
                 Setting::Normalise => {}
             }
         }
@@ -183,6 +200,8 @@ impl MethodEntry {
             resolution: resolved.resolution.unwrap_or(NonZeroUsize::MIN),
             normalise: resolved.normalise,
             sequence: resolved.sequence.unwrap_or_default(),
+            tolerance: resolved.tolerance.unwrap_or(ExactMethod::DEFAULT_TOLERANCE),
+            budget: resolved.budget.unwrap_or(NonZeroUsize::MIN),
             seed: resolved.seed,
         })
     }

@@ -2,10 +2,9 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use super::{Computed, FormFactorError, Input};
-use crate::matrix::{FormFactors, RowTile, StorageChoice};
+use crate::in_order::InOrder;
+use crate::matrix::{Entry, FormFactors, RowTile, StorageChoice};
 use crate::progress::Progress;
 
 /// The number of rows that are computed as one piece of parallel work.
@@ -20,16 +19,19 @@ pub(super) fn by_rows(
 ) -> Result<Computed, FormFactorError> {
     let n = input.mesh.n_patches();
     progress.begin("form factors", n as u64);
-    let tiles: Vec<RowTile> = (0..n.div_ceil(ROWS_PER_TILE))
-        .into_par_iter()
-        .map(|k| {
+    let tile_byte = (ROWS_PER_TILE * n * size_of::<Entry>()) as u64;
+    let tiles = InOrder::new(
+        n.div_ceil(ROWS_PER_TILE),
+        tile_byte,
+        storage.place.waiting_byte(),
+        |k| {
             let rows = k * ROWS_PER_TILE..n.min((k + 1) * ROWS_PER_TILE);
             let n_rows = rows.len() as u64;
             let result = tile(rows);
             progress.advance(n_rows);
             result
-        })
-        .collect();
+        },
+    );
     Ok(Computed {
         factors: FormFactors::from_tiles(input.mesh.areas(), tiles, storage)?,
         pairs: None,

@@ -46,7 +46,7 @@ impl FormFactors {
     /// Source: weighted least squares. Departures: none.
     ///
     /// # Errors
-    /// [`MatrixError::Value`] if an exchange area is too large for the precision of the storage.
+    /// [`MatrixError::Value`] if an exchange area is too large for the precision of the storage, [`MatrixError::Disk`].
     pub fn symmetrised(&self, weighting: Weighting) -> Result<Self, MatrixError> {
         if self.is_symmetric() {
             return Ok(self.clone());
@@ -66,7 +66,8 @@ impl FormFactors {
             }
             tile
         };
-        Ok(self.with_exchange(symmetric::from_blocks(self.n_rows(), self.storage, upper)?))
+        let exchange = symmetric::from_blocks(self.n_rows(), self.storage(), upper)?;
+        Ok(self.if_readable(self.with_exchange(exchange))?)
     }
 
     /// Returns form factors whose rows sum to `targets`, by a symmetric scaling of the exchange areas.
@@ -84,7 +85,7 @@ impl FormFactors {
     ///
     /// # Errors
     /// [`MatrixError::NotSymmetric`] unless [`is_symmetric`](Self::is_symmetric), [`MatrixError::Target`] if a target is
-    /// negative or not finite.
+    /// negative or not finite, [`MatrixError::Disk`].
     ///
     /// # Panics
     /// If there is not one target per row.
@@ -103,7 +104,7 @@ impl FormFactors {
             let target = targets[row];
             return Err(MatrixError::Target { row, target });
         }
-        let (scaling, report) = self.scaling(targets, tolerance, max_passes);
+        let (scaling, report) = self.if_readable(self.scaling(targets, tolerance, max_passes))?;
         Ok((self.with_exchange(exchange.scaled(&scaling)?), report))
     }
 
@@ -173,6 +174,6 @@ impl FormFactors {
 
     /// Returns form factors of other exchange areas between the same patches.
     fn with_exchange(&self, exchange: Arc<dyn Symmetric>) -> Self {
-        Self::from_symmetric(self.areas.clone(), exchange, self.tallies.clone(), self.storage)
+        Self::from_symmetric(self.areas.clone(), exchange, self.tallies.clone(), self.storage())
     }
 }

@@ -2,6 +2,8 @@
 
 use thiserror::Error;
 
+use super::DiskError;
+
 /// Why form factors were refused.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
@@ -68,4 +70,7 @@ pub enum MatrixError {
     /// A balance was asked for form factors that are not symmetric as exchange areas.
     #[error("only symmetric exchange areas can be balanced: symmetrise the form factors first")]
     NotSymmetric,
+    /// Form factors on a disk could not be written or read.
+    #[error(transparent)]
+    Disk(#[from] DiskError),
 }

@@ -1,5 +1,6 @@
 //! Form factors made from exchange areas: symmetric from the start.
 
+use super::regroup::Regrouped;
 use super::{FormFactors, MatrixError, RowTally, RowTile, StorageChoice, expect_areas, symmetric};
 
 impl FormFactors {
@@ -13,16 +14,12 @@ impl FormFactors {
     pub fn from_exchange_tiles(
         areas: Vec<f64>,
         upper: impl IntoIterator<Item = RowTile>,
-        storage: StorageChoice,
+        storage: StorageChoice<'_>,
     ) -> Result<Self, MatrixError> {
         expect_areas(&areas)?;
         let n = areas.len();
         let area_max = areas.iter().copied().fold(0.0, f64::max);
-        let mut rows = Rows {
-            tiles: upper.into_iter().filter(|tile| tile.n_rows() > 0).fuse(),
-            current: None,
-            next: 0,
-        };
+        let mut rows = Regrouped::new(upper.into_iter());
         let blocks = symmetric::block_rows(n).map(|range| {
             let mut block = RowTile::new(range.start);
             let mut entries = Vec::new();
@@ -36,7 +33,7 @@ impl FormFactors {
                 );
                 block.push_row(&entries, RowTally::default());
             }
-            Ok(block)
+            Ok::<_, MatrixError>(block)
         });
         let exchange = symmetric::from_rows(n, storage, blocks)?;
         rows.expect_end(n)?;
@@ -46,47 +43,6 @@ impl FormFactors {
             vec![RowTally::default(); n],
             storage,
         ))
-    }
-}
-
-/// The rows of a sequence of tiles, one by one.
-struct Rows<I> {
-    tiles: I,
-    /// The tile that the next row may lie in, and its place there.
-    current: Option<(RowTile, usize)>,
-    next: usize,
-}
-
-impl<I: Iterator<Item = RowTile>> Rows<I> {
-    /// Returns the tile of the next of n rows, and the row's place in it.
-    fn next_row(&mut self, n: usize) -> Result<(&RowTile, usize), MatrixError> {
-        let (expected, found) = (n, self.next);
-        if self.current.as_ref().is_none_or(|(tile, k)| *k == tile.n_rows()) {
-            self.current = self.tiles.next().map(|tile| (tile, 0));
-            if let Some((tile, _)) = &self.current
-                && tile.first_row() != self.next
-            {
-                return Err(MatrixError::TileOrder {
-                    expected: self.next,
-                    found: tile.first_row(),
-                });
-            }
-        }
-        let (tile, k) = self.current.as_mut().ok_or(MatrixError::RowCount { expected, found })?;
-        self.next += 1;
-        *k += 1;
-        Ok((tile, *k - 1))
-    }
-
-    /// Refuses rows after the last of n.
-    fn expect_end(mut self, n: usize) -> Result<(), MatrixError> {
-        let left = self.current.take().map_or(0, |(tile, k)| tile.n_rows() - k);
-        let found = n + left + self.tiles.map(|tile| tile.n_rows()).sum::<usize>();
-        if found == n {
-            Ok(())
-        } else {
-            Err(MatrixError::RowCount { expected: n, found })
-        }
     }
 }
 

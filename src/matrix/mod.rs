@@ -7,9 +7,11 @@ mod balance;
 mod checks;
 mod components;
 mod dense;
+mod disk;
 mod error;
 mod exchange;
 pub mod operator;
+mod regroup;
 mod sparse;
 mod square;
 mod store;
@@ -20,6 +22,7 @@ mod transpose;
 
 pub use balance::{BalanceReport, Weighting};
 pub use checks::{Checks, MinMax};
+pub use disk::{DiskError, Place, Scratch};
 pub use error::MatrixError;
 pub use surfaces::SurfaceFormFactors;
 pub use tile::{Entry, RayWeights, RowTally, RowTile};
@@ -28,7 +31,9 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use disk::General;
 use operator::{Block, Components, LinearOperator, RowAccess};
+use regroup::Regrouped;
 use store::Store;
 use symmetric::Symmetric;
 
@@ -57,13 +62,15 @@ pub enum Precision {
     F64,
 }
 
-/// Layout and precision of stored form factors. Standard errors, where there are any, are stored in f32 beside them.
+/// Layout, precision and place of stored form factors. Standard errors, where there are any, are stored in f32 beside them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct StorageChoice {
+pub struct StorageChoice<'a> {
     /// Dense, sparse, or whichever suits each tile.
     pub layout: Layout,
     /// f32 or f64.
     pub precision: Precision,
+    /// In memory or on a disk.
+    pub place: Place<'a>,
 }
 
 /// The form factors F_ij of n patches, the standard errors of their estimates, and the tallies of the rays that they come from.
@@ -73,13 +80,18 @@ pub struct StorageChoice {
 /// [`balanced`](Self::balanced) stores the upper triangle of the exchange areas A_i F_ij instead, divided by the largest area: they
 /// are symmetric to the last bit in any [`Precision`], take half the memory, and every tile is applied together with its transpose.
 /// A clone shares the tiles.
+///
+/// With [`Place::Disk`] the entries lie in a scratch file, which goes when the last clone does, and everything else works as before: a pass
+/// reads the file once, what goes row by row keeps 64 rows a thread. Where the file cannot be read, or is not what was written, numbers are
+/// NaN from then on, and [`failure`](Self::failure) tells why.
 #[doc(alias = "view factor")]
 #[derive(Clone, Debug)]
 pub struct FormFactors {
     areas: Vec<f64>,
     entries: Entries,
     tallies: Vec<RowTally>,
-    storage: StorageChoice,
+    layout: Layout,
+    precision: Precision,
 }
 
 #[derive(Clone, Debug)]
@@ -96,6 +108,8 @@ enum Entries {
         /// f_i = max A / A_i: F_ij = f_i s_ij.
         row_factors: Vec<f64>,
     },
+    /// F_ij, on a disk.
+    Disk(Arc<dyn General>),
 }
 
 impl FormFactors {
@@ -109,10 +123,13 @@ impl FormFactors {
     pub fn from_tiles(
         areas: Vec<f64>,
         tiles: impl IntoIterator<Item = RowTile>,
-        storage: StorageChoice,
+        storage: StorageChoice<'_>,
     ) -> Result<Self, MatrixError> {
         let n = areas.len();
         expect_areas(&areas)?;
+        if let Place::Disk(scratch) = storage.place {
+            return Self::to_disk(areas, tiles, storage, scratch);
+        }
         let (mut stored, mut first_rows, mut tallies) = (Vec::new(), Vec::new(), Vec::with_capacity(n));
         for tile in tiles {
             if tile.n_rows() == 0 {
@@ -137,7 +154,37 @@ impl FormFactors {
                 first_rows,
             },
             tallies,
-            storage,
+            layout: storage.layout,
+            precision: storage.precision,
+        })
+    }
+
+    fn to_disk(
+        areas: Vec<f64>,
+        tiles: impl IntoIterator<Item = RowTile>,
+        storage: StorageChoice<'_>,
+        scratch: Scratch<'_>,
+    ) -> Result<Self, MatrixError> {
+        let n = areas.len();
+        let mut rows = Regrouped::new(tiles.into_iter());
+        let mut tallies = Vec::with_capacity(n);
+        let blocks = symmetric::block_rows(n).map(|range| {
+            let mut block = RowTile::new(range.start);
+            for _ in range {
+                let (tile, k) = rows.next_row(n)?;
+                block.push_row(tile.row(k), tile.tallies()[k]);
+                tallies.push(tile.tallies()[k]);
+            }
+            Ok::<_, MatrixError>(block)
+        });
+        let entries = Entries::Disk(disk::from_rows(n, storage, scratch, blocks)?);
+        rows.expect_end(n)?;
+        Ok(Self {
+            areas,
+            entries,
+            tallies,
+            layout: storage.layout,
+            precision: storage.precision,
         })
     }
 
@@ -148,7 +195,7 @@ impl FormFactors {
         areas: Vec<f64>,
         tallies: Vec<RowTally>,
         upper: impl Iterator<Item = Result<RowTile, E>>,
-        storage: StorageChoice,
+        storage: StorageChoice<'_>,
     ) -> Result<Self, E> {
         expect_areas(&areas)?;
         let factors = row_factors(&areas);
@@ -177,14 +224,15 @@ impl FormFactors {
         areas: Vec<f64>,
         exchange: Arc<dyn Symmetric>,
         tallies: Vec<RowTally>,
-        storage: StorageChoice,
+        storage: StorageChoice<'_>,
     ) -> Self {
         let row_factors = row_factors(&areas);
         Self {
             areas,
             entries: Entries::Symmetric { exchange, row_factors },
             tallies,
-            storage,
+            layout: storage.layout,
+            precision: storage.precision,
         }
     }
 
@@ -206,10 +254,34 @@ impl FormFactors {
         &self.tallies
     }
 
-    /// Returns layout and precision of what is stored.
+    /// Returns layout, precision and place of what is stored.
     #[must_use]
-    pub fn storage(&self) -> StorageChoice {
-        self.storage
+    pub fn storage(&self) -> StorageChoice<'_> {
+        let place = match &self.entries {
+            Entries::Rows { .. } => Place::Memory,
+            Entries::Symmetric { exchange, .. } => exchange.place(),
+            Entries::Disk(general) => general.place(),
+        };
+        StorageChoice {
+            layout: self.layout,
+            precision: self.precision,
+            place,
+        }
+    }
+
+    /// Returns what went wrong first when the entries were read from a disk, or `None`: then all numbers that were returned are right.
+    #[must_use]
+    pub fn failure(&self) -> Option<&DiskError> {
+        match &self.entries {
+            Entries::Rows { .. } => None,
+            Entries::Symmetric { exchange, .. } => exchange.failure(),
+            Entries::Disk(general) => general.failure(),
+        }
+    }
+
+    /// Returns `value`, unless entries that it may rest on could not be read.
+    pub(crate) fn if_readable<R>(&self, value: R) -> Result<R, DiskError> {
+        self.failure().map_or(Ok(value), |error| Err(error.clone()))
     }
 
     /// Returns true if the exchange areas are stored, and so are symmetric to the last bit.
@@ -280,22 +352,24 @@ impl FormFactors {
         let n_nonzero = match &self.entries {
             Entries::Rows { tiles, .. } => tiles.iter().map(|tile| tile.n_nonzero()).sum(),
             Entries::Symmetric { exchange, .. } => exchange.n_nonzero(),
+            Entries::Disk(general) => general.n_nonzero(),
         };
         n_nonzero as f64 / (self.n_rows() as f64).powi(2)
     }
 
-    /// Returns the memory that entries and standard errors take, in bytes.
+    /// Returns the bytes that entries and standard errors take, in memory or on the disk.
     #[must_use]
     pub fn stored_byte(&self) -> usize {
         match &self.entries {
             Entries::Rows { tiles, .. } => tiles.iter().map(|tile| tile.stored_byte()).sum(),
             Entries::Symmetric { exchange, .. } => exchange.stored_byte(),
+            Entries::Disk(general) => general.stored_byte(),
         }
     }
 
     fn row_factor(&self, i: usize) -> f64 {
         match &self.entries {
-            Entries::Rows { .. } => 1.0,
+            Entries::Rows { .. } | Entries::Disk(_) => 1.0,
             Entries::Symmetric { row_factors, .. } => row_factors[i],
         }
     }
@@ -309,6 +383,7 @@ impl FormFactors {
                 tile.for_each(row, columns, visit);
             }
             Entries::Symmetric { exchange, .. } => exchange.for_each(i, columns, visit),
+            Entries::Disk(general) => general.for_each(i, columns, visit),
         }
     }
 }
@@ -373,6 +448,10 @@ impl LinearOperator for FormFactors {
             }
             return;
         }
+        if let Entries::Disk(general) = &self.entries {
+            general.apply(x, y);
+            return;
+        }
         let rows = y.values_mut().par_chunks_mut(n_channels).enumerate();
         rows.with_min_len(ROWS_PER_TASK).for_each(|(i, sum)| {
             sum.fill(0.0);
@@ -393,6 +472,10 @@ impl LinearOperator for FormFactors {
 
     fn components(&self) -> Option<Components> {
         Some(components::connected(self))
+    }
+
+    fn failure(&self) -> Option<&DiskError> {
+        self.failure()
     }
 }
 
@@ -416,6 +499,7 @@ impl RowAccess for FormFactors {
                 let factor = row_factors[i];
                 factor * exchange.dot_off_diagonal(i, factor, x, sum)
             }
+            Entries::Disk(general) => general.dot_off_diagonal(i, x, sum),
         }
     }
 }

@@ -1,5 +1,7 @@
 //! What a solver sees of the form factors: a linear operator on blocks of vectors.
 
+use super::DiskError;
+
 /// n rows by c channels of f64, row-major: the channel runs fastest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Block {
@@ -90,6 +92,14 @@ pub trait LinearOperator: Sync {
     /// Returns the connected components of the graph with an edge wherever F_ij > 0 or F_ji > 0, or `None` where that
     /// cannot be had cheaply: then all patches count as one component.
     fn components(&self) -> Option<Components> {
+        None
+    }
+
+    /// Returns what went wrong first when the operator was read from a disk, or `None`.
+    ///
+    /// From then on `apply` and the rows may yield NaN. A [`RadiositySystem`](crate::solver::RadiositySystem) asks
+    /// for it, and so does every solver before it returns.
+    fn failure(&self) -> Option<&DiskError> {
         None
     }
 }

@@ -1,5 +1,9 @@
 //! One square tile of a symmetric matrix: full, or a list of its entries that can be read by rows and by columns.
 
+mod codec;
+
+pub(super) use codec::Form;
+
 use std::ops::Range;
 
 use super::store::{DENSE_FROM, Scalar, add_dot, rounded};
@@ -115,7 +119,7 @@ impl<T: Scalar> Square<T> {
             if let Some(stored) = numbers.std_errors.get_mut(at) {
                 *stored = new_error;
             }
-            Ok(())
+            Ok::<(), MatrixError>(())
         };
         match &mut scaled {
             Self::Empty => {}

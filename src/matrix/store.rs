@@ -19,6 +19,10 @@ pub(super) trait Scalar: Copy + Send + Sync + Debug + 'static {
     fn from_f64(value: f64) -> Self;
     /// Returns the number; exact.
     fn to_f64(self) -> f64;
+    /// Appends numbers as bytes of this machine.
+    fn push_bytes(numbers: &[Self], bytes: &mut Vec<u8>);
+    /// Returns the numbers that [`push_bytes`](Self::push_bytes) wrote.
+    fn from_bytes(bytes: &[u8]) -> Box<[Self]>;
 }
 
 impl Scalar for f64 {
@@ -27,6 +31,16 @@ impl Scalar for f64 {
     }
     fn to_f64(self) -> f64 {
         self
+    }
+    fn push_bytes(numbers: &[Self], bytes: &mut Vec<u8>) {
+        bytes.reserve(size_of_val(numbers));
+        for number in numbers {
+            bytes.extend_from_slice(&number.to_ne_bytes());
+        }
+    }
+    fn from_bytes(bytes: &[u8]) -> Box<[Self]> {
+        let (numbers, _) = bytes.as_chunks::<8>();
+        numbers.iter().map(|&number| Self::from_ne_bytes(number)).collect()
     }
 }
 
@@ -37,6 +51,16 @@ impl Scalar for f32 {
     }
     fn to_f64(self) -> f64 {
         f64::from(self)
+    }
+    fn push_bytes(numbers: &[Self], bytes: &mut Vec<u8>) {
+        bytes.reserve(size_of_val(numbers));
+        for number in numbers {
+            bytes.extend_from_slice(&number.to_ne_bytes());
+        }
+    }
+    fn from_bytes(bytes: &[u8]) -> Box<[Self]> {
+        let (numbers, _) = bytes.as_chunks::<4>();
+        numbers.iter().map(|&number| Self::from_ne_bytes(number)).collect()
     }
 }
 
@@ -56,7 +80,7 @@ pub(super) trait Store: Debug + Send + Sync {
 }
 
 /// Stores a tile of an n by n matrix as `choice` says.
-pub(super) fn store(tile: &RowTile, n: usize, choice: StorageChoice) -> Result<Arc<dyn Store>, MatrixError> {
+pub(super) fn store(tile: &RowTile, n: usize, choice: StorageChoice<'_>) -> Result<Arc<dyn Store>, MatrixError> {
     let dense = match choice.layout {
         Layout::Dense => true,
         Layout::Sparse => false,

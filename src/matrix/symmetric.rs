@@ -6,13 +6,17 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use super::disk::{Band, DiskError, Part, TileFile, for_each_block, visit_nothing_known};
 use super::operator::Block;
 use super::square::{Placed, SIDE, Square};
 use super::store::{Scalar, rounded};
 use super::transpose::index;
-use super::{MatrixError, Precision, RowTile, StorageChoice};
+use super::{Layout, MatrixError, Place, Precision, RowTile, StorageChoice};
+use crate::in_order::InOrder;
 
 /// A symmetric matrix, whatever the precision of its numbers.
+///
+/// Where it lies on a disk and cannot be read, numbers are NaN, and [`failure`](Self::failure) tells why.
 pub(super) trait Symmetric: Debug + Send + Sync {
     /// Calls `visit(j, number, standard error)` in ascending order for all j in `columns` where row i has an entry.
     fn for_each(&self, i: usize, columns: Range<usize>, visit: &mut dyn FnMut(usize, f64, f64));
@@ -29,8 +33,14 @@ pub(super) trait Symmetric: Debug + Send + Sync {
     /// Returns how many s_ij are not zero.
     fn n_nonzero(&self) -> usize;
 
-    /// Returns the memory in use.
+    /// Returns the bytes in memory or on the disk.
     fn stored_byte(&self) -> usize;
+
+    /// Returns where the numbers are.
+    fn place(&self) -> Place<'_>;
+
+    /// Returns what went wrong first when numbers were read.
+    fn failure(&self) -> Option<&DiskError>;
 }
 
 /// Returns the row ranges that make one row of tiles each.
@@ -41,18 +51,19 @@ pub(super) fn block_rows(n: usize) -> impl ExactSizeIterator<Item = Range<usize>
 /// Stores an n by n matrix of which `upper` gives the entries on and above the diagonal for each of [`block_rows`], in parallel.
 pub(super) fn from_blocks(
     n: usize,
-    choice: StorageChoice,
+    choice: StorageChoice<'_>,
     upper: impl Fn(Range<usize>) -> RowTile + Sync,
 ) -> Result<Arc<dyn Symmetric>, MatrixError> {
     fn build<T: Scalar>(
         n: usize,
-        choice: StorageChoice,
+        choice: StorageChoice<'_>,
         upper: impl Fn(Range<usize>) -> RowTile + Sync,
     ) -> Result<Arc<dyn Symmetric>, MatrixError> {
         let blocks: Vec<_> = block_rows(n).collect();
-        let rows = blocks.into_par_iter().map(|rows| row_of_tiles(&upper(rows), n, choice));
-        let rows: Vec<Vec<Square<T>>> = rows.collect::<Result<_, _>>()?;
-        Ok(Arc::new(Tiles { n, rows }))
+        let row_byte = (n * SIDE * size_of::<Placed<T>>()) as u64;
+        let work = |k: usize| row_of_tiles::<T>(&upper(blocks[k].clone()), n, choice.layout);
+        let rows = InOrder::new(blocks.len(), row_byte, choice.place.waiting_byte(), work);
+        Ok(Arc::new(Tiles::<T>::collect(n, choice.place, rows)?))
     }
     match choice.precision {
         Precision::F64 => build::<f64>(n, choice, upper),
@@ -65,18 +76,16 @@ pub(super) fn from_blocks(
 /// `E` is the error of the iterator.
 pub(super) fn from_rows<E: From<MatrixError>>(
     n: usize,
-    choice: StorageChoice,
+    choice: StorageChoice<'_>,
     upper: impl Iterator<Item = Result<RowTile, E>>,
 ) -> Result<Arc<dyn Symmetric>, E> {
     fn build<T: Scalar, E: From<MatrixError>>(
         n: usize,
-        choice: StorageChoice,
+        choice: StorageChoice<'_>,
         upper: impl Iterator<Item = Result<RowTile, E>>,
     ) -> Result<Arc<dyn Symmetric>, E> {
-        let rows = upper.map(|tile| Ok(row_of_tiles::<T>(&tile?, n, choice)?));
-        let rows = rows.collect::<Result<Vec<_>, E>>()?;
-        assert_eq!(rows.len(), block_rows(n).len(), "a tile for every row of blocks");
-        Ok(Arc::new(Tiles { n, rows }))
+        let rows = upper.map(|tile| Ok::<_, E>(row_of_tiles::<T>(&tile?, n, choice.layout)?));
+        Ok(Arc::new(Tiles::<T>::collect(n, choice.place, rows)?))
     }
     match choice.precision {
         Precision::F64 => build::<f64, E>(n, choice, upper),
@@ -85,7 +94,11 @@ pub(super) fn from_rows<E: From<MatrixError>>(
 }
 
 /// Cuts rows of the upper triangle into tiles; the one on the diagonal gets its lower half.
-fn row_of_tiles<T: Scalar>(upper: &RowTile, n: usize, choice: StorageChoice) -> Result<Vec<Square<T>>, MatrixError> {
+pub(super) fn row_of_tiles<T: Scalar>(
+    upper: &RowTile,
+    n: usize,
+    layout: Layout,
+) -> Result<Vec<Square<T>>, MatrixError> {
     let rows = upper.first_row()..upper.first_row() + upper.n_rows();
     let mut tiles: Vec<Vec<Placed<T>>> = vec![Vec::new(); (n - rows.start).div_ceil(SIDE)];
     for i in rows.clone() {
@@ -108,16 +121,23 @@ fn row_of_tiles<T: Scalar>(upper: &RowTile, n: usize, choice: StorageChoice) -> 
     tiles[0].sort_unstable_by_key(|&(i, j, ..)| (i, j));
     let square = |(k, entries): (usize, &Vec<_>)| {
         let first = rows.start + k * SIDE;
-        Square::new(entries, &rows, &(first..n.min(first + SIDE)), choice.layout)
+        Square::new(entries, &rows, &(first..n.min(first + SIDE)), layout)
     };
     Ok(tiles.iter().enumerate().map(square).collect())
 }
 
-/// The tiles (I, J) with J ≥ I: `rows[I][J − I]`.
+/// The tiles (I, J) with J ≥ I.
 #[derive(Debug)]
 struct Tiles<T> {
     n: usize,
-    rows: Vec<Vec<Square<T>>>,
+    rows: Rows<T>,
+}
+
+#[derive(Debug)]
+enum Rows<T> {
+    /// `[I][J − I]`.
+    Memory(Vec<Vec<Square<T>>>),
+    Disk(TileFile<T>),
 }
 
 /// The number of pieces into which the rows of tiles are divided when the matrix is applied. A constant, so that the order of
@@ -129,9 +149,72 @@ const PIECES: usize = 64;
 const SUMS_PER_TASK: usize = 1024;
 
 impl<T: Scalar> Tiles<T> {
+    /// Keeps rows of tiles, all [`block_rows`] of them.
+    fn collect<E: From<MatrixError>>(
+        n: usize,
+        place: Place<'_>,
+        rows: impl Iterator<Item = Result<Vec<Square<T>>, E>>,
+    ) -> Result<Self, E> {
+        let mut n_rows = 0;
+        let counted = rows.inspect(|_| n_rows += 1);
+        let stored = match place {
+            Place::Memory => Rows::Memory(counted.collect::<Result<_, E>>()?),
+            Place::Disk(scratch) => {
+                let mut file = TileFile::create(n, true, scratch).map_err(MatrixError::from)?;
+                for row in counted {
+                    file.push_row(&row?).map_err(MatrixError::from)?;
+                }
+                Rows::Disk(file)
+            }
+        };
+        assert_eq!(n_rows, block_rows(n).len(), "a tile for every row of blocks");
+        Ok(Self { n, rows: stored })
+    }
+
+    /// Calls `visit(J, tile)` for the tiles (I, J), J ≥ I, in order.
+    fn for_each_tile(&self, row: usize, part: Part, mut visit: impl FnMut(usize, &Square<T>)) -> Result<(), DiskError> {
+        match &self.rows {
+            Rows::Memory(rows) => {
+                for (k, tile) in rows[row].iter().enumerate() {
+                    visit(row + k, tile);
+                }
+                Ok(())
+            }
+            Rows::Disk(file) => file.for_each_tile(row, part, visit),
+        }
+    }
+
+    /// Returns what `work` makes of the tiles that hold the rows of block `own`, found by the other block: those before `own` hold
+    /// them as columns. `only` names the single block that `work` asks for. `None` if the tiles cannot be read.
+    fn with_cross<R>(
+        &self,
+        own: usize,
+        only: Option<usize>,
+        part: Part,
+        work: impl for<'t> FnOnce(&dyn Fn(usize) -> &'t Square<T>) -> R,
+    ) -> Option<R> {
+        match &self.rows {
+            Rows::Memory(rows) => Some(work(&|block| {
+                if block < own {
+                    &rows[block][own - block]
+                } else {
+                    &rows[own][block - own]
+                }
+            })),
+            Rows::Disk(file) => file.note(match only {
+                Some(block) => {
+                    let (row, column) = (own.min(block), own.max(block));
+                    let tile = file.read(row, column..column + 1, part);
+                    tile.map(|tile| work(&|_| &tile[0]))
+                }
+                None => file.with_band(Band::Cross(own), part, |tiles| work(&|block| &tiles[block])),
+            }),
+        }
+    }
+
     /// Returns the block rows of each piece: about as many tiles in one as in another.
     fn pieces(&self) -> Vec<Range<usize>> {
-        let n_blocks = self.rows.len();
+        let n_blocks = block_rows(self.n).len();
         let n_tiles = n_blocks * (n_blocks + 1) / 2;
         let n_pieces = PIECES.min(n_blocks);
         let mut pieces = Vec::with_capacity(n_pieces);
@@ -153,11 +236,11 @@ impl<T: Scalar> Tiles<T> {
         let mut sums = vec![0.0; n_left * channels.len()];
         for i in piece {
             let rows = i * SIDE..self.n.min((i + 1) * SIDE);
-            for (k, tile) in self.rows[i].iter().enumerate() {
-                let columns = rows.start + k * SIDE..self.n.min(rows.start + (k + 1) * SIDE);
+            let read = self.for_each_tile(i, Part::Numbers, |j, tile| {
+                let columns = j * SIDE..self.n.min((j + 1) * SIDE);
                 // All channels while the tile is in the cache, each as if it were alone.
                 for (x, y) in channels.iter().zip(sums.chunks_exact_mut(n_left)) {
-                    if k == 0 {
+                    if j == i {
                         tile.apply_diagonal(&x[rows.clone()], &mut y[rows.start - first..rows.end - first]);
                     } else {
                         let (above, below) = y.split_at_mut(columns.start - first);
@@ -166,6 +249,11 @@ impl<T: Scalar> Tiles<T> {
                         tile.apply_both(&x[rows.clone()], &x[columns.clone()], y_rows, y_columns);
                     }
                 }
+            });
+            if let Rows::Disk(file) = &self.rows
+                && file.note(read).is_none()
+            {
+                sums.fill(f64::NAN);
             }
         }
         sums
@@ -174,33 +262,41 @@ impl<T: Scalar> Tiles<T> {
 
 impl<T: Scalar> Symmetric for Tiles<T> {
     fn for_each(&self, i: usize, columns: Range<usize>, visit: &mut dyn FnMut(usize, f64, f64)) {
-        if columns.is_empty() {
-            return;
-        }
         let (own, row) = (i / SIDE, i % SIDE);
-        for block in columns.start / SIDE..=(columns.end - 1) / SIDE {
-            let first = block * SIDE;
-            let part = columns.start.max(first) - first..columns.end.min(first + SIDE) - first;
-            let shifted = &mut |k, value, std_error| visit(first + k, value, std_error);
-            if block < own {
-                self.rows[block][own - block].for_each_in_column(row, part, shifted);
-            } else {
-                self.rows[own][block - own].for_each_in_row(row, part, shifted);
-            }
+        // A single place is not worth a band.
+        let only = (columns.len() == 1).then_some(columns.start / SIDE);
+        let found = self.with_cross(own, only, Part::All, |tile| {
+            for_each_block(columns.clone(), |first, part, block| {
+                let shifted = &mut |k, value, std_error| visit(first + k, value, std_error);
+                if block < own {
+                    tile(block).for_each_in_column(row, part, shifted);
+                } else {
+                    tile(block).for_each_in_row(row, part, shifted);
+                }
+            });
+        });
+        if found.is_none() {
+            visit_nothing_known(columns, visit);
         }
     }
 
     fn dot_off_diagonal(&self, i: usize, factor: f64, x: &Block, sum: &mut [f64]) -> f64 {
         let (own, row) = (i / SIDE, i % SIDE);
         let x_from = |block: usize| &x.values()[block * SIDE * x.n_channels()..];
-        for block in 0..own {
-            self.rows[block][own - block].add_column(row, factor, x_from(block), sum);
-        }
-        let diagonal = self.rows[own][0].add_row(row, Some(row), factor, x_from(own), sum);
-        for (k, tile) in self.rows[own].iter().enumerate().skip(1) {
-            tile.add_row(row, None, factor, x_from(own + k), sum);
-        }
-        diagonal
+        let found = self.with_cross(own, None, Part::Numbers, |tile| {
+            for block in 0..own {
+                tile(block).add_column(row, factor, x_from(block), sum);
+            }
+            let diagonal = tile(own).add_row(row, Some(row), factor, x_from(own), sum);
+            for block in own + 1..block_rows(self.n).len() {
+                tile(block).add_row(row, None, factor, x_from(block), sum);
+            }
+            diagonal
+        });
+        found.unwrap_or_else(|| {
+            sum.fill(f64::NAN);
+            f64::NAN
+        })
     }
 
     fn apply(&self, x: &Block, y: &mut Block) {
@@ -230,29 +326,52 @@ impl<T: Scalar> Symmetric for Tiles<T> {
     }
 
     fn scaled(&self, d: &[f64]) -> Result<Arc<dyn Symmetric>, MatrixError> {
-        let scale_row = |(i, tiles): (usize, &Vec<Square<T>>)| {
-            let scale = |(k, tile): (usize, &Square<T>)| {
-                let first = (i * SIDE, (i + k) * SIDE);
-                tile.scaled(first, self.n, |row, column| d[first.0 + row] * d[first.1 + column])
-            };
-            tiles.iter().enumerate().map(scale).collect()
+        let n_blocks = block_rows(self.n).len();
+        let scale_row = |i: usize| -> Result<Vec<Square<T>>, MatrixError> {
+            let mut row = Vec::with_capacity(n_blocks - i);
+            self.for_each_tile(i, Part::All, |j, tile| {
+                let first = (i * SIDE, j * SIDE);
+                row.push(tile.scaled(first, self.n, |a, b| d[first.0 + a] * d[first.1 + b]));
+            })?;
+            row.into_iter().collect()
         };
-        let rows = self.rows.par_iter().enumerate().map(scale_row);
-        let rows = rows.collect::<Result<_, _>>()?;
-        Ok(Arc::new(Self { n: self.n, rows }))
+        let row_byte = (self.n * SIDE * (size_of::<T>() + size_of::<f32>())) as u64;
+        let rows = InOrder::new(n_blocks, row_byte, self.place().waiting_byte(), scale_row);
+        Ok(Arc::new(Self::collect(self.n, self.place(), rows)?))
     }
 
     fn n_nonzero(&self) -> usize {
+        let rows = match &self.rows {
+            Rows::Memory(rows) => rows,
+            Rows::Disk(file) => return file.n_nonzero(),
+        };
         let of_row = |tiles: &Vec<Square<T>>| {
             let counts = tiles.iter().enumerate();
             counts
                 .map(|(k, tile)| tile.n_nonzero() * if k == 0 { 1 } else { 2 })
                 .sum::<usize>()
         };
-        self.rows.par_iter().map(of_row).sum()
+        rows.par_iter().map(of_row).sum()
     }
 
     fn stored_byte(&self) -> usize {
-        self.rows.iter().flatten().map(Square::stored_byte).sum()
+        match &self.rows {
+            Rows::Memory(rows) => rows.iter().flatten().map(Square::stored_byte).sum(),
+            Rows::Disk(file) => usize::try_from(file.n_byte()).unwrap_or(usize::MAX),
+        }
+    }
+
+    fn place(&self) -> Place<'_> {
+        match &self.rows {
+            Rows::Memory(_) => Place::Memory,
+            Rows::Disk(file) => file.place(),
+        }
+    }
+
+    fn failure(&self) -> Option<&DiskError> {
+        match &self.rows {
+            Rows::Memory(_) => None,
+            Rows::Disk(file) => file.failure(),
+        }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::{Entries, Entry, FormFactors};
+use super::{Entries, Entry, FormFactors, Place, UPPER_ROWS};
 
 /// Rows that are transposed at a time: a few cache lines of every row of F.
 const BLOCK_ROWS: usize = 32;
@@ -17,8 +17,13 @@ impl FormFactors {
     /// Returns the row ranges in which the transpose is best asked for.
     pub(super) fn row_blocks(&self) -> Vec<Range<usize>> {
         let n = self.n_rows();
-        let starts = (0..n).step_by(BLOCK_ROWS);
-        starts.map(|start| start..n.min(start + BLOCK_ROWS)).collect()
+        // On a disk, rows are best read together with those of their tiles.
+        let n_together = match self.storage().place {
+            Place::Memory => BLOCK_ROWS,
+            Place::Disk(_) => UPPER_ROWS,
+        };
+        let starts = (0..n).step_by(n_together);
+        starts.map(|start| start..n.min(start + n_together)).collect()
     }
 
     /// Calls `visit(i, j, pair)` for all i in `rows` and all j where F_ij or F_ji is stored, row by row in ascending order.
@@ -45,6 +50,14 @@ impl FormFactors {
     /// Returns the columns `range` of F as sorted lists of their entries.
     fn columns(&self, range: Range<usize>) -> Vec<Vec<Entry>> {
         let mut columns = vec![Vec::new(); range.len()];
+        if let Entries::Disk(general) = &self.entries {
+            for (j, column) in range.zip(&mut columns) {
+                general.for_each_in_column(j, 0..self.n_rows(), &mut |i, value, std_error| {
+                    column.push((index(i), value, std_error));
+                });
+            }
+            return columns;
+        }
         for j in 0..self.n_rows() {
             self.for_each_stored(j, range.clone(), &mut |i, value, std_error| {
                 columns[i - range.start].push((index(j), value, std_error));

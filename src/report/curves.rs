@@ -129,7 +129,9 @@ fn width(style: usize) -> u32 {
 
 /// Returns a range that covers values, with a margin.
 fn covering(values: impl Iterator<Item = f64>) -> Range<f64> {
-    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
+    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
+        (low.min(v), high.max(v))
+    });
     if low > high {
         return 0.0..1.0;
     }
@@ -169,7 +171,10 @@ mod tests {
                 assert!(svg.contains(text), "{text}");
             }
             // The zero has a place on the linear axis alone.
-            let curve = svg.lines().find(|line| line.contains("<polyline") && line.contains("#D55E00")).unwrap();
+            let curve = svg
+                .lines()
+                .find(|line| line.contains("<polyline") && line.contains("#D55E00"))
+                .unwrap();
             assert_eq!(curve.matches(',').count(), if log_y { 3 } else { 4 }, "{curve}");
             assert_eq!(svg, plot.to_svg().unwrap());
         }

@@ -97,6 +97,7 @@ impl FormFactorFile {
         let storage = StorageChoice {
             layout: Layout::Auto,
             precision: rows.precision(),
+            ..StorageChoice::default()
         };
         let in_file = |error| self.in_file(error);
         if !self.description.symmetric {

@@ -101,9 +101,18 @@ impl State<'_> {
         self.scaled.system.operator().apply(&self.direction, &mut self.product);
         let n_channels = excess.len();
         let reflectances = self.scaled.system.reflectance().values();
-        let terms = self.direction.values().iter().zip(self.inverse.values()).zip(reflectances);
+        let terms = self
+            .direction
+            .values()
+            .iter()
+            .zip(self.inverse.values())
+            .zip(reflectances);
         for (product, ((d, inverse), rho)) in self.product.values_mut().iter_mut().zip(terms) {
-            *product = if *inverse > 0.0 { (d - rho * *product) / inverse } else { 0.0 };
+            *product = if *inverse > 0.0 {
+                (d - rho * *product) / inverse
+            } else {
+                0.0
+            };
         }
         let curvature = dot(&self.direction, &self.product);
         let moves = |c: usize| excess[c] > 1.0;
@@ -165,7 +174,11 @@ fn add_scaled(sum: &mut Block, factors: &[f64], term: &Block) {
 /// Returns Σ u v of each channel, summed in patch order.
 fn dot(u: &Block, v: &Block) -> Vec<f64> {
     let mut sums = vec![0.0; u.n_channels()];
-    for (u, v) in u.values().chunks_exact(sums.len()).zip(v.values().chunks_exact(sums.len())) {
+    for (u, v) in u
+        .values()
+        .chunks_exact(sums.len())
+        .zip(v.values().chunks_exact(sums.len()))
+    {
         for (sum, (a, b)) in sums.iter_mut().zip(u.iter().zip(v)) {
             *sum += a * b;
         }

@@ -6,10 +6,7 @@ use crate::matrix::operator::{LinearOperator, RowAccess};
 /// Access to F column by column: F_ji, j = 1 ... n, the fraction of each patch's view that patch i fills.
 pub(super) enum Columns<'a> {
     /// F_ji = F_ij A_i / A_j from row i, where A_i F_ij is symmetric.
-    Reciprocal {
-        rows: &'a dyn RowAccess,
-        areas: &'a [f64],
-    },
+    Reciprocal { rows: &'a dyn RowAccess, areas: &'a [f64] },
     /// A transposed copy, for form factors that are not reciprocal: 12 bytes for each entry that is not 0.
     Copied {
         /// Where each column begins in the two lists; the end after the last.

@@ -2,6 +2,8 @@
 
 use thiserror::Error;
 
+use crate::matrix::DiskError;
+
 /// Why a radiosity system was refused.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
@@ -100,4 +102,7 @@ pub enum SolverError {
         /// The tolerance.
         value: f64,
     },
+    /// The form factors could not be read from their disk.
+    #[error(transparent)]
+    Disk(#[from] DiskError),
 }

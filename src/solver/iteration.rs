@@ -153,7 +153,7 @@ pub(super) fn run<I: Iteration>(
     });
     let counts = (n_passes, n_checks);
     let display = iteration.display().map(|block| scaled.to_si(block));
-    let solution = Solution::new(scaled, radiosity, truth, tolerance, gave_up, counts, recorder);
+    let solution = Solution::new(scaled, radiosity, truth, tolerance, gave_up, counts, recorder)?;
     Ok(Solution {
         display,
         selections: iteration.selections(),

@@ -159,7 +159,11 @@ impl Tridiagonal {
         let n = x.len();
         let mut pivots = vec![0.0; n];
         for k in 0..n {
-            let factor = if k == 0 { 0.0 } else { self.beside[k - 1] / pivots[k - 1] };
+            let factor = if k == 0 {
+                0.0
+            } else {
+                self.beside[k - 1] / pivots[k - 1]
+            };
             pivots[k] = self.diagonal[k] - shift;
             if k > 0 {
                 pivots[k] -= factor * self.beside[k - 1];

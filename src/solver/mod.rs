@@ -98,7 +98,7 @@ pub trait Solver: Sync {
     ///
     /// # Errors
     /// [`SolverError::Tolerance`] for a tolerance that is not positive and finite; [`SolverError::NeedsReciprocity`] and
-    /// [`SolverError::NeedsRows`] if the form factors lack what the solver needs.
+    /// [`SolverError::NeedsRows`] if the form factors lack what the solver needs; [`SolverError::Disk`] if they cannot be read.
     fn solve(
         &self,
         system: &RadiositySystem,

@@ -121,7 +121,9 @@ impl State<'_> {
     }
 
     fn step(&mut self, i: usize, ambient: &Block) {
-        let shot: Vec<f64> = (0..ambient.n_channels()).map(|c| self.overshot(i, c, ambient)).collect();
+        let shot: Vec<f64> = (0..ambient.n_channels())
+            .map(|c| self.overshot(i, c, ambient))
+            .collect();
         let system = self.light.scaled.system;
         let (areas, row_sums) = (&self.light.scaled.areas, system.row_sums());
         let room = self.light.ambient.room(i);

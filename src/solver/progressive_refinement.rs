@@ -178,7 +178,12 @@ impl<'a> Light<'a> {
         let mut display = self.ambient.irradiance(&self.unshot);
         let terms = self.radiosity();
         let reflectance = self.scaled.system.reflectance();
-        for ((value, b), rho) in display.values_mut().iter_mut().zip(terms.values()).zip(reflectance.values()) {
+        for ((value, b), rho) in display
+            .values_mut()
+            .iter_mut()
+            .zip(terms.values())
+            .zip(reflectance.values())
+        {
             *value = b + rho * *value;
         }
         display

@@ -3,8 +3,8 @@
 use std::num::NonZeroUsize;
 
 use super::{
-    Chebyshev, ConjugateGradients, GaussSeidel, Jacobi, Overshooting, Pcg, ProgressiveRefinement, Solver, SolverError, Sor,
-    SpectrumBounds,
+    Chebyshev, ConjugateGradients, GaussSeidel, Jacobi, Overshooting, Pcg, ProgressiveRefinement, Solver, SolverError,
+    Sor, SpectrumBounds,
 };
 
 /// What a user may set; `None` is the solver's own default.
@@ -131,7 +131,10 @@ mod tests {
         };
         assert!(solver("sor", &settings).is_ok());
         let error = solver("pcg", &settings).err().unwrap().to_string();
-        assert!(error.contains("--omega") && error.contains("`pcg`") && error.contains("`sor`"), "{error}");
+        assert!(
+            error.contains("--omega") && error.contains("`pcg`") && error.contains("`sor`"),
+            "{error}"
+        );
     }
 
     #[test]

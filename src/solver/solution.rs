@@ -1,9 +1,11 @@
 //! What a solver returns.
 
+use super::SolverError;
 use super::error_bound;
 use super::history::{HistoryEntry, Recorder};
 use super::scaled::{Scaled, TrueResidual};
 use super::stop::{StopReason, Tolerance, worst};
+use super::system::expect_readable;
 use crate::matrix::operator::Block;
 
 /// Radiosities, and how good they are.
@@ -56,7 +58,7 @@ impl Solution {
     }
 
     /// Puts a solution together. `truth` belongs to `radiosity`, in solver units; `gave_up` tells why the solver stopped
-    /// where it did not reach the tolerance.
+    /// where it did not reach the tolerance. Fails if F could not be read.
     pub(super) fn new(
         scaled: &Scaled,
         radiosity: Block,
@@ -65,8 +67,10 @@ impl Solution {
         gave_up: StopReason,
         (n_passes, n_checks): (usize, usize),
         recorder: Recorder,
-    ) -> Self {
+    ) -> Result<Self, SolverError> {
         let error_bound = error_bound::relative(scaled, &radiosity, &truth);
+        // Whatever went wrong on the way, nothing that rests on it is returned.
+        expect_readable(scaled.system.operator())?;
         let met = worst(&tolerance.excess(&truth.norms)) <= 1.0;
         let radiosity = scaled.to_si(radiosity);
         let stop_reason = if gave_up == StopReason::Diverged || radiosity.values().iter().any(|b| !b.is_finite()) {
@@ -76,7 +80,7 @@ impl Solution {
         } else {
             gave_up
         };
-        Self {
+        Ok(Self {
             radiosity,
             irradiance: scaled.to_si(truth.irradiance),
             stop_reason,
@@ -88,6 +92,6 @@ impl Solution {
             history: recorder.entries,
             display: None,
             selections: Vec::new(),
-        }
+        })
     }
 }

@@ -36,7 +36,7 @@ impl<'a> RadiositySystem<'a> {
     /// [`SolverError::Empty`] without patches; [`SolverError::Shape`] if sizes differ; [`SolverError::Area`],
     /// [`SolverError::Reflectance`], [`SolverError::Exitance`] for values out of range;
     /// [`SolverError::NoFiniteSolution`] if in some channel a connected component of the patches emits, has ρ = 1 everywhere,
-    /// and row sums of 1 or more: to 1.2e-7, what f32 storage can resolve.
+    /// and row sums of 1 or more: to 1.2e-7, what f32 storage can resolve; [`SolverError::Disk`] if F cannot be read.
     pub fn new(
         operator: &'a dyn LinearOperator,
         areas: Vec<f64>,
@@ -75,6 +75,7 @@ impl<'a> RadiositySystem<'a> {
         }
         let mut row_sums = Block::zeros(n, 1);
         operator.apply(&Block::from_values(vec![1.0; n], 1), &mut row_sums);
+        expect_readable(operator)?;
         let units = Units {
             area: unit(areas.iter().copied()),
             exitance: (0..n_channels)
@@ -91,6 +92,7 @@ impl<'a> RadiositySystem<'a> {
             units,
         };
         system.expect_a_finite_solution()?;
+        expect_readable(operator)?;
         Ok(system)
     }
 
@@ -175,6 +177,11 @@ impl<'a> RadiositySystem<'a> {
         }
         Ok(())
     }
+}
+
+/// Refuses to go on with what an operator returned after it could not be read.
+pub(super) fn expect_readable(operator: &dyn LinearOperator) -> Result<(), SolverError> {
+    operator.failure().map_or(Ok(()), |error| Err(error.clone().into()))
 }
 
 fn expect_size(what: &'static str, expected: usize, found: usize) -> Result<(), SolverError> {

@@ -6,6 +6,7 @@ pub mod brute_force;
 pub mod embree;
 mod flat_polygon;
 mod frame;
+pub mod gaps;
 pub(crate) mod shaft;
 mod sheets;
 

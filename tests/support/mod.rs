@@ -5,8 +5,13 @@
 pub(crate) mod rooms;
 pub(crate) mod solving;
 
+use std::path::PathBuf;
+use std::sync::LazyLock;
+
 use radiosity::matrix::operator::Block;
-use radiosity::matrix::{Entry, FormFactors, Layout, Precision, RowTally, RowTile, StorageChoice, Weighting};
+use radiosity::matrix::{
+    Entry, FormFactors, Layout, Place, Precision, RowTally, RowTile, Scratch, StorageChoice, Weighting,
+};
 
 /// A small generator of uniform numbers in [0, 1): SplitMix64.
 pub(crate) struct Uniform(pub(crate) u64);
@@ -218,15 +223,33 @@ pub(crate) fn shoot(probabilities: &[Vec<f64>], areas: &[f64], n_rays: u64, unif
     FormFactors::from_tiles(areas.to_vec(), [tile], StorageChoice::default()).expect("a valid matrix")
 }
 
-pub(crate) fn storage(layout: Layout, precision: Precision) -> StorageChoice {
-    StorageChoice { layout, precision }
+pub(crate) fn storage(layout: Layout, precision: Precision) -> StorageChoice<'static> {
+    StorageChoice {
+        layout,
+        precision,
+        ..StorageChoice::default()
+    }
 }
 
-pub(crate) fn all_storages() -> impl Iterator<Item = StorageChoice> {
+/// A choice with its numbers in a scratch file. The little memory means that few rows wait to be written.
+pub(crate) fn on_disk(choice: StorageChoice<'static>) -> StorageChoice<'static> {
+    static DIRECTORY: LazyLock<PathBuf> = LazyLock::new(std::env::temp_dir);
+    let place = Place::Disk(Scratch {
+        directory: &DIRECTORY,
+        memory_byte: 1 << 16,
+    });
+    StorageChoice { place, ..choice }
+}
+
+/// Every layout in both precisions, in memory and on a disk.
+pub(crate) fn all_storages() -> impl Iterator<Item = StorageChoice<'static>> {
     let layouts = [Layout::Auto, Layout::Dense, Layout::Sparse];
-    layouts
-        .into_iter()
-        .flat_map(|layout| [Precision::F32, Precision::F64].map(|precision| storage(layout, precision)))
+    layouts.into_iter().flat_map(|layout| {
+        [Precision::F32, Precision::F64].into_iter().flat_map(move |precision| {
+            let in_memory = storage(layout, precision);
+            [in_memory, on_disk(in_memory)]
+        })
+    })
 }
 
 /// Rows with a share `density` of entries that are not zero, values in [0, 1 / n].

@@ -55,9 +55,19 @@ pub const METHODS: [Method; 10] = [
         rms: Some([5e-4, 9e-4, 7e-3, 1e-2, 6e-3, 1.5e-2]),
         paper_time_s: Some([1.20, 2.01, 6.43, 12.83, 5.23, 11.26]),
         paper_passes: Some([3, 5, 16, 32, 13, 28]),
-        ..passes("gauss-seidel", "gauss-seidel", Start::Exitance, Some([3, 5, 12, 25, 13, 27]))
+        ..passes(
+            "gauss-seidel",
+            "gauss-seidel",
+            Start::Exitance,
+            Some([3, 5, 12, 25, 13, 27]),
+        )
     },
-    passes("gauss-seidel, ambient start", "gauss-seidel", Start::Ambient, Some([3, 4, 8, 15, 5, 8])),
+    passes(
+        "gauss-seidel, ambient start",
+        "gauss-seidel",
+        Start::Ambient,
+        Some([3, 4, 8, 15, 5, 8]),
+    ),
     passes("jacobi", "jacobi", Start::Exitance, Some([4, 8, 24, 49, 22, 47])),
     passes("sor", "sor", Start::Exitance, None),
     Method {
@@ -65,7 +75,12 @@ pub const METHODS: [Method; 10] = [
         rms: Some([1e-4, 3e-4, 6e-4, 1e-3, 6e-4, 6e-4]),
         paper_time_s: Some([1.61, 2.81, 4.81, 6.45, 4.05, 5.64]),
         paper_passes: Some([4, 7, 12, 16, 10, 14]),
-        ..passes("chebyshev, 1 ± ρ_avg", "chebyshev", Start::Ambient, Some([4, 6, 11, 16, 10, 15]))
+        ..passes(
+            "chebyshev, 1 ± ρ_avg",
+            "chebyshev",
+            Start::Ambient,
+            Some([4, 6, 11, 16, 10, 15]),
+        )
     },
     passes("chebyshev", "chebyshev", Start::Ambient, None),
     Method {
@@ -117,8 +132,12 @@ impl Expected {
     /// is known to one digit, and changes by as much with one pass.
     pub(super) fn allows(&self, method: &Method, count: u64, rms: f64) -> bool {
         let slack = |expected: u64| if method.by_steps { expected * 3 / 100 } else { 1 };
-        let counts = self.count.is_none_or(|expected| count.abs_diff(expected) <= slack(expected));
-        let errors = self.rms.is_none_or(|expected| rms <= 2.0 * expected && rms >= 0.5 * expected);
+        let counts = self
+            .count
+            .is_none_or(|expected| count.abs_diff(expected) <= slack(expected));
+        let errors = self
+            .rms
+            .is_none_or(|expected| rms <= 2.0 * expected && rms >= 0.5 * expected);
         counts && errors
     }
 }

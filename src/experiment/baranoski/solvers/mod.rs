@@ -26,7 +26,9 @@ use std::ops::ControlFlow;
 use super::super::ExperimentError;
 use crate::matrix::operator::Block;
 use crate::progress::Progress;
-use crate::solver::{HistoryEntry, RadiositySystem, SolveOptions, SolverSettings, Start, StopReason, Tolerance, solver};
+use crate::solver::{
+    HistoryEntry, RadiositySystem, SolveOptions, SolverSettings, Start, StopReason, Tolerance, solver,
+};
 use model::Model;
 
 /// max |r_i A_i| at which all stop, W: section 4.2 of the paper.
@@ -178,7 +180,11 @@ fn run_method(
     };
     let errors = last.and_then(|entry| entry.errors);
     let expected = method.expected(case);
-    let count = if method.by_steps { n_steps } else { solution.n_passes as u64 };
+    let count = if method.by_steps {
+        n_steps
+    } else {
+        solution.n_passes as u64
+    };
     let error_rms = errors.map_or(f64::NAN, |e| e.error_rms);
     let inside = solution.stop_reason == StopReason::Converged && expected.allows(method, count, error_rms);
     Ok(SolverRun {

@@ -44,9 +44,9 @@ pub const CASES: [Case; 6] = [
     case('F', "sphere-room-r1", 70.0, 0.89),
 ];
 
-/// The form-factor method, and its rays for each pair of patches that something may stand between.
-const METHOD: &str = "qmc";
-const RAYS: u64 = 64;
+/// The form-factor method, and its tolerance: far below what a count of passes depends on.
+const METHOD: &str = "exact";
+const FORM_FACTOR_TOLERANCE: f64 = 1e-6;
 
 /// Row sums are made 1 to this.
 const BALANCE_TOLERANCE: f64 = 1e-12;
@@ -67,7 +67,7 @@ impl Model {
         let mesh = Mesh::new(&scene, Subdivision::Uniform(1))?;
         let visibility = EmbreeVisibility::new(&scene)?;
         let settings = MethodSettings {
-            rays: Some(RAYS),
+            tolerance: Some(FORM_FACTOR_TOLERANCE),
             ..MethodSettings::default()
         };
         let input = Input {

@@ -133,17 +133,37 @@ pub(super) fn run(
         n_steps,
     );
     Ok(vec![
-        judge("gauss-seidel", "line 5 subtracts the reflected light", Some(Verdict::WrongAnswer), gauss_seidel(&system)),
+        judge(
+            "gauss-seidel",
+            "line 5 subtracts the reflected light",
+            Some(Verdict::WrongAnswer),
+            gauss_seidel(&system),
+        ),
         feda,
-        judge("chebyshev", "line 17 takes the residual of the radiosities before", Some(Verdict::Diverges), chebyshev(&system)),
-        judge("cg", "V = ρ/A, and line 3 takes E − V G B", None, conjugate_gradients(&system)),
+        judge(
+            "chebyshev",
+            "line 17 takes the residual of the radiosities before",
+            Some(Verdict::Diverges),
+            chebyshev(&system),
+        ),
+        judge(
+            "cg",
+            "V = ρ/A, and line 3 takes E − V G B",
+            None,
+            conjugate_gradients(&system),
+        ),
     ])
 }
 
 fn solve(system: &System) -> Result<Vec<f64>, ExperimentError> {
     use crate::solver::{RadiositySystem, SolveOptions, SolverSettings, Tolerance, solver};
     let block = |values: &[f64]| Block::from_values(values.to_vec(), 1);
-    let whole = RadiositySystem::new(system.factors, system.areas.to_vec(), block(system.rho), block(system.e))?;
+    let whole = RadiositySystem::new(
+        system.factors,
+        system.areas.to_vec(),
+        block(system.rho),
+        block(system.e),
+    )?;
     let options = SolveOptions {
         tolerance: Tolerance::ResidualL2(1e-12),
         ..SolveOptions::default()
@@ -221,7 +241,9 @@ fn overshooting(system: &System) -> (Vec<f64>, u64) {
         let ambient = total / lost;
         let overshot = |i: usize| (unshot[i] + system.rho[i] * ambient).min(total / system.areas[i]);
         let power = |i: usize| (overshot(i) * system.areas[i]).abs();
-        let best = (0..n).max_by(|&a, &b| power(a).total_cmp(&power(b)).then(b.cmp(&a))).unwrap_or(0);
+        let best = (0..n)
+            .max_by(|&a, &b| power(a).total_cmp(&power(b)).then(b.cmp(&a)))
+            .unwrap_or(0);
         let light = overshot(best);
         shot[best] += light;
         let area = system.areas[best];

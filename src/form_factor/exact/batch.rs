@@ -1,0 +1,375 @@
+//! Rows of the upper triangle, some faces at a time: classified, then integrated pair by pair.
+
+use std::collections::HashMap;
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::ExactMethod;
+use super::lattice::{Lattice, Repeats};
+use super::patches::{Patches, Run};
+use crate::form_factor::pairs::{Exchange, Facing};
+use crate::form_factor::partial::{self, Accuracy};
+use crate::form_factor::{Input, PairCounts};
+use crate::geometry::polygon_form_factor::{Tolerance, exchange_area};
+use crate::matrix::{RowTally, RowTile};
+use crate::mesh::PatchId;
+use crate::progress::Progress;
+use crate::visibility::blockers::{BlockerId, BlockerIndex, PairVisibility};
+use crate::visibility::shaft::Shaft;
+
+/// A batch ends with the first rows that bring it to so many pairs: enough work for many threads, and 100 MB at most.
+const PAIRS_PER_BATCH: usize = 1 << 21;
+
+/// A partial pair's A_i F_ij / min(A_i, A_j) up to this is 0: a few roundings of the clipped corners.
+const NOISE: f64 = 1e-15;
+
+/// All batches in the order of their rows.
+pub(super) struct Batches<'a> {
+    method: &'a ExactMethod,
+    progress: &'a dyn Progress,
+    patches: Patches,
+    facing: Facing,
+    index: Option<BlockerIndex>,
+    lattices: Vec<Option<Lattice>>,
+    /// What repeats between two faces, of those whose rows are being computed.
+    repeats: HashMap<[usize; 2], Repeats>,
+    next_row: usize,
+}
+
+/// What stands between two faces.
+type FaceView = Option<PairVisibility>;
+
+impl<'a> Batches<'a> {
+    pub(super) fn new(method: &'a ExactMethod, input: Input<'a>, progress: &'a dyn Progress) -> Self {
+        let index = (!input.unoccluded).then(|| BlockerIndex::new(input.scene));
+        let patches = Patches::new(input.mesh, index.is_some());
+        Self {
+            method,
+            progress,
+            facing: Facing::new(input.mesh),
+            lattices: patches
+                .faces
+                .iter()
+                .map(|face| Lattice::find(&patches.corners, face.range()))
+                .collect(),
+            index,
+            patches,
+            repeats: HashMap::new(),
+            next_row: 0,
+        }
+    }
+}
+
+impl Iterator for Batches<'_> {
+    type Item = (Vec<RowTile>, PairCounts);
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let n = self.patches.len();
+        if self.next_row >= n {
+            return None;
+        }
+        // Whole runs of rows, until there is enough to do.
+        let mut runs: Vec<(usize, usize)> = Vec::new();
+        let (mut n_pairs, mut row) = (0, self.next_row);
+        while row < n && n_pairs < PAIRS_PER_BATCH {
+            let f = self.patches.face_of_patch[row];
+            let face = &self.patches.faces[f];
+            let k = face.row_runs.partition_point(|&k| face.runs[k].patches.end <= row);
+            runs.push((f, face.row_runs[k]));
+            let range = face.runs[face.row_runs[k]].patches.clone();
+            n_pairs += range.clone().map(|i| n - 1 - i).sum::<usize>();
+            row = range.end;
+        }
+        let faces = self.patches.face_of_patch[self.next_row]..self.patches.face_of_patch[row - 1] + 1;
+        self.next_row = row;
+        self.find_repeats(&faces);
+        let views: Vec<Vec<FaceView>> = faces.clone().into_par_iter().map(|f| self.views_of(f)).collect();
+        let mut strips: Vec<Strip> = runs
+            .par_iter()
+            .map(|&(f, run)| self.classify(f, &self.patches.faces[f].runs[run], &views[f - faces.start]))
+            .collect();
+        self.integrate(&mut strips);
+        self.progress.advance(n_pairs as u64);
+        let mut counts = PairCounts::default();
+        let tiles = strips
+            .into_iter()
+            .map(|strip| {
+                counts = counts.plus(strip.counts);
+                let mut tile = RowTile::new(strip.first_row);
+                for row in &strip.rows {
+                    tile.push_row(row, RowTally::default());
+                }
+                tile
+            })
+            .collect();
+        Some((tiles, counts))
+    }
+}
+
+/// Consecutive rows.
+struct Strip {
+    first_row: usize,
+    rows: Vec<Vec<(u32, f64, f64)>>,
+    partial: Vec<PartialPair>,
+    /// The blockers of all partial pairs, one after the other.
+    blockers: Vec<BlockerId>,
+    counts: PairCounts,
+}
+
+/// A pair that something may stand between, whose entry is not computed yet.
+struct PartialPair {
+    i: usize,
+    j: usize,
+    /// Its place in the row of i.
+    place: usize,
+    blockers: Range<usize>,
+}
+
+impl Batches<'_> {
+    fn kernel(&self, i: usize, j: usize) -> Exchange {
+        let tolerance = Tolerance {
+            rel: self.method.full_tolerance(),
+            abs: 0.0,
+        };
+        let exchange = exchange_area(&self.patches.prepared[i], &self.patches.prepared[j], tolerance);
+        Exchange {
+            area: exchange.value,
+            error: exchange.error,
+        }
+    }
+
+    /// Computes the repeating pairs of some faces with all later ones, and forgets those of other faces.
+    fn find_repeats(&mut self, faces: &Range<usize>) {
+        self.repeats.retain(|[f, _], _| faces.contains(f));
+        for f in faces.clone() {
+            for g in f + 1..self.patches.faces.len() {
+                if self.repeats.contains_key(&[f, g]) || !self.faces_face(f, g) {
+                    continue;
+                }
+                let table = self.lattices[f]
+                    .as_ref()
+                    .zip(self.lattices[g].as_ref())
+                    .and_then(|(from, to)| Repeats::new(&self.patches, from, to, |i, j| self.kernel(i, j)));
+                if let Some(table) = table {
+                    self.repeats.insert([f, g], table);
+                }
+            }
+        }
+    }
+
+    /// Tells whether any patches of two faces may face each other.
+    fn faces_face(&self, f: usize, g: usize) -> bool {
+        let [from, to] = [f, g].map(|k| &self.patches.faces[k]);
+        self.facing.any(from.range(), to.range())
+    }
+
+    /// Classifies a face against all later ones; `None` where they do not face each other.
+    fn views_of(&self, f: usize) -> Vec<FaceView> {
+        (0..self.patches.faces.len())
+            .map(|g| {
+                (g > f && self.faces_face(f, g)).then(|| {
+                    self.index.as_ref().map_or(PairVisibility::Full, |index| {
+                        let [p, q] = [f, g].map(|k| self.patches.faces[k].runs[0].hull.as_slice());
+                        whole_where_grazing(index.classify(p, q), p, q)
+                    })
+                })
+            })
+            .collect()
+    }
+
+    /// Decides what becomes of all pairs of a run of rows, and computes those that see each other whole.
+    fn classify(&self, f: usize, rows: &Run, views: &[FaceView]) -> Strip {
+        let mut strip = Strip {
+            first_row: rows.patches.start,
+            rows: vec![Vec::new(); rows.patches.len()],
+            partial: Vec::new(),
+            blockers: Vec::new(),
+            counts: PairCounts::default(),
+        };
+        let own = self.patches.faces[f].range();
+        for i in rows.patches.clone() {
+            strip.counts.not_facing += (own.end - 1 - i) as u64;
+        }
+        for (g, view) in views.iter().enumerate().skip(f + 1) {
+            let columns = &self.patches.faces[g].runs[0];
+            let Some(view) = view else {
+                strip.counts.not_facing += (rows.patches.len() * columns.patches.len()) as u64;
+                continue;
+            };
+            let mut walk = Walk {
+                batches: self,
+                repeats: self.repeats.get(&[f, g]),
+                rows,
+                runs: &self.patches.faces[g].runs,
+                strip: &mut strip,
+            };
+            walk.settle(columns, view, true);
+        }
+        strip
+    }
+
+    /// Integrates the partial pairs of all strips, each a piece of work of its own: their cost differs by orders of magnitude.
+    fn integrate(&self, strips: &mut [Strip]) {
+        let Some(index) = &self.index else {
+            return;
+        };
+        let n_partial: Vec<usize> = strips.iter().map(|strip| strip.partial.len()).collect();
+        let work: Vec<(&Strip, &PartialPair)> = strips
+            .iter()
+            .flat_map(|strip| strip.partial.iter().map(move |pair| (strip, pair)))
+            .collect();
+        let accuracy = Accuracy {
+            tolerance: self.method.tolerance,
+            budget: self.method.budget,
+        };
+        let results: Vec<(Exchange, bool)> = work
+            .par_iter()
+            .with_max_len(16)
+            .map(|(strip, pair)| self.partial(index, pair, &strip.blockers[pair.blockers.clone()], accuracy))
+            .collect();
+        let mut results = results.into_iter();
+        for (strip, n) in strips.iter_mut().zip(n_partial) {
+            for (pair, (exchange, reached)) in strip.partial.iter().zip(results.by_ref().take(n)) {
+                let entry = &mut strip.rows[pair.i - strip.first_row][pair.place];
+                (entry.1, entry.2) = (exchange.area, exchange.error);
+                strip.counts.n_above_tolerance += u64::from(!reached);
+            }
+        }
+    }
+
+    fn partial(
+        &self,
+        index: &BlockerIndex,
+        pair: &PartialPair,
+        blockers: &[BlockerId],
+        accuracy: Accuracy,
+    ) -> (Exchange, bool) {
+        let [p, q] = [pair.i, pair.j].map(|k| self.patches.corners[k].as_slice());
+        let most = self.kernel(pair.i, pair.j);
+        let blockers = index.blockers(p, q, blockers);
+        let found = partial::exchange_area_below(p, q, &blockers, accuracy, most.area);
+        let smaller_area = self.patches.prepared[pair.i]
+            .area()
+            .min(self.patches.prepared[pair.j].area());
+        // What rounding leaves of a pair that is hidden after all would make a row of noise.
+        let is_noise = found.exchange_area <= NOISE * smaller_area;
+        // More than without blockers it cannot be, nor be off by more than that.
+        let exchange = Exchange {
+            area: if is_noise {
+                0.0
+            } else {
+                found.exchange_area.min(most.area)
+            },
+            error: found
+                .error
+                .max(if is_noise { found.exchange_area } else { 0.0 })
+                .min(most.area + most.error),
+        };
+        let reached = found.reached || exchange.error <= accuracy.tolerance * smaller_area;
+        (exchange, reached)
+    }
+}
+
+/// Makes pairs that a shaft calls hidden, because all that they see of each other is lower than its tolerance, whole ones: nothing fits in between.
+fn whole_where_grazing(found: PairVisibility, p: &[glam::DVec3], q: &[glam::DVec3]) -> PairVisibility {
+    if found == PairVisibility::None && Shaft::new(p, q).is_none() {
+        PairVisibility::Full
+    } else {
+        found
+    }
+}
+
+/// The way through the runs of one face, seen from some rows.
+struct Walk<'a> {
+    batches: &'a Batches<'a>,
+    repeats: Option<&'a Repeats>,
+    rows: &'a Run,
+    runs: &'a [Run],
+    strip: &'a mut Strip,
+}
+
+impl Walk<'_> {
+    /// Deals with a run of columns whose visibility is known; `of_faces` is true if it is that of the rows' whole face.
+    fn settle(&mut self, columns: &Run, view: &PairVisibility, of_faces: bool) {
+        match view {
+            PairVisibility::Full => self.each_facing_pair(columns, |walk, i, j| walk.push_full(i, j)),
+            PairVisibility::None => self.each_facing_pair(columns, |walk, _, _| walk.strip.counts.hidden += 1),
+            PairVisibility::Partial(among) if of_faces => self.look(columns, among),
+            PairVisibility::Partial(among) => match columns.halves {
+                Some(halves) => {
+                    for k in halves {
+                        self.look(&self.runs[k], among);
+                    }
+                }
+                None => self.each_facing_pair(columns, |walk, i, j| walk.push_seen(i, j, among)),
+            },
+        }
+    }
+
+    /// Classifies the rows against a run of columns.
+    fn look(&mut self, columns: &Run, among: &[BlockerId]) {
+        let view = self.classify(&self.rows.hull, &columns.hull, among);
+        self.settle(columns, &view, false);
+    }
+
+    fn classify(&self, p: &[glam::DVec3], q: &[glam::DVec3], among: &[BlockerId]) -> PairVisibility {
+        self.batches.index.as_ref().map_or(PairVisibility::Full, |index| {
+            whole_where_grazing(index.classify_among(p, q, among), p, q)
+        })
+    }
+
+    fn each_facing_pair(&mut self, columns: &Run, mut act: impl FnMut(&mut Self, usize, usize)) {
+        for i in self.rows.patches.clone() {
+            for j in columns.patches.clone() {
+                if self.batches.facing.pair(i, j) {
+                    act(self, i, j);
+                } else {
+                    self.strip.counts.not_facing += 1;
+                }
+            }
+        }
+    }
+
+    fn push_full(&mut self, i: usize, j: usize) {
+        self.strip.counts.full += 1;
+        let exchange = self
+            .repeats
+            .map_or_else(|| self.batches.kernel(i, j), |table| table.get(i, j));
+        self.push(i, j, exchange);
+    }
+
+    fn push_seen(&mut self, i: usize, j: usize, among: &[BlockerId]) {
+        let view = if self.rows.patches.len() > 1 {
+            let [p, q] = [i, j].map(|k| self.batches.patches.corners[k].as_slice());
+            self.classify(p, q, among)
+        } else {
+            PairVisibility::Partial(among.to_vec())
+        };
+        match view {
+            PairVisibility::Full => self.push_full(i, j),
+            PairVisibility::None => self.strip.counts.hidden += 1,
+            PairVisibility::Partial(blockers) => {
+                self.strip.counts.partial += 1;
+                let (begin, place) = (self.strip.blockers.len(), self.row(i).len());
+                self.strip.blockers.extend(blockers);
+                self.strip.partial.push(PartialPair {
+                    i,
+                    j,
+                    place,
+                    blockers: begin..self.strip.blockers.len(),
+                });
+                self.push(i, j, Exchange::default());
+            }
+        }
+    }
+
+    fn row(&mut self, i: usize) -> &mut Vec<(u32, f64, f64)> {
+        &mut self.strip.rows[i - self.rows.patches.start]
+    }
+
+    fn push(&mut self, i: usize, j: usize, exchange: Exchange) {
+        self.row(i)
+            .push((PatchId::from_index(j).0, exchange.area, exchange.error));
+    }
+}

@@ -1,0 +1,85 @@
+//! `exact`: every form factor to a tolerance, shadows included, without rays.
+
+mod batch;
+mod lattice;
+mod patches;
+
+use super::{Computed, FormFactorError, FormFactorMethod, Input, PairCounts};
+use crate::matrix::{FormFactors, StorageChoice};
+use crate::progress::Progress;
+use batch::Batches;
+
+/// Exact exchange areas: the kernel of unoccluded polygons where two patches see each other whole, clipping against the blockers where they do not.
+///
+/// A_i F_ij = ∫_{A_i} ∫_{A_j} V cos θ_i cos θ_j / (π r²) dA_j dA_i in m², computed once for each pair and stored symmetric. What
+/// of a patch lies behind the other's plane takes no part; patches of one plane or back to back exchange exactly 0. A face sees on the side of its normal and
+/// blocks on both; two coincident faces of opposite winding are a sheet that both sides see from.
+///
+/// - Pairs are classified in f64 against all faces of the scene ([`BlockerIndex`](crate::visibility::blockers::BlockerIndex)): faces first, then runs of patches, then
+///   patches, each only against what stood between the larger ones. With [`Input::unoccluded`] no index is made and nothing is classified.
+/// - Full pairs: [`polygon_form_factor::exchange_area`](crate::geometry::polygon_form_factor::exchange_area) to a relative error of `tolerance`/10⁵, but not above 1e-9 or below 1e-12. Where two faces are
+///   regular grids with a common step, pairs with the same step between them are computed once.
+/// - Hidden pairs are exactly 0.
+/// - Partial pairs: [`partial::exchange_area`](super::partial::exchange_area), which follows the edges of the shadows.
+///
+/// Nothing here uses rays: pairs nearer than the offset of ray origins, or than f32 can tell, need no special care.
+///
+/// Accuracy: of full pairs the kernel's own estimate. Of partial pairs |error| of A_i F_ij / min(A_i, A_j) ≤ `tolerance`, and below the entry's own estimate; where the
+/// budget is spent before, the estimate says what was reached and [`Computed::tolerance_met`] is false. A blocker's border of 1e-10 of a pair's diameter is neglected, as
+/// [`BlockerIndex`](crate::visibility::blockers::BlockerIndex) says. 0 ≤ A_i F_ij ≤ the exchange area without blockers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ExactMethod {
+    /// The tolerance of a partly visible pair, on A_i F_ij / min(A_i, A_j): the absolute error of the larger of F_ij and F_ji.
+    pub tolerance: f64,
+    /// The most evaluations of the inner form factor for one pair.
+    pub budget: usize,
+}
+
+impl ExactMethod {
+    /// The tolerance unless another is asked for.
+    pub const DEFAULT_TOLERANCE: f64 = 1e-6;
+    /// The budget unless another is asked for: some seconds for one pair.
+    pub const DEFAULT_BUDGET: usize = 10_000_000;
+
+    /// Returns the relative error that pairs without blockers are computed to.
+    fn full_tolerance(&self) -> f64 {
+        (1e-5 * self.tolerance).clamp(1e-12, 1e-9)
+    }
+}
+
+impl Default for ExactMethod {
+    fn default() -> Self {
+        Self {
+            tolerance: Self::DEFAULT_TOLERANCE,
+            budget: Self::DEFAULT_BUDGET,
+        }
+    }
+}
+
+impl FormFactorMethod for ExactMethod {
+    fn name(&self) -> &'static str {
+        "exact"
+    }
+
+    fn compute(
+        &self,
+        input: Input<'_>,
+        storage: StorageChoice,
+        progress: &dyn Progress,
+    ) -> Result<Computed, FormFactorError> {
+        let n = input.mesh.n_patches() as u64;
+        progress.begin("form factors", n * n.saturating_sub(1) / 2);
+        let mut counts = PairCounts::default();
+        // Batch by batch into the matrix: only one batch's entries are held beside it.
+        let upper = Batches::new(self, input, progress).flat_map(|(tiles, of_batch)| {
+            counts = counts.plus(of_batch);
+            tiles
+        });
+        let factors = FormFactors::from_exchange_tiles(input.mesh.areas(), upper, storage)?;
+        Ok(Computed {
+            factors,
+            pairs: Some(counts),
+            tolerance_met: counts.n_above_tolerance == 0,
+        })
+    }
+}

@@ -1,0 +1,252 @@
+//! The patches of a mesh, face by face, in nested runs with the convex hull of each.
+
+use std::ops::Range;
+
+use glam::{DVec2, DVec3};
+
+use crate::geometry::polygon_form_factor::PreparedPolygon;
+use crate::mesh::{Mesh, PatchId};
+
+/// A run of consecutive patches of one face.
+#[derive(Clone, Debug)]
+pub(super) struct Run {
+    /// The numbers of the patches.
+    pub(super) patches: Range<usize>,
+    /// The convex hull of all of them, wound like the face.
+    pub(super) hull: Vec<DVec3>,
+    /// The two halves, as indices of the face's runs; none for a single patch.
+    pub(super) halves: Option<[usize; 2]>,
+}
+
+/// The patches of one face.
+#[derive(Clone, Debug)]
+pub(super) struct FacePatches {
+    /// The runs: the first is the whole face.
+    pub(super) runs: Vec<Run>,
+    /// The numbers of the runs that stand for rows of work: each of at most [`ROW_RUN`] patches, together all.
+    pub(super) row_runs: Vec<usize>,
+}
+
+/// The most patches of a run that is classified as one against others.
+const ROW_RUN: usize = 8;
+
+/// All patches as polygons.
+pub(super) struct Patches {
+    /// The corners of each patch, in m.
+    pub(super) corners: Vec<Vec<DVec3>>,
+    /// The same, prepared for the unoccluded kernel.
+    pub(super) prepared: Vec<PreparedPolygon>,
+    /// Faces with their patches, in order: every patch belongs to one.
+    pub(super) faces: Vec<FacePatches>,
+    /// The index in `faces` of each patch.
+    pub(super) face_of_patch: Vec<usize>,
+}
+
+impl Patches {
+    /// Gathers the patches; `nested` false leaves each face one run, for where nothing is classified.
+    pub(super) fn new(mesh: &Mesh, nested: bool) -> Self {
+        let corners: Vec<Vec<DVec3>> = (0..mesh.n_patches())
+            .map(|i| mesh.polygon(PatchId::from_index(i)))
+            .collect();
+        let prepared = corners.iter().map(|c| PreparedPolygon::new(c)).collect();
+        let (mut faces, mut face_of_patch) = (Vec::new(), Vec::with_capacity(corners.len()));
+        let mut begin = 0;
+        for same_face in mesh.patches.chunk_by(|a, b| a.face == b.face) {
+            let range = begin..begin + same_face.len();
+            begin = range.end;
+            face_of_patch.resize(range.end, faces.len());
+            let mut face = FacePatches {
+                runs: Vec::new(),
+                row_runs: Vec::new(),
+            };
+            let frame = Frame::new(same_face[0].normal, &corners[range.start]);
+            face.grow(range, &frame, &corners, nested);
+            faces.push(face);
+        }
+        Self {
+            corners,
+            prepared,
+            faces,
+            face_of_patch,
+        }
+    }
+
+    /// Returns the number of patches.
+    pub(super) fn len(&self) -> usize {
+        self.corners.len()
+    }
+}
+
+impl FacePatches {
+    /// Returns the numbers of all patches of the face.
+    pub(super) fn range(&self) -> Range<usize> {
+        self.runs[0].patches.clone()
+    }
+
+    /// Adds the run of a range and those inside it; returns its index.
+    fn grow(&mut self, range: Range<usize>, frame: &Frame, corners: &[Vec<DVec3>], nested: bool) -> usize {
+        let index = self.runs.len();
+        let hull = match &corners[range.clone()] {
+            [one] => one.clone(),
+            several => frame.hull(several.iter().flatten().copied()),
+        };
+        self.runs.push(Run {
+            patches: range.clone(),
+            hull,
+            halves: None,
+        });
+        let is_row_run = range.len() <= ROW_RUN;
+        if is_row_run
+            && self
+                .row_runs
+                .last()
+                .is_none_or(|&k| self.runs[k].patches.end <= range.start)
+        {
+            self.row_runs.push(index);
+        }
+        if range.len() > 1 && (nested || !is_row_run) {
+            let middle = frame.cut(&range, corners);
+            let first = self.grow(range.start..middle, frame, corners, nested);
+            let second = self.grow(middle..range.end, frame, corners, nested);
+            self.runs[index].halves = Some([first, second]);
+        }
+        index
+    }
+}
+
+/// Two axes in a face's plane.
+struct Frame {
+    origin: DVec3,
+    x: DVec3,
+    y: DVec3,
+}
+
+/// Corners of a hull that stand out by less than this part of its size are left out: far less than what counts as a shadow.
+const FLAT: f64 = 1e-13;
+
+impl Frame {
+    fn new(normal: DVec3, corners: &[DVec3]) -> Self {
+        let origin = corners[0];
+        let along = corners[1] - origin;
+        let x = (along - normal * normal.dot(along)).normalize_or_zero();
+        Self {
+            origin,
+            x,
+            y: normal.cross(x),
+        }
+    }
+
+    fn to_plane(&self, point: DVec3) -> DVec2 {
+        let r = point - self.origin;
+        DVec2::new(self.x.dot(r), self.y.dot(r))
+    }
+
+    /// Returns where to cut a run: at the greatest step from one patch to the next near its middle, which is the end of a row of patches.
+    fn cut(&self, range: &Range<usize>, corners: &[Vec<DVec3>]) -> usize {
+        let middle = |k: usize| corners[k].iter().sum::<DVec3>() / corners[k].len() as f64;
+        let half = range.start.midpoint(range.end);
+        let window = (range.len() / 4).max(1);
+        let low = half.saturating_sub(window).max(range.start + 1);
+        let high = (half + window).min(range.end - 1);
+        let mut best = (half.clamp(low, high), 0.0);
+        for k in low..=high {
+            let step = middle(k).distance(middle(k - 1));
+            let is_nearer = k.abs_diff(half) < best.0.abs_diff(half);
+            if step > best.1 * (1.0 + 1e-6) || (is_nearer && step > best.1 * (1.0 - 1e-6)) {
+                best = (k, step);
+            }
+        }
+        best.0
+    }
+
+    /// Returns the convex hull of points in the plane, counter-clockwise, without straight corners (Andrew's monotone chain).
+    fn hull(&self, points: impl Iterator<Item = DVec3>) -> Vec<DVec3> {
+        let mut points: Vec<(DVec2, DVec3)> = points.map(|p| (self.to_plane(p), p)).collect();
+        points.sort_by(|(a, _), (b, _)| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
+        let size = points.iter().map(|(p, _)| p.distance(points[0].0)).fold(0.0, f64::max);
+        let slack = FLAT * size;
+        let mut hull: Vec<(DVec2, DVec3)> = Vec::new();
+        let mut chain = |points: &mut dyn Iterator<Item = &(DVec2, DVec3)>| {
+            let begin = hull.len();
+            for &(p, corner) in points {
+                while hull.len() >= begin + 2 {
+                    let (a, b) = (hull[hull.len() - 2].0, hull[hull.len() - 1].0);
+                    let across = (p - a).normalize_or_zero();
+                    // b stays if it stands out to the right of the line from a to p.
+                    if across.perp_dot(b - a) < -slack {
+                        break;
+                    }
+                    hull.pop();
+                }
+                if hull.len() == begin || hull[hull.len() - 1].0.distance(p) > slack {
+                    hull.push((p, corner));
+                }
+            }
+            hull.pop();
+        };
+        chain(&mut points.iter());
+        chain(&mut points.iter().rev());
+        hull.into_iter().map(|(_, corner)| corner).collect()
+    }
+}
+
+#[cfg(test)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::geometry::polygon;
+    use crate::mesh::Subdivision;
+    use crate::scene::builtin;
+
+    fn patches(name: &str, n: u32) -> (Patches, Mesh) {
+        let scene = builtin::build(name, None).unwrap().scene;
+        let mesh = Mesh::new(&scene, Subdivision::Uniform(n)).unwrap();
+        (Patches::new(&mesh, true), mesh)
+    }
+
+    #[test]
+    fn runs_are_nested_down_to_single_patches_and_hulls_hold_them() {
+        for (name, n) in [("cornell-box", 5), ("sphere-room-r1", 2), ("cube", 13)] {
+            let (patches, mesh) = patches(name, n);
+            let mut next_row = 0;
+            for face in &patches.faces {
+                for run in &face.runs {
+                    let normal = mesh.patches[run.patches.start].normal;
+                    let area: f64 = mesh.patches[run.patches.clone()].iter().map(|p| p.area).sum();
+                    let hull = polygon::area_vector(&run.hull).dot(normal);
+                    assert!(hull > area * (1.0 - 1e-12), "{name} {run:?}");
+                    for corner in patches.corners[run.patches.clone()].iter().flatten() {
+                        for (k, &a) in run.hull.iter().enumerate() {
+                            let b = run.hull[(k + 1) % run.hull.len()];
+                            let inwards = normal.cross(b - a).normalize();
+                            assert!(inwards.dot(*corner - a) > -1e-11);
+                        }
+                    }
+                    match run.halves.map(|halves| halves.map(|k| face.runs[k].patches.clone())) {
+                        Some([first, second]) => {
+                            assert_eq!((first.start, second.end), (run.patches.start, run.patches.end));
+                            assert!(first.end == second.start && !first.is_empty() && !second.is_empty());
+                        }
+                        None => assert_eq!(run.patches.len(), 1),
+                    }
+                }
+                for &k in &face.row_runs {
+                    assert_eq!(face.runs[k].patches.start, next_row);
+                    next_row = face.runs[k].patches.end;
+                }
+            }
+            assert_eq!(next_row, mesh.n_patches());
+        }
+    }
+
+    #[test]
+    fn a_grid_is_cut_between_its_rows_and_has_four_cornered_hulls() {
+        let (patches, _) = patches("cube", 13);
+        for face in &patches.faces {
+            assert_eq!(face.runs[0].hull.len(), 4);
+            let [first, _] = face.runs[0].halves.unwrap();
+            assert_eq!(face.runs[first].patches.len() % 13, 0);
+            assert!(face.runs.iter().all(|run| run.hull.len() == 4), "{:?}", face.runs);
+        }
+    }
+}

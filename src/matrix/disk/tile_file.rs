@@ -1,0 +1,283 @@
+//! The scratch file of one matrix.
+
+use std::fs::File;
+use std::io;
+use std::ops::Range;
+use std::path::PathBuf;
+use std::sync::OnceLock;
+
+use super::super::square::{Form, SIDE, Square};
+use super::super::store::Scalar;
+use super::bands::Bands;
+use super::{DiskError, Place, Scratch};
+
+/// Bytes that are written or read at once: enough that the call does not count, and little enough to stay in the second-level cache.
+const STRIP_BYTE: u64 = 1 << 20;
+
+/// Square tiles in rows: all of them, or those on and above the diagonal.
+#[derive(Debug)]
+pub(in super::super) struct TileFile<T> {
+    n: usize,
+    /// True if the row of tiles I begins with the tile (I, I).
+    triangle: bool,
+    file: File,
+    directory: PathBuf,
+    waiting_byte: u64,
+    /// What is known of the tiles, row by row.
+    rows: Vec<Vec<Slot>>,
+    n_byte: u64,
+    n_nonzero: usize,
+    /// What went wrong first.
+    failure: OnceLock<DiskError>,
+    pub(super) bands: Bands<T>,
+}
+
+/// Where a tile lies in the file, and what its bytes must be.
+#[derive(Clone, Copy, Debug)]
+struct Slot {
+    numbers: u64,
+    errors: u64,
+    checksums: [u32; 2],
+    form: Form,
+}
+
+/// What is read of a tile.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in super::super) enum Part {
+    /// The numbers; the standard errors read as zero.
+    Numbers,
+    /// The numbers and their standard errors.
+    All,
+}
+
+impl<T: Scalar> TileFile<T> {
+    /// Makes a file without tiles for an n by n matrix.
+    pub(in super::super) fn create(n: usize, triangle: bool, scratch: Scratch<'_>) -> Result<Self, DiskError> {
+        let directory = scratch.directory.to_owned();
+        let file = tempfile::tempfile_in(&directory).map_err(|error| DiskError::unwritable(&directory, &error))?;
+        Ok(Self {
+            n,
+            triangle,
+            file,
+            directory,
+            waiting_byte: scratch.memory_byte,
+            rows: Vec::new(),
+            n_byte: 0,
+            n_nonzero: 0,
+            failure: OnceLock::new(),
+            bands: Bands::default(),
+        })
+    }
+
+    /// Adds the next row of tiles.
+    pub(in super::super) fn push_row(&mut self, tiles: &[Square<T>]) -> Result<(), DiskError> {
+        let row = self.rows.len();
+        assert_eq!(tiles.len(), self.columns(row).len(), "a row is complete");
+        let slot = |tile: &Square<T>| Slot {
+            numbers: 0,
+            errors: 0,
+            checksums: [0; 2],
+            form: tile.form(),
+        };
+        let mut slots: Vec<Slot> = tiles.iter().map(slot).collect();
+        self.push_part(tiles, Square::push_numbers, |k, offset, checksum| {
+            (slots[k].numbers, slots[k].checksums[0]) = (offset, checksum);
+        })?;
+        self.push_part(tiles, Square::push_errors, |k, offset, checksum| {
+            (slots[k].errors, slots[k].checksums[1]) = (offset, checksum);
+        })?;
+        for (column, tile) in self.columns(row).zip(tiles) {
+            let n_times = if self.triangle && column > row { 2 } else { 1 };
+            self.n_nonzero += n_times * tile.n_nonzero();
+        }
+        self.rows.push(slots);
+        Ok(())
+    }
+
+    /// Writes what `push` makes of each tile, and tells `note` the tile's number in the row, where its bytes begin, and their checksum.
+    fn push_part(
+        &mut self,
+        tiles: &[Square<T>],
+        push: impl Fn(&Square<T>, &mut Vec<u8>),
+        mut note: impl FnMut(usize, u64, u32),
+    ) -> Result<(), DiskError> {
+        let mut bytes = Vec::new();
+        for (k, tile) in tiles.iter().enumerate() {
+            let begin = bytes.len();
+            push(tile, &mut bytes);
+            note(k, self.n_byte + begin as u64, crc32fast::hash(&bytes[begin..]));
+            if bytes.len() as u64 >= STRIP_BYTE || k + 1 == tiles.len() {
+                let written = write_all_at(&self.file, &bytes, self.n_byte);
+                written.map_err(|error| DiskError::unwritable(&self.directory, &error))?;
+                self.n_byte += bytes.len() as u64;
+                bytes.clear();
+            }
+        }
+        Ok(())
+    }
+
+    pub(in super::super) fn place(&self) -> Place<'_> {
+        Place::Disk(Scratch {
+            directory: &self.directory,
+            memory_byte: self.waiting_byte,
+        })
+    }
+
+    pub(in super::super) fn n_nonzero(&self) -> usize {
+        self.n_nonzero
+    }
+
+    /// Returns the length of the file.
+    pub(in super::super) fn n_byte(&self) -> u64 {
+        self.n_byte
+    }
+
+    /// Returns the number of rows of tiles.
+    pub(super) fn n_blocks(&self) -> usize {
+        self.n.div_ceil(SIDE)
+    }
+
+    /// Returns the columns of tiles that a row of tiles has.
+    pub(in super::super) fn columns(&self, row: usize) -> Range<usize> {
+        let first = if self.triangle { row } else { 0 };
+        first..self.n_blocks()
+    }
+
+    /// Calls `visit(column of tiles, tile)` for a row of tiles in order; reads a strip of them at a time.
+    pub(in super::super) fn for_each_tile(
+        &self,
+        row: usize,
+        part: Part,
+        mut visit: impl FnMut(usize, &Square<T>),
+    ) -> Result<(), DiskError> {
+        let columns = self.columns(row);
+        let mut next = columns.start;
+        while next < columns.end {
+            let mut end = next + 1;
+            while end < columns.end && self.slot(row, end).numbers - self.slot(row, next).numbers < STRIP_BYTE {
+                end += 1;
+            }
+            for (column, tile) in (next..end).zip(self.read(row, next..end, part)?) {
+                visit(column, &tile);
+            }
+            next = end;
+        }
+        Ok(())
+    }
+
+    /// Reads consecutive tiles of a row, and checks them.
+    pub(in super::super) fn read(
+        &self,
+        row: usize,
+        columns: Range<usize>,
+        part: Part,
+    ) -> Result<Vec<Square<T>>, DiskError> {
+        let [number_byte, error_byte] = columns.clone().fold([0; 2], |sum, column| {
+            let byte = self.byte(row, column);
+            [sum[0] + byte[0], sum[1] + byte[1]]
+        });
+        let Some(first) = columns.clone().next().map(|column| self.slot(row, column)) else {
+            return Ok(Vec::new());
+        };
+        let numbers = self.bytes_at(first.numbers, number_byte)?;
+        let errors = match part {
+            Part::Numbers => Vec::new(),
+            Part::All => self.bytes_at(first.errors, error_byte)?,
+        };
+        let (mut numbers_left, mut errors_left) = (numbers.as_slice(), errors.as_slice());
+        let mut tiles = Vec::with_capacity(columns.len());
+        for column in columns {
+            let slot = self.slot(row, column);
+            let byte = self.byte(row, column);
+            let damaged = || DiskError::Damaged {
+                directory: self.directory.clone(),
+                row,
+                column,
+            };
+            let (of_tile, rest) = numbers_left.split_at(byte[0]);
+            numbers_left = rest;
+            let mut its_errors: &[u8] = &[];
+            if part == Part::All {
+                (its_errors, errors_left) = errors_left.split_at(byte[1]);
+                if crc32fast::hash(its_errors) != slot.checksums[1] {
+                    return Err(damaged());
+                }
+            }
+            if crc32fast::hash(of_tile) != slot.checksums[0] {
+                return Err(damaged());
+            }
+            tiles.push(Square::from_bytes(slot.form, self.side(column), of_tile, its_errors));
+        }
+        Ok(tiles)
+    }
+
+    fn bytes_at(&self, offset: u64, n: usize) -> Result<Vec<u8>, DiskError> {
+        let mut bytes = vec![0; n];
+        let read = read_exact_at(&self.file, &mut bytes, offset);
+        read.map_err(|error| DiskError::unreadable(&self.directory, &error))?;
+        Ok(bytes)
+    }
+
+    fn slot(&self, row: usize, column: usize) -> &Slot {
+        &self.rows[row][column - self.columns(row).start]
+    }
+
+    /// Returns the bytes of a tile's numbers and errors.
+    fn byte(&self, row: usize, column: usize) -> [usize; 2] {
+        self.slot(row, column)
+            .form
+            .byte::<T>(self.side(row) * self.side(column))
+    }
+
+    /// Returns the rows, or columns, of the tiles in a row, or column, of tiles.
+    fn side(&self, block: usize) -> usize {
+        SIDE.min(self.n - block * SIDE)
+    }
+
+    /// Returns what was asked for, or keeps the error: the first one stays.
+    pub(in super::super) fn note<R>(&self, result: Result<R, DiskError>) -> Option<R> {
+        result.map_err(|error| self.failure.get_or_init(|| error)).ok()
+    }
+
+    /// Returns what went wrong first.
+    pub(in super::super) fn failure(&self) -> Option<&DiskError> {
+        self.failure.get()
+    }
+
+    #[cfg(test)]
+    pub(super) fn file(&self) -> &File {
+        &self.file
+    }
+}
+
+#[cfg(unix)]
+fn write_all_at(file: &File, bytes: &[u8], offset: u64) -> io::Result<()> {
+    std::os::unix::fs::FileExt::write_all_at(file, bytes, offset)
+}
+
+#[cfg(unix)]
+fn read_exact_at(file: &File, bytes: &mut [u8], offset: u64) -> io::Result<()> {
+    std::os::unix::fs::FileExt::read_exact_at(file, bytes, offset)
+}
+
+#[cfg(windows)]
+fn write_all_at(file: &File, mut bytes: &[u8], mut offset: u64) -> io::Result<()> {
+    while !bytes.is_empty() {
+        match std::os::windows::fs::FileExt::seek_write(file, bytes, offset)? {
+            0 => return Err(io::ErrorKind::WriteZero.into()),
+            n => (bytes, offset) = (&bytes[n..], offset + n as u64),
+        }
+    }
+    Ok(())
+}
+
+#[cfg(windows)]
+fn read_exact_at(file: &File, mut bytes: &mut [u8], mut offset: u64) -> io::Result<()> {
+    while !bytes.is_empty() {
+        match std::os::windows::fs::FileExt::seek_read(file, bytes, offset)? {
+            0 => return Err(io::ErrorKind::UnexpectedEof.into()),
+            n => (bytes, offset) = (&mut bytes[n..], offset + n as u64),
+        }
+    }
+    Ok(())
+}
