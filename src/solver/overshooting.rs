@@ -56,7 +56,16 @@ impl Solver for Overshooting {
             total: Block::zeros(system.components().n_components, system.n_channels()),
             arriving: Block::zeros(system.components().n_components, system.n_channels()),
         };
-        iteration::run(&scaled, &options, monitor, State { light, totals })
+        iteration::run(
+            &scaled,
+            &options,
+            monitor,
+            State {
+                light,
+                totals,
+                n_steps: 0,
+            },
+        )
     }
 }
 
@@ -71,6 +80,8 @@ struct Totals {
 struct State<'a> {
     light: Light<'a>,
     totals: Totals,
+    /// Steps since the start or the last restart.
+    n_steps: usize,
 }
 
 impl State<'_> {
@@ -148,14 +159,18 @@ impl Iteration for State<'_> {
 
     fn pass(&mut self, _excess: &[f64]) -> Estimate {
         self.light.begin_pass();
-        self.refresh();
         while self.light.n_steps < self.light.steps_per_pass {
+            // Every n steps, not every pass: the number of steps in a pass is to change nothing.
+            if self.n_steps.is_multiple_of(self.light.unshot.n_rows()) {
+                self.refresh();
+            }
             let ambient = self.ambient();
             let (i, unshot) = self.select(&ambient);
             if self.light.enough.is_some_and(|enough| unshot <= enough) {
                 break;
             }
             self.step(i, &ambient);
+            self.n_steps += 1;
         }
         Estimate::Running(self.light.scaled.norms(&self.light.unshot))
     }
@@ -166,6 +181,7 @@ impl Iteration for State<'_> {
 
     fn restart(&mut self, truth: &TrueResidual) {
         self.light.restart(truth);
+        self.n_steps = 0;
     }
 
     fn work(&self) -> f64 {

@@ -3,6 +3,9 @@
 use super::Case;
 use crate::solver::{SpectrumBounds, Start};
 
+/// The patches of either room.
+const N_PATCHES: u64 = 992;
+
 /// A method with its start and settings.
 #[derive(Clone, Copy, Debug)]
 pub struct Method {
@@ -127,11 +130,16 @@ impl Method {
 impl Expected {
     /// Tells whether a count and an RMS error are what they should be.
     ///
-    /// Passes may differ by 1: the residual falls by a factor of 1.2 to 4 a pass, and the form factors of the two implementations differ. Steps may
-    /// differ by 3 %: one choice among nearly equal patches changes all that follow. The error may differ by a factor of 2: it
-    /// is known to one digit, and changes by as much with one pass.
+    /// Passes may differ by 1: the residual falls by a factor of 1.2 to 4 a pass, and the form factors of the two implementations differ. The error may
+    /// differ by a factor of 2: it is known to one digit, and changes by as much with one pass. Steps of progressive refinement may differ by 1 %: one
+    /// choice among nearly equal patches changes all that follow (0.2 % was the most in ours). Steps of overshooting may differ by half a pass besides: max |r A|
+    /// stands still for so long, as in case F at 6.4e-3 from pass 5.1 to 5.6, and then drops, so that a threshold missed by a hair is met that much later.
     pub(super) fn allows(&self, method: &Method, count: u64, rms: f64) -> bool {
-        let slack = |expected: u64| if method.by_steps { expected * 3 / 100 } else { 1 };
+        let slack = |expected: u64| match method.solver {
+            "progressive-refinement" => expected / 100,
+            "overshooting" => expected / 100 + N_PATCHES / 2,
+            _ => 1,
+        };
         let counts = self
             .count
             .is_none_or(|expected| count.abs_diff(expected) <= slack(expected));

@@ -7,6 +7,24 @@
 //!
 //! The paper gives times alone, on a machine of 1995. Its passes follow where a method's time per pass is constant; the counts to compare with come from an
 //! independent implementation of the corrected algorithms on independently computed form factors.
+//!
+//! What `radiosity reproduce baranoski --tables 2` measures (form factors `exact` to 1e-6; counts do not depend on the machine): every count of passes is the expected
+//! one, steps of progressive refinement differ by 0.2 % at most. Passes until max |r A| < 1e-3 W:
+//!
+//! | method | A | B | C | D | E | F |
+//! |---|---|---|---|---|---|---|
+//! | Jacobi | 4 | 8 | 24 | 49 | 22 | 47 |
+//! | Gauss-Seidel | 3 | 5 | 12 | 25 | 13 | 27 |
+//! | SOR, default ω | 3 | 4 | 7 | 10 | 7 | 9 |
+//! | Chebyshev, 1 ± ρ_avg, ambient start | 4 | 6 | 11 | 16 | 10 | 15 |
+//! | Chebyshev, safe interval, ambient start | 4 | 6 | 13 | 22 | 12 | 22 |
+//! | CG as in the paper | 6 | 8 | 11 | 13 | 10 | 11 |
+//! | CG preconditioned | 3 | 5 | 8 | 9 | 6 | 8 |
+//! | progressive refinement | 1.82 | 3.63 | 11.25 | 23.39 | 12.12 | 25.79 |
+//! | overshooting | 1.28 | 2.06 | 3.96 | 6.02 | 3.11 | 6.82 |
+//! | selected alike, ± 1 (progressive refinement), % | 98 | 92 | 69 | 39 | 84 | 48 |
+//!
+//! The paper's "over 90 % of the patches are selected the same number of times, ± 1" holds in A and B alone.
 //! Departures: form factors are ours; passes are counted without those that only check a residual.
 
 mod expected;

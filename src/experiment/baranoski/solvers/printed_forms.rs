@@ -43,8 +43,8 @@ pub struct PrintedForm {
 /// Growth of the residual that counts as divergence.
 const DIVERGED_FROM: f64 = 1e6;
 
-/// The most passes that a printed form may take.
-const MAX_PASSES: usize = 200;
+/// The most passes that a printed form may take: enough for the slowest divergence, that of Chebyshev's method in case A.
+const MAX_PASSES: usize = 1000;
 
 /// One channel of the system G B = E.
 struct System<'a> {
