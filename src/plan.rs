@@ -1,5 +1,12 @@
 //! What a scene needs, what can be left out, and why: decided before the work starts, printed by `--explain`.
 
+mod storage;
+
+pub use storage::{
+    Accuracy, MemoryEstimate, StorageDemand, StorageError, StoragePlan, StorageWish, byte_text, facing_share,
+    plan_storage,
+};
+
 use serde::Serialize;
 
 use crate::scene::{Scene, topology};

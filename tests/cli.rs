@@ -48,7 +48,16 @@ fn form_factors_of_the_cube_as_a_document() {
     let directory = with_scene("cube");
     let (code, result) = document(
         directory.path(),
-        &["form-factors", "scene.obj", "--subdivide", "3", "--rays", "2000"],
+        &[
+            "form-factors",
+            "scene.obj",
+            "--subdivide",
+            "3",
+            "--method",
+            "sr",
+            "--rays",
+            "2000",
+        ],
     );
     assert_eq!(code, 0);
     assert_eq!(result["schema_version"], 1);
@@ -98,6 +107,8 @@ fn the_same_seed_gives_the_same_result_at_any_number_of_threads() {
                 "scene.obj",
                 "--subdivide",
                 "2",
+                "--method",
+                "sr",
                 "--rays",
                 "500",
                 "--seed",
@@ -127,6 +138,8 @@ fn solvers_agree_and_say_how_they_stopped() {
             &[
                 "solve",
                 "scene.obj",
+                "--method",
+                "sr",
                 "--rays",
                 "1000",
                 "--balance",
@@ -231,8 +244,12 @@ fn too_few_passes_are_exit_code_3_and_still_give_a_document() {
         &[
             "solve",
             "scene.obj",
+            "--method",
+            "sr",
             "--rays",
             "200",
+            "--solver",
+            "pcg",
             "--max-passes",
             "2",
             "--tolerance",
@@ -303,7 +320,7 @@ fn usage_errors_are_exit_code_2() {
         &["solve", "scene.obj", "--method", "hyper"] as &[&str],
         &["solve", "scene.obj", "--solver", "magic"],
         &["solve", "scene.obj", "--subdivide", "2", "--max-edge", "0.1"],
-        &["solve", "scene.obj", "--rays", "0"],
+        &["solve", "scene.obj", "--method", "sr", "--rays", "0"],
         &["solve", "scene.obj", "--tolerance", "-1"],
         &["paint", "scene.obj"],
         &["form-factors"],
@@ -331,7 +348,10 @@ fn a_room_that_cannot_lose_light_has_no_solution() {
         text
     })
     .unwrap();
-    let (code, result) = document(directory.path(), &["solve", "scene.obj", "--rays", "100"]);
+    let (code, result) = document(
+        directory.path(),
+        &["solve", "scene.obj", "--method", "sr", "--rays", "100"],
+    );
     assert_eq!(code, 1);
     assert_eq!(result["error"]["kind"], "no_finite_solution");
 }
@@ -341,7 +361,15 @@ fn explain_says_what_is_left_out() {
     let directory = with_scene("cube");
     let output = radiosity(
         directory.path(),
-        &["form-factors", "scene.obj", "--rays", "100", "--explain"],
+        &[
+            "form-factors",
+            "scene.obj",
+            "--method",
+            "sr",
+            "--rays",
+            "100",
+            "--explain",
+        ],
     );
     let text = String::from_utf8(output.stdout).unwrap();
     assert!(text.contains("channels: 1 (every material is grey)"), "{text}");
@@ -398,6 +426,8 @@ fn a_picture_is_written_whole_with_its_preview() {
         "64",
         "--max-edge",
         "0.2",
+        "--method",
+        "sr",
         "--rays",
         "500",
         "--samples",
@@ -452,6 +482,7 @@ fn every_method_runs_from_the_command_line() {
         ("contour", "points", 5.into()),
         ("closed-form", "seed", 0.into()),
         ("qmc", "rays", 64.into()),
+        ("exact", "tolerance", 1e-6.into()),
     ] {
         let (code, result) = document(directory.path(), &["form-factors", "scene.obj", "--method", method]);
         assert_eq!(code, 0, "{method}");
@@ -534,7 +565,7 @@ fn repeatable(directory: &Path, arguments: &[&str]) -> Value {
 fn form_factors_from_a_file_give_the_same_solution() {
     let directory = with_scene("room-box");
     let directory = directory.path();
-    let computing = ["--subdivide", "2", "--rays", "500"];
+    let computing = ["--subdivide", "2", "--method", "sr", "--rays", "500"];
     let direct = repeatable(directory, &[&["solve", "scene.obj"], &computing[..]].concat());
     for (file, threads) in [("F.npz", "1"), ("G.npz", "2")] {
         let written = [
@@ -567,6 +598,8 @@ fn form_factors_of_another_scene_or_for_other_patches_are_refused() {
         run(&[
             "form-factors",
             "scene.obj",
+            "--method",
+            "sr",
             "--rays",
             "100",
             "--max-edge",
@@ -611,6 +644,154 @@ fn form_factors_of_another_scene_or_for_other_patches_are_refused() {
     let (code, result) = document(directory, &solve);
     assert_eq!((code, &result["error"]["kind"]), (1, &Value::from("damaged")));
     assert_eq!(result["error"]["file"], "F.npz");
+}
+
+#[test]
+fn auto_is_the_default_and_says_what_it_took() {
+    let directory = with_scene("lewis-room");
+    let solve = |more: &[&str]| {
+        let arguments = [&["solve", "scene.obj", "--subdivide", "4", "--rays", "500"], more].concat();
+        let (code, result) = document(directory.path(), &arguments);
+        assert_eq!(code, 0, "{result}");
+        result
+    };
+    let chosen = solve(&[]);
+    assert_eq!(chosen["settings"]["solver"], "auto");
+    assert_ne!(chosen["solver"], "auto", "the one that did the work");
+    assert!(chosen["why"].as_str().unwrap().len() > 20);
+    let raw = solve(&["--balance", "off"]);
+    assert_ne!(raw["solver"], "pcg", "not symmetric");
+    let named = solve(&["--solver", "pcg", "--start", "ambient"]);
+    assert!(named["why"].is_null());
+    assert_eq!(named["settings"]["start"], "ambient");
+    let energy = &named["energy"][0];
+    let watts = |key: &str| energy[key].as_f64().unwrap();
+    let lost = watts("emitted") - watts("absorbed") - watts("escaped");
+    assert!(lost.abs() < 1e-5 * watts("emitted"), "{energy}");
+    let unused = radiosity(
+        directory.path(),
+        &["solve", "scene.obj", "--solver", "pcg", "--depth", "4"],
+    );
+    assert_eq!(unused.status.code(), Some(2));
+    assert!(stderr(&unused).contains("--depth") && stderr(&unused).contains("anderson"));
+}
+
+/// Two lightings at once are the same as each of them alone, and the sum of two lights is the sum of their radiosities.
+#[test]
+fn lightings_go_through_the_matrix_together() {
+    let directory = with_scene("cube");
+    let write = |name: &str, text: &str| std::fs::write(directory.path().join(name), text).unwrap();
+    let scene = std::fs::read_to_string(directory.path().join("scene.obj")).unwrap();
+    let surfaces: Vec<&str> = scene
+        .lines()
+        .filter_map(|l| l.strip_prefix("o ").or(l.strip_prefix("g ")))
+        .collect();
+    let (first, second) = (surfaces[0], surfaces[5]);
+    let light = |name: &str, e: &str| format!("[surface.\"{name}\"]\nexitance = {e}\n");
+    let dark: String = surfaces[1..5].iter().map(|name| light(name, "0.0")).collect();
+    write(
+        "a.toml",
+        &format!("{dark}{}{}", light(first, "[1.0, 2.0, 0.0]"), light(second, "0.0")),
+    );
+    write(
+        "b.toml",
+        &format!("{dark}{}{}", light(first, "0"), light(second, "3.0")),
+    );
+    write(
+        "both.toml",
+        &format!("{dark}{}{}", light(first, "[1.0, 2.0, 0.0]"), light(second, "3.0")),
+    );
+    let factors = [
+        "form-factors",
+        "scene.obj",
+        "--subdivide",
+        "3",
+        "--method",
+        "closed-form",
+        "-o",
+        "f.npz",
+    ];
+    assert!(radiosity(directory.path(), &factors).status.success());
+    let base = ["solve", "scene.obj", "--form-factors", "f.npz", "--tolerance", "1e-10"];
+    let all = [
+        "--lighting",
+        "a.toml",
+        "--lighting",
+        "b.toml",
+        "--lighting",
+        "both.toml",
+        "-o",
+        "out.csv",
+    ];
+    let (code, together) = document(directory.path(), &[&base[..], &all[..]].concat());
+    assert_eq!(code, 0, "{together}");
+    let lightings = together["lightings"].as_array().unwrap();
+    assert_eq!(lightings.len(), 3);
+    for (k, name) in ["a", "b", "both"].iter().enumerate() {
+        assert_eq!(lightings[k]["name"], *name);
+        assert!(directory.path().join(format!("out-{name}.csv")).exists());
+    }
+    for surface in 0..6 {
+        let [a, b, both] = [0, 1, 2].map(|k| numbers(&lightings[k]["surfaces"][surface]["radiosity"]));
+        for c in 0..3 {
+            assert!((a[c] + b[c] - both[c]).abs() < 1e-8 * both[c], "{a:?} {b:?} {both:?}");
+        }
+    }
+    let alone = ["--lighting", "b.toml", "--solver", "gauss-seidel"];
+    let (_, alone) = document(directory.path(), &[&base[..], &alone[..]].concat());
+    for surface in 0..6 {
+        let of = |result: &Value| numbers(&result["surfaces"][surface]["radiosity"])[0];
+        assert!((of(&lightings[1]) - of(&alone["lightings"][0])).abs() < 1e-8 * of(&lightings[1]));
+    }
+    for (text, expected) in [
+        (
+            "[surface.nothing]\nexitance = 1.0\n",
+            "bad.toml:1: surface.nothing: the scene has no surface",
+        ),
+        ("[material.white]\nlight = 1.0\n", "bad.toml:2"),
+        (&*format!("[surface.\"{first}\"]\nreflectance = 1.5\n"), "bad.toml:2"),
+        (
+            &*format!("[surface.\"{first}\"]\nexitance = [1.0, -1.0, 0.0]\n"),
+            "bad.toml:2",
+        ),
+    ] {
+        write("bad.toml", text);
+        let output = radiosity(directory.path(), &[&base[..], &["--lighting", "bad.toml"]].concat());
+        assert_eq!(output.status.code(), Some(1), "{text}");
+        assert!(stderr(&output).contains(expected), "{}", stderr(&output));
+    }
+}
+
+/// Form factors that are computed again in every pass are the same ones.
+#[test]
+fn form_factors_need_not_be_stored() {
+    let directory = with_scene("lewis-room");
+    let base = [
+        "solve",
+        "scene.obj",
+        "--subdivide",
+        "2",
+        "--rays",
+        "500",
+        "--solver",
+        "gmres",
+    ];
+    let (code, stored) = document(directory.path(), &[&base[..], &["--balance", "off"]].concat());
+    assert_eq!(code, 0);
+    let (code, fly) = document(directory.path(), &[&base[..], &["--on-the-fly"]].concat());
+    assert_eq!(code, 0);
+    assert!(fly["form_factors"].is_null());
+    assert_eq!(fly["n_passes"], stored["n_passes"]);
+    for surface in 0..6 {
+        let of = |result: &Value| numbers(&result["surfaces"][surface]["radiosity"])[0];
+        assert!((of(&fly) - of(&stored)).abs() < 1e-12 * of(&stored));
+    }
+    for (more, expected) in [(["--method", "qmc"], "pairs"), (["--solver", "pcg"], "balanced")] {
+        let arguments = [&["solve", "scene.obj", "--on-the-fly"][..], &more].concat();
+        let refused = radiosity(directory.path(), &arguments);
+        assert_eq!(refused.status.code(), Some(2));
+        assert!(stderr(&refused).contains(expected), "{}", stderr(&refused));
+    }
 }
 
 /// Two plates 1e-5 m apart, 4 m wide: rays start 6e-6 m off each.

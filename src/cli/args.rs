@@ -10,7 +10,7 @@ use serde::Serialize;
 use crate::form_factor::registry::METHODS;
 use crate::geometry::sampling::Sequence;
 use crate::mesh::Subdivision;
-use crate::solver::SpectrumBounds;
+use crate::solver::{SpectrumBounds, Start};
 
 /// Light in diffuse scenes: form factors to high accuracy, radiosity, OpenEXR pictures.
 #[derive(Debug, Parser)]
@@ -185,6 +185,54 @@ pub struct MethodArgs {
     pub balance: BalanceName,
 }
 
+/// How form factors are laid out, and where.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum StorageName {
+    /// In memory if they fit, else on a disk; dense or sparse tile by tile
+    #[default]
+    Auto,
+    /// In memory, every entry of each tile
+    Dense,
+    /// In memory, the upper triangle of the exchange areas; rows are averaged and balanced for it
+    Symmetric,
+    /// In memory, the entries that are not zero
+    Sparse,
+    /// In a scratch file
+    Disk,
+}
+
+/// How many digits of form factors are kept.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum PrecisionName {
+    /// f64, or f32 where that keeps a system in memory and suffices for its tolerance
+    #[default]
+    Auto,
+    /// 24 bits
+    F32,
+    /// 53 bits
+    F64,
+}
+
+/// Where form factors are kept.
+#[derive(Args, Clone, Debug, Default)]
+#[command(next_help_heading = "Memory")]
+pub struct StorageArgs {
+    /// The most memory to use, as in 512MiB or 2G [default: 80 % of what is available]
+    #[arg(long, value_name = "BYTES", value_parser = super::storage::parse_byte)]
+    pub memory_limit: Option<u64>,
+    /// How form factors are stored
+    #[arg(long, value_enum, default_value_t = StorageName::Auto)]
+    pub storage: StorageName,
+    /// The digits of stored form factors
+    #[arg(long, value_enum, default_value_t = PrecisionName::Auto)]
+    pub precision: PrecisionName,
+    /// The directory of the scratch file, if one is needed [default: that of the output, else the system's for temporary files]
+    #[arg(long, value_name = "DIR")]
+    pub scratch: Option<PathBuf>,
+}
+
 /// `radiosity form-factors`.
 #[derive(Args, Debug)]
 pub struct FormFactorsArgs {
@@ -208,6 +256,9 @@ pub struct FormFactorsArgs {
     pub method: MethodArgs,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub storage: StorageArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub common: CommonArgs,
 }
 
@@ -216,7 +267,7 @@ pub struct FormFactorsArgs {
 #[command(next_help_heading = "Solver")]
 pub struct SolverArgs {
     /// The solver
-    #[arg(long, value_name = "NAME", default_value = "pcg", value_parser = solver_name())]
+    #[arg(long, value_name = "NAME", default_value = "auto", value_parser = solver_name())]
     pub solver: String,
     /// Tolerance on sqrt(Σ A r² / Σ A E²), worst channel
     #[arg(long, value_name = "T", default_value_t = 1e-6)]
@@ -224,6 +275,15 @@ pub struct SolverArgs {
     /// The most passes over the form factors
     #[arg(long, value_name = "K", default_value_t = 1000)]
     pub max_passes: usize,
+    /// The first radiosities
+    #[arg(long, value_enum, default_value_t = StartName::Exitance)]
+    pub start: StartName,
+    /// Passes between restarts, with gmres [default: 30]
+    #[arg(long, value_name = "M")]
+    pub restart: Option<NonZeroUsize>,
+    /// Steps that are remembered, with anderson [default: 8]
+    #[arg(long, value_name = "M")]
+    pub depth: Option<NonZeroUsize>,
     /// Relaxation factor, between 0 and 2, with sor [default: by the mean reflectance]
     #[arg(long, value_name = "W")]
     pub omega: Option<f64>,
@@ -260,6 +320,28 @@ impl From<BoundsName> for SpectrumBounds {
     }
 }
 
+/// The radiosities that a solver starts from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum StartName {
+    /// The exitance
+    Exitance,
+    /// No light
+    Zero,
+    /// The exitance, and the rest of the light spread evenly over each room
+    Ambient,
+}
+
+impl From<StartName> for Start {
+    fn from(name: StartName) -> Self {
+        match name {
+            StartName::Exitance => Self::Exitance,
+            StartName::Zero => Self::Zero,
+            StartName::Ambient => Self::Ambient,
+        }
+    }
+}
+
 /// `radiosity solve`.
 #[derive(Args, Debug)]
 pub struct SolveArgs {
@@ -272,6 +354,12 @@ pub struct SolveArgs {
     /// Form factors that `form-factors -o` wrote, instead of computing them; they know how the scene was cut into patches
     #[arg(long, value_name = "F.npz", conflicts_with_all = ["method", "rays", "points", "sequence", "seed", "resolution", "normalise", "budget", "form_factor_tolerance"])]
     pub form_factors: Option<PathBuf>,
+    /// Compute the form factors again in every pass instead of storing them; for methods that compute rows
+    #[arg(long, conflicts_with_all = ["form_factors", "lighting", "balance"])]
+    pub on_the_fly: bool,
+    /// A file with other exitances and reflectances, by surface or material; give it several times to solve for all at once
+    #[arg(long, value_name = "A.toml")]
+    pub lighting: Vec<PathBuf>,
     /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-6]
     #[arg(long, value_name = "T", value_parser = parse_positive)]
     pub form_factor_tolerance: Option<f64>,
@@ -284,6 +372,9 @@ pub struct SolveArgs {
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub solver: SolverArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub storage: StorageArgs,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub common: CommonArgs,
@@ -339,6 +430,9 @@ pub struct CompareArgs {
     /// The tolerance of exact that the methods are judged for: where nothing is known of the scene, the reference is exact at T/100
     #[arg(long, value_name = "T", default_value_t = 1e-6, value_parser = parse_positive)]
     pub tolerance: f64,
+    /// The most memory to use, as in 512MiB or 2G [default: 80 % of what is available]
+    #[arg(long, value_name = "BYTES", value_parser = super::storage::parse_byte)]
+    pub memory_limit: Option<u64>,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub mesh: MeshArgs,
@@ -353,6 +447,8 @@ pub struct CompareArgs {
 pub enum PaperName {
     /// Baranoski, Bramley and Shirley 1995: table 2 (solvers), tables 3 to 8 (form factors by shooting and quadrature)
     Baranoski,
+    /// Every solver on stiff, extreme and impossible systems
+    Stability,
 }
 
 /// `radiosity reproduce`.
@@ -414,6 +510,9 @@ pub struct RenderArgs {
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub solver: SolverArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub storage: StorageArgs,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub common: CommonArgs,

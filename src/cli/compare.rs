@@ -9,8 +9,8 @@ use super::Outcome;
 use super::args::{CompareArgs, VisibilityName};
 use super::exit_code::ExitCode;
 use super::failure::Failure;
-use super::output;
 use super::pipeline::{Prepared, Run};
+use super::{output, storage};
 use crate::experiment::statistics::Spread;
 use crate::experiment::{
     CaseSummary, CompareSettings, Comparison, ExperimentError, Reference, ReferenceKind, ReferenceLevel, SWEEPS,
@@ -18,8 +18,9 @@ use crate::experiment::{
 };
 use crate::form_factor::Input;
 use crate::mesh::Subdivision;
+use crate::plan::byte_text;
 use crate::report::plot::{ErrorTimePlot, PlotPoint, Ranged, Series};
-use crate::report::{Machine, Table, png_from_svg};
+use crate::report::{Machine, Table, memory_used_byte, png_from_svg};
 use crate::scene::{Scene, builtin};
 
 /// A scene is cut so that it has at least this many patches.
@@ -67,6 +68,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
         .unwrap_or_else(|| PathBuf::from(format!("compare-{name}")));
     let mut run = Run::new("compare", &args.common);
     let prepared = prepare(&mut run, args)?;
+    expect_memory(&prepared, args)?;
     output::make_directory(&directory)?;
     run.set("seeds", args.seeds);
     run.set("seed", args.seed);
@@ -145,6 +147,26 @@ fn prepare(run: &mut Run, args: &CompareArgs) -> Result<Prepared, Failure> {
         return run.prepare_scene(&args.scene, scene, args.mesh, default);
     }
     run.prepare(&args.scene, args.mesh, default)
+}
+
+/// Refuses a comparison whose matrices do not fit the memory: reference and result in full, in f64 with errors, for each way of looking.
+fn expect_memory(prepared: &Prepared, args: &CompareArgs) -> Result<(), Failure> {
+    const MATRICES: u64 = 6;
+    let n = prepared.mesh.n_patches() as u64;
+    let matrix = n.checked_mul(n).and_then(|entries| entries.checked_mul(16 * MATRICES));
+    let used = memory_used_byte().unwrap_or(0);
+    let needed = matrix.unwrap_or(u64::MAX).saturating_add(used);
+    let limit = storage::limit_byte(args.memory_limit);
+    if needed <= limit {
+        return Ok(());
+    }
+    let (needed, limit) = (byte_text(needed), byte_text(limit));
+    Err(Failure::new(
+        "memory_limit",
+        format!(
+            "comparing methods on {n} patches needs {needed} of memory, and the limit is {limit}; cut the scene into fewer patches, or raise --memory-limit"
+        ),
+    ))
 }
 
 fn input<'a>(prepared: &'a Prepared, visibility: &str) -> Input<'a> {

@@ -6,7 +6,7 @@ use serde_json::json;
 
 use super::exit_code::ExitCode;
 use crate::form_factor::FormFactorError;
-use crate::matrix::MatrixError;
+use crate::matrix::{DiskError, MatrixError};
 use crate::render::RenderError;
 use crate::report::ReportError;
 use crate::scene::SceneError;
@@ -93,7 +93,16 @@ impl From<FormFactorError> for Failure {
 
 impl From<MatrixError> for Failure {
     fn from(error: MatrixError) -> Self {
-        Self::new("form_factors", error.to_string())
+        match error {
+            MatrixError::Disk(error) => error.into(),
+            other => Self::new("form_factors", other.to_string()),
+        }
+    }
+}
+
+impl From<DiskError> for Failure {
+    fn from(error: DiskError) -> Self {
+        Self::new("scratch", error.to_string()).in_file(error.directory())
     }
 }
 
@@ -101,6 +110,7 @@ impl From<SolverError> for Failure {
     fn from(error: SolverError) -> Self {
         let kind = match error {
             SolverError::NoFiniteSolution { .. } => "no_finite_solution",
+            SolverError::Disk(error) => return error.into(),
             SolverError::Tolerance { .. }
             | SolverError::UnknownSolver { .. }
             | SolverError::Omega { .. }

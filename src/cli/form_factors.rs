@@ -8,9 +8,10 @@ use super::args::FormFactorsArgs;
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::pipeline::{Computed, Fineness, Prepared, Run};
+use super::storage::Storage;
 use super::{Outcome, output};
 use crate::form_factor::ExactMethod;
-use crate::matrix::SurfaceFormFactors;
+use crate::matrix::{Layout, Place, Precision, StorageChoice, SurfaceFormFactors};
 use crate::mesh::Subdivision;
 use crate::report::form_factors::{FormFactorReport, Format};
 use crate::scene::{Scene, SurfaceId};
@@ -26,6 +27,11 @@ pub(super) fn run(args: &FormFactorsArgs) -> Result<Outcome, Failure> {
         }
         output::expect_possible(path)?;
     }
+    run.storage = Storage {
+        args: args.storage.clone(),
+        output: args.output.clone(),
+        ..Storage::default()
+    };
     let mut prepared = run.prepare(&args.scene, args.mesh, |_| Subdivision::Uniform(1))?;
     let surface = args
         .surface
@@ -47,6 +53,7 @@ pub(super) fn run(args: &FormFactorsArgs) -> Result<Outcome, Failure> {
             .factors
             .surface_form_factors(&surface_of_patch, prepared.scene.surfaces.len())
     });
+    computed.factors.if_readable(())?;
     if let Some(path) = &args.output {
         let report = FormFactorReport {
             scene: &prepared.scene,
@@ -109,9 +116,28 @@ pub(super) fn checks_to_json(computed: &Computed) -> Value {
         "n_absorbed": checks.n_absorbed,
         "density": computed.factors.density(),
         "stored_byte": computed.factors.stored_byte(),
+        "storage": storage_to_json(&computed.factors.storage()),
         "balance": computed.balance,
         "pairs": computed.pairs,
         "tolerance_met": computed.tolerance_met,
+    })
+}
+
+fn storage_to_json(storage: &StorageChoice<'_>) -> Value {
+    json!({
+        "layout": match storage.layout {
+            Layout::Auto => "auto",
+            Layout::Dense => "dense",
+            Layout::Sparse => "sparse",
+        },
+        "precision": match storage.precision {
+            Precision::F32 => "f32",
+            Precision::F64 => "f64",
+        },
+        "place": match storage.place {
+            Place::Memory => "memory",
+            Place::Disk(_) => "disk",
+        },
     })
 }
 

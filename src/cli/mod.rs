@@ -5,6 +5,8 @@ mod compare;
 mod exit_code;
 mod failure;
 mod form_factors;
+mod lightings;
+mod on_the_fly;
 mod output;
 mod pipeline;
 mod progress;
@@ -14,6 +16,8 @@ mod reproduce_solvers;
 mod reuse;
 mod scene;
 mod solve;
+mod stability;
+mod storage;
 mod verify;
 
 use std::ffi::OsString;

@@ -5,19 +5,20 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use super::args::{BalanceName, CommonArgs, MeshArgs, MethodArgs, SolverArgs};
+use super::args::{BalanceName, CommonArgs, MeshArgs, MethodArgs, SolverArgs, StorageName};
 use super::failure::Failure;
 use super::progress::Bars;
+use super::storage::{self, Storage};
 use super::{SCHEMA_VERSION, warn};
 use crate::form_factor::registry::{self, MethodEntry, Setting};
 use crate::form_factor::{ExactMethod, FormFactorMethod, Input, MethodSettings, PairCounts};
 use crate::matrix::operator::{Block, LinearOperator};
-use crate::matrix::{BalanceReport, Checks, FormFactors, StorageChoice, Weighting};
+use crate::matrix::{BalanceReport, Checks, FormFactors, Weighting};
 use crate::mesh::{Mesh, Patch, Subdivision};
 use crate::plan::Plan;
 use crate::report::{StageTimes, memory_peak_byte};
 use crate::scene::{Material, Scene, Surface};
-use crate::solver::registry::{DISPLAY_AMBIENT, SolverEntry};
+use crate::solver::registry::SolverEntry;
 use crate::solver::{self, RadiositySystem, Solution, SolveOptions, SolverSettings, StopReason, Tolerance};
 use crate::visibility::Visibility as _;
 use crate::visibility::blockers::BlockerIndex;
@@ -31,6 +32,7 @@ pub(super) struct Run {
     pub(super) times: StageTimes,
     pub(super) progress: Bars,
     pub(super) settings: serde_json::Map<String, Value>,
+    pub(super) storage: Storage,
     has_looked_at_gaps: bool,
 }
 
@@ -50,6 +52,15 @@ pub(super) struct Computed {
     pub(super) closed: bool,
     pub(super) pairs: Option<PairCounts>,
     pub(super) tolerance_met: bool,
+}
+
+/// A method with what is known of its matrix.
+pub(super) struct Chosen {
+    pub(super) method: Box<dyn FormFactorMethod>,
+    /// True if it computes whole rows.
+    by_rows: bool,
+    /// The most entries that a row can have, where the settings tell.
+    n_entries: Option<u64>,
 }
 
 /// How finely form factors are computed, as far as commands differ in it.
@@ -118,6 +129,7 @@ impl Run {
             times: StageTimes::default(),
             progress: Bars::new(common.quiet),
             settings: serde_json::Map::new(),
+            storage: Storage::default(),
             has_looked_at_gaps: false,
         }
     }
@@ -193,10 +205,21 @@ impl Run {
         fineness: Fineness,
         needs_symmetry: bool,
     ) -> Result<Computed, Failure> {
-        let method = self.method(args, fineness)?;
+        let Chosen {
+            method,
+            by_rows,
+            n_entries,
+        } = self.method(args, fineness)?;
         if method.name() == "exact" && self.common.explain {
             explain_exact(prepared, fineness);
         }
+        let needs_symmetry = self.wants_symmetry(args.balance)? || needs_symmetry;
+        let matrix = storage::Matrix {
+            by_rows,
+            repaired: repairs(args.balance, needs_symmetry && by_rows),
+            n_entries: n_entries.unwrap_or(u64::MAX),
+        };
+        let chosen = storage::choose(self, prepared, matrix)?;
         let input = Input {
             scene: &prepared.scene,
             unoccluded: prepared.plan.convex_and_empty,
@@ -204,7 +227,7 @@ impl Run {
             visibility: &prepared.visibility,
         };
         let result = self.times.time("form_factors", || {
-            method.compute(input, StorageChoice::default(), &self.progress)
+            method.compute(input, chosen.choice(), &self.progress)
         })?;
         let of_pairs = result.pairs.map_or(0, |pairs| pairs.n_rays);
         if of_pairs > 0 || result.factors.tallies().iter().any(|tally| tally.n_rays > 0) {
@@ -260,11 +283,7 @@ impl Run {
                 "{n_escaped} of {n_rays} rays escaped from a closed scene; the row sums show what that amounts to"
             ));
         }
-        let wanted = match asked {
-            BalanceName::On => true,
-            BalanceName::Off => false,
-            BalanceName::Auto => needs_symmetry && !raw.is_symmetric(),
-        };
+        let wanted = repairs(asked, needs_symmetry && !raw.is_symmetric());
         self.set("balance", wanted);
         let plan = &mut prepared.plan;
         if plan.convex_and_empty && result.pairs.is_some() && self.settings.get("method") != Some(&json!("exact")) {
@@ -301,6 +320,7 @@ impl Run {
             ));
         }
         let checks = self.times.time("checks", || factors.checks(closed));
+        factors.if_readable(())?;
         Ok(Computed {
             factors,
             checks,
@@ -311,7 +331,18 @@ impl Run {
         })
     }
 
-    fn method(&mut self, args: &MethodArgs, fineness: Fineness) -> Result<Box<dyn FormFactorMethod>, Failure> {
+    /// Tells whether the storage asked for is that of symmetric form factors.
+    pub(super) fn wants_symmetry(&self, balance: BalanceName) -> Result<bool, Failure> {
+        let wanted = self.storage.args.storage == StorageName::Symmetric;
+        if wanted && balance == BalanceName::Off {
+            return Err(Failure::usage(
+                "--storage symmetric makes form factors symmetric, and --balance off keeps them as they are; leave one of them out",
+            ));
+        }
+        Ok(wanted)
+    }
+
+    pub(super) fn method(&mut self, args: &MethodArgs, fineness: Fineness) -> Result<Chosen, Failure> {
         let entry = registry::by_name(&args.method)?;
         // The direct pass of a render takes its numbers from there too.
         let sequence_is_elsewhere = self.command == "render" && !entry.settings.contains(&Setting::Sequence);
@@ -348,18 +379,38 @@ impl Run {
         if let Some(budget) = settings.budget {
             self.set("budget", budget.get());
         }
-        Ok(entry.build(&settings))
+        let by_rows = entry.by_rows() || settings.normalise;
+        let n_entries = settings.rays.filter(|_| entry.shoots());
+        Ok(Chosen {
+            method: entry.build(&settings),
+            by_rows,
+            n_entries,
+        })
     }
 
     /// Returns the solver that is asked for; settings that it has no use for are a usage error.
-    #[expect(clippy::unused_self, reason = "a choice of this run")]
     pub(super) fn solver_entry(&self, args: &SolverArgs) -> Result<&'static SolverEntry, Failure> {
         let entry = solver::registry::by_name(&args.solver)?;
-        entry.build(&solver_settings(args))?;
-        if args.display_ambient {
-            entry.expect_use_of(DISPLAY_AMBIENT)?;
-        }
+        entry.checked(&self.solver_settings(args, entry))?;
         Ok(entry)
+    }
+
+    /// Returns the settings that the flags give a solver.
+    fn solver_settings(&self, args: &SolverArgs, entry: &SolverEntry) -> SolverSettings {
+        SolverSettings {
+            omega: args.omega,
+            bounds: args.bounds.map(Into::into),
+            steps_per_pass: args.steps_per_pass,
+            display: args.display_ambient,
+            restart: args.restart,
+            depth: args.depth,
+            // The flag is the storage's too; solvers that need no memory to speak of pass over it.
+            memory_limit_byte: self
+                .storage
+                .args
+                .memory_limit
+                .filter(|_| entry.settings.contains(&solver::registry::Setting::MemoryLimit)),
+        }
     }
 
     /// Solves the radiosity system of a scene.
@@ -369,17 +420,35 @@ impl Run {
         computed: &Computed,
         args: &SolverArgs,
     ) -> Result<Solution, Failure> {
-        let plan = &mut prepared.plan;
-        let (reflectance, exitance) = materials_of_patches(&prepared.scene, &prepared.mesh, plan.n_channels);
+        let (reflectance, exitance) = materials_of_patches(&prepared.scene, &prepared.mesh, prepared.plan.n_channels);
+        let areas = computed.factors.areas().to_vec();
+        self.solve_system(
+            &mut prepared.plan,
+            (&computed.factors, areas),
+            args,
+            (reflectance, exitance),
+        )
+    }
+
+    /// Solves for given form factors and areas, reflectances and exitances of the patches.
+    pub(super) fn solve_system(
+        &mut self,
+        plan: &mut Plan,
+        (factors, areas): (&dyn LinearOperator, Vec<f64>),
+        args: &SolverArgs,
+        (reflectance, exitance): (Block, Block),
+    ) -> Result<Solution, Failure> {
         let entry = self.solver_entry(args)?;
+        let solver = entry.checked(&self.solver_settings(args, entry))?;
         self.set("solver", entry.name);
         self.set("tolerance", args.tolerance);
         self.set("max_passes", args.max_passes);
-        let areas = computed.factors.areas().to_vec();
-        let system = RadiositySystem::new(&computed.factors, areas, reflectance, exitance)?;
+        self.set("start", json!(args.start));
+        let system = RadiositySystem::new(factors, areas, reflectance, exitance)?;
         let options = SolveOptions {
             tolerance: Tolerance::ResidualL2(args.tolerance),
             max_passes: args.max_passes,
+            start: args.start.into(),
             ..SolveOptions::default()
         };
         for (name, value) in [
@@ -392,7 +461,6 @@ impl Run {
                 self.set(name, value);
             }
         }
-        let solver = entry.build(&solver_settings(args))?;
         let mut solution = self.times.time("solve", || {
             solver.solve(&system, &options, &mut |_| std::ops::ControlFlow::Continue(()))
         })?;
@@ -400,8 +468,11 @@ impl Run {
             && let Some(display) = solution.display.take()
         {
             // The picture's irradiance belongs to what it shows; residual and bound stay those of the solution.
-            computed.factors.apply(&display, &mut solution.irradiance);
+            factors.apply(&display, &mut solution.irradiance);
             solution.radiosity = display;
+        }
+        if let Some(choice) = &solution.choice {
+            plan.decide("solver", choice.solver, choice.why.clone());
         }
         if solution.stop_reason != StopReason::Converged {
             self.warn(&format!(
@@ -460,6 +531,15 @@ impl Run {
     }
 }
 
+/// Tells whether form factors are made symmetric and balanced.
+pub(super) fn repairs(asked: BalanceName, needed: bool) -> bool {
+    match asked {
+        BalanceName::On => true,
+        BalanceName::Off => false,
+        BalanceName::Auto => needed,
+    }
+}
+
 impl Prepared {
     /// Returns the area of each surface, in m².
     pub(super) fn surface_areas(&self) -> Vec<f64> {
@@ -509,15 +589,6 @@ impl Prepared {
             surface["radiosity"] = json!(mean);
         }
         surfaces
-    }
-}
-
-/// Returns the settings that the flags give.
-fn solver_settings(args: &SolverArgs) -> SolverSettings {
-    SolverSettings {
-        omega: args.omega,
-        bounds: args.bounds.map(Into::into),
-        steps_per_pass: args.steps_per_pass,
     }
 }
 

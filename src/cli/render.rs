@@ -12,6 +12,7 @@ use super::args::{DirectName, ImageArgs, RenderArgs};
 use super::failure::Failure;
 use super::form_factors::{checks_to_json, describe_checks};
 use super::pipeline::{Computed, Fineness, Prepared, Run, materials_of_patches};
+use super::storage::Storage;
 use super::{output, solve};
 use crate::geometry::sampling::Sequence;
 use crate::matrix::operator::{Block, LinearOperator};
@@ -29,6 +30,8 @@ const DEFAULT_RAYS: u64 = 16384;
 /// The tolerance of form factors unless `--form-factor-tolerance` says otherwise: below a tenth of a typical factor between patches of the default
 /// size, which is 1/3000, and errors of both signs mostly cancel; patches of that size are off by more.
 const DEFAULT_TOLERANCE: f64 = 1e-5;
+/// Memory for a pixel while the image is rendered and written.
+const PIXEL_BYTE: u64 = 512;
 
 /// The number of patches that the default subdivision aims at.
 const DEFAULT_PATCHES: f64 = 3000.0;
@@ -46,6 +49,15 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     output::expect_possible(&args.output)?;
     let mut prepared = run.prepare(&args.scene, args.mesh, default_subdivision)?;
     let view = view(&args.image, &args.scene, &prepared.scene)?;
+    // All layers, and as much again while they are coded.
+    let (width, height) = view.as_view().size();
+    let n_pixels = u64::from(width) * u64::from(height);
+    run.storage = Storage {
+        args: args.storage.clone(),
+        output: Some(args.output.clone()),
+        tolerance: Some(args.solver.tolerance),
+        image_byte: n_pixels * PIXEL_BYTE,
+    };
     if settings.direct != DirectMethod::Off {
         run.warn_of_narrow_gaps(&prepared);
     }
@@ -147,7 +159,7 @@ fn solve_scene(
             indirect_irradiance: Some(dark),
         });
     }
-    let needs_symmetry = run.solver_entry(&args.solver)?.needs_reciprocity;
+    let needs_symmetry = run.solver_entry(&args.solver)?.gains_by_reciprocity();
     let fineness = Fineness {
         default_rays: DEFAULT_RAYS,
         tolerance: args.form_factor_tolerance,
@@ -160,6 +172,7 @@ fn solve_scene(
         run.times
             .time("solve", || indirect_irradiance(prepared, &computed, &solution))
     });
+    computed.factors.if_readable(())?;
     Ok(Solved {
         solver: args.solver.solver.clone(),
         solution,

@@ -15,7 +15,10 @@ use crate::experiment::baranoski::{self, Figure, LEVEL, TABLE_OF_SOLVERS, TableR
 use crate::report::{Table, memory_peak_byte};
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
-    let PaperName::Baranoski = args.paper;
+    match args.paper {
+        PaperName::Baranoski => {}
+        PaperName::Stability => return super::stability::run(args),
+    }
     let tables = match &args.tables {
         None => std::iter::once(TABLE_OF_SOLVERS).chain(baranoski::TABLES).collect(),
         Some(list) => parse_tables(list)?,

@@ -7,6 +7,7 @@ use serde_json::Value;
 use super::args::MeshArgs;
 use super::failure::Failure;
 use super::pipeline::{Prepared, Run};
+use super::storage;
 use crate::form_factor::Computed;
 use crate::mesh::Subdivision;
 use crate::report::ReportError;
@@ -35,14 +36,23 @@ pub(super) fn mesh_args(file: &FormFactorFile, given: MeshArgs) -> Result<MeshAr
     )))
 }
 
-/// Reads the form factors of a scene's patches.
+/// Reads the form factors of a scene's patches; `repaired` tells whether they are made symmetric then.
 pub(super) fn form_factors(
     run: &mut Run,
     prepared: &mut Prepared,
     file: &FormFactorFile,
     scene: &Path,
+    repaired: bool,
 ) -> Result<Computed, Failure> {
-    let read = run.times.time("form_factors", || file.read(&prepared.mesh));
+    let matrix = storage::Matrix {
+        by_rows: !file.description().symmetric,
+        repaired,
+        n_entries: u64::MAX,
+    };
+    let chosen = storage::choose(run, prepared, matrix)?;
+    let read = run
+        .times
+        .time("form_factors", || file.read_into(&prepared.mesh, chosen.choice()));
     let factors = read.map_err(|error| match error {
         ReportError::OtherGeometry { path } => {
             let (path, scene) = (path.display(), scene.display());

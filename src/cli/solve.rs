@@ -8,7 +8,8 @@ use super::args::SolveArgs;
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::form_factors::{self, DEFAULT_RAYS, checks_to_json, describe_checks};
-use super::pipeline::{Computed, Fineness, Prepared, Run, materials_of_patches};
+use super::pipeline::{Computed, Fineness, Prepared, Run, materials_of_patches, repairs};
+use super::storage::Storage;
 use super::{Outcome, output, reuse};
 use crate::form_factor::ExactMethod;
 use crate::mesh::Subdivision;
@@ -29,8 +30,18 @@ pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
     let mesh_args = file
         .as_ref()
         .map_or(Ok(args.mesh), |file| reuse::mesh_args(file, args.mesh))?;
+    run.storage = Storage {
+        args: args.storage.clone(),
+        output: args.output.clone(),
+        tolerance: Some(args.solver.tolerance),
+        image_byte: 0,
+    };
     let mut prepared = run.prepare(&args.scene, mesh_args, |_| Subdivision::Uniform(1))?;
-    let needs_symmetry = run.solver_entry(&args.solver)?.needs_reciprocity;
+    if args.on_the_fly {
+        let solution = super::on_the_fly::solve(&mut run, &mut prepared, args)?;
+        return finish(args, run, &prepared, None, &solution);
+    }
+    let needs_symmetry = run.solver_entry(&args.solver)?.gains_by_reciprocity();
     let computed = match &file {
         None => {
             let fineness = Fineness {
@@ -42,11 +53,27 @@ pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
             run.form_factors(&mut prepared, &args.method, fineness, needs_symmetry)?
         }
         Some(file) => {
-            let result = reuse::form_factors(&mut run, &mut prepared, file, &args.scene)?;
+            let needs_symmetry = run.wants_symmetry(args.method.balance)? || needs_symmetry;
+            let repaired = repairs(args.method.balance, needs_symmetry && !file.description().symmetric);
+            let result = reuse::form_factors(&mut run, &mut prepared, file, &args.scene, repaired)?;
             run.repaired(&mut prepared, result, args.method.balance, needs_symmetry)?
         }
     };
+    if !args.lighting.is_empty() {
+        return super::lightings::run(&args.lighting, run, prepared, &computed, args);
+    }
     let solution = run.solve(&mut prepared, &computed, &args.solver)?;
+    finish(args, run, &prepared, Some(&computed), &solution)
+}
+
+/// Writes and describes a solution; without `computed` there are no stored form factors to tell of.
+fn finish(
+    args: &SolveArgs,
+    mut run: Run,
+    prepared: &Prepared,
+    computed: Option<&Computed>,
+    solution: &Solution,
+) -> Result<Outcome, Failure> {
     if let Some(path) = &args.output {
         let (reflectance, exitance) = materials_of_patches(&prepared.scene, &prepared.mesh, prepared.plan.n_channels);
         let report = SolutionReport {
@@ -54,24 +81,26 @@ pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
             mesh: &prepared.mesh,
             reflectance: &reflectance,
             exitance: &exitance,
-            solution: &solution,
+            solution,
             settings: &run.settings,
         };
         run.times.time("write", || report.write(path))?;
     }
     run.progress.finish();
-    let mut result = to_json(&prepared, &args.solver.solver, &solution);
-    result["form_factors"] = checks_to_json(&computed);
-    let document = run.document(&prepared, result);
-    let mut text = run.explanation(&prepared);
+    let mut result = to_json(prepared, &args.solver.solver, solution);
+    result["form_factors"] = computed.map_or(Value::Null, checks_to_json);
+    let document = run.document(prepared, result);
+    let mut text = run.explanation(prepared);
     let _ = writeln!(
         text,
         "{} patches on {} surfaces",
         prepared.mesh.n_patches(),
         prepared.scene.surfaces.len()
     );
-    describe_checks(&mut text, &computed);
-    describe(&mut text, &prepared, &args.solver.solver, &solution);
+    if let Some(computed) = computed {
+        describe_checks(&mut text, computed);
+    }
+    describe(&mut text, prepared, &args.solver.solver, solution);
     run.describe_times(&mut text);
     if let Some(path) = &args.output {
         let _ = writeln!(text, "wrote {}", path.display());
@@ -79,7 +108,7 @@ pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
     Ok(Outcome {
         text,
         document,
-        code: code(&solution, Some(&computed)),
+        code: code(solution, computed),
     })
 }
 
@@ -99,16 +128,22 @@ pub(super) fn to_json(prepared: &Prepared, solver: &str, solution: &Solution) ->
         "n_steps": (!selections.is_empty()).then(|| selections.iter().sum::<u64>()),
         "n_patches": prepared.mesh.n_patches(),
         "n_channels": solution.radiosity.n_channels(),
-        "solver": solver,
-        "why": null,
+        "solver": chosen(solver, solution),
+        "why": solution.choice.as_ref().map(|choice| &choice.why),
         "stop_reason": solution.stop_reason,
         "n_passes": solution.n_passes,
         "residual_max_power": solution.residual_max_power,
         "residual_l2": solution.residual_l2,
         "error_bound": solution.error_bound,
         "history": solution.history,
+        "energy": solution.energy,
         "surfaces": prepared.surfaces_with_radiosity(solution),
     })
+}
+
+/// Returns the name of the solver that did the work: the one that `auto` chose, or the one that was asked for.
+pub(super) fn chosen<'a>(asked: &'a str, solution: &Solution) -> &'a str {
+    solution.choice.as_ref().map_or(asked, |choice| choice.solver)
 }
 
 /// Describes a solution: how it was reached, and the mean radiosity of each surface.
@@ -124,8 +159,11 @@ pub(super) fn describe(text: &mut String, prepared: &Prepared, solver: &str, sol
             .map_or("unknown".to_owned(), |bound| format!("{bound:.1e}"));
         let _ = writeln!(
             text,
-            "{solver}: {} after {} passes, relative residual {:.1e}, bound on the relative error {bound}",
-            solution.stop_reason, solution.n_passes, solution.residual_l2
+            "{}: {} after {} passes, relative residual {:.1e}, bound on the relative error {bound}",
+            chosen(solver, solution),
+            solution.stop_reason,
+            solution.n_passes,
+            solution.residual_l2
         );
     }
     let _ = writeln!(text, "\nmean radiosity by surface, W/m²");

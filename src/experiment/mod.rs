@@ -2,12 +2,14 @@
 //!
 //! [`compare`](compare()) runs every setting of every method ([`SWEEPS`]) over several seeds and says how far each is from a
 //! [`Reference`], and how long it took. [`baranoski`] repeats the tables of that paper.
+//! [`stability`] tries every solver on stiff, extreme and impossible systems.
 
 pub mod baranoski;
 mod compare;
 mod known;
 mod pareto;
 mod reference;
+pub mod stability;
 pub mod statistics;
 mod storage;
 mod sweep;

@@ -5,6 +5,7 @@ use std::ops::Range;
 
 use glam::DVec3;
 
+use super::on_the_fly::Rows;
 use super::segments::unseen_square;
 use super::{Computed, FormFactorError, FormFactorMethod, Input, rows, sampled};
 use crate::geometry::point_form_factor::point_form_factor;
@@ -95,6 +96,12 @@ impl FormFactorMethod for Hemicube {
         rows::by_rows(input, storage, progress, |rows| {
             self.tile(input, rows, &cells, &polygons)
         })
+    }
+
+    fn rows<'a>(&'a self, input: Input<'a>) -> Option<Rows<'a>> {
+        let cells = cells(self.resolution.get());
+        let polygons = sampled::prepared(input.mesh);
+        Some(Box::new(move |rows| self.tile(input, rows, &cells, &polygons)))
     }
 }
 

@@ -26,6 +26,7 @@ mod error;
 mod exact;
 mod gauss_lambert;
 mod hemicube;
+mod on_the_fly;
 mod pairs;
 pub mod partial;
 mod pdm;
@@ -45,15 +46,18 @@ pub use error::FormFactorError;
 pub use exact::ExactMethod;
 pub use gauss_lambert::GaussLambert;
 pub use hemicube::Hemicube;
+pub use on_the_fly::OnTheFly;
 pub use pdm::ParametricDifferential;
 pub use qmc::QuasiMonteCarlo;
 pub use registry::{MethodSettings, method};
 pub use sg::GaussShooting;
 pub use sr::RandomShooting;
 
+use std::ops::Range;
+
 use serde::Serialize;
 
-use crate::matrix::{FormFactors, StorageChoice};
+use crate::matrix::{FormFactors, RowTile, StorageChoice};
 use crate::mesh::Mesh;
 use crate::progress::Progress;
 use crate::scene::Scene;
@@ -133,4 +137,9 @@ pub trait FormFactorMethod: Sync {
         storage: StorageChoice,
         progress: &dyn Progress,
     ) -> Result<Computed, FormFactorError>;
+
+    /// Returns what computes any rows anew, the same ones as [`compute`](Self::compute), or `None` for methods that compute pairs of patches.
+    fn rows<'a>(&'a self, _input: Input<'a>) -> Option<Box<dyn Fn(Range<usize>) -> RowTile + Sync + 'a>> {
+        None
+    }
 }

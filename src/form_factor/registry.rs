@@ -206,6 +206,13 @@ impl MethodEntry {
         })
     }
 
+    /// Returns whether the method computes whole rows; the others compute pairs, each once.
+    #[must_use]
+    pub fn by_rows(&self) -> bool {
+        let of_rows = |s: &Setting| matches!(s, Setting::RaysPerPatch(_) | Setting::Resolution(_));
+        self.settings.iter().any(of_rows)
+    }
+
     /// Returns whether the method shoots rays from patches, so that `rays` is a number for each patch.
     #[must_use]
     pub fn shoots(&self) -> bool {

@@ -3,6 +3,7 @@
 use std::num::NonZeroUsize;
 use std::ops::Range;
 
+use super::on_the_fly::Rows;
 use super::shooting::{Shooter, Shot};
 use super::{Computed, FormFactorError, FormFactorMethod, Input, rows};
 use crate::geometry::quadrature::{GaussProduct, WeightedPoint};
@@ -49,6 +50,10 @@ impl FormFactorMethod for GaussShooting {
         progress: &dyn Progress,
     ) -> Result<Computed, FormFactorError> {
         rows::by_rows(input, storage, progress, |rows| self.tile(input, rows))
+    }
+
+    fn rows<'a>(&'a self, input: Input<'a>) -> Option<Rows<'a>> {
+        Some(Box::new(move |rows| self.tile(input, rows)))
     }
 }
 

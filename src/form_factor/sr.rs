@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::on_the_fly::Rows;
 use super::shooting::{Shooter, Shot};
 use super::{Computed, FormFactorError, FormFactorMethod, Input, rows};
 use crate::geometry::sampling::{PointStream, Sequence, UniformOnPolygon};
@@ -38,6 +39,10 @@ impl FormFactorMethod for RandomShooting {
         progress: &dyn Progress,
     ) -> Result<Computed, FormFactorError> {
         rows::by_rows(input, storage, progress, |rows| self.tile(input, rows))
+    }
+
+    fn rows<'a>(&'a self, input: Input<'a>) -> Option<Rows<'a>> {
+        Some(Box::new(move |rows| self.tile(input, rows)))
     }
 }
 

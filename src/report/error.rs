@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
-use crate::matrix::MatrixError;
+use crate::matrix::{DiskError, MatrixError};
 
 /// Why a report could not be written, or a file of form factors not be read.
 #[derive(Debug, Error)]
@@ -35,7 +35,7 @@ pub enum ReportError {
         /// What was to be written or read.
         content: &'static str,
         /// The endings that are understood.
-        known: &'static str,
+        known: String,
     },
     /// The file does not say what it holds: another program wrote it, or the description beside it is missing.
     #[error("{}: {what} is missing, so the file cannot be matched with a scene; write it with `radiosity form-factors`", .path.display())]
@@ -69,6 +69,14 @@ pub enum ReportError {
         /// The file.
         path: PathBuf,
     },
+    /// The form factors lie on a disk, and could not be read from it or written to it.
+    #[error("{}: {source}", .path.display())]
+    Scratch {
+        /// The file that was to be written or read.
+        path: PathBuf,
+        /// What is wrong with the scratch file.
+        source: DiskError,
+    },
     /// The numbers make no form factors.
     #[error("{}: {source}; write it again with `radiosity form-factors`", .path.display())]
     Matrix {
@@ -91,6 +99,7 @@ impl ReportError {
             | Self::Version { path, .. }
             | Self::Damaged { path, .. }
             | Self::OtherGeometry { path }
+            | Self::Scratch { path, .. }
             | Self::Matrix { path, .. } => path,
         }
     }
@@ -106,6 +115,7 @@ impl ReportError {
             Self::Version { .. } => "version",
             Self::Damaged { .. } | Self::Matrix { .. } => "damaged",
             Self::OtherGeometry { .. } => "other_geometry",
+            Self::Scratch { .. } => "scratch",
         }
     }
 }

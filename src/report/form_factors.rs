@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | `.npz` | dense: `F`, `area`, `error`; sparse: what `scipy.sparse.load_npz` reads, with `area` and `error` | this program, NumPy, SciPy |
 //! | `.npy` | F in full; the description stands in a file of the same name with `.json` after it | this program, NumPy |
-//! | `.mtx` | F as coordinates | Matrix Market readers: SciPy, MATLAB, Julia |
+//! | `.mtx` | F as coordinates | this program, Matrix Market readers: SciPy, MATLAB, Julia |
 //! | `.csv` | form factors between surfaces, with their errors | tables |
 //! | `.exr` | F as an image: row i downwards, column j to the right | viewers |
 //! | `.vtu` | patches with row sum, error, sky factor, and the form factor to a chosen surface | ParaView, PyVista |
@@ -68,8 +68,16 @@ pub enum Format {
     Vtu,
 }
 
-/// The endings of the formats that can be written.
-const WRITTEN: &str = ".npz, .npy, .mtx, .csv, .exr, .vtu";
+/// The one place that lists the formats: ending, format, and whether form factors can be read from it. A new one also has its arm in
+/// [`FormFactorReport::write`], and one in [`FormFactorFile`] if it is read.
+const FORMATS: [(&str, Format, bool); 6] = [
+    ("npz", Format::Npz, true),
+    ("npy", Format::Npy, true),
+    ("mtx", Format::Mtx, true),
+    ("csv", Format::Csv, false),
+    ("exr", Format::Exr, false),
+    ("vtu", Format::Vtu, false),
+];
 
 /// From this share of non-zero entries on a matrix is written dense, as it is stored.
 const DENSE_FROM: f64 = 1.0 / 3.0;
@@ -80,20 +88,33 @@ impl Format {
     /// # Errors
     /// [`ReportError::UnknownFormat`].
     pub fn of(path: &Path) -> Result<Self, ReportError> {
+        Self::among(path, "form factors", |_| true)
+    }
+
+    /// Returns the format that a file's ending names, if form factors can be read from it.
+    ///
+    /// # Errors
+    /// [`ReportError::UnknownFormat`].
+    pub fn to_read(path: &Path) -> Result<Self, ReportError> {
+        Self::among(path, "form factors to read", |readable| readable)
+    }
+
+    fn among(path: &Path, content: &'static str, counts: impl Fn(bool) -> bool) -> Result<Self, ReportError> {
+        let known = FORMATS.iter().filter(|(.., readable)| counts(*readable));
         let ending = path.extension().map(std::ffi::OsStr::to_ascii_lowercase);
-        match ending.as_ref().and_then(|e| e.to_str()) {
-            Some("npz") => Ok(Self::Npz),
-            Some("npy") => Ok(Self::Npy),
-            Some("mtx") => Ok(Self::Mtx),
-            Some("csv") => Ok(Self::Csv),
-            Some("exr") => Ok(Self::Exr),
-            Some("vtu") => Ok(Self::Vtu),
-            _ => Err(ReportError::UnknownFormat {
+        let found = known
+            .clone()
+            .find(|(name, ..)| ending.as_deref() == Some(name.as_ref()));
+        found
+            .map(|&(_, format, _)| format)
+            .ok_or_else(|| ReportError::UnknownFormat {
                 path: path.to_owned(),
-                content: "form factors",
-                known: WRITTEN,
-            }),
-        }
+                content,
+                known: known
+                    .map(|(name, ..)| format!(".{name}"))
+                    .collect::<Vec<_>>()
+                    .join(", "),
+            })
     }
 }
 
@@ -101,7 +122,7 @@ impl FormFactorReport<'_> {
     /// Writes the form factors to `path`, whole or not at all, in the format that its ending names.
     ///
     /// # Errors
-    /// [`ReportError::UnknownFormat`], [`ReportError::Unwritable`].
+    /// [`ReportError::UnknownFormat`], [`ReportError::Unwritable`], [`ReportError::Scratch`].
     ///
     /// # Panics
     /// If the mesh has not one patch for every row.
@@ -109,25 +130,42 @@ impl FormFactorReport<'_> {
     pub fn write(&self, path: &Path) -> Result<(), ReportError> {
         assert_eq!(self.mesh.n_patches(), self.factors.n_rows(), "one row per patch");
         let factors = self.factors;
+        // What could not be read must not be written: the file goes as if it had never been begun.
+        let readable = || factors.if_readable(()).map_err(io::Error::other);
         let written = match Format::of(path)? {
-            Format::Npz => whole_file::write(path, |writer| self.write_npz(writer)),
+            Format::Npz => whole_file::write(path, |writer| {
+                self.write_npz(writer)?;
+                readable()
+            }),
             Format::Npy => self.write_npy(path),
-            Format::Mtx => whole_file::write(path, |writer| mtx::write(writer, factors, &self.description())),
+            Format::Mtx => whole_file::write(path, |writer| {
+                mtx::write(writer, factors, self.description())?;
+                readable()
+            }),
             Format::Csv => whole_file::write(path, |writer| {
                 let surfaces = factors.surface_form_factors(&self.patch_surfaces(), self.scene.surfaces.len());
-                matrix_csv::write(writer, self.scene, &surfaces, &self.description())
+                matrix_csv::write(writer, self.scene, &surfaces, &self.description())?;
+                readable()
             }),
             Format::Exr => whole_file::write(path, |writer| {
-                matrix_exr::write(writer, factors, &self.description()).map_err(io::Error::other)
+                matrix_exr::write(writer, factors, &self.description()).map_err(io::Error::other)?;
+                readable()
             }),
             Format::Vtu => whole_file::write(path, |writer| {
                 let description = self.description().to_json();
-                vtu::write(writer, self.scene, self.mesh, &description, &self.cell_data())
+                vtu::write(writer, self.scene, self.mesh, &description, &self.cell_data())?;
+                readable()
             }),
         };
-        written.map_err(|source| ReportError::Unwritable {
-            path: path.to_owned(),
-            source,
+        written.map_err(|source| match factors.failure() {
+            Some(error) => ReportError::Scratch {
+                path: path.to_owned(),
+                source: error.clone(),
+            },
+            None => ReportError::Unwritable {
+                path: path.to_owned(),
+                source,
+            },
         })
     }
 
@@ -176,7 +214,8 @@ impl FormFactorReport<'_> {
                 byte: &mut byte,
             };
             hashed.write_all(&Header::new(self.dtype(), &[n, n]).encode())?;
-            self.write_rows(self.dtype(), &mut hashed, |value, _| value)
+            self.write_rows(self.dtype(), &mut hashed, |value, _| value)?;
+            self.factors.if_readable(()).map_err(io::Error::other)
         })?;
         let mut description = self.description();
         let sha256 = hexadecimal(&hasher.finalize());
@@ -304,10 +343,10 @@ pub(super) fn beside(path: &Path) -> PathBuf {
 }
 
 /// Writes bytes, counts and hashes them.
-struct Hashed<'a, W> {
-    writer: W,
-    hasher: &'a mut Sha256,
-    byte: &'a mut u64,
+pub(super) struct Hashed<'a, W> {
+    pub(super) writer: W,
+    pub(super) hasher: &'a mut Sha256,
+    pub(super) byte: &'a mut u64,
 }
 
 impl<W: Write> Write for Hashed<'_, W> {

@@ -16,6 +16,7 @@ mod error;
 pub mod form_factors;
 mod matrix_csv;
 mod matrix_exr;
+mod memory;
 mod mtx;
 mod npy;
 mod npz;
@@ -25,5 +26,6 @@ mod vtu;
 
 pub use description::Description;
 pub use error::ReportError;
-pub use stages::{StageTimes, memory_peak_byte};
+pub use memory::{memory_available_byte, memory_peak_byte, memory_used_byte};
+pub use stages::StageTimes;
 pub use table::Table;

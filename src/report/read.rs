@@ -4,11 +4,12 @@ use std::path::{Path, PathBuf};
 
 use super::description::FORMAT;
 use super::form_factors::{Format, beside};
+use super::mtx::{self, MtxRows};
 use super::npy::Dtype;
 use super::npz::{Archive, Array};
 use super::{Description, ReportError};
 use crate::matrix::{
-    Entry, FormFactors, Layout, MatrixError, Precision, RayWeights, RowTally, RowTile, StorageChoice, UPPER_ROWS,
+    Entry, FormFactors, MatrixError, Precision, RayWeights, RowTally, RowTile, StorageChoice, UPPER_ROWS,
 };
 use crate::mesh::Mesh;
 
@@ -20,7 +21,7 @@ pub struct FormFactorFile {
 }
 
 impl FormFactorFile {
-    /// Opens a `.npz` or `.npy` file that [`FormFactorReport::write`](super::form_factors::FormFactorReport::write) wrote, and reads its description.
+    /// Opens a `.npz`, `.npy` or `.mtx` file that [`FormFactorReport::write`](super::form_factors::FormFactorReport::write) wrote, and reads its description.
     ///
     /// # Errors
     /// [`ReportError::Unreadable`], [`ReportError::Damaged`], [`ReportError::NoDescription`] for a file of another program,
@@ -30,12 +31,24 @@ impl FormFactorFile {
             path: path.to_owned(),
             what,
         };
-        let description = match Format::of(path) {
-            Ok(Format::Npz) => {
+        if path.is_dir() {
+            let source = std::io::Error::new(std::io::ErrorKind::IsADirectory, "it is a directory; name a file");
+            let path = path.to_owned();
+            return Err(ReportError::Unreadable { path, source });
+        }
+        let description = match Format::to_read(path)? {
+            Format::Npz => {
                 let text = Archive::open(path)?.bytes("meta.json")?;
                 description(path, &text.ok_or_else(|| missing("the member `meta.json`".into()))?)?
             }
-            Ok(Format::Npy) => {
+            Format::Mtx => {
+                let text = mtx::description(path)?;
+                if text.trim().is_empty() {
+                    return Err(missing("the description in its comments".into()));
+                }
+                description(path, text.as_bytes())?
+            }
+            _ => {
                 let path = beside(path);
                 match std::fs::read(&path) {
                     Ok(text) => description(&path, &text)?,
@@ -44,13 +57,6 @@ impl FormFactorFile {
                     }
                     Err(source) => return Err(ReportError::Unreadable { path, source }),
                 }
-            }
-            _ => {
-                return Err(ReportError::UnknownFormat {
-                    path: path.to_owned(),
-                    content: "form factors to read",
-                    known: ".npz, .npy",
-                });
             }
         };
         Ok(Self {
@@ -75,29 +81,40 @@ impl FormFactorFile {
     ///
     /// Accuracy: form factors that are not symmetric come back to the last bit. Of symmetric ones the exchange areas do to 3 units in
     /// the last place: they are the upper triangle of F times the areas. A `.npy` file has neither errors nor tallies of rays: they
-    /// come back as unknown.
+    /// come back as unknown. Nor has a `.mtx` file.
     ///
     /// # Errors
     /// [`ReportError::OtherGeometry`] unless the mesh has the patches that the form factors were computed for; [`ReportError::Damaged`] and
     /// [`ReportError::Matrix`] if the file is cut off, changed, contradicts itself, or holds what can be no form factor.
     pub fn read(&self, mesh: &Mesh) -> Result<FormFactors, ReportError> {
+        self.read_into(mesh, StorageChoice::default())
+    }
+
+    /// Reads the form factors of a mesh as [`read`](Self::read) does, and keeps them as `storage` says: a few rows at a time, so that what
+    /// goes to a disk never is in memory as a whole. No more digits are kept than the file has.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read), and [`ReportError::Scratch`].
+    pub fn read_into(&self, mesh: &Mesh, storage: StorageChoice<'_>) -> Result<FormFactors, ReportError> {
         if mesh.geometry_hash() != self.description.geometry_sha256 {
             return Err(ReportError::OtherGeometry {
                 path: self.path.clone(),
             });
         }
         let n = mesh.n_patches();
-        let (areas, tallies) = if self.description.file.is_some() {
-            (mesh.areas(), vec![RowTally::default(); n])
-        } else {
+        let (areas, tallies) = if Format::to_read(&self.path)? == Format::Npz {
             let mut archive = Archive::open(&self.path)?;
             (Self::areas(&mut archive, mesh)?, self.tallies(&mut archive, n)?)
+        } else {
+            (mesh.areas(), vec![RowTally::default(); n])
         };
         let mut rows = self.rows(n)?;
         let storage = StorageChoice {
-            layout: Layout::Auto,
-            precision: rows.precision(),
-            ..StorageChoice::default()
+            precision: match rows.precision() {
+                Precision::F32 => Precision::F32,
+                Precision::F64 => storage.precision,
+            },
+            ..storage
         };
         let in_file = |error| self.in_file(error);
         if !self.description.symmetric {
@@ -122,12 +139,23 @@ impl FormFactorFile {
         let factors = FormFactors::from_upper_rows(areas, tallies.clone(), upper, storage).map_err(in_file)?;
         rows.finish()?;
         self.expect_symmetric(self.rows(n)?, &factors)?;
-        Ok(factors)
+        factors
+            .if_readable(factors.clone())
+            .map_err(|error| in_file(MatrixError::from(error).into()))
     }
 
     /// Opens the rows of F at the first.
     fn rows(&self, n: usize) -> Result<Rows, ReportError> {
         match &self.description.file {
+            Some(check) if Format::to_read(&self.path)? == Format::Mtx => {
+                let entries = MtxRows::open(&self.path, n, check.clone())?;
+                Ok(Rows {
+                    source: Source::Text(entries),
+                    n,
+                    buffer: Default::default(),
+                    columns: Vec::new(),
+                })
+            }
             Some(check) => Rows::in_full(Array::open_npy(&self.path, check)?, None, n),
             None => Rows::open(&mut Archive::open(&self.path)?, n),
         }
@@ -136,6 +164,10 @@ impl FormFactorFile {
     fn in_file(&self, failure: Failure) -> ReportError {
         match failure {
             Failure::Report(error) => error,
+            Failure::Matrix(MatrixError::Disk(source)) => ReportError::Scratch {
+                path: self.path.clone(),
+                source,
+            },
             Failure::Matrix(source) => ReportError::Matrix {
                 path: self.path.clone(),
                 source,
@@ -275,22 +307,29 @@ impl From<ReportError> for Failure {
 
 /// The rows of F and their standard errors, read side by side.
 struct Rows {
-    values: Array,
-    errors: Option<Array>,
+    source: Source,
     n: usize,
-    /// For sparse rows: the columns of the entries, and where each row begins.
-    sparse: Option<(Array, Vec<u64>)>,
     buffer: [Vec<f64>; 2],
     columns: Vec<u64>,
+}
+
+/// Where rows come from.
+#[expect(clippy::large_enum_variant, reason = "there is one of them at a time")]
+enum Source {
+    Arrays {
+        values: Array,
+        errors: Option<Array>,
+        /// For sparse rows: the columns of the entries, and where each row begins.
+        sparse: Option<(Array, Vec<u64>)>,
+    },
+    Text(MtxRows),
 }
 
 impl Rows {
     fn new(values: Array, errors: Option<Array>, n: usize, sparse: Option<(Array, Vec<u64>)>) -> Self {
         Self {
-            values,
-            errors,
+            source: Source::Arrays { values, errors, sparse },
             n,
-            sparse,
             buffer: Default::default(),
             columns: Vec::new(),
         }
@@ -343,10 +382,9 @@ impl Rows {
     }
 
     fn precision(&self) -> Precision {
-        if self.values.header.dtype == Dtype::F32 {
-            Precision::F32
-        } else {
-            Precision::F64
+        match &self.source {
+            Source::Arrays { values, .. } if values.header.dtype == Dtype::F32 => Precision::F32,
+            _ => Precision::F64,
         }
     }
 
@@ -380,7 +418,17 @@ impl Rows {
     /// Reads row i into the buffers, and returns the number of its entries; all columns if the rows are not sparse.
     fn read_row(&mut self, i: usize) -> Result<usize, ReportError> {
         let mut size = self.n;
-        if let Some((columns, begins)) = &mut self.sparse {
+        let (values, errors, sparse) = match &mut self.source {
+            Source::Arrays { values, errors, sparse } => (values, errors, sparse),
+            Source::Text(rows) => {
+                let [of_row, none] = &mut self.buffer;
+                rows.read_row(i, &mut self.columns, of_row)?;
+                none.clear();
+                none.resize(of_row.len(), 0.0);
+                return Ok(of_row.len());
+            }
+        };
+        if let Some((columns, begins)) = sparse {
             size = usize::try_from(begins[i + 1] - begins[i]).unwrap_or(usize::MAX);
             columns.next_counts(size, &mut self.columns)?;
             let n = self.n as u64;
@@ -388,8 +436,8 @@ impl Rows {
                 return Err(columns.error(format!("the columns of row {i} are not ascending numbers below {n}")));
             }
         }
-        self.values.next_reals(size, &mut self.buffer[0])?;
-        match &mut self.errors {
+        values.next_reals(size, &mut self.buffer[0])?;
+        match errors {
             Some(errors) => errors.next_reals(size, &mut self.buffer[1])?,
             None => self.buffer[1].resize(size, 0.0),
         }
@@ -397,10 +445,14 @@ impl Rows {
     }
 
     fn finish(self) -> Result<(), ReportError> {
-        if let Some((columns, _)) = self.sparse {
+        let (values, errors, sparse) = match self.source {
+            Source::Arrays { values, errors, sparse } => (values, errors, sparse),
+            Source::Text(rows) => return rows.finish(),
+        };
+        if let Some((columns, _)) = sparse {
             columns.finish()?;
         }
-        self.values.finish()?;
-        self.errors.map_or(Ok(()), Array::finish)
+        values.finish()?;
+        errors.map_or(Ok(()), Array::finish)
     }
 }

@@ -64,7 +64,7 @@ impl Format {
             _ => Err(ReportError::UnknownFormat {
                 path: path.to_owned(),
                 content: "a solution",
-                known: ".csv, .npz, .vtu",
+                known: ".csv, .npz, .vtu".into(),
             }),
         }
     }

@@ -40,12 +40,3 @@ impl StageTimes {
             .collect()
     }
 }
-
-/// Returns the most memory that this process has held, in bytes, or `None` where the system does not tell.
-#[must_use]
-pub fn memory_peak_byte() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
-    let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
-    Some(kibibytes * 1024)
-}

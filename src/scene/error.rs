@@ -187,6 +187,16 @@ pub enum SceneError {
         /// What is wrong, and the remedy.
         message: String,
     },
+    /// A lighting file that cannot be understood, or names what the scene does not have.
+    #[error("{}{}: {message}", .file.display(), colon_line(*.line))]
+    BadLighting {
+        /// The lighting file.
+        file: PathBuf,
+        /// The line, where one line is to blame.
+        line: Option<u32>,
+        /// What is wrong, and the remedy.
+        message: String,
+    },
     /// The file cannot be written.
     #[error("{}: cannot be written: {source}; check the directory and its permissions", .file.display())]
     Unwritable {
@@ -258,6 +268,7 @@ impl SceneError {
             Self::ExitanceOutOfRange { .. } => "exitance_out_of_range",
             Self::Parser { .. } => "parser",
             Self::BadCamera { .. } => "bad_camera",
+            Self::BadLighting { .. } => "bad_lighting",
             Self::Unwritable { .. } => "unwritable",
             Self::NotObj { .. } => "not_obj",
             Self::UnwritableName { .. } => "unwritable_name",
@@ -287,6 +298,7 @@ impl SceneError {
             | Self::BadMaterialValue { file, .. }
             | Self::ReflectanceOutOfRange { file, .. }
             | Self::ExitanceOutOfRange { file, .. }
+            | Self::BadLighting { file, .. }
             | Self::Parser { file, .. }
             | Self::Unwritable { file, .. }
             | Self::NotObj { file } => Some(file),
@@ -315,7 +327,7 @@ impl SceneError {
             | Self::BadMaterialValue { line, .. }
             | Self::ReflectanceOutOfRange { line, .. }
             | Self::ExitanceOutOfRange { line, .. } => Some(*line),
-            Self::BadCamera { line, .. } => *line,
+            Self::BadCamera { line, .. } | Self::BadLighting { line, .. } => *line,
             _ => None,
         }
     }

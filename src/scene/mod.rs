@@ -16,6 +16,7 @@ mod camera;
 mod default_view;
 mod error;
 pub(crate) mod hash;
+mod lighting;
 mod lines;
 mod mtl;
 mod obj;
@@ -26,6 +27,7 @@ mod write;
 
 pub use camera::Camera;
 pub use error::SceneError;
+pub use lighting::Lighting;
 pub use obj::{DEFAULT_REFLECTANCE, Loaded, load};
 pub use warning::SceneWarning;
 pub use write::write_obj;

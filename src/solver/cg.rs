@@ -4,6 +4,7 @@ use std::ops::ControlFlow;
 
 use super::iteration::{self, Estimate, Iteration};
 use super::scaled::{Scaled, TrueResidual};
+use super::vectors::add_scaled;
 use super::{HistoryEntry, RadiositySystem, Solution, SolveOptions, Solver, SolverError};
 use crate::matrix::operator::Block;
 
@@ -160,14 +161,6 @@ impl Iteration for State<'_> {
         }
         self.direction.clone_from(&self.residual);
         self.squared = dot(&self.residual, &self.residual);
-    }
-}
-
-/// sum ← sum + factor term, with a factor for each channel.
-fn add_scaled(sum: &mut Block, factors: &[f64], term: &Block) {
-    let terms = term.values().iter().zip(factors.iter().cycle());
-    for (value, (addend, factor)) in sum.values_mut().iter_mut().zip(terms) {
-        *value += factor * addend;
     }
 }
 

@@ -51,10 +51,14 @@ pub enum SolverError {
     },
     /// Light enters an enclosure that neither absorbs it nor lets it out.
     #[error(
-        "no finite solution in channel {channel}: the patches that exchange light with patch {patch} emit, \
+        "no finite solution in channel {channel}: the {n_patches} patches that exchange light with patch {patch} (component {component}) emit, \
          reflect everything, and let nothing out"
     )]
     NoFiniteSolution {
+        /// The component, as [`RadiositySystem::components`](super::RadiositySystem::components) numbers them.
+        component: u32,
+        /// The number of its patches.
+        n_patches: usize,
         /// An emitting patch of the enclosure.
         patch: usize,
         /// The channel.
@@ -71,6 +75,18 @@ pub enum SolverError {
     NeedsRows {
         /// The solver's name.
         solver: &'static str,
+    },
+    /// The solver needs more memory than it may take.
+    #[error(
+        "{solver} needs {needed_byte} bytes, above the limit of {limit_byte}: raise the limit, or take another solver"
+    )]
+    Memory {
+        /// The solver's name.
+        solver: &'static str,
+        /// What it needs.
+        needed_byte: u64,
+        /// What it may take.
+        limit_byte: u64,
     },
     /// A name that no solver has.
     #[error("there is no solver `{name}`; known are {known}")]

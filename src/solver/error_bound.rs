@@ -24,8 +24,9 @@ const RESOLVED_FROM: f64 = 1e-12;
 ///
 /// The smaller of the two counts. v = 1 costs nothing, as row sums are known: λ = max_i ρ_i s_i. Where that proves nothing,
 /// because some patch reflects everything, v ← 1 + diag(ρ) F v looks one reflection further, one pass over F each.
-/// Accuracy: rigorous but for the rounding of r (about 1e-16 ‖B‖) and for form factors that are negative. It bounds the
-/// error of solving, not that of the form factors.
+/// To |r| is added what rounding can make of it, (n / 4 + 70) 2⁻⁵³ (|E| + |B| + ρ |H|) (see the operator of
+/// [`FormFactors`](crate::matrix::FormFactors)), so that the bound also holds where 1 − ρ is near rounding. Accuracy: rigorous but for form factors that are negative. It bounds
+/// the error of solving, not that of the form factors.
 /// Source: Berman and Plemmons, "Nonnegative Matrices in the Mathematical Sciences", chapter 6, theorem 2.3, for the M-matrix.
 /// Departures: none.
 pub(super) fn relative(scaled: &Scaled, radiosity: &Block, truth: &TrueResidual) -> Option<f64> {
@@ -39,14 +40,15 @@ pub(super) fn relative(scaled: &Scaled, radiosity: &Block, truth: &TrueResidual)
         pairs.into_iter().all(|(a, b)| a.to_bits() == b.to_bits())
     });
     let row_sum_max = system.row_sums().iter().copied().fold(0.0, f64::max);
-    let (norm_r, norm_b) = (l2(&scaled.areas, &truth.residual), l2(&scaled.areas, radiosity));
+    let residual = with_rounding(scaled, radiosity, truth);
+    let (norm_r, norm_b) = (l2(&scaled.areas, &residual), l2(&scaled.areas, radiosity));
     let norm_v = l2(&scaled.areas, &proof.v);
     let mut worst: f64 = 0.0;
     for c in lit {
         let (mut m, mut lambda, mut rho_max) = (0.0_f64, 0.0_f64, 0.0_f64);
         for i in 0..system.n_patches() {
             let (v, g_v) = (proof.v.row(i)[c], proof.g_v.row(i)[c]);
-            m = m.max(truth.residual.row(i)[c].abs() / g_v);
+            m = m.max(residual.row(i)[c] / g_v);
             lambda = lambda.max(1.0 - g_v / v);
             rho_max = rho_max.max(system.reflectance().row(i)[c]);
         }
@@ -76,6 +78,18 @@ pub(super) fn spectral_radius(scaled: &Scaled) -> (Vec<f64>, usize) {
         });
     }
     (radii, n_passes)
+}
+
+/// Returns |r| and what rounding can have taken from it.
+fn with_rounding(scaled: &Scaled, radiosity: &Block, truth: &TrueResidual) -> Block {
+    let unit = (scaled.areas.len() as f64 / 4.0 + 70.0) * 0.5 * f64::EPSILON;
+    let mut sum = scaled.exitance.clone();
+    let terms = radiosity.values().iter().zip(truth.irradiance.values());
+    let factors = scaled.system.reflectance().values().iter().zip(truth.residual.values());
+    for ((value, (b, h)), (rho, r)) in sum.values_mut().iter_mut().zip(terms).zip(factors) {
+        *value = r.abs() + unit * (value.abs() + b.abs() + rho * h.abs());
+    }
+    sum
 }
 
 /// A vector v > 0 with G v > 0 in every lit channel.

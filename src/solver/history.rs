@@ -90,6 +90,16 @@ impl<'a> Recorder<'a> {
         result
     }
 
+    /// Tells whether these norms, of a true residual, are not yet what the last entry holds.
+    pub(super) fn lacks(&self, norms: &Norms) -> bool {
+        let holds = |last: &HistoryEntry| {
+            !last.estimated
+                && last.residual_l2.to_bits() == worst(&norms.l2).to_bits()
+                && last.residual_max_power.to_bits() == worst(&norms.max_power).to_bits()
+        };
+        !self.entries.last().is_some_and(holds)
+    }
+
     /// Notes the state after a pass of so much `work`, in place of what was noted for the same pass before. Returns false if the
     /// caller asks to stop.
     pub(super) fn note(

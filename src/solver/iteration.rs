@@ -2,9 +2,10 @@
 
 use std::ops::ControlFlow;
 
+use super::best::Best;
 use super::history::{HistoryEntry, Recorder};
 use super::scaled::{Norms, Scaled, TrueResidual};
-use super::stop::{StopReason, Watch, worst};
+use super::stop::{StopReason, Tolerance, Watch, worst};
 use super::{Solution, SolveOptions, SolverError};
 use crate::matrix::operator::Block;
 
@@ -25,6 +26,9 @@ pub(super) enum Estimate {
 pub(super) trait Iteration {
     /// Whether [`restart`](Self::restart) has to be called before the first pass.
     const NEEDS_RESIDUAL: bool;
+
+    /// True if no channel's residual, by `Tolerance::ResidualL2`, is ever above what it was a pass before: the last radiosities are then the best.
+    const NEVER_RISES: bool = false;
 
     /// Spends one pass. `excess` tells by what factor each channel's residual exceeds the tolerance, infinity before it is known:
     /// channels at 1 or below may rest.
@@ -56,7 +60,11 @@ pub(super) trait Iteration {
 ///
 /// When the running estimate meets the tolerance, the true residual is calculated with one more pass over F, and the iteration
 /// restarts from it where it does not meet the tolerance; two such checks in a row that differ by less than a factor of 2 end it as
-/// [`StopReason::Stagnated`].
+/// [`StopReason::Stagnated`]. Radiosities that meet the tolerance and are negative somewhere, though nothing emits less than nothing, are set to
+/// 0 there; if they still meet the tolerance they are the solution, else the iteration goes on, and ends as [`StopReason::Diverged`] if it
+/// does not get far closer: B ≥ 0 with (I − diag(ρ) F) B = E ≥ 0 is what shows that the system is one of light (an M-matrix).
+/// Where the tolerance is not met, the best radiosities of each channel are returned, not the last.
+#[expect(clippy::too_many_lines, reason = "one loop, whose branches all end or continue it")]
 pub(super) fn run<I: Iteration>(
     scaled: &Scaled,
     options: &SolveOptions,
@@ -72,6 +80,9 @@ pub(super) fn run<I: Iteration>(
     let (mut n_passes, mut n_checks) = (0, 0);
     let mut gave_up = StopReason::MaxPasses;
     let mut checked_before = f64::INFINITY;
+    let mut best = Best::new(n_channels);
+    let mut rejected_before = f64::INFINITY;
+    let mut mended = None;
     let mut done = (0..n_channels).all(|c| scaled.is_dark(c));
     if I::NEEDS_RESIDUAL && !done {
         let radiosity = iteration.radiosity();
@@ -131,8 +142,30 @@ pub(super) fn run<I: Iteration>(
             }
         }
         excess = tolerance.excess(&norms);
+        if !I::NEVER_RISES {
+            best.observe(&excess, || iteration.radiosity());
+        }
         if worst(&excess) <= 1.0 {
-            break;
+            match mend(scaled, tolerance, iteration.radiosity(), &mut n_checks) {
+                Mended::NotNeeded => break,
+                Mended::Done(radiosity, exact) => {
+                    recorder.note(n_passes, 0.0, &exact.norms, false, || radiosity.clone());
+                    truth = Some(exact);
+                    mended = Some(radiosity);
+                    break;
+                }
+                Mended::Impossible => {
+                    let rejected = worst(&excess);
+                    if rejected > GAIN * rejected_before || !goes_on {
+                        gave_up = StopReason::Diverged;
+                        break;
+                    }
+                    rejected_before = rejected;
+                    // Channels that meet the tolerance would rest.
+                    excess.fill(f64::INFINITY);
+                    continue;
+                }
+            }
         }
         let reason = watch.observe(worst(&excess));
         if let Some(reason) = reason.or(stagnated.then_some(StopReason::Stagnated)) {
@@ -144,13 +177,18 @@ pub(super) fn run<I: Iteration>(
             break;
         }
     }
-    let radiosity = iteration.radiosity();
-    let truth = truth.unwrap_or_else(|| {
-        n_checks += 1;
-        let last = scaled.true_residual(&radiosity);
-        recorder.note(n_passes, 0.0, &last.norms, false, || radiosity.clone());
-        last
-    });
+    let (radiosity, truth) = match (mended, truth) {
+        (Some(radiosity), Some(truth)) => (radiosity, truth),
+        (_, truth) => {
+            if gave_up == StopReason::Interrupted {
+                best = Best::new(n_channels); // Who stops an iteration wants to see where it stands.
+            }
+            finish(scaled, tolerance, best, iteration.radiosity(), truth, &mut n_checks)
+        }
+    };
+    if recorder.lacks(&truth.norms) {
+        recorder.note(n_passes, 0.0, &truth.norms, false, || radiosity.clone());
+    }
     let counts = (n_passes, n_checks);
     let display = iteration.display().map(|block| scaled.to_si(block));
     let solution = Solution::new(scaled, radiosity, truth, tolerance, gave_up, counts, recorder)?;
@@ -159,4 +197,59 @@ pub(super) fn run<I: Iteration>(
         selections: iteration.selections(),
         ..solution
     })
+}
+
+/// What became of radiosities that meet the tolerance.
+enum Mended {
+    /// None is negative, or they may be.
+    NotNeeded,
+    /// Some were, and are 0 now; the tolerance is still met.
+    Done(Block, TrueResidual),
+    /// Some are, by more than the tolerance explains.
+    Impossible,
+}
+
+fn mend(scaled: &Scaled, tolerance: Tolerance, mut radiosity: Block, n_checks: &mut usize) -> Mended {
+    let values = radiosity.values_mut();
+    if scaled.system.is_signed() || values.iter().all(|b| *b >= 0.0 || b.is_nan()) {
+        return Mended::NotNeeded;
+    }
+    for b in values {
+        *b = b.max(0.0);
+    }
+    let truth = scaled.true_residual(&radiosity);
+    *n_checks += 1;
+    if worst(&tolerance.excess(&truth.norms)) <= 1.0 {
+        Mended::Done(radiosity, truth)
+    } else {
+        Mended::Impossible
+    }
+}
+
+/// Returns the radiosities to give back, with their true residual; `truth` is that of `last`, where it is known.
+fn finish(
+    scaled: &Scaled,
+    tolerance: Tolerance,
+    best: Best,
+    mut last: Block,
+    truth: Option<TrueResidual>,
+    n_checks: &mut usize,
+) -> (Block, TrueResidual) {
+    let mut check = |radiosity: &Block| {
+        *n_checks += 1;
+        scaled.true_residual(radiosity)
+    };
+    let truth = truth.filter(|_| !scaled.remove_free_means(&mut last));
+    let last_truth = truth.unwrap_or_else(|| check(&last));
+    if worst(&tolerance.excess(&last_truth.norms)) <= 1.0 {
+        return (last, last_truth);
+    }
+    let (mut chosen, chosen_truth, spent) = best.or_last(scaled, tolerance, last, last_truth);
+    let chosen_truth = if spent > 0 && scaled.remove_free_means(&mut chosen) {
+        check(&chosen)
+    } else {
+        chosen_truth
+    };
+    *n_checks += spent;
+    (chosen, chosen_truth)
 }

@@ -1,6 +1,7 @@
 //! Where the eigenvalues of diag(ρ) F lie, from a few passes.
 
 use super::scaled::Scaled;
+use super::vectors::{inner, scale};
 use crate::matrix::operator::Block;
 
 /// Returns for each channel an interval that holds the eigenvalues of diag(ρ) F in all likelihood, from `n_steps` steps of Lanczos' method.
@@ -35,14 +36,14 @@ pub(super) fn ranges(scaled: &Scaled, areas: &[f64], n_steps: usize) -> Vec<(f64
         vectors.push(next);
         let newest = &vectors[vectors.len() - 1];
         let mut scratch = newest.clone();
-        multiply(&mut scratch, &root);
+        scale(&mut scratch, &root);
         system.operator().apply(&scratch, &mut image);
-        multiply(&mut image, &root);
-        let alpha = products(&weights, newest, &image);
+        scale(&mut image, &root);
+        let alpha = inner(&weights, newest, &image);
         next = image.clone();
         // Twice is enough to be orthogonal to rounding.
         for vector in vectors.iter().chain(&vectors) {
-            let shares = products(&weights, vector, &next);
+            let shares = inner(&weights, vector, &next);
             let terms = vector.values().iter().zip(shares.iter().cycle());
             for (value, (v, share)) in next.values_mut().iter_mut().zip(terms) {
                 *value -= share * v;
@@ -62,25 +63,8 @@ pub(super) fn ranges(scaled: &Scaled, areas: &[f64], n_steps: usize) -> Vec<(f64
     tridiagonal.iter().map(Tridiagonal::range).collect()
 }
 
-fn multiply(block: &mut Block, by: &Block) {
-    for (value, factor) in block.values_mut().iter_mut().zip(by.values()) {
-        *value *= factor;
-    }
-}
-
-/// Returns Σ w u v of each channel.
-fn products(weights: &[f64], u: &Block, v: &Block) -> Vec<f64> {
-    let mut sums = vec![0.0; u.n_channels()];
-    for (i, weight) in weights.iter().enumerate() {
-        for (c, sum) in sums.iter_mut().enumerate() {
-            *sum += weight * u.row(i)[c] * v.row(i)[c];
-        }
-    }
-    sums
-}
-
 fn norms_of(weights: &[f64], x: &Block) -> Vec<f64> {
-    products(weights, x, x).into_iter().map(f64::sqrt).collect()
+    inner(weights, x, x).into_iter().map(f64::sqrt).collect()
 }
 
 /// The matrix of the Krylov space: `beside[k]` stands between k and k + 1, the last one is what leads out of the space.

@@ -5,12 +5,20 @@
 //! its own accounts, and a bound of their error.
 
 mod ambient;
+mod anderson;
+mod auto;
+mod best;
 mod cg;
 mod chebyshev;
 mod columns;
+mod deflation;
+mod direct;
+mod energy;
 mod error;
 mod error_bound;
 mod gauss_seidel;
+mod gauss_seidel_ambient;
+mod gmres;
 mod history;
 mod iteration;
 mod jacobi;
@@ -26,19 +34,26 @@ mod start;
 mod stop;
 mod system;
 mod tournament;
+mod vectors;
 
 pub use crate::matrix::operator;
+pub use anderson::Anderson;
+pub use auto::Auto;
 pub use cg::ConjugateGradients;
 pub use chebyshev::{Chebyshev, SpectrumBounds};
+pub use direct::Direct;
+pub use energy::Energy;
 pub use error::SolverError;
 pub use gauss_seidel::GaussSeidel;
+pub use gauss_seidel_ambient::GaussSeidelAmbient;
+pub use gmres::Gmres;
 pub use history::{Errors, HistoryEntry};
 pub use jacobi::Jacobi;
 pub use overshooting::Overshooting;
-pub use pcg::Pcg;
+pub use pcg::{DEFLATED_FROM, Deflate, Pcg};
 pub use progressive_refinement::ProgressiveRefinement;
 pub use registry::{SolverSettings, solver};
-pub use solution::Solution;
+pub use solution::{Choice, Solution};
 pub use sor::Sor;
 pub use start::Start;
 pub use stop::{StopReason, Tolerance};
@@ -98,7 +113,8 @@ pub trait Solver: Sync {
     ///
     /// # Errors
     /// [`SolverError::Tolerance`] for a tolerance that is not positive and finite; [`SolverError::NeedsReciprocity`] and
-    /// [`SolverError::NeedsRows`] if the form factors lack what the solver needs; [`SolverError::Disk`] if they cannot be read.
+    /// [`SolverError::NeedsRows`] if the form factors lack what the solver needs; [`SolverError::Memory`] if it needs more memory than it may take;
+    /// [`SolverError::Disk`] if they cannot be read.
     fn solve(
         &self,
         system: &RadiositySystem,

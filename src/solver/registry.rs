@@ -3,8 +3,8 @@
 use std::num::NonZeroUsize;
 
 use super::{
-    Chebyshev, ConjugateGradients, GaussSeidel, Jacobi, Overshooting, Pcg, ProgressiveRefinement, Solver, SolverError,
-    Sor, SpectrumBounds,
+    Anderson, Auto, Chebyshev, ConjugateGradients, Direct, GaussSeidel, GaussSeidelAmbient, Gmres, Jacobi,
+    Overshooting, Pcg, ProgressiveRefinement, Solver, SolverError, Sor, SpectrumBounds,
 };
 
 /// What a user may set; `None` is the solver's own default.
@@ -17,26 +17,74 @@ pub struct SolverSettings {
     pub bounds: Option<SpectrumBounds>,
     /// Steps that count as one pass where patches shoot one by one.
     pub steps_per_pass: Option<NonZeroUsize>,
+    /// Whether [`Solution::display`](super::Solution::display) is wanted; solvers that have it give it always.
+    pub display: bool,
+    /// Passes between restarts, of `gmres`.
+    pub restart: Option<NonZeroUsize>,
+    /// Steps that `anderson` remembers.
+    pub depth: Option<NonZeroUsize>,
+    /// The most memory that factorisations may take, in bytes.
+    pub memory_limit_byte: Option<u64>,
 }
 
-impl SolverSettings {
-    /// Returns the flags of the settings that are given.
-    fn given(&self) -> impl Iterator<Item = &'static str> {
-        let all = [
-            (OMEGA, self.omega.is_some()),
-            (BOUNDS, self.bounds.is_some()),
-            (STEPS, self.steps_per_pass.is_some()),
-        ];
-        all.into_iter().filter(|(_, is_given)| *is_given).map(|(flag, _)| flag)
+/// A setting that some solvers use and others do not.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Setting {
+    /// [`SolverSettings::omega`].
+    Omega,
+    /// [`SolverSettings::bounds`].
+    Bounds,
+    /// [`SolverSettings::steps_per_pass`].
+    StepsPerPass,
+    /// [`SolverSettings::display`].
+    Display,
+    /// [`SolverSettings::restart`].
+    Restart,
+    /// [`SolverSettings::depth`].
+    Depth,
+    /// [`SolverSettings::memory_limit_byte`].
+    MemoryLimit,
+}
+
+impl Setting {
+    /// All settings.
+    const ALL: [Self; 7] = [
+        Self::Omega,
+        Self::Bounds,
+        Self::StepsPerPass,
+        Self::Display,
+        Self::Restart,
+        Self::Depth,
+        Self::MemoryLimit,
+    ];
+
+    /// Returns the flag of the command line.
+    #[must_use]
+    pub fn flag(self) -> &'static str {
+        match self {
+            Self::Omega => "--omega",
+            Self::Bounds => "--bounds",
+            Self::StepsPerPass => "--steps-per-pass",
+            Self::Display => "--display-ambient",
+            Self::Restart => "--restart",
+            Self::Depth => "--depth",
+            Self::MemoryLimit => "--memory-limit",
+        }
+    }
+
+    fn is_given(self, settings: &SolverSettings) -> bool {
+        match self {
+            Self::Omega => settings.omega.is_some(),
+            Self::Bounds => settings.bounds.is_some(),
+            Self::StepsPerPass => settings.steps_per_pass.is_some(),
+            Self::Display => settings.display,
+            Self::Restart => settings.restart.is_some(),
+            Self::Depth => settings.depth.is_some(),
+            Self::MemoryLimit => settings.memory_limit_byte.is_some(),
+        }
     }
 }
-
-const OMEGA: &str = "--omega";
-const BOUNDS: &str = "--bounds";
-const STEPS: &str = "--steps-per-pass";
-
-/// The flag that shows [`Solution::display`](super::Solution::display) in place of the radiosity: among the settings of the solvers that have one.
-pub const DISPLAY_AMBIENT: &str = "--display-ambient";
 
 /// A solver as the registry knows it.
 #[derive(Debug)]
@@ -47,30 +95,53 @@ pub struct SolverEntry {
     pub summary: &'static str,
     /// Whether it needs symmetric exchange areas A_i F_ij.
     pub needs_reciprocity: bool,
-    /// The flags of the settings that it uses.
-    pub settings: &'static [&'static str],
+    /// The settings that it uses.
+    pub settings: &'static [Setting],
     make: fn(&SolverSettings) -> Box<dyn Solver>,
 }
 
 /// All solvers, in the order in which help lists them.
 #[rustfmt::skip]
 pub const SOLVERS: &[SolverEntry] = &[
+    SolverEntry { name: "auto", summary: "Whichever of the others suits the system; says which, and why", needs_reciprocity: false, settings: &[Setting::Restart, Setting::MemoryLimit], make: |s| Box::new(auto(s)) },
     SolverEntry { name: "jacobi", summary: "Every patch gathers from the radiosities of the pass before", needs_reciprocity: false, settings: &[], make: |_| Box::new(Jacobi) },
     SolverEntry { name: "gauss-seidel", summary: "Every patch in turn gathers from the newest radiosities", needs_reciprocity: false, settings: &[], make: |_| Box::new(GaussSeidel) },
-    SolverEntry { name: "sor", summary: "Gauss-Seidel with overrelaxation", needs_reciprocity: false, settings: &[OMEGA], make: |s| Box::new(Sor { omega: s.omega }) },
-    SolverEntry { name: "progressive-refinement", summary: "The patch with the most unshot power shoots first", needs_reciprocity: false, settings: &[STEPS, DISPLAY_AMBIENT], make: |s| Box::new(ProgressiveRefinement { steps_per_pass: s.steps_per_pass }) },
-    SolverEntry { name: "overshooting", summary: "Patches shoot what they have and what will come back (Feda)", needs_reciprocity: false, settings: &[STEPS, DISPLAY_AMBIENT], make: |s| Box::new(Overshooting { steps_per_pass: s.steps_per_pass }) },
-    SolverEntry { name: "chebyshev", summary: "The best polynomial for an interval that holds the spectrum", needs_reciprocity: false, settings: &[BOUNDS], make: |s| Box::new(Chebyshev { bounds: s.bounds.unwrap_or_default() }) },
+    SolverEntry { name: "sor", summary: "Gauss-Seidel with overrelaxation", needs_reciprocity: false, settings: &[Setting::Omega], make: |s| Box::new(Sor { omega: s.omega }) },
+    SolverEntry { name: "gauss-seidel-ambient", summary: "Gauss-Seidel with the total light of each room put right after every sweep", needs_reciprocity: false, settings: &[], make: |_| Box::new(GaussSeidelAmbient) },
+    SolverEntry { name: "progressive-refinement", summary: "The patch with the most unshot power shoots first", needs_reciprocity: false, settings: &[Setting::StepsPerPass, Setting::Display], make: |s| Box::new(ProgressiveRefinement { steps_per_pass: s.steps_per_pass }) },
+    SolverEntry { name: "overshooting", summary: "Patches shoot what they have and what will come back (Feda)", needs_reciprocity: false, settings: &[Setting::StepsPerPass, Setting::Display], make: |s| Box::new(Overshooting { steps_per_pass: s.steps_per_pass }) },
+    SolverEntry { name: "chebyshev", summary: "The best polynomial for an interval that holds the spectrum", needs_reciprocity: false, settings: &[Setting::Bounds], make: |s| Box::new(Chebyshev { bounds: s.bounds.unwrap_or_default() }) },
     SolverEntry { name: "cg", summary: "Conjugate gradients on V G, V = A/ρ, as in the paper", needs_reciprocity: true, settings: &[], make: |_| Box::new(ConjugateGradients) },
-    SolverEntry { name: "pcg", summary: "Conjugate gradients preconditioned with V⁻¹ = ρ/A", needs_reciprocity: true, settings: &[], make: |_| Box::new(Pcg) },
+    SolverEntry { name: "pcg", summary: "Conjugate gradients preconditioned with V⁻¹ = ρ/A, deflated where that pays", needs_reciprocity: true, settings: &[], make: |_| Box::new(Pcg::default()) },
+    SolverEntry { name: "gmres", summary: "The least residual over a Krylov space; for form factors without symmetry", needs_reciprocity: false, settings: &[Setting::Restart], make: |s| Box::new(gmres(s)) },
+    SolverEntry { name: "anderson", summary: "Jacobi iteration with Anderson acceleration", needs_reciprocity: false, settings: &[Setting::Depth], make: |s| Box::new(s.depth.map_or_else(Anderson::default, |depth| Anderson { depth })) },
+    SolverEntry { name: "direct", summary: "Dense factorisation; for many lightings, and as the oracle", needs_reciprocity: false, settings: &[Setting::MemoryLimit], make: |s| Box::new(direct(s)) },
 ];
+
+fn gmres(settings: &SolverSettings) -> Gmres {
+    settings
+        .restart
+        .map_or_else(Gmres::default, |restart| Gmres { restart })
+}
+
+fn direct(settings: &SolverSettings) -> Direct {
+    let limit = settings.memory_limit_byte;
+    limit.map_or_else(Direct::default, |memory_limit_byte| Direct { memory_limit_byte })
+}
+
+fn auto(settings: &SolverSettings) -> Auto {
+    Auto {
+        gmres: gmres(settings),
+        direct: direct(settings),
+    }
+}
 
 /// Returns the solver of a name with the given settings.
 ///
 /// # Errors
 /// [`SolverError::UnknownSolver`], or [`SolverError::UnusedSetting`] if a setting is given that the solver has no use for.
 pub fn solver(name: &str, settings: &SolverSettings) -> Result<Box<dyn Solver>, SolverError> {
-    by_name(name)?.build(settings)
+    by_name(name)?.checked(settings)
 }
 
 /// Returns the entry of a name.
@@ -97,24 +168,29 @@ impl SolverEntry {
     ///
     /// # Errors
     /// [`SolverError::UnusedSetting`] if a setting is given that the solver has no use for.
-    pub fn build(&self, settings: &SolverSettings) -> Result<Box<dyn Solver>, SolverError> {
-        settings.given().try_for_each(|flag| self.expect_use_of(flag))?;
-        Ok((self.make)(settings))
+    pub fn checked(&self, settings: &SolverSettings) -> Result<Box<dyn Solver>, SolverError> {
+        let unused = |s: &&Setting| s.is_given(settings) && !self.settings.contains(s);
+        if let Some(unused) = Setting::ALL.iter().find(unused) {
+            let users = SOLVERS.iter().filter(|solver| solver.settings.contains(unused));
+            return Err(SolverError::UnusedSetting {
+                flag: unused.flag(),
+                solver: self.name,
+                used_by: joined(users),
+            });
+        }
+        Ok(self.build(settings))
     }
 
-    /// Refuses a flag that the solver has no use for.
-    ///
-    /// # Errors
-    /// [`SolverError::UnusedSetting`].
-    pub fn expect_use_of(&self, flag: &'static str) -> Result<(), SolverError> {
-        if self.settings.contains(&flag) {
-            return Ok(());
-        }
-        Err(SolverError::UnusedSetting {
-            flag,
-            solver: self.name,
-            used_by: joined(SOLVERS.iter().filter(|s| s.settings.contains(&flag))),
-        })
+    /// Tells whether it needs symmetric exchange areas, or is better off with them.
+    #[must_use]
+    pub fn gains_by_reciprocity(&self) -> bool {
+        self.needs_reciprocity || self.name == "auto"
+    }
+
+    /// Returns the solver with the given settings; those that it has no use for are passed over.
+    #[must_use]
+    pub fn build(&self, settings: &SolverSettings) -> Box<dyn Solver> {
+        (self.make)(settings)
     }
 }
 
@@ -124,25 +200,27 @@ mod tests {
     use super::*;
 
     #[test]
-    fn settings_without_a_use_are_refused() {
-        let settings = SolverSettings {
-            omega: Some(1.2),
-            ..SolverSettings::default()
-        };
-        assert!(solver("sor", &settings).is_ok());
-        let error = solver("pcg", &settings).err().unwrap().to_string();
-        assert!(
-            error.contains("--omega") && error.contains("`pcg`") && error.contains("`sor`"),
-            "{error}"
-        );
-    }
-
-    #[test]
     fn every_name_makes_its_solver() {
         for entry in SOLVERS {
-            assert_eq!(entry.build(&SolverSettings::default()).unwrap().name(), entry.name);
+            assert_eq!(entry.build(&SolverSettings::default()).name(), entry.name);
         }
         let error = solver("magic", &SolverSettings::default()).err().unwrap().to_string();
         assert!(error.contains("`magic`") && error.contains("`pcg`"), "{error}");
+    }
+
+    #[test]
+    fn settings_that_do_nothing_are_refused() {
+        let settings = SolverSettings {
+            depth: NonZeroUsize::new(3),
+            ..SolverSettings::default()
+        };
+        let error = solver("pcg", &settings).err().unwrap();
+        let expected = SolverError::UnusedSetting {
+            flag: "--depth",
+            solver: "pcg",
+            used_by: "`anderson`".to_owned(),
+        };
+        assert_eq!(error, expected);
+        assert!(solver("anderson", &settings).is_ok());
     }
 }

@@ -61,6 +61,24 @@ impl<'a> Scaled<'a> {
         self.exitance_l2[channel] <= 0.0
     }
 
+    /// Takes the mean out of `radiosity` in the components that nothing determines the mean of; tells whether there was any.
+    pub(super) fn remove_free_means(&self, radiosity: &mut Block) -> bool {
+        let mut any = false;
+        for c in 0..self.system.n_channels() {
+            for component in self.system.singular_components(c) {
+                let labels = &self.system.components().labels;
+                let members: Vec<usize> = (0..labels.len()).filter(|&i| labels[i] == component).collect();
+                let area: f64 = members.iter().map(|&i| self.areas[i]).sum();
+                let power: f64 = members.iter().map(|&i| self.areas[i] * radiosity.row(i)[c]).sum();
+                any |= power.abs() > 0.0;
+                for i in members {
+                    radiosity.row_mut(i)[c] -= power / area;
+                }
+            }
+        }
+        any
+    }
+
     /// Calculates the residual of `radiosity` with one pass over F.
     pub(super) fn true_residual(&self, radiosity: &Block) -> TrueResidual {
         let mut irradiance = self.zeros();

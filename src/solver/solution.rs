@@ -1,6 +1,9 @@
 //! What a solver returns.
 
+use serde::Serialize;
+
 use super::SolverError;
+use super::energy::Energy;
 use super::error_bound;
 use super::history::{HistoryEntry, Recorder};
 use super::scaled::{Scaled, TrueResidual};
@@ -28,18 +31,31 @@ pub struct Solution {
     /// A bound of the relative error ‖B − B*‖ / ‖B‖, ‖x‖² = Σ A x², the worst channel; B* solves the system exactly.
     /// `None` where none can be proved: see the error of the form factors for the rest.
     pub error_bound: Option<f64>,
-    /// What happened pass by pass; the last entry holds the true residual.
+    /// What happened pass by pass; the last entry holds the true residual of what is returned.
     pub history: Vec<HistoryEntry>,
     /// B with an estimate of the light that is still under way, W·m⁻², \[n, c\], for pictures before convergence; where the solver has one.
     pub display: Option<Block>,
     /// How often each patch was selected, \[n\], in solvers that select; else empty. Their sum is the number of steps.
     pub selections: Vec<u64>,
+    /// Where the light goes, channel by channel.
+    pub energy: Vec<Energy>,
+    /// The solver that [`Auto`](super::Auto) chose; `None` for the others.
+    pub choice: Option<Choice>,
+}
+
+/// A solver, and why it was chosen.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Choice {
+    /// Its name.
+    pub solver: &'static str,
+    /// Why, in a sentence.
+    pub why: String,
 }
 
 impl Solution {
     /// Returns the solution of a scene in which nothing reflects: B = E, exactly, whatever F is.
     ///
-    /// The irradiance, which plays no part in it, is left at 0. `exitance`: E, W·m⁻², \[n, c\]. Departures: none.
+    /// The irradiance, which plays no part in it, is left at 0, and the energy empty. `exitance`: E, W·m⁻², \[n, c\]. Departures: none.
     #[must_use]
     pub fn without_reflection(exitance: Block) -> Self {
         Self {
@@ -54,6 +70,8 @@ impl Solution {
             history: Vec::new(),
             display: None,
             selections: Vec::new(),
+            energy: Vec::new(),
+            choice: None,
         }
     }
 
@@ -72,8 +90,10 @@ impl Solution {
         // Whatever went wrong on the way, nothing that rests on it is returned.
         expect_readable(scaled.system.operator())?;
         let met = worst(&tolerance.excess(&truth.norms)) <= 1.0;
-        let radiosity = scaled.to_si(radiosity);
-        let stop_reason = if gave_up == StopReason::Diverged || radiosity.values().iter().any(|b| !b.is_finite()) {
+        let (radiosity, irradiance) = (scaled.to_si(radiosity), scaled.to_si(truth.irradiance));
+        let signed = scaled.system.is_signed();
+        let impossible = |b: &f64| !b.is_finite() || (met && !signed && *b < 0.0);
+        let stop_reason = if gave_up == StopReason::Diverged || radiosity.values().iter().any(impossible) {
             StopReason::Diverged
         } else if met {
             StopReason::Converged
@@ -81,8 +101,10 @@ impl Solution {
             gave_up
         };
         Ok(Self {
+            energy: Energy::of(scaled.system, &radiosity, &irradiance),
+            choice: None,
             radiosity,
-            irradiance: scaled.to_si(truth.irradiance),
+            irradiance,
             stop_reason,
             n_passes,
             n_checks,

@@ -18,6 +18,10 @@ pub struct RadiositySystem<'a> {
     components: OnceLock<Components>,
     /// The units in which the solvers calculate: powers of two, so that changing to them and back is exact.
     units: Units,
+    /// Whether exitances, and so radiosities, may be negative.
+    signed: bool,
+    /// The components (in each channel) whose mean radiosity nothing determines.
+    singular: Vec<Vec<u32>>,
 }
 
 /// Scales near the greatest area and the greatest exitance of each channel: in these units nothing that matters under- or overflows when squared.
@@ -43,6 +47,33 @@ impl<'a> RadiositySystem<'a> {
         reflectance: Block,
         exitance: Block,
     ) -> Result<Self, SolverError> {
+        Self::build(operator, areas, reflectance, exitance, false)
+    }
+
+    /// Puts a system together whose exitances may be negative, such as the difference of two lightings.
+    ///
+    /// As [`new`](Self::new), except that a closed, white component is accepted where its exitances balance, Σ A E = 0 (to 1e-12 of Σ A |E|):
+    /// its solution is then determined but for a constant, and solvers return the one with Σ A B = 0. Negative radiosities
+    /// do not count against a solution.
+    ///
+    /// # Errors
+    /// As for [`new`](Self::new), without [`SolverError::Exitance`] for negative values.
+    pub fn with_signed_exitance(
+        operator: &'a dyn LinearOperator,
+        areas: Vec<f64>,
+        reflectance: Block,
+        exitance: Block,
+    ) -> Result<Self, SolverError> {
+        Self::build(operator, areas, reflectance, exitance, true)
+    }
+
+    fn build(
+        operator: &'a dyn LinearOperator,
+        areas: Vec<f64>,
+        reflectance: Block,
+        exitance: Block,
+        signed: bool,
+    ) -> Result<Self, SolverError> {
         let n = operator.n_rows();
         let n_channels = exitance.n_channels();
         if n == 0 {
@@ -65,7 +96,11 @@ impl<'a> RadiositySystem<'a> {
                 reflectance,
             });
         }
-        if let Some(k) = exitance.values().iter().position(|e| !(e.is_finite() && *e >= 0.0)) {
+        if let Some(k) = exitance
+            .values()
+            .iter()
+            .position(|e| !(e.is_finite() && (signed || *e >= 0.0)))
+        {
             let ((patch, channel), exitance) = (place(k), exitance.values()[k]);
             return Err(SolverError::Exitance {
                 patch,
@@ -82,7 +117,7 @@ impl<'a> RadiositySystem<'a> {
                 .map(|c| unit(exitance.values().iter().skip(c).step_by(n_channels).copied()))
                 .collect(),
         };
-        let system = Self {
+        let mut system = Self {
             operator,
             areas,
             reflectance,
@@ -90,9 +125,11 @@ impl<'a> RadiositySystem<'a> {
             row_sums,
             components: OnceLock::new(),
             units,
+            signed,
+            singular: Vec::new(),
         };
-        system.expect_a_finite_solution()?;
         expect_readable(operator)?;
+        system.singular = system.find_singular()?;
         Ok(system)
     }
 
@@ -156,28 +193,60 @@ impl<'a> RadiositySystem<'a> {
         &self.units.exitance
     }
 
-    /// Refuses enclosures that gain light and cannot lose it.
-    fn expect_a_finite_solution(&self) -> Result<(), SolverError> {
-        for channel in 0..self.n_channels() {
+    /// Tells whether exitances, and so radiosities, may be negative.
+    #[must_use]
+    pub fn is_signed(&self) -> bool {
+        self.signed
+    }
+
+    /// Returns the components whose mean radiosity nothing determines in a channel, as they are closed and white: solutions have a mean of zero there.
+    pub fn singular_components(&self, channel: usize) -> impl Iterator<Item = u32> {
+        self.singular.get(channel).into_iter().flatten().copied()
+    }
+
+    /// Finds the enclosures that cannot lose light; refuses those that gain any.
+    fn find_singular(&self) -> Result<Vec<Vec<u32>>, SolverError> {
+        let mut found = vec![Vec::new(); self.n_channels()];
+        for (channel, singular) in found.iter_mut().enumerate() {
             let reflects_all = |i: usize| self.reflectance.row(i)[channel] >= 1.0;
             if !(0..self.n_patches()).any(reflects_all) {
                 continue;
             }
-            let components = self.components();
-            let label = |i: usize| components.labels[i] as usize;
-            let mut loses = vec![false; components.n_components];
-            for i in 0..self.n_patches() {
+            let Components { labels, n_components } = self.components();
+            let mut loses = vec![false; *n_components];
+            let mut gained = vec![(0.0, 0.0); *n_components];
+            let (area_unit, exitance_unit) = (self.units.area, self.units.exitance[channel]);
+            for (i, &label) in labels.iter().enumerate() {
                 let lets_out = self.row_sums()[i] < 1.0 - f64::from(f32::EPSILON);
-                loses[label(i)] |= !reflects_all(i) || lets_out;
+                loses[label as usize] |= !reflects_all(i) || lets_out;
+                let power = self.areas[i] / area_unit * (self.exitance.row(i)[channel] / exitance_unit);
+                let (net, gross) = &mut gained[label as usize];
+                *net += power;
+                *gross += power.abs();
             }
-            let emits = |i: &usize| self.exitance.row(*i)[channel] > 0.0;
-            if let Some(patch) = (0..self.n_patches()).filter(emits).find(|&i| !loses[label(i)]) {
-                return Err(SolverError::NoFiniteSolution { patch, channel });
+            let enclosures = (0_u32..)
+                .zip(loses.iter().zip(&gained))
+                .filter(|(_, (loses, _))| !**loses);
+            for (component, (_, (net, gross))) in enclosures {
+                if net.abs() > BALANCED_TO * gross {
+                    let members = || (0..self.n_patches()).filter(|&i| labels[i] == component);
+                    let emits = |i: &usize| self.exitance.row(*i)[channel].abs() > 0.0;
+                    return Err(SolverError::NoFiniteSolution {
+                        component,
+                        n_patches: members().count(),
+                        patch: members().find(emits).unwrap_or(0),
+                        channel,
+                    });
+                }
+                singular.push(component);
             }
         }
-        Ok(())
+        Ok(found)
     }
 }
+
+/// A sum of powers below this share of their sizes is zero but for rounding.
+const BALANCED_TO: f64 = 1e-12;
 
 /// Refuses to go on with what an operator returned after it could not be read.
 pub(super) fn expect_readable(operator: &dyn LinearOperator) -> Result<(), SolverError> {
@@ -192,10 +261,10 @@ fn expect_size(what: &'static str, expected: usize, found: usize) -> Result<(), 
     }
 }
 
-/// Returns the power of two just below the greatest of some values that are not negative, kept away from the ends of
+/// Returns the power of two just below the greatest size of some values, kept away from the ends of
 /// the range; 1 if all are zero.
 fn unit(values: impl Iterator<Item = f64>) -> f64 {
-    let max = values.fold(0.0, f64::max);
+    let max = values.map(f64::abs).fold(0.0, f64::max);
     if max > 0.0 {
         max.log2().floor().clamp(-1000.0, 1000.0).exp2()
     } else {

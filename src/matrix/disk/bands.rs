@@ -56,9 +56,9 @@ impl<T: Scalar> TileFile<T> {
         part: Part,
         work: impl FnOnce(&[Square<T>]) -> R,
     ) -> Result<R, DiskError> {
-        let kept = self.bands.exchange(None);
         let fits = |kept: &Kept<T>| kept.0 == band && (kept.1 == part || kept.1 == Part::All);
-        let kept = match kept.filter(fits) {
+        // What is of no use is dropped before more is read.
+        let kept = match self.bands.exchange(None).filter(fits) {
             Some(kept) => kept,
             None => (band, part, self.read_band(band, part)?),
         };

@@ -1,0 +1,193 @@
+//! `radiosity reproduce stability`.
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use serde_json::json;
+
+use super::args::ReproduceArgs;
+use super::compare::failure;
+use super::exit_code::ExitCode;
+use super::failure::Failure;
+use super::pipeline::Run;
+use super::{Outcome, SCHEMA_VERSION, output};
+use crate::experiment::stability::{self, Cell, Stability, Verdict};
+use crate::report::plot::{ErrorTimePlot, PlotPoint, Ranged, Series};
+use crate::report::{Table, memory_peak_byte};
+
+/// The files that are written.
+const FILES: [&str; 4] = ["report.md", "results.csv", "results.json", "error_time.svg"];
+
+pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
+    if args.tables.is_some() {
+        return Err(Failure::usage("--tables has no use with `stability`; leave it out"));
+    }
+    let directory = args
+        .output
+        .clone()
+        .unwrap_or_else(|| PathBuf::from("reproduce-stability"));
+    output::make_directory(&directory)?;
+    let mut run = Run::new("reproduce", &args.common);
+    run.set("paper", json!(args.paper));
+    run.set("seed", args.seed);
+    let result = run
+        .times
+        .time("stability", || stability::run(args.seed, &run.progress))
+        .map_err(failure)?;
+    run.progress.finish();
+    let n_wrong = result.wrong().count();
+    let report = report(&result);
+    let document = json!({
+        "schema_version": SCHEMA_VERSION,
+        "command": run.command,
+        "version": env!("CARGO_PKG_VERSION"),
+        "settings": run.settings,
+        "stages": run.times.to_json(),
+        "total_s": run.times.total_s(),
+        "memory_peak_byte": memory_peak_byte(),
+        "tolerance": stability::TOLERANCE,
+        "max_passes": stability::MAX_PASSES,
+        "n_wrong": n_wrong,
+        "result": result,
+        "files": FILES,
+    });
+    let svg = plot(&result).to_svg();
+    let svg = svg.map_err(|error| Failure::new("plot", error.to_string()))?;
+    let json = format!(
+        "{:#}\n",
+        json!({"schema_version": SCHEMA_VERSION, "settings": run.settings, "result": result})
+    );
+    for (file, text) in FILES.iter().zip([&report, &cells(&result).to_csv(), &json, &svg]) {
+        output::write(&directory.join(file), |w| w.write_all(text.as_bytes()))?;
+    }
+    let mut printed = report;
+    let _ = writeln!(printed, "\nwrote {} to {}", FILES.join(", "), directory.display());
+    if n_wrong > 0 {
+        run.warn(&format!("{n_wrong} cells are wrong; see the table"));
+    }
+    Ok(Outcome {
+        text: printed,
+        document,
+        code: if n_wrong == 0 {
+            ExitCode::Done
+        } else {
+            ExitCode::CheckFailed
+        },
+    })
+}
+
+fn report(result: &Stability) -> String {
+    let count = |verdict: Verdict| result.cells.iter().filter(|cell| cell.verdict == verdict).count();
+    let mut text = String::from("# Solvers on stiff, extreme and impossible systems\n\n");
+    let _ = writeln!(
+        text,
+        "Every solver with its defaults on every case, to a relative residual of {:e} within {} passes. **right**: converged, and residual, error bound, signs and power balance are \
+         true, judged by a solution to all digits; then the passes and the relative error. **slow**: all passes used up, and said so. **refused**: a typed error, or stopped as \
+         stagnated or diverged. **WRONG**: anything else.\n\n{} right, {} slow, {} refused, {} wrong.\n",
+        stability::TOLERANCE,
+        stability::MAX_PASSES,
+        count(Verdict::Right),
+        count(Verdict::Slow),
+        count(Verdict::Refused),
+        count(Verdict::Wrong)
+    );
+    let head = ["case", "n"].into_iter().chain(result.solvers.iter().copied());
+    let mut table = Table::new(head.chain(["auto: work / least", "auto: time / least"]));
+    for (case, cells) in result.cases.iter().zip(result.cells.chunks(result.solvers.len())) {
+        let ratio = |value: Option<f64>| value.map_or("–".to_owned(), |value| format!("{value:.2}"));
+        let mut row = vec![case.name.clone(), case.n_patches.to_string()];
+        row.extend(cells.iter().map(show));
+        row.extend([ratio(case.auto_work_ratio), ratio(case.auto_time_ratio)]);
+        table.push(row);
+    }
+    text.push_str(&table.to_markdown());
+    text.push_str("\nTimes are wall times of this run, the least of three; work is in passes over the form factors, checks and factorisations included.\n");
+    text
+}
+
+fn show(cell: &Cell) -> String {
+    match cell.verdict {
+        Verdict::Right => format!(
+            "right {} ({:.0e})",
+            cell.n_passes.unwrap_or(0),
+            cell.error.unwrap_or(0.0)
+        ),
+        Verdict::Slow => "slow".to_owned(),
+        Verdict::Refused if cell.n_passes.is_some() => format!("refused: {}", cell.detail),
+        Verdict::Refused => "refused".to_owned(),
+        Verdict::Wrong => format!("WRONG: {}", cell.detail),
+    }
+}
+
+fn cells(result: &Stability) -> Table {
+    let mut table = Table::new([
+        "case",
+        "solver",
+        "verdict",
+        "detail",
+        "choice",
+        "n_passes",
+        "work",
+        "time_s",
+        "error",
+        "error_bound",
+        "residual_l2",
+    ]);
+    let number = |v: Option<f64>| v.map_or(String::new(), |v| format!("{v:?}"));
+    for cell in &result.cells {
+        table.push([
+            cell.case.clone(),
+            cell.solver.to_owned(),
+            format!("{:?}", cell.verdict).to_lowercase(),
+            cell.detail.clone(),
+            cell.choice.unwrap_or_default().to_owned(),
+            cell.n_passes.map_or(String::new(), |n| n.to_string()),
+            number(cell.work),
+            number(cell.time_s),
+            number(cell.error),
+            number(cell.error_bound),
+            number(cell.residual_l2),
+        ]);
+    }
+    table
+}
+
+/// Draws the error of every right cell against its time.
+fn plot(result: &Stability) -> ErrorTimePlot {
+    let exactly = |value: f64| Ranged {
+        middle: value,
+        low: value,
+        high: value,
+    };
+    let series = result.solvers.iter().enumerate().map(|(style, solver)| {
+        let right = |cell: &&Cell| cell.solver == *solver && cell.verdict == Verdict::Right;
+        let mut points: Vec<PlotPoint> = result
+            .cells
+            .iter()
+            .filter(right)
+            .filter_map(|cell| {
+                Some(PlotPoint {
+                    time_s: exactly(cell.time_s?),
+                    error: exactly(cell.error?),
+                    on_front: false,
+                })
+            })
+            .collect();
+        points.sort_by(|a, b| a.time_s.middle.total_cmp(&b.time_s.middle));
+        Series {
+            name: (*solver).to_owned(),
+            style,
+            points,
+        }
+    });
+    ErrorTimePlot {
+        title: "Solvers on stiff and extreme systems: error against run time".to_owned(),
+        subtitle: format!(
+            "every case that a solver was right on, to a relative residual of {:e}",
+            stability::TOLERANCE
+        ),
+        error_label: "relative error of the radiosity".to_owned(),
+        series: series.collect(),
+        reference_error: None,
+    }
+}

@@ -1,0 +1,391 @@
+//! Every solver on stiff, extreme and impossible systems: is what it says true?
+//!
+//! A cell of the table is one solver on one case. It is *right* if the solver says `converged`, and then everything it says is checked against
+//! an exact solution (a factorisation, refined with residuals in twice the precision): the radiosities are finite, not negative, their true residual
+//! meets the tolerance, their error is within the error bound that was given (or, where none was, within what the residual explains), and the light is accounted
+//! for. It is *refused* if the solver or the system returned a typed error or stopped as `stagnated` or `diverged`, and *slow* if all passes were used up. Everything else is
+//! *wrong*: there must be no such cell.
+
+mod cases;
+mod oracle;
+mod rooms;
+
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+use serde::Serialize;
+
+use super::ExperimentError;
+use crate::matrix::operator::Block;
+use crate::progress::Progress;
+use crate::solver::registry::{SOLVERS, SolverEntry};
+use crate::solver::{RadiositySystem, Solution, SolveOptions, SolverError, SolverSettings, StopReason, Tolerance};
+use cases::{Case, Expected};
+use oracle::Oracle;
+
+/// The tolerance on sqrt(Σ A r² / Σ A E²).
+pub const TOLERANCE: f64 = 1e-6;
+
+/// The passes that a solver may spend.
+pub const MAX_PASSES: usize = 1000;
+
+/// Times of a cell, of which the least counts.
+const N_RUNS: usize = 3;
+
+/// How one solver did on one case.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// It converged, and all it says is true.
+    Right,
+    /// It used up its passes, and says so.
+    Slow,
+    /// It, or the system, refused, or it stopped and says why.
+    Refused,
+    /// It says what is not true.
+    Wrong,
+}
+
+/// One solver on one case.
+#[derive(Clone, Debug, Serialize)]
+pub struct Cell {
+    /// The case's name.
+    pub case: String,
+    /// The solver's name.
+    pub solver: &'static str,
+    /// How it did.
+    pub verdict: Verdict,
+    /// Why it stopped, which error it returned, or what is wrong.
+    pub detail: String,
+    /// The solver that `auto` took.
+    pub choice: Option<&'static str>,
+    /// Passes, without checks.
+    pub n_passes: Option<usize>,
+    /// Work in passes over F, checks of the true residual included.
+    pub work: Option<f64>,
+    /// Wall time, s, the least of three runs.
+    pub time_s: Option<f64>,
+    /// ‖B − B*‖ / ‖B*‖ in the norm sqrt(Σ A x²), the worst channel.
+    pub error: Option<f64>,
+    /// The bound of the same that the solver gave.
+    pub error_bound: Option<f64>,
+    /// sqrt(Σ A r² / Σ A E²).
+    pub residual_l2: Option<f64>,
+}
+
+/// One case and how `auto` did among the solvers.
+#[derive(Clone, Debug, Serialize)]
+pub struct CaseSummary {
+    /// Its name.
+    pub name: String,
+    /// What it is.
+    pub about: String,
+    /// Number of patches.
+    pub n_patches: usize,
+    /// The solver, other than `auto`, that was right in the least work, with that work.
+    pub best: Option<(&'static str, f64)>,
+    /// The work of `auto` by that of the best.
+    pub auto_work_ratio: Option<f64>,
+    /// The time of `auto` by the least time of another solver that was right.
+    pub auto_time_ratio: Option<f64>,
+}
+
+/// The whole table.
+#[derive(Clone, Debug, Serialize)]
+pub struct Stability {
+    /// The cases, in order.
+    pub cases: Vec<CaseSummary>,
+    /// The solvers' names, in the registry's order.
+    pub solvers: Vec<&'static str>,
+    /// The cells, case by case, in the order of `solvers`.
+    pub cells: Vec<Cell>,
+}
+
+impl Stability {
+    /// Returns the cells whose verdict is [`Verdict::Wrong`].
+    pub fn wrong(&self) -> impl Iterator<Item = &Cell> {
+        self.cells.iter().filter(|cell| cell.verdict == Verdict::Wrong)
+    }
+}
+
+/// Tries every solver of the registry on every case; `seed` is that of the Monte Carlo noise.
+///
+/// # Errors
+/// [`ExperimentError`] if a case cannot be built.
+pub fn run(seed: u64, progress: &dyn Progress) -> Result<Stability, ExperimentError> {
+    let cases = cases::all(seed)?;
+    progress.begin("stability", (cases.len() * SOLVERS.len()) as u64);
+    let mut table = Stability {
+        cases: Vec::new(),
+        solvers: SOLVERS.iter().map(|s| s.name).collect(),
+        cells: Vec::new(),
+    };
+    for case in &cases {
+        let cells = try_case(case, progress);
+        table.cases.push(summary(case, &cells));
+        table.cells.extend(cells);
+    }
+    Ok(table)
+}
+
+fn try_case(case: &Case, progress: &dyn Progress) -> Vec<Cell> {
+    let (areas, reflectance, exitance) = (case.areas.clone(), case.reflectance.clone(), case.exitance.clone());
+    let system = if case.signed {
+        RadiositySystem::with_signed_exitance(&*case.operator, areas, reflectance, exitance)
+    } else {
+        RadiositySystem::new(&*case.operator, areas, reflectance, exitance)
+    };
+    let judge = system
+        .as_ref()
+        .map(|accepted| (accepted, Oracle::new(accepted, case.signed)));
+    let cell = |entry: &SolverEntry| {
+        let cell = match &judge {
+            Ok((accepted, oracle)) => solve(case, entry, accepted, oracle),
+            Err(error) => refused(case, entry, error),
+        };
+        progress.advance(1);
+        cell
+    };
+    SOLVERS.iter().map(cell).collect()
+}
+
+fn refused(case: &Case, entry: &SolverEntry, error: &SolverError) -> Cell {
+    Cell {
+        case: case.name.clone(),
+        solver: entry.name,
+        verdict: Verdict::Refused,
+        detail: error.to_string(),
+        choice: None,
+        n_passes: None,
+        work: None,
+        time_s: None,
+        error: None,
+        error_bound: None,
+        residual_l2: None,
+    }
+}
+
+fn solve(case: &Case, entry: &SolverEntry, system: &RadiositySystem, oracle: &Oracle) -> Cell {
+    let solver = entry.build(&SolverSettings::default());
+    let options = SolveOptions {
+        tolerance: Tolerance::ResidualL2(TOLERANCE),
+        max_passes: MAX_PASSES,
+        ..SolveOptions::default()
+    };
+    let mut time_s = f64::INFINITY;
+    let mut solution = None;
+    for _ in 0..N_RUNS {
+        let start = Instant::now();
+        match solver.solve(system, &options, &mut |_| ControlFlow::Continue(())) {
+            Ok(found) => solution = Some(found),
+            Err(error) => return refused(case, entry, &error),
+        }
+        time_s = time_s.min(start.elapsed().as_secs_f64());
+    }
+    let Some(solution) = solution else {
+        unreachable!("at least one run")
+    };
+    let error = relative_error(system.areas(), &solution.radiosity, &oracle.radiosity);
+    let (verdict, detail) = match solution.stop_reason {
+        StopReason::Converged => match lie(case, system, oracle, &solution, error) {
+            None => (Verdict::Right, "converged".to_owned()),
+            Some(lie) => (Verdict::Wrong, lie),
+        },
+        StopReason::MaxPasses => (Verdict::Slow, StopReason::MaxPasses.to_string()),
+        other => (Verdict::Refused, other.to_string()),
+    };
+    Cell {
+        case: case.name.clone(),
+        solver: entry.name,
+        verdict,
+        detail,
+        choice: solution.choice.as_ref().map(|choice| choice.solver),
+        n_passes: Some(solution.n_passes),
+        work: Some(solution.history.last().map_or(0.0, |last| last.work) + solution.n_checks as f64),
+        time_s: Some(time_s),
+        error: Some(error),
+        error_bound: solution.error_bound,
+        residual_l2: Some(solution.residual_l2),
+    }
+}
+
+/// Returns what is not true of a solution that is said to be converged.
+fn lie(case: &Case, system: &RadiositySystem, oracle: &Oracle, solution: &Solution, error: f64) -> Option<String> {
+    let b = solution.radiosity.values();
+    if b.iter().any(|b| !b.is_finite()) {
+        return Some("a radiosity is not finite".to_owned());
+    }
+    if case.expected == Expected::Refusal || !(oracle.of_light || case.signed) {
+        return Some("converged, where nothing means anything".to_owned());
+    }
+    if !case.signed && b.iter().any(|b| *b < 0.0) {
+        return Some("a radiosity is negative".to_owned());
+    }
+    let mut irradiance = Block::zeros(system.n_patches(), system.n_channels());
+    system.operator().apply(&solution.radiosity, &mut irradiance);
+    for c in 0..system.n_channels() {
+        let residual = |i: usize| {
+            let (rho, e) = (system.reflectance().row(i)[c], system.exitance().row(i)[c]);
+            e + rho * irradiance.row(i)[c] - solution.radiosity.row(i)[c]
+        };
+        let l2 = |value: &dyn Fn(usize) -> f64| -> f64 {
+            // The greatest value is taken out first: its square may not be a number.
+            let max = (0..b.len() / system.n_channels())
+                .map(|i| value(i).abs())
+                .fold(0.0, f64::max);
+            let squares = system
+                .areas()
+                .iter()
+                .enumerate()
+                .map(|(i, a)| a * (value(i) / max).powi(2));
+            if max > 0.0 {
+                max * squares.sum::<f64>().sqrt()
+            } else {
+                0.0
+            }
+        };
+        let (r, e) = (l2(&residual), l2(&|i| system.exitance().row(i)[c]));
+        if r > TOLERANCE * (1.0 + 1e-9) * e {
+            return Some(format!("the residual is {:.1e}", r / e));
+        }
+        let area: f64 = system.areas().iter().sum();
+        if let Some(energy) = solution
+            .energy
+            .get(c)
+            .filter(|_| system.operator().reciprocal_areas().is_some())
+        {
+            let lost = (energy.emitted - energy.absorbed - energy.escaped).abs();
+            if lost > area.sqrt() * r + 1e-12 * energy.leaving.abs() {
+                return Some(format!(
+                    "{lost:.1e} W of {:.1e} W are not accounted for",
+                    energy.emitted
+                ));
+            }
+        }
+        let b_l2 = l2(&|i| oracle.radiosity.row(i)[c]);
+        let r_max = (0..system.n_patches()).map(|i| residual(i).abs()).fold(0.0, f64::max);
+        let explained =
+            r_max * oracle.amplification[c] / b_l2 + ROUNDING * (1.0 + oracle.amplification[c] / area.sqrt());
+        let allowed = solution.error_bound.unwrap_or(explained);
+        // The oracle's own error is far below 1e-12.
+        if error > allowed * (1.0 + 1e-6) + 1e-12 {
+            return Some(format!("the error is {error:.1e}, above {allowed:.1e}"));
+        }
+    }
+    None
+}
+
+/// What rounding in a pass over a few hundred patches amounts to, relative.
+const ROUNDING: f64 = 1e-14;
+
+fn relative_error(areas: &[f64], x: &Block, y: &Block) -> f64 {
+    let mut worst = 0.0_f64;
+    for c in 0..y.n_channels() {
+        let max = (0..areas.len()).map(|i| y.row(i)[c].abs()).fold(0.0, f64::max);
+        let sum =
+            |term: &dyn Fn(usize) -> f64| -> f64 { areas.iter().enumerate().map(|(i, a)| a * term(i).powi(2)).sum() };
+        let difference = sum(&|i| (x.row(i)[c] - y.row(i)[c]) / max);
+        let size = sum(&|i| y.row(i)[c] / max);
+        let error = (difference / size).sqrt();
+        worst = if error.is_nan() {
+            f64::INFINITY
+        } else {
+            worst.max(error)
+        };
+    }
+    worst
+}
+
+fn summary(case: &Case, cells: &[Cell]) -> CaseSummary {
+    let right = || cells.iter().filter(|cell| cell.verdict == Verdict::Right);
+    let others = || right().filter(|cell| cell.solver != "auto");
+    let auto = right().find(|cell| cell.solver == "auto");
+    let best = others()
+        .filter_map(|cell| Some((cell.solver, cell.work?)))
+        .min_by(|a, b| a.1.total_cmp(&b.1));
+    let least_time = others().filter_map(|cell| cell.time_s).min_by(f64::total_cmp);
+    CaseSummary {
+        name: case.name.clone(),
+        about: case.about.clone(),
+        n_patches: case.areas.len(),
+        best,
+        auto_work_ratio: auto.and_then(|auto| Some(auto.work? / best?.1)),
+        auto_time_ratio: auto.and_then(|auto| Some(auto.time_s? / least_time?)),
+    }
+}
+
+#[cfg(test)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::progress::Silent;
+
+    /// The table itself: no cell is wrong, what has no solution is refused by all, and some solver is right wherever there is one.
+    #[test]
+    fn no_solver_says_what_is_not_true() {
+        let table = run(0, &Silent).unwrap();
+        let wrong: Vec<&Cell> = table.wrong().collect();
+        assert!(wrong.is_empty(), "{wrong:#?}");
+        for (case, expected) in table.cases.iter().zip(cases::all(0).unwrap()) {
+            let cells: Vec<&Cell> = table.cells.iter().filter(|cell| cell.case == case.name).collect();
+            assert_eq!(cells.len(), SOLVERS.len());
+            match expected.expected {
+                Expected::Refusal => assert!(cells.iter().all(|c| c.verdict == Verdict::Refused), "{cells:#?}"),
+                // Beyond 1 − ρ = 1e-9 rounding alone is above the tolerance.
+                Expected::Solution if case.name.ends_with("1e-10") || case.name.ends_with("1e-12") => {}
+                Expected::Solution => {
+                    let auto = cells.iter().find(|c| c.solver == "auto").unwrap();
+                    assert_eq!(auto.verdict, Verdict::Right, "{auto:#?}");
+                }
+            }
+        }
+    }
+
+    /// The oracle tells systems of light from others, as the cases say.
+    #[test]
+    fn expectations_are_those_of_the_oracle() {
+        for case in cases::all(0).unwrap().iter().filter(|case| !case.signed) {
+            let blocks = (case.reflectance.clone(), case.exitance.clone());
+            if let Ok(system) = RadiositySystem::new(&*case.operator, case.areas.clone(), blocks.0, blocks.1) {
+                let oracle = Oracle::new(&system, false);
+                assert_eq!(oracle.of_light, case.expected == Expected::Solution, "{}", case.name);
+            }
+        }
+    }
+
+    /// A judge that lets everything pass proves nothing.
+    #[test]
+    fn the_judge_finds_what_is_wrong() {
+        let cases = cases::all(0).unwrap();
+        let case = &cases[1];
+        let blocks = (case.reflectance.clone(), case.exitance.clone());
+        let system = RadiositySystem::new(&*case.operator, case.areas.clone(), blocks.0, blocks.1).unwrap();
+        let oracle = Oracle::new(&system, false);
+        let entry = crate::solver::registry::by_name("direct").unwrap();
+        let solver = entry.build(&SolverSettings::default());
+        let solution = solver
+            .solve(&system, &SolveOptions::default(), &mut |_| ControlFlow::Continue(()))
+            .unwrap();
+        let found = |solution: &Solution| {
+            let error = relative_error(system.areas(), &solution.radiosity, &oracle.radiosity);
+            lie(case, &system, &oracle, solution, error)
+        };
+        assert_eq!(found(&solution), None);
+        let mut brighter = solution.clone();
+        brighter.radiosity.values_mut().iter_mut().for_each(|b| *b *= 1.001);
+        assert!(found(&brighter).unwrap().contains("residual"));
+        let mut negative = solution.clone();
+        negative.radiosity.values_mut()[0] = -1e-300;
+        assert!(found(&negative).unwrap().contains("negative"));
+        let mut infinite = solution.clone();
+        infinite.radiosity.values_mut()[0] = f64::NAN;
+        assert!(found(&infinite).unwrap().contains("finite"));
+        let mut sure = solution.clone();
+        sure.radiosity.values_mut().iter_mut().for_each(|b| *b *= 1.0 + 1e-9);
+        sure.error_bound = Some(1e-15);
+        assert!(found(&sure).unwrap().contains("error"));
+        let mut lossy = solution;
+        lossy.energy[0].absorbed *= 0.9;
+        assert!(found(&lossy).unwrap().contains("accounted"));
+    }
+}

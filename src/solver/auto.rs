@@ -1,0 +1,179 @@
+//! `auto`: the solver that suits a system, and why.
+
+use std::ops::ControlFlow;
+
+use crate::matrix::operator::Block;
+
+use super::deflation::greatest_mean_reflectance;
+use super::direct::{equal_channels, memory_byte};
+use super::scaled::Scaled;
+use super::stop::Tolerance;
+use super::{
+    Choice, Direct, GaussSeidel, Gmres, HistoryEntry, Pcg, RadiositySystem, Solution, SolveOptions, Solver, SolverError,
+};
+
+/// Looks at the system and takes the solver that will be fastest.
+///
+/// What it looks at costs no pass over F, with one exception: whether the exchange areas are symmetric, the number of patches n, of channels, and of distinct reflectances, the tolerance, and
+/// from the reflectances and row sums s_i the greatest mean reflectance ρ_avg of a component that emits and bounds of the spectral radius λ of
+/// diag(ρ) F: λ ≤ max ρ_i s_i, and λ ≥ min ρ_i s_i (Collatz and Wielandt with the vector 1). Only where λ may be so near 1 that an iteration could take
+/// several times as long as a factorisation, one pass over F estimates the mean of the squared eigenvalues: near 0 in a room, where they cluster and
+/// iterations are fast whatever λ is, and near 1 between plates that face each other at a small gap, where they do not.
+///
+/// - `direct` where n / 8 passes (measured, see [`Direct`]) for each distinct reflectance are less than an iteration takes, for so many channels: few patches,
+///   many lightings, or eigenvalues that do not cluster;
+/// - `pcg` where the exchange areas are symmetric: the fewest passes at every ρ, and symmetric storage halves each.
+/// - else `gauss-seidel` where λ is so small that its sweeps, which need no check before them, are fewer;
+/// - else `gmres`.
+///
+/// The choice and its reason are in [`Solution::choice`]. How far it is from the best: `radiosity reproduce stability` prints the ratios of work and time, case by case.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Auto {
+    /// What `gmres` would be set to.
+    pub gmres: Gmres,
+    /// What `direct` would be set to.
+    pub direct: Direct,
+}
+
+/// Multiplications of a factorisation that take the time of one in a pass: measured on two cores, see [`Direct`].
+const LU_RATIO: f64 = 8.0;
+
+/// Passes that conjugate gradients take for each decimal digit, beside the checks before and after.
+const PASSES_PER_DIGIT: f64 = 2.0;
+
+impl Solver for Auto {
+    fn name(&self) -> &'static str {
+        "auto"
+    }
+
+    fn solve(
+        &self,
+        system: &RadiositySystem,
+        options: &SolveOptions,
+        monitor: &mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>,
+    ) -> Result<Solution, SolverError> {
+        let (solver, why) = self.choose(system, options);
+        let solution = solver.solve(system, options, monitor)?;
+        let choice = Choice {
+            solver: solver.name(),
+            why,
+        };
+        Ok(Solution {
+            choice: Some(choice),
+            ..solution
+        })
+    }
+}
+
+impl Auto {
+    /// Returns the solver for a system, and why.
+    #[must_use]
+    pub fn choose(&self, system: &RadiositySystem, options: &SolveOptions) -> (Box<dyn Solver>, String) {
+        let symmetric = system.operator().reciprocal_areas().is_some() || options.allow_nonreciprocal;
+        let scaled = Scaled::new(system);
+        let mean = greatest_mean_reflectance(&scaled);
+        let (low, high) = spectral_radius_bounds(system);
+        let digits = match options.tolerance {
+            Tolerance::ResidualL2(value) => -value.log10(),
+            // What an absolute tolerance amounts to is not known before the first residual: the default's six digits.
+            Tolerance::ResidualMaxPower(_) | Tolerance::ResidualMax(_) => 6.0,
+        };
+        let facts = format!("mean reflectance {mean:.3}, spectral radius within {low:.3} to {high:.3}");
+        if let Some(why) = self.direct_pays(system, digits) {
+            return (Box::new(self.direct), why);
+        }
+        if symmetric {
+            let why = format!("the exchange areas are symmetric; {facts}");
+            return (Box::new(Pcg::default()), why);
+        }
+        let has_rows = system.operator().rows().is_some();
+        // A sweep makes the error λ² times as large; the estimate lags by one sweep, and one check follows where others have two.
+        let sweeps = digits / (-2.0 * high.log10()) + 1.0;
+        if has_rows && high < 1.0 && sweeps < PASSES_PER_DIGIT * digits {
+            let why = format!("the exchange areas are not symmetric, and light dies away fast; {facts}");
+            return (Box::new(GaussSeidel), why);
+        }
+        let why = format!("the exchange areas are not symmetric; {facts}");
+        (Box::new(self.gmres), why)
+    }
+
+    /// Tells whether a factorisation takes less time than an iteration, and why.
+    fn direct_pays(&self, system: &RadiositySystem, digits: f64) -> Option<String> {
+        let n = system.n_patches();
+        let groups = equal_channels(system.reflectance()).len();
+        let fits = memory_byte(n, groups) <= self.direct.memory_limit_byte && system.operator().rows().is_some();
+        let factorisations = groups as f64 * n as f64 / LU_RATIO;
+        let n_channels = system.n_channels() as f64;
+        // Channels beyond the first cost less than the first, which reads the matrix.
+        let iteration = (PASSES_PER_DIGIT * digits + 2.0) * (1.0 + CHANNEL_COST * (n_channels - 1.0));
+        let solves = 3.0 * (1.0 + CHANNEL_COST * (n_channels - 1.0));
+        let direct = factorisations + solves;
+        if !fits {
+            return None;
+        }
+        if direct < iteration {
+            return Some(format!(
+                "{groups} factorisation(s) of {n} patches serve {n_channels} channel(s) in less time than passes would take"
+            ));
+        }
+        let (_, high) = spectral_radius_bounds(system);
+        // Conjugate gradients at worst: sqrt(κ) / 2 ln(2 / tolerance), with κ up to 2 / (1 − λ); with the checks, and in the same units as above.
+        let condition = 2.0 / (1.0 - high).max(f64::EPSILON);
+        let passes = 0.5 * condition.sqrt() * (2.0 * 10_f64.powf(digits)).ln();
+        let worst = passes * (1.0 + CHANNEL_COST * (n_channels - 1.0));
+        if 2.0 * direct >= worst {
+            return None;
+        }
+        let squares = mean_squared_eigenvalue(system);
+        (squares > CLUSTERED_BELOW).then(|| {
+            format!(
+                "the eigenvalues do not cluster (their mean square is {squares:.2}): passes could be up to {passes:.0}"
+            )
+        })
+    }
+}
+
+/// The mean square below which eigenvalues cluster near 0: rooms have some 2 / n.
+const CLUSTERED_BELOW: f64 = 0.2;
+
+/// Returns an estimate of Σ λ² / n over the eigenvalues λ of diag(ρ) F, the worst channel, with one pass over F.
+///
+/// S = A^½ ρ^½ F ρ^½ A^−½ has the same eigenvalues, and E ‖S z‖² = Σ λ² for random signs z where it is symmetric (Hutchinson 1990); else it is an upper bound.
+/// Standard error: at most sqrt(2 / n). The signs are those of a fixed sequence.
+fn mean_squared_eigenvalue(system: &RadiositySystem) -> f64 {
+    let mut probe = system.reflectance().clone();
+    let n_channels = probe.n_channels();
+    for (i, area) in system.areas().iter().enumerate() {
+        let mixed = (i as u64).wrapping_add(1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+        let mixed = (mixed ^ (mixed >> 29)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        let size = (system.area_unit() / area).sqrt();
+        let signed = if mixed >> 63 == 0 { size } else { -size };
+        for rho in probe.row_mut(i) {
+            *rho = rho.sqrt() * signed;
+        }
+    }
+    let mut image = Block::zeros(system.n_patches(), n_channels);
+    system.operator().apply(&probe, &mut image);
+    let mut sums = vec![0.0; n_channels];
+    for (i, area) in system.areas().iter().enumerate() {
+        let terms = image.row(i).iter().zip(system.reflectance().row(i));
+        for (sum, (y, rho)) in sums.iter_mut().zip(terms) {
+            *sum += area / system.area_unit() * rho * y * y;
+        }
+    }
+    sums.into_iter().fold(0.0, f64::max) / system.n_patches() as f64
+}
+
+/// What one more channel adds to a pass, as a share of the first.
+const CHANNEL_COST: f64 = 0.3;
+
+/// Returns min and max of ρ_i Σ_j F_ij, between which the spectral radius of diag(ρ) F lies; over the worst channel.
+fn spectral_radius_bounds(system: &RadiositySystem) -> (f64, f64) {
+    let (mut low, mut high) = (0.0_f64, 0.0_f64);
+    for c in 0..system.n_channels() {
+        let products = (0..system.n_patches()).map(|i| system.reflectance().row(i)[c] * system.row_sums()[i]);
+        let (min, max) = products.fold((f64::INFINITY, 0.0_f64), |(min, max), x| (min.min(x), max.max(x)));
+        (low, high) = (low.max(min), high.max(max));
+    }
+    (low, high)
+}

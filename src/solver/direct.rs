@@ -1,0 +1,220 @@
+//! `direct`: dense factorisation.
+
+use std::num::NonZeroUsize;
+use std::ops::ControlFlow;
+
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::lu::partial_pivoting::{factor, solve};
+use faer::perm::PermRef;
+use faer::{Mat, Par};
+
+use super::iteration::{self, Estimate, Iteration};
+use super::scaled::{Scaled, TrueResidual};
+use super::{HistoryEntry, RadiositySystem, Solution, SolveOptions, Solver, SolverError};
+use crate::matrix::operator::{Block, RowAccess};
+
+/// LU factorisation of I − diag(ρ) F with partial pivoting in f64, and iterative refinement.
+///
+/// P G = L U, G = I − diag(ρ) F; a pass is B ← B + G⁻¹ r, r = E − G B from F itself. One pass reaches rounding, about 1e-16 n^½ / (1 − ρ) of B; a second is only
+/// spent where the tolerance asks for more. Channels of equal reflectance share one factorisation, and all of them are solved together: the
+/// solver for many lightings of one scene, and the oracle for the others. In a component without a unique solution
+/// (see [`RadiositySystem::with_signed_exitance`]) the equation that the mean is zero is added to each of its rows.
+///
+/// Needs rows, not reciprocity. Memory: 8 n² bytes for each distinct reflectance, refused above [`memory_limit_byte`](Self::memory_limit_byte).
+/// Work: n / 3 passes' worth of multiplications for each factorisation, about n / 8 in time since they run in the cache, and 2 passes for each solve. (`radiosity reproduce stability` on
+/// two busy cores, least of three runs: 36 µs at n = 54 where conjugate gradients take 45, 0.13 ms for 0.08 at n = 108, and 0.68 ms for 0.25 at n = 216.)
+/// The sums are divided in the same way at any number of threads.
+///
+/// Source: Golub and Van Loan, "Matrix Computations", 4th edition, algorithms 3.4.1 and section 3.5.3. Departures: none.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Direct {
+    /// The most memory that factorisations may take, in bytes.
+    pub memory_limit_byte: u64,
+}
+
+impl Default for Direct {
+    /// 4 GiB: 23,170 patches in one channel.
+    fn default() -> Self {
+        Self {
+            memory_limit_byte: 4 << 30,
+        }
+    }
+}
+
+impl Solver for Direct {
+    fn name(&self) -> &'static str {
+        "direct"
+    }
+
+    fn solve(
+        &self,
+        system: &RadiositySystem,
+        options: &SolveOptions,
+        monitor: &mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>,
+    ) -> Result<Solution, SolverError> {
+        let Some(rows) = system.operator().rows() else {
+            return Err(SolverError::NeedsRows { solver: self.name() });
+        };
+        let groups = equal_channels(system.reflectance());
+        let needed_byte = memory_byte(system.n_patches(), groups.len());
+        if needed_byte > self.memory_limit_byte {
+            return Err(SolverError::Memory {
+                solver: self.name(),
+                needed_byte,
+                limit_byte: self.memory_limit_byte,
+            });
+        }
+        let scaled = Scaled::new(system);
+        let state = State {
+            scaled: &scaled,
+            rows,
+            groups,
+            factors: Vec::new(),
+            radiosity: options.start.radiosity(&scaled),
+            residual: scaled.zeros(),
+            work: 0.0,
+        };
+        iteration::run(&scaled, options, monitor, state)
+    }
+}
+
+/// Returns the memory of so many factorisations, with the residuals that they are applied to left out.
+pub(super) fn memory_byte(n_patches: usize, n_factorisations: usize) -> u64 {
+    8 * (n_patches as u64).pow(2) * n_factorisations as u64
+}
+
+/// Returns the channels in groups of equal reflectance, in the order of their first members.
+pub(super) fn equal_channels(reflectance: &Block) -> Vec<Vec<usize>> {
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    for c in 0..reflectance.n_channels() {
+        let equals = |first: usize| {
+            (0..reflectance.n_rows()).all(|i| {
+                let row = reflectance.row(i);
+                row[first].to_bits() == row[c].to_bits()
+            })
+        };
+        match groups.iter_mut().find(|group| equals(group[0])) {
+            Some(group) => group.push(c),
+            None => groups.push(vec![c]),
+        }
+    }
+    groups
+}
+
+/// Parts into which the sums are divided, whatever the number of threads: equal parts give equal bytes.
+const PARTS: Par = Par::Rayon(const { NonZeroUsize::new(8).expect("positive") });
+
+struct State<'a> {
+    scaled: &'a Scaled<'a>,
+    rows: &'a dyn RowAccess,
+    groups: Vec<Vec<usize>>,
+    /// One for each group, made by the first pass.
+    factors: Vec<Factors>,
+    radiosity: Block,
+    residual: Block,
+    work: f64,
+}
+
+/// P G = L U.
+struct Factors {
+    /// L below the diagonal, U on and above it.
+    lu: Mat<f64>,
+    permutation: Vec<usize>,
+    inverse: Vec<usize>,
+}
+
+impl Factors {
+    fn new(scaled: &Scaled, rows: &dyn RowAccess, channel: usize) -> Self {
+        let system = scaled.system;
+        let n = system.n_patches();
+        let mut lu = Mat::<f64>::zeros(n, n);
+        for i in 0..n {
+            let rho = system.reflectance().row(i)[channel];
+            rows.visit_row(i, &mut |j, f| lu[(i, j)] = -rho * f);
+            lu[(i, i)] += 1.0;
+        }
+        for component in system.singular_components(channel) {
+            let labels = &system.components().labels;
+            let members: Vec<usize> = (0..n).filter(|&i| labels[i] == component).collect();
+            let area: f64 = members.iter().map(|&i| scaled.areas[i]).sum();
+            for &i in &members {
+                for &j in &members {
+                    lu[(i, j)] += scaled.areas[j] / area;
+                }
+            }
+        }
+        let (mut permutation, mut inverse) = (vec![0; n], vec![0; n]);
+        let scratch = factor::lu_in_place_scratch::<usize, f64>(n, n, PARTS, faer::Spec::default());
+        let mut memory = MemBuffer::new(scratch);
+        let _ = factor::lu_in_place(
+            lu.as_mut(),
+            &mut permutation,
+            &mut inverse,
+            PARTS,
+            MemStack::new(&mut memory),
+            faer::Spec::default(),
+        );
+        Self {
+            lu,
+            permutation,
+            inverse,
+        }
+    }
+
+    /// x ← G⁻¹ x, column by column.
+    fn solve(&self, x: &mut Mat<f64>) {
+        let n = self.lu.nrows();
+        let scratch = solve::solve_in_place_scratch::<usize, f64>(n, x.ncols(), PARTS);
+        let mut memory = MemBuffer::new(scratch);
+        solve::solve_in_place(
+            self.lu.as_ref(),
+            self.lu.as_ref(),
+            PermRef::new_checked(&self.permutation, &self.inverse, n),
+            x.as_mut(),
+            PARTS,
+            MemStack::new(&mut memory),
+        );
+    }
+}
+
+impl Iteration for State<'_> {
+    const NEEDS_RESIDUAL: bool = true;
+
+    fn pass(&mut self, excess: &[f64]) -> Estimate {
+        let n = self.scaled.areas.len();
+        self.work = 2.0;
+        if self.factors.is_empty() {
+            let (scaled, rows) = (self.scaled, self.rows);
+            self.factors = self
+                .groups
+                .iter()
+                .map(|group| Factors::new(scaled, rows, group[0]))
+                .collect();
+            self.work += self.groups.len() as f64 * n as f64 / 3.0;
+        }
+        for (group, factors) in self.groups.iter().zip(&self.factors) {
+            let mut x = Mat::from_fn(n, group.len(), |i, k| self.residual.row(i)[group[k]]);
+            factors.solve(&mut x);
+            for (k, &c) in group.iter().enumerate().filter(|(_, c)| excess[**c] > 1.0) {
+                for i in 0..n {
+                    self.radiosity.row_mut(i)[c] += x[(i, k)];
+                }
+            }
+        }
+        let truth = self.scaled.true_residual(&self.radiosity);
+        self.residual.clone_from(&truth.residual);
+        Estimate::True(truth)
+    }
+
+    fn radiosity(&self) -> Block {
+        self.radiosity.clone()
+    }
+
+    fn restart(&mut self, truth: &TrueResidual) {
+        self.residual.clone_from(&truth.residual);
+    }
+
+    fn work(&self) -> f64 {
+        self.work
+    }
+}

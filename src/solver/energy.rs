@@ -1,0 +1,52 @@
+//! Where the light of a solution goes.
+
+use serde::Serialize;
+
+use super::RadiositySystem;
+use crate::matrix::operator::Block;
+
+/// The power balance of one channel.
+///
+/// With r = E − B + ρ H, Σ A r = emitted − absorbed − escaped holds exactly where A_i F_ij is symmetric, so that
+/// |emitted − absorbed − escaped| ≤ sqrt(Σ A) sqrt(Σ A r²); else the rest is the light that form factors without reciprocity make or lose.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Energy {
+    /// Σ A E, W.
+    pub emitted: f64,
+    /// Σ A (1 − ρ) H, W.
+    pub absorbed: f64,
+    /// Σ A B (1 − Σ_j F_ij), W: what leaves through openings, or is lost or made by row sums that are wrong.
+    pub escaped: f64,
+    /// Σ A B, W: all light under way.
+    pub leaving: f64,
+}
+
+impl Energy {
+    /// Returns (emitted − absorbed − escaped) / leaving; 0 in the dark.
+    #[must_use]
+    pub fn imbalance(&self) -> f64 {
+        let lost = self.emitted - self.absorbed - self.escaped;
+        if self.leaving > 0.0 { lost / self.leaving } else { lost }
+    }
+
+    /// Returns the balance of every channel. `radiosity`, `irradiance`: B, H, W·m⁻², \[n, c\].
+    pub(super) fn of(system: &RadiositySystem, radiosity: &Block, irradiance: &Block) -> Vec<Self> {
+        let channel = |c: usize| {
+            let mut energy = Self {
+                emitted: 0.0,
+                absorbed: 0.0,
+                escaped: 0.0,
+                leaving: 0.0,
+            };
+            for (i, (area, row_sum)) in system.areas().iter().zip(system.row_sums()).enumerate() {
+                let (b, h) = (radiosity.row(i)[c], irradiance.row(i)[c]);
+                energy.emitted += area * system.exitance().row(i)[c];
+                energy.absorbed += area * (1.0 - system.reflectance().row(i)[c]) * h;
+                energy.escaped += area * b * (1.0 - row_sum);
+                energy.leaving += area * b;
+            }
+            energy
+        };
+        (0..system.n_channels()).map(channel).collect()
+    }
+}

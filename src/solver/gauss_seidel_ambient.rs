@@ -1,0 +1,170 @@
+//! `gauss-seidel-ambient`: Gauss-Seidel with the light of each room put right after every sweep.
+
+use std::ops::ControlFlow;
+
+use super::gauss_seidel::sweep;
+use super::iteration::{self, Estimate, Iteration};
+use super::scaled::{Scaled, TrueResidual};
+use super::{HistoryEntry, RadiositySystem, Solution, SolveOptions, Solver, SolverError};
+use crate::matrix::operator::{Block, RowAccess};
+
+/// Gauss-Seidel with an ambient correction of each connected component after every sweep, all channels together.
+///
+/// What Gauss-Seidel is slow at is the total light of a room of high reflectance. After a sweep that changed B by δ, every component K gets
+///
+/// B_i ← B_i + ρ_i h_K, h_K = Σ_{i∈K} A_i r_i / Σ_{i∈K} A_i ρ_i (1 − Σ_j F_ij ρ_j),
+///
+/// the even irradiance after which its residual power Σ A r is zero. Neither a pass nor reciprocity is needed for that power: the sweep left
+/// r_i = ρ_i Σ_{j>i} F_ij δ_j, so that Σ_{i∈K} A_i r_i = Σ_{j∈K} δ_j q_j with q_j = Σ_{i<j} A_i ρ_i F_ij, which is set up once, as is the denominator.
+/// The number of passes then hardly depends on ρ: for a relative residual of 1e-6 in Baranoski's room (r = 1, 992 patches) 29 at ρ = 0.9 and 37 from
+/// ρ = 0.999 on (an independent prototype; our counts are in the tests), where plain Gauss-Seidel takes 51 and more than 1500.
+/// A component whose denominator is not positive beyond rounding is left to the sweeps where it is zero (a white room), and shows an indefinite system where it is negative.
+///
+/// Needs rows, not reciprocity. The estimate in the history is that of [`GaussSeidel`](super::GaussSeidel).
+/// Memory: 2 blocks \[n, c\] beside those of Gauss-Seidel. Work: a sweep a pass, and one pass before the first.
+///
+/// Source: the ambient term of Cohen, Chen, Wallace and Greenberg, "A progressive refinement approach to fast radiosity image generation", SIGGRAPH 1988, section 4, as a
+/// correction; Baranoski, Bramley and Shirley 1995, equations (9) to (11).
+/// Departures: per connected component; weighted so that the power balance holds exactly, whatever the reflectances.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct GaussSeidelAmbient;
+
+impl Solver for GaussSeidelAmbient {
+    fn name(&self) -> &'static str {
+        "gauss-seidel-ambient"
+    }
+
+    fn solve(
+        &self,
+        system: &RadiositySystem,
+        options: &SolveOptions,
+        monitor: &mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>,
+    ) -> Result<Solution, SolverError> {
+        let Some(rows) = system.operator().rows() else {
+            return Err(SolverError::NeedsRows { solver: self.name() });
+        };
+        let scaled = Scaled::new(system);
+        let state = State {
+            scaled: &scaled,
+            rows,
+            radiosity: options.start.radiosity(&scaled),
+            before: scaled.zeros(),
+            old: scaled.zeros(),
+            ambient: None,
+            work: 0.0,
+        };
+        iteration::run(&scaled, options, monitor, state)
+    }
+}
+
+/// A denominator below this share of what it is the difference of is rounding.
+const RESOLVED_FROM: f64 = 1e-14;
+
+struct State<'a> {
+    scaled: &'a Scaled<'a>,
+    rows: &'a dyn RowAccess,
+    radiosity: Block,
+    /// The residual that each patch had just before its update.
+    before: Block,
+    /// B before the sweep.
+    old: Block,
+    ambient: Option<Ambient>,
+    work: f64,
+}
+
+/// What the correction needs to know of the system.
+struct Ambient {
+    /// q, \[n, c\].
+    shares: Block,
+    /// 1 / Σ A ρ (1 − F ρ), \[components, c\]; 0 where no correction is made.
+    factors: Block,
+    indefinite: bool,
+}
+
+impl Ambient {
+    fn new(scaled: &Scaled, rows: &dyn RowAccess) -> Self {
+        let system = scaled.system;
+        let (reflectance, components) = (system.reflectance(), system.components());
+        let n_channels = system.n_channels();
+        let mut shares = scaled.zeros();
+        let mut reflected = vec![0.0; n_channels];
+        let mut net = Block::zeros(components.n_components, n_channels);
+        let mut gross = net.clone();
+        for (i, area) in scaled.areas.iter().enumerate() {
+            let rho = reflectance.row(i);
+            reflected.fill(0.0);
+            rows.visit_row(i, &mut |j, f| {
+                for c in 0..n_channels {
+                    reflected[c] += f * reflectance.row(j)[c];
+                    if j > i {
+                        shares.row_mut(j)[c] += area * rho[c] * f;
+                    }
+                }
+            });
+            let label = components.labels[i] as usize;
+            for c in 0..n_channels {
+                net.row_mut(label)[c] += area * rho[c] * (1.0 - reflected[c]);
+                gross.row_mut(label)[c] += area * rho[c];
+            }
+        }
+        let mut indefinite = false;
+        for (value, whole) in net.values_mut().iter_mut().zip(gross.values()) {
+            indefinite |= *value < -RESOLVED_FROM * whole;
+            *value = if *value > RESOLVED_FROM * whole {
+                value.recip()
+            } else {
+                0.0
+            };
+        }
+        Self {
+            shares,
+            factors: net,
+            indefinite,
+        }
+    }
+
+    /// Adds the ambient light to `radiosity`, which a sweep has just changed from `old`; not in channels that may `rest`.
+    fn correct(&self, scaled: &Scaled, old: &Block, radiosity: &mut Block) {
+        let labels = &scaled.system.components().labels;
+        let mut light = Block::zeros(self.factors.n_rows(), self.factors.n_channels());
+        for (i, &label) in labels.iter().enumerate() {
+            let changes = radiosity.row(i).iter().zip(old.row(i)).zip(self.shares.row(i));
+            for (sum, ((new, before), share)) in light.row_mut(label as usize).iter_mut().zip(changes) {
+                *sum += (new - before) * share;
+            }
+        }
+        super::vectors::scale(&mut light, &self.factors);
+        for (i, &label) in labels.iter().enumerate() {
+            let terms = light.row(label as usize).iter().zip(scaled.system.reflectance().row(i));
+            for (b, (h, rho)) in radiosity.row_mut(i).iter_mut().zip(terms) {
+                *b += rho * h;
+            }
+        }
+    }
+}
+
+impl Iteration for State<'_> {
+    const NEEDS_RESIDUAL: bool = false;
+
+    fn pass(&mut self, _excess: &[f64]) -> Estimate {
+        self.work = if self.ambient.is_some() { 1.0 } else { 2.0 };
+        let ambient = self.ambient.get_or_insert_with(|| Ambient::new(self.scaled, self.rows));
+        if ambient.indefinite {
+            return Estimate::Breakdown;
+        }
+        self.old.clone_from(&self.radiosity);
+        sweep(self.scaled, self.rows, &mut self.radiosity, &mut self.before);
+        ambient.correct(self.scaled, &self.old, &mut self.radiosity);
+        Estimate::Running(self.scaled.norms(&self.before))
+    }
+
+    fn radiosity(&self) -> Block {
+        self.radiosity.clone()
+    }
+
+    fn restart(&mut self, _truth: &TrueResidual) {}
+
+    fn work(&self) -> f64 {
+        self.work
+    }
+}

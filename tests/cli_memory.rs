@@ -1,0 +1,302 @@
+//! The memory limit as users meet it: what fits, what goes to a disk, what is refused, and what a full disk leaves behind.
+#![cfg(target_os = "linux")]
+#![expect(
+    clippy::unwrap_used,
+    clippy::shadow_unrelated,
+    reason = "a test fails by panicking, and each run of a test has its own limit and result"
+)]
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+fn radiosity(directory: &Path, arguments: &[&str]) -> Output {
+    let program = env!("CARGO_BIN_EXE_radiosity");
+    let run = Command::new(program).current_dir(directory).args(arguments).output();
+    run.unwrap()
+}
+
+fn document(directory: &Path, arguments: &[&str]) -> (i32, Value) {
+    let output = radiosity(directory, &[arguments, &["--json"]].concat());
+    let value = serde_json::from_slice(&output.stdout).unwrap();
+    (output.status.code().unwrap(), value)
+}
+
+fn with_scene(name: &str) -> TempDir {
+    let directory = tempfile::tempdir().unwrap();
+    let output = radiosity(directory.path(), &["scene", name, "-o", "scene.obj"]);
+    assert!(output.status.success());
+    directory
+}
+
+fn names(directory: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(directory).unwrap();
+    entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect()
+}
+
+/// Solves the cube twice, with plenty of memory and with `limit`, and compares.
+fn solve_within(subdivide: &str, limit: &str, limit_byte: u64) {
+    let directory = with_scene("cube");
+    let solve = |limit: &str| {
+        let common = [
+            "solve",
+            "scene.obj",
+            "--method",
+            "closed-form",
+            "--threads",
+            "2",
+            "--subdivide",
+            subdivide,
+        ];
+        let (code, result) = document(
+            directory.path(),
+            &[&common[..], &["--memory-limit", limit, "-o", "b.csv"]].concat(),
+        );
+        assert_eq!(code, 0, "{result}");
+        (result, std::fs::read(directory.path().join("b.csv")).unwrap())
+    };
+    let (plenty, in_memory) = solve("100G");
+    let (little, on_disk) = solve(limit);
+    assert_eq!(plenty["form_factors"]["storage"]["place"], "memory");
+    assert_eq!(little["form_factors"]["storage"]["place"], "disk");
+    let stored = little["form_factors"]["stored_byte"].as_u64().unwrap();
+    let peak = little["memory_peak_byte"].as_u64().unwrap();
+    assert!(peak <= limit_byte, "{peak} bytes of {limit_byte}");
+    assert!(
+        peak < stored,
+        "the matrix of {stored} bytes is larger than all that was held, {peak} bytes"
+    );
+    assert_eq!(in_memory, on_disk, "the same sums in the same order");
+    assert!(!names(directory.path()).iter().any(|name| name.contains("tmp")));
+}
+
+#[test]
+fn a_matrix_larger_than_the_limit_is_solved_within_it() {
+    // 4056 patches: 84 MB on the disk.
+    solve_within("26", "64MiB", 64 << 20);
+}
+
+#[test]
+#[ignore = "takes minutes"]
+fn a_large_matrix_is_solved_within_a_quarter_of_its_size() {
+    // 20184 patches: 2 GB on the disk.
+    solve_within("58", "450MiB", 450 << 20);
+}
+
+#[test]
+fn what_cannot_fit_is_refused_with_one_line() {
+    let directory = with_scene("cube");
+    let refused = |arguments: &[&str]| {
+        let output = radiosity(directory.path(), arguments);
+        assert_eq!(output.status.code(), Some(1));
+        let text = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(text.lines().count(), 1, "{text}");
+        text
+    };
+    let tiny = refused(&[
+        "solve",
+        "scene.obj",
+        "--subdivide",
+        "20",
+        "--memory-limit",
+        "4MiB",
+        "--quiet",
+    ]);
+    assert!(tiny.contains("--memory-limit") && tiny.contains("4 MiB"), "{tiny}");
+    let dense = [
+        "form-factors",
+        "scene.obj",
+        "--subdivide",
+        "20",
+        "--memory-limit",
+        "60M",
+        "--storage",
+        "dense",
+    ];
+    assert!(refused(&dense).contains("--storage auto or disk"));
+    let compared = refused(&["compare", "scene.obj", "--memory-limit", "8M", "--quiet"]);
+    assert!(compared.contains("--memory-limit"), "{compared}");
+    let nowhere = [
+        "solve",
+        "scene.obj",
+        "--storage",
+        "disk",
+        "--scratch",
+        "no/such",
+        "--quiet",
+    ];
+    assert!(refused(&nowhere).contains("no/such: cannot write the scratch file"));
+}
+
+#[test]
+fn flags_choose_storage_and_precision_and_contradictions_are_refused() {
+    let directory = with_scene("cube");
+    let solve = |arguments: &[&str]| {
+        let common = [
+            "solve",
+            "scene.obj",
+            "--subdivide",
+            "3",
+            "--method",
+            "sr",
+            "--rays",
+            "500",
+        ];
+        document(directory.path(), &[&common[..], arguments].concat())
+    };
+    for (storage, layout, place) in [
+        ("dense", "dense", "memory"),
+        ("sparse", "sparse", "memory"),
+        ("symmetric", "auto", "memory"),
+        ("disk", "auto", "disk"),
+    ] {
+        for precision in ["f32", "f64"] {
+            let (code, result) = solve(&["--storage", storage, "--precision", precision]);
+            assert_eq!(code, 0);
+            let stored = &result["form_factors"]["storage"];
+            assert_eq!(stored["layout"], layout);
+            assert_eq!(stored["place"], place);
+            assert_eq!(stored["precision"], precision);
+        }
+    }
+    for arguments in [
+        &["--storage", "symmetric", "--balance", "off"][..],
+        &["--memory-limit", "many"],
+        &["--storage", "tape"],
+    ] {
+        let output = radiosity(directory.path(), &[&["solve", "scene.obj"], arguments].concat());
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+    }
+}
+
+#[test]
+fn a_full_disk_is_told_and_leaves_nothing() {
+    let directory = with_scene("cube");
+    // A limit on the size of files, and no signal when it is met, is what a full disk looks like to the program.
+    let script = format!(
+        "trap '' XFSZ; ulimit -f 64; exec {} solve scene.obj --method closed-form --subdivide 8 --storage disk --scratch . --quiet",
+        env!("CARGO_BIN_EXE_radiosity")
+    );
+    let before = names(directory.path());
+    let output = Command::new("bash")
+        .current_dir(directory.path())
+        .args(["-c", &script])
+        .output()
+        .unwrap();
+    let text = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{text}");
+    assert!(
+        text.contains("cannot write the scratch file") && text.contains("--scratch"),
+        "{text}"
+    );
+    assert_eq!(text.lines().count(), 1);
+    assert_eq!(names(directory.path()), before);
+}
+
+#[test]
+fn a_file_is_read_straight_to_a_disk() {
+    let directory = with_scene("cube");
+    let compute = [
+        "form-factors",
+        "scene.obj",
+        "--method",
+        "closed-form",
+        "--subdivide",
+        "4",
+        "--quiet",
+    ];
+    for file in ["f.npz", "f.npy", "f.mtx"] {
+        assert!(
+            radiosity(directory.path(), &[&compute[..], &["-o", file]].concat())
+                .status
+                .success()
+        );
+        let solve = |storage: &str| {
+            document(
+                directory.path(),
+                &["solve", "scene.obj", "--form-factors", file, "--storage", storage],
+            )
+        };
+        let ((code, memory), (_, disk)) = (solve("auto"), solve("disk"));
+        assert_eq!(code, 0, "{memory}");
+        assert_eq!(disk["form_factors"]["storage"]["place"], "disk");
+        assert_eq!(memory["surfaces"], disk["surfaces"], "{file}");
+    }
+}
+
+#[test]
+fn what_is_no_file_of_form_factors_is_named() {
+    let directory = with_scene("cube");
+    let at = |name: &str| directory.path().join(name);
+    let compute = [
+        "form-factors",
+        "scene.obj",
+        "--method",
+        "closed-form",
+        "--quiet",
+        "-o",
+        "good.mtx",
+    ];
+    assert!(radiosity(directory.path(), &compute).status.success());
+    let good = std::fs::read_to_string(at("good.mtx")).unwrap();
+    std::fs::create_dir(at("folder.npz")).unwrap();
+    for empty in ["empty.npz", "empty.npy", "empty.mtx"] {
+        std::fs::write(at(empty), "").unwrap();
+    }
+    let last = good.trim_end().rfind('\n').unwrap();
+    let digit = good.rfind(['1', '2']).unwrap();
+    let changed = format!("{}7{}", &good[..digit], &good[digit + 1..]);
+    let huge = good.replace("\n6 6 ", "\n18446744073709551615 18446744073709551615 ");
+    for (name, text) in [
+        ("short.mtx", &good[..=last]),
+        ("changed.mtx", &changed),
+        ("huge.mtx", &huge),
+        ("long.mtx", &format!("{good}1 2 0.5\n")),
+        (
+            "foreign.mtx",
+            "%%MatrixMarket matrix coordinate real general\n2 2 1\n1 2 0.5\n",
+        ),
+        ("noise.mtx", "\u{1}\u{2}"),
+    ] {
+        std::fs::write(at(name), text).unwrap();
+    }
+    for name in [
+        "folder.npz",
+        "empty.npz",
+        "empty.npy",
+        "empty.mtx",
+        "short.mtx",
+        "changed.mtx",
+        "huge.mtx",
+        "long.mtx",
+        "foreign.mtx",
+        "noise.mtx",
+        "none.mtx",
+    ] {
+        let (code, result) = document(
+            directory.path(),
+            &["solve", "scene.obj", "--form-factors", name, "--quiet"],
+        );
+        assert_eq!(code, 1, "{name}: {result}");
+        let message = result["error"]["message"].as_str().unwrap();
+        assert!(
+            message.contains(name) && result["error"]["kind"] != "defect",
+            "{message}"
+        );
+    }
+    let cube = ["solve", "scene.obj", "--form-factors", "good.mtx", "--quiet"];
+    assert_eq!(document(directory.path(), &cube).0, 0);
+    assert!(
+        radiosity(directory.path(), &["scene", "corridor", "-o", "other.obj"])
+            .status
+            .success()
+    );
+    let (code, other) = document(
+        directory.path(),
+        &["solve", "other.obj", "--form-factors", "good.mtx", "--quiet"],
+    );
+    assert_eq!(code, 1);
+    assert_eq!(other["error"]["kind"], "other_geometry");
+}
