@@ -59,28 +59,29 @@ fn greatest_row_error(factors: &FormFactors, reference: &FormFactors) -> f64 {
 }
 
 fn exact(criterion: &mut Criterion) {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
-    pool.expect("a thread").install(|| {
-        let mut group = criterion.benchmark_group("exact");
-        group.sample_size(10);
-        for (name, n, tolerance) in [
-            ("cube", 13, 1e-6),
-            ("room-box", 1, 1e-6),
-            ("room-box", 3, 1e-6),
-            ("room-box", 9, 1e-5),
-            ("room-box", 19, 1e-5),
-            ("room-box", 19, 1e-4),
-        ] {
-            let prepared = Prepared::new(name, n);
-            let error = greatest_row_error(&prepared.compute(tolerance), &prepared.compute(1e-9));
-            let id = format!("{name}, {} patches, {tolerance:e}", prepared.mesh.n_patches());
-            eprintln!("{id}: max_i sum_j |F_ij - exact| = {error:.1e}");
-            group.bench_function(BenchmarkId::from_parameter(id), |bencher| {
-                bencher.iter(|| black_box(prepared.compute(tolerance)));
-            });
-        }
-        group.finish();
-    });
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(1)
+        .build()
+        .expect("a thread");
+    let mut group = criterion.benchmark_group("exact");
+    group.sample_size(10);
+    for (name, n, tolerance) in [
+        ("cube", 13, 1e-6),
+        ("room-box", 1, 1e-6),
+        ("room-box", 3, 1e-6),
+        ("room-box", 9, 1e-5),
+        ("room-box", 19, 1e-5),
+        ("room-box", 19, 1e-4),
+    ] {
+        let prepared = Prepared::new(name, n);
+        let error = greatest_row_error(&prepared.compute(tolerance), &prepared.compute(1e-9));
+        let id = format!("{name}, {} patches, {tolerance:e}", prepared.mesh.n_patches());
+        eprintln!("{id}: max_i sum_j |F_ij - exact| = {error:.1e}");
+        group.bench_function(BenchmarkId::from_parameter(id), |bencher| {
+            bencher.iter(|| pool.install(|| black_box(prepared.compute(tolerance))));
+        });
+    }
+    group.finish();
 }
 
 criterion_group!(benches, exact);

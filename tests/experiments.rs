@@ -259,10 +259,42 @@ fn the_table_of_the_solvers_is_repeated() {
 }
 
 #[test]
+fn the_tables_of_lewis_are_what_they_must_be() {
+    let directory = tempfile::tempdir().unwrap();
+    let run = |threads: &str, output: &str| {
+        let arguments = ["reproduce", "lewis", "--level", "3", "--threads", threads, "-o", output];
+        document(directory.path(), &arguments)
+    };
+    let (first, second) = (run("1", "a"), run("2", "b"));
+    assert_eq!(first["inside"], true);
+    assert_eq!(first["results"], second["results"]);
+    for file in [
+        "checks.csv",
+        "history.csv",
+        "convergence.svg",
+        "figure-1.png",
+        "figure-5.png",
+        "table-1.csv",
+    ] {
+        let read = |folder: &str| std::fs::read(directory.path().join(folder).join(file)).unwrap();
+        assert_eq!(read("a"), read("b"), "{file}");
+    }
+    let checks = std::fs::read_to_string(directory.path().join("a/checks.csv")).unwrap();
+    // Two sizes, four numbers of each level of table 2, 8 and 12 residuals, 3 times 6 wall means, 3 times 4 variants.
+    assert_eq!(checks.lines().count(), 1 + 2 + 4 * 3 + 20 + 18 + 12);
+    let lines = first["results"]["solvers"].as_array().unwrap();
+    let cycles: Vec<&Value> = lines.iter().map(|line| &line["iterations"][1]).collect();
+    assert_eq!(cycles, [4, 4, 4]);
+    assert!(first["times"][2]["ratio"].as_f64().unwrap() > 0.0);
+}
+
+#[test]
 fn what_is_not_built_is_a_usage_error_that_says_what_is() {
     let directory = tempfile::tempdir().unwrap();
     for (arguments, expected) in [
-        (&["reproduce", "lewis"][..], "baranoski"),
+        (&["reproduce", "malgouyres"][..], "baranoski"),
+        (&["reproduce", "lewis", "--tables", "3"], "1 to 2"),
+        (&["reproduce", "lewis", "--seeds", "40"], "--seeds"),
         (&["reproduce", "baranoski", "--tables", "1"], "2 to 8"),
         (&["reproduce", "baranoski", "--seeds", "29"], "30"),
         (&["compare", "cube", "--methods", "sr,magic"], "gauss-lambert"),

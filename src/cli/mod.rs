@@ -12,6 +12,7 @@ mod pipeline;
 mod progress;
 mod render;
 mod reproduce;
+mod reproduce_lewis;
 mod reproduce_solvers;
 mod reuse;
 mod scene;

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 use std::path::Path;
+use std::sync::Arc;
 
 use serde_json::{Value, json};
 
@@ -14,7 +15,7 @@ use crate::form_factor::registry::{self, MethodEntry, Setting};
 use crate::form_factor::{ExactMethod, FormFactorMethod, Input, MethodSettings, PairCounts};
 use crate::matrix::operator::{Block, LinearOperator};
 use crate::matrix::{BalanceReport, Checks, FormFactors, Weighting};
-use crate::mesh::{Mesh, Patch, Subdivision};
+use crate::mesh::{Hierarchy, Mesh, Patch, Subdivision};
 use crate::plan::Plan;
 use crate::report::{StageTimes, memory_peak_byte};
 use crate::scene::{Material, Scene, Surface};
@@ -410,6 +411,7 @@ impl Run {
                 .args
                 .memory_limit
                 .filter(|_| entry.settings.contains(&solver::registry::Setting::MemoryLimit)),
+            ..SolverSettings::default()
         }
     }
 
@@ -423,7 +425,7 @@ impl Run {
         let (reflectance, exitance) = materials_of_patches(&prepared.scene, &prepared.mesh, prepared.plan.n_channels);
         let areas = computed.factors.areas().to_vec();
         self.solve_system(
-            &mut prepared.plan,
+            (&mut prepared.plan, &prepared.mesh),
             (&computed.factors, areas),
             args,
             (reflectance, exitance),
@@ -433,13 +435,26 @@ impl Run {
     /// Solves for given form factors and areas, reflectances and exitances of the patches.
     pub(super) fn solve_system(
         &mut self,
-        plan: &mut Plan,
+        (plan, mesh): (&mut Plan, &Mesh),
         (factors, areas): (&dyn LinearOperator, Vec<f64>),
         args: &SolverArgs,
         (reflectance, exitance): (Block, Block),
     ) -> Result<Solution, Failure> {
         let entry = self.solver_entry(args)?;
-        let solver = entry.checked(&self.solver_settings(args, entry))?;
+        let hierarchy = entry.uses_hierarchy().then(|| {
+            let hierarchy = self.times.time("levels", || Hierarchy::of_mesh(mesh));
+            let sizes: Vec<String> = hierarchy.sizes().iter().map(ToString::to_string).collect();
+            plan.decide(
+                "levels",
+                sizes.join(", "),
+                "patches of the mesh, the finest level first",
+            );
+            Arc::new(hierarchy)
+        });
+        let solver = entry.checked(&SolverSettings {
+            hierarchy,
+            ..self.solver_settings(args, entry)
+        })?;
         self.set("solver", entry.name);
         self.set("tolerance", args.tolerance);
         self.set("max_passes", args.max_passes);

@@ -1,6 +1,7 @@
 //! `radiosity reproduce`.
 
 use std::fmt::Write as _;
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 use serde_json::json;
@@ -14,14 +15,25 @@ use super::{Outcome, SCHEMA_VERSION, output, reproduce_solvers};
 use crate::experiment::baranoski::{self, Figure, LEVEL, TABLE_OF_SOLVERS, TableResult, solvers};
 use crate::report::{Table, memory_peak_byte};
 
+/// Runs of every stochastic method.
+const DEFAULT_SEEDS: u64 = 100;
+
 pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
     match args.paper {
-        PaperName::Baranoski => {}
-        PaperName::Stability => return super::stability::run(args),
+        PaperName::Baranoski => run_baranoski(args),
+        PaperName::Stability => super::stability::run(args),
+        PaperName::Lewis => super::reproduce_lewis::run(args),
     }
+}
+
+fn run_baranoski(args: &ReproduceArgs) -> Result<Outcome, Failure> {
+    if args.level.is_some() {
+        return Err(Failure::usage("--level is for `lewis`; `baranoski` has no levels"));
+    }
+    let (seeds, seed) = (args.seeds.unwrap_or(DEFAULT_SEEDS), args.seed.unwrap_or(0));
     let tables = match &args.tables {
         None => std::iter::once(TABLE_OF_SOLVERS).chain(baranoski::TABLES).collect(),
-        Some(list) => parse_tables(list)?,
+        Some(list) => parse_tables(list, TABLE_OF_SOLVERS..=*baranoski::TABLES.end())?,
     };
     let directory = args
         .output
@@ -31,8 +43,8 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
     let mut run = Run::new("reproduce", &args.common);
     run.set("paper", json!(args.paper));
     run.set("tables", json!(tables));
-    run.set("seeds", args.seeds);
-    run.set("seed", args.seed);
+    run.set("seeds", seeds);
+    run.set("seed", seed);
     let of_form_factors: Vec<u8> = tables.iter().copied().filter(|t| *t != TABLE_OF_SOLVERS).collect();
     let cases = if tables.contains(&TABLE_OF_SOLVERS) {
         run.times
@@ -44,7 +56,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
     let results = run
         .times
         .time("reproduce", || {
-            baranoski::reproduce(&of_form_factors, args.seeds, args.seed, &run.progress)
+            baranoski::reproduce(&of_form_factors, seeds, seed, &run.progress)
         })
         .map_err(failure)?;
     run.progress.finish();
@@ -110,8 +122,9 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
     })
 }
 
-/// Reads a list like `3,5-7`.
-fn parse_tables(list: &str) -> Result<Vec<u8>, Failure> {
+/// Reads a list like `3,5-7` of tables that are built.
+pub(super) fn parse_tables(list: &str, built: RangeInclusive<u8>) -> Result<Vec<u8>, Failure> {
+    let (least, most) = (built.start(), built.end());
     let mut tables = Vec::new();
     for part in list.split(',') {
         let ends = part.split_once('-').unwrap_or((part, part));
@@ -119,12 +132,12 @@ fn parse_tables(list: &str) -> Result<Vec<u8>, Failure> {
         let range = number(ends.0).zip(number(ends.1)).filter(|(a, b)| a <= b);
         let Some((first, last)) = range else {
             return Err(Failure::usage(format!(
-                "`{part}` names no tables; write --tables 2-8 or --tables 2,5-7"
+                "`{part}` names no tables; write --tables {least}-{most} or --tables {least},{most}"
             )));
         };
-        if first < TABLE_OF_SOLVERS || last > *baranoski::TABLES.end() {
+        if !(built.contains(&first) && built.contains(&last)) {
             return Err(Failure::usage(format!(
-                "`{part}`: of this paper tables 2 to 8 are built; write --tables 2-8"
+                "`{part}`: of this paper tables {least} to {most} are built; write --tables {least}-{most}"
             )));
         }
         tables.extend(first..=last);
@@ -295,11 +308,10 @@ mod tests {
 
     #[test]
     fn lists_of_tables() {
-        let read = |list: &str| parse_tables(list).map_err(|failure| failure.message);
+        let read = |list: &str| parse_tables(list, 3..=8).map_err(|failure| failure.message);
         assert_eq!(read("3-8"), Ok(vec![3, 4, 5, 6, 7, 8]));
         assert_eq!(read("7, 3,5-7"), Ok(vec![3, 5, 6, 7]));
-        assert_eq!(read("2"), Ok(vec![2]));
-        for wrong in ["", "1", "3-9", "8-3", "x", "3-"] {
+        for wrong in ["", "2", "3-9", "8-3", "x", "3-"] {
             assert!(read(wrong).is_err(), "{wrong}");
         }
     }

@@ -132,6 +132,8 @@ pub(super) fn to_json(prepared: &Prepared, solver: &str, solution: &Solution) ->
         "why": solution.choice.as_ref().map(|choice| &choice.why),
         "stop_reason": solution.stop_reason,
         "n_passes": solution.n_passes,
+        "setup_work": solution.setup_work,
+        "setup_s": solution.setup_s,
         "residual_max_power": solution.residual_max_power,
         "residual_l2": solution.residual_l2,
         "error_bound": solution.error_bound,

@@ -81,6 +81,13 @@ impl<T: Scalar> Store for DenseTile<T> {
         multiply_rows(&self.values[begin..begin + n_values], self.n_columns, planes, y);
     }
 
+    fn add_row(&self, row: usize, factor: f64, sum: &mut [f64]) -> usize {
+        for (sum, value) in sum.iter_mut().zip(self.row(row)) {
+            *sum += factor * value.to_f64();
+        }
+        self.n_columns
+    }
+
     fn n_nonzero(&self) -> usize {
         self.n_nonzero
     }

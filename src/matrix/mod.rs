@@ -494,6 +494,21 @@ impl RowAccess for FormFactors {
     }
 
     #[track_caller]
+    fn add_row(&self, i: usize, factor: f64, sum: &mut [f64]) -> usize {
+        assert_eq!(sum.len(), self.n_rows(), "one sum per column");
+        if let Entries::Rows { tiles, first_rows } = &self.entries {
+            let (tile, row) = locate(tiles, first_rows, i);
+            return tile.add_row(row, factor, sum);
+        }
+        let (row_factor, mut n_entries) = (factor * self.row_factor(i), 0);
+        self.for_each_stored(i, 0..self.n_rows(), &mut |j, value, _| {
+            sum[j] += row_factor * value;
+            n_entries += 1;
+        });
+        n_entries
+    }
+
+    #[track_caller]
     fn dot_off_diagonal(&self, i: usize, x: &Block, sum: &mut [f64]) -> f64 {
         assert!(
             x.n_rows() == self.n_rows() && x.n_channels() == sum.len(),

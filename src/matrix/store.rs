@@ -86,6 +86,16 @@ pub(super) trait Store: Debug + Send + Sync {
         }
     }
 
+    /// Adds `factor` a_j to `sum[j]` over the row, and returns how many numbers of the row are stored.
+    fn add_row(&self, row: usize, factor: f64, sum: &mut [f64]) -> usize {
+        let mut n_stored = 0;
+        self.for_each(row, 0..sum.len(), &mut |j, value, _| {
+            sum[j] += factor * value;
+            n_stored += 1;
+        });
+        n_stored
+    }
+
     /// Returns how many numbers are not zero.
     fn n_nonzero(&self) -> usize;
 

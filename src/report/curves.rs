@@ -1,4 +1,4 @@
-//! Plots of curves as SVG: convergence histories, spectra.
+//! Plots of curves over a linear axis as SVG: convergence histories, spectra.
 
 use std::ops::Range;
 
@@ -50,7 +50,7 @@ impl CurvePlot {
     pub fn to_svg(&self) -> Result<String, PlotError> {
         register_fonts()?;
         let mut svg = String::new();
-        self.draw(&mut svg).map_err(|error| PlotError(error.to_string()))?;
+        self.draw(&mut svg).map_err(|error| PlotError::new(error.to_string()))?;
         Ok(svg)
     }
 

@@ -58,7 +58,13 @@ pub struct ErrorTimePlot {
 /// A plot could not be drawn.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the plot cannot be drawn: {0}")]
-pub struct PlotError(pub(super) String);
+pub struct PlotError(String);
+
+impl PlotError {
+    pub(super) fn new(message: String) -> Self {
+        Self(message)
+    }
+}
 
 /// Colours that people with any colour vision can tell apart (M. Okabe and K. Ito, "Color Universal Design", 2008), without the yellow,
 /// which is too faint for lines on white.
@@ -209,7 +215,7 @@ impl ErrorTimePlot {
     }
 }
 
-/// Makes the font of all plots known to the drawing library.
+/// Makes the font known to the drawing library.
 pub(super) fn register_fonts() -> Result<(), PlotError> {
     let font = [
         (FontStyle::Normal, dejavu::sans::regular()),
@@ -253,7 +259,7 @@ pub(super) fn colour(style: usize) -> RGBColor {
 }
 
 /// Draws the mark of a style; the shape changes with the colour, and is another one in the second round of colours.
-fn mark(
+pub(super) fn mark(
     area: &plotters::drawing::DrawingArea<SVGBackend<'_>, plotters::coord::Shift>,
     (x, y): (i32, i32),
     style: usize,

@@ -2,9 +2,10 @@
 
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
+use std::time::Instant;
 
 use super::ambient::Ambient;
-use super::iteration::{self, Estimate, Iteration};
+use super::iteration::{self, Estimate, Iteration, Setup};
 use super::scaled::{Scaled, TrueResidual};
 use super::{HistoryEntry, RadiositySystem, Solution, SolveOptions, Solver, SolverError, error_bound, lanczos};
 use crate::matrix::operator::Block;
@@ -58,6 +59,7 @@ impl Solver for Chebyshev {
         options: &SolveOptions,
         monitor: &mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>,
     ) -> Result<Solution, SolverError> {
+        let began = Instant::now();
         let scaled = Scaled::new(system);
         let (intervals, n_passes) = self.intervals(&scaled)?;
         let state = State {
@@ -67,8 +69,10 @@ impl Solver for Chebyshev {
             step: scaled.zeros(),
             intervals,
             omega: None,
-            setup_work: n_passes as f64,
-            is_first: true,
+            setup: Setup {
+                work: n_passes as f64,
+                time_s: began.elapsed().as_secs_f64(),
+            },
         };
         iteration::run(&scaled, options, monitor, state)
     }
@@ -129,15 +133,13 @@ struct State<'a> {
     intervals: Vec<Interval>,
     /// ω of each channel, once there is one.
     omega: Option<Vec<f64>>,
-    setup_work: f64,
-    is_first: bool,
+    setup: Setup,
 }
 
 impl Iteration for State<'_> {
     const NEEDS_RESIDUAL: bool = true;
 
     fn pass(&mut self, _excess: &[f64]) -> Estimate {
-        self.is_first = self.omega.is_none();
         // (factor of r, factor of the step before) of each channel.
         let factors: Vec<(f64, f64)> = if let Some(omega) = &mut self.omega {
             let both = omega.iter_mut().zip(&self.intervals);
@@ -171,7 +173,7 @@ impl Iteration for State<'_> {
         self.omega = None;
     }
 
-    fn work(&self) -> f64 {
-        if self.is_first { 1.0 + self.setup_work } else { 1.0 }
+    fn setup(&self) -> Setup {
+        self.setup
     }
 }

@@ -22,6 +22,15 @@ pub(super) enum Estimate {
     Breakdown,
 }
 
+/// What was done before the first pass.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Setup {
+    /// In passes over F.
+    pub(super) work: f64,
+    /// Wall time, s.
+    pub(super) time_s: f64,
+}
+
 /// A method that improves radiosities pass by pass. Blocks are in solver units (see [`Scaled`]).
 pub(super) trait Iteration {
     /// Whether [`restart`](Self::restart) has to be called before the first pass.
@@ -40,7 +49,12 @@ pub(super) trait Iteration {
     /// Takes in the true residual of the radiosities as they are.
     fn restart(&mut self, truth: &TrueResidual);
 
-    /// Returns the work of the last pass, in passes over F; what was spent before the first pass counts with it.
+    /// Returns what was done before the first pass.
+    fn setup(&self) -> Setup {
+        Setup::default()
+    }
+
+    /// Returns the work of the last pass, in passes over F.
     fn work(&self) -> f64 {
         1.0
     }
@@ -72,7 +86,7 @@ pub(super) fn run<I: Iteration>(
     mut iteration: I,
 ) -> Result<Solution, SolverError> {
     let tolerance = options.tolerance.validated()?;
-    let mut recorder = Recorder::new(scaled, options.reference, monitor);
+    let mut recorder = Recorder::new(scaled, options.reference, iteration.setup(), monitor);
     let mut watch = Watch::new(options.patience);
     let n_channels = scaled.system.n_channels();
     let mut excess = vec![f64::INFINITY; n_channels];

@@ -2,10 +2,11 @@
 
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
+use std::time::Instant;
 
 use super::ambient::Ambient;
 use super::columns::Columns;
-use super::iteration::{self, Estimate, Iteration};
+use super::iteration::{self, Estimate, Iteration, Setup};
 use super::progressive_refinement::Light;
 use super::scaled::{Scaled, TrueResidual};
 use super::{HistoryEntry, RadiositySystem, Solution, SolveOptions, Solver, SolverError};
@@ -47,10 +48,11 @@ impl Solver for Overshooting {
         options: &SolveOptions,
         monitor: &mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>,
     ) -> Result<Solution, SolverError> {
+        let began = Instant::now();
         let scaled = Scaled::new(system);
         let columns = Columns::new(system, self.name())?;
         let ambient = Ambient::new(&scaled);
-        let light = Light::new(&scaled, &columns, &ambient, options, self.steps_per_pass);
+        let light = Light::new(began, &scaled, &columns, &ambient, options, self.steps_per_pass);
         let options = light.options(options);
         let totals = Totals {
             total: Block::zeros(system.components().n_components, system.n_channels()),
@@ -158,7 +160,7 @@ impl Iteration for State<'_> {
     const NEEDS_RESIDUAL: bool = false;
 
     fn pass(&mut self, _excess: &[f64]) -> Estimate {
-        self.light.begin_pass();
+        self.light.n_steps = 0;
         while self.light.n_steps < self.light.steps_per_pass {
             // Every n steps, not every pass: the number of steps in a pass is to change nothing.
             if self.n_steps.is_multiple_of(self.light.unshot.n_rows()) {
@@ -182,6 +184,10 @@ impl Iteration for State<'_> {
     fn restart(&mut self, truth: &TrueResidual) {
         self.light.restart(truth);
         self.n_steps = 0;
+    }
+
+    fn setup(&self) -> Setup {
+        self.light.setup
     }
 
     fn work(&self) -> f64 {

@@ -2,10 +2,11 @@
 
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
+use std::time::Instant;
 
 use super::ambient::Ambient;
 use super::columns::Columns;
-use super::iteration::{self, Estimate, Iteration};
+use super::iteration::{self, Estimate, Iteration, Setup};
 use super::scaled::{Scaled, TrueResidual};
 use super::tournament::Tournament;
 use super::{HistoryEntry, RadiositySystem, Solution, SolveOptions, Solver, SolverError, Start, Tolerance};
@@ -53,10 +54,11 @@ impl Solver for ProgressiveRefinement {
         options: &SolveOptions,
         monitor: &mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>,
     ) -> Result<Solution, SolverError> {
+        let began = Instant::now();
         let scaled = Scaled::new(system);
         let columns = Columns::new(system, self.name())?;
         let ambient = Ambient::new(&scaled);
-        let light = Light::new(&scaled, &columns, &ambient, options, self.steps_per_pass);
+        let light = Light::new(began, &scaled, &columns, &ambient, options, self.steps_per_pass);
         let mut powers = Tournament::new(system.n_patches());
         for i in 0..system.n_patches() {
             powers.set(i, light.power(i));
@@ -82,12 +84,14 @@ pub(super) struct Light<'a> {
     pub(super) enough: Option<f64>,
     /// Steps of the last pass.
     pub(super) n_steps: usize,
-    /// Work before the first step, in passes; 0 once it has been told.
-    setup_work: f64,
+    /// What was done before the first step.
+    pub(super) setup: Setup,
 }
 
 impl<'a> Light<'a> {
+    /// `began` is when the columns were begun.
     pub(super) fn new(
+        began: Instant,
         scaled: &'a Scaled<'a>,
         columns: &'a Columns<'a>,
         ambient: &'a Ambient<'a>,
@@ -95,11 +99,11 @@ impl<'a> Light<'a> {
         steps_per_pass: Option<NonZeroUsize>,
     ) -> Self {
         let n = scaled.system.n_patches();
-        let mut setup_work = columns.setup_work();
+        let mut work = columns.setup_work();
         let (shot, unshot) = match options.start {
             Start::Exitance | Start::Zero => (scaled.zeros(), scaled.exitance.clone()),
             Start::Ambient => {
-                setup_work += 1.0;
+                work += 1.0;
                 let shot = options.start.radiosity(scaled);
                 let unshot = scaled.true_residual(&shot).residual;
                 (shot, unshot)
@@ -120,7 +124,10 @@ impl<'a> Light<'a> {
             steps_per_pass: steps_per_pass.map_or(n, NonZeroUsize::get),
             enough,
             n_steps: 0,
-            setup_work,
+            setup: Setup {
+                work,
+                time_s: began.elapsed().as_secs_f64(),
+            },
         }
     }
 
@@ -189,17 +196,9 @@ impl<'a> Light<'a> {
         display
     }
 
-    /// Returns the work of the last pass; called once a pass.
+    /// Returns the work of the last pass.
     pub(super) fn work(&self) -> f64 {
-        self.n_steps as f64 / self.unshot.n_rows() as f64 + self.setup_work
-    }
-
-    /// Begins a pass: no steps yet, and what was spent before the first has been told.
-    pub(super) fn begin_pass(&mut self) {
-        if self.n_steps > 0 {
-            self.setup_work = 0.0;
-        }
-        self.n_steps = 0;
+        self.n_steps as f64 / self.unshot.n_rows() as f64
     }
 }
 
@@ -213,7 +212,7 @@ impl Iteration for Shooting<'_> {
     const NEEDS_RESIDUAL: bool = false;
 
     fn pass(&mut self, _excess: &[f64]) -> Estimate {
-        self.light.begin_pass();
+        self.light.n_steps = 0;
         let mut light = vec![0.0; self.light.unshot.n_channels()];
         while self.light.n_steps < self.light.steps_per_pass {
             let (i, power) = self.powers.winner();
@@ -241,6 +240,10 @@ impl Iteration for Shooting<'_> {
         for i in 0..self.light.unshot.n_rows() {
             self.powers.set(i, self.light.power(i));
         }
+    }
+
+    fn setup(&self) -> Setup {
+        self.light.setup
     }
 
     fn work(&self) -> f64 {

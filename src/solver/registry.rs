@@ -1,11 +1,13 @@
 //! The solvers by name: one line each.
 
 use std::num::NonZeroUsize;
+use std::sync::Arc;
 
 use super::{
-    Anderson, Auto, Chebyshev, ConjugateGradients, Direct, GaussSeidel, GaussSeidelAmbient, Gmres, Jacobi,
+    Anderson, Auto, Chebyshev, ConjugateGradients, Direct, GaussSeidel, GaussSeidelAmbient, Gmres, Jacobi, Multigrid,
     Overshooting, Pcg, ProgressiveRefinement, Solver, SolverError, Sor, SpectrumBounds,
 };
+use crate::mesh::Hierarchy;
 
 /// What a user may set; `None` is the solver's own default.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -19,6 +21,8 @@ pub struct SolverSettings {
     pub steps_per_pass: Option<NonZeroUsize>,
     /// Whether [`Solution::display`](super::Solution::display) is wanted; solvers that have it give it always.
     pub display: bool,
+    /// The levels of the mesh, for solvers that use coarser ones.
+    pub hierarchy: Option<Arc<Hierarchy>>,
     /// Passes between restarts, of `gmres`.
     pub restart: Option<NonZeroUsize>,
     /// Steps that `anderson` remembers.
@@ -116,6 +120,7 @@ pub const SOLVERS: &[SolverEntry] = &[
     SolverEntry { name: "gmres", summary: "The least residual over a Krylov space; for form factors without symmetry", needs_reciprocity: false, settings: &[Setting::Restart], make: |s| Box::new(gmres(s)) },
     SolverEntry { name: "anderson", summary: "Jacobi iteration with Anderson acceleration", needs_reciprocity: false, settings: &[Setting::Depth], make: |s| Box::new(s.depth.map_or_else(Anderson::default, |depth| Anderson { depth })) },
     SolverEntry { name: "direct", summary: "Dense factorisation; for many lightings, and as the oracle", needs_reciprocity: false, settings: &[Setting::MemoryLimit], make: |s| Box::new(direct(s)) },
+    SolverEntry { name: "multigrid", summary: "Gauss-Seidel, corrected on ever coarser levels of the mesh", needs_reciprocity: false, settings: &[], make: |s| Box::new(Multigrid { hierarchy: s.hierarchy.clone(), ..Multigrid::default() }) },
 ];
 
 fn gmres(settings: &SolverSettings) -> Gmres {
@@ -164,6 +169,12 @@ fn joined<'a>(entries: impl IntoIterator<Item = &'a SolverEntry>) -> String {
 }
 
 impl SolverEntry {
+    /// Tells whether the solver uses [`SolverSettings::hierarchy`].
+    #[must_use]
+    pub fn uses_hierarchy(&self) -> bool {
+        self.name == "multigrid"
+    }
+
     /// Returns the solver with the given settings.
     ///
     /// # Errors

@@ -28,6 +28,18 @@ pub(super) struct Norms {
     pub(super) euclidean: Vec<f64>,
 }
 
+impl Norms {
+    /// Returns the norms that `combine` makes of these and others.
+    pub(super) fn map_with(&self, other: &Self, combine: impl Fn(f64, f64) -> f64) -> Self {
+        let both = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(&a, &b)| combine(a, b)).collect();
+        Self {
+            l2: both(&self.l2, &other.l2),
+            max_power: both(&self.max_power, &other.max_power),
+            max: both(&self.max, &other.max),
+        }
+    }
+}
+
 /// What the radiosities themselves say.
 pub(super) struct TrueResidual {
     /// r = E − B + ρ H.

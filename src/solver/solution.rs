@@ -24,6 +24,10 @@ pub struct Solution {
     pub n_passes: usize,
     /// Further passes over F that were spent on true residuals.
     pub n_checks: usize,
+    /// What was done before the first pass, such as making coarse matrices, in passes over F.
+    pub setup_work: f64,
+    /// Wall time of that, s.
+    pub setup_s: f64,
     /// sqrt(Σ A r² / Σ A E²) of these radiosities, the worst channel; r = E − (I − diag(ρ) F) B.
     pub residual_l2: f64,
     /// max |r_i A_i| of these radiosities, W, the worst channel.
@@ -64,6 +68,8 @@ impl Solution {
             stop_reason: StopReason::Converged,
             n_passes: 0,
             n_checks: 0,
+            setup_work: 0.0,
+            setup_s: 0.0,
             residual_l2: 0.0,
             residual_max_power: 0.0,
             error_bound: Some(0.0),
@@ -108,6 +114,8 @@ impl Solution {
             stop_reason,
             n_passes,
             n_checks,
+            setup_work: recorder.setup.work,
+            setup_s: recorder.setup.time_s,
             residual_l2: worst(&truth.norms.l2),
             residual_max_power: worst(&truth.norms.max_power),
             error_bound,
