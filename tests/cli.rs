@@ -168,6 +168,75 @@ fn solvers_agree_and_say_how_they_stopped() {
 }
 
 #[test]
+fn settings_go_to_the_solvers_that_use_them() {
+    let directory = with_scene("lewis-room");
+    let common = ["solve", "scene.obj", "--method", "sr", "--rays", "500"];
+    for (flags, used_by) in [
+        (&["--solver", "pcg", "--omega", "1.5"][..], "`sor`"),
+        (&["--solver", "jacobi", "--bounds", "average"], "`chebyshev`"),
+        (&["--solver", "sor", "--steps-per-pass", "5"], "`overshooting`"),
+        (&["--solver", "sor", "--display-ambient"], "`progressive-refinement`"),
+        (&["--solver", "sor", "--omega", "2"], "between 0 and 2"),
+    ] {
+        let output = radiosity(directory.path(), &[&common, flags].concat());
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{flags:?}: {message}");
+        assert!(
+            message.contains(used_by) && message.trim_end().lines().count() == 1,
+            "{flags:?}: {message}"
+        );
+    }
+    for flags in [
+        &["--solver", "sor", "--omega", "1.2"][..],
+        &["--solver", "chebyshev", "--bounds", "average"],
+    ] {
+        let (code, result) = document(directory.path(), &[&common, flags].concat());
+        assert_eq!(code, 0, "{flags:?}");
+        assert_eq!(result["stop_reason"], "converged");
+    }
+}
+
+/// A picture after few steps: the estimate of the light under way brings the room's mean near its end.
+#[test]
+fn light_under_way_can_be_shown() {
+    let directory = with_scene("lewis-room");
+    let total = |flags: &[&str]| {
+        let common = [
+            "solve",
+            "scene.obj",
+            "--method",
+            "sr",
+            "--rays",
+            "500",
+            "--balance",
+            "on",
+        ];
+        let (code, result) = document(directory.path(), &[&common, flags].concat());
+        let surfaces = result["surfaces"].as_array().unwrap();
+        let of = |s: &Value| s["area_m2"].as_f64().unwrap() * s["radiosity"][0].as_f64().unwrap();
+        (code, surfaces.iter().map(of).sum::<f64>(), result)
+    };
+    let (code, exact, _) = total(&["--solver", "pcg"]);
+    assert_eq!(code, 0);
+    let few = [
+        "--solver",
+        "progressive-refinement",
+        "--steps-per-pass",
+        "10",
+        "--max-passes",
+        "3",
+    ];
+    let (code, plain, result) = total(&few);
+    assert_eq!((code, &result["n_steps"]), (3, &Value::from(30)));
+    let (_, shown, result) = total(&[&few[..], &["--display-ambient"]].concat());
+    assert_eq!(result["settings"]["display_ambient"], true);
+    assert!(
+        (shown - exact).abs() < 0.25 * (plain - exact).abs(),
+        "{shown} {plain} {exact}"
+    );
+}
+
+#[test]
 fn too_few_passes_are_exit_code_3_and_still_give_a_document() {
     let directory = with_scene("lewis-room");
     let (code, result) = document(

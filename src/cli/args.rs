@@ -10,7 +10,7 @@ use serde::Serialize;
 use crate::form_factor::registry::METHODS;
 use crate::geometry::sampling::Sequence;
 use crate::mesh::Subdivision;
-use crate::solver::Start;
+use crate::solver::{SpectrumBounds, Start};
 use crate::voxel::Form;
 
 /// Light in diffuse scenes: form factors to high accuracy, radiosity, OpenEXR pictures.
@@ -287,6 +287,40 @@ pub struct SolverArgs {
     /// Steps that are remembered, with anderson [default: 8]
     #[arg(long, value_name = "M")]
     pub depth: Option<NonZeroUsize>,
+    /// Relaxation factor, between 0 and 2, with sor [default: by the mean reflectance]
+    #[arg(long, value_name = "W")]
+    pub omega: Option<f64>,
+    /// Where chebyshev takes the interval of the eigenvalues from [default: safe]
+    #[arg(long, value_enum)]
+    pub bounds: Option<BoundsName>,
+    /// Steps that count as one pass, with progressive-refinement and overshooting [default: one per patch]
+    #[arg(long, value_name = "N")]
+    pub steps_per_pass: Option<NonZeroUsize>,
+    /// Add an estimate of the light still under way to the radiosities, with progressive-refinement and overshooting: for a picture after few passes
+    #[arg(long)]
+    pub display_ambient: bool,
+}
+
+/// Where Chebyshev's method takes the interval of the eigenvalues from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum BoundsName {
+    /// A bound that holds, from reflectances and row sums
+    Safe,
+    /// 1 ± the mean reflectance, as in the paper: no bound
+    Average,
+    /// Ten Lanczos steps
+    Lanczos,
+}
+
+impl From<BoundsName> for SpectrumBounds {
+    fn from(name: BoundsName) -> Self {
+        match name {
+            BoundsName::Safe => Self::Safe,
+            BoundsName::Average => Self::Average,
+            BoundsName::Lanczos => Self::Lanczos(NonZeroUsize::MIN.saturating_add(9)),
+        }
+    }
 }
 
 /// The radiosities that a solver starts from.
@@ -414,7 +448,7 @@ pub struct CompareArgs {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum PaperName {
-    /// Baranoski, Bramley and Shirley 1995: tables 3 to 8 (form factors by shooting and quadrature)
+    /// Baranoski, Bramley and Shirley 1995: table 2 (solvers), tables 3 to 8 (form factors by shooting and quadrature)
     Baranoski,
     /// Every solver on stiff, extreme and impossible systems
     Stability,
@@ -428,7 +462,7 @@ pub struct ReproduceArgs {
     /// The paper
     #[arg(value_enum, value_name = "PAPER")]
     pub paper: PaperName,
-    /// The tables, as in `3-8` or `3,5-7` [default: all that are built]
+    /// The tables, as in `2-8` or `2,5-7` [default: all that are built]
     #[arg(long, value_name = "LIST")]
     pub tables: Option<String>,
     /// The directory for the tables as files, made if needed [default: reproduce-PAPER]

@@ -112,9 +112,10 @@ impl From<SolverError> for Failure {
         let kind = match error {
             SolverError::NoFiniteSolution { .. } => "no_finite_solution",
             SolverError::Disk(error) => return error.into(),
-            SolverError::Tolerance { .. } | SolverError::UnknownSolver { .. } | SolverError::UnusedSetting { .. } => {
-                return Self::usage(error.to_string());
-            }
+            SolverError::Tolerance { .. }
+            | SolverError::UnknownSolver { .. }
+            | SolverError::Omega { .. }
+            | SolverError::UnusedSetting { .. } => return Self::usage(error.to_string()),
             _ => "solver",
         };
         Self::new(kind, error.to_string())

@@ -389,10 +389,30 @@ impl Run {
         })
     }
 
-    /// Returns the solver that is asked for.
-    #[expect(clippy::unused_self, reason = "a choice of this run")]
+    /// Returns the solver that is asked for; settings that it has no use for are a usage error.
     pub(super) fn solver_entry(&self, args: &SolverArgs) -> Result<&'static SolverEntry, Failure> {
-        Ok(solver::registry::by_name(&args.solver)?)
+        let entry = solver::registry::by_name(&args.solver)?;
+        entry.checked(&self.solver_settings(args, entry))?;
+        Ok(entry)
+    }
+
+    /// Returns the settings that the flags give a solver.
+    fn solver_settings(&self, args: &SolverArgs, entry: &SolverEntry) -> SolverSettings {
+        SolverSettings {
+            omega: args.omega,
+            bounds: args.bounds.map(Into::into),
+            steps_per_pass: args.steps_per_pass,
+            display: args.display_ambient,
+            restart: args.restart,
+            depth: args.depth,
+            // The flag is the storage's too; solvers that need no memory to speak of pass over it.
+            memory_limit_byte: self
+                .storage
+                .args
+                .memory_limit
+                .filter(|_| entry.settings.contains(&solver::registry::Setting::MemoryLimit)),
+            ..SolverSettings::default()
+        }
     }
 
     /// Solves the radiosity system of a scene.
@@ -433,14 +453,7 @@ impl Run {
         });
         let solver = entry.checked(&SolverSettings {
             hierarchy,
-            restart: args.restart,
-            depth: args.depth,
-            // The flag is the storage's too; solvers that need no memory to speak of pass over it.
-            memory_limit_byte: self
-                .storage
-                .args
-                .memory_limit
-                .filter(|_| entry.settings.contains(&solver::registry::Setting::MemoryLimit)),
+            ..self.solver_settings(args, entry)
         })?;
         self.set("solver", entry.name);
         self.set("tolerance", args.tolerance);
@@ -453,9 +466,26 @@ impl Run {
             start: args.start.into(),
             ..SolveOptions::default()
         };
-        let solution = self.times.time("solve", || {
+        for (name, value) in [
+            ("omega", args.omega.map(Value::from)),
+            ("bounds", args.bounds.map(|bounds| json!(bounds))),
+            ("steps_per_pass", args.steps_per_pass.map(|n| Value::from(n.get()))),
+            ("display_ambient", args.display_ambient.then_some(Value::Bool(true))),
+        ] {
+            if let Some(value) = value {
+                self.set(name, value);
+            }
+        }
+        let mut solution = self.times.time("solve", || {
             solver.solve(&system, &options, &mut |_| std::ops::ControlFlow::Continue(()))
         })?;
+        if args.display_ambient
+            && let Some(display) = solution.display.take()
+        {
+            // The picture's irradiance belongs to what it shows; residual and bound stay those of the solution.
+            factors.apply(&display, &mut solution.irradiance);
+            solution.radiosity = display;
+        }
         if let Some(choice) = &solution.choice {
             plan.decide("solver", choice.solver, choice.why.clone());
         }

@@ -123,7 +123,9 @@ pub(super) fn code(solution: &Solution, computed: Option<&Computed>) -> ExitCode
 
 /// Returns what documents say about a solution.
 pub(super) fn to_json(prepared: &Prepared, solver: &str, solution: &Solution) -> Value {
+    let selections = &solution.selections;
     json!({
+        "n_steps": (!selections.is_empty()).then(|| selections.iter().sum::<u64>()),
         "n_patches": prepared.mesh.n_patches(),
         "n_channels": solution.radiosity.n_channels(),
         "solver": chosen(solver, solution),

@@ -1,7 +1,7 @@
 //! Experiments: the methods side by side on one scene, and the papers' tables beside what we measure.
 //!
 //! [`compare`](compare()) runs every setting of every method ([`SWEEPS`]) over several seeds and says how far each is from a
-//! [`Reference`], and how long it took. [`baranoski`] repeats the tables of appendix A of that paper, [`lewis`] those of the paper on multigrid.
+//! [`Reference`], and how long it took. [`baranoski`] repeats the tables of that paper, [`lewis`] those of the paper on multigrid.
 //! [`stability`] tries every solver on stiff, extreme and impossible systems.
 
 pub mod baranoski;
@@ -42,6 +42,9 @@ pub enum ExperimentError {
     /// The reference could not be computed.
     #[error("the reference: {0}")]
     Reference(#[source] FormFactorError),
+    /// The form factors of a model could not be computed.
+    #[error(transparent)]
+    FormFactors(FormFactorError),
     /// Form factors could not be stored.
     #[error(transparent)]
     Matrix(#[from] MatrixError),

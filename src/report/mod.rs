@@ -1,6 +1,7 @@
 //! What was done, how well, how long it took, and what was left out; and the files that carry results to other programs.
 
 pub mod csv;
+pub mod curves;
 pub mod lines;
 mod log_axis;
 mod machine;

@@ -25,6 +25,8 @@ pub struct HistoryEntry {
     pub residual_max_power: f64,
     /// max |r_i|, W·m⁻².
     pub residual_max: f64,
+    /// sqrt(Σ r²), W·m⁻²: Baranoski, Bramley and Shirley 1995, equation (26). It depends on how finely the scene is cut.
+    pub residual_euclidean: f64,
     /// True where the solver's own running estimate stands in for the residual: each solver says what it estimates.
     /// False where the residual was calculated from the radiosities themselves.
     pub estimated: bool,
@@ -84,6 +86,14 @@ impl<'a> Recorder<'a> {
         }
     }
 
+    /// Does work that only serves the history, and leaves its time out.
+    pub(super) fn off_the_clock<T>(&mut self, work: impl FnOnce() -> T) -> T {
+        let start = Instant::now();
+        let result = work();
+        self.overhead_s += start.elapsed().as_secs_f64();
+        result
+    }
+
     /// Tells whether these norms, of a true residual, are not yet what the last entry holds.
     pub(super) fn lacks(&self, norms: &Norms) -> bool {
         let holds = |last: &HistoryEntry| {
@@ -113,6 +123,7 @@ impl<'a> Recorder<'a> {
             residual_l2: worst(&norms.l2),
             residual_max_power: worst(&norms.max_power),
             residual_max: worst(&norms.max),
+            residual_euclidean: worst(&norms.euclidean),
             estimated,
             errors: self.reference.as_ref().map(|b| errors(self.scaled, b, &radiosity())),
         };

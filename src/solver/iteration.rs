@@ -58,6 +58,16 @@ pub(super) trait Iteration {
     fn work(&self) -> f64 {
         1.0
     }
+
+    /// Returns B with an estimate of the light that is still under way, where the method has one.
+    fn display(&self) -> Option<Block> {
+        None
+    }
+
+    /// Returns how often each patch was selected, in methods that select.
+    fn selections(&self) -> Vec<u64> {
+        Vec::new()
+    }
 }
 
 /// Runs an iteration until the true residual meets the tolerance, or there is no point in going on.
@@ -122,16 +132,27 @@ pub(super) fn run<I: Iteration>(
             iteration.radiosity()
         });
         let mut stagnated = false;
-        if truth.is_none() && worst(&tolerance.excess(&norms)) <= 1.0 {
-            let exact = truth.insert(scaled.true_residual(&iteration.radiosity()));
+        let claims = worst(&tolerance.excess(&norms)) <= 1.0;
+        if truth.is_none() && (claims || options.true_history) {
+            let check = || scaled.true_residual(&iteration.radiosity());
+            let exact = if options.true_history {
+                recorder.off_the_clock(check)
+            } else {
+                check()
+            };
             n_checks += 1;
             norms = exact.norms.clone();
             let checked = worst(&tolerance.excess(&norms));
-            stagnated = checked > GAIN * checked_before;
-            checked_before = checked;
+            if claims {
+                stagnated = checked > GAIN * checked_before;
+                checked_before = checked;
+            }
             goes_on = recorder.note(n_passes, 0.0, &norms, false, || iteration.radiosity()) && goes_on;
-            if checked > 1.0 && !stagnated {
-                iteration.restart(exact);
+            if claims && checked > 1.0 && !stagnated {
+                // The radiosities may change with it: what is true of them is calculated anew at the end.
+                iteration.restart(&exact);
+            } else {
+                truth = Some(exact);
             }
         }
         excess = tolerance.excess(&norms);
@@ -183,7 +204,13 @@ pub(super) fn run<I: Iteration>(
         recorder.note(n_passes, 0.0, &truth.norms, false, || radiosity.clone());
     }
     let counts = (n_passes, n_checks);
-    Solution::new(scaled, radiosity, truth, tolerance, gave_up, counts, recorder)
+    let display = iteration.display().map(|block| scaled.to_si(block));
+    let solution = Solution::new(scaled, radiosity, truth, tolerance, gave_up, counts, recorder)?;
+    Ok(Solution {
+        display,
+        selections: iteration.selections(),
+        ..solution
+    })
 }
 
 /// What became of radiosities that meet the tolerance.

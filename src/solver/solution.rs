@@ -37,6 +37,10 @@ pub struct Solution {
     pub error_bound: Option<f64>,
     /// What happened pass by pass; the last entry holds the true residual of what is returned.
     pub history: Vec<HistoryEntry>,
+    /// B with an estimate of the light that is still under way, W·m⁻², \[n, c\], for pictures before convergence; where the solver has one.
+    pub display: Option<Block>,
+    /// How often each patch was selected, \[n\], in solvers that select; else empty. Their sum is the number of steps.
+    pub selections: Vec<u64>,
     /// Where the light goes, channel by channel.
     pub energy: Vec<Energy>,
     /// The solver that [`Auto`](super::Auto) chose; `None` for the others.
@@ -70,6 +74,8 @@ impl Solution {
             residual_max_power: 0.0,
             error_bound: Some(0.0),
             history: Vec::new(),
+            display: None,
+            selections: Vec::new(),
             energy: Vec::new(),
             choice: None,
         }
@@ -114,6 +120,8 @@ impl Solution {
             residual_max_power: worst(&truth.norms.max_power),
             error_bound,
             history: recorder.entries,
+            display: None,
+            selections: Vec::new(),
         })
     }
 }
