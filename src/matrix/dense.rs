@@ -1,5 +1,10 @@
 //! Rows stored in full.
 
+#![expect(
+    clippy::shadow_unrelated,
+    reason = "inner scopes reuse the letters of the formulas and the names of what they look at"
+)]
+
 use std::ops::Range;
 
 use super::lanes::{Planes, add_row, multiply_rows};

@@ -3,6 +3,13 @@
 //! Every sum is kept in [`LANES`] partial sums, whatever the width of the registers, and products are rounded before they are
 //! added: the result is the same bytes on all processors.
 
+#![cfg_attr(
+    test,
+    expect(
+        clippy::shadow_unrelated,
+        reason = "inner scopes reuse the letters of the formulas and the names of what they look at"
+    )
+)]
 #![expect(
     clippy::inline_always,
     reason = "what is not inlined is not compiled for the instruction set"

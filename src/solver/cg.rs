@@ -1,5 +1,10 @@
 //! `cg`: conjugate gradients as in the paper, without a preconditioner.
 
+#![expect(
+    clippy::shadow_unrelated,
+    reason = "inner scopes reuse the letters of the formulas and the names of what they look at"
+)]
+
 use std::ops::ControlFlow;
 
 use super::iteration::{self, Estimate, Iteration};

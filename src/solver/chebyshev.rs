@@ -1,5 +1,10 @@
 //! `chebyshev`: the best polynomial for an interval that holds the spectrum.
 
+#![expect(
+    clippy::shadow_unrelated,
+    reason = "inner scopes reuse the letters of the formulas and the names of what they look at"
+)]
+
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 use std::time::Instant;

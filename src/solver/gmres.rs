@@ -1,5 +1,13 @@
 //! `gmres`: the least residual over a Krylov space, for systems without symmetry.
 
+#![cfg_attr(
+    test,
+    expect(
+        clippy::shadow_unrelated,
+        reason = "inner scopes reuse the letters of the formulas and the names of what they look at"
+    )
+)]
+
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 

@@ -133,7 +133,9 @@ impl Tridiagonal {
         for _ in 0..3 {
             self.solve(shift, &mut x);
             let norm = x.iter().map(|v| v * v).sum::<f64>().sqrt();
-            x.iter_mut().for_each(|v| *v /= norm);
+            for v in &mut x {
+                *v /= norm;
+            }
         }
         x[n - 1].abs().min(1.0)
     }

@@ -18,12 +18,12 @@ use crate::matrix::operator::Block;
 ///
 /// in the inner product ⟨u, v⟩ = Σ A u v, in which K is symmetric; black patches drop out by themselves. The residual of
 /// the radiosities is r = diag(ρ)^½ (g − K x). K is positive definite where ρ_i Σ_j F_ij < 1; a direction p
-/// with ⟨p, K p⟩ ≤ 0 shows that it is not, and the solver stops as [`StopReason::Diverged`].
+/// with ⟨p, K p⟩ ≤ 0 shows that it is not, and the solver stops as [`StopReason::Diverged`](super::StopReason::Diverged).
 ///
 /// One pass applies F once to all channels; each channel has its own scalars and rests as soon as it meets the tolerance, so
 /// it ends as the same bytes that it would alone. The recurrence's residual is the estimate in the history. When it meets the
 /// tolerance, the true residual is calculated, and the iteration starts again from it where it does not meet
-/// the tolerance; if two such checks in a row differ by less than a factor of 2, it ends as [`StopReason::Stagnated`].
+/// the tolerance; if two such checks in a row differ by less than a factor of 2, it ends as [`StopReason::Stagnated`](super::StopReason::Stagnated).
 /// [`Start::Zero`](super::Start::Zero) is the same as [`Start::Exitance`](super::Start::Exitance): its first reflection gives B = E.
 ///
 /// Passes for a relative residual of 1e-6 grow like sqrt(1 / (1 − ρ)) at worst, and for closed rooms hardly at all,

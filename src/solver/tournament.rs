@@ -109,7 +109,11 @@ mod tests {
             for round in 0..200 {
                 let n_changes = if round % 3 == 0 { n } else { 3 };
                 for k in 0..n_changes {
-                    let i = if round % 3 == 0 { k } else { random(n as u64) as usize };
+                    let i = if round % 3 == 0 {
+                        k
+                    } else {
+                        usize::try_from(random(n as u64)).expect("below n")
+                    };
                     // Few different values, so that there are ties.
                     values[i] = random(5) as f64;
                     tournament.set(i, values[i]);

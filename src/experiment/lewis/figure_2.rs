@@ -1,5 +1,10 @@
 //! Figure 2 as one reads it: the algorithm in its variants, in as few lines as the paper has.
 
+#![expect(
+    clippy::shadow_unrelated,
+    reason = "inner scopes reuse the letters of the formulas and the names of what they look at"
+)]
+
 use serde::Serialize;
 
 use super::TOLERANCE;

@@ -1,5 +1,10 @@
 //! The model problem: a room with walls of 2^l × 2^l patches.
 
+#![expect(
+    clippy::shadow_unrelated,
+    reason = "inner scopes reuse the letters of the formulas and the names of what they look at"
+)]
+
 use std::f64::consts::PI;
 
 use rayon::prelude::*;
@@ -77,6 +82,9 @@ impl Room {
     }
 
     /// Returns the levels l, l − 1, ..., 0.
+    ///
+    /// # Panics
+    /// If there are 2³² patches along an edge or more; no memory holds their form factors.
     #[must_use]
     pub fn hierarchy(self) -> Hierarchy {
         let m = u32::try_from(self.per_edge()).expect("a level below 32");

@@ -1,5 +1,10 @@
 //! The tables, line by line, beside the paper's and beside what they must be.
 
+#![expect(
+    clippy::shadow_unrelated,
+    reason = "inner scopes reuse the letters of the formulas and the names of what they look at"
+)]
+
 use std::ops::ControlFlow;
 use std::sync::Arc;
 

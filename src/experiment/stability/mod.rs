@@ -6,6 +6,14 @@
 //! for. It is *refused* if the solver or the system returned a typed error or stopped as `stagnated` or `diverged`, and *slow* if all passes were used up. Everything else is
 //! *wrong*: there must be no such cell.
 
+#![cfg_attr(
+    test,
+    expect(
+        clippy::shadow_unrelated,
+        reason = "inner scopes reuse the letters of the formulas and the names of what they look at"
+    )
+)]
+
 mod cases;
 mod oracle;
 mod rooms;

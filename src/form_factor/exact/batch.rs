@@ -1,5 +1,10 @@
 //! Rows of the upper triangle, some faces at a time: classified, then integrated pair by pair.
 
+#![expect(
+    clippy::shadow_unrelated,
+    reason = "inner scopes reuse the letters of the formulas and the names of what they look at"
+)]
+
 use std::collections::HashMap;
 use std::ops::Range;
 
@@ -293,7 +298,7 @@ impl Walk<'_> {
     /// Deals with a run of columns whose visibility is known; `of_faces` is true if it is that of the rows' whole face.
     fn settle(&mut self, columns: &Run, view: &PairVisibility, of_faces: bool) {
         match view {
-            PairVisibility::Full => self.each_facing_pair(columns, |walk, i, j| walk.push_full(i, j)),
+            PairVisibility::Full => self.each_facing_pair(columns, Walk::push_full),
             PairVisibility::None => self.each_facing_pair(columns, |walk, _, _| walk.strip.counts.hidden += 1),
             PairVisibility::Partial(among) if of_faces => self.look(columns, among),
             PairVisibility::Partial(among) => match columns.halves {

@@ -51,7 +51,7 @@ impl Lattice {
         let n_u = (2..n)
             .find(|&k| (offset(first + k) - step * k as f64).length() > 0.5 * step.length())
             .unwrap_or(n);
-        if n == 0 || n % n_u != 0 {
+        if n == 0 || !n.is_multiple_of(n_u) {
             return None;
         }
         let n_v = n / n_u;

@@ -5,6 +5,11 @@
 //! structure; P is cut along these first, and the cells are then integrated by an adaptive rule, worst cell first.
 //! f64 throughout, no rays.
 
+#![expect(
+    clippy::shadow_unrelated,
+    reason = "inner scopes reuse the letters of the formulas and the names of what they look at"
+)]
+
 mod cells;
 mod events;
 mod rule;
@@ -195,8 +200,8 @@ impl View<'_> {
 
     /// Integrates over the receiver as it is, without looking for lines of change; `None` if that does not reach the goal.
     fn coarse(&self, goal: f64, most: f64) -> Option<Partial> {
-        // NaN and infinity fail too.
-        if !(UNSEEN[1].0 * most < goal) {
+        let unseen = UNSEEN[1].0 * most;
+        if unseen.is_nan() || unseen >= goal {
             return None;
         }
         let outer = self.outer();

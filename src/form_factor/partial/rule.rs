@@ -1,5 +1,10 @@
 //! A triangle rule of degree 8 that looks at how fast the degrees of its integrand fall, and so at its own error.
 
+#![expect(
+    clippy::shadow_unrelated,
+    reason = "inner scopes reuse the letters of the formulas and the names of what they look at"
+)]
+
 use std::sync::LazyLock;
 
 use glam::DVec2;

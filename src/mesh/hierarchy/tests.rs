@@ -43,7 +43,9 @@ fn every_patch_is_the_union_of_its_children() {
             for parent in 0..level.n_coarse() {
                 let children = level.children(parent);
                 assert!(!children.is_empty() && children.is_sorted());
-                children.iter().for_each(|&i| seen[i as usize] += 1);
+                for &i in children {
+                    seen[i as usize] += 1;
+                }
                 let shares: f64 = children.iter().map(|&i| level.shares()[i as usize]).sum();
                 assert!((shares - 1.0).abs() < 1e-14, "{name}: {shares}");
                 assert!(children.iter().all(|&i| level.parents()[i as usize] as usize == parent));

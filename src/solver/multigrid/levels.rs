@@ -1,5 +1,10 @@
 //! The coarse levels: their matrices, and the correction that they give.
 
+#![expect(
+    clippy::shadow_unrelated,
+    reason = "inner scopes reuse the letters of the formulas and the names of what they look at"
+)]
+
 use super::coarsest::Factored;
 use super::matrices::{Cost, Matrix};
 use super::{CoarseMatrices, Coarsest, Multigrid};

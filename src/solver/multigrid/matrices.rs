@@ -1,5 +1,10 @@
 //! Matrices of the coarse levels: rows that channels share where they can.
 
+#![expect(
+    clippy::shadow_unrelated,
+    reason = "inner scopes reuse the letters of the formulas and the names of what they look at"
+)]
+
 use rayon::prelude::*;
 
 use crate::matrix::operator::{Block, RowAccess};

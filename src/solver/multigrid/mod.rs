@@ -1,5 +1,10 @@
 //! `multigrid`: Gauss-Seidel on the patches, corrected on ever coarser levels.
 
+#![expect(
+    clippy::shadow_unrelated,
+    reason = "inner scopes reuse the letters of the formulas and the names of what they look at"
+)]
+
 mod coarsest;
 mod levels;
 mod matrices;
@@ -284,7 +289,7 @@ fn channels(block: &Block) -> Vec<Vec<f64>> {
 #[derive(Default)]
 struct Forecast {
     met: Option<Norms>,
-    forecast: Option<Norms>,
+    said: Option<Norms>,
     /// By what factor the last forecast that was checked was too small.
     correction: f64,
 }
@@ -301,12 +306,12 @@ impl Forecast {
             }),
         };
         self.met = Some(met);
-        self.forecast = Some(forecast.clone());
+        self.said = Some(forecast.clone());
         forecast
     }
 
     fn correct(&mut self, truth: &Norms) {
-        if let Some(forecast) = &self.forecast {
+        if let Some(forecast) = &self.said {
             let ratios = truth.map_with(
                 forecast,
                 |true_norm, norm| if norm > 0.0 { true_norm / norm } else { 1.0 },

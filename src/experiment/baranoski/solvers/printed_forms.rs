@@ -1,5 +1,10 @@
 //! What the algorithms do as they are printed.
 
+#![expect(
+    clippy::shadow_unrelated,
+    reason = "inner scopes reuse the letters of the formulas and the names of what they look at"
+)]
+
 use serde::Serialize;
 
 use super::{Case, TOLERANCE};
