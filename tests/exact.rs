@@ -285,7 +285,8 @@ fn patches_under_a_box_see_nothing_and_the_others_lose_nothing() {
                 // The floor's cells are 0.5 by 0.625 m: 4 by 4 of them lie wholly under the box.
                 assert!(n_hidden >= 4 * 2, "{in_corner} {open} {place}: {n_hidden}");
             }
-            assert!(n_whole > prepared.mesh.n_patches() * 3 / 4, "{n_whole}");
+            // In the corner 192 patches are sides of the box that touch walls, or lie under them.
+            assert!(n_whole > prepared.mesh.n_patches() * 2 / 3, "{n_whole}");
         }
     }
 }

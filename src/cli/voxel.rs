@@ -449,7 +449,9 @@ fn surface_means(scene: &Scene, voxels: &VoxelScene, radiosity: &Block) -> (Vec<
     }
     for (mean, area) in means.iter_mut().zip(&areas) {
         if *area > 0.0 {
-            mean.iter_mut().for_each(|m| *m /= area);
+            for channel in mean {
+                *channel /= area;
+            }
         }
     }
     (areas, counts, means)

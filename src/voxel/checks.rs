@@ -94,7 +94,7 @@ impl VoxelScene {
         }
         let gap = |(surfaces, n_surfels)| ThinGap { surfaces, n_surfels };
         let mut gaps: Vec<ThinGap> = counts.into_iter().map(gap).collect();
-        gaps.sort_by_key(|gap| std::cmp::Reverse(gap.n_surfels));
+        gaps.sort_by_key(|found| std::cmp::Reverse(found.n_surfels));
         gaps
     }
 

@@ -149,7 +149,7 @@ impl VoxelScene {
             });
         }
         let voxels: Vec<Voxel> = pieces.iter().map(|piece| piece.0).collect();
-        let Built { octree, ranks } = Octree::new(grid.n_voxels, &voxels);
+        let Built { octree, ranks } = Octree::build(grid.n_voxels, &voxels);
         drop(voxels);
         let mut order: Vec<(u32, usize)> = ranks.into_iter().zip(0..).collect();
         order.par_sort_unstable();
@@ -260,8 +260,8 @@ impl Maker<'_> {
         let voxel = pieces[0]
             .0
             .map(|c| u16::try_from(c).expect("a lattice has at most 4096 voxels a side"));
-        let facing = self.facing(&drafts);
-        for (draft, facing) in drafts.into_iter().zip(facing) {
+        let faced = self.facing(&drafts);
+        for (draft, facing) in drafts.into_iter().zip(faced) {
             let of_face = |f: &FaceId| self.units[f.0 as usize];
             let first = of_face(&draft.faces[0]);
             // A surfel of one plane keeps that plane's very normal.

@@ -99,9 +99,7 @@ impl Direction {
     fn count_before(&self, b: usize, a: usize, k: u32) -> u32 {
         // (2 m + 1) |v_a| ≤ (2 k + 1) |v_b| − [b after a], hence ⌊(that + |v_a|) / (2 |v_a|)⌋ of them.
         let bound = (2 * k + 1) * self.size[b] + self.size[a] - u32::from(b > a);
-        #[expect(clippy::cast_possible_truncation, reason = "a count of voxels on a lattice")]
-        let count = ((u64::from(bound) * self.reciprocal[a]) >> 32) as u32;
-        count
+        ((u64::from(bound) * self.reciprocal[a]) >> 32) as u32
     }
 }
 
@@ -157,7 +155,7 @@ pub(super) fn first_surface(octree: &Octree, origin: Voxel, direction: &Directio
             return None;
         }
         let b = at.map(|c| c >> 2);
-        let index = |b: [u32; 3]| (b[2] as usize * n_bricks[1] + b[1] as usize) * n_bricks[0] + b[0] as usize;
+        let index = |[x, y, z]: [u32; 3]| (z as usize * n_bricks[1] + y as usize) * n_bricks[0] + x as usize;
         let side = u32::from(cubes[index(b)]);
         if side == 0 {
             let brick = octree.brick_at(index([mirrored(b[0], 0), mirrored(b[1], 1), mirrored(b[2], 2)]));
@@ -171,13 +169,13 @@ pub(super) fn first_surface(octree: &Octree, origin: Voxel, direction: &Directio
                 let a = direction.next_axis(counts);
                 counts[a] += 1;
                 at[a] += 1;
-                if at[a] & 3 == 0 {
+                if at[a].is_multiple_of(4) {
                     break;
                 }
             }
         } else {
             // The last crossing numbers inside the cube, and the first crossing out of it.
-            let last: [u32; 3] = std::array::from_fn(|a| 4 * (b[a] + side) - 1 - start[a]);
+            let last: [u32; 3] = std::array::from_fn(|axis| 4 * (b[axis] + side) - 1 - start[axis]);
             let a = direction.next_axis(last);
             let after = direction.counts_after(a, last[a]);
             counts = std::array::from_fn(|axis| after[axis].max(place.at_least[axis]));
@@ -219,8 +217,8 @@ mod tests {
     /// All voxels of a line's beginning, from the definition: crossings (2 k + 1) / (2 |v_a|) sorted as fractions.
     fn by_sorting(vector: [i32; 3], n: usize) -> Vec<Voxel> {
         let mut crossings: Vec<(i64, i64, usize)> = Vec::new();
-        for a in 0..3 {
-            let c = i64::from(vector[a].abs());
+        for (a, &component) in vector.iter().enumerate() {
+            let c = i64::from(component.abs());
             if c > 0 {
                 crossings.extend((0..300).map(|k| (2 * k + 1, c, a)));
             }
@@ -282,7 +280,7 @@ mod tests {
             #[expect(clippy::cast_possible_truncation, reason = "a fraction of a small number")]
             let voxel = |f: [f64; 3]| std::array::from_fn(|a| (f[a] * f64::from(size[a])) as i32);
             let voxels: Vec<Voxel> = seeds.iter().map(|&f| voxel(f)).collect();
-            let tree = Octree::new(size, &voxels).octree;
+            let tree = Octree::build(size, &voxels).octree;
             let direction = Direction::new(vector);
             let mut at_least = [0; 3];
             if lift < 3 && vector[lift] != 0 {

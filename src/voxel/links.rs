@@ -34,6 +34,7 @@ pub(super) struct Chunk {
 
 /// How many links there are, and of which kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[expect(clippy::struct_field_names, reason = "counts are named n_ everywhere")]
 pub(super) struct Tally {
     pub(super) n_links: u64,
     pub(super) n_backs: u64,

@@ -36,7 +36,7 @@ pub struct Octree {
     empty_cubes: [Vec<u8>; 8],
 }
 
-/// What [`Octree::new`] makes of a list of voxels.
+/// What [`Octree::build`] makes of a list of voxels.
 pub(super) struct Built {
     pub(super) octree: Octree,
     /// The rank of each voxel of the list.
@@ -49,7 +49,7 @@ impl Octree {
     /// # Panics
     /// If a voxel lies outside the lattice.
     #[track_caller]
-    pub(super) fn new(n_voxels: [i32; 3], voxels: &[Voxel]) -> Built {
+    pub(super) fn build(n_voxels: [i32; 3], voxels: &[Voxel]) -> Built {
         let n_bricks = n_voxels.map(|n| usize::try_from((n + BRICK - 1) / BRICK).expect("a lattice has voxels"));
         let mut keyed: Vec<(u64, usize)> = voxels
             .par_iter()
@@ -217,7 +217,7 @@ mod tests {
     #[test]
     fn ranks_count_the_surface_voxels_once_each() {
         let voxels = [[5, 0, 9], [0, 0, 0], [5, 0, 9], [13, 12, 9], [1, 0, 0], [0, 1, 0]];
-        let Built { octree, ranks } = Octree::new([14, 13, 10], &voxels);
+        let Built { octree, ranks } = Octree::build([14, 13, 10], &voxels);
         assert_eq!(octree.n_voxels(), 5);
         assert_eq!(ranks, [3, 0, 3, 4, 1, 2]);
         for (&voxel, &rank) in voxels.iter().zip(&ranks) {
@@ -231,7 +231,7 @@ mod tests {
     #[test]
     fn empty_cubes_are_the_largest() {
         // Seven bricks in a row along x, two layers in y and z; one surface voxel in brick (5, 1, 0).
-        let Built { octree, .. } = Octree::new([28, 8, 8], &[[22, 6, 2]]);
+        let Built { octree, .. } = Octree::build([28, 8, 8], &[[22, 6, 2]]);
         // Along +x +y +z from brick (4, 0, 0) a cube of side 2 would hold the surface.
         assert_eq!(octree.empty_cubes(0)[..7], [2, 2, 2, 2, 1, 1, 1]);
         // Along −x, brick 6 of the lattice comes first: a cube from it holds brick 5.

@@ -76,15 +76,15 @@ impl<'a> LinkOperator<'a> {
             rest = more;
             start = stop;
         }
-        pieces.into_par_iter().for_each(|(start, rows)| {
-            let chunk = start / ROWS_PER_CHUNK;
+        pieces.into_par_iter().for_each(|(row_0, rows)| {
+            let chunk = row_0 / ROWS_PER_CHUNK;
             let done = self.links.with_chunk(self.scene, chunk, |chunk| {
                 // A part of a chunk is still work for several threads.
                 rows.par_chunks_mut(n_channels)
                     .with_min_len(8)
                     .enumerate()
                     .for_each(|(k, row)| {
-                        let surfel = start + k;
+                        let surfel = row_0 + k;
                         row.fill(0.0);
                         self.gather_row(surfel, chunk.row(surfel % ROWS_PER_CHUNK), x, row);
                     });
@@ -145,7 +145,9 @@ fn weights_of(normal: &Normal, sphere: &DiscreteSphere, row_weights: RowWeights)
     let mut weights: Vec<f64> = in_front.map(weight).collect();
     if row_weights == RowWeights::Normalised {
         let sum: f64 = weights.iter().sum();
-        weights.iter_mut().for_each(|w| *w /= sum);
+        for w in &mut weights {
+            *w /= sum;
+        }
     }
     weights
 }
@@ -194,7 +196,7 @@ impl RowAccess for LinkOperator<'_> {
         self.links.with_chunk(self.scene, i / ROWS_PER_CHUNK, |chunk| {
             let row = chunk.row(i % ROWS_PER_CHUNK);
             self.with_weights(i, |weights| {
-                for_each_seen(row, i, |k, seen| entries.push((seen, weights[k])))
+                for_each_seen(row, i, |k, seen| entries.push((seen, weights[k])));
             });
         });
         // Several directions see one surfel.

@@ -138,8 +138,8 @@ impl VoxelScene {
         let mut lift = 1;
         let mut previous = voxel;
         let mut met_free = false;
-        let mut look = |voxel: Voxel| {
-            let rank = self.octree.rank(voxel);
+        let mut look = |place: Voxel| {
+            let rank = self.octree.rank(place);
             match rank {
                 None => {
                     met_free = true;
@@ -149,9 +149,9 @@ impl VoxelScene {
                 Some(_) => None,
             }
         };
-        let lifted = |mut voxel: Voxel, lift: i32| {
-            voxel[axis] += up * lift;
-            voxel
+        let lifted = |mut place: Voxel, by: i32| {
+            place[axis] += up * by;
+            place
         };
         if let Some(rank) = look(lifted(voxel, lift)) {
             return Start::Seen(rank);
@@ -162,14 +162,16 @@ impl VoxelScene {
             let at = direction.voxel(voxel, counts);
             height += i64::from(normal.integer[step]) * i64::from(direction.vector()[step].signum());
             let next = lift_at(height);
-            if step != axis {
-                // Up before going sideways, down after it: never through a height below 1.
-                let before = previous;
-                let rising = (lift + 1..=next).map(|k| lifted(before, k));
-                let falling = (next..=lift.max(next)).rev().map(|k| lifted(at, k));
-                if let Some(rank) = rising.chain(falling).find_map(&mut look) {
-                    return Start::Seen(rank);
-                }
+            // Up before going sideways, down after it: never through a height below 1. A step along the axis may leave the voxel looked at where it is.
+            let (top, seen_last) = (lift.max(next), lifted(previous, lift));
+            let rising = (lift + 1..=top).filter(|_| step != axis).map(|k| lifted(previous, k));
+            let falling = (next..=top)
+                .rev()
+                .filter(|&k| step != axis || k == next)
+                .map(|k| lifted(at, k));
+            let mut path = rising.chain(falling).filter(|&v| v != seen_last);
+            if let Some(rank) = path.find_map(&mut look) {
+                return Start::Seen(rank);
             }
             previous = at;
             lift = next;

@@ -228,3 +228,18 @@ fn an_empty_scene_has_no_blockers() {
     );
     assert_eq!(index.classify(&p, &q), PairVisibility::Full);
 }
+
+#[test]
+fn a_sheet_of_two_coincident_faces_hides_no_more_than_one_of_them() {
+    let floor = rectangle(DVec3::ZERO, DVec3::X, DVec3::Y);
+    let ceiling = rectangle(DVec3::Z, DVec3::Y, DVec3::X);
+    let front = rectangle(DVec3::new(0.4, 0.4, 0.5), DVec3::X * 0.1, DVec3::Y * 0.1);
+    let back: Polygon = front.iter().rev().copied().collect();
+    for sheet in [vec![front.clone()], vec![back.clone()], vec![front, back]] {
+        let index = BlockerIndex::new(&scene_of(&sheet));
+        assert_eq!(
+            index.classify(&floor, &ceiling),
+            PairVisibility::Partial(vec![BlockerId(0)])
+        );
+    }
+}

@@ -105,7 +105,7 @@ impl FacePatches {
             self.row_runs.push(index);
         }
         if range.len() > 1 && (nested || !is_row_run) {
-            let middle = frame.cut(&range, corners);
+            let middle = Frame::cut(&range, corners);
             let first = self.grow(range.start..middle, frame, corners, nested);
             let second = self.grow(middle..range.end, frame, corners, nested);
             self.runs[index].halves = Some([first, second]);
@@ -142,7 +142,7 @@ impl Frame {
     }
 
     /// Returns where to cut a run: at the greatest step from one patch to the next near its middle, which is the end of a row of patches.
-    fn cut(&self, range: &Range<usize>, corners: &[Vec<DVec3>]) -> usize {
+    fn cut(range: &Range<usize>, corners: &[Vec<DVec3>]) -> usize {
         let middle = |k: usize| corners[k].iter().sum::<DVec3>() / corners[k].len() as f64;
         let half = range.start.midpoint(range.end);
         let window = (range.len() / 4).max(1);
@@ -159,35 +159,49 @@ impl Frame {
         best.0
     }
 
-    /// Returns the convex hull of points in the plane, counter-clockwise, without straight corners (Andrew's monotone chain).
+    /// Returns the convex hull of points in the plane, counter-clockwise, without straight corners (quickhull).
+    ///
+    /// It begins with two points that are corners for certain, the farthest ones: an order by coordinates would depend on the rounding of points on one line.
     fn hull(&self, points: impl Iterator<Item = DVec3>) -> Vec<DVec3> {
-        let mut points: Vec<(DVec2, DVec3)> = points.map(|p| (self.to_plane(p), p)).collect();
-        points.sort_by(|(a, _), (b, _)| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
-        let size = points.iter().map(|(p, _)| p.distance(points[0].0)).fold(0.0, f64::max);
-        let slack = FLAT * size;
-        let mut hull: Vec<(DVec2, DVec3)> = Vec::new();
-        let mut chain = |points: &mut dyn Iterator<Item = &(DVec2, DVec3)>| {
-            let begin = hull.len();
-            for &(p, corner) in points {
-                while hull.len() >= begin + 2 {
-                    let (a, b) = (hull[hull.len() - 2].0, hull[hull.len() - 1].0);
-                    let across = (p - a).normalize_or_zero();
-                    // b stays if it stands out to the right of the line from a to p.
-                    if across.perp_dot(b - a) < -slack {
-                        break;
-                    }
-                    hull.pop();
-                }
-                if hull.len() == begin || hull[hull.len() - 1].0.distance(p) > slack {
-                    hull.push((p, corner));
-                }
-            }
-            hull.pop();
+        let points: Vec<(DVec2, DVec3)> = points.map(|p| (self.to_plane(p), p)).collect();
+        let farthest_from = |from: DVec2| {
+            let distance = |k: usize| points[k].0.distance_squared(from);
+            (0..points.len()).fold(0, |best, k| if distance(k) > distance(best) { k } else { best })
         };
-        chain(&mut points.iter());
-        chain(&mut points.iter().rev());
-        hull.into_iter().map(|(_, corner)| corner).collect()
+        let a = farthest_from(points[0].0);
+        let b = farthest_from(points[a].0);
+        let slack = FLAT * points[a].0.distance(points[b].0);
+        let all: Vec<usize> = (0..points.len()).collect();
+        let mut corners = vec![a];
+        stand_out(&points, &all, a, b, slack, &mut corners);
+        corners.push(b);
+        stand_out(&points, &all, b, a, slack, &mut corners);
+        // A point in the middle of an edge may have been taken for its farthest.
+        let at = |k: usize| points[corners[k % corners.len()]].0;
+        let n = corners.len();
+        let turns = (0..n).filter(|&k| {
+            let (before, after) = (at(k) - at(k + n - 1), at(k + 1) - at(k));
+            before.normalize_or_zero().perp_dot(after) > slack
+        });
+        turns.map(|k| points[corners[k]].1).collect()
     }
+}
+
+/// Adds the corners of the hull of `among` that lie to the right of the line from a to b, in their order.
+fn stand_out(points: &[(DVec2, DVec3)], among: &[usize], a: usize, b: usize, slack: f64, corners: &mut Vec<usize>) {
+    let (from, along) = (points[a].0, (points[b].0 - points[a].0).normalize_or_zero());
+    let height = |k: usize| -along.perp_dot(points[k].0 - from);
+    let outside: Vec<usize> = among.iter().copied().filter(|&k| height(k) > slack).collect();
+    let Some(c) = outside
+        .iter()
+        .copied()
+        .reduce(|best, k| if height(k) > height(best) { k } else { best })
+    else {
+        return;
+    };
+    stand_out(points, &outside, a, c, slack, corners);
+    corners.push(c);
+    stand_out(points, &outside, c, b, slack, corners);
 }
 
 #[cfg(test)]
@@ -236,6 +250,23 @@ mod tests {
                 }
             }
             assert_eq!(next_row, mesh.n_patches());
+        }
+    }
+
+    #[test]
+    fn hulls_do_not_depend_on_rounding() {
+        let frame = Frame {
+            origin: DVec3::ZERO,
+            x: DVec3::X,
+            y: DVec3::Y,
+        };
+        // A 3 × 3 grid of points, each moved by some ulps.
+        for seed in 0..200_i32 {
+            let noise = |k: i32| f64::from((seed * 37 + k * 101) % 7 - 3) * 1e-16;
+            let points = (0..9).map(|k| DVec3::new(f64::from(k % 3) + noise(k), f64::from(k / 3) + noise(k + 50), 0.0));
+            let hull = frame.hull(points);
+            assert!((polygon::area_vector(&hull).z - 4.0).abs() < 1e-14, "{seed} {hull:?}");
+            assert_eq!(hull.len(), 4);
         }
     }
 

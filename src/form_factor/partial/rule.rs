@@ -175,8 +175,8 @@ impl<const N: usize> Nodes<N> {
 /// The approach is that of null rules (J. Berntsen and T. O. Espelid, "Error estimation in automatic quadrature routines", ACM TOMS 17(2), 1991), with
 /// constants found by measurement on occluded form factors.
 ///
-/// Seven of the points are Radon's rule of degree 5, looked at first. Its error is taken as area · max(e₃, r e₂) · min(1, 4r) with r = max(e₂/e₁, e₃/e₂); the degrees
-/// 6 and up are about e₂ r⁴. Only one coefficient of degree 3 is seen, so that e₃ alone would not do.
+/// Seven of the points are Radon's rule of degree 5, looked at first. Its error is taken as area · (e₂ + e₃), the parts that it integrates exactly where the function is
+/// smooth: seven points see too little of the spectrum to tell smooth functions from others.
 pub(super) fn integrate(corners: [DVec2; 3], enough: f64, mut f: impl FnMut(DVec2) -> f64) -> Estimate {
     let rule = &*RULE;
     let (a, e, g) = (corners[0], corners[1] - corners[0], corners[2] - corners[0]);
@@ -187,13 +187,8 @@ pub(super) fn integrate(corners: [DVec2; 3], enough: f64, mut f: impl FnMut(DVec
     };
     let first: [f64; N_FIRST] = std::array::from_fn(&mut at);
     let rounding = |values: &[f64]| 4.0 * f64::EPSILON * values.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-    let (mean, [e_1, e_2, e_3]) = rule.first.analyse(&first);
-    let ratio = (e_2 / e_1).max(e_3 / e_2);
-    let error = if ratio < 0.25 {
-        e_3.max(ratio * e_2) * 4.0 * ratio
-    } else {
-        e_2 + e_3
-    };
+    let (mean, [_, second, third]) = rule.first.analyse(&first);
+    let error = second + third;
     if error <= enough {
         return Estimate {
             integral: area * mean,
@@ -278,7 +273,7 @@ mod tests {
         }
         let smooth = |p: DVec2| (1.5 * p.x - p.y).exp() / (1.0 + p.length_squared());
         let kinked = |p: DVec2| (p.x - 0.32).abs();
-        let functions: [(&dyn Fn(DVec2) -> f64, f64); 2] = [(&smooth, 1e-2), (&kinked, 0.2)];
+        let functions: [(&dyn Fn(DVec2) -> f64, f64); 2] = [(&smooth, 0.2), (&kinked, 0.2)];
         for (f, enough) in functions {
             let first = integrate(triangle, enough, f);
             let exact = finely(triangle, f, 7);

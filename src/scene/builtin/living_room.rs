@@ -8,6 +8,8 @@ use glam::DVec3;
 use super::{Assembly, box_sides};
 use crate::scene::{Camera, MaterialId, SceneError};
 
+/// 6.28 has nothing to do with a circle: it is 314 voxels of 2 cm.
+#[expect(clippy::approx_constant, reason = "a length, not 2 π")]
 const ROOM: DVec3 = DVec3::new(6.28, 6.28, 3.78);
 
 /// Thickness of the boards of a shelf.
@@ -193,12 +195,14 @@ fn shelf(
             false,
         )?;
         let mut along = BOARD + 0.05;
-        while board + 1 < N_BOARDS {
+        // Nothing stands on the top board.
+        let fits = |end: f64| board + 1 < N_BOARDS && end <= SHELF_WIDTH - BOARD - 0.04;
+        loop {
             let kind = scrambled(*number);
             let width = 0.04 + 0.01 * f64::from(kind % 4);
             let height = 0.2 + 0.02 * f64::from(kind / 4 % 5);
             let depth = 0.18 + 0.02 * f64::from(kind / 20 % 4);
-            if along + width > SHELF_WIDTH - BOARD - 0.04 {
+            if !fits(along + width) {
                 break;
             }
             *number += 1;

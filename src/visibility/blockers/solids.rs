@@ -7,6 +7,9 @@ use glam::DVec3;
 use super::super::shaft::{Plane, Shaft};
 use crate::scene::{FaceId, Scene};
 
+/// No solid has fewer polygons than a tetrahedron.
+const LEAST_POLYGONS: usize = 4;
+
 /// A solid with more polygons is not looked at for convexity, which takes polygons × corners: its shadows then only cost more.
 const MOST_POLYGONS: usize = 2000;
 
@@ -61,7 +64,8 @@ pub(super) fn find(scene: &Scene, polygons: &[(Vec<DVec3>, Vec<FaceId>)]) -> (Ve
     let (mut solids, mut solid_of_polygon) = (Vec::new(), vec![None; polygons.len()]);
     for (piece, sides) in pieces {
         let covered: usize = sides.iter().map(|&k| polygons[k].1.len()).sum();
-        if sides.len() > MOST_POLYGONS || covered != n_faces[&piece] {
+        // A sheet of one polygon is closed too: each of its edges is run along once in each sense. It has no inside.
+        if sides.len() < LEAST_POLYGONS || sides.len() > MOST_POLYGONS || covered != n_faces[&piece] {
             continue;
         }
         let planes: Vec<Plane> = sides.iter().map(|&k| Plane::of(&polygons[k].0)).collect();
