@@ -17,7 +17,7 @@ fn scene(name: &str) -> Scene {
 /// A scene from the text of an OBJ file, all in one material.
 fn from_obj(text: &str) -> Scene {
     let directory = tempfile::tempdir().unwrap();
-    let write = |name: &str, text: &str| std::fs::write(directory.path().join(name), text).unwrap();
+    let write = |name: &str, content: &str| std::fs::write(directory.path().join(name), content).unwrap();
     write("scene.mtl", "newmtl m\nKd 0.5 0.5 0.5\n");
     write("scene.obj", &format!("mtllib scene.mtl\nusemtl m\n{text}"));
     radiosity::scene::load(directory.path().join("scene.obj"))
