@@ -1,94 +1,190 @@
 //! How fast form factors are applied, beside a plain parallel read of as many bytes.
 //!
-//! The ratio is the time of the read by the time of the application, both from the same run and in turn: 1 is as fast as memory.
-#![expect(clippy::print_stdout, reason = "a benchmark prints its figures")]
+//! `cargo bench --bench matrix` prints a table of rates and ratios. All of a row of the table were measured by turns, so that a
+//! machine that changes its pace changes all of them; medians count. The ratio is the time of the read by the time of the pass: 1
+//! is as fast as memory.
+#![expect(clippy::print_stdout, reason = "a table of rates is what a benchmark is for")]
 
 use std::hint::black_box;
 use std::time::Instant;
 
-use radiosity::matrix::operator::{Block, LinearOperator};
+use pulp::Arch;
+use radiosity::matrix::operator::{Block, LinearOperator, RowAccess};
 use radiosity::matrix::{FormFactors, Layout, Precision, RowTally, RowTile, StorageChoice};
 use rayon::prelude::*;
 
-/// Patches: 288 MB of f64 in full, more than caches hold.
-const N: usize = 6000;
+/// Patches: 151 MB of f32 in full, more than caches hold.
+const N: usize = 6144;
 
-/// Runs of each measurement; the median counts.
-const N_RUNS: usize = 9;
+/// Runs of each measurement.
+const N_ROUNDS: usize = 21;
+
+/// A sparse matrix has one in so many of its entries, at places without a pattern.
+const ONE_IN: u64 = 4;
+
+/// Words that one task of the plain read sums up.
+const WORDS_PER_TASK: usize = 1 << 16;
 
 fn main() {
+    println!("n = {N}, times in ms, rates in GB/s, medians of {N_ROUNDS} rounds");
     println!(
-        "{:28} {:>8} {:>10} {:>10} {:>7}",
-        "n = 6000", "MB", "read", "apply", "ratio"
+        "{:22} {:>7} {:>5} {:>7} | {:>7} {:>7} {:>5} | {:>7} {:>7} {:>5} {:>6} | {:>7} {:>7}",
+        "matrix",
+        "threads",
+        "MB",
+        "read",
+        "1 ch",
+        "rate",
+        "ratio",
+        "3 ch",
+        "rate",
+        "ratio",
+        "/ 1 ch",
+        "rows 1",
+        "rows 3"
     );
-    for precision in [Precision::F64, Precision::F32] {
-        for (layout, step) in [(Layout::Dense, 1), (Layout::Sparse, 10)] {
-            let choice = StorageChoice {
+    let wanted = std::env::args().skip(1).find(|argument| !argument.starts_with('-'));
+    let read = vec![1_u64; N * N];
+    for (layout, pairs, precision) in [
+        (Layout::Dense, false, Precision::F32),
+        (Layout::Dense, false, Precision::F64),
+        (Layout::Dense, true, Precision::F32),
+        (Layout::Dense, true, Precision::F64),
+        (Layout::Sparse, false, Precision::F32),
+        (Layout::Sparse, false, Precision::F64),
+        (Layout::Sparse, true, Precision::F32),
+        (Layout::Sparse, true, Precision::F64),
+    ] {
+        let kind = if pairs { "symmetric" } else { "rows" };
+        let name = format!("{layout:?} {precision:?} {kind}").to_lowercase();
+        if wanted.as_ref().is_some_and(|wanted| !name.contains(wanted)) {
+            continue;
+        }
+        let one_in = if layout == Layout::Dense { 1 } else { ONE_IN };
+        let factors = factors(
+            StorageChoice {
                 layout,
                 precision,
                 ..StorageChoice::default()
-            };
-            let rows = by_rows(choice, step);
-            let symmetric = by_pairs(choice, step);
-            for n_channels in [1, 3] {
-                let name = format!("{layout:?} {precision:?}, {n_channels} channels");
-                compare(&format!("{name}, rows"), &rows, n_channels);
-                compare(&format!("{name}, pairs"), &symmetric, n_channels);
-            }
+            },
+            pairs,
+            one_in,
+        );
+        for n_threads in [1, 2] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build();
+            let line = || compare(&name, n_threads, &factors, &read[..factors.stored_byte() / 8]);
+            pool.expect("threads start").install(line);
         }
     }
 }
 
-fn compare(name: &str, factors: &FormFactors, n_channels: usize) {
-    let words = vec![1_u64; factors.stored_byte() / 8];
-    let x = Block::from_values(vec![0.5; N * n_channels], n_channels);
-    let mut y = Block::zeros(N, n_channels);
-    let (mut read, mut apply) = (Vec::new(), Vec::new());
-    for _ in 0..N_RUNS {
-        let start = Instant::now();
-        let sum = |chunk: &[u64]| chunk.iter().fold(0_u64, |sum, word| sum ^ word);
-        black_box(words.par_chunks(1 << 16).map(sum).reduce(|| 0, |a, b| a ^ b));
-        read.push(start.elapsed().as_secs_f64());
-        let after_read = Instant::now();
-        factors.apply(black_box(&x), &mut y);
-        black_box(&y);
-        apply.push(after_read.elapsed().as_secs_f64());
-    }
-    let [read, apply] = [read, apply].map(|mut times| {
-        times.sort_by(f64::total_cmp);
-        times[N_RUNS / 2]
+fn compare(name: &str, n_threads: usize, factors: &FormFactors, words: &[u64]) {
+    let blocks = [1, 3].map(|n_channels| {
+        let values = (0..N * n_channels).map(|k| 1.0 + (k % 7) as f64);
+        Block::from_values(values.collect(), n_channels)
     });
+    let mut results = [1, 3].map(|n_channels| Block::zeros(N, n_channels));
+    let mut times: [Vec<f64>; 5] = Default::default();
+    for _ in 0..N_ROUNDS {
+        let mut measure = |k: usize, run: &mut dyn FnMut()| {
+            let start = Instant::now();
+            run();
+            times[k].push(1e3 * start.elapsed().as_secs_f64());
+        };
+        measure(0, &mut || {
+            black_box(plain_read(black_box(words)));
+        });
+        for (k, (x, y)) in blocks.iter().zip(&mut results).enumerate() {
+            measure(1 + k, &mut || factors.apply(black_box(x), black_box(y)));
+            if n_threads == 1 {
+                measure(3 + k, &mut || by_rows(factors, black_box(x), black_box(y)));
+            }
+        }
+    }
+    let [read, one, three, rows_one, rows_three] = times.map(|mut times| {
+        times.sort_by(f64::total_cmp);
+        times.get(N_ROUNDS / 2).copied().unwrap_or(f64::NAN)
+    });
+    let megabyte = factors.stored_byte() as f64 / 1e6;
     println!(
-        "{name:28} {:8.0} {:7.2} ms {:7.2} ms {:7.2}",
-        factors.stored_byte() as f64 / 1e6,
-        1e3 * read,
-        1e3 * apply,
-        read / apply
+        "{name:22} {n_threads:7} {megabyte:5.0} {read:7.2} | {one:7.2} {:7.1} {:5.2} | {three:7.2} {:7.1} {:5.2} {:6.2} | {rows_one:7.2} {rows_three:7.2}",
+        megabyte / one,
+        read / one,
+        megabyte / three,
+        read / three,
+        three / one
     );
 }
 
-/// Every `step`-th column of each row.
-fn by_rows(choice: StorageChoice, step: usize) -> FormFactors {
-    let tiles = (0..N)
-        .step_by(16)
-        .map(|first| tile(first..N.min(first + 16), step, |_| 0));
-    FormFactors::from_tiles(vec![1.0; N], tiles, choice).expect("sound rows")
-}
-
-/// The same above the diagonal, and its mirror image below.
-fn by_pairs(choice: StorageChoice, step: usize) -> FormFactors {
-    let tiles = (0..N)
-        .step_by(16)
-        .map(|first| tile(first..N.min(first + 16), step, |i| i));
-    FormFactors::from_exchange_tiles(vec![1.0; N], tiles, choice).expect("sound rows")
-}
-
-fn tile(rows: std::ops::Range<usize>, step: usize, first_column: impl Fn(usize) -> usize) -> RowTile {
-    let mut tile = RowTile::new(rows.start);
-    for i in rows {
-        let columns = (first_column(i)..N).filter(|j| (i + j).is_multiple_of(step));
-        let entry = |j| (u32::try_from(j).expect("a small number"), 1.0 / N as f64, 0.0);
-        tile.push_row(&columns.map(entry).collect::<Vec<_>>(), RowTally::default());
+/// Row after row, as Gauss-Seidel sweeps.
+fn by_rows(factors: &FormFactors, x: &Block, y: &mut Block) {
+    for i in 0..N {
+        let sums = y.row_mut(i);
+        sums.fill(0.0);
+        factors.dot_off_diagonal(i, x, sums);
     }
-    tile
+}
+
+/// Sums all words with the widest instructions that the processor has, in four streams for each thread, which is faster than one.
+fn plain_read(words: &[u64]) -> u64 {
+    let sum = |chunk: &[u64]| {
+        Arch::new().dispatch(|| {
+            let (eights, rest) = chunk.as_chunks::<8>();
+            let (front, back) = eights.split_at(eights.len() / 2);
+            let ((a, b), (c, d)) = (front.split_at(front.len() / 2), back.split_at(front.len() / 2));
+            let mut lanes = [[0_u64; 8]; 4];
+            for (((p, q), r), s) in a.iter().zip(b).zip(c).zip(d) {
+                add(&mut lanes[0], p);
+                add(&mut lanes[1], q);
+                add(&mut lanes[2], r);
+                add(&mut lanes[3], s);
+            }
+            // A few words of the last chunk are left out where its length is not a multiple of 32.
+            lanes
+                .as_flattened()
+                .iter()
+                .chain(rest)
+                .fold(0_u64, |sum, word| sum.wrapping_add(*word))
+        })
+    };
+    let chunks = words.par_chunks(WORDS_PER_TASK);
+    chunks.map(sum).reduce(|| 0, u64::wrapping_add)
+}
+
+#[expect(
+    clippy::inline_always,
+    reason = "what is not inlined is not compiled for the instruction set"
+)]
+#[inline(always)]
+fn add(lanes: &mut [u64; 8], words: &[u64; 8]) {
+    for (lane, word) in lanes.iter_mut().zip(words) {
+        *lane = lane.wrapping_add(*word);
+    }
+}
+
+/// A matrix by rows, or the same above the diagonal and its mirror image below.
+fn factors(choice: StorageChoice, pairs: bool, one_in: u64) -> FormFactors {
+    let firsts: Vec<usize> = (0..N).step_by(16).collect();
+    let tiles = firsts.into_iter().map(|first| {
+        let mut tile = RowTile::new(first);
+        for i in first..N.min(first + 16) {
+            let columns = (if pairs { i } else { 0 }..N).filter(|&j| scattered(i, j).is_multiple_of(one_in));
+            let entry = |j| (u32::try_from(j).expect("a small number"), 1.0 / N as f64, 0.0);
+            tile.push_row(&columns.map(entry).collect::<Vec<_>>(), RowTally::default());
+        }
+        tile
+    });
+    let areas = vec![1.0; N];
+    let made = if pairs {
+        FormFactors::from_exchange_tiles(areas, tiles, choice)
+    } else {
+        FormFactors::from_tiles(areas, tiles, choice)
+    };
+    made.expect("sound rows")
+}
+
+/// A number that does not look related to i and j.
+fn scattered(i: usize, j: usize) -> u64 {
+    let mixed = ((i as u64) << 32 | j as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    (mixed ^ (mixed >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 33
 }

@@ -24,6 +24,7 @@
 //! | [`form_factor`] | the methods, one file each |
 //! | [`matrix`] | form factors stored, checked, made symmetric, applied |
 //! | [`solver`] | the solvers, one file each, behind one trait |
+//! | [`voxel`] | discrete radiosity: integer lines between voxels |
 //! | [`render`] | pictures: layers, OpenEXR, preview, and their verification |
 //! | [`plan`], [`report`], [`progress`] | what is needed, what was done, how far it is |
 //! | [`geometry`] | polygons, closed forms, quadrature, sampling |
@@ -97,4 +98,5 @@ pub mod report;
 pub mod scene;
 pub mod solver;
 pub mod visibility;
+pub mod voxel;
 mod whole_file;

@@ -48,7 +48,16 @@ fn form_factors_of_the_cube_as_a_document() {
     let directory = with_scene("cube");
     let (code, result) = document(
         directory.path(),
-        &["form-factors", "scene.obj", "--subdivide", "3", "--rays", "2000"],
+        &[
+            "form-factors",
+            "scene.obj",
+            "--subdivide",
+            "3",
+            "--method",
+            "sr",
+            "--rays",
+            "2000",
+        ],
     );
     assert_eq!(code, 0);
     assert_eq!(result["schema_version"], 1);
@@ -98,6 +107,8 @@ fn the_same_seed_gives_the_same_result_at_any_number_of_threads() {
                 "scene.obj",
                 "--subdivide",
                 "2",
+                "--method",
+                "sr",
                 "--rays",
                 "500",
                 "--seed",
@@ -127,6 +138,8 @@ fn solvers_agree_and_say_how_they_stopped() {
             &[
                 "solve",
                 "scene.obj",
+                "--method",
+                "sr",
                 "--rays",
                 "1000",
                 "--balance",
@@ -155,6 +168,75 @@ fn solvers_agree_and_say_how_they_stopped() {
 }
 
 #[test]
+fn settings_go_to_the_solvers_that_use_them() {
+    let directory = with_scene("lewis-room");
+    let common = ["solve", "scene.obj", "--method", "sr", "--rays", "500"];
+    for (flags, used_by) in [
+        (&["--solver", "pcg", "--omega", "1.5"][..], "`sor`"),
+        (&["--solver", "jacobi", "--bounds", "average"], "`chebyshev`"),
+        (&["--solver", "sor", "--steps-per-pass", "5"], "`overshooting`"),
+        (&["--solver", "sor", "--display-ambient"], "`progressive-refinement`"),
+        (&["--solver", "sor", "--omega", "2"], "between 0 and 2"),
+    ] {
+        let output = radiosity(directory.path(), &[&common, flags].concat());
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{flags:?}: {message}");
+        assert!(
+            message.contains(used_by) && message.trim_end().lines().count() == 1,
+            "{flags:?}: {message}"
+        );
+    }
+    for flags in [
+        &["--solver", "sor", "--omega", "1.2"][..],
+        &["--solver", "chebyshev", "--bounds", "average"],
+    ] {
+        let (code, result) = document(directory.path(), &[&common, flags].concat());
+        assert_eq!(code, 0, "{flags:?}");
+        assert_eq!(result["stop_reason"], "converged");
+    }
+}
+
+/// A picture after few steps: the estimate of the light under way brings the room's mean near its end.
+#[test]
+fn light_under_way_can_be_shown() {
+    let directory = with_scene("lewis-room");
+    let total = |flags: &[&str]| {
+        let common = [
+            "solve",
+            "scene.obj",
+            "--method",
+            "sr",
+            "--rays",
+            "500",
+            "--balance",
+            "on",
+        ];
+        let (code, result) = document(directory.path(), &[&common, flags].concat());
+        let surfaces = result["surfaces"].as_array().unwrap();
+        let of = |s: &Value| s["area_m2"].as_f64().unwrap() * s["radiosity"][0].as_f64().unwrap();
+        (code, surfaces.iter().map(of).sum::<f64>(), result)
+    };
+    let (code, exact, _) = total(&["--solver", "pcg"]);
+    assert_eq!(code, 0);
+    let few = [
+        "--solver",
+        "progressive-refinement",
+        "--steps-per-pass",
+        "10",
+        "--max-passes",
+        "3",
+    ];
+    let (code, plain, result) = total(&few);
+    assert_eq!((code, &result["n_steps"]), (3, &Value::from(30)));
+    let (_, shown, result) = total(&[&few[..], &["--display-ambient"]].concat());
+    assert_eq!(result["settings"]["display_ambient"], true);
+    assert!(
+        (shown - exact).abs() < 0.25 * (plain - exact).abs(),
+        "{shown} {plain} {exact}"
+    );
+}
+
+#[test]
 fn too_few_passes_are_exit_code_3_and_still_give_a_document() {
     let directory = with_scene("lewis-room");
     let (code, result) = document(
@@ -162,6 +244,8 @@ fn too_few_passes_are_exit_code_3_and_still_give_a_document() {
         &[
             "solve",
             "scene.obj",
+            "--method",
+            "sr",
             "--rays",
             "200",
             "--solver",
@@ -236,7 +320,7 @@ fn usage_errors_are_exit_code_2() {
         &["solve", "scene.obj", "--method", "hyper"] as &[&str],
         &["solve", "scene.obj", "--solver", "magic"],
         &["solve", "scene.obj", "--subdivide", "2", "--max-edge", "0.1"],
-        &["solve", "scene.obj", "--rays", "0"],
+        &["solve", "scene.obj", "--method", "sr", "--rays", "0"],
         &["solve", "scene.obj", "--tolerance", "-1"],
         &["paint", "scene.obj"],
         &["form-factors"],
@@ -264,7 +348,10 @@ fn a_room_that_cannot_lose_light_has_no_solution() {
         text
     })
     .unwrap();
-    let (code, result) = document(directory.path(), &["solve", "scene.obj", "--rays", "100"]);
+    let (code, result) = document(
+        directory.path(),
+        &["solve", "scene.obj", "--method", "sr", "--rays", "100"],
+    );
     assert_eq!(code, 1);
     assert_eq!(result["error"]["kind"], "no_finite_solution");
 }
@@ -274,7 +361,15 @@ fn explain_says_what_is_left_out() {
     let directory = with_scene("cube");
     let output = radiosity(
         directory.path(),
-        &["form-factors", "scene.obj", "--rays", "100", "--explain"],
+        &[
+            "form-factors",
+            "scene.obj",
+            "--method",
+            "sr",
+            "--rays",
+            "100",
+            "--explain",
+        ],
     );
     let text = String::from_utf8(output.stdout).unwrap();
     assert!(text.contains("channels: 1 (every material is grey)"), "{text}");
@@ -331,6 +426,8 @@ fn a_picture_is_written_whole_with_its_preview() {
         "64",
         "--max-edge",
         "0.2",
+        "--method",
+        "sr",
         "--rays",
         "500",
         "--samples",
@@ -385,6 +482,7 @@ fn every_method_runs_from_the_command_line() {
         ("contour", "points", 5.into()),
         ("closed-form", "seed", 0.into()),
         ("qmc", "rays", 64.into()),
+        ("exact", "tolerance", 1e-6.into()),
     ] {
         let (code, result) = document(directory.path(), &["form-factors", "scene.obj", "--method", method]);
         assert_eq!(code, 0, "{method}");
@@ -467,7 +565,7 @@ fn repeatable(directory: &Path, arguments: &[&str]) -> Value {
 fn form_factors_from_a_file_give_the_same_solution() {
     let directory = with_scene("room-box");
     let directory = directory.path();
-    let computing = ["--subdivide", "2", "--rays", "500"];
+    let computing = ["--subdivide", "2", "--method", "sr", "--rays", "500"];
     let direct = repeatable(directory, &[&["solve", "scene.obj"], &computing[..]].concat());
     for (file, threads) in [("F.npz", "1"), ("G.npz", "2")] {
         let written = [
@@ -500,6 +598,8 @@ fn form_factors_of_another_scene_or_for_other_patches_are_refused() {
         run(&[
             "form-factors",
             "scene.obj",
+            "--method",
+            "sr",
             "--rays",
             "100",
             "--max-edge",

@@ -99,13 +99,14 @@ fn storage_takes_the_memory_it_promises() {
 
 #[test]
 fn applies_every_storage_and_any_number_of_channels() {
-    for n in [1, 2, 3, 7, 50] {
+    for n in [1, 2, 3, 7, 50, 63, 64, 65] {
         for density in [0.1, 1.0] {
             let rows = random_rows(n, density, n as u64);
             for choice in all_storages() {
-                let f = FormFactors::from_tiles(vec![1.0; n], tiles(&rows, 3), choice).unwrap();
+                let f =
+                    FormFactors::from_tiles(vec![1.0; n], tiles(&rows, if n < 50 { 3 } else { 37 }), choice).unwrap();
                 let rows = dense(&f);
-                for n_channels in [1, 2, 3, 5] {
+                for n_channels in 1..=5 {
                     let x = random_block(n, n_channels, 4);
                     let mut y = Block::from_values(vec![f64::NAN; n * n_channels], n_channels);
                     f.apply(&x, &mut y);
@@ -130,23 +131,24 @@ fn applies_every_storage_and_any_number_of_channels() {
 fn a_channel_is_summed_alike_alone_and_in_company_on_any_number_of_threads() {
     let n = 101;
     for density in [0.1, 1.0] {
-        let f = matrix(&vec![1.0; n], &random_rows(n, density, 5));
-        let x = random_block(n, 5, 6);
-        let apply = |f: &FormFactors, channels: &[usize]| {
-            let picked = (0..n)
-                .flat_map(|i| channels.iter().map(|&c| x.row(i)[c]).collect::<Vec<_>>())
-                .collect();
-            let mut y = Block::zeros(n, channels.len());
-            f.apply(&Block::from_values(picked, channels.len()), &mut y);
-            (0..n).map(|i| y.row(i)[0]).collect::<Vec<_>>()
-        };
-        let alone = bits(&apply(&f, &[2]));
-        for channels in [&[2, 0][..], &[2, 3, 1], &[2, 1, 0, 3, 4]] {
-            assert_eq!(bits(&apply(&f, channels)), alone, "{channels:?}");
-        }
-        for n_threads in [1, 2, 7] {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().unwrap();
-            assert_eq!(bits(&pool.install(|| apply(&f, &[2, 3, 1]))), alone);
+        let rows = random_rows(n, density, 5);
+        for (choice, rows_per_tile) in all_storages().flat_map(|choice| [(choice, 3), (choice, 40)]) {
+            let f = FormFactors::from_tiles(vec![1.0; n], tiles(&rows, rows_per_tile), choice).unwrap();
+            let x = random_block(n, 5, 6);
+            let apply = |channels: &[usize]| {
+                let picked = (0..n).flat_map(|i| channels.iter().map(|&c| x.row(i)[c]).collect::<Vec<_>>());
+                let mut y = Block::zeros(n, channels.len());
+                f.apply(&Block::from_values(picked.collect(), channels.len()), &mut y);
+                (0..n).map(|i| y.row(i)[0]).collect::<Vec<_>>()
+            };
+            let alone = bits(&apply(&[2]));
+            for channels in [&[2, 0][..], &[2, 3, 1], &[2, 3, 1, 0], &[2, 1, 0, 3, 4]] {
+                assert_eq!(bits(&apply(channels)), alone, "{channels:?}");
+            }
+            for n_threads in [1, 2, 4, 7] {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().unwrap();
+                assert_eq!(bits(&pool.install(|| apply(&[2, 3, 1]))), alone);
+            }
         }
     }
 }

@@ -137,7 +137,7 @@ fn names_and_levels_are_checked() {
     let message = |name, level| builtin::build(name, level).unwrap_err().to_string();
     assert_eq!(
         message("teapot", None),
-        "there is no built-in scene `teapot`; choose one of cube, cornell-box, lewis-room, sphere-room-r1, sphere-room-r2, corridor, room-box"
+        "there is no built-in scene `teapot`; choose one of cube, cornell-box, lewis-room, sphere-room-r1, sphere-room-r2, corridor, room-box, living-room"
     );
     assert_eq!(
         message("cube", Some(1)),

@@ -16,6 +16,9 @@ use radiosity::solver::{HistoryEntry, SolveOptions, Solver, SolverError, Start, 
 use support::solving::{all, by_name, channel, constant, l2, random_materials, run, system};
 use support::{LewisRoom, bits, dense, random_room, relative_error, solve_direct};
 
+/// The solvers that choose patches one by one.
+const SELECTING: [&str; 2] = ["progressive-refinement", "overshooting"];
+
 #[test]
 fn agrees_with_a_direct_solve() {
     let f = random_room(60, 0.01, 1);
@@ -86,11 +89,24 @@ fn furnace() {
     for rho in [0.0, 0.5, 0.9, 0.99] {
         let system = system(&f, &constant(50, rho), &constant(50, 2.0));
         for solver in all() {
-            let solution = run(solver, &system, &l2(1e-12));
+            // Without a preconditioner rounding counts by the spread of A / ρ, a thousandfold here.
+            let tolerance = if solver.name() == "cg" { 1e-10 } else { 1e-12 };
+            let solution = run(solver, &system, &l2(tolerance));
             assert_eq!(solution.stop_reason, StopReason::Converged);
-            for &b in solution.radiosity.values() {
+            for (&b, area) in solution.radiosity.values().iter().zip(f.areas()) {
                 let error = (b * (1.0 - rho) / 2.0 - 1.0).abs();
-                assert!(error < 2e-12 / (1.0 - rho), "{} ρ = {rho}: {error:e}", solver.name());
+                // Without a preconditioner an entry may err by as much as its area allows it.
+                let total: f64 = f.areas().iter().sum();
+                let share = if solver.name() == "cg" {
+                    (total / area).sqrt()
+                } else {
+                    1.0
+                };
+                assert!(
+                    error < 2.0 * tolerance * share / (1.0 - rho),
+                    "{} ρ = {rho}: {error:e}",
+                    solver.name()
+                );
             }
         }
     }
@@ -243,14 +259,17 @@ fn channels_do_not_influence_each_other() {
     let f = random_room(45, 0.01, 18);
     let (reflectance, exitance) = random_materials(45, 0.95, 19);
     for solver in all() {
-        // With a tolerance out of reach Gauss-Seidel does the same number of sweeps in both cases.
+        if SELECTING.contains(&solver.name()) {
+            continue; // All channels together decide which patch is next.
+        }
+        // With a tolerance out of reach the others do the same number of passes in both cases.
         let fixed = SolveOptions {
             max_passes: 7,
             ..l2(1e-300)
         };
         // Channels of the others rest as they meet the tolerance.
-        let sweeps = solver.name().starts_with("gauss-seidel");
-        let options = if sweeps { fixed } else { l2(1e-8) };
+        let rests = ["cg", "pcg", "gmres", "anderson", "direct", "auto"].contains(&solver.name());
+        let options = if rests { l2(1e-8) } else { fixed };
         let together = run(solver, &system(&f, &reflectance, &exitance), &options);
         for c in 0..3 {
             let alone = run(

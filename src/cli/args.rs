@@ -10,7 +10,8 @@ use serde::Serialize;
 use crate::form_factor::registry::METHODS;
 use crate::geometry::sampling::Sequence;
 use crate::mesh::Subdivision;
-use crate::solver::Start;
+use crate::solver::{SpectrumBounds, Start};
+use crate::voxel::Form;
 
 /// Light in diffuse scenes: form factors to high accuracy, radiosity, OpenEXR pictures.
 #[derive(Debug, Parser)]
@@ -36,6 +37,8 @@ pub enum Command {
     Solve(SolveArgs),
     /// Render a scene to a layered OpenEXR image and a PNG preview
     Render(RenderArgs),
+    /// Discrete radiosity: the light on voxels, who sees whom by integer lines
+    Voxel(VoxelArgs),
     /// Check an EXR against the analytic answer of the scene that it was made from
     Verify(VerifyArgs),
     /// Run all form-factor methods side by side: true error against run time, as tables and plots
@@ -284,6 +287,40 @@ pub struct SolverArgs {
     /// Steps that are remembered, with anderson [default: 8]
     #[arg(long, value_name = "M")]
     pub depth: Option<NonZeroUsize>,
+    /// Relaxation factor, between 0 and 2, with sor [default: by the mean reflectance]
+    #[arg(long, value_name = "W")]
+    pub omega: Option<f64>,
+    /// Where chebyshev takes the interval of the eigenvalues from [default: safe]
+    #[arg(long, value_enum)]
+    pub bounds: Option<BoundsName>,
+    /// Steps that count as one pass, with progressive-refinement and overshooting [default: one per patch]
+    #[arg(long, value_name = "N")]
+    pub steps_per_pass: Option<NonZeroUsize>,
+    /// Add an estimate of the light still under way to the radiosities, with progressive-refinement and overshooting: for a picture after few passes
+    #[arg(long)]
+    pub display_ambient: bool,
+}
+
+/// Where Chebyshev's method takes the interval of the eigenvalues from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum BoundsName {
+    /// A bound that holds, from reflectances and row sums
+    Safe,
+    /// 1 ± the mean reflectance, as in the paper: no bound
+    Average,
+    /// Ten Lanczos steps
+    Lanczos,
+}
+
+impl From<BoundsName> for SpectrumBounds {
+    fn from(name: BoundsName) -> Self {
+        match name {
+            BoundsName::Safe => Self::Safe,
+            BoundsName::Average => Self::Average,
+            BoundsName::Lanczos => Self::Lanczos(NonZeroUsize::MIN.saturating_add(9)),
+        }
+    }
 }
 
 /// The radiosities that a solver starts from.
@@ -411,10 +448,12 @@ pub struct CompareArgs {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum PaperName {
-    /// Baranoski, Bramley and Shirley 1995: tables 3 to 8 (form factors by shooting and quadrature)
+    /// Baranoski, Bramley and Shirley 1995: table 2 (solvers), tables 3 to 8 (form factors by shooting and quadrature)
     Baranoski,
     /// Every solver on stiff, extreme and impossible systems
     Stability,
+    /// Lewis 1992: tables 1 and 2, figures 1, 2, 5 and 6 (multigrid against Gauss-Seidel)
+    Lewis,
 }
 
 /// `radiosity reproduce`.
@@ -423,18 +462,21 @@ pub struct ReproduceArgs {
     /// The paper
     #[arg(value_enum, value_name = "PAPER")]
     pub paper: PaperName,
-    /// The tables, as in `3-8` or `3,5-7` [default: all that are built]
+    /// The tables, as in `2-8` or `2,5-7` [default: all that are built]
     #[arg(long, value_name = "LIST")]
     pub tables: Option<String>,
     /// The directory for the tables as files, made if needed [default: reproduce-PAPER]
     #[arg(short, long, value_name = "DIR")]
     pub output: Option<PathBuf>,
-    /// Runs of every stochastic method, each with a seed of its own
-    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u64).range(30..=10000))]
-    pub seeds: u64,
-    /// The first seed
-    #[arg(long, value_name = "S", default_value_t = 0)]
-    pub seed: u64,
+    /// Runs of every stochastic method of `baranoski`, each with a seed of its own [default: 100]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(30..=10000))]
+    pub seeds: Option<u64>,
+    /// The first seed of `baranoski` [default: 0]
+    #[arg(long, value_name = "S")]
+    pub seed: Option<u64>,
+    /// The finest level of table 2 of `lewis`; 6 (24576 patches) takes 4 GB and a minute or two [default: 5]
+    #[arg(long, value_name = "L", value_parser = clap::value_parser!(u32).range(1..=6))]
+    pub level: Option<u32>,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub common: CommonArgs,
@@ -521,6 +563,115 @@ pub struct ImageArgs {
     /// Samples along each side of a pixel, averaged in the colour layers [default: 2; unfolded: 1]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16))]
     pub samples: Option<u32>,
+}
+
+impl ImageArgs {
+    /// Tells whether any flag about the picture was given.
+    #[must_use]
+    pub fn is_given(&self) -> bool {
+        self.camera.is_some()
+            || self.eye.is_some()
+            || self.look_at.is_some()
+            || self.up.is_some()
+            || self.fov.is_some()
+            || self.width.is_some()
+            || self.height.is_some()
+            || self.flat
+            || self.samples.is_some()
+    }
+}
+
+/// What a propagation computes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum FormName {
+    /// All values of a pass from those of the pass before
+    Jacobi,
+    /// From the newest values there are
+    InPlace,
+}
+
+impl From<FormName> for Form {
+    fn from(name: FormName) -> Self {
+        match name {
+            FormName::Jacobi => Self::Jacobi,
+            FormName::InPlace => Self::InPlace,
+        }
+    }
+}
+
+/// Where links are between passes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum LinksName {
+    /// In memory up to --memory-limit, else on disk
+    Auto,
+    /// In memory
+    Memory,
+    /// In a file, checksummed; a killed run goes on where it was
+    Disk,
+    /// Nowhere: every pass finds them again
+    Recompute,
+}
+
+/// `radiosity voxel`.
+#[derive(Args, Debug)]
+pub struct VoxelArgs {
+    /// The scene (OBJ)
+    #[arg(value_name = "SCENE")]
+    pub scene: PathBuf,
+    /// A file to write: a picture (.exr, and a PNG preview beside it) or the voxels with their radiosity (.vtu)
+    #[arg(short, long, value_name = "IMAGE.exr|B.vtu")]
+    pub output: Option<PathBuf>,
+    /// Voxels along the longest axis, 4 to 4096
+    #[arg(long, value_name = "N", default_value_t = 100, help_heading = "Voxels")]
+    pub voxels: u32,
+    /// Radius of the discrete sphere of directions, 1 to 255
+    #[arg(long, value_name = "R", default_value_t = 20, help_heading = "Voxels")]
+    pub radius: u32,
+    /// Propagations of light
+    #[arg(long, value_name = "K", default_value_t = 10, help_heading = "Voxels")]
+    pub passes: usize,
+    /// What a propagation computes from
+    #[arg(long, value_enum, default_value_t = FormName::InPlace, help_heading = "Voxels")]
+    pub form: FormName,
+    /// Leave the weights of a voxel's directions as they are, not divided by their sum
+    #[arg(long, help_heading = "Voxels")]
+    pub unnormalised: bool,
+    /// Weigh directions by exact solid angles, not by those of the faces' centres
+    #[arg(long, help_heading = "Voxels")]
+    pub exact_solid_angles: bool,
+    /// Where the links between voxels are kept from pass to pass
+    #[arg(long, value_enum, default_value_t = LinksName::Auto, help_heading = "Voxels")]
+    pub links: LinksName,
+    /// The file of `--links disk`, used again where it fits [default: the scene's name with .links]
+    #[arg(long, value_name = "FILE", help_heading = "Voxels")]
+    pub link_file: Option<PathBuf>,
+    /// With `--links auto`, the most memory for links, in bytes; beyond it they go to disk
+    #[arg(long, value_name = "BYTES", default_value_t = 4 << 30, help_heading = "Voxels")]
+    pub memory_limit: u64,
+    /// Show the voxels themselves, not the surfaces that they stand for
+    #[arg(long, help_heading = "Voxels")]
+    pub show_voxels: bool,
+    /// Solve to a tolerance with a solver, in place of a number of propagations
+    #[arg(long, value_name = "NAME", value_parser = solver_name(), conflicts_with_all = ["passes", "form"], help_heading = "Voxels")]
+    pub solver: Option<String>,
+    /// The solver's tolerance on sqrt(Σ A r² / Σ A E²), worst channel
+    #[arg(
+        long,
+        value_name = "T",
+        default_value_t = 1e-6,
+        requires = "solver",
+        help_heading = "Voxels"
+    )]
+    pub tolerance: f64,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub image: ImageArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub mesh: MeshArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub common: CommonArgs,
 }
 
 fn parse_positive(text: &str) -> Result<f64, String> {

@@ -11,6 +11,7 @@ use crate::render::RenderError;
 use crate::report::ReportError;
 use crate::scene::SceneError;
 use crate::solver::SolverError;
+use crate::voxel::VoxelError;
 
 /// An error as the user sees it.
 #[derive(Clone, Debug)]
@@ -111,12 +112,26 @@ impl From<SolverError> for Failure {
         let kind = match error {
             SolverError::NoFiniteSolution { .. } => "no_finite_solution",
             SolverError::Disk(error) => return error.into(),
-            SolverError::Tolerance { .. } | SolverError::UnknownSolver { .. } | SolverError::UnusedSetting { .. } => {
-                return Self::usage(error.to_string());
-            }
+            SolverError::Tolerance { .. }
+            | SolverError::UnknownSolver { .. }
+            | SolverError::Omega { .. }
+            | SolverError::UnusedSetting { .. } => return Self::usage(error.to_string()),
             _ => "solver",
         };
         Self::new(kind, error.to_string())
+    }
+}
+
+impl From<VoxelError> for Failure {
+    fn from(error: VoxelError) -> Self {
+        match error {
+            VoxelError::Resolution { .. } | VoxelError::Radius { .. } => Self::usage(error.to_string()),
+            VoxelError::LinkFile { ref path, .. } => {
+                let path = path.clone();
+                Self::new("link_file", error.to_string()).in_file(path)
+            }
+            VoxelError::TooMany { .. } => Self::new("voxel", error.to_string()),
+        }
     }
 }
 

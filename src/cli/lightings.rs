@@ -48,7 +48,12 @@ pub(super) fn run(
     run.set("lightings", json!(names));
     let blocks = (reflectance.clone(), exitance.clone());
     let areas = computed.factors.areas().to_vec();
-    let solution = run.solve_system(&mut prepared.plan, (&computed.factors, areas), &args.solver, blocks)?;
+    let solution = run.solve_system(
+        (&mut prepared.plan, &prepared.mesh),
+        (&computed.factors, areas),
+        &args.solver,
+        blocks,
+    )?;
     let mut documents = Vec::new();
     let mut text = String::new();
     for (k, name) in names.iter().enumerate() {

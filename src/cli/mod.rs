@@ -12,12 +12,15 @@ mod pipeline;
 mod progress;
 mod render;
 mod reproduce;
+mod reproduce_lewis;
+mod reproduce_solvers;
 mod reuse;
 mod scene;
 mod solve;
 mod stability;
 mod storage;
 mod verify;
+mod voxel;
 
 use std::ffi::OsString;
 use std::io::Write;
@@ -53,6 +56,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::FormFactors(a) => &a.common,
         Command::Solve(a) => &a.common,
         Command::Render(a) => &a.common,
+        Command::Voxel(a) => &a.common,
         Command::Verify(a) => &a.common,
         Command::Compare(a) => &a.common,
         Command::Reproduce(a) => &a.common,
@@ -105,6 +109,7 @@ fn run(command: &Command, common: &CommonArgs) -> Result<Outcome, Failure> {
         Command::FormFactors(a) => form_factors::run(a),
         Command::Solve(a) => solve::run(a),
         Command::Render(a) => render::run(a),
+        Command::Voxel(a) => voxel::run(a),
         Command::Verify(a) => verify::run(a),
         Command::Compare(a) => compare::run(a),
         Command::Reproduce(a) => reproduce::run(a),

@@ -48,7 +48,7 @@ pub(super) fn solve(run: &mut Run, prepared: &mut Prepared, args: &SolveArgs) ->
     let (reflectance, exitance) = materials_of_patches(&prepared.scene, &prepared.mesh, prepared.plan.n_channels);
     let areas = prepared.mesh.areas();
     run.solve_system(
-        &mut prepared.plan,
+        (&mut prepared.plan, &prepared.mesh),
         (&operator, areas),
         &args.solver,
         (reflectance, exitance),

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 use std::path::Path;
+use std::sync::Arc;
 
 use serde_json::{Value, json};
 
@@ -14,7 +15,7 @@ use crate::form_factor::registry::{self, MethodEntry, Setting};
 use crate::form_factor::{ExactMethod, FormFactorMethod, Input, MethodSettings, PairCounts};
 use crate::matrix::operator::{Block, LinearOperator};
 use crate::matrix::{BalanceReport, Checks, FormFactors, Weighting};
-use crate::mesh::{Mesh, Patch, Subdivision};
+use crate::mesh::{Hierarchy, Mesh, Patch, Subdivision};
 use crate::plan::Plan;
 use crate::report::{StageTimes, memory_peak_byte};
 use crate::scene::{Material, Scene, Surface};
@@ -213,7 +214,7 @@ impl Run {
         if method.name() == "exact" && self.common.explain {
             explain_exact(prepared, fineness);
         }
-        let needs_symmetry = needs_symmetry || self.wants_symmetry(args.balance)?;
+        let needs_symmetry = self.wants_symmetry(args.balance)? || needs_symmetry;
         let matrix = storage::Matrix {
             by_rows,
             repaired: repairs(args.balance, needs_symmetry && by_rows),
@@ -388,10 +389,30 @@ impl Run {
         })
     }
 
-    /// Returns the solver that is asked for.
-    #[expect(clippy::unused_self, reason = "a choice of this run")]
+    /// Returns the solver that is asked for; settings that it has no use for are a usage error.
     pub(super) fn solver_entry(&self, args: &SolverArgs) -> Result<&'static SolverEntry, Failure> {
-        Ok(solver::registry::by_name(&args.solver)?)
+        let entry = solver::registry::by_name(&args.solver)?;
+        entry.checked(&self.solver_settings(args, entry))?;
+        Ok(entry)
+    }
+
+    /// Returns the settings that the flags give a solver.
+    fn solver_settings(&self, args: &SolverArgs, entry: &SolverEntry) -> SolverSettings {
+        SolverSettings {
+            omega: args.omega,
+            bounds: args.bounds.map(Into::into),
+            steps_per_pass: args.steps_per_pass,
+            display: args.display_ambient,
+            restart: args.restart,
+            depth: args.depth,
+            // The flag is the storage's too; solvers that need no memory to speak of pass over it.
+            memory_limit_byte: self
+                .storage
+                .args
+                .memory_limit
+                .filter(|_| entry.settings.contains(&solver::registry::Setting::MemoryLimit)),
+            ..SolverSettings::default()
+        }
     }
 
     /// Solves the radiosity system of a scene.
@@ -404,7 +425,7 @@ impl Run {
         let (reflectance, exitance) = materials_of_patches(&prepared.scene, &prepared.mesh, prepared.plan.n_channels);
         let areas = computed.factors.areas().to_vec();
         self.solve_system(
-            &mut prepared.plan,
+            (&mut prepared.plan, &prepared.mesh),
             (&computed.factors, areas),
             args,
             (reflectance, exitance),
@@ -414,21 +435,25 @@ impl Run {
     /// Solves for given form factors and areas, reflectances and exitances of the patches.
     pub(super) fn solve_system(
         &mut self,
-        plan: &mut Plan,
+        (plan, mesh): (&mut Plan, &Mesh),
         (factors, areas): (&dyn LinearOperator, Vec<f64>),
         args: &SolverArgs,
         (reflectance, exitance): (Block, Block),
     ) -> Result<Solution, Failure> {
         let entry = self.solver_entry(args)?;
+        let hierarchy = entry.uses_hierarchy().then(|| {
+            let hierarchy = self.times.time("levels", || Hierarchy::of_mesh(mesh));
+            let sizes: Vec<String> = hierarchy.sizes().iter().map(ToString::to_string).collect();
+            plan.decide(
+                "levels",
+                sizes.join(", "),
+                "patches of the mesh, the finest level first",
+            );
+            Arc::new(hierarchy)
+        });
         let solver = entry.checked(&SolverSettings {
-            restart: args.restart,
-            depth: args.depth,
-            // The flag is the storage's too; solvers that need no memory to speak of pass over it.
-            memory_limit_byte: self
-                .storage
-                .args
-                .memory_limit
-                .filter(|_| entry.settings.contains(&solver::registry::Setting::MemoryLimit)),
+            hierarchy,
+            ..self.solver_settings(args, entry)
         })?;
         self.set("solver", entry.name);
         self.set("tolerance", args.tolerance);
@@ -441,9 +466,26 @@ impl Run {
             start: args.start.into(),
             ..SolveOptions::default()
         };
-        let solution = self.times.time("solve", || {
+        for (name, value) in [
+            ("omega", args.omega.map(Value::from)),
+            ("bounds", args.bounds.map(|bounds| json!(bounds))),
+            ("steps_per_pass", args.steps_per_pass.map(|n| Value::from(n.get()))),
+            ("display_ambient", args.display_ambient.then_some(Value::Bool(true))),
+        ] {
+            if let Some(value) = value {
+                self.set(name, value);
+            }
+        }
+        let mut solution = self.times.time("solve", || {
             solver.solve(&system, &options, &mut |_| std::ops::ControlFlow::Continue(()))
         })?;
+        if args.display_ambient
+            && let Some(display) = solution.display.take()
+        {
+            // The picture's irradiance belongs to what it shows; residual and bound stay those of the solution.
+            factors.apply(&display, &mut solution.irradiance);
+            solution.radiosity = display;
+        }
         if let Some(choice) = &solution.choice {
             plan.decide("solver", choice.solver, choice.why.clone());
         }

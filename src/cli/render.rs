@@ -237,13 +237,13 @@ fn render_settings(args: &RenderArgs) -> Result<RenderSettings, Failure> {
 }
 
 /// A view of one kind or the other.
-enum AnyView {
+pub(super) enum AnyView {
     Perspective(Box<dyn View>),
     Unfolded(UnfoldedView),
 }
 
 impl AnyView {
-    fn as_view(&self) -> &dyn View {
+    pub(super) fn as_view(&self) -> &dyn View {
         match self {
             Self::Perspective(view) => view.as_ref(),
             Self::Unfolded(view) => view,
@@ -251,7 +251,7 @@ impl AnyView {
     }
 }
 
-fn view(args: &ImageArgs, scene_file: &Path, scene: &Scene) -> Result<AnyView, Failure> {
+pub(super) fn view(args: &ImageArgs, scene_file: &Path, scene: &Scene) -> Result<AnyView, Failure> {
     let flags = args.eye.is_some() || args.look_at.is_some() || args.up.is_some() || args.fov.is_some();
     if is_unfolded(args) {
         if flags || args.height.is_some() {

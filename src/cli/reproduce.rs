@@ -1,6 +1,7 @@
 //! `radiosity reproduce`.
 
 use std::fmt::Write as _;
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 use serde_json::json;
@@ -10,18 +11,29 @@ use super::compare::failure;
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::pipeline::Run;
-use super::{Outcome, SCHEMA_VERSION, output};
-use crate::experiment::baranoski::{self, Figure, LEVEL, TableResult};
+use super::{Outcome, SCHEMA_VERSION, output, reproduce_solvers};
+use crate::experiment::baranoski::{self, Figure, LEVEL, TABLE_OF_SOLVERS, TableResult, solvers};
 use crate::report::{Table, memory_peak_byte};
+
+/// Runs of every stochastic method.
+const DEFAULT_SEEDS: u64 = 100;
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
     match args.paper {
-        PaperName::Baranoski => {}
-        PaperName::Stability => return super::stability::run(args),
+        PaperName::Baranoski => run_baranoski(args),
+        PaperName::Stability => super::stability::run(args),
+        PaperName::Lewis => super::reproduce_lewis::run(args),
     }
+}
+
+fn run_baranoski(args: &ReproduceArgs) -> Result<Outcome, Failure> {
+    if args.level.is_some() {
+        return Err(Failure::usage("--level is for `lewis`; `baranoski` has no levels"));
+    }
+    let (seeds, seed) = (args.seeds.unwrap_or(DEFAULT_SEEDS), args.seed.unwrap_or(0));
     let tables = match &args.tables {
-        None => baranoski::TABLES.collect(),
-        Some(list) => parse_tables(list)?,
+        None => std::iter::once(TABLE_OF_SOLVERS).chain(baranoski::TABLES).collect(),
+        Some(list) => parse_tables(list, TABLE_OF_SOLVERS..=*baranoski::TABLES.end())?,
     };
     let directory = args
         .output
@@ -31,16 +43,28 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
     let mut run = Run::new("reproduce", &args.common);
     run.set("paper", json!(args.paper));
     run.set("tables", json!(tables));
-    run.set("seeds", args.seeds);
-    run.set("seed", args.seed);
+    run.set("seeds", seeds);
+    run.set("seed", seed);
+    let of_form_factors: Vec<u8> = tables.iter().copied().filter(|t| *t != TABLE_OF_SOLVERS).collect();
+    let cases = if tables.contains(&TABLE_OF_SOLVERS) {
+        run.times
+            .time("solvers", || solvers::table_2(&run.progress))
+            .map_err(failure)?
+    } else {
+        Vec::new()
+    };
     let results = run
         .times
         .time("reproduce", || {
-            baranoski::reproduce(&tables, args.seeds, args.seed, &run.progress)
+            baranoski::reproduce(&of_form_factors, seeds, seed, &run.progress)
         })
         .map_err(failure)?;
     run.progress.finish();
-    let inside = results.iter().all(|table| table.inside);
+    let inside = results.iter().all(|table| table.inside) && cases.iter().all(solvers::CaseResult::inside);
+    let mut files = ["report.md", "results.csv", "results.json"].map(str::to_owned).to_vec();
+    if !cases.is_empty() {
+        files.extend(reproduce_solvers::write(&directory, &cases)?);
+    }
     let document = json!({
         "schema_version": SCHEMA_VERSION,
         "command": run.command,
@@ -52,9 +76,17 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
         "level": LEVEL,
         "inside": inside,
         "tables": results,
-        "files": ["report.md", "results.csv", "results.json"],
+        "solvers": cases,
+        "files": files,
     });
-    let report = report(&results);
+    let mut report = if of_form_factors.is_empty() {
+        String::from("# Baranoski, Bramley and Shirley 1995: the paper's numbers beside ours\n")
+    } else {
+        report(&results)
+    };
+    if !cases.is_empty() {
+        report.push_str(&reproduce_solvers::report(&cases));
+    }
     // Times and memory do not belong into the results: equal work gives equal bytes.
     let results_document = json!({
         "schema_version": SCHEMA_VERSION,
@@ -63,6 +95,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
         "level": LEVEL,
         "inside": inside,
         "tables": results,
+        "solvers": cases,
     });
     let write = |file: &str, text: &str| output::write(&directory.join(file), |w| w.write_all(text.as_bytes()));
     write("report.md", &report)?;
@@ -71,11 +104,16 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
     let mut printed = report;
     let _ = writeln!(
         printed,
-        "\nwrote report.md, results.csv and results.json to {}",
+        "\nwrote report.md, results.csv, results.json{} to {}",
+        if cases.is_empty() {
+            ""
+        } else {
+            ", and the tables and plots of table 2,"
+        },
         directory.display()
     );
     if !inside {
-        run.warn("our own figures are outside of their 99.9 % range; see the tables marked so");
+        run.warn("our own figures are outside of what they must be; see the tables marked so");
     }
     Ok(Outcome {
         text: printed,
@@ -84,8 +122,9 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
     })
 }
 
-/// Reads a list like `3,5-7`.
-fn parse_tables(list: &str) -> Result<Vec<u8>, Failure> {
+/// Reads a list like `3,5-7` of tables that are built.
+pub(super) fn parse_tables(list: &str, built: RangeInclusive<u8>) -> Result<Vec<u8>, Failure> {
+    let (least, most) = (built.start(), built.end());
     let mut tables = Vec::new();
     for part in list.split(',') {
         let ends = part.split_once('-').unwrap_or((part, part));
@@ -93,12 +132,12 @@ fn parse_tables(list: &str) -> Result<Vec<u8>, Failure> {
         let range = number(ends.0).zip(number(ends.1)).filter(|(a, b)| a <= b);
         let Some((first, last)) = range else {
             return Err(Failure::usage(format!(
-                "`{part}` names no tables; write --tables 3-8 or --tables 3,5-7"
+                "`{part}` names no tables; write --tables {least}-{most} or --tables {least},{most}"
             )));
         };
-        if !(baranoski::TABLES.contains(&first) && baranoski::TABLES.contains(&last)) {
+        if !(built.contains(&first) && built.contains(&last)) {
             return Err(Failure::usage(format!(
-                "`{part}`: of this paper tables 3 to 8 are built; write --tables 3-8"
+                "`{part}`: of this paper tables {least} to {most} are built; write --tables {least}-{most}"
             )));
         }
         tables.extend(first..=last);
@@ -269,7 +308,7 @@ mod tests {
 
     #[test]
     fn lists_of_tables() {
-        let read = |list: &str| parse_tables(list).map_err(|failure| failure.message);
+        let read = |list: &str| parse_tables(list, 3..=8).map_err(|failure| failure.message);
         assert_eq!(read("3-8"), Ok(vec![3, 4, 5, 6, 7, 8]));
         assert_eq!(read("7, 3,5-7"), Ok(vec![3, 5, 6, 7]));
         for wrong in ["", "2", "3-9", "8-3", "x", "3-"] {

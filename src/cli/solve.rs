@@ -53,7 +53,7 @@ pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
             run.form_factors(&mut prepared, &args.method, fineness, needs_symmetry)?
         }
         Some(file) => {
-            let needs_symmetry = needs_symmetry || run.wants_symmetry(args.method.balance)?;
+            let needs_symmetry = run.wants_symmetry(args.method.balance)? || needs_symmetry;
             let repaired = repairs(args.method.balance, needs_symmetry && !file.description().symmetric);
             let result = reuse::form_factors(&mut run, &mut prepared, file, &args.scene, repaired)?;
             run.repaired(&mut prepared, result, args.method.balance, needs_symmetry)?
@@ -123,13 +123,17 @@ pub(super) fn code(solution: &Solution, computed: Option<&Computed>) -> ExitCode
 
 /// Returns what documents say about a solution.
 pub(super) fn to_json(prepared: &Prepared, solver: &str, solution: &Solution) -> Value {
+    let selections = &solution.selections;
     json!({
+        "n_steps": (!selections.is_empty()).then(|| selections.iter().sum::<u64>()),
         "n_patches": prepared.mesh.n_patches(),
         "n_channels": solution.radiosity.n_channels(),
         "solver": chosen(solver, solution),
         "why": solution.choice.as_ref().map(|choice| &choice.why),
         "stop_reason": solution.stop_reason,
         "n_passes": solution.n_passes,
+        "setup_work": solution.setup_work,
+        "setup_s": solution.setup_s,
         "residual_max_power": solution.residual_max_power,
         "residual_l2": solution.residual_l2,
         "error_bound": solution.error_bound,

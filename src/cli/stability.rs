@@ -29,10 +29,11 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
     output::make_directory(&directory)?;
     let mut run = Run::new("reproduce", &args.common);
     run.set("paper", json!(args.paper));
-    run.set("seed", args.seed);
+    let seed = args.seed.unwrap_or(0);
+    run.set("seed", seed);
     let result = run
         .times
-        .time("stability", || stability::run(args.seed, &run.progress))
+        .time("stability", || stability::run(seed, &run.progress))
         .map_err(failure)?;
     run.progress.finish();
     let n_wrong = result.wrong().count();

@@ -1,12 +1,13 @@
 //! Experiments: the methods side by side on one scene, and the papers' tables beside what we measure.
 //!
 //! [`compare`](compare()) runs every setting of every method ([`SWEEPS`]) over several seeds and says how far each is from a
-//! [`Reference`], and how long it took. [`baranoski`] repeats the tables of appendix A of that paper.
+//! [`Reference`], and how long it took. [`baranoski`] repeats the tables of that paper, [`lewis`] those of the paper on multigrid.
 //! [`stability`] tries every solver on stiff, extreme and impossible systems.
 
 pub mod baranoski;
 mod compare;
 mod known;
+pub mod lewis;
 mod pareto;
 mod reference;
 pub mod stability;
@@ -41,6 +42,9 @@ pub enum ExperimentError {
     /// The reference could not be computed.
     #[error("the reference: {0}")]
     Reference(#[source] FormFactorError),
+    /// The form factors of a model could not be computed.
+    #[error(transparent)]
+    FormFactors(FormFactorError),
     /// Form factors could not be stored.
     #[error(transparent)]
     Matrix(#[from] MatrixError),
@@ -53,6 +57,12 @@ pub enum ExperimentError {
     /// The ray tracer failed.
     #[error(transparent)]
     Embree(#[from] crate::embree::EmbreeError),
+    /// A radiosity system was refused.
+    #[error(transparent)]
+    Solver(#[from] crate::solver::SolverError),
+    /// An image could not be encoded.
+    #[error("the image cannot be encoded: {0}")]
+    Image(String),
     /// Too few runs for a spread.
     #[error("{n_seeds} seeds are too few; give at least {least}")]
     TooFewSeeds {

@@ -34,6 +34,17 @@ pub struct BalanceReport {
     pub converged: bool,
 }
 
+/// How much each of two estimates of one exchange area counts.
+#[derive(Clone, Copy)]
+enum Weights {
+    /// Each counts half.
+    Equal,
+    /// By these weights, of the rays.
+    Rays(f64, f64),
+    /// By their standard errors where both are known, half where not.
+    Errors,
+}
+
 /// A factor d_i beyond all use: no scaling exists, and the factors would go on to infinity and zero.
 const RUNAWAY_FROM: f64 = 1e100;
 
@@ -52,11 +63,20 @@ impl FormFactors {
             return Ok(self.clone());
         }
         let area_max = self.areas.iter().copied().fold(0.0, f64::max);
+        // N_i / A_i, the inverse of the variance of a row's exchange areas but for a factor that both estimates share.
+        let rays = self.tallies.iter().map(RowTally::effective_rays);
+        let ray_weights = rays.zip(&self.areas).map(|(n, area)| n.map(|n| n / (area / area_max)));
+        let ray_weights: Vec<Option<f64>> = ray_weights.collect();
         let upper = |rows: std::ops::Range<usize>| {
             let mut lists = vec![Vec::new(); rows.len()];
-            self.for_each_pair(rows.clone(), |i, j, pair| {
+            self.for_each_pair(rows.clone(), rows.start, |i, j, pair| {
                 if j >= i {
-                    let (exchange, std_error) = self.mean_exchange(weighting, area_max, (i, j), &pair);
+                    let weights = match (weighting, ray_weights[i].zip(ray_weights[j])) {
+                        (Weighting::Plain, _) => Weights::Equal,
+                        (Weighting::InverseVariance, Some((p, q))) => Weights::Rays(p, q),
+                        (Weighting::InverseVariance, None) => Weights::Errors,
+                    };
+                    let (exchange, std_error) = self.mean_exchange(weights, area_max, (i, j), &pair);
                     lists[i - rows.start].push((index(j), exchange, std_error));
                 }
             });
@@ -152,19 +172,19 @@ impl FormFactors {
 
     /// Returns the mean of A_i F_ij and A_j F_ji and its standard error, both divided by `area_max`. Swapping i and j
     /// swaps terms of commutative operations only, so the result is the same to the last bit.
-    fn mean_exchange(&self, weighting: Weighting, area_max: f64, (i, j): (usize, usize), pair: &Pair) -> (f64, f64) {
+    ///
+    /// `weights`: how much each counts.
+    fn mean_exchange(&self, weights: Weights, area_max: f64, (i, j): (usize, usize), pair: &Pair) -> (f64, f64) {
         let (a_i, a_j) = (self.areas[i] / area_max, self.areas[j] / area_max);
         let (x, x_error) = (a_i * pair.there.0, a_i * pair.there.1);
         let (y, y_error) = (a_j * pair.back.0, a_j * pair.back.1);
-        let rays = |k: usize| self.tallies[k].effective_rays();
-        let (p, q) = match (weighting, rays(i), rays(j)) {
-            (Weighting::Plain, ..) => (1.0, 1.0),
-            (_, Some(n_i), Some(n_j)) => (n_i / a_i, n_j / a_j),
-            _ if x_error > 0.0 && y_error > 0.0 => {
+        let (p, q) = match weights {
+            Weights::Rays(p, q) => (p, q),
+            Weights::Errors if x_error > 0.0 && y_error > 0.0 => {
                 let ratio = x_error.max(y_error);
                 ((ratio / x_error).powi(2), (ratio / y_error).powi(2))
             }
-            _ => (1.0, 1.0),
+            Weights::Equal | Weights::Errors => (1.0, 1.0),
         };
         let (p, q) = (p / (p + q), q / (p + q));
         // f64::hypot is not required to be symmetric in its arguments to the last bit.

@@ -57,7 +57,7 @@ impl FormFactors {
     fn check_rows(&self, rows: std::ops::Range<usize>, closed: bool) -> Checks {
         let mut checks = nothing();
         let mut row_sums = vec![0.0; rows.len()];
-        self.for_each_pair(rows.clone(), |i, j, pair| {
+        self.for_each_pair(rows.clone(), 0, |i, j, pair| {
             let (a_i, a_j) = (self.areas[i], self.areas[j]);
             let (there, back) = (a_i * pair.there.0, a_j * pair.back.0);
             let smaller = a_i.min(a_j);

@@ -2,8 +2,9 @@
 
 use std::ops::Range;
 
+use super::lanes::{Planes, add_row, multiply_rows};
 use super::operator::Block;
-use super::store::{Scalar, Store, add_dot, rounded};
+use super::store::{Scalar, Store, rounded};
 use super::tile::is_zero;
 use super::{MatrixError, RowTile};
 
@@ -69,9 +70,22 @@ impl<T: Scalar> Store for DenseTile<T> {
         let values = self.row(row);
         let (before, after) = (&values[..diagonal], &values[diagonal + 1..]);
         let (x_before, x_after) = x.values().split_at(diagonal * x.n_channels());
-        add_dot(before, |k| k, 1.0, x_before, sum);
-        add_dot(after, |k| k, 1.0, &x_after[x.n_channels()..], sum);
+        add_row(before, x_before, sum);
+        add_row(after, &x_after[x.n_channels()..], sum);
         values[diagonal].to_f64()
+    }
+
+    fn apply(&self, row: usize, _: usize, x: &Block, planes: &Planes, y: &mut [f64]) {
+        let begin = row * self.n_columns;
+        let n_values = y.len() / x.n_channels() * self.n_columns;
+        multiply_rows(&self.values[begin..begin + n_values], self.n_columns, planes, y);
+    }
+
+    fn add_row(&self, row: usize, factor: f64, sum: &mut [f64]) -> usize {
+        for (sum, value) in sum.iter_mut().zip(self.row(row)) {
+            *sum += factor * value.to_f64();
+        }
+        self.n_columns
     }
 
     fn n_nonzero(&self) -> usize {

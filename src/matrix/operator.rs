@@ -131,4 +131,14 @@ pub trait RowAccess: Sync {
 
     /// Calls `visit` with j and F_ij for every entry of row i that may not be 0, j ascending.
     fn visit_row(&self, i: usize, visit: &mut dyn FnMut(usize, f64));
+
+    /// Adds `factor` F_ij to `sum[j]` for every j, and returns how many entries of the row that took: n for a row stored in full.
+    fn add_row(&self, i: usize, factor: f64, sum: &mut [f64]) -> usize {
+        let mut n_entries = 0;
+        self.visit_row(i, &mut |j, value| {
+            sum[j] += factor * value;
+            n_entries += 1;
+        });
+        n_entries
+    }
 }

@@ -6,6 +6,7 @@ pub(super) use codec::Form;
 
 use std::ops::Range;
 
+use super::lanes::{Lanes, add_both};
 use super::store::{DENSE_FROM, Scalar, add_dot, rounded};
 use super::tile::is_zero;
 use super::transpose::index;
@@ -239,50 +240,32 @@ impl<T: Scalar> Square<T> {
         }
     }
 
-    /// Adds T x to `y` for a tile on the diagonal, which is symmetric and stored whole.
-    pub(super) fn apply_diagonal(&self, x: &[f64], y: &mut [f64]) {
-        for (row, sum) in y.iter_mut().enumerate() {
-            self.add_row(row, None, 1.0, x, std::slice::from_mut(sum));
+    /// Adds T x to the partial sums of each row for a tile on the diagonal, which is symmetric and stored whole.
+    pub(super) fn apply_diagonal(&self, x: &[f64], row_sums: &mut [Lanes]) {
+        for (row, lanes) in row_sums.iter_mut().enumerate() {
+            self.add_row(row, None, 1.0, x, &mut lanes[..1]);
         }
     }
 
-    /// Adds T `x_columns` to `y_rows` and T^T `x_rows` to `y_columns`, reading the tile once.
-    pub(super) fn apply_both(&self, x_rows: &[f64], x_columns: &[f64], y_rows: &mut [f64], y_columns: &mut [f64]) {
+    /// Adds T `x_columns` to the partial sums of each row and T^T `x_rows` to `y_columns`, reading the tile once.
+    pub(super) fn apply_both(&self, x_rows: &[f64], x_columns: &[f64], row_sums: &mut [Lanes], y_columns: &mut [f64]) {
         match self {
             Self::Empty => {}
-            Self::Full(full) => {
-                let n_columns = full.n_columns;
-                let mut blocks = full.numbers.values.chunks_exact(4 * n_columns);
-                for (block, (x, y)) in (&mut blocks).zip(x_rows.chunks_exact(4).zip(y_rows.chunks_exact_mut(4))) {
-                    let [a, b, c, d] = std::array::from_fn(|r| &block[r * n_columns..(r + 1) * n_columns]);
-                    let sums = four_rows([a, b, c, d], [x[0], x[1], x[2], x[3]], x_columns, y_columns);
-                    for (y_r, sum) in y.iter_mut().zip(sums) {
-                        *y_r += sum;
-                    }
-                }
-                let done = x_rows.len() - x_rows.len() % 4;
-                let rest = blocks.remainder().chunks_exact(n_columns);
-                for (row, (x, y)) in rest.zip(x_rows[done..].iter().zip(&mut y_rows[done..])) {
-                    for ((value, x_k), y_k) in row.iter().zip(x_columns).zip(&mut *y_columns) {
-                        *y += value.to_f64() * x_k;
-                        *y_k += value.to_f64() * x;
-                    }
-                }
-            }
+            Self::Full(full) => add_both(&full.numbers.values, x_rows, x_columns, row_sums, y_columns),
             Self::List(list) => {
                 let entries = list.numbers.values.iter().zip(&list.columns).zip(&list.rows);
                 // A row's sum stays in a register until the row ends.
                 let (mut row, mut sum, mut x_row) = (0, 0.0, x_rows[0]);
                 for ((value, &column), &row_of_entry) in entries {
                     if row_of_entry != row {
-                        y_rows[usize::from(row)] += sum;
+                        row_sums[usize::from(row)][0] += sum;
                         (row, sum, x_row) = (row_of_entry, 0.0, x_rows[usize::from(row_of_entry)]);
                     }
                     let column = usize::from(column);
                     sum += value.to_f64() * x_columns[column];
                     y_columns[column] += value.to_f64() * x_row;
                 }
-                y_rows[usize::from(row)] += sum;
+                row_sums[usize::from(row)][0] += sum;
             }
         }
     }
@@ -345,33 +328,4 @@ impl<T> List<T> {
         let first_from = |bound: usize| self.by_column.partition_point(|at| column_of(at) < bound);
         &self.by_column[first_from(column)..first_from(column + 1)]
     }
-}
-
-/// Returns the products of four rows with `x_columns`, and adds the rows' sum weighted with `x` to `y_columns`.
-///
-/// The order of the additions depends on the number of columns alone.
-fn four_rows<T: Scalar>(rows: [&[T]; 4], x: [f64; 4], x_columns: &[f64], y_columns: &mut [f64]) -> [f64; 4] {
-    const LANES: usize = 2;
-    let [a, b, c, d] = rows.map(<[T]>::as_chunks::<LANES>);
-    let (x_whole, x_rest) = x_columns.as_chunks::<LANES>();
-    let (y_whole, y_rest) = y_columns.as_chunks_mut::<LANES>();
-    let mut lanes = [[0.0; LANES]; 4];
-    let whole = a.0.iter().zip(b.0).zip(c.0.iter().zip(d.0));
-    for (((a_k, b_k), (c_k, d_k)), (x_k, y_k)) in whole.zip(x_whole.iter().zip(y_whole)) {
-        for l in 0..LANES {
-            let values = [a_k[l], b_k[l], c_k[l], d_k[l]].map(T::to_f64);
-            for r in 0..4 {
-                lanes[r][l] += values[r] * x_k[l];
-            }
-            y_k[l] += (values[0] * x[0] + values[1] * x[1]) + (values[2] * x[2] + values[3] * x[3]);
-        }
-    }
-    for (l, (x_k, y_k)) in x_rest.iter().zip(y_rest).enumerate() {
-        let values = [a.1[l], b.1[l], c.1[l], d.1[l]].map(T::to_f64);
-        for r in 0..4 {
-            lanes[r][l] += values[r] * x_k;
-        }
-        *y_k += (values[0] * x[0] + values[1] * x[1]) + (values[2] * x[2] + values[3] * x[3]);
-    }
-    lanes.map(|l| l[0] + l[1])
 }

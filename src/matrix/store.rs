@@ -5,6 +5,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::dense::DenseTile;
+use super::lanes::Planes;
 use super::operator::Block;
 use super::sparse::SparseTile;
 use super::{Layout, MatrixError, Precision, RowTile, StorageChoice};
@@ -71,6 +72,29 @@ pub(super) trait Store: Debug + Send + Sync {
 
     /// Adds Σ_{j ≠ `diagonal`} a_j x_j over the row to `sum` and returns a_`diagonal`.
     fn dot_off_diagonal(&self, row: usize, diagonal: usize, x: &Block, sum: &mut [f64]) -> f64;
+
+    /// Sets `y` (row-major, one entry per channel) to the products of as many rows with `x`, from the row `row` on, which is row `i`
+    /// of the matrix; `planes` are `x` again.
+    fn apply(&self, row: usize, i: usize, x: &Block, planes: &Planes, y: &mut [f64]) {
+        let _ = planes;
+        for (k, sums) in y.chunks_exact_mut(x.n_channels()).enumerate() {
+            sums.fill(0.0);
+            let diagonal = self.dot_off_diagonal(row + k, i + k, x, sums);
+            for (sum, x_ic) in sums.iter_mut().zip(x.row(i + k)) {
+                *sum += diagonal * x_ic;
+            }
+        }
+    }
+
+    /// Adds `factor` a_j to `sum[j]` over the row, and returns how many numbers of the row are stored.
+    fn add_row(&self, row: usize, factor: f64, sum: &mut [f64]) -> usize {
+        let mut n_stored = 0;
+        self.for_each(row, 0..sum.len(), &mut |j, value, _| {
+            sum[j] += factor * value;
+            n_stored += 1;
+        });
+        n_stored
+    }
 
     /// Returns how many numbers are not zero.
     fn n_nonzero(&self) -> usize;

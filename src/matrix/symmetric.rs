@@ -7,6 +7,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::disk::{Band, DiskError, Part, TileFile, for_each_block, visit_nothing_known};
+use super::lanes::{LANES, Planes, total};
 use super::operator::Block;
 use super::square::{Placed, SIDE, Square};
 use super::store::{Scalar, rounded};
@@ -230,23 +231,26 @@ impl<T: Scalar> Tiles<T> {
     }
 
     /// Returns what the tiles of some block rows add to y, from the first of these rows on, channel by channel.
-    fn apply_piece(&self, piece: Range<usize>, channels: &[Vec<f64>]) -> Vec<f64> {
+    fn apply_piece(&self, piece: Range<usize>, x: &Planes) -> Vec<f64> {
         let first = piece.start * SIDE;
         let n_left = self.n - first;
-        let mut sums = vec![0.0; n_left * channels.len()];
+        let n_channels = x.channels().len();
+        let mut sums = vec![0.0; n_left * n_channels];
+        let mut row_sums = vec![[[0.0; LANES]; SIDE]; n_channels];
         for i in piece {
             let rows = i * SIDE..self.n.min((i + 1) * SIDE);
+            row_sums.fill([[0.0; LANES]; SIDE]);
             let read = self.for_each_tile(i, Part::Numbers, |j, tile| {
                 let columns = j * SIDE..self.n.min((j + 1) * SIDE);
+                let y_columns = columns.start - first..columns.end - first;
                 // All channels while the tile is in the cache, each as if it were alone.
-                for (x, y) in channels.iter().zip(sums.chunks_exact_mut(n_left)) {
+                for ((plane, y), lanes) in x.channels().zip(sums.chunks_exact_mut(n_left)).zip(&mut row_sums) {
+                    let (x_rows, x_columns) = (&plane[rows.clone()], &plane[columns.clone()]);
+                    let lanes = &mut lanes[..rows.len()];
                     if j == i {
-                        tile.apply_diagonal(&x[rows.clone()], &mut y[rows.start - first..rows.end - first]);
+                        tile.apply_diagonal(x_rows, lanes);
                     } else {
-                        let (above, below) = y.split_at_mut(columns.start - first);
-                        let y_rows = &mut above[rows.start - first..rows.end - first];
-                        let y_columns = &mut below[..columns.len()];
-                        tile.apply_both(&x[rows.clone()], &x[columns.clone()], y_rows, y_columns);
+                        tile.apply_both(x_rows, x_columns, lanes, &mut y[y_columns.clone()]);
                     }
                 }
             });
@@ -254,6 +258,11 @@ impl<T: Scalar> Tiles<T> {
                 && file.note(read).is_none()
             {
                 sums.fill(f64::NAN);
+            }
+            for (y, of_channel) in sums.chunks_exact_mut(n_left).zip(&row_sums) {
+                for (y_i, lanes) in y[rows.start - first..rows.end - first].iter_mut().zip(of_channel) {
+                    *y_i += total(lanes);
+                }
             }
         }
         sums
@@ -301,13 +310,12 @@ impl<T: Scalar> Symmetric for Tiles<T> {
 
     fn apply(&self, x: &Block, y: &mut Block) {
         let n_channels = x.n_channels();
-        let of_channel = |c: usize| x.values().iter().skip(c).step_by(n_channels).copied().collect();
-        let channels: Vec<Vec<f64>> = (0..n_channels).map(of_channel).collect();
+        let planes = Planes::of(x);
         let pieces = self.pieces();
         let first_row = |k: usize| pieces[k].start * SIDE;
         let parts: Vec<Vec<f64>> = pieces
             .par_iter()
-            .map(|piece| self.apply_piece(piece.clone(), &channels))
+            .map(|piece| self.apply_piece(piece.clone(), &planes))
             .collect();
         let tasks = y.values_mut().par_chunks_mut(SUMS_PER_TASK * n_channels).enumerate();
         tasks.for_each(|(task, sums)| {

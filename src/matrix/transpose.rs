@@ -26,11 +26,18 @@ impl FormFactors {
         starts.map(|start| start..n.min(start + n_together)).collect()
     }
 
-    /// Calls `visit(i, j, pair)` for all i in `rows` and all j where F_ij or F_ji is stored, row by row in ascending order.
-    pub(super) fn for_each_pair(&self, rows: Range<usize>, mut visit: impl FnMut(usize, usize, Pair)) {
+    /// Calls `visit(i, j, pair)` for all i in `rows` and all j from `first_column` on where F_ij or F_ji is stored, row by row in
+    /// ascending order.
+    pub(super) fn for_each_pair(
+        &self,
+        rows: Range<usize>,
+        first_column: usize,
+        mut visit: impl FnMut(usize, usize, Pair),
+    ) {
+        let others = first_column..self.n_rows();
         if let Entries::Symmetric { exchange, row_factors } = &self.entries {
             for i in rows {
-                exchange.for_each(i, 0..self.n_rows(), &mut |j, value, std_error| {
+                exchange.for_each(i, others.clone(), &mut |j, value, std_error| {
                     let scaled = |factor: f64| (factor * value, factor * std_error);
                     let (there, back) = (scaled(row_factors[i]), scaled(row_factors[j]));
                     visit(i, j, Pair { there, back });
@@ -38,27 +45,29 @@ impl FormFactors {
             }
             return;
         }
-        let columns = self.columns(rows.clone());
+        let columns = self.columns(rows.clone(), others.clone());
         let mut row = Vec::new();
         for (i, column) in rows.zip(columns) {
             row.clear();
-            self.for_each_in_row(i, |j, value, std_error| row.push((index(j), value, std_error)));
+            self.for_each_stored(i, others.clone(), &mut |j, value, std_error| {
+                row.push((index(j), value, std_error));
+            });
             merge(&row, &column, |j, pair| visit(i, j, pair));
         }
     }
 
-    /// Returns the columns `range` of F as sorted lists of their entries.
-    fn columns(&self, range: Range<usize>) -> Vec<Vec<Entry>> {
+    /// Returns the columns `range` of F in `rows` as sorted lists of their entries.
+    fn columns(&self, range: Range<usize>, rows: Range<usize>) -> Vec<Vec<Entry>> {
         let mut columns = vec![Vec::new(); range.len()];
         if let Entries::Disk(general) = &self.entries {
             for (j, column) in range.zip(&mut columns) {
-                general.for_each_in_column(j, 0..self.n_rows(), &mut |i, value, std_error| {
+                general.for_each_in_column(j, rows.clone(), &mut |i, value, std_error| {
                     column.push((index(i), value, std_error));
                 });
             }
             return columns;
         }
-        for j in 0..self.n_rows() {
+        for j in rows {
             self.for_each_stored(j, range.clone(), &mut |i, value, std_error| {
                 columns[i - range.start].push((index(j), value, std_error));
             });

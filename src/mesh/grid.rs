@@ -2,6 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
+use super::hierarchy::FaceShape;
 use super::patch::{PatchId, PatchPoint};
 
 /// The regular subdivision of one face.
@@ -40,6 +41,14 @@ impl FaceGrid {
             Shape::Bilinear { n_u, n_v, map }
         };
         Self { first_patch, shape }
+    }
+
+    /// Returns how the face is cut.
+    pub(super) fn shape(&self) -> FaceShape {
+        match self.shape {
+            Shape::Triangle { n } => FaceShape::Triangle { n },
+            Shape::Parallelogram { n_u, n_v } | Shape::Bilinear { n_u, n_v, .. } => FaceShape::Quad { n_u, n_v },
+        }
     }
 
     pub(super) fn patch_at(&self, u: f64, v: f64) -> PatchId {

@@ -2,10 +2,12 @@
 
 mod grid;
 mod hash;
+pub mod hierarchy;
 mod patch;
 mod planes;
 mod subdivide;
 
+pub use hierarchy::{Hierarchy, Prolongation};
 pub use patch::{Patch, PatchId, PatchPoint};
 pub use subdivide::{MeshError, Subdivision};
 

@@ -1,6 +1,8 @@
 //! What was done, how well, how long it took, and what was left out; and the files that carry results to other programs.
 
 pub mod csv;
+pub mod curves;
+pub mod lines;
 mod log_axis;
 mod machine;
 pub mod plot;
@@ -21,6 +23,7 @@ mod npy;
 mod npz;
 mod read;
 pub mod solution;
+pub mod voxels;
 mod vtu;
 
 pub use description::Description;

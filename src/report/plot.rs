@@ -60,6 +60,12 @@ pub struct ErrorTimePlot {
 #[error("the plot cannot be drawn: {0}")]
 pub struct PlotError(String);
 
+impl PlotError {
+    pub(super) fn new(message: String) -> Self {
+        Self(message)
+    }
+}
+
 /// Colours that people with any colour vision can tell apart (M. Okabe and K. Ito, "Color Universal Design", 2008), without the yellow,
 /// which is too faint for lines on white.
 const PALETTE: [RGBColor; 7] = [
@@ -72,13 +78,13 @@ const PALETTE: [RGBColor; 7] = [
     RGBColor(230, 159, 0),
 ];
 
-const WIDTH: i32 = 960;
-const HEIGHT: i32 = 600;
+pub(super) const WIDTH: i32 = 960;
+pub(super) const HEIGHT: i32 = 600;
 /// The part of the width that the legend takes.
-const LEGEND: i32 = 200;
-const FONT: &str = "sans-serif";
-const GREY: RGBColor = RGBColor(110, 110, 110);
-const LIGHT: RGBColor = RGBColor(232, 232, 232);
+pub(super) const LEGEND: i32 = 200;
+pub(super) const FONT: &str = "sans-serif";
+pub(super) const GREY: RGBColor = RGBColor(110, 110, 110);
+pub(super) const LIGHT: RGBColor = RGBColor(232, 232, 232);
 
 impl ErrorTimePlot {
     /// Draws the plot: bars span the least and the greatest measurement, rings and the dashed line mark the Pareto front.
@@ -89,13 +95,7 @@ impl ErrorTimePlot {
     /// # Errors
     /// [`PlotError`] if the drawing library fails.
     pub fn to_svg(&self) -> Result<String, PlotError> {
-        let font = [
-            (FontStyle::Normal, dejavu::sans::regular()),
-            (FontStyle::Bold, dejavu::sans::bold()),
-        ];
-        for (style, bytes) in font {
-            register_font(FONT, style, bytes).map_err(|_| PlotError("its font cannot be read".to_owned()))?;
-        }
+        register_fonts()?;
         let mut svg = String::new();
         self.draw(&mut svg).map_err(|error| PlotError(error.to_string()))?;
         Ok(svg)
@@ -215,10 +215,22 @@ impl ErrorTimePlot {
     }
 }
 
+/// Makes the font known to the drawing library.
+pub(super) fn register_fonts() -> Result<(), PlotError> {
+    let font = [
+        (FontStyle::Normal, dejavu::sans::regular()),
+        (FontStyle::Bold, dejavu::sans::bold()),
+    ];
+    for (style, bytes) in font {
+        register_font(FONT, style, bytes).map_err(|_| PlotError("its font cannot be read".to_owned()))?;
+    }
+    Ok(())
+}
+
 /// The radius of the ring around a point of the Pareto front.
 const RING: i32 = 9;
 
-fn text(size: f64) -> TextStyle<'static> {
+pub(super) fn text(size: f64) -> TextStyle<'static> {
     TextStyle::from((FONT, size)).transform(FontTransform::None)
 }
 
@@ -242,12 +254,12 @@ fn bars(point: &PlotPoint, floor: (f64, f64)) -> impl Iterator<Item = [(f64, f64
     .into_iter()
 }
 
-fn colour(style: usize) -> RGBColor {
+pub(super) fn colour(style: usize) -> RGBColor {
     PALETTE[style % PALETTE.len()]
 }
 
 /// Draws the mark of a style; the shape changes with the colour, and is another one in the second round of colours.
-fn mark(
+pub(super) fn mark(
     area: &plotters::drawing::DrawingArea<SVGBackend<'_>, plotters::coord::Shift>,
     (x, y): (i32, i32),
     style: usize,

@@ -35,21 +35,8 @@ pub(super) fn write(
     description: &str,
     data: &[CellData],
 ) -> io::Result<()> {
-    let (n_points, n_cells) = (mesh.vertices.len(), mesh.n_patches());
-    writeln!(writer, "<?xml version=\"1.0\"?>")?;
-    writeln!(
-        writer,
-        "<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\">"
-    )?;
-    writeln!(writer, "<UnstructuredGrid>\n<FieldData>")?;
-    write_texts(writer, "description", &[description])?;
     let names: Vec<&str> = scene.surfaces.iter().map(|s| s.name.as_str()).collect();
-    write_texts(writer, "surface_name", &names)?;
-    writeln!(writer, "</FieldData>")?;
-    writeln!(
-        writer,
-        "<Piece NumberOfPoints=\"{n_points}\" NumberOfCells=\"{n_cells}\">\n<Points>"
-    )?;
+    write_head(writer, description, &names, mesh.vertices.len(), mesh.n_patches())?;
     write_numbers(
         writer,
         "Float64",
@@ -87,8 +74,31 @@ pub(super) fn write(
     writeln!(writer, "</CellData>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>")
 }
 
+/// Writes everything up to the points: `description` and the surfaces' names as data of the whole field.
+pub(super) fn write_head(
+    writer: &mut dyn Write,
+    description: &str,
+    surface_names: &[&str],
+    n_points: usize,
+    n_cells: usize,
+) -> io::Result<()> {
+    writeln!(writer, "<?xml version=\"1.0\"?>")?;
+    writeln!(
+        writer,
+        "<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\">"
+    )?;
+    writeln!(writer, "<UnstructuredGrid>\n<FieldData>")?;
+    write_texts(writer, "description", &[description])?;
+    write_texts(writer, "surface_name", surface_names)?;
+    writeln!(writer, "</FieldData>")?;
+    writeln!(
+        writer,
+        "<Piece NumberOfPoints=\"{n_points}\" NumberOfCells=\"{n_cells}\">\n<Points>"
+    )
+}
+
 /// Writes one array, a line for each of `rows`.
-fn write_numbers<T, R: AsRef<[T]>>(
+pub(super) fn write_numbers<T, R: AsRef<[T]>>(
     writer: &mut dyn Write,
     kind: &str,
     name: &str,

@@ -96,6 +96,12 @@ pub enum SolverError {
         /// The names there are.
         known: String,
     },
+    /// A relaxation factor outside of (0, 2).
+    #[error("the relaxation factor {value} is not between 0 and 2")]
+    Omega {
+        /// The factor.
+        value: f64,
+    },
     /// A setting that the solver has no use for.
     #[error("{flag} has no use with the solver `{solver}`; it goes with {used_by}")]
     UnusedSetting {

@@ -32,7 +32,7 @@ const RESOLVED_FROM: f64 = 1e-12;
 pub(super) fn relative(scaled: &Scaled, radiosity: &Block, truth: &TrueResidual) -> Option<f64> {
     let system = scaled.system;
     let lit: Vec<usize> = (0..system.n_channels()).filter(|&c| !scaled.is_dark(c)).collect();
-    let Some(proof) = Proof::find(scaled, &lit) else {
+    let (Some(proof), _) = Proof::find(scaled, &lit) else {
         return lit.is_empty().then_some(0.0);
     };
     let reciprocal = system.operator().reciprocal_areas().is_some_and(|areas| {
@@ -64,6 +64,22 @@ pub(super) fn relative(scaled: &Scaled, radiosity: &Block, truth: &TrueResidual)
     Some(worst)
 }
 
+/// Returns for each channel a bound of the eigenvalues of diag(ρ) F in absolute value, λ = max_i (ρ F v)_i / v_i with the vector v above, and the
+/// passes over F that it took. A channel without light has 0, and where nothing below 1 can be proved it is 1.
+pub(super) fn spectral_radius(scaled: &Scaled) -> (Vec<f64>, usize) {
+    let n_channels = scaled.system.n_channels();
+    let lit: Vec<usize> = (0..n_channels).filter(|&c| !scaled.is_dark(c)).collect();
+    let mut radii = vec![0.0; n_channels];
+    let (proof, n_passes) = Proof::find(scaled, &lit);
+    for c in lit {
+        radii[c] = proof.as_ref().map_or(1.0, |proof| {
+            let lambda = |i: usize| 1.0 - proof.g_v.row(i)[c] / proof.v.row(i)[c];
+            (0..scaled.system.n_patches()).map(lambda).fold(0.0, f64::max)
+        });
+    }
+    (radii, n_passes)
+}
+
 /// Returns |r| and what rounding can have taken from it.
 fn with_rounding(scaled: &Scaled, radiosity: &Block, truth: &TrueResidual) -> Block {
     let unit = (scaled.areas.len() as f64 / 4.0 + 70.0) * 0.5 * f64::EPSILON;
@@ -83,9 +99,10 @@ struct Proof {
 }
 
 impl Proof {
-    fn find(scaled: &Scaled, lit: &[usize]) -> Option<Self> {
+    /// Looks for a proof; tells also how many passes over F that took.
+    fn find(scaled: &Scaled, lit: &[usize]) -> (Option<Self>, usize) {
         if lit.is_empty() {
-            return None;
+            return (None, 0);
         }
         let system = scaled.system;
         let reflectances = system.reflectance().values();
@@ -99,20 +116,20 @@ impl Proof {
         for (i, sum) in system.row_sums().iter().enumerate() {
             f_v.row_mut(i).fill(*sum);
         }
-        for _ in 0..MAX_PASSES {
+        for n_passes in 0..MAX_PASSES {
             let mut g_v = v.clone();
             for (g, rho_f_v) in g_v.values_mut().iter_mut().zip(products(&f_v)) {
                 *g -= rho_f_v;
             }
             let proves = |i: usize| lit.iter().all(|&c| g_v.row(i)[c] > RESOLVED_FROM * v.row(i)[c]);
             if (0..system.n_patches()).all(proves) {
-                return Some(Self { v, g_v });
+                return (Some(Self { v, g_v }), n_passes);
             }
             for (next, rho_f_v) in v.values_mut().iter_mut().zip(products(&f_v)) {
                 *next = 1.0 + rho_f_v;
             }
             system.operator().apply(&v, &mut f_v);
         }
-        None
+        (None, MAX_PASSES)
     }
 }

@@ -73,6 +73,17 @@ impl Iteration for Sweeps<'_> {
 
 /// Updates all patches in order; `before` receives the residual that each had just before its update.
 pub(super) fn sweep(scaled: &Scaled, rows: &dyn RowAccess, radiosity: &mut Block, before: &mut Block) {
+    relaxed_sweep(scaled, rows, radiosity, before, |_, _, _, gathered| gathered);
+}
+
+/// As [`sweep`], but patch i gets `relax(i, c, old, gathered)` in channel c in place of the gathered radiosity.
+pub(super) fn relaxed_sweep(
+    scaled: &Scaled,
+    rows: &dyn RowAccess,
+    radiosity: &mut Block,
+    before: &mut Block,
+    relax: impl Fn(usize, usize, f64, f64) -> f64,
+) {
     let reflectance = scaled.system.reflectance();
     let mut gathered = vec![0.0; reflectance.n_channels()];
     for i in 0..scaled.areas.len() {
@@ -85,7 +96,7 @@ pub(super) fn sweep(scaled: &Scaled, rows: &dyn RowAccess, radiosity: &mut Block
             before.row_mut(i)[c] = residual;
             // A patch that sends all of its light back to itself can only stay dark; with light the residual tells.
             if diagonal > 0.0 {
-                *b = (e[c] + rho[c] * gathered[c]) / diagonal;
+                *b = relax(i, c, *b, (e[c] + rho[c] * gathered[c]) / diagonal);
             }
         }
     }

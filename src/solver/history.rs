@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
+use super::iteration::Setup;
 use super::scaled::{Norms, Scaled};
 use super::stop::worst;
 use crate::matrix::operator::Block;
@@ -14,9 +15,9 @@ use crate::matrix::operator::Block;
 pub struct HistoryEntry {
     /// The number of passes done; 0 is the start.
     pub pass: usize,
-    /// Wall time since the start, s, without what is spent on this history itself.
+    /// Wall time since the start, s, setup included, without what is spent on this history itself.
     pub time_s: f64,
-    /// The work so far, in passes over F; checks of the true residual are not counted.
+    /// The work so far, in passes over F, setup included; checks of the true residual are not counted.
     pub work: f64,
     /// sqrt(Σ A r² / Σ A E²).
     pub residual_l2: f64,
@@ -24,6 +25,8 @@ pub struct HistoryEntry {
     pub residual_max_power: f64,
     /// max |r_i|, W·m⁻².
     pub residual_max: f64,
+    /// sqrt(Σ r²), W·m⁻²: Baranoski, Bramley and Shirley 1995, equation (26). It depends on how finely the scene is cut.
+    pub residual_euclidean: f64,
     /// True where the solver's own running estimate stands in for the residual: each solver says what it estimates.
     /// False where the residual was calculated from the radiosities themselves.
     pub estimated: bool,
@@ -48,6 +51,7 @@ pub(super) struct Recorder<'a> {
     start: Instant,
     /// Time that went into the history.
     overhead_s: f64,
+    pub(super) setup: Setup,
     work: f64,
     /// B* in solver units.
     reference: Option<Block>,
@@ -62,6 +66,7 @@ impl<'a> Recorder<'a> {
     pub(super) fn new(
         scaled: &'a Scaled<'a>,
         reference: Option<&Block>,
+        setup: Setup,
         monitor: &'a mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>,
     ) -> Self {
         let shape = (scaled.system.n_patches(), scaled.system.n_channels());
@@ -72,12 +77,21 @@ impl<'a> Recorder<'a> {
         Self {
             start: Instant::now(),
             overhead_s: 0.0,
-            work: 0.0,
+            setup,
+            work: setup.work,
             reference: reference.map(|b| scaled.from_si(b.clone())),
             scaled,
             monitor,
             entries: Vec::new(),
         }
+    }
+
+    /// Does work that only serves the history, and leaves its time out.
+    pub(super) fn off_the_clock<T>(&mut self, work: impl FnOnce() -> T) -> T {
+        let start = Instant::now();
+        let result = work();
+        self.overhead_s += start.elapsed().as_secs_f64();
+        result
     }
 
     /// Tells whether these norms, of a true residual, are not yet what the last entry holds.
@@ -104,11 +118,12 @@ impl<'a> Recorder<'a> {
         self.work += work;
         let entry = HistoryEntry {
             pass,
-            time_s: now_s - self.overhead_s,
+            time_s: self.setup.time_s + now_s - self.overhead_s,
             work: self.work,
             residual_l2: worst(&norms.l2),
             residual_max_power: worst(&norms.max_power),
             residual_max: worst(&norms.max),
+            residual_euclidean: worst(&norms.euclidean),
             estimated,
             errors: self.reference.as_ref().map(|b| errors(self.scaled, b, &radiosity())),
         };

@@ -22,6 +22,15 @@ pub(super) enum Estimate {
     Breakdown,
 }
 
+/// What was done before the first pass.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Setup {
+    /// In passes over F.
+    pub(super) work: f64,
+    /// Wall time, s.
+    pub(super) time_s: f64,
+}
+
 /// A method that improves radiosities pass by pass. Blocks are in solver units (see [`Scaled`]).
 pub(super) trait Iteration {
     /// Whether [`restart`](Self::restart) has to be called before the first pass.
@@ -40,9 +49,24 @@ pub(super) trait Iteration {
     /// Takes in the true residual of the radiosities as they are.
     fn restart(&mut self, truth: &TrueResidual);
 
+    /// Returns what was done before the first pass.
+    fn setup(&self) -> Setup {
+        Setup::default()
+    }
+
     /// Returns the work of the last pass, in passes over F.
     fn work(&self) -> f64 {
         1.0
+    }
+
+    /// Returns B with an estimate of the light that is still under way, where the method has one.
+    fn display(&self) -> Option<Block> {
+        None
+    }
+
+    /// Returns how often each patch was selected, in methods that select.
+    fn selections(&self) -> Vec<u64> {
+        Vec::new()
     }
 }
 
@@ -62,7 +86,7 @@ pub(super) fn run<I: Iteration>(
     mut iteration: I,
 ) -> Result<Solution, SolverError> {
     let tolerance = options.tolerance.validated()?;
-    let mut recorder = Recorder::new(scaled, options.reference, monitor);
+    let mut recorder = Recorder::new(scaled, options.reference, iteration.setup(), monitor);
     let mut watch = Watch::new(options.patience);
     let n_channels = scaled.system.n_channels();
     let mut excess = vec![f64::INFINITY; n_channels];
@@ -108,16 +132,27 @@ pub(super) fn run<I: Iteration>(
             iteration.radiosity()
         });
         let mut stagnated = false;
-        if truth.is_none() && worst(&tolerance.excess(&norms)) <= 1.0 {
-            let exact = truth.insert(scaled.true_residual(&iteration.radiosity()));
+        let claims = worst(&tolerance.excess(&norms)) <= 1.0;
+        if truth.is_none() && (claims || options.true_history) {
+            let check = || scaled.true_residual(&iteration.radiosity());
+            let exact = if options.true_history {
+                recorder.off_the_clock(check)
+            } else {
+                check()
+            };
             n_checks += 1;
             norms = exact.norms.clone();
             let checked = worst(&tolerance.excess(&norms));
-            stagnated = checked > GAIN * checked_before;
-            checked_before = checked;
+            if claims {
+                stagnated = checked > GAIN * checked_before;
+                checked_before = checked;
+            }
             goes_on = recorder.note(n_passes, 0.0, &norms, false, || iteration.radiosity()) && goes_on;
-            if checked > 1.0 && !stagnated {
-                iteration.restart(exact);
+            if claims && checked > 1.0 && !stagnated {
+                // The radiosities may change with it: what is true of them is calculated anew at the end.
+                iteration.restart(&exact);
+            } else {
+                truth = Some(exact);
             }
         }
         excess = tolerance.excess(&norms);
@@ -169,7 +204,13 @@ pub(super) fn run<I: Iteration>(
         recorder.note(n_passes, 0.0, &truth.norms, false, || radiosity.clone());
     }
     let counts = (n_passes, n_checks);
-    Solution::new(scaled, radiosity, truth, tolerance, gave_up, counts, recorder)
+    let display = iteration.display().map(|block| scaled.to_si(block));
+    let solution = Solution::new(scaled, radiosity, truth, tolerance, gave_up, counts, recorder)?;
+    Ok(Solution {
+        display,
+        selections: iteration.selections(),
+        ..solution
+    })
 }
 
 /// What became of radiosities that meet the tolerance.

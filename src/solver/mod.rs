@@ -4,9 +4,13 @@
 //! name. Every solution carries the true residual of the radiosities that are returned, however the solver kept
 //! its own accounts, and a bound of their error.
 
+mod ambient;
 mod anderson;
 mod auto;
 mod best;
+mod cg;
+mod chebyshev;
+mod columns;
 mod deflation;
 mod direct;
 mod energy;
@@ -17,18 +21,27 @@ mod gauss_seidel_ambient;
 mod gmres;
 mod history;
 mod iteration;
+mod jacobi;
+mod lanczos;
+mod multigrid;
+mod overshooting;
 mod pcg;
+mod progressive_refinement;
 pub mod registry;
 mod scaled;
 mod solution;
+mod sor;
 mod start;
 mod stop;
 mod system;
+mod tournament;
 mod vectors;
 
 pub use crate::matrix::operator;
 pub use anderson::Anderson;
 pub use auto::Auto;
+pub use cg::ConjugateGradients;
+pub use chebyshev::{Chebyshev, SpectrumBounds};
 pub use direct::Direct;
 pub use energy::Energy;
 pub use error::SolverError;
@@ -36,9 +49,14 @@ pub use gauss_seidel::GaussSeidel;
 pub use gauss_seidel_ambient::GaussSeidelAmbient;
 pub use gmres::Gmres;
 pub use history::{Errors, HistoryEntry};
+pub use jacobi::Jacobi;
+pub use multigrid::{CoarseMatrices, Coarsest, Multigrid};
+pub use overshooting::Overshooting;
 pub use pcg::{DEFLATED_FROM, Deflate, Pcg};
+pub use progressive_refinement::ProgressiveRefinement;
 pub use registry::{SolverSettings, solver};
 pub use solution::{Choice, Solution};
+pub use sor::Sor;
 pub use start::Start;
 pub use stop::{StopReason, Tolerance};
 pub use system::RadiositySystem;
@@ -63,10 +81,14 @@ pub struct SolveOptions<'a> {
     pub allow_nonreciprocal: bool,
     /// B*, W·m⁻², \[n, c\], where it is known: the history then tells the errors against it.
     pub reference: Option<&'a Block>,
+    /// Calculates the true residual after every pass, for the history and to stop by: one more pass over F each, which the history's
+    /// times and work leave out.
+    pub true_history: bool,
 }
 
 impl Default for SolveOptions<'_> {
-    /// 1e-6 on the relative residual, 1000 passes, a patience of 50, start B = E, symmetric exchange areas required where needed.
+    /// 1e-6 on the relative residual, 1000 passes, a patience of 50, start B = E, symmetric exchange areas required where needed,
+    /// true residuals only where they decide.
     fn default() -> Self {
         Self {
             tolerance: Tolerance::default(),
@@ -75,6 +97,7 @@ impl Default for SolveOptions<'_> {
             start: Start::default(),
             allow_nonreciprocal: false,
             reference: None,
+            true_history: false,
         }
     }
 }

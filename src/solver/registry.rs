@@ -1,13 +1,28 @@
 //! The solvers by name: one line each.
 
 use std::num::NonZeroUsize;
+use std::sync::Arc;
 
-use super::{Anderson, Auto, Direct, GaussSeidel, GaussSeidelAmbient, Gmres, Pcg, Solver, SolverError};
+use super::{
+    Anderson, Auto, Chebyshev, ConjugateGradients, Direct, GaussSeidel, GaussSeidelAmbient, Gmres, Jacobi, Multigrid,
+    Overshooting, Pcg, ProgressiveRefinement, Solver, SolverError, Sor, SpectrumBounds,
+};
+use crate::mesh::Hierarchy;
 
 /// What a user may set; `None` is the solver's own default.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct SolverSettings {
+    /// The relaxation factor ω of `sor`.
+    pub omega: Option<f64>,
+    /// Where `chebyshev` takes the interval of the eigenvalues from.
+    pub bounds: Option<SpectrumBounds>,
+    /// Steps that count as one pass where patches shoot one by one.
+    pub steps_per_pass: Option<NonZeroUsize>,
+    /// Whether [`Solution::display`](super::Solution::display) is wanted; solvers that have it give it always.
+    pub display: bool,
+    /// The levels of the mesh, for solvers that use coarser ones.
+    pub hierarchy: Option<Arc<Hierarchy>>,
     /// Passes between restarts, of `gmres`.
     pub restart: Option<NonZeroUsize>,
     /// Steps that `anderson` remembers.
@@ -20,6 +35,14 @@ pub struct SolverSettings {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Setting {
+    /// [`SolverSettings::omega`].
+    Omega,
+    /// [`SolverSettings::bounds`].
+    Bounds,
+    /// [`SolverSettings::steps_per_pass`].
+    StepsPerPass,
+    /// [`SolverSettings::display`].
+    Display,
     /// [`SolverSettings::restart`].
     Restart,
     /// [`SolverSettings::depth`].
@@ -30,12 +53,24 @@ pub enum Setting {
 
 impl Setting {
     /// All settings.
-    const ALL: [Self; 3] = [Self::Restart, Self::Depth, Self::MemoryLimit];
+    const ALL: [Self; 7] = [
+        Self::Omega,
+        Self::Bounds,
+        Self::StepsPerPass,
+        Self::Display,
+        Self::Restart,
+        Self::Depth,
+        Self::MemoryLimit,
+    ];
 
     /// Returns the flag of the command line.
     #[must_use]
     pub fn flag(self) -> &'static str {
         match self {
+            Self::Omega => "--omega",
+            Self::Bounds => "--bounds",
+            Self::StepsPerPass => "--steps-per-pass",
+            Self::Display => "--display-ambient",
             Self::Restart => "--restart",
             Self::Depth => "--depth",
             Self::MemoryLimit => "--memory-limit",
@@ -44,6 +79,10 @@ impl Setting {
 
     fn is_given(self, settings: &SolverSettings) -> bool {
         match self {
+            Self::Omega => settings.omega.is_some(),
+            Self::Bounds => settings.bounds.is_some(),
+            Self::StepsPerPass => settings.steps_per_pass.is_some(),
+            Self::Display => settings.display,
             Self::Restart => settings.restart.is_some(),
             Self::Depth => settings.depth.is_some(),
             Self::MemoryLimit => settings.memory_limit_byte.is_some(),
@@ -69,12 +108,19 @@ pub struct SolverEntry {
 #[rustfmt::skip]
 pub const SOLVERS: &[SolverEntry] = &[
     SolverEntry { name: "auto", summary: "Whichever of the others suits the system; says which, and why", needs_reciprocity: false, settings: &[Setting::Restart, Setting::MemoryLimit], make: |s| Box::new(auto(s)) },
+    SolverEntry { name: "jacobi", summary: "Every patch gathers from the radiosities of the pass before", needs_reciprocity: false, settings: &[], make: |_| Box::new(Jacobi) },
     SolverEntry { name: "gauss-seidel", summary: "Every patch in turn gathers from the newest radiosities", needs_reciprocity: false, settings: &[], make: |_| Box::new(GaussSeidel) },
+    SolverEntry { name: "sor", summary: "Gauss-Seidel with overrelaxation", needs_reciprocity: false, settings: &[Setting::Omega], make: |s| Box::new(Sor { omega: s.omega }) },
     SolverEntry { name: "gauss-seidel-ambient", summary: "Gauss-Seidel with the total light of each room put right after every sweep", needs_reciprocity: false, settings: &[], make: |_| Box::new(GaussSeidelAmbient) },
+    SolverEntry { name: "progressive-refinement", summary: "The patch with the most unshot power shoots first", needs_reciprocity: false, settings: &[Setting::StepsPerPass, Setting::Display], make: |s| Box::new(ProgressiveRefinement { steps_per_pass: s.steps_per_pass }) },
+    SolverEntry { name: "overshooting", summary: "Patches shoot what they have and what will come back (Feda)", needs_reciprocity: false, settings: &[Setting::StepsPerPass, Setting::Display], make: |s| Box::new(Overshooting { steps_per_pass: s.steps_per_pass }) },
+    SolverEntry { name: "chebyshev", summary: "The best polynomial for an interval that holds the spectrum", needs_reciprocity: false, settings: &[Setting::Bounds], make: |s| Box::new(Chebyshev { bounds: s.bounds.unwrap_or_default() }) },
+    SolverEntry { name: "cg", summary: "Conjugate gradients on V G, V = A/ρ, as in the paper", needs_reciprocity: true, settings: &[], make: |_| Box::new(ConjugateGradients) },
     SolverEntry { name: "pcg", summary: "Conjugate gradients preconditioned with V⁻¹ = ρ/A, deflated where that pays", needs_reciprocity: true, settings: &[], make: |_| Box::new(Pcg::default()) },
     SolverEntry { name: "gmres", summary: "The least residual over a Krylov space; for form factors without symmetry", needs_reciprocity: false, settings: &[Setting::Restart], make: |s| Box::new(gmres(s)) },
     SolverEntry { name: "anderson", summary: "Jacobi iteration with Anderson acceleration", needs_reciprocity: false, settings: &[Setting::Depth], make: |s| Box::new(s.depth.map_or_else(Anderson::default, |depth| Anderson { depth })) },
     SolverEntry { name: "direct", summary: "Dense factorisation; for many lightings, and as the oracle", needs_reciprocity: false, settings: &[Setting::MemoryLimit], make: |s| Box::new(direct(s)) },
+    SolverEntry { name: "multigrid", summary: "Gauss-Seidel, corrected on ever coarser levels of the mesh", needs_reciprocity: false, settings: &[], make: |s| Box::new(Multigrid { hierarchy: s.hierarchy.clone(), ..Multigrid::default() }) },
 ];
 
 fn gmres(settings: &SolverSettings) -> Gmres {
@@ -113,15 +159,22 @@ pub fn by_name(name: &str) -> Result<&'static SolverEntry, SolverError> {
         .find(|entry| entry.name == name)
         .ok_or_else(|| SolverError::UnknownSolver {
             name: name.to_owned(),
-            known: SOLVERS
-                .iter()
-                .map(|s| format!("`{}`", s.name))
-                .collect::<Vec<_>>()
-                .join(", "),
+            known: joined(SOLVERS),
         })
 }
 
+fn joined<'a>(entries: impl IntoIterator<Item = &'a SolverEntry>) -> String {
+    let quoted: Vec<String> = entries.into_iter().map(|s| format!("`{}`", s.name)).collect();
+    quoted.join(", ")
+}
+
 impl SolverEntry {
+    /// Tells whether the solver uses [`SolverSettings::hierarchy`].
+    #[must_use]
+    pub fn uses_hierarchy(&self) -> bool {
+        self.name == "multigrid"
+    }
+
     /// Returns the solver with the given settings.
     ///
     /// # Errors
@@ -133,7 +186,7 @@ impl SolverEntry {
             return Err(SolverError::UnusedSetting {
                 flag: unused.flag(),
                 solver: self.name,
-                used_by: users.map(|s| s.name).collect::<Vec<_>>().join(", "),
+                used_by: joined(users),
             });
         }
         Ok(self.build(settings))
@@ -176,7 +229,7 @@ mod tests {
         let expected = SolverError::UnusedSetting {
             flag: "--depth",
             solver: "pcg",
-            used_by: "anderson".to_owned(),
+            used_by: "`anderson`".to_owned(),
         };
         assert_eq!(error, expected);
         assert!(solver("anderson", &settings).is_ok());

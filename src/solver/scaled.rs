@@ -24,6 +24,21 @@ pub(super) struct Norms {
     pub(super) max_power: Vec<f64>,
     /// max |r_i|, W·m⁻².
     pub(super) max: Vec<f64>,
+    /// sqrt(Σ r²), W·m⁻².
+    pub(super) euclidean: Vec<f64>,
+}
+
+impl Norms {
+    /// Returns the norms that `combine` makes of these and others.
+    pub(super) fn map_with(&self, other: &Self, combine: impl Fn(f64, f64) -> f64) -> Self {
+        let both = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(&a, &b)| combine(a, b)).collect();
+        Self {
+            l2: both(&self.l2, &other.l2),
+            max_power: both(&self.max_power, &other.max_power),
+            max: both(&self.max, &other.max),
+            euclidean: both(&self.euclidean, &other.euclidean),
+        }
+    }
 }
 
 /// What the radiosities themselves say.
@@ -99,16 +114,19 @@ impl<'a> Scaled<'a> {
         let n_channels = residual.n_channels();
         let mut max_power = vec![0.0_f64; n_channels];
         let mut max = vec![0.0_f64; n_channels];
+        let mut euclidean = vec![0.0_f64; n_channels];
         for (i, &area) in self.areas.iter().enumerate() {
             for (c, r) in residual.row(i).iter().enumerate() {
                 max_power[c] = max_power[c].max(r.abs() * area);
                 max[c] = max[c].max(r.abs());
+                euclidean[c] += r * r;
             }
         }
         let mut relative = l2(&self.areas, residual);
         for (c, norm) in relative.iter_mut().enumerate() {
             let unit = self.system.exitance_units()[c];
             max[c] *= unit;
+            euclidean[c] = euclidean[c].sqrt() * unit;
             max_power[c] *= self.system.area_unit() * unit;
             if norm.is_nan() {
                 // f64::max passes over what is not a number; the sum of squares does not.
@@ -122,6 +140,7 @@ impl<'a> Scaled<'a> {
             l2: relative,
             max_power,
             max,
+            euclidean,
         }
     }
 

@@ -24,6 +24,10 @@ pub struct Solution {
     pub n_passes: usize,
     /// Further passes over F that were spent on true residuals.
     pub n_checks: usize,
+    /// What was done before the first pass, such as making coarse matrices, in passes over F.
+    pub setup_work: f64,
+    /// Wall time of that, s.
+    pub setup_s: f64,
     /// sqrt(Σ A r² / Σ A E²) of these radiosities, the worst channel; r = E − (I − diag(ρ) F) B.
     pub residual_l2: f64,
     /// max |r_i A_i| of these radiosities, W, the worst channel.
@@ -33,6 +37,10 @@ pub struct Solution {
     pub error_bound: Option<f64>,
     /// What happened pass by pass; the last entry holds the true residual of what is returned.
     pub history: Vec<HistoryEntry>,
+    /// B with an estimate of the light that is still under way, W·m⁻², \[n, c\], for pictures before convergence; where the solver has one.
+    pub display: Option<Block>,
+    /// How often each patch was selected, \[n\], in solvers that select; else empty. Their sum is the number of steps.
+    pub selections: Vec<u64>,
     /// Where the light goes, channel by channel.
     pub energy: Vec<Energy>,
     /// The solver that [`Auto`](super::Auto) chose; `None` for the others.
@@ -60,10 +68,14 @@ impl Solution {
             stop_reason: StopReason::Converged,
             n_passes: 0,
             n_checks: 0,
+            setup_work: 0.0,
+            setup_s: 0.0,
             residual_l2: 0.0,
             residual_max_power: 0.0,
             error_bound: Some(0.0),
             history: Vec::new(),
+            display: None,
+            selections: Vec::new(),
             energy: Vec::new(),
             choice: None,
         }
@@ -102,10 +114,14 @@ impl Solution {
             stop_reason,
             n_passes,
             n_checks,
+            setup_work: recorder.setup.work,
+            setup_s: recorder.setup.time_s,
             residual_l2: worst(&truth.norms.l2),
             residual_max_power: worst(&truth.norms.max_power),
             error_bound,
             history: recorder.entries,
+            display: None,
+            selections: Vec::new(),
         })
     }
 }

@@ -1,5 +1,6 @@
 //! Where solvers start.
 
+use super::ambient::Ambient;
 use super::scaled::Scaled;
 use crate::matrix::operator::Block;
 
@@ -11,11 +12,11 @@ pub enum Start {
     Exitance,
     /// B = 0.
     Zero,
-    /// B_i = E_i + ρ_i Ambient, with Ambient = Σ A E / Σ A · 1 / (1 − ρ_avg) and ρ_avg = Σ A ρ / Σ A over the connected
-    /// component of i: as if the light spread evenly there. Where everything reflects everything the term is left out.
+    /// B_i = E_i + ρ_i Ambient, with Ambient = Σ A s E / Σ A (1 − ρ s), s_i = Σ_j F_ij, over the connected component of i: as if
+    /// the light spread evenly there. In a closed room s = 1, and Ambient = Σ A E / Σ A · 1 / (1 − ρ_avg). Where nothing is lost the term is left out.
     ///
     /// Source: Baranoski, Bramley and Shirley 1995, equations (9) to (11) and section 3.2.
-    /// Departures: per connected component, because light does not pass from one to another.
+    /// Departures: per connected component, because light does not pass from one to another; openings count, through s.
     Ambient,
 }
 
@@ -41,31 +42,7 @@ impl Start {
     pub(super) fn irradiance(self, scaled: &Scaled) -> Block {
         match self {
             Self::Exitance | Self::Zero => scaled.zeros(),
-            Self::Ambient => ambient(scaled),
+            Self::Ambient => Ambient::new(scaled).irradiance(&scaled.exitance),
         }
     }
-}
-
-fn ambient(scaled: &Scaled) -> Block {
-    let system = scaled.system;
-    let components = system.components();
-    let label = |i: usize| components.labels[i] as usize;
-    let mut emitted = Block::zeros(components.n_components, system.n_channels());
-    let mut absorbing_area = emitted.clone();
-    for (i, area) in scaled.areas.iter().enumerate() {
-        for c in 0..system.n_channels() {
-            emitted.row_mut(label(i))[c] += area * scaled.exitance.row(i)[c];
-            absorbing_area.row_mut(label(i))[c] += area * (1.0 - system.reflectance().row(i)[c]);
-        }
-    }
-    let mut irradiance = scaled.zeros();
-    for i in 0..system.n_patches() {
-        for (c, h) in irradiance.row_mut(i).iter_mut().enumerate() {
-            let (emitted, absorbing) = (emitted.row(label(i))[c], absorbing_area.row(label(i))[c]);
-            if absorbing > 0.0 {
-                *h = emitted / absorbing;
-            }
-        }
-    }
-    irradiance
 }

@@ -1,4 +1,4 @@
-//! [`BARANOSKI_1995`](crate::references::BARANOSKI_1995), appendix A: how accurate are form factors by shooting and by quadrature?
+//! [`BARANOSKI_1995`](crate::references::BARANOSKI_1995): table 2, the solvers side by side, in [`solvers`]; and appendix A: how accurate are form factors by shooting and by quadrature?
 //!
 //! A closed cube, each face cut into n × n patches (n = 6, 9, 13). Tables 3 to 6 list the sums of the form factors of each face, tables 7 and 8 form
 //! factors between faces, for quadrature (PDM) and shooting (SR, SG5, SG10).
@@ -16,14 +16,18 @@ mod ensemble;
 mod expected;
 mod figures;
 mod printed;
+pub mod solvers;
 
 pub use figures::{Figure, LEVEL, TableResult, reproduce};
 
 /// Form factors F_IJ between the six faces, by the paper's numbers of the faces less one; only I < J is used.
 pub(crate) type PairFactors = [[f64; 6]; 6];
 
-/// The tables that can be repeated.
+/// The tables of appendix A.
 pub const TABLES: std::ops::RangeInclusive<u8> = 3..=8;
+
+/// The table of the solvers.
+pub const TABLE_OF_SOLVERS: u8 = 2;
 
 /// The least number of seeds for an ensemble.
 pub const LEAST_SEEDS: u64 = 30;

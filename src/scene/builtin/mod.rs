@@ -11,6 +11,7 @@ mod cornell_box;
 mod corridor;
 mod cube;
 mod lewis_room;
+mod living_room;
 mod room_box;
 mod sphere_room;
 
@@ -37,7 +38,7 @@ struct Entry {
 }
 
 /// Every built-in scene, in the order in which they are listed.
-const REGISTRY: [Entry; 7] = [
+const REGISTRY: [Entry; 8] = [
     Entry {
         name: "cube",
         levels: None,
@@ -73,6 +74,11 @@ const REGISTRY: [Entry; 7] = [
         levels: None,
         build: room_box::build,
     },
+    Entry {
+        name: "living-room",
+        levels: None,
+        build: living_room::build,
+    },
 ];
 
 /// Iterates over the names of all built-in scenes.
@@ -89,6 +95,7 @@ pub fn names() -> impl ExactSizeIterator<Item = &'static str> {
 /// - `sphere-room-r1`, `sphere-room-r2`: the room of [`BARANOSKI_1995`](crate::references::BARANOSKI_1995) around a sphere of radius 1 or 2, 992 faces.
 /// - `corridor`: two walls with a partition of half their height between them, a coincident two-sided sheet.
 /// - `room-box`: a room with a floating box, twelve rectangles.
+/// - `living-room`: a furnished room with more than 600 objects and its camera, at the scale of [`MALGOUYRES_2002`](crate::references::MALGOUYRES_2002).
 ///
 /// Coordinates and values are literals and what sums, products, quotients and square roots make of them: no function whose last bit depends on the machine.
 /// Departures: each scene's `README.md` in `scenes/` says what its source leaves open, and how that was decided.

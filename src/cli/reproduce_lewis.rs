@@ -1,0 +1,365 @@
+//! `radiosity reproduce lewis`.
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use serde_json::json;
+
+use super::args::ReproduceArgs;
+use super::compare::failure;
+use super::exit_code::ExitCode;
+use super::failure::Failure;
+use super::pipeline::Run;
+use super::reproduce::parse_tables;
+use super::{Outcome, SCHEMA_VERSION, output};
+use crate::experiment::lewis::{self, LewisResults, SolverLine};
+use crate::report::lines::LinePlot;
+use crate::report::{Machine, Table, memory_peak_byte};
+
+/// The finest level of table 2 where nothing is asked for: seconds.
+const DEFAULT_LEVEL: u32 = 5;
+
+/// Alternating runs of which the median counts.
+const ROUNDS: usize = 7;
+
+pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
+    if args.seeds.is_some() || args.seed.is_some() {
+        return Err(Failure::usage(
+            "--seeds and --seed are for `baranoski`; nothing in `lewis` is random",
+        ));
+    }
+    let tables = match &args.tables {
+        None => lewis::TABLES.collect(),
+        Some(list) => parse_tables(list, lewis::TABLES)?,
+    };
+    let level = args.level.unwrap_or(DEFAULT_LEVEL);
+    let directory = args.output.clone().unwrap_or_else(|| PathBuf::from("reproduce-lewis"));
+    output::make_directory(&directory)?;
+    let mut run = Run::new("reproduce", &args.common);
+    run.set("paper", json!(args.paper));
+    run.set("tables", json!(tables));
+    run.set("level", level);
+    let results = run
+        .times
+        .time("reproduce", || lewis::reproduce(&tables, level, ROUNDS, &run.progress))
+        .map_err(failure)?;
+    let files = files(&tables, &results)?;
+    run.progress.finish();
+    let mut names: Vec<&str> = Vec::new();
+    for (name, content) in &files {
+        output::write(&directory.join(name), |w| w.write_all(content))?;
+        names.push(name);
+    }
+    let document = json!({
+        "schema_version": SCHEMA_VERSION,
+        "command": run.command,
+        "version": env!("CARGO_PKG_VERSION"),
+        "settings": run.settings,
+        "stages": run.times.to_json(),
+        "total_s": run.times.total_s(),
+        "memory_peak_byte": memory_peak_byte(),
+        "machine": Machine::here(),
+        "inside": results.is_met(),
+        "results": results,
+        "times": results.solvers.iter().map(times).collect::<Vec<_>>(),
+        "files": names,
+    });
+    if !results.is_met() {
+        run.warn("our own figures are not what they must be; see the failed checks");
+    }
+    let mut text = report(&tables, &results);
+    let _ = writeln!(text, "\nwrote {} to {}", names.join(", "), directory.display());
+    Ok(Outcome {
+        text,
+        document,
+        code: if results.is_met() {
+            ExitCode::Done
+        } else {
+            ExitCode::CheckFailed
+        },
+    })
+}
+
+fn times(line: &SolverLine) -> serde_json::Value {
+    json!({
+        "level": line.level,
+        "gauss_seidel_s": line.times_s[0],
+        "multigrid_s": line.times_s[1],
+        "setup_s": line.setup_s,
+        "ratio": line.time_ratio(),
+        "ratio_with_setup": line.time_ratio_with_setup(),
+    })
+}
+
+/// Returns the names and contents of all files. Those with times of ours in them are `report.md`, `table-2.csv` and `figure-6.svg`.
+fn files(tables: &[u8], results: &LewisResults) -> Result<Vec<(&'static str, Vec<u8>)>, Failure> {
+    let mut files = vec![("report.md", report(tables, results).into_bytes())];
+    let plot = |plot: &LinePlot| {
+        let svg = plot.to_svg().map(String::into_bytes);
+        svg.map_err(|error| Failure::new("experiment", error.to_string()))
+    };
+    if tables.contains(&1) {
+        files.push(("table-1.csv", table_1(results).to_csv().into_bytes()));
+        files.push(("figure-1.png", lewis::density_png(2, 4).map_err(failure)?));
+    }
+    if tables.contains(&2) {
+        files.push(("table-2.csv", table_2_csv(results).to_csv().into_bytes()));
+        files.push(("history.csv", history(results).to_csv().into_bytes()));
+        files.push(("checks.csv", checks(results).to_csv().into_bytes()));
+        files.push((
+            "figure-5.png",
+            lewis::unfolded_png(4, &results.solution, 16).map_err(failure)?,
+        ));
+        files.push(("figure-6.svg", plot(&figure_6(results))?));
+        files.push(("convergence.svg", plot(&convergence(results))?));
+    }
+    Ok(files)
+}
+
+fn report(tables: &[u8], results: &LewisResults) -> String {
+    let mut text = String::from("# Lewis 1992: the paper's numbers beside ours\n");
+    if tables.contains(&1) {
+        text.push_str("\n## Table 1: matrix sizes, and what storing them takes in f64\n\n");
+        text.push_str(&table_1(results).to_markdown());
+    }
+    if tables.contains(&2) {
+        text.push_str("\n## Table 2: Gauss-Seidel (GS) and multigrid (MG)\n\n");
+        text.push_str(&table_2(results).to_markdown());
+        let machine = Machine::here();
+        let _ = writeln!(
+            text,
+            "\nIterations and multiplications as the paper counts them: from u = f to max |r| < 2.5e-5, stopping tests and setup left out. Ratio: time of MG by time of GS. \
+             Times: medians of {ROUNDS} alternating runs with {} threads on {}, each with one check of the true residual; \"with setup\" adds the restricted matrices. The paper's times are a SPARCstation 2's.",
+            machine.n_threads,
+            machine.cpu_model.as_deref().unwrap_or(machine.architecture)
+        );
+        text.push_str("\n## Residuals at l = 4: max |r| after each pass\n\n");
+        text.push_str(&history(results).to_markdown());
+        text.push_str("\n## Figure 2, as it may be read: cycles until max |r| < 2.5e-5\n\n");
+        text.push_str(&variants(results).to_markdown());
+        text.push_str("\n## Section 7: K u by levels, form factors evaluated as they are needed, l = 4\n\n");
+        text.push_str(&by_levels(results).to_markdown());
+        text.push_str("\nTerms and evaluations by N². Times in one thread: by that of evaluating all pairs, and by that of a product with the stored matrix.\n");
+    }
+    let failed: Vec<&lewis::Check> = results.checks.iter().filter(|check| !check.is_met()).collect();
+    let n_checks = results.checks.len();
+    let _ = writeln!(text, "\n{} of {n_checks} checks are met.", n_checks - failed.len());
+    for check in failed {
+        let _ = writeln!(
+            text,
+            "- FAILED: {}: {} where {} ± {:.1e} must be",
+            check.name, check.measured, check.expected, check.tolerance
+        );
+    }
+    text
+}
+
+fn table_1(results: &LewisResults) -> Table {
+    let mut table = Table::new(["l", "N", "N²", "dense byte", "symmetric byte", "sparse byte"]);
+    for line in &results.sizes {
+        table.push([
+            line.level.to_string(),
+            line.n_patches.to_string(),
+            line.n_entries.to_string(),
+            line.dense_byte.to_string(),
+            line.symmetric_byte.to_string(),
+            line.sparse_byte.to_string(),
+        ]);
+    }
+    table
+}
+
+fn table_2(results: &LewisResults) -> Table {
+    let mut table = Table::new([
+        "l",
+        "N",
+        "GS paper",
+        "GS ours",
+        "MG paper",
+        "MG ours",
+        "GS mult.",
+        "MG mult.",
+        "mult. ratio",
+        "GS time (s)",
+        "MG time (s)",
+        "ratio paper",
+        "ratio ours",
+        "with setup",
+    ]);
+    for line in &results.solvers {
+        let printed = |k: usize| line.printed_iterations.map_or("–".to_owned(), |n| n[k].to_string());
+        table.push([
+            line.level.to_string(),
+            line.n_patches.to_string(),
+            printed(0),
+            line.iterations[0].to_string(),
+            printed(1),
+            line.iterations[1].to_string(),
+            format!("{:.2e}", line.multiply_adds[0]),
+            format!("{:.2e}", line.multiply_adds[1]),
+            format!("{:.3}", line.multiply_adds[1] / line.multiply_adds[0]),
+            format!("{:.3e}", line.times_s[0]),
+            format!("{:.3e}", line.times_s[1]),
+            line.printed_ratio.map_or("–".to_owned(), |r| format!("{r:.3}")),
+            format!("{:.3}", line.time_ratio()),
+            format!("{:.3}", line.time_ratio_with_setup()),
+        ]);
+    }
+    table
+}
+
+fn table_2_csv(results: &LewisResults) -> Table {
+    let mut table = Table::new([
+        "level",
+        "n_patches",
+        "gs_printed",
+        "gs_passes",
+        "mg_printed",
+        "mg_cycles",
+        "gs_multiply_adds",
+        "mg_multiply_adds",
+        "gs_printed_s",
+        "mg_printed_s",
+        "gs_s",
+        "mg_s",
+        "mg_setup_s",
+        "mg_setup_work",
+    ]);
+    for line in &results.solvers {
+        let number = |v: Option<f64>| v.map_or(String::new(), |v| format!("{v:?}"));
+        let printed = |k: usize| line.printed_iterations.map_or(String::new(), |n| n[k].to_string());
+        table.push([
+            line.level.to_string(),
+            line.n_patches.to_string(),
+            printed(0),
+            line.iterations[0].to_string(),
+            printed(1),
+            line.iterations[1].to_string(),
+            format!("{:?}", line.multiply_adds[0]),
+            format!("{:?}", line.multiply_adds[1]),
+            number(line.printed_times_s.map(|t| t[0])),
+            number(line.printed_times_s.map(|t| t[1])),
+            format!("{:?}", line.times_s[0]),
+            format!("{:?}", line.times_s[1]),
+            format!("{:?}", line.setup_s),
+            format!("{:?}", line.setup_work),
+        ]);
+    }
+    table
+}
+
+fn history(results: &LewisResults) -> Table {
+    let mut table = Table::new(["pass", "gauss_seidel", "multigrid"]);
+    for (k, gauss_seidel) in results.gauss_seidel_residuals.iter().enumerate() {
+        let multigrid = results.multigrid_residuals.get(k);
+        table.push([
+            (k + 1).to_string(),
+            format!("{gauss_seidel:.3e}"),
+            multigrid.map_or(String::new(), |r| format!("{r:.3e}")),
+        ]);
+    }
+    table
+}
+
+fn checks(results: &LewisResults) -> Table {
+    let mut table = Table::new(["check", "expected", "measured", "tolerance", "met"]);
+    for check in &results.checks {
+        table.push([
+            check.name.clone(),
+            format!("{:?}", check.expected),
+            format!("{:?}", check.measured),
+            format!("{:?}", check.tolerance),
+            check.is_met().to_string(),
+        ]);
+    }
+    table
+}
+
+fn variants(results: &LewisResults) -> Table {
+    let mut table = Table::new([
+        "form",
+        "l = 1",
+        "l = 2",
+        "l = 3",
+        "l = 4",
+        "max |r| at l = 4, cycles 1 to 4",
+    ]);
+    for (variant, runs) in &results.variants {
+        let mut cells = vec![variant.description().to_owned()];
+        cells.extend(
+            runs.iter()
+                .map(|run| run.n_cycles.map_or("diverges".to_owned(), |n| n.to_string())),
+        );
+        let residuals = runs
+            .last()
+            .map_or(&[][..], |run| &run.residuals[..run.residuals.len().min(4)]);
+        let shown: Vec<String> = residuals.iter().map(|r| format!("{r:.2e}")).collect();
+        cells.push(shown.join(", "));
+        table.push(cells);
+    }
+    table
+}
+
+fn by_levels(results: &LewisResults) -> Table {
+    let mut table = Table::new([
+        "ε",
+        "terms",
+        "evaluations",
+        "max error",
+        "time by all pairs",
+        "time by stored",
+    ]);
+    for run in &results.by_levels {
+        table.push([
+            format!("{:.0e}", run.epsilon),
+            format!("{:.3}", run.terms),
+            format!("{:.3}", run.evaluations),
+            format!("{:.1e}", run.error_max),
+            format!("{:.2}", run.time_by_direct),
+            format!("{:.1}", run.time_by_stored),
+        ]);
+    }
+    table
+}
+
+fn figure_6(results: &LewisResults) -> LinePlot {
+    let of = |k: usize| {
+        let points = results
+            .solvers
+            .iter()
+            .map(|line| (line.n_patches as f64, line.times_s[k]));
+        points.collect::<Vec<_>>()
+    };
+    let printed = |k: usize| {
+        let lines = results.solvers.iter();
+        lines
+            .filter_map(|line| Some((line.n_patches as f64, line.printed_times_s?[k])))
+            .collect()
+    };
+    LinePlot {
+        title: "Time of Gauss-Seidel and multigrid".to_owned(),
+        subtitle: "Lewis 1992, figure 6: from u = f to max |r| < 2.5e-5; the paper's on a SPARCstation 2".to_owned(),
+        x_label: "N".to_owned(),
+        y_label: "time (s)".to_owned(),
+        lines: vec![
+            ("Gauss-Seidel".to_owned(), of(0)),
+            ("multigrid".to_owned(), of(1)),
+            ("Gauss-Seidel, paper".to_owned(), printed(0)),
+            ("multigrid, paper".to_owned(), printed(1)),
+        ],
+    }
+}
+
+fn convergence(results: &LewisResults) -> LinePlot {
+    let passes = |residuals: &[f64]| (1_u32..).map(f64::from).zip(residuals.iter().copied()).collect();
+    LinePlot {
+        title: "Convergence in the room of Lewis 1992, l = 4".to_owned(),
+        subtitle: "true residuals; a cycle of multigrid costs 1.37 sweeps".to_owned(),
+        x_label: "passes".to_owned(),
+        y_label: "max |r| (W/m²)".to_owned(),
+        lines: vec![
+            ("Gauss-Seidel".to_owned(), passes(&results.gauss_seidel_residuals)),
+            ("multigrid".to_owned(), passes(&results.multigrid_residuals)),
+        ],
+    }
+}

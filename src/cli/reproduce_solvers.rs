@@ -1,0 +1,336 @@
+//! Table 2 of Baranoski, Bramley and Shirley as files: the solvers side by side.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use super::failure::Failure;
+use super::output;
+use crate::experiment::baranoski::solvers::{CaseResult, METHODS, SolverRun, start_name};
+use crate::report::Table;
+use crate::report::curves::{Curve, CurvePlot};
+use crate::solver::HistoryEntry;
+
+/// An error norm of the paper.
+struct Norm {
+    file: &'static str,
+    label: &'static str,
+    of: fn(&HistoryEntry) -> f64,
+}
+
+const NORMS: [Norm; 4] = [
+    Norm {
+        file: "max-power",
+        label: "max |r A| (W), equation 25",
+        of: |entry| entry.residual_max_power,
+    },
+    Norm {
+        file: "residual",
+        label: "sqrt(Σ r²) (W/m²), equation 26",
+        of: |entry| entry.residual_euclidean,
+    },
+    Norm {
+        file: "rms-error",
+        label: "RMS error (W/m²), equation 27",
+        of: |entry| entry.errors.map_or(f64::NAN, |e| e.error_rms),
+    },
+    Norm {
+        file: "goertler-error",
+        label: "wrong share of reflected light, equation 28",
+        of: |entry| entry.errors.map_or(f64::NAN, |e| e.error_goertler),
+    },
+];
+
+/// Returns the report in Markdown.
+pub(super) fn report(results: &[CaseResult]) -> String {
+    let mut text = String::from(
+        "\n## Table 2: solvers on the room with the sphere\n\n\
+         All stop at max |r A| < 1e-3 W. n steps are a pass. \"Paper\" is its time in seconds on a machine of 1995, and the passes that follow from it. \"Expected\" is what an \
+         independent implementation of the corrected algorithms counted; passes may differ by 1, steps of progressive refinement by 1 %, of overshooting by half a pass more, RMS errors by a factor of 2. The same residual is not the same accuracy: the last columns \
+         tell the errors against a solution to 1e-12.\n",
+    );
+    for result in results {
+        let case = &result.case;
+        let _ = writeln!(
+            text,
+            "\n### Case {}: ρ_avg = {}, {:.1} % of F not 0 (paper: {} %), eigenvalues {:.4} to {:.4}\n",
+            case.name,
+            case.rho_avg,
+            100.0 * result.density,
+            case.paper_density_percent,
+            result.eigenvalue_range[0],
+            result.eigenvalue_range[1]
+        );
+        text.push_str(&case_table(result).to_markdown());
+        let mut forms = Table::new([
+            "as printed",
+            "what is wrong",
+            "steps",
+            "outcome",
+            "expected",
+            "max |r A| (W)",
+            "RMS error",
+        ]);
+        for form in &result.printed_forms {
+            forms.push([
+                form.name.to_owned(),
+                form.slip.to_owned(),
+                form.n_steps.to_string(),
+                verdict(form.verdict),
+                form.expected.map_or("–".to_owned(), verdict),
+                format!("{:.1e}", form.residual_max_power),
+                format!("{:.1e}", form.error_rms),
+            ]);
+        }
+        let _ = writeln!(text, "\n{}", forms.to_markdown());
+        let verdict = if result.inside() { "inside" } else { "OUTSIDE" };
+        let _ = writeln!(text, "Case {}: {verdict} the tolerances.", case.name);
+    }
+    text
+}
+
+fn verdict(verdict: crate::experiment::baranoski::solvers::Verdict) -> String {
+    use crate::experiment::baranoski::solvers::Verdict;
+    match verdict {
+        Verdict::Converges => "converges",
+        Verdict::WrongAnswer => "wrong answer",
+        Verdict::Diverges => "diverges",
+    }
+    .to_owned()
+}
+
+fn case_table(result: &CaseResult) -> Table {
+    let mut table = Table::new([
+        "method",
+        "start",
+        "paper: s",
+        "paper: passes",
+        "expected",
+        "passes",
+        "steps",
+        "ms",
+        "selected alike",
+        "RMS error",
+        "Goertler",
+        "",
+    ]);
+    for (run, method) in result.runs.iter().zip(&METHODS) {
+        let dash = |text: Option<String>| text.unwrap_or_else(|| "–".to_owned());
+        table.push([
+            run.method.to_owned(),
+            start_name(method.start).to_owned(),
+            dash(run.paper_time_s.map(|t| format!("{t:.2}"))),
+            dash(run.paper_passes.map(|p| p.to_string())),
+            dash(run.expected_count.map(|c| c.to_string())),
+            if method.by_steps {
+                format!("{:.2}", run.n_passes)
+            } else {
+                format!("{:.0}", run.n_passes)
+            },
+            run.n_steps.to_string(),
+            format!("{:.2}", 1e3 * run.time_s),
+            dash(run.selected_alike.map(|share| format!("{:.0} %", 100.0 * share))),
+            format!("{:.1e}", run.error_rms),
+            format!("{:.1e}", run.error_goertler),
+            if run.inside { "" } else { "OUTSIDE" }.to_owned(),
+        ]);
+    }
+    table
+}
+
+/// Writes tables and plots, and returns the names of the files.
+pub(super) fn write(directory: &Path, results: &[CaseResult]) -> Result<Vec<String>, Failure> {
+    let mut files = Vec::new();
+    let mut write = |file: String, text: &str| {
+        output::write(&directory.join(&file), |w| w.write_all(text.as_bytes()))?;
+        files.push(file);
+        Ok::<_, Failure>(())
+    };
+    write("table-2.csv".to_owned(), &summary(results).to_csv())?;
+    write("table-2-histories.csv".to_owned(), &histories(results).to_csv())?;
+    write("table-2-eigenvalues.csv".to_owned(), &eigenvalues(results).to_csv())?;
+    let plot_failure = |error: crate::report::plot::PlotError| Failure::new("plot", error.to_string());
+    for result in results {
+        for norm in &NORMS {
+            for by_time in [false, true] {
+                let plot = convergence(result, norm, by_time);
+                let axis = if by_time { "time" } else { "steps" };
+                let name = result.case.name.to_ascii_lowercase();
+                write(
+                    format!("case-{name}-{}-{axis}.svg", norm.file),
+                    &plot.to_svg().map_err(plot_failure)?,
+                )?;
+            }
+        }
+    }
+    for (file, title, cases) in [
+        (
+            "figure-2.svg",
+            "Eigenvalues as the reflectance grows (figure 2)",
+            &['A', 'B', 'C', 'D'][..],
+        ),
+        (
+            "figure-3.svg",
+            "Eigenvalues as the density grows (figure 3)",
+            &['C', 'E'][..],
+        ),
+    ] {
+        let plot = spectra(results, title, cases);
+        write(file.to_owned(), &plot.to_svg().map_err(plot_failure)?)?;
+    }
+    Ok(files)
+}
+
+fn convergence(result: &CaseResult, norm: &Norm, by_time: bool) -> CurvePlot {
+    let n = result.eigenvalues.len() as f64;
+    let curve = |(style, run): (usize, &SolverRun)| {
+        let x = |entry: &HistoryEntry| if by_time { 1e3 * entry.time_s } else { n * entry.work };
+        let points = run.history.iter().map(|entry| (x(entry), (norm.of)(entry)));
+        Curve {
+            name: run.method.to_owned(),
+            style,
+            points: points.collect(),
+        }
+    };
+    CurvePlot {
+        title: format!("Case {}: ρ_avg = {}", result.case.name, result.case.rho_avg),
+        subtitle: format!(
+            "992 patches, {:.1} % of F not 0; until max |r A| < 1e-3 W",
+            100.0 * result.density
+        ),
+        x_label: if by_time { "run time (ms)" } else { "steps of iteration" }.to_owned(),
+        y_label: norm.label.to_owned(),
+        log_y: true,
+        curves: result.runs.iter().enumerate().map(curve).collect(),
+    }
+}
+
+fn spectra(results: &[CaseResult], title: &str, cases: &[char]) -> CurvePlot {
+    let shown = results.iter().filter(|r| cases.contains(&r.case.name)).enumerate();
+    CurvePlot {
+        title: title.to_owned(),
+        subtitle: "I − diag(ρ) F, all eigenvalues in ascending order".to_owned(),
+        x_label: "number of the eigenvalue".to_owned(),
+        y_label: "eigenvalue".to_owned(),
+        log_y: false,
+        curves: shown
+            .map(|(style, result)| Curve {
+                name: format!(
+                    "{}: ρ_avg = {}, {:.0} %",
+                    result.case.name,
+                    result.case.rho_avg,
+                    100.0 * result.density
+                ),
+                style,
+                points: result
+                    .eigenvalues
+                    .iter()
+                    .enumerate()
+                    .map(|(k, v)| ((k + 1) as f64, *v))
+                    .collect(),
+            })
+            .collect(),
+    }
+}
+
+fn summary(results: &[CaseResult]) -> Table {
+    let mut table = Table::new([
+        "case",
+        "rho_avg",
+        "density",
+        "method",
+        "start",
+        "stop_reason",
+        "n_steps",
+        "n_passes",
+        "time_s",
+        "residual_max_power",
+        "error_rms",
+        "error_goertler",
+        "expected_count",
+        "expected_rms",
+        "paper_time_s",
+        "paper_passes",
+        "selected_alike",
+        "inside",
+    ]);
+    let number = |v: Option<f64>| v.map_or(String::new(), |v| format!("{v:?}"));
+    let whole = |v: Option<u64>| v.map_or(String::new(), |v| v.to_string());
+    for result in results {
+        for (run, method) in result.runs.iter().zip(&METHODS) {
+            table.push([
+                result.case.name.to_string(),
+                format!("{:?}", result.case.rho_avg),
+                format!("{:?}", result.density),
+                run.method.to_owned(),
+                start_name(method.start).to_owned(),
+                run.stop_reason.to_string(),
+                run.n_steps.to_string(),
+                format!("{:?}", run.n_passes),
+                format!("{:?}", run.time_s),
+                format!("{:?}", run.residual_max_power),
+                format!("{:?}", run.error_rms),
+                format!("{:?}", run.error_goertler),
+                whole(run.expected_count),
+                number(run.expected_rms),
+                number(run.paper_time_s),
+                whole(run.paper_passes),
+                number(run.selected_alike),
+                run.inside.to_string(),
+            ]);
+        }
+    }
+    table
+}
+
+fn histories(results: &[CaseResult]) -> Table {
+    let mut table = Table::new([
+        "case",
+        "method",
+        "pass",
+        "work",
+        "time_s",
+        "residual_max_power",
+        "residual_euclidean",
+        "residual_l2",
+        "error_rms",
+        "error_goertler",
+    ]);
+    for result in results {
+        for run in &result.runs {
+            for entry in &run.history {
+                let values = [
+                    entry.work,
+                    entry.time_s,
+                    entry.residual_max_power,
+                    entry.residual_euclidean,
+                    entry.residual_l2,
+                    entry.errors.map_or(f64::NAN, |e| e.error_rms),
+                    entry.errors.map_or(f64::NAN, |e| e.error_goertler),
+                ];
+                let names = [
+                    result.case.name.to_string(),
+                    run.method.to_owned(),
+                    entry.pass.to_string(),
+                ];
+                table.push(names.into_iter().chain(values.map(|v| format!("{v:?}"))));
+            }
+        }
+    }
+    table
+}
+
+fn eigenvalues(results: &[CaseResult]) -> Table {
+    let mut table = Table::new(["case", "rho_avg", "density", "number", "eigenvalue"]);
+    for result in results {
+        for (k, value) in result.eigenvalues.iter().enumerate() {
+            table.push([
+                result.case.name.to_string(),
+                format!("{:?}", result.case.rho_avg),
+                format!("{:?}", result.density),
+                (k + 1).to_string(),
+                format!("{value:?}"),
+            ]);
+        }
+    }
+    table
+}

@@ -1,0 +1,107 @@
+//! The room with the sphere.
+
+use serde::Serialize;
+
+use crate::experiment::ExperimentError;
+use crate::form_factor::{Input, MethodSettings, method};
+use crate::matrix::operator::Block;
+use crate::matrix::{FormFactors, StorageChoice, Weighting};
+use crate::mesh::{Mesh, Subdivision};
+use crate::progress::Progress;
+use crate::scene::{builtin, topology};
+use crate::solver::{RadiositySystem, SolverError};
+use crate::visibility::embree::EmbreeVisibility;
+
+/// A test case: table 1 of the paper.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Case {
+    /// Its letter.
+    pub name: char,
+    /// The built-in scene.
+    pub scene: &'static str,
+    /// Share of entries of F that are not 0, as printed, per cent.
+    pub paper_density_percent: f64,
+    /// ρ_avg.
+    pub rho_avg: f64,
+}
+
+const fn case(name: char, scene: &'static str, paper_density_percent: f64, rho_avg: f64) -> Case {
+    Case {
+        name,
+        scene,
+        paper_density_percent,
+        rho_avg,
+    }
+}
+
+/// Table 1.
+pub const CASES: [Case; 6] = [
+    case('A', "sphere-room-r2", 53.0, 0.24),
+    case('B', "sphere-room-r2", 53.0, 0.46),
+    case('C', "sphere-room-r2", 53.0, 0.77),
+    case('D', "sphere-room-r2", 53.0, 0.88),
+    case('E', "sphere-room-r1", 70.0, 0.78),
+    case('F', "sphere-room-r1", 70.0, 0.89),
+];
+
+/// The form-factor method, and its tolerance: far below what a count of passes depends on.
+const METHOD: &str = "exact";
+const FORM_FACTOR_TOLERANCE: f64 = 1e-6;
+
+/// Row sums are made 1 to this.
+const BALANCE_TOLERANCE: f64 = 1e-12;
+const BALANCE_PASSES: usize = 500;
+
+/// A room of one of the two radii.
+pub(super) struct Model {
+    pub(super) scene: &'static str,
+    pub(super) factors: FormFactors,
+    /// The reflectances for a mean of 1.
+    pattern: Vec<f64>,
+    pub(super) exitance: Block,
+}
+
+impl Model {
+    pub(super) fn new(name: &'static str, progress: &dyn Progress) -> Result<Self, ExperimentError> {
+        let scene = builtin::build(name, None)?.scene;
+        let mesh = Mesh::new(&scene, Subdivision::Uniform(1))?;
+        let visibility = EmbreeVisibility::new(&scene)?;
+        let settings = MethodSettings {
+            tolerance: Some(FORM_FACTOR_TOLERANCE),
+            ..MethodSettings::default()
+        };
+        let input = Input {
+            scene: &scene,
+            mesh: &mesh,
+            visibility: &visibility,
+            unoccluded: topology::is_convex_and_empty(&scene),
+        };
+        let computed = method(METHOD, &settings).and_then(|m| m.compute(input, StorageChoice::default(), progress));
+        let raw = computed.map_err(ExperimentError::FormFactors)?.factors;
+        let targets = vec![1.0; mesh.n_patches()];
+        let symmetric = raw.symmetrised(Weighting::default())?;
+        let (factors, _) = symmetric.balanced(&targets, BALANCE_TOLERANCE, BALANCE_PASSES)?;
+        let material = |k: usize| &scene.materials[mesh.patches[k].material.0 as usize];
+        let reflectances: Vec<f64> = (0..mesh.n_patches()).map(|k| material(k).reflectance[0]).collect();
+        let areas = mesh.areas();
+        let weighted: f64 = areas.iter().zip(&reflectances).map(|(a, rho)| a * rho).sum();
+        let mean = weighted / areas.iter().sum::<f64>();
+        let exitance = (0..mesh.n_patches()).map(|k| material(k).exitance[0]).collect();
+        Ok(Self {
+            scene: name,
+            factors,
+            pattern: reflectances.iter().map(|rho| rho / mean).collect(),
+            exitance: Block::from_values(exitance, 1),
+        })
+    }
+
+    /// Returns the reflectances for a mean of `rho_avg`.
+    pub(super) fn reflectance(&self, rho_avg: f64) -> Block {
+        Block::from_values(self.pattern.iter().map(|rho| rho * rho_avg).collect(), 1)
+    }
+
+    pub(super) fn system(&self, reflectance: &Block) -> Result<RadiositySystem<'_>, SolverError> {
+        let areas = self.factors.areas().to_vec();
+        RadiositySystem::new(&self.factors, areas, reflectance.clone(), self.exitance.clone())
+    }
+}

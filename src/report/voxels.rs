@@ -1,0 +1,98 @@
+//! Voxels with their values as an unstructured grid of VTK (`.vtu`).
+
+use std::collections::HashMap;
+use std::io::Write as _;
+use std::path::Path;
+
+use super::{ReportError, vtu};
+use crate::matrix::operator::Block;
+use crate::scene::Scene;
+use crate::voxel::VoxelScene;
+use crate::whole_file;
+
+/// Writes one VTK_VOXEL for each surfel, with its surface, normal, area, radiosity and irradiance; whole or not at all.
+///
+/// A voxel with several surfels stands as often. Positions in m, area in m², radiosity and irradiance in W·m⁻². `description`: JSON of how the values were computed.
+///
+/// # Errors
+/// [`ReportError::Unwritable`].
+///
+/// # Panics
+/// If the blocks have not one row per surfel.
+#[track_caller]
+pub fn write_vtu(
+    path: &Path,
+    scene: &Scene,
+    voxels: &VoxelScene,
+    radiosity: &Block,
+    irradiance: &Block,
+    description: &str,
+) -> Result<(), ReportError> {
+    let n = voxels.n_surfels();
+    assert!(
+        radiosity.n_rows() == n && irradiance.n_rows() == n,
+        "one row per surfel"
+    );
+    let mut id_of_corner: HashMap<[i32; 3], usize> = HashMap::new();
+    let mut corners: Vec<[i32; 3]> = Vec::new();
+    let mut cells: Vec<[usize; 8]> = Vec::with_capacity(n);
+    for surfel in &voxels.surfels {
+        let [x, y, z] = surfel.voxel();
+        // VTK_VOXEL: x fastest.
+        cells.push(std::array::from_fn(|k| {
+            let bit = |a: usize| i32::from(k >> a & 1 == 1);
+            let corner = [x + bit(0), y + bit(1), z + bit(2)];
+            *id_of_corner.entry(corner).or_insert_with(|| {
+                corners.push(corner);
+                corners.len() - 1
+            })
+        }));
+    }
+    let half = 0.5 * voxels.grid.voxel_size;
+    let written = whole_file::write(path, |writer| {
+        let names: Vec<&str> = scene.surfaces.iter().map(|s| s.name.as_str()).collect();
+        let points = corners.iter().map(|&c| (voxels.grid.centre(c) - half).to_array());
+        let surfaces = voxels
+            .surfels
+            .iter()
+            .map(|s| [scene.faces[s.face.0 as usize].surface.0]);
+        let normals = voxels
+            .surfels
+            .iter()
+            .map(|s| voxels.normals[s.normal as usize].unit.to_array());
+        let number = |x: &f64| format!("{x:?}");
+        vtu::write_head(writer, description, &names, corners.len(), n)?;
+        vtu::write_numbers(writer, "Float64", "position", 3, points, number)?;
+        writeln!(writer, "</Points>\n<Cells>")?;
+        vtu::write_numbers(writer, "Int64", "connectivity", 1, cells.iter(), usize::to_string)?;
+        vtu::write_numbers(
+            writer,
+            "Int64",
+            "offsets",
+            1,
+            (1..=n).map(|k| [8 * k]),
+            usize::to_string,
+        )?;
+        vtu::write_numbers(writer, "UInt8", "types", 1, (0..n).map(|_| [11]), i32::to_string)?;
+        writeln!(writer, "</Cells>\n<CellData>")?;
+        vtu::write_numbers(writer, "Int64", "surface", 1, surfaces, u32::to_string)?;
+        vtu::write_numbers(writer, "Float64", "normal", 3, normals, number)?;
+        vtu::write_numbers(
+            writer,
+            "Float64",
+            "area_m2",
+            1,
+            voxels.surfels.iter().map(|s| [s.area]),
+            number,
+        )?;
+        for (name, block) in [("radiosity", radiosity), ("irradiance", irradiance)] {
+            let rows = block.values().chunks(block.n_channels());
+            vtu::write_numbers(writer, "Float64", name, block.n_channels(), rows, number)?;
+        }
+        writeln!(writer, "</CellData>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>")
+    });
+    written.map_err(|source| ReportError::Unwritable {
+        path: path.to_owned(),
+        source,
+    })
+}

@@ -1,0 +1,322 @@
+//! Matrices of the coarse levels: rows that channels share where they can.
+
+use rayon::prelude::*;
+
+use crate::matrix::operator::{Block, RowAccess};
+use crate::mesh::hierarchy::Coarsening;
+
+/// The share of entries that are not zero from which a row is kept in full: then it takes as much memory as with its columns.
+const DENSE_FROM: f64 = 2.0 / 3.0;
+
+/// Multiplications for which a further thread is worth its start.
+const TERMS_PER_TASK: usize = 1 << 16;
+
+/// One row: all of its numbers, or those that are not zero with their columns.
+struct Row {
+    columns: Option<Box<[u32]>>,
+    values: Box<[f64]>,
+}
+
+impl Row {
+    fn new(values: Vec<f64>) -> Self {
+        let used = || (0..).zip(&values).filter(|(_, value)| value.abs() > 0.0);
+        if used().count() as f64 >= DENSE_FROM * values.len() as f64 {
+            return Self {
+                columns: None,
+                values: values.into(),
+            };
+        }
+        let (columns, numbers): (Vec<u32>, Vec<f64>) = used().unzip();
+        Self {
+            columns: Some(columns.into()),
+            values: numbers.into(),
+        }
+    }
+
+    fn dot(&self, x: &[f64]) -> f64 {
+        match &self.columns {
+            None => dot(&self.values, x),
+            Some(columns) => {
+                let terms = columns.iter().zip(&self.values);
+                terms.map(|(&j, value)| value * x[j as usize]).sum()
+            }
+        }
+    }
+
+    fn for_each(&self, mut visit: impl FnMut(usize, f64)) {
+        match &self.columns {
+            None => self.values.iter().enumerate().for_each(|(j, &value)| visit(j, value)),
+            Some(columns) => {
+                for (&j, &value) in columns.iter().zip(&self.values) {
+                    visit(j as usize, value);
+                }
+            }
+        }
+    }
+
+    fn at(&self, column: usize) -> f64 {
+        match &self.columns {
+            None => self.values[column],
+            Some(columns) => {
+                let found = columns.binary_search_by_key(&column, |&j| j as usize);
+                found.map_or(0.0, |place| self.values[place])
+            }
+        }
+    }
+}
+
+/// Returns Σ a x in eight interleaved sums, in an order that depends on the length alone.
+fn dot(a: &[f64], x: &[f64]) -> f64 {
+    let ((a_eights, a_rest), (x_eights, x_rest)) = (a.as_chunks::<8>(), x.as_chunks::<8>());
+    let mut lanes = [0.0; 8];
+    for (a, x) in a_eights.iter().zip(x_eights) {
+        for ((lane, a), x) in lanes.iter_mut().zip(a).zip(x) {
+            *lane += a * x;
+        }
+    }
+    let rest: f64 = a_rest.iter().zip(x_rest).map(|(a, x)| a * x).sum();
+    let [a, b, c, d, e, f, g, h] = lanes;
+    ((a + b) + (c + d)) + ((e + f) + (g + h)) + rest
+}
+
+/// Where the row of one channel is.
+#[derive(Clone, Copy)]
+struct Slot {
+    row: u32,
+    factor: f64,
+    /// Whether the row holds ρ already, for this channel alone; else it is a row of F, and `factor` is ρ.
+    own: bool,
+}
+
+/// A matrix K of n rows for each of c channels.
+///
+/// Where the reflectance of a channel is the same for all that a row was made of, the row is ρ times a row of F, which all such channels share;
+/// elsewhere the channel has a row of its own. What a channel's row is made of never depends on the other channels.
+pub(super) struct Matrix {
+    n_channels: usize,
+    rows: Vec<Row>,
+    /// \[n, c\].
+    slots: Vec<Slot>,
+}
+
+/// What making a matrix took.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Cost {
+    /// Entries added.
+    pub(super) n_entries: usize,
+    /// Entries of the matrix that it was made of.
+    pub(super) n_of_source: usize,
+}
+
+impl Cost {
+    fn of(n_entries: usize) -> Self {
+        Self {
+            n_entries,
+            n_of_source: n_entries,
+        }
+    }
+}
+
+impl Matrix {
+    /// Returns R diag(ρ) F for the finest F: row I is the mean of the rows of its children.
+    pub(super) fn restrict_form_factors(
+        rows: &dyn RowAccess,
+        reflectance: &Block,
+        coarsening: &Coarsening,
+    ) -> (Self, Cost) {
+        let slot = |i: usize, c: usize| Slot {
+            row: 0,
+            factor: reflectance.row(i)[c],
+            own: false,
+        };
+        let add = |i: usize, _: usize, factor: f64, sum: &mut [f64]| rows.add_row(i, factor, sum);
+        let (n, n_channels) = (reflectance.n_rows(), reflectance.n_channels());
+        Self::restrict(coarsening, n, n_channels, slot, add)
+    }
+
+    /// Returns R K.
+    pub(super) fn restricted(&self, coarsening: &Coarsening) -> (Self, Cost) {
+        let n_channels = self.n_channels;
+        let add = |i: usize, c: usize, factor: f64, sum: &mut [f64]| {
+            let row = self.row(i, c);
+            row.for_each(|j, value| sum[j] += factor * value);
+            row.values.len()
+        };
+        let n = coarsening.n_fine();
+        Self::restrict(coarsening, n, n_channels, |i, c| self.slot(i, c), add)
+    }
+
+    /// Makes the rows of a coarse level; `slot(i, c)` tells of ρ in row i, `add(i, c, factor, sum)` adds the row and returns how many entries it has.
+    fn restrict(
+        coarsening: &Coarsening,
+        n_columns: usize,
+        n_channels: usize,
+        slot: impl Fn(usize, usize) -> Slot + Sync,
+        add: impl Fn(usize, usize, f64, &mut [f64]) -> usize + Sync,
+    ) -> (Self, Cost) {
+        let mut slots = Vec::with_capacity(coarsening.n_coarse() * n_channels);
+        // The rows to be made: coarse patch, a channel that it is for, and whether for that alone.
+        let mut jobs: Vec<(usize, usize, bool)> = Vec::new();
+        for coarse in 0..coarsening.n_coarse() {
+            let children = coarsening.children(coarse);
+            let mut shared = None;
+            for c in 0..n_channels {
+                let first = slot(children[0] as usize, c);
+                let as_first = |&i: &u32| {
+                    let other = slot(i as usize, c);
+                    !other.own && other.factor.to_bits() == first.factor.to_bits()
+                };
+                let own = !children.iter().all(as_first);
+                let row = match shared {
+                    Some(row) if !own => row,
+                    _ => {
+                        jobs.push((coarse, c, own));
+                        let row = u32::try_from(jobs.len() - 1).expect("fewer rows than fine patches and channels");
+                        if !own {
+                            shared = Some(row);
+                        }
+                        row
+                    }
+                };
+                let factor = if own { 1.0 } else { first.factor };
+                slots.push(Slot { row, factor, own });
+            }
+        }
+        let make = |&(coarse, c, own): &(usize, usize, bool)| {
+            let mut sum = vec![0.0; n_columns];
+            let mut n_entries = 0;
+            for &i in coarsening.children(coarse) {
+                let rho = if own { slot(i as usize, c).factor } else { 1.0 };
+                let weight = coarsening.shares()[i as usize] * rho;
+                n_entries += add(i as usize, c, weight, &mut sum);
+            }
+            (Row::new(sum), n_entries)
+        };
+        let (rows, counts): (Vec<Row>, Vec<usize>) = jobs.par_iter().map(make).unzip();
+        let matrix = Self {
+            n_channels,
+            rows,
+            slots,
+        };
+        // Where channels have rows of their own the source is read once for each.
+        let is_first = |k: &usize| *k == 0 || jobs[k - 1].0 != jobs[*k].0;
+        let cost = Cost {
+            n_entries: counts.iter().sum(),
+            n_of_source: (0..counts.len()).filter(is_first).map(|k| counts[k]).sum(),
+        };
+        (matrix, cost)
+    }
+
+    /// Returns K P for injection P: the columns of each coarse patch added up.
+    pub(super) fn merge_columns(&self, coarsening: &Coarsening) -> (Self, Cost) {
+        let merged = |row: &Row| {
+            let mut sum = vec![0.0; coarsening.n_coarse()];
+            row.for_each(|j, value| sum[coarsening.parents()[j] as usize] += value);
+            Row::new(sum)
+        };
+        let rows = self.rows.par_iter().map(merged).collect();
+        let n_entries: usize = self.rows.iter().map(|row| row.values.len()).sum();
+        let matrix = Self {
+            n_channels: self.n_channels,
+            rows,
+            slots: self.slots.clone(),
+        };
+        (matrix, Cost::of(n_entries))
+    }
+
+    /// Returns diag(ρ) F for form factors of a coarse level.
+    pub(super) fn from_form_factors(rows: &dyn RowAccess, reflectance: &Block) -> (Self, Cost) {
+        let (n, n_channels) = (reflectance.n_rows(), reflectance.n_channels());
+        let make = |i: usize| {
+            let mut sum = vec![0.0; n];
+            let n_entries = rows.add_row(i, 1.0, &mut sum);
+            (Row::new(sum), n_entries)
+        };
+        let (stored, counts): (Vec<Row>, Vec<usize>) = (0..n).into_par_iter().map(make).unzip();
+        let slot = |(i, rho): (u32, &[f64])| -> Vec<Slot> {
+            let slots = rho.iter().map(|&factor| Slot {
+                row: i,
+                factor,
+                own: false,
+            });
+            slots.collect()
+        };
+        let slots = (0..).zip(reflectance.values().chunks(n_channels)).flat_map(slot);
+        let matrix = Self {
+            n_channels,
+            slots: slots.collect(),
+            rows: stored,
+        };
+        let n_entries: usize = counts.iter().sum();
+        (matrix, Cost::of(n_entries))
+    }
+
+    pub(super) fn n_rows(&self) -> usize {
+        self.slots.len() / self.n_channels
+    }
+
+    fn slot(&self, i: usize, c: usize) -> Slot {
+        self.slots[i * self.n_channels + c]
+    }
+
+    fn row(&self, i: usize, c: usize) -> &Row {
+        &self.rows[self.slot(i, c).row as usize]
+    }
+
+    /// Returns (K x)_i in channel c.
+    pub(super) fn dot(&self, i: usize, c: usize, x: &[f64]) -> f64 {
+        self.slot(i, c).factor * self.row(i, c).dot(x)
+    }
+
+    /// Returns K_ij in channel c.
+    pub(super) fn at(&self, i: usize, j: usize, c: usize) -> f64 {
+        self.slot(i, c).factor * self.row(i, c).at(j)
+    }
+
+    /// Subtracts K x from y, channel by channel; rows are shared out to threads.
+    pub(super) fn subtract_product(&self, x: &[Vec<f64>], y: &mut [Vec<f64>]) {
+        let (n_rows, n_columns) = (self.n_rows(), x.first().map_or(1, Vec::len));
+        let mut products = vec![0.0; n_rows * self.n_channels];
+        let rows = products.par_chunks_mut(self.n_channels).enumerate();
+        let least = (TERMS_PER_TASK / n_columns.max(1)).max(1);
+        rows.with_min_len(least).for_each(|(i, row)| {
+            for (c, product) in row.iter_mut().enumerate() {
+                *product = self.dot(i, c, &x[c]);
+            }
+        });
+        for (i, row) in products.chunks(self.n_channels).enumerate() {
+            for (y, product) in y.iter_mut().zip(row) {
+                y[i] -= product;
+            }
+        }
+    }
+
+    /// Returns the multiplications that K x takes, the mean over the channels.
+    pub(super) fn multiply_adds(&self) -> f64 {
+        let entries: usize = self
+            .slots
+            .iter()
+            .map(|slot| self.rows[slot.row as usize].values.len())
+            .sum();
+        entries as f64 / self.n_channels as f64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sums_do_not_depend_on_how_a_row_is_kept() {
+        let values: Vec<f64> = (0..37)
+            .map(|j| if j % 3 == 0 { 0.0 } else { 1.0 / f64::from(j) })
+            .collect();
+        let x: Vec<f64> = (0..37).map(|j| f64::from(j) - 3.5).collect();
+        let expected: f64 = values.iter().zip(&x).map(|(a, x)| a * x).sum();
+        let sparse = Row::new(values.clone());
+        assert!(sparse.columns.is_some());
+        // 37 terms of up to 33: rounding stays below 37 · 33 · 1.1e-16.
+        assert!((dot(&values, &x) - expected).abs() < 2e-13 && (sparse.dot(&x) - expected).abs() < 2e-13);
+        assert!((0..37).all(|j| sparse.at(j).to_bits() == values[j].to_bits()));
+    }
+}

@@ -1,0 +1,383 @@
+//! From faces to surface voxels.
+
+use std::collections::HashMap;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::VoxelError;
+use super::grid::{Grid, Voxel, nearest};
+use super::octree::{Built, Octree};
+use crate::geometry::polygon;
+use crate::scene::{FaceId, MaterialId, Scene, SurfaceId};
+
+/// Normals are kept as integers of this scale, 2³⁰: heights over a lattice of 4096 voxels are then off by less than 6e-6 voxels.
+const NORMAL_SCALE: f64 = 1_073_741_824.0;
+
+/// A half, or what is one but for rounding, goes to the voxel on the face's front, whichever axis it is met along: all voxels
+/// of a plane then have heights in (−1, 1) over one another.
+const HALF_SLACK: f64 = 1e-7;
+
+/// Faces of one surface and material whose normals differ by less than 30° are one smooth surface where they meet in a voxel.
+const SMOOTH: f64 = 0.866_025_403_784_438_6;
+
+/// How far two faces must rise above each other's planes to face each other, in voxels.
+const RISE: f64 = 1e-6;
+
+/// The most surfels of a voxel that know whether they face each other.
+const MAX_FACING: usize = 8;
+
+/// A normal, shared by all surfels that have it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Normal {
+    /// The unit normal, on the side that sees.
+    pub unit: DVec3,
+    /// The normal in units of 2⁻³⁰, rounded: for integer arithmetic.
+    pub integer: [i32; 3],
+    /// The axis of the largest component.
+    pub axis: usize,
+}
+
+impl Normal {
+    fn new(unit: DVec3) -> Self {
+        let integer = (unit * NORMAL_SCALE).to_array().map(nearest);
+        let axis = (0..3).rev().max_by_key(|&a| integer[a].abs()).unwrap_or(0);
+        Self { unit, integer, axis }
+    }
+
+    /// Returns n · v, in units of 2⁻³⁰.
+    #[must_use]
+    pub fn dot(&self, v: [i32; 3]) -> i64 {
+        (0..3).map(|a| i64::from(self.integer[a]) * i64::from(v[a])).sum()
+    }
+
+    /// Tells whether the normal lies along an axis.
+    #[must_use]
+    pub fn is_axis_aligned(&self) -> bool {
+        (0..3).all(|a| a == self.axis || self.integer[a] == 0)
+    }
+}
+
+/// What one surface has in one voxel: an unknown of the discrete radiosity system.
+///
+/// A voxel where surfaces meet, or a wall thinner than a voxel, has several.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Surfel {
+    /// The voxel's place.
+    pub voxel: [u16; 3],
+    /// The surfels of the same voxel that this one faces, as bits in their order.
+    facing: u8,
+    /// Index into [`VoxelScene::normals`].
+    pub normal: u32,
+    /// The face of the scene, the first one where several are merged.
+    pub face: FaceId,
+    /// Its share of the faces' areas, m².
+    pub area: f64,
+}
+
+impl Surfel {
+    /// Returns the voxel.
+    #[must_use]
+    pub fn voxel(&self) -> Voxel {
+        self.voxel.map(i32::from)
+    }
+
+    /// Returns which surfels of its voxel this one faces, as bits.
+    pub(super) fn facing_bits(&self) -> u8 {
+        self.facing
+    }
+
+    /// Tells whether this surfel faces any other of its voxel.
+    pub(super) fn faces_any(&self) -> bool {
+        self.facing != 0
+    }
+
+    /// Tells whether this surfel faces the one that is `other` places after the first of their voxel.
+    pub(super) fn faces(&self, other: usize) -> bool {
+        other < MAX_FACING && self.facing >> other & 1 == 1
+    }
+}
+
+/// A scene as voxels.
+#[derive(Clone, Debug)]
+pub struct VoxelScene {
+    /// Where the voxels lie.
+    pub grid: Grid,
+    /// Which voxels are surface.
+    pub octree: Octree,
+    /// All surfels, by the rank of their voxel.
+    pub surfels: Vec<Surfel>,
+    /// The distinct normals.
+    pub normals: Vec<Normal>,
+    /// The first surfel of each rank, and the number of surfels at the end.
+    pub(super) first_surfel: Vec<u32>,
+}
+
+impl VoxelScene {
+    /// Discretises a scene with `n` voxels along its longest axis.
+    ///
+    /// A voxel is surface where a face meets the cross of the three segments that join the middles of its opposite sides. Every 6-path through a face then holds
+    /// such a voxel, so surfaces are 6-separating: a walk from voxel to voxel follows these segments. Away from a face's border this is the height of the face,
+    /// rounded, over the pixels of the axis that suits its normal; at the border the two other axes add what separation needs.
+    /// A face that is too small to meet any cross gets the voxel of its centroid.
+    /// A face's area is shared out evenly over its voxels: areas of surfaces are exact in sum.
+    ///
+    /// Hausdorff distance to the scene: below 1 inside of faces, since every surface voxel holds a point of the scene in its cube; up to 1.5 where three faces meet in the
+    /// corner of a room, because none of them takes the pixels on its low border.
+    ///
+    /// # Errors
+    /// [`VoxelError::Resolution`]; [`VoxelError::TooMany`] for 2³² surfels or more.
+    ///
+    /// Source: Malgouyres 2002, section 2.2; the cross is the target of S. Laine, "A Topological Approach to Voxelization", 2013.
+    /// Departures: three axes where the paper has one.
+    pub fn new(scene: &Scene, n: u32) -> Result<Self, VoxelError> {
+        let grid = Grid::new(scene, n)?;
+        let faces: Vec<FaceId> = scene.face_ids().collect();
+        let mut pieces: Vec<(Voxel, FaceId, f64)> = faces
+            .par_iter()
+            .map(|&face| {
+                let voxels = voxels_of_face(&grid, &scene.polygon(face));
+                let share = scene.area_vector(face).length() / voxels.len() as f64;
+                let piece = move |voxel| (voxel, face, share);
+                voxels.into_iter().map(piece).collect::<Vec<_>>()
+            })
+            .flatten_iter()
+            .collect();
+        if u32::try_from(pieces.len()).is_err() {
+            return Err(VoxelError::TooMany {
+                n_surfels: pieces.len(),
+            });
+        }
+        let voxels: Vec<Voxel> = pieces.iter().map(|piece| piece.0).collect();
+        let Built { octree, ranks } = Octree::new(grid.n_voxels, &voxels);
+        drop(voxels);
+        let mut order: Vec<(u32, usize)> = ranks.into_iter().zip(0..).collect();
+        order.par_sort_unstable();
+        let units: Vec<DVec3> = faces
+            .iter()
+            .map(|&face| scene.area_vector(face).normalize_or_zero())
+            .collect();
+        let mut maker = Maker {
+            scene,
+            grid: &grid,
+            units: &units,
+            normals: Vec::new(),
+            normal_of: HashMap::new(),
+        };
+        let mut surfels = Vec::with_capacity(order.len());
+        let mut first_surfel = Vec::with_capacity(octree.n_voxels() + 1);
+        for of_voxel in order.chunk_by(|a, b| a.0 == b.0) {
+            first_surfel.push(to_u32(surfels.len()));
+            let pieces_here: Vec<_> = of_voxel.iter().map(|&(_, k)| pieces[k]).collect();
+            maker.push_voxel(&pieces_here, &mut surfels);
+        }
+        pieces.clear();
+        first_surfel.push(to_u32(surfels.len()));
+        surfels.shrink_to_fit();
+        Ok(Self {
+            grid,
+            normals: maker.normals,
+            octree,
+            surfels,
+            first_surfel,
+        })
+    }
+
+    /// Returns the number of surfels: the unknowns.
+    #[must_use]
+    pub fn n_surfels(&self) -> usize {
+        self.surfels.len()
+    }
+
+    /// Returns the normal of a surfel.
+    #[must_use]
+    pub fn normal(&self, surfel: usize) -> &Normal {
+        &self.normals[self.surfels[surfel].normal as usize]
+    }
+
+    /// Returns the surfels of the surface voxel of a rank.
+    #[must_use]
+    pub fn surfels_of(&self, rank: u32) -> std::ops::Range<usize> {
+        let at = rank as usize;
+        self.first_surfel[at] as usize..self.first_surfel[at + 1] as usize
+    }
+
+    /// Returns the areas of all surfels, m².
+    #[must_use]
+    pub fn areas(&self) -> Vec<f64> {
+        self.surfels.iter().map(|s| s.area).collect()
+    }
+
+    /// Returns the memory that octree, surfels and normals take.
+    #[must_use]
+    pub fn n_bytes(&self) -> usize {
+        self.octree.n_bytes()
+            + self.surfels.len() * size_of::<Surfel>()
+            + self.normals.len() * size_of::<Normal>()
+            + 4 * self.first_surfel.len()
+    }
+}
+
+/// Makes surfels voxel by voxel.
+struct Maker<'a> {
+    scene: &'a Scene,
+    grid: &'a Grid,
+    units: &'a [DVec3],
+    normals: Vec<Normal>,
+    normal_of: HashMap<[u64; 3], u32>,
+}
+
+/// A surfel in the making.
+struct Draft {
+    key: (SurfaceId, MaterialId),
+    faces: Vec<FaceId>,
+    /// Σ area × normal.
+    sum: DVec3,
+    area: f64,
+}
+
+impl Maker<'_> {
+    fn push_voxel(&mut self, pieces: &[(Voxel, FaceId, f64)], surfels: &mut Vec<Surfel>) {
+        let mut drafts: Vec<Draft> = Vec::new();
+        for &(_, face, area) in pieces {
+            let f = &self.scene.faces[face.0 as usize];
+            let key = (f.surface, f.material);
+            let unit = self.units[face.0 as usize];
+            let same = |d: &&mut Draft| d.key == key && d.sum.normalize_or_zero().dot(unit) > SMOOTH;
+            if let Some(draft) = drafts.iter_mut().find(same) {
+                draft.faces.push(face);
+                draft.sum += area * unit;
+                draft.area += area;
+            } else {
+                drafts.push(Draft {
+                    key,
+                    faces: vec![face],
+                    sum: area * unit,
+                    area,
+                });
+            }
+        }
+        let voxel = pieces[0]
+            .0
+            .map(|c| u16::try_from(c).expect("a lattice has at most 4096 voxels a side"));
+        let facing = self.facing(&drafts);
+        for (draft, facing) in drafts.into_iter().zip(facing) {
+            let of_face = |f: &FaceId| self.units[f.0 as usize];
+            let first = of_face(&draft.faces[0]);
+            // A surfel of one plane keeps that plane's very normal.
+            let flat = draft.faces.iter().all(|f| of_face(f) == first);
+            let unit = if flat { first } else { draft.sum.normalize_or_zero() };
+            surfels.push(Surfel {
+                voxel,
+                facing,
+                normal: self.normal(unit),
+                face: draft.faces[0],
+                area: draft.area,
+            });
+        }
+    }
+
+    fn normal(&mut self, unit: DVec3) -> u32 {
+        let key = unit.to_array().map(|x| (x + 0.0).to_bits());
+        *self.normal_of.entry(key).or_insert_with(|| {
+            self.normals.push(Normal::new(unit));
+            to_u32(self.normals.len() - 1)
+        })
+    }
+
+    /// Returns for each surfel of a voxel which of the others it faces: each must rise above the other's plane.
+    fn facing(&self, drafts: &[Draft]) -> Vec<u8> {
+        if drafts.len() == 1 {
+            return vec![0];
+        }
+        let rises = |over: &Draft, other: &Draft| {
+            let face = over.faces[0];
+            let n = self.units[face.0 as usize];
+            let base = self.scene.polygon(face)[0];
+            let corners = other.faces.iter().flat_map(|&f| self.scene.polygon(f));
+            corners.map(|v| n.dot(v - base)).fold(f64::NEG_INFINITY, f64::max) > RISE * self.grid.voxel_size
+        };
+        let bits = |k: usize| {
+            let faced = (0..drafts.len().min(MAX_FACING))
+                .filter(|&j| j != k && rises(&drafts[k], &drafts[j]) && rises(&drafts[j], &drafts[k]));
+            faced.fold(0_u8, |bits, j| bits | 1 << j)
+        };
+        (0..drafts.len()).map(bits).collect()
+    }
+}
+
+/// Returns the voxels of a convex face, each once; at least one.
+fn voxels_of_face(grid: &Grid, polygon: &[DVec3]) -> Vec<Voxel> {
+    let corners: Vec<DVec3> = polygon.iter().map(|&v| grid.to_lattice(v)).collect();
+    let normal = polygon::area_vector(&corners).normalize_or_zero();
+    let mut voxels = Vec::new();
+    for axis in 0..3 {
+        // Seen along an axis in its own plane a face has no area.
+        if normal[axis].abs() > 1e-9 {
+            fill(&corners, normal, axis, &mut voxels);
+        }
+    }
+    let on_lattice = |v: &Voxel| (0..3).all(|a| (0..grid.n_voxels[a]).contains(&v[a]));
+    voxels.retain(on_lattice);
+    voxels.sort_unstable();
+    voxels.dedup();
+    if voxels.is_empty() {
+        let centroid = polygon.iter().sum::<DVec3>() / polygon.len() as f64;
+        let voxel = grid.voxel_at(centroid);
+        voxels.push(std::array::from_fn(|a| voxel[a].clamp(0, grid.n_voxels[a] - 1)));
+    }
+    voxels
+}
+
+/// Adds the voxels over the pixels that a convex polygon covers when seen along `axis`.
+///
+/// A pixel belongs to the polygon that its centre lies in. On an edge both neighbours must decide alike: an edge is always evaluated from its
+/// lower end, and of a span the low end is left out, the high one taken.
+fn fill(corners: &[DVec3], normal: DVec3, axis: usize, voxels: &mut Vec<Voxel>) {
+    let (b, c) = ((axis + 1) % 3, (axis + 2) % 3);
+    let low = corners.iter().map(|v| v[c]).fold(f64::INFINITY, f64::min);
+    let high = corners.iter().map(|v| v[c]).fold(f64::NEG_INFINITY, f64::max);
+    let anchor = corners[0];
+    for row in above(low)..above(high) {
+        let y = f64::from(row);
+        let (mut left, mut right) = (f64::INFINITY, f64::NEG_INFINITY);
+        for (k, &from) in corners.iter().enumerate() {
+            let to = corners[(k + 1) % corners.len()];
+            let (p, q) = if (from[c], from[b]) <= (to[c], to[b]) {
+                (from, to)
+            } else {
+                (to, from)
+            };
+            if above(p[c]) <= row && row < above(q[c]) {
+                let x = p[b] + (y - p[c]) / (q[c] - p[c]) * (q[b] - p[b]);
+                left = left.min(x);
+                right = right.max(x);
+            }
+        }
+        if left > right {
+            continue;
+        }
+        for column in above(left)..above(right) {
+            let x = f64::from(column);
+            let offset = normal[b] * (x - anchor[b]) + normal[c] * (y - anchor[c]);
+            let mut voxel = [0; 3];
+            voxel[axis] = nearest(anchor[axis] - offset / normal[axis] + HALF_SLACK.copysign(normal[axis]));
+            voxel[b] = column;
+            voxel[c] = row;
+            voxels.push(voxel);
+        }
+    }
+}
+
+/// Returns the least integer above x, with a little slack: a corner that is an integer but for rounding counts as one.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "lattice coordinates are at most MAX_VOXELS"
+)]
+fn above(x: f64) -> i32 {
+    (x + 1e-9).floor() as i32 + 1
+}
+
+fn to_u32(n: usize) -> u32 {
+    u32::try_from(n).expect("the number of surfels is checked")
+}

@@ -1,0 +1,296 @@
+//! Discrete lines: 6-connected walks from a voxel along an integer direction.
+//!
+//! A line from x along v visits the voxels that the half-line x + t v, t ≥ 0, passes through. It crosses from the k-th to the (k + 1)-th voxel along axis
+//! a at t = (2 k + 1) / (2 |v_a|). Crossings are taken one at a time, in the order of t and, where several coincide, of the axes x, y, z: hence 6-connected.
+//! All arithmetic is on integers, and the order is exact.
+//!
+//! Source: [`MALGOUYRES_2002`](crate::references::MALGOUYRES_2002), section 4.1. Departures: the paper leaves the choice of the line open.
+
+use super::grid::Voxel;
+use super::octree::{self, Octree};
+
+/// A crossing that never comes, in units of [`Direction::step`]: above all that do.
+const NEVER: u64 = 1 << 40;
+
+/// A direction, prepared for walks.
+#[derive(Clone, Copy, Debug)]
+pub struct Direction {
+    /// v.
+    vector: [i32; 3],
+    /// |v_x|, |v_y|, |v_z|.
+    size: [u32; 3],
+    /// v · v.
+    norm_squared: i64,
+    /// Bit a is set where v_a is negative.
+    octant: usize,
+    /// The time between crossings of axis a, in halves, times the product of all |v_b| that are not zero: an integer.
+    step: [u64; 3],
+    /// ⌈2³² / (2 |v_a|)⌉: a division by 2 |v_a| is a multiplication by this and a shift, exact below 2³² / (2 |v_a|).
+    reciprocal: [u64; 3],
+}
+
+impl Direction {
+    /// Prepares the direction `vector`.
+    ///
+    /// # Panics
+    /// If all components are zero, or one is above [`MAX_RADIUS`](super::sphere::MAX_RADIUS) in size.
+    #[must_use]
+    #[track_caller]
+    pub fn new(vector: [i32; 3]) -> Self {
+        let size = vector.map(i32::unsigned_abs);
+        assert!(size != [0; 3], "a direction points somewhere");
+        assert!(
+            size.iter().all(|&c| c <= super::sphere::MAX_RADIUS),
+            "components of directions are small"
+        );
+        let wide = size.map(u64::from);
+        let product: u64 = wide.iter().filter(|&&c| c > 0).product();
+        Self {
+            vector,
+            size,
+            norm_squared: vector.iter().map(|&c| i64::from(c) * i64::from(c)).sum(),
+            octant: (0..3).filter(|&a| vector[a] < 0).map(|a| 1 << a).sum(),
+            step: wide.map(|c| product.checked_div(c).unwrap_or(NEVER)),
+            reciprocal: wide.map(|c| (1_u64 << 32).div_ceil((2 * c).max(1))),
+        }
+    }
+
+    /// Returns v.
+    #[must_use]
+    pub fn vector(&self) -> [i32; 3] {
+        self.vector
+    }
+
+    /// Returns v · v.
+    #[must_use]
+    pub fn norm_squared(&self) -> i64 {
+        self.norm_squared
+    }
+
+    /// Returns the octant: bit a is set where v_a is negative.
+    #[must_use]
+    pub fn octant(&self) -> usize {
+        self.octant
+    }
+
+    /// Returns the axis along which a line goes on from the voxel that it reached after `counts` crossings of each axis.
+    #[must_use]
+    pub fn next_axis(&self, counts: [u32; 3]) -> usize {
+        let t: [u64; 3] = std::array::from_fn(|a| u64::from(2 * counts[a] + 1) * self.step[a]);
+        first(t)
+    }
+
+    /// Returns the voxel `counts` crossings away from `origin`.
+    #[must_use]
+    pub fn voxel(&self, origin: Voxel, counts: [u32; 3]) -> Voxel {
+        std::array::from_fn(|a| {
+            let count = counts[a].cast_signed();
+            origin[a] + if self.octant >> a & 1 == 1 { -count } else { count }
+        })
+    }
+
+    /// Returns how many crossings of each axis have happened once that of axis `a` with number `k` (from 0) has.
+    fn counts_after(&self, a: usize, k: u32) -> [u32; 3] {
+        std::array::from_fn(|b| if b == a { k + 1 } else { self.count_before(b, a, k) })
+    }
+
+    /// Returns the number of crossings m of axis b with (2 m + 1) / |v_b| below (2 k + 1) / |v_a|, or equal to it if b comes before a.
+    #[inline]
+    fn count_before(&self, b: usize, a: usize, k: u32) -> u32 {
+        // (2 m + 1) |v_a| ≤ (2 k + 1) |v_b| − [b after a], hence ⌊(that + |v_a|) / (2 |v_a|)⌋ of them.
+        let bound = (2 * k + 1) * self.size[b] + self.size[a] - u32::from(b > a);
+        #[expect(clippy::cast_possible_truncation, reason = "a count of voxels on a lattice")]
+        let count = ((u64::from(bound) * self.reciprocal[a]) >> 32) as u32;
+        count
+    }
+}
+
+/// Returns the axis whose crossing comes first; of equal ones the first axis.
+#[inline]
+fn first([x, y, z]: [u64; 3]) -> usize {
+    if x <= y {
+        if x <= z { 0 } else { 2 }
+    } else if y <= z {
+        1
+    } else {
+        2
+    }
+}
+
+/// Where a walk goes on: a voxel of the line, by its number of crossings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Place {
+    /// The crossings of each axis so far.
+    pub(super) counts: [u32; 3],
+    /// The least number of crossings of each axis that counts: 1 along an axis where the walk runs one voxel ahead until the line has caught up.
+    pub(super) at_least: [u32; 3],
+}
+
+/// Returns the rank of the first surface voxel of a line from `origin` along `direction`, from `place` on, that one included; `None` if the
+/// line leaves the lattice.
+///
+/// Empty cubes are crossed in one step each, so the result is that of a voxel-by-voxel walk and the work is not.
+#[inline]
+pub(super) fn first_surface(octree: &Octree, origin: Voxel, direction: &Direction, place: Place) -> Option<u32> {
+    let padded = octree.padded_size();
+    let n_bricks = octree.n_bricks();
+    let cubes = octree.empty_cubes(direction.octant);
+    // Coordinates that grow along the line; bit and brick are mirrored back where the lattice is looked at.
+    let mut start = [0_u32; 3];
+    let mut flip = [0_u32; 3];
+    let mut flip_bit = 0;
+    for a in 0..3 {
+        let c = origin[a].cast_unsigned();
+        if direction.octant >> a & 1 == 1 {
+            start[a] = padded[a] - 1 - c;
+            flip[a] = to_u32(n_bricks[a]) - 1;
+            flip_bit |= 3 << (2 * a);
+        } else {
+            start[a] = c;
+        }
+    }
+    let mirrored = |b: u32, a: usize| if direction.octant >> a & 1 == 1 { flip[a] - b } else { b };
+    let mut counts = place.counts;
+    loop {
+        let at = [start[0] + counts[0], start[1] + counts[1], start[2] + counts[2]];
+        if at[0] >= padded[0] || at[1] >= padded[1] || at[2] >= padded[2] {
+            return None;
+        }
+        let b = at.map(|c| c >> 2);
+        let index = |b: [u32; 3]| (b[2] as usize * n_bricks[1] + b[1] as usize) * n_bricks[0] + b[0] as usize;
+        let side = u32::from(cubes[index(b)]);
+        if side == 0 {
+            let brick = octree.brick_at(index([mirrored(b[0], 0), mirrored(b[1], 1), mirrored(b[2], 2)]));
+            let mask = octree.mask(brick);
+            let mut at = at;
+            loop {
+                let bit = octree::bit(at) ^ flip_bit;
+                if mask >> bit & 1 == 1 {
+                    return octree.rank_in_brick(brick, bit);
+                }
+                let a = direction.next_axis(counts);
+                counts[a] += 1;
+                at[a] += 1;
+                if at[a] & 3 == 0 {
+                    break;
+                }
+            }
+        } else {
+            // The last crossing numbers inside the cube, and the first crossing out of it.
+            let last: [u32; 3] = std::array::from_fn(|a| 4 * (b[a] + side) - 1 - start[a]);
+            let a = direction.next_axis(last);
+            let after = direction.counts_after(a, last[a]);
+            counts = std::array::from_fn(|axis| after[axis].max(place.at_least[axis]));
+        }
+    }
+}
+
+/// Returns the rank of the first surface voxel of a line, voxel by voxel: the slow definition of [`first_surface`].
+#[cfg(test)]
+pub(super) fn first_surface_by_voxels(
+    octree: &Octree,
+    origin: Voxel,
+    direction: &Direction,
+    place: Place,
+) -> Option<u32> {
+    let mut counts = place.counts;
+    loop {
+        let voxel = direction.voxel(origin, counts);
+        if (0..3).any(|a| voxel[a] < 0 || voxel[a].cast_unsigned() >= octree.padded_size()[a]) {
+            return None;
+        }
+        if let Some(rank) = octree.rank(voxel) {
+            return Some(rank);
+        }
+        counts[direction.next_axis(counts)] += 1;
+    }
+}
+
+fn to_u32(n: usize) -> u32 {
+    u32::try_from(n).expect("fewer than 2^32 voxels")
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// All voxels of a line's beginning, from the definition: crossings (2 k + 1) / (2 |v_a|) sorted as fractions.
+    fn by_sorting(vector: [i32; 3], n: usize) -> Vec<Voxel> {
+        let mut crossings: Vec<(i64, i64, usize)> = Vec::new();
+        for a in 0..3 {
+            let c = i64::from(vector[a].abs());
+            if c > 0 {
+                crossings.extend((0..300).map(|k| (2 * k + 1, c, a)));
+            }
+        }
+        crossings.sort_by(|p, q| (p.0 * q.1).cmp(&(q.0 * p.1)).then(p.2.cmp(&q.2)));
+        let mut voxel = [0; 3];
+        let mut line = vec![voxel];
+        for &(_, _, a) in crossings.iter().take(n) {
+            voxel[a] += vector[a].signum();
+            line.push(voxel);
+        }
+        line
+    }
+
+    fn vectors() -> impl Strategy<Value = [i32; 3]> {
+        let small = prop::array::uniform3(-9..=9_i32);
+        let large = prop::array::uniform3(-255..=255_i32);
+        prop_oneof![small, large].prop_filter("a direction points somewhere", |v| *v != [0; 3])
+    }
+
+    proptest! {
+        #[test]
+        fn steps_follow_the_definition(vector in vectors()) {
+            let direction = Direction::new(vector);
+            let mut counts = [0; 3];
+            for expected in by_sorting(vector, 200) {
+                prop_assert_eq!(direction.voxel([0; 3], counts), expected);
+                counts[direction.next_axis(counts)] += 1;
+            }
+        }
+
+        #[test]
+        fn jumps_land_on_the_line(vector in vectors(), k in 0..4000_u32) {
+            let direction = Direction::new(vector);
+            for a in (0..3).filter(|&a| vector[a] != 0) {
+                let after = direction.counts_after(a, k);
+                for b in (0..3).filter(|&b| b != a) {
+                    // By the definition, in exact fractions: crossings of b before that of a.
+                    let before = |m: &i64| {
+                        let left = (2 * m + 1) * i64::from(vector[a].abs());
+                        let right = (2 * i64::from(k) + 1) * i64::from(vector[b].abs());
+                        left < right || (left == right && b < a)
+                    };
+                    let expected = i64::from(after[b]);
+                    prop_assert!(expected == 0 || before(&(expected - 1)));
+                    prop_assert!(!before(&expected));
+                }
+            }
+        }
+
+        #[test]
+        fn leaves_and_voxels_give_the_same_walk(
+            vector in vectors(),
+            size in prop::array::uniform3(1..70_i32),
+            seeds in prop::collection::vec(prop::array::uniform3(0.0..1.0_f64), 0..40),
+            from in prop::array::uniform3(0.0..1.0_f64),
+            lift in 0..4_usize,
+        ) {
+            #[expect(clippy::cast_possible_truncation, reason = "a fraction of a small number")]
+            let voxel = |f: [f64; 3]| std::array::from_fn(|a| (f[a] * f64::from(size[a])) as i32);
+            let voxels: Vec<Voxel> = seeds.iter().map(|&f| voxel(f)).collect();
+            let tree = Octree::new(size, &voxels).octree;
+            let direction = Direction::new(vector);
+            let mut at_least = [0; 3];
+            if lift < 3 && vector[lift] != 0 {
+                at_least[lift] = 1;
+            }
+            let place = Place { counts: at_least, at_least };
+            let slow = first_surface_by_voxels(&tree, voxel(from), &direction, place);
+            prop_assert_eq!(first_surface(&tree, voxel(from), &direction, place), slow);
+        }
+    }
+}

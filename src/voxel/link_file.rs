@@ -1,0 +1,288 @@
+//! Links on disk, written once in the order in which they are read.
+//!
+//! A file is a head of 56 bytes (a name of the layout, then what tells one geometry from another) and one record for each chunk of surfels:
+//! the lengths of `ends` and `bytes` and the three counts of the tally (u64 each), then `ends` (u32 each), `bytes`, and the CRC-32 of all that (u32); little-endian.
+//! While it grows it has `.part` at the end of its name. What a killed run left there is taken up again after the last record that is whole.
+
+use std::ffi::OsString;
+use std::fs::{File, OpenOptions};
+use std::io::{self, BufReader, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+use rayon::prelude::*;
+use sha2::{Digest, Sha256};
+
+use super::VoxelError;
+use super::discretize::VoxelScene;
+use super::line::Direction;
+use super::links::{Chunk, ROWS_PER_CHUNK, Tally};
+use crate::progress::Progress;
+
+const LAYOUT: &[u8; 24] = b"radiosity voxel links 1\n";
+
+/// Bytes of a record before `ends`.
+const RECORD_HEAD: usize = 40;
+
+/// Chunks that are computed together before they are written.
+const BATCH: usize = 64;
+
+/// A file of links, open for reading at any chunk.
+#[derive(Debug)]
+pub(super) struct LinkFile {
+    path: PathBuf,
+    file: Mutex<File>,
+    /// Where each record begins, and where the last one ends.
+    offsets: Vec<u64>,
+    pub(super) tally: Tally,
+    /// The first failure of a read; see [`LinkFile::failure`].
+    failed: Mutex<Option<io::Error>>,
+}
+
+impl LinkFile {
+    /// Opens the links of a geometry, computing what the file does not hold yet.
+    pub(super) fn new(
+        path: &Path,
+        scene: &VoxelScene,
+        directions: &[Direction],
+        progress: &dyn Progress,
+    ) -> Result<Self, VoxelError> {
+        let failed = |source| VoxelError::LinkFile {
+            path: path.to_owned(),
+            source,
+        };
+        let n_chunks = scene.n_surfels().div_ceil(ROWS_PER_CHUNK);
+        let head = head(scene, directions);
+        if path.exists() {
+            let mut file = File::open(path).map_err(failed)?;
+            let (offsets, tally) = whole_records(&mut file, &head, n_chunks).map_err(failed)?;
+            if offsets.len() == n_chunks + 1 {
+                return Ok(Self::opened(path, file, offsets, tally));
+            }
+            // Links of another scene or a damaged file: never overwritten unasked.
+            return Err(failed(io::Error::new(
+                io::ErrorKind::InvalidData,
+                "it does not hold the links of this scene at this resolution and radius; name another file or remove it",
+            )));
+        }
+        let part = part_of(path);
+        let written = write_missing(&part, &head, n_chunks, scene, directions, progress);
+        let (file, offsets, tally) = match written {
+            Ok(done) => done,
+            Err(error) => {
+                // Without room on the disk a part is of no use; nothing half-written stays behind.
+                let _ = std::fs::remove_file(&part);
+                return Err(failed(error));
+            }
+        };
+        std::fs::rename(&part, path).map_err(failed)?;
+        Ok(Self::opened(path, file, offsets, tally))
+    }
+
+    fn opened(path: &Path, file: File, offsets: Vec<u64>, tally: Tally) -> Self {
+        Self {
+            path: path.to_owned(),
+            file: Mutex::new(file),
+            offsets,
+            tally,
+            failed: Mutex::new(None),
+        }
+    }
+
+    /// Returns the size of the file.
+    pub(super) fn n_bytes(&self) -> u64 {
+        self.offsets.last().copied().unwrap_or(0)
+    }
+
+    /// Reads a chunk; if that fails, remembers why and returns `None`.
+    pub(super) fn chunk(&self, k: usize) -> Option<Chunk> {
+        let read = || -> io::Result<Chunk> {
+            let (start, end) = (self.offsets[k], self.offsets[k + 1]);
+            let n = usize::try_from(end - start).map_err(io::Error::other)?;
+            let mut record = vec![0; n];
+            let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
+            file.seek(SeekFrom::Start(start))?;
+            file.read_exact(&mut record)?;
+            drop(file);
+            decode(&record)
+        };
+        match read() {
+            Ok(chunk) => Some(chunk),
+            Err(error) => {
+                let mut failed = self.failed.lock().unwrap_or_else(PoisonError::into_inner);
+                failed.get_or_insert(error);
+                None
+            }
+        }
+    }
+
+    /// Returns the first failure of a read since the last call.
+    pub(super) fn failure(&self) -> Option<VoxelError> {
+        let failed = self.failed.lock().unwrap_or_else(PoisonError::into_inner).take();
+        failed.map(|source| VoxelError::LinkFile {
+            path: self.path.clone(),
+            source,
+        })
+    }
+}
+
+fn part_of(path: &Path) -> PathBuf {
+    let mut name = path.file_name().map_or_else(OsString::new, OsString::from);
+    name.push(".part");
+    path.with_file_name(name)
+}
+
+fn write_missing(
+    part: &Path,
+    head: &[u8],
+    n_chunks: usize,
+    scene: &VoxelScene,
+    directions: &[Direction],
+    progress: &dyn Progress,
+) -> io::Result<(File, Vec<u64>, Tally)> {
+    let mut file = OpenOptions::new()
+        .read(true)
+        .write(true)
+        .create(true)
+        .truncate(false)
+        .open(part)?;
+    let (mut offsets, mut tally) = whole_records(&mut file, head, n_chunks)?;
+    let mut end = offsets.last().copied().unwrap_or(0);
+    file.set_len(end)?;
+    file.seek(SeekFrom::Start(end))?;
+    if offsets.is_empty() {
+        file.write_all(head)?;
+        end = head.len() as u64;
+        offsets.push(end);
+    }
+    progress.begin("links", n_chunks as u64);
+    let first = offsets.len() - 1;
+    progress.advance(first as u64);
+    for batch in (first..n_chunks).step_by(BATCH) {
+        let last = (batch + BATCH).min(n_chunks);
+        let records: Vec<(Vec<u8>, Tally)> = (batch..last)
+            .into_par_iter()
+            .map(|k| {
+                let chunk = Chunk::new(scene, directions, k);
+                progress.advance(1);
+                (encode(&chunk), chunk.tally)
+            })
+            .collect();
+        for (record, of_chunk) in records {
+            file.write_all(&record)?;
+            end += record.len() as u64;
+            offsets.push(end);
+            tally = tally.plus(of_chunk);
+        }
+    }
+    file.sync_all()?;
+    Ok((file, offsets, tally))
+}
+
+/// Returns where the records begin that are whole, and where the last one ends; nothing if the head is another one.
+fn whole_records(file: &mut File, head: &[u8], n_chunks: usize) -> io::Result<(Vec<u64>, Tally)> {
+    file.seek(SeekFrom::Start(0))?;
+    let mut reader = BufReader::new(file);
+    let mut found = vec![0; head.len()];
+    let mut tally = Tally::default();
+    if !read_whole(&mut reader, &mut found)? || found != head {
+        return Ok((Vec::new(), tally));
+    }
+    let mut offsets = vec![head.len() as u64];
+    let mut end = head.len() as u64;
+    let mut record = vec![0; RECORD_HEAD];
+    while offsets.len() <= n_chunks && read_whole(&mut reader, &mut record[..RECORD_HEAD])? {
+        let (n_ends, n_bytes) = (number(&record, 0), number(&record, 8));
+        // A length beyond what a chunk can have is damage, not a reason to ask for so much memory.
+        if n_ends > ROWS_PER_CHUNK as u64 || n_bytes > u64::from(u32::MAX) {
+            break;
+        }
+        let rest = usize::try_from(4 * n_ends + n_bytes + 4).map_err(io::Error::other)?;
+        record.resize(RECORD_HEAD + rest, 0);
+        if !read_whole(&mut reader, &mut record[RECORD_HEAD..])? {
+            break;
+        }
+        let Ok(chunk) = decode(&record) else { break };
+        tally = tally.plus(chunk.tally);
+        end += record.len() as u64;
+        offsets.push(end);
+    }
+    Ok((offsets, tally))
+}
+
+/// Fills `bytes`, or tells that the file ends before.
+fn read_whole(reader: &mut impl Read, bytes: &mut [u8]) -> io::Result<bool> {
+    match reader.read_exact(bytes) {
+        Ok(()) => Ok(true),
+        Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => Ok(false),
+        Err(error) => Err(error),
+    }
+}
+
+/// Returns the head of the file of a geometry: everything that the links depend on goes into its hash.
+fn head(scene: &VoxelScene, directions: &[Direction]) -> Vec<u8> {
+    let mut hash = Sha256::new();
+    let mut add = |numbers: &[i32]| numbers.iter().for_each(|n| hash.update(n.to_le_bytes()));
+    add(&scene.grid.n_voxels);
+    for surfel in &scene.surfels {
+        add(&surfel.voxel());
+        add(&[i32::from(surfel.facing_bits()), surfel.normal.cast_signed()]);
+    }
+    for normal in &scene.normals {
+        add(&normal.integer);
+    }
+    for direction in directions {
+        add(&direction.vector());
+    }
+    [&LAYOUT[..], hash.finalize().as_slice()].concat()
+}
+
+fn encode(chunk: &Chunk) -> Vec<u8> {
+    let tally = chunk.tally;
+    let lengths = [chunk.ends.len() as u64, chunk.bytes.len() as u64];
+    let counts = [tally.n_links, tally.n_backs, tally.n_escaped];
+    let mut record: Vec<u8> = lengths.into_iter().chain(counts).flat_map(u64::to_le_bytes).collect();
+    record.extend(chunk.ends.iter().flat_map(|end| end.to_le_bytes()));
+    record.extend_from_slice(&chunk.bytes);
+    let sum = crc32fast::hash(&record);
+    record.extend(sum.to_le_bytes());
+    record
+}
+
+fn decode(record: &[u8]) -> io::Result<Chunk> {
+    let damaged = || {
+        io::Error::new(
+            io::ErrorKind::InvalidData,
+            "it is damaged; remove it, and it is written anew",
+        )
+    };
+    let (content, sum) = record.split_last_chunk::<4>().ok_or_else(damaged)?;
+    if content.len() < RECORD_HEAD || crc32fast::hash(content) != u32::from_le_bytes(*sum) {
+        return Err(damaged());
+    }
+    let n_ends = usize::try_from(number(content, 0)).map_err(io::Error::other)?;
+    let (ends, bytes) = content[RECORD_HEAD..]
+        .split_at_checked(4 * n_ends)
+        .ok_or_else(damaged)?;
+    let ends: Vec<u32> = ends.as_chunks::<4>().0.iter().map(|b| u32::from_le_bytes(*b)).collect();
+    let consistent = ends.is_sorted() && ends.last().is_none_or(|&end| end as usize == bytes.len());
+    if !consistent {
+        return Err(damaged());
+    }
+    Ok(Chunk {
+        ends,
+        bytes: bytes.to_vec(),
+        tally: Tally {
+            n_links: number(content, 16),
+            n_backs: number(content, 24),
+            n_escaped: number(content, 32),
+        },
+    })
+}
+
+/// Returns the u64 at a place of a record's head.
+fn number(record: &[u8], at: usize) -> u64 {
+    let mut bytes = [0; 8];
+    bytes.copy_from_slice(&record[at..at + 8]);
+    u64::from_le_bytes(bytes)
+}

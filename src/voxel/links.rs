@@ -1,0 +1,312 @@
+//! The links I(x, v), packed.
+//!
+//! The links of a surfel are stored for the directions in front of it, in the sphere's order, as differences: neighbouring
+//! directions see neighbouring voxels. A code is 0 for a back, 1 for nothing, and otherwise 2 + the zigzag of the difference from the last
+//! surfel seen; codes are written seven bits a byte, the lowest first, with the top bit set where more follow.
+
+use std::path::Path;
+
+use rayon::prelude::*;
+
+use super::VoxelError;
+use super::discretize::{Normal, VoxelScene};
+use super::line::Direction;
+use super::link_file::LinkFile;
+use super::sight::Sight;
+use super::sphere::DiscreteSphere;
+use crate::progress::Progress;
+
+/// Surfels whose links are one unit of work and of storage.
+pub(super) const ROWS_PER_CHUNK: usize = 256;
+
+const BACK: u32 = 0;
+const ESCAPED: u32 = 1;
+const FIRST: u32 = 2;
+
+/// The packed links of [`ROWS_PER_CHUNK`] surfels.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Chunk {
+    /// Where each row ends in `bytes`.
+    pub(super) ends: Vec<u32>,
+    pub(super) bytes: Vec<u8>,
+    pub(super) tally: Tally,
+}
+
+/// How many links there are, and of which kind.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Tally {
+    pub(super) n_links: u64,
+    pub(super) n_backs: u64,
+    pub(super) n_escaped: u64,
+}
+
+/// Where links are between passes.
+#[derive(Debug)]
+enum Storage {
+    Memory(Vec<Chunk>),
+    Disk(LinkFile),
+    /// Nowhere: each pass finds them again.
+    Recompute,
+}
+
+/// All links of a scene: what each surfel sees in each direction in front of it. Geometry only: new materials and lights can use them again.
+#[derive(Debug)]
+pub struct Links {
+    storage: Storage,
+    directions: Vec<Direction>,
+    tally: Tally,
+}
+
+impl Links {
+    /// Finds all links and keeps them in memory, on all threads; the result does not depend on their number.
+    #[must_use]
+    pub fn in_memory(scene: &VoxelScene, sphere: &DiscreteSphere, progress: &dyn Progress) -> Self {
+        let directions = prepared(sphere);
+        let n_chunks = scene.n_surfels().div_ceil(ROWS_PER_CHUNK);
+        progress.begin("links", n_chunks as u64);
+        let chunks: Vec<Chunk> = (0..n_chunks)
+            .into_par_iter()
+            .map(|k| {
+                let chunk = Chunk::new(scene, &directions, k);
+                progress.advance(1);
+                chunk
+            })
+            .collect();
+        let tally = chunks.iter().fold(Tally::default(), |sum, chunk| sum.plus(chunk.tally));
+        Self {
+            storage: Storage::Memory(chunks),
+            directions,
+            tally,
+        }
+    }
+
+    /// Finds all links and streams them to a file, or takes them from it if it holds those of this geometry, resolution and radius.
+    ///
+    /// Each record carries a checksum. A run that is killed leaves `path` with `.part` at its end, and the next one goes on from there; a run that fails,
+    /// as for want of room, leaves nothing.
+    ///
+    /// # Errors
+    /// [`VoxelError::LinkFile`]: the file system refuses, or `path` holds something else.
+    pub fn on_disk(
+        scene: &VoxelScene,
+        sphere: &DiscreteSphere,
+        path: &Path,
+        progress: &dyn Progress,
+    ) -> Result<Self, VoxelError> {
+        let directions = prepared(sphere);
+        let file = LinkFile::new(path, scene, &directions, progress)?;
+        Ok(Self {
+            tally: file.tally,
+            storage: Storage::Disk(file),
+            directions,
+        })
+    }
+
+    /// Keeps no links: each pass finds them again, in constant memory.
+    ///
+    /// How many of them end at backs or leave the scene is not known before, and counted as 0.
+    #[must_use]
+    pub fn recomputed(scene: &VoxelScene, sphere: &DiscreteSphere) -> Self {
+        let of_normal = |normal: &Normal| {
+            let vectors = sphere.directions().iter().map(|d| d.vector);
+            vectors.filter(|&v| is_in_front(normal, v)).count() as u64
+        };
+        let counts: Vec<u64> = scene.normals.par_iter().map(of_normal).collect();
+        let n_links = scene.surfels.iter().map(|s| counts[s.normal as usize]).sum();
+        Self {
+            storage: Storage::Recompute,
+            directions: prepared(sphere),
+            tally: Tally {
+                n_links,
+                ..Tally::default()
+            },
+        }
+    }
+
+    /// Returns the number of links: directions in front of a surfel, over all surfels.
+    #[must_use]
+    pub fn n_links(&self) -> u64 {
+        self.tally.n_links
+    }
+
+    /// Returns how many links end at a back.
+    #[must_use]
+    pub fn n_backs(&self) -> u64 {
+        self.tally.n_backs
+    }
+
+    /// Returns how many links leave the scene.
+    #[must_use]
+    pub fn n_escaped(&self) -> u64 {
+        self.tally.n_escaped
+    }
+
+    /// Returns the memory, or the room on the disk, that the links take.
+    #[must_use]
+    pub fn n_bytes(&self) -> u64 {
+        let of_chunk = |chunk: &Chunk| (chunk.bytes.capacity() + 4 * chunk.ends.capacity()) as u64;
+        match &self.storage {
+            Storage::Memory(chunks) => chunks.iter().map(of_chunk).sum(),
+            Storage::Disk(file) => file.n_bytes(),
+            Storage::Recompute => 0,
+        }
+    }
+
+    /// Returns why links could not be read since the last call; what was computed since then is worthless.
+    #[must_use]
+    pub fn failure(&self) -> Option<VoxelError> {
+        match &self.storage {
+            Storage::Disk(file) => file.failure(),
+            Storage::Memory(_) | Storage::Recompute => None,
+        }
+    }
+
+    /// Calls `work` with the packed links of some surfels, all of one chunk.
+    pub(super) fn with_chunk<T>(&self, scene: &VoxelScene, k: usize, work: impl FnOnce(&Chunk) -> T) -> Option<T> {
+        match &self.storage {
+            Storage::Memory(chunks) => Some(work(&chunks[k])),
+            Storage::Disk(file) => file.chunk(k).map(|chunk| work(&chunk)),
+            Storage::Recompute => Some(work(&Chunk::new(scene, &self.directions, k))),
+        }
+    }
+
+    /// Tells whether single rows cost no more than their share of a chunk.
+    pub(super) fn has_cheap_rows(&self) -> bool {
+        matches!(self.storage, Storage::Memory(_))
+    }
+}
+
+/// Prepares all directions of a sphere for walks.
+pub(super) fn prepared(sphere: &DiscreteSphere) -> Vec<Direction> {
+    sphere.directions().iter().map(|d| Direction::new(d.vector)).collect()
+}
+
+/// Tells whether a direction lies in front of a surface.
+pub(super) fn is_in_front(normal: &Normal, vector: [i32; 3]) -> bool {
+    normal.dot(vector) > 0
+}
+
+impl Tally {
+    pub(super) fn plus(self, other: Self) -> Self {
+        Self {
+            n_links: self.n_links + other.n_links,
+            n_backs: self.n_backs + other.n_backs,
+            n_escaped: self.n_escaped + other.n_escaped,
+        }
+    }
+}
+
+impl Chunk {
+    pub(super) fn new(scene: &VoxelScene, directions: &[Direction], k: usize) -> Self {
+        let rows = k * ROWS_PER_CHUNK..((k + 1) * ROWS_PER_CHUNK).min(scene.n_surfels());
+        let mut chunk = Self::default();
+        for surfel in rows {
+            let normal = scene.normal(surfel);
+            let mut last = u32::try_from(surfel).expect("surfels are counted in 32 bits");
+            for direction in directions.iter().filter(|d| is_in_front(normal, d.vector())) {
+                chunk.tally.n_links += 1;
+                let code = match scene.sight(surfel, direction) {
+                    Sight::Surfel(seen) => {
+                        let code = zigzag(seen.wrapping_sub(last).cast_signed());
+                        last = seen;
+                        u64::from(code) + u64::from(FIRST)
+                    }
+                    Sight::Back => {
+                        chunk.tally.n_backs += 1;
+                        u64::from(BACK)
+                    }
+                    Sight::Escaped => {
+                        chunk.tally.n_escaped += 1;
+                        u64::from(ESCAPED)
+                    }
+                };
+                push(&mut chunk.bytes, code);
+            }
+            let end = u32::try_from(chunk.bytes.len()).expect("256 rows of at most 600,000 links of 5 bytes");
+            chunk.ends.push(end);
+        }
+        chunk.bytes.shrink_to_fit();
+        chunk
+    }
+
+    pub(super) fn row(&self, row: usize) -> &[u8] {
+        let start = if row == 0 { 0 } else { self.ends[row - 1] };
+        &self.bytes[start as usize..self.ends[row] as usize]
+    }
+}
+
+/// Calls `seen` with the number of each link of surfel `surfel` that ends at the front of a surfel, and that surfel, in the links' order.
+#[inline]
+pub(super) fn for_each_seen(row: &[u8], surfel: usize, mut seen: impl FnMut(usize, usize)) {
+    #[expect(clippy::cast_possible_truncation, reason = "surfels are counted in 32 bits")]
+    let mut last = surfel as u32;
+    let mut bytes = row.iter();
+    let mut k = 0;
+    while let Some(&byte) = bytes.next() {
+        let mut code = u64::from(byte);
+        if byte >= 128 {
+            code &= 127;
+            let mut shift = 7;
+            for &more in bytes.by_ref() {
+                code |= u64::from(more & 127) << shift;
+                if more < 128 {
+                    break;
+                }
+                shift += 7;
+            }
+        }
+        if code >= u64::from(FIRST) {
+            #[expect(clippy::cast_possible_truncation, reason = "a code is 2 + 32 bits")]
+            let difference = unzigzag((code - u64::from(FIRST)) as u32);
+            last = last.wrapping_add(difference.cast_unsigned());
+            seen(k, last as usize);
+        }
+        k += 1;
+    }
+}
+
+fn push(bytes: &mut Vec<u8>, mut code: u64) {
+    while code >= 128 {
+        #[expect(clippy::cast_possible_truncation, reason = "the lowest seven bits")]
+        bytes.push(code as u8 & 127 | 128);
+        code >>= 7;
+    }
+    #[expect(clippy::cast_possible_truncation, reason = "below 128")]
+    bytes.push(code as u8);
+}
+
+fn zigzag(difference: i32) -> u32 {
+    (difference << 1 ^ difference >> 31).cast_unsigned()
+}
+
+fn unzigzag(code: u32) -> i32 {
+    (code >> 1).cast_signed() ^ -((code & 1).cast_signed())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn codes_read_back() {
+        let seen = [7_u32, 7, 8, 70, u32::MAX, 0, 5, 1 << 31, 3];
+        let mut row = Vec::new();
+        let mut last = 12_u32;
+        for (k, &s) in seen.iter().enumerate() {
+            push(
+                &mut row,
+                u64::from(zigzag(s.wrapping_sub(last).cast_signed())) + u64::from(FIRST),
+            );
+            last = s;
+            if k % 3 == 0 {
+                push(&mut row, u64::from(BACK));
+                push(&mut row, u64::from(ESCAPED));
+            }
+        }
+        let mut read = Vec::new();
+        for_each_seen(&row, 12, |k, s| read.push((k, s)));
+        let places = [0, 3, 4, 5, 8, 9, 10, 13, 14];
+        let expected: Vec<_> = places.into_iter().zip(seen.map(|s| s as usize)).collect();
+        assert_eq!(read, expected);
+    }
+}

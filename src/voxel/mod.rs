@@ -1,0 +1,40 @@
+//! Discrete radiosity: light on voxels, with integer arithmetic for who sees whom.
+//!
+//! ```text
+//! Scene ──▶ VoxelScene (octree, surfels) ──▶ Links I(x, v) ──▶ LinkOperator ──▶ propagation, or any Solver ──▶ patches of the scene ──▶ renderer
+//!           discretize, octree              line, sight, links   operator         radiosity                      display
+//! ```
+//!
+//! Every surface voxel x gathers light along the directions v of a discrete sphere:
+//! B(x) = E(x) + ρ(x) Σ_v B(I(x, v)) cos θ(x, v) A(v), where I(x, v) is the first surface voxel on the discrete line from x towards x + v.
+//!
+//! Source: [`MALGOUYRES_2002`](crate::references::MALGOUYRES_2002).
+
+mod checks;
+mod discretize;
+mod display;
+mod error;
+mod grid;
+mod line;
+mod link_file;
+mod links;
+mod octree;
+mod operator;
+mod picture;
+mod radiosity;
+mod sight;
+mod sphere;
+
+pub use checks::ThinGap;
+pub use discretize::{Normal, Surfel, VoxelScene};
+pub use display::onto_patches;
+pub use error::VoxelError;
+pub use grid::{Grid, MAX_VOXELS, MIN_VOXELS, Voxel};
+pub use line::Direction;
+pub use links::Links;
+pub use octree::Octree;
+pub use operator::{LinkOperator, RowWeights};
+pub use picture::picture;
+pub use radiosity::{Form, Propagation, propagate};
+pub use sight::Sight;
+pub use sphere::{DiscreteSphere, MAX_RADIUS, SolidAngle, SphereDirection};

@@ -1,0 +1,376 @@
+//! `exact` as a whole: certified values, laws that hold in any scene, and scenes where things touch.
+
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+mod support;
+
+use glam::{DQuat, DVec3};
+use radiosity::form_factor::{ClosedForm, Computed, ExactMethod, FormFactorMethod, Input, RandomShooting};
+use radiosity::geometry::sampling::Sequence;
+use radiosity::matrix::StorageChoice;
+use radiosity::mesh::{Mesh, Subdivision};
+use radiosity::progress::Silent;
+use radiosity::scene::{Scene, builtin};
+use radiosity::visibility::brute_force::BruteForce;
+use serde_json::Value;
+use std::num::NonZeroUsize;
+use support::Uniform;
+use support::rooms::{Prepared, Shapes, moved};
+
+fn exact(tolerance: f64) -> ExactMethod {
+    ExactMethod {
+        tolerance,
+        ..ExactMethod::default()
+    }
+}
+
+fn compute(prepared: &Prepared, tolerance: f64) -> Computed {
+    let computed = prepared.try_compute(&exact(tolerance)).unwrap();
+    assert!(computed.tolerance_met && computed.factors.is_symmetric());
+    computed
+}
+
+fn builtin_scene(name: &str) -> Scene {
+    builtin::build(name, None).unwrap().scene
+}
+
+/// A room of 4 m × 5 m × 3 m that faces inwards.
+fn room() -> Shapes {
+    let mut shapes = Shapes::default();
+    shapes.cuboid(DVec3::ZERO, DVec3::new(4.0, 5.0, 3.0), DQuat::IDENTITY, true);
+    shapes
+}
+
+fn direction(uniform: &mut Uniform) -> DVec3 {
+    DVec3::new(uniform.next() - 0.5, uniform.next() - 0.5, uniform.next() - 0.5).normalize()
+}
+
+/// A room with two boxes turned at random, which may pierce each other, and a sheet of two faces.
+fn random_scene(seed: u64) -> Scene {
+    let mut uniform = Uniform(seed);
+    let mut shapes = room();
+    for _ in 0..2 {
+        let half = DVec3::new(uniform.next(), uniform.next(), uniform.next()) * 0.4 + 0.2;
+        let middle = DVec3::new(uniform.next() * 2.0, uniform.next() * 3.0, uniform.next()) + 1.0;
+        let turn = DQuat::from_axis_angle(direction(&mut uniform), uniform.next() * 3.0);
+        shapes.cuboid(middle - half, middle + half, turn, false);
+    }
+    let corner = DVec3::new(uniform.next() + 1.0, uniform.next() + 1.0, uniform.next() + 0.5);
+    let (a, b) = (direction(&mut uniform), direction(&mut uniform));
+    let sheet = [corner, corner + a, corner + a + b, corner + b];
+    shapes.face(&sheet);
+    shapes.face(&[sheet[0], sheet[3], sheet[2], sheet[1]]);
+    shapes.scene()
+}
+
+/// Scenes that are the same but for where they stand and how large they are.
+fn places(scene: &Scene) -> Vec<Scene> {
+    let turn = DQuat::from_axis_angle(DVec3::new(1.0, 2.0, 2.0) / 3.0, 0.7);
+    vec![
+        scene.clone(),
+        moved(scene, turn, 1.0, DVec3::ZERO),
+        moved(scene, turn, 1.0, DVec3::new(1e3, -1e3, 1e3)),
+        moved(scene, turn, 1e-6, DVec3::ZERO),
+        moved(scene, turn.inverse(), 1e6, DVec3::ZERO),
+    ]
+}
+
+#[test]
+fn a_room_with_a_floating_box_is_within_tolerance_and_estimate_of_its_certified_factors() {
+    let text = include_str!("data/reference/occluded.json");
+    let expected: Value = serde_json::from_str(text).unwrap();
+    let expected = &expected["room_box_12"]["F"];
+    for scene in places(&builtin_scene("room-box")) {
+        let prepared = Prepared::new(scene, 1);
+        for tolerance in [1e-4, 1e-6, 1e-8] {
+            let factors = compute(&prepared, tolerance).factors;
+            let areas = factors.areas();
+            for i in 0..12 {
+                for j in 0..12 {
+                    let error = (factors.get(i, j) - expected[i][j].as_f64().unwrap()).abs();
+                    let most = tolerance * areas[i].min(areas[j]) / areas[i];
+                    // The values are certified to 1e-10; estimates are stored as f32.
+                    assert!(error <= most + 2e-10, "{i} {j} {tolerance:e}: {error:e}");
+                    assert!(
+                        error <= 1.000_001 * factors.std_error(i, j) + 2e-10,
+                        "{i} {j}: {error:e}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_cube_is_exact_to_rounding() {
+    for scene in places(&builtin_scene("cube")).into_iter().take(2) {
+        let prepared = Prepared::new(scene, 6);
+        let computed = compute(&prepared, 1e-6);
+        let closed_form = prepared.compute(&ClosedForm {
+            points: NonZeroUsize::MIN,
+            seed: 0,
+        });
+        assert_eq!(computed.pairs.unwrap().partial, 0);
+        for i in 0..216 {
+            for j in 0..216 {
+                let off = (computed.factors.get(i, j) - closed_form.get(i, j)).abs();
+                assert!(off < 1e-13, "{i} {j}: {off:e}");
+            }
+            assert!((computed.factors.row_sum(i) - 1.0).abs() < 1e-12);
+        }
+    }
+}
+
+#[test]
+fn closed_scenes_lose_nothing_and_a_tighter_tolerance_agrees() {
+    for seed in 0..6 {
+        let scene = random_scene(seed);
+        for (place, scene) in places(&scene)
+            .into_iter()
+            .enumerate()
+            .take(if seed == 0 { 5 } else { 1 })
+        {
+            let prepared = Prepared::new(scene, 1);
+            let loose = compute(&prepared, 1e-5).factors;
+            let tight = compute(&prepared, 1e-7).factors;
+            let n = loose.n_rows();
+            for i in 0..n {
+                let (mut sum, mut error) = (0.0, 0.0);
+                for j in 0..n {
+                    let off = (loose.get(i, j) - tight.get(i, j)).abs();
+                    let known = loose.std_error(i, j) + tight.std_error(i, j);
+                    assert!(
+                        off <= 1.000_001 * known + 1e-12,
+                        "{seed} {place} {i} {j}: {off:e} {known:e}"
+                    );
+                    sum += tight.get(i, j);
+                    error += tight.std_error(i, j);
+                }
+                // Six walls face a closed room in which only fronts can be seen, unless a box or the sheet pierces another.
+                assert!(sum <= 1.0 + error + 1e-12, "{seed} {place} {i}: {sum}");
+            }
+        }
+    }
+}
+
+#[test]
+fn random_scenes_agree_with_rays_in_f64() {
+    // Independent cosine-distributed rays from whole faces, against the same faces in f64.
+    let n_rays = 20_000;
+    let (mut worst, mut n_compared) = (0.0_f64, 0);
+    for seed in 10..14 {
+        let scene = random_scene(seed);
+        let prepared = Prepared::new(scene.clone(), 1);
+        let factors = compute(&prepared, 1e-6).factors;
+        let mesh = Mesh::new(&scene, Subdivision::Uniform(1)).unwrap();
+        let visibility = BruteForce::new(&scene);
+        let shooting = RandomShooting {
+            rays: n_rays,
+            sequence: Sequence::Random,
+            seed,
+        };
+        let input = Input {
+            scene: &scene,
+            mesh: &mesh,
+            visibility: &visibility,
+            unoccluded: false,
+        };
+        let sampled = shooting
+            .compute(input, StorageChoice::default(), &Silent)
+            .unwrap()
+            .factors;
+        for i in 0..factors.n_rows() {
+            for j in 0..factors.n_rows() {
+                let f = factors.get(i, j);
+                let sigma = (f * (1.0 - f) / n_rays as f64).sqrt();
+                let off = (sampled.get(i, j) - f).abs();
+                // One hit where none is expected is no proof of the contrary; offsets of ray ends bend f32 rays by 1e-4 at most.
+                if f * n_rays as f64 > 10.0 {
+                    worst = worst.max((off - 1e-6).max(0.0) / sigma);
+                    n_compared += 1;
+                } else {
+                    assert!(off < 30.0 / n_rays as f64, "{seed} {i} {j}: {f:e} {off:e}");
+                }
+            }
+        }
+    }
+    // Of 1000 standard normal numbers one is above 5 in fewer than one case of 1000.
+    assert!(n_compared > 300 && worst < 5.0, "{worst} of {n_compared}");
+}
+
+#[test]
+fn parts_sum_to_the_whole() {
+    for scene in [builtin_scene("room-box"), random_scene(3)] {
+        let whole = Prepared::new(scene.clone(), 1);
+        let whole = whole.by_surface(&compute(&whole, 1e-7).factors);
+        for n in [2, 5] {
+            let parts = Prepared::new(scene.clone(), n);
+            for tolerance in [1e-4, 1e-6] {
+                let by_surface = parts.by_surface(&compute(&parts, tolerance).factors);
+                for k in 0..whole.form_factor.len() {
+                    let off = (whole.form_factor[k] - by_surface.form_factor[k]).abs();
+                    let known = whole.error[k] + by_surface.error[k];
+                    assert!(
+                        off <= 1.000_001 * known + 1e-13,
+                        "{n} {tolerance:e} {k}: {off:e} {known:e}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn an_occluder_takes_light_and_never_adds_any() {
+    let empty = Prepared::new(room().scene(), 2);
+    let without = compute(&empty, 1e-6).factors;
+    for seed in 0..3 {
+        let prepared = Prepared::new(random_scene(seed), 2);
+        let with = compute(&prepared, 1e-6).factors;
+        let mut taken = 0.0;
+        for i in 0..24 {
+            for j in 0..24 {
+                let (f, most) = (with.get(i, j), without.get(i, j));
+                assert!(f <= most * (1.0 + 1e-11), "{seed} {i} {j}: {f} {most}");
+                taken += most - f;
+            }
+        }
+        assert!(taken > 0.1, "{taken}");
+    }
+}
+
+/// A room with a box that stands on the floor, in a corner if `in_corner`, without the sides that touch a wall if `open`.
+fn room_with_a_standing_box(in_corner: bool, open: bool) -> Scene {
+    let low = if in_corner {
+        DVec3::ZERO
+    } else {
+        DVec3::new(1.0, 1.0, 0.0)
+    };
+    let high = low + DVec3::new(2.0, 2.5, 1.0);
+    let mut shapes = room();
+    let mut block = Shapes::default();
+    block.cuboid(low, high, DQuat::IDENTITY, false);
+    let block = block.scene();
+    for face in block.face_ids() {
+        let corners = block.polygon(face);
+        let touches = (0..3).any(|axis| corners.iter().all(|v| v[axis].abs() < 1e-12));
+        if !(open && touches) {
+            shapes.face(&corners);
+        }
+    }
+    shapes.scene()
+}
+
+#[test]
+fn patches_under_a_box_see_nothing_and_the_others_lose_nothing() {
+    for (in_corner, open) in [(false, false), (false, true), (true, false), (true, true)] {
+        let scene = room_with_a_standing_box(in_corner, open);
+        for (place, scene) in places(&scene).into_iter().enumerate().take(3) {
+            let prepared = Prepared::new(scene, 8);
+            let factors = compute(&prepared, 1e-5).factors;
+            let (mut n_hidden, mut n_whole) = (0, 0);
+            for (i, patch) in prepared.mesh.patches.iter().enumerate() {
+                let sum = factors.row_sum(i);
+                let mut error = 0.0;
+                factors.for_each_in_row(i, |_, _, e| error += e);
+                assert!(sum <= 1.0 + error + 1e-9, "{place} {i} {sum}");
+                let is_floor = patch.surface.0 == 4;
+                let touches_box = !is_floor && (sum - 1.0).abs() > error + 1e-9;
+                if is_floor && sum < 0.5 && !in_corner {
+                    n_hidden += usize::from(sum.to_bits() == 0);
+                }
+                n_whole += usize::from(!touches_box);
+            }
+            if !in_corner {
+                // The floor's cells are 0.5 by 0.625 m: 4 by 4 of them lie wholly under the box.
+                assert!(n_hidden >= 4 * 2, "{in_corner} {open} {place}: {n_hidden}");
+            }
+            assert!(n_whole > prepared.mesh.n_patches() * 3 / 4, "{n_whole}");
+        }
+    }
+}
+
+#[test]
+fn both_sides_of_a_sheet_see_their_own_half() {
+    let mut shapes = room();
+    let sheet = [
+        DVec3::new(0.0, 2.0, 0.0),
+        DVec3::new(4.0, 2.0, 0.0),
+        DVec3::new(4.0, 2.0, 3.0),
+        DVec3::new(0.0, 2.0, 3.0),
+    ];
+    shapes.face(&sheet);
+    shapes.face(&[sheet[0], sheet[3], sheet[2], sheet[1]]);
+    let prepared = Prepared::new(shapes.scene(), 3);
+    let factors = compute(&prepared, 1e-6).factors;
+    for (i, patch) in prepared.mesh.patches.iter().enumerate() {
+        // What the sheet cuts in two is lit from both halves: every row of a closed room sums to 1.
+        let mut error = 0.0;
+        factors.for_each_in_row(i, |_, _, e| error += e);
+        assert!((factors.row_sum(i) - 1.0).abs() <= error + 1e-11, "{i}");
+        let side = patch.centroid.y - 2.0;
+        for (j, other) in prepared.mesh.patches.iter().enumerate() {
+            let other_side = other.centroid.y - 2.0;
+            if side.abs() > 0.9 && other_side.abs() > 0.9 && side * other_side < 0.0 {
+                assert_eq!(factors.get(i, j).to_bits(), 0, "{i} {j}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_sphere_of_many_facets_closes_its_room() {
+    let prepared = Prepared::new(builtin_scene("sphere-room-r1"), 1);
+    let computed = compute(&prepared, 1e-5);
+    assert!(computed.pairs.unwrap().partial > 1000);
+    for i in 0..computed.factors.n_rows() {
+        let mut error = 0.0;
+        computed.factors.for_each_in_row(i, |_, _, e| error += e);
+        let sum = computed.factors.row_sum(i);
+        assert!((sum - 1.0).abs() <= error + 1e-11, "{i}: {sum} {error}");
+    }
+}
+
+#[test]
+fn equal_bytes_at_any_number_of_threads() {
+    let prepared = Prepared::new(random_scene(1), 3);
+    let values = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let computed = pool.install(|| compute(&prepared, 1e-5));
+        let n = computed.factors.n_rows();
+        let bits = |k: usize| computed.factors.get(k / n, k % n).to_bits();
+        (computed.pairs, (0..n * n).map(bits).collect::<Vec<_>>())
+    };
+    let one = values(1);
+    assert!(one == values(3) && one == values(7));
+}
+
+#[test]
+fn a_spent_budget_is_told_and_the_estimates_still_hold() {
+    let prepared = Prepared::new(builtin_scene("room-box"), 1);
+    let method = ExactMethod {
+        tolerance: 1e-10,
+        budget: 300,
+    };
+    let spent = prepared.try_compute(&method).unwrap();
+    assert!(!spent.tolerance_met && spent.pairs.unwrap().n_above_tolerance > 0);
+    let tight = compute(&prepared, 1e-8).factors;
+    for i in 0..12 {
+        for j in 0..12 {
+            let off = (spent.factors.get(i, j) - tight.get(i, j)).abs();
+            assert!(
+                off <= 1.000_001 * spent.factors.std_error(i, j) + 1e-8,
+                "{i} {j}: {off:e}"
+            );
+        }
+    }
+}
+
+#[test]
+fn without_blockers_nothing_is_classified() {
+    let prepared = Prepared::new(builtin_scene("cube"), 4);
+    let pairs = compute(&prepared, 1e-6).pairs.unwrap();
+    assert_eq!((pairs.partial, pairs.hidden, pairs.n_rays), (0, 0, 0));
+    assert_eq!(pairs.full + pairs.not_facing, 96 * 95 / 2);
+    assert_eq!(pairs.full, 15 * 16 * 16);
+}
