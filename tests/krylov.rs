@@ -116,12 +116,12 @@ fn auto_says_what_it_took_and_why() {
     emission[3] = 1.0;
     let exitance = Block::from_values(emission, 1);
     let auto = support::solving::by_name("auto");
-    let chosen = |f, rho: f64, tolerance: f64, channels: usize| {
+    let chosen = |factors, rho: f64, tolerance: f64, channels: usize| {
         let repeat = |block: &Block| {
             let rows = block.values().iter().flat_map(|x| std::iter::repeat_n(*x, channels));
             Block::from_values(rows.collect(), channels)
         };
-        let system = system(f, &repeat(&constant(120, rho)), &repeat(&exitance));
+        let system = system(factors, &repeat(&constant(120, rho)), &repeat(&exitance));
         let solution = run(auto, &system, &l2(tolerance));
         assert_eq!(solution.stop_reason, StopReason::Converged);
         let choice = solution.choice.unwrap();

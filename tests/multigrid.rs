@@ -25,6 +25,7 @@ use radiosity::visibility::embree::EmbreeVisibility;
 use support::solving::{constant, l2, random_materials, run, system};
 use support::{LewisRoom, bits, dense, random_room, relative_error, solve_direct};
 
+#[expect(clippy::unnecessary_wraps, reason = "it fills a setting that may be left out")]
 fn hierarchy(l: u32) -> Option<Arc<Hierarchy>> {
     let m = 1_u32 << l;
     let n = 6 * 4_usize.pow(l);
