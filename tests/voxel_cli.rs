@@ -1,4 +1,8 @@
 //! `radiosity voxel` as its users meet it.
+#![expect(
+    clippy::shadow_unrelated,
+    reason = "each run of a test has its own output, code and result"
+)]
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::path::Path;
