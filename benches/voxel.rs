@@ -38,7 +38,7 @@ fn main() {
             }
         }
         walking += start.elapsed();
-        let start = Instant::now();
+        let begin = Instant::now();
         for surfel in surfels {
             let normal = voxels.normal(surfel);
             let centre = voxels.grid.centre(voxels.surfels[surfel].voxel());
@@ -52,7 +52,7 @@ fn main() {
                 .filter(|&k| hits.face(k).is_some_and(|h| !h.back))
                 .count() as u64;
         }
-        tracing += start.elapsed();
+        tracing += begin.elapsed();
     }
     let rate = |time: Duration| n_lines as f64 / time.as_secs_f64() / 1e6;
     println!("lines or rays          {n_lines}");

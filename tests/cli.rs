@@ -741,8 +741,11 @@ fn lightings_go_through_the_matrix_together() {
         assert_eq!(lightings[k]["name"], *name);
         assert!(directory.path().join(format!("out-{name}.csv")).exists());
     }
-    for surface in 0..6 {
-        let [a, b, both] = [0, 1, 2].map(|k| numbers(&lightings[k]["surfaces"][surface]["radiosity"]));
+    let n_surfaces = lightings[0]["surfaces"].as_array().unwrap().len();
+    assert_eq!(n_surfaces, 6);
+    for surface in 0..n_surfaces {
+        let of = |lighting: &Value| numbers(&lighting["surfaces"][surface]["radiosity"]);
+        let [a, b, both] = [of(&lightings[0]), of(&lightings[1]), of(&lightings[2])];
         for c in 0..3 {
             assert!(
                 both[c] > 0.0 && (a[c] + b[c] - both[c]).abs() < 1e-8 * both[c],
