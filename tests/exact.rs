@@ -1,5 +1,6 @@
 //! `exact` as a whole: certified values, laws that hold in any scene, and scenes where things touch.
 
+#![expect(clippy::shadow_unrelated, reason = "a scene in its places is still that scene")]
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod support;
