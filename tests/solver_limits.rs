@@ -375,7 +375,9 @@ fn balanced_light_in_a_white_room_has_the_mean_zero() {
     let mut exitance: Vec<f64> = (0..40).map(|_| uniform.next() - 0.5).collect();
     let power: f64 = f.areas().iter().zip(&exitance).map(|(a, e)| a * e).sum();
     let area: f64 = f.areas().iter().sum();
-    exitance.iter_mut().for_each(|e| *e -= power / area);
+    for e in &mut exitance {
+        *e -= power / area;
+    }
     let signed = |rho: f64, e: &[f64]| {
         let exitance = Block::from_values(e.to_vec(), 1);
         RadiositySystem::with_signed_exitance(&f, f.areas().to_vec(), constant(40, rho), exitance)
