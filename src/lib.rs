@@ -12,7 +12,7 @@
 //! Each arrow is one call with one input and one output. Dependencies point one way; nothing below imports anything above:
 //!
 //! ```text
-//! cli → report, render, solver → form_factor → matrix, visibility → mesh → scene, geometry
+//! cli → experiment → report, render, solver → form_factor → matrix, visibility → mesh → scene, geometry
 //! ```
 //!
 //! | module | what it holds |
@@ -26,6 +26,7 @@
 //! | [`solver`] | the solvers, one file each, behind one trait |
 //! | [`voxel`] | discrete radiosity: integer lines between voxels |
 //! | [`render`] | pictures: layers, OpenEXR, preview, and their verification |
+//! | [`experiment`] | methods side by side; the papers' tables beside ours; solvers on stiff and extreme systems |
 //! | [`plan`], [`report`], [`progress`] | what is needed, what was done, how far it is |
 //! | [`geometry`] | polygons, closed forms, quadrature, sampling |
 //! | [`cli`] | the command-line program |

@@ -130,8 +130,8 @@ pub enum StorageError {
     },
 }
 
-/// Rounding form factors to f32 changes radiosities by about this much times 1 / (1 − ρ), relative
-/// (measured on a closed room of 6144 patches: 5e-11).
+/// Rounding form factors to f32 changes radiosities by about this much times 1 / (1 − ρ), relative: what a prototype measured in rooms
+/// with a sphere. It is no bound.
 const F32_ERROR: f64 = 5e-11;
 
 /// The share of the tolerance that rounding may take.
