@@ -123,10 +123,12 @@ proptest! {
         let mut n_less = 0;
         for name in room.methods() {
             let (open, shaded) = (without.compute(&*quick(name, 5)), with.compute(&*quick(name, 5)));
-            for_each(&shaded, n, |i, j, value, _| {
-                // Rounding: in a room without boxes no ray was traced before, and the sums are not the same ones.
+            for_each(&shaded, n, |i, j, value, error| {
+                // Rounding: in a room without boxes no ray was traced before, and the sums are not the same ones. `exact` integrates
+                // both to a tolerance.
                 let before = open.get(i, j);
-                assert!(value <= before * (1.0 + 1e-12) + 1e-13, "{name} {i} {j}: {value} above {before}");
+                let known = if name == "exact" { error + open.std_error(i, j) } else { 0.0 };
+                assert!(value <= before * (1.0 + 1e-12) + known + 1e-13, "{name} {i} {j}: {value} above {before}");
                 n_less += u32::from(value < 0.999 * before);
             });
         }
@@ -174,6 +176,7 @@ proptest! {
         room in room(0..2), turn in 0.1..6.0, axis in between(0.1, 1.0), scale in 0.01..100.0, shift in between(-5.0, 5.0),
     ) {
         let here = Prepared::new(room.scene(), 2);
+        let areas = here.mesh.areas();
         let rotation = DQuat::from_axis_angle(axis.normalize(), turn);
         let turned = Prepared::new(moved(&here.scene, rotation, scale, scale * shift), 2);
         let shifted = Prepared::new(moved(&here.scene, DQuat::IDENTITY, scale, scale * shift), 2);
@@ -187,8 +190,10 @@ proptest! {
             for_each(&after, n, |i, j, value, error| {
                 let difference = (value - before.get(i, j)).abs();
                 // One ray that passes an edge within f32's rounding may change sides.
-                n_different += usize::from(difference > 1e-9);
-                assert!(difference <= 1e-9 + 3.0 * error, "{name} {i} {j}: {difference:e} ± {error:e}");
+                n_different += usize::from(difference > 1e-9 && name != "exact");
+                // `exact` promises its tolerance on the larger form factor of each pair, and what it states is mostly less, but not always.
+                let promised = if name == "exact" { 2.0 * radiosity::form_factor::ExactMethod::DEFAULT_TOLERANCE * areas[i].min(areas[j]) / areas[i] } else { 0.0 };
+                assert!(difference <= (1e-9 + 3.0 * error).max(promised), "{name} {i} {j}: {difference:e} ± {error:e}");
             });
             assert!(n_different <= n * n / 100, "{name}: {n_different} of {} differ", n * n);
         }

@@ -248,8 +248,9 @@ fn row_sums_above_one_are_found_out() {
         let by_steps = selects && solution.stop_reason == StopReason::Stagnated;
         assert!(
             by_steps || solution.stop_reason == StopReason::Diverged,
-            "{}",
-            solver.name()
+            "{} {:?}",
+            solver.name(),
+            solution.stop_reason
         );
         assert_eq!(solution.error_bound, None);
     }

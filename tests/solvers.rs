@@ -92,7 +92,7 @@ fn furnace() {
             // Without a preconditioner rounding counts by the spread of A / ρ, a thousandfold here.
             let tolerance = if solver.name() == "cg" { 1e-10 } else { 1e-12 };
             let solution = run(solver, &system, &l2(tolerance));
-            assert_eq!(solution.stop_reason, StopReason::Converged);
+            assert_eq!(solution.stop_reason, StopReason::Converged, "{} {rho}", solver.name());
             for (&b, area) in solution.radiosity.values().iter().zip(f.areas()) {
                 let error = (b * (1.0 - rho) / 2.0 - 1.0).abs();
                 // Without a preconditioner an entry may err by as much as its area allows it.

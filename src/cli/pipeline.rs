@@ -104,8 +104,6 @@ fn explain_exact(prepared: &mut Prepared, fineness: Fineness) {
         };
         plan.decide("form-factor tolerance", format!("{tolerance:e}"), reason);
     }
-    plan.left_out
-        .push("rays between patches: nothing here is sampled".into());
 }
 
 /// Returns the greatest error of A_i F_ij / min(A_i, A_j).
@@ -211,8 +209,12 @@ impl Run {
             by_rows,
             n_entries,
         } = self.method(args, fineness)?;
-        if method.name() == "exact" && self.common.explain {
-            explain_exact(prepared, fineness);
+        if method.name() == "exact" {
+            if self.common.explain {
+                explain_exact(prepared, fineness);
+            }
+            let nothing = "rays between patches: nothing here is sampled".into();
+            prepared.plan.left_out.push(nothing);
         }
         let needs_symmetry = self.wants_symmetry(args.balance)? || needs_symmetry;
         let matrix = storage::Matrix {

@@ -237,7 +237,7 @@ mod tests {
 
     #[test]
     fn repeated_pairs_are_those_computed_one_by_one() {
-        let patches = patches("room-box", 4);
+        let patches = patches("room-box", 6);
         let lattices: Vec<Lattice> = patches
             .faces
             .iter()
