@@ -34,6 +34,7 @@ use rayon::prelude::*;
 
 use disk::General;
 use lanes::Planes;
+pub(crate) use lanes::product;
 use operator::{Block, Components, LinearOperator, RowAccess};
 use regroup::Regrouped;
 use store::Store;
