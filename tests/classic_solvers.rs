@@ -246,27 +246,6 @@ fn patience_counts_power_that_is_not_used_up() {
     }
 }
 
-/// Exitances of both signs have no even irradiance, and in a white room that they balance in no loss either: shooting, overshooting and sweeps find the solution of mean zero.
-#[test]
-fn balanced_exitances_in_a_white_room() {
-    let n = 30;
-    let f = random_room(n, 0.1, 46);
-    let areas = f.areas().to_vec();
-    let raw = |i: usize| f64::from(u8::from(i % 3 == 0));
-    let power: f64 = (0..n).map(|i| areas[i] * raw(i)).sum();
-    let mean = power / areas.iter().sum::<f64>();
-    let exitance = Block::from_values((0..n).map(|i| raw(i) - mean).collect(), 1);
-    let system = RadiositySystem::with_signed_exitance(&f, areas, constant(n, 1.0), exitance).unwrap();
-    let expected = run(by_name("direct"), &system, &l2(1e-13)).radiosity;
-    for name in ["overshooting", "sor", "gauss-seidel", "progressive-refinement"] {
-        let solution = run(by_name(name), &system, &l2(1e-10));
-        assert_eq!(solution.stop_reason, StopReason::Converged, "{name}");
-        // But for the mean, errors are residuals by 1 less the next eigenvalue, some tenths.
-        let error = relative_error(f.areas(), &solution.radiosity, &expected);
-        assert!(error < 1e-9, "{name}: {error:e}");
-    }
-}
-
 /// Steps make passes, patience and work, but no difference to the steps themselves.
 #[test]
 fn steps_per_pass_only_divide_the_work() {

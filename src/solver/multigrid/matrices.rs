@@ -14,6 +14,9 @@ use crate::mesh::hierarchy::Coarsening;
 /// The share of entries that are not zero from which a row is kept in full: then it takes as much memory as with its columns.
 const DENSE_FROM: f64 = 2.0 / 3.0;
 
+/// Columns of a row below which choosing an instruction set takes longer than adding up.
+const SHORT: usize = 32;
+
 /// Multiplications for which a further thread is worth its start.
 const TERMS_PER_TASK: usize = 1 << 16;
 
@@ -46,6 +49,7 @@ impl Row {
 
     fn dot(&self, x: &[f64]) -> f64 {
         match &self.columns {
+            None if x.len() < SHORT => self.values.iter().zip(x).map(|(a, x)| a * x).sum(),
             None => product(&self.values, x),
             Some(columns) => {
                 let terms = columns.iter().zip(&self.values);
