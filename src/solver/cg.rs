@@ -21,7 +21,7 @@ use crate::matrix::operator::Block;
 ///
 /// One application of F a pass; each channel has its own scalars and rests as soon as it meets the tolerance. The recurrence's residual, with V undone, is the
 /// estimate in the history; the true residual is looked at when it meets the tolerance, as in [`Pcg`](super::Pcg). Without a
-/// preconditioner the spread of A / ρ sets the pace, and the residual can rise for long before it falls (the patience counts fourfold): dark and small patches cost passes, and where areas or reflectances span many orders of magnitude
+/// preconditioner the spread of A / ρ sets the pace: dark and small patches cost passes, and where areas or reflectances span many orders of magnitude
 /// `pcg` is the one to take.
 ///
 /// Memory: 5 vectors. Source: Baranoski, Bramley and Shirley 1995, section 3.2.
@@ -73,16 +73,9 @@ impl Solver for ConjugateGradients {
             squared: vec![0.0; system.n_channels()],
             scaled: &scaled,
         };
-        let patient = SolveOptions {
-            patience: options.patience.saturating_mul(PATIENCE),
-            ..*options
-        };
-        iteration::run(&scaled, &patient, monitor, state)
+        iteration::run(&scaled, options, monitor, state)
     }
 }
-
-/// How much more patience it takes than others: the residual, with V undone, may stay above its least for long.
-const PATIENCE: usize = 4;
 
 /// The vectors of the iteration; all blocks are \[n, c\].
 struct State<'a> {
