@@ -50,6 +50,7 @@ pub enum Command {
 /// Flags that every command has.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Common")]
+#[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
 pub struct CommonArgs {
     /// Number of threads [default: all cores]; results do not depend on it
     #[arg(long, value_name = "K")]
