@@ -93,6 +93,7 @@ fn methods_between_pairs_meet_the_cube_within_their_errors_and_trace_no_ray() {
         ("contour", 1e-15, 1e-14),
         ("closed-form", 1e-14, 1e-14),
         ("qmc", 1e-14, 1e-14),
+        ("exact", 1e-14, 1e-13),
     ] {
         let walls = coarse.try_compute(&*default(name)).unwrap();
         let patches = fine.try_compute(&*default(name)).unwrap();

@@ -99,25 +99,26 @@ const ROUNDING: f64 = 1e-13;
 
 #[test]
 fn a_hundredth_of_the_tolerance_agrees() {
-    let (mut n, tolerance) = (0, 1e-4);
-    each_partial_pair(100..124, 3, |seed, index, p, q| {
-        let [loose, tight] = [tolerance, 0.01 * tolerance].map(|t| pair(index, p, q, t));
-        let smaller = area(p).min(area(q));
-        let off = (loose.exchange_area - tight.exchange_area).abs();
-        assert!(
-            off <= loose.error + tight.error + ROUNDING * smaller,
-            "{seed}: {off:e} {loose:?} {tight:?}"
-        );
-        assert!(off <= tolerance * smaller, "{seed}: {off:e} {loose:?} {tight:?}");
-        n += 1;
-    });
-    assert!(n > 300, "{n}");
+    // Most pairs coarsely, and some finely, which takes longer.
+    for (tolerance, seeds, step, least) in [(1e-3, 100..112, 3, 150), (1e-5, 120..124, 40, 4)] {
+        let mut n = 0;
+        each_partial_pair(seeds, step, |seed, index, p, q| {
+            let [loose, tight] = [tolerance, 0.01 * tolerance].map(|t| pair(index, p, q, t));
+            let smaller = area(p).min(area(q));
+            let off = (loose.exchange_area - tight.exchange_area).abs();
+            let known = loose.error + tight.error + ROUNDING * smaller;
+            assert!(off <= known, "{seed}: {off:e} {loose:?} {tight:?}");
+            assert!(off <= tolerance * smaller, "{seed}: {off:e} {loose:?} {tight:?}");
+            n += 1;
+        });
+        assert!(n >= least, "{n}");
+    }
 }
 
 #[test]
 fn parts_of_both_patches_add_up() {
-    let (mut n, tolerance) = (0, 1e-6);
-    each_partial_pair(200..212, 9, |seed, index, p, q| {
+    let (mut n, tolerance) = (0, 1e-5);
+    each_partial_pair(200..210, 12, |seed, index, p, q| {
         let parts = |polygon: &[DVec3]| match polygon.len() {
             4 => cut(polygon, 2, 2),
             n => {
@@ -143,7 +144,7 @@ fn parts_of_both_patches_add_up() {
         );
         n += 1;
     });
-    assert!(n > 50, "{n}");
+    assert!(n >= 30, "{n}");
 }
 
 #[test]
