@@ -155,6 +155,8 @@ pub enum BalanceName {
     Auto,
     /// Always
     On,
+    /// Always, but each entry is moved by its own error variance instead (least squares): what is known stays
+    Closure,
     /// Never
     Off,
 }

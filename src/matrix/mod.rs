@@ -5,6 +5,7 @@
 
 mod balance;
 mod checks;
+mod closure;
 mod components;
 mod dense;
 mod disk;
