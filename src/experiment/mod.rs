@@ -2,12 +2,13 @@
 //!
 //! [`compare`](compare()) runs every setting of every method ([`SWEEPS`]) over several seeds and says how far each is from a
 //! [`Reference`], and how long it took. [`baranoski`] repeats the tables of that paper, [`lewis`] those of the paper on multigrid.
-//! [`stability`] tries every solver on stiff, extreme and impossible systems.
+//! [`malgouyres`] measures what the paper on voxels leaves open. [`stability`] tries every solver on stiff, extreme and impossible systems.
 
 pub mod baranoski;
 mod compare;
 mod known;
 pub mod lewis;
+pub mod malgouyres;
 mod pareto;
 mod reference;
 pub mod stability;

@@ -8,8 +8,13 @@
 //! Every surface voxel x gathers light along the directions v of a discrete sphere:
 //! B(x) = E(x) + ρ(x) Σ_v B(I(x, v)) cos θ(x, v) A(v), where I(x, v) is the first surface voxel on the discrete line from x towards x + v.
 //!
+//! [`solve_adaptively`] joins voxels to cells where the light is even: [`Cells`] are the unknowns, the voxels still decide who sees whom.
+//!
 //! Source: [`MALGOUYRES_2002`](crate::references::MALGOUYRES_2002).
 
+mod adaptive;
+mod cell_operator;
+mod cells;
 mod checks;
 mod discretize;
 mod display;
@@ -24,7 +29,10 @@ mod picture;
 mod radiosity;
 mod sight;
 mod sphere;
+mod weights;
 
+pub use adaptive::{Adaptive, AdaptiveSettings, solve_adaptively};
+pub use cells::{Cells, MAX_CELL_LEVEL};
 pub use checks::ThinGap;
 pub use discretize::{Normal, Surfel, VoxelScene};
 pub use display::onto_patches;
@@ -33,8 +41,9 @@ pub use grid::{Grid, MAX_VOXELS, MIN_VOXELS, Voxel};
 pub use line::Direction;
 pub use links::Links;
 pub use octree::Octree;
-pub use operator::{LinkOperator, RowWeights};
+pub use operator::{Gather, LinkOperator};
 pub use picture::picture;
 pub use radiosity::{Form, Propagation, propagate};
 pub use sight::Sight;
 pub use sphere::{DiscreteSphere, MAX_RADIUS, SolidAngle, SphereDirection};
+pub use weights::RowWeights;
