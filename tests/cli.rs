@@ -456,15 +456,16 @@ fn a_picture_is_written_whole_with_its_preview() {
 }
 
 #[test]
-fn an_output_that_cannot_be_written_leaves_the_old_file() {
+fn an_output_that_cannot_be_written_is_refused_before_the_work() {
     let directory = with_scene("cube");
-    let output = radiosity(
-        directory.path(),
-        &["render", "scene.obj", "-o", "no/such/dir/x.exr", "--width", "8"],
-    );
-    assert_eq!(output.status.code(), Some(1));
-    assert_eq!(stderr(&output).lines().count(), 1, "{}", stderr(&output));
-    assert!(stderr(&output).contains("no/such/dir/x.exr"));
+    std::fs::create_dir(directory.path().join("folder.exr")).unwrap();
+    for (name, code) in [("no/such/dir/x.exr", 1), ("folder.exr", 1), ("x.png", 2), ("x", 2)] {
+        let output = radiosity(directory.path(), &["render", "scene.obj", "-o", name, "--width", "8"]);
+        assert_eq!(output.status.code(), Some(code), "{name}");
+        assert_eq!(stderr(&output).lines().count(), 1, "{}", stderr(&output));
+        assert!(stderr(&output).contains(name), "{}", stderr(&output));
+        assert!(output.stdout.is_empty(), "{name}");
+    }
 }
 
 #[test]

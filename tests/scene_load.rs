@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use proptest::prelude::*;
-use radiosity::scene::{Corners, Loaded, MAX_CORNERS, Scene, load};
+use radiosity::scene::{Corners, LoadOptions, Loaded, MAX_CORNERS, Scene, load, load_with};
 
 const VALID: &str = "tests/data/obj/valid";
 const INVALID: &str = "tests/data/obj/invalid";
@@ -305,6 +305,49 @@ fn files_that_cannot_be_read_say_why() {
         format!("{}: is a directory; name the file in it", library.display())
     );
     assert_eq!(load(&scene).unwrap_err().kind(), "unreadable");
+}
+
+#[test]
+fn libraries_outside_the_scenes_folder_need_leave() {
+    let directory = tempfile::tempdir().unwrap();
+    let folder = directory.path().join("scenes/room");
+    std::fs::create_dir_all(folder.join("materials")).unwrap();
+    let library = "newmtl paint\nKd 0.25\n";
+    std::fs::write(directory.path().join("paint.mtl"), library).unwrap();
+    std::fs::write(folder.join("materials/paint.mtl"), library).unwrap();
+    std::os::unix::fs::symlink(directory.path(), folder.join("way_out")).unwrap();
+    let scene = folder.join("a.obj");
+    let naming = |name: &str| {
+        let text = format!("\nmtllib {name}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl paint\nf 1 2 3\n");
+        std::fs::write(&scene, text).unwrap();
+    };
+    let absolute = directory.path().join("paint.mtl").display().to_string();
+    for name in ["../../paint.mtl", "way_out/paint.mtl", &absolute] {
+        naming(name);
+        let error = load(&scene).unwrap_err();
+        assert_eq!((error.kind(), error.line()), ("outside_folder", Some(2)));
+        assert_eq!(
+            error.to_string(),
+            format!(
+                "{}:2: the library `{name}` lies outside the scene's folder; move it there, or say --allow-outside",
+                scene.display()
+            )
+        );
+        let leave = LoadOptions::default().allow_outside(true);
+        let allowed = load_with(&scene, leave).unwrap().scene;
+        assert_eq!(allowed.materials[0].reflectance, [0.25; 3]);
+    }
+    for name in [
+        "materials/paint.mtl",
+        "materials/../materials/paint.mtl",
+        "../room/materials/paint.mtl",
+    ] {
+        naming(name);
+        assert_eq!(load(&scene).unwrap().scene.materials[0].reflectance, [0.25; 3]);
+    }
+    // What is not there at all is a warning wherever it would be.
+    naming("../../none.mtl");
+    assert!(load(&scene).is_ok());
 }
 
 #[test]

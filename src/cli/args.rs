@@ -63,6 +63,9 @@ pub struct CommonArgs {
     /// No progress, no warnings
     #[arg(long)]
     pub quiet: bool,
+    /// Read material libraries that lie outside the scene's folder
+    #[arg(long)]
+    pub allow_outside: bool,
 }
 
 /// `radiosity scene`.

@@ -18,7 +18,7 @@ use crate::matrix::{BalanceReport, Checks, FormFactors, Weighting};
 use crate::mesh::{Hierarchy, Mesh, Patch, Subdivision};
 use crate::plan::Plan;
 use crate::report::{StageTimes, memory_peak_byte};
-use crate::scene::{Material, Scene, Surface};
+use crate::scene::{LoadOptions, Material, Scene, Surface, load_with};
 use crate::solver::registry::SolverEntry;
 use crate::solver::{self, RadiositySystem, Solution, SolveOptions, SolverSettings, StopReason, Tolerance};
 use crate::visibility::Visibility as _;
@@ -151,7 +151,8 @@ impl Run {
         mesh_args: MeshArgs,
         default: impl FnOnce(&Scene) -> Subdivision,
     ) -> Result<Prepared, Failure> {
-        let loaded = self.times.time("scene", || crate::scene::load(path))?;
+        let options = LoadOptions::default().allow_outside(self.common.allow_outside);
+        let loaded = self.times.time("scene", || load_with(path, options))?;
         for warning in &loaded.warnings {
             self.warn(&warning.to_string());
         }

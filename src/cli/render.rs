@@ -39,13 +39,14 @@ const DEFAULT_PATCHES: f64 = 3000.0;
 pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     let mut run = Run::new("render", &args.common);
     let settings = render_settings(args)?;
-    let preview = args.output.with_extension("png");
-    if preview == args.output {
+    let ending = args.output.extension().map(std::ffi::OsStr::to_ascii_lowercase);
+    if ending.is_none_or(|ending| ending != "exr") {
         return Err(Failure::usage(format!(
-            "{}: that is the preview's name; give the image another extension, as in .exr",
+            "{}: a picture is an OpenEXR file; give it the ending .exr (its preview gets .png)",
             args.output.display()
         )));
     }
+    let preview = args.output.with_extension("png");
     output::expect_possible(&args.output)?;
     let mut prepared = run.prepare(&args.scene, args.mesh, default_subdivision)?;
     let view = view(&args.image, &args.scene, &prepared.scene)?;

@@ -127,6 +127,16 @@ pub enum SceneError {
         /// The statement: `usemtl`, `mtllib` or `newmtl`.
         keyword: &'static str,
     },
+    /// A material library that is not in the scene's folder or below it.
+    #[error("{}:{line}: the library `{name}` lies outside the scene's folder; move it there, or say --allow-outside", .file.display())]
+    OutsideFolder {
+        /// The scene file.
+        file: PathBuf,
+        /// The line.
+        line: u32,
+        /// The library as the scene file names it.
+        name: String,
+    },
     /// A `Kd` or `Ke` above the first `newmtl`.
     #[error("{}:{line}: `{keyword}` before the first `newmtl`; name the material first", .file.display())]
     OutsideMaterial {
@@ -262,6 +272,7 @@ impl SceneError {
             Self::SelfIntersecting { .. } => "self_intersecting",
             Self::DuplicateFace { .. } => "duplicate_face",
             Self::MissingName { .. } => "missing_name",
+            Self::OutsideFolder { .. } => "outside_folder",
             Self::OutsideMaterial { .. } => "outside_material",
             Self::BadMaterialValue { .. } => "bad_material_value",
             Self::ReflectanceOutOfRange { .. } => "reflectance_out_of_range",
@@ -294,6 +305,7 @@ impl SceneError {
             | Self::SelfIntersecting { file, .. }
             | Self::DuplicateFace { file, .. }
             | Self::MissingName { file, .. }
+            | Self::OutsideFolder { file, .. }
             | Self::OutsideMaterial { file, .. }
             | Self::BadMaterialValue { file, .. }
             | Self::ReflectanceOutOfRange { file, .. }
@@ -323,6 +335,7 @@ impl SceneError {
             | Self::SelfIntersecting { line, .. }
             | Self::DuplicateFace { line, .. }
             | Self::MissingName { line, .. }
+            | Self::OutsideFolder { line, .. }
             | Self::OutsideMaterial { line, .. }
             | Self::BadMaterialValue { line, .. }
             | Self::ReflectanceOutOfRange { line, .. }

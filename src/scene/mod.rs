@@ -28,7 +28,7 @@ mod write;
 pub use camera::Camera;
 pub use error::SceneError;
 pub use lighting::Lighting;
-pub use obj::{DEFAULT_REFLECTANCE, Loaded, load};
+pub use obj::{DEFAULT_REFLECTANCE, LoadOptions, Loaded, load, load_with};
 pub use warning::SceneWarning;
 pub use write::write_obj;
 

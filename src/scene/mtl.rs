@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use super::lines::{Statement, for_each_statement, read_text};
 use super::obj_lines::NamedLine;
-use super::{SceneError, SceneWarning};
+use super::{LoadOptions, SceneError, SceneWarning};
 
 /// A material as its library defines it.
 #[derive(Clone, Debug)]
@@ -46,6 +46,7 @@ impl Definitions {
     pub(super) fn read_all(
         libraries: &[NamedLine],
         scene_file: &Path,
+        options: LoadOptions,
         warnings: &mut Vec<SceneWarning>,
     ) -> Result<Self, SceneError> {
         let mut definitions = Self::default();
@@ -59,6 +60,13 @@ impl Definitions {
                 });
             }
             for file in files {
+                if !options.allow_outside && !lies_beside(&file, scene_file) {
+                    return Err(SceneError::OutsideFolder {
+                        file: scene_file.to_owned(),
+                        line: library.line,
+                        name: library.name.clone(),
+                    });
+                }
                 definitions.read(&file)?;
             }
         }
@@ -123,6 +131,18 @@ fn files_of(name: &str, scene_file: &Path) -> Vec<PathBuf> {
         words
     } else {
         Vec::new()
+    }
+}
+
+/// Returns whether a file is in the folder of the scene file or below it, links followed.
+fn lies_beside(library: &Path, scene_file: &Path) -> bool {
+    let folder = match scene_file.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    match (folder.canonicalize(), library.canonicalize()) {
+        (Ok(folder), Ok(library)) => library.starts_with(folder),
+        _ => false,
     }
 }
 

@@ -21,6 +21,23 @@ pub struct Loaded {
     pub warnings: Vec<SceneWarning>,
 }
 
+/// How a scene file is read.
+#[derive(Clone, Copy, Debug, Default)]
+#[non_exhaustive]
+pub struct LoadOptions {
+    /// True if the material libraries that a file names may lie outside the file's folder. A scene from elsewhere should not make
+    /// the program read whatever its author knows the path of, so that this is off by default.
+    pub allow_outside: bool,
+}
+
+impl LoadOptions {
+    /// Returns the options with libraries outside the scene's folder allowed, or not.
+    #[must_use]
+    pub fn allow_outside(self, allow_outside: bool) -> Self {
+        Self { allow_outside }
+    }
+}
+
 /// The reflectance of a material that states none.
 pub const DEFAULT_REFLECTANCE: f64 = 0.5;
 
@@ -42,15 +59,23 @@ pub const DEFAULT_REFLECTANCE: f64 = 0.5;
 ///
 /// # Errors
 /// [`SceneError`], with file, line and remedy: files that cannot be read, coordinates or indices that are none, faces with fewer than three
-/// corners, outlines that cross themselves, coincident faces of the same winding, `Kd` outside \[0, 1\], negative `Ke`, and
-/// scenes without a usable face.
+/// corners, outlines that cross themselves, coincident faces of the same winding, `Kd` outside \[0, 1\], negative `Ke`,
+/// libraries outside the scene's folder, and scenes without a usable face.
 ///
 /// Source: Wavefront's OBJ and MTL formats. Departures: only polygons; a vertex must stand above the faces that use it; the weight of a vertex is ignored.
 pub fn load(path: impl AsRef<Path>) -> Result<Loaded, SceneError> {
+    load_with(path, LoadOptions::default())
+}
+
+/// Loads a scene as [`load`] does, with options.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_with(path: impl AsRef<Path>, options: LoadOptions) -> Result<Loaded, SceneError> {
     let file = path.as_ref();
     let index = scan(&read_text(file)?, file)?;
     let mut warnings = Vec::new();
-    let definitions = Definitions::read_all(&index.libraries, file, &mut warnings)?;
+    let definitions = Definitions::read_all(&index.libraries, file, options, &mut warnings)?;
     let outlines = Outlines::parse(&index, file)?;
     let scene = Assembly {
         file,

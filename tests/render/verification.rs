@@ -166,6 +166,55 @@ fn a_wall_that_is_one_percent_off_fails() {
 }
 
 #[test]
+fn one_wrong_pixel_among_noise_fails() {
+    let solved = Solved::new(black_cube(), 1);
+    let visibility = EmbreeVisibility::new(&solved.scene).unwrap();
+    for sequence in [Sequence::Sobol, Sequence::Random] {
+        let settings = RenderSettings {
+            sequence,
+            samples: n(2),
+            ..cosine_rays(if sequence == Sequence::Sobol { 1024 } else { 8192 })
+        };
+        let (image, attributes) = solved.unfold(&visibility, 12, settings);
+        let right = check(&image, &attributes);
+        assert!(right.passed, "{right:#?}");
+        // In the middle of a wall, and in its corner.
+        for (place, factor) in [((5, 6), 1.1), ((0, 11), 1.25)] {
+            let mut wrong = image.clone();
+            let tile = tile(&attributes, "y0").clone();
+            for layer in COLOUR_LAYERS.into_iter().flat_map(colours) {
+                change(&mut wrong, &tile, &layer, |at, i, j| {
+                    at(i, j) * if (i, j) == place { factor } else { 1.0 }
+                });
+            }
+            let report = check(&wrong, &attributes);
+            assert!(!report.passed && report.n_outside == 1, "{report:#?}");
+        }
+    }
+}
+
+/// The basis of the factor in `verify/neighbours.rs`; a minute.
+#[test]
+#[ignore = "a minute: many right images, none of which may fail"]
+fn right_images_of_many_seeds_pass() {
+    let solved = Solved::new(black_cube(), 1);
+    let visibility = EmbreeVisibility::new(&solved.scene).unwrap();
+    for seed in 100..104 {
+        for sequence in [Sequence::Sobol, Sequence::Random] {
+            let settings = RenderSettings {
+                sequence,
+                seed,
+                samples: n(2),
+                ..cosine_rays(1024)
+            };
+            let (image, attributes) = solved.unfold(&visibility, 32, settings);
+            let report = check(&image, &attributes);
+            assert!(report.passed, "{sequence:?} {seed}: {report:#?}");
+        }
+    }
+}
+
+#[test]
 fn wrong_exitance_and_wrong_geometry_fail() {
     let solved = Solved::new(black_cube(), 1);
     let visibility = EmbreeVisibility::new(&solved.scene).unwrap();

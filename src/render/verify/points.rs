@@ -151,6 +151,17 @@ impl<'a> Reference<'a> {
         }
     }
 
+    /// Returns the numbers of a pixel's rays that hit the brightest emitter and that do not, for an irradiance of `exact`.
+    pub(super) fn expected_counts(&self, channel: usize, exact: f64) -> (f64, f64) {
+        let hits = self.expected_hits(channel, exact);
+        (hits, self.n_effective - hits)
+    }
+
+    /// Returns what one ray adds to a pixel at most.
+    pub(super) fn of_one_ray(&self, channel: usize) -> f64 {
+        self.brightest[channel] / self.n_rays.max(1) as f64
+    }
+
     /// Returns how far the mean over `n_pixels` pixels may lie from `exact` by chance; a ray's value is between 0 and the largest exitance.
     pub(super) fn statistical(&self, channel: usize, exact: f64, n_pixels: f64, log_odds: f64) -> f64 {
         let scale = self.brightest[channel];

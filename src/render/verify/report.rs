@@ -42,7 +42,7 @@ pub struct Tolerance {
     pub n_rays: u64,
     /// What these rays are worth in independent samples; 0 where the image has none.
     pub n_effective: f64,
-    /// The largest statistical part of a pixel's tolerance, in W·m⁻².
+    /// The largest statistical part of a pixel's tolerance, in W·m⁻²: the bound that is proven, or what its neighbours' errors allow.
     pub max_statistical: f64,
     /// The largest part due to the rays' start above the surface, in W·m⁻²: the exact change of the answer over 1.1 offsets.
     pub max_offset: f64,

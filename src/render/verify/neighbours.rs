@@ -1,0 +1,66 @@
+//! How far a pixel may lie from the exact answer, judged by the errors around it.
+
+use super::points::{PixelAnswer, Reference};
+use super::{Judged, Tile};
+
+/// Pixels on each side of a pixel that are its neighbours: 24 of them.
+const REACH: usize = 2;
+
+/// How many times the root mean square of its neighbours' errors a pixel's may be.
+///
+/// Normal errors pass it with a probability of 1e-11 (Student's t, 24 degrees of freedom). In 37 right images of a black cube with one bright wall,
+/// 64 × 64 pixels a wall and 4096 rays a pixel, half of them of either sequence, the largest of 900 000 pixels was 6.2.
+const DEVIATIONS: f64 = 12.0;
+
+/// Rays of a pixel that must be expected to hit emitters, and to miss them, before errors are taken for alike in neighbouring pixels.
+const MIN_COUNT: f64 = 30.0;
+
+/// Narrows the statistical part of each pixel's tolerance to what the spread of its neighbours' errors allows.
+///
+/// Scrambled points are far better than the bound that is proven for them, but by a factor that depends on where the emitters' outlines lie among the
+/// rays: next to a pixel it is nearly the same.
+pub(super) fn narrow(tile: &Tile, answers: &[PixelAnswer], judged: &mut [Judged], reference: &Reference<'_>) {
+    let (columns, rows) = (tile.width as usize, tile.height as usize);
+    let side = 2 * REACH + 1;
+    if reference.n_rays() == 0 || columns < side || rows < side {
+        return;
+    }
+    let errors: Vec<Option<[f64; 3]>> = answers
+        .iter()
+        .zip(judged.iter())
+        .map(|(answer, pixel)| answer.is_checked().then_some(pixel.error))
+        .collect();
+    for (k, (answer, pixel)) in answers.iter().zip(judged.iter_mut()).enumerate() {
+        let Some((exact, _)) = answer.irradiance() else {
+            continue;
+        };
+        // At the border the neighbourhood moves inwards.
+        let (left, top) = (
+            (k % columns).saturating_sub(REACH).min(columns - side),
+            (k / columns).saturating_sub(REACH).min(rows - side),
+        );
+        let around = (0..side * side)
+            .map(|m| (top + m / side) * columns + left + m % side)
+            .filter(|&m| m != k);
+        let mut squares = [0.0; 3];
+        let all_checked = around.into_iter().all(|m| {
+            errors[m].is_some_and(|error| {
+                squares.iter_mut().zip(error).for_each(|(sum, e)| *sum += e * e);
+                true
+            })
+        });
+        if !all_checked {
+            continue;
+        }
+        for c in 0..3 {
+            let (hits, misses) = reference.expected_counts(c, exact[c]);
+            if hits < MIN_COUNT || misses < MIN_COUNT {
+                continue;
+            }
+            let mean_square = squares[c] / (side * side - 1) as f64;
+            let spread = (mean_square + reference.of_one_ray(c).powi(2)).sqrt();
+            pixel.parts[0][c] = pixel.parts[0][c].min(DEVIATIONS * spread);
+            pixel.outside |= !pixel.is_within(c);
+        }
+    }
+}
