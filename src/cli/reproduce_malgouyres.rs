@@ -51,13 +51,13 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
         names.push(name);
     }
     let times = |scene: &SceneResult| {
-        let of_voxels = |runs: &[VoxelRun]| runs.iter().map(|run| run.time_s).collect::<Vec<_>>();
+        let of_voxels = |runs: &[VoxelRun]| runs.iter().map(|of| of.time_s).collect::<Vec<_>>();
         json!({
             "scene": scene.scene,
             "by_resolution_s": of_voxels(&scene.by_resolution),
             "by_radius_s": of_voxels(&scene.by_radius),
             "adaptive_s": of_voxels(&scene.adaptive),
-            "patches_s": scene.patches.iter().map(|run| run.time_s).collect::<Vec<_>>(),
+            "patches_s": scene.patches.iter().map(|of| of.time_s).collect::<Vec<_>>(),
         })
     };
     let document = json!({

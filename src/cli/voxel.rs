@@ -125,6 +125,7 @@ struct Checked {
 }
 
 /// How many links there are, and what they take.
+#[expect(clippy::struct_field_names, reason = "counts are named n_ everywhere")]
 struct LinkFigures {
     n_links: u64,
     n_backs: u64,
