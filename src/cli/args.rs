@@ -50,6 +50,7 @@ pub enum Command {
 /// Flags that every command has.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Common")]
+#[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
 pub struct CommonArgs {
     /// Number of threads [default: all cores]; results do not depend on it
     #[arg(long, value_name = "K")]
@@ -154,6 +155,8 @@ pub enum BalanceName {
     Auto,
     /// Always
     On,
+    /// Always, but each entry is moved by its own error variance instead (least squares): what is known stays
+    Closure,
     /// Never
     Off,
 }

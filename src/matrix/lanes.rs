@@ -240,6 +240,13 @@ pub(super) fn add_row<T: Scalar>(values: &[T], x: &[f64], sum: &mut [f64]) {
     }
 }
 
+/// Returns Σ a x, in the order of additions of [`add_row`].
+pub(crate) fn product(a: &[f64], x: &[f64]) -> f64 {
+    let mut sum = [0.0];
+    add_row(a, x, &mut sum);
+    sum[0]
+}
+
 /// The loop of [`add_row`] for one channel.
 struct Single<'a, T>(&'a [T], &'a [f64], &'a mut [f64]);
 

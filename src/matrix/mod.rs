@@ -5,6 +5,7 @@
 
 mod balance;
 mod checks;
+mod closure;
 mod components;
 mod dense;
 mod disk;
@@ -34,6 +35,7 @@ use rayon::prelude::*;
 
 use disk::General;
 use lanes::Planes;
+pub(crate) use lanes::product;
 use operator::{Block, Components, LinearOperator, RowAccess};
 use regroup::Regrouped;
 use store::Store;
