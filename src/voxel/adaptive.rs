@@ -82,8 +82,7 @@ pub fn solve_adaptively(
         "one row per surfel"
     );
     let mut cells = Cells::new(voxels, scene, settings.coarsest);
-    let marks = at_edges(voxels, scene, &cells);
-    cells = cells.refined(voxels, scene, &marks);
+    cells = cells.refined(voxels, scene, &at_edges(voxels, scene, &cells));
     let mut links = CellLinks::new(voxels, sphere);
     let mut n_cells = Vec::new();
     loop {
@@ -233,7 +232,9 @@ fn onto_surfels(voxels: &VoxelScene, cells: &Cells, neighbours: &[Vec<u32>], val
             }
         }
         if total > 0.0 {
-            sums.iter_mut().for_each(|sum| *sum /= total);
+            for sum in &mut sums {
+                *sum /= total;
+            }
         } else {
             sums.copy_from_slice(values.row(own));
         }

@@ -151,7 +151,7 @@ impl RowAccess for CellOperator<'_> {
         self.weights.with(surfel, |weights| {
             let row = &self.links.rows[surfel];
             for_each_seen(row, surfel, |k, seen| {
-                entries.push((self.cells.cell_of(seen), weights[k]))
+                entries.push((self.cells.cell_of(seen), weights[k]));
             });
         });
         entries.sort_by_key(|entry| entry.0);

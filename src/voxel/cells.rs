@@ -218,11 +218,11 @@ mod tests {
                 assert_eq!(cells.level(cell), level);
                 let members = cells.members(cell);
                 assert!(members.is_sorted() && members.contains(&to_u32(cells.representative(cell))));
-                let of = |s: u32| &scene.faces[voxels.surfels[s as usize].face.0 as usize];
+                let of = |member: u32| &scene.faces[voxels.surfels[member as usize].face.0 as usize];
                 for &s in members {
                     assert_eq!(cells.cell_of(s as usize), cell);
                     assert_eq!(of(s).surface, of(members[0]).surface);
-                    let cube = |s: u32| voxels.surfels[s as usize].voxel().map(|c| c >> level);
+                    let cube = |member: u32| voxels.surfels[member as usize].voxel().map(|c| c >> level);
                     assert_eq!(cube(s), cube(members[0]));
                 }
             }

@@ -189,13 +189,13 @@ fn walk_brick(mask: u64, at: [u32; 3], flip_bit: u32, direction: &Direction, cou
     // Two bits for each coordinate and one above them, which is set when the line leaves the brick.
     let mut here = local[0] | local[1] << 3 | local[2] << 6;
     loop {
-        let bit = (here & 3 | here >> 1 & 12 | here >> 2 & 48) ^ flip_bit;
+        let bit = (here & 3 | here >> 1 & 0b1100 | here >> 2 & 0b11_0000) ^ flip_bit;
         if mask >> bit & 1 == 1 {
             return Some(bit);
         }
-        // Without branches: which axis comes next cannot be foretold. Of equal times that of the first axis, as in `first`.
-        let is_x = (tx <= ty) & (tx <= tz);
-        let is_y = !is_x & (ty <= tz);
+        // Sums, not branches: which axis comes next cannot be foretold. Of equal times that of the first axis, as in `first`.
+        let is_x = tx <= ty && tx <= tz;
+        let is_y = !is_x && ty <= tz;
         let is_z = !(is_x | is_y);
         tx += if is_x { dx } else { 0 };
         ty += if is_y { dy } else { 0 };

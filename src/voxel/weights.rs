@@ -25,7 +25,7 @@ const KEPT_WEIGHTS: usize = 1 << 29;
 pub(super) struct Weights<'a> {
     scene: &'a VoxelScene,
     sphere: &'a DiscreteSphere,
-    row_weights: RowWeights,
+    rule: RowWeights,
     /// By normal.
     kept: Vec<OnceLock<Vec<f64>>>,
     keeps: bool,
@@ -37,7 +37,7 @@ impl<'a> Weights<'a> {
         Self {
             scene,
             sphere,
-            row_weights,
+            rule: row_weights,
             kept: scene.normals.iter().map(|_| OnceLock::new()).collect(),
             keeps: n_bytes <= KEPT_WEIGHTS,
         }
@@ -46,7 +46,7 @@ impl<'a> Weights<'a> {
     /// Calls `work` with cos θ A of the directions in front of a surfel, in their order.
     pub(super) fn with<T>(&self, surfel: usize, work: impl FnOnce(&[f64]) -> T) -> T {
         let normal = self.scene.surfels[surfel].normal as usize;
-        let calculate = || weights_of(&self.scene.normals[normal], self.sphere, self.row_weights);
+        let calculate = || weights_of(&self.scene.normals[normal], self.sphere, self.rule);
         if self.keeps {
             work(self.kept[normal].get_or_init(calculate))
         } else {
