@@ -482,7 +482,7 @@ pub struct ReproduceArgs {
     /// The first seed of `baranoski` [default: 0]
     #[arg(long, value_name = "S")]
     pub seed: Option<u64>,
-    /// The finest level: of table 2 of `lewis`; 6 (24576 patches) takes 4 GB and a minute or two [default: 5]; of `malgouyres`, 10 · 2^L voxels, L up to 4 [default: 3]
+    /// The finest level: of table 2 of `lewis`; 6 (24576 patches) takes 4 GB and a minute or two [default: 5]; of `malgouyres`, 10 · 2^L voxels, L up to 4 [default: 2]
     #[arg(long, value_name = "L", value_parser = clap::value_parser!(u32).range(1..=6))]
     pub level: Option<u32>,
     #[command(flatten)]

@@ -16,8 +16,8 @@ use crate::report::lines::LinePlot;
 use crate::report::plot::{ErrorTimePlot, PlotPoint, Ranged, Series};
 use crate::report::{Machine, Table, memory_peak_byte};
 
-/// 80 voxels along the longest axis.
-const DEFAULT_LEVEL: u32 = 3;
+/// 40 voxels along the longest axis.
+const DEFAULT_LEVEL: u32 = 2;
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
     if args.tables.is_some() || args.seeds.is_some() || args.seed.is_some() {
