@@ -412,7 +412,7 @@ fn cells_are_cut_until_they_show_what_the_voxels_show() {
     // A tighter tolerance takes more cells and comes nearer.
     let runs = [0.3, 0.1, 0.03].map(|tolerance| on_cells(&scene, 3, tolerance));
     let n_cells = runs.each_ref().map(|(_, run)| run.cells.n_cells());
-    let errors = runs.each_ref().map(|(voxels, run)| distance(voxels, run));
+    let errors = runs.each_ref().map(|(of, run)| distance(of, run));
     eprintln!("{n_cells:?} of {}: {errors:?}", voxels.n_surfels());
     assert!(n_cells.is_sorted_by(|a, b| a < b), "{n_cells:?}");
     assert!(errors.is_sorted_by(|a, b| a > b), "{errors:?}");
