@@ -1,6 +1,7 @@
-//! How fast solvers are beside Gauss-Seidel, in the room of Lewis 1992.
+//! How fast solvers are beside one another: in the room of Lewis 1992, and in the six cases of Baranoski, Bramley and Shirley 1995.
 //!
-//! Every line is a level; runs alternate, and the ratio of medians counts: both from u = f to max |r| < 2.5e-5 W·m⁻², with one check of the true residual.
+//! Every line is a level or a case; runs alternate, and the ratio of medians counts. The room of Lewis: from u = f to max |r| < 2.5e-5 W·m⁻², with one check of the true
+//! residual. The cases: from B = E to a relative residual of 1e-6, times by that of `gauss-seidel`; setup is part of the time.
 //! `cargo bench --bench solvers -- 5` goes up to level 5, which is what happens without a number.
 #![expect(clippy::print_stdout, reason = "a benchmark prints its figures")]
 
@@ -8,75 +9,201 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use radiosity::experiment::lewis::{Room, TOLERANCE};
-use radiosity::matrix::Precision;
-use radiosity::mesh::Prolongation;
-use radiosity::solver::{GaussSeidel, Multigrid, RadiositySystem, SolveOptions, Solver, Tolerance};
+use radiosity::form_factor::{FormFactorMethod, Input, RandomShooting};
+use radiosity::geometry::sampling::Sequence;
+use radiosity::matrix::operator::Block;
+use radiosity::matrix::{FormFactors, Precision, StorageChoice, Weighting};
+use radiosity::mesh::{Hierarchy, Mesh, Prolongation, Subdivision};
+use radiosity::progress::Silent;
+use radiosity::scene::{builtin, topology};
+use radiosity::solver::registry::SOLVERS;
+use radiosity::solver::{
+    GaussSeidel, Gmres, Multigrid, RadiositySystem, Solution, SolveOptions, Solver, SolverSettings, StopReason,
+    Tolerance, solver,
+};
+use radiosity::visibility::embree::EmbreeVisibility;
 
 /// Runs of each measurement; the median counts.
 const N_ROUNDS: usize = 9;
 
+/// Rays for each patch of the cases: the share of entries that are 0 is then that of exact form factors, to a hundredth.
+const RAYS: u64 = 1 << 16;
+
 fn main() {
     let level_max = std::env::args().find_map(|argument| argument.parse().ok()).unwrap_or(5);
+    println!("{} threads\n", rayon::current_num_threads());
+    println!("multigrid (Galerkin, direct coarsest level), gmres and auto by gauss-seidel");
     println!(
-        "multigrid (Galerkin, direct coarsest level) by gauss-seidel, {} threads",
-        rayon::current_num_threads()
-    );
-    println!(
-        "{:>2} {:>6} {:>12} {:>12} {:>12} {:>7} {:>11} {:>7}",
-        "l", "N", "gs", "mg", "setup", "mg/gs", "with setup", "cycles"
+        "{:>2} {:>6} {:>12} {:>12} {:>12} {:>7} {:>11} {:>7} {:>7} {:>7} {:>7} {:>12}",
+        "l", "N", "gs", "mg", "setup", "mg/gs", "with setup", "cycles", "gmres", "passes", "auto", "by"
     );
     for level in 1..=level_max {
-        compare(level);
+        lewis(level);
     }
+    cases();
 }
 
-fn compare(level: u32) {
+fn run(solver: &dyn Solver, system: &RadiositySystem, options: &SolveOptions) -> Solution {
+    solver
+        .solve(system, options, &mut |_| ControlFlow::Continue(()))
+        .expect("solved")
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+fn lewis(level: u32) {
     let room = Room { level };
     let precision = if level < 6 { Precision::F64 } else { Precision::F32 };
     let factors = room.form_factors(precision).expect("a sound matrix");
     let system =
         RadiositySystem::new(&factors, room.areas(), room.reflectance(), room.exitance()).expect("a sound system");
+    let hierarchy = Arc::new(room.hierarchy());
     let multigrid = Multigrid {
-        hierarchy: Some(Arc::new(room.hierarchy())),
+        hierarchy: Some(Arc::clone(&hierarchy)),
         prolongation: Prolongation::Injection,
         ..Multigrid::default()
     };
+    let mut settings = SolverSettings::default();
+    settings.hierarchy = Some(hierarchy);
+    let chooser = solver("auto", &settings).expect("known");
     let options = SolveOptions {
         tolerance: Tolerance::ResidualMax(TOLERANCE),
         ..SolveOptions::default()
     };
-    let repeats = 1 + 2_000_000 / room.n_patches().pow(2);
-    let (mut times, mut setups, mut cycles) = ([Vec::new(), Vec::new()], Vec::new(), 0);
+    // A clock must have something to measure in small rooms.
+    let repeats = 1 + 100_000 / room.n_patches().pow(2);
+    let solvers: [&dyn Solver; 4] = [&GaussSeidel, &multigrid, &Gmres::default(), chooser.as_ref()];
+    let (mut times, mut setups) = (vec![Vec::new(); 4], Vec::new());
+    let (mut passes, mut choice) = ([0; 4], "");
     for _ in 0..N_ROUNDS {
-        for (k, solver) in [&GaussSeidel as &dyn Solver, &multigrid].into_iter().enumerate() {
+        for (k, solver) in solvers.into_iter().enumerate() {
             let (mut total_s, mut setup_s) = (0.0, 0.0);
             for _ in 0..repeats {
-                let solution = solver
-                    .solve(&system, &options, &mut |_| ControlFlow::Continue(()))
-                    .expect("solved");
+                let solution = run(solver, &system, &options);
                 total_s += solution.history.last().map_or(f64::NAN, |last| last.time_s);
                 setup_s += solution.setup_s;
-                cycles = solution.n_passes;
+                passes[k] = solution.n_passes;
+                choice = solution.choice.map_or(choice, |choice| choice.solver);
             }
-            times[k].push((total_s - setup_s) / repeats as f64);
+            times[k].push(total_s / repeats as f64);
             if k == 1 {
                 setups.push(setup_s / repeats as f64);
             }
         }
     }
-    let median = |mut values: Vec<f64>| {
-        values.sort_by(f64::total_cmp);
-        values[N_ROUNDS / 2]
-    };
-    let [gs, mg] = times.map(median);
+    let [gs, mg, gmres, auto] = [0, 1, 2, 3].map(|k| median(times[k].clone()));
     let setup = median(setups);
     println!(
-        "{level:>2} {:>6} {:9.3} ms {:9.3} ms {:9.3} ms {:7.3} {:11.3} {cycles:>7}",
+        "{level:>2} {:>6} {:9.3} ms {:9.3} ms {:9.3} ms {:7.3} {:11.3} {:>7} {:7.3} {:>7} {:7.3} {choice:>12}",
         room.n_patches(),
         1e3 * gs,
-        1e3 * mg,
+        1e3 * (mg - setup),
         1e3 * setup,
+        (mg - setup) / gs,
         mg / gs,
-        (mg + setup) / gs
+        passes[1],
+        gmres / gs,
+        passes[2],
+        auto / gs,
     );
+}
+
+/// A sphere in a cube, as in the paper; the radius 1 belongs to cases E and F.
+struct Case {
+    factors: FormFactors,
+    /// The reflectances for a mean of 1.
+    pattern: Vec<f64>,
+    exitance: Block,
+    hierarchy: Arc<Hierarchy>,
+}
+
+impl Case {
+    fn new(name: &str) -> Self {
+        let scene = builtin::build(name, None).expect("known").scene;
+        let mesh = Mesh::new(&scene, Subdivision::Uniform(1)).expect("a sound scene");
+        let visibility = EmbreeVisibility::new(&scene).expect("Embree");
+        let input = Input {
+            scene: &scene,
+            mesh: &mesh,
+            visibility: &visibility,
+            unoccluded: topology::is_convex_and_empty(&scene),
+        };
+        let method = RandomShooting {
+            rays: RAYS,
+            sequence: Sequence::Sobol,
+            seed: 0,
+        };
+        let raw = method
+            .compute(input, StorageChoice::default(), &Silent)
+            .expect("computed")
+            .factors;
+        let symmetric = raw.symmetrised(Weighting::default()).expect("stored");
+        let (factors, _) = symmetric
+            .balanced(&vec![1.0; mesh.n_patches()], 1e-10, 500)
+            .expect("balanced");
+        let material = |k: usize| &scene.materials[mesh.patches[k].material.0 as usize];
+        let (n, areas) = (mesh.n_patches(), mesh.areas());
+        let power: f64 = (0..n).map(|k| areas[k] * material(k).reflectance[0]).sum();
+        let mean = power / areas.iter().sum::<f64>();
+        Self {
+            factors,
+            pattern: (0..n).map(|k| material(k).reflectance[0] / mean).collect(),
+            exitance: Block::from_values((0..n).map(|k| material(k).exitance[0]).collect(), 1),
+            hierarchy: Arc::new(Hierarchy::of_mesh(&mesh)),
+        }
+    }
+}
+
+fn cases() {
+    println!("\nthe cases of Baranoski et al.: times by gauss-seidel, passes in brackets");
+    let names: Vec<&str> = SOLVERS.iter().map(|entry| entry.name).collect();
+    let head: Vec<String> = names.iter().map(|name| format!("{name:>23}")).collect();
+    println!("   {}", head.concat());
+    let rooms = [Case::new("sphere-room-r2"), Case::new("sphere-room-r1")];
+    for (name, room, rho_avg) in [
+        ('A', 0, 0.24),
+        ('B', 0, 0.46),
+        ('C', 0, 0.77),
+        ('D', 0, 0.88),
+        ('E', 1, 0.78),
+        ('F', 1, 0.89),
+    ] {
+        let room = &rooms[room];
+        let rho = room.pattern.iter().map(|rho| rho * rho_avg).collect();
+        let areas = room.factors.areas().to_vec();
+        let system = RadiositySystem::new(&room.factors, areas, Block::from_values(rho, 1), room.exitance.clone())
+            .expect("a sound system");
+        compare(name, room, &system, &names);
+    }
+}
+
+fn compare(name: char, room: &Case, system: &RadiositySystem, names: &[&str]) {
+    let mut settings = SolverSettings::default();
+    settings.hierarchy = Some(Arc::clone(&room.hierarchy));
+    let options = SolveOptions::default();
+    let solvers: Vec<Box<dyn Solver>> = SOLVERS.iter().map(|entry| entry.build(&settings)).collect();
+    let mut times = vec![Vec::new(); names.len()];
+    let mut ends = vec![(0, StopReason::Converged); names.len()];
+    for _ in 0..N_ROUNDS {
+        for (k, solver) in solvers.iter().enumerate() {
+            let solution = run(solver.as_ref(), system, &options);
+            times[k].push(solution.history.last().map_or(f64::NAN, |last| last.time_s));
+            ends[k] = (solution.n_passes, solution.stop_reason);
+        }
+    }
+    let gauss_seidel = names.iter().position(|known| *known == "gauss-seidel").expect("known");
+    let base = median(times[gauss_seidel].clone());
+    let cell = |k: usize| {
+        let (n_passes, reason) = ends[k];
+        if reason == StopReason::Converged {
+            let text = format!("{:.2} ({n_passes})", median(times[k].clone()) / base);
+            format!("{text:>23}")
+        } else {
+            format!("{:>23}", reason.to_string())
+        }
+    };
+    println!("{name}  {}", (0..names.len()).map(cell).collect::<Vec<_>>().concat());
 }

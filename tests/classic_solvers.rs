@@ -220,6 +220,32 @@ fn the_greatest_power_shoots_first() {
     assert!((two.radiosity.values()[1] - 3.44).abs() < 1e-15);
 }
 
+/// Where areas spread, the residual's norm rises for long while power goes from large patches to small ones: patience goes by the power.
+#[test]
+fn patience_counts_power_that_is_not_used_up() {
+    let n = 120;
+    let f = random_room(n, 1e-3, 45);
+    // The largest patch emits: everything it sends goes to smaller ones.
+    let largest = (0..n).max_by(|&a, &b| f.areas()[a].total_cmp(&f.areas()[b])).unwrap();
+    let mut exitance = vec![0.0; n];
+    exitance[largest] = 1.0;
+    let exitance = Block::from_values(exitance, 1);
+    let solver = by_name("progressive-refinement");
+    for rho in [0.9, 0.99] {
+        let reflectance = constant(n, rho);
+        let expected = solve_direct(&dense(&f), &reflectance, &exitance);
+        let options = SolveOptions {
+            patience: 1,
+            max_passes: 100_000,
+            ..l2(1e-8)
+        };
+        let solution = run(solver, &system(&f, &reflectance, &exitance), &options);
+        assert_eq!(solution.stop_reason, StopReason::Converged, "ρ = {rho}");
+        let error = relative_error(f.areas(), &solution.radiosity, &expected);
+        assert!(error <= solution.error_bound.unwrap(), "ρ = {rho}: {error:e}");
+    }
+}
+
 /// Steps make passes, patience and work, but no difference to the steps themselves.
 #[test]
 fn steps_per_pass_only_divide_the_work() {

@@ -23,6 +23,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
         PaperName::Baranoski => run_baranoski(args),
         PaperName::Stability => super::stability::run(args),
         PaperName::Lewis => super::reproduce_lewis::run(args),
+        PaperName::Malgouyres => super::reproduce_malgouyres::run(args),
     }
 }
 
@@ -84,8 +85,10 @@ fn run_baranoski(args: &ReproduceArgs) -> Result<Outcome, Failure> {
     } else {
         report(&results)
     };
+    let mut printed = report.clone();
     if !cases.is_empty() {
-        report.push_str(&reproduce_solvers::report(&cases));
+        report.push_str(&reproduce_solvers::report(&cases, false));
+        printed.push_str(&reproduce_solvers::report(&cases, true));
     }
     // Times and memory do not belong into the results: equal work gives equal bytes.
     let results_document = json!({
@@ -101,7 +104,6 @@ fn run_baranoski(args: &ReproduceArgs) -> Result<Outcome, Failure> {
     write("report.md", &report)?;
     write("results.csv", &all_figures(&results).to_csv())?;
     write("results.json", &format!("{results_document:#}\n"))?;
-    let mut printed = report;
     let _ = writeln!(
         printed,
         "\nwrote report.md, results.csv, results.json{} to {}",

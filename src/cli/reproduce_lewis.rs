@@ -67,7 +67,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
     if !results.is_met() {
         run.warn("our own figures are not what they must be; see the failed checks");
     }
-    let mut text = report(&tables, &results);
+    let mut text = report(&tables, &results, true);
     let _ = writeln!(text, "\nwrote {} to {}", names.join(", "), directory.display());
     Ok(Outcome {
         text,
@@ -91,9 +91,9 @@ fn times(line: &SolverLine) -> serde_json::Value {
     })
 }
 
-/// Returns the names and contents of all files. Those with times of ours in them are `report.md`, `table-2.csv` and `figure-6.svg`.
+/// Returns the names and contents of all files. Those that hold times of ours have `time` in their names; the others are the same bytes in every run.
 fn files(tables: &[u8], results: &LewisResults) -> Result<Vec<(&'static str, Vec<u8>)>, Failure> {
-    let mut files = vec![("report.md", report(tables, results).into_bytes())];
+    let mut files = vec![("report.md", report(tables, results, false).into_bytes())];
     let plot = |plot: &LinePlot| {
         let svg = plot.to_svg().map(String::into_bytes);
         svg.map_err(|error| Failure::new("experiment", error.to_string()))
@@ -104,19 +104,20 @@ fn files(tables: &[u8], results: &LewisResults) -> Result<Vec<(&'static str, Vec
     }
     if tables.contains(&2) {
         files.push(("table-2.csv", table_2_csv(results).to_csv().into_bytes()));
+        files.push(("table-2-times.csv", times_csv(results).to_csv().into_bytes()));
         files.push(("history.csv", history(results).to_csv().into_bytes()));
         files.push(("checks.csv", checks(results).to_csv().into_bytes()));
         files.push((
             "figure-5.png",
             lewis::unfolded_png(4, &results.solution, 16).map_err(failure)?,
         ));
-        files.push(("figure-6.svg", plot(&figure_6(results))?));
+        files.push(("figure-6-times.svg", plot(&figure_6(results))?));
         files.push(("convergence.svg", plot(&convergence(results))?));
     }
     Ok(files)
 }
 
-fn report(tables: &[u8], results: &LewisResults) -> String {
+fn report(tables: &[u8], results: &LewisResults, with_times: bool) -> String {
     let mut text = String::from("# Lewis 1992: the paper's numbers beside ours\n");
     if tables.contains(&1) {
         text.push_str("\n## Table 1: matrix sizes, and what storing them takes in f64\n\n");
@@ -124,22 +125,29 @@ fn report(tables: &[u8], results: &LewisResults) -> String {
     }
     if tables.contains(&2) {
         text.push_str("\n## Table 2: Gauss-Seidel (GS) and multigrid (MG)\n\n");
-        text.push_str(&table_2(results).to_markdown());
-        let machine = Machine::here();
-        let _ = writeln!(
-            text,
-            "\nIterations and multiplications as the paper counts them: from u = f to max |r| < 2.5e-5, stopping tests and setup left out. Ratio: time of MG by time of GS. \
-             Times: medians of {ROUNDS} alternating runs with {} threads on {}, each with one check of the true residual; \"with setup\" adds the restricted matrices. The paper's times are a SPARCstation 2's.",
-            machine.n_threads,
-            machine.cpu_model.as_deref().unwrap_or(machine.architecture)
+        text.push_str(&table_2(results, with_times).to_markdown());
+        text.push_str(
+            "\nIterations and multiplications as the paper counts them: from u = f to max |r| < 2.5e-5, stopping tests and setup left out. Ratio: time of MG by time of GS.\n",
         );
+        if with_times {
+            let machine = Machine::here();
+            let _ = writeln!(
+                text,
+                "Times: medians of {ROUNDS} alternating runs with {} threads on {}, each with one check of the true residual; \"with setup\" adds the restricted matrices. The paper's times are a SPARCstation 2's.",
+                machine.n_threads,
+                machine.cpu_model.as_deref().unwrap_or(machine.architecture)
+            );
+        }
         text.push_str("\n## Residuals at l = 4: max |r| after each pass\n\n");
         text.push_str(&history(results).to_markdown());
         text.push_str("\n## Figure 2, as it may be read: cycles until max |r| < 2.5e-5\n\n");
         text.push_str(&variants(results).to_markdown());
         text.push_str("\n## Section 7: K u by levels, form factors evaluated as they are needed, l = 4\n\n");
-        text.push_str(&by_levels(results).to_markdown());
-        text.push_str("\nTerms and evaluations by N². Times in one thread: by that of evaluating all pairs, and by that of a product with the stored matrix.\n");
+        text.push_str(&by_levels(results, with_times).to_markdown());
+        text.push_str("\nTerms and evaluations by N².\n");
+        if with_times {
+            text.push_str("Times in one thread: by that of evaluating all pairs, and by that of a product with the stored matrix.\n");
+        }
     }
     let failed: Vec<&lewis::Check> = results.checks.iter().filter(|check| !check.is_met()).collect();
     let n_checks = results.checks.len();
@@ -169,8 +177,8 @@ fn table_1(results: &LewisResults) -> Table {
     table
 }
 
-fn table_2(results: &LewisResults) -> Table {
-    let mut table = Table::new([
+fn table_2(results: &LewisResults, with_times: bool) -> Table {
+    let mut head = vec![
         "l",
         "N",
         "GS paper",
@@ -180,15 +188,15 @@ fn table_2(results: &LewisResults) -> Table {
         "GS mult.",
         "MG mult.",
         "mult. ratio",
-        "GS time (s)",
-        "MG time (s)",
         "ratio paper",
-        "ratio ours",
-        "with setup",
-    ]);
+    ];
+    if with_times {
+        head.extend(["ratio ours", "with setup", "GS time (s)", "MG time (s)"]);
+    }
+    let mut table = Table::new(head);
     for line in &results.solvers {
         let printed = |k: usize| line.printed_iterations.map_or("–".to_owned(), |n| n[k].to_string());
-        table.push([
+        let mut cells = vec![
             line.level.to_string(),
             line.n_patches.to_string(),
             printed(0),
@@ -198,12 +206,17 @@ fn table_2(results: &LewisResults) -> Table {
             format!("{:.2e}", line.multiply_adds[0]),
             format!("{:.2e}", line.multiply_adds[1]),
             format!("{:.3}", line.multiply_adds[1] / line.multiply_adds[0]),
-            format!("{:.3e}", line.times_s[0]),
-            format!("{:.3e}", line.times_s[1]),
             line.printed_ratio.map_or("–".to_owned(), |r| format!("{r:.3}")),
-            format!("{:.3}", line.time_ratio()),
-            format!("{:.3}", line.time_ratio_with_setup()),
-        ]);
+        ];
+        if with_times {
+            cells.extend([
+                format!("{:.3}", line.time_ratio()),
+                format!("{:.3}", line.time_ratio_with_setup()),
+                format!("{:.3e}", line.times_s[0]),
+                format!("{:.3e}", line.times_s[1]),
+            ]);
+        }
+        table.push(cells);
     }
     table
 }
@@ -220,9 +233,6 @@ fn table_2_csv(results: &LewisResults) -> Table {
         "mg_multiply_adds",
         "gs_printed_s",
         "mg_printed_s",
-        "gs_s",
-        "mg_s",
-        "mg_setup_s",
         "mg_setup_work",
     ]);
     for line in &results.solvers {
@@ -239,10 +249,21 @@ fn table_2_csv(results: &LewisResults) -> Table {
             format!("{:?}", line.multiply_adds[1]),
             number(line.printed_times_s.map(|t| t[0])),
             number(line.printed_times_s.map(|t| t[1])),
+            format!("{:?}", line.setup_work),
+        ]);
+    }
+    table
+}
+
+fn times_csv(results: &LewisResults) -> Table {
+    let mut table = Table::new(["level", "n_patches", "gs_s", "mg_s", "mg_setup_s"]);
+    for line in &results.solvers {
+        table.push([
+            line.level.to_string(),
+            line.n_patches.to_string(),
             format!("{:?}", line.times_s[0]),
             format!("{:?}", line.times_s[1]),
             format!("{:?}", line.setup_s),
-            format!("{:?}", line.setup_work),
         ]);
     }
     table
@@ -300,24 +321,26 @@ fn variants(results: &LewisResults) -> Table {
     table
 }
 
-fn by_levels(results: &LewisResults) -> Table {
-    let mut table = Table::new([
-        "ε",
-        "terms",
-        "evaluations",
-        "max error",
-        "time by all pairs",
-        "time by stored",
-    ]);
+fn by_levels(results: &LewisResults, with_times: bool) -> Table {
+    let mut head = vec!["ε", "terms", "evaluations", "max error"];
+    if with_times {
+        head.extend(["time by all pairs", "time by stored"]);
+    }
+    let mut table = Table::new(head);
     for run in &results.by_levels {
-        table.push([
+        let mut cells = vec![
             format!("{:.0e}", run.epsilon),
             format!("{:.3}", run.terms),
             format!("{:.3}", run.evaluations),
             format!("{:.1e}", run.error_max),
-            format!("{:.2}", run.time_by_direct),
-            format!("{:.1}", run.time_by_stored),
-        ]);
+        ];
+        if with_times {
+            cells.extend([
+                format!("{:.2}", run.time_by_direct),
+                format!("{:.1}", run.time_by_stored),
+            ]);
+        }
+        table.push(cells);
     }
     table
 }

@@ -11,12 +11,18 @@ use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::pipeline::Run;
 use super::{Outcome, SCHEMA_VERSION, output};
-use crate::experiment::stability::{self, Cell, Stability, Verdict};
+use crate::experiment::stability::{self, CaseSummary, Cell, Stability, Verdict};
 use crate::report::plot::{ErrorTimePlot, PlotPoint, Ranged, Series};
 use crate::report::{Table, memory_peak_byte};
 
-/// The files that are written.
-const FILES: [&str; 4] = ["report.md", "results.csv", "results.json", "error_time.svg"];
+/// The files that are written; the last two hold times.
+const FILES: [&str; 5] = [
+    "report.md",
+    "results.csv",
+    "results.json",
+    "times.csv",
+    "error_time.svg",
+];
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
     if args.tables.is_some() {
@@ -37,7 +43,6 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
         .map_err(failure)?;
     run.progress.finish();
     let n_wrong = result.wrong().count();
-    let report = report(&result);
     let document = json!({
         "schema_version": SCHEMA_VERSION,
         "command": run.command,
@@ -50,6 +55,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
         "max_passes": stability::MAX_PASSES,
         "n_wrong": n_wrong,
         "result": result,
+        "times": times(&result),
         "files": FILES,
     });
     let svg = plot(&result).to_svg();
@@ -58,10 +64,17 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
         "{:#}\n",
         json!({"schema_version": SCHEMA_VERSION, "settings": run.settings, "result": result})
     );
-    for (file, text) in FILES.iter().zip([&report, &cells(&result).to_csv(), &json, &svg]) {
+    let texts = [
+        report(&result, false),
+        cells(&result).to_csv(),
+        json,
+        times_table(&result).to_csv(),
+        svg,
+    ];
+    for (file, text) in FILES.iter().zip(&texts) {
         output::write(&directory.join(file), |w| w.write_all(text.as_bytes()))?;
     }
-    let mut printed = report;
+    let mut printed = report(&result, true);
     let _ = writeln!(printed, "\nwrote {} to {}", FILES.join(", "), directory.display());
     if n_wrong > 0 {
         run.warn(&format!("{n_wrong} cells are wrong; see the table"));
@@ -77,7 +90,8 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
     })
 }
 
-fn report(result: &Stability) -> String {
+/// Returns the report; files leave out the times, so that equal work gives equal bytes.
+fn report(result: &Stability, with_times: bool) -> String {
     let count = |verdict: Verdict| result.cells.iter().filter(|cell| cell.verdict == verdict).count();
     let mut text = String::from("# Solvers on stiff, extreme and impossible systems\n\n");
     let _ = writeln!(
@@ -93,17 +107,44 @@ fn report(result: &Stability) -> String {
         count(Verdict::Wrong)
     );
     let head = ["case", "n"].into_iter().chain(result.solvers.iter().copied());
-    let mut table = Table::new(head.chain(["auto: work / least", "auto: time / least"]));
+    let time_head = with_times.then_some("auto: time / least");
+    let mut table = Table::new(head.chain(["auto: work / least"]).chain(time_head));
     for (case, cells) in result.cases.iter().zip(result.cells.chunks(result.solvers.len())) {
         let ratio = |value: Option<f64>| value.map_or("–".to_owned(), |value| format!("{value:.2}"));
         let mut row = vec![case.name.clone(), case.n_patches.to_string()];
         row.extend(cells.iter().map(show));
-        row.extend([ratio(case.auto_work_ratio), ratio(case.auto_time_ratio)]);
+        row.push(ratio(case.auto_work_ratio));
+        row.extend(with_times.then(|| ratio(case.auto_time_ratio)));
         table.push(row);
     }
     text.push_str(&table.to_markdown());
-    text.push_str("\nTimes are wall times of this run, the least of three; work is in passes over the form factors, checks and factorisations included.\n");
+    text.push_str("\nWork is in passes over the form factors, checks and factorisations included.\n");
+    if with_times {
+        text.push_str("Times are wall times of this run, the least of three.\n");
+    }
     text
+}
+
+/// Returns the times case by case, in the order of the cells.
+fn times(result: &Stability) -> serde_json::Value {
+    let by_case = result.cells.chunks(result.solvers.len());
+    let case = |(case, cells): (&CaseSummary, &[Cell])| {
+        json!({
+            "case": case.name,
+            "time_s": cells.iter().map(|cell| cell.time_s).collect::<Vec<_>>(),
+            "auto_time_ratio": case.auto_time_ratio,
+        })
+    };
+    result.cases.iter().zip(by_case).map(case).collect()
+}
+
+fn times_table(result: &Stability) -> Table {
+    let mut table = Table::new(["case", "solver", "time_s"]);
+    for cell in &result.cells {
+        let time = cell.time_s.map_or(String::new(), |time| format!("{time:?}"));
+        table.push([cell.case.clone(), cell.solver.to_owned(), time]);
+    }
+    table
 }
 
 fn show(cell: &Cell) -> String {
@@ -129,7 +170,6 @@ fn cells(result: &Stability) -> Table {
         "choice",
         "n_passes",
         "work",
-        "time_s",
         "error",
         "error_bound",
         "residual_l2",
@@ -144,7 +184,6 @@ fn cells(result: &Stability) -> Table {
             cell.choice.unwrap_or_default().to_owned(),
             cell.n_passes.map_or(String::new(), |n| n.to_string()),
             number(cell.work),
-            number(cell.time_s),
             number(cell.error),
             number(cell.error_bound),
             number(cell.residual_l2),

@@ -18,19 +18,35 @@ use crate::matrix::operator::Block;
 pub(super) struct Ambient<'a> {
     scaled: &'a Scaled<'a>,
     labels: &'a [u32],
-    /// Σ A (1 − ρ s), \[components, c\].
+    /// Σ A (1 − ρ s), \[components, c\]; 0 where that is rounding.
     lost: Block,
 }
+
+/// The share Σ A (1 − ρ s) / Σ A below which it is rounding: every term is one unit in the last place off, where ρ s is near 1.
+const LOST_FROM: f64 = f64::EPSILON;
 
 impl<'a> Ambient<'a> {
     pub(super) fn new(scaled: &'a Scaled<'a>) -> Self {
         let system = scaled.system;
         let components = system.components();
         let mut lost = Block::zeros(components.n_components, system.n_channels());
+        let mut areas = vec![0.0; components.n_components];
         for (i, (area, arriving)) in scaled.areas.iter().zip(system.row_sums()).enumerate() {
             let sums = lost.row_mut(components.labels[i] as usize);
             for (sum, rho) in sums.iter_mut().zip(system.reflectance().row(i)) {
                 *sum += area * (1.0 - rho * arriving);
+            }
+            areas[components.labels[i] as usize] += area;
+        }
+        for (room, area) in areas.iter().enumerate() {
+            for sum in lost.row_mut(room).iter_mut().filter(|sum| **sum < LOST_FROM * area) {
+                *sum = 0.0;
+            }
+        }
+        // Closed and white, to what the storage resolves: what is left there is not a loss.
+        for c in 0..system.n_channels() {
+            for room in system.singular_components(c) {
+                lost.row_mut(room as usize)[c] = 0.0;
             }
         }
         Self {
@@ -47,7 +63,7 @@ impl<'a> Ambient<'a> {
 
     /// Returns how much power an irradiance of 1 loses in a component, 0 where none.
     pub(super) fn lost(&self, room: usize, channel: usize) -> f64 {
-        self.lost.row(room)[channel].max(0.0)
+        self.lost.row(room)[channel]
     }
 
     /// Returns Σ A s x of each component, \[components, c\].

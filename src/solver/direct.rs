@@ -3,12 +3,10 @@
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::lu::partial_pivoting::{factor, solve};
-use faer::perm::PermRef;
 use faer::{Mat, Par};
 
 use super::iteration::{self, Estimate, Iteration};
+use super::lu::Lu;
 use super::scaled::{Scaled, TrueResidual};
 use super::{HistoryEntry, RadiositySystem, Solution, SolveOptions, Solver, SolverError};
 use crate::matrix::operator::{Block, RowAccess};
@@ -109,72 +107,33 @@ struct State<'a> {
     rows: &'a dyn RowAccess,
     groups: Vec<Vec<usize>>,
     /// One for each group, made by the first pass.
-    factors: Vec<Factors>,
+    factors: Vec<Lu>,
     radiosity: Block,
     residual: Block,
     work: f64,
 }
 
-/// P G = L U.
-struct Factors {
-    /// L below the diagonal, U on and above it.
-    lu: Mat<f64>,
-    permutation: Vec<usize>,
-    inverse: Vec<usize>,
-}
-
-impl Factors {
-    fn new(scaled: &Scaled, rows: &dyn RowAccess, channel: usize) -> Self {
-        let system = scaled.system;
-        let n = system.n_patches();
-        let mut lu = Mat::<f64>::zeros(n, n);
-        for i in 0..n {
-            let rho = system.reflectance().row(i)[channel];
-            rows.visit_row(i, &mut |j, f| lu[(i, j)] = -rho * f);
-            lu[(i, i)] += 1.0;
-        }
-        for component in system.singular_components(channel) {
-            let labels = &system.components().labels;
-            let members: Vec<usize> = (0..n).filter(|&i| labels[i] == component).collect();
-            let area: f64 = members.iter().map(|&i| scaled.areas[i]).sum();
-            for &i in &members {
-                for &j in &members {
-                    lu[(i, j)] += scaled.areas[j] / area;
-                }
+/// Returns G of one channel, factored; where nothing determines the mean of a component, with the equation that it is zero added.
+fn factored(scaled: &Scaled, rows: &dyn RowAccess, channel: usize) -> Lu {
+    let system = scaled.system;
+    let n = system.n_patches();
+    let mut matrix = Mat::<f64>::zeros(n, n);
+    for i in 0..n {
+        let rho = system.reflectance().row(i)[channel];
+        rows.visit_row(i, &mut |j, f| matrix[(i, j)] = -rho * f);
+        matrix[(i, i)] += 1.0;
+    }
+    for component in system.singular_components(channel) {
+        let labels = &system.components().labels;
+        let members: Vec<usize> = (0..n).filter(|&i| labels[i] == component).collect();
+        let area: f64 = members.iter().map(|&i| scaled.areas[i]).sum();
+        for &i in &members {
+            for &j in &members {
+                matrix[(i, j)] += scaled.areas[j] / area;
             }
         }
-        let (mut permutation, mut inverse) = (vec![0; n], vec![0; n]);
-        let scratch = factor::lu_in_place_scratch::<usize, f64>(n, n, PARTS, faer::Spec::default());
-        let mut memory = MemBuffer::new(scratch);
-        let _ = factor::lu_in_place(
-            lu.as_mut(),
-            &mut permutation,
-            &mut inverse,
-            PARTS,
-            MemStack::new(&mut memory),
-            faer::Spec::default(),
-        );
-        Self {
-            lu,
-            permutation,
-            inverse,
-        }
     }
-
-    /// x ← G⁻¹ x, column by column.
-    fn solve(&self, x: &mut Mat<f64>) {
-        let n = self.lu.nrows();
-        let scratch = solve::solve_in_place_scratch::<usize, f64>(n, x.ncols(), PARTS);
-        let mut memory = MemBuffer::new(scratch);
-        solve::solve_in_place(
-            self.lu.as_ref(),
-            self.lu.as_ref(),
-            PermRef::new_checked(&self.permutation, &self.inverse, n),
-            x.as_mut(),
-            PARTS,
-            MemStack::new(&mut memory),
-        );
-    }
+    Lu::new(matrix, PARTS)
 }
 
 impl Iteration for State<'_> {
@@ -188,13 +147,13 @@ impl Iteration for State<'_> {
             self.factors = self
                 .groups
                 .iter()
-                .map(|group| Factors::new(scaled, rows, group[0]))
+                .map(|group| factored(scaled, rows, group[0]))
                 .collect();
             self.work += self.groups.len() as f64 * n as f64 / 3.0;
         }
         for (group, factors) in self.groups.iter().zip(&self.factors) {
             let mut x = Mat::from_fn(n, group.len(), |i, k| self.residual.row(i)[group[k]]);
-            factors.solve(&mut x);
+            factors.solve(x.as_mut());
             for (k, &c) in group.iter().enumerate().filter(|(_, c)| excess[**c] > 1.0) {
                 for i in 0..n {
                     self.radiosity.row_mut(i)[c] += x[(i, k)];

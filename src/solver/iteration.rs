@@ -64,6 +64,11 @@ pub(super) trait Iteration {
         None
     }
 
+    /// Returns what every pass lowers that gets closer to the solution, where that is not the residual's norm: patience goes by it.
+    fn under_way(&self) -> Option<f64> {
+        None
+    }
+
     /// Returns how often each patch was selected, in methods that select.
     fn selections(&self) -> Vec<u64> {
         Vec::new()
@@ -108,7 +113,7 @@ pub(super) fn run<I: Iteration>(
         if !recorder.note(0, 0.0, &first.norms, false, || radiosity) {
             (gave_up, done) = (StopReason::Interrupted, true);
         }
-        if !done && let Some(reason) = watch.observe(checked_before) {
+        if !done && let Some(reason) = watch.observe(checked_before, None) {
             (gave_up, done) = (reason, true);
         }
         if !done {
@@ -181,7 +186,7 @@ pub(super) fn run<I: Iteration>(
                 }
             }
         }
-        let reason = watch.observe(worst(&excess));
+        let reason = watch.observe(worst(&excess), iteration.under_way());
         if let Some(reason) = reason.or(stagnated.then_some(StopReason::Stagnated)) {
             gave_up = reason;
             break;

@@ -23,6 +23,7 @@ mod history;
 mod iteration;
 mod jacobi;
 mod lanczos;
+mod lu;
 mod multigrid;
 mod overshooting;
 mod pcg;
@@ -73,7 +74,7 @@ pub struct SolveOptions<'a> {
     /// Passes that may be spent; each reads all of F once.
     pub max_passes: usize,
     /// Passes without a new least residual after which the solver gives up: as [`StopReason::Diverged`] if the residual
-    /// rose in every one of them, else as [`StopReason::Stagnated`]. At least 1.
+    /// rose in each of the last half of them, else as [`StopReason::Stagnated`]. At least 1.
     pub patience: usize,
     /// The first radiosities.
     pub start: Start,

@@ -24,6 +24,8 @@ use crate::matrix::operator::Block;
 /// Everything depends on Ambient, so that a step looks at all patches: O(n). Columns, passes, several channels, the estimate, starts, display and selections are
 /// as in progressive refinement; in [`Solution::display`] the ambient term is what this method itself reckons with.
 ///
+/// With exitances of both signs there is no even irradiance to reckon with, and it is progressive refinement.
+///
 /// Converges faster than progressive refinement in bright rooms (a quarter of the steps at ρ_avg = 0.88), but no proof says that it must, and from
 /// about 1 − ρ = 1e-3 on it is slow or diverges, which the [`StopReason`](super::StopReason) tells.
 ///
@@ -105,7 +107,8 @@ impl State<'_> {
         for room in 0..ambient.n_rows() {
             for (c, value) in ambient.row_mut(room).iter_mut().enumerate() {
                 let lost = self.light.ambient.lost(room, c);
-                *value = if lost > 0.0 { *value / lost } else { 0.0 };
+                let reckons = lost > 0.0 && !self.light.scaled.system.is_signed();
+                *value = if reckons { *value / lost } else { 0.0 };
             }
         }
         ambient
@@ -116,6 +119,9 @@ impl State<'_> {
         let (light, room) = (&self.light, self.light.ambient.room(i));
         let rho = light.scaled.system.reflectance().row(i)[c];
         let wanted = light.unshot.row(i)[c] + rho * ambient.row(room)[c];
+        if light.scaled.system.is_signed() {
+            return wanted;
+        }
         wanted.min(self.totals.total.row(room)[c] / light.scaled.areas[i])
     }
 

@@ -24,7 +24,8 @@ use crate::matrix::operator::Block;
 /// 12 bytes an entry and two passes, which count as work.
 ///
 /// [`steps_per_pass`](Self::steps_per_pass) steps count as one pass; by default n, the work of one pass over F. The patience of
-/// [`SolveOptions::patience`] is in n steps always. A single channel with the tolerance
+/// [`SolveOptions::patience`] is in n steps always, and counts those in which the unshot power Σ A |ΔB| has not fallen: each step uses some of it up, while the
+/// residual's norm may rise for long, as power goes from large patches to small ones. A single channel with the tolerance
 /// [`Tolerance::ResidualMaxPower`] stops at the very step that meets it, other tolerances are looked at after each pass. ΔB, kept up from step
 /// to step, is the estimate in the history: it is the residual of B̂, while B is one reflection further. [`Start::Zero`] is the same as
 /// [`Start::Exitance`]: B̂ = 0 and ΔB = E.
@@ -252,6 +253,11 @@ impl Iteration for Shooting<'_> {
 
     fn display(&self) -> Option<Block> {
         Some(self.light.display())
+    }
+
+    /// Returns Σ A |ΔB|.
+    fn under_way(&self) -> Option<f64> {
+        Some((0..self.light.unshot.n_rows()).map(|i| self.light.power(i)).sum())
     }
 
     fn selections(&self) -> Vec<u64> {

@@ -22,7 +22,7 @@ use crate::matrix::operator::{Block, RowAccess};
 ///
 /// It is the best ω of a room in which all patches see all alike, F_ij = A_j / Σ A, as n → ∞: the one slow mode of a sweep has the
 /// factor z with ln z = ω ρ (z − 1) / (z − 1 + ω), all others have 1 − ω, and with z = ω − 1 both fall equally fast, by about
-/// 1 − sqrt(6 (1 − ρ)) a pass where ρ is near 1; with ω = 1 it would be 1 − 2 (1 − ρ).
+/// 1 − sqrt(6 (1 − ρ)) a pass where ρ is near 1; with ω = 1 it would be 1 − 2 (1 − ρ). A room that loses nothing has no slow mode to solve for, as its mean is free, and gets ω = 1.
 ///
 /// In the six cases of the paper's table 2 it takes 3, 4, 7, 10, 7 and 9 passes for Gauss-Seidel's 3, 5, 12, 25, 13 and 27, and ends with a fifth of the error or less from
 /// case C on (`radiosity reproduce baranoski --tables 2`).
@@ -56,8 +56,15 @@ impl Solver for Sor {
         let scaled = Scaled::new(system);
         let rooms = Ambient::new(&scaled);
         let mut omega = rooms.mean_reflectance();
-        for value in omega.values_mut() {
-            *value = self.omega.unwrap_or_else(|| best_omega(*value));
+        for room in 0..omega.n_rows() {
+            for (c, value) in omega.row_mut(room).iter_mut().enumerate() {
+                let rule = if rooms.lost(room, c) > 0.0 {
+                    best_omega(*value)
+                } else {
+                    1.0
+                };
+                *value = self.omega.unwrap_or(rule);
+            }
         }
         let sweeps = Sweeps {
             scaled: &scaled,

@@ -84,15 +84,15 @@ impl fmt::Display for StopReason {
 /// Growth of the residual, over its first value, that counts as divergence.
 const DIVERGED_FROM: f64 = 1e8;
 
-/// Watches the worst channel's excess over the tolerance from pass to pass.
+/// Watches the worst channel's excess over the tolerance from pass to pass, or what a method lowers in its place.
 pub(super) struct Watch {
     patience: usize,
     limit: Option<f64>,
     best: f64,
     last: f64,
     passes_since_best: usize,
-    /// True while every pass since the best one has been worse than the one before it.
-    rises: bool,
+    /// Passes in a row, up to the last, each worse than the one before it.
+    n_rises: usize,
 }
 
 impl Watch {
@@ -103,31 +103,32 @@ impl Watch {
             best: f64::INFINITY,
             last: f64::INFINITY,
             passes_since_best: 0,
-            rises: true,
+            n_rises: 0,
         }
     }
 
-    /// Takes in one pass, and tells why to give up, if so.
-    pub(super) fn observe(&mut self, excess: f64) -> Option<StopReason> {
+    /// Takes in one pass, and tells why to give up, if so. `under_way` is what has to fall, where it is not the excess.
+    pub(super) fn observe(&mut self, excess: f64, under_way: Option<f64>) -> Option<StopReason> {
         let limit = *self.limit.get_or_insert(DIVERGED_FROM * excess.max(1.0));
         if !excess.is_finite() || excess > limit {
             return Some(StopReason::Diverged);
         }
-        if excess < self.best {
-            self.best = excess;
+        let measure = under_way.unwrap_or(excess);
+        if measure < self.best {
+            self.best = measure;
             self.passes_since_best = 0;
-            self.rises = true;
         } else {
             self.passes_since_best += 1;
-            self.rises &= excess > self.last;
         }
-        self.last = excess;
-        let reason = if self.rises {
+        self.n_rises = if measure > self.last { self.n_rises + 1 } else { 0 };
+        self.last = measure;
+        let patience = self.patience.max(1);
+        let reason = if 2 * self.n_rises >= patience {
             StopReason::Diverged
         } else {
             StopReason::Stagnated
         };
-        (self.passes_since_best >= self.patience.max(1)).then_some(reason)
+        (self.passes_since_best >= patience).then_some(reason)
     }
 }
 
@@ -138,4 +139,40 @@ pub(super) fn worst(values: &[f64]) -> f64 {
         .iter()
         .copied()
         .fold(0.0, |a, b| if a.is_nan() { a } else { greater(a, b) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Returns what the watch says of a sequence, and after how many.
+    fn verdict(patience: usize, excess: impl Fn(i32) -> f64) -> Option<(i32, StopReason)> {
+        let mut watch = Watch::new(patience);
+        (0..200).find_map(|k| watch.observe(excess(k), None).map(|reason| (k, reason)))
+    }
+
+    #[test]
+    fn growth_is_told_from_standing_still() {
+        assert_eq!(verdict(10, |k| 0.9_f64.powi(k)), None);
+        assert_eq!(verdict(10, |k| 1.01_f64.powi(k)), Some((10, StopReason::Diverged)));
+        // Up and down at first, then up.
+        let unsteady = |k: i32| {
+            if k < 4 {
+                1.0 + 0.1 * f64::from(k % 2)
+            } else {
+                1.01_f64.powi(k)
+            }
+        };
+        assert_eq!(verdict(10, unsteady), Some((10, StopReason::Diverged)));
+        assert_eq!(
+            verdict(10, |k| 1.0 + 0.1 * f64::from(k % 2)),
+            Some((10, StopReason::Stagnated))
+        );
+        assert_eq!(verdict(10, |_| 1.0), Some((10, StopReason::Stagnated)));
+        assert_eq!(verdict(10, |_| f64::NAN), Some((0, StopReason::Diverged)));
+        assert_eq!(verdict(0, |_| 1.0), Some((1, StopReason::Stagnated)));
+        // The residual's norm rises while light that is under way is used up.
+        let mut watch = Watch::new(3);
+        assert!((0..100).all(|k| watch.observe(1.0 + f64::from(k), Some(0.9_f64.powi(k))).is_none()));
+    }
 }

@@ -72,6 +72,7 @@ pub struct Cell {
     /// Work in passes over F, checks of the true residual included.
     pub work: Option<f64>,
     /// Wall time, s, the least of three runs.
+    #[serde(skip)]
     pub time_s: Option<f64>,
     /// ‖B − B*‖ / ‖B*‖ in the norm sqrt(Σ A x²), the worst channel.
     pub error: Option<f64>,
@@ -95,6 +96,7 @@ pub struct CaseSummary {
     /// The work of `auto` by that of the best.
     pub auto_work_ratio: Option<f64>,
     /// The time of `auto` by the least time of another solver that was right.
+    #[serde(skip)]
     pub auto_time_ratio: Option<f64>,
 }
 

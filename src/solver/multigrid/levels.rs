@@ -148,9 +148,7 @@ impl<'a> Levels<'a> {
         }
         let step = &self.hierarchy.levels()[k + 1];
         let mut d = step.restricted(&difference(u, f));
-        for (i, d) in d.iter_mut().enumerate() {
-            *d -= level.restricted.dot(i, c, u);
-        }
+        level.restricted.subtract_channel(c, u, &mut d);
         let v = self.twice(k + 1, c, &d);
         for (i, u) in u.iter_mut().enumerate() {
             *u -= step.prolonged(self.settings.prolongation, &v, i);

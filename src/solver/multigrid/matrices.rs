@@ -8,13 +8,22 @@
 use rayon::prelude::*;
 
 use crate::matrix::operator::{Block, RowAccess};
+use crate::matrix::product;
 use crate::mesh::hierarchy::Coarsening;
 
 /// The share of entries that are not zero from which a row is kept in full: then it takes as much memory as with its columns.
 const DENSE_FROM: f64 = 2.0 / 3.0;
 
+/// Columns of a row below which choosing an instruction set takes longer than adding up.
+const SHORT: usize = 32;
+
 /// Multiplications for which a further thread is worth its start.
 const TERMS_PER_TASK: usize = 1 << 16;
+
+/// Returns how many rows of so many terms are worth a further thread.
+fn rows_per_task(n_terms: usize) -> usize {
+    (TERMS_PER_TASK / n_terms.max(1)).max(1)
+}
 
 /// One row: all of its numbers, or those that are not zero with their columns.
 struct Row {
@@ -40,7 +49,8 @@ impl Row {
 
     fn dot(&self, x: &[f64]) -> f64 {
         match &self.columns {
-            None => dot(&self.values, x),
+            None if x.len() < SHORT => self.values.iter().zip(x).map(|(a, x)| a * x).sum(),
+            None => product(&self.values, x),
             Some(columns) => {
                 let terms = columns.iter().zip(&self.values);
                 terms.map(|(&j, value)| value * x[j as usize]).sum()
@@ -68,20 +78,6 @@ impl Row {
             }
         }
     }
-}
-
-/// Returns Σ a x in eight interleaved sums, in an order that depends on the length alone.
-fn dot(a: &[f64], x: &[f64]) -> f64 {
-    let ((a_eights, a_rest), (x_eights, x_rest)) = (a.as_chunks::<8>(), x.as_chunks::<8>());
-    let mut lanes = [0.0; 8];
-    for (a, x) in a_eights.iter().zip(x_eights) {
-        for ((lane, a), x) in lanes.iter_mut().zip(a).zip(x) {
-            *lane += a * x;
-        }
-    }
-    let rest: f64 = a_rest.iter().zip(x_rest).map(|(a, x)| a * x).sum();
-    let [a, b, c, d, e, f, g, h] = lanes;
-    ((a + b) + (c + d)) + ((e + f) + (g + h)) + rest
 }
 
 /// Where the row of one channel is.
@@ -280,19 +276,34 @@ impl Matrix {
 
     /// Subtracts K x from y, channel by channel; rows are shared out to threads.
     pub(super) fn subtract_product(&self, x: &[Vec<f64>], y: &mut [Vec<f64>]) {
-        let (n_rows, n_columns) = (self.n_rows(), x.first().map_or(1, Vec::len));
-        let mut products = vec![0.0; n_rows * self.n_channels];
-        let rows = products.par_chunks_mut(self.n_channels).enumerate();
-        let least = (TERMS_PER_TASK / n_columns.max(1)).max(1);
-        rows.with_min_len(least).for_each(|(i, row)| {
+        if let ([x], [y]) = (x, &mut *y) {
+            return self.subtract_channel(0, x, y);
+        }
+        let mut products = vec![0.0; self.n_rows() * self.n_channels];
+        let fill = |(i, row): (usize, &mut [f64])| {
             for (c, product) in row.iter_mut().enumerate() {
                 *product = self.dot(i, c, &x[c]);
             }
-        });
+        };
+        let least = rows_per_task(x.first().map_or(1, Vec::len) * self.n_channels);
+        let rows = products.par_chunks_mut(self.n_channels).enumerate();
+        rows.with_min_len(least).for_each(fill);
         for (i, row) in products.chunks(self.n_channels).enumerate() {
             for (y, product) in y.iter_mut().zip(row) {
                 y[i] -= product;
             }
+        }
+    }
+
+    /// Subtracts K x of channel c from y; rows are shared out to threads where there are enough of them.
+    pub(super) fn subtract_channel(&self, c: usize, x: &[f64], y: &mut [f64]) {
+        let subtract = |(i, y): (usize, &mut f64)| *y -= self.dot(i, c, x);
+        let least = rows_per_task(x.len());
+        if y.len() <= least {
+            // Waking another thread takes longer than all of this.
+            y.iter_mut().enumerate().for_each(subtract);
+        } else {
+            y.par_iter_mut().enumerate().with_min_len(least).for_each(subtract);
         }
     }
 
@@ -321,7 +332,7 @@ mod tests {
         let sparse = Row::new(values.clone());
         assert!(sparse.columns.is_some());
         // 37 terms of up to 33: rounding stays below 37 · 33 · 1.1e-16.
-        assert!((dot(&values, &x) - expected).abs() < 2e-13 && (sparse.dot(&x) - expected).abs() < 2e-13);
+        assert!((product(&values, &x) - expected).abs() < 2e-13 && (sparse.dot(&x) - expected).abs() < 2e-13);
         assert!((0..37).all(|j| sparse.at(j).to_bits() == values[j].to_bits()));
     }
 }
