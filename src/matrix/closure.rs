@@ -195,10 +195,8 @@ impl Problem<'_> {
                 break;
             }
             let alpha = rz / curvature;
-            for k in 0..r.len() {
-                step[k] += alpha * direction[k];
-                r[k] -= alpha * image[k];
-            }
+            step.iter_mut().zip(&direction).for_each(|(s, d)| *s += alpha * d);
+            r.iter_mut().zip(&image).for_each(|(r, q)| *r -= alpha * q);
             z = scaled(&r);
             let next_rz = dot(&r, &z);
             let beta = next_rz / rz;
