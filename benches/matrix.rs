@@ -2,7 +2,8 @@
 //!
 //! `cargo bench --bench matrix` prints a table of rates and ratios. All of a row of the table were measured by turns, so that a
 //! machine that changes its pace changes all of them; medians count. The ratio is the time of the read by the time of the pass: 1
-//! is as fast as memory.
+//! is as fast as memory. `cargo bench --bench matrix -- "dense f32"` measures the rows whose names contain that. The matrices on a disk
+//! were written just before, so the system has them in memory: what is measured is the program's own work.
 #![expect(clippy::print_stdout, reason = "a table of rates is what a benchmark is for")]
 
 use std::hint::black_box;
@@ -10,7 +11,7 @@ use std::time::Instant;
 
 use pulp::Arch;
 use radiosity::matrix::operator::{Block, LinearOperator, RowAccess};
-use radiosity::matrix::{FormFactors, Layout, Precision, RowTally, RowTile, StorageChoice};
+use radiosity::matrix::{FormFactors, Layout, Place, Precision, RowTally, RowTile, Scratch, StorageChoice};
 use rayon::prelude::*;
 
 /// Patches: 151 MB of f32 in full, more than caches hold.
@@ -28,7 +29,7 @@ const WORDS_PER_TASK: usize = 1 << 16;
 fn main() {
     println!("n = {N}, times in ms, rates in GB/s, medians of {N_ROUNDS} rounds");
     println!(
-        "{:22} {:>7} {:>5} {:>7} | {:>7} {:>7} {:>5} | {:>7} {:>7} {:>5} {:>6} | {:>7} {:>7}",
+        "{:27} {:>7} {:>5} {:>7} | {:>7} {:>7} {:>5} | {:>7} {:>7} {:>5} {:>6} | {:>7} {:>7}",
         "matrix",
         "threads",
         "MB",
@@ -45,18 +46,26 @@ fn main() {
     );
     let wanted = std::env::args().skip(1).find(|argument| !argument.starts_with('-'));
     let read = vec![1_u64; N * N];
-    for (layout, pairs, precision) in [
-        (Layout::Dense, false, Precision::F32),
-        (Layout::Dense, false, Precision::F64),
-        (Layout::Dense, true, Precision::F32),
-        (Layout::Dense, true, Precision::F64),
-        (Layout::Sparse, false, Precision::F32),
-        (Layout::Sparse, false, Precision::F64),
-        (Layout::Sparse, true, Precision::F32),
-        (Layout::Sparse, true, Precision::F64),
-    ] {
+    let scratch = std::env::temp_dir();
+    let disk = Place::Disk(Scratch {
+        directory: &scratch,
+        memory_byte: 1 << 26,
+    });
+    let kinds = [
+        (Layout::Dense, false, Place::Memory),
+        (Layout::Dense, true, Place::Memory),
+        (Layout::Sparse, false, Place::Memory),
+        (Layout::Sparse, true, Place::Memory),
+        (Layout::Dense, false, disk),
+        (Layout::Dense, true, disk),
+        (Layout::Sparse, true, disk),
+    ];
+    let both =
+        |(layout, pairs, place)| [Precision::F32, Precision::F64].map(|precision| (layout, pairs, place, precision));
+    for (layout, pairs, place, precision) in kinds.into_iter().flat_map(both) {
         let kind = if pairs { "symmetric" } else { "rows" };
-        let name = format!("{layout:?} {precision:?} {kind}").to_lowercase();
+        let on_disk = if place == Place::Memory { "" } else { ", disk" };
+        let name = format!("{layout:?} {precision:?} {kind}{on_disk}").to_lowercase();
         if wanted.as_ref().is_some_and(|wanted| !name.contains(wanted)) {
             continue;
         }
@@ -65,7 +74,7 @@ fn main() {
             StorageChoice {
                 layout,
                 precision,
-                ..StorageChoice::default()
+                place,
             },
             pairs,
             one_in,
@@ -96,7 +105,7 @@ fn compare(name: &str, n_threads: usize, factors: &FormFactors, words: &[u64]) {
         });
         for (k, (x, y)) in blocks.iter().zip(&mut results).enumerate() {
             measure(1 + k, &mut || factors.apply(black_box(x), black_box(y)));
-            if n_threads == 1 {
+            if n_threads == 1 && factors.storage().place == Place::Memory {
                 measure(3 + k, &mut || by_rows(factors, black_box(x), black_box(y)));
             }
         }
@@ -107,7 +116,7 @@ fn compare(name: &str, n_threads: usize, factors: &FormFactors, words: &[u64]) {
     });
     let megabyte = factors.stored_byte() as f64 / 1e6;
     println!(
-        "{name:22} {n_threads:7} {megabyte:5.0} {read:7.2} | {one:7.2} {:7.1} {:5.2} | {three:7.2} {:7.1} {:5.2} {:6.2} | {rows_one:7.2} {rows_three:7.2}",
+        "{name:27} {n_threads:7} {megabyte:5.0} {read:7.2} | {one:7.2} {:7.1} {:5.2} | {three:7.2} {:7.1} {:5.2} {:6.2} | {rows_one:7.2} {rows_three:7.2}",
         megabyte / one,
         read / one,
         megabyte / three,

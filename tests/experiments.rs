@@ -289,7 +289,9 @@ fn the_tables_of_lewis_are_what_they_must_be() {
 fn what_is_not_built_is_a_usage_error_that_says_what_is() {
     let directory = tempfile::tempdir().unwrap();
     for (arguments, expected) in [
-        (&["reproduce", "malgouyres"][..], "baranoski"),
+        (&["reproduce", "nobody"][..], "malgouyres"),
+        (&["reproduce", "malgouyres", "--level", "5"], "1 to 4"),
+        (&["reproduce", "malgouyres", "--tables", "1"], "--tables"),
         (&["reproduce", "lewis", "--tables", "3"], "1 to 2"),
         (&["reproduce", "lewis", "--seeds", "40"], "--seeds"),
         (&["reproduce", "baranoski", "--tables", "1"], "2 to 8"),

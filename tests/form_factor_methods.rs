@@ -93,6 +93,7 @@ fn methods_between_pairs_meet_the_cube_within_their_errors_and_trace_no_ray() {
         ("contour", 1e-15, 1e-14),
         ("closed-form", 1e-14, 1e-14),
         ("qmc", 1e-14, 1e-14),
+        ("exact", 1e-14, 1e-13),
     ] {
         let walls = coarse.try_compute(&*default(name)).unwrap();
         let patches = fine.try_compute(&*default(name)).unwrap();
@@ -389,4 +390,47 @@ fn the_registry_knows_no_two_methods_of_one_name() {
     all.sort_unstable();
     all.dedup();
     assert_eq!(all.len(), registry::METHODS.len());
+}
+
+#[test]
+fn pairs_that_nothing_stands_between_are_whole_without_a_ray_and_without_a_doubt() {
+    for subdivide in [1, 3] {
+        let room = prepared("room-box", subdivide);
+        let exact = room.try_compute(&*default("exact")).unwrap();
+        let of_exact = exact.pairs.unwrap();
+        assert!(of_exact.full > 0 && of_exact.partial > 0 && (subdivide == 1 || of_exact.hidden > 0));
+        let n = room.mesh.n_patches();
+        for name in ["closed-form", "contour", "qmc"] {
+            let sampled = room.try_compute(&*default(name)).unwrap();
+            let pairs = sampled.pairs.unwrap();
+            // Rays tell some of the other pairs to be whole or hidden, never fewer.
+            assert!(
+                pairs.full >= of_exact.full && pairs.hidden >= of_exact.hidden,
+                "{name} {pairs:?}"
+            );
+            let with_rays = of_exact.partial;
+            let n_rays = if name == "qmc" { 64 } else { 625 };
+            assert!(
+                pairs.n_rays > 0 && pairs.n_rays <= with_rays * n_rays,
+                "{name} {pairs:?}"
+            );
+            let (mut n_whole, mut n_doubtful) = (0, 0);
+            for i in 0..n {
+                for j in i + 1..n {
+                    let (f, error) = (sampled.factors.get(i, j), sampled.factors.std_error(i, j));
+                    // The doubt that rays leave is above a hundredth of the entry; the kernel's own error is far below.
+                    if error < 1e-8 * f {
+                        n_whole += 1;
+                        assert!((f - exact.factors.get(i, j)).abs() < 1e-9 * f, "{name} {i} {j}");
+                    } else if error > 0.0 {
+                        n_doubtful += 1;
+                    }
+                }
+            }
+            assert!(
+                n_whole == of_exact.full && n_doubtful <= of_exact.partial,
+                "{name} {n_whole} {n_doubtful} {of_exact:?}"
+            );
+        }
+    }
 }

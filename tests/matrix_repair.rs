@@ -192,3 +192,114 @@ fn balanced_noise_gives_better_light_than_symmetrised_noise() {
     let errors = [&noisy, &symmetric, &balanced].map(|f| relative_error(&lewis.areas, &light(f), &truth));
     assert!(errors[1] > 0.05 && errors[2] < 1e-3, "{errors:?}");
 }
+
+/// A symmetric room, and what is left of it when some of its exchange areas, those that say so, are wrong.
+fn wrong_where_it_says_so(n: usize, seed: u64) -> (FormFactors, FormFactors) {
+    let mut uniform = Uniform(seed);
+    let room = random_room(n, 0.6, seed);
+    let areas = room.areas().to_vec();
+    let mut rows = vec![Vec::new(); n];
+    for i in 0..n {
+        for j in i..n {
+            let exchange = areas[i] * room.get(i, j);
+            let error = exchange * if (i + j) % 3 == 0 { 0.1 * uniform.next() } else { 0.0 };
+            let off = error * (2.0 * uniform.next() - 1.0);
+            rows[i].push((u32::try_from(j).unwrap(), exchange + off, error));
+        }
+    }
+    let mut tile = RowTile::new(0);
+    for row in &rows {
+        tile.push_row(row, RowTally::default());
+    }
+    let wrong = FormFactors::from_exchange_tiles(areas, [tile], StorageChoice::default()).unwrap();
+    (room, wrong)
+}
+
+#[test]
+fn closure_moves_entries_by_their_variance_and_no_others() {
+    for seed in 30..36 {
+        let n = 40;
+        let (room, wrong) = wrong_where_it_says_so(n, seed);
+        let targets: Vec<f64> = (0..n).map(|i| room.row_sum(i)).collect();
+        let (closed, report) = wrong.closed(&targets, 1e-12, 500).unwrap();
+        assert!(
+            report.converged && report.row_error_max <= 1e-12 && report.n_empty_rows == 0,
+            "{report:?}"
+        );
+        assert!(closed.is_symmetric());
+        let (mut before, mut after) = (0.0, 0.0);
+        for i in 0..n {
+            assert!((closed.row_sum(i) - targets[i]).abs() < 2e-12, "{seed} {i}");
+            for j in 0..n {
+                let (x, a, s) = (closed.get(i, j), wrong.get(i, j), wrong.std_error(i, j));
+                assert!(
+                    x >= 0.0 && (s > 0.0 || (x - a).abs() <= 1e-15 * a),
+                    "{seed} {i} {j}: {a} ± {s} became {x}"
+                );
+                assert!(
+                    (x - a).abs() <= 1.000_001 * closed.std_error(i, j),
+                    "the error covers the step"
+                );
+                let (there, back) = (closed.areas()[i] * x, closed.areas()[j] * closed.get(j, i));
+                assert!((there - back).abs() <= 8e-16 * there);
+                before += (a - room.get(i, j)).powi(2);
+                after += (x - room.get(i, j)).powi(2);
+            }
+        }
+        // The truth meets the targets too, so the least-squares step cannot lead away from it, in units of the errors; here not in plain ones either.
+        assert!(after < before, "{seed}: {before} {after}");
+        let (kept, report) = closed.closed(&targets, 1e-11, 10).unwrap();
+        assert!(report.converged && report.n_passes <= 2);
+        assert_eq!(
+            bits(&dense(&kept).concat()),
+            bits(&dense(&closed).concat()),
+            "nothing to do"
+        );
+    }
+}
+
+#[test]
+fn closure_stops_at_zero_and_says_what_it_cannot_do() {
+    // Row 0 sees too much; what it sees least of has the largest error and would become negative.
+    let exchange = |entries: &[(usize, usize, f64, f64)], n: usize| {
+        let mut tile = RowTile::new(0);
+        for i in 0..n {
+            let row: Vec<(u32, f64, f64)> = entries
+                .iter()
+                .filter(|e| e.0 == i)
+                .map(|&(_, j, a, s)| (u32::try_from(j).unwrap(), a, s))
+                .collect();
+            tile.push_row(&row, RowTally::default());
+        }
+        FormFactors::from_exchange_tiles(vec![1.0; n], [tile], StorageChoice::default()).unwrap()
+    };
+    let crowded = exchange(
+        &[
+            (0, 1, 0.9, 0.01),
+            (0, 2, 0.05, 0.5),
+            (0, 3, 0.2, 0.02),
+            (1, 2, 0.3, 0.1),
+            (1, 3, 0.1, 0.1),
+            (2, 3, 0.4, 0.2),
+        ],
+        4,
+    );
+    let targets = [1.0, 1.2, 0.8, 0.9];
+    let (closed, report) = crowded.closed(&targets, 1e-12, 500).unwrap();
+    assert!(report.converged, "{report:?}");
+    for i in 0..4 {
+        assert!((closed.row_sum(i) - targets[i]).abs() < 2e-12);
+        assert!((0..4).all(|j| closed.get(i, j) >= 0.0));
+    }
+    assert!(closed.get(0, 2).abs() < 1e-300, "{}", closed.get(0, 2));
+    // What has no error does not move, whatever the sums are.
+    let certain = exchange(&[(0, 1, 0.5, 0.0)], 2);
+    let (same, report) = certain.closed(&[1.0; 2], 1e-12, 50).unwrap();
+    assert!(!report.converged && (report.row_error_max - 0.5).abs() < 1e-15);
+    assert_eq!(bits(&dense(&same).concat()), bits(&dense(&certain).concat()));
+    let rows = matrix(&[1.0; 2], &[vec![0.0, 0.5], vec![0.5, 0.0]]);
+    assert_eq!(
+        rows.closed(&[1.0; 2], 1e-12, 10).unwrap_err(),
+        MatrixError::NotSymmetric
+    );
+}

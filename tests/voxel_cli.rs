@@ -54,6 +54,9 @@ fn the_document_says_what_was_done() {
         (&result["n_escaped"], &result["n_leaks"]),
         (&Value::from(0), &Value::from(0))
     );
+    // Half a diagonal of a voxel, and in corners up to 1.5.
+    let hausdorff = result["hausdorff_distance_voxel"].as_f64().unwrap();
+    assert!((0.5..=1.5 + 1e-9).contains(&hausdorff), "{hausdorff}");
     assert_eq!(result["n_directions"], 354);
     assert!(result["octree_byte"].as_u64().unwrap() > 0);
     let surfaces = result["surfaces"].as_array().unwrap();
@@ -171,4 +174,133 @@ fn what_makes_no_sense_is_refused_in_one_line() {
             "{arguments:?}: {message}"
         );
     }
+}
+
+#[test]
+fn cells_are_counted_and_told() {
+    let directory = with_scene("cornell-box");
+    let size = ["--voxels", "40", "--radius", "6", "--passes", "8"];
+    let with = |more: &[&str]| document(directory.path(), &[&size[..], more].concat()).1;
+    let (voxels, cells) = (with(&[]), with(&["--adaptive", "1"]));
+    let n_cells = cells["n_cells"].as_u64().unwrap();
+    assert!(2 * n_cells < voxels["n_surfels"].as_u64().unwrap(), "{n_cells}");
+    let by_level: u64 = cells["n_cells_by_level"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|n| n.as_u64().unwrap())
+        .sum();
+    assert_eq!(by_level, n_cells);
+    assert!(cells["n_links"].as_u64() < voxels["n_links"].as_u64());
+    let area = |document: &Value| document["surfaces"][0]["area_m2"].as_f64().unwrap();
+    assert_eq!(area(&cells).to_bits(), area(&voxels).to_bits());
+    let output = radiosity(
+        directory.path(),
+        &["voxel", "scene.obj", "--adaptive", "0.1", "--links", "disk"],
+    );
+    assert_eq!(output.status.code(), Some(2));
+}
+
+#[test]
+fn walls_that_are_too_near_are_named() {
+    let directory = tempfile::tempdir().unwrap();
+    let plate = |z: f64| format!("v 0 0 {z}\nv 1 0 {z}\nv 1 1 {z}\nv 0 1 {z}\n");
+    let obj = format!(
+        "mtllib m.mtl\nusemtl m\n{}{}o low\nf 1 2 3 4\no high\nf 8 7 6 5\n",
+        plate(0.0),
+        plate(0.1)
+    );
+    std::fs::write(directory.path().join("m.mtl"), "newmtl m\nKd 0.5 0.5 0.5\nKe 1 1 1\n").unwrap();
+    std::fs::write(directory.path().join("scene.obj"), obj).unwrap();
+    let output = radiosity(
+        directory.path(),
+        &["voxel", "scene.obj", "--voxels", "11", "--radius", "4"],
+    );
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(0), "{message}");
+    assert!(
+        message.contains("low and high") && message.contains("--voxels"),
+        "{message}"
+    );
+    let (_, told) = document(directory.path(), &["--voxels", "11", "--radius", "4", "--quiet"]);
+    assert_eq!(told["thin_gaps"][0]["surfaces"], serde_json::json!(["low", "high"]));
+}
+
+/// A limit on the size of files stands for a full disk.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_leaves_no_links_behind() {
+    let directory = with_scene("room-box");
+    let limited = |kilobytes: u32| {
+        // Without the signal, a write beyond the limit fails as one on a full disk does.
+        let script = format!("trap '' XFSZ; ulimit -f {kilobytes}; exec \"$@\"");
+        Command::new("sh")
+            .current_dir(directory.path())
+            .args([
+                "-c",
+                &script,
+                "sh",
+                env!("CARGO_BIN_EXE_radiosity"),
+                "voxel",
+                "scene.obj",
+            ])
+            .args(["--voxels", "31", "--radius", "6", "--links", "disk", "--passes", "2"])
+            .output()
+            .unwrap()
+    };
+    let output = limited(64);
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{message}");
+    assert!(
+        message.contains("scene.links") && message.lines().count() == 1,
+        "{message}"
+    );
+    let names = || -> Vec<String> {
+        let entries = std::fs::read_dir(directory.path()).unwrap();
+        let mut names: Vec<String> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    };
+    assert!(names().iter().all(|name| !name.contains("links")), "{:?}", names());
+    // With room, the same command leaves the links, and nothing else.
+    assert_eq!(limited(1 << 20).status.code(), Some(0));
+    assert!(names().contains(&"scene.links".to_owned()) && !names().contains(&"scene.links.part".to_owned()));
+}
+
+#[test]
+fn a_killed_run_is_taken_up_again() {
+    let directory = with_scene("room-box");
+    let arguments = [
+        "voxel",
+        "scene.obj",
+        "--voxels",
+        "120",
+        "--radius",
+        "4",
+        "--links",
+        "disk",
+        "--passes",
+        "1",
+    ];
+    assert_eq!(radiosity(directory.path(), &arguments).status.code(), Some(0));
+    let links = directory.path().join("scene.links");
+    let whole = std::fs::read(&links).unwrap();
+    std::fs::remove_file(&links).unwrap();
+    let mut child = Command::new(env!("CARGO_BIN_EXE_radiosity"))
+        .current_dir(directory.path())
+        .args(arguments)
+        .stdout(std::process::Stdio::null())
+        .stderr(std::process::Stdio::null())
+        .spawn()
+        .unwrap();
+    let part = directory.path().join("scene.links.part");
+    // As soon as there are records; a run that is done before is no harm.
+    while child.try_wait().unwrap().is_none() && std::fs::metadata(&part).map_or(0, |m| m.len()) < 100 {
+        std::thread::yield_now();
+    }
+    let _ = child.kill();
+    child.wait().unwrap();
+    assert!(part.exists() || links.exists());
+    assert_eq!(radiosity(directory.path(), &arguments).status.code(), Some(0));
+    assert!(std::fs::read(&links).unwrap() == whole && !part.exists());
 }

@@ -155,6 +155,8 @@ pub enum BalanceName {
     Auto,
     /// Always
     On,
+    /// Always, but each entry is moved by its own error variance instead (least squares): what is known stays
+    Closure,
     /// Never
     Off,
 }
@@ -458,6 +460,8 @@ pub enum PaperName {
     Stability,
     /// Lewis 1992: tables 1 and 2, figures 1, 2, 5 and 6 (multigrid against Gauss-Seidel)
     Lewis,
+    /// Malgouyres 2002: the error of voxels against exact form factors, by resolution, radius and run time
+    Malgouyres,
 }
 
 /// `radiosity reproduce`.
@@ -478,7 +482,7 @@ pub struct ReproduceArgs {
     /// The first seed of `baranoski` [default: 0]
     #[arg(long, value_name = "S")]
     pub seed: Option<u64>,
-    /// The finest level of table 2 of `lewis`; 6 (24576 patches) takes 4 GB and a minute or two [default: 5]
+    /// The finest level: of table 2 of `lewis`; 6 (24576 patches) takes 4 GB and a minute or two [default: 5]; of `malgouyres`, 10 · 2^L voxels, L up to 4 [default: 2]
     #[arg(long, value_name = "L", value_parser = clap::value_parser!(u32).range(1..=6))]
     pub level: Option<u32>,
     #[command(flatten)]
@@ -637,6 +641,12 @@ pub struct VoxelArgs {
     /// What a propagation computes from
     #[arg(long, value_enum, default_value_t = FormName::InPlace, help_heading = "Voxels")]
     pub form: FormName,
+    /// Join voxels to cells where the irradiance changes by less than T times its mean from cell to cell, as 0.05
+    #[arg(long, value_name = "T", value_parser = parse_positive, conflicts_with_all = ["solver", "form", "links", "link_file"], help_heading = "Voxels")]
+    pub adaptive: Option<f64>,
+    /// With `--adaptive`, the largest cells: 2^L voxels wide, L up to 6
+    #[arg(long, value_name = "L", default_value_t = 3, requires = "adaptive", value_parser = clap::value_parser!(u8).range(0..=6), help_heading = "Voxels")]
+    pub coarsest: u8,
     /// Leave the weights of a voxel's directions as they are, not divided by their sum
     #[arg(long, help_heading = "Voxels")]
     pub unnormalised: bool,

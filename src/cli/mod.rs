@@ -13,6 +13,7 @@ mod progress;
 mod render;
 mod reproduce;
 mod reproduce_lewis;
+mod reproduce_malgouyres;
 mod reproduce_solvers;
 mod reuse;
 mod scene;

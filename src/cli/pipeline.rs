@@ -288,7 +288,8 @@ impl Run {
             ));
         }
         let wanted = repairs(asked, needs_symmetry && !raw.is_symmetric());
-        self.set("balance", wanted);
+        let by_variance = asked == BalanceName::Closure;
+        self.set("balance", if by_variance { json!("closure") } else { json!(wanted) });
         let plan = &mut prepared.plan;
         if plan.convex_and_empty && result.pairs.is_some() && self.settings.get("method") != Some(&json!("exact")) {
             plan.left_out.push("rays between patches: nothing can block".into());
@@ -296,14 +297,23 @@ impl Run {
         let (factors, balance) = if wanted {
             let targets = raw.row_targets(closed);
             let (factors, report) = self.times.time("balance", || {
-                raw.symmetrised(Weighting::default())?
-                    .balanced(&targets, BALANCE_TOLERANCE, BALANCE_PASSES)
+                let symmetric = raw.symmetrised(Weighting::default())?;
+                if by_variance {
+                    symmetric.closed(&targets, BALANCE_TOLERANCE, BALANCE_PASSES)
+                } else {
+                    symmetric.balanced(&targets, BALANCE_TOLERANCE, BALANCE_PASSES)
+                }
             })?;
+            let how = if by_variance {
+                "the defect of the row sums spread by the entries' variances"
+            } else {
+                "rows rescaled symmetrically"
+            };
             plan.decide(
                 "reciprocity",
                 "restored",
                 format!(
-                    "each pair averaged with its reverse, rows rescaled symmetrically in {} passes",
+                    "each pair averaged with its reverse, {how} in {} passes",
                     report.n_passes
                 ),
             );
@@ -552,7 +562,7 @@ impl Run {
 /// Tells whether form factors are made symmetric and balanced.
 pub(super) fn repairs(asked: BalanceName, needed: bool) -> bool {
     match asked {
-        BalanceName::On => true,
+        BalanceName::On | BalanceName::Closure => true,
         BalanceName::Off => false,
         BalanceName::Auto => needed,
     }

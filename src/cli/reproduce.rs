@@ -23,6 +23,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
         PaperName::Baranoski => run_baranoski(args),
         PaperName::Stability => super::stability::run(args),
         PaperName::Lewis => super::reproduce_lewis::run(args),
+        PaperName::Malgouyres => super::reproduce_malgouyres::run(args),
     }
 }
 

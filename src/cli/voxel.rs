@@ -18,8 +18,8 @@ use crate::report::voxels::write_vtu;
 use crate::scene::{Material, Scene};
 use crate::solver::{self, RadiositySystem, SolveOptions, SolverSettings, StopReason, Tolerance};
 use crate::voxel::{
-    DiscreteSphere, Form, Grid, LinkOperator, Links, RowWeights, SolidAngle, ThinGap, VoxelScene, onto_patches,
-    picture, propagate,
+    AdaptiveSettings, DiscreteSphere, Form, Grid, LinkOperator, Links, RowWeights, SolidAngle, ThinGap, VoxelScene,
+    onto_patches, picture, propagate, solve_adaptively,
 };
 
 /// Patches of the display, in voxels: fine enough to show what the voxels resolve.
@@ -83,23 +83,15 @@ pub(super) fn run(args: &VoxelArgs) -> Result<Outcome, Failure> {
         Vec::new()
     };
     warn_of_leaks(&run, &prepared.scene, &voxels, &leaks);
-    let links = find_links(&mut run, &mut prepared, &voxels, &sphere, args)?;
-    let row_weights = if args.unnormalised {
-        RowWeights::Plain
-    } else {
-        RowWeights::Normalised
+    let hausdorff = run.times.time("checks", || voxels.hausdorff_distance(&prepared.scene));
+    let (solved, links) = match args.adaptive {
+        Some(tolerance) => solve_on_cells(&mut run, &mut prepared, &voxels, &sphere, args, tolerance),
+        None => solve_on_voxels(&mut run, &mut prepared, &voxels, &sphere, args)?,
     };
-    let operator = LinkOperator::new(&voxels, &sphere, &links, row_weights);
-    let solved = solve(&mut run, &prepared, &operator, args);
-    // What went wrong with the links explains whatever the solver made of it.
-    if let Some(error) = links.failure() {
-        return Err(error.into());
-    }
-    let solved = solved?;
     write(&mut run, &prepared, &voxels, &solved, args, format)?;
     run.progress.finish();
 
-    let checked = Checked { gaps, leaks };
+    let checked = Checked { gaps, leaks, hausdorff };
     let mut result = to_json(&prepared.scene, &voxels, &sphere, &links, &checked);
     result["surfaces"] = surfaces(&prepared.scene, &voxels, &solved.radiosity);
     if let (Value::Object(all), Value::Object(more)) = (&mut result, solved.document) {
@@ -128,27 +120,45 @@ struct Checked {
     gaps: Vec<ThinGap>,
     /// Surfels that are reached from outside.
     leaks: Vec<u32>,
+    /// The Hausdorff distance from the scene, in voxels.
+    hausdorff: Option<f64>,
 }
 
-fn to_json(scene: &Scene, voxels: &VoxelScene, sphere: &DiscreteSphere, links: &Links, checked: &Checked) -> Value {
+/// How many links there are, and what they take.
+#[expect(clippy::struct_field_names, reason = "counts are named n_ everywhere")]
+struct LinkFigures {
+    n_links: u64,
+    n_backs: u64,
+    n_escaped: u64,
+    n_bytes: u64,
+}
+
+fn to_json(
+    scene: &Scene,
+    voxels: &VoxelScene,
+    sphere: &DiscreteSphere,
+    links: &LinkFigures,
+    checked: &Checked,
+) -> Value {
     json!({
         "n_voxels": voxels.octree.n_voxels(),
         "n_surfels": voxels.n_surfels(),
         "lattice": voxels.grid.n_voxels,
         "voxel_size_m": voxels.grid.voxel_size,
         "n_directions": sphere.directions().len(),
-        "n_links": links.n_links(),
-        "n_escaped": links.n_escaped(),
-        "n_backs": links.n_backs(),
-        "link_byte": links.n_bytes(),
+        "n_links": links.n_links,
+        "n_escaped": links.n_escaped,
+        "n_backs": links.n_backs,
+        "link_byte": links.n_bytes,
         "octree_byte": voxels.octree.n_bytes(),
         "surfel_byte": voxels.n_bytes() - voxels.octree.n_bytes(),
         "n_leaks": checked.leaks.len(),
+        "hausdorff_distance_voxel": checked.hausdorff,
         "thin_gaps": gaps_to_json(scene, &checked.gaps),
     })
 }
 
-fn describe(text: &mut String, voxels: &VoxelScene, sphere: &DiscreteSphere, links: &Links) {
+fn describe(text: &mut String, voxels: &VoxelScene, sphere: &DiscreteSphere, links: &LinkFigures) {
     let [x, y, z] = voxels.grid.n_voxels;
     let _ = writeln!(
         text,
@@ -162,16 +172,109 @@ fn describe(text: &mut String, voxels: &VoxelScene, sphere: &DiscreteSphere, lin
         text,
         "{} directions, {} links in {} ({:.2} bytes a link); {} end at backs, {} leave the scene",
         sphere.directions().len(),
-        links.n_links(),
-        mebibytes(links.n_bytes() as f64),
-        links.n_bytes() as f64 / (links.n_links().max(1)) as f64,
-        links.n_backs(),
-        links.n_escaped()
+        links.n_links,
+        mebibytes(links.n_bytes as f64),
+        links.n_bytes as f64 / (links.n_links.max(1)) as f64,
+        links.n_backs,
+        links.n_escaped
     );
 }
 
 /// Bytes for a link, by which the plan reckons: measured, 1.3 to 2.3, the less the more directions there are.
 const BYTES_PER_LINK: u64 = 2;
+
+/// Solves with one unknown for each surfel.
+fn solve_on_voxels(
+    run: &mut Run,
+    prepared: &mut Prepared,
+    voxels: &VoxelScene,
+    sphere: &DiscreteSphere,
+    args: &VoxelArgs,
+) -> Result<(Solved, LinkFigures), Failure> {
+    let links = find_links(run, prepared, voxels, sphere, args)?;
+    let operator = LinkOperator::new(voxels, sphere, &links, row_weights(args));
+    let solved = solve(run, prepared, &operator, args);
+    // What went wrong with the links explains whatever the solver made of it.
+    if let Some(error) = links.failure() {
+        return Err(error.into());
+    }
+    let figures = LinkFigures {
+        n_links: links.n_links(),
+        n_backs: links.n_backs(),
+        n_escaped: links.n_escaped(),
+        n_bytes: links.n_bytes(),
+    };
+    Ok((solved?, figures))
+}
+
+/// Solves with one unknown for each cell, cells as fine as the light asks for.
+fn solve_on_cells(
+    run: &mut Run,
+    prepared: &mut Prepared,
+    voxels: &VoxelScene,
+    sphere: &DiscreteSphere,
+    args: &VoxelArgs,
+    tolerance: f64,
+) -> (Solved, LinkFigures) {
+    run.set("adaptive", tolerance);
+    run.set("coarsest", args.coarsest);
+    run.set("passes", args.passes);
+    prepared
+        .plan
+        .decide("links", "memory", "those of cells, as they are cut".to_owned());
+    let (reflectance, exitance) = materials_of_surfels(&prepared.scene, voxels, prepared.plan.n_channels);
+    let settings = AdaptiveSettings {
+        coarsest: args.coarsest,
+        tolerance,
+        n_passes: args.passes,
+        row_weights: row_weights(args),
+    };
+    let result = run.times.time("cells", || {
+        solve_adaptively(
+            &prepared.scene,
+            voxels,
+            sphere,
+            &reflectance,
+            &exitance,
+            &settings,
+            &run.progress,
+        )
+    });
+    let n_cells = result.cells.n_cells();
+    let figures = LinkFigures {
+        n_links: result.n_links,
+        n_backs: result.n_backs,
+        n_escaped: result.n_escaped,
+        n_bytes: result.link_byte,
+    };
+    let solved = Solved {
+        document: json!({
+            "n_passes": args.passes,
+            "changes": result.changes,
+            "n_cells": n_cells,
+            "n_cells_by_level": result.cells.n_by_level(),
+            "n_cells_by_round": result.n_cells,
+        }),
+        line: format!(
+            "{n_cells} cells in place of {} unknowns, after {} rounds of cuts; {} propagations on each",
+            voxels.n_surfels(),
+            result.n_cells.len() - 1,
+            args.passes
+        ),
+        radiosity: result.radiosity,
+        irradiance: result.irradiance,
+        code: ExitCode::Done,
+    };
+    (solved, figures)
+}
+
+fn row_weights(args: &VoxelArgs) -> RowWeights {
+    if args.unnormalised {
+        RowWeights::Plain
+    } else {
+        RowWeights::Normalised
+    }
+}
 
 /// Finds the links and keeps them where they fit.
 fn find_links(

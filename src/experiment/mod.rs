@@ -2,7 +2,7 @@
 //!
 //! [`compare`](compare()) runs every setting of every method ([`SWEEPS`]) over several seeds and says how far each is from a
 //! [`Reference`], and how long it took. [`baranoski`] repeats the tables of that paper, [`lewis`] those of the paper on multigrid.
-//! [`stability`] tries every solver on stiff, extreme and impossible systems.
+//! [`malgouyres`] measures what the paper on voxels leaves open. [`stability`] tries every solver on stiff, extreme and impossible systems.
 //!
 //! Run times are results here, and the only ones that differ from run to run. `radiosity reproduce` keeps them apart: files with `time` in their names hold
 //! them, all others are the same bytes for the same settings. What it prints, and `--json`, has both.
@@ -11,6 +11,7 @@ pub mod baranoski;
 mod compare;
 mod known;
 pub mod lewis;
+pub mod malgouyres;
 mod pareto;
 mod reference;
 pub mod stability;

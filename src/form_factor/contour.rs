@@ -68,7 +68,7 @@ pub(super) fn times_visible(
     let method = Sampled {
         independence: Independence::SharedEnds,
         sample: |segments: &mut Segments<'_>, owner: usize, pair: [usize; 2]| {
-            if !segments.unoccluded() {
+            if !segments.is_known(owner) {
                 sampled::join_all(segments, input.mesh, &points, owner, pair);
             }
         },

@@ -70,8 +70,8 @@ impl FormFactorMethod for GaussLambert {
                         y.weight * kernel((x.position, patches[outer].normal), (y.position, patches[inner].normal))
                     }));
                     let total: f64 = densities.iter().sum();
-                    if segments.unoccluded() || total <= 0.0 {
-                        // Nothing blocks, or no point of the other patch is above the horizon although a sliver of it is.
+                    if segments.is_known(owner) || total <= 0.0 {
+                        // No ray is needed, or no point of the other patch is above the horizon although a sliver of it is.
                         segments.add_untraced(owner, share);
                         continue;
                     }

@@ -37,6 +37,7 @@ mod sampled;
 mod segments;
 mod sg;
 mod shooting;
+mod sight;
 mod sr;
 
 pub use centre::CentrePoint;

@@ -45,7 +45,7 @@ impl FormFactorMethod for QuasiMonteCarlo {
         let method = Sampled {
             independence: Independence::Independent,
             sample: |segments: &mut Segments<'_>, owner: usize, [i, j]: [usize; 2]| {
-                if segments.unoccluded() {
+                if segments.is_known(owner) {
                     return;
                 }
                 // The number of a pair's sequence is the same whatever other patches there are.

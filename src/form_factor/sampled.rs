@@ -2,6 +2,7 @@
 
 use super::pairs::{self, Exchange, PairWorker};
 use super::segments::{Independence, PairSums, Segments, VisibleFraction, kernel};
+use super::sight::Sights;
 use super::{Computed, FormFactorError, Input, PairCounts};
 use crate::geometry::polygon_form_factor::{PreparedPolygon, Tolerance, exchange_area};
 use crate::geometry::quadrature::WeightedPoint;
@@ -29,9 +30,10 @@ where
         storage: StorageChoice,
         progress: &dyn Progress,
     ) -> Result<Computed, FormFactorError> {
+        let sights = Sights::new(input);
         pairs::by_pairs(input, storage, progress, || Worker {
             method: self,
-            segments: Segments::new(input, self.independence),
+            segments: Segments::new(input, &sights, self.independence),
         })
     }
 }
@@ -47,7 +49,7 @@ where
     X: Fn([usize; 2], PairSums, VisibleFraction) -> Result<Exchange, FormFactorError>,
 {
     fn row(&mut self, i: usize, others: &[usize], emit: &mut dyn FnMut(Exchange)) -> Result<(), FormFactorError> {
-        self.segments.begin(others.len());
+        self.segments.begin(i, others);
         for (k, &j) in others.iter().enumerate() {
             (self.method.sample)(&mut self.segments, k, [i, j]);
         }

@@ -1,9 +1,12 @@
 //! Rays between points of pairs of patches, and what they tell about how much of a pair is visible.
+//!
+//! Pairs that are known to be whole or hidden ([`Sights`]) need none: their visible fraction is 1 or 0 without an error.
 
 use std::f64::consts::PI;
 
 use glam::DVec3;
 
+use super::sight::{Sight, Sights};
 use super::{Input, PairCounts};
 use crate::visibility::{Coherence, RayBatch};
 
@@ -86,6 +89,8 @@ impl PairSums {
 /// The segments of one row of pairs: collected, traced in batches, and summed pair by pair.
 pub(super) struct Segments<'a> {
     input: Input<'a>,
+    known: &'a Sights<'a>,
+    sights: Vec<Sight>,
     independence: Independence,
     rays: RayBatch,
     owners: Vec<usize>,
@@ -96,9 +101,11 @@ pub(super) struct Segments<'a> {
 }
 
 impl<'a> Segments<'a> {
-    pub(super) fn new(input: Input<'a>, independence: Independence) -> Self {
+    pub(super) fn new(input: Input<'a>, known: &'a Sights<'a>, independence: Independence) -> Self {
         Self {
             input,
+            known,
+            sights: Vec::new(),
             independence,
             rays: RayBatch::default(),
             owners: Vec::new(),
@@ -109,26 +116,31 @@ impl<'a> Segments<'a> {
         }
     }
 
-    /// Returns whether nothing can block: no segment is then traced.
-    pub(super) fn unoccluded(&self) -> bool {
-        self.input.unoccluded
+    /// Returns whether it is known how much of the pair numbered `owner` is visible: no segment is then traced.
+    pub(super) fn is_known(&self, owner: usize) -> bool {
+        self.sights[owner] != Sight::Unknown
     }
 
-    /// Forgets the last row and makes room for the next.
-    pub(super) fn begin(&mut self, n_pairs: usize) {
+    /// Forgets the last row and makes room for the next: patch `i` with each of `others`.
+    pub(super) fn begin(&mut self, i: usize, others: &[usize]) {
+        self.known.row(i, others, &mut self.sights);
         self.sums.clear();
-        self.sums.resize(n_pairs, PairSums::default());
+        self.sums.resize(others.len(), PairSums::default());
     }
 
     /// Adds a segment from a point of patch i to a point of patch j, in m, with its weight, to the pair numbered `owner` in this row.
     pub(super) fn add(&mut self, owner: usize, (i, x): (usize, DVec3), (j, y): (usize, DVec3), weight: f64) {
         let sums = &mut self.sums[owner];
         sums.all += weight;
-        if self.input.unoccluded {
-            sums.open += weight;
-            return;
+        match self.sights[owner] {
+            Sight::Whole => sums.open += weight,
+            Sight::Hidden => {}
+            Sight::Unknown => self.push(owner, (i, x), (j, y), weight),
         }
-        sums.all_squared += weight * weight;
+    }
+
+    fn push(&mut self, owner: usize, (i, x): (usize, DVec3), (j, y): (usize, DVec3), weight: f64) {
+        self.sums[owner].all_squared += weight * weight;
         let visibility = self.input.visibility;
         let patches = &self.input.mesh.patches;
         let lift = |k: usize, point: DVec3| point + patches[k].normal * visibility.offset() - visibility.frame_origin();
@@ -172,10 +184,19 @@ impl<'a> Segments<'a> {
     /// Returns the sums of a pair of the finished row and its visible fraction, and counts the pair.
     pub(super) fn result(&mut self, owner: usize) -> (PairSums, VisibleFraction) {
         let sums = self.sums[owner];
-        if self.input.unoccluded {
-            self.counts.full += 1;
-            let (fraction, error) = (1.0, 0.0);
-            return (sums, VisibleFraction { fraction, error });
+        let fraction = match self.sights[owner] {
+            Sight::Whole => Some(1.0),
+            Sight::Hidden => Some(0.0),
+            Sight::Unknown => None,
+        };
+        if let Some(fraction) = fraction {
+            let n = if fraction > 0.0 {
+                &mut self.counts.full
+            } else {
+                &mut self.counts.hidden
+            };
+            *n += 1;
+            return (sums, VisibleFraction { fraction, error: 0.0 });
         }
         self.counts.n_rays += sums.n_rays;
         if sums.n_rays == 0 || (sums.n_open > 0 && sums.n_open < sums.n_rays) {

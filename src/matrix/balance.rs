@@ -193,7 +193,7 @@ impl FormFactors {
     }
 
     /// Returns form factors of other exchange areas between the same patches.
-    fn with_exchange(&self, exchange: Arc<dyn Symmetric>) -> Self {
+    pub(super) fn with_exchange(&self, exchange: Arc<dyn Symmetric>) -> Self {
         Self::from_symmetric(self.areas.clone(), exchange, self.tallies.clone(), self.storage())
     }
 }

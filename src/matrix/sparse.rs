@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use super::gather::{SparseRows, multiply_sparse_rows};
+use super::lanes::Planes;
 use super::operator::Block;
 use super::store::{Scalar, Store, add_dot, rounded};
 use super::tile::is_zero;
@@ -78,6 +80,15 @@ impl<T: Scalar> Store for SparseTile<T> {
             add_dot(&self.values[part], |k| columns[k] as usize, 1.0, x.values(), sum);
         }
         on.map(|place| self.values[place].to_f64()).next().unwrap_or(0.0)
+    }
+
+    fn apply(&self, row: usize, _: usize, x: &Block, planes: &Planes, y: &mut [f64]) {
+        let rows = SparseRows {
+            begins: &self.begins[row..=row + y.len() / x.n_channels()],
+            columns: &self.columns,
+            values: &self.values,
+        };
+        multiply_sparse_rows(rows, planes, y);
     }
 
     fn n_nonzero(&self) -> usize {

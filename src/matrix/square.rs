@@ -6,7 +6,9 @@ pub(super) use codec::Form;
 
 use std::ops::Range;
 
-use super::lanes::{Lanes, add_both};
+use super::gather::SquareEntries;
+use super::lanes::{Lanes, Planes, add_both};
+use super::pass::PassSums;
 use super::store::{DENSE_FROM, Scalar, add_dot, rounded};
 use super::tile::is_zero;
 use super::transpose::index;
@@ -247,25 +249,21 @@ impl<T: Scalar> Square<T> {
         }
     }
 
-    /// Adds T `x_columns` to the partial sums of each row and T^T `x_rows` to `y_columns`, reading the tile once.
-    pub(super) fn apply_both(&self, x_rows: &[f64], x_columns: &[f64], row_sums: &mut [Lanes], y_columns: &mut [f64]) {
+    /// Adds to `sums` what the tile and its transpose make of `x`, for all channels, reading the tile once. The tile holds `rows` and
+    /// `columns` of the matrix.
+    pub(super) fn apply_both(&self, x: &Planes, rows: Range<usize>, columns: Range<usize>, sums: &mut PassSums) {
         match self {
             Self::Empty => {}
-            Self::Full(full) => add_both(&full.numbers.values, x_rows, x_columns, row_sums, y_columns),
+            Self::Full(full) => sums.with_channels(x, rows, columns, |channels| {
+                add_both(&full.numbers.values, channels);
+            }),
             Self::List(list) => {
-                let entries = list.numbers.values.iter().zip(&list.columns).zip(&list.rows);
-                // A row's sum stays in a register until the row ends.
-                let (mut row, mut sum, mut x_row) = (0, 0.0, x_rows[0]);
-                for ((value, &column), &row_of_entry) in entries {
-                    if row_of_entry != row {
-                        row_sums[usize::from(row)][0] += sum;
-                        (row, sum, x_row) = (row_of_entry, 0.0, x_rows[usize::from(row_of_entry)]);
-                    }
-                    let column = usize::from(column);
-                    sum += value.to_f64() * x_columns[column];
-                    y_columns[column] += value.to_f64() * x_row;
-                }
-                row_sums[usize::from(row)][0] += sum;
+                let entries = SquareEntries {
+                    rows: &list.rows,
+                    columns: &list.columns,
+                    values: &list.numbers.values,
+                };
+                sums.add_listed(entries, x, rows, columns);
             }
         }
     }

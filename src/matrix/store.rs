@@ -75,16 +75,7 @@ pub(super) trait Store: Debug + Send + Sync {
 
     /// Sets `y` (row-major, one entry per channel) to the products of as many rows with `x`, from the row `row` on, which is row `i`
     /// of the matrix; `planes` are `x` again.
-    fn apply(&self, row: usize, i: usize, x: &Block, planes: &Planes, y: &mut [f64]) {
-        let _ = planes;
-        for (k, sums) in y.chunks_exact_mut(x.n_channels()).enumerate() {
-            sums.fill(0.0);
-            let diagonal = self.dot_off_diagonal(row + k, i + k, x, sums);
-            for (sum, x_ic) in sums.iter_mut().zip(x.row(i + k)) {
-                *sum += diagonal * x_ic;
-            }
-        }
-    }
+    fn apply(&self, row: usize, i: usize, x: &Block, planes: &Planes, y: &mut [f64]);
 
     /// Adds `factor` a_j to `sum[j]` over the row, and returns how many numbers of the row are stored.
     fn add_row(&self, row: usize, factor: f64, sum: &mut [f64]) -> usize {

@@ -7,8 +7,9 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::disk::{Band, DiskError, Part, TileFile, for_each_block, visit_nothing_known};
-use super::lanes::{LANES, Planes, total};
+use super::lanes::Planes;
 use super::operator::Block;
+use super::pass::PassSums;
 use super::square::{Placed, SIDE, Square};
 use super::store::{Scalar, rounded};
 use super::transpose::index;
@@ -232,40 +233,24 @@ impl<T: Scalar> Tiles<T> {
 
     /// Returns what the tiles of some block rows add to y, from the first of these rows on, channel by channel.
     fn apply_piece(&self, piece: Range<usize>, x: &Planes) -> Vec<f64> {
-        let first = piece.start * SIDE;
-        let n_left = self.n - first;
-        let n_channels = x.channels().len();
-        let mut sums = vec![0.0; n_left * n_channels];
-        let mut row_sums = vec![[[0.0; LANES]; SIDE]; n_channels];
+        let mut sums = PassSums::new(piece.start * SIDE, self.n, x.n_channels());
         for i in piece {
             let rows = i * SIDE..self.n.min((i + 1) * SIDE);
-            row_sums.fill([[0.0; LANES]; SIDE]);
             let read = self.for_each_tile(i, Part::Numbers, |j, tile| {
-                let columns = j * SIDE..self.n.min((j + 1) * SIDE);
-                let y_columns = columns.start - first..columns.end - first;
-                // All channels while the tile is in the cache, each as if it were alone.
-                for ((plane, y), lanes) in x.channels().zip(sums.chunks_exact_mut(n_left)).zip(&mut row_sums) {
-                    let (x_rows, x_columns) = (&plane[rows.clone()], &plane[columns.clone()]);
-                    let lanes = &mut lanes[..rows.len()];
-                    if j == i {
-                        tile.apply_diagonal(x_rows, lanes);
-                    } else {
-                        tile.apply_both(x_rows, x_columns, lanes, &mut y[y_columns.clone()]);
-                    }
+                if j == i {
+                    sums.add_diagonal(tile, x, &rows);
+                } else {
+                    tile.apply_both(x, rows.clone(), j * SIDE..self.n.min((j + 1) * SIDE), &mut sums);
                 }
             });
+            sums.end_rows(rows);
             if let Rows::Disk(file) = &self.rows
                 && file.note(read).is_none()
             {
-                sums.fill(f64::NAN);
-            }
-            for (y, of_channel) in sums.chunks_exact_mut(n_left).zip(&row_sums) {
-                for (y_i, lanes) in y[rows.start - first..rows.end - first].iter_mut().zip(of_channel) {
-                    *y_i += total(lanes);
-                }
+                sums.spoil();
             }
         }
-        sums
+        sums.finish()
     }
 }
 
@@ -319,15 +304,21 @@ impl<T: Scalar> Symmetric for Tiles<T> {
             .collect();
         let tasks = y.values_mut().par_chunks_mut(SUMS_PER_TASK * n_channels).enumerate();
         tasks.for_each(|(task, sums)| {
-            sums.fill(0.0);
             let begin = task * SUMS_PER_TASK;
             let end = begin + sums.len() / n_channels;
-            for (k, of_piece) in parts.iter().enumerate() {
-                let first = first_row(k);
-                for (c, part) in of_piece.chunks_exact(self.n - first).enumerate() {
-                    for i in begin.max(first)..end {
-                        sums[(i - begin) * n_channels + c] += part[i - first];
+            for c in 0..n_channels {
+                let mut of_channel = [0.0; SUMS_PER_TASK];
+                for (k, of_piece) in parts.iter().enumerate() {
+                    let first = first_row(k);
+                    let from = begin.max(first);
+                    if from < end {
+                        let part = &of_piece[c * (self.n - first)..][from - first..end - first];
+                        let into = &mut of_channel[from - begin..end - begin];
+                        into.iter_mut().zip(part).for_each(|(sum, y_i)| *sum += y_i);
                     }
+                }
+                for (row, sum) in sums.chunks_exact_mut(n_channels).zip(of_channel) {
+                    row[c] = sum;
                 }
             }
         });

@@ -133,12 +133,17 @@ impl VoxelScene {
             }
             #[expect(clippy::cast_possible_truncation, reason = "twice the voxels along an edge")]
             let n = n as i32;
-            let mut worst = 0.0_f64;
+            let mut worst = from_voxels;
             for j in 0..=n {
                 for i in 0..=n {
                     let (u, v) = (f64::from(i) / f64::from(n), f64::from(j) / f64::from(n));
                     let point = p[0].lerp(p[1], u).lerp(d.lerp(p[2], u), v);
-                    worst = worst.max(self.distance_to_voxels(point)?);
+                    // The voxel that the point lies in bounds the distance: most points need no search.
+                    let home = point.to_array().map(super::grid::nearest);
+                    let within = |voxel: Voxel| point.distance(DVec3::from_array(voxel.map(f64::from)));
+                    if within(home) > worst || self.octree.rank(home).is_none() {
+                        worst = worst.max(self.distance_to_voxels(point)?);
+                    }
                 }
             }
             Some(worst)
@@ -149,17 +154,23 @@ impl VoxelScene {
 
     fn distance_to_voxels(&self, point: DVec3) -> Option<f64> {
         let home = point.to_array().map(super::grid::nearest);
-        let mut least = f64::INFINITY;
-        for k in -2..=2 {
-            for j in -2..=2 {
-                for i in -2..=2 {
-                    let voxel = [home[0] + i, home[1] + j, home[2] + k];
-                    if self.octree.rank(voxel).is_some() {
-                        least = least.min(point.distance(DVec3::from_array(voxel.map(f64::from))));
+        let nearest_within = |reach: i32| {
+            let mut least = f64::INFINITY;
+            for k in -reach..=reach {
+                for j in -reach..=reach {
+                    for i in -reach..=reach {
+                        let voxel = [home[0] + i, home[1] + j, home[2] + k];
+                        if self.octree.rank(voxel).is_some() {
+                            least = least.min(point.distance(DVec3::from_array(voxel.map(f64::from))));
+                        }
                     }
                 }
             }
-        }
+            least
+        };
+        // What is farther than one voxel away along an axis is at least one voxel from the point.
+        let near = nearest_within(1);
+        let least = if near <= 1.0 { near } else { nearest_within(2) };
         least.is_finite().then_some(least)
     }
 

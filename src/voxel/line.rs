@@ -7,7 +7,7 @@
 //! Source: [`MALGOUYRES_2002`](crate::references::MALGOUYRES_2002), section 4.1. Departures: the paper leaves the choice of the line open.
 
 use super::grid::Voxel;
-use super::octree::{self, Octree};
+use super::octree::Octree;
 
 /// A crossing that never comes, in units of [`Direction::step`]: above all that do.
 const NEVER: u64 = 1 << 40;
@@ -133,6 +133,7 @@ pub(super) fn first_surface(octree: &Octree, origin: Voxel, direction: &Directio
     let padded = octree.padded_size();
     let n_bricks = octree.n_bricks();
     let cubes = octree.empty_cubes(direction.octant);
+    let ahead = &AHEAD[direction.octant];
     // Coordinates that grow along the line; bit and brick are mirrored back where the lattice is looked at.
     let mut start = [0_u32; 3];
     let mut flip = [0_u32; 3];
@@ -160,27 +161,85 @@ pub(super) fn first_surface(octree: &Octree, origin: Voxel, direction: &Directio
         if side == 0 {
             let brick = octree.brick_at(index([mirrored(b[0], 0), mirrored(b[1], 1), mirrored(b[2], 2)]));
             let mask = octree.mask(brick);
-            let mut at = at;
-            loop {
-                let bit = octree::bit(at) ^ flip_bit;
-                if mask >> bit & 1 == 1 {
+            let [x, y, z] = at.map(|c| c as usize & 3);
+            // Most bricks hold surface only behind the line or beside it: then the brick is as good as empty.
+            if mask & ahead[0][x] & ahead[1][y] & ahead[2][z] != 0 {
+                if let Some(bit) = walk_brick(mask, at, flip_bit, direction, &mut counts) {
                     return octree.rank_in_brick(brick, bit);
                 }
-                let a = direction.next_axis(counts);
-                counts[a] += 1;
-                at[a] += 1;
-                if at[a].is_multiple_of(4) {
-                    break;
-                }
+                continue;
             }
-        } else {
-            // The last crossing numbers inside the cube, and the first crossing out of it.
-            let last: [u32; 3] = std::array::from_fn(|axis| 4 * (b[axis] + side) - 1 - start[axis]);
-            let a = direction.next_axis(last);
-            let after = direction.counts_after(a, last[a]);
-            counts = std::array::from_fn(|axis| after[axis].max(place.at_least[axis]));
+        }
+        // The last crossing numbers inside the cube, and the first crossing out of it.
+        let last: [u32; 3] = std::array::from_fn(|axis| 4 * (b[axis] + side.max(1)) - 1 - start[axis]);
+        let a = direction.next_axis(last);
+        let after = direction.counts_after(a, last[a]);
+        counts = std::array::from_fn(|axis| after[axis].max(place.at_least[axis]));
+    }
+}
+
+/// Follows a line through a brick from its voxel `at`, in coordinates that grow along the line.
+///
+/// Returns the bit of the first surface voxel, or `None` and in `counts` the crossings of the first voxel beyond the brick.
+#[inline]
+fn walk_brick(mask: u64, at: [u32; 3], flip_bit: u32, direction: &Direction, counts: &mut [u32; 3]) -> Option<u32> {
+    let [mut tx, mut ty, mut tz]: [u64; 3] = std::array::from_fn(|a| u64::from(2 * counts[a] + 1) * direction.step[a]);
+    let [dx, dy, dz] = direction.step.map(|step| 2 * step);
+    let local = at.map(|c| c & 3);
+    // Two bits for each coordinate and one above them, which is set when the line leaves the brick.
+    let mut here = local[0] | local[1] << 3 | local[2] << 6;
+    loop {
+        let bit = (here & 3 | here >> 1 & 0b1100 | here >> 2 & 0b11_0000) ^ flip_bit;
+        if mask >> bit & 1 == 1 {
+            return Some(bit);
+        }
+        // Sums, not branches: which axis comes next cannot be foretold. Of equal times that of the first axis, as in `first`.
+        let is_x = tx <= ty && tx <= tz;
+        let is_y = !is_x && ty <= tz;
+        let is_z = !(is_x | is_y);
+        tx += if is_x { dx } else { 0 };
+        ty += if is_y { dy } else { 0 };
+        tz += if is_z { dz } else { 0 };
+        here += u32::from(is_x) | u32::from(is_y) << 3 | u32::from(is_z) << 6;
+        if here & 0b100_100_100 != 0 {
+            break;
         }
     }
+    for (a, count) in counts.iter_mut().enumerate() {
+        *count += (here >> (3 * a) & 7) - local[a];
+    }
+    None
+}
+
+/// By octant, axis and coordinate along the line: the bits of a brick's mask with that coordinate or a greater one.
+static AHEAD: [[[u64; 4]; 3]; 8] = bits_ahead();
+
+const fn bits_ahead() -> [[[u64; 4]; 3]; 8] {
+    let mut table = [[[0; 4]; 3]; 8];
+    let mut octant = 0;
+    while octant < 8 {
+        let mut axis = 0;
+        while axis < 3 {
+            let mut bit = 0;
+            while bit < 64 {
+                let coordinate = bit >> (2 * axis) & 3;
+                let along = if octant >> axis & 1 == 1 {
+                    3 - coordinate
+                } else {
+                    coordinate
+                };
+                let mut from = 0;
+                while from <= along {
+                    table[octant][axis][from] |= 1 << bit;
+                    from += 1;
+                }
+                bit += 1;
+            }
+            axis += 1;
+        }
+        octant += 1;
+    }
+    table
 }
 
 /// Returns the rank of the first surface voxel of a line, voxel by voxel: the slow definition of [`first_surface`].

@@ -202,27 +202,7 @@ impl Chunk {
         let rows = k * ROWS_PER_CHUNK..((k + 1) * ROWS_PER_CHUNK).min(scene.n_surfels());
         let mut chunk = Self::default();
         for surfel in rows {
-            let normal = scene.normal(surfel);
-            let mut last = u32::try_from(surfel).expect("surfels are counted in 32 bits");
-            for direction in directions.iter().filter(|d| is_in_front(normal, d.vector())) {
-                chunk.tally.n_links += 1;
-                let code = match scene.sight(surfel, direction) {
-                    Sight::Surfel(seen) => {
-                        let code = zigzag(seen.wrapping_sub(last).cast_signed());
-                        last = seen;
-                        u64::from(code) + u64::from(FIRST)
-                    }
-                    Sight::Back => {
-                        chunk.tally.n_backs += 1;
-                        u64::from(BACK)
-                    }
-                    Sight::Escaped => {
-                        chunk.tally.n_escaped += 1;
-                        u64::from(ESCAPED)
-                    }
-                };
-                push(&mut chunk.bytes, code);
-            }
+            encode_row(scene, directions, surfel, &mut chunk.bytes, &mut chunk.tally);
             let end = u32::try_from(chunk.bytes.len()).expect("256 rows of at most 600,000 links of 5 bytes");
             chunk.ends.push(end);
         }
@@ -233,6 +213,37 @@ impl Chunk {
     pub(super) fn row(&self, row: usize) -> &[u8] {
         let start = if row == 0 { 0 } else { self.ends[row - 1] };
         &self.bytes[start as usize..self.ends[row] as usize]
+    }
+}
+
+/// Finds the links of a surfel, and adds them to `bytes` and `tally`.
+pub(super) fn encode_row(
+    scene: &VoxelScene,
+    directions: &[Direction],
+    surfel: usize,
+    bytes: &mut Vec<u8>,
+    tally: &mut Tally,
+) {
+    let normal = scene.normal(surfel);
+    let mut last = u32::try_from(surfel).expect("surfels are counted in 32 bits");
+    for direction in directions.iter().filter(|d| is_in_front(normal, d.vector())) {
+        tally.n_links += 1;
+        let code = match scene.sight(surfel, direction) {
+            Sight::Surfel(seen) => {
+                let code = zigzag(seen.wrapping_sub(last).cast_signed());
+                last = seen;
+                u64::from(code) + u64::from(FIRST)
+            }
+            Sight::Back => {
+                tally.n_backs += 1;
+                u64::from(BACK)
+            }
+            Sight::Escaped => {
+                tally.n_escaped += 1;
+                u64::from(ESCAPED)
+            }
+        };
+        push(bytes, code);
     }
 }
 

@@ -8,8 +8,24 @@
 //! Every surface voxel x gathers light along the directions v of a discrete sphere:
 //! B(x) = E(x) + ρ(x) Σ_v B(I(x, v)) cos θ(x, v) A(v), where I(x, v) is the first surface voxel on the discrete line from x towards x + v.
 //!
+//! [`solve_adaptively`] joins voxels to cells where the light is even: [`Cells`] are the unknowns, the voxels still decide who sees whom.
+//!
+//! Scale: the living room on 315 × 315 × 190 voxels has 923,335 surface voxels and 949,828 unknowns; the octree takes 4.2 MB and the surfels 30.3 MB
+//! (`radiosity voxel scenes/living-room/scene.obj --voxels 315 --radius 1 --passes 1 --json`; the paper: about a million, "less than 120Mo"). With R = 30 a link takes 1.36 bytes on the disk, the mean
+//! over the first 1.3 · 10⁹ links (the paper: 18 GB, which is 4 bytes for each of the directions in front of a voxel).
+//!
+//! In place or not: at 100 voxels and R = 10 in the living room, the mean radiosities of the surfaces are off from those after 40 propagations by 1.3 % after 5 propagations in place, 1.7 % after 5 of
+//! equation (3), 0.10 % after 10 in place and 0.14 % after 10 of equation (3): root mean square weighted by area, relative (`--form in-place|jacobi --passes 5|10`).
+//!
+//! Error: of first order in the voxel's side, 1.9 % of the irradiance in the cube, 6.0 % in the room of Lewis, 2.9 % around a sphere, 11 % in the Cornell box at 40 voxels and R = 30, against patches with
+//! exact form factors (`radiosity reproduce malgouyres`). What remains is mostly the rounding of emitters to whole voxels; patches with exact form factors are nearer in less time on all four. Cells with a
+//! tolerance of 0.2 come to 0.98 to 1.11 of these errors with 0.15 to 0.63 of the links.
+//!
 //! Source: [`MALGOUYRES_2002`](crate::references::MALGOUYRES_2002).
 
+mod adaptive;
+mod cell_operator;
+mod cells;
 mod checks;
 mod discretize;
 mod display;
@@ -24,7 +40,10 @@ mod picture;
 mod radiosity;
 mod sight;
 mod sphere;
+mod weights;
 
+pub use adaptive::{Adaptive, AdaptiveSettings, solve_adaptively};
+pub use cells::{Cells, MAX_CELL_LEVEL};
 pub use checks::ThinGap;
 pub use discretize::{Normal, Surfel, VoxelScene};
 pub use display::onto_patches;
@@ -33,8 +52,9 @@ pub use grid::{Grid, MAX_VOXELS, MIN_VOXELS, Voxel};
 pub use line::Direction;
 pub use links::Links;
 pub use octree::Octree;
-pub use operator::{LinkOperator, RowWeights};
+pub use operator::{Gather, LinkOperator};
 pub use picture::picture;
 pub use radiosity::{Form, Propagation, propagate};
 pub use sight::Sight;
 pub use sphere::{DiscreteSphere, MAX_RADIUS, SolidAngle, SphereDirection};
+pub use weights::RowWeights;

@@ -2,9 +2,8 @@
 
 use serde::Serialize;
 
-use super::links::ROWS_PER_CHUNK;
-use super::operator::LinkOperator;
-use crate::matrix::operator::{Block, LinearOperator as _};
+use super::operator::Gather;
+use crate::matrix::operator::Block;
 use crate::progress::Progress;
 
 /// What a pass computes from.
@@ -44,11 +43,11 @@ pub struct Propagation {
 /// all threads have work. Surfels of one part are neighbours, which give each other little.
 ///
 /// # Panics
-/// If the blocks differ in shape or have not one row per surfel.
+/// If the blocks differ in shape or have not one row per unknown.
 #[must_use]
 #[track_caller]
 pub fn propagate(
-    operator: &LinkOperator<'_>,
+    operator: &impl Gather,
     reflectance: &Block,
     exitance: &Block,
     form: Form,
@@ -58,14 +57,14 @@ pub fn propagate(
     let (n, n_channels) = (operator.n_rows(), exitance.n_channels());
     assert!(
         reflectance.n_rows() == n && exitance.n_rows() == n,
-        "one row per surfel"
+        "one row per unknown"
     );
     assert_eq!(reflectance.n_channels(), n_channels, "as many channels of ρ as of E");
     let part = match form {
         Form::Jacobi => n,
-        // Whole chunks: each is read, or found again, once a pass.
-        Form::InPlace => n.div_ceil(N_PARTS).next_multiple_of(ROWS_PER_CHUNK),
+        Form::InPlace => n.div_ceil(N_PARTS).next_multiple_of(operator.rows_at_once()),
     };
+    let areas = operator.areas();
     let mut radiosity = exitance.clone();
     let mut irradiance = Block::zeros(n, n_channels);
     let mut changes = Vec::new();
@@ -85,7 +84,7 @@ pub fn propagate(
             }
             progress.advance(1);
         }
-        changes.push(change(operator, &before, &radiosity));
+        changes.push(change(&areas, &before, &radiosity));
     }
     Propagation {
         radiosity,
@@ -94,14 +93,14 @@ pub fn propagate(
     }
 }
 
-fn change(operator: &LinkOperator<'_>, before: &Block, after: &Block) -> f64 {
+fn change(areas: &[f64], before: &Block, after: &Block) -> f64 {
     let n_channels = after.n_channels();
     let (mut moved, mut all) = (vec![0.0; n_channels], vec![0.0; n_channels]);
-    for (i, surfel) in operator.scene().surfels.iter().enumerate() {
+    for (i, area) in areas.iter().enumerate() {
         for c in 0..n_channels {
             let (old, new) = (before.row(i)[c], after.row(i)[c]);
-            moved[c] += surfel.area * (new - old).powi(2);
-            all[c] += surfel.area * new.powi(2);
+            moved[c] += area * (new - old).powi(2);
+            all[c] += area * new.powi(2);
         }
     }
     let ratio = |(m, a): (&f64, &f64)| if *a > 0.0 { (m / a).sqrt() } else { 0.0 };

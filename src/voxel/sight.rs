@@ -72,10 +72,14 @@ impl VoxelScene {
     /// Returns what a line sees of the surface voxel of a rank.
     fn front(&self, rank: u32, direction: &Direction) -> Sight {
         let range = self.surfels_of(rank);
-        let towards = |s: usize| (self.normal(s).dot(direction.vector()), s);
-        let Some((dot, surfel)) = range.map(towards).min() else {
-            return Sight::Back;
-        };
+        // Where several surfels face the line alike, the first.
+        let (mut dot, mut surfel) = (i64::MAX, range.start);
+        for s in range {
+            let towards = self.normals[self.normal_of[s] as usize].dot(direction.vector());
+            if towards < dot {
+                (dot, surfel) = (towards, s);
+            }
+        }
         if dot < 0 || is_grazing(dot, direction) {
             Sight::Surfel(id(surfel))
         } else {

@@ -13,4 +13,5 @@ mod closed_rooms;
 mod error_estimates;
 mod invariants;
 mod monte_carlo;
+mod piercing;
 mod shapes;

@@ -15,13 +15,13 @@ use super::lattice::{Lattice, Repeats};
 use super::patches::{Patches, Run};
 use crate::form_factor::pairs::{Exchange, Facing};
 use crate::form_factor::partial::{self, Accuracy};
+use crate::form_factor::sight::whole_where_grazing;
 use crate::form_factor::{Input, PairCounts};
 use crate::geometry::polygon_form_factor::{Tolerance, exchange_area};
 use crate::matrix::{RowTally, RowTile};
 use crate::mesh::PatchId;
 use crate::progress::Progress;
 use crate::visibility::blockers::{BlockerId, BlockerIndex, PairVisibility};
-use crate::visibility::shaft::Shaft;
 
 /// A batch ends with the first rows that bring it to so many pairs: enough work for many threads, and 100 MB at most.
 const PAIRS_PER_BATCH: usize = 1 << 21;
@@ -273,15 +273,6 @@ impl Batches<'_> {
         };
         let reached = found.reached || exchange.error <= accuracy.tolerance * smaller_area;
         (exchange, reached)
-    }
-}
-
-/// Makes pairs that a shaft calls hidden, because all that they see of each other is lower than its tolerance, whole ones: nothing fits in between.
-fn whole_where_grazing(found: PairVisibility, p: &[glam::DVec3], q: &[glam::DVec3]) -> PairVisibility {
-    if found == PairVisibility::None && Shaft::new(p, q).is_none() {
-        PairVisibility::Full
-    } else {
-        found
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! Seen from a point x, the visible part of the target is a polygon. It changes its structure where a vertex v crosses an
 //! edge ab in the view: x then lies on the line in which the plane of v, a, b cuts the receiver, within the image of ab
-//! as projected from v. (Where three edges cross in the view x lies on a conic instead; those events are not listed here.)
+//! as projected from v. Where a and v lie in the receiver's own plane that plane says nothing: they cover each other on the line through both. (Where three edges cross in the view x lies on a conic instead; those events are not listed here.)
 
 use std::cmp::Ordering;
 use std::collections::HashMap;
@@ -271,6 +271,7 @@ impl<'a> Outline<'a> {
             .iter()
             .filter_map(|screen| self.edge_on(screen.plane))
             .collect();
+        events.extend(self.on_the_horizon());
         events.retain(|event| event.from.distance(event.to) > shortest);
         for vertex in &self.vertices {
             for edge in &self.edges {
@@ -283,6 +284,49 @@ impl<'a> Outline<'a> {
                     {
                         events.push(event);
                     }
+                }
+            }
+        }
+        events
+    }
+
+    /// Returns from where two points in the receiver's plane lie behind each other: corners of blockers that stand on or pierce the plane,
+    /// and those of the target.
+    ///
+    /// From the receiver they are on the horizon, where the target is seen only if it reaches down to the plane too.
+    fn on_the_horizon(&self) -> Vec<Event> {
+        let is_low = |vertex: &&Vertex| vertex.h <= self.tolerance;
+        let [of_target, of_blockers] = [true, false].map(|of_target| {
+            let low = self.vertices.iter().filter(is_low);
+            low.filter(|vertex| vertex.of_target == of_target)
+                .map(|vertex| self.receiver.to_plane(vertex.position))
+                .collect::<Vec<DVec2>>()
+        });
+        let corners = self.receiver.corners.iter().map(|&v| self.receiver.to_plane(v));
+        let corners: Vec<DVec2> = corners.collect();
+        let mut events = Vec::new();
+        for &near in &of_blockers {
+            let reach = corners.iter().map(|&corner| corner.distance(near)).fold(0.0, f64::max);
+            let mut from_behind = |far: DVec2| {
+                if far.distance(near) > self.tolerance {
+                    events.push(Event {
+                        from: near,
+                        to: near + (near - far).normalize() * reach,
+                    });
+                }
+            };
+            for &far in &of_target {
+                from_behind(far);
+            }
+            for &far in &of_blockers {
+                // The line must go on to the target.
+                let side = |point: &DVec2| (far - near).perp_dot(*point - near);
+                let (low, high) = of_target
+                    .iter()
+                    .map(side)
+                    .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
+                if low < 0.0 && high > 0.0 {
+                    from_behind(far);
                 }
             }
         }

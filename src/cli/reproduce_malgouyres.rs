@@ -1,0 +1,382 @@
+//! `radiosity reproduce malgouyres`.
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use serde_json::json;
+
+use super::args::ReproduceArgs;
+use super::compare::failure;
+use super::exit_code::ExitCode;
+use super::failure::Failure;
+use super::pipeline::Run;
+use super::{Outcome, SCHEMA_VERSION, output};
+use crate::experiment::malgouyres::{self, LEVEL_MAX, MalgouyresResults, PatchRun, SceneResult, VoxelRun};
+use crate::report::lines::LinePlot;
+use crate::report::plot::{ErrorTimePlot, PlotPoint, Ranged, Series};
+use crate::report::{Machine, Table, memory_peak_byte};
+
+/// 40 voxels along the longest axis.
+const DEFAULT_LEVEL: u32 = 2;
+
+pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
+    if args.tables.is_some() || args.seeds.is_some() || args.seed.is_some() {
+        return Err(Failure::usage(
+            "--tables, --seeds and --seed have no use with `malgouyres`: the paper has no table, and nothing is random",
+        ));
+    }
+    let level = args.level.unwrap_or(DEFAULT_LEVEL);
+    if level > LEVEL_MAX {
+        return Err(Failure::usage(format!(
+            "--level {level}: `malgouyres` has levels 1 to {LEVEL_MAX}"
+        )));
+    }
+    let directory = args
+        .output
+        .clone()
+        .unwrap_or_else(|| PathBuf::from("reproduce-malgouyres"));
+    output::make_directory(&directory)?;
+    let mut run = Run::new("reproduce", &args.common);
+    run.set("paper", json!(args.paper));
+    run.set("level", level);
+    let results = run
+        .times
+        .time("reproduce", || malgouyres::reproduce(level, &run.progress))
+        .map_err(failure)?;
+    run.progress.finish();
+    let files = files(&results)?;
+    let mut names: Vec<&str> = Vec::new();
+    for (name, content) in &files {
+        output::write(&directory.join(name), |w| w.write_all(content.as_bytes()))?;
+        names.push(name);
+    }
+    let times = |scene: &SceneResult| {
+        let of_voxels = |runs: &[VoxelRun]| runs.iter().map(|of| of.time_s).collect::<Vec<_>>();
+        json!({
+            "scene": scene.scene,
+            "by_resolution_s": of_voxels(&scene.by_resolution),
+            "by_radius_s": of_voxels(&scene.by_radius),
+            "adaptive_s": of_voxels(&scene.adaptive),
+            "patches_s": scene.patches.iter().map(|of| of.time_s).collect::<Vec<_>>(),
+        })
+    };
+    let document = json!({
+        "schema_version": SCHEMA_VERSION,
+        "command": run.command,
+        "version": env!("CARGO_PKG_VERSION"),
+        "settings": run.settings,
+        "stages": run.times.to_json(),
+        "total_s": run.times.total_s(),
+        "memory_peak_byte": memory_peak_byte(),
+        "machine": Machine::here(),
+        "inside": results.is_met(),
+        "results": results,
+        "times": results.scenes.iter().map(times).collect::<Vec<_>>(),
+        "files": names,
+    });
+    if !results.is_met() {
+        run.warn("our own figures are not what they must be; see the failed checks");
+    }
+    let mut text = report(&results, true);
+    let _ = writeln!(text, "\nwrote {} to {}", names.join(", "), directory.display());
+    Ok(Outcome {
+        text,
+        document,
+        code: if results.is_met() {
+            ExitCode::Done
+        } else {
+            ExitCode::CheckFailed
+        },
+    })
+}
+
+/// Returns the names and contents of all files. Those that hold times of ours have `time` in their names; the others are the same bytes in every run.
+fn files(results: &MalgouyresResults) -> Result<Vec<(String, String)>, Failure> {
+    let mut files = vec![
+        ("report.md".to_owned(), report(results, false)),
+        ("report-times.md".to_owned(), report(results, true)),
+        ("voxels.csv".to_owned(), voxels_csv(results).to_csv()),
+        ("patches.csv".to_owned(), patches_csv(results).to_csv()),
+        ("times.csv".to_owned(), times_csv(results).to_csv()),
+        ("checks.csv".to_owned(), checks(results).to_csv()),
+    ];
+    let failed = |error: crate::report::plot::PlotError| Failure::new("plot", error.to_string());
+    files.push((
+        "error-resolution.svg".to_owned(),
+        by_resolution(results).to_svg().map_err(failed)?,
+    ));
+    files.push((
+        "error-radius.svg".to_owned(),
+        by_radius(results).to_svg().map_err(failed)?,
+    ));
+    for scene in &results.scenes {
+        files.push((
+            format!("error-time-{}.svg", scene.scene),
+            error_time(scene).to_svg().map_err(failed)?,
+        ));
+    }
+    Ok(files)
+}
+
+fn report(results: &MalgouyresResults, with_times: bool) -> String {
+    let mut text = String::from("# Malgouyres 2002: the error of voxels, which the paper leaves open\n\n");
+    text.push_str(
+        "Error: ‖H_voxels − H‖ / ‖H‖, ‖x‖² = Σ A x² over the measuring patches, H the irradiance by patches half as wide with exact form factors. R = 30 but where it \
+         is varied, rows normalised, in place.\n",
+    );
+    if with_times {
+        let machine = Machine::here();
+        let _ = writeln!(
+            text,
+            "\nTimes: one run each with {} threads on {}. \"Patches, same time\": the least error of classical radiosity (hemicubes or exact form factors, constant on each \
+             patch) in no more time.",
+            machine.n_threads,
+            machine.cpu_model.as_deref().unwrap_or(machine.architecture)
+        );
+    }
+    for scene in &results.scenes {
+        let _ = writeln!(
+            text,
+            "\n## {}\n\n{} measuring patches; the reference has {} patches and moved by {:.1e} when they were halved.\n",
+            scene.scene, scene.n_measuring, scene.n_patches, scene.reference_change
+        );
+        text.push_str(&voxel_table(scene, with_times).to_markdown());
+        let _ = writeln!(
+            text,
+            "\nOrder of the error in h: {:.2}. Order in 1/R of the distance from R = {}: {:.2}.\n",
+            scene.order_in_h,
+            scene.by_radius.last().map_or(0, |run| run.radius),
+            scene.order_in_radius
+        );
+        text.push_str(&patch_table(scene, with_times).to_markdown());
+    }
+    text.push_str("\n## Checks\n\n");
+    text.push_str(&checks(results).to_markdown());
+    text
+}
+
+/// All runs on voxels, and what is varied in each.
+fn all_voxel_runs(scene: &SceneResult) -> impl Iterator<Item = (&'static str, &VoxelRun)> {
+    let by_resolution = scene.by_resolution.iter().map(|run| ("resolution", run));
+    let by_radius = scene.by_radius.iter().map(|run| ("radius", run));
+    by_resolution
+        .chain(by_radius)
+        .chain(scene.adaptive.iter().map(|run| ("cells", run)))
+}
+
+fn voxel_table(scene: &SceneResult, with_times: bool) -> Table {
+    let mut columns = vec![
+        "varied",
+        "n",
+        "R",
+        "cells to",
+        "unknowns",
+        "links",
+        "error",
+        "from R max",
+    ];
+    if with_times {
+        columns.extend(["time (s)", "patches, same time"]);
+    }
+    let mut table = Table::new(columns);
+    let or_dash = |text: Option<String>| text.unwrap_or_else(|| "–".to_owned());
+    for (varied, run) in all_voxel_runs(scene) {
+        let mut cells = vec![
+            varied.to_owned(),
+            run.n.to_string(),
+            run.radius.to_string(),
+            or_dash(run.tolerance.map(|t| format!("{t}"))),
+            run.n_unknowns.to_string(),
+            run.n_links.to_string(),
+            format!("{:.2e}", run.error),
+            or_dash(run.change.map(|change| format!("{change:.2e}"))),
+        ];
+        if with_times {
+            let in_time = scene.patches.iter().filter(|patches| patches.time_s <= run.time_s);
+            let best = in_time.min_by(|a, b| a.error.total_cmp(&b.error));
+            cells.push(format!("{:.3}", run.time_s));
+            cells.push(or_dash(
+                best.map(|p| format!("{:.2e} ({}, {})", p.error, p.method, p.n_patches)),
+            ));
+        }
+        table.push(cells);
+    }
+    table
+}
+
+fn patch_table(scene: &SceneResult, with_times: bool) -> Table {
+    let mut columns = vec!["method", "parts of an edge", "patches", "error"];
+    columns.extend(with_times.then_some("time (s)"));
+    let mut table = Table::new(columns);
+    for run in &scene.patches {
+        let mut cells = vec![
+            run.method.to_owned(),
+            run.per_edge.to_string(),
+            run.n_patches.to_string(),
+            format!("{:.2e}", run.error),
+        ];
+        cells.extend(with_times.then(|| format!("{:.3}", run.time_s)));
+        table.push(cells);
+    }
+    table
+}
+
+fn voxels_csv(results: &MalgouyresResults) -> Table {
+    let mut table = Table::new([
+        "scene",
+        "varied",
+        "n",
+        "radius",
+        "tolerance",
+        "n_unknowns",
+        "n_links",
+        "error",
+        "change",
+    ]);
+    let number = |v: Option<f64>| v.map_or(String::new(), |v| format!("{v:?}"));
+    for scene in &results.scenes {
+        for (varied, run) in all_voxel_runs(scene) {
+            table.push([
+                scene.scene.to_owned(),
+                varied.to_owned(),
+                run.n.to_string(),
+                run.radius.to_string(),
+                number(run.tolerance),
+                run.n_unknowns.to_string(),
+                run.n_links.to_string(),
+                format!("{:?}", run.error),
+                number(run.change),
+            ]);
+        }
+    }
+    table
+}
+
+fn patches_csv(results: &MalgouyresResults) -> Table {
+    let mut table = Table::new(["scene", "method", "per_edge", "n_patches", "error"]);
+    for scene in &results.scenes {
+        for run in &scene.patches {
+            table.push([
+                scene.scene.to_owned(),
+                run.method.to_owned(),
+                run.per_edge.to_string(),
+                run.n_patches.to_string(),
+                format!("{:?}", run.error),
+            ]);
+        }
+    }
+    table
+}
+
+fn times_csv(results: &MalgouyresResults) -> Table {
+    let mut table = Table::new(["scene", "run", "n", "radius", "tolerance", "error", "time_s"]);
+    for scene in &results.scenes {
+        for (varied, run) in all_voxel_runs(scene) {
+            table.push([
+                scene.scene.to_owned(),
+                varied.to_owned(),
+                run.n.to_string(),
+                run.radius.to_string(),
+                run.tolerance.map_or(String::new(), |t| format!("{t:?}")),
+                format!("{:?}", run.error),
+                format!("{:?}", run.time_s),
+            ]);
+        }
+        for run in &scene.patches {
+            table.push([
+                scene.scene.to_owned(),
+                run.method.to_owned(),
+                run.per_edge.to_string(),
+                String::new(),
+                String::new(),
+                format!("{:?}", run.error),
+                format!("{:?}", run.time_s),
+            ]);
+        }
+    }
+    table
+}
+
+fn checks(results: &MalgouyresResults) -> Table {
+    let mut table = Table::new(["check", "value", "least", "greatest", "met"]);
+    for check in &results.checks {
+        table.push([
+            check.name.clone(),
+            format!("{:.4}", check.value),
+            format!("{}", check.range[0]),
+            format!("{}", check.range[1]),
+            if check.is_met { "yes" } else { "NO" }.to_owned(),
+        ]);
+    }
+    table
+}
+
+fn by_resolution(results: &MalgouyresResults) -> LinePlot {
+    let line = |scene: &SceneResult| {
+        let points = scene.by_resolution.iter().map(|run| (f64::from(run.n), run.error));
+        (scene.scene.to_owned(), points.collect::<Vec<_>>())
+    };
+    LinePlot {
+        title: "Discrete radiosity: error by resolution".to_owned(),
+        subtitle: "R = 30, against patches with exact form factors".to_owned(),
+        x_label: "voxels along the longest axis".to_owned(),
+        y_label: "relative L2 error of the irradiance".to_owned(),
+        lines: results.scenes.iter().map(line).collect(),
+    }
+}
+
+fn by_radius(results: &MalgouyresResults) -> LinePlot {
+    let line = |scene: &SceneResult| {
+        let points = scene
+            .by_radius
+            .iter()
+            .map(|run| (f64::from(run.radius), run.change.unwrap_or(0.0)));
+        (scene.scene.to_owned(), points.collect::<Vec<_>>())
+    };
+    LinePlot {
+        title: "Discrete radiosity: distance from the largest sphere".to_owned(),
+        subtitle: "20 voxels along the longest axis; the resolution's own error left out".to_owned(),
+        x_label: "radius of the discrete sphere".to_owned(),
+        y_label: "relative L2 distance of the irradiance".to_owned(),
+        lines: results.scenes.iter().map(line).collect(),
+    }
+}
+
+fn error_time(scene: &SceneResult) -> ErrorTimePlot {
+    let exactly = |value: f64| Ranged {
+        middle: value,
+        low: value,
+        high: value,
+    };
+    let point = |time_s: f64, error: f64| PlotPoint {
+        time_s: exactly(time_s),
+        error: exactly(error),
+        on_front: false,
+    };
+    let voxels = |name: &str, style: usize, runs: &[VoxelRun]| Series {
+        name: name.to_owned(),
+        style,
+        points: runs.iter().map(|run| point(run.time_s, run.error)).collect(),
+    };
+    let patches = |name: &str, style: usize| {
+        let of_method = |run: &&PatchRun| run.method == name;
+        let points = scene.patches.iter().filter(of_method);
+        Series {
+            name: format!("patches, {name}"),
+            style,
+            points: points.map(|run| point(run.time_s, run.error)).collect(),
+        }
+    };
+    ErrorTimePlot {
+        title: format!("Error against run time: {}", scene.scene),
+        subtitle: "voxels by resolution (R = 30), cells by tolerance, patches by subdivision; one run each".to_owned(),
+        error_label: "relative L2 error of the irradiance".to_owned(),
+        series: vec![
+            voxels("voxels", 0, &scene.by_resolution),
+            voxels("cells", 1, &scene.adaptive),
+            patches("hemicube", 2),
+            patches("exact", 3),
+        ],
+        reference_error: Some(scene.reference_change),
+    }
+}

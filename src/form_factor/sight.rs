@@ -1,0 +1,82 @@
+//! Which pairs of patches need rays: those that something stands between.
+
+use glam::DVec3;
+
+use super::Input;
+use crate::mesh::PatchId;
+use crate::visibility::blockers::{BlockerIndex, PairVisibility};
+use crate::visibility::shaft::Shaft;
+
+/// What is known of a pair before any ray is traced.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Sight {
+    /// Nothing stands in between.
+    Whole,
+    /// One polygon or one convex solid closes the way.
+    Hidden,
+    /// Some blockers reach in between.
+    Unknown,
+}
+
+/// The faces of a scene as blockers, asked row by row.
+pub(super) struct Sights<'a> {
+    input: Input<'a>,
+    /// `None` where nothing blocks.
+    index: Option<BlockerIndex>,
+}
+
+impl<'a> Sights<'a> {
+    pub(super) fn new(input: Input<'a>) -> Self {
+        Self {
+            input,
+            index: (!input.unoccluded).then(|| BlockerIndex::new(input.scene)),
+        }
+    }
+
+    /// Sets what is known of patch `i` with each of `others`, which are in ascending order.
+    ///
+    /// Each patch is classified against whole faces first, then against their patches, among what stands before the face.
+    pub(super) fn row(&self, i: usize, others: &[usize], sights: &mut Vec<Sight>) {
+        sights.clear();
+        let Some(index) = &self.index else {
+            sights.resize(others.len(), Sight::Whole);
+            return;
+        };
+        let mesh = self.input.mesh;
+        let face = |j: usize| mesh.patches[j].face;
+        let corners = |j: usize| mesh.polygon(PatchId::from_index(j));
+        let p = corners(i);
+        for of_face in others.chunk_by(|&j, &k| face(j) == face(k)) {
+            let q = match of_face {
+                [j] => corners(*j),
+                _ => self.input.scene.polygon(face(of_face[0])),
+            };
+            match whole_where_grazing(index.classify(&p, &q), &p, &q) {
+                PairVisibility::Partial(among) if of_face.len() > 1 => sights.extend(of_face.iter().map(|&j| {
+                    let q = corners(j);
+                    Sight::of(&whole_where_grazing(index.classify_among(&p, &q, &among), &p, &q))
+                })),
+                view => sights.resize(sights.len() + of_face.len(), Sight::of(&view)),
+            }
+        }
+    }
+}
+
+impl Sight {
+    fn of(view: &PairVisibility) -> Self {
+        match view {
+            PairVisibility::Full => Self::Whole,
+            PairVisibility::None => Self::Hidden,
+            PairVisibility::Partial(_) => Self::Unknown,
+        }
+    }
+}
+
+/// Makes pairs that a shaft calls hidden, because all that they see of each other is lower than its tolerance, whole ones: nothing fits in between.
+pub(super) fn whole_where_grazing(found: PairVisibility, p: &[DVec3], q: &[DVec3]) -> PairVisibility {
+    if found == PairVisibility::None && Shaft::new(p, q).is_none() {
+        PairVisibility::Full
+    } else {
+        found
+    }
+}

@@ -1,0 +1,236 @@
+//! The inner loops over sorted lists of entries, compiled as those of [`lanes`](super::lanes).
+//!
+//! Several channels are taken eight at a time: the channels of a row of x fill one register, so that an entry is loaded, widened
+//! and placed once for all of them.
+
+#![expect(
+    clippy::inline_always,
+    reason = "what is not inlined is not compiled for the instruction set"
+)]
+
+use std::ops::Range;
+
+use pulp::Simd;
+
+use super::lanes::{InnerLoop, LANES, Lanes, Planes, Wide, dispatch, total};
+use super::store::Scalar;
+
+/// Compressed sparse rows: row k holds the places `begins[k]..begins[k + 1]`.
+#[derive(Clone, Copy)]
+pub(super) struct SparseRows<'a, T> {
+    pub(super) begins: &'a [usize],
+    pub(super) columns: &'a [u32],
+    pub(super) values: &'a [T],
+}
+
+/// Sets `y` (row-major, one entry per channel) to the products of the rows with `x`.
+///
+/// Every sum is kept in [`LANES`] partial sums over entries 0, 1, 2, ... mod 8 of the row; each channel is the same bytes as if it
+/// were alone.
+pub(super) fn multiply_sparse_rows<T: Scalar>(rows: SparseRows<'_, T>, x: &Planes, y: &mut [f64]) {
+    let n_channels = x.n_channels();
+    if n_channels == 1 {
+        return dispatch(One(rows, x.channel(0), y));
+    }
+    for (group, eights) in x.eights().iter().enumerate() {
+        let first = group * LANES;
+        dispatch(Eight(rows, eights, first..n_channels.min(first + LANES), n_channels, y));
+    }
+}
+
+/// The loop of [`multiply_sparse_rows`] for one channel.
+struct One<'a, T>(SparseRows<'a, T>, &'a [f64], &'a mut [f64]);
+
+impl<T: Scalar> InnerLoop for One<'_, T> {
+    #[inline(always)]
+    fn run<S: Simd, const N: usize>(self, simd: S) {
+        let Self(rows, x, y) = self;
+        for (ends, y_i) in rows.begins.windows(2).zip(y) {
+            let places = ends[0]..ends[1];
+            let (columns, columns_rest) = rows.columns[places.clone()].as_chunks::<LANES>();
+            let (values, values_rest) = rows.values[places].as_chunks::<LANES>();
+            let mut sums = Wide::<S, N>::zero(simd);
+            for (j, a) in columns.iter().zip(values) {
+                let gathered = j.map(|j| x[j as usize]);
+                sums = sums.plus_product(simd, Wide::load(a), Wide::load(&gathered));
+            }
+            let mut lanes = [0.0; LANES];
+            sums.store(&mut lanes);
+            for (lane, (j, a)) in lanes.iter_mut().zip(columns_rest.iter().zip(values_rest)) {
+                *lane = a.to_f64().mul_add(x[*j as usize], *lane);
+            }
+            *y_i = total(&lanes);
+        }
+    }
+}
+
+/// The loop of [`multiply_sparse_rows`] for up to eight channels; which of how many in y.
+struct Eight<'a, T>(SparseRows<'a, T>, &'a [Lanes], Range<usize>, usize, &'a mut [f64]);
+
+impl<T: Scalar> InnerLoop for Eight<'_, T> {
+    #[inline(always)]
+    fn run<S: Simd, const N: usize>(self, simd: S) {
+        let Self(rows, x, channels, n_channels, y) = self;
+        for (ends, y_i) in rows.begins.windows(2).zip(y.chunks_exact_mut(n_channels)) {
+            let places = ends[0]..ends[1];
+            let (columns, columns_rest) = rows.columns[places.clone()].as_chunks::<LANES>();
+            let (values, values_rest) = rows.values[places].as_chunks::<LANES>();
+            let mut sums = [Wide::<S, N>::zero(simd); LANES];
+            let add = |sum: &mut Wide<S, N>, j: u32, a: T| {
+                let a = Wide::splat(simd, a.to_f64());
+                *sum = sum.plus_product(simd, a, Wide::load(&x[j as usize]));
+            };
+            for (j, a) in columns.iter().zip(values) {
+                for l in 0..LANES {
+                    add(&mut sums[l], j[l], a[l]);
+                }
+            }
+            for (sum, (j, a)) in sums.iter_mut().zip(columns_rest.iter().zip(values_rest)) {
+                add(sum, *j, *a);
+            }
+            let mut partial = [[0.0; LANES]; LANES];
+            for (lanes, sum) in partial.iter_mut().zip(sums) {
+                sum.store(lanes);
+            }
+            for (k, y_ic) in y_i[channels.clone()].iter_mut().enumerate() {
+                *y_ic = total(&partial.map(|lanes| lanes[k]));
+            }
+        }
+    }
+}
+
+/// The entries of a square tile T in the order of rows, then columns.
+#[derive(Clone, Copy)]
+pub(super) struct SquareEntries<'a, T> {
+    pub(super) rows: &'a [u8],
+    pub(super) columns: &'a [u8],
+    pub(super) values: &'a [T],
+}
+
+/// Partial sums of a row of a square tile.
+const PARTS: usize = 4;
+
+/// Adds T `x_columns` to `rows`, and T^T `x_rows` to `y_columns`, for one channel.
+pub(super) fn add_both_listed<T: Scalar>(
+    entries: SquareEntries<'_, T>,
+    [x_rows, x_columns]: [&[f64]; 2],
+    rows: &mut [Lanes],
+    y_columns: &mut [f64],
+) {
+    dispatch(OneListed(entries, [x_rows, x_columns], rows, y_columns));
+}
+
+/// The loop of [`add_both_listed`].
+struct OneListed<'a, T>(SquareEntries<'a, T>, [&'a [f64]; 2], &'a mut [Lanes], &'a mut [f64]);
+
+impl<T: Scalar> InnerLoop for OneListed<'_, T> {
+    #[inline(always)]
+    fn run<S: Simd, const N: usize>(self, _: S) {
+        let Self(entries, [x_rows, x_columns], rows, y_columns) = self;
+        for_each_row(entries, |row, columns, values| {
+            let x_row = x_rows[row];
+            let mut parts = [0.0; PARTS];
+            let mut add = |part: &mut f64, j: u8, a: T| {
+                let (j, a) = (usize::from(j), a.to_f64());
+                *part = a.mul_add(x_columns[j], *part);
+                y_columns[j] = a.mul_add(x_row, y_columns[j]);
+            };
+            let ((fours, rest), (a_fours, a_rest)) = (columns.as_chunks::<PARTS>(), values.as_chunks::<PARTS>());
+            for (j, a) in fours.iter().zip(a_fours) {
+                for l in 0..PARTS {
+                    add(&mut parts[l], j[l], a[l]);
+                }
+            }
+            for (part, (j, a)) in parts.iter_mut().zip(rest.iter().zip(a_rest)) {
+                add(part, *j, *a);
+            }
+            rows[row][0] += (parts[0] + parts[1]) + (parts[2] + parts[3]);
+        });
+    }
+}
+
+/// Does what [`add_both_listed`] does for up to eight channels, each as if it were alone; `rows` holds the sum of each channel.
+pub(super) fn add_both_listed_eight<T: Scalar>(
+    entries: SquareEntries<'_, T>,
+    [x_rows, x_columns]: [&[Lanes]; 2],
+    rows: &mut [Lanes],
+    y_columns: &mut [Lanes],
+) {
+    dispatch(EightListed(entries, [x_rows, x_columns], rows, y_columns));
+}
+
+/// The loop of [`add_both_listed_eight`].
+struct EightListed<'a, T>(SquareEntries<'a, T>, [&'a [Lanes]; 2], &'a mut [Lanes], &'a mut [Lanes]);
+
+impl<T: Scalar> InnerLoop for EightListed<'_, T> {
+    #[inline(always)]
+    fn run<S: Simd, const N: usize>(self, simd: S) {
+        let Self(entries, [x_rows, x_columns], rows, y_columns) = self;
+        for_each_row(entries, |row, columns, values| {
+            let x_row = Wide::<S, N>::load(&x_rows[row]);
+            let mut parts = [Wide::<S, N>::zero(simd); PARTS];
+            let mut add = |part: &mut Wide<S, N>, j: u8, a: T| {
+                let (j, a) = (usize::from(j), Wide::splat(simd, a.to_f64()));
+                *part = part.plus_product(simd, a, Wide::load(&x_columns[j]));
+                let y = &mut y_columns[j];
+                Wide::load(y).plus_product(simd, a, x_row).store(y);
+            };
+            let ((fours, rest), (a_fours, a_rest)) = (columns.as_chunks::<PARTS>(), values.as_chunks::<PARTS>());
+            for (j, a) in fours.iter().zip(a_fours) {
+                for l in 0..PARTS {
+                    add(&mut parts[l], j[l], a[l]);
+                }
+            }
+            for (part, (j, a)) in parts.iter_mut().zip(rest.iter().zip(a_rest)) {
+                add(part, *j, *a);
+            }
+            let [a, b, c, d] = parts;
+            a.plus(simd, b)
+                .plus(simd, c.plus(simd, d))
+                .plus(simd, Wide::load(&rows[row]))
+                .store(&mut rows[row]);
+        });
+    }
+}
+
+/// Calls `visit(row, columns, values)` for every row that has entries.
+#[inline(always)]
+fn for_each_row<T>(entries: SquareEntries<'_, T>, mut visit: impl FnMut(usize, &[u8], &[T])) {
+    let SquareEntries { rows, columns, values } = entries;
+    let mut begin = 0;
+    while let Some(&row) = rows.get(begin) {
+        let end = begin + run_length(&rows[begin..]);
+        visit(row.into(), &columns[begin..end], &values[begin..end]);
+        begin = end;
+    }
+}
+
+/// Returns how many bytes are equal to the first, eight at a time.
+#[inline(always)]
+fn run_length(bytes: &[u8]) -> usize {
+    let (words, rest) = bytes.as_chunks::<8>();
+    let first = bytes[0];
+    for (k, word) in words.iter().enumerate() {
+        let differing = u64::from_le_bytes(*word) ^ u64::from_le_bytes([first; 8]);
+        if differing != 0 {
+            return 8 * k + differing.trailing_zeros() as usize / 8;
+        }
+    }
+    let in_rest = rest.iter().take_while(|&&byte| byte == first).count();
+    8 * words.len() + in_rest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn runs_end_where_the_bytes_change() {
+        for length in 1..30 {
+            for after in [0, 1, 20] {
+                let bytes = [vec![5; length], vec![6; after]].concat();
+                assert_eq!(run_length(&bytes), length);
+            }
+        }
+    }
+}

@@ -1,0 +1,162 @@
+//! The discrete equation with cells as unknowns.
+
+use rayon::prelude::*;
+
+use super::cells::Cells;
+use super::discretize::VoxelScene;
+use super::line::Direction;
+use super::links::{Tally, encode_row, for_each_seen, prepared};
+use super::operator::{Gather, gather_row};
+use super::sphere::DiscreteSphere;
+use super::weights::{RowWeights, Weights};
+use crate::matrix::operator::{Block, LinearOperator, RowAccess};
+use crate::progress::Progress;
+
+/// Rows that are one unit of work.
+const ROWS: usize = 64;
+
+/// The links of those surfels at which cells gather light; links that are known stay known when cells are cut.
+#[derive(Debug)]
+pub(super) struct CellLinks {
+    directions: Vec<Direction>,
+    /// By surfel; empty where they are not known.
+    rows: Vec<Box<[u8]>>,
+    pub(super) tally: Tally,
+}
+
+impl CellLinks {
+    pub(super) fn new(voxels: &VoxelScene, sphere: &DiscreteSphere) -> Self {
+        Self {
+            directions: prepared(sphere),
+            rows: vec![Box::default(); voxels.n_surfels()],
+            tally: Tally::default(),
+        }
+    }
+
+    /// Finds the links of all cells that are not known yet.
+    pub(super) fn find(&mut self, voxels: &VoxelScene, cells: &Cells, progress: &dyn Progress) {
+        let missing: Vec<usize> = (0..cells.n_cells())
+            .map(|cell| cells.representative(cell))
+            .filter(|&surfel| self.rows[surfel].is_empty())
+            .collect();
+        progress.begin("links", missing.len() as u64);
+        let found: Vec<(Box<[u8]>, Tally)> = missing
+            .par_iter()
+            .map(|&surfel| {
+                let (mut bytes, mut tally) = (Vec::new(), Tally::default());
+                encode_row(voxels, &self.directions, surfel, &mut bytes, &mut tally);
+                progress.advance(1);
+                (bytes.into_boxed_slice(), tally)
+            })
+            .collect();
+        for (surfel, (bytes, tally)) in missing.into_iter().zip(found) {
+            self.rows[surfel] = bytes;
+            self.tally = self.tally.plus(tally);
+        }
+    }
+
+    pub(super) fn n_bytes(&self) -> u64 {
+        let packed: usize = self.rows.iter().map(|row| row.len()).sum();
+        (packed + self.rows.len() * size_of::<Box<[u8]>>()) as u64
+    }
+}
+
+/// F of the discrete equation, one row and column for each cell.
+pub(super) struct CellOperator<'a> {
+    cells: &'a Cells,
+    links: &'a CellLinks,
+    weights: Weights<'a>,
+}
+
+impl<'a> CellOperator<'a> {
+    pub(super) fn new(
+        voxels: &'a VoxelScene,
+        sphere: &'a DiscreteSphere,
+        cells: &'a Cells,
+        links: &'a CellLinks,
+        row_weights: RowWeights,
+    ) -> Self {
+        Self {
+            cells,
+            links,
+            weights: Weights::new(voxels, sphere, row_weights),
+        }
+    }
+}
+
+impl LinearOperator for CellOperator<'_> {
+    fn n_rows(&self) -> usize {
+        self.cells.n_cells()
+    }
+
+    fn apply(&self, x: &Block, y: &mut Block) {
+        self.gather(0, x, y.values_mut());
+    }
+
+    fn rows(&self) -> Option<&dyn RowAccess> {
+        Some(self)
+    }
+
+    fn reciprocal_areas(&self) -> Option<&[f64]> {
+        None
+    }
+}
+
+impl Gather for CellOperator<'_> {
+    fn gather(&self, first: usize, x: &Block, sums: &mut [f64]) {
+        let n_channels = x.n_channels();
+        sums.par_chunks_mut(ROWS * n_channels)
+            .enumerate()
+            .for_each(|(k, rows)| {
+                for (cell, row) in (first + k * ROWS..).zip(rows.chunks_mut(n_channels)) {
+                    let surfel = self.cells.representative(cell);
+                    row.fill(0.0);
+                    let unknown = |seen: usize| self.cells.cell_of(seen);
+                    gather_row(&self.weights, surfel, &self.links.rows[surfel], unknown, x, row);
+                }
+            });
+    }
+
+    fn areas(&self) -> Vec<f64> {
+        self.cells.areas().to_vec()
+    }
+
+    fn rows_at_once(&self) -> usize {
+        ROWS
+    }
+}
+
+impl RowAccess for CellOperator<'_> {
+    fn dot_off_diagonal(&self, i: usize, x: &Block, sum: &mut [f64]) -> f64 {
+        let surfel = self.cells.representative(i);
+        let row = &self.links.rows[surfel];
+        gather_row(&self.weights, surfel, row, |seen| self.cells.cell_of(seen), x, sum);
+        let mut own = 0.0;
+        self.weights.with(surfel, |weights| {
+            for_each_seen(row, surfel, |k, seen| {
+                if self.cells.cell_of(seen) == i {
+                    own += weights[k];
+                }
+            });
+        });
+        for (s, value) in sum.iter_mut().zip(x.row(i)) {
+            *s -= own * value;
+        }
+        own
+    }
+
+    fn visit_row(&self, i: usize, visit: &mut dyn FnMut(usize, f64)) {
+        let surfel = self.cells.representative(i);
+        let mut entries: Vec<(usize, f64)> = Vec::new();
+        self.weights.with(surfel, |weights| {
+            let row = &self.links.rows[surfel];
+            for_each_seen(row, surfel, |k, seen| {
+                entries.push((self.cells.cell_of(seen), weights[k]));
+            });
+        });
+        entries.sort_by_key(|entry| entry.0);
+        for same in entries.chunk_by(|a, b| a.0 == b.0) {
+            visit(same[0].0, same.iter().map(|entry| entry.1).sum());
+        }
+    }
+}
