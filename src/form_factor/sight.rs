@@ -53,8 +53,9 @@ impl<'a> Sights<'a> {
             };
             match whole_where_grazing(index.classify(&p, &q), &p, &q) {
                 PairVisibility::Partial(among) if of_face.len() > 1 => sights.extend(of_face.iter().map(|&j| {
-                    let q = corners(j);
-                    Sight::of(&whole_where_grazing(index.classify_among(&p, &q, &among), &p, &q))
+                    let patch = corners(j);
+                    let view = index.classify_among(&p, &patch, &among);
+                    Sight::of(&whole_where_grazing(view, &p, &patch))
                 })),
                 view => sights.resize(sights.len() + of_face.len(), Sight::of(&view)),
             }

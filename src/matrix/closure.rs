@@ -172,7 +172,7 @@ impl Problem<'_> {
         };
         let diagonal = self.pass(variance_of);
         let scaled = |r: &[f64]| -> Vec<f64> {
-            let ratio = |(r, d): (&f64, &f64)| if *d > 0.0 { r / d } else { 0.0 };
+            let ratio = |(x, d): (&f64, &f64)| if *d > 0.0 { x / d } else { 0.0 };
             r.iter().zip(&diagonal).map(ratio).collect()
         };
         // What a row without an error lacks, nothing can give it.
