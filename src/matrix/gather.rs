@@ -195,7 +195,7 @@ impl<T: Scalar> InnerLoop for EightListed<'_, T> {
 
 /// Calls `visit(row, columns, values)` for every row that has entries.
 #[inline(always)]
-fn for_each_row<T>(entries: SquareEntries<'_, T>, mut visit: impl FnMut(usize, &[u8], &[T])) {
+fn for_each_row<T: Copy>(entries: SquareEntries<'_, T>, mut visit: impl FnMut(usize, &[u8], &[T])) {
     let SquareEntries { rows, columns, values } = entries;
     let mut begin = 0;
     while let Some(&row) = rows.get(begin) {

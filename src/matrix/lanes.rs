@@ -377,6 +377,7 @@ fn both<S: Simd, T: Scalar, const N: usize, const C: usize>(simd: S, values: &[T
 
 /// Does with R rows what [`add_both`] does with all.
 #[inline(always)]
+#[expect(clippy::needless_range_loop, reason = "arrays that closures fill go through memory")]
 fn both_rows<S: Simd, T: Scalar, const N: usize, const C: usize, const R: usize>(
     simd: S,
     values: &[T],
@@ -387,7 +388,6 @@ fn both_rows<S: Simd, T: Scalar, const N: usize, const C: usize, const R: usize>
     let n_whole = n_columns / LANES;
     let split = rows.map(|i| values[i * n_columns..(i + 1) * n_columns].as_chunks::<LANES>());
     let whole = split.map(|s| &s.0[..n_whole]);
-    // Loops where closures would do: arrays that closures fill go through memory.
     let mut x_rows = [[Wide::<S, N>::zero(simd); R]; C];
     let mut sums = [[Wide::<S, N>::zero(simd); R]; C];
     for c in 0..C {
@@ -399,7 +399,7 @@ fn both_rows<S: Simd, T: Scalar, const N: usize, const C: usize, const R: usize>
         let (x_whole, x_rest) = channel.x_columns[..n_columns].as_chunks::<LANES>();
         let (y_whole, y_rest) = channel.y_columns[..n_columns].as_chunks_mut::<LANES>();
         let (x_whole, y_whole) = (&x_whole[..n_whole], &mut y_whole[..n_whole]);
-        (x_whole, y_whole, x_rest, y_rest, &*channel.x_rows, &mut *channel.rows)
+        (x_whole, y_whole, x_rest, y_rest, channel.x_rows, &mut *channel.rows)
     });
     for k in 0..n_whole {
         let mut x_k = [Wide::<S, N>::zero(simd); C];

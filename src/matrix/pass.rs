@@ -26,7 +26,7 @@ enum Listed {
     None,
     /// One channel: as below.
     One {
-        rows: [Lanes; SIDE],
+        rows: Box<[Lanes; SIDE]>,
         columns: Vec<f64>,
     },
     /// Eight channels at a time: of the rows of one row of tiles, and of the columns.
@@ -87,7 +87,7 @@ impl PassSums {
         if let Listed::None = self.listed {
             self.listed = if self.n_channels == 1 {
                 Listed::One {
-                    rows: [[0.0; LANES]; SIDE],
+                    rows: Box::new([[0.0; LANES]; SIDE]),
                     columns: vec![0.0; n_left],
                 }
             } else {
@@ -106,15 +106,20 @@ impl PassSums {
                 columns: y,
             } => {
                 let plane = x.channel(0);
-                add_both_listed(entries, [&plane[rows], &plane[columns]], row_sums, &mut y[y_columns]);
+                add_both_listed(
+                    entries,
+                    [&plane[rows], &plane[columns]],
+                    &mut **row_sums,
+                    &mut y[y_columns],
+                );
             }
             Listed::Eights {
                 rows: row_sums,
                 columns: y,
             } => {
-                for ((eights, sums), y) in x.eights().iter().zip(row_sums).zip(y) {
-                    let x = [&eights[rows.clone()], &eights[columns.clone()]];
-                    add_both_listed_eight(entries, x, sums, &mut y[y_columns.clone()]);
+                for ((eights, sums), y_eights) in x.eights().iter().zip(row_sums).zip(y) {
+                    let parts = [&eights[rows.clone()], &eights[columns.clone()]];
+                    add_both_listed_eight(entries, parts, sums, &mut y_eights[y_columns.clone()]);
                 }
             }
         }
@@ -128,16 +133,16 @@ impl PassSums {
                 *y_i += total(lanes);
                 *y_i += match &self.listed {
                     Listed::None => 0.0,
-                    Listed::One { rows, .. } => rows[k][0],
-                    Listed::Eights { rows, .. } => rows[c / LANES][k][c % LANES],
+                    Listed::One { rows: sums, .. } => sums[k][0],
+                    Listed::Eights { rows: sums, .. } => sums[c / LANES][k][c % LANES],
                 };
             }
         }
         self.rows.fill([[0.0; LANES]; SIDE]);
         match &mut self.listed {
             Listed::None => {}
-            Listed::One { rows, .. } => rows.fill([0.0; LANES]),
-            Listed::Eights { rows, .. } => rows.fill([[0.0; LANES]; SIDE]),
+            Listed::One { rows: sums, .. } => sums.fill([0.0; LANES]),
+            Listed::Eights { rows: sums, .. } => sums.fill([[0.0; LANES]; SIDE]),
         }
     }
 
