@@ -121,9 +121,10 @@ fn parts_of_both_patches_add_up() {
     each_partial_pair(200..210, 12, |seed, index, p, q| {
         let parts = |polygon: &[DVec3]| match polygon.len() {
             4 => cut(polygon, 2, 2),
-            n => {
+            n_corners => {
                 let middle = polygon::centroid(polygon);
-                (0..n).map(|k| vec![middle, polygon[k], polygon[(k + 1) % n]]).collect()
+                let part = |k: usize| vec![middle, polygon[k], polygon[(k + 1) % n_corners]];
+                (0..n_corners).map(part).collect()
             }
         };
         let whole = pair(index, p, q, tolerance);
