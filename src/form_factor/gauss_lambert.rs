@@ -7,6 +7,7 @@ use super::sampled::{self, Sampled};
 use super::segments::{Independence, PairSums, Segments, VisibleFraction, kernel};
 use super::{Computed, FormFactorError, FormFactorMethod, Input};
 use crate::geometry::point_form_factor::point_form_factor;
+use crate::geometry::polygon_form_factor::{Tolerance, exchange_area};
 use crate::geometry::quadrature::{GaussProduct, WeightedPoint};
 use crate::matrix::StorageChoice;
 use crate::progress::Progress;
@@ -19,7 +20,7 @@ use crate::progress::Progress;
 /// Order: 2q between patches apart from each other; where they touch still high, as the exact inner integral leaves no singularity but a weak one
 /// of higher derivatives (3e-8 in a cube of 216 patches with q = 5); second where one patch crosses the other's plane. Bias: that of the rule, and about q^(−3/2) of the entry at the
 /// border of a shadow. 0 ≤ A_i F_ij ≤ the smaller patch's area.
-/// Error of an entry: the difference from the rule with q − 1 (for q = 1, 2) points a side, as far as the pair is visible, plus the error of the visible
+/// Error of an entry: how far the rule is from the exact exchange area without blockers, as far as the pair is visible, plus the error of the visible
 /// fraction and 1e-14 of the smaller area for rounding.
 ///
 /// Source: [`LAMBERT_1760`](crate::references::LAMBERT_1760); the combination is folklore. Departures: none.
@@ -42,19 +43,14 @@ impl FormFactorMethod for GaussLambert {
     ) -> Result<Computed, FormFactorError> {
         let patches = &input.mesh.patches;
         let polygons = sampled::prepared(input.mesh);
-        let on_patches = |q: NonZeroUsize| {
-            let rule = GaussProduct::new(q);
-            sampled::polygons(input.mesh, |corners| rule.on_polygon(corners))
-        };
-        let q = self.points.get();
-        let points = on_patches(self.points);
-        let other_points = on_patches(NonZeroUsize::new(q - 1).unwrap_or(NonZeroUsize::MIN.saturating_add(1)));
+        let rule = GaussProduct::new(self.points);
+        let points = sampled::polygons(input.mesh, |corners| rule.on_polygon(corners));
         let outer_first = |[i, j]: [usize; 2]| {
             // Between equal patches rounding must not decide: a moved scene would give another rule.
             let is_smaller = polygons[j].radius() < (1.0 - 1e-9) * polygons[i].radius();
             if is_smaller { [j, i] } else { [i, j] }
         };
-        let exact = |outer: usize, inner: usize, x: &WeightedPoint| {
+        let seen_from = |outer: usize, inner: usize, x: &WeightedPoint| {
             let corners = polygons[inner].corners();
             patches[outer].area * x.weight * point_form_factor(x.position, patches[outer].normal, corners)
         };
@@ -64,7 +60,7 @@ impl FormFactorMethod for GaussLambert {
                 let [outer, inner] = outer_first(pair);
                 let mut densities = Vec::with_capacity(points[inner].len());
                 for x in &points[outer] {
-                    let share = exact(outer, inner, x);
+                    let share = seen_from(outer, inner, x);
                     densities.clear();
                     densities.extend(points[inner].iter().map(|y| {
                         y.weight * kernel((x.position, patches[outer].normal), (y.position, patches[inner].normal))
@@ -85,12 +81,12 @@ impl FormFactorMethod for GaussLambert {
             },
             exchange: |pair: [usize; 2], sums: PairSums, visible: VisibleFraction| {
                 let [outer, inner] = outer_first(pair);
-                let other_rule: f64 = other_points[outer].iter().map(|x| exact(outer, inner, x)).sum();
+                let exact = exchange_area(&polygons[outer], &polygons[inner], Tolerance::default());
+                let bias = (sums.all + sums.untraced - exact.value).abs() + exact.error;
                 let rounding = 1e-14 * patches[outer].area;
-                let all = sums.all + sums.untraced;
                 Ok(Exchange {
                     area: sums.open + sums.untraced * visible.fraction,
-                    error: (all - other_rule).abs() * visible.fraction + all * visible.error + rounding,
+                    error: bias * visible.fraction + exact.value * visible.error + rounding,
                 })
             },
         };
