@@ -436,15 +436,15 @@ const ROWS_PER_TASK: usize = 16;
 ///
 /// Speed: the time of a plain read of as many bytes by the time of a pass with one channel (1 is as fast as memory), and the time of
 /// three channels by that of one. f32, n = 6144, sparse with a quarter of the entries, one thread, medians of 21 rounds of
-/// `cargo bench --bench matrix` on a machine with AVX-512 that had other work to do; ratios hold within a row of the table.
+/// `cargo bench --bench matrix` on a machine with AVX-512, otherwise idle; two threads are within a tenth of these, but for the dense symmetric pass with 0.56.
 ///
 /// | matrix | read / pass | three channels / one |
 /// |---|---|---|
-/// | dense, rows | 0.94 | 1.07 |
-/// | dense, symmetric (half the bytes) | 0.61 | 1.87 |
-/// | sparse, rows | 0.61 | 1.90 |
-/// | sparse, symmetric | 0.27 | 1.56 |
-/// | dense, symmetric, on a disk (in the system's cache) | 0.26 | 1.30 |
+/// | dense, rows | 0.94 | 1.09 |
+/// | dense, symmetric (half the bytes) | 0.61 | 1.95 |
+/// | sparse, rows | 0.67 | 2.05 |
+/// | sparse, symmetric | 0.24 | 1.50 |
+/// | dense, symmetric, on a disk (in the system's cache) | 0.21 | 1.33 |
 impl LinearOperator for FormFactors {
     fn n_rows(&self) -> usize {
         self.areas.len()

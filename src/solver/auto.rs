@@ -27,8 +27,8 @@ use super::{
 /// - else `gmres`.
 ///
 /// `multigrid` is never taken, even where there is a hierarchy: in the room of Lewis its setup, 4 cycles and a check are 7.8 passes for the 9 or 10 of `gmres`, but the sweeps among
-/// them run on one core, while all of those run on every core, and which is faster must not depend on how many there are. On two cores, both busy with other work, it was 1.06, 0.69 and 0.69 of
-/// Gauss-Seidel's time at l = 3, 4 and 5, setup included, and `auto` 0.90, 0.68 and 0.41 (`cargo bench --bench solvers`, medians of 9 alternating runs). `chebyshev` takes more passes than
+/// them run on one core, while all of those run on every core, and which is faster must not depend on how many there are. On two otherwise idle cores it was 0.93, 0.96 and 0.61 of
+/// Gauss-Seidel's time at l = 3, 4 and 5, setup included, and `auto` 0.91, 0.34 and 0.32 (`cargo bench --bench solvers`, medians of 9 alternating runs). `chebyshev` takes more passes than
 /// conjugate gradients wherever these can be used.
 ///
 /// The choice and its reason are in [`Solution::choice`]. How far it is from the best: `radiosity reproduce stability` prints the ratios of work and time, case by case.

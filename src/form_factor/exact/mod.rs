@@ -27,6 +27,20 @@ use batch::Batches;
 /// Accuracy: of full pairs the kernel's own estimate. Of partial pairs |error| of A_i F_ij / min(A_i, A_j) ≤ `tolerance`, and below the entry's own estimate; where the
 /// budget is spent before, the estimate says what was reached and [`Computed::tolerance_met`] is false. A blocker's border of 1e-10 of a pair's diameter is neglected, as
 /// [`BlockerIndex`](crate::visibility::blockers::BlockerIndex) says. 0 ≤ A_i F_ij ≤ the exchange area without blockers.
+///
+/// Speed on one core of an x86-64 machine with AVX-512, all pairs, medians of 10 runs of `cargo bench --bench form_factors`; the error is max_i Σ_j |F_ij − exact|,
+/// with `exact` at 1e-9 for the exact ones:
+///
+/// | scene | patches | tolerance | time | error |
+/// |---|---|---|---|---|
+/// | `cube` | 1014 | 1e-6 | 0.13 s | 5e-14 |
+/// | `room-box` | 12 | 1e-6 | 0.047 s | 4e-8 |
+/// | `room-box` | 108 | 1e-6 | 0.11 s | 3e-8 |
+/// | `room-box` | 972 | 1e-5 | 1.7 s | 5e-9 |
+/// | `room-box` | 4332 | 1e-5 | 14 s | 4e-5 |
+/// | `room-box` | 4332 | 1e-4 | 6.8 s | 4e-4 |
+///
+/// Growth: as n^1.4 from 972 to 4332 patches at one tolerance; in the end as n², the number of pairs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExactMethod {
     /// The tolerance of a partly visible pair, on A_i F_ij / min(A_i, A_j): the absolute error of the larger of F_ij and F_ji.
