@@ -124,12 +124,12 @@ fn a_cube_is_exact_to_rounding() {
 
 #[test]
 fn closed_scenes_lose_nothing_and_a_tighter_tolerance_agrees() {
-    for seed in 0..6 {
+    for seed in 0..4 {
         let scene = random_scene(seed);
         for (place, scene) in places(&scene)
             .into_iter()
             .enumerate()
-            .take(if seed == 0 { 5 } else { 1 })
+            .take(if seed == 0 { 3 } else { 1 })
         {
             let prepared = Prepared::new(scene, 1);
             let loose = compute(&prepared, 1e-5).factors;

@@ -54,7 +54,7 @@ fn parts_add_up() {
 #[test]
 fn blockers_in_pieces_block_as_whole_ones_do() {
     let mut random = Random::new(23);
-    for _ in 0..15 {
+    for _ in 0..6 {
         let (p, q, blockers) = random_case(&mut random);
         let whole = exchange(&p, &q, &blockers, TOLERANCE);
         let pieces: Vec<Polygon> = blockers

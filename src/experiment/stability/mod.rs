@@ -123,6 +123,10 @@ impl Stability {
 /// # Errors
 /// [`ExperimentError`] if a case cannot be built.
 pub fn run(seed: u64, progress: &dyn Progress) -> Result<Stability, ExperimentError> {
+    try_all(seed, N_RUNS, progress)
+}
+
+fn try_all(seed: u64, n_runs: usize, progress: &dyn Progress) -> Result<Stability, ExperimentError> {
     let cases = cases::all(seed)?;
     progress.begin("stability", (cases.len() * SOLVERS.len()) as u64);
     let mut table = Stability {
@@ -131,14 +135,14 @@ pub fn run(seed: u64, progress: &dyn Progress) -> Result<Stability, ExperimentEr
         cells: Vec::new(),
     };
     for case in &cases {
-        let cells = try_case(case, progress);
+        let cells = try_case(case, n_runs, progress);
         table.cases.push(summary(case, &cells));
         table.cells.extend(cells);
     }
     Ok(table)
 }
 
-fn try_case(case: &Case, progress: &dyn Progress) -> Vec<Cell> {
+fn try_case(case: &Case, n_runs: usize, progress: &dyn Progress) -> Vec<Cell> {
     let (areas, reflectance, exitance) = (case.areas.clone(), case.reflectance.clone(), case.exitance.clone());
     let system = if case.signed {
         RadiositySystem::with_signed_exitance(&*case.operator, areas, reflectance, exitance)
@@ -150,7 +154,7 @@ fn try_case(case: &Case, progress: &dyn Progress) -> Vec<Cell> {
         .map(|accepted| (accepted, Oracle::new(accepted, case.signed)));
     let cell = |entry: &SolverEntry| {
         let cell = match &judge {
-            Ok((accepted, oracle)) => solve(case, entry, accepted, oracle),
+            Ok((accepted, oracle)) => solve(case, entry, n_runs, accepted, oracle),
             Err(error) => refused(case, entry, error),
         };
         progress.advance(1);
@@ -175,7 +179,7 @@ fn refused(case: &Case, entry: &SolverEntry, error: &SolverError) -> Cell {
     }
 }
 
-fn solve(case: &Case, entry: &SolverEntry, system: &RadiositySystem, oracle: &Oracle) -> Cell {
+fn solve(case: &Case, entry: &SolverEntry, n_runs: usize, system: &RadiositySystem, oracle: &Oracle) -> Cell {
     let solver = entry.build(&SolverSettings::default());
     let options = SolveOptions {
         tolerance: Tolerance::ResidualL2(TOLERANCE),
@@ -184,7 +188,7 @@ fn solve(case: &Case, entry: &SolverEntry, system: &RadiositySystem, oracle: &Or
     };
     let mut time_s = f64::INFINITY;
     let mut solution = None;
-    for _ in 0..N_RUNS {
+    for _ in 0..n_runs {
         let start = Instant::now();
         match solver.solve(system, &options, &mut |_| ControlFlow::Continue(())) {
             Ok(found) => solution = Some(found),
@@ -333,7 +337,7 @@ mod tests {
     /// The table itself: no cell is wrong, what has no solution is refused by all, and some solver is right wherever there is one.
     #[test]
     fn no_solver_says_what_is_not_true() {
-        let table = run(0, &Silent).unwrap();
+        let table = try_all(0, 1, &Silent).unwrap();
         let wrong: Vec<&Cell> = table.wrong().collect();
         assert!(wrong.is_empty(), "{wrong:#?}");
         for (case, expected) in table.cases.iter().zip(cases::all(0).unwrap()) {
