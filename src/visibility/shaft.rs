@@ -152,26 +152,39 @@ impl<'a> Shaft<'a> {
     }
 
     /// Returns the planes through an edge of one end and a corner of the other that have all of both on their upper side.
+    ///
+    /// Seen along an edge, its own end lies to one side in one line, and the other end above that line: the corner that is
+    /// farthest round from the one side gives the only such plane besides that of the end itself.
     fn sides(&self) -> &[Plane] {
         self.sides.get_or_init(|| {
-            let mut sides = Vec::new();
-            for (near, far) in [(&self.ends[0], &self.ends[1]), (&self.ends[1], &self.ends[0])] {
-                for (k, &a) in near.iter().enumerate() {
-                    let edge = near[(k + 1) % near.len()] - a;
-                    for &c in far.iter() {
-                        let across = c - a;
-                        let normal = edge.cross(across);
-                        // A plane through three corners nearly on a line says nothing.
-                        if normal.length_squared() <= 1e-16 * edge.length_squared() * across.length_squared() {
-                            continue;
+            let mut sides = Vec::with_capacity(self.ends[0].len() + self.ends[1].len());
+            for k in 0..2 {
+                let (near, far, up) = (&self.ends[k], &self.ends[1 - k], self.planes[k].normal);
+                let mut a = near[near.len() - 1];
+                for &b in near.iter() {
+                    let (start, edge) = (a, b - a);
+                    a = b;
+                    let inward = up.cross(edge);
+                    let scale = edge.length();
+                    let mut farthest = (far[0] - start, 0.0, 0.0);
+                    for (n, &c) in far.iter().enumerate() {
+                        let across = c - start;
+                        let (x, y) = (inward.dot(across), up.dot(across) * scale);
+                        if n == 0 || farthest.1 * y > farthest.2 * x {
+                            farthest = (across, x, y);
                         }
-                        let normal = normal.normalize();
-                        let plane = Plane {
-                            normal,
-                            level: normal.dot(a),
-                        };
-                        sides.extend(self.turned_inwards(plane));
                     }
+                    let normal = edge.cross(farthest.0);
+                    // A plane through three corners nearly on a line says nothing.
+                    if normal.length_squared() <= 1e-16 * scale * scale * farthest.0.length_squared() {
+                        continue;
+                    }
+                    let normal = normal.normalize();
+                    let plane = Plane {
+                        normal,
+                        level: normal.dot(start),
+                    };
+                    sides.extend(self.turned_inwards(plane));
                 }
             }
             sides
@@ -181,19 +194,25 @@ impl<'a> Shaft<'a> {
     /// Returns the plane with both ends on its upper side, if they are on one side.
     fn turned_inwards(&self, plane: Plane) -> Option<Plane> {
         let slack = 0.5 * self.tolerance;
-        let (mut low, mut high) = (0.0_f64, 0.0_f64);
-        for &v in self.ends.iter().flat_map(|end| end.iter()) {
-            let height = plane.height(v);
-            low = low.min(height);
-            high = high.max(height);
-            if low < -slack && high > slack {
-                return None;
+        let (mut below, mut above) = (false, false);
+        for end in &self.ends {
+            for &v in end.iter() {
+                let height = plane.height(v);
+                below |= height < -slack;
+                above |= height > slack;
             }
         }
-        (high > slack).then_some(plane).or((low < -slack).then_some(Plane {
-            normal: -plane.normal,
-            level: -plane.level,
-        }))
+        if above == below {
+            return None;
+        }
+        Some(if above {
+            plane
+        } else {
+            Plane {
+                normal: -plane.normal,
+                level: -plane.level,
+            }
+        })
     }
 }
 

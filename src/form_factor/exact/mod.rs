@@ -5,6 +5,7 @@ mod lattice;
 mod patches;
 
 use super::{Computed, FormFactorError, FormFactorMethod, Input, PairCounts};
+use crate::geometry::polygon_form_factor::Tolerance;
 use crate::matrix::{FormFactors, StorageChoice};
 use crate::progress::Progress;
 use batch::Batches;
@@ -49,15 +50,25 @@ pub struct ExactMethod {
     pub budget: usize,
 }
 
+/// Up to this tolerance pairs without blockers keep their relative digits, however small they are.
+const FULL_IS_RELATIVE: f64 = 1e-6;
+
 impl ExactMethod {
     /// The tolerance unless another is asked for.
     pub const DEFAULT_TOLERANCE: f64 = 1e-6;
     /// The budget unless another is asked for: some seconds for one pair.
     pub const DEFAULT_BUDGET: usize = 10_000_000;
 
-    /// Returns the relative error that pairs without blockers are computed to.
-    fn full_tolerance(&self) -> f64 {
-        (1e-5 * self.tolerance).clamp(1e-12, 1e-9)
+    /// Returns what pairs without blockers are computed to.
+    fn full_tolerance(&self, smaller_area: f64) -> Tolerance {
+        Tolerance {
+            rel: (1e-5 * self.tolerance).clamp(1e-12, 1e-9),
+            abs: if self.tolerance > FULL_IS_RELATIVE {
+                1e-5 * self.tolerance * smaller_area
+            } else {
+                0.0
+            },
+        }
     }
 }
 
