@@ -164,27 +164,32 @@ impl<'a> Shaft<'a> {
                 for &b in near.iter() {
                     let (start, edge) = (a, b - a);
                     a = b;
-                    let inward = up.cross(edge);
-                    let scale = edge.length();
-                    let mut farthest = (far[0] - start, 0.0, 0.0);
-                    for (n, &c) in far.iter().enumerate() {
+                    let (inward, scale_squared) = (up.cross(edge), edge.length_squared());
+                    let scale = scale_squared.sqrt();
+                    let plane_to = |c: DVec3| {
+                        let normal = edge.cross(c - start);
+                        // A plane through three corners nearly on a line says nothing.
+                        (normal.length_squared() > 1e-16 * scale_squared * (c - start).length_squared())
+                            .then(|| normal.normalize())
+                            .and_then(|normal| {
+                                self.turned_inwards(Plane {
+                                    normal,
+                                    level: normal.dot(start),
+                                })
+                            })
+                    };
+                    let mut farthest: Option<(DVec3, f64, f64)> = None;
+                    for &c in far.iter() {
                         let across = c - start;
                         let (x, y) = (inward.dot(across), up.dot(across) * scale);
-                        if n == 0 || farthest.1 * y > farthest.2 * x {
-                            farthest = (across, x, y);
+                        let is_off = x * x + y * y > 1e-16 * scale_squared * across.length_squared();
+                        if is_off && farthest.is_none_or(|(_, u, v)| u * y > v * x) {
+                            farthest = Some((c, x, y));
                         }
                     }
-                    let normal = edge.cross(farthest.0);
-                    // A plane through three corners nearly on a line says nothing.
-                    if normal.length_squared() <= 1e-16 * scale * scale * farthest.0.length_squared() {
-                        continue;
-                    }
-                    let normal = normal.normalize();
-                    let plane = Plane {
-                        normal,
-                        level: normal.dot(start),
-                    };
-                    sides.extend(self.turned_inwards(plane));
+                    let found = farthest.and_then(|(c, ..)| plane_to(c));
+                    // Rounding may have chosen a corner that is too near to the edge to tell.
+                    sides.extend(found.or_else(|| far.iter().find_map(|&c| plane_to(c))));
                 }
             }
             sides

@@ -18,7 +18,8 @@ use batch::Batches;
 ///
 /// - Pairs are classified in f64 against all faces of the scene ([`BlockerIndex`](crate::visibility::blockers::BlockerIndex)): faces first, then runs of patches, then
 ///   patches, each only against what stood between the larger ones. With [`Input::unoccluded`] no index is made and nothing is classified.
-/// - Full pairs: [`polygon_form_factor::exchange_area`](crate::geometry::polygon_form_factor::exchange_area) to a relative error of `tolerance`/10⁵, but not above 1e-9 or below 1e-12. Where two faces are
+/// - Full pairs: [`polygon_form_factor::exchange_area`](crate::geometry::polygon_form_factor::exchange_area) to a relative error of `tolerance`/10⁵, but not above 1e-9 or below 1e-12;
+///   for tolerances above 1e-6, an absolute error of A_i F_ij / min(A_i, A_j) below `tolerance`/10⁵ is enough. Where two faces are
 ///   regular grids with a common step, pairs with the same step between them are computed once.
 /// - Hidden pairs are exactly 0.
 /// - Partial pairs: [`partial::exchange_area`](super::partial::exchange_area), which follows the edges of the shadows.
