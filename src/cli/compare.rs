@@ -1,7 +1,7 @@
 //! `radiosity compare`.
 
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
@@ -9,12 +9,13 @@ use super::Outcome;
 use super::args::{CompareArgs, VisibilityName};
 use super::exit_code::ExitCode;
 use super::failure::Failure;
+use super::output::{self, Files};
 use super::pipeline::{Prepared, Run};
-use super::{output, storage};
+use super::storage;
 use crate::experiment::statistics::Spread;
 use crate::experiment::{
-    CaseSummary, CompareSettings, Comparison, ExperimentError, Reference, ReferenceKind, ReferenceLevel, SWEEPS,
-    StorageFigures, compare, storage_figures, sweep_by_name,
+    CaseSummary, CompareSettings, Comparison, Reference, ReferenceKind, ReferenceLevel, SWEEPS, StorageFigures,
+    compare, storage_figures, sweep_by_name,
 };
 use crate::form_factor::Input;
 use crate::mesh::Subdivision;
@@ -93,7 +94,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
     let storage = run
         .times
         .time("storage", || storage_figures(input, &first.reference, &run.progress));
-    let storage = storage.map_err(failure)?;
+    let storage = storage?;
     run.progress.finish();
     let subject = Subject {
         name: &name,
@@ -102,32 +103,21 @@ pub(super) fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
         machine: Machine::here(),
     };
     let report = subject.report(&parts, &storage);
-    let mut document = run.document(&prepared, subject.to_json(&parts, &storage));
+    let mut document = run.document_of(&prepared, subject.to_json(&parts, &storage));
     let mut files = vec![
-        "report.md".to_owned(),
-        "results.csv".to_owned(),
-        "results.json".to_owned(),
+        output::text("report.md", report.clone()),
+        output::text("results.csv", runs_table(&parts).to_csv()),
     ];
-    files.extend(subject.write_plots(&parts, &directory)?);
-    document["files"] = json!(files);
-    let write = |file: &str, text: &str| output::write(&directory.join(file), |w| w.write_all(text.as_bytes()));
-    write("report.md", &report)?;
-    write("results.csv", &runs_table(&parts).to_csv())?;
-    write("results.json", &format!("{document:#}\n"))?;
-    let mut printed = run.explanation(&prepared) + &report;
-    let _ = writeln!(printed, "\nwrote {} files to {}", files.len(), directory.display());
+    files.extend(subject.plots(&parts)?);
+    let names = files.iter().map(|(file, _)| file.as_str());
+    document["files"] = names.chain(["results.json"]).collect();
+    files.push(output::text("results.json", format!("{document:#}\n")));
+    let (_, written) = output::write_all(&directory, &files)?;
     Ok(Outcome {
-        text: printed,
+        text: format!("{}{report}\n{written}\n", run.explanation(&prepared)),
         document,
         code: ExitCode::Done,
     })
-}
-
-pub(super) fn failure(error: ExperimentError) -> Failure {
-    match error {
-        ExperimentError::TooFewSeeds { .. } => Failure::usage(error.to_string()),
-        other => Failure::new("experiment", other.to_string()),
-    }
 }
 
 /// Reads the scene file, or builds the built-in scene of that name where there is no such file.
@@ -187,16 +177,12 @@ fn measure(
 ) -> Result<Part, Failure> {
     let input = input(prepared, visibility);
     let occluders = !prepared.plan.convex_and_empty;
-    let reference = run
-        .times
-        .time("reference", || {
-            Reference::find(input, occluders, tolerance / TIGHTER, &run.progress)
-        })
-        .map_err(failure)?;
+    let reference = run.times.time("reference", || {
+        Reference::find(input, occluders, tolerance / TIGHTER, &run.progress)
+    })?;
     let comparison = run
         .times
-        .time("compare", || compare(input, &reference, settings, &run.progress))
-        .map_err(failure)?;
+        .time("compare", || compare(input, &reference, settings, &run.progress))?;
     Ok(Part {
         visibility,
         reference,
@@ -278,8 +264,8 @@ impl Subject<'_> {
         })
     }
 
-    /// Draws every error of every part as SVG and PNG, and returns the names of the files.
-    fn write_plots(&self, parts: &[Part], directory: &Path) -> Result<Vec<String>, Failure> {
+    /// Returns the plots as files.
+    fn plots(&self, parts: &[Part]) -> Result<Files, Failure> {
         let mut files = Vec::new();
         for part in parts {
             let Part {
@@ -290,14 +276,12 @@ impl Subject<'_> {
             }
             for (short, long) in [("max", "greatest absolute error"), ("rms", "root-mean-square error")] {
                 let suffix = if part.visibility == "on" { "" } else { "_visibility_off" };
-                let svg = self.plot(part.visibility, reference, comparison, short, long).to_svg();
-                let svg = svg.map_err(|error| Failure::new("plot", error.to_string()))?;
-                let png = png_from_svg(&svg, 2.0).map_err(|error| Failure::new("plot", error.to_string()))?;
-                for (kind, bytes) in [("svg", svg.as_bytes()), ("png", &png)] {
-                    let file = format!("error_time_{short}{suffix}.{kind}");
-                    output::write(&directory.join(&file), |w| w.write_all(bytes))?;
-                    files.push(file);
-                }
+                let svg = self
+                    .plot(part.visibility, reference, comparison, short, long)
+                    .to_svg()?;
+                let png = png_from_svg(&svg, 2.0)?;
+                files.push(output::text(format!("error_time_{short}{suffix}.svg"), svg));
+                files.push((format!("error_time_{short}{suffix}.png"), png));
             }
         }
         Ok(files)

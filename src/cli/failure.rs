@@ -5,10 +5,12 @@ use std::path::PathBuf;
 use serde_json::json;
 
 use super::exit_code::ExitCode;
+use crate::experiment::ExperimentError;
 use crate::form_factor::FormFactorError;
 use crate::matrix::{DiskError, MatrixError};
 use crate::render::RenderError;
-use crate::report::ReportError;
+use crate::report::plot::PlotError;
+use crate::report::{RasterError, ReportError};
 use crate::scene::SceneError;
 use crate::solver::SolverError;
 use crate::voxel::VoxelError;
@@ -151,5 +153,26 @@ impl From<RenderError> for Failure {
             RenderError::TooLarge { .. } => Self::new("too_large", error.to_string()),
             _ => Self::new("render", error.to_string()),
         }
+    }
+}
+
+impl From<ExperimentError> for Failure {
+    fn from(error: ExperimentError) -> Self {
+        match error {
+            ExperimentError::TooFewSeeds { .. } => Self::usage(error.to_string()),
+            other => Self::new("experiment", other.to_string()),
+        }
+    }
+}
+
+impl From<PlotError> for Failure {
+    fn from(error: PlotError) -> Self {
+        Self::new("plot", error.to_string())
+    }
+}
+
+impl From<RasterError> for Failure {
+    fn from(error: RasterError) -> Self {
+        Self::new("plot", error.to_string())
     }
 }

@@ -68,7 +68,7 @@ pub(super) fn run(args: &FormFactorsArgs) -> Result<Outcome, Failure> {
     run.progress.finish();
     let mut result = to_json(&prepared, &computed, &surfaces);
     result["output"] = json!(args.output);
-    let document = run.document(&prepared, result);
+    let document = run.document_of(&prepared, result);
     let mut text = run.explanation(&prepared);
     describe(&mut text, &prepared, &computed, &surfaces);
     run.describe_times(&mut text);

@@ -106,7 +106,7 @@ pub(super) fn run(
     }
     result["lightings"] = json!(documents);
     result["form_factors"] = checks_to_json(computed);
-    let document = run.document(&prepared, result);
+    let document = run.document_of(&prepared, result);
     let mut printed = run.explanation(&prepared);
     let _ = writeln!(printed, "{n} patches, {} lightings at once", names.len());
     describe_checks(&mut printed, computed);

@@ -12,13 +12,9 @@ mod pipeline;
 mod progress;
 mod render;
 mod reproduce;
-mod reproduce_lewis;
-mod reproduce_malgouyres;
-mod reproduce_solvers;
 mod reuse;
 mod scene;
 mod solve;
-mod stability;
 mod storage;
 mod verify;
 mod voxel;
@@ -135,6 +131,13 @@ fn usage(error: &clap::Error, arguments: &[OsString]) -> ExitCode {
         print_document(&Failure::new("usage", line).to_json());
     }
     ExitCode::Usage
+}
+
+/// Adds the members of one document to another.
+fn merge(document: &mut Value, more: Value) {
+    if let (Value::Object(all), Value::Object(more)) = (document, more) {
+        all.extend(more);
+    }
 }
 
 fn print_document(document: &Value) -> bool {

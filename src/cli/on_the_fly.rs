@@ -3,7 +3,7 @@
 use super::args::SolveArgs;
 use super::failure::Failure;
 use super::form_factors::DEFAULT_RAYS;
-use super::pipeline::{Fineness, Prepared, Run, materials_of_patches};
+use super::pipeline::{Fineness, Prepared, Run};
 use crate::form_factor::registry::METHODS;
 use crate::form_factor::{ExactMethod, Input, OnTheFly};
 use crate::solver::Solution;
@@ -45,7 +45,7 @@ pub(super) fn solve(run: &mut Run, prepared: &mut Prepared, args: &SolveArgs) ->
         .plan
         .left_out
         .push("storing form factors: every pass computes them again".into());
-    let (reflectance, exitance) = materials_of_patches(&prepared.scene, &prepared.mesh, prepared.plan.n_channels);
+    let (reflectance, exitance) = prepared.materials();
     let areas = prepared.mesh.areas();
     run.solve_system(
         (&mut prepared.plan, &prepared.mesh),

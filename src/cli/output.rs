@@ -27,3 +27,26 @@ pub(super) fn make_directory(path: &Path) -> Result<(), Failure> {
         Failure::new("unwritable", format!("{}: cannot be made: {error}", path.display())).in_file(path)
     })
 }
+
+/// Files of one directory, by name.
+pub(super) type Files = Vec<(String, Vec<u8>)>;
+
+/// Returns a file of text.
+pub(super) fn text(name: impl Into<String>, content: String) -> (String, Vec<u8>) {
+    (name.into(), content.into_bytes())
+}
+
+/// Writes files, each whole or not at all; returns their names, and a line that says what was written.
+pub(super) fn write_all<'a>(directory: &Path, files: &'a Files) -> Result<(Vec<&'a str>, String), Failure> {
+    for (name, content) in files {
+        write(&directory.join(name), |writer| writer.write_all(content))?;
+    }
+    let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
+    let first = names.first().map(|name| directory.join(name).display().to_string());
+    let line = match names.len() {
+        0 | 1 => format!("wrote {}", first.unwrap_or_default()),
+        2 => format!("wrote {} and 1 more file", first.unwrap_or_default()),
+        n => format!("wrote {} and {} more files", first.unwrap_or_default(), n - 1),
+    };
+    Ok((names, line))
+}

@@ -11,7 +11,7 @@ use super::Outcome;
 use super::args::{DirectName, ImageArgs, RenderArgs};
 use super::failure::Failure;
 use super::form_factors::{checks_to_json, describe_checks};
-use super::pipeline::{Computed, Fineness, Prepared, Run, materials_of_patches};
+use super::pipeline::{Computed, Fineness, Prepared, Run};
 use super::storage::Storage;
 use super::{output, solve};
 use crate::geometry::sampling::Sequence;
@@ -105,7 +105,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     result["preview"] = json!(preview.display().to_string());
     result["width"] = json!(image.width());
     result["height"] = json!(image.height());
-    let document = run.document(&prepared, result);
+    let document = run.document_of(&prepared, result);
     let mut text = run.explanation(&prepared);
     let (n_patches, n_surfaces) = (prepared.mesh.n_patches(), prepared.scene.surfaces.len());
     let _ = writeln!(text, "{n_patches} patches on {n_surfaces} surfaces");
@@ -151,7 +151,7 @@ fn solve_scene(
         // All light comes straight from the emitters, and the direct pass finds it at each pixel.
         let reason = "form factors and solver: nothing reflects, and the direct pass finds all light";
         prepared.plan.left_out.push(reason.into());
-        let (_, exitance) = materials_of_patches(&prepared.scene, &prepared.mesh, prepared.plan.n_channels);
+        let (_, exitance) = prepared.materials();
         let dark = Block::zeros(exitance.n_rows(), exitance.n_channels());
         return Ok(Solved {
             solver: solve::NO_SOLVER.to_owned(),

@@ -8,7 +8,7 @@ use super::args::SolveArgs;
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::form_factors::{self, DEFAULT_RAYS, checks_to_json, describe_checks};
-use super::pipeline::{Computed, Fineness, Prepared, Run, materials_of_patches, repairs};
+use super::pipeline::{Computed, Fineness, Prepared, Run, repairs};
 use super::storage::Storage;
 use super::{Outcome, output, reuse};
 use crate::form_factor::ExactMethod;
@@ -75,7 +75,7 @@ fn finish(
     solution: &Solution,
 ) -> Result<Outcome, Failure> {
     if let Some(path) = &args.output {
-        let (reflectance, exitance) = materials_of_patches(&prepared.scene, &prepared.mesh, prepared.plan.n_channels);
+        let (reflectance, exitance) = prepared.materials();
         let report = SolutionReport {
             scene: &prepared.scene,
             mesh: &prepared.mesh,
@@ -89,7 +89,7 @@ fn finish(
     run.progress.finish();
     let mut result = to_json(prepared, &args.solver.solver, solution);
     result["form_factors"] = computed.map_or(Value::Null, checks_to_json);
-    let document = run.document(prepared, result);
+    let document = run.document_of(prepared, result);
     let mut text = run.explanation(prepared);
     let _ = writeln!(
         text,

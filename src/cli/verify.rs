@@ -2,12 +2,12 @@
 
 use std::fmt::Write as _;
 
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::args::VerifyArgs;
 use super::exit_code::ExitCode;
 use super::failure::Failure;
-use super::{Outcome, SCHEMA_VERSION};
+use super::{Outcome, SCHEMA_VERSION, merge};
 use crate::render::verify::{VerifyError, VerifyReport, verify};
 use crate::report::StageTimes;
 
@@ -28,9 +28,7 @@ pub(super) fn run(args: &VerifyArgs) -> Result<Outcome, Failure> {
         "image": args.image.display().to_string(),
         "stages": times.to_json(),
     });
-    if let (Value::Object(all), Value::Object(more)) = (&mut document, json!(report)) {
-        all.extend(more);
-    }
+    merge(&mut document, json!(report));
     Ok(Outcome {
         text: describe(&report),
         document,

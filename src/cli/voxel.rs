@@ -110,7 +110,7 @@ pub(super) fn run(args: &VoxelArgs) -> Result<Outcome, Failure> {
     }
     Ok(Outcome {
         text,
-        document: run.document(&prepared, result),
+        document: run.document_of(&prepared, result),
         code: solved.code,
     })
 }
@@ -499,8 +499,7 @@ fn write(
         let irradiance = run.times.time("display", || {
             onto_patches(voxels, &prepared.scene.faces, &prepared.mesh, &solved.irradiance)
         });
-        let (reflectance, exitance) =
-            super::pipeline::materials_of_patches(&prepared.scene, &prepared.mesh, prepared.plan.n_channels);
+        let (reflectance, exitance) = prepared.materials();
         let mut radiosity = exitance;
         let terms = reflectance.values().iter().zip(irradiance.values());
         for (b, (rho, h)) in radiosity.values_mut().iter_mut().zip(terms) {

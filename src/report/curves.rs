@@ -1,130 +1,98 @@
-//! Plots of curves over a linear axis as SVG: convergence histories, spectra.
+//! Plots of curves as SVG, each axis linear or logarithmic: convergence histories, spectra, times by size.
 
 use std::ops::Range;
 
-use plotters::coord::Shift;
 use plotters::coord::ranged1d::{Ranged, ValueFormatter};
 use plotters::coord::types::RangedCoordf64;
-use plotters::drawing::DrawingArea;
-use plotters::element::{PathElement, Text};
-use plotters::prelude::{ChartBuilder, Color, IntoDrawingArea, RGBColor, SVGBackend};
-use plotters::style::text_anchor::{HPos, Pos, VPos};
-use plotters::style::{FontStyle, IntoTextStyle};
+use plotters::element::PathElement;
 
+pub use super::frame::PlotError;
+use super::frame::{self, Frame, axes, dashes, faint_line, line, mark};
 use super::log_axis::LogAxis;
-use super::plot::{FONT, GREY, HEIGHT, LEGEND, LIGHT, PlotError, WIDTH, colour, register_fonts, text};
 
 /// A named line through points.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Curve {
     /// Its name in the legend.
     pub name: String,
-    /// The number of its colour: equal numbers look alike in all plots; from 7 on lines are thin.
+    /// The number of its colour and mark: equal numbers look alike in all plots; from 7 on lines are thin.
     pub style: usize,
-    /// Its points.
+    /// Its points, from left to right.
     pub points: Vec<(f64, f64)>,
 }
 
-/// Several curves over a linear axis.
+/// Several curves.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CurvePlot {
     /// The heading.
     pub title: String,
-    /// A line below the heading.
+    /// A line below the heading: what was measured how.
     pub subtitle: String,
     /// What runs to the right.
     pub x_label: String,
     /// What runs upwards.
     pub y_label: String,
+    /// Whether equal ratios, not equal differences, are at equal distances to the right.
+    pub log_x: bool,
     /// Whether equal ratios, not equal differences, are at equal distances upwards.
     pub log_y: bool,
+    /// Whether points are marked.
+    pub marked: bool,
     /// The curves.
     pub curves: Vec<Curve>,
 }
 
 impl CurvePlot {
-    /// Draws the plot. Points that are not finite, or not positive where the axis is logarithmic, are left out; equal input gives equal bytes.
+    /// Draws the plot. Points that are not finite, or not positive where an axis is logarithmic, are left out; equal input gives equal bytes.
     ///
     /// # Errors
     /// [`PlotError`] if the drawing library fails.
     pub fn to_svg(&self) -> Result<String, PlotError> {
-        register_fonts()?;
-        let mut svg = String::new();
-        self.draw(&mut svg).map_err(|error| PlotError::new(error.to_string()))?;
-        Ok(svg)
-    }
-
-    fn draw(&self, svg: &mut String) -> Result<(), Box<dyn std::error::Error>> {
-        let size = (WIDTH.unsigned_abs(), HEIGHT.unsigned_abs());
-        let root = SVGBackend::with_string(svg, size).into_drawing_area();
-        root.fill(&RGBColor(255, 255, 255))?;
-        let title = (FONT, 18.0, FontStyle::Bold).into_text_style(&root);
-        root.draw(&Text::new(self.title.clone(), (24, 18), title))?;
-        root.draw(&Text::new(self.subtitle.clone(), (24, 44), text(13.0).color(&GREY)))?;
-        let (_, below) = root.split_vertically(66);
-        let (plot, legend) = below.split_horizontally(WIDTH - LEGEND);
         let points = || self.curves.iter().flat_map(|curve| self.shown(curve));
-        let x = covering(points().map(|p| p.0));
-        if self.log_y {
-            self.draw_curves(&plot, x, LogAxis::covering(points().map(|p| p.1)))?;
-        } else {
-            let y: RangedCoordf64 = covering(points().map(|p| p.1)).into();
-            self.draw_curves(&plot, x, y)?;
-        }
-        let label = text(13.0).pos(Pos::new(HPos::Left, VPos::Center));
-        for (k, curve) in self.curves.iter().enumerate() {
-            let y = 16 + 23 * i32::try_from(k).unwrap_or(i32::MAX / 64);
-            let line = colour(curve.style).stroke_width(width(curve.style));
-            legend.draw(&PathElement::new([(0, y), (24, y)], line))?;
-            legend.draw(&Text::new(curve.name.clone(), (30, y), label.clone()))?;
-        }
-        root.present()?;
-        Ok(())
+        let (x, y) = (|| points().map(|p| p.0), || points().map(|p| p.1));
+        let linear = |values: Range<f64>| RangedCoordf64::from(values);
+        frame::to_svg(&self.title, &self.subtitle, |frame| match (self.log_x, self.log_y) {
+            (true, true) => self.draw(frame, LogAxis::covering(x()), LogAxis::covering(y())),
+            (true, false) => self.draw(frame, LogAxis::covering(x()), linear(covering(y()))),
+            (false, true) => self.draw(frame, linear(covering(x())), LogAxis::covering(y())),
+            (false, false) => self.draw(frame, linear(covering(x())), linear(covering(y()))),
+        })
     }
 
     /// Returns the points of a curve that have a place.
     fn shown<'a>(&'a self, curve: &'a Curve) -> impl Iterator<Item = (f64, f64)> + 'a {
-        let has_place = |p: &(f64, f64)| p.0.is_finite() && p.1.is_finite() && (!self.log_y || p.1 > 0.0);
-        curve.points.iter().copied().filter(has_place)
+        let has_place = |v: f64, log: bool| v.is_finite() && (!log || v > 0.0);
+        let points = curve.points.iter().copied();
+        points.filter(move |&(x, y)| has_place(x, self.log_x) && has_place(y, self.log_y))
     }
 
-    fn draw_curves<Y>(
-        &self,
-        area: &DrawingArea<SVGBackend<'_>, Shift>,
-        x: Range<f64>,
-        y: Y,
-    ) -> Result<(), Box<dyn std::error::Error>>
+    fn draw<X, Y>(&self, frame: &mut Frame<'_>, x: X, y: Y) -> frame::DrawResult
     where
+        X: Ranged<ValueType = f64> + ValueFormatter<f64>,
         Y: Ranged<ValueType = f64> + ValueFormatter<f64>,
     {
-        let mut chart = ChartBuilder::on(area)
-            .margin_left(14)
-            .margin_right(16)
-            .margin_bottom(12)
-            .x_label_area_size(54)
-            .y_label_area_size(80)
-            .build_cartesian_2d::<RangedCoordf64, Y>(x.into(), y)?;
-        chart
-            .configure_mesh()
-            .light_line_style(LIGHT.mix(0.6))
-            .bold_line_style(RGBColor(200, 200, 200))
-            .axis_style(GREY)
-            .label_style(text(13.0))
-            .axis_desc_style(text(15.0).color(&RGBColor(0, 0, 0)))
-            .x_desc(self.x_label.as_str())
-            .y_desc(self.y_label.as_str())
-            .draw()?;
+        let mut chart = axes(&frame.plot, (x, &self.x_label), (y, &self.y_label))?;
         for curve in &self.curves {
-            let line: Vec<(f64, f64)> = self.shown(curve).collect();
-            let style = colour(curve.style).stroke_width(width(curve.style));
-            chart.draw_series([PathElement::new(line, style)])?;
+            let style = if self.marked { faint_line } else { line }(curve.style);
+            let points: Vec<(f64, f64)> = self.shown(curve).collect();
+            let places = points.iter().map(|point| chart.backend_coord(point));
+            let places: Vec<(i32, i32)> = places.collect();
+            chart.draw_series([PathElement::new(points, style)])?;
+            if self.marked {
+                for place in places {
+                    mark(&frame.root, place, curve.style)?;
+                }
+            }
+            frame.legend.entry(&curve.name, |area, place| {
+                dashes(area, place, style, &[(-15, 15)])?;
+                if self.marked {
+                    mark(area, place, curve.style)?;
+                }
+                Ok(())
+            })?;
         }
         Ok(())
     }
-}
-
-fn width(style: usize) -> u32 {
-    if style < 7 { 2 } else { 1 }
 }
 
 /// Returns a range that covers values, with a margin.
@@ -144,39 +112,52 @@ fn covering(values: impl Iterator<Item = f64>) -> Range<f64> {
 mod tests {
     use super::*;
 
+    fn plot(log_x: bool, log_y: bool, marked: bool) -> CurvePlot {
+        CurvePlot {
+            title: "title".to_owned(),
+            subtitle: "a < b".to_owned(),
+            x_label: "steps".to_owned(),
+            y_label: "residual".to_owned(),
+            log_x,
+            log_y,
+            marked,
+            curves: vec![
+                Curve {
+                    name: "some-solver".to_owned(),
+                    style: 1,
+                    points: vec![(0.0, 1.0), (1.0, 0.1), (2.0, 0.0), (3.0, f64::NAN), (4.0, 1e-3)],
+                },
+                Curve {
+                    name: "none".to_owned(),
+                    style: 8,
+                    points: Vec::new(),
+                },
+            ],
+        }
+    }
+
     #[test]
-    fn curves_and_names_are_drawn_on_either_axis() {
-        for log_y in [true, false] {
-            let plot = CurvePlot {
-                title: "title".to_owned(),
-                subtitle: "subtitle".to_owned(),
-                x_label: "steps".to_owned(),
-                y_label: "residual".to_owned(),
-                log_y,
-                curves: vec![
-                    Curve {
-                        name: "some-solver".to_owned(),
-                        style: 1,
-                        points: vec![(0.0, 1.0), (1.0, 0.1), (2.0, 0.0), (3.0, f64::NAN), (4.0, 1e-3)],
-                    },
-                    Curve {
-                        name: "none".to_owned(),
-                        style: 8,
-                        points: Vec::new(),
-                    },
-                ],
-            };
-            let svg = plot.to_svg().unwrap();
-            for text in ["title", "subtitle", "steps", "residual", "some-solver", "none"] {
+    fn curves_and_names_are_drawn_on_any_axes() {
+        // A zero has a place on a linear axis alone.
+        for (log_x, log_y, n_shown) in [(false, false, 4), (false, true, 3), (true, false, 3), (true, true, 2)] {
+            let svg = plot(log_x, log_y, false).to_svg().unwrap();
+            for text in ["title", "a &lt; b", "steps", "residual", "some-solver", "none"] {
                 assert!(svg.contains(text), "{text}");
             }
-            // The zero has a place on the linear axis alone.
-            let curve = svg
-                .lines()
-                .find(|line| line.contains("<polyline") && line.contains("#D55E00"))
-                .unwrap();
-            assert_eq!(curve.matches(',').count(), if log_y { 3 } else { 4 }, "{curve}");
-            assert_eq!(svg, plot.to_svg().unwrap());
+            let is_curve = |line: &&str| line.contains("<polyline") && line.contains("#D55E00");
+            let curve = svg.lines().find(is_curve).unwrap();
+            assert_eq!(curve.matches(',').count(), n_shown, "{curve}");
+            assert_eq!(svg, plot(log_x, log_y, false).to_svg().unwrap());
         }
+    }
+
+    #[test]
+    fn points_are_marked_where_that_is_asked_for() {
+        // Style 1 is a square; the sheet is one more rectangle.
+        let squares = |marked| {
+            let svg = plot(true, true, marked).to_svg().unwrap();
+            svg.matches("<rect").count()
+        };
+        assert_eq!(squares(true), squares(false) + 2 + 1);
     }
 }

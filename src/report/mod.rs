@@ -2,7 +2,7 @@
 
 pub mod csv;
 pub mod curves;
-pub mod lines;
+mod frame;
 mod log_axis;
 mod machine;
 pub mod plot;

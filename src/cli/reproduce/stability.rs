@@ -1,92 +1,46 @@
 //! `radiosity reproduce stability`.
 
 use std::fmt::Write as _;
-use std::path::PathBuf;
 
 use serde_json::json;
 
-use super::args::ReproduceArgs;
-use super::compare::failure;
-use super::exit_code::ExitCode;
-use super::failure::Failure;
-use super::pipeline::Run;
-use super::{Outcome, SCHEMA_VERSION, output};
+use super::{Findings, Reproduction};
+use crate::cli::args::ReproduceArgs;
+use crate::cli::failure::Failure;
+use crate::cli::{Outcome, SCHEMA_VERSION, output};
 use crate::experiment::stability::{self, CaseSummary, Cell, Stability, Verdict};
+use crate::report::Table;
 use crate::report::plot::{ErrorTimePlot, PlotPoint, Ranged, Series};
-use crate::report::{Table, memory_peak_byte};
-
-/// The files that are written; the last two hold times.
-const FILES: [&str; 5] = [
-    "report.md",
-    "results.csv",
-    "results.json",
-    "times.csv",
-    "error_time.svg",
-];
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
     if args.tables.is_some() {
         return Err(Failure::usage("--tables has no use with `stability`; leave it out"));
     }
-    let directory = args
-        .output
-        .clone()
-        .unwrap_or_else(|| PathBuf::from("reproduce-stability"));
-    output::make_directory(&directory)?;
-    let mut run = Run::new("reproduce", &args.common);
-    run.set("paper", json!(args.paper));
+    let mut reproduction = Reproduction::new(args)?;
+    let run = &mut reproduction.run;
     let seed = args.seed.unwrap_or(0);
     run.set("seed", seed);
-    let result = run
-        .times
-        .time("stability", || stability::run(seed, &run.progress))
-        .map_err(failure)?;
-    run.progress.finish();
+    let result = run.times.time("stability", || stability::run(seed, &run.progress))?;
     let n_wrong = result.wrong().count();
-    let document = json!({
-        "schema_version": SCHEMA_VERSION,
-        "command": run.command,
-        "version": env!("CARGO_PKG_VERSION"),
-        "settings": run.settings,
-        "stages": run.times.to_json(),
-        "total_s": run.times.total_s(),
-        "memory_peak_byte": memory_peak_byte(),
-        "tolerance": stability::TOLERANCE,
-        "max_passes": stability::MAX_PASSES,
-        "n_wrong": n_wrong,
-        "result": result,
-        "times": times(&result),
-        "files": FILES,
-    });
-    let svg = plot(&result).to_svg();
-    let svg = svg.map_err(|error| Failure::new("plot", error.to_string()))?;
-    let json = format!(
-        "{:#}\n",
-        json!({"schema_version": SCHEMA_VERSION, "settings": run.settings, "result": result})
-    );
-    let texts = [
-        report(&result, false),
-        cells(&result).to_csv(),
-        json,
-        times_table(&result).to_csv(),
-        svg,
+    let results_document = json!({"schema_version": SCHEMA_VERSION, "settings": run.settings, "result": result});
+    let files = vec![
+        output::text("report.md", report(&result, false)),
+        output::text("results.csv", cells(&result).to_csv()),
+        output::text("results.json", format!("{results_document:#}\n")),
+        output::text("times.csv", times_table(&result).to_csv()),
+        output::text("error_time.svg", plot(&result).to_svg()?),
     ];
-    for (file, text) in FILES.iter().zip(&texts) {
-        output::write(&directory.join(file), |w| w.write_all(text.as_bytes()))?;
-    }
-    let mut printed = report(&result, true);
-    let _ = writeln!(printed, "\nwrote {} to {}", FILES.join(", "), directory.display());
-    if n_wrong > 0 {
-        run.warn(&format!("{n_wrong} cells are wrong; see the table"));
-    }
-    Ok(Outcome {
-        text: printed,
-        document,
-        code: if n_wrong == 0 {
-            ExitCode::Done
-        } else {
-            ExitCode::CheckFailed
-        },
+    reproduction.finish(Findings {
+        printed: report(&result, true),
+        files,
+        result: json!({
+            "tolerance": stability::TOLERANCE,
+            "max_passes": stability::MAX_PASSES,
+            "n_wrong": n_wrong,
+            "result": result,
+            "times": times(&result),
+        }),
+        wrong: (n_wrong > 0).then(|| format!("{n_wrong} cells are wrong; see the table")),
     })
 }
 
@@ -194,11 +148,6 @@ fn cells(result: &Stability) -> Table {
 
 /// Draws the error of every right cell against its time.
 fn plot(result: &Stability) -> ErrorTimePlot {
-    let exactly = |value: f64| Ranged {
-        middle: value,
-        low: value,
-        high: value,
-    };
     let series = result.solvers.iter().enumerate().map(|(style, solver)| {
         let right = |cell: &&Cell| cell.solver == *solver && cell.verdict == Verdict::Right;
         let mut points: Vec<PlotPoint> = result
@@ -207,8 +156,8 @@ fn plot(result: &Stability) -> ErrorTimePlot {
             .filter(right)
             .filter_map(|cell| {
                 Some(PlotPoint {
-                    time_s: exactly(cell.time_s?),
-                    error: exactly(cell.error?),
+                    time_s: Ranged::exactly(cell.time_s?),
+                    error: Ranged::exactly(cell.error?),
                     on_front: false,
                 })
             })

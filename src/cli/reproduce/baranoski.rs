@@ -1,33 +1,20 @@
-//! `radiosity reproduce`.
+//! `radiosity reproduce baranoski`.
 
 use std::fmt::Write as _;
-use std::ops::RangeInclusive;
-use std::path::PathBuf;
 
 use serde_json::json;
 
-use super::args::{PaperName, ReproduceArgs};
-use super::compare::failure;
-use super::exit_code::ExitCode;
-use super::failure::Failure;
-use super::pipeline::Run;
-use super::{Outcome, SCHEMA_VERSION, output, reproduce_solvers};
+use super::{Findings, Reproduction, parse_tables, solvers as solver_tables};
+use crate::cli::args::ReproduceArgs;
+use crate::cli::failure::Failure;
+use crate::cli::{Outcome, SCHEMA_VERSION, merge, output};
 use crate::experiment::baranoski::{self, Figure, LEVEL, TABLE_OF_SOLVERS, TableResult, solvers};
-use crate::report::{Table, memory_peak_byte};
+use crate::report::Table;
 
 /// Runs of every stochastic method.
 const DEFAULT_SEEDS: u64 = 100;
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
-    match args.paper {
-        PaperName::Baranoski => run_baranoski(args),
-        PaperName::Stability => super::stability::run(args),
-        PaperName::Lewis => super::reproduce_lewis::run(args),
-        PaperName::Malgouyres => super::reproduce_malgouyres::run(args),
-    }
-}
-
-fn run_baranoski(args: &ReproduceArgs) -> Result<Outcome, Failure> {
     if args.level.is_some() {
         return Err(Failure::usage("--level is for `lewis`; `baranoski` has no levels"));
     }
@@ -36,50 +23,21 @@ fn run_baranoski(args: &ReproduceArgs) -> Result<Outcome, Failure> {
         None => std::iter::once(TABLE_OF_SOLVERS).chain(baranoski::TABLES).collect(),
         Some(list) => parse_tables(list, TABLE_OF_SOLVERS..=*baranoski::TABLES.end())?,
     };
-    let directory = args
-        .output
-        .clone()
-        .unwrap_or_else(|| PathBuf::from("reproduce-baranoski"));
-    output::make_directory(&directory)?;
-    let mut run = Run::new("reproduce", &args.common);
-    run.set("paper", json!(args.paper));
+    let mut reproduction = Reproduction::new(args)?;
+    let run = &mut reproduction.run;
     run.set("tables", json!(tables));
     run.set("seeds", seeds);
     run.set("seed", seed);
     let of_form_factors: Vec<u8> = tables.iter().copied().filter(|t| *t != TABLE_OF_SOLVERS).collect();
     let cases = if tables.contains(&TABLE_OF_SOLVERS) {
-        run.times
-            .time("solvers", || solvers::table_2(&run.progress))
-            .map_err(failure)?
+        run.times.time("solvers", || solvers::table_2(&run.progress))?
     } else {
         Vec::new()
     };
-    let results = run
-        .times
-        .time("reproduce", || {
-            baranoski::reproduce(&of_form_factors, seeds, seed, &run.progress)
-        })
-        .map_err(failure)?;
-    run.progress.finish();
+    let results = run.times.time("reproduce", || {
+        baranoski::reproduce(&of_form_factors, seeds, seed, &run.progress)
+    })?;
     let inside = results.iter().all(|table| table.inside) && cases.iter().all(solvers::CaseResult::inside);
-    let mut files = ["report.md", "results.csv", "results.json"].map(str::to_owned).to_vec();
-    if !cases.is_empty() {
-        files.extend(reproduce_solvers::write(&directory, &cases)?);
-    }
-    let document = json!({
-        "schema_version": SCHEMA_VERSION,
-        "command": run.command,
-        "version": env!("CARGO_PKG_VERSION"),
-        "settings": run.settings,
-        "stages": run.times.to_json(),
-        "total_s": run.times.total_s(),
-        "memory_peak_byte": memory_peak_byte(),
-        "level": LEVEL,
-        "inside": inside,
-        "tables": results,
-        "solvers": cases,
-        "files": files,
-    });
     let mut report = if of_form_factors.is_empty() {
         String::from("# Baranoski, Bramley and Shirley 1995: the paper's numbers beside ours\n")
     } else {
@@ -87,66 +45,32 @@ fn run_baranoski(args: &ReproduceArgs) -> Result<Outcome, Failure> {
     };
     let mut printed = report.clone();
     if !cases.is_empty() {
-        report.push_str(&reproduce_solvers::report(&cases, false));
-        printed.push_str(&reproduce_solvers::report(&cases, true));
+        report.push_str(&solver_tables::report(&cases, false));
+        printed.push_str(&solver_tables::report(&cases, true));
     }
+    let result = json!({"level": LEVEL, "inside": inside, "tables": results, "solvers": cases});
     // Times and memory do not belong into the results: equal work gives equal bytes.
-    let results_document = json!({
+    let mut results_document = json!({
         "schema_version": SCHEMA_VERSION,
         "version": env!("CARGO_PKG_VERSION"),
         "settings": run.settings,
-        "level": LEVEL,
-        "inside": inside,
-        "tables": results,
-        "solvers": cases,
     });
-    let write = |file: &str, text: &str| output::write(&directory.join(file), |w| w.write_all(text.as_bytes()));
-    write("report.md", &report)?;
-    write("results.csv", &all_figures(&results).to_csv())?;
-    write("results.json", &format!("{results_document:#}\n"))?;
-    let _ = writeln!(
+    merge(&mut results_document, result.clone());
+    let mut files = vec![
+        output::text("report.md", report),
+        output::text("results.csv", all_figures(&results).to_csv()),
+        output::text("results.json", format!("{results_document:#}\n")),
+    ];
+    if !cases.is_empty() {
+        files.extend(solver_tables::files(&cases)?);
+    }
+    reproduction.finish(Findings {
         printed,
-        "\nwrote report.md, results.csv, results.json{} to {}",
-        if cases.is_empty() {
-            ""
-        } else {
-            ", and the tables and plots of table 2,"
-        },
-        directory.display()
-    );
-    if !inside {
-        run.warn("our own figures are outside of what they must be; see the tables marked so");
-    }
-    Ok(Outcome {
-        text: printed,
-        document,
-        code: if inside { ExitCode::Done } else { ExitCode::CheckFailed },
+        files,
+        result,
+        wrong: (!inside)
+            .then(|| "our own figures are outside of what they must be; see the tables marked so".to_owned()),
     })
-}
-
-/// Reads a list like `3,5-7` of tables that are built.
-pub(super) fn parse_tables(list: &str, built: RangeInclusive<u8>) -> Result<Vec<u8>, Failure> {
-    let (least, most) = (built.start(), built.end());
-    let mut tables = Vec::new();
-    for part in list.split(',') {
-        let ends = part.split_once('-').unwrap_or((part, part));
-        let number = |text: &str| text.trim().parse::<u8>().ok();
-        let range = number(ends.0).zip(number(ends.1)).filter(|(a, b)| a <= b);
-        let Some((first, last)) = range else {
-            return Err(Failure::usage(format!(
-                "`{part}` names no tables; write --tables {least}-{most} or --tables {least},{most}"
-            )));
-        };
-        if !(built.contains(&first) && built.contains(&last)) {
-            return Err(Failure::usage(format!(
-                "`{part}`: of this paper tables {least} to {most} are built; write --tables {least}-{most}"
-            )));
-        }
-        tables.extend(first..=last);
-    }
-    tables.sort_unstable();
-    tables.dedup();
-    Ok(tables)
 }
 
 fn report(results: &[TableResult]) -> String {
@@ -302,19 +226,4 @@ fn all_figures(results: &[TableResult]) -> Table {
         }
     }
     table
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn lists_of_tables() {
-        let read = |list: &str| parse_tables(list, 3..=8).map_err(|failure| failure.message);
-        assert_eq!(read("3-8"), Ok(vec![3, 4, 5, 6, 7, 8]));
-        assert_eq!(read("7, 3,5-7"), Ok(vec![3, 5, 6, 7]));
-        for wrong in ["", "2", "3-9", "8-3", "x", "3-"] {
-            assert!(read(wrong).is_err(), "{wrong}");
-        }
-    }
 }

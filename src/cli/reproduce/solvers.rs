@@ -1,10 +1,9 @@
 //! Table 2 of Baranoski, Bramley and Shirley as files: the solvers side by side.
 
 use std::fmt::Write as _;
-use std::path::Path;
 
-use super::failure::Failure;
-use super::output;
+use crate::cli::failure::Failure;
+use crate::cli::output::{self, Files};
 use crate::experiment::baranoski::solvers::{CaseResult, METHODS, SolverRun, start_name};
 use crate::report::Table;
 use crate::report::curves::{Curve, CurvePlot};
@@ -143,29 +142,22 @@ fn case_table(result: &CaseResult, with_times: bool) -> Table {
     table
 }
 
-/// Writes tables and plots, and returns the names of the files. Those that hold times of ours have `time` in their names; the others are the same bytes in every run.
-pub(super) fn write(directory: &Path, results: &[CaseResult]) -> Result<Vec<String>, Failure> {
-    let mut files = Vec::new();
-    let mut write = |file: String, text: &str| {
-        output::write(&directory.join(&file), |w| w.write_all(text.as_bytes()))?;
-        files.push(file);
-        Ok::<_, Failure>(())
-    };
-    write("table-2.csv".to_owned(), &summary(results).to_csv())?;
-    write("table-2-histories.csv".to_owned(), &histories(results).to_csv())?;
-    write("table-2-times.csv".to_owned(), &times(results).to_csv())?;
-    write("table-2-eigenvalues.csv".to_owned(), &eigenvalues(results).to_csv())?;
-    let plot_failure = |error: crate::report::plot::PlotError| Failure::new("plot", error.to_string());
+/// Returns tables and plots as files.
+pub(super) fn files(results: &[CaseResult]) -> Result<Files, Failure> {
+    let mut files = vec![
+        output::text("table-2.csv", summary(results).to_csv()),
+        output::text("table-2-histories.csv", histories(results).to_csv()),
+        output::text("table-2-times.csv", times(results).to_csv()),
+        output::text("table-2-eigenvalues.csv", eigenvalues(results).to_csv()),
+    ];
     for result in results {
         for norm in &NORMS {
             for by_time in [false, true] {
                 let plot = convergence(result, norm, by_time);
                 let axis = if by_time { "time" } else { "steps" };
                 let name = result.case.name.to_ascii_lowercase();
-                write(
-                    format!("case-{name}-{}-{axis}.svg", norm.file),
-                    &plot.to_svg().map_err(plot_failure)?,
-                )?;
+                let file = format!("case-{name}-{}-{axis}.svg", norm.file);
+                files.push(output::text(file, plot.to_svg()?));
             }
         }
     }
@@ -181,8 +173,7 @@ pub(super) fn write(directory: &Path, results: &[CaseResult]) -> Result<Vec<Stri
             &['C', 'E'][..],
         ),
     ] {
-        let plot = spectra(results, title, cases);
-        write(file.to_owned(), &plot.to_svg().map_err(plot_failure)?)?;
+        files.push(output::text(file, spectra(results, title, cases).to_svg()?));
     }
     Ok(files)
 }
@@ -206,7 +197,9 @@ fn convergence(result: &CaseResult, norm: &Norm, by_time: bool) -> CurvePlot {
         ),
         x_label: if by_time { "run time (ms)" } else { "steps of iteration" }.to_owned(),
         y_label: norm.label.to_owned(),
+        log_x: false,
         log_y: true,
+        marked: false,
         curves: result.runs.iter().enumerate().map(curve).collect(),
     }
 }
@@ -218,7 +211,9 @@ fn spectra(results: &[CaseResult], title: &str, cases: &[char]) -> CurvePlot {
         subtitle: "I − diag(ρ) F, all eigenvalues in ascending order".to_owned(),
         x_label: "number of the eigenvalue".to_owned(),
         y_label: "eigenvalue".to_owned(),
+        log_x: false,
         log_y: false,
+        marked: false,
         curves: shown
             .map(|(style, result)| Curve {
                 name: format!(

@@ -1,20 +1,17 @@
 //! `radiosity reproduce lewis`.
 
 use std::fmt::Write as _;
-use std::path::PathBuf;
 
 use serde_json::json;
 
-use super::args::ReproduceArgs;
-use super::compare::failure;
-use super::exit_code::ExitCode;
-use super::failure::Failure;
-use super::pipeline::Run;
-use super::reproduce::parse_tables;
-use super::{Outcome, SCHEMA_VERSION, output};
+use super::{Findings, Reproduction, parse_tables};
+use crate::cli::Outcome;
+use crate::cli::args::ReproduceArgs;
+use crate::cli::failure::Failure;
+use crate::cli::output::{self, Files};
 use crate::experiment::lewis::{self, LewisResults, SolverLine};
-use crate::report::lines::LinePlot;
-use crate::report::{Machine, Table, memory_peak_byte};
+use crate::report::curves::{Curve, CurvePlot};
+use crate::report::{Machine, Table};
 
 /// The finest level of table 2 where nothing is asked for: seconds.
 const DEFAULT_LEVEL: u32 = 5;
@@ -33,50 +30,24 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
         Some(list) => parse_tables(list, lewis::TABLES)?,
     };
     let level = args.level.unwrap_or(DEFAULT_LEVEL);
-    let directory = args.output.clone().unwrap_or_else(|| PathBuf::from("reproduce-lewis"));
-    output::make_directory(&directory)?;
-    let mut run = Run::new("reproduce", &args.common);
-    run.set("paper", json!(args.paper));
+    let mut reproduction = Reproduction::new(args)?;
+    let run = &mut reproduction.run;
     run.set("tables", json!(tables));
     run.set("level", level);
     let results = run
         .times
-        .time("reproduce", || lewis::reproduce(&tables, level, ROUNDS, &run.progress))
-        .map_err(failure)?;
-    let files = files(&tables, &results)?;
-    run.progress.finish();
-    let mut names: Vec<&str> = Vec::new();
-    for (name, content) in &files {
-        output::write(&directory.join(name), |w| w.write_all(content))?;
-        names.push(name);
-    }
-    let document = json!({
-        "schema_version": SCHEMA_VERSION,
-        "command": run.command,
-        "version": env!("CARGO_PKG_VERSION"),
-        "settings": run.settings,
-        "stages": run.times.to_json(),
-        "total_s": run.times.total_s(),
-        "memory_peak_byte": memory_peak_byte(),
-        "machine": Machine::here(),
-        "inside": results.is_met(),
-        "results": results,
-        "times": results.solvers.iter().map(times).collect::<Vec<_>>(),
-        "files": names,
-    });
-    if !results.is_met() {
-        run.warn("our own figures are not what they must be; see the failed checks");
-    }
-    let mut text = report(&tables, &results, true);
-    let _ = writeln!(text, "\nwrote {} to {}", names.join(", "), directory.display());
-    Ok(Outcome {
-        text,
-        document,
-        code: if results.is_met() {
-            ExitCode::Done
-        } else {
-            ExitCode::CheckFailed
-        },
+        .time("reproduce", || lewis::reproduce(&tables, level, ROUNDS, &run.progress))?;
+    let inside = results.is_met();
+    reproduction.finish(Findings {
+        printed: report(&tables, &results, true),
+        files: files(&tables, &results)?,
+        result: json!({
+            "machine": Machine::here(),
+            "inside": inside,
+            "results": results,
+            "times": results.solvers.iter().map(times).collect::<Vec<_>>(),
+        }),
+        wrong: (!inside).then(|| "our own figures are not what they must be; see the failed checks".to_owned()),
     })
 }
 
@@ -91,28 +62,21 @@ fn times(line: &SolverLine) -> serde_json::Value {
     })
 }
 
-/// Returns the names and contents of all files. Those that hold times of ours have `time` in their names; the others are the same bytes in every run.
-fn files(tables: &[u8], results: &LewisResults) -> Result<Vec<(&'static str, Vec<u8>)>, Failure> {
-    let mut files = vec![("report.md", report(tables, results, false).into_bytes())];
-    let plot = |plot: &LinePlot| {
-        let svg = plot.to_svg().map(String::into_bytes);
-        svg.map_err(|error| Failure::new("experiment", error.to_string()))
-    };
+fn files(tables: &[u8], results: &LewisResults) -> Result<Files, Failure> {
+    let mut files = vec![output::text("report.md", report(tables, results, false))];
     if tables.contains(&1) {
-        files.push(("table-1.csv", table_1(results).to_csv().into_bytes()));
-        files.push(("figure-1.png", lewis::density_png(2, 4).map_err(failure)?));
+        files.push(output::text("table-1.csv", table_1(results).to_csv()));
+        files.push(("figure-1.png".to_owned(), lewis::density_png(2, 4)?));
     }
     if tables.contains(&2) {
-        files.push(("table-2.csv", table_2_csv(results).to_csv().into_bytes()));
-        files.push(("table-2-times.csv", times_csv(results).to_csv().into_bytes()));
-        files.push(("history.csv", history(results).to_csv().into_bytes()));
-        files.push(("checks.csv", checks(results).to_csv().into_bytes()));
-        files.push((
-            "figure-5.png",
-            lewis::unfolded_png(4, &results.solution, 16).map_err(failure)?,
-        ));
-        files.push(("figure-6-times.svg", plot(&figure_6(results))?));
-        files.push(("convergence.svg", plot(&convergence(results))?));
+        files.push(output::text("table-2.csv", table_2_csv(results).to_csv()));
+        files.push(output::text("table-2-times.csv", times_csv(results).to_csv()));
+        files.push(output::text("history.csv", history(results).to_csv()));
+        files.push(output::text("checks.csv", checks(results).to_csv()));
+        let figure_5 = lewis::unfolded_png(4, &results.solution, 16)?;
+        files.push(("figure-5.png".to_owned(), figure_5));
+        files.push(output::text("figure-6-times.svg", figure_6(results).to_svg()?));
+        files.push(output::text("convergence.svg", convergence(results).to_svg()?));
     }
     Ok(files)
 }
@@ -345,44 +309,57 @@ fn by_levels(results: &LewisResults, with_times: bool) -> Table {
     table
 }
 
-fn figure_6(results: &LewisResults) -> LinePlot {
-    let of = |k: usize| {
-        let points = results
-            .solvers
-            .iter()
-            .map(|line| (line.n_patches as f64, line.times_s[k]));
-        points.collect::<Vec<_>>()
+fn figure_6(results: &LewisResults) -> CurvePlot {
+    let ours = |name: &str, style: usize, k: usize| {
+        let point = |line: &SolverLine| (line.n_patches as f64, line.times_s[k]);
+        Curve {
+            name: name.to_owned(),
+            style,
+            points: results.solvers.iter().map(point).collect(),
+        }
     };
-    let printed = |k: usize| {
-        let lines = results.solvers.iter();
-        lines
-            .filter_map(|line| Some((line.n_patches as f64, line.printed_times_s?[k])))
-            .collect()
+    let printed = |name: &str, style: usize, k: usize| {
+        let point = |line: &SolverLine| Some((line.n_patches as f64, line.printed_times_s?[k]));
+        Curve {
+            name: name.to_owned(),
+            style,
+            points: results.solvers.iter().filter_map(point).collect(),
+        }
     };
-    LinePlot {
+    CurvePlot {
         title: "Time of Gauss-Seidel and multigrid".to_owned(),
         subtitle: "Lewis 1992, figure 6: from u = f to max |r| < 2.5e-5; the paper's on a SPARCstation 2".to_owned(),
         x_label: "N".to_owned(),
         y_label: "time (s)".to_owned(),
-        lines: vec![
-            ("Gauss-Seidel".to_owned(), of(0)),
-            ("multigrid".to_owned(), of(1)),
-            ("Gauss-Seidel, paper".to_owned(), printed(0)),
-            ("multigrid, paper".to_owned(), printed(1)),
+        log_x: true,
+        log_y: true,
+        marked: true,
+        curves: vec![
+            ours("Gauss-Seidel", 0, 0),
+            ours("multigrid", 1, 1),
+            printed("Gauss-Seidel, paper", 2, 0),
+            printed("multigrid, paper", 3, 1),
         ],
     }
 }
 
-fn convergence(results: &LewisResults) -> LinePlot {
-    let passes = |residuals: &[f64]| (1_u32..).map(f64::from).zip(residuals.iter().copied()).collect();
-    LinePlot {
+fn convergence(results: &LewisResults) -> CurvePlot {
+    let passes = |name: &str, style: usize, residuals: &[f64]| Curve {
+        name: name.to_owned(),
+        style,
+        points: (1_u32..).map(f64::from).zip(residuals.iter().copied()).collect(),
+    };
+    CurvePlot {
         title: "Convergence in the room of Lewis 1992, l = 4".to_owned(),
         subtitle: "true residuals; a cycle of multigrid costs 1.37 sweeps".to_owned(),
         x_label: "passes".to_owned(),
         y_label: "max |r| (W/m²)".to_owned(),
-        lines: vec![
-            ("Gauss-Seidel".to_owned(), passes(&results.gauss_seidel_residuals)),
-            ("multigrid".to_owned(), passes(&results.multigrid_residuals)),
+        log_x: true,
+        log_y: true,
+        marked: true,
+        curves: vec![
+            passes("Gauss-Seidel", 0, &results.gauss_seidel_residuals),
+            passes("multigrid", 1, &results.multigrid_residuals),
         ],
     }
 }

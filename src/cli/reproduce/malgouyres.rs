@@ -1,20 +1,18 @@
 //! `radiosity reproduce malgouyres`.
 
 use std::fmt::Write as _;
-use std::path::PathBuf;
 
 use serde_json::json;
 
-use super::args::ReproduceArgs;
-use super::compare::failure;
-use super::exit_code::ExitCode;
-use super::failure::Failure;
-use super::pipeline::Run;
-use super::{Outcome, SCHEMA_VERSION, output};
+use super::{Findings, Reproduction};
+use crate::cli::Outcome;
+use crate::cli::args::ReproduceArgs;
+use crate::cli::failure::Failure;
+use crate::cli::output::{self, Files};
 use crate::experiment::malgouyres::{self, LEVEL_MAX, MalgouyresResults, PatchRun, SceneResult, VoxelRun};
-use crate::report::lines::LinePlot;
+use crate::report::curves::{Curve, CurvePlot};
 use crate::report::plot::{ErrorTimePlot, PlotPoint, Ranged, Series};
-use crate::report::{Machine, Table, memory_peak_byte};
+use crate::report::{Machine, Table};
 
 /// 40 voxels along the longest axis.
 const DEFAULT_LEVEL: u32 = 2;
@@ -31,25 +29,12 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
             "--level {level}: `malgouyres` has levels 1 to {LEVEL_MAX}"
         )));
     }
-    let directory = args
-        .output
-        .clone()
-        .unwrap_or_else(|| PathBuf::from("reproduce-malgouyres"));
-    output::make_directory(&directory)?;
-    let mut run = Run::new("reproduce", &args.common);
-    run.set("paper", json!(args.paper));
+    let mut reproduction = Reproduction::new(args)?;
+    let run = &mut reproduction.run;
     run.set("level", level);
     let results = run
         .times
-        .time("reproduce", || malgouyres::reproduce(level, &run.progress))
-        .map_err(failure)?;
-    run.progress.finish();
-    let files = files(&results)?;
-    let mut names: Vec<&str> = Vec::new();
-    for (name, content) in &files {
-        output::write(&directory.join(name), |w| w.write_all(content.as_bytes()))?;
-        names.push(name);
-    }
+        .time("reproduce", || malgouyres::reproduce(level, &run.progress))?;
     let times = |scene: &SceneResult| {
         let of_voxels = |runs: &[VoxelRun]| runs.iter().map(|of| of.time_s).collect::<Vec<_>>();
         json!({
@@ -60,60 +45,34 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
             "patches_s": scene.patches.iter().map(|of| of.time_s).collect::<Vec<_>>(),
         })
     };
-    let document = json!({
-        "schema_version": SCHEMA_VERSION,
-        "command": run.command,
-        "version": env!("CARGO_PKG_VERSION"),
-        "settings": run.settings,
-        "stages": run.times.to_json(),
-        "total_s": run.times.total_s(),
-        "memory_peak_byte": memory_peak_byte(),
-        "machine": Machine::here(),
-        "inside": results.is_met(),
-        "results": results,
-        "times": results.scenes.iter().map(times).collect::<Vec<_>>(),
-        "files": names,
-    });
-    if !results.is_met() {
-        run.warn("our own figures are not what they must be; see the failed checks");
-    }
-    let mut text = report(&results, true);
-    let _ = writeln!(text, "\nwrote {} to {}", names.join(", "), directory.display());
-    Ok(Outcome {
-        text,
-        document,
-        code: if results.is_met() {
-            ExitCode::Done
-        } else {
-            ExitCode::CheckFailed
-        },
+    let inside = results.is_met();
+    reproduction.finish(Findings {
+        printed: report(&results, true),
+        files: files(&results)?,
+        result: json!({
+            "machine": Machine::here(),
+            "inside": inside,
+            "results": results,
+            "times": results.scenes.iter().map(times).collect::<Vec<_>>(),
+        }),
+        wrong: (!inside).then(|| "our own figures are not what they must be; see the failed checks".to_owned()),
     })
 }
 
-/// Returns the names and contents of all files. Those that hold times of ours have `time` in their names; the others are the same bytes in every run.
-fn files(results: &MalgouyresResults) -> Result<Vec<(String, String)>, Failure> {
+fn files(results: &MalgouyresResults) -> Result<Files, Failure> {
     let mut files = vec![
-        ("report.md".to_owned(), report(results, false)),
-        ("report-times.md".to_owned(), report(results, true)),
-        ("voxels.csv".to_owned(), voxels_csv(results).to_csv()),
-        ("patches.csv".to_owned(), patches_csv(results).to_csv()),
-        ("times.csv".to_owned(), times_csv(results).to_csv()),
-        ("checks.csv".to_owned(), checks(results).to_csv()),
+        output::text("report.md", report(results, false)),
+        output::text("report-times.md", report(results, true)),
+        output::text("voxels.csv", voxels_csv(results).to_csv()),
+        output::text("patches.csv", patches_csv(results).to_csv()),
+        output::text("times.csv", times_csv(results).to_csv()),
+        output::text("checks.csv", checks(results).to_csv()),
+        output::text("error-resolution.svg", by_resolution(results).to_svg()?),
+        output::text("error-radius.svg", by_radius(results).to_svg()?),
     ];
-    let failed = |error: crate::report::plot::PlotError| Failure::new("plot", error.to_string());
-    files.push((
-        "error-resolution.svg".to_owned(),
-        by_resolution(results).to_svg().map_err(failed)?,
-    ));
-    files.push((
-        "error-radius.svg".to_owned(),
-        by_radius(results).to_svg().map_err(failed)?,
-    ));
     for scene in &results.scenes {
-        files.push((
-            format!("error-time-{}.svg", scene.scene),
-            error_time(scene).to_svg().map_err(failed)?,
-        ));
+        let file = format!("error-time-{}.svg", scene.scene);
+        files.push(output::text(file, error_time(scene).to_svg()?));
     }
     Ok(files)
 }
@@ -311,46 +270,53 @@ fn checks(results: &MalgouyresResults) -> Table {
     table
 }
 
-fn by_resolution(results: &MalgouyresResults) -> LinePlot {
-    let line = |scene: &SceneResult| {
-        let points = scene.by_resolution.iter().map(|run| (f64::from(run.n), run.error));
-        (scene.scene.to_owned(), points.collect::<Vec<_>>())
+/// Returns a curve for each scene.
+fn curves(results: &MalgouyresResults, points: fn(&SceneResult) -> Vec<(f64, f64)>) -> Vec<Curve> {
+    let curve = |(style, scene): (usize, &SceneResult)| Curve {
+        name: scene.scene.to_owned(),
+        style,
+        points: points(scene),
     };
-    LinePlot {
+    results.scenes.iter().enumerate().map(curve).collect()
+}
+
+fn by_resolution(results: &MalgouyresResults) -> CurvePlot {
+    CurvePlot {
         title: "Discrete radiosity: error by resolution".to_owned(),
         subtitle: "R = 30, against patches with exact form factors".to_owned(),
         x_label: "voxels along the longest axis".to_owned(),
         y_label: "relative L2 error of the irradiance".to_owned(),
-        lines: results.scenes.iter().map(line).collect(),
+        log_x: true,
+        log_y: true,
+        marked: true,
+        curves: curves(results, |scene| {
+            let runs = scene.by_resolution.iter();
+            runs.map(|run| (f64::from(run.n), run.error)).collect()
+        }),
     }
 }
 
-fn by_radius(results: &MalgouyresResults) -> LinePlot {
-    let line = |scene: &SceneResult| {
-        let points = scene
-            .by_radius
-            .iter()
-            .map(|run| (f64::from(run.radius), run.change.unwrap_or(0.0)));
-        (scene.scene.to_owned(), points.collect::<Vec<_>>())
-    };
-    LinePlot {
+fn by_radius(results: &MalgouyresResults) -> CurvePlot {
+    CurvePlot {
         title: "Discrete radiosity: distance from the largest sphere".to_owned(),
         subtitle: "20 voxels along the longest axis; the resolution's own error left out".to_owned(),
         x_label: "radius of the discrete sphere".to_owned(),
         y_label: "relative L2 distance of the irradiance".to_owned(),
-        lines: results.scenes.iter().map(line).collect(),
+        log_x: true,
+        log_y: true,
+        marked: true,
+        curves: curves(results, |scene| {
+            let runs = scene.by_radius.iter();
+            runs.map(|run| (f64::from(run.radius), run.change.unwrap_or(0.0)))
+                .collect()
+        }),
     }
 }
 
 fn error_time(scene: &SceneResult) -> ErrorTimePlot {
-    let exactly = |value: f64| Ranged {
-        middle: value,
-        low: value,
-        high: value,
-    };
     let point = |time_s: f64, error: f64| PlotPoint {
-        time_s: exactly(time_s),
-        error: exactly(error),
+        time_s: Ranged::exactly(time_s),
+        error: Ranged::exactly(error),
         on_front: false,
     };
     let voxels = |name: &str, style: usize, runs: &[VoxelRun]| Series {

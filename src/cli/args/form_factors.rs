@@ -1,0 +1,190 @@
+//! How a scene is cut into patches, and how form factors between them are computed and stored.
+
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::{Args, ValueEnum};
+use serde::Serialize;
+
+use super::{CommonArgs, parse_positive};
+use crate::cli::storage::parse_byte;
+use crate::form_factor::registry::METHODS;
+use crate::geometry::sampling::Sequence;
+use crate::mesh::Subdivision;
+
+/// How faces are cut into patches.
+#[derive(Args, Clone, Copy, Debug)]
+#[command(next_help_heading = "Patches")]
+pub struct MeshArgs {
+    /// Cut every edge into N parts: a quad into N×N patches, a triangle into N² [default: 1; render: by size]
+    #[arg(long, value_name = "N", conflicts_with = "max_edge")]
+    pub subdivide: Option<u32>,
+    /// Cut every edge into parts of at most L metres
+    #[arg(long, value_name = "L")]
+    pub max_edge: Option<f64>,
+}
+
+impl MeshArgs {
+    /// Returns what the flags ask for, or `default`.
+    #[must_use]
+    pub fn subdivision(self, default: Subdivision) -> Subdivision {
+        match (self.subdivide, self.max_edge) {
+            (Some(n), _) => Subdivision::Uniform(n),
+            (None, Some(length)) => Subdivision::MaxEdge(length),
+            (None, None) => default,
+        }
+    }
+}
+
+/// Reads the name of a form-factor method; help lists those that the registry has.
+fn method_name() -> impl TypedValueParser<Value = String> {
+    PossibleValuesParser::new(
+        METHODS
+            .iter()
+            .map(|method| PossibleValue::new(method.name).help(method.summary)),
+    )
+}
+
+/// The kinds of numbers that shooting uses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum SequenceName {
+    /// Owen-scrambled Sobol points
+    Sobol,
+    /// Independent pseudo-random numbers
+    Random,
+}
+
+impl From<SequenceName> for Sequence {
+    fn from(name: SequenceName) -> Self {
+        match name {
+            SequenceName::Sobol => Self::Sobol,
+            SequenceName::Random => Self::Random,
+        }
+    }
+}
+
+/// Whether form factors are made symmetric and their rows made to sum to what they should.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum BalanceName {
+    /// Where the solver needs a symmetric system
+    Auto,
+    /// Always
+    On,
+    /// Always, but each entry is moved by its own error variance instead (least squares): what is known stays
+    Closure,
+    /// Never
+    Off,
+}
+
+/// How form factors are computed.
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Form factors")]
+pub struct MethodArgs {
+    /// The method
+    #[arg(long, value_name = "NAME", value_parser = method_name(), default_value = "exact")]
+    pub method: String,
+    /// Rays for each patch, with sr and sg [default: 4096; render: 16384], or for each pair, with qmc [default: 64]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub rays: Option<u64>,
+    /// Points along each side of a patch, with sg, pdm, gauss-lambert, contour and closed-form [default: 5] and hemicube [default: 1]
+    #[arg(long, value_name = "Q")]
+    pub points: Option<NonZeroUsize>,
+    /// Cells along each edge of the top, with hemicube [default: 256]
+    #[arg(long, value_name = "N")]
+    pub resolution: Option<NonZeroUsize>,
+    /// Divide each row by its sum, with centre
+    #[arg(long)]
+    pub normalise: bool,
+    /// Where the numbers of sr and sg come from [default: sobol]
+    #[arg(long, value_enum)]
+    pub sequence: Option<SequenceName>,
+    /// Evaluations for one pair of patches after which exact goes on to the next [default: 10000000]
+    #[arg(long, value_name = "N")]
+    pub budget: Option<NonZeroUsize>,
+    /// Seed of all numbers
+    #[arg(long, value_name = "S", default_value_t = 0)]
+    pub seed: u64,
+    /// Average each pair with its reverse and rebalance the rows (symmetric Sinkhorn scaling)
+    #[arg(long, value_enum, default_value_t = BalanceName::Auto)]
+    pub balance: BalanceName,
+}
+
+/// How form factors are laid out, and where.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum StorageName {
+    /// In memory if they fit, else on a disk; dense or sparse tile by tile
+    #[default]
+    Auto,
+    /// In memory, every entry of each tile
+    Dense,
+    /// In memory, the upper triangle of the exchange areas; rows are averaged and balanced for it
+    Symmetric,
+    /// In memory, the entries that are not zero
+    Sparse,
+    /// In a scratch file
+    Disk,
+}
+
+/// How many digits of form factors are kept.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum PrecisionName {
+    /// f64, or f32 where that keeps a system in memory and suffices for its tolerance
+    #[default]
+    Auto,
+    /// 24 bits
+    F32,
+    /// 53 bits
+    F64,
+}
+
+/// Where form factors are kept.
+#[derive(Args, Clone, Debug, Default)]
+#[command(next_help_heading = "Memory")]
+pub struct StorageArgs {
+    /// The most memory to use, as in 512MiB or 2G [default: 80 % of what is available]
+    #[arg(long, value_name = "BYTES", value_parser = parse_byte)]
+    pub memory_limit: Option<u64>,
+    /// How form factors are stored
+    #[arg(long, value_enum, default_value_t = StorageName::Auto)]
+    pub storage: StorageName,
+    /// The digits of stored form factors
+    #[arg(long, value_enum, default_value_t = PrecisionName::Auto)]
+    pub precision: PrecisionName,
+    /// The directory of the scratch file, if one is needed [default: that of the output, else the system's for temporary files]
+    #[arg(long, value_name = "DIR")]
+    pub scratch: Option<PathBuf>,
+}
+
+/// `radiosity form-factors`.
+#[derive(Args, Debug)]
+pub struct FormFactorsArgs {
+    /// The scene (OBJ)
+    #[arg(value_name = "SCENE")]
+    pub scene: PathBuf,
+    /// A file for the form factors: .npz, .npy, .mtx or .exr (between patches), .csv (between surfaces), .vtu (sums and errors of each patch)
+    #[arg(short, long, value_name = "F.npz")]
+    pub output: Option<PathBuf>,
+    /// A surface by name: with `-o F.vtu`, the form factor from each patch to it
+    #[arg(long, value_name = "NAME", requires = "output")]
+    pub surface: Option<String>,
+    /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-6]
+    #[arg(long, value_name = "T", value_parser = parse_positive)]
+    pub tolerance: Option<f64>,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub mesh: MeshArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub method: MethodArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub storage: StorageArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub common: CommonArgs,
+}

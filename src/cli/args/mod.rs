@@ -1,0 +1,130 @@
+//! The command line: names, defaults, help.
+
+mod experiments;
+mod form_factors;
+mod render;
+mod solve;
+mod voxel;
+
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand};
+
+pub use experiments::{CompareArgs, PaperName, ReproduceArgs, VisibilityName};
+pub use form_factors::{
+    BalanceName, FormFactorsArgs, MeshArgs, MethodArgs, PrecisionName, SequenceName, StorageArgs, StorageName,
+};
+pub use render::{DirectName, ImageArgs, RenderArgs};
+pub use solve::{BoundsName, SolveArgs, SolverArgs, StartName};
+pub use voxel::{FormName, LinksName, VoxelArgs};
+
+/// Light in diffuse scenes: form factors to high accuracy, radiosity, OpenEXR pictures.
+#[derive(Debug, Parser)]
+#[command(name = "radiosity", version, about, propagate_version = true, max_term_width = 110)]
+#[command(
+    after_help = "Exit codes: 0 done, 1 error in the input or at run time, 2 usage, 3 not converged or a budget \
+                        spent above the tolerance, 4 a check outside its tolerance."
+)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Write a built-in scene as OBJ and MTL
+    Scene(SceneArgs),
+    /// Compute form factors, check them, and report them by surface
+    FormFactors(FormFactorsArgs),
+    /// Solve for the radiosity of every patch
+    Solve(SolveArgs),
+    /// Render a scene to a layered OpenEXR image and a PNG preview
+    Render(RenderArgs),
+    /// Discrete radiosity: the light on voxels, who sees whom by integer lines
+    Voxel(VoxelArgs),
+    /// Check an EXR against the analytic answer of the scene that it was made from
+    Verify(VerifyArgs),
+    /// Run all form-factor methods side by side: true error against run time, as tables and plots
+    Compare(CompareArgs),
+    /// Print a paper's tables beside what we measure
+    Reproduce(ReproduceArgs),
+}
+
+/// Flags that every command has.
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Common")]
+#[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
+pub struct CommonArgs {
+    /// Number of threads [default: all cores]; results do not depend on it
+    #[arg(long, value_name = "K")]
+    pub threads: Option<NonZeroUsize>,
+    /// Print what was chosen and what was left out, and why
+    #[arg(long)]
+    pub explain: bool,
+    /// Print one JSON document instead of text
+    #[arg(long)]
+    pub json: bool,
+    /// No progress, no warnings
+    #[arg(long)]
+    pub quiet: bool,
+    /// Read material libraries that lie outside the scene's folder
+    #[arg(long)]
+    pub allow_outside: bool,
+}
+
+/// `radiosity scene`.
+#[derive(Args, Debug)]
+pub struct SceneArgs {
+    /// The built-in scene's name
+    #[arg(value_name = "NAME")]
+    pub name: String,
+    /// Level of refinement, for scenes that have levels
+    #[arg(long, value_name = "L")]
+    pub level: Option<u32>,
+    /// The OBJ file to write; the MTL file goes beside it
+    #[arg(short, long, value_name = "OUT.obj")]
+    pub output: PathBuf,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub common: CommonArgs,
+}
+
+/// `radiosity verify`.
+#[derive(Args, Debug)]
+pub struct VerifyArgs {
+    /// The image that `radiosity render` wrote
+    #[arg(value_name = "IMAGE.exr")]
+    pub image: PathBuf,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub common: CommonArgs,
+}
+
+fn parse_positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
+        _ => Err("give a number above 0".to_owned()),
+    }
+}
+
+fn parse_vector(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Vec<f64> = text
+        .split(',')
+        .map(|part| {
+            part.trim()
+                .parse::<f64>()
+                .map_err(|_| format!("'{part}' is not a number"))
+        })
+        .collect::<Result<_, _>>()?;
+    let vector: [f64; 3] = numbers
+        .try_into()
+        .map_err(|_| "give three numbers, as in 1,2.5,0".to_owned())?;
+    if vector.iter().all(|x| x.is_finite()) {
+        Ok(vector)
+    } else {
+        Err("give finite numbers".to_owned())
+    }
+}

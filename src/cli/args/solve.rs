@@ -1,0 +1,138 @@
+//! How the system is solved.
+
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::{Args, ValueEnum};
+use serde::Serialize;
+
+use super::{CommonArgs, MeshArgs, MethodArgs, StorageArgs, parse_positive};
+use crate::solver::{SpectrumBounds, Start};
+
+/// Reads the name of a solver; help lists those that the registry has.
+pub(super) fn solver_name() -> impl TypedValueParser<Value = String> {
+    PossibleValuesParser::new(
+        crate::solver::registry::SOLVERS
+            .iter()
+            .map(|solver| PossibleValue::new(solver.name).help(solver.summary)),
+    )
+}
+
+/// How the system is solved.
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Solver")]
+pub struct SolverArgs {
+    /// The solver
+    #[arg(long, value_name = "NAME", default_value = "auto", value_parser = solver_name())]
+    pub solver: String,
+    /// Tolerance on sqrt(Σ A r² / Σ A E²), worst channel
+    #[arg(long, value_name = "T", default_value_t = 1e-6)]
+    pub tolerance: f64,
+    /// The most passes over the form factors
+    #[arg(long, value_name = "K", default_value_t = 1000)]
+    pub max_passes: usize,
+    /// The first radiosities
+    #[arg(long, value_enum, default_value_t = StartName::Exitance)]
+    pub start: StartName,
+    /// Passes between restarts, with gmres [default: 30]
+    #[arg(long, value_name = "M")]
+    pub restart: Option<NonZeroUsize>,
+    /// Steps that are remembered, with anderson [default: 8]
+    #[arg(long, value_name = "M")]
+    pub depth: Option<NonZeroUsize>,
+    /// Relaxation factor, between 0 and 2, with sor [default: by the mean reflectance]
+    #[arg(long, value_name = "W")]
+    pub omega: Option<f64>,
+    /// Where chebyshev takes the interval of the eigenvalues from [default: safe]
+    #[arg(long, value_enum)]
+    pub bounds: Option<BoundsName>,
+    /// Steps that count as one pass, with progressive-refinement and overshooting [default: one per patch]
+    #[arg(long, value_name = "N")]
+    pub steps_per_pass: Option<NonZeroUsize>,
+    /// Add an estimate of the light still under way to the radiosities, with progressive-refinement and overshooting: for a picture after few passes
+    #[arg(long)]
+    pub display_ambient: bool,
+}
+
+/// Where Chebyshev's method takes the interval of the eigenvalues from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum BoundsName {
+    /// A bound that holds, from reflectances and row sums
+    Safe,
+    /// 1 ± the mean reflectance, as in the paper: no bound
+    Average,
+    /// Ten Lanczos steps
+    Lanczos,
+}
+
+impl From<BoundsName> for SpectrumBounds {
+    fn from(name: BoundsName) -> Self {
+        match name {
+            BoundsName::Safe => Self::Safe,
+            BoundsName::Average => Self::Average,
+            BoundsName::Lanczos => Self::Lanczos(NonZeroUsize::MIN.saturating_add(9)),
+        }
+    }
+}
+
+/// The radiosities that a solver starts from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum StartName {
+    /// The exitance
+    Exitance,
+    /// No light
+    Zero,
+    /// The exitance, and the rest of the light spread evenly over each room
+    Ambient,
+}
+
+impl From<StartName> for Start {
+    fn from(name: StartName) -> Self {
+        match name {
+            StartName::Exitance => Self::Exitance,
+            StartName::Zero => Self::Zero,
+            StartName::Ambient => Self::Ambient,
+        }
+    }
+}
+
+/// `radiosity solve`.
+#[derive(Args, Debug)]
+pub struct SolveArgs {
+    /// The scene (OBJ)
+    #[arg(value_name = "SCENE")]
+    pub scene: PathBuf,
+    /// A file for the solution of each patch: .csv, .npz or .vtu
+    #[arg(short, long, value_name = "B.csv")]
+    pub output: Option<PathBuf>,
+    /// Form factors that `form-factors -o` wrote, instead of computing them; they know how the scene was cut into patches
+    #[arg(long, value_name = "F.npz", conflicts_with_all = ["method", "rays", "points", "sequence", "seed", "resolution", "normalise", "budget", "form_factor_tolerance"])]
+    pub form_factors: Option<PathBuf>,
+    /// Compute the form factors again in every pass instead of storing them; for methods that compute rows
+    #[arg(long, conflicts_with_all = ["form_factors", "lighting", "balance"])]
+    pub on_the_fly: bool,
+    /// A file with other exitances and reflectances, by surface or material; give it several times to solve for all at once
+    #[arg(long, value_name = "A.toml")]
+    pub lighting: Vec<PathBuf>,
+    /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-6]
+    #[arg(long, value_name = "T", value_parser = parse_positive)]
+    pub form_factor_tolerance: Option<f64>,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub mesh: MeshArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub method: MethodArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub solver: SolverArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub storage: StorageArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub common: CommonArgs,
+}

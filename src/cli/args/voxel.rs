@@ -1,0 +1,108 @@
+//! Discrete radiosity.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+
+use super::solve::solver_name;
+use super::{CommonArgs, ImageArgs, MeshArgs, parse_positive};
+use crate::voxel::Form;
+
+/// What a propagation computes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum FormName {
+    /// All values of a pass from those of the pass before
+    Jacobi,
+    /// From the newest values there are
+    InPlace,
+}
+
+impl From<FormName> for Form {
+    fn from(name: FormName) -> Self {
+        match name {
+            FormName::Jacobi => Self::Jacobi,
+            FormName::InPlace => Self::InPlace,
+        }
+    }
+}
+
+/// Where links are between passes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum LinksName {
+    /// In memory up to --memory-limit, else on disk
+    Auto,
+    /// In memory
+    Memory,
+    /// In a file, checksummed; a killed run goes on where it was
+    Disk,
+    /// Nowhere: every pass finds them again
+    Recompute,
+}
+
+/// `radiosity voxel`.
+#[derive(Args, Debug)]
+pub struct VoxelArgs {
+    /// The scene (OBJ)
+    #[arg(value_name = "SCENE")]
+    pub scene: PathBuf,
+    /// A file to write: a picture (.exr, and a PNG preview beside it) or the voxels with their radiosity (.vtu)
+    #[arg(short, long, value_name = "IMAGE.exr|B.vtu")]
+    pub output: Option<PathBuf>,
+    /// Voxels along the longest axis, 4 to 4096
+    #[arg(long, value_name = "N", default_value_t = 100, help_heading = "Voxels")]
+    pub voxels: u32,
+    /// Radius of the discrete sphere of directions, 1 to 255
+    #[arg(long, value_name = "R", default_value_t = 20, help_heading = "Voxels")]
+    pub radius: u32,
+    /// Propagations of light
+    #[arg(long, value_name = "K", default_value_t = 10, help_heading = "Voxels")]
+    pub passes: usize,
+    /// What a propagation computes from
+    #[arg(long, value_enum, default_value_t = FormName::InPlace, help_heading = "Voxels")]
+    pub form: FormName,
+    /// Join voxels to cells where the irradiance changes by less than T times its mean from cell to cell, as 0.05
+    #[arg(long, value_name = "T", value_parser = parse_positive, conflicts_with_all = ["solver", "form", "links", "link_file"], help_heading = "Voxels")]
+    pub adaptive: Option<f64>,
+    /// With `--adaptive`, the largest cells: 2^L voxels wide, L up to 6
+    #[arg(long, value_name = "L", default_value_t = 3, requires = "adaptive", value_parser = clap::value_parser!(u8).range(0..=6), help_heading = "Voxels")]
+    pub coarsest: u8,
+    /// Leave the weights of a voxel's directions as they are, not divided by their sum
+    #[arg(long, help_heading = "Voxels")]
+    pub unnormalised: bool,
+    /// Weigh directions by exact solid angles, not by those of the faces' centres
+    #[arg(long, help_heading = "Voxels")]
+    pub exact_solid_angles: bool,
+    /// Where the links between voxels are kept from pass to pass
+    #[arg(long, value_enum, default_value_t = LinksName::Auto, help_heading = "Voxels")]
+    pub links: LinksName,
+    /// The file of `--links disk`, used again where it fits [default: the scene's name with .links]
+    #[arg(long, value_name = "FILE", help_heading = "Voxels")]
+    pub link_file: Option<PathBuf>,
+    /// With `--links auto`, the most memory for links, in bytes; beyond it they go to disk
+    #[arg(long, value_name = "BYTES", default_value_t = 4 << 30, help_heading = "Voxels")]
+    pub memory_limit: u64,
+    /// Show the voxels themselves, not the surfaces that they stand for
+    #[arg(long, help_heading = "Voxels")]
+    pub show_voxels: bool,
+    /// Solve to a tolerance with a solver, in place of a number of propagations
+    #[arg(long, value_name = "NAME", value_parser = solver_name(), conflicts_with_all = ["passes", "form"], help_heading = "Voxels")]
+    pub solver: Option<String>,
+    /// The solver's tolerance on sqrt(Σ A r² / Σ A E²), worst channel
+    #[arg(
+        long,
+        value_name = "T",
+        default_value_t = 1e-6,
+        requires = "solver",
+        help_heading = "Voxels"
+    )]
+    pub tolerance: f64,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub image: ImageArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub mesh: MeshArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub common: CommonArgs,
+}

@@ -1,0 +1,282 @@
+//! Form factors: method, computation, repair, checks.
+
+use serde_json::json;
+
+use super::{Prepared, Run};
+use crate::cli::args::{BalanceName, MethodArgs, StorageName};
+use crate::cli::failure::Failure;
+use crate::cli::storage;
+use crate::form_factor::registry::{self, MethodEntry, Setting};
+use crate::form_factor::{ExactMethod, FormFactorMethod, Input, MethodSettings, PairCounts};
+use crate::matrix::{BalanceReport, Checks, FormFactors, Weighting};
+use crate::visibility::blockers::BlockerIndex;
+
+/// Form factors with what was found out about them.
+pub(in crate::cli) struct Computed {
+    pub(in crate::cli) factors: FormFactors,
+    pub(in crate::cli) checks: Checks,
+    pub(in crate::cli) balance: Option<BalanceReport>,
+    pub(in crate::cli) closed: bool,
+    pub(in crate::cli) pairs: Option<PairCounts>,
+    pub(in crate::cli) tolerance_met: bool,
+}
+
+/// A method with what is known of its matrix.
+pub(in crate::cli) struct Chosen {
+    pub(in crate::cli) method: Box<dyn FormFactorMethod>,
+    /// True if it computes whole rows.
+    by_rows: bool,
+    /// The most entries that a row can have, where the settings tell.
+    n_entries: Option<u64>,
+}
+
+/// How finely form factors are computed, as far as commands differ in it.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::cli) struct Fineness {
+    /// Rays for each patch unless `--rays` says otherwise.
+    pub(in crate::cli) default_rays: u64,
+    /// The tolerance asked for, or the command's own.
+    pub(in crate::cli) tolerance: Option<f64>,
+    /// What is taken where none is asked for, by methods that have a tolerance.
+    pub(in crate::cli) default_tolerance: f64,
+    /// What it is called among the settings.
+    pub(in crate::cli) tolerance_name: &'static str,
+}
+
+impl Fineness {
+    fn tolerance_for(self, entry: &MethodEntry) -> Option<f64> {
+        let has_one = entry.settings.iter().any(|s| matches!(s, Setting::Tolerance(_)));
+        self.tolerance.or(has_one.then_some(self.default_tolerance))
+    }
+}
+
+/// Says how visibility is found by exact clipping.
+fn explain_exact(prepared: &mut Prepared, fineness: Fineness) {
+    let tolerance = fineness.tolerance.unwrap_or(fineness.default_tolerance);
+    let plan = &mut prepared.plan;
+    if !plan.convex_and_empty {
+        let n = BlockerIndex::new(&prepared.scene).n_blockers();
+        plan.revise(
+            "visibility",
+            format!("exact clipping against {n} blockers"),
+            "a vertex lies behind the plane of a face: something may block; flat neighbours count as one blocker",
+        );
+        let reason = if fineness.tolerance.is_some() {
+            "as asked for"
+        } else if tolerance > ExactMethod::DEFAULT_TOLERANCE {
+            "the size of the patches weighs more in a picture than this"
+        } else {
+            "the default"
+        };
+        plan.decide("form-factor tolerance", format!("{tolerance:e}"), reason);
+    }
+}
+
+/// Returns the greatest error of A_i F_ij / min(A_i, A_j).
+fn worst_error(factors: &FormFactors) -> f64 {
+    let areas = factors.areas();
+    let mut worst = 0.0_f64;
+    for (i, area) in areas.iter().enumerate() {
+        factors.for_each_in_row(i, |j, _, error| worst = worst.max(error * area / area.min(areas[j])));
+    }
+    worst
+}
+
+/// Row sums are restored to far below the noise, or as far as so many passes go.
+const BALANCE_TOLERANCE: f64 = 1e-10;
+const BALANCE_PASSES: usize = 200;
+
+impl Run {
+    /// Computes form factors, makes them symmetric where that is asked for, and checks them.
+    pub(in crate::cli) fn form_factors(
+        &mut self,
+        prepared: &mut Prepared,
+        args: &MethodArgs,
+        fineness: Fineness,
+        needs_symmetry: bool,
+    ) -> Result<Computed, Failure> {
+        let Chosen {
+            method,
+            by_rows,
+            n_entries,
+        } = self.method(args, fineness)?;
+        if method.name() == "exact" {
+            if self.common.explain {
+                explain_exact(prepared, fineness);
+            }
+            let nothing = "rays between patches: nothing here is sampled".into();
+            prepared.plan.left_out.push(nothing);
+        }
+        let needs_symmetry = self.wants_symmetry(args.balance)? || needs_symmetry;
+        let matrix = storage::Matrix {
+            by_rows,
+            repaired: repairs(args.balance, needs_symmetry && by_rows),
+            n_entries: n_entries.unwrap_or(u64::MAX),
+        };
+        let chosen = storage::choose(self, prepared, matrix)?;
+        let input = Input {
+            scene: &prepared.scene,
+            unoccluded: prepared.plan.convex_and_empty,
+            mesh: &prepared.mesh,
+            visibility: &prepared.visibility,
+        };
+        let result = self.times.time("form_factors", || {
+            method.compute(input, chosen.choice(), &self.progress)
+        })?;
+        let of_pairs = result.pairs.map_or(0, |pairs| pairs.n_rays);
+        if of_pairs > 0 || result.factors.tallies().iter().any(|tally| tally.n_rays > 0) {
+            self.warn_of_narrow_gaps(prepared);
+        }
+        if let Some(pairs) = result.pairs.filter(|pairs| pairs.n_above_tolerance > 0) {
+            self.warn(&format!(
+                "{} pairs of patches spent their budget above the tolerance; the worst error is {:.1e}; give a greater --budget or --{}",
+                pairs.n_above_tolerance,
+                worst_error(&result.factors),
+                fineness.tolerance_name.replace('_', "-")
+            ));
+        }
+        self.repaired(prepared, result, args.balance, needs_symmetry)
+    }
+
+    /// Makes form factors symmetric where that is asked for, and checks them.
+    pub(in crate::cli) fn repaired(
+        &mut self,
+        prepared: &mut Prepared,
+        result: crate::form_factor::Computed,
+        asked: BalanceName,
+        needs_symmetry: bool,
+    ) -> Result<Computed, Failure> {
+        let raw = result.factors;
+        let n_rays: u64 = raw.tallies().iter().map(|t| t.n_rays).sum();
+        let n_escaped: u64 = raw.tallies().iter().map(|t| t.n_escaped).sum();
+        // A scene that no light leaves is closed, whether its faces show it or not.
+        let closed = prepared.plan.watertight || (n_rays > 0 && n_escaped == 0);
+        if prepared.plan.watertight && n_escaped > 0 {
+            self.warn(&format!(
+                "{n_escaped} of {n_rays} rays escaped from a closed scene; the row sums show what that amounts to"
+            ));
+        }
+        let wanted = repairs(asked, needs_symmetry && !raw.is_symmetric());
+        let by_variance = asked == BalanceName::Closure;
+        self.set("balance", if by_variance { json!("closure") } else { json!(wanted) });
+        let plan = &mut prepared.plan;
+        if plan.convex_and_empty && result.pairs.is_some() && self.settings.get("method") != Some(&json!("exact")) {
+            plan.left_out.push("rays between patches: nothing can block".into());
+        }
+        let (factors, balance) = if wanted {
+            let targets = raw.row_targets(closed);
+            let (factors, report) = self.times.time("balance", || {
+                let symmetric = raw.symmetrised(Weighting::default())?;
+                if by_variance {
+                    symmetric.closed(&targets, BALANCE_TOLERANCE, BALANCE_PASSES)
+                } else {
+                    symmetric.balanced(&targets, BALANCE_TOLERANCE, BALANCE_PASSES)
+                }
+            })?;
+            let how = if by_variance {
+                "the defect of the row sums spread by the entries' variances"
+            } else {
+                "rows rescaled symmetrically"
+            };
+            plan.decide(
+                "reciprocity",
+                "restored",
+                format!(
+                    "each pair averaged with its reverse, {how} in {} passes",
+                    report.n_passes
+                ),
+            );
+            (factors, Some(report))
+        } else {
+            let reason = if raw.is_symmetric() && asked == BalanceName::Auto {
+                "they are symmetric as they are"
+            } else {
+                "no symmetric system is needed"
+            };
+            plan.left_out.push(format!("balancing of the form factors: {reason}"));
+            (raw, None)
+        };
+        if let Some(report) = balance.filter(|report| !report.converged) {
+            self.warn(&format!(
+                "rebalancing left row sums off by up to {:.1e} after {} passes",
+                report.row_error_max, report.n_passes
+            ));
+        }
+        let checks = self.times.time("checks", || factors.checks(closed));
+        factors.if_readable(())?;
+        Ok(Computed {
+            factors,
+            checks,
+            balance,
+            closed,
+            pairs: result.pairs,
+            tolerance_met: result.tolerance_met,
+        })
+    }
+
+    /// Tells whether the storage asked for is that of symmetric form factors.
+    pub(in crate::cli) fn wants_symmetry(&self, balance: BalanceName) -> Result<bool, Failure> {
+        let wanted = self.storage.args.storage == StorageName::Symmetric;
+        if wanted && balance == BalanceName::Off {
+            return Err(Failure::usage(
+                "--storage symmetric makes form factors symmetric, and --balance off keeps them as they are; leave one of them out",
+            ));
+        }
+        Ok(wanted)
+    }
+
+    pub(in crate::cli) fn method(&mut self, args: &MethodArgs, fineness: Fineness) -> Result<Chosen, Failure> {
+        let entry = registry::by_name(&args.method)?;
+        // The direct pass of a render takes its numbers from there too.
+        let sequence_is_elsewhere = self.command == "render" && !entry.settings.contains(&Setting::Sequence);
+        let settings = entry.resolve(&MethodSettings {
+            rays: args.rays.or(entry.shoots().then_some(fineness.default_rays)),
+            points: args.points,
+            resolution: args.resolution,
+            normalise: args.normalise,
+            sequence: args.sequence.filter(|_| !sequence_is_elsewhere).map(Into::into),
+            tolerance: fineness.tolerance_for(entry),
+            budget: args.budget,
+            seed: args.seed,
+        })?;
+        self.set("method", entry.name);
+        self.set("seed", args.seed);
+        if let Some(rays) = settings.rays {
+            self.set("rays", rays);
+        }
+        if let Some(points) = settings.points {
+            self.set("points", points.get());
+        }
+        if let Some(resolution) = settings.resolution {
+            self.set("resolution", resolution.get());
+        }
+        if entry.settings.contains(&Setting::Normalise) {
+            self.set("normalise", settings.normalise);
+        }
+        if let Some(sequence) = settings.sequence {
+            self.set("sequence", json!(sequence));
+        }
+        if let Some(tolerance) = settings.tolerance {
+            self.set(fineness.tolerance_name, tolerance);
+        }
+        if let Some(budget) = settings.budget {
+            self.set("budget", budget.get());
+        }
+        let by_rows = entry.by_rows() || settings.normalise;
+        let n_entries = settings.rays.filter(|_| entry.shoots());
+        Ok(Chosen {
+            method: entry.build(&settings),
+            by_rows,
+            n_entries,
+        })
+    }
+}
+
+/// Tells whether form factors are made symmetric and balanced.
+pub(in crate::cli) fn repairs(asked: BalanceName, needed: bool) -> bool {
+    match asked {
+        BalanceName::On | BalanceName::Closure => true,
+        BalanceName::Off => false,
+        BalanceName::Auto => needed,
+    }
+}

@@ -1,0 +1,165 @@
+//! A scene that is ready for work.
+
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use super::Run;
+use crate::cli::args::MeshArgs;
+use crate::cli::failure::Failure;
+use crate::matrix::operator::Block;
+use crate::mesh::{Mesh, Patch, Subdivision};
+use crate::plan::Plan;
+use crate::scene::{LoadOptions, Material, Scene, Surface, load_with};
+use crate::solver::Solution;
+use crate::visibility::Visibility as _;
+use crate::visibility::embree::EmbreeVisibility;
+use crate::visibility::gaps::narrowest_gap;
+
+/// A scene with its patches, ready for ray queries.
+pub(in crate::cli) struct Prepared {
+    pub(in crate::cli) scene: Scene,
+    pub(in crate::cli) plan: Plan,
+    pub(in crate::cli) mesh: Mesh,
+    pub(in crate::cli) visibility: EmbreeVisibility,
+}
+
+impl Run {
+    /// Reads a scene, cuts it into patches and builds the ray tracer's tree.
+    pub(in crate::cli) fn prepare(
+        &mut self,
+        path: &Path,
+        mesh_args: MeshArgs,
+        default: impl FnOnce(&Scene) -> Subdivision,
+    ) -> Result<Prepared, Failure> {
+        let options = LoadOptions::default().allow_outside(self.common.allow_outside);
+        let loaded = self.times.time("scene", || load_with(path, options))?;
+        for warning in &loaded.warnings {
+            self.warn(&warning.to_string());
+        }
+        self.prepare_scene(path, loaded.scene, mesh_args, default)
+    }
+
+    /// Cuts a scene into patches and builds the ray tracer's tree; `path` is what messages call it.
+    pub(in crate::cli) fn prepare_scene(
+        &mut self,
+        path: &Path,
+        scene: Scene,
+        mesh_args: MeshArgs,
+        default: impl FnOnce(&Scene) -> Subdivision,
+    ) -> Result<Prepared, Failure> {
+        let plan = self.times.time("plan", || Plan::new(&scene));
+        let subdivision = mesh_args.subdivision(default(&scene));
+        match subdivision {
+            Subdivision::Uniform(n) => self.set("subdivide", n),
+            Subdivision::MaxEdge(length) => self.set("max_edge_m", length),
+        }
+        let mesh = self
+            .times
+            .time("mesh", || Mesh::new(&scene, subdivision))
+            .map_err(|error| Failure::new("mesh", format!("{}: {error}", path.display())).in_file(path))?;
+        let visibility = self
+            .times
+            .time("ray_tracer", || EmbreeVisibility::new(&scene))
+            .map_err(|error| Failure::new("embree", error.to_string()))?;
+        if let Some(&face) = visibility.vanished_faces().first() {
+            self.warn(&format!(
+                "{}:{}: this face and {} more are too small, beside the size of the scene, for rays to hit them",
+                path.display(),
+                scene.faces[face.0 as usize].line,
+                visibility.vanished_faces().len() - 1
+            ));
+        }
+        Ok(Prepared {
+            scene,
+            plan,
+            mesh,
+            visibility,
+        })
+    }
+
+    /// Warns if rays start too far off the faces to see what lies in the narrowest gap.
+    pub(in crate::cli) fn warn_of_narrow_gaps(&mut self, prepared: &Prepared) {
+        if std::mem::replace(&mut self.has_looked_at_gaps, true) {
+            return;
+        }
+        let (scene, offset) = (&prepared.scene, prepared.visibility.offset());
+        let Some(gap) = narrowest_gap(scene, offset) else {
+            return;
+        };
+        let [first, second] = gap.faces.map(|id| {
+            let face = &scene.faces[id.0 as usize];
+            let name = &scene.surfaces[face.surface.0 as usize].name;
+            format!("`{name}` (line {})", face.line)
+        });
+        self.warn(&format!(
+            "{first} and {second} are {:.2e} m apart, and rays start {offset:.2e} m off a face: light between them is lost or blurred; \
+             use a method without rays, or model the gap in a scene of its own",
+            gap.width
+        ));
+    }
+}
+
+impl Prepared {
+    /// Returns the area of each surface, in m².
+    pub(in crate::cli) fn surface_areas(&self) -> Vec<f64> {
+        let mut areas = vec![0.0; self.scene.surfaces.len()];
+        for patch in &self.mesh.patches {
+            areas[patch.surface.0 as usize] += patch.area;
+        }
+        areas
+    }
+
+    /// Returns the area mean of `per_patch` over each surface, per channel.
+    pub(in crate::cli) fn surface_means(&self, per_patch: &Block) -> Vec<Vec<f64>> {
+        let mut means = vec![vec![0.0; per_patch.n_channels()]; self.scene.surfaces.len()];
+        for (i, patch) in self.mesh.patches.iter().enumerate() {
+            for (mean, value) in means[patch.surface.0 as usize].iter_mut().zip(per_patch.row(i)) {
+                *mean += patch.area * value;
+            }
+        }
+        for (mean, area) in means.iter_mut().zip(self.surface_areas()) {
+            // A surface whose faces were all skipped has no area and no mean but 0.
+            if area > 0.0 {
+                for value in mean {
+                    *value /= area;
+                }
+            }
+        }
+        means
+    }
+
+    /// Returns name, area and number of patches of each surface.
+    pub(in crate::cli) fn surfaces_to_json(&self) -> Value {
+        let mut n_patches = vec![0u64; self.scene.surfaces.len()];
+        for patch in &self.mesh.patches {
+            n_patches[patch.surface.0 as usize] += 1;
+        }
+        let areas = self.surface_areas();
+        let surface =
+            |(k, s): (usize, &Surface)| json!({"name": s.name, "area_m2": areas[k], "n_patches": n_patches[k]});
+        self.scene.surfaces.iter().enumerate().map(surface).collect()
+    }
+
+    /// Returns name, area and mean radiosity of each surface.
+    pub(in crate::cli) fn surfaces_with_radiosity(&self, solution: &Solution) -> Value {
+        let means = self.surface_means(&solution.radiosity);
+        let mut surfaces = self.surfaces_to_json();
+        for (surface, mean) in surfaces.as_array_mut().into_iter().flatten().zip(means) {
+            surface["radiosity"] = json!(mean);
+        }
+        surfaces
+    }
+
+    /// Returns ρ and E of every patch, in one channel where all are grey, else in three.
+    pub(in crate::cli) fn materials(&self) -> (Block, Block) {
+        let n_channels = self.plan.n_channels;
+        let collect = |value: fn(&Material) -> [f64; 3]| {
+            let of_patch = |patch: &Patch| value(&self.scene.materials[patch.material.0 as usize]);
+            let patches = self.mesh.patches.iter();
+            let values = patches.flat_map(|p| of_patch(p).into_iter().take(n_channels));
+            Block::from_values(values.collect(), n_channels)
+        };
+        (collect(|m| m.reflectance), collect(|m| m.exitance))
+    }
+}

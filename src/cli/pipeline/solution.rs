@@ -1,0 +1,125 @@
+//! Solutions of the radiosity system.
+
+use std::sync::Arc;
+
+use serde_json::{Value, json};
+
+use super::{Computed, Prepared, Run};
+use crate::cli::args::SolverArgs;
+use crate::cli::failure::Failure;
+use crate::matrix::operator::{Block, LinearOperator};
+use crate::mesh::{Hierarchy, Mesh};
+use crate::plan::Plan;
+use crate::solver::registry::SolverEntry;
+use crate::solver::{self, RadiositySystem, Solution, SolveOptions, SolverSettings, StopReason, Tolerance};
+
+impl Run {
+    /// Returns the solver that is asked for; settings that it has no use for are a usage error.
+    pub(in crate::cli) fn solver_entry(&self, args: &SolverArgs) -> Result<&'static SolverEntry, Failure> {
+        let entry = solver::registry::by_name(&args.solver)?;
+        entry.checked(&self.solver_settings(args, entry))?;
+        Ok(entry)
+    }
+
+    /// Returns the settings that the flags give a solver.
+    fn solver_settings(&self, args: &SolverArgs, entry: &SolverEntry) -> SolverSettings {
+        SolverSettings {
+            omega: args.omega,
+            bounds: args.bounds.map(Into::into),
+            steps_per_pass: args.steps_per_pass,
+            display: args.display_ambient,
+            restart: args.restart,
+            depth: args.depth,
+            // The flag is the storage's too; solvers that need no memory to speak of pass over it.
+            memory_limit_byte: self
+                .storage
+                .args
+                .memory_limit
+                .filter(|_| entry.settings.contains(&solver::registry::Setting::MemoryLimit)),
+            ..SolverSettings::default()
+        }
+    }
+
+    /// Solves the radiosity system of a scene.
+    pub(in crate::cli) fn solve(
+        &mut self,
+        prepared: &mut Prepared,
+        computed: &Computed,
+        args: &SolverArgs,
+    ) -> Result<Solution, Failure> {
+        let (reflectance, exitance) = prepared.materials();
+        let areas = computed.factors.areas().to_vec();
+        self.solve_system(
+            (&mut prepared.plan, &prepared.mesh),
+            (&computed.factors, areas),
+            args,
+            (reflectance, exitance),
+        )
+    }
+
+    /// Solves for given form factors and areas, reflectances and exitances of the patches.
+    pub(in crate::cli) fn solve_system(
+        &mut self,
+        (plan, mesh): (&mut Plan, &Mesh),
+        (factors, areas): (&dyn LinearOperator, Vec<f64>),
+        args: &SolverArgs,
+        (reflectance, exitance): (Block, Block),
+    ) -> Result<Solution, Failure> {
+        let entry = self.solver_entry(args)?;
+        let hierarchy = entry.uses_hierarchy().then(|| {
+            let hierarchy = self.times.time("levels", || Hierarchy::of_mesh(mesh));
+            let sizes: Vec<String> = hierarchy.sizes().iter().map(ToString::to_string).collect();
+            plan.decide(
+                "levels",
+                sizes.join(", "),
+                "patches of the mesh, the finest level first",
+            );
+            Arc::new(hierarchy)
+        });
+        let solver = entry.checked(&SolverSettings {
+            hierarchy,
+            ..self.solver_settings(args, entry)
+        })?;
+        self.set("solver", entry.name);
+        self.set("tolerance", args.tolerance);
+        self.set("max_passes", args.max_passes);
+        self.set("start", json!(args.start));
+        let system = RadiositySystem::new(factors, areas, reflectance, exitance)?;
+        let options = SolveOptions {
+            tolerance: Tolerance::ResidualL2(args.tolerance),
+            max_passes: args.max_passes,
+            start: args.start.into(),
+            ..SolveOptions::default()
+        };
+        for (name, value) in [
+            ("omega", args.omega.map(Value::from)),
+            ("bounds", args.bounds.map(|bounds| json!(bounds))),
+            ("steps_per_pass", args.steps_per_pass.map(|n| Value::from(n.get()))),
+            ("display_ambient", args.display_ambient.then_some(Value::Bool(true))),
+        ] {
+            if let Some(value) = value {
+                self.set(name, value);
+            }
+        }
+        let mut solution = self.times.time("solve", || {
+            solver.solve(&system, &options, &mut |_| std::ops::ControlFlow::Continue(()))
+        })?;
+        if args.display_ambient
+            && let Some(display) = solution.display.take()
+        {
+            // The picture's irradiance belongs to what it shows; residual and bound stay those of the solution.
+            factors.apply(&display, &mut solution.irradiance);
+            solution.radiosity = display;
+        }
+        if let Some(choice) = &solution.choice {
+            plan.decide("solver", choice.solver, choice.why.clone());
+        }
+        if solution.stop_reason != StopReason::Converged {
+            self.warn(&format!(
+                "the solver stopped without converging ({}) at a relative residual of {:.3e}",
+                solution.stop_reason, solution.residual_l2
+            ));
+        }
+        Ok(solution)
+    }
+}

@@ -1,0 +1,190 @@
+//! What all plots share: paper, heading, axes, legend, colours and marks.
+
+use plotters::chart::ChartContext;
+use plotters::coord::Shift;
+use plotters::coord::cartesian::Cartesian2d;
+use plotters::coord::ranged1d::{Ranged, ValueFormatter};
+use plotters::drawing::{DrawingArea, DrawingAreaErrorKind};
+use plotters::element::{Circle, PathElement, Polygon, Rectangle, Text};
+use plotters::prelude::{ChartBuilder, Color, IntoDrawingArea, RGBColor, SVGBackend, ShapeStyle};
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+use plotters::style::{FontStyle, FontTransform, IntoTextStyle, TextStyle, register_font};
+
+/// A plot could not be drawn.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the plot cannot be drawn: {0}")]
+pub struct PlotError(String);
+
+/// Why the drawing library stopped.
+pub(super) type DrawResult = Result<(), Box<dyn std::error::Error>>;
+
+/// A part of the paper.
+pub(super) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+
+/// Colours that people with any colour vision can tell apart (M. Okabe and K. Ito, "Color Universal Design", 2008), without the yellow,
+/// which is too faint for lines on white.
+const PALETTE: [RGBColor; 7] = [
+    RGBColor(0, 114, 178),
+    RGBColor(213, 94, 0),
+    RGBColor(0, 158, 115),
+    RGBColor(204, 121, 167),
+    RGBColor(0, 0, 0),
+    RGBColor(86, 180, 233),
+    RGBColor(230, 159, 0),
+];
+
+const WIDTH: i32 = 960;
+const HEIGHT: i32 = 600;
+/// The part of the width that the legend takes.
+const LEGEND: i32 = 200;
+/// From one line of the legend to the next.
+const LEGEND_STEP: i32 = 25;
+const FONT: &str = "sans-serif";
+const BLACK: RGBColor = RGBColor(0, 0, 0);
+const WHITE: RGBColor = RGBColor(255, 255, 255);
+pub(super) const GREY: RGBColor = RGBColor(110, 110, 110);
+
+/// A sheet with its heading; what is below it is for the plot and the legend.
+pub(super) struct Frame<'a> {
+    pub(super) root: Area<'a>,
+    pub(super) plot: Area<'a>,
+    pub(super) legend: Legend<'a>,
+}
+
+/// The list of what is shown, from top to bottom.
+pub(super) struct Legend<'a> {
+    area: Area<'a>,
+    y: i32,
+}
+
+/// Makes an SVG of what `draw` draws. Text is laid out in DejaVu Sans; equal input gives equal bytes.
+pub(super) fn to_svg(
+    title: &str,
+    subtitle: &str,
+    draw: impl FnOnce(&mut Frame<'_>) -> DrawResult,
+) -> Result<String, PlotError> {
+    register_fonts()?;
+    let mut svg = String::new();
+    on_paper(&mut svg, title, subtitle, draw).map_err(|error| PlotError(error.to_string()))?;
+    Ok(svg)
+}
+
+fn on_paper(
+    svg: &mut String,
+    title: &str,
+    subtitle: &str,
+    draw: impl FnOnce(&mut Frame<'_>) -> DrawResult,
+) -> DrawResult {
+    let size = (WIDTH.unsigned_abs(), HEIGHT.unsigned_abs());
+    let root = SVGBackend::with_string(svg, size).into_drawing_area();
+    root.fill(&WHITE)?;
+    let heading = (FONT, 18.0, FontStyle::Bold).into_text_style(&root);
+    root.draw(&Text::new(title.to_owned(), (24, 18), heading))?;
+    root.draw(&Text::new(subtitle.to_owned(), (24, 44), text(13.0).color(&GREY)))?;
+    let (_, below) = root.split_vertically(66);
+    let (plot, legend) = below.split_horizontally(WIDTH - LEGEND);
+    let legend = Legend { area: legend, y: 16 };
+    let mut frame = Frame { root, plot, legend };
+    draw(&mut frame)?;
+    frame.root.present()?;
+    Ok(())
+}
+
+/// Draws axes with a mesh, and returns the chart to draw on.
+pub(super) fn axes<'a, X, Y>(
+    area: &Area<'a>,
+    (x, x_label): (X, &str),
+    (y, y_label): (Y, &str),
+) -> Result<ChartContext<'a, SVGBackend<'a>, Cartesian2d<X, Y>>, DrawingAreaErrorKind<std::io::Error>>
+where
+    X: Ranged<ValueType = f64> + ValueFormatter<f64>,
+    Y: Ranged<ValueType = f64> + ValueFormatter<f64>,
+{
+    let mut chart = ChartBuilder::on(area)
+        .margin_left(14)
+        .margin_right(16)
+        .margin_bottom(12)
+        .x_label_area_size(54)
+        .y_label_area_size(80)
+        .build_cartesian_2d(x, y)?;
+    chart
+        .configure_mesh()
+        .light_line_style(RGBColor(232, 232, 232).mix(0.6))
+        .bold_line_style(RGBColor(200, 200, 200))
+        .axis_style(GREY)
+        .label_style(text(13.0))
+        .axis_desc_style(text(15.0).color(&BLACK))
+        .x_desc(x_label)
+        .y_desc(y_label)
+        .draw()?;
+    Ok(chart)
+}
+
+impl Legend<'_> {
+    /// Adds a line of text and draws what stands for it: `draw` is told the place of the middle of a line 30 pixels long.
+    pub(super) fn entry(&mut self, name: &str, draw: impl FnOnce(&Area<'_>, (i32, i32)) -> DrawResult) -> DrawResult {
+        draw(&self.area, (19, self.y))?;
+        let label = text(14.0).pos(Pos::new(HPos::Left, VPos::Center));
+        self.area.draw(&Text::new(name.to_owned(), (44, self.y), label))?;
+        self.y += LEGEND_STEP;
+        Ok(())
+    }
+
+    /// Leaves a gap.
+    pub(super) fn gap(&mut self) {
+        self.y += LEGEND_STEP / 2;
+    }
+}
+
+/// Draws level lines from `from` to `to` pixels right of a place.
+pub(super) fn dashes(area: &Area<'_>, (x, y): (i32, i32), style: ShapeStyle, parts: &[(i32, i32)]) -> DrawResult {
+    for &(from, to) in parts {
+        area.draw(&PathElement::new([(x + from, y), (x + to, y)], style))?;
+    }
+    Ok(())
+}
+
+/// Makes the font known to the drawing library.
+fn register_fonts() -> Result<(), PlotError> {
+    let font = [
+        (FontStyle::Normal, dejavu::sans::regular()),
+        (FontStyle::Bold, dejavu::sans::bold()),
+    ];
+    for (style, bytes) in font {
+        register_font(FONT, style, bytes).map_err(|_| PlotError("its font cannot be read".to_owned()))?;
+    }
+    Ok(())
+}
+
+fn text(size: f64) -> TextStyle<'static> {
+    TextStyle::from((FONT, size)).transform(FontTransform::None)
+}
+
+/// Returns the colour of a style.
+pub(super) fn colour(style: usize) -> RGBColor {
+    PALETTE[style % PALETTE.len()]
+}
+
+/// Returns the line of a style, thinner in the second round of colours.
+pub(super) fn line(style: usize) -> ShapeStyle {
+    colour(style).stroke_width(if style < PALETTE.len() { 2 } else { 1 })
+}
+
+/// Returns the line between the marks of a style.
+pub(super) fn faint_line(style: usize) -> ShapeStyle {
+    colour(style).mix(0.55).stroke_width(1)
+}
+
+/// Draws the mark of a style; the shape changes with the colour, and is another one in the second round of colours.
+pub(super) fn mark(area: &Area<'_>, (x, y): (i32, i32), style: usize) -> DrawResult {
+    let fill = colour(style).filled();
+    let corners = |shape: &[(i32, i32)]| -> Vec<(i32, i32)> { shape.iter().map(|(dx, dy)| (x + dx, y + dy)).collect() };
+    match (style + style / PALETTE.len()) % 5 {
+        0 => area.draw(&Circle::new((x, y), 4, fill))?,
+        1 => area.draw(&Rectangle::new([(x - 4, y - 4), (x + 4, y + 4)], fill))?,
+        2 => area.draw(&Polygon::new(corners(&[(0, -5), (5, 4), (-5, 4)]), fill))?,
+        3 => area.draw(&Polygon::new(corners(&[(0, -6), (6, 0), (0, 6), (-6, 0)]), fill))?,
+        _ => area.draw(&Polygon::new(corners(&[(0, 5), (5, -4), (-5, -4)]), fill))?,
+    }
+    Ok(())
+}
