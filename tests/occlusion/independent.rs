@@ -126,7 +126,7 @@ fn plates_anywhere_between_two_rectangles() {
         let from = Level::random(&mut random, 0.0, 0.2, 1.0);
         let to_height = random.between(0.7, 3.0);
         let to = Level::random(&mut random, to_height, 0.2, 1.5);
-        let plates: Vec<Level> = [0.3, 0.7][..1 + case % 2]
+        let plates: Vec<Level> = [0.3, 0.7][..=(case % 2)]
             .iter()
             .map(|share| {
                 let z = to.z * (share + random.between(-0.15, 0.15));

@@ -273,6 +273,11 @@ impl Batches<'_> {
             error: found
                 .error
                 .max(if is_noise { found.exchange_area } else { 0.0 })
+                .max(if found.exchange_area > most.area {
+                    most.error
+                } else {
+                    0.0
+                })
                 .min(most.area + most.error),
         };
         let reached = found.reached || exchange.error <= accuracy.tolerance * smaller_area;
