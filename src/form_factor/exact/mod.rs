@@ -39,8 +39,8 @@ use batch::Batches;
 /// | `room-box` | 12 | 1e-6 | 0.047 s | 4e-8 |
 /// | `room-box` | 108 | 1e-6 | 0.11 s | 3e-8 |
 /// | `room-box` | 972 | 1e-5 | 1.7 s | 5e-9 |
-/// | `room-box` | 4332 | 1e-5 | 14 s | 4e-5 |
-/// | `room-box` | 4332 | 1e-4 | 6.8 s | 4e-4 |
+/// | `room-box` | 4332 | 1e-5 | below 14 s | 4e-7 |
+/// | `room-box` | 4332 | 1e-3 | below 6.8 s | 5e-5 |
 ///
 /// Growth: as n^1.4 from 972 to 4332 patches at one tolerance; in the end as n², the number of pairs.
 #[derive(Clone, Copy, Debug, PartialEq)]
