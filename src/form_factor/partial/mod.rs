@@ -69,7 +69,7 @@ pub struct Partial {
 /// A polygon without area, or with less than three corners, exchanges nothing; coordinates that are not finite give NaN.
 /// Cost: for each cell 7 or 9, or for each triangle of it 13 or 25 evaluations of 0.3 µs (one blocker) to 3 µs (eighteen); P has as many cells as lines of change cut it into.
 ///
-/// Source: Lambert's formula as in [`point_form_factor`](crate::geometry::point_form_factor::point_form_factor); the lines of change are the
+/// Source: Lambert's formula as in [`point_form_factor`]; the lines of change are the
 /// EV events of Gigus and Malik, "Computing the Aspect Graph for Line Drawings of Polyhedral Objects", IEEE PAMI 12(2), 1990, as discontinuity meshing of shadows
 /// uses them (Lischinski, Tampieri and Greenberg 1992, Heckbert 1992).
 /// Departures: their curved EEE events are left to adaptive subdivision; the tests hold errors to their estimates in random views through three crossing edges.
