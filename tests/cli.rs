@@ -839,3 +839,72 @@ fn rays_that_start_too_far_off_a_narrow_gap_are_told_of() {
     );
     assert!(!with("closed-form").contains("apart"), "no ray, no warning");
 }
+
+/// A field of form factors as a document; `verify` recognises the file, and a wrong surface is a usage error.
+#[test]
+fn a_field_of_form_factors_is_rendered_and_verified() {
+    let directory = with_scene("cube");
+    let field = ["field", "scene.obj", "--surface", "z1", "-o", "f.exr"];
+    let (code, result) = document(
+        directory.path(),
+        &[&field[..], &["--camera", "unfolded", "--width", "16"]].concat(),
+    );
+    assert_eq!(
+        (code, &result["command"], &result["surface"]),
+        (0, &"field".into(), &"z1".into())
+    );
+    assert_eq!(
+        (&result["width"], &result["height"], &result["settings"]["method"]),
+        (&64.into(), &48.into(), &"exact".into())
+    );
+    let surfaces = result["surfaces"].as_array().unwrap();
+    for (name, exact) in [("z0", 0.199_824_9), ("x0", 0.200_043_8), ("z1", 0.0)] {
+        let surface = surfaces.iter().find(|surface| surface["name"] == name).unwrap();
+        assert_eq!(surface["n_pixels"], 256);
+        // The midpoint rule on 16 × 16 pixels.
+        assert!(
+            (surface["form_factor"].as_f64().unwrap() - exact).abs() < 2e-4,
+            "{surface}"
+        );
+    }
+    let (code, report) = document(directory.path(), &["verify", "f.exr"]);
+    assert_eq!(
+        (code, &report["passed"], &report["field"]),
+        (0, &true.into(), &"z1".into())
+    );
+    let text = String::from_utf8(radiosity(directory.path(), &["verify", "f.exr"]).stdout).unwrap();
+    assert!(
+        text.starts_with("form factors to z1") && !text.contains("W/m²"),
+        "{text}"
+    );
+    assert!(directory.path().join("f.png").is_file());
+
+    let shot = [
+        &field[..],
+        &["--method", "sr", "--rays", "64", "--camera", "unfolded", "--width", "8"],
+    ]
+    .concat();
+    let (code, result) = document(directory.path(), &shot);
+    assert_eq!((code, &result["settings"]["rays"]), (0, &64.into()));
+    assert_eq!(document(directory.path(), &["verify", "f.exr"]).0, 0);
+
+    for (flags, word) in [
+        (
+            &["field", "scene.obj", "--surface", "roof", "-o", "f.exr"][..],
+            "no surface `roof`",
+        ),
+        (
+            &["field", "scene.obj", "--surface", "z1", "-o", "f.exr", "--rays", "9"],
+            "--rays",
+        ),
+        (&["field", "scene.obj", "--surface", "z1", "-o", "f.png"], ".exr"),
+    ] {
+        let output = radiosity(directory.path(), flags);
+        assert_eq!(output.status.code(), Some(2), "{flags:?}");
+        assert!(
+            stderr(&output).contains(word) && stderr(&output).lines().count() == 1,
+            "{}",
+            stderr(&output)
+        );
+    }
+}

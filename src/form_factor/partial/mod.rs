@@ -12,6 +12,7 @@
 
 mod cells;
 mod events;
+mod point;
 mod rule;
 mod shadow;
 
@@ -25,6 +26,7 @@ use crate::geometry::polygon;
 use crate::visibility::blockers::Blocker;
 use cells::Cells;
 use events::{Outline, Receiver};
+pub use point::VisibleFactor;
 use rule::Estimate;
 use shadow::Shadows;
 
