@@ -135,8 +135,10 @@ impl<'a> Gatherer<'a> {
         scratch: &mut GatherScratch,
     ) {
         let n_parts = u32::try_from(parts.len()).unwrap_or(u32::MAX);
-        let next = gathered.next_points(n_parts, self.settings.max_rays.get());
-        let (Some(n_points), false) = (next, parts.is_empty()) else {
+        let max_rays = self.settings.max_rays.get();
+        // Background, and backs of faces, gather nothing.
+        let next = (n_parts > 0).then(|| gathered.next_points(n_parts, max_rays)).flatten();
+        let Some(n_points) = next else {
             gathered.finished = true;
             return;
         };

@@ -156,7 +156,8 @@ fn half_hidden_walls_have_the_known_mean() {
         // 160 × 16 midpoints of a field that is half in penumbra; noise beside it.
         let room = 3e-5 + known.statistical[0];
         assert!((known.mean[0] - a_to_b).abs() < room, "{known:?}");
-        assert!(room < 1e-3 * free);
+        // Far below what the partition takes away.
+        assert!(room < 0.01 * free);
     }
     // Shadow rays at a few points of the emitter are not unbiased in a penumbra: there the field is left unchecked, and elsewhere right.
     let report = check(&render_field("corridor", "B", 60, METHODS[2]));

@@ -427,7 +427,8 @@ fn wall_report(
     let means = [0, 1, 2].map(|c| GroupMean::new(pixels(), c, reference, log_odds));
     let n_checked = means[0].n_checked;
     let whole = n_checked == answers.len();
-    let exact = whole.then(|| exact_mean(tile, reference)).flatten();
+    let shaded = answers.iter().any(PixelAnswer::is_shaded);
+    let exact = whole.then(|| exact_mean(tile, shaded, reference)).flatten();
     let quadrature = exact.map(|exact| [0, 1, 2].map(|c| means[c].expected - exact[c]));
     let missed = quadrature.unwrap_or_default();
     WallReport {
@@ -445,7 +446,7 @@ fn wall_report(
 }
 
 /// Returns Σ_j E_j A F_j / A for a tile that its surface fills, or `None` where no closed form is known.
-fn exact_mean(tile: &Tile, reference: &Reference<'_>) -> Option<[f64; 3]> {
+fn exact_mean(tile: &Tile, shaded: bool, reference: &Reference<'_>) -> Option<[f64; 3]> {
     let rectangle = tile.rectangle();
     let area = polygon::area_vector(&rectangle).length();
     if (reference.surface_area(tile) - area).abs() > 1e-9 * area {
@@ -453,7 +454,7 @@ fn exact_mean(tile: &Tile, reference: &Reference<'_>) -> Option<[f64; 3]> {
     }
     let mut mean = [0.0; 3];
     for (emitter, exitance) in reference.emitters() {
-        let exchange_area = reference.exchange_area(&rectangle, tile.normal(), emitter)?;
+        let exchange_area = reference.exchange_area(tile, shaded, emitter)?;
         for c in 0..3 {
             mean[c] += exitance[c] * exchange_area / area;
         }

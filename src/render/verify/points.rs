@@ -61,7 +61,7 @@ impl PixelAnswer {
         }
     }
 
-    fn is_shaded(&self) -> bool {
+    pub(super) fn is_shaded(&self) -> bool {
         matches!(self, Self::Surface { shaded: true, .. })
     }
 
@@ -262,9 +262,16 @@ impl<'a> Reference<'a> {
             .collect()
     }
 
-    /// Returns the exchange area of a rectangle and an emitter, in m²; `None` if it could not be found to 1e-10.
-    pub(super) fn exchange_area(&self, rectangle: &[DVec3; 4], normal: DVec3, emitter: &Plate) -> Option<f64> {
-        let between = self.between(rectangle, normal, emitter);
+    /// Returns the exchange area of a tile's rectangle and an emitter, in m²; `None` if it could not be found to 1e-10.
+    ///
+    /// `shaded` tells whether anything hides a part of an emitter from the rectangle.
+    pub(super) fn exchange_area(&self, tile: &Tile, shaded: bool, emitter: &Plate) -> Option<f64> {
+        let rectangle = &tile.rectangle();
+        let between = if shaded {
+            self.between(rectangle, tile.normal(), emitter)
+        } else {
+            Vec::new()
+        };
         if between.is_empty()
             && let Some(known) = rectangle_exchange_area(rectangle, &emitter.corners)
         {
