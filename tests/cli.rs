@@ -1038,3 +1038,47 @@ fn final_gather_says_what_it_took_and_a_missing_viewer_is_a_warning() {
     );
     assert_eq!(useless.status.code(), Some(2));
 }
+
+#[test]
+fn closure_is_repaired_where_it_is_known() {
+    let directory = with_scene("cube");
+    let method = [
+        "--subdivide",
+        "2",
+        "--method",
+        "sr",
+        "--rays",
+        "500",
+        "--balance",
+        "closure",
+    ];
+    let (code, result) = document(
+        directory.path(),
+        &[&["form-factors", "scene.obj"], &method[..]].concat(),
+    );
+    assert_eq!(code, 0);
+    assert_eq!(result["settings"]["balance"], "closure");
+    assert!(result["closure_error_max"].as_f64().unwrap() < 1e-9, "{result:#}");
+    // Two walls: open, and `exact` counts nothing that leaves.
+    let open = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\nf 1 2 3 4\nf 8 7 6 5\n";
+    std::fs::write(directory.path().join("open.obj"), open).unwrap();
+    let arguments = ["form-factors", "open.obj", "--balance", "closure"];
+    let message = stderr(&radiosity(directory.path(), &arguments));
+    assert!(message.contains("--balance closure changes nothing"), "{message}");
+    assert!(!stderr(&radiosity(directory.path(), &arguments[..2])).contains("--balance"));
+}
+
+#[test]
+fn libraries_outside_the_scenes_folder_are_read_on_request() {
+    let directory = with_scene("cube");
+    std::fs::create_dir(directory.path().join("inner")).unwrap();
+    let obj = std::fs::read_to_string(directory.path().join("scene.obj")).unwrap();
+    let outside = obj.replace("mtllib scene.mtl", "mtllib ../scene.mtl");
+    assert_ne!(outside, obj);
+    std::fs::write(directory.path().join("inner/scene.obj"), outside).unwrap();
+    let arguments = ["form-factors", "inner/scene.obj", "--allow-outside"];
+    assert_eq!(radiosity(directory.path(), &arguments).status.code(), Some(0));
+    let refused = radiosity(directory.path(), &arguments[..2]);
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(stderr(&refused).contains("--allow-outside"), "{}", stderr(&refused));
+}

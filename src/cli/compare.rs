@@ -109,6 +109,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
         output::text("results.csv", runs_table(&parts).to_csv()),
     ];
     files.extend(subject.plots(&parts)?);
+    output::add_page(&mut files, &report, &run.settings);
     let names = files.iter().map(|(file, _)| file.as_str());
     document["files"] = names.chain(["results.json"]).collect();
     files.push(output::text("results.json", format!("{document:#}\n")));
@@ -306,6 +307,7 @@ impl Subject<'_> {
             };
             let Ranged { middle, low, high } = ranged(error);
             PlotPoint {
+                setting: format!("{} {}", case.parameter, case.value),
                 time_s: ranged(case.time_s),
                 // Less than its own error the reference cannot show.
                 error: Ranged {
