@@ -19,7 +19,7 @@ use super::render::{
 };
 use super::storage::Storage;
 use super::{Outcome, solve};
-use crate::render::{DirectMethod, GatherReport, RenderInput};
+use crate::render::{DirectMethod, GatherReport, RenderInput, RenderSettings};
 use crate::scene::Lighting;
 use crate::solver::carried_error;
 
@@ -55,13 +55,13 @@ struct Frame {
     lighting: usize,
     lighting_file: Option<PathBuf>,
     view: AnyView,
+    settings: RenderSettings,
     output: PathBuf,
     preview: PathBuf,
 }
 
 pub(super) fn run(args: &RenderArgs, file: &Path) -> Result<Outcome, Failure> {
     let mut run = Run::new("render", &args.common);
-    let settings = render_settings(args)?;
     let wanted = read(file)?;
     let mut prepared = run.prepare(&args.scene, args.mesh, default_subdivision)?;
     let (frames, lightings) = ready(args, file, wanted, &prepared)?;
@@ -71,11 +71,11 @@ pub(super) fn run(args: &RenderArgs, file: &Path) -> Result<Outcome, Failure> {
         tolerance: Some(args.solver.tolerance),
         image_byte: frames
             .iter()
-            .map(|frame| image_byte(&frame.view, &settings))
+            .map(|frame| image_byte(&frame.view, &frame.settings))
             .max()
             .unwrap_or(0),
     };
-    if settings.direct != DirectMethod::Off {
+    if frames.iter().any(|frame| frame.settings.direct != DirectMethod::Off) {
         run.warn_of_narrow_gaps(&prepared);
     }
     let needs_symmetry = run.solver_entry(&args.solver)?.gains_by_reciprocity();
@@ -120,8 +120,8 @@ pub(super) fn run(args: &RenderArgs, file: &Path) -> Result<Outcome, Failure> {
             error: Some(&error),
         };
         let output = (frame.output.as_path(), frame.preview.as_path());
-        let image = shoot(&mut run, &input, &frame.view, settings, args, output)?;
-        let gathered = settings.gather.map(|gather| GatherReport::new(&image, gather));
+        let image = shoot(&mut run, &input, &frame.view, frame.settings, args, output)?;
+        let gathered = frame.settings.gather.map(|gather| GatherReport::new(&image, gather));
         n_noisy += gathered.map_or(0, |report| report.n_above);
         let (width, height) = (image.width(), image.height());
         let _ = writeln!(
@@ -251,6 +251,7 @@ fn ready(
             name: frame.name,
             lighting,
             lighting_file,
+            settings: render_settings(args, &view_args)?,
             view: view(&view_args, &args.scene, &prepared.scene)?,
             preview: preview_of(&output)?,
             output,

@@ -46,7 +46,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
         return super::frames::run(args, file);
     }
     let mut run = Run::new("render", &args.common);
-    let settings = render_settings(args)?;
+    let settings = render_settings(args, &args.image.view)?;
     let preview = preview_of(&args.output)?;
     let mut prepared = run.prepare(&args.scene, args.mesh, default_subdivision)?;
     let view = view(&args.image.view, &args.scene, &prepared.scene)?;
@@ -201,15 +201,14 @@ pub(super) fn indirect_irradiance(computed: &Computed, exitance: &Block, solutio
     irradiance
 }
 
-pub(super) fn render_settings(args: &RenderArgs) -> Result<RenderSettings, Failure> {
+/// Returns how a picture is made; the defaults depend on the view.
+pub(super) fn render_settings(args: &RenderArgs, view: &ViewArgs) -> Result<RenderSettings, Failure> {
     let image = &args.image;
-    let direct = image
-        .direct
-        .unwrap_or_else(|| match (image.view.is_unfolded(), image.flat) {
-            (_, true) => DirectName::Off,
-            (true, false) => DirectName::Rays,
-            (false, false) => DirectName::Polygons,
-        });
+    let direct = image.direct.unwrap_or_else(|| match (view.is_unfolded(), image.flat) {
+        (_, true) => DirectName::Off,
+        (true, false) => DirectName::Rays,
+        (false, false) => DirectName::Polygons,
+    });
     let n_or = |default: u32| {
         NonZeroU32::new(image.direct_samples.unwrap_or(default)).ok_or(Failure::usage("--direct-samples starts at 1"))
     };
@@ -231,7 +230,7 @@ pub(super) fn render_settings(args: &RenderArgs) -> Result<RenderSettings, Failu
     };
     Ok(RenderSettings {
         flat: image.flat,
-        samples: samples(&image.view)?,
+        samples: samples(view)?,
         gather: gather_settings(args.gather)?,
         direct,
         sequence: args.method.sequence.map_or_else(Sequence::default, Into::into),

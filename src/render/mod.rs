@@ -119,6 +119,7 @@ pub struct RenderInput<'a> {
 /// the nets' means says that the pixel's standard error is within `gather.noise` of its irradiance, or `gather.max_rays` would be exceeded.
 /// Unbiased with respect to the given solution but for stopping early where the first 64 rays happen to agree; the error falls faster than n^(−1/2).
 /// What is left is the error of the solution, averaged over the hemisphere.
+/// Source: the local pass of [`LISCHINSKI_1993`](crate::references::LISCHINSKI_1993). Departures: rays in randomised nets, with an error estimate.
 ///
 /// Equal arguments give equal images at any number of threads.
 ///

@@ -95,7 +95,7 @@ fn the_viewer_ends_with_the_picture() {
     let view = UnfoldedView::new(&solved.scene, 20.try_into().unwrap()).unwrap();
     let (width, height) = view.size();
     let rounds = GatherSettings {
-        noise: 0.05,
+        noise: 0.01,
         max_rays: 1024.try_into().unwrap(),
     };
     for gather in [None, Some(rounds)] {

@@ -93,11 +93,12 @@ fn what_is_gathered_converges_to_the_closed_form() {
     for samples in [1, 2] {
         let (coarse, relative, normalised, report) = run(0.05, samples);
         // The mean over a pixel is compared with the value at its centre: 16 pixels a wall leave 1e-3 of curvature, far below this noise.
-        assert!(relative < 0.06, "{samples}: {relative}");
+        // A standard error from eight nets is itself off by 27 %, and a pixel stops where it happens to look small.
+        assert!(relative < 1.5 * 0.05, "{samples}: {relative}");
         // Student's t with 7 degrees of freedom has the deviation √(7/5) = 1.18; stopping where it looks small adds some.
         assert!((0.7..1.7).contains(&normalised), "{samples}: {normalised}");
         let (fine, relative, _, more) = run(0.005, samples);
-        assert!(relative < 0.008, "{samples}: {relative}");
+        assert!(relative < 1.5 * 0.005, "{samples}: {relative}");
         assert!(fine < 0.2 * coarse, "{samples}: {fine} {coarse}");
         // A tenth of the noise costs less than a hundred times as much, because the points are scrambled nets.
         assert!(
