@@ -489,10 +489,10 @@ fn write(
             )
         })?);
     }
-    let view = render::view(&args.image, &args.scene, &prepared.scene)?;
+    let view = render::view(&args.image.view, &args.scene, &prepared.scene)?;
     let settings = RenderSettings {
         flat: args.image.flat,
-        samples: std::num::NonZeroU32::new(args.image.samples.unwrap_or(2)).unwrap_or(std::num::NonZeroU32::MIN),
+        samples: std::num::NonZeroU32::new(args.image.view.samples.unwrap_or(2)).unwrap_or(std::num::NonZeroU32::MIN),
         direct: DirectMethod::Off,
         ..RenderSettings::default()
     };
@@ -517,6 +517,7 @@ fn write(
             radiosity: &radiosity,
             irradiance: &irradiance,
             indirect_irradiance: None,
+            error: None,
         };
         run.times.time("render", || {
             crate::render::render(&input, view.as_view(), &settings, &run.progress)

@@ -12,6 +12,7 @@
 
 mod cells;
 mod events;
+mod point;
 mod quad;
 mod rule;
 mod shadow;
@@ -27,6 +28,7 @@ use crate::geometry::polygon;
 use crate::visibility::blockers::Blocker;
 use cells::{Cells, Shape};
 use events::{Outline, Receiver};
+pub use point::VisibleFactor;
 use rule::Estimate;
 use shadow::Shadows;
 
