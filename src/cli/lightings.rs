@@ -18,7 +18,7 @@ use crate::solver::Solution;
 
 pub(super) fn run(
     files: &[PathBuf],
-    mut run: Run,
+    run: &mut Run,
     mut prepared: Prepared,
     computed: &Computed,
     args: &SolveArgs,
@@ -64,6 +64,7 @@ pub(super) fn run(
         (&computed.factors, areas),
         &args.solver,
         blocks,
+        computed.given(),
     )?;
     let mut documents = Vec::new();
     let mut text = String::new();
@@ -111,6 +112,7 @@ pub(super) fn run(
     let _ = writeln!(printed, "{n} patches, {} lightings at once", names.len());
     describe_checks(&mut printed, computed);
     printed.push_str(&text);
+    run.describe_audit(&mut printed);
     run.describe_times(&mut printed);
     for path in outputs.iter().flatten() {
         let _ = writeln!(printed, "wrote {}", path.display());
@@ -118,7 +120,7 @@ pub(super) fn run(
     Ok(Outcome {
         text: printed,
         document,
-        code: solve::code(&solution, Some(computed)),
+        code: run.judged(solve::code(&solution, Some(computed)), args.audit.strict),
     })
 }
 

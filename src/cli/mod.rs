@@ -5,6 +5,7 @@ mod compare;
 mod exit_code;
 mod failure;
 mod form_factors;
+mod interrupt;
 mod lightings;
 mod on_the_fly;
 mod output;

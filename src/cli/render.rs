@@ -14,6 +14,7 @@ use super::form_factors::{checks_to_json, describe_checks};
 use super::pipeline::{Computed, Fineness, Prepared, Run};
 use super::storage::Storage;
 use super::{output, solve};
+use crate::audit;
 use crate::geometry::sampling::Sequence;
 use crate::matrix::operator::{Block, LinearOperator};
 use crate::mesh::Subdivision;
@@ -38,6 +39,11 @@ const DEFAULT_PATCHES: f64 = 3000.0;
 
 pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     let mut run = Run::new("render", &args.common);
+    let result = work(args, &mut run);
+    run.ended(result)
+}
+
+fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let settings = render_settings(args)?;
     let ending = args.output.extension().map(std::ffi::OsStr::to_ascii_lowercase);
     if ending.is_none_or(|ending| ending != "exr") {
@@ -62,7 +68,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     if settings.direct != DirectMethod::Off {
         run.warn_of_narrow_gaps(&prepared);
     }
-    let solved = solve_scene(&mut run, &mut prepared, args, settings.direct)?;
+    let solved = solve_scene(run, &mut prepared, args, settings.direct)?;
     if settings.direct == DirectMethod::Off {
         prepared
             .plan
@@ -86,6 +92,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     let image = run
         .times
         .time("render", || render(&input, view.as_view(), &settings, &run.progress))?;
+    run.audited(audit::picture(&image));
     let attributes = Attributes::new(
         &prepared.scene,
         view.as_view().description(),
@@ -113,6 +120,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
         describe_checks(&mut text, computed);
     }
     solve::describe(&mut text, &prepared, &solved.solver, &solved.solution);
+    run.describe_audit(&mut text);
     run.describe_times(&mut text);
     let _ = writeln!(
         text,
@@ -125,7 +133,10 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     Ok(Outcome {
         text,
         document,
-        code: solve::code(&solved.solution, solved.computed.as_ref()),
+        code: run.judged(
+            solve::code(&solved.solution, solved.computed.as_ref()),
+            args.audit.strict,
+        ),
     })
 }
 

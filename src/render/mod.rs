@@ -151,6 +151,9 @@ pub fn render(
     let mut canvas = Canvas::new(width as usize, height as usize, with_direct);
     // Blocks at a time, so that pixels in f64 never fill the memory.
     for batch in blocks.chunks(BLOCKS_AT_A_TIME) {
+        if progress.is_cancelled() {
+            return Err(RenderError::Interrupted);
+        }
         let rendered: Vec<Vec<Pixel>> = batch
             .par_iter()
             .map(|&block| {

@@ -7,7 +7,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 
-use super::{CommonArgs, parse_positive};
+use super::{AuditArgs, CommonArgs, parse_positive};
 use crate::cli::storage::parse_byte;
 use crate::form_factor::registry::METHODS;
 use crate::geometry::sampling::Sequence;
@@ -158,6 +158,9 @@ pub struct StorageArgs {
     /// The directory of the scratch file, if one is needed [default: that of the output, else the system's for temporary files]
     #[arg(long, value_name = "DIR")]
     pub scratch: Option<PathBuf>,
+    /// A file for finished form factors: after an interruption the same command goes on from there; it is removed when the command is done
+    #[arg(long, value_name = "FILE")]
+    pub checkpoint: Option<PathBuf>,
 }
 
 /// `radiosity form-factors`.
@@ -184,6 +187,9 @@ pub struct FormFactorsArgs {
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub storage: StorageArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub audit: AuditArgs,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub common: CommonArgs,

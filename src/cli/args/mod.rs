@@ -24,7 +24,7 @@ pub use voxel::{FormName, LinksName, VoxelArgs};
 #[command(name = "radiosity", version, about, propagate_version = true, max_term_width = 110)]
 #[command(
     after_help = "Exit codes: 0 done, 1 error in the input or at run time, 2 usage, 3 not converged or a budget \
-                        spent above the tolerance, 4 a check outside its tolerance."
+                        spent above the tolerance, 4 a check outside its tolerance, 130 and 143 ended by SIGINT or SIGTERM."
 )]
 pub struct Cli {
     /// What to do.
@@ -73,6 +73,15 @@ pub struct CommonArgs {
     /// Read material libraries that lie outside the scene's folder
     #[arg(long)]
     pub allow_outside: bool,
+}
+
+/// What is done about broken laws.
+#[derive(Args, Clone, Copy, Debug)]
+#[command(next_help_heading = "Common")]
+pub struct AuditArgs {
+    /// End with exit code 4 if the result breaks a law of light (row sums, reciprocity, energy, ...); without it, that is a warning
+    #[arg(long)]
+    pub strict: bool,
 }
 
 /// `radiosity scene`.
