@@ -6,12 +6,15 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 
-/// Hears SIGINT and SIGTERM. The first one is for the work to see; the next one ends the program at once.
+/// Hears SIGINT and SIGTERM. The first one is for the work to see, and after ten seconds ends the program; the next one ends it at once.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Interrupt {
     /// The signal that came, or 0.
     signal: Arc<AtomicUsize>,
 }
+
+/// How long work may take to reach a safe point after the first signal. A step that takes longer, such as a factorisation, is given up.
+const GRACE: std::time::Duration = std::time::Duration::from_secs(10);
 
 /// The name and exit code of a signal.
 fn named(signal: usize) -> Option<(&'static str, ExitCode)> {
@@ -38,9 +41,18 @@ impl Interrupt {
                     for number in signals.forever() {
                         let number = usize::try_from(number).unwrap_or(0);
                         let is_first = signal.swap(number, Ordering::Relaxed) == 0;
-                        if let Some((name, code)) = named(number).filter(|_| !(is_first && is_asked)) {
-                            super::complain(&format!("ended at once by {name}; no file is half-written"));
+                        let Some((name, code)) = named(number) else { continue };
+                        let end = move |when: &str| {
+                            super::complain(&format!("ended {when} by {name}; no file is half-written"));
                             std::process::exit(code as i32);
+                        };
+                        if is_first && is_asked {
+                            std::thread::spawn(move || {
+                                std::thread::sleep(GRACE);
+                                end("before a safe point");
+                            });
+                        } else {
+                            end("at once");
                         }
                     }
                 });

@@ -12,12 +12,13 @@ use super::args::{DirectName, ImageArgs, RenderArgs};
 use super::failure::Failure;
 use super::form_factors::{checks_to_json, describe_checks};
 use super::pipeline::{Computed, Fineness, Prepared, Run};
-use super::storage::Storage;
+use super::storage::{Storage, limit_byte};
 use super::{output, solve};
 use crate::audit;
 use crate::geometry::sampling::Sequence;
 use crate::matrix::operator::{Block, LinearOperator};
 use crate::mesh::Subdivision;
+use crate::plan::byte_text;
 use crate::render::{
     Attributes, DirectMethod, RayView, RenderInput, RenderSettings, UnfoldedView, View, exr, png, render,
 };
@@ -65,6 +66,17 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
         tolerance: Some(args.solver.tolerance),
         image_byte: n_pixels * PIXEL_BYTE,
     };
+    let limit = limit_byte(args.storage.memory_limit);
+    if run.storage.image_byte > limit {
+        return Err(Failure::new(
+            "memory_limit",
+            format!(
+                "a picture of {width} × {height} pixels needs {} of memory, and the limit is {}; raise --memory-limit or give fewer pixels",
+                byte_text(run.storage.image_byte),
+                byte_text(limit)
+            ),
+        ));
+    }
     if settings.direct != DirectMethod::Off {
         run.warn_of_narrow_gaps(&prepared);
     }

@@ -59,7 +59,7 @@ pub enum Command {
 #[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
 pub struct CommonArgs {
     /// Number of threads [default: all cores]; results do not depend on it
-    #[arg(long, value_name = "K")]
+    #[arg(long, value_name = "K", value_parser = |text: &str| parse_up_to(text, 4096))]
     pub threads: Option<NonZeroUsize>,
     /// Print what was chosen and what was left out, and why
     #[arg(long)]
@@ -117,6 +117,12 @@ fn parse_positive(text: &str) -> Result<f64, String> {
         Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
         _ => Err("give a number above 0".to_owned()),
     }
+}
+
+/// Reads a number from 1 to `most`.
+fn parse_up_to(text: &str, most: usize) -> Result<NonZeroUsize, String> {
+    let number = text.parse().ok().filter(|number: &NonZeroUsize| number.get() <= most);
+    number.ok_or_else(|| format!("give a number from 1 to {most}"))
 }
 
 fn parse_vector(text: &str) -> Result<[f64; 3], String> {

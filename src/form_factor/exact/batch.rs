@@ -186,6 +186,9 @@ impl Batches<'_> {
 
     /// Classifies a face against all later ones; `None` where they do not face each other.
     fn views_of(&self, f: usize) -> Vec<FaceView> {
+        if self.progress.is_cancelled() {
+            return vec![None; self.patches.faces.len()];
+        }
         (0..self.patches.faces.len())
             .map(|g| {
                 (g > f && self.faces_face(f, g)).then(|| {
