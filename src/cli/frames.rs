@@ -60,20 +60,19 @@ struct Frame {
     preview: PathBuf,
 }
 
-pub(super) fn run(args: &RenderArgs, file: &Path) -> Result<Outcome, Failure> {
-    let mut run = Run::new("render", &args.common);
+pub(super) fn work(args: &RenderArgs, file: &Path, run: &mut Run) -> Result<Outcome, Failure> {
     let wanted = read(file)?;
     let mut prepared = run.prepare(&args.scene, args.mesh, default_subdivision)?;
     let (frames, lightings) = ready(args, file, wanted, &prepared)?;
+    let mut largest = 0;
+    for frame in &frames {
+        largest = largest.max(image_byte(&frame.view, &frame.settings, args.storage.memory_limit)?);
+    }
     run.storage = Storage {
         args: args.storage.clone(),
         output: Some(args.output.clone()),
         tolerance: Some(args.solver.tolerance),
-        image_byte: frames
-            .iter()
-            .map(|frame| image_byte(&frame.view, &frame.settings))
-            .max()
-            .unwrap_or(0),
+        image_byte: largest,
     };
     if frames.iter().any(|frame| frame.settings.direct != DirectMethod::Off) {
         run.warn_of_narrow_gaps(&prepared);
@@ -93,6 +92,7 @@ pub(super) fn run(args: &RenderArgs, file: &Path) -> Result<Outcome, Failure> {
         (&computed.factors, areas),
         &args.solver,
         (stack.reflectance.clone(), stack.exitance.clone()),
+        computed.given(),
     )?;
     let (mut documents, mut n_noisy) = (Vec::new(), 0);
     let mut lines = String::new();
@@ -120,7 +120,7 @@ pub(super) fn run(args: &RenderArgs, file: &Path) -> Result<Outcome, Failure> {
             error: Some(&error),
         };
         let output = (frame.output.as_path(), frame.preview.as_path());
-        let image = shoot(&mut run, &input, &frame.view, frame.settings, args, output)?;
+        let image = shoot(run, &input, &frame.view, frame.settings, args, output)?;
         let gathered = frame.settings.gather.map(|gather| GatherReport::new(&image, gather));
         n_noisy += gathered.map_or(0, |report| report.n_above);
         let (width, height) = (image.width(), image.height());
@@ -162,13 +162,18 @@ pub(super) fn run(args: &RenderArgs, file: &Path) -> Result<Outcome, Failure> {
         solution.n_passes
     );
     describe_checks(&mut text, &computed);
+    run.describe_audit(&mut text);
     run.describe_times(&mut text);
     text.push_str(&lines);
     let code = match solve::code(&solution, Some(&computed)) {
         ExitCode::Done if n_noisy > 0 => ExitCode::NotConverged,
         code => code,
     };
-    Ok(Outcome { text, document, code })
+    Ok(Outcome {
+        text,
+        document,
+        code: run.judged(code, args.audit.strict),
+    })
 }
 
 /// Reads the file of frames.

@@ -106,7 +106,7 @@ pub fn solve_adaptively(
                 && (is_uneven(&cells, cell, exitance, settings.tolerance) || neighbours[cell].iter().any(changes))
         };
         let marks: Vec<bool> = (0..cells.n_cells()).map(is_cut).collect();
-        if marks.contains(&true) {
+        if marks.contains(&true) && !progress.is_cancelled() {
             cells = cells.refined(voxels, scene, &marks);
             continue;
         }

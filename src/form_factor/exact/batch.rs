@@ -13,6 +13,7 @@ use rayon::prelude::*;
 use super::ExactMethod;
 use super::lattice::{Lattice, Repeats};
 use super::patches::{Patches, Run};
+use crate::form_factor::kept::{self, Piece};
 use crate::form_factor::pairs::{Exchange, Facing};
 use crate::form_factor::partial::{self, Accuracy};
 use crate::form_factor::sight::whole_where_grazing;
@@ -71,8 +72,16 @@ impl Iterator for Batches<'_> {
 
     fn next(&mut self) -> Option<Self::Item> {
         let n = self.patches.len();
-        if self.next_row >= n {
+        if self.next_row >= n || self.progress.is_cancelled() {
             return None;
+        }
+        let first_row = self.next_row as u64;
+        if let Some(piece) = kept::take(self.progress, first_row) {
+            let n_rows: usize = piece.tiles.iter().map(RowTile::n_rows).sum();
+            let rows = self.next_row..n.min(self.next_row + n_rows);
+            self.next_row = rows.end;
+            self.progress.advance(rows.map(|i| (n - 1 - i) as u64).sum());
+            return Some((piece.tiles, piece.counts));
         }
         // Whole runs of rows, until there is enough to do.
         let mut runs: Vec<(usize, usize)> = Vec::new();
@@ -108,7 +117,13 @@ impl Iterator for Batches<'_> {
                 tile
             })
             .collect();
-        Some((tiles, counts))
+        let piece = Piece {
+            tiles,
+            counts,
+            tolerance_met: counts.n_above_tolerance == 0,
+        };
+        kept::keep(self.progress, first_row, &piece);
+        Some((piece.tiles, counts))
     }
 }
 
@@ -175,6 +190,9 @@ impl Batches<'_> {
 
     /// Classifies a face against all later ones; `None` where they do not face each other.
     fn views_of(&self, f: usize) -> Vec<FaceView> {
+        if self.progress.is_cancelled() {
+            return vec![None; self.patches.faces.len()];
+        }
         (0..self.patches.faces.len())
             .map(|g| {
                 (g > f && self.faces_face(f, g)).then(|| {
@@ -235,7 +253,12 @@ impl Batches<'_> {
         let results: Vec<(Exchange, bool)> = work
             .par_iter()
             .with_max_len(16)
-            .map(|(strip, pair)| self.partial(index, pair, &strip.blockers[pair.blockers.clone()], accuracy))
+            .map(|(strip, pair)| {
+                if self.progress.is_cancelled() {
+                    return Default::default();
+                }
+                self.partial(index, pair, &strip.blockers[pair.blockers.clone()], accuracy)
+            })
             .collect();
         let mut results = results.into_iter();
         for (strip, n) in strips.iter_mut().zip(n_partial) {

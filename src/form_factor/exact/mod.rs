@@ -101,9 +101,12 @@ impl FormFactorMethod for ExactMethod {
             counts = counts.plus(of_batch);
             tiles
         });
-        let factors = FormFactors::from_exchange_tiles(input.mesh.areas(), upper, storage)?;
+        let factors = FormFactors::from_exchange_tiles(input.mesh.areas(), upper, storage);
+        if progress.is_cancelled() {
+            return Err(FormFactorError::Interrupted);
+        }
         Ok(Computed {
-            factors,
+            factors: factors?,
             pairs: Some(counts),
             tolerance_met: counts.n_above_tolerance == 0,
         })
