@@ -66,17 +66,7 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
         tolerance: Some(args.solver.tolerance),
         image_byte: n_pixels * PIXEL_BYTE,
     };
-    let limit = limit_byte(args.storage.memory_limit);
-    if run.storage.image_byte > limit {
-        return Err(Failure::new(
-            "memory_limit",
-            format!(
-                "a picture of {width} × {height} pixels needs {} of memory, and the limit is {}; raise --memory-limit or give fewer pixels",
-                byte_text(run.storage.image_byte),
-                byte_text(limit)
-            ),
-        ));
-    }
+    expect_room((width, height), run)?;
     if settings.direct != DirectMethod::Off {
         run.warn_of_narrow_gaps(&prepared);
     }
@@ -150,6 +140,19 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
             args.audit.strict,
         ),
     })
+}
+
+/// Refuses a picture that alone takes more memory than there may be.
+fn expect_room((width, height): (u32, u32), run: &Run) -> Result<(), Failure> {
+    let (needed, limit) = (run.storage.image_byte, limit_byte(run.storage.args.memory_limit));
+    if needed <= limit {
+        return Ok(());
+    }
+    let (needed, limit) = (byte_text(needed), byte_text(limit));
+    let message = format!(
+        "a picture of {width} × {height} pixels needs {needed} of memory, and the limit is {limit}; raise --memory-limit or give fewer pixels"
+    );
+    Err(Failure::new("memory_limit", message))
 }
 
 /// What the picture is made from.
