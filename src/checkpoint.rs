@@ -71,13 +71,15 @@ pub struct Checkpoint {
     state: Mutex<State>,
 }
 
+/// Where the content of each piece begins, and its length.
+type Pieces = BTreeMap<u64, (u64, u64)>;
+
 #[derive(Debug)]
 struct State {
     file: File,
     /// Where the next record goes.
     end: u64,
-    /// Where the content of each piece begins, and its length.
-    pieces: BTreeMap<u64, (u64, u64)>,
+    pieces: Pieces,
     /// What went wrong first when a piece was to be kept; from then on none is.
     failed: Option<io::Error>,
 }
@@ -216,9 +218,9 @@ fn checksum(k: u64, content: &[u8]) -> u32 {
 }
 
 /// Returns where the content of every whole record begins and how long it is, and where the last one ends.
-fn whole_records(file: &mut File) -> io::Result<(BTreeMap<u64, (u64, u64)>, u64)> {
+fn whole_records(file: &mut File) -> io::Result<(Pieces, u64)> {
     let file_byte = file.metadata()?.len();
-    let mut pieces = BTreeMap::new();
+    let mut pieces = Pieces::new();
     let mut end = HEAD;
     file.seek(SeekFrom::Start(HEAD))?;
     let mut reader = io::BufReader::with_capacity(1 << 16, file);

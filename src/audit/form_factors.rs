@@ -132,8 +132,8 @@ fn rows_of(factors: &FormFactors, claims: Claims, rows: Range<usize>) -> Found {
         } else if claims.reciprocity == Reciprocity::ToNoise
             && let Some((a, b)) = rays
         {
-            let allowed = noise(there.max(back), a, b) + rounding;
-            found.reciprocity.see(defect, allowed, At::pair(i, j));
+            let by_noise = noise(there.max(back), a, b) + rounding;
+            found.reciprocity.see(defect, by_noise, At::pair(i, j));
         }
         let (sum, errors, gain) = &mut sums[i - rows.start];
         *sum += value;

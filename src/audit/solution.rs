@@ -179,9 +179,9 @@ fn energy(system: &RadiositySystem, solution: &Solution, gain: &[f64]) -> super:
     let mut worst = Worst::default();
     for (c, energy) in solution.energy.iter().enumerate() {
         let (mut made, mut moved, mut of_e) = (0.0, 0.0, 0.0);
-        for (i, (gain, area_i)) in gain.iter().zip(system.areas()).enumerate() {
+        for (i, (gain_i, area_i)) in gain.iter().zip(system.areas()).enumerate() {
             let (b, e) = (solution.radiosity.row(i)[c], system.exitance().row(i)[c]);
-            made += b * gain;
+            made += b * gain_i;
             moved += area_i * (b.abs() + e.abs() + solution.irradiance.row(i)[c].abs());
             of_e += area_i * e * e;
         }

@@ -167,18 +167,21 @@ fn write_missing(
     let first = offsets.len() - 1;
     progress.advance(first as u64);
     for batch in (first..n_chunks).step_by(BATCH) {
-        if progress.is_cancelled() {
-            return Ok(None);
-        }
         let last = (batch + BATCH).min(n_chunks);
-        let records: Vec<(Vec<u8>, Tally)> = (batch..last)
+        let records: Option<Vec<(Vec<u8>, Tally)>> = (batch..last)
             .into_par_iter()
             .map(|k| {
+                if progress.is_cancelled() {
+                    return None;
+                }
                 let chunk = Chunk::new(scene, directions, k);
                 progress.advance(1);
-                (encode(&chunk), chunk.tally)
+                Some((encode(&chunk), chunk.tally))
             })
             .collect();
+        let Some(records) = records else {
+            return Ok(None);
+        };
         for (record, of_chunk) in records {
             file.write_all(&record)?;
             end += record.len() as u64;
