@@ -52,3 +52,6 @@ pub const SHAO_1997: &str = "Shao 1997";
 
 /// M. F. Cohen, D. P. Greenberg, "The Hemi-Cube: A Radiosity Solution for Complex Environments", SIGGRAPH 1985.
 pub const COHEN_GREENBERG_1985: &str = "Cohen and Greenberg 1985";
+
+/// D. Lischinski, F. Tampieri, D. P. Greenberg, "Combining Hierarchical Radiosity and Discontinuity Meshing", SIGGRAPH 1993: a local pass that gathers at every pixel.
+pub const LISCHINSKI_1993: &str = "Lischinski, Tampieri and Greenberg 1993";

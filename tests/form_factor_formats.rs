@@ -237,6 +237,8 @@ fn solutions_hold_the_residual() {
     case.factors.apply(&solution.radiosity, &mut solution.irradiance);
     let settings = json!({"solver": "pcg"});
     let report = SolutionReport {
+        error: None,
+        row_sums: None,
         scene: &case.scene,
         mesh: &case.mesh,
         reflectance: &reflectance,

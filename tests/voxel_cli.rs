@@ -176,6 +176,25 @@ fn what_makes_no_sense_is_refused_in_one_line() {
     }
 }
 
+/// The lamp is 2 m wide, a voxel 0.3 m: as many whole voxels as it takes shine too little.
+#[test]
+fn small_lamps_send_their_own_power() {
+    // `radiosity solve` with exact form factors to 1e-4: the mean over the floor, W/m².
+    const FLOOR: f64 = 2.758;
+    let directory = with_scene("sphere-room-r1");
+    let error = |more: &[&str]| {
+        let size = ["--voxels", "20", "--radius", "15", "--passes", "30"];
+        let (code, result) = document(directory.path(), &[&size, more].concat());
+        assert_eq!(code, 0);
+        let surfaces = result["surfaces"].as_array().unwrap();
+        let floor = surfaces.iter().find(|s| s["name"] == "z0").unwrap();
+        floor["radiosity"][0].as_f64().unwrap() / FLOOR - 1.0
+    };
+    let (scaled, plain) = (error(&[]), error(&["--plain-emission"]));
+    // Of first order in the voxel's side: a thirtieth is what other surfaces have at 20 voxels too.
+    assert!(scaled.abs() < 0.035 && plain < -0.1, "{scaled} {plain}");
+}
+
 #[test]
 fn cells_are_counted_and_told() {
     let directory = with_scene("cornell-box");

@@ -109,6 +109,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
         output::text("results.csv", runs_table(&parts).to_csv()),
     ];
     files.extend(subject.plots(&parts)?);
+    output::add_page(&mut files, &report, &run.settings);
     let names = files.iter().map(|(file, _)| file.as_str());
     document["files"] = names.chain(["results.json"]).collect();
     files.push(output::text("results.json", format!("{document:#}\n")));
@@ -306,6 +307,7 @@ impl Subject<'_> {
             };
             let Ranged { middle, low, high } = ranged(error);
             PlotPoint {
+                setting: format!("{} {}", case.parameter, case.value),
                 time_s: ranged(case.time_s),
                 // Less than its own error the reference cannot show.
                 error: Ranged {
@@ -488,24 +490,23 @@ fn runs_table(parts: &[Part]) -> Table {
 }
 
 fn storage_section(storage: &StorageFigures) -> String {
-    let mut table = Table::new(["layout", "bytes", "how it is known"]);
-    for (layout, bytes, how) in [
-        ("dense", storage.dense_byte, "measured"),
+    let mut table = Table::new(["layout", "bytes"]);
+    for (layout, bytes) in [
+        ("dense", storage.dense_byte),
         (
-            "symmetric (one triangle)",
+            "symmetric (one triangle, in squares of 64 × 64)",
             storage.symmetric_byte,
-            "counted: 8 N (N + 1) / 2",
         ),
-        ("sparse", storage.sparse_byte, "measured"),
+        ("sparse", storage.sparse_byte),
     ] {
-        table.push([layout.to_owned(), bytes.to_string(), how.to_owned()]);
+        table.push([layout.to_owned(), bytes.to_string()]);
     }
     let entries = match storage.rays {
         None => "the reference's entries".to_owned(),
         Some(rays) => format!("the entries that {rays} rays a patch find"),
     };
     format!(
-        "\n## Storage\n\nN = {} patches, N² = {} entries ({:.1} % of them not zero, by {entries}), in f64 without standard errors. For comparison: Lewis 1992 counts \
+        "\n## Storage\n\nN = {} patches, N² = {} entries ({:.1} % of them not zero, by {entries}), in f64 without standard errors, as they are in memory. For comparison: Lewis 1992 counts \
          N² = 36 · 16^l entries for N = 6 · 4^l patches (table 1) and cites 10 % for a typical cluttered scene; Baranoski et al. 1995 give 53 % and 70 % \
          for a room around a large and a small sphere.\n\n{}",
         storage.n_patches,

@@ -97,7 +97,8 @@ pub(super) fn code(computed: &Computed) -> ExitCode {
     }
 }
 
-fn surface_named(scene: &Scene, name: &str) -> Result<SurfaceId, Failure> {
+/// Returns the surface of a name; another is a usage error.
+pub(super) fn surface_named(scene: &Scene, name: &str) -> Result<SurfaceId, Failure> {
     let place = scene.surfaces.iter().position(|surface| surface.name == name);
     place.and_then(|k| u32::try_from(k).ok()).map(SurfaceId).ok_or_else(|| {
         let known: Vec<&str> = scene.surfaces.iter().map(|s| s.name.as_str()).take(12).collect();

@@ -12,9 +12,10 @@ use super::form_factors::{checks_to_json, describe_checks};
 use super::pipeline::{Computed, Prepared, Run};
 use super::{Outcome, output, solve};
 use crate::matrix::operator::Block;
-use crate::report::solution::SolutionReport;
+use crate::mesh::Patch;
+use crate::report::solution::{Format, SolutionReport};
 use crate::scene::Lighting;
-use crate::solver::Solution;
+use crate::solver::{Solution, carried_error};
 
 pub(super) fn run(
     files: &[PathBuf],
@@ -32,32 +33,13 @@ pub(super) fn run(
         output::expect_possible(path)?;
     }
     let n = prepared.mesh.n_patches();
-    let mut materials = Vec::new();
-    let mut channels: Vec<Range<usize>> = Vec::new();
-    let mut n_channels = 0;
+    let mut lightings = Vec::new();
     for file in files {
-        let lighting = Lighting::load(file, &prepared.scene)?;
-        let patches = prepared.mesh.patches.iter();
-        let of_patches: Vec<_> = patches
-            .map(|patch| lighting.of(&prepared.scene, patch.surface, patch.material))
-            .collect();
-        // What is grey everywhere takes a third of the time in one channel.
-        let grey = of_patches.iter().all(|(rho, e)| is_grey(rho) && is_grey(e));
-        let own = n_channels..n_channels + if grey { 1 } else { 3 };
-        n_channels = own.end;
-        channels.push(own);
-        materials.push(of_patches);
+        lightings.push(Some(Lighting::load(file, &prepared.scene)?));
     }
-    let mut reflectance = Block::zeros(n, n_channels);
-    let mut exitance = reflectance.clone();
-    for (own, of_patches) in channels.iter().zip(&materials) {
-        for (i, (rho, e)) in of_patches.iter().enumerate() {
-            reflectance.row_mut(i)[own.clone()].copy_from_slice(&rho[..own.len()]);
-            exitance.row_mut(i)[own.clone()].copy_from_slice(&e[..own.len()]);
-        }
-    }
+    let stack = Stack::new(&prepared, &lightings);
     run.set("lightings", json!(names));
-    let blocks = (reflectance.clone(), exitance.clone());
+    let blocks = (stack.reflectance.clone(), stack.exitance.clone());
     let areas = computed.factors.areas().to_vec();
     let solution = run.solve_system(
         (&mut prepared.plan, &prepared.mesh),
@@ -66,31 +48,31 @@ pub(super) fn run(
         blocks,
         computed.given(),
     )?;
+    let row_sums = computed.factors.row_sums();
     let mut documents = Vec::new();
     let mut text = String::new();
     for (k, name) in names.iter().enumerate() {
-        let of_lighting = |block: &Block| channels_of(block, &channels[k]);
-        let (rho, e) = (of_lighting(&reflectance), of_lighting(&exitance));
-        let own = Solution {
-            radiosity: of_lighting(&solution.radiosity),
-            irradiance: of_lighting(&solution.irradiance),
-            energy: solution.energy[channels[k].clone()].to_vec(),
-            ..solution.clone()
-        };
+        let (rho, e) = stack.materials(k);
+        let own = stack.solution(k, &solution);
         if let Some(path) = &outputs[k] {
+            let wants_error = Format::of(path)? != Format::Csv;
+            let carried = || carried_error(&computed.factors, &rho, &e, &own);
+            let error = wants_error.then(|| run.times.time("error", carried)).transpose()?;
             let report = SolutionReport {
                 scene: &prepared.scene,
                 mesh: &prepared.mesh,
                 reflectance: &rho,
                 exitance: &e,
                 solution: &own,
+                error: error.as_ref(),
+                row_sums: Some(&row_sums),
                 settings: &run.settings,
             };
             run.times.time("write", || report.write(path))?;
         }
         documents.push(json!({
             "name": name,
-            "n_channels": channels[k].len(),
+            "n_channels": own.radiosity.n_channels(),
             "energy": own.energy,
             "surfaces": prepared.surfaces_with_radiosity(&own),
             "output": outputs[k].as_ref().map(|path| path.display().to_string()),
@@ -124,6 +106,70 @@ pub(super) fn run(
     })
 }
 
+/// Many lightings side by side, as channels of one system.
+pub(super) struct Stack {
+    channels: Vec<Range<usize>>,
+    pub(super) reflectance: Block,
+    pub(super) exitance: Block,
+}
+
+impl Stack {
+    /// `None` is the lighting of the scene itself.
+    pub(super) fn new(prepared: &Prepared, lightings: &[Option<Lighting>]) -> Self {
+        let scene = &prepared.scene;
+        let plain = |patch: &Patch| {
+            let material = &scene.materials[patch.material.0 as usize];
+            (material.reflectance, material.exitance)
+        };
+        let mut materials = Vec::new();
+        let mut channels: Vec<Range<usize>> = Vec::new();
+        let mut n_channels = 0;
+        for lighting in lightings {
+            let of_patch = |patch: &Patch| match lighting {
+                Some(lighting) => lighting.of(scene, patch.surface, patch.material),
+                None => plain(patch),
+            };
+            let of_patches: Vec<_> = prepared.mesh.patches.iter().map(of_patch).collect();
+            // What is grey everywhere takes a third of the time in one channel.
+            let grey = of_patches.iter().all(|(rho, e)| is_grey(rho) && is_grey(e));
+            let own = n_channels..n_channels + if grey { 1 } else { 3 };
+            n_channels = own.end;
+            channels.push(own);
+            materials.push(of_patches);
+        }
+        let mut reflectance = Block::zeros(prepared.mesh.n_patches(), n_channels);
+        let mut exitance = reflectance.clone();
+        for (own, of_patches) in channels.iter().zip(&materials) {
+            for (i, (rho, e)) in of_patches.iter().enumerate() {
+                reflectance.row_mut(i)[own.clone()].copy_from_slice(&rho[..own.len()]);
+                exitance.row_mut(i)[own.clone()].copy_from_slice(&e[..own.len()]);
+            }
+        }
+        Self {
+            channels,
+            reflectance,
+            exitance,
+        }
+    }
+
+    /// Returns ρ and E of lighting `k`.
+    pub(super) fn materials(&self, k: usize) -> (Block, Block) {
+        let own = |block| channels_of(block, &self.channels[k]);
+        (own(&self.reflectance), own(&self.exitance))
+    }
+
+    /// Returns what of the solution of all lightings belongs to lighting `k`.
+    pub(super) fn solution(&self, k: usize, all: &Solution) -> Solution {
+        let own = &self.channels[k];
+        Solution {
+            radiosity: channels_of(&all.radiosity, own),
+            irradiance: channels_of(&all.irradiance, own),
+            energy: all.energy[own.clone()].to_vec(),
+            ..all.clone()
+        }
+    }
+}
+
 /// Returns the names of the lightings: the files' names without directory and ending, no two alike.
 fn names(files: &[PathBuf]) -> Result<Vec<String>, Failure> {
     let mut names: Vec<String> = Vec::new();
@@ -140,7 +186,7 @@ fn names(files: &[PathBuf]) -> Result<Vec<String>, Failure> {
 }
 
 /// Returns `B-NAME.csv` for `B.csv`.
-fn with_suffix(path: &Path, name: &str) -> PathBuf {
+pub(super) fn with_suffix(path: &Path, name: &str) -> PathBuf {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     let file = match path.extension() {
         Some(ending) => format!("{stem}-{name}.{}", ending.to_string_lossy()),

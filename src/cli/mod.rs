@@ -4,11 +4,14 @@ pub mod args;
 mod compare;
 mod exit_code;
 mod failure;
+mod field;
 mod form_factors;
+mod frames;
 mod interrupt;
 mod lightings;
 mod on_the_fly;
 mod output;
+mod picture;
 mod pipeline;
 mod progress;
 mod render;
@@ -54,6 +57,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::FormFactors(a) => &a.common,
         Command::Solve(a) => &a.common,
         Command::Render(a) => &a.common,
+        Command::Field(a) => &a.common,
         Command::Voxel(a) => &a.common,
         Command::Verify(a) => &a.common,
         Command::Compare(a) => &a.common,
@@ -107,6 +111,7 @@ fn run(command: &Command, common: &CommonArgs) -> Result<Outcome, Failure> {
         Command::FormFactors(a) => form_factors::run(a),
         Command::Solve(a) => solve::run(a),
         Command::Render(a) => render::run(a),
+        Command::Field(a) => field::run(a),
         Command::Voxel(a) => voxel::run(a),
         Command::Verify(a) => verify::run(a),
         Command::Compare(a) => compare::run(a),

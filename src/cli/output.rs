@@ -4,6 +4,8 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use super::failure::Failure;
+use crate::report::Machine;
+use crate::report::page::{Figure, Page};
 use crate::whole_file;
 
 /// Writes a file whole or not at all.
@@ -34,6 +36,28 @@ pub(super) type Files = Vec<(String, Vec<u8>)>;
 /// Returns a file of text.
 pub(super) fn text(name: impl Into<String>, content: String) -> (String, Vec<u8>) {
     (name.into(), content.into_bytes())
+}
+
+/// Adds `index.html`: a report with the plots and pictures among `files`, and what it was made with. Like the report it shows times.
+pub(super) fn add_page(files: &mut Files, report: &str, settings: &serde_json::Map<String, serde_json::Value>) {
+    let title = report.lines().next().unwrap_or_default().trim_start_matches('#').trim();
+    // A plot that is there as PNG too is shown once.
+    let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
+    let is_shown = |name: &str| match name.rsplit_once('.') {
+        Some((_, "svg")) => true,
+        Some((stem, "png")) => !names.contains(&format!("{stem}.svg").as_str()),
+        _ => false,
+    };
+    let figures = files.iter().filter(|(name, _)| is_shown(name));
+    let page = Page {
+        title,
+        report,
+        figures: figures.map(|(name, content)| Figure { name, content }).collect(),
+        settings: &serde_json::Value::Object(settings.clone()),
+        machine: &Machine::here(),
+    };
+    let html = page.to_html();
+    files.push(text("index.html", html));
 }
 
 /// Writes files, each whole or not at all; returns their names, and a line that says what was written.

@@ -8,65 +8,61 @@ use glam::DVec3;
 use serde_json::{Value, json};
 
 use super::Outcome;
-use super::args::{DirectName, ImageArgs, RenderArgs};
+use super::args::{DirectName, GatherArgs, RenderArgs, ViewArgs};
+use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::form_factors::{checks_to_json, describe_checks};
+use super::picture::{image_byte, preview_of, shoot};
 use super::pipeline::{Computed, Fineness, Prepared, Run};
+use super::solve;
 use super::storage::{Storage, limit_byte};
-use super::{output, solve};
-use crate::audit;
 use crate::geometry::sampling::Sequence;
 use crate::matrix::operator::{Block, LinearOperator};
 use crate::mesh::Subdivision;
 use crate::plan::byte_text;
 use crate::render::{
-    Attributes, DirectMethod, RayView, RenderInput, RenderSettings, UnfoldedView, View, exr, png, render,
+    DirectMethod, GatherReport, GatherSettings, RayView, RenderInput, RenderSettings, UnfoldedView, View,
 };
 use crate::scene::{Camera, Scene};
 use crate::solver::Solution;
-use crate::visibility::Visibility;
 
 /// Rays for each patch unless `--rays` says otherwise: enough that the noise of a patch does not show.
-const DEFAULT_RAYS: u64 = 16384;
+pub(super) const DEFAULT_RAYS: u64 = 16384;
 
 /// The tolerance of form factors unless `--form-factor-tolerance` says otherwise: below a tenth of a typical factor between patches of the default
 /// size, which is 1/3000, and errors of both signs mostly cancel; patches of that size are off by more.
-const DEFAULT_TOLERANCE: f64 = 1e-5;
-/// Memory for a pixel while the image is rendered and written.
-const PIXEL_BYTE: u64 = 512;
+pub(super) const DEFAULT_TOLERANCE: f64 = 1e-5;
+
+/// The noise of final gather unless `--noise` says otherwise.
+const DEFAULT_NOISE: f64 = 0.02;
+
+/// The most rays to gather for one pixel unless `--gather-rays` says otherwise.
+const DEFAULT_GATHER_RAYS: u32 = 16384;
 
 /// The number of patches that the default subdivision aims at.
 const DEFAULT_PATCHES: f64 = 3000.0;
 
 pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     let mut run = Run::new("render", &args.common);
-    let result = work(args, &mut run);
+    let result = match &args.frames {
+        Some(file) => super::frames::run(args, file, &mut run),
+        None => work(args, &mut run),
+    };
     run.ended(result)
 }
 
 fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
-    let settings = render_settings(args)?;
-    let ending = args.output.extension().map(std::ffi::OsStr::to_ascii_lowercase);
-    if ending.is_none_or(|ending| ending != "exr") {
-        return Err(Failure::usage(format!(
-            "{}: a picture is an OpenEXR file; give it the ending .exr (its preview gets .png)",
-            args.output.display()
-        )));
-    }
-    let preview = args.output.with_extension("png");
-    output::expect_possible(&args.output)?;
+    let settings = render_settings(args, &args.image.view)?;
+    let preview = preview_of(&args.output)?;
     let mut prepared = run.prepare(&args.scene, args.mesh, default_subdivision)?;
-    let view = view(&args.image, &args.scene, &prepared.scene)?;
-    // All layers, and as much again while they are coded.
-    let (width, height) = view.as_view().size();
-    let n_pixels = u64::from(width) * u64::from(height);
+    let view = view(&args.image.view, &args.scene, &prepared.scene)?;
     run.storage = Storage {
         args: args.storage.clone(),
         output: Some(args.output.clone()),
         tolerance: Some(args.solver.tolerance),
-        image_byte: n_pixels * PIXEL_BYTE,
+        image_byte: image_byte(&view, &settings),
     };
-    expect_room((width, height), run)?;
+    expect_room(run)?;
     if settings.direct != DirectMethod::Off {
         run.warn_of_narrow_gaps(&prepared);
     }
@@ -90,28 +86,18 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
         radiosity: &solved.solution.radiosity,
         irradiance: &solved.solution.irradiance,
         indirect_irradiance: solved.indirect_irradiance.as_ref(),
+        error: solved.error.as_ref(),
     };
-    let image = run
-        .times
-        .time("render", || render(&input, view.as_view(), &settings, &run.progress))?;
-    run.audited(audit::picture(&image));
-    let attributes = Attributes::new(
-        &prepared.scene,
-        view.as_view().description(),
-        settings,
-        prepared.visibility.offset(),
-        json!(run.settings),
-    );
-    run.times.time("write", || {
-        exr::write(&args.output, &image, &attributes)?;
-        png::write(&preview, &image)
-    })?;
+    let output = (args.output.as_path(), preview.as_path());
+    let image = shoot(run, &input, &view, settings, args, output)?;
     run.progress.finish();
 
     let mut result = solve::to_json(&prepared, &solved.solver, &solved.solution);
     result["form_factors"] = solved.computed.as_ref().map_or(Value::Null, checks_to_json);
     result["image"] = json!(args.output.display().to_string());
     result["preview"] = json!(preview.display().to_string());
+    let gathered = settings.gather.map(|gather| GatherReport::new(&image, gather));
+    result["final_gather"] = json!(gathered);
     result["width"] = json!(image.width());
     result["height"] = json!(image.height());
     let document = run.document_of(&prepared, result);
@@ -122,6 +108,13 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
         describe_checks(&mut text, computed);
     }
     solve::describe(&mut text, &prepared, &solved.solver, &solved.solution);
+    if let Some(report) = gathered {
+        let _ = writeln!(
+            text,
+            "final gather: {} rays, {} of {} pixels above the noise of {}",
+            report.n_rays, report.n_above, report.n_pixels, report.noise
+        );
+    }
     run.describe_audit(&mut text);
     run.describe_times(&mut text);
     let _ = writeln!(
@@ -132,25 +125,24 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
         image.height(),
         preview.display()
     );
-    Ok(Outcome {
-        text,
-        document,
-        code: run.judged(
-            solve::code(&solved.solution, solved.computed.as_ref()),
-            args.audit.strict,
-        ),
-    })
+    let is_noisy = gathered.is_some_and(|report| report.n_above > 0);
+    let code = match solve::code(&solved.solution, solved.computed.as_ref()) {
+        ExitCode::Done if is_noisy => ExitCode::NotConverged,
+        code => code,
+    };
+    let code = run.judged(code, args.audit.strict);
+    Ok(Outcome { text, document, code })
 }
 
 /// Refuses a picture that alone takes more memory than there may be.
-fn expect_room((width, height): (u32, u32), run: &Run) -> Result<(), Failure> {
+pub(super) fn expect_room(run: &Run) -> Result<(), Failure> {
     let (needed, limit) = (run.storage.image_byte, limit_byte(run.storage.args.memory_limit));
     if needed <= limit {
         return Ok(());
     }
     let (needed, limit) = (byte_text(needed), byte_text(limit));
     let message = format!(
-        "a picture of {width} × {height} pixels needs {needed} of memory, and the limit is {limit}; raise --memory-limit or give fewer pixels"
+        "the picture needs {needed} of memory, and the limit is {limit}; raise --memory-limit or give fewer pixels"
     );
     Err(Failure::new("memory_limit", message))
 }
@@ -163,6 +155,8 @@ struct Solved {
     computed: Option<Computed>,
     /// F (B − E), where a direct pass adds the rest.
     indirect_irradiance: Option<Block>,
+    /// The estimated error of the radiosity, where there are form factors to carry it from.
+    error: Option<Block>,
 }
 
 /// Solves the scene, as far as the picture needs it.
@@ -184,6 +178,7 @@ fn solve_scene(
             solution: Solution::without_reflection(exitance),
             computed: None,
             indirect_irradiance: Some(dark),
+            error: None,
         });
     }
     let needs_symmetry = run.solver_entry(&args.solver)?.gains_by_reciprocity();
@@ -196,45 +191,42 @@ fn solve_scene(
     let computed = run.form_factors(prepared, &args.method, fineness, needs_symmetry)?;
     let solution = run.solve(prepared, &computed, &args.solver)?;
     let indirect_irradiance = with_direct.then(|| {
-        run.times
-            .time("solve", || indirect_irradiance(prepared, &computed, &solution))
+        run.times.time("solve", || {
+            indirect_irradiance(&computed, &prepared.materials().1, &solution)
+        })
     });
+    let error = run.carried_error(prepared, &computed, &solution)?;
     computed.factors.if_readable(())?;
     Ok(Solved {
         solver: args.solver.solver.clone(),
         solution,
         computed: Some(computed),
         indirect_irradiance,
+        error: Some(error),
     })
 }
 
 /// Returns patches of about equal size, [`DEFAULT_PATCHES`] in all.
-fn default_subdivision(scene: &Scene) -> Subdivision {
+pub(super) fn default_subdivision(scene: &Scene) -> Subdivision {
     let area: f64 = scene.face_ids().map(|face| scene.area_vector(face).length()).sum();
     Subdivision::MaxEdge((area / DEFAULT_PATCHES).sqrt())
 }
 
 /// Returns H without what comes straight from the emitters: F (B − E).
-fn indirect_irradiance(prepared: &Prepared, computed: &Computed, solution: &Solution) -> Block {
+pub(super) fn indirect_irradiance(computed: &Computed, exitance: &Block, solution: &Solution) -> Block {
     let mut reflected = solution.radiosity.clone();
-    for (i, patch) in prepared.mesh.patches.iter().enumerate() {
-        let exitance = prepared.scene.materials[patch.material.0 as usize].exitance;
-        for (value, emitted) in reflected.row_mut(i).iter_mut().zip(exitance) {
-            *value -= emitted;
-        }
+    for (value, emitted) in reflected.values_mut().iter_mut().zip(exitance.values()) {
+        *value -= emitted;
     }
     let mut irradiance = Block::zeros(reflected.n_rows(), reflected.n_channels());
     computed.factors.apply(&reflected, &mut irradiance);
     irradiance
 }
 
-fn is_unfolded(args: &ImageArgs) -> bool {
-    args.camera.as_deref() == Some(Path::new("unfolded"))
-}
-
-fn render_settings(args: &RenderArgs) -> Result<RenderSettings, Failure> {
+/// Returns how a picture is made; the defaults depend on the view.
+pub(super) fn render_settings(args: &RenderArgs, view: &ViewArgs) -> Result<RenderSettings, Failure> {
     let image = &args.image;
-    let direct = image.direct.unwrap_or_else(|| match (is_unfolded(image), image.flat) {
+    let direct = image.direct.unwrap_or_else(|| match (view.is_unfolded(), image.flat) {
         (_, true) => DirectName::Off,
         (true, false) => DirectName::Rays,
         (false, false) => DirectName::Polygons,
@@ -248,19 +240,40 @@ fn render_settings(args: &RenderArgs) -> Result<RenderSettings, Failure> {
                 "--direct-samples has no use without a direct pass; leave out --flat or --direct off",
             ));
         }
+        DirectName::Exact if image.direct_samples.is_some() => {
+            return Err(Failure::usage(
+                "--direct exact traces no rays; leave out --direct-samples",
+            ));
+        }
         DirectName::Off => DirectMethod::Off,
+        DirectName::Exact => DirectMethod::Exact,
         DirectName::Rays => DirectMethod::CosineRays { n: n_or(4096)? },
         DirectName::Polygons => DirectMethod::Polygons { n: n_or(16)? },
     };
-    // One sample a pixel is what a check by pixels wants; more are for the eye.
-    let samples = image.samples.unwrap_or(if is_unfolded(image) { 1 } else { 2 });
     Ok(RenderSettings {
         flat: image.flat,
-        samples: NonZeroU32::new(samples).ok_or(Failure::usage("--samples starts at 1"))?,
+        samples: samples(view)?,
+        gather: gather_settings(args.gather)?,
         direct,
         sequence: args.method.sequence.map_or_else(Sequence::default, Into::into),
         seed: args.method.seed,
     })
+}
+
+fn gather_settings(args: GatherArgs) -> Result<Option<GatherSettings>, Failure> {
+    let max_rays = NonZeroU32::new(args.gather_rays.unwrap_or(DEFAULT_GATHER_RAYS));
+    let settings = GatherSettings {
+        noise: args.noise.unwrap_or(DEFAULT_NOISE),
+        max_rays: max_rays.ok_or(Failure::usage("--gather-rays starts at 1"))?,
+    };
+    Ok(args.final_gather.then_some(settings))
+}
+
+/// Returns the samples along each side of a pixel.
+pub(super) fn samples(view: &ViewArgs) -> Result<NonZeroU32, Failure> {
+    // One sample a pixel is what a check by pixels wants; more are for the eye.
+    let n = view.samples.unwrap_or(if view.is_unfolded() { 1 } else { 2 });
+    NonZeroU32::new(n).ok_or(Failure::usage("--samples starts at 1"))
 }
 
 /// A view of one kind or the other.
@@ -278,9 +291,9 @@ impl AnyView {
     }
 }
 
-pub(super) fn view(args: &ImageArgs, scene_file: &Path, scene: &Scene) -> Result<AnyView, Failure> {
-    let flags = args.eye.is_some() || args.look_at.is_some() || args.up.is_some() || args.fov.is_some();
-    if is_unfolded(args) {
+pub(super) fn view(args: &ViewArgs, scene_file: &Path, scene: &Scene) -> Result<AnyView, Failure> {
+    let flags = args.has_camera_flags();
+    if args.is_unfolded() {
         if flags || args.height.is_some() {
             return Err(Failure::usage("--camera unfolded goes with --width alone"));
         }

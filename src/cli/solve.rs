@@ -82,12 +82,20 @@ fn finish(
 ) -> Result<Outcome, Failure> {
     if let Some(path) = &args.output {
         let (reflectance, exitance) = prepared.materials();
+        let wants_error = Format::of(path)? != Format::Csv;
+        let error = match computed.filter(|_| wants_error) {
+            Some(computed) => Some(run.carried_error(prepared, computed, solution)?),
+            None => None,
+        };
+        let row_sums = computed.map(|computed| computed.factors.row_sums());
         let report = SolutionReport {
             scene: &prepared.scene,
             mesh: &prepared.mesh,
             reflectance: &reflectance,
             exitance: &exitance,
             solution,
+            error: error.as_ref(),
+            row_sums: row_sums.as_deref(),
             settings: &run.settings,
         };
         run.times.time("write", || report.write(path))?;

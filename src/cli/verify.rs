@@ -42,6 +42,10 @@ pub(super) fn run(args: &VerifyArgs) -> Result<Outcome, Failure> {
 
 fn describe(report: &VerifyReport) -> String {
     let mut text = String::new();
+    let unit = if report.field.is_some() { "" } else { " W/m²" };
+    if let Some(surface) = &report.field {
+        let _ = writeln!(text, "form factors to {surface}");
+    }
     let tolerance = &report.tolerance;
     let _ = writeln!(
         text,
@@ -50,7 +54,7 @@ fn describe(report: &VerifyReport) -> String {
     );
     let _ = writeln!(
         text,
-        "error of a pixel: max {:.3e}, rms {:.3e} W/m²; {} outside their tolerance",
+        "error of a pixel: max {:.3e}, rms {:.3e}{unit}; {} outside their tolerance",
         report.max_error, report.rms_error, report.n_outside
     );
     let _ = writeln!(

@@ -9,17 +9,17 @@ use super::args::{LinksName, VoxelArgs};
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::pipeline::{Prepared, Run, go_on};
-use super::{Outcome, output, render};
+use super::{Outcome, merge, output, render};
 use crate::audit::{self, Given};
 use crate::matrix::operator::{Block, LinearOperator};
 use crate::mesh::Subdivision;
 use crate::render::{Attributes, DirectMethod, RenderInput, RenderSettings, exr, png};
 use crate::report::voxels::write_vtu;
-use crate::scene::{Material, Scene};
+use crate::scene::Scene;
 use crate::solver::{self, RadiositySystem, SolveOptions, SolverSettings, StopReason, Tolerance};
 use crate::voxel::{
-    AdaptiveSettings, DiscreteSphere, Form, Grid, LinkOperator, Links, RowWeights, SolidAngle, ThinGap, VoxelScene,
-    onto_patches, picture, propagate, solve_adaptively,
+    AdaptiveSettings, DiscreteSphere, Form, Grid, LinkOperator, Links, Materials, RowWeights, SolidAngle, ThinGap,
+    VoxelScene, onto_patches, picture, propagate, solve_adaptively,
 };
 
 /// Patches of the display, in voxels: fine enough to show what the voxels resolve.
@@ -76,6 +76,7 @@ fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
     run.set("radius", args.radius);
     run.set("exact_solid_angles", args.exact_solid_angles);
     run.set("unnormalised", args.unnormalised);
+    run.set("plain_emission", args.plain_emission);
     let gaps = run.times.time("checks", || voxels.thin_gaps(&prepared.scene));
     warn_of_gaps(run, &prepared.scene, &gaps, args.voxels);
     let leaks = if prepared.plan.watertight {
@@ -99,9 +100,7 @@ fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let checked = Checked { gaps, leaks, hausdorff };
     let mut result = to_json(&prepared.scene, &voxels, &sphere, &links, &checked);
     result["surfaces"] = surfaces(&prepared.scene, &voxels, &solved.radiosity);
-    if let (Value::Object(all), Value::Object(more)) = (&mut result, solved.document) {
-        all.extend(more);
-    }
+    merge(&mut result, solved.document);
     if let Some(path) = &args.output {
         result["output"] = json!(path.display().to_string());
     }
@@ -229,7 +228,7 @@ fn solve_on_cells(
     prepared
         .plan
         .decide("links", "memory", "those of cells, as they are cut".to_owned());
-    let (reflectance, exitance) = materials_of_surfels(&prepared.scene, voxels, prepared.plan.n_channels);
+    let materials = Materials::new(&prepared.scene, voxels, prepared.plan.n_channels);
     let settings = AdaptiveSettings {
         coarsest: args.coarsest,
         tolerance,
@@ -241,8 +240,8 @@ fn solve_on_cells(
             &prepared.scene,
             voxels,
             sphere,
-            &reflectance,
-            &exitance,
+            &materials.reflectance,
+            emission(&materials, args),
             &settings,
             &run.progress,
         )
@@ -252,7 +251,13 @@ fn solve_on_cells(
     let row_sums = vec![1.0; voxels.n_surfels()];
     if !args.unnormalised {
         let (b, h) = (&result.radiosity, &result.irradiance);
-        run.audited(audit::propagation(&reflectance, &exitance, &row_sums, b, h));
+        run.audited(audit::propagation(
+            &materials.reflectance,
+            emission(&materials, args),
+            &row_sums,
+            b,
+            h,
+        ));
     }
     let n_cells = result.cells.n_cells();
     let figures = LinkFigures {
@@ -275,11 +280,20 @@ fn solve_on_cells(
             result.n_cells.len() - 1,
             args.passes
         ),
-        radiosity: result.radiosity,
+        radiosity: materials.radiosity(&result.irradiance),
         irradiance: result.irradiance,
         code: ExitCode::Done,
     };
     Ok((solved, figures))
+}
+
+/// Returns what goes into the system as E.
+fn emission<'a>(materials: &'a Materials, args: &VoxelArgs) -> &'a Block {
+    if args.plain_emission {
+        &materials.exitance
+    } else {
+        &materials.emission
+    }
 }
 
 fn row_weights(args: &VoxelArgs) -> RowWeights {
@@ -402,13 +416,21 @@ fn gaps_to_json(scene: &Scene, gaps: &[ThinGap]) -> Value {
 }
 
 fn solve(run: &mut Run, prepared: &Prepared, operator: &LinkOperator<'_>, args: &VoxelArgs) -> Result<Solved, Failure> {
-    let (reflectance, exitance) = materials_of_surfels(&prepared.scene, operator.scene(), prepared.plan.n_channels);
+    let materials = Materials::new(&prepared.scene, operator.scene(), prepared.plan.n_channels);
+    let emission = emission(&materials, args);
     let Some(name) = args.solver.as_deref() else {
         let form: Form = args.form.into();
         run.set("form", json!(form));
         run.set("passes", args.passes);
         let result = run.times.time("propagation", || {
-            propagate(operator, &reflectance, &exitance, form, args.passes, &run.progress)
+            propagate(
+                operator,
+                &materials.reflectance,
+                emission,
+                form,
+                args.passes,
+                &run.progress,
+            )
         });
         run.go_on()?;
         let mut row_sums = Block::zeros(operator.n_rows(), 1);
@@ -416,12 +438,12 @@ fn solve(run: &mut Run, prepared: &Prepared, operator: &LinkOperator<'_>, args: 
         let (b, h) = (&result.radiosity, &result.irradiance);
         let found = run.times.time("audit", || {
             operator.apply(&ones, &mut row_sums);
-            audit::propagation(&reflectance, &exitance, row_sums.values(), b, h)
+            audit::propagation(&materials.reflectance, emission, row_sums.values(), b, h)
         });
         run.audited(found);
         let last = result.changes.last().copied().unwrap_or(0.0);
         return Ok(Solved {
-            radiosity: result.radiosity,
+            radiosity: materials.radiosity(&result.irradiance),
             irradiance: result.irradiance,
             document: json!({"form": form, "n_passes": args.passes, "changes": result.changes}),
             line: format!(
@@ -433,7 +455,12 @@ fn solve(run: &mut Run, prepared: &Prepared, operator: &LinkOperator<'_>, args: 
     };
     run.set("solver", name);
     run.set("tolerance", args.tolerance);
-    let system = RadiositySystem::new(operator, operator.scene().areas(), reflectance, exitance)?;
+    let system = RadiositySystem::new(
+        operator,
+        operator.scene().areas(),
+        materials.reflectance.clone(),
+        emission.clone(),
+    )?;
     let options = SolveOptions {
         tolerance: Tolerance::ResidualL2(args.tolerance),
         ..SolveOptions::default()
@@ -464,7 +491,7 @@ fn solve(run: &mut Run, prepared: &Prepared, operator: &LinkOperator<'_>, args: 
             "{name}: {} after {} passes, relative residual {:.1e}",
             solution.stop_reason, solution.n_passes, solution.residual_l2
         ),
-        radiosity: solution.radiosity,
+        radiosity: materials.radiosity(&solution.irradiance),
         irradiance: solution.irradiance,
         code: if converged {
             ExitCode::Done
@@ -472,22 +499,6 @@ fn solve(run: &mut Run, prepared: &Prepared, operator: &LinkOperator<'_>, args: 
             ExitCode::NotConverged
         },
     })
-}
-
-/// Returns ρ and E of every surfel, in one channel where all are grey, else in three.
-fn materials_of_surfels(scene: &Scene, voxels: &VoxelScene, n_channels: usize) -> (Block, Block) {
-    let collect = |value: fn(&Material) -> [f64; 3]| {
-        let of_surfel = |s: &crate::voxel::Surfel| {
-            let material = scene.faces[s.face.0 as usize].material;
-            value(&scene.materials[material.0 as usize])
-        };
-        let values = voxels
-            .surfels
-            .iter()
-            .flat_map(|s| of_surfel(s).into_iter().take(n_channels));
-        Block::from_values(values.collect(), n_channels)
-    };
-    (collect(|m| m.reflectance), collect(|m| m.exitance))
 }
 
 fn write(
@@ -514,10 +525,10 @@ fn write(
             )
         })?);
     }
-    let view = render::view(&args.image, &args.scene, &prepared.scene)?;
+    let view = render::view(&args.image.view, &args.scene, &prepared.scene)?;
     let settings = RenderSettings {
         flat: args.image.flat,
-        samples: std::num::NonZeroU32::new(args.image.samples.unwrap_or(2)).unwrap_or(std::num::NonZeroU32::MIN),
+        samples: std::num::NonZeroU32::new(args.image.view.samples.unwrap_or(2)).unwrap_or(std::num::NonZeroU32::MIN),
         direct: DirectMethod::Off,
         ..RenderSettings::default()
     };
@@ -542,6 +553,7 @@ fn write(
             radiosity: &radiosity,
             irradiance: &irradiance,
             indirect_irradiance: None,
+            error: None,
         };
         run.times.time("render", || {
             crate::render::render(&input, view.as_view(), &settings, &run.progress)

@@ -5,7 +5,7 @@
 //! [`malgouyres`] measures what the paper on voxels leaves open. [`stability`] tries every solver on stiff, extreme and impossible systems.
 //!
 //! Run times are results here, and the only ones that differ from run to run. `radiosity reproduce` keeps them apart: files with `time` in their names hold
-//! them, all others are the same bytes for the same settings. What it prints, and `--json`, has both.
+//! them, and so does `index.html`, the page with everything on it ([`page`](crate::report::page)); all others are the same bytes for the same settings. What it prints, and `--json`, has both.
 
 pub mod baranoski;
 mod compare;

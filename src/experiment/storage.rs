@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::{ExperimentError, Reference, ReferenceLevel};
 use crate::form_factor::{FormFactorMethod, Input, RandomShooting};
 use crate::geometry::sampling::Sequence;
-use crate::matrix::{FormFactors, Layout, Precision, RowTally, RowTile, StorageChoice};
+use crate::matrix::{FormFactors, Layout, Precision, RowTally, RowTile, StorageChoice, Weighting};
 use crate::progress::Progress;
 
 /// The size of a matrix of form factors, without standard errors, in f64.
@@ -19,7 +19,7 @@ pub struct StorageFigures {
     pub density: f64,
     /// Memory in use with every entry stored.
     pub dense_byte: u64,
-    /// Memory for the entries on and above the diagonal, 8 N (N + 1) / 2: counted, not measured; with the areas they say all.
+    /// Memory in use with the exchange areas on and above the diagonal stored in squares, each as full or as sparse as suits it: half of the others for large N.
     pub symmetric_byte: u64,
     /// Memory in use with the non-zero entries stored by row, each with its column.
     pub sparse_byte: u64,
@@ -86,13 +86,14 @@ pub fn storage_figures(
         )?)
     };
     let (dense, sparse) = (stored(Layout::Dense)?, stored(Layout::Sparse)?);
+    let symmetric = dense.symmetrised(Weighting::default())?;
     let n_entries = (n as u64) * (n as u64);
     Ok(StorageFigures {
         n_patches: n,
         n_entries,
         density: sparse.density(),
         dense_byte: dense.stored_byte() as u64,
-        symmetric_byte: 4 * (n_entries + n as u64),
+        symmetric_byte: symmetric.stored_byte() as u64,
         sparse_byte: sparse.stored_byte() as u64,
         rays,
     })

@@ -53,6 +53,16 @@ impl PointStream {
         }
     }
 
+    /// Passes over the next n points. Work: O(1) for Sobol points, O(n) for random ones.
+    pub fn skip(&mut self, n: u64) {
+        match &mut self.0 {
+            Source::Sobol { next, .. } => *next += n,
+            Source::Random(_) => (0..n).for_each(|_| {
+                self.next_point();
+            }),
+        }
+    }
+
     /// Returns the next point; every coordinate lies strictly between 0 and 1.
     pub fn next_point(&mut self) -> [f64; 4] {
         match &mut self.0 {

@@ -48,6 +48,17 @@ enum Weights {
 /// A factor d_i beyond all use: no scaling exists, and the factors would go on to infinity and zero.
 const RUNAWAY_FROM: f64 = 1e100;
 
+/// Refuses row sums that no matrix of form factors has.
+pub(super) fn expect_targets(targets: &[f64]) -> Result<(), MatrixError> {
+    match targets.iter().position(|t| !(t.is_finite() && *t >= 0.0)) {
+        Some(row) => Err(MatrixError::Target {
+            row,
+            target: targets[row],
+        }),
+        None => Ok(()),
+    }
+}
+
 impl FormFactors {
     /// Returns form factors with symmetric exchange areas: the weighted mean of A_i F_ij and A_j F_ji.
     ///
@@ -120,10 +131,7 @@ impl FormFactors {
         let Entries::Symmetric { exchange, .. } = &self.entries else {
             return Err(MatrixError::NotSymmetric);
         };
-        if let Some(row) = targets.iter().position(|t| !(t.is_finite() && *t >= 0.0)) {
-            let target = targets[row];
-            return Err(MatrixError::Target { row, target });
-        }
+        expect_targets(targets)?;
         let (scaling, report) = self.if_readable(self.scaling(targets, tolerance, max_passes))?;
         Ok((self.with_exchange(exchange.scaled(&scaling)?), report))
     }

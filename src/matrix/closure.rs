@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::balance::expect_targets;
 use super::transpose::index;
 use super::{BalanceReport, Entries, FormFactors, MatrixError, RowTally, RowTile, symmetric};
 
@@ -54,10 +55,7 @@ impl FormFactors {
         if !matches!(self.entries, Entries::Symmetric { .. }) {
             return Err(MatrixError::NotSymmetric);
         }
-        if let Some(row) = targets.iter().position(|t| !(t.is_finite() && *t >= 0.0)) {
-            let target = targets[row];
-            return Err(MatrixError::Target { row, target });
-        }
+        expect_targets(targets)?;
         let area_max = self.areas.iter().copied().fold(0.0, f64::max);
         let areas: Vec<f64> = self.areas.iter().map(|area| area / area_max).collect();
         let mut problem = Problem {

@@ -73,21 +73,12 @@ impl<T: Scalar> InnerLoop for Eight<'_, T> {
         let Self(rows, x, channels, n_channels, y) = self;
         for (ends, y_i) in rows.begins.windows(2).zip(y.chunks_exact_mut(n_channels)) {
             let places = ends[0]..ends[1];
-            let (columns, columns_rest) = rows.columns[places.clone()].as_chunks::<LANES>();
-            let (values, values_rest) = rows.values[places].as_chunks::<LANES>();
+            let (columns, values) = (&rows.columns[places.clone()], &rows.values[places]);
             let mut sums = [Wide::<S, N>::zero(simd); LANES];
-            let add = |sum: &mut Wide<S, N>, j: u32, a: T| {
+            in_turns(columns, values, &mut sums, |sum, j: u32, a| {
                 let a = Wide::splat(simd, a.to_f64());
                 *sum = sum.plus_product(simd, a, Wide::load(&x[j as usize]));
-            };
-            for (j, a) in columns.iter().zip(values) {
-                for l in 0..LANES {
-                    add(&mut sums[l], j[l], a[l]);
-                }
-            }
-            for (sum, (j, a)) in sums.iter_mut().zip(columns_rest.iter().zip(values_rest)) {
-                add(sum, *j, *a);
-            }
+            });
             let mut partial = [[0.0; LANES]; LANES];
             for (lanes, sum) in partial.iter_mut().zip(sums) {
                 sum.store(lanes);
@@ -130,20 +121,11 @@ impl<T: Scalar> InnerLoop for OneListed<'_, T> {
         for_each_row(entries, |row, columns, values| {
             let x_row = x_rows[row];
             let mut parts = [0.0; PARTS];
-            let mut add = |part: &mut f64, j: u8, a: T| {
+            in_turns(columns, values, &mut parts, |part, j, a| {
                 let (j, a) = (usize::from(j), a.to_f64());
                 *part = a.mul_add(x_columns[j], *part);
                 y_columns[j] = a.mul_add(x_row, y_columns[j]);
-            };
-            let ((fours, rest), (a_fours, a_rest)) = (columns.as_chunks::<PARTS>(), values.as_chunks::<PARTS>());
-            for (j, a) in fours.iter().zip(a_fours) {
-                for l in 0..PARTS {
-                    add(&mut parts[l], j[l], a[l]);
-                }
-            }
-            for (part, (j, a)) in parts.iter_mut().zip(rest.iter().zip(a_rest)) {
-                add(part, *j, *a);
-            }
+            });
             rows[row][0] += (parts[0] + parts[1]) + (parts[2] + parts[3]);
         });
     }
@@ -169,27 +151,38 @@ impl<T: Scalar> InnerLoop for EightListed<'_, T> {
         for_each_row(entries, |row, columns, values| {
             let x_row = Wide::<S, N>::load(&x_rows[row]);
             let mut parts = [Wide::<S, N>::zero(simd); PARTS];
-            let mut add = |part: &mut Wide<S, N>, j: u8, a: T| {
+            in_turns(columns, values, &mut parts, |part, j, a| {
                 let (j, a) = (usize::from(j), Wide::splat(simd, a.to_f64()));
                 *part = part.plus_product(simd, a, Wide::load(&x_columns[j]));
                 let y = &mut y_columns[j];
                 Wide::load(y).plus_product(simd, a, x_row).store(y);
-            };
-            let ((fours, rest), (a_fours, a_rest)) = (columns.as_chunks::<PARTS>(), values.as_chunks::<PARTS>());
-            for (j, a) in fours.iter().zip(a_fours) {
-                for l in 0..PARTS {
-                    add(&mut parts[l], j[l], a[l]);
-                }
-            }
-            for (part, (j, a)) in parts.iter_mut().zip(rest.iter().zip(a_rest)) {
-                add(part, *j, *a);
-            }
+            });
             let [a, b, c, d] = parts;
             a.plus(simd, b)
                 .plus(simd, c.plus(simd, d))
                 .plus(simd, Wide::load(&rows[row]))
                 .store(&mut rows[row]);
         });
+    }
+}
+
+/// Calls `add(sum, column, value)` for the entries of a row, one after the other for each of `sums` and then again from the first.
+#[inline(always)]
+fn in_turns<P, J: Copy, T: Copy, const K: usize>(
+    columns: &[J],
+    values: &[T],
+    sums: &mut [P; K],
+    mut add: impl FnMut(&mut P, J, T),
+) {
+    let (columns, columns_rest) = columns.as_chunks::<K>();
+    let (values, values_rest) = values.as_chunks::<K>();
+    for (j, a) in columns.iter().zip(values) {
+        for l in 0..K {
+            add(&mut sums[l], j[l], a[l]);
+        }
+    }
+    for (sum, (j, a)) in sums.iter_mut().zip(columns_rest.iter().zip(values_rest)) {
+        add(sum, *j, *a);
     }
 }
 

@@ -352,6 +352,12 @@ impl FormFactors {
         sum
     }
 
+    /// Returns Σ_j F_ij of every row.
+    #[must_use]
+    pub fn row_sums(&self) -> Vec<f64> {
+        (0..self.n_rows()).map(|i| self.row_sum(i)).collect()
+    }
+
     /// Returns the share of entries that are not zero.
     #[must_use]
     pub fn density(&self) -> f64 {

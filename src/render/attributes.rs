@@ -4,8 +4,9 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use sha2::{Digest, Sha256};
 
-use super::RenderSettings;
+use super::exr::Pixels;
 use super::view::ViewDescription;
+use super::{FieldRecord, RenderSettings};
 use crate::scene::Scene;
 
 /// The layout of the attributes; it changes when an older reader would misread them.
@@ -34,7 +35,8 @@ pub struct SurfaceRecord {
 /// Everything that an image file says beside its pixels: no time, path, thread count or command line.
 ///
 /// As attributes of the EXR file, all of them text (JSON in ASCII where they are not plain): `radiosity_format`, `radiosity_version`, `seed`,
-/// `settings` {`render`, `ray_offset_m`, `solution`}, `camera`, `surfaces`, `scene_sha256`.
+/// `settings` {`render`, `ray_offset_m`, `pixels`, `solution`}, `camera`, `surfaces`, `scene_sha256`; `field` {`surface`}
+/// in a field of form factors.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Attributes {
     /// The version of the crate that rendered the image.
@@ -49,6 +51,10 @@ pub struct Attributes {
     pub view: ViewDescription,
     /// The scene: one record per surface, in file order.
     pub surfaces: Vec<SurfaceRecord>,
+    /// How the numbers of the layers are stored.
+    pub pixels: Pixels,
+    /// What the form factors are to, where the image is a [`field`](super::field()).
+    pub field: Option<FieldRecord>,
     /// Whether `surfaces` is what `scene_sha256` was made from; false in a file whose description was changed afterwards.
     pub scene_intact: bool,
 }
@@ -57,6 +63,8 @@ pub struct Attributes {
 struct Settings {
     render: RenderSettings,
     ray_offset_m: f64,
+    #[serde(default)]
+    pixels: Pixels,
     solution: serde_json::Value,
 }
 
@@ -93,8 +101,17 @@ impl Attributes {
             solution,
             view,
             surfaces,
+            pixels: Pixels::default(),
+            field: None,
             scene_intact: true,
         }
+    }
+
+    /// Says that the image is a field of form factors.
+    #[must_use]
+    pub fn with_field(mut self, record: FieldRecord) -> Self {
+        self.field = Some(record);
+        self
     }
 
     /// Returns the attributes' names and texts, in the order of the names.
@@ -103,9 +120,10 @@ impl Attributes {
         let settings = Settings {
             render: self.render,
             ray_offset_m: self.ray_offset,
+            pixels: self.pixels,
             solution: self.solution.clone(),
         };
-        Ok(vec![
+        let mut texts = vec![
             ("camera", ascii_json(&self.view)?),
             ("radiosity_format", FORMAT.to_string()),
             ("radiosity_version", self.version.clone()),
@@ -113,7 +131,11 @@ impl Attributes {
             ("seed", self.render.seed.to_string()),
             ("settings", ascii_json(&settings)?),
             ("surfaces", surfaces),
-        ])
+        ];
+        if let Some(field) = &self.field {
+            texts.insert(1, ("field", ascii_json(field)?));
+        }
+        Ok(texts)
     }
 
     /// Reads what [`to_texts`](Self::to_texts) wrote; `text` looks an attribute up.
@@ -130,9 +152,11 @@ impl Attributes {
             version: get("radiosity_version")?,
             render: settings.render,
             ray_offset: settings.ray_offset_m,
+            pixels: settings.pixels,
             solution: settings.solution,
             view: parse("camera", &get("camera")?)?,
             surfaces: parse("surfaces", &surfaces)?,
+            field: text("field").map(|text| parse("field", &text)).transpose()?,
             scene_intact,
         })
     }

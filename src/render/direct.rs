@@ -5,10 +5,12 @@ use std::num::NonZeroU32;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use super::direct_exact::{ClearParts, SeenByPatch};
 use crate::geometry::clip::clip_to_half_space;
 use crate::geometry::point_form_factor::point_form_factor;
 use crate::geometry::polygon;
 use crate::geometry::sampling::{Frame, PointStream, Sequence, UniformOnPolygon, cosine_direction};
+use crate::mesh::{Mesh, PatchId};
 use crate::scene::{FaceId, Scene};
 use crate::visibility::{Coherence, HitBatch, RayBatch, Visibility};
 
@@ -35,12 +37,18 @@ pub enum DirectMethod {
         /// Shadow rays per emitting face and sample of a pixel.
         n: NonZeroU32,
     },
+    /// By the exact form factor to the visible part of every emitting face: H = Σ_j E_j F(x → visible part of j), in f64 and without rays.
+    ///
+    /// Each face is clipped against what stands between it and the point's patch (see [`VisibleFactor`](crate::form_factor::partial::VisibleFactor)).
+    /// No noise; the error is that of rounding. The time grows with pixels × emitting faces × blockers in between.
+    Exact,
 }
 
 /// A front-facing point at which the direct irradiance is wanted.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DirectPoint {
     pub(super) face: FaceId,
+    pub(super) patch: PatchId,
     pub(super) point: DVec3,
     pub(super) normal: DVec3,
     /// The number of the point's own random stream.
@@ -89,8 +97,8 @@ fn edge_distance(corners: &[DVec3], point: DVec3) -> f64 {
         .fold(f64::INFINITY, f64::min)
 }
 
-struct Emitter {
-    corners: Vec<DVec3>,
+pub(super) struct Emitter {
+    pub(super) corners: Vec<DVec3>,
     normal: DVec3,
     exitance: [f64; 3],
     points: UniformOnPolygon,
@@ -106,6 +114,8 @@ pub(super) struct DirectPass<'a> {
     emitters: Vec<Emitter>,
     /// E of every face.
     exitance: Vec<[f64; 3]>,
+    /// What stands in between, where that is wanted exactly.
+    clear: Option<ClearParts<'a>>,
 }
 
 /// Buffers of one thread.
@@ -115,6 +125,7 @@ pub(super) struct Scratch {
     hits: HitBatch,
     blocked: Vec<bool>,
     weights: Vec<f64>,
+    seen: SeenByPatch,
 }
 
 /// How many of the visibility's offsets the ends of rays keep away from the edges of their faces.
@@ -126,10 +137,10 @@ const BATCH: u32 = 1 << 14;
 impl<'a> DirectPass<'a> {
     pub(super) fn new(
         scene: &'a Scene,
+        mesh: &'a Mesh,
         visibility: &'a dyn Visibility,
         method: DirectMethod,
-        sequence: Sequence,
-        seed: u64,
+        (sequence, seed): (Sequence, u64),
     ) -> Self {
         let exitance: Vec<[f64; 3]> = scene
             .faces
@@ -160,6 +171,7 @@ impl<'a> DirectPass<'a> {
             seed,
             emitters,
             exitance,
+            clear: (method == DirectMethod::Exact).then(|| ClearParts::new(scene, mesh)),
         }
     }
 
@@ -169,28 +181,41 @@ impl<'a> DirectPass<'a> {
             DirectMethod::Off => DirectEstimate::default(),
             DirectMethod::CosineRays { n } => self.by_rays(at, n.get(), scratch),
             DirectMethod::Polygons { n } => self.by_polygons(at, n.get(), scratch),
+            DirectMethod::Exact => self.exactly(at, scratch),
         }
+    }
+
+    fn exactly(&self, at: &DirectPoint, scratch: &mut Scratch) -> DirectEstimate {
+        let mut estimate = DirectEstimate::default();
+        let Some(clear) = &self.clear else { return estimate };
+        for (k, emitter) in (0..).zip(&self.emitters) {
+            let form_factor = scratch.seen.form_factor(clear, at, (k, &emitter.corners));
+            for (mean, exitance) in estimate.mean.iter_mut().zip(emitter.exitance) {
+                *mean += exitance * form_factor;
+            }
+        }
+        estimate
     }
 
     fn stream(&self, at: &DirectPoint) -> PointStream {
         PointStream::new(self.sequence, self.seed, at.stream)
     }
 
-    /// Returns where the rays of a point start, in the frame of the visibility.
-    fn origin(&self, at: &DirectPoint) -> DVec3 {
+    /// Returns where the rays of a point of a face start, in the frame of the visibility.
+    pub(super) fn origin(&self, face: FaceId, at: DVec3, normal: DVec3) -> DVec3 {
         let offset = self.visibility.offset();
-        let corners = self.scene.polygon(at.face);
-        let mut point = at.point;
+        let corners = self.scene.polygon(face);
+        let mut point = at;
         if edge_distance(&corners, point) < offset {
             point = Inset::new(&corners, EDGE_OFFSETS * offset).apply(point);
         }
-        point - self.visibility.frame_origin() + at.normal * offset
+        point - self.visibility.frame_origin() + normal * offset
     }
 
     fn by_rays(&self, at: &DirectPoint, n: u32, scratch: &mut Scratch) -> DirectEstimate {
         let Scratch { rays, hits, .. } = scratch;
         let frame = Frame::from_normal(at.normal);
-        let origin = self.origin(at);
+        let origin = self.origin(at.face, at.point, at.normal);
         let mut stream = self.stream(at);
         let (mut sum, mut squares) = ([0.0; 3], [0.0; 3]);
         let mut left = n;
@@ -259,7 +284,7 @@ impl<'a> DirectPass<'a> {
         let (mut total, mut seen, mut squares) = (0.0, 0.0, [0.0; 3]);
         let frame = self.visibility.frame_origin();
         let offset = self.visibility.offset();
-        let origin = self.origin(at);
+        let origin = self.origin(at.face, at.point, at.normal);
         let weight = |to: DVec3| {
             let r = to - at.point;
             at.normal.dot(r).max(0.0) * -emitter.normal.dot(r) / r.length_squared().powi(2)

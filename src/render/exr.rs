@@ -1,27 +1,60 @@
 //! OpenEXR files: the image's layers and what verification needs.
 
+use std::collections::BTreeMap;
 use std::io::{Cursor, Write as _};
 use std::path::Path;
 
-use ::exr::image::{AnyChannel, AnyChannels, Encoding, FlatSamples, Layer as ExrLayer};
+use ::exr::image::{AnyChannel, AnyChannels, Encoding, FlatSamples, Layer as ExrLayer, Layers};
 use ::exr::meta::attribute::{AttributeValue, LineOrder, Text};
-use ::exr::meta::header::LayerAttributes;
-use ::exr::prelude::{Blocks, Compression, ReadChannels, ReadLayers, WritableImage, read as reader};
+use ::exr::meta::header::{ImageAttributes, LayerAttributes};
+use ::exr::prelude::{Blocks, Compression, ReadChannels, ReadLayers, WritableImage, f16, read as reader};
+use serde::{Deserialize, Serialize};
 
 use super::attributes::{AttributeError, Attributes, FORMAT};
 use super::error::RenderError;
-use super::image::{Image, Samples};
+use super::image::{Image, Layer, Samples};
 use crate::whole_file;
+
+/// How the numbers of a file are stored.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Pixels {
+    /// 32-bit floats.
+    #[default]
+    F32,
+    /// 16-bit floats (11 bits, up to 65504) for colours and normals: `R,G,B`, `irradiance.*`, `radiosity.*`, `direct.*`, `albedo.*`, `N.*`.
+    ///
+    /// A layer with a value beyond their range stays at 32 bits, as do all others: positions, depth, errors and variances.
+    F16,
+}
+
+/// How the layers of a file are arranged.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Parts {
+    /// All layers in one part; programs group them by the dots of their names.
+    #[default]
+    Single,
+    /// A part for each group of layers: `rgba` (the picture), `depth`, and the names before the dots. Channels keep their full names.
+    Multi,
+}
+
+/// Writes an image with its attributes in one part; see [`write_parts`].
+///
+/// # Errors
+/// As [`write_parts`].
+pub fn write(path: &Path, image: &Image, attributes: &Attributes) -> Result<(), RenderError> {
+    write_parts(path, image, attributes, Parts::Single)
+}
 
 /// Writes an image with its attributes, whole or not at all.
 ///
-/// One part of scan lines, ZIP in blocks of 16 lines, every layer a channel of 32-bit float or unsigned integer. Equal arguments
-/// give equal bytes.
+/// Scan lines, ZIP in blocks of 16 lines, every layer a channel of floats (of the kind that `attributes.pixels` says) or of 32-bit unsigned integers.
+/// With several parts the attributes are those of the first. Equal arguments give equal bytes.
 ///
 /// # Errors
 /// [`RenderError::Io`], [`RenderError::Encode`].
-pub fn write(path: &Path, image: &Image, attributes: &Attributes) -> Result<(), RenderError> {
-    let bytes = encode(image, attributes)?;
+pub fn write_parts(path: &Path, image: &Image, attributes: &Attributes, parts: Parts) -> Result<(), RenderError> {
+    let bytes = encode(image, attributes, parts)?;
     whole_file::write(path, |writer| writer.write_all(&bytes)).map_err(|source| RenderError::Io {
         path: path.to_owned(),
         source,
@@ -41,34 +74,46 @@ pub fn read(path: &Path) -> Result<(Image, Attributes), RenderError> {
     decode(path, &bytes)
 }
 
-fn encode(image: &Image, attributes: &Attributes) -> Result<Vec<u8>, RenderError> {
+fn encode(image: &Image, attributes: &Attributes, parts: Parts) -> Result<Vec<u8>, RenderError> {
     let failed = |reason: &dyn std::fmt::Display| RenderError::Encode(reason.to_string());
-    let mut header = LayerAttributes::default();
+    let mut texts = LayerAttributes::default();
     for (name, text) in attributes.to_texts().map_err(|error| failed(&error))? {
-        header
+        texts
             .other
             .insert(Text::from(name), AttributeValue::Text(Text::from(text.as_str())));
     }
-    let channels = image.layers().iter().map(|layer| {
-        let samples = match &layer.samples {
-            Samples::F32(values) => FlatSamples::F32(values.clone()),
-            Samples::U32(values) => FlatSamples::U32(values.clone()),
+    let mut groups: BTreeMap<&str, Vec<AnyChannel<FlatSamples>>> = BTreeMap::new();
+    for layer in image.layers() {
+        let group = match parts {
+            Parts::Single => PICTURE,
+            Parts::Multi => part_of(&layer.name),
         };
-        AnyChannel::new(layer.name.as_str(), samples)
+        let channel = AnyChannel::new(layer.name.as_str(), stored(layer, attributes.pixels));
+        groups.entry(group).or_default().push(channel);
+    }
+    // The picture comes first: it is what programs show that know nothing of parts.
+    let mut order: Vec<&str> = groups.keys().copied().collect();
+    order.sort_by_key(|&name| (name != PICTURE, name));
+    let layers = order.into_iter().enumerate().map(|(k, name)| {
+        let mut header = if k == 0 {
+            texts.clone()
+        } else {
+            LayerAttributes::default()
+        };
+        header.layer_name = (parts == Parts::Multi).then(|| Text::from(name));
+        let encoding = Encoding {
+            compression: Compression::ZIP16,
+            blocks: Blocks::ScanLines,
+            line_order: LineOrder::Increasing,
+        };
+        let channels = groups.remove(name).unwrap_or_default().into_iter().collect();
+        let size = (image.width(), image.height());
+        ExrLayer::new(size, header, encoding, AnyChannels::sort(channels))
     });
-    let encoding = Encoding {
-        compression: Compression::ZIP16,
-        blocks: Blocks::ScanLines,
-        line_order: LineOrder::Increasing,
-    };
-    let layer = ExrLayer::new(
-        (image.width(), image.height()),
-        header,
-        encoding,
-        AnyChannels::sort(channels.collect()),
-    );
+    let layers: Layers<AnyChannels<FlatSamples>> = layers.collect();
+    let size = ImageAttributes::with_size((image.width(), image.height()));
     let mut bytes = Cursor::new(Vec::new());
-    ::exr::image::Image::from_layer(layer)
+    ::exr::image::Image::from_layers(size, layers)
         .write()
         .to_buffered(&mut bytes)
         .map_err(|error| failed(&error))?;
@@ -77,13 +122,55 @@ fn encode(image: &Image, attributes: &Attributes) -> Result<Vec<u8>, RenderError
     Ok(bytes)
 }
 
-/// Puts the attributes of a single-part file into the order of their names: the encoder's own order changes from run to run.
+/// The part of `R,G,B`.
+const PICTURE: &str = "rgba";
+
+/// Returns the part that a layer belongs to.
+fn part_of(layer: &str) -> &str {
+    match layer {
+        "R" | "G" | "B" | "Y" => PICTURE,
+        "Z" => "depth",
+        _ => layer.split_once('.').map_or(layer, |(group, _)| group),
+    }
+}
+
+/// The groups of layers that may be stored as 16-bit floats.
+const HALVED: [&str; 6] = [PICTURE, "irradiance", "radiosity", "direct", "albedo", "N"];
+
+fn stored(layer: &Layer, pixels: Pixels) -> FlatSamples {
+    match &layer.samples {
+        Samples::U32(values) => FlatSamples::U32(values.clone()),
+        Samples::F32(values) => {
+            let fits = || values.iter().all(|value| value.abs() <= f16::MAX.to_f32());
+            let halved = pixels == Pixels::F16 && layer.name != "Y" && HALVED.contains(&part_of(&layer.name));
+            if halved && fits() {
+                FlatSamples::F16(values.iter().map(|&value| f16::from_f32(value)).collect())
+            } else {
+                FlatSamples::F32(values.clone())
+            }
+        }
+    }
+}
+
+/// Puts the attributes of each part into the order of their names: the encoder's own order changes from run to run.
 ///
-/// The header keeps its length, so that the offsets of the pixel blocks stay right. Returns `None` if the bytes are no such header.
+/// The headers keep their lengths, so that the offsets of the pixel blocks stay right. Returns `None` if the bytes are no such headers.
 fn sort_attributes(bytes: &mut [u8]) -> Option<()> {
     const START: usize = 8; // magic number, version
+    const MULTI_PART: u8 = 0x10; // of the version's second byte
+    let is_multi_part = bytes.get(5)? & MULTI_PART != 0;
+    let mut at = sort_header(bytes, START)?;
+    // Another empty header ends the list of several.
+    while is_multi_part && *bytes.get(at)? != 0 {
+        at = sort_header(bytes, at)?;
+    }
+    Some(())
+}
+
+/// Sorts the header that starts at `start`, and returns where it ends.
+fn sort_header(bytes: &mut [u8], start: usize) -> Option<usize> {
     let mut attributes: Vec<&[u8]> = Vec::new();
-    let mut at = START;
+    let mut at = start;
     // An attribute is name, 0, type, 0, length as i32, value; an empty name ends the list.
     while *bytes.get(at)? != 0 {
         let after_text = |from: usize| Some(from + bytes.get(from..)?.iter().position(|&byte| byte == 0)? + 1);
@@ -96,8 +183,8 @@ fn sort_attributes(bytes: &mut [u8]) -> Option<()> {
     // The name comes first in the bytes, and no name is the beginning of another without its 0.
     attributes.sort_unstable();
     let sorted = attributes.concat();
-    bytes.get_mut(START..at)?.copy_from_slice(&sorted);
-    Some(())
+    bytes.get_mut(start..at)?.copy_from_slice(&sorted);
+    Some(at + 1)
 }
 
 fn decode(path: &Path, bytes: &[u8]) -> Result<(Image, Attributes), RenderError> {
@@ -110,14 +197,19 @@ fn decode(path: &Path, bytes: &[u8]) -> Result<(Image, Attributes), RenderError>
         .no_deep_data()
         .largest_resolution_level()
         .all_channels()
-        .first_valid_layer()
+        .all_layers()
         .all_attributes()
         .from_buffered(Cursor::new(bytes))
         .map_err(damaged)?;
-    let layer = file.layer_data;
-    let text = |name: &'static str| match layer.attributes.other.get(name.as_bytes()) {
-        Some(AttributeValue::Text(text)) => Some(text.to_string()),
-        _ => None,
+    let parts = file.layer_data;
+    let text = |name: &'static str| {
+        let mut found = parts
+            .iter()
+            .filter_map(|part| part.attributes.other.get(name.as_bytes()));
+        match found.next() {
+            Some(AttributeValue::Text(text)) => Some(text.to_string()),
+            _ => None,
+        }
     };
     let attributes = Attributes::from_texts(text).map_err(|error| match error {
         AttributeError::Missing(name) => RenderError::MissingAttribute { path: path(), name },
@@ -132,8 +224,15 @@ fn decode(path: &Path, bytes: &[u8]) -> Result<(Image, Attributes), RenderError>
             reason,
         },
     })?;
-    let mut image = Image::new(layer.size.x(), layer.size.y());
-    for channel in layer.channel_data.list {
+    let size = parts.first().map_or((0, 0), |part| (part.size.x(), part.size.y()));
+    if let Some(other) = parts.iter().find(|part| (part.size.x(), part.size.y()) != size) {
+        return Err(RenderError::NotExr {
+            path: path(),
+            reason: format!("its parts differ in size: {size:?} and {:?}", other.size),
+        });
+    }
+    let mut image = Image::new(size.0, size.1);
+    for channel in parts.into_iter().flat_map(|part| part.channel_data.list) {
         let samples = match channel.sample_data {
             FlatSamples::F32(values) => Samples::F32(values),
             FlatSamples::U32(values) => Samples::U32(values),

@@ -64,6 +64,12 @@ impl Image {
         &self.layers
     }
 
+    /// Gives the layers away, ordered by name.
+    #[must_use]
+    pub fn into_layers(self) -> Vec<Layer> {
+        self.layers
+    }
+
     /// Adds a layer, or replaces the one of that name.
     ///
     /// # Panics

@@ -3,6 +3,7 @@
 use std::f64::consts::PI;
 
 use super::direct::DirectEstimate;
+use super::gather::Gathered;
 use super::image::{Image, Samples, channel_names};
 use super::shade::{Shade, SurfacePoint};
 
@@ -11,8 +12,31 @@ use super::shade::{Shade, SurfacePoint};
 pub(super) struct Pixel {
     pub(super) shade: Shade,
     pub(super) direct: DirectEstimate,
+    /// The variance of the irradiance, and the rays that it was gathered by.
+    pub(super) variance: [f64; 3],
+    pub(super) n_rays: u32,
+    /// The estimated error of the solution.
+    pub(super) error: [f64; 3],
     /// What is seen at the pixel's centre.
     pub(super) centre: Option<SurfacePoint>,
+}
+
+impl Pixel {
+    /// Returns L = B/π.
+    pub(super) fn radiance(&self) -> [f32; 3] {
+        self.shade.radiosity.map(|b| single(b / PI))
+    }
+
+    /// Adds what was gathered to the light.
+    pub(super) fn add_gathered(&mut self, gathered: &Gathered) {
+        let [irradiance, reflected, variance] = gathered.estimate();
+        for c in 0..3 {
+            self.shade.irradiance[c] += irradiance[c];
+            self.shade.radiosity[c] += reflected[c];
+            self.variance[c] = variance[c] + self.direct.variance[c];
+        }
+        self.n_rays = gathered.n_rays();
+    }
 }
 
 type Value = fn(&Pixel) -> [f64; 3];
@@ -40,6 +64,20 @@ const DIRECT_TRIPLES: [(&str, [char; 3], Value); 2] = [
     ("direct_error", RGB, |pixel| pixel.direct.variance.map(f64::sqrt)),
 ];
 
+/// The layer of final gather.
+const VARIANCE: (&str, [char; 3], Value) = ("variance", RGB, |pixel| pixel.variance);
+
+/// The layer of the solution's error.
+const ERROR: (&str, [char; 3], Value) = ("error", RGB, |pixel| pixel.error);
+
+/// Which layers an image has beside those of every image.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Kinds {
+    pub(super) direct: bool,
+    pub(super) gathered: bool,
+    pub(super) error: bool,
+}
+
 /// Three layers while they are filled.
 struct Triple {
     prefix: &'static str,
@@ -55,15 +93,20 @@ pub(super) struct Canvas {
     triples: Vec<Triple>,
     depth: Vec<f32>,
     patch: Vec<u32>,
+    samples: Option<Vec<u32>>,
 }
 
 impl Canvas {
-    pub(super) fn new(width: usize, height: usize, with_direct: bool) -> Self {
+    pub(super) fn new(width: usize, height: usize, kinds: Kinds) -> Self {
         let n = width * height;
-        let direct: &[_] = if with_direct { &DIRECT_TRIPLES } else { &[] };
+        let direct: &[_] = if kinds.direct { &DIRECT_TRIPLES } else { &[] };
+        let variance = kinds.gathered.then_some(&VARIANCE);
+        let error = kinds.error.then_some(&ERROR);
         let triples = TRIPLES
             .iter()
             .chain(direct)
+            .chain(variance)
+            .chain(error)
             .map(|&(prefix, suffixes, value)| Triple {
                 prefix,
                 suffixes,
@@ -77,15 +120,26 @@ impl Canvas {
             triples,
             depth: vec![0.0; n],
             patch: vec![u32::MAX; n],
+            samples: kinds.gathered.then(|| vec![0; n]),
         }
     }
 
-    pub(super) fn set(&mut self, x: u32, y: u32, pixel: &Pixel) {
+    /// Sets pixels, given in the order of their positions.
+    pub(super) fn set_all(&mut self, positions: impl Iterator<Item = (u32, u32)>, pixels: &[Pixel]) {
+        for ((x, y), pixel) in positions.zip(pixels) {
+            self.set(x, y, pixel);
+        }
+    }
+
+    fn set(&mut self, x: u32, y: u32, pixel: &Pixel) {
         let k = y as usize * self.width + x as usize;
         for triple in &mut self.triples {
             for (channel, value) in triple.channels.iter_mut().zip((triple.value)(pixel)) {
                 channel[k] = single(value);
             }
+        }
+        if let Some(samples) = &mut self.samples {
+            samples[k] = pixel.n_rays;
         }
         if let Some(at) = &pixel.centre {
             self.depth[k] = single(at.depth);
@@ -102,6 +156,9 @@ impl Canvas {
             }
         }
         image.insert("Z", Samples::F32(self.depth));
+        if let Some(samples) = self.samples {
+            image.insert("samples", Samples::U32(samples));
+        }
         image.insert("patch", Samples::U32(self.patch));
         image
     }

@@ -8,7 +8,7 @@ use super::image::Image;
 use super::tone_map::tone_map;
 use crate::whole_file;
 
-/// Writes a tone-mapped PNG of the image's `R,G,B` layers, whole or not at all.
+/// Writes a tone-mapped PNG of the image's `R,G,B` or `Y` layers, whole or not at all.
 ///
 /// The curve is that of [`tone_map`]; the file says that its values are sRGB.
 ///

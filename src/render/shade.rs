@@ -136,8 +136,7 @@ impl<'a> Shader<'a> {
         if point.back {
             return Shade::default();
         }
-        let material: &Material =
-            &self.input.scene.materials[self.input.scene.faces[point.face.0 as usize].material.0 as usize];
+        let material = self.material(point.face);
         let indirect = self.irradiance(&point.patch);
         let irradiance = [0, 1, 2].map(|c| indirect[c] + direct[c]);
         let radiosity = match self.radiosity {
@@ -149,6 +148,21 @@ impl<'a> Shader<'a> {
             radiosity,
             albedo: material.reflectance,
         }
+    }
+
+    /// Returns the material of a face.
+    pub(super) fn material(&self, face: FaceId) -> &'a Material {
+        let scene = self.input.scene;
+        &scene.materials[scene.faces[face.0 as usize].material.0 as usize]
+    }
+
+    /// Returns the radiosity of a point of a face's front.
+    pub(super) fn radiosity(&self, face: FaceId, at: &PatchPoint) -> [f64; 3] {
+        if let Some(block) = self.radiosity {
+            return channels(block.row(at.patch.0 as usize));
+        }
+        let (material, irradiance) = (self.material(face), self.irradiance(at));
+        std::array::from_fn(|c| material.exitance[c] + material.reflectance[c] * irradiance[c])
     }
 
     fn irradiance(&self, at: &PatchPoint) -> [f64; 3] {
@@ -170,7 +184,7 @@ impl<'a> Shader<'a> {
 }
 
 /// Returns the three colours of a row with three channels, or of a grey one.
-fn channels(row: &[f64]) -> [f64; 3] {
+pub(super) fn channels(row: &[f64]) -> [f64; 3] {
     match *row {
         [grey] => [grey; 3],
         _ => [row[0], row[1], row[2]],

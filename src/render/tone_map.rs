@@ -8,7 +8,7 @@ pub const MIDDLE: f64 = 0.25;
 /// The luminance, on the same scale, that becomes white: four stops above [`MIDDLE`]. Light sources mostly lie above it.
 pub const WHITE: f64 = 4.0;
 
-/// Returns 8-bit sRGB values, three per pixel, of the layers `R,G,B`; black where a layer is missing.
+/// Returns 8-bit sRGB values, three per pixel, of the layers `R,G,B`, or of `Y` where there is no `R`; black where a layer is missing.
 ///
 /// The luminance Y = 0.2126 R + 0.7152 G + 0.0722 B is scaled so that its median over all pixels with light is [`MIDDLE`] (a small
 /// bright source hardly moves it), then Y′ = Y (1 + Y / w²)/(1 + Y) with w = [`WHITE`]; the colours keep their ratios and are cut at 1. Values that are
@@ -19,7 +19,12 @@ pub const WHITE: f64 = 4.0;
 #[must_use]
 pub fn tone_map(image: &Image) -> Vec<u8> {
     let channel = |name| image.f32(name).unwrap_or(&[]);
-    let rgb = [channel("R"), channel("G"), channel("B")];
+    let names = if image.f32("R").is_some() {
+        ["R", "G", "B"]
+    } else {
+        ["Y"; 3]
+    };
+    let rgb = names.map(channel);
     let clean = |x: Option<&f32>| x.map_or(0.0, |&x| if x.is_finite() { f64::from(x).max(0.0) } else { 0.0 });
     let pixels: Vec<[f64; 3]> = (0..image.width() * image.height())
         .map(|k| rgb.map(|layer| clean(layer.get(k))))

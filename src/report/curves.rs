@@ -75,8 +75,12 @@ impl CurvePlot {
         for curve in &self.curves {
             let style = if self.marked { faint_line } else { line }(curve.style);
             let points: Vec<(f64, f64)> = self.shown(curve).collect();
-            let places = points.iter().map(|point| chart.backend_coord(point));
-            let places: Vec<(i32, i32)> = places.collect();
+            let places: Vec<(i32, i32)> = points.iter().map(|point| chart.backend_coord(point)).collect();
+            let hints = places.iter().zip(&points).map(|(&place, (right, up))| {
+                let hint = format!("{}: {} {right}, {} {up:.4e}", curve.name, self.x_label, self.y_label);
+                (place, hint)
+            });
+            frame.hints.extend(hints);
             chart.draw_series([PathElement::new(points, style)])?;
             if self.marked {
                 for place in places {

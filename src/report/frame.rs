@@ -1,5 +1,7 @@
 //! What all plots share: paper, heading, axes, legend, colours and marks.
 
+use std::fmt::Write as _;
+
 use plotters::chart::ChartContext;
 use plotters::coord::Shift;
 use plotters::coord::cartesian::Cartesian2d;
@@ -17,6 +19,9 @@ pub struct PlotError(String);
 
 /// Why the drawing library stopped.
 pub(super) type DrawResult = Result<(), Box<dyn std::error::Error>>;
+
+/// Places of points, with what a browser shows where the mouse rests on them.
+pub(super) type Hints = Vec<((i32, i32), String)>;
 
 /// A part of the paper.
 pub(super) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
@@ -49,6 +54,7 @@ pub(super) struct Frame<'a> {
     pub(super) root: Area<'a>,
     pub(super) plot: Area<'a>,
     pub(super) legend: Legend<'a>,
+    pub(super) hints: Hints,
 }
 
 /// The list of what is shown, from top to bottom.
@@ -65,8 +71,24 @@ pub(super) fn to_svg(
 ) -> Result<String, PlotError> {
     register_fonts()?;
     let mut svg = String::new();
-    on_paper(&mut svg, title, subtitle, draw).map_err(|error| PlotError(error.to_string()))?;
-    Ok(svg)
+    let hints = on_paper(&mut svg, title, subtitle, draw).map_err(|error| PlotError(error.to_string()))?;
+    Ok(with_hints(&svg, &hints))
+}
+
+/// Adds a circle that is not seen for every point, above everything else; its title is what a browser shows.
+fn with_hints(svg: &str, hints: &Hints) -> String {
+    let body = svg.trim_end().trim_end_matches("</svg>");
+    let mut text = body.to_owned();
+    for ((x, y), hint) in hints {
+        let hint = hint.replace('&', "&amp;").replace('<', "&lt;");
+        // Writing to a String cannot fail.
+        let _ = writeln!(
+            text,
+            "<circle class=\"hover\" cx=\"{x}\" cy=\"{y}\" r=\"8\" fill-opacity=\"0\"><title>{hint}</title></circle>"
+        );
+    }
+    text.push_str("</svg>\n");
+    text
 }
 
 fn on_paper(
@@ -74,7 +96,7 @@ fn on_paper(
     title: &str,
     subtitle: &str,
     draw: impl FnOnce(&mut Frame<'_>) -> DrawResult,
-) -> DrawResult {
+) -> Result<Hints, Box<dyn std::error::Error>> {
     let size = (WIDTH.unsigned_abs(), HEIGHT.unsigned_abs());
     let root = SVGBackend::with_string(svg, size).into_drawing_area();
     root.fill(&WHITE)?;
@@ -84,10 +106,16 @@ fn on_paper(
     let (_, below) = root.split_vertically(66);
     let (plot, legend) = below.split_horizontally(WIDTH - LEGEND);
     let legend = Legend { area: legend, y: 16 };
-    let mut frame = Frame { root, plot, legend };
+    let hints = Vec::new();
+    let mut frame = Frame {
+        root,
+        plot,
+        legend,
+        hints,
+    };
     draw(&mut frame)?;
     frame.root.present()?;
-    Ok(())
+    Ok(frame.hints)
 }
 
 /// Draws axes with a mesh, and returns the chart to draw on.

@@ -35,8 +35,10 @@ impl Ranged {
 }
 
 /// One setting of a method.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct PlotPoint {
+    /// What the setting is, for a browser to show where the mouse rests.
+    pub setting: String,
     /// Run time, s.
     pub time_s: Ranged,
     /// Error.
@@ -123,6 +125,9 @@ impl ErrorTimePlot {
                 }
                 let place = chart.backend_coord(&middle(point));
                 mark(&frame.root, place, series.style)?;
+                let (time, error) = (shown_value(point.time_s), shown_value(point.error));
+                let hint = format!("{}, {}: {time} s, error {error}", series.name, point.setting);
+                frame.hints.push((place, hint));
             }
         }
         self.draw_legend(frame, reference_error.is_some())
@@ -155,6 +160,16 @@ impl ErrorTimePlot {
             })?;
         }
         Ok(())
+    }
+}
+
+/// Returns the value, and where there is one its range.
+fn shown_value(value: Ranged) -> String {
+    let Ranged { middle, low, high } = value;
+    if value.has_range() {
+        format!("{middle:.3e} ({low:.3e} to {high:.3e})")
+    } else {
+        format!("{middle:.3e}")
     }
 }
 
@@ -194,6 +209,7 @@ mod tests {
 
     fn plot(errors: &[f64]) -> ErrorTimePlot {
         let point = |(k, &error): (usize, &f64)| PlotPoint {
+            setting: format!("{k} < {error}"),
             time_s: about(0.01 * (k + 1) as f64),
             error: about(error),
             on_front: k == 0,
@@ -224,8 +240,12 @@ mod tests {
         ] {
             assert!(svg.contains(text), "{text}");
         }
-        // Style 9 is a circle in the second round: three points and the legend; the first point is on the front.
-        assert_eq!(svg.matches("<circle").count(), 3 + 1 + 1 + 1);
+        // Style 9 is a circle in the second round: three points and the legend; the first point is on the front, all have hints.
+        assert_eq!(svg.matches("<circle").count(), 3 + 1 + 1 + 1 + 3);
+        assert!(
+            svg.contains("some-method, 1 &lt; 0.001: 2.000e-2 (1.000e-2 to 4.000e-2) s, error 1.000e-3"),
+            "{svg}"
+        );
         assert_eq!(svg, plot(&[0.1, 1e-3, 1e-9]).to_svg().unwrap());
         assert!(png_from_svg(&svg, 0.5).unwrap().starts_with(b"\x89PNG"));
     }
@@ -234,11 +254,9 @@ mod tests {
     fn the_legend_explains_only_what_is_drawn() {
         let mut single = plot(&[0.1, 1e-3]);
         for point in &mut single.series[0].points {
-            *point = PlotPoint {
-                time_s: Ranged::exactly(point.time_s.middle),
-                error: Ranged::exactly(point.error.middle),
-                on_front: false,
-            };
+            point.time_s = Ranged::exactly(point.time_s.middle);
+            point.error = Ranged::exactly(point.error.middle);
+            point.on_front = false;
         }
         let (single, ranged) = (single.to_svg().unwrap(), plot(&[0.1, 1e-3]).to_svg().unwrap());
         for text in ["Pareto front", "least to greatest"] {

@@ -3,10 +3,11 @@
 //! | ending | content | for |
 //! |---|---|---|
 //! | `.csv` | a row for each patch: surface, area, centroid, radiosity, irradiance | tables |
-//! | `.npz` | `radiosity`, `irradiance`, `exitance`, `reflectance`, `residual` \[n, c\]; `area`, `surface` \[n\]; `centroid` \[n, 3\]; `meta.json` | NumPy |
+//! | `.npz` | `radiosity`, `irradiance`, `exitance`, `reflectance`, `residual`, `error` \[n, c\]; `row_sum` \[n, 1\]; `area`, `surface` \[n\]; `centroid` \[n, 3\]; `meta.json` | NumPy |
 //! | `.vtu` | patches with the same quantities | ParaView, PyVista |
 //!
-//! Radiosity, irradiance, exitance and residual are in W·m⁻², area in m², centroids in m.
+//! `error` is the estimated error of the radiosity (see [`carried_error`](crate::solver::carried_error)), `row_sum` the sum of each patch's form factors; both
+//! are left out where no form factors are stored. Radiosity, irradiance, exitance, residual and error are in W·m⁻², area in m², centroids in m.
 
 use std::io::{self, Seek, Write};
 use std::path::Path;
@@ -35,6 +36,10 @@ pub struct SolutionReport<'a> {
     pub exitance: &'a Block,
     /// B and H.
     pub solution: &'a Solution,
+    /// The estimated error of B, W·m⁻², \[n, c\]; see [`carried_error`](crate::solver::carried_error).
+    pub error: Option<&'a Block>,
+    /// Σ_j F_ij, \[n\], where form factors were stored.
+    pub row_sums: Option<&'a [f64]>,
     /// How the form factors and the solution were computed: no time, path or number of threads.
     pub settings: &'a Map<String, Value>,
 }
@@ -104,7 +109,7 @@ impl SolutionReport<'_> {
     fn description(&self) -> String {
         let description = json!({
             "format": "radiosity solution 1",
-            "unit": "radiosity, irradiance, exitance, residual: W m-2; area: m2; centroid: m; reflectance: 1",
+            "unit": "radiosity, irradiance, exitance, residual, error: W m-2; area: m2; centroid: m; reflectance, row_sum: 1",
             "n_patches": self.mesh.n_patches(),
             "geometry_sha256": self.mesh.geometry_hash(),
             "scene_sha256": self.scene.content_hash(),
@@ -137,14 +142,21 @@ impl SolutionReport<'_> {
         residual
     }
 
-    fn quantities(&self) -> [(&'static str, Block); 5] {
-        [
+    fn quantities(&self) -> Vec<(&'static str, Block)> {
+        let mut quantities = vec![
             ("radiosity", self.solution.radiosity.clone()),
             ("irradiance", self.solution.irradiance.clone()),
             ("exitance", self.exitance.clone()),
             ("reflectance", self.reflectance.clone()),
             ("residual", self.residual()),
-        ]
+        ];
+        if let Some(error) = self.error {
+            quantities.push(("error", error.clone()));
+        }
+        if let Some(sums) = self.row_sums {
+            quantities.push(("row_sum", Block::from_values(sums.to_vec(), 1)));
+        }
+        quantities
     }
 
     fn write_npz<W: Write + Seek>(&self, writer: W) -> io::Result<()> {

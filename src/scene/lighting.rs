@@ -7,7 +7,7 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::lines::{line_after, read_text};
-use super::{MaterialId, Scene, SceneError, SurfaceId};
+use super::{Material, MaterialId, Scene, SceneError, SurfaceId};
 
 /// What one lighting changes of a scene's materials.
 ///
@@ -131,6 +131,28 @@ impl Lighting {
             by_surface: read("surface", &surfaces, parsed.surface)?,
             by_material: read("material", &materials, parsed.material)?,
         })
+    }
+
+    /// Returns the scene as this lighting shows it: each face with a material of its own surface and old material.
+    #[must_use]
+    pub fn apply(&self, scene: &Scene) -> Scene {
+        let mut lit = scene.clone();
+        lit.materials.clear();
+        let mut known = BTreeMap::new();
+        for face in &mut lit.faces {
+            let id = *known.entry((face.surface, face.material)).or_insert_with(|| {
+                let (reflectance, exitance) = self.of(scene, face.surface, face.material);
+                lit.materials.push(Material {
+                    name: scene.materials[face.material.0 as usize].name.clone(),
+                    reflectance,
+                    exitance,
+                });
+                // No more pairs than faces, which have 32-bit ids.
+                MaterialId(u32::try_from(lit.materials.len() - 1).unwrap_or(u32::MAX))
+            });
+            face.material = id;
+        }
+        lit
     }
 
     /// Returns ρ and E, W·m⁻², of what is made of a material and belongs to a surface.

@@ -55,7 +55,7 @@ pub struct Adaptive {
 /// Solves the discrete equation on cells that are as fine as the light asks for.
 ///
 /// Cells begin 2^`coarsest` voxels wide, those at edges and beside emitters half as wide. Light is propagated on them, and every cell from which the irradiance changes by more than the
-/// tolerance to a neighbour on the same surface, in any channel, is cut into those of the next lower level, until no such cell is wider than a voxel. Links that are known are used again.
+/// tolerance to a neighbour on the same surface, in any channel, or whose surfels send too differently, is cut into those of the next lower level, until no such cell is wider than a voxel. Links that are known are used again.
 /// Occlusion is that of the voxels throughout, so a coarse cell sees fine things and their shadows; what is not seen is a shadow that lies inside of one coarse cell,
 /// away from the surfel at which it gathers. At the end the irradiance is interpolated between cells, and B = E + ρ H on every surfel with its own material.
 ///
@@ -88,7 +88,7 @@ pub fn solve_adaptively(
     loop {
         n_cells.push(cells.n_cells());
         links.find(voxels, &cells, progress);
-        let (rho, e) = (of_cells(&cells, reflectance), of_cells(&cells, exitance));
+        let (rho, e) = (of_cells(&cells, reflectance), means_of_cells(&cells, exitance));
         let operator = CellOperator::new(voxels, sphere, &cells, &links, settings.row_weights);
         let solved = propagate(&operator, &rho, &e, Form::InPlace, settings.n_passes, progress);
         let neighbours = neighbours(voxels, scene, &cells);
@@ -102,7 +102,8 @@ pub fn solve_adaptively(
                     .zip(&limits)
                     .any(|((a, b), limit)| (a - b).abs() > *limit)
             };
-            cells.level(cell) > 0 && neighbours[cell].iter().any(changes)
+            cells.level(cell) > 0
+                && (is_uneven(&cells, cell, exitance, settings.tolerance) || neighbours[cell].iter().any(changes))
         };
         let marks: Vec<bool> = (0..cells.n_cells()).map(is_cut).collect();
         if marks.contains(&true) && !progress.is_cancelled() {
@@ -145,6 +146,33 @@ fn limits(cells: &Cells, irradiance: &Block, tolerance: f64) -> Vec<f64> {
 fn of_cells(cells: &Cells, values: &Block) -> Block {
     let rows = (0..cells.n_cells()).flat_map(|cell| values.row(cells.representative(cell)).iter().copied());
     Block::from_values(rows.collect(), values.n_channels())
+}
+
+/// Returns the means of values over the cells. What is sent differs within one material, by how far faces fill their voxels.
+fn means_of_cells(cells: &Cells, values: &Block) -> Block {
+    let mean = |cell: usize| {
+        let members = cells.members(cell);
+        let mut sum = vec![0.0; values.n_channels()];
+        for &member in members {
+            for (sum, value) in sum.iter_mut().zip(values.row(member as usize)) {
+                *sum += value / members.len() as f64;
+            }
+        }
+        sum
+    };
+    Block::from_values((0..cells.n_cells()).flat_map(mean).collect(), values.n_channels())
+}
+
+/// Tells whether what the surfels of a cell send differs by more than `tolerance` times the most that one of them sends, in any channel.
+fn is_uneven(cells: &Cells, cell: usize, exitance: &Block, tolerance: f64) -> bool {
+    (0..exitance.n_channels()).any(|c| {
+        let sent = cells
+            .members(cell)
+            .iter()
+            .map(|&member| exitance.row(member as usize)[c]);
+        let (low, high) = sent.fold((f64::INFINITY, 0.0_f64), |(low, high), e| (low.min(e), high.max(e)));
+        high - low > tolerance * high
+    })
 }
 
 /// Calls `work` with all surfels in the 26 voxels around a surfel and in its own, itself left out.

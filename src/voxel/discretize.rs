@@ -19,7 +19,7 @@ const NORMAL_SCALE: f64 = 1_073_741_824.0;
 const HALF_SLACK: f64 = 1e-7;
 
 /// Faces of one surface and material whose normals differ by less than 30° are one smooth surface where they meet in a voxel.
-const SMOOTH: f64 = 0.866_025_403_784_438_6;
+pub(super) const SMOOTH: f64 = 0.866_025_403_784_438_6;
 
 /// How far two faces must rise above each other's planes to face each other, in voxels.
 const RISE: f64 = 1e-6;

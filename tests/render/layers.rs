@@ -158,6 +158,7 @@ fn backs_are_black_and_background_is_zero() {
         radiosity: &radiosity,
         irradiance: &irradiance,
         indirect_irradiance: None,
+        error: None,
     };
     // Three columns: at x/y = −2/3, 0, 2/3 of the middle row.
     let view = camera(3, 3, DVec3::new(0.0, 0.5, 0.5));
@@ -259,6 +260,7 @@ fn direct_methods_agree_in_a_penumbra() {
         radiosity: &zero,
         irradiance: &zero,
         indirect_irradiance: Some(&zero),
+        error: None,
     };
     let view = UnfoldedView::new(&scene, n(16)).unwrap();
     let floor = view

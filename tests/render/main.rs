@@ -2,7 +2,11 @@
 
 #![expect(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
+mod display;
+mod exr_tools;
+mod field;
 mod files;
+mod gather;
 mod layers;
 mod scenes;
 mod unfolded;

@@ -173,6 +173,7 @@ impl Solved {
             radiosity: &self.radiosity,
             irradiance: &self.irradiance,
             indirect_irradiance: Some(&self.indirect),
+            error: None,
         }
     }
 

@@ -1,6 +1,7 @@
 //! The command line: names, defaults, help.
 
 mod experiments;
+mod field;
 mod form_factors;
 mod render;
 mod solve;
@@ -12,10 +13,11 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 
 pub use experiments::{CompareArgs, PaperName, ReproduceArgs, VisibilityName};
+pub use field::{FieldArgs, FieldMethodName};
 pub use form_factors::{
     BalanceName, FormFactorsArgs, MeshArgs, MethodArgs, PrecisionName, SequenceName, StorageArgs, StorageName,
 };
-pub use render::{DirectName, ImageArgs, RenderArgs};
+pub use render::{DirectName, GatherArgs, ImageArgs, PartsName, PictureFileArgs, PixelsName, RenderArgs, ViewArgs};
 pub use solve::{BoundsName, SolveArgs, SolverArgs, StartName};
 pub use voxel::{FormName, LinksName, VoxelArgs};
 
@@ -43,6 +45,8 @@ pub enum Command {
     Solve(SolveArgs),
     /// Render a scene to a layered OpenEXR image and a PNG preview
     Render(RenderArgs),
+    /// Render the form factor from every visible point to a surface
+    Field(FieldArgs),
     /// Discrete radiosity: the light on voxels, who sees whom by integer lines
     Voxel(VoxelArgs),
     /// Check an EXR against the analytic answer of the scene that it was made from
@@ -104,7 +108,7 @@ pub struct SceneArgs {
 /// `radiosity verify`.
 #[derive(Args, Debug)]
 pub struct VerifyArgs {
-    /// The image that `radiosity render` wrote
+    /// The image that `radiosity render` or `radiosity field` wrote
     #[arg(value_name = "IMAGE.exr")]
     pub image: PathBuf,
     #[command(flatten)]

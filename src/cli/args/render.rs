@@ -1,9 +1,11 @@
 //! Pictures.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use serde::Serialize;
+
+use crate::render::exr::{Parts, Pixels};
 
 use super::{AuditArgs, CommonArgs, MeshArgs, MethodArgs, SolverArgs, StorageArgs, parse_positive, parse_vector};
 
@@ -17,6 +19,8 @@ pub enum DirectName {
     Rays,
     /// The exact form factor of each emitter times its visible fraction
     Polygons,
+    /// The exact form factor of each emitter's visible part
+    Exact,
 }
 
 /// `radiosity render`.
@@ -31,9 +35,21 @@ pub struct RenderArgs {
     /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-5]
     #[arg(long, value_name = "T", value_parser = parse_positive)]
     pub form_factor_tolerance: Option<f64>,
+    /// Render a sequence: a TOML file of frames, each with a name, a lighting and a camera; writes IMAGE-NAME.exr for each
+    #[arg(long, value_name = "FILE.toml", help_heading = "Picture")]
+    pub frames: Option<PathBuf>,
+    /// Show the picture while it is rendered in the viewer tev that listens there, as in localhost:14158
+    #[arg(long, value_name = "HOST:PORT", help_heading = "Picture")]
+    pub display: Option<String>,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub image: ImageArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub gather: GatherArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub file: PictureFileArgs,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub mesh: MeshArgs,
@@ -54,10 +70,95 @@ pub struct RenderArgs {
     pub common: CommonArgs,
 }
 
+/// Final gather.
+#[derive(Args, Clone, Copy, Debug)]
+#[command(next_help_heading = "Picture")]
+pub struct GatherArgs {
+    /// Gather the light between surfaces at each pixel by rays, in place of interpolating it between patches
+    #[arg(long)]
+    pub final_gather: bool,
+    /// The standard error at which a pixel is finished, relative to its irradiance, with --final-gather [default: 0.02]
+    #[arg(long, value_name = "T", value_parser = parse_positive, requires = "final_gather")]
+    pub noise: Option<f64>,
+    /// The most rays to gather for one pixel [default: 16384]
+    #[arg(long, value_name = "N", requires = "final_gather", value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
+    pub gather_rays: Option<u32>,
+}
+
+/// How numbers are stored in a picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum PixelsName {
+    /// 32-bit floats
+    #[default]
+    F32,
+    /// 16-bit floats for colours and normals
+    F16,
+}
+
+/// How the layers of a picture are arranged.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum PartsName {
+    /// All layers in one part
+    #[default]
+    Single,
+    /// A part for each group of layers
+    Multi,
+}
+
+/// The file of a picture.
+#[derive(Args, Clone, Copy, Debug)]
+#[command(next_help_heading = "Picture")]
+pub struct PictureFileArgs {
+    /// The kind of floats
+    #[arg(long, value_enum, default_value_t)]
+    pub pixels: PixelsName,
+    /// The parts of the file
+    #[arg(long, value_enum, default_value_t)]
+    pub parts: PartsName,
+}
+
+impl From<PixelsName> for Pixels {
+    fn from(name: PixelsName) -> Self {
+        match name {
+            PixelsName::F32 => Self::F32,
+            PixelsName::F16 => Self::F16,
+        }
+    }
+}
+
+impl From<PartsName> for Parts {
+    fn from(name: PartsName) -> Self {
+        match name {
+            PartsName::Single => Self::Single,
+            PartsName::Multi => Self::Multi,
+        }
+    }
+}
+
 /// The picture.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Picture")]
 pub struct ImageArgs {
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub view: ViewArgs,
+    /// Show each patch's own radiosity, not interpolated
+    #[arg(long)]
+    pub flat: bool,
+    /// Integrate the light of the emitters at each pixel [default: polygons; unfolded: rays; with --flat: off]
+    #[arg(long, value_enum)]
+    pub direct: Option<DirectName>,
+    /// Rays of the direct pass for each pixel (for each emitter with `polygons`) [default: 16; rays: 4096]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65536))]
+    pub direct_samples: Option<u32>,
+}
+
+/// Where the picture is seen from, and how many pixels it has.
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Picture")]
+pub struct ViewArgs {
     /// A camera file, or `unfolded` for one orthographic tile a planar surface [default: camera.toml beside the scene, else a view from inside]
     #[arg(long, value_name = "FILE|unfolded")]
     pub camera: Option<PathBuf>,
@@ -79,15 +180,6 @@ pub struct ImageArgs {
     /// Height in pixels [default: as wide]
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..=16384))]
     pub height: Option<u32>,
-    /// Show each patch's own radiosity, not interpolated
-    #[arg(long)]
-    pub flat: bool,
-    /// Integrate the light of the emitters at each pixel [default: polygons; unfolded: rays; with --flat: off]
-    #[arg(long, value_enum)]
-    pub direct: Option<DirectName>,
-    /// Rays of the direct pass for each pixel (for each emitter with `polygons`) [default: 16; rays: 4096]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65536))]
-    pub direct_samples: Option<u32>,
     /// Samples along each side of a pixel, averaged in the colour layers [default: 2; unfolded: 1]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16))]
     pub samples: Option<u32>,
@@ -97,14 +189,26 @@ impl ImageArgs {
     /// Tells whether any flag about the picture was given.
     #[must_use]
     pub fn is_given(&self) -> bool {
-        self.camera.is_some()
-            || self.eye.is_some()
-            || self.look_at.is_some()
-            || self.up.is_some()
-            || self.fov.is_some()
-            || self.width.is_some()
-            || self.height.is_some()
+        let view = &self.view;
+        view.camera.is_some()
+            || view.has_camera_flags()
+            || view.width.is_some()
+            || view.height.is_some()
             || self.flat
-            || self.samples.is_some()
+            || view.samples.is_some()
+    }
+}
+
+impl ViewArgs {
+    /// Tells whether the camera is the unfolded view.
+    #[must_use]
+    pub fn is_unfolded(&self) -> bool {
+        self.camera.as_deref() == Some(Path::new("unfolded"))
+    }
+
+    /// Tells whether any flag moves or turns the camera.
+    #[must_use]
+    pub fn has_camera_flags(&self) -> bool {
+        self.eye.is_some() || self.look_at.is_some() || self.up.is_some() || self.fov.is_some()
     }
 }

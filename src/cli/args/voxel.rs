@@ -41,6 +41,7 @@ pub enum LinksName {
 
 /// `radiosity voxel`.
 #[derive(Args, Debug)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
 pub struct VoxelArgs {
     /// The scene (OBJ)
     #[arg(value_name = "SCENE")]
@@ -69,6 +70,9 @@ pub struct VoxelArgs {
     /// Leave the weights of a voxel's directions as they are, not divided by their sum
     #[arg(long, help_heading = "Voxels")]
     pub unnormalised: bool,
+    /// Let every voxel of an emitter send its exitance, not scaled so that the power is that of the emitter's true area
+    #[arg(long, help_heading = "Voxels")]
+    pub plain_emission: bool,
     /// Weigh directions by exact solid angles, not by those of the faces' centres
     #[arg(long, help_heading = "Voxels")]
     pub exact_solid_angles: bool,

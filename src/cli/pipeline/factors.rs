@@ -191,6 +191,11 @@ impl Run {
         if plan.convex_and_empty && result.pairs.is_some() && self.settings.get("method") != Some(&json!("exact")) {
             plan.left_out.push("rays between patches: nothing can block".into());
         }
+        if by_variance && !closed && n_rays == 0 {
+            self.warn(
+                "--balance closure changes nothing: the scene is open, and without rays that count what leaves it nobody knows what its rows should sum to",
+            );
+        }
         let (factors, balance) = if wanted {
             let targets = raw.row_targets(closed);
             let (factors, report) = self.times.time("balance", || {

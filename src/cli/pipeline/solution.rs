@@ -80,6 +80,19 @@ impl Run {
         )
     }
 
+    /// Estimates the error of a solution from the errors of its form factors; one that shows light under way is not the solution.
+    pub(in crate::cli) fn carried_error(
+        &mut self,
+        prepared: &Prepared,
+        computed: &Computed,
+        solution: &Solution,
+    ) -> Result<Block, Failure> {
+        let (reflectance, exitance) = prepared.materials();
+        Ok(self.times.time("error", || {
+            solver::carried_error(&computed.factors, &reflectance, &exitance, solution)
+        })?)
+    }
+
     /// Solves for given form factors and areas, reflectances and exitances of the patches.
     pub(in crate::cli) fn solve_system(
         &mut self,

@@ -314,7 +314,8 @@ fn by_radius(results: &MalgouyresResults) -> CurvePlot {
 }
 
 fn error_time(scene: &SceneResult) -> ErrorTimePlot {
-    let point = |time_s: f64, error: f64| PlotPoint {
+    let point = |setting: String, time_s: f64, error: f64| PlotPoint {
+        setting,
         time_s: Ranged::exactly(time_s),
         error: Ranged::exactly(error),
         on_front: false,
@@ -322,7 +323,17 @@ fn error_time(scene: &SceneResult) -> ErrorTimePlot {
     let voxels = |name: &str, style: usize, runs: &[VoxelRun]| Series {
         name: name.to_owned(),
         style,
-        points: runs.iter().map(|run| point(run.time_s, run.error)).collect(),
+        points: runs
+            .iter()
+            .map(|run| {
+                let cells = run.tolerance.map_or(String::new(), |t| format!(", cells to {t}"));
+                point(
+                    format!("{} voxels, R = {}{cells}", run.n, run.radius),
+                    run.time_s,
+                    run.error,
+                )
+            })
+            .collect(),
     };
     let patches = |name: &str, style: usize| {
         let of_method = |run: &&PatchRun| run.method == name;
@@ -330,7 +341,9 @@ fn error_time(scene: &SceneResult) -> ErrorTimePlot {
         Series {
             name: format!("patches, {name}"),
             style,
-            points: points.map(|run| point(run.time_s, run.error)).collect(),
+            points: points
+                .map(|run| point(format!("{} patches", run.n_patches), run.time_s, run.error))
+                .collect(),
         }
     };
     ErrorTimePlot {

@@ -34,7 +34,7 @@ struct Reproduction {
     directory: PathBuf,
 }
 
-/// What was found. Files that hold times of ours have `time` in their names; the others are the same bytes in every run.
+/// What was found. Files that hold times of ours have `time` in their names, as `index.html` does; the others are the same bytes in every run.
 struct Findings {
     /// The report as it is printed.
     printed: String,
@@ -62,11 +62,12 @@ impl Reproduction {
     fn finish(self, findings: Findings) -> Result<Outcome, Failure> {
         let Findings {
             printed,
-            files,
+            mut files,
             mut result,
             wrong,
         } = findings;
         self.run.progress.finish();
+        output::add_page(&mut files, &printed, &self.run.settings);
         let (names, written) = output::write_all(&self.directory, &files)?;
         result["files"] = json!(names);
         if let Some(wrong) = &wrong {

@@ -156,6 +156,7 @@ fn plot(result: &Stability) -> ErrorTimePlot {
             .filter(right)
             .filter_map(|cell| {
                 Some(PlotPoint {
+                    setting: cell.case.clone(),
                     time_s: Ranged::exactly(cell.time_s?),
                     error: Ranged::exactly(cell.error?),
                     on_front: false,

@@ -10,10 +10,9 @@ use crate::experiment::ExperimentError;
 use crate::form_factor::{ExactMethod, FormFactorMethod, MethodSettings, method as form_factor_method};
 use crate::matrix::operator::Block;
 use crate::progress::{Progress, Silent};
-use crate::scene::Material;
 use crate::voxel::{
-    AdaptiveSettings, DiscreteSphere, Form, LinkOperator, Links, RowWeights, SolidAngle, VoxelScene, onto_patches,
-    propagate, solve_adaptively,
+    AdaptiveSettings, DiscreteSphere, Form, LinkOperator, Links, Materials, RowWeights, SolidAngle, VoxelScene,
+    onto_patches, propagate, solve_adaptively,
 };
 
 /// The radius of the runs by resolution: the paper's.
@@ -211,23 +210,6 @@ fn slope(points: &[(f64, f64)]) -> f64 {
     above / below
 }
 
-/// Returns ρ and E of all surfels.
-fn materials(reference: &PatchReference, voxels: &VoxelScene) -> (Block, Block) {
-    let scene = &reference.scene;
-    let collect = |value: fn(&Material) -> [f64; 3]| {
-        let of_surfel = |s: &crate::voxel::Surfel| {
-            let material = scene.faces[s.face.0 as usize].material;
-            value(&scene.materials[material.0 as usize])
-        };
-        let values = voxels
-            .surfels
-            .iter()
-            .flat_map(|s| of_surfel(s).into_iter().take(reference.n_channels()));
-        Block::from_values(values.collect(), reference.n_channels())
-    };
-    (collect(|m| m.reflectance), collect(|m| m.exitance))
-}
-
 /// Returns values of surfels on the measuring patches.
 fn measured(reference: &PatchReference, case: &Case, voxels: &VoxelScene, values: &Block) -> Block {
     let on_points = onto_patches(voxels, &reference.scene.faces, &reference.sampling, values);
@@ -245,8 +227,15 @@ fn on_voxels(reference: &PatchReference, case: &Case, n: u32, radius: u32) -> (V
     let (voxels, sphere) = discretised(reference, n, radius);
     let links = Links::in_memory(&voxels, &sphere, &Silent);
     let operator = LinkOperator::new(&voxels, &sphere, &links, RowWeights::Normalised);
-    let (rho, e) = materials(reference, &voxels);
-    let solved = propagate(&operator, &rho, &e, Form::InPlace, case.n_passes, &Silent);
+    let materials = Materials::new(&reference.scene, &voxels, reference.n_channels());
+    let solved = propagate(
+        &operator,
+        &materials.reflectance,
+        &materials.emission,
+        Form::InPlace,
+        case.n_passes,
+        &Silent,
+    );
     let time_s = start.elapsed().as_secs_f64();
     let values = measured(reference, case, &voxels, &solved.irradiance);
     let run = VoxelRun {
@@ -265,14 +254,22 @@ fn on_voxels(reference: &PatchReference, case: &Case, n: u32, radius: u32) -> (V
 fn on_cells(reference: &PatchReference, case: &Case, n: u32, tolerance: f64) -> VoxelRun {
     let start = Instant::now();
     let (voxels, sphere) = discretised(reference, n, RADIUS);
-    let (rho, e) = materials(reference, &voxels);
+    let materials = Materials::new(&reference.scene, &voxels, reference.n_channels());
     let settings = AdaptiveSettings {
         coarsest: COARSEST,
         tolerance,
         n_passes: case.n_passes,
         row_weights: RowWeights::Normalised,
     };
-    let solved = solve_adaptively(&reference.scene, &voxels, &sphere, &rho, &e, &settings, &Silent);
+    let solved = solve_adaptively(
+        &reference.scene,
+        &voxels,
+        &sphere,
+        &materials.reflectance,
+        &materials.emission,
+        &settings,
+        &Silent,
+    );
     let time_s = start.elapsed().as_secs_f64();
     let values = measured(reference, case, &voxels, &solved.irradiance);
     VoxelRun {

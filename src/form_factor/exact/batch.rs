@@ -18,7 +18,7 @@ use crate::form_factor::pairs::{Exchange, Facing};
 use crate::form_factor::partial::{self, Accuracy};
 use crate::form_factor::sight::whole_where_grazing;
 use crate::form_factor::{Input, PairCounts};
-use crate::geometry::polygon_form_factor::{Tolerance, exchange_area};
+use crate::geometry::polygon_form_factor::exchange_area;
 use crate::matrix::{RowTally, RowTile};
 use crate::mesh::PatchId;
 use crate::progress::Progress;
@@ -148,15 +148,19 @@ struct PartialPair {
 
 impl Batches<'_> {
     fn kernel(&self, i: usize, j: usize) -> Exchange {
-        let tolerance = Tolerance {
-            rel: self.method.full_tolerance(),
-            abs: 0.0,
-        };
-        let exchange = exchange_area(&self.patches.prepared[i], &self.patches.prepared[j], tolerance);
+        let [p, q] = [i, j].map(|k| &self.patches.prepared[k]);
+        let exchange = exchange_area(p, q, self.method.full_tolerance(p.area().min(q.area())));
         Exchange {
             area: exchange.value,
             error: exchange.error,
         }
+    }
+
+    /// Returns the exchange area of a pair without blockers, from the table of what repeats if there is one.
+    fn unoccluded(&self, i: usize, j: usize) -> Exchange {
+        let faces = [i, j].map(|k| self.patches.face_of_patch[k]);
+        let table = self.repeats.get(&faces);
+        table.map_or_else(|| self.kernel(i, j), |table| table.get(i, j))
     }
 
     /// Computes the repeating pairs of some faces with all later ones, and forgets those of other faces.
@@ -274,7 +278,7 @@ impl Batches<'_> {
         accuracy: Accuracy,
     ) -> (Exchange, bool) {
         let [p, q] = [pair.i, pair.j].map(|k| self.patches.corners[k].as_slice());
-        let most = self.kernel(pair.i, pair.j);
+        let most = self.unoccluded(pair.i, pair.j);
         let blockers = index.blockers(p, q, blockers);
         let found = partial::exchange_area_below(p, q, &blockers, accuracy, most.area);
         let smaller_area = self.patches.prepared[pair.i]
@@ -292,6 +296,11 @@ impl Batches<'_> {
             error: found
                 .error
                 .max(if is_noise { found.exchange_area } else { 0.0 })
+                .max(if found.exchange_area > most.area {
+                    most.error
+                } else {
+                    0.0
+                })
                 .min(most.area + most.error),
         };
         let reached = found.reached || exchange.error <= accuracy.tolerance * smaller_area;

@@ -1,6 +1,7 @@
 //! An image against the analytic answer of the scene that it was made from.
 
 mod clear_view;
+mod field;
 mod neighbours;
 mod points;
 mod report;
@@ -15,20 +16,49 @@ use thiserror::Error;
 use super::attributes::Attributes;
 use super::direct::DirectMethod;
 use super::error::RenderError;
+use super::exr::Pixels;
 use super::image::{Image, channel_names};
 use super::unfolded::{Tile, Unfolded};
 use super::view::ViewDescription;
 use crate::geometry::polygon;
-use crate::geometry::rectangle::rectangle_exchange_area;
-use clear_view::Plate;
 use points::{PixelAnswer, Reference};
 pub use report::{Tolerance, VerifyReport, WallReport};
 
 /// The probability with which a correct image may fail.
 const FALSE_ALARM: f64 = 1e-6;
 
-/// Half the distance between two f32 of size 1: the rounding of an image layer, relative.
-const ROUNDING: f64 = 1.0 / (1 << 24) as f64;
+/// How far a layer's number may be off by being rounded.
+#[derive(Clone, Copy, Debug)]
+struct Rounding {
+    /// Half the distance between two numbers of size 1.
+    relative: f64,
+    /// Half the distance between numbers near 0, or more.
+    absolute: f64,
+}
+
+impl Rounding {
+    const F32: Self = Self {
+        relative: 1.0 / (1 << 24) as f64,
+        absolute: f32::MIN_POSITIVE as f64,
+    };
+    /// 11 bits, and steps of 2^−24 near 0.
+    const F16: Self = Self {
+        relative: 1.0 / (1 << 11) as f64,
+        absolute: 1.0 / (1 << 25) as f64,
+    };
+
+    fn of(pixels: Pixels) -> Self {
+        match pixels {
+            Pixels::F32 => Self::F32,
+            Pixels::F16 => Self::F16,
+        }
+    }
+
+    /// Returns true if a layer's value is the given number after a few roundings.
+    fn allows(self, value: f64, exact: f64, slack: f64) -> bool {
+        (value - exact).abs() <= 4.0 * (self.relative * exact.abs() + self.absolute) + slack
+    }
+}
 
 /// How many expected hits a wall needs before its errors' own spread is trusted.
 const MIN_HITS: f64 = 1000.0;
@@ -55,6 +85,9 @@ pub enum VerifyError {
     /// The description of the view does not fit the image or the scene.
     #[error("the image's description of its tiles does not fit it: {0}")]
     BadLayout(String),
+    /// The surface of a field is none of the scene's.
+    #[error("the form factors are to \"{0}\", which is no surface of the image's scene")]
+    NoSuchSurface(String),
     /// No surface has an exitance.
     #[error("no surface of the image's scene emits light: there is nothing to verify")]
     NoEmitter,
@@ -63,9 +96,10 @@ pub enum VerifyError {
 /// Verifies an EXR file: its direct irradiance, pixel by pixel and wall by wall, against the closed forms.
 ///
 /// In the scene that the file describes, the direct irradiance at a point is Σ_j E_j F(x → j), F Lambert's
-/// [form factor](crate::geometry::point_form_factor::point_form_factor), wherever the point sees every emitter j unhindered; this is proven per pixel in f64, and a pixel for which
-/// it cannot be is counted and left out. The means over a tile's rows and columns are compared as well, where noise hides more of a pixel; that over a wall is also compared with Σ_j E_j A_i F_ij / A_i of the
-/// [rectangles](crate::geometry::rectangle::rectangle_exchange_area). Beside that, positions must be those of the layout,
+/// [form factor](crate::geometry::point_form_factor::point_form_factor), wherever the point sees every emitter j unhindered; this is proven per pixel in f64. Where it
+/// cannot be, j is [clipped](crate::form_factor::partial::VisibleFactor) against what stands in between, if the image's method is unbiased there (rays, exact); else the pixel
+/// is counted and left out. A [field](super::field()) of form factors is the irradiance in the scene in which its surface alone emits, 1 W·m⁻². The means over a tile's rows and columns are compared as well, where noise hides more of a pixel; that over a wall is also compared with Σ_j E_j A_i F_ij / A_i of the
+/// [rectangles](crate::geometry::rectangle::rectangle_exchange_area), or of the [integration](crate::form_factor::partial::exchange_area) to 1e-10 where something stands between them. Beside that, positions must be those of the layout,
 /// and radiosity and radiance those that follow from the irradiance.
 ///
 /// Tolerances are computed: noise of a direct pass by rays (none for one by polygons) by Hoeffding's bound, at a probability of 1e-6 for any alarm at all in a correct image; for means
@@ -83,6 +117,12 @@ pub fn verify(path: &Path) -> Result<VerifyReport, VerifyError> {
 /// # Errors
 /// As [`verify`], but for those of reading a file.
 pub fn verify_image(image: &Image, attributes: &Attributes) -> Result<VerifyReport, VerifyError> {
+    let lit = attributes
+        .field
+        .as_ref()
+        .map(|record| field::lit_by(attributes, record))
+        .transpose()?;
+    let attributes = lit.as_ref().unwrap_or(attributes);
     let ViewDescription::Unfolded(layout) = &attributes.view else {
         return Err(VerifyError::NotUnfolded);
     };
@@ -90,10 +130,14 @@ pub fn verify_image(image: &Image, attributes: &Attributes) -> Result<VerifyRepo
     let n_rays = match attributes.render.direct {
         DirectMethod::Off => return Err(VerifyError::NoDirectPass),
         DirectMethod::CosineRays { n } => n.get(),
-        DirectMethod::Polygons { .. } => 0,
+        DirectMethod::Polygons { .. } | DirectMethod::Exact => 0,
     };
     let reference = Reference::new(attributes, n_rays).ok_or(VerifyError::NoEmitter)?;
-    let layers = Layers::new(image)?;
+    let layers = if attributes.field.is_some() {
+        Layers::of_field(image)?
+    } else {
+        Layers::new(image)?
+    };
 
     let tiles: Vec<Vec<PixelAnswer>> = layout.tiles.iter().map(|tile| reference.answers(tile)).collect();
     let n_checks = tiles.iter().flatten().filter(|answer| answer.is_checked()).count() * 3;
@@ -125,6 +169,7 @@ pub fn verify_image(image: &Image, attributes: &Attributes) -> Result<VerifyRepo
     let n_wrong = tally.n_outside + n_strips_outside + tally.n_misplaced + tally.n_inconsistent;
     let right = attributes.scene_intact && n_wrong == 0 && walls.iter().all(|wall| wall.passed);
     Ok(VerifyReport {
+        field: attributes.field.as_ref().map(|record| record.surface.clone()),
         passed: right && n_checked > 0,
         scene_intact: attributes.scene_intact,
         n_pixels: tally.n_pixels,
@@ -177,9 +222,8 @@ fn check_layout(image: &Image, attributes: &Attributes, layout: &Unfolded) -> Re
 struct Layers<'a> {
     width: usize,
     direct: [&'a [f32]; 3],
-    irradiance: [&'a [f32]; 3],
-    radiosity: [&'a [f32]; 3],
-    radiance: [&'a [f32]; 3],
+    /// Irradiance, radiosity and radiance, where the image has them.
+    light: Option<[[&'a [f32]; 3]; 3]>,
     position: [&'a [f32]; 3],
 }
 
@@ -205,21 +249,22 @@ impl Judged {
 
 impl<'a> Layers<'a> {
     fn new(image: &'a Image) -> Result<Self, VerifyError> {
-        let triple = |prefix: &str, suffixes: [char; 3]| -> Result<[&'a [f32]; 3], VerifyError> {
-            let mut found: [&[f32]; 3] = [&[]; 3];
-            for (layer, name) in found.iter_mut().zip(channel_names(prefix, suffixes)) {
-                *layer = image.f32(&name).ok_or(VerifyError::MissingLayer(name))?;
-            }
-            Ok(found)
-        };
-        let rgb = ['R', 'G', 'B'];
+        let rgb = |prefix| triple(image, channel_names(prefix, ['R', 'G', 'B']));
         Ok(Self {
             width: image.width(),
-            direct: triple("direct", rgb)?,
-            irradiance: triple("irradiance", rgb)?,
-            radiosity: triple("radiosity", rgb)?,
-            radiance: triple("", rgb)?,
-            position: triple("P", ['X', 'Y', 'Z'])?,
+            direct: rgb("direct")?,
+            light: Some([rgb("irradiance")?, rgb("radiosity")?, rgb("")?]),
+            position: position(image)?,
+        })
+    }
+
+    /// The layers of a field of form factors: one channel stands for all three.
+    fn of_field(image: &'a Image) -> Result<Self, VerifyError> {
+        Ok(Self {
+            width: image.width(),
+            direct: triple(image, ["Y"; 3].map(str::to_owned))?,
+            light: None,
+            position: position(image)?,
         })
     }
 
@@ -232,24 +277,28 @@ impl<'a> Layers<'a> {
             return judged;
         };
         let value = |layers: &[&[f32]; 3], c: usize| f64::from(layers[c][index]);
+        let close = |found: f64, follows: f64| reference.layer_rounding().allows(found, follows, 0.0);
         let point = tile.point(
             f64::from(tile.left) + column as f64 + 0.5,
             f64::from(tile.top) + row as f64 + 0.5,
         );
         for c in 0..3 {
-            let position = value(&self.position, c);
-            judged.misplaced |= !close(position, point[c], reference.slack());
-            let (h, b) = (value(&self.irradiance, c), value(&self.radiosity, c));
+            let place = value(&self.position, c);
+            judged.misplaced |= !Rounding::F32.allows(place, point[c], reference.slack());
+            let Some([irradiance, radiosity, radiance]) = &self.light else {
+                continue;
+            };
+            let (h, b) = (value(irradiance, c), value(radiosity, c));
             if let Some((exitance, reflectance)) = material {
-                judged.inconsistent |= !close(b, exitance[c] + reflectance[c] * h, 0.0);
+                judged.inconsistent |= !close(b, exitance[c] + reflectance[c] * h);
             }
-            judged.inconsistent |= !close(value(&self.radiance, c), b / std::f64::consts::PI, 0.0);
-            judged.inconsistent |= reference.nothing_reflects() && !close(h, value(&self.direct, c), 0.0);
+            judged.inconsistent |= !close(value(radiance, c), b / std::f64::consts::PI);
+            judged.inconsistent |= reference.nothing_reflects() && !close(h, value(&self.direct, c));
         }
         if let Some((exact, offset)) = answer.irradiance() {
             for c in 0..3 {
                 judged.error[c] = value(&self.direct, c) - exact[c];
-                judged.parts[0][c] = reference.statistical(c, exact[c], 1.0, log_odds);
+                judged.parts[0][c] = reference.statistical(c, exact[c].max(reference.leak(c, answer)), 1.0, log_odds);
                 judged.parts[1][c] = offset[c].abs();
                 judged.parts[2][c] = reference.rounding(c, exact[c]);
                 judged.outside |= !judged.is_within(c);
@@ -259,9 +308,16 @@ impl<'a> Layers<'a> {
     }
 }
 
-/// Returns true if a layer's value is the given number after a few roundings to f32.
-fn close(value: f64, exact: f64, slack: f64) -> bool {
-    (value - exact).abs() <= 4.0 * ROUNDING * exact.abs() + slack + f64::from(f32::MIN_POSITIVE)
+fn triple(image: &Image, names: [String; 3]) -> Result<[&[f32]; 3], VerifyError> {
+    let mut found: [&[f32]; 3] = [&[]; 3];
+    for (layer, name) in found.iter_mut().zip(names) {
+        *layer = image.f32(&name).ok_or(VerifyError::MissingLayer(name))?;
+    }
+    Ok(found)
+}
+
+fn position(image: &Image) -> Result<[&[f32]; 3], VerifyError> {
+    triple(image, channel_names("P", ['X', 'Y', 'Z']))
 }
 
 /// Sums over all pixels.
@@ -371,7 +427,8 @@ fn wall_report(
     let means = [0, 1, 2].map(|c| GroupMean::new(pixels(), c, reference, log_odds));
     let n_checked = means[0].n_checked;
     let whole = n_checked == answers.len();
-    let exact = whole.then(|| exact_mean(tile, reference)).flatten();
+    let shaded = answers.iter().any(PixelAnswer::is_shaded);
+    let exact = whole.then(|| exact_mean(tile, shaded, reference)).flatten();
     let quadrature = exact.map(|exact| [0, 1, 2].map(|c| means[c].expected - exact[c]));
     let missed = quadrature.unwrap_or_default();
     WallReport {
@@ -389,15 +446,15 @@ fn wall_report(
 }
 
 /// Returns Σ_j E_j A F_j / A for a tile that its surface fills, or `None` where no closed form is known.
-fn exact_mean(tile: &Tile, reference: &Reference<'_>) -> Option<[f64; 3]> {
+fn exact_mean(tile: &Tile, shaded: bool, reference: &Reference<'_>) -> Option<[f64; 3]> {
     let rectangle = tile.rectangle();
     let area = polygon::area_vector(&rectangle).length();
     if (reference.surface_area(tile) - area).abs() > 1e-9 * area {
         return None;
     }
     let mut mean = [0.0; 3];
-    for (Plate { corners, .. }, exitance) in reference.emitters() {
-        let exchange_area = rectangle_exchange_area(&rectangle, corners)?;
+    for (emitter, exitance) in reference.emitters() {
+        let exchange_area = reference.exchange_area(tile, shaded, emitter)?;
         for c in 0..3 {
             mean[c] += exitance[c] * exchange_area / area;
         }

@@ -4,11 +4,16 @@ use rayon::prelude::*;
 
 use super::clear_view::{Plate, is_clear, misses_region};
 use super::tolerance::{effective_samples, hoeffding};
-use super::{DVec3, ROUNDING, Tile};
+use super::{DVec3, Rounding, Tile};
+use crate::form_factor::partial::{Accuracy, VisibleFactor, exchange_area};
 use crate::geometry::point_form_factor::point_form_factor;
 use crate::geometry::polygon;
+use crate::geometry::rectangle::rectangle_exchange_area;
+use crate::render::DirectMethod;
 use crate::render::attributes::{Attributes, PolygonRecord};
-use crate::render::sample_places;
+use crate::render::exr::Pixels;
+use crate::render::renderer::sample_places;
+use crate::visibility::blockers::Blocker;
 
 /// Exitance and reflectance.
 type Material = ([f64; 3], [f64; 3]);
@@ -26,8 +31,14 @@ pub(super) enum PixelAnswer {
         material: Option<Material>,
         /// The exact direct irradiance and its change over the rays' offset, where a clear view of the emitters is proven.
         irradiance: Option<([f64; 3], [f64; 3])>,
+        /// Whether something hides a part of an emitter.
+        shaded: bool,
     },
 }
+
+/// What rays may find where an emitter is hidden, as a share of the largest exitance: they see outlines whose corners are rounded to f32,
+/// 6e-8 of the scene's size off, and a shadow's edge moves by a few times that.
+const LEAK: f64 = 1e-6;
 
 impl PixelAnswer {
     pub(super) fn on_surface(&self) -> bool {
@@ -48,6 +59,10 @@ impl PixelAnswer {
             Self::Surface { material, .. } => Some(*material),
             _ => None,
         }
+    }
+
+    pub(super) fn is_shaded(&self) -> bool {
+        matches!(self, Self::Surface { shaded: true, .. })
     }
 
     pub(super) fn irradiance(&self) -> Option<([f64; 3], [f64; 3])> {
@@ -73,6 +88,8 @@ pub(super) struct Reference<'a> {
     /// Rays per pixel; 0 where the direct pass has no noise at a clear point.
     n_rays: u64,
     n_effective: f64,
+    /// Whether the image's method is right where an emitter is hidden in part.
+    knows_penumbras: bool,
     /// How far above the surface the estimate was really made, in m.
     offset: f64,
 }
@@ -104,10 +121,18 @@ impl<'a> Reference<'a> {
             nothing_reflects: records().all(|record| record.reflectance.iter().all(|&rho| rho <= 0.0)),
             slack: 1e-12 * size,
             n_rays: n_samples * u64::from(n_rays),
+            knows_penumbras: !matches!(attributes.render.direct, DirectMethod::Polygons { .. }),
             n_effective: n_samples as f64 * effective_samples(n_rays.max(1), attributes.render.sequence),
             // A tenth more for the rounding of ray origins to f32.
             offset: if n_rays > 0 { 1.1 * attributes.ray_offset } else { 0.0 },
         })
+    }
+
+    /// Returns the rounding of the colours.
+    pub(super) fn layer_rounding(&self) -> Rounding {
+        // The form factors of a field are stored with all bits.
+        let is_field = self.attributes.field.is_some();
+        Rounding::of(if is_field { Pixels::F32 } else { self.attributes.pixels })
     }
 
     pub(super) fn slack(&self) -> f64 {
@@ -120,6 +145,15 @@ impl<'a> Reference<'a> {
 
     pub(super) fn n_effective(&self) -> f64 {
         if self.n_rays > 0 { self.n_effective } else { 0.0 }
+    }
+
+    /// Returns the irradiance whose noise a pixel may have at least.
+    pub(super) fn leak(&self, channel: usize, answer: &PixelAnswer) -> f64 {
+        if answer.is_shaded() {
+            LEAK * self.brightest[channel]
+        } else {
+            0.0
+        }
     }
 
     pub(super) fn nothing_reflects(&self) -> bool {
@@ -173,7 +207,8 @@ impl<'a> Reference<'a> {
 
     /// Returns the rounding of a layer's value, and of the closed forms.
     pub(super) fn rounding(&self, channel: usize, exact: f64) -> f64 {
-        ROUNDING * exact + 1e-14 * self.total[channel] + f64::from(f32::MIN_POSITIVE)
+        let Rounding { relative, absolute } = self.layer_rounding();
+        relative * exact + 1e-14 * self.total[channel] + absolute
     }
 
     /// Returns the answers of all pixels of a tile, row by row.
@@ -184,21 +219,26 @@ impl<'a> Reference<'a> {
         let blockers: Vec<Vec<&Plate>> = self
             .emitters
             .iter()
-            .map(|(emitter, _)| {
-                let misses = |plate: &Plate| misses_region(plate, &rectangle, normal, emitter, self.slack);
-                self.plates.iter().filter(|plate| !misses(plate)).collect()
-            })
+            .map(|(emitter, _)| self.between(&rectangle, normal, emitter))
             .collect();
         let records = self.records(tile);
         let material = records.first().map(|record| (record.exitance, record.reflectance));
         let uniform = records
             .iter()
             .all(|record| Some((record.exitance, record.reflectance)) == material);
+        let visible = || -> Vec<VisibleFactor> {
+            let emitters = self.emitters.iter().zip(&blockers);
+            emitters
+                .map(|((emitter, _), between)| {
+                    VisibleFactor::new(&rectangle, normal, &emitter.corners, &as_blockers(between))
+                })
+                .collect()
+        };
         let n_pixels = tile.width as usize * tile.height as usize;
         let columns = tile.width as usize;
         (0..n_pixels)
             .into_par_iter()
-            .map(|k| {
+            .map_init(visible, |seen, k| {
                 let corner = (
                     f64::from(tile.left) + (k % columns) as f64,
                     f64::from(tile.top) + (k / columns) as f64,
@@ -209,28 +249,73 @@ impl<'a> Reference<'a> {
                 match self.coverage(tile, &points) {
                     Coverage::None => PixelAnswer::Background,
                     Coverage::Partial => PixelAnswer::Border,
-                    Coverage::Full => PixelAnswer::Surface {
-                        material: material.filter(|_| uniform),
-                        irradiance: self.irradiance(&points, normal, &blockers),
-                    },
+                    Coverage::Full => {
+                        let (irradiance, shaded) = self.irradiance(&points, normal, &blockers, seen);
+                        PixelAnswer::Surface {
+                            material: material.filter(|_| uniform),
+                            irradiance,
+                            shaded,
+                        }
+                    }
                 }
             })
             .collect()
     }
 
-    fn irradiance(&self, points: &[DVec3], normal: DVec3, blockers: &[Vec<&Plate>]) -> Option<([f64; 3], [f64; 3])> {
+    /// Returns the exchange area of a tile's rectangle and an emitter, in m²; `None` if it could not be found to 1e-10.
+    ///
+    /// `shaded` tells whether anything hides a part of an emitter from the rectangle.
+    pub(super) fn exchange_area(&self, tile: &Tile, shaded: bool, emitter: &Plate) -> Option<f64> {
+        let rectangle = &tile.rectangle();
+        let between = if shaded {
+            self.between(rectangle, tile.normal(), emitter)
+        } else {
+            Vec::new()
+        };
+        if between.is_empty()
+            && let Some(known) = rectangle_exchange_area(rectangle, &emitter.corners)
+        {
+            return Some(known);
+        }
+        let accuracy = Accuracy {
+            tolerance: 1e-10,
+            budget: 10_000_000,
+        };
+        let found = exchange_area(rectangle, &emitter.corners, &as_blockers(&between), accuracy);
+        found.reached.then_some(found.exchange_area)
+    }
+
+    fn between(&self, rectangle: &[DVec3; 4], normal: DVec3, emitter: &Plate) -> Vec<&Plate> {
+        let misses = |plate: &Plate| misses_region(plate, rectangle, normal, emitter, self.slack);
+        self.plates.iter().filter(|plate| !misses(plate)).collect()
+    }
+
+    /// Returns the irradiance, its change over the rays' offset, and whether anything hides a part of an emitter.
+    fn irradiance(
+        &self,
+        points: &[DVec3],
+        normal: DVec3,
+        blockers: &[Vec<&Plate>],
+        seen: &mut [VisibleFactor],
+    ) -> (Option<([f64; 3], [f64; 3])>, bool) {
+        let mut shaded = false;
         let (mut exact, mut moved) = ([0.0; 3], [0.0; 3]);
         let share = 1.0 / points.len() as f64;
         for &point in points {
-            for ((emitter, exitance), candidates) in self.emitters.iter().zip(blockers) {
+            for (((emitter, exitance), candidates), visible) in self.emitters.iter().zip(blockers).zip(&mut *seen) {
                 let form_factor = |at: DVec3| point_form_factor(at, normal, &emitter.corners);
-                let here = form_factor(point);
-                let above = form_factor(point + normal * self.offset);
+                let mut here = form_factor(point);
+                let mut above = form_factor(point + normal * self.offset);
                 if here <= 0.0 && above <= 0.0 {
                     continue;
                 }
                 if !is_clear(point, normal, emitter, candidates.iter().copied(), self.slack) {
-                    return None;
+                    if !self.knows_penumbras {
+                        return (None, true);
+                    }
+                    shaded = true;
+                    here = visible.at(point);
+                    above = visible.at(point + normal * self.offset);
                 }
                 for c in 0..3 {
                     exact[c] += share * exitance[c] * here;
@@ -238,7 +323,7 @@ impl<'a> Reference<'a> {
                 }
             }
         }
-        Some((exact, std::array::from_fn(|c| moved[c] - exact[c])))
+        (Some((exact, std::array::from_fn(|c| moved[c] - exact[c]))), shaded)
     }
 
     fn coverage(&self, tile: &Tile, points: &[DVec3]) -> Coverage {
@@ -258,6 +343,14 @@ impl<'a> Reference<'a> {
             _ => Coverage::Partial,
         }
     }
+}
+
+fn as_blockers<'a>(plates: &[&'a Plate]) -> Vec<Blocker<'a>> {
+    let blocker = |plate: &&'a Plate| Blocker {
+        corners: &plate.corners,
+        one_sided: false,
+    };
+    plates.iter().map(blocker).collect()
 }
 
 enum Coverage {

@@ -5,6 +5,8 @@ use serde::Serialize;
 /// What verification found; see [`verify`](super::verify()).
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct VerifyReport {
+    /// The surface that the form factors are to, where the image is a field of them; all errors and means are then form factors.
+    pub field: Option<String>,
     /// Whether everything that could be checked was right, and something could.
     pub passed: bool,
     /// Whether the scene in the file is the one that its hash was made from.
@@ -63,7 +65,7 @@ pub struct WallReport {
     pub mean: [f64; 3],
     /// The mean of the exact irradiance at the same points.
     pub expected: [f64; 3],
-    /// The exact mean over the whole wall, where it is a rectangle that was checked everywhere, and the emitters are rectangles with parallel edges.
+    /// The exact mean over the whole wall, where it is a rectangle that was checked everywhere.
     pub exact: Option<[f64; 3]>,
     /// expected − exact: what pixel centres miss of the wall's mean.
     pub quadrature: Option<[f64; 3]>,

@@ -1,0 +1,58 @@
+//! Fields of form factors.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use serde::Serialize;
+
+use super::{CommonArgs, MeshArgs, PictureFileArgs, SequenceName, ViewArgs};
+
+/// How the form factor of a point is found: the methods of `form-factors` that need no patch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum FieldMethodName {
+    /// The exact form factor to the visible part of the surface, by clipping; no rays
+    Exact,
+    /// Rays from the point, with a standard error for every pixel
+    Sr,
+    /// The exact form factor, times the visible fraction of low-discrepancy rays
+    Qmc,
+}
+
+/// `radiosity field`.
+#[derive(Args, Debug)]
+pub struct FieldArgs {
+    /// The scene (OBJ)
+    #[arg(value_name = "SCENE")]
+    pub scene: PathBuf,
+    /// The surface, by name, that the form factors are to
+    #[arg(long, value_name = "NAME")]
+    pub surface: String,
+    /// The image to write; a PNG preview goes beside it
+    #[arg(short, long, value_name = "F.exr")]
+    pub output: PathBuf,
+    /// The method
+    #[arg(long, value_enum, default_value_t = FieldMethodName::Exact, help_heading = "Form factors")]
+    pub method: FieldMethodName,
+    /// Rays for each sample of a pixel, with sr [default: 4096], or for each face of the surface, with qmc [default: 64]
+    #[arg(long, value_name = "N", help_heading = "Form factors", value_parser = clap::value_parser!(u32).range(1..=65536))]
+    pub rays: Option<u32>,
+    /// Where the numbers of sr and qmc come from [default: sobol]
+    #[arg(long, value_enum, help_heading = "Form factors")]
+    pub sequence: Option<SequenceName>,
+    /// Seed of all numbers
+    #[arg(long, value_name = "S", default_value_t = 0, help_heading = "Form factors")]
+    pub seed: u64,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub view: ViewArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub file: PictureFileArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub mesh: MeshArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub common: CommonArgs,
+}

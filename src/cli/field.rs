@@ -1,0 +1,143 @@
+//! `radiosity field`.
+
+use std::fmt::Write as _;
+use std::num::NonZeroU32;
+
+use serde_json::{Value, json};
+
+use super::Outcome;
+use super::args::{FieldArgs, FieldMethodName};
+use super::exit_code::ExitCode;
+use super::failure::Failure;
+use super::form_factors::surface_named;
+use super::picture::preview_of;
+use super::pipeline::{Prepared, Run};
+use super::render::{AnyView, default_subdivision, samples, view};
+use crate::geometry::sampling::Sequence;
+use crate::render::{
+    Attributes, DirectMethod, FieldInput, FieldRecord, RenderSettings, SurfaceMean, exr, field, png, surface_means,
+};
+use crate::visibility::Visibility as _;
+
+/// Rays for each sample of a pixel, with `sr`, unless `--rays` says otherwise.
+const SHOT_RAYS: u32 = 4096;
+
+/// Rays to each face of the surface, with `qmc`, unless `--rays` says otherwise.
+const SHADOW_RAYS: u32 = 64;
+
+pub(super) fn run(args: &FieldArgs) -> Result<Outcome, Failure> {
+    let mut run = Run::new("field", &args.common);
+    let settings = settings(args)?;
+    let preview = preview_of(&args.output)?;
+    let mut prepared = run.prepare(&args.scene, args.mesh, default_subdivision)?;
+    let surface = surface_named(&prepared.scene, &args.surface)?;
+    let view = view(&args.view, &args.scene, &prepared.scene)?;
+    run.set("method", json!(args.method));
+    if let DirectMethod::CosineRays { n } | DirectMethod::Polygons { n } = settings.direct {
+        run.set("rays", n.get());
+        run.set("sequence", json!(settings.sequence));
+        run.warn_of_narrow_gaps(&prepared);
+    } else {
+        let nothing = "rays between points and the surface: what blocks is clipped away exactly";
+        prepared.plan.left_out.push(nothing.into());
+    }
+    run.set("seed", args.seed);
+    run.set("surface", args.surface.as_str());
+    if let AnyView::Unfolded(unfolded) = &view {
+        let without = unfolded.layout().left_out.iter().cloned();
+        prepared.plan.left_out.extend(without);
+    }
+    let input = FieldInput {
+        scene: &prepared.scene,
+        mesh: &prepared.mesh,
+        visibility: &prepared.visibility,
+        surface,
+    };
+    let image = run
+        .times
+        .time("render", || field(&input, view.as_view(), &settings, &run.progress))?;
+    let mut attributes = Attributes::new(
+        &prepared.scene,
+        view.as_view().description(),
+        settings,
+        prepared.visibility.offset(),
+        json!(run.settings),
+    )
+    .with_field(FieldRecord {
+        surface: args.surface.clone(),
+    });
+    attributes.pixels = args.file.pixels.into();
+    run.times.time("write", || {
+        exr::write_parts(&args.output, &image, &attributes, args.file.parts.into())?;
+        png::write(&preview, &image)
+    })?;
+    run.progress.finish();
+
+    let means = surface_means(&image, &prepared.mesh, prepared.scene.surfaces.len());
+    let mut text = run.explanation(&prepared);
+    describe(&mut text, &prepared, &args.surface, &means);
+    run.describe_times(&mut text);
+    let (width, height) = (image.width(), image.height());
+    let (file, preview) = (args.output.display(), preview.display());
+    let _ = writeln!(text, "wrote {file} ({width} × {height}) and {preview}");
+    let result = json!({
+        "surface": args.surface,
+        "image": file.to_string(),
+        "preview": preview.to_string(),
+        "width": width,
+        "height": height,
+        "surfaces": surfaces_to_json(&prepared, &means),
+    });
+    Ok(Outcome {
+        text,
+        document: run.document_of(&prepared, result),
+        code: ExitCode::Done,
+    })
+}
+
+fn settings(args: &FieldArgs) -> Result<RenderSettings, Failure> {
+    let is_exact = args.method == FieldMethodName::Exact;
+    if is_exact && (args.rays.is_some() || args.sequence.is_some()) {
+        return Err(Failure::usage(
+            "--rays and --sequence are for --method sr and qmc; exact traces no rays",
+        ));
+    }
+    let n_or = |default| NonZeroU32::new(args.rays.unwrap_or(default)).ok_or(Failure::usage("--rays starts at 1"));
+    Ok(RenderSettings {
+        samples: samples(&args.view)?,
+        direct: match args.method {
+            FieldMethodName::Exact => DirectMethod::Exact,
+            FieldMethodName::Sr => DirectMethod::CosineRays { n: n_or(SHOT_RAYS)? },
+            FieldMethodName::Qmc => DirectMethod::Polygons { n: n_or(SHADOW_RAYS)? },
+        },
+        sequence: args.sequence.map_or_else(Sequence::default, Into::into),
+        seed: args.seed,
+        ..RenderSettings::default()
+    })
+}
+
+fn surfaces_to_json(prepared: &Prepared, means: &[SurfaceMean]) -> Value {
+    let mut surfaces = prepared.surfaces_to_json();
+    for (surface, mean) in surfaces.as_array_mut().into_iter().flatten().zip(means) {
+        surface["n_pixels"] = json!(mean.n_pixels);
+        surface["form_factor"] = json!(mean.form_factor);
+    }
+    surfaces
+}
+
+fn describe(text: &mut String, prepared: &Prepared, target: &str, means: &[SurfaceMean]) {
+    let names = prepared.scene.surfaces.iter().map(|surface| surface.name.as_str());
+    let width = names.clone().map(|name| name.chars().count()).max().unwrap_or(0);
+    let _ = writeln!(text, "mean form factor to {target} over the pixels that show a surface");
+    for (name, mean) in names.zip(means) {
+        match mean.form_factor {
+            Some(value) => {
+                let _ = writeln!(text, "{name:width$} {value:>12.9} ({} pixels)", mean.n_pixels);
+            }
+            None => {
+                let _ = writeln!(text, "{name:width$}    not seen");
+            }
+        }
+    }
+    let _ = writeln!(text);
+}

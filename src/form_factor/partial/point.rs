@@ -1,0 +1,48 @@
+//! The form factor from single points to the visible part of a polygon.
+
+use glam::DVec3;
+
+use super::events::Receiver;
+use super::shadow::Shadows;
+use super::{Blocker, bounds};
+use crate::geometry::clip::clip_to_half_space;
+
+/// A convex polygon as the points of a flat convex region see it behind blockers.
+///
+/// F(x → visible part of Q): Q is cut at the region's horizon and clipped against the shadow of every blocker as seen from x; the pieces that are left are
+/// summed by Lambert's formula. Accuracy: an absolute error of some 1e-15; what is left of Q within 1e-15 of the distances involved may count as hidden.
+/// Source: [`LAMBERT_1760`](crate::references::LAMBERT_1760). Departures: the clipping.
+pub struct VisibleFactor {
+    shadows: Option<Shadows>,
+}
+
+impl VisibleFactor {
+    /// Prepares the blockers for the points of `region`, a polygon with the unit normal `normal`.
+    ///
+    /// `blockers` must hold all polygons that reach in between, such as [`BlockerIndex`](crate::visibility::blockers::BlockerIndex) finds for
+    /// region and target; more do no harm.
+    #[must_use]
+    pub fn new(region: &[DVec3], normal: DVec3, target: &[DVec3], blockers: &[Blocker<'_>]) -> Self {
+        let above = region
+            .first()
+            .map(|&origin| clip_to_half_space(target, origin, normal))
+            .unwrap_or_default();
+        if above.len() < 3 {
+            return Self { shadows: None };
+        }
+        let ((low, high), (target_low, target_high)) = (bounds(region), bounds(target));
+        let size = (high.max(target_high) - low.min(target_low)).length();
+        let receiver = Receiver::new(region.to_vec(), normal);
+        Self {
+            shadows: Some(Shadows::new(&receiver, &above, blockers, size)),
+        }
+    }
+
+    /// Returns the form factor from a point of the region to the part of the target that it sees, in \[0, 1\].
+    #[must_use]
+    pub fn at(&mut self, point: DVec3) -> f64 {
+        self.shadows
+            .as_mut()
+            .map_or(0.0, |shadows| shadows.visible_factor(point))
+    }
+}

@@ -1,0 +1,132 @@
+//! The form factor from every visible point to one surface.
+
+use serde::{Deserialize, Serialize};
+
+use super::image::Image;
+use super::{RenderError, RenderInput, RenderSettings, View, render};
+use crate::matrix::operator::Block;
+use crate::mesh::Mesh;
+use crate::progress::Progress;
+use crate::scene::{Material, MaterialId, Scene, SurfaceId};
+use crate::visibility::Visibility;
+
+/// What an image file says about a field of form factors.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FieldRecord {
+    /// The name of the surface that the form factors are to.
+    pub surface: String,
+}
+
+/// A scene and the surface whose form factors are wanted.
+#[derive(Clone, Copy)]
+pub struct FieldInput<'a> {
+    /// The scene.
+    pub scene: &'a Scene,
+    /// Its patches, for the layer `patch`; the form factors do not depend on them.
+    pub mesh: &'a Mesh,
+    /// Who sees whom.
+    pub visibility: &'a dyn Visibility,
+    /// The surface.
+    pub surface: SurfaceId,
+}
+
+/// Renders the form factor F(x → S) from every visible point x to the visible part of a surface S.
+///
+/// F is the irradiance at x where S alone emits, 1 W·m⁻², and nothing reflects: `settings.direct` says how it is found, and the error is that of the
+/// [method](super::DirectMethod). It is 0 on backs of faces and in the background.
+///
+/// Layers (f32 but for `patch`): `Y` the form factor, in \[0, 1\], the mean over the pixel's samples; `error` its standard error as if all samples were
+/// independent, 0 where the method has none; `N.X/Y/Z`, `P.X/Y/Z`, `Z` and `patch` as in [`render`](super::render()).
+///
+/// Equal arguments give equal images at any number of threads.
+///
+/// # Errors
+/// [`RenderError::Empty`], [`RenderError::TooLarge`].
+///
+/// # Panics
+/// If the scene has no such surface.
+#[doc(alias = "view factor")]
+#[track_caller]
+pub fn field(
+    input: &FieldInput<'_>,
+    view: &dyn View,
+    settings: &RenderSettings,
+    progress: &dyn Progress,
+) -> Result<Image, RenderError> {
+    assert!(
+        (input.surface.0 as usize) < input.scene.surfaces.len(),
+        "a surface of the scene"
+    );
+    let scene = lit_by(input.scene, input.surface);
+    let dark = Block::zeros(input.mesh.n_patches(), 1);
+    let lit = RenderInput {
+        scene: &scene,
+        mesh: input.mesh,
+        visibility: input.visibility,
+        radiosity: &dark,
+        irradiance: &dark,
+        indirect_irradiance: Some(&dark),
+        error: None,
+    };
+    let rendered = render(&lit, view, settings, progress)?;
+    let mut image = Image::new(rendered.width(), rendered.height());
+    let renamed = |name: &str| match name {
+        "direct.R" => Some("Y".to_owned()),
+        "direct_error.R" => Some("error".to_owned()),
+        "Z" | "patch" => Some(name.to_owned()),
+        _ if name.starts_with("N.") || name.starts_with("P.") => Some(name.to_owned()),
+        _ => None,
+    };
+    for layer in rendered.into_layers() {
+        if let Some(name) = renamed(&layer.name) {
+            image.insert(&name, layer.samples);
+        }
+    }
+    Ok(image)
+}
+
+/// Returns the scene with two materials: one surface emits 1 W·m⁻², and nothing reflects.
+fn lit_by(scene: &Scene, surface: SurfaceId) -> Scene {
+    let material = |name: &str, exitance: f64| Material {
+        name: name.to_owned(),
+        reflectance: [0.0; 3],
+        exitance: [exitance; 3],
+    };
+    let mut lit = scene.clone();
+    lit.materials = vec![material("dark", 0.0), material("light", 1.0)];
+    for face in &mut lit.faces {
+        face.material = MaterialId(u32::from(face.surface == surface));
+    }
+    lit
+}
+
+/// The mean of a field over what an image shows of one surface.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SurfaceMean {
+    /// The number of pixels whose centre shows the surface.
+    pub n_pixels: u64,
+    /// The mean of `Y` over these pixels; `None` without any.
+    pub form_factor: Option<f64>,
+}
+
+/// Returns, surface by surface, the mean of `Y` over the pixels whose centres show it.
+///
+/// In an unfolded view with rectangular surfaces this is the area mean, the form factor from the surface, to the error of the midpoint rule.
+#[must_use]
+pub fn surface_means(image: &Image, mesh: &Mesh, n_surfaces: usize) -> Vec<SurfaceMean> {
+    let mut sums = vec![(0_u64, 0.0); n_surfaces];
+    let patches = image.u32("patch").unwrap_or_default();
+    for (&patch, &value) in patches.iter().zip(image.f32("Y").unwrap_or_default()) {
+        if let Some(patch) = mesh.patches.get(patch as usize) {
+            let (n, sum) = &mut sums[patch.surface.0 as usize];
+            *n += 1;
+            *sum += f64::from(value);
+        }
+    }
+    sums.into_iter()
+        .map(|(n_pixels, sum)| SurfaceMean {
+            n_pixels,
+            form_factor: (n_pixels > 0).then(|| sum / n_pixels as f64),
+        })
+        .collect()
+}

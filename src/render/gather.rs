@@ -1,0 +1,250 @@
+//! Final gather: the irradiance at each visible point by rays against the radiosity solution.
+
+use std::num::NonZeroU32;
+
+use serde::{Deserialize, Serialize};
+
+use super::RenderInput;
+use super::direct::DirectPass;
+use super::image::{Image, channel_names};
+use super::shade::{Shader, SurfacePoint};
+use crate::geometry::sampling::{Frame, PointStream, Sequence, cosine_direction};
+use crate::visibility::{Coherence, HitBatch, RayBatch};
+
+/// How the irradiance of a pixel is gathered.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct GatherSettings {
+    /// The standard error at which a pixel is finished, relative to the largest channel of its irradiance.
+    pub noise: f64,
+    /// The most rays for one pixel, all its samples together.
+    pub max_rays: NonZeroU32,
+}
+
+/// Independent scrambles of a pixel's points: their spread is its variance.
+///
+/// Eight leave the standard error itself uncertain by 27 % (χ² with 7 degrees of freedom); more would make each net shorter.
+const N_NETS: usize = 8;
+
+/// Rays for a pixel before its spread is looked at.
+const FIRST_RAYS: u32 = 64;
+
+/// Seeds the gathering apart from the direct pass.
+const SEED: u64 = 0x6761_7468_6572_6564;
+
+/// A place on a surface that is a part of a pixel.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PixelPart {
+    /// The number of the pixel in its block.
+    pub(super) pixel: usize,
+    pub(super) point: SurfacePoint,
+    /// The share of the pixel's colour.
+    pub(super) share: f64,
+    /// The number of the part's own random stream.
+    pub(super) stream: u64,
+}
+
+/// What was gathered for one pixel so far.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Gathered {
+    /// Per net, Σ over its points of the pixel's irradiance.
+    nets: [[f64; 3]; N_NETS],
+    /// Σ over all points of ρ times the irradiance.
+    reflected: [f64; 3],
+    /// Points of each net and part.
+    n_points: u32,
+    n_parts: u32,
+    pub(super) finished: bool,
+}
+
+impl Gathered {
+    /// Returns the irradiance, ρ times it, and the variance of the irradiance.
+    pub(super) fn estimate(&self) -> [[f64; 3]; 3] {
+        let n = f64::from(self.n_points.max(1));
+        let nets = N_NETS as f64;
+        let mean: [f64; 3] = std::array::from_fn(|c| self.nets.iter().map(|net| net[c]).sum::<f64>() / (n * nets));
+        let variance = std::array::from_fn(|c| {
+            let squares: f64 = self.nets.iter().map(|net| (net[c] / n - mean[c]).powi(2)).sum();
+            squares / (nets * (nets - 1.0))
+        });
+        [mean, self.reflected.map(|sum| sum / (n * nets)), variance]
+    }
+
+    /// Returns the number of rays.
+    pub(super) fn n_rays(&self) -> u32 {
+        u32::try_from(N_NETS).map_or(0, |nets| nets * self.n_points * self.n_parts)
+    }
+
+    /// Returns how many points each net has after the next round: twice as many, or none if that is more than is allowed.
+    fn next_points(&self, n_parts: u32, max_rays: u32) -> Option<u32> {
+        let rays_of_a_point = u32::try_from(N_NETS).ok()?.checked_mul(n_parts)?;
+        if self.n_points == 0 {
+            // At least one round, whatever it costs.
+            return Some(FIRST_RAYS.min(max_rays).div_ceil(rays_of_a_point));
+        }
+        let next = self.n_points.checked_mul(2)?;
+        (rays_of_a_point.checked_mul(next)? <= max_rays).then_some(next)
+    }
+}
+
+/// Gathers light from a scene with a solution.
+pub(super) struct Gatherer<'a> {
+    input: &'a RenderInput<'a>,
+    settings: GatherSettings,
+    sequence: Sequence,
+    seed: u64,
+    /// Looks up what a ray meets.
+    shader: Shader<'a>,
+    /// Whether the light of the emitters themselves is added elsewhere.
+    without_exitance: bool,
+    origins: DirectPass<'a>,
+}
+
+/// Buffers of one thread.
+#[derive(Default)]
+pub(super) struct GatherScratch {
+    rays: RayBatch,
+    hits: HitBatch,
+}
+
+impl<'a> Gatherer<'a> {
+    /// `shader` has the whole solution; `origins` is the direct pass.
+    pub(super) fn new(
+        input: &'a RenderInput<'a>,
+        settings: GatherSettings,
+        (sequence, seed): (Sequence, u64),
+        shader: Shader<'a>,
+        (origins, without_exitance): (DirectPass<'a>, bool),
+    ) -> Self {
+        Self {
+            input,
+            settings,
+            sequence,
+            seed: seed ^ SEED,
+            shader,
+            without_exitance,
+            origins,
+        }
+    }
+
+    /// Gathers for one more round for a pixel with these parts; `direct` is what its irradiance is without.
+    pub(super) fn continue_with(
+        &self,
+        parts: &[PixelPart],
+        direct: [f64; 3],
+        gathered: &mut Gathered,
+        scratch: &mut GatherScratch,
+    ) {
+        let n_parts = u32::try_from(parts.len()).unwrap_or(u32::MAX);
+        let max_rays = self.settings.max_rays.get();
+        // Background, and backs of faces, gather nothing.
+        let next = (n_parts > 0).then(|| gathered.next_points(n_parts, max_rays)).flatten();
+        let Some(n_points) = next else {
+            gathered.finished = true;
+            return;
+        };
+        gathered.n_parts = n_parts;
+        for part in parts {
+            self.gather(part, gathered, n_points, scratch);
+        }
+        gathered.n_points = n_points;
+        let [mean, _, variance] = gathered.estimate();
+        let brightest = (0..3).map(|c| direct[c] + mean[c]).fold(0.0, f64::max);
+        let error = variance.iter().copied().fold(0.0, f64::max).sqrt();
+        gathered.finished = error <= self.settings.noise * brightest;
+    }
+
+    /// Adds the points of all nets of one part, from the ones that it has to `n_points`.
+    fn gather(&self, part: &PixelPart, gathered: &mut Gathered, n_points: u32, scratch: &mut GatherScratch) {
+        let GatherScratch { rays, hits } = scratch;
+        let point = &part.point;
+        let frame = Frame::from_normal(point.normal);
+        let origin = self.origins.origin(point.face, point.point, point.normal);
+        let n_new = n_points - gathered.n_points;
+        rays.clear();
+        for net in 0..N_NETS as u64 {
+            let mut stream = PointStream::new(self.sequence, self.seed, part.stream * N_NETS as u64 + net);
+            stream.skip(u64::from(gathered.n_points));
+            for _ in 0..n_new {
+                let [u, v, ..] = stream.next_point();
+                rays.push_ray(origin, frame.to_world(cosine_direction(u, v)));
+            }
+        }
+        self.input.visibility.closest_hits(rays, Coherence::Incoherent, hits);
+        let own = self.shader.material(point.face).reflectance;
+        for (net, sums) in gathered.nets.iter_mut().enumerate() {
+            let first = net * n_new as usize;
+            for k in first..first + n_new as usize {
+                let Some(light) = self.light(hits, k) else { continue };
+                for c in 0..3 {
+                    sums[c] += part.share * light[c];
+                    gathered.reflected[c] += part.share * own[c] * light[c];
+                }
+            }
+        }
+    }
+
+    /// Returns the radiosity of what ray k met, or what of it is reflected light.
+    fn light(&self, hits: &HitBatch, k: usize) -> Option<[f64; 3]> {
+        let hit = hits.face(k).filter(|hit| !hit.back)?;
+        let (u, v) = (f64::from(hits.u[k]), f64::from(hits.v[k]));
+        let at = self.input.mesh.locate(hit.face, u, v);
+        let radiosity = self.shader.radiosity(hit.face, &at);
+        let exitance = self.shader.material(hit.face).exitance;
+        Some(std::array::from_fn(|c| {
+            radiosity[c] - if self.without_exitance { exitance[c] } else { 0.0 }
+        }))
+    }
+}
+
+/// What final gather took, and what is left of the noise.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct GatherReport {
+    /// Rays in all.
+    pub n_rays: u64,
+    /// Pixels that light was gathered for.
+    pub n_pixels: u64,
+    /// Pixels that needed more rays than they may have.
+    pub n_above: u64,
+    /// The standard error that was wanted, relative to a pixel's irradiance.
+    pub noise: f64,
+    /// The root mean square over all pixels of the standard error of the irradiance, the noisiest channel, in W·m⁻².
+    pub standard_error: f64,
+}
+
+impl GatherReport {
+    /// Reads the report off the layers of an image: `samples`, `variance.*`, `irradiance.*`, `direct_error.*`.
+    ///
+    /// The noise of a direct pass by rays is in `variance.*` as well, but is not what decides when a pixel is finished.
+    #[must_use]
+    pub fn new(image: &Image, settings: GatherSettings) -> Self {
+        let layer = |prefix: &str| channel_names(prefix, ['R', 'G', 'B']).map(|name| image.f32(&name));
+        let [variance, irradiance, direct_error] = ["variance", "irradiance", "direct_error"].map(layer);
+        let largest = |layers: &[Option<&[f32]>; 3], k: usize| {
+            let values = layers.iter().flatten().map(|values| f64::from(values[k]));
+            values.fold(0.0, f64::max)
+        };
+        let mut report = Self {
+            n_rays: 0,
+            n_pixels: 0,
+            n_above: 0,
+            noise: settings.noise,
+            standard_error: 0.0,
+        };
+        let mut squares = 0.0;
+        for (k, &n) in image.u32("samples").unwrap_or_default().iter().enumerate() {
+            if n == 0 {
+                continue;
+            }
+            report.n_pixels += 1;
+            report.n_rays += u64::from(n);
+            let whole = largest(&variance, k);
+            squares += whole;
+            let gathered = (whole - largest(&direct_error, k).powi(2)).max(0.0);
+            // A millionth of room for the layers' rounding.
+            let is_above = gathered.sqrt() > settings.noise * largest(&irradiance, k) * (1.0 + 1e-6);
+            report.n_above += u64::from(is_above);
+        }
+        report.standard_error = (squares / (report.n_pixels.max(1) as f64)).sqrt();
+        report
+    }
+}

@@ -1,0 +1,281 @@
+//! From views to pixels, block by block.
+
+use rayon::prelude::*;
+
+use super::RenderInput;
+use super::direct::{DirectEstimate, DirectPass, DirectPoint, Scratch};
+use super::display::Watcher;
+use super::gather::{GatherScratch, Gathered, Gatherer, PixelPart};
+use super::image::Image;
+use super::pixel::{Canvas, Kinds, Pixel};
+use super::shade::{self, Shader, SurfacePoint};
+use super::view::View;
+use crate::progress::Progress;
+use crate::visibility::{Coherence, HitBatch, RayBatch};
+
+/// Side of the square blocks of pixels that are the unit of parallel work.
+const BLOCK_SIDE: u32 = 32;
+
+/// How many blocks are rendered before their pixels are stored.
+const BLOCKS_AT_A_TIME: usize = 256;
+
+/// A place inside a pixel and its share of the pixel's colour.
+#[derive(Clone, Copy)]
+pub(super) struct Sample {
+    x: f64,
+    y: f64,
+    share: f64,
+    /// Whether this is the pixel's centre.
+    central: bool,
+}
+
+/// The places of the s × s samples inside a pixel, row by row; verification computes the same points.
+pub(super) fn sample_places(s: u32) -> impl Iterator<Item = (f64, f64)> {
+    let place = move |i: u32| (f64::from(i) + 0.5) / f64::from(s);
+    (0..s).flat_map(move |j| (0..s).map(move |i| (place(i), place(j))))
+}
+
+/// The samples of a pixel: the grid, and the centre where no sample of the grid is there.
+pub(super) fn sample_grid(s: u32) -> Vec<Sample> {
+    let share = 1.0 / (f64::from(s) * f64::from(s));
+    let centre = (s * s / 2) as usize;
+    let mut samples: Vec<Sample> = sample_places(s)
+        .enumerate()
+        .map(|(k, (x, y))| Sample {
+            x,
+            y,
+            share,
+            central: s % 2 == 1 && k == centre,
+        })
+        .collect();
+    if s.is_multiple_of(2) {
+        samples.push(Sample {
+            x: 0.5,
+            y: 0.5,
+            share: 0.0,
+            central: true,
+        });
+    }
+    samples
+}
+
+/// The corners of a block: left, top, right, bottom.
+type Block = [u32; 4];
+
+/// The pixels of a block, row by row.
+fn positions([x0, y0, x1, y1]: Block) -> impl Iterator<Item = (u32, u32)> {
+    (y0..y1).flat_map(move |y| (x0..x1).map(move |x| (x, y)))
+}
+
+/// What a view shows of a block.
+struct Seen {
+    /// What is seen at the pixels' centres.
+    centres: Vec<Option<SurfacePoint>>,
+    /// The front-facing parts of all pixels, pixel by pixel.
+    parts: Vec<PixelPart>,
+}
+
+/// Everything that rendering needs.
+pub(super) struct Renderer<'a> {
+    pub(super) input: &'a RenderInput<'a>,
+    pub(super) view: &'a dyn View,
+    pub(super) shader: Shader<'a>,
+    pub(super) direct: Option<DirectPass<'a>>,
+    pub(super) gatherer: Option<Gatherer<'a>>,
+    pub(super) samples: Vec<Sample>,
+    pub(super) size: (u32, u32),
+    pub(super) watcher: &'a dyn Watcher,
+}
+
+impl Renderer<'_> {
+    /// Renders the whole image.
+    pub(super) fn image(&self, progress: &dyn Progress) -> Image {
+        let (width, height) = self.size;
+        let blocks: Vec<Block> = (0..height.div_ceil(BLOCK_SIDE))
+            .flat_map(|j| (0..width.div_ceil(BLOCK_SIDE)).map(move |i| [i * BLOCK_SIDE, j * BLOCK_SIDE]))
+            .map(|[x, y]| [x, y, (x + BLOCK_SIDE).min(width), (y + BLOCK_SIDE).min(height)])
+            .collect();
+        let kinds = Kinds {
+            direct: self.direct.is_some(),
+            gathered: self.gatherer.is_some(),
+            error: self.input.error.is_some(),
+        };
+        let mut canvas = Canvas::new(width as usize, height as usize, kinds);
+        if let Some(gatherer) = &self.gatherer {
+            self.gather_all(gatherer, &blocks, &mut canvas, progress);
+            return canvas.into_image();
+        }
+        progress.begin("render", blocks.len() as u64);
+        // Blocks at a time, so that pixels in f64 never fill the memory.
+        for batch in blocks.chunks(BLOCKS_AT_A_TIME) {
+            if progress.is_cancelled() {
+                break;
+            }
+            let rendered: Vec<Vec<Pixel>> = batch
+                .par_iter()
+                .map(|&block| {
+                    let pixels = self.block(block);
+                    self.show(block, pixels.iter().map(Pixel::radiance));
+                    progress.advance(1);
+                    pixels
+                })
+                .collect();
+            for (&block, pixels) in batch.iter().zip(&rendered) {
+                canvas.set_all(positions(block), pixels);
+            }
+        }
+        canvas.into_image()
+    }
+
+    /// Renders with final gather: rounds over the whole image, each twice as long as all before it together.
+    fn gather_all(&self, gatherer: &Gatherer<'_>, blocks: &[Block], canvas: &mut Canvas, progress: &dyn Progress) {
+        progress.begin("render", blocks.len() as u64);
+        let mut states: Vec<(Vec<Pixel>, Vec<Gathered>)> = blocks
+            .par_iter()
+            .map(|&block| {
+                let pixels = self.block(block);
+                self.show(block, pixels.iter().map(Pixel::radiance));
+                progress.advance(1);
+                let gathered = vec![Gathered::default(); pixels.len()];
+                (pixels, gathered)
+            })
+            .collect();
+        let is_open = |gathered: &[Gathered]| gathered.iter().any(|pixel| !pixel.finished);
+        loop {
+            let n_open = states.iter().filter(|(_, gathered)| is_open(gathered)).count();
+            if n_open == 0 {
+                break;
+            }
+            progress.begin("gather", n_open as u64);
+            let open = states.par_iter_mut().zip(blocks);
+            open.filter(|((_, gathered), _)| is_open(gathered))
+                .for_each(|((pixels, gathered), &block)| {
+                    self.gather_round(gatherer, block, pixels, gathered);
+                    let with_gathered = pixels.iter().zip(&*gathered).map(|(pixel, gathered)| {
+                        let mut pixel = *pixel;
+                        pixel.add_gathered(gathered);
+                        pixel.radiance()
+                    });
+                    self.show(block, with_gathered);
+                    progress.advance(1);
+                });
+        }
+        for ((pixels, gathered), &block) in states.iter_mut().zip(blocks) {
+            for (pixel, gathered) in pixels.iter_mut().zip(gathered) {
+                pixel.add_gathered(gathered);
+            }
+            canvas.set_all(positions(block), pixels);
+        }
+    }
+
+    fn show(&self, [x0, y0, x1, y1]: Block, radiance: impl Iterator<Item = [f32; 3]>) {
+        let radiance: Vec<[f32; 3]> = radiance.collect();
+        self.watcher.pixels(x0, y0, x1 - x0, y1 - y0, &radiance);
+    }
+
+    fn gather_round(&self, gatherer: &Gatherer<'_>, block: Block, pixels: &[Pixel], gathered: &mut [Gathered]) {
+        let parts = self.look(block).parts;
+        let mut scratch = GatherScratch::default();
+        let mut rest = parts.as_slice();
+        for (k, (pixel, gathered)) in pixels.iter().zip(gathered).enumerate() {
+            let n_own = rest.iter().take_while(|part| part.pixel == k).count();
+            let (own, others) = rest.split_at(n_own);
+            rest = others;
+            if !gathered.finished {
+                gatherer.continue_with(own, pixel.shade.irradiance, gathered, &mut scratch);
+            }
+        }
+    }
+
+    /// Finds what the samples of a block's pixels see.
+    fn look(&self, block: Block) -> Seen {
+        let mut rays = RayBatch::default();
+        let mut sights = Vec::new();
+        for (x, y) in positions(block) {
+            for sample in &self.samples {
+                let sight = self.view.sight(f64::from(x) + sample.x, f64::from(y) + sample.y);
+                if let Some(sight) = &sight {
+                    shade::push_sight(&mut rays, sight, self.input.visibility);
+                }
+                sights.push(sight);
+            }
+        }
+        let mut hits = HitBatch::default();
+        self.input
+            .visibility
+            .closest_hits(&rays, Coherence::Coherent, &mut hits);
+        let mut seen = Seen {
+            centres: Vec::new(),
+            parts: Vec::new(),
+        };
+        let mut ray = 0;
+        let mut sights = sights.into_iter();
+        for (pixel, (x, y)) in positions(block).enumerate() {
+            let mut centre = None;
+            for (k, sample) in (0_u64..).zip(&self.samples) {
+                // The iterator holds one entry per position and sample.
+                let Some(Some(sight)) = sights.next() else { continue };
+                let found = self.shader.locate(&sight, &hits, ray);
+                ray += 1;
+                if sample.central {
+                    centre = found;
+                }
+                let Some(point) = found.filter(|point| !point.back && sample.share > 0.0) else {
+                    continue;
+                };
+                let index = u64::from(y) * u64::from(self.size.0) + u64::from(x);
+                seen.parts.push(PixelPart {
+                    pixel,
+                    point,
+                    share: sample.share,
+                    stream: index * self.samples.len() as u64 + k,
+                });
+            }
+            seen.centres.push(centre);
+        }
+        seen
+    }
+
+    fn block(&self, block: Block) -> Vec<Pixel> {
+        let seen = self.look(block);
+        let mut pixels: Vec<Pixel> = seen
+            .centres
+            .into_iter()
+            .map(|centre| Pixel {
+                centre,
+                ..Pixel::default()
+            })
+            .collect();
+        let mut scratch = Scratch::default();
+        for part in &seen.parts {
+            self.add(&mut pixels[part.pixel], part, &mut scratch);
+        }
+        pixels
+    }
+
+    fn add(&self, pixel: &mut Pixel, part: &PixelPart, scratch: &mut Scratch) {
+        let PixelPart { point, share, .. } = part;
+        let direct = self.direct.as_ref().map_or_else(DirectEstimate::default, |pass| {
+            let at = DirectPoint {
+                face: point.face,
+                patch: point.patch.patch,
+                point: point.point,
+                normal: point.normal,
+                stream: part.stream,
+            };
+            pass.estimate(&at, scratch)
+        });
+        let shade = self.shader.shade(point, direct.mean);
+        let error = self.input.error.map_or([0.0; 3], |block| {
+            shade::channels(block.row(point.patch.patch.0 as usize))
+        });
+        for c in 0..3 {
+            pixel.shade.irradiance[c] += share * shade.irradiance[c];
+            pixel.shade.radiosity[c] += share * shade.radiosity[c];
+            pixel.shade.albedo[c] += share * shade.albedo[c];
+            pixel.direct.mean[c] += share * direct.mean[c];
+            pixel.direct.variance[c] += share * share * direct.variance[c];
+            pixel.error[c] += share * error[c];
+        }
+    }
+}

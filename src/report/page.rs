@@ -1,0 +1,206 @@
+//! A report as one web page: text, tables, plots and pictures in a single file that asks for nothing else.
+
+use std::fmt::Write as _;
+
+use base64::Engine as _;
+use base64::prelude::BASE64_STANDARD;
+use pulldown_cmark::{Event, Options, Parser, Tag, TagEnd, html};
+use serde_json::Value;
+
+use super::Machine;
+
+/// A picture of a page.
+#[derive(Clone, Copy, Debug)]
+pub struct Figure<'a> {
+    /// The name of the file that holds the picture too; its ending, `.svg` or `.png`, says what it is.
+    pub name: &'a str,
+    /// That file.
+    pub content: &'a [u8],
+}
+
+/// A page.
+#[derive(Clone, Debug)]
+pub struct Page<'a> {
+    /// The title of the browser's window.
+    pub title: &'a str,
+    /// The text in Markdown with tables (GitHub's dialect). HTML in it is shown as it is written.
+    pub report: &'a str,
+    /// The plots and pictures, shown after the text.
+    pub figures: Vec<Figure<'a>>,
+    /// What the figures were made with.
+    pub settings: &'a Value,
+    /// What the times were measured on.
+    pub machine: &'a Machine,
+}
+
+/// Nothing is loaded and nothing runs: a browser that honours this policy sends no request and no script has a place.
+const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; img-src data:";
+
+const STYLE: &str = include_str!("page.css");
+
+impl Page<'_> {
+    /// Returns the page as HTML 5. It follows the browser's light or dark theme, fits narrow screens (wide tables scroll by themselves), and prints in black on white.
+    ///
+    /// Equal input gives equal bytes.
+    #[must_use]
+    pub fn to_html(&self) -> String {
+        let mut page = String::new();
+        let title = escaped(self.title);
+        // Writing to a String cannot fail.
+        let _ = write!(
+            page,
+            "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+             <meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\n\
+             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+             <meta name=\"color-scheme\" content=\"light dark\">\n<link rel=\"icon\" href=\"data:,\">\n\
+             <title>{title}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n"
+        );
+        self.push_report(&mut page);
+        if !self.figures.is_empty() {
+            page.push_str("<h2>Figures</h2>\n");
+        }
+        for figure in &self.figures {
+            push_figure(&mut page, figure);
+        }
+        self.push_origin(&mut page);
+        page.push_str("</main>\n</body>\n</html>\n");
+        page
+    }
+
+    fn push_report(&self, page: &mut String) {
+        let events = Parser::new_ext(self.report, Options::ENABLE_TABLES);
+        // A report is text: what looks like markup is not meant so.
+        let as_text = events.map(|event| match event {
+            Event::Html(text) | Event::InlineHtml(text) => Event::Text(text),
+            // Its alternative text stays.
+            Event::Start(Tag::Image { .. }) | Event::End(TagEnd::Image) => Event::Text("".into()),
+            other => other,
+        });
+        let mut body = String::new();
+        html::push_html(&mut body, as_text);
+        page.push_str(
+            &body
+                .replace("<table>", "<div class=\"wide\"><table>")
+                .replace("</table>", "</table></div>"),
+        );
+    }
+
+    /// Says what the figures were made with and on.
+    fn push_origin(&self, page: &mut String) {
+        page.push_str("<h2>How this was made</h2>\n<div class=\"wide\"><table class=\"facts\">\n");
+        let mut row = |name: &str, value: &str| {
+            let _ = writeln!(
+                page,
+                "<tr><th scope=\"row\">{}</th><td>{}</td></tr>",
+                escaped(name),
+                escaped(value)
+            );
+        };
+        row("radiosity", env!("CARGO_PKG_VERSION"));
+        let machine = self.machine;
+        row(
+            "processor",
+            machine.cpu_model.as_deref().unwrap_or(machine.architecture),
+        );
+        row("threads", &machine.n_threads.to_string());
+        row("system", &format!("{} on {}", machine.system, machine.architecture));
+        for (name, value) in self.settings.as_object().into_iter().flatten() {
+            let text = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+            row(&name.replace('_', " "), &text);
+        }
+        page.push_str("</table></div>\n");
+    }
+}
+
+/// Adds a plot as it is, any other picture as data. The style sheet gives plots the page's colours.
+fn push_figure(page: &mut String, figure: &Figure<'_>) {
+    let name = escaped(figure.name);
+    page.push_str("<figure>\n");
+    match std::str::from_utf8(figure.content) {
+        Ok(svg) if has_ending(figure.name, "svg") => {
+            let labelled = format!("<svg role=\"img\" aria-label=\"{name}\"");
+            page.push_str(&svg.replacen("<svg", &labelled, 1));
+        }
+        _ => {
+            let data = BASE64_STANDARD.encode(figure.content);
+            let _ = writeln!(page, "<img alt=\"{name}\" src=\"data:image/png;base64,{data}\">");
+        }
+    }
+    let _ = writeln!(page, "<figcaption>{name}</figcaption>\n</figure>");
+}
+
+fn has_ending(name: &str, ending: &str) -> bool {
+    std::path::Path::new(name)
+        .extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case(ending))
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+        .replace('"', "&quot;")
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    fn page(report: &str, figures: Vec<Figure<'_>>) -> String {
+        let machine = Machine {
+            cpu_model: Some("a <processor>".to_owned()),
+            n_cores: Some(2),
+            n_threads: 2,
+            architecture: "some",
+            system: "any",
+        };
+        let settings = json!({"time_limit_s": 10.0, "method": "sr & sg"});
+        let page = Page {
+            title: "a < b",
+            report,
+            figures,
+            settings: &settings,
+            machine: &machine,
+        };
+        page.to_html()
+    }
+
+    #[test]
+    fn text_tables_settings_and_machine_are_there() {
+        let html = page("# Head\n\n| a | b |\n|---|--:|\n| 1 | x |\n", Vec::new());
+        for part in [
+            "<title>a &lt; b</title>",
+            "<h1>Head</h1>",
+            "<div class=\"wide\"><table><thead>",
+            "<td>1</td>",
+            "a &lt;processor&gt;",
+            "<th scope=\"row\">time limit s</th><td>10.0</td>",
+            "sr &amp; sg",
+        ] {
+            assert!(html.contains(part), "{part}: {html}");
+        }
+        assert!(!html.contains("<h2>Figures"));
+    }
+
+    #[test]
+    fn nothing_is_loaded_and_nothing_runs() {
+        let svg = b"<svg width=\"1\" height=\"1\"></svg>";
+        let figures = [("a.svg", &svg[..]), ("b.png", b"\x89PNG")];
+        let figures = figures.map(|(name, content)| Figure { name, content });
+        let html = page(
+            "<script>alert(1)</script> ![x](http://example.org/x.png)",
+            figures.to_vec(),
+        );
+        assert!(!html.contains("<script"), "{html}");
+        assert!(html.contains("&lt;script&gt;"));
+        assert!(html.contains("<svg role=\"img\" aria-label=\"a.svg\" width=\"1\""));
+        assert!(html.contains("data:image/png;base64,iVBORw=="));
+        // Pictures of other places are left out; what is left is data.
+        assert!(
+            html.matches("src=\"").count() == html.matches("src=\"data:").count(),
+            "{html}"
+        );
+    }
+}

@@ -1,0 +1,224 @@
+//! Fields of form factors: right ones pass verification with the known means, wrong ones do not.
+
+use std::num::NonZeroU32;
+
+use radiosity::geometry::point_form_factor::point_form_factor;
+use radiosity::mesh::{Mesh, Subdivision};
+use radiosity::progress::Silent;
+use radiosity::render::verify::{VerifyError, VerifyReport, WallReport, verify, verify_image};
+use radiosity::render::{
+    Attributes, DirectMethod, FieldInput, FieldRecord, Image, RenderSettings, Samples, UnfoldedView, View,
+    ViewDescription, exr, field, surface_means,
+};
+use radiosity::scene::builtin;
+use radiosity::scene::{FaceId, Scene, SurfaceId};
+use radiosity::visibility::Visibility;
+use radiosity::visibility::embree::EmbreeVisibility;
+
+fn n(n: u32) -> NonZeroU32 {
+    NonZeroU32::new(n).unwrap()
+}
+
+const METHODS: [DirectMethod; 3] = [
+    DirectMethod::Exact,
+    DirectMethod::CosineRays {
+        n: NonZeroU32::new(256).unwrap(),
+    },
+    DirectMethod::Polygons {
+        n: NonZeroU32::new(8).unwrap(),
+    },
+];
+
+struct Field {
+    scene: Scene,
+    mesh: Mesh,
+    image: Image,
+    attributes: Attributes,
+}
+
+/// The unfolded field of a built-in scene, each face in 3 × 3 patches.
+fn render_field(name: &str, surface: &str, n_pixels: u32, direct: DirectMethod) -> Field {
+    let scene = builtin::build(name, None).unwrap().scene;
+    let mesh = Mesh::new(&scene, Subdivision::Uniform(3)).unwrap();
+    let visibility = EmbreeVisibility::new(&scene).unwrap();
+    let view = UnfoldedView::new(&scene, n(n_pixels)).unwrap();
+    let settings = RenderSettings {
+        direct,
+        ..RenderSettings::default()
+    };
+    let number = scene.surfaces.iter().position(|s| s.name == surface).unwrap();
+    let input = FieldInput {
+        scene: &scene,
+        mesh: &mesh,
+        visibility: &visibility,
+        surface: SurfaceId(u32::try_from(number).unwrap()),
+    };
+    let image = field(&input, &view, &settings, &Silent).unwrap();
+    let record = FieldRecord {
+        surface: surface.to_owned(),
+    };
+    let solution = serde_json::json!({});
+    let attributes =
+        Attributes::new(&scene, view.description(), settings, visibility.offset(), solution).with_field(record);
+    Field {
+        scene,
+        mesh,
+        image,
+        attributes,
+    }
+}
+
+fn check(field: &Field) -> VerifyReport {
+    verify_image(&field.image, &field.attributes).unwrap()
+}
+
+fn wall<'a>(report: &'a VerifyReport, name: &str) -> &'a WallReport {
+    report.walls.iter().find(|wall| wall.name == name).unwrap()
+}
+
+#[test]
+fn a_field_goes_through_a_file_and_has_its_own_layers() {
+    let made = render_field("cube", "z1", 16, DirectMethod::Exact);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("field.exr");
+    exr::write(&path, &made.image, &made.attributes).unwrap();
+    let (image, attributes) = exr::read(&path).unwrap();
+    assert_eq!((&image, &attributes), (&made.image, &made.attributes));
+    let names: Vec<&str> = image.layers().iter().map(|layer| layer.name.as_str()).collect();
+    let expected = ["N.X", "N.Y", "N.Z", "P.X", "P.Y", "P.Z", "Y", "Z", "error", "patch"];
+    assert_eq!(names, expected);
+    let report = verify(&path).unwrap();
+    assert!(report.passed && report.field.as_deref() == Some("z1"), "{report:#?}");
+}
+
+#[test]
+fn every_pixel_of_the_cube_is_the_closed_form() {
+    let made = render_field("cube", "z1", 192, DirectMethod::Exact);
+    let report = check(&made);
+    assert!(report.passed, "{report:#?}");
+    assert_eq!((report.n_checked, report.n_not_checkable), (6 * 192 * 192, 0));
+    // Half an ulp of an f32 below 1/2, which no form factor of the cube reaches.
+    assert!(report.max_error <= 2f64.powi(-26), "{}", report.max_error);
+    // The midpoint rule on 192 × 192 pixels leaves less than 1e-6; the values are those of the scene's README.
+    let means = surface_means(&made.image, &made.mesh, made.scene.surfaces.len());
+    for (surface, mean) in made.scene.surfaces.iter().zip(&means) {
+        let exact = match surface.name.as_str() {
+            "z0" => 0.199_824_895_698_387_4,
+            "z1" => 0.0,
+            _ => 0.200_043_776_075_403_15,
+        };
+        assert_eq!(mean.n_pixels, 192 * 192);
+        assert!(
+            (mean.form_factor.unwrap() - exact).abs() < 1e-6,
+            "{}: {mean:?}",
+            surface.name
+        );
+        assert!((wall(&report, &surface.name).exact.unwrap()[0] - exact).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn rays_agree_with_the_closed_form_within_their_confidence() {
+    for direct in METHODS {
+        let made = render_field("cube", "x0", 24, direct);
+        let report = check(&made);
+        assert!(report.passed && report.n_not_checkable == 0, "{direct:?}: {report:#?}");
+        // The standard error says how far off a pixel is: the root mean square of error / standard error is about 1, and below it for scrambled points.
+        if let DirectMethod::CosineRays { .. } = direct {
+            let (values, errors) = (made.image.f32("Y").unwrap(), made.image.f32("error").unwrap());
+            let emitter = made.scene.polygon(FaceId(0));
+            let patches = made.image.u32("patch").unwrap();
+            let position = ["P.X", "P.Y", "P.Z"].map(|name| made.image.f32(name).unwrap());
+            let (mut squares, mut count) = (0.0, 0.0);
+            for (k, &patch) in patches.iter().enumerate().filter(|(k, _)| errors[*k] > 0.0) {
+                let at = position.map(|layer| f64::from(layer[k])).into();
+                let exact = point_form_factor(at, made.mesh.patches[patch as usize].normal, &emitter);
+                squares += ((f64::from(values[k]) - exact) / f64::from(errors[k])).powi(2);
+                count += 1.0;
+            }
+            let deviation = (squares / count).sqrt();
+            assert!(count > 2000.0 && (0.02..1.1).contains(&deviation), "{deviation}");
+        }
+    }
+}
+
+#[test]
+fn half_hidden_walls_have_the_known_mean() {
+    // The scene's README: computed independently, to 1e-11.
+    let (a_to_b, free) = (0.102_930_079_594_358_68, 0.205_860_159_188_717_36);
+    for direct in [METHODS[0], METHODS[1]] {
+        let made = render_field("corridor", "B", 160, direct);
+        let report = check(&made);
+        assert!(report.passed, "{direct:?}: {report:#?}");
+        assert_eq!(report.n_not_checkable, 0);
+        let known = wall(&report, "A");
+        assert!((known.exact.unwrap()[0] - a_to_b).abs() < 1e-10, "{known:?}");
+        // 160 × 16 midpoints of a field that is half in penumbra; noise beside it.
+        let room = 3e-5 + known.statistical[0];
+        assert!((known.mean[0] - a_to_b).abs() < room, "{known:?}");
+        // Far below what the partition takes away.
+        assert!(room < 0.01 * free);
+    }
+    // Shadow rays at a few points of the emitter are not unbiased in a penumbra: there the field is left unchecked, and elsewhere right.
+    let report = check(&render_field("corridor", "B", 60, METHODS[2]));
+    assert!(
+        report.passed && report.n_not_checkable > 0 && report.n_checked > 0,
+        "{report:#?}"
+    );
+}
+
+#[test]
+fn wrong_fields_fail() {
+    let change = |made: &mut Field, new: &dyn Fn(usize, f32) -> f32| {
+        let old = made.image.f32("Y").unwrap().to_vec();
+        let values = old.iter().enumerate().map(|(k, &y)| new(k, y)).collect();
+        made.image.insert("Y", Samples::F32(values));
+    };
+    for direct in METHODS {
+        // A field to another surface, and all values a little high.
+        let mut other = render_field("cube", "z1", 24, direct);
+        other.attributes = other.attributes.with_field(FieldRecord {
+            surface: "x0".to_owned(),
+        });
+        assert!(!check(&other).passed, "{direct:?}");
+        let mut high = render_field("cube", "z1", 24, direct);
+        change(&mut high, &|_, y| 1.01 * y);
+        assert!(!check(&high).passed, "{direct:?}");
+    }
+    // One pixel by 1e-6, where there is no noise.
+    let mut one = render_field("cube", "z1", 24, DirectMethod::Exact);
+    let ViewDescription::Unfolded(layout) = &one.attributes.view else {
+        panic!("an unfolded view");
+    };
+    let tile = layout.tiles.iter().find(|tile| tile.name == "y0").unwrap();
+    let at = (tile.top as usize + 7) * one.image.width() + tile.left as usize + 5;
+    change(&mut one, &|k, y| if k == at { y + 1e-6 } else { y });
+    let report = check(&one);
+    assert!(!report.passed && report.n_outside == 1, "{report:#?}");
+    // A field as if the partition were not there.
+    let mut free = render_field("corridor", "B", 60, DirectMethod::Exact);
+    let emitter = free.scene.polygon(FaceId(1));
+    let points = ["P.X", "P.Y", "P.Z"].map(|name| free.image.f32(name).unwrap().to_vec());
+    let patches = free.image.u32("patch").unwrap().to_vec();
+    let unhindered = |k: usize, y: f32| {
+        let Some(patch) = free.mesh.patches.get(patches[k] as usize) else {
+            return y;
+        };
+        let at = [0, 1, 2].map(|c| f64::from(points[c][k])).into();
+        let exact = point_form_factor(at, patch.normal, &emitter);
+        #[expect(clippy::cast_possible_truncation, reason = "a layer is f32")]
+        let value = exact as f32;
+        value
+    };
+    let values = free.image.f32("Y").unwrap().iter().enumerate();
+    let values = values.map(|(k, &y)| unhindered(k, y)).collect();
+    free.image.insert("Y", Samples::F32(values));
+    let report = check(&free);
+    assert!(!report.passed && report.n_outside > 100, "{report:#?}");
+    // A surface that is not there.
+    let lost = free.attributes.with_field(FieldRecord {
+        surface: "C".to_owned(),
+    });
+    let error = verify_image(&free.image, &lost).unwrap_err();
+    assert!(matches!(error, VerifyError::NoSuchSurface(name) if name == "C"));
+}
