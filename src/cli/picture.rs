@@ -74,6 +74,7 @@ pub(super) fn shoot(
     if display.is_some_and(|tev| !tev.is_connected()) {
         run.warn("the viewer stopped taking pixels; the picture is whole all the same");
     }
+    run.audited(audit::picture(&image));
     let offset = input.visibility.offset();
     let mut attributes = Attributes::new(input.scene, view.description(), settings, offset, json!(run.settings));
     attributes.pixels = args.file.pixels.into();

@@ -68,8 +68,8 @@ impl LinkFile {
         let part = part_of(path);
         let mut options = OpenOptions::new();
         options.read(true).write(true).create(true).truncate(false);
-        let file = options.open(&part).map_err(failed)?;
-        match file.try_lock() {
+        let growing = options.open(&part).map_err(failed)?;
+        match growing.try_lock() {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => {
                 let in_use = "another process is writing it; wait, or name another file";
@@ -77,8 +77,8 @@ impl LinkFile {
             }
             Err(TryLockError::Error(error)) => return Err(failed(error)),
         }
-        let written = write_missing(file, &head, n_chunks, scene, directions, progress);
-        let (file, offsets, tally) = match written {
+        let written = write_missing(growing, &head, n_chunks, scene, directions, progress);
+        let (complete, offsets, tally) = match written {
             Ok(Some(done)) => done,
             Ok(None) => return Err(VoxelError::Interrupted),
             Err(error) => {
@@ -88,7 +88,7 @@ impl LinkFile {
             }
         };
         std::fs::rename(&part, path).map_err(failed)?;
-        Ok(Self::opened(path, file, offsets, tally))
+        Ok(Self::opened(path, complete, offsets, tally))
     }
 
     fn opened(path: &Path, file: File, offsets: Vec<u64>, tally: Tally) -> Self {
@@ -145,7 +145,6 @@ fn part_of(path: &Path) -> PathBuf {
 }
 
 /// Computes and writes what the file does not hold yet; nothing if the caller cancels that.
-#[expect(clippy::type_complexity, reason = "the parts of a `LinkFile`")]
 fn write_missing(
     mut file: File,
     head: &[u8],
