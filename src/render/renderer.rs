@@ -177,8 +177,8 @@ impl Renderer<'_> {
                     progress.advance(1);
                 });
         }
-        for ((pixels, gathered), &block) in states.iter_mut().zip(blocks) {
-            for (pixel, gathered) in pixels.iter_mut().zip(gathered) {
+        for ((pixels, of_pixels), &block) in states.iter_mut().zip(blocks) {
+            for (pixel, gathered) in pixels.iter_mut().zip(of_pixels) {
                 pixel.add_gathered(gathered);
             }
             canvas.set_all(positions(block), pixels);
@@ -191,11 +191,11 @@ impl Renderer<'_> {
         self.watcher.pixels(x0, y0, x1 - x0, y1 - y0, &radiance);
     }
 
-    fn gather_round(&self, gatherer: &Gatherer<'_>, block: Block, pixels: &[Pixel], gathered: &mut [Gathered]) {
+    fn gather_round(&self, gatherer: &Gatherer<'_>, block: Block, pixels: &[Pixel], states: &mut [Gathered]) {
         let parts = self.look(block).parts;
         let mut scratch = GatherScratch::default();
         let mut rest = parts.as_slice();
-        for (k, (pixel, gathered)) in pixels.iter().zip(gathered).enumerate() {
+        for (k, (pixel, gathered)) in pixels.iter().zip(states).enumerate() {
             let n_own = rest.iter().take_while(|part| part.pixel == k).count();
             let (own, others) = rest.split_at(n_own);
             rest = others;
@@ -293,7 +293,9 @@ impl Renderer<'_> {
             pixel.shade.albedo[c] += share * shade.albedo[c];
             pixel.direct.mean[c] += share * direct.mean[c];
             pixel.direct.variance[c] += share * share * direct.variance[c];
-            pixel.error[c] += share * error[c];
+        }
+        for (sum, of_patch) in pixel.error.iter_mut().zip(error) {
+            *sum += share * of_patch;
         }
     }
 }
