@@ -33,6 +33,7 @@ fn without_measurements(value: &mut Value) {
 }
 
 #[test]
+#[expect(clippy::too_many_lines, reason = "a list of commands")]
 fn every_command_gives_equal_bytes_at_one_two_and_four_threads() {
     let directory = tempfile::tempdir().unwrap();
     let at = directory.path();
