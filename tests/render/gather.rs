@@ -97,8 +97,8 @@ fn what_is_gathered_converges_to_the_closed_form() {
         assert!(relative < 1.5 * 0.05, "{samples}: {relative}");
         // Student's t with 7 degrees of freedom has the deviation √(7/5) = 1.18; stopping where it looks small adds some.
         assert!((0.7..1.7).contains(&normalised), "{samples}: {normalised}");
-        let (fine, relative, _, more) = run(0.005, samples);
-        assert!(relative < 1.5 * 0.005, "{samples}: {relative}");
+        let (fine, fine_relative, _, more) = run(0.005, samples);
+        assert!(fine_relative < 1.5 * 0.005, "{samples}: {fine_relative}");
         assert!(fine < 0.2 * coarse, "{samples}: {fine} {coarse}");
         // A tenth of the noise costs less than a hundred times as much, because the points are scrambled nets.
         assert!(
