@@ -12,7 +12,7 @@
 //! Each arrow is one call with one input and one output. Dependencies point one way; nothing below imports anything above:
 //!
 //! ```text
-//! cli → experiment → report, render, solver → form_factor → matrix, visibility → mesh → scene, geometry
+//! cli → experiment → audit → report, render, solver → form_factor → matrix, visibility → mesh → scene, geometry
 //! ```
 //!
 //! | module | what it holds |
@@ -26,8 +26,10 @@
 //! | [`solver`] | the solvers, one file each, behind one trait |
 //! | [`voxel`] | discrete radiosity: integer lines between voxels |
 //! | [`render`] | pictures: layers, OpenEXR, preview, and their verification |
+//! | [`audit`] | the laws of light as a guard over form factors, solutions and pictures |
 //! | [`experiment`] | methods side by side; the papers' tables beside ours; solvers on stiff and extreme systems |
 //! | [`plan`], [`report`], [`progress`] | what is needed, what was done, how far it is |
+//! | [`checkpoint`] | finished pieces of long work, for a later run to go on from |
 //! | [`geometry`] | polygons, closed forms, quadrature, sampling |
 //! | [`cli`] | the command-line program |
 //! | [`notation`], [`references`] | symbols and sources |
@@ -82,6 +84,8 @@
 //! # }
 //! ```
 
+pub mod audit;
+pub mod checkpoint;
 pub mod cli;
 pub mod embree;
 pub mod experiment;

@@ -67,6 +67,33 @@ fn the_same_quad_is_read_from_every_dialect() {
     assert_eq!(face_owners(&valid("tabs_comments.obj").scene), [("my plate", 10)]);
 }
 
+/// File, names of the surfaces, number of faces, area, number of warnings.
+type Exported<'a> = (&'a str, &'a [&'a str], usize, f64, usize);
+
+#[test]
+fn what_other_programs_export_is_read() {
+    let cases: [Exported<'_>; 4] = [
+        // Loose edges and points are skipped; `(null)` is no material of the library.
+        ("blender.obj", &["Cube.001", "Plane"], 3, 8.5, 1),
+        // Curves are skipped (and none of the next three emits light, which is a warning), an outline of five corners becomes triangles, and a group that comes back is one surface.
+        ("rhino.obj", &["floor", "ceiling"], 5, 18.0 + 16.0 + 0.5, 1),
+        // Millimetres, 5400 km from the origin; materials are named, and there is no library.
+        ("freecad.obj", &["Wall"], 3, 12e6 + 6e6, 2),
+        ("tinkercad.obj", &["group_0_16089887"], 3, 150.0, 1),
+    ];
+    for (name, surfaces, n_faces, expected_area, n_warnings) in cases {
+        let loaded = valid(&format!("exporters/{name}"));
+        assert_eq!(surface_names(&loaded.scene), surfaces, "{name}");
+        assert_eq!(loaded.scene.faces.len(), n_faces, "{name}");
+        // Coordinates are f64: a difference of two at 5e6 is right to 1e-9.
+        assert_close(area(&loaded.scene), expected_area, 1e-12);
+        assert_eq!(warnings(&loaded).len(), n_warnings, "{name}: {:?}", warnings(&loaded));
+    }
+    let blender = valid("exporters/blender.obj").scene;
+    let lamp = blender.materials.iter().find(|m| m.name == "Lamp").unwrap();
+    assert_close(lamp.exitance[0], 5.0, 1e-15);
+}
+
 #[test]
 fn a_continued_face_has_its_first_line() {
     let scene = valid("continuation.obj").scene;

@@ -14,6 +14,10 @@ pub enum ExitCode {
     NotConverged = 3,
     /// A check outside its tolerance.
     CheckFailed = 4,
+    /// Ended by SIGINT.
+    Interrupted = 130,
+    /// Ended by SIGTERM.
+    Terminated = 143,
 }
 
 impl From<ExitCode> for std::process::ExitCode {

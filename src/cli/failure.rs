@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use serde_json::json;
 
 use super::exit_code::ExitCode;
+use crate::checkpoint::CheckpointError;
 use crate::experiment::ExperimentError;
 use crate::form_factor::FormFactorError;
 use crate::matrix::{DiskError, MatrixError};
@@ -50,6 +51,14 @@ impl Failure {
         }
     }
 
+    /// Returns the end of work that a signal stopped; which one it was, [`Interrupt`](super::interrupt::Interrupt) knows.
+    pub(super) fn interrupted() -> Self {
+        Self {
+            code: ExitCode::Interrupted,
+            ..Self::new("interrupted", "no output was written")
+        }
+    }
+
     /// Adds the file that is at fault.
     #[must_use]
     pub(super) fn in_file(mut self, file: impl Into<PathBuf>) -> Self {
@@ -86,6 +95,7 @@ impl From<FormFactorError> for Failure {
     fn from(error: FormFactorError) -> Self {
         match error {
             FormFactorError::Matrix(error) => error.into(),
+            FormFactorError::Interrupted => Self::interrupted(),
             FormFactorError::UnknownMethod { .. } | FormFactorError::UnusedSetting { .. } => {
                 Self::usage(error.to_string())
             }
@@ -132,6 +142,10 @@ impl From<VoxelError> for Failure {
                 let path = path.clone();
                 Self::new("link_file", error.to_string()).in_file(path)
             }
+            VoxelError::Interrupted => Self {
+                message: "the links that were found are kept, and the same command goes on from there".to_owned(),
+                ..Self::interrupted()
+            },
             VoxelError::TooMany { .. } => Self::new("voxel", error.to_string()),
         }
     }
@@ -150,6 +164,7 @@ impl From<RenderError> for Failure {
     fn from(error: RenderError) -> Self {
         match &error {
             RenderError::Io { path, .. } => Self::new("io", error.to_string()).in_file(path),
+            RenderError::Interrupted => Self::interrupted(),
             RenderError::TooLarge { .. } => Self::new("too_large", error.to_string()),
             _ => Self::new("render", error.to_string()),
         }
@@ -162,6 +177,12 @@ impl From<ExperimentError> for Failure {
             ExperimentError::TooFewSeeds { .. } => Self::usage(error.to_string()),
             other => Self::new("experiment", other.to_string()),
         }
+    }
+}
+
+impl From<CheckpointError> for Failure {
+    fn from(error: CheckpointError) -> Self {
+        Self::new("checkpoint", error.to_string()).in_file(error.path())
     }
 }
 

@@ -27,6 +27,11 @@ const SHADOW_RAYS: u32 = 64;
 
 pub(super) fn run(args: &FieldArgs) -> Result<Outcome, Failure> {
     let mut run = Run::new("field", &args.common);
+    let result = work(args, &mut run);
+    run.ended(result)
+}
+
+fn work(args: &FieldArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let settings = settings(args)?;
     let preview = preview_of(&args.output)?;
     let mut prepared = run.prepare(&args.scene, args.mesh, default_subdivision)?;

@@ -21,6 +21,11 @@ pub(super) const DEFAULT_RAYS: u64 = 4096;
 
 pub(super) fn run(args: &FormFactorsArgs) -> Result<Outcome, Failure> {
     let mut run = Run::new("form-factors", &args.common);
+    let result = work(args, &mut run);
+    run.ended(result)
+}
+
+fn work(args: &FormFactorsArgs, run: &mut Run) -> Result<Outcome, Failure> {
     if let Some(path) = &args.output {
         if Format::of(path)? != Format::Vtu && args.surface.is_some() {
             return Err(Failure::usage("--surface is for `-o F.vtu`"));
@@ -71,6 +76,7 @@ pub(super) fn run(args: &FormFactorsArgs) -> Result<Outcome, Failure> {
     let document = run.document_of(&prepared, result);
     let mut text = run.explanation(&prepared);
     describe(&mut text, &prepared, &computed, &surfaces);
+    run.describe_audit(&mut text);
     run.describe_times(&mut text);
     if let Some(path) = &args.output {
         let _ = writeln!(text, "wrote {}", path.display());
@@ -78,7 +84,7 @@ pub(super) fn run(args: &FormFactorsArgs) -> Result<Outcome, Failure> {
     Ok(Outcome {
         text,
         document,
-        code: code(&computed),
+        code: run.judged(code(&computed), args.audit.strict),
     })
 }
 

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
-use serde_json::json;
+use serde_json::{Value, json};
 use toml::Spanned;
 
 use super::args::{RenderArgs, ViewArgs};
@@ -13,7 +13,7 @@ use super::failure::Failure;
 use super::form_factors::{checks_to_json, describe_checks};
 use super::lightings::{Stack, with_suffix};
 use super::picture::{image_byte, preview_of, shoot};
-use super::pipeline::{Fineness, Prepared, Run};
+use super::pipeline::{Computed, Fineness, Prepared, Run};
 use super::render::{
     AnyView, DEFAULT_RAYS, DEFAULT_TOLERANCE, default_subdivision, indirect_irradiance, render_settings, view,
 };
@@ -21,7 +21,7 @@ use super::storage::Storage;
 use super::{Outcome, solve};
 use crate::render::{DirectMethod, GatherReport, RenderInput, RenderSettings};
 use crate::scene::Lighting;
-use crate::solver::carried_error;
+use crate::solver::{Solution, carried_error};
 
 /// A file of frames:
 ///
@@ -60,20 +60,19 @@ struct Frame {
     preview: PathBuf,
 }
 
-pub(super) fn run(args: &RenderArgs, file: &Path) -> Result<Outcome, Failure> {
-    let mut run = Run::new("render", &args.common);
+pub(super) fn work(args: &RenderArgs, file: &Path, run: &mut Run) -> Result<Outcome, Failure> {
     let wanted = read(file)?;
     let mut prepared = run.prepare(&args.scene, args.mesh, default_subdivision)?;
     let (frames, lightings) = ready(args, file, wanted, &prepared)?;
+    let mut largest = 0;
+    for frame in &frames {
+        largest = largest.max(image_byte(&frame.view, &frame.settings, args.storage.memory_limit)?);
+    }
     run.storage = Storage {
         args: args.storage.clone(),
         output: Some(args.output.clone()),
         tolerance: Some(args.solver.tolerance),
-        image_byte: frames
-            .iter()
-            .map(|frame| image_byte(&frame.view, &frame.settings))
-            .max()
-            .unwrap_or(0),
+        image_byte: largest,
     };
     if frames.iter().any(|frame| frame.settings.direct != DirectMethod::Off) {
         run.warn_of_narrow_gaps(&prepared);
@@ -93,23 +92,85 @@ pub(super) fn run(args: &RenderArgs, file: &Path) -> Result<Outcome, Failure> {
         (&computed.factors, areas),
         &args.solver,
         (stack.reflectance.clone(), stack.exitance.clone()),
+        computed.given(),
     )?;
-    let (mut documents, mut n_noisy) = (Vec::new(), 0);
-    let mut lines = String::new();
-    for frame in &frames {
-        let own = stack.solution(frame.lighting, &solution);
-        let (reflectance, exitance) = stack.materials(frame.lighting);
+    let solved = Solved {
+        prepared: &prepared,
+        computed: &computed,
+        lightings: &lightings,
+        stack: &stack,
+        solution: &solution,
+    };
+    let shots: Vec<Shot> = frames
+        .iter()
+        .map(|frame| solved.shoot(run, args, frame))
+        .collect::<Result<_, _>>()?;
+    run.progress.finish();
+    let mut result = solve::to_json(&prepared, &args.solver.solver, &solution);
+    if let Value::Object(result) = &mut result {
+        // Each frame has its own.
+        result.remove("surfaces");
+        result.remove("energy");
+    }
+    result["form_factors"] = checks_to_json(&computed);
+    result["n_lightings"] = json!(lightings.len());
+    result["frames"] = shots.iter().map(|shot| shot.document.clone()).collect();
+    let document = run.document_of(&prepared, result);
+    let mut text = run.explanation(&prepared);
+    let (n, n_frames, n_lightings) = (prepared.mesh.n_patches(), frames.len(), lightings.len());
+    let _ = writeln!(
+        text,
+        "{n} patches, {n_frames} frames, {n_lightings} lightings solved together in {} passes",
+        solution.n_passes
+    );
+    describe_checks(&mut text, &computed);
+    run.describe_audit(&mut text);
+    run.describe_times(&mut text);
+    text.extend(shots.iter().map(|shot| shot.line.as_str()));
+    let code = match solve::code(&solution, Some(&computed)) {
+        ExitCode::Done if shots.iter().any(|shot| shot.is_noisy) => ExitCode::NotConverged,
+        code => code,
+    };
+    Ok(Outcome {
+        text,
+        document,
+        code: run.judged(code, args.audit.strict),
+    })
+}
+
+/// What all frames are made from.
+struct Solved<'a> {
+    prepared: &'a Prepared,
+    computed: &'a Computed,
+    lightings: &'a [Option<Lighting>],
+    stack: &'a Stack,
+    /// Of all lightings together.
+    solution: &'a Solution,
+}
+
+/// What is told of a frame.
+struct Shot {
+    document: Value,
+    line: String,
+    /// True if final gather left pixels above the noise asked for.
+    is_noisy: bool,
+}
+
+impl Solved<'_> {
+    fn shoot(&self, run: &mut Run, args: &RenderArgs, frame: &Frame) -> Result<Shot, Failure> {
+        let Self { prepared, computed, .. } = self;
+        let own = self.stack.solution(frame.lighting, self.solution);
+        let (reflectance, exitance) = self.stack.materials(frame.lighting);
         let (indirect, error) = run.times.time("solve", || {
             (
-                indirect_irradiance(&computed, &exitance, &own),
+                indirect_irradiance(computed, &exitance, &own),
                 carried_error(&computed.factors, &reflectance, &exitance, &own),
             )
         });
         let error = error?;
         computed.factors.if_readable(())?;
-        let lit = lightings[frame.lighting]
-            .as_ref()
-            .map(|lighting| lighting.apply(&prepared.scene));
+        let lighting = self.lightings[frame.lighting].as_ref();
+        let lit = lighting.map(|lighting| lighting.apply(&prepared.scene));
         let input = RenderInput {
             scene: lit.as_ref().unwrap_or(&prepared.scene),
             mesh: &prepared.mesh,
@@ -120,55 +181,26 @@ pub(super) fn run(args: &RenderArgs, file: &Path) -> Result<Outcome, Failure> {
             error: Some(&error),
         };
         let output = (frame.output.as_path(), frame.preview.as_path());
-        let image = shoot(&mut run, &input, &frame.view, frame.settings, args, output)?;
+        let image = shoot(run, &input, &frame.view, frame.settings, args, output)?;
         let gathered = frame.settings.gather.map(|gather| GatherReport::new(&image, gather));
-        n_noisy += gathered.map_or(0, |report| report.n_above);
         let (width, height) = (image.width(), image.height());
-        let _ = writeln!(
-            lines,
-            "{}: wrote {} ({width} × {height}) and {}",
-            frame.name,
-            frame.output.display(),
-            frame.preview.display()
-        );
-        documents.push(json!({
-            "name": frame.name,
-            "lighting": frame.lighting_file,
-            "image": frame.output,
-            "preview": frame.preview,
-            "width": width,
-            "height": height,
-            "final_gather": gathered,
-            "energy": own.energy,
-            "surfaces": prepared.surfaces_with_radiosity(&own),
-        }));
+        let (picture, preview) = (frame.output.display(), frame.preview.display());
+        Ok(Shot {
+            line: format!("{}: wrote {picture} ({width} × {height}) and {preview}\n", frame.name),
+            is_noisy: gathered.is_some_and(|report| report.n_above > 0),
+            document: json!({
+                "name": frame.name,
+                "lighting": frame.lighting_file,
+                "image": frame.output,
+                "preview": frame.preview,
+                "width": width,
+                "height": height,
+                "final_gather": gathered,
+                "energy": own.energy,
+                "surfaces": prepared.surfaces_with_radiosity(&own),
+            }),
+        })
     }
-    run.progress.finish();
-    let mut result = solve::to_json(&prepared, &args.solver.solver, &solution);
-    if let serde_json::Value::Object(result) = &mut result {
-        // Each frame has its own.
-        result.remove("surfaces");
-        result.remove("energy");
-    }
-    result["form_factors"] = checks_to_json(&computed);
-    result["n_lightings"] = json!(lightings.len());
-    result["frames"] = json!(documents);
-    let document = run.document_of(&prepared, result);
-    let mut text = run.explanation(&prepared);
-    let (n, n_frames, n_lightings) = (prepared.mesh.n_patches(), frames.len(), lightings.len());
-    let _ = writeln!(
-        text,
-        "{n} patches, {n_frames} frames, {n_lightings} lightings solved together in {} passes",
-        solution.n_passes
-    );
-    describe_checks(&mut text, &computed);
-    run.describe_times(&mut text);
-    text.push_str(&lines);
-    let code = match solve::code(&solution, Some(&computed)) {
-        ExitCode::Done if n_noisy > 0 => ExitCode::NotConverged,
-        code => code,
-    };
-    Ok(Outcome { text, document, code })
 }
 
 /// Reads the file of frames.
@@ -226,14 +258,13 @@ fn ready(
     for frame in wanted {
         let lighting_file = frame.lighting.map(|path| folder.join(path));
         let known = files.iter().position(|other| *other == lighting_file);
-        let lighting = match known {
-            Some(k) => k,
-            None => {
-                let loaded = lighting_file.as_ref().map(|path| Lighting::load(path, &prepared.scene));
-                lightings.push(loaded.transpose()?);
-                files.push(lighting_file.clone());
-                files.len() - 1
-            }
+        let lighting = if let Some(k) = known {
+            k
+        } else {
+            let loaded = lighting_file.as_ref().map(|path| Lighting::load(path, &prepared.scene));
+            lightings.push(loaded.transpose()?);
+            files.push(lighting_file.clone());
+            files.len() - 1
         };
         let camera = frame.camera.map(|path| {
             if path == Path::new("unfolded") {

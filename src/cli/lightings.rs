@@ -19,7 +19,7 @@ use crate::solver::{Solution, carried_error};
 
 pub(super) fn run(
     files: &[PathBuf],
-    mut run: Run,
+    run: &mut Run,
     mut prepared: Prepared,
     computed: &Computed,
     args: &SolveArgs,
@@ -46,6 +46,7 @@ pub(super) fn run(
         (&computed.factors, areas),
         &args.solver,
         blocks,
+        computed.given(),
     )?;
     let row_sums = computed.factors.row_sums();
     let mut documents = Vec::new();
@@ -93,6 +94,7 @@ pub(super) fn run(
     let _ = writeln!(printed, "{n} patches, {} lightings at once", names.len());
     describe_checks(&mut printed, computed);
     printed.push_str(&text);
+    run.describe_audit(&mut printed);
     run.describe_times(&mut printed);
     for path in outputs.iter().flatten() {
         let _ = writeln!(printed, "wrote {}", path.display());
@@ -100,7 +102,7 @@ pub(super) fn run(
     Ok(Outcome {
         text: printed,
         document,
-        code: solve::code(&solution, Some(computed)),
+        code: run.judged(solve::code(&solution, Some(computed)), args.audit.strict),
     })
 }
 

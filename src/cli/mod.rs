@@ -7,6 +7,7 @@ mod failure;
 mod field;
 mod form_factors;
 mod frames;
+mod interrupt;
 mod lightings;
 mod on_the_fly;
 mod output;
@@ -177,10 +178,16 @@ fn one_line(defect: &PanicHookInfo<'_>) -> String {
 
 /// Writes one line to stderr.
 fn complain(message: &str) {
-    let _ = writeln!(std::io::stderr(), "radiosity: {message}");
+    let _ = writeln!(std::io::stderr(), "radiosity: {}", printable(message));
 }
 
 /// Writes a warning to stderr.
 fn warn(message: &str) {
-    let _ = writeln!(std::io::stderr(), "radiosity: warning: {message}");
+    let _ = writeln!(std::io::stderr(), "radiosity: warning: {}", printable(message));
+}
+
+/// Returns a message without what a file may have put into it to command the terminal.
+fn printable(message: &str) -> String {
+    let shown = |c: char| if c.is_control() { char::REPLACEMENT_CHARACTER } else { c };
+    message.chars().map(shown).collect()
 }

@@ -4,6 +4,7 @@ use super::args::SolveArgs;
 use super::failure::Failure;
 use super::form_factors::DEFAULT_RAYS;
 use super::pipeline::{Fineness, Prepared, Run};
+use crate::audit::Given;
 use crate::form_factor::registry::METHODS;
 use crate::form_factor::{ExactMethod, Input, OnTheFly};
 use crate::solver::Solution;
@@ -52,5 +53,9 @@ pub(super) fn solve(run: &mut Run, prepared: &mut Prepared, args: &SolveArgs) ->
         (&operator, areas),
         &args.solver,
         (reflectance, exitance),
+        Given {
+            gain: None,
+            costly: true,
+        },
     )
 }

@@ -9,6 +9,9 @@ use super::failure::Failure;
 use super::output;
 use super::pipeline::Run;
 use super::render::AnyView;
+use super::storage::limit_byte;
+use crate::audit;
+use crate::plan::byte_text;
 use crate::render::display::{TevDisplay, Unwatched, Watcher};
 use crate::render::{Attributes, Image, RenderInput, RenderSettings, View, exr, png, render_watched};
 
@@ -18,11 +21,22 @@ const PIXEL_BYTE: u64 = 512;
 /// The same with final gather, which keeps every pixel's sums until all are finished.
 const GATHER_BYTE: u64 = 1536;
 
-/// Returns the memory that a picture takes: all layers, and as much again while they are coded.
-pub(super) fn image_byte(view: &AnyView, settings: &RenderSettings) -> u64 {
+/// Returns the memory that a picture takes, if it is within the limit: all layers, and as much again while they are coded.
+pub(super) fn image_byte(view: &AnyView, settings: &RenderSettings, memory_limit: Option<u64>) -> Result<u64, Failure> {
     let (width, height) = view.as_view().size();
     let gathers = settings.gather.is_some();
-    u64::from(width) * u64::from(height) * if gathers { GATHER_BYTE } else { PIXEL_BYTE }
+    let needed = u64::from(width) * u64::from(height) * if gathers { GATHER_BYTE } else { PIXEL_BYTE };
+    let limit = limit_byte(memory_limit);
+    if needed <= limit {
+        return Ok(needed);
+    }
+    let (needed, limit) = (byte_text(needed), byte_text(limit));
+    Err(Failure::new(
+        "memory_limit",
+        format!(
+            "a picture of {width} × {height} pixels needs {needed} of memory, and the limit is {limit}; raise --memory-limit or give fewer pixels"
+        ),
+    ))
 }
 
 /// Returns the name of the preview beside a picture, if the picture can be written.
@@ -59,6 +73,7 @@ pub(super) fn shoot(
     if display.is_some_and(|tev| !tev.is_connected()) {
         run.warn("the viewer stopped taking pixels; the picture is whole all the same");
     }
+    run.audited(audit::picture(&image));
     let offset = input.visibility.offset();
     let mut attributes = Attributes::new(input.scene, view.description(), settings, offset, json!(run.settings));
     attributes.pixels = args.file.pixels.into();

@@ -5,21 +5,27 @@ use std::sync::Mutex;
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use super::interrupt::Interrupt;
+use crate::checkpoint::Checkpoint;
 use crate::progress::Progress;
 
 /// One bar on stderr for the current stage, with the time left.
 pub(super) struct Bars {
     current: Mutex<ProgressBar>,
     shown: bool,
+    interrupt: Interrupt,
+    pub(super) checkpoint: Option<Checkpoint>,
 }
 
 impl Bars {
     /// Shows bars if stderr is a terminal and `quiet` is not asked for.
     #[must_use]
-    pub(super) fn new(quiet: bool) -> Self {
+    pub(super) fn new(quiet: bool, interrupt: Interrupt) -> Self {
         Self {
             current: Mutex::new(ProgressBar::hidden()),
             shown: !quiet && std::io::stderr().is_terminal(),
+            interrupt,
+            checkpoint: None,
         }
     }
 
@@ -52,6 +58,14 @@ impl Progress for Bars {
         if self.shown {
             self.with(|bar| bar.inc(steps));
         }
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.interrupt.came()
+    }
+
+    fn checkpoint(&self) -> Option<&Checkpoint> {
+        self.checkpoint.as_ref()
     }
 }
 

@@ -42,10 +42,15 @@ const DEFAULT_GATHER_RAYS: u32 = 16384;
 const DEFAULT_PATCHES: f64 = 3000.0;
 
 pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
-    if let Some(file) = &args.frames {
-        return super::frames::run(args, file);
-    }
     let mut run = Run::new("render", &args.common);
+    let result = match &args.frames {
+        Some(file) => super::frames::work(args, file, &mut run),
+        None => work(args, &mut run),
+    };
+    run.ended(result)
+}
+
+fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let settings = render_settings(args, &args.image.view)?;
     let preview = preview_of(&args.output)?;
     let mut prepared = run.prepare(&args.scene, args.mesh, default_subdivision)?;
@@ -54,12 +59,12 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
         args: args.storage.clone(),
         output: Some(args.output.clone()),
         tolerance: Some(args.solver.tolerance),
-        image_byte: image_byte(&view, &settings),
+        image_byte: image_byte(&view, &settings, args.storage.memory_limit)?,
     };
     if settings.direct != DirectMethod::Off {
         run.warn_of_narrow_gaps(&prepared);
     }
-    let solved = solve_scene(&mut run, &mut prepared, args, settings.direct)?;
+    let solved = solve_scene(run, &mut prepared, args, settings.direct)?;
     if settings.direct == DirectMethod::Off {
         prepared
             .plan
@@ -82,7 +87,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
         error: solved.error.as_ref(),
     };
     let output = (args.output.as_path(), preview.as_path());
-    let image = shoot(&mut run, &input, &view, settings, args, output)?;
+    let image = shoot(run, &input, &view, settings, args, output)?;
     run.progress.finish();
 
     let mut result = solve::to_json(&prepared, &solved.solver, &solved.solution);
@@ -108,6 +113,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
             report.n_rays, report.n_above, report.n_pixels, report.noise
         );
     }
+    run.describe_audit(&mut text);
     run.describe_times(&mut text);
     let _ = writeln!(
         text,
@@ -122,7 +128,11 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
         ExitCode::Done if is_noisy => ExitCode::NotConverged,
         code => code,
     };
-    Ok(Outcome { text, document, code })
+    Ok(Outcome {
+        text,
+        document,
+        code: run.judged(code, args.audit.strict),
+    })
 }
 
 /// What the picture is made from.

@@ -6,9 +6,9 @@ use serde_json::Value;
 
 use super::args::MeshArgs;
 use super::failure::Failure;
-use super::pipeline::{Prepared, Run};
+use super::pipeline::{Prepared, Promised, Run};
 use super::storage;
-use crate::form_factor::Computed;
+use crate::form_factor::{Computed, MethodSettings, Reciprocity, registry};
 use crate::mesh::Subdivision;
 use crate::report::ReportError;
 use crate::report::form_factors::FormFactorFile;
@@ -74,4 +74,23 @@ pub(super) fn form_factors(
         pairs: None,
         tolerance_met: description.tolerance_met,
     })
+}
+
+/// Returns what a file's form factors promise: what the method does that its settings name.
+pub(super) fn promised(file: &FormFactorFile) -> Promised {
+    let settings = &file.description().settings;
+    let is_set = |name: &str| settings.get(name).is_some_and(|value| value.as_bool() != Some(false));
+    let normalise = is_set("normalise");
+    let method = settings.get("method").and_then(Value::as_str).and_then(|name| {
+        let given = MethodSettings {
+            normalise,
+            ..MethodSettings::default()
+        };
+        registry::method(name, &given).ok()
+    });
+    Promised {
+        reciprocity: method.map_or(Reciprocity::NotPromised, |method| method.reciprocity()),
+        errors_known: file.has_errors(),
+        balanced: is_set("balance"),
+    }
 }

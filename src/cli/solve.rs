@@ -22,6 +22,11 @@ pub(super) const NO_SOLVER: &str = "none";
 
 pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
     let mut run = Run::new("solve", &args.common);
+    let result = work(args, &mut run);
+    run.ended(result)
+}
+
+fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
     if let Some(path) = &args.output {
         Format::of(path)?;
         output::expect_possible(path)?;
@@ -38,7 +43,7 @@ pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
     };
     let mut prepared = run.prepare(&args.scene, mesh_args, |_| Subdivision::Uniform(1))?;
     if args.on_the_fly {
-        let solution = super::on_the_fly::solve(&mut run, &mut prepared, args)?;
+        let solution = super::on_the_fly::solve(run, &mut prepared, args)?;
         return finish(args, run, &prepared, None, &solution);
     }
     let needs_symmetry = run.solver_entry(&args.solver)?.gains_by_reciprocity();
@@ -55,8 +60,9 @@ pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
         Some(file) => {
             let needs_symmetry = run.wants_symmetry(args.method.balance)? || needs_symmetry;
             let repaired = repairs(args.method.balance, needs_symmetry && !file.description().symmetric);
-            let result = reuse::form_factors(&mut run, &mut prepared, file, &args.scene, repaired)?;
-            run.repaired(&mut prepared, result, args.method.balance, needs_symmetry)?
+            let result = reuse::form_factors(run, &mut prepared, file, &args.scene, repaired)?;
+            let promised = reuse::promised(file);
+            run.repaired(&mut prepared, result, args.method.balance, needs_symmetry, promised)?
         }
     };
     if !args.lighting.is_empty() {
@@ -69,7 +75,7 @@ pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
 /// Writes and describes a solution; without `computed` there are no stored form factors to tell of.
 fn finish(
     args: &SolveArgs,
-    mut run: Run,
+    run: &mut Run,
     prepared: &Prepared,
     computed: Option<&Computed>,
     solution: &Solution,
@@ -109,6 +115,7 @@ fn finish(
         describe_checks(&mut text, computed);
     }
     describe(&mut text, prepared, &args.solver.solver, solution);
+    run.describe_audit(&mut text);
     run.describe_times(&mut text);
     if let Some(path) = &args.output {
         let _ = writeln!(text, "wrote {}", path.display());
@@ -116,7 +123,7 @@ fn finish(
     Ok(Outcome {
         text,
         document,
-        code: code(solution, computed),
+        code: run.judged(code(solution, computed), args.audit.strict),
     })
 }
 

@@ -2,9 +2,12 @@
 
 use std::path::PathBuf;
 
+use sha2::{Digest as _, Sha256};
+
 use super::args::{PrecisionName, StorageArgs, StorageName};
 use super::failure::Failure;
 use super::pipeline::{Prepared, Run};
+use crate::checkpoint::Checkpoint;
 use crate::matrix::{Layout, Place, Precision, Scratch, StorageChoice};
 use crate::plan::{Accuracy, StorageDemand, StoragePlan, StorageWish, byte_text, facing_share, plan_storage};
 use crate::report::{memory_available_byte, memory_used_byte};
@@ -151,6 +154,20 @@ pub(super) fn choose(run: &Run, prepared: &mut Prepared, matrix: Matrix) -> Resu
     let choice = format!("{kind}, {tiles}, {digits}, {place}");
     prepared.plan.decide("form factors", choice, reason);
     Ok(Chosen { plan, directory })
+}
+
+/// Opens the checkpoint that is asked for: it belongs to these patches and the settings of their form factors.
+pub(super) fn checkpoint(run: &Run, prepared: &Prepared) -> Result<Option<Checkpoint>, Failure> {
+    let Some(path) = &run.storage.args.checkpoint else {
+        return Ok(None);
+    };
+    let mut key = Sha256::new();
+    key.update(prepared.mesh.geometry_hash());
+    key.update(env!("CARGO_PKG_VERSION"));
+    for (name, value) in &run.settings {
+        key.update(format!("{name}={value};"));
+    }
+    Ok(Some(Checkpoint::open(path, &key.finalize().into())?))
 }
 
 /// Reads a number of bytes: `512MiB`, `2G`, `1.5GB`, or a plain number. K, M, G and T count in 1024, as do KiB to TiB; KB to TB in 1000.

@@ -1,7 +1,6 @@
 //! `radiosity voxel`.
 
 use std::fmt::Write as _;
-use std::ops::ControlFlow;
 use std::path::Path;
 
 use serde_json::{Value, json};
@@ -9,9 +8,10 @@ use serde_json::{Value, json};
 use super::args::{LinksName, VoxelArgs};
 use super::exit_code::ExitCode;
 use super::failure::Failure;
-use super::pipeline::{Prepared, Run};
+use super::pipeline::{Prepared, Run, go_on};
 use super::{Outcome, merge, output, render};
-use crate::matrix::operator::Block;
+use crate::audit::{self, Given};
+use crate::matrix::operator::{Block, LinearOperator};
 use crate::mesh::Subdivision;
 use crate::render::{Attributes, DirectMethod, RenderInput, RenderSettings, exr, png};
 use crate::report::voxels::write_vtu;
@@ -45,6 +45,11 @@ struct Solved {
 
 pub(super) fn run(args: &VoxelArgs) -> Result<Outcome, Failure> {
     let mut run = Run::new("voxel", &args.common);
+    let result = work(args, &mut run);
+    run.ended(result)
+}
+
+fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let format = args.output.as_deref().map(format_of).transpose()?;
     expect_sensible(args, format)?;
     if let Some(path) = &args.output {
@@ -73,7 +78,7 @@ pub(super) fn run(args: &VoxelArgs) -> Result<Outcome, Failure> {
     run.set("unnormalised", args.unnormalised);
     run.set("plain_emission", args.plain_emission);
     let gaps = run.times.time("checks", || voxels.thin_gaps(&prepared.scene));
-    warn_of_gaps(&run, &prepared.scene, &gaps, args.voxels);
+    warn_of_gaps(run, &prepared.scene, &gaps, args.voxels);
     let leaks = if prepared.plan.watertight {
         run.times.time("checks", || voxels.reached_from_outside())
     } else {
@@ -83,13 +88,13 @@ pub(super) fn run(args: &VoxelArgs) -> Result<Outcome, Failure> {
             .push("search for leaks: the scene's faces do not close a space".into());
         Vec::new()
     };
-    warn_of_leaks(&run, &prepared.scene, &voxels, &leaks);
+    warn_of_leaks(run, &prepared.scene, &voxels, &leaks);
     let hausdorff = run.times.time("checks", || voxels.hausdorff_distance(&prepared.scene));
     let (solved, links) = match args.adaptive {
-        Some(tolerance) => solve_on_cells(&mut run, &mut prepared, &voxels, &sphere, args, tolerance),
-        None => solve_on_voxels(&mut run, &mut prepared, &voxels, &sphere, args)?,
+        Some(tolerance) => solve_on_cells(run, &mut prepared, &voxels, &sphere, args, tolerance)?,
+        None => solve_on_voxels(run, &mut prepared, &voxels, &sphere, args)?,
     };
-    write(&mut run, &prepared, &voxels, &solved, args, format)?;
+    write(run, &prepared, &voxels, &solved, args, format)?;
     run.progress.finish();
 
     let checked = Checked { gaps, leaks, hausdorff };
@@ -103,6 +108,7 @@ pub(super) fn run(args: &VoxelArgs) -> Result<Outcome, Failure> {
     describe(&mut text, &voxels, &sphere, &links);
     let _ = writeln!(text, "{}", solved.line);
     describe_surfaces(&mut text, &prepared.scene, &voxels, &solved.radiosity);
+    run.describe_audit(&mut text);
     run.describe_times(&mut text);
     if let Some(path) = &args.output {
         let _ = writeln!(text, "wrote {}", path.display());
@@ -110,7 +116,7 @@ pub(super) fn run(args: &VoxelArgs) -> Result<Outcome, Failure> {
     Ok(Outcome {
         text,
         document: run.document_of(&prepared, result),
-        code: solved.code,
+        code: run.judged(solved.code, args.audit.strict),
     })
 }
 
@@ -191,6 +197,7 @@ fn solve_on_voxels(
     args: &VoxelArgs,
 ) -> Result<(Solved, LinkFigures), Failure> {
     let links = find_links(run, prepared, voxels, sphere, args)?;
+    run.go_on()?;
     let operator = LinkOperator::new(voxels, sphere, &links, row_weights(args));
     let solved = solve(run, prepared, &operator, args);
     // What went wrong with the links explains whatever the solver made of it.
@@ -214,7 +221,7 @@ fn solve_on_cells(
     sphere: &DiscreteSphere,
     args: &VoxelArgs,
     tolerance: f64,
-) -> (Solved, LinkFigures) {
+) -> Result<(Solved, LinkFigures), Failure> {
     run.set("adaptive", tolerance);
     run.set("coarsest", args.coarsest);
     run.set("passes", args.passes);
@@ -228,17 +235,25 @@ fn solve_on_cells(
         n_passes: args.passes,
         row_weights: row_weights(args),
     };
+    let emission = emission(&materials, args);
     let result = run.times.time("cells", || {
         solve_adaptively(
             &prepared.scene,
             voxels,
             sphere,
             &materials.reflectance,
-            emission(&materials, args),
+            emission,
             &settings,
             &run.progress,
         )
     });
+    run.go_on()?;
+    // The light of surfels spread over cells and back; their rows sum to 1 at most.
+    let row_sums = vec![1.0; voxels.n_surfels()];
+    if !args.unnormalised {
+        let (b, h) = (&result.radiosity, &result.irradiance);
+        run.audited(audit::propagation(&materials.reflectance, emission, &row_sums, b, h));
+    }
     let n_cells = result.cells.n_cells();
     let figures = LinkFigures {
         n_links: result.n_links,
@@ -264,7 +279,7 @@ fn solve_on_cells(
         irradiance: result.irradiance,
         code: ExitCode::Done,
     };
-    (solved, figures)
+    Ok((solved, figures))
 }
 
 /// Returns what goes into the system as E.
@@ -412,6 +427,15 @@ fn solve(run: &mut Run, prepared: &Prepared, operator: &LinkOperator<'_>, args: 
                 &run.progress,
             )
         });
+        run.go_on()?;
+        let mut row_sums = Block::zeros(operator.n_rows(), 1);
+        let ones = Block::from_values(vec![1.0; operator.n_rows()], 1);
+        let (b, h) = (&result.radiosity, &result.irradiance);
+        let found = run.times.time("audit", || {
+            operator.apply(&ones, &mut row_sums);
+            audit::propagation(&materials.reflectance, emission, row_sums.values(), b, h)
+        });
+        run.audited(found);
         let last = result.changes.last().copied().unwrap_or(0.0);
         return Ok(Solved {
             radiosity: materials.radiosity(&result.irradiance),
@@ -438,8 +462,15 @@ fn solve(run: &mut Run, prepared: &Prepared, operator: &LinkOperator<'_>, args: 
     };
     let solver = solver::solver(name, &SolverSettings::default())?;
     let solution = run.times.time("solve", || {
-        solver.solve(&system, &options, &mut |_| ControlFlow::Continue(()))
+        solver.solve(&system, &options, &mut |_| go_on(&run.progress))
     })?;
+    run.go_on()?;
+    let given = Given {
+        gain: None,
+        costly: args.links == LinksName::Recompute,
+    };
+    let found = run.times.time("audit", || audit::solution(&system, &solution, given))?;
+    run.audited(found);
     let converged = solution.stop_reason == StopReason::Converged;
     Ok(Solved {
         document: json!({
@@ -523,6 +554,7 @@ fn write(
             crate::render::render(&input, view.as_view(), &settings, &run.progress)
         })?
     };
+    run.audited(audit::picture(&image));
     let attributes = Attributes::new(
         &prepared.scene,
         view.as_view().description(),

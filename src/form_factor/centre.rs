@@ -1,6 +1,6 @@
 //! `centre`: the integrand between the patches' centres.
 
-use super::{Computed, FormFactorError, FormFactorMethod, Input, sampled};
+use super::{Computed, FormFactorError, FormFactorMethod, Input, Reciprocity, sampled};
 use crate::geometry::quadrature::WeightedPoint;
 use crate::matrix::{FormFactors, MatrixError, RowTally, RowTile, StorageChoice};
 use crate::mesh::{Patch, PatchId};
@@ -26,6 +26,14 @@ pub struct CentrePoint {
 impl FormFactorMethod for CentrePoint {
     fn name(&self) -> &'static str {
         "centre"
+    }
+
+    fn reciprocity(&self) -> Reciprocity {
+        if self.normalise {
+            Reciprocity::NotPromised
+        } else {
+            Reciprocity::Exact
+        }
     }
 
     fn compute(

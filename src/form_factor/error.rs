@@ -19,6 +19,9 @@ pub enum FormFactorError {
         /// Why not, and what to use instead.
         reason: String,
     },
+    /// The caller asked to stop.
+    #[error("the form factors were interrupted")]
+    Interrupted,
     /// There is no method of this name.
     #[error("there is no method `{name}`; there are {known}")]
     UnknownMethod {

@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use super::on_the_fly::Rows;
 use super::segments::unseen_square;
-use super::{Computed, FormFactorError, FormFactorMethod, Input, rows, sampled};
+use super::{Computed, FormFactorError, FormFactorMethod, Input, Reciprocity, rows, sampled};
 use crate::geometry::point_form_factor::point_form_factor;
 use crate::geometry::polygon_form_factor::{PreparedPolygon, Tolerance, exchange_area};
 use crate::geometry::quadrature::{GaussProduct, WeightedPoint};
@@ -83,6 +83,10 @@ const BATCH: usize = 512;
 impl FormFactorMethod for Hemicube {
     fn name(&self) -> &'static str {
         "hemicube"
+    }
+
+    fn reciprocity(&self) -> Reciprocity {
+        Reciprocity::NotPromised
     }
 
     fn compute(

@@ -8,7 +8,8 @@
 //! |---|---|---|---|---|
 //! | [`CentrePoint`] | unless normalised | no | if normalised | the exact value |
 //! | [`ParametricDifferential`] | yes | no | no | the exact value |
-//! | [`RandomShooting`], [`GaussShooting`] | to the noise | to the noise | yes | the number of hits |
+//! | [`RandomShooting`] | to the noise | to the noise | yes | the number of hits |
+//! | [`GaussShooting`] | to the noise and what its grid misses | no | yes | the number of hits |
 //! | [`Hemicube`] | no | no | yes | the exact value, and the cells' size |
 //! | [`GaussLambert`] | yes | to its error | to its error | a rule with fewer points |
 //! | [`ContourIntegral`] | yes | yes | to rounding | rounding |
@@ -26,6 +27,7 @@ mod error;
 mod exact;
 mod gauss_lambert;
 mod hemicube;
+mod kept;
 mod on_the_fly;
 mod pairs;
 pub mod partial;
@@ -121,10 +123,27 @@ impl PairCounts {
     }
 }
 
+/// How far a method keeps A_i F_ij = A_j F_ji, and with it A_i F_ij ≤ min(A_i, A_j).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Reciprocity {
+    /// Each exchange area is computed once; it is at most the smaller area, but for its error.
+    Exact,
+    /// To the noise of rays that are counted.
+    ToNoise,
+    /// Not promised: points on a patch stand for all of it, or rows are rescaled.
+    NotPromised,
+}
+
 /// A way to compute form factors.
 pub trait FormFactorMethod: Sync {
     /// Returns the name on the command line.
     fn name(&self) -> &'static str;
+
+    /// Returns how far the results are reciprocal.
+    fn reciprocity(&self) -> Reciprocity {
+        Reciprocity::Exact
+    }
 
     /// Computes all form factors of a mesh.
     ///

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::kept::{self, Piece};
 use super::{Computed, FormFactorError, Input, PairCounts};
 use crate::in_order::InOrder;
 use crate::matrix::{Entry, FormFactors, RowTally, RowTile, StorageChoice};
@@ -56,7 +57,11 @@ pub(super) fn by_pairs<W: PairWorker>(
         |k| {
             let rows = k * ROWS_PER_TILE..n.min((k + 1) * ROWS_PER_TILE);
             let n_pairs: usize = rows.clone().map(|i| n - 1 - i).sum();
-            let result = tile(rows, &facing, &mut worker());
+            let result = match kept::take(progress, k as u64) {
+                Some(piece) => Ok(piece),
+                None if progress.is_cancelled() => Err(FormFactorError::Interrupted),
+                None => tile(rows, &facing, &mut worker()).inspect(|piece| kept::keep(progress, k as u64, piece)),
+            };
             progress.advance(n_pairs as u64);
             result
         },
@@ -66,17 +71,17 @@ pub(super) fn by_pairs<W: PairWorker>(
     let mut failure = None;
     // In order: of several errors it is always the first row's that is reported.
     let upper = results.map_while(|result| match result {
-        Ok((tile, of_tile, met)) => {
-            counts = counts.plus(of_tile);
-            tolerance_met &= met;
-            Some(tile)
+        Ok(piece) => {
+            counts = counts.plus(piece.counts);
+            tolerance_met &= piece.tolerance_met;
+            Some(piece.tiles)
         }
         Err(error) => {
             failure = Some(error);
             None
         }
     });
-    let factors = FormFactors::from_exchange_tiles(input.mesh.areas(), upper, storage);
+    let factors = FormFactors::from_exchange_tiles(input.mesh.areas(), upper.flatten(), storage);
     if let Some(error) = failure {
         return Err(error);
     }
@@ -87,11 +92,7 @@ pub(super) fn by_pairs<W: PairWorker>(
     })
 }
 
-fn tile(
-    rows: Range<usize>,
-    facing: &Facing,
-    worker: &mut impl PairWorker,
-) -> Result<(RowTile, PairCounts, bool), FormFactorError> {
+fn tile(rows: Range<usize>, facing: &Facing, worker: &mut impl PairWorker) -> Result<Piece, FormFactorError> {
     let mut tile = RowTile::new(rows.start);
     let mut not_facing = 0;
     let (mut others, mut entries) = (Vec::new(), Vec::new());
@@ -113,7 +114,11 @@ fn tile(
         not_facing,
         ..worker.counts()
     };
-    Ok((tile, counts, worker.tolerance_met()))
+    Ok(Piece {
+        tiles: vec![tile],
+        counts,
+        tolerance_met: worker.tolerance_met(),
+    })
 }
 
 /// The planes of all patches and their corners, for the test that goes first.

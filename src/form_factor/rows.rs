@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::kept::{self, Piece};
 use super::{Computed, FormFactorError, Input};
 use crate::in_order::InOrder;
 use crate::matrix::{Entry, FormFactors, RowTile, StorageChoice};
@@ -27,13 +28,22 @@ pub(super) fn by_rows(
         |k| {
             let rows = k * ROWS_PER_TILE..n.min((k + 1) * ROWS_PER_TILE);
             let n_rows = rows.len() as u64;
-            let result = tile(rows);
+            let piece = kept::take(progress, k as u64).unwrap_or_else(|| {
+                let empty = RowTile::new(rows.start);
+                let piece = Piece::of_rows(if progress.is_cancelled() { empty } else { tile(rows) });
+                kept::keep(progress, k as u64, &piece);
+                piece
+            });
             progress.advance(n_rows);
-            result
+            piece.tiles
         },
     );
+    let factors = FormFactors::from_tiles(input.mesh.areas(), tiles.flatten(), storage);
+    if progress.is_cancelled() {
+        return Err(FormFactorError::Interrupted);
+    }
     Ok(Computed {
-        factors: FormFactors::from_tiles(input.mesh.areas(), tiles, storage)?,
+        factors: factors?,
         pairs: None,
         tolerance_met: true,
     })

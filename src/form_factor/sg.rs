@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use super::on_the_fly::Rows;
 use super::shooting::{Shooter, Shot};
-use super::{Computed, FormFactorError, FormFactorMethod, Input, rows};
+use super::{Computed, FormFactorError, FormFactorMethod, Input, Reciprocity, rows};
 use crate::geometry::quadrature::{GaussProduct, WeightedPoint};
 use crate::geometry::sampling::{PointStream, Sequence};
 use crate::matrix::{RowTile, StorageChoice};
@@ -41,6 +41,10 @@ impl GaussShooting {
 impl FormFactorMethod for GaussShooting {
     fn name(&self) -> &'static str {
         "sg"
+    }
+
+    fn reciprocity(&self) -> Reciprocity {
+        Reciprocity::NotPromised
     }
 
     fn compute(

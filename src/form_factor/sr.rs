@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::on_the_fly::Rows;
 use super::shooting::{Shooter, Shot};
-use super::{Computed, FormFactorError, FormFactorMethod, Input, rows};
+use super::{Computed, FormFactorError, FormFactorMethod, Input, Reciprocity, rows};
 use crate::geometry::sampling::{PointStream, Sequence, UniformOnPolygon};
 use crate::matrix::{RowTile, StorageChoice};
 use crate::mesh::PatchId;
@@ -30,6 +30,10 @@ pub struct RandomShooting {
 impl FormFactorMethod for RandomShooting {
     fn name(&self) -> &'static str {
         "sr"
+    }
+
+    fn reciprocity(&self) -> Reciprocity {
+        Reciprocity::ToNoise
     }
 
     fn compute(

@@ -8,14 +8,14 @@ use super::{Entries, Entry, FormFactors, Place, UPPER_ROWS};
 const BLOCK_ROWS: usize = 32;
 
 /// One place of F and its mirror image: (F_ij, standard error) and (F_ji, standard error).
-pub(super) struct Pair {
-    pub(super) there: (f64, f64),
-    pub(super) back: (f64, f64),
+pub(crate) struct Pair {
+    pub(crate) there: (f64, f64),
+    pub(crate) back: (f64, f64),
 }
 
 impl FormFactors {
     /// Returns the row ranges in which the transpose is best asked for.
-    pub(super) fn row_blocks(&self) -> Vec<Range<usize>> {
+    pub(crate) fn row_blocks(&self) -> Vec<Range<usize>> {
         let n = self.n_rows();
         // On a disk, rows are best read together with those of their tiles.
         let n_together = match self.storage().place {
@@ -28,7 +28,7 @@ impl FormFactors {
 
     /// Calls `visit(i, j, pair)` for all i in `rows` and all j from `first_column` on where F_ij or F_ji is stored, row by row in
     /// ascending order.
-    pub(super) fn for_each_pair(
+    pub(crate) fn for_each_pair(
         &self,
         rows: Range<usize>,
         first_column: usize,

@@ -48,8 +48,8 @@ impl TevDisplay {
     /// If the address cannot be resolved, or nothing listens there.
     pub fn connect(address: &str, name: &str, width: u32, height: u32) -> io::Result<Self> {
         let mut failure = io::Error::new(io::ErrorKind::NotFound, "the address has no host");
-        for address in address.to_socket_addrs()? {
-            match TcpStream::connect_timeout(&address, PATIENCE) {
+        for place in address.to_socket_addrs()? {
+            match TcpStream::connect_timeout(&place, PATIENCE) {
                 Ok(mut stream) => {
                     stream.set_write_timeout(Some(PATIENCE))?;
                     // A name must not end the text that it stands in.
@@ -119,7 +119,9 @@ impl Packet {
 
     fn channels(&mut self) {
         self.numbers(&[3]);
-        CHANNELS.iter().for_each(|channel| self.text(channel));
+        for channel in CHANNELS {
+            self.text(channel);
+        }
     }
 
     fn finished(mut self) -> io::Result<Vec<u8>> {

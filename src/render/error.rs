@@ -68,6 +68,9 @@ pub enum RenderError {
         /// The format that is understood.
         expected: u32,
     },
+    /// The caller asked to stop.
+    #[error("the rendering was interrupted")]
+    Interrupted,
     /// An image could not be encoded.
     #[error("the image cannot be encoded: {0}")]
     Encode(String),

@@ -212,7 +212,7 @@ pub fn render_watched(
         size: (width, height),
         watcher,
     };
-    Ok(renderer.image(progress))
+    renderer.image(progress)
 }
 
 /// Returns the size of an image if it has pixels, but not too many.

@@ -2,7 +2,6 @@
 
 use rayon::prelude::*;
 
-use super::RenderInput;
 use super::direct::{DirectEstimate, DirectPass, DirectPoint, Scratch};
 use super::display::Watcher;
 use super::gather::{GatherScratch, Gathered, Gatherer, PixelPart};
@@ -10,6 +9,7 @@ use super::image::Image;
 use super::pixel::{Canvas, Kinds, Pixel};
 use super::shade::{self, Shader, SurfacePoint};
 use super::view::View;
+use super::{RenderError, RenderInput};
 use crate::progress::Progress;
 use crate::visibility::{Coherence, HitBatch, RayBatch};
 
@@ -67,6 +67,15 @@ fn positions([x0, y0, x1, y1]: Block) -> impl Iterator<Item = (u32, u32)> {
     (y0..y1).flat_map(move |y| (x0..x1).map(move |x| (x, y)))
 }
 
+/// Stops where somebody asked for that.
+fn go_on(progress: &dyn Progress) -> Result<(), RenderError> {
+    if progress.is_cancelled() {
+        Err(RenderError::Interrupted)
+    } else {
+        Ok(())
+    }
+}
+
 /// What a view shows of a block.
 struct Seen {
     /// What is seen at the pixels' centres.
@@ -89,7 +98,10 @@ pub(super) struct Renderer<'a> {
 
 impl Renderer<'_> {
     /// Renders the whole image.
-    pub(super) fn image(&self, progress: &dyn Progress) -> Image {
+    ///
+    /// # Errors
+    /// [`RenderError::Interrupted`] if `progress` says so.
+    pub(super) fn image(&self, progress: &dyn Progress) -> Result<Image, RenderError> {
         let (width, height) = self.size;
         let blocks: Vec<Block> = (0..height.div_ceil(BLOCK_SIDE))
             .flat_map(|j| (0..width.div_ceil(BLOCK_SIDE)).map(move |i| [i * BLOCK_SIDE, j * BLOCK_SIDE]))
@@ -102,12 +114,13 @@ impl Renderer<'_> {
         };
         let mut canvas = Canvas::new(width as usize, height as usize, kinds);
         if let Some(gatherer) = &self.gatherer {
-            self.gather_all(gatherer, &blocks, &mut canvas, progress);
-            return canvas.into_image();
+            self.gather_all(gatherer, &blocks, &mut canvas, progress)?;
+            return Ok(canvas.into_image());
         }
         progress.begin("render", blocks.len() as u64);
         // Blocks at a time, so that pixels in f64 never fill the memory.
         for batch in blocks.chunks(BLOCKS_AT_A_TIME) {
+            go_on(progress)?;
             let rendered: Vec<Vec<Pixel>> = batch
                 .par_iter()
                 .map(|&block| {
@@ -121,11 +134,17 @@ impl Renderer<'_> {
                 canvas.set_all(positions(block), pixels);
             }
         }
-        canvas.into_image()
+        Ok(canvas.into_image())
     }
 
     /// Renders with final gather: rounds over the whole image, each twice as long as all before it together.
-    fn gather_all(&self, gatherer: &Gatherer<'_>, blocks: &[Block], canvas: &mut Canvas, progress: &dyn Progress) {
+    fn gather_all(
+        &self,
+        gatherer: &Gatherer<'_>,
+        blocks: &[Block],
+        canvas: &mut Canvas,
+        progress: &dyn Progress,
+    ) -> Result<(), RenderError> {
         progress.begin("render", blocks.len() as u64);
         let mut states: Vec<(Vec<Pixel>, Vec<Gathered>)> = blocks
             .par_iter()
@@ -143,6 +162,7 @@ impl Renderer<'_> {
             if n_open == 0 {
                 break;
             }
+            go_on(progress)?;
             progress.begin("gather", n_open as u64);
             let open = states.par_iter_mut().zip(blocks);
             open.filter(|((_, gathered), _)| is_open(gathered))
@@ -157,12 +177,13 @@ impl Renderer<'_> {
                     progress.advance(1);
                 });
         }
-        for ((pixels, gathered), &block) in states.iter_mut().zip(blocks) {
-            for (pixel, gathered) in pixels.iter_mut().zip(gathered) {
+        for ((pixels, of_pixels), &block) in states.iter_mut().zip(blocks) {
+            for (pixel, gathered) in pixels.iter_mut().zip(of_pixels) {
                 pixel.add_gathered(gathered);
             }
             canvas.set_all(positions(block), pixels);
         }
+        Ok(())
     }
 
     fn show(&self, [x0, y0, x1, y1]: Block, radiance: impl Iterator<Item = [f32; 3]>) {
@@ -170,11 +191,11 @@ impl Renderer<'_> {
         self.watcher.pixels(x0, y0, x1 - x0, y1 - y0, &radiance);
     }
 
-    fn gather_round(&self, gatherer: &Gatherer<'_>, block: Block, pixels: &[Pixel], gathered: &mut [Gathered]) {
+    fn gather_round(&self, gatherer: &Gatherer<'_>, block: Block, pixels: &[Pixel], states: &mut [Gathered]) {
         let parts = self.look(block).parts;
         let mut scratch = GatherScratch::default();
         let mut rest = parts.as_slice();
-        for (k, (pixel, gathered)) in pixels.iter().zip(gathered).enumerate() {
+        for (k, (pixel, gathered)) in pixels.iter().zip(states).enumerate() {
             let n_own = rest.iter().take_while(|part| part.pixel == k).count();
             let (own, others) = rest.split_at(n_own);
             rest = others;
@@ -272,7 +293,9 @@ impl Renderer<'_> {
             pixel.shade.albedo[c] += share * shade.albedo[c];
             pixel.direct.mean[c] += share * direct.mean[c];
             pixel.direct.variance[c] += share * share * direct.variance[c];
-            pixel.error[c] += share * error[c];
+        }
+        for (sum, of_patch) in pixel.error.iter_mut().zip(error) {
+            *sum += share * of_patch;
         }
     }
 }

@@ -77,6 +77,12 @@ impl FormFactorFile {
         &self.description
     }
 
+    /// Tells whether the file holds the errors of its form factors.
+    #[must_use]
+    pub fn has_errors(&self) -> bool {
+        Format::to_read(&self.path).is_ok_and(|format| format == Format::Npz)
+    }
+
     /// Reads the form factors of a mesh.
     ///
     /// Accuracy: form factors that are not symmetric come back to the last bit. Of symmetric ones the exchange areas do to 3 units in

@@ -152,26 +152,44 @@ impl<'a> Shaft<'a> {
     }
 
     /// Returns the planes through an edge of one end and a corner of the other that have all of both on their upper side.
+    ///
+    /// Seen along an edge, its own end lies to one side in one line, and the other end above that line: the corner that is
+    /// farthest round from the one side gives the only such plane besides that of the end itself.
     fn sides(&self) -> &[Plane] {
         self.sides.get_or_init(|| {
-            let mut sides = Vec::new();
-            for (near, far) in [(&self.ends[0], &self.ends[1]), (&self.ends[1], &self.ends[0])] {
-                for (k, &a) in near.iter().enumerate() {
-                    let edge = near[(k + 1) % near.len()] - a;
-                    for &c in far.iter() {
-                        let across = c - a;
-                        let normal = edge.cross(across);
+            let mut sides = Vec::with_capacity(self.ends[0].len() + self.ends[1].len());
+            for k in 0..2 {
+                let (near, far, up) = (&self.ends[k], &self.ends[1 - k], self.planes[k].normal);
+                let mut a = near[near.len() - 1];
+                for &b in near.iter() {
+                    let (start, edge) = (a, b - a);
+                    a = b;
+                    let (inward, scale_squared) = (up.cross(edge), edge.length_squared());
+                    let scale = scale_squared.sqrt();
+                    let plane_to = |c: DVec3| {
+                        let normal = edge.cross(c - start);
                         // A plane through three corners nearly on a line says nothing.
-                        if normal.length_squared() <= 1e-16 * edge.length_squared() * across.length_squared() {
-                            continue;
+                        (normal.length_squared() > 1e-16 * scale_squared * (c - start).length_squared())
+                            .then(|| normal.normalize())
+                            .and_then(|normal| {
+                                self.turned_inwards(Plane {
+                                    normal,
+                                    level: normal.dot(start),
+                                })
+                            })
+                    };
+                    let mut farthest: Option<(DVec3, f64, f64)> = None;
+                    for &c in far.iter() {
+                        let across = c - start;
+                        let (x, y) = (inward.dot(across), up.dot(across) * scale);
+                        let is_off = x * x + y * y > 1e-16 * scale_squared * across.length_squared();
+                        if is_off && farthest.is_none_or(|(_, u, v)| u * y > v * x) {
+                            farthest = Some((c, x, y));
                         }
-                        let normal = normal.normalize();
-                        let plane = Plane {
-                            normal,
-                            level: normal.dot(a),
-                        };
-                        sides.extend(self.turned_inwards(plane));
                     }
+                    let found = farthest.and_then(|(c, ..)| plane_to(c));
+                    // Rounding may have chosen a corner that is too near to the edge to tell.
+                    sides.extend(found.or_else(|| far.iter().find_map(|&c| plane_to(c))));
                 }
             }
             sides
@@ -181,19 +199,25 @@ impl<'a> Shaft<'a> {
     /// Returns the plane with both ends on its upper side, if they are on one side.
     fn turned_inwards(&self, plane: Plane) -> Option<Plane> {
         let slack = 0.5 * self.tolerance;
-        let (mut low, mut high) = (0.0_f64, 0.0_f64);
-        for &v in self.ends.iter().flat_map(|end| end.iter()) {
-            let height = plane.height(v);
-            low = low.min(height);
-            high = high.max(height);
-            if low < -slack && high > slack {
-                return None;
+        let (mut below, mut above) = (false, false);
+        for end in &self.ends {
+            for &v in end.iter() {
+                let height = plane.height(v);
+                below |= height < -slack;
+                above |= height > slack;
             }
         }
-        (high > slack).then_some(plane).or((low < -slack).then_some(Plane {
-            normal: -plane.normal,
-            level: -plane.level,
-        }))
+        if above == below {
+            return None;
+        }
+        Some(if above {
+            plane
+        } else {
+            Plane {
+                normal: -plane.normal,
+                level: -plane.level,
+            }
+        })
     }
 }
 

@@ -106,7 +106,7 @@ pub fn solve_adaptively(
                 && (is_uneven(&cells, cell, exitance, settings.tolerance) || neighbours[cell].iter().any(changes))
         };
         let marks: Vec<bool> = (0..cells.n_cells()).map(is_cut).collect();
-        if marks.contains(&true) {
+        if marks.contains(&true) && !progress.is_cancelled() {
             cells = cells.refined(voxels, scene, &marks);
             continue;
         }
@@ -152,13 +152,13 @@ fn of_cells(cells: &Cells, values: &Block) -> Block {
 fn means_of_cells(cells: &Cells, values: &Block) -> Block {
     let mean = |cell: usize| {
         let members = cells.members(cell);
-        let mut sum = vec![0.0; values.n_channels()];
+        let mut means = vec![0.0; values.n_channels()];
         for &member in members {
-            for (sum, value) in sum.iter_mut().zip(values.row(member as usize)) {
-                *sum += value / members.len() as f64;
+            for (mean, value) in means.iter_mut().zip(values.row(member as usize)) {
+                *mean += value / members.len() as f64;
             }
         }
-        sum
+        means
     };
     Block::from_values((0..cells.n_cells()).flat_map(mean).collect(), values.n_channels())
 }

@@ -29,6 +29,9 @@ pub enum VoxelError {
         /// What is wrong.
         source: std::io::Error,
     },
+    /// The caller asked to stop; the links that were found so far lie in the file with `.part` at the end of its name.
+    #[error("the search for links was interrupted")]
+    Interrupted,
     /// More unknowns than 32-bit ids can name.
     #[error("{n_surfels} surface voxels are more than 4294967295; give fewer voxels along the longest axis")]
     TooMany {

@@ -5,7 +5,7 @@
 //! While it grows it has `.part` at the end of its name. What a killed run left there is taken up again after the last record that is whole.
 
 use std::ffi::OsString;
-use std::fs::{File, OpenOptions};
+use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
@@ -66,9 +66,21 @@ impl LinkFile {
             )));
         }
         let part = part_of(path);
-        let written = write_missing(&part, &head, n_chunks, scene, directions, progress);
-        let (file, offsets, tally) = match written {
-            Ok(done) => done,
+        let mut options = OpenOptions::new();
+        options.read(true).write(true).create(true).truncate(false);
+        let growing = options.open(&part).map_err(failed)?;
+        match growing.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => {
+                let in_use = "another process is writing it; wait, or name another file";
+                return Err(failed(io::Error::new(io::ErrorKind::WouldBlock, in_use)));
+            }
+            Err(TryLockError::Error(error)) => return Err(failed(error)),
+        }
+        let written = write_missing(growing, &head, n_chunks, scene, directions, progress);
+        let (complete, offsets, tally) = match written {
+            Ok(Some(done)) => done,
+            Ok(None) => return Err(VoxelError::Interrupted),
             Err(error) => {
                 // Without room on the disk a part is of no use; nothing half-written stays behind.
                 let _ = std::fs::remove_file(&part);
@@ -76,7 +88,7 @@ impl LinkFile {
             }
         };
         std::fs::rename(&part, path).map_err(failed)?;
-        Ok(Self::opened(path, file, offsets, tally))
+        Ok(Self::opened(path, complete, offsets, tally))
     }
 
     fn opened(path: &Path, file: File, offsets: Vec<u64>, tally: Tally) -> Self {
@@ -132,20 +144,15 @@ fn part_of(path: &Path) -> PathBuf {
     path.with_file_name(name)
 }
 
+/// Computes and writes what the file does not hold yet; nothing if the caller cancels that.
 fn write_missing(
-    part: &Path,
+    mut file: File,
     head: &[u8],
     n_chunks: usize,
     scene: &VoxelScene,
     directions: &[Direction],
     progress: &dyn Progress,
-) -> io::Result<(File, Vec<u64>, Tally)> {
-    let mut file = OpenOptions::new()
-        .read(true)
-        .write(true)
-        .create(true)
-        .truncate(false)
-        .open(part)?;
+) -> io::Result<Option<(File, Vec<u64>, Tally)>> {
     let (mut offsets, mut tally) = whole_records(&mut file, head, n_chunks)?;
     let mut end = offsets.last().copied().unwrap_or(0);
     file.set_len(end)?;
@@ -160,14 +167,20 @@ fn write_missing(
     progress.advance(first as u64);
     for batch in (first..n_chunks).step_by(BATCH) {
         let last = (batch + BATCH).min(n_chunks);
-        let records: Vec<(Vec<u8>, Tally)> = (batch..last)
+        let records: Option<Vec<(Vec<u8>, Tally)>> = (batch..last)
             .into_par_iter()
             .map(|k| {
+                if progress.is_cancelled() {
+                    return None;
+                }
                 let chunk = Chunk::new(scene, directions, k);
                 progress.advance(1);
-                (encode(&chunk), chunk.tally)
+                Some((encode(&chunk), chunk.tally))
             })
             .collect();
+        let Some(records) = records else {
+            return Ok(None);
+        };
         for (record, of_chunk) in records {
             file.write_all(&record)?;
             end += record.len() as u64;
@@ -176,7 +189,7 @@ fn write_missing(
         }
     }
     file.sync_all()?;
-    Ok((file, offsets, tally))
+    Ok(Some((file, offsets, tally)))
 }
 
 /// Returns where the records begin that are whole, and where the last one ends; nothing if the head is another one.

@@ -60,6 +60,8 @@ pub struct Links {
 
 impl Links {
     /// Finds all links and keeps them in memory, on all threads; the result does not depend on their number.
+    ///
+    /// Where the caller cancels the work, links are missing.
     #[must_use]
     pub fn in_memory(scene: &VoxelScene, sphere: &DiscreteSphere, progress: &dyn Progress) -> Self {
         let directions = prepared(sphere);
@@ -68,7 +70,11 @@ impl Links {
         let chunks: Vec<Chunk> = (0..n_chunks)
             .into_par_iter()
             .map(|k| {
-                let chunk = Chunk::new(scene, &directions, k);
+                let chunk = if progress.is_cancelled() {
+                    Chunk::without_links(scene, k)
+                } else {
+                    Chunk::new(scene, &directions, k)
+                };
                 progress.advance(1);
                 chunk
             })
@@ -198,6 +204,15 @@ impl Tally {
 }
 
 impl Chunk {
+    /// Returns a chunk whose surfels see nothing: what stands for work that was cancelled.
+    fn without_links(scene: &VoxelScene, k: usize) -> Self {
+        let n_rows = ROWS_PER_CHUNK.min(scene.n_surfels() - k * ROWS_PER_CHUNK);
+        Self {
+            ends: vec![0; n_rows],
+            ..Self::default()
+        }
+    }
+
     pub(super) fn new(scene: &VoxelScene, directions: &[Direction], k: usize) -> Self {
         let rows = k * ROWS_PER_CHUNK..((k + 1) * ROWS_PER_CHUNK).min(scene.n_surfels());
         let mut chunk = Self::default();

@@ -36,6 +36,8 @@ pub struct Propagation {
 /// B_i(x) = E(x) + ρ(x) Σ_v B(I(x, v)) cos θ(x, v) A(v), with B from pass i − 1 or, in place, the newest there is.
 /// The error falls at least by the greatest ρ a pass. Equal arguments give equal bytes at any number of threads.
 ///
+/// Fewer passes are done if the caller cancels them.
+///
 /// `reflectance`: ρ, \[n, c\]; `exitance`: E, W·m⁻², \[n, c\].
 ///
 /// Source: [`MALGOUYRES_2002`](crate::references::MALGOUYRES_2002), equation (3) and section 4.2.
@@ -69,6 +71,9 @@ pub fn propagate(
     let mut irradiance = Block::zeros(n, n_channels);
     let mut changes = Vec::new();
     for pass in 1..=n_passes {
+        if progress.is_cancelled() {
+            break;
+        }
         progress.begin(&format!("propagation {pass} of {n_passes}"), n.div_ceil(part) as u64);
         let before = radiosity.clone();
         for first in (0..n).step_by(part) {

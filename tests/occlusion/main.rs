@@ -11,6 +11,7 @@ mod blocker_index;
 mod certified;
 mod closed_rooms;
 mod error_estimates;
+mod independent;
 mod invariants;
 mod monte_carlo;
 mod piercing;

@@ -7,7 +7,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 
-use super::{CommonArgs, parse_positive};
+use super::{AuditArgs, CommonArgs, parse_positive, parse_up_to};
 use crate::cli::storage::parse_byte;
 use crate::form_factor::registry::METHODS;
 use crate::geometry::sampling::Sequence;
@@ -90,10 +90,10 @@ pub struct MethodArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub rays: Option<u64>,
     /// Points along each side of a patch, with sg, pdm, gauss-lambert, contour and closed-form [default: 5] and hemicube [default: 1]
-    #[arg(long, value_name = "Q")]
+    #[arg(long, value_name = "Q", value_parser = |text: &str| parse_up_to(text, 256))]
     pub points: Option<NonZeroUsize>,
     /// Cells along each edge of the top, with hemicube [default: 256]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = |text: &str| parse_up_to(text, 4096))]
     pub resolution: Option<NonZeroUsize>,
     /// Divide each row by its sum, with centre
     #[arg(long)]
@@ -158,6 +158,9 @@ pub struct StorageArgs {
     /// The directory of the scratch file, if one is needed [default: that of the output, else the system's for temporary files]
     #[arg(long, value_name = "DIR")]
     pub scratch: Option<PathBuf>,
+    /// A file for finished form factors: after an interruption the same command goes on from there; it is removed when the command is done
+    #[arg(long, value_name = "FILE")]
+    pub checkpoint: Option<PathBuf>,
 }
 
 /// `radiosity form-factors`.
@@ -184,6 +187,9 @@ pub struct FormFactorsArgs {
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub storage: StorageArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub audit: AuditArgs,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub common: CommonArgs,

@@ -26,7 +26,7 @@ pub use voxel::{FormName, LinksName, VoxelArgs};
 #[command(name = "radiosity", version, about, propagate_version = true, max_term_width = 110)]
 #[command(
     after_help = "Exit codes: 0 done, 1 error in the input or at run time, 2 usage, 3 not converged or a budget \
-                        spent above the tolerance, 4 a check outside its tolerance."
+                        spent above the tolerance, 4 a check outside its tolerance, 130 and 143 ended by SIGINT or SIGTERM."
 )]
 pub struct Cli {
     /// What to do.
@@ -36,6 +36,7 @@ pub struct Cli {
 
 /// The commands.
 #[derive(Debug, Subcommand)]
+#[expect(clippy::large_enum_variant, reason = "there is one of them in a run")]
 pub enum Command {
     /// Write a built-in scene as OBJ and MTL
     Scene(SceneArgs),
@@ -63,7 +64,7 @@ pub enum Command {
 #[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
 pub struct CommonArgs {
     /// Number of threads [default: all cores]; results do not depend on it
-    #[arg(long, value_name = "K")]
+    #[arg(long, value_name = "K", value_parser = |text: &str| parse_up_to(text, 4096))]
     pub threads: Option<NonZeroUsize>,
     /// Print what was chosen and what was left out, and why
     #[arg(long)]
@@ -77,6 +78,15 @@ pub struct CommonArgs {
     /// Read material libraries that lie outside the scene's folder
     #[arg(long)]
     pub allow_outside: bool,
+}
+
+/// What is done about broken laws.
+#[derive(Args, Clone, Copy, Debug)]
+#[command(next_help_heading = "Common")]
+pub struct AuditArgs {
+    /// End with exit code 4 if the result breaks a law of light (row sums, reciprocity, energy, ...); without it, that is a warning
+    #[arg(long)]
+    pub strict: bool,
 }
 
 /// `radiosity scene`.
@@ -112,6 +122,12 @@ fn parse_positive(text: &str) -> Result<f64, String> {
         Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
         _ => Err("give a number above 0".to_owned()),
     }
+}
+
+/// Reads a number from 1 to `most`.
+fn parse_up_to(text: &str, most: usize) -> Result<NonZeroUsize, String> {
+    let number = text.parse().ok().filter(|number: &NonZeroUsize| number.get() <= most);
+    number.ok_or_else(|| format!("give a number from 1 to {most}"))
 }
 
 fn parse_vector(text: &str) -> Result<[f64; 3], String> {

@@ -7,7 +7,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 
-use super::{CommonArgs, MeshArgs, MethodArgs, StorageArgs, parse_positive};
+use super::{AuditArgs, CommonArgs, MeshArgs, MethodArgs, StorageArgs, parse_positive};
 use crate::solver::{SpectrumBounds, Start};
 
 /// Reads the name of a solver; help lists those that the registry has.
@@ -109,10 +109,10 @@ pub struct SolveArgs {
     #[arg(short, long, value_name = "B.csv")]
     pub output: Option<PathBuf>,
     /// Form factors that `form-factors -o` wrote, instead of computing them; they know how the scene was cut into patches
-    #[arg(long, value_name = "F.npz", conflicts_with_all = ["method", "rays", "points", "sequence", "seed", "resolution", "normalise", "budget", "form_factor_tolerance"])]
+    #[arg(long, value_name = "F.npz", conflicts_with_all = ["method", "rays", "points", "sequence", "seed", "resolution", "normalise", "budget", "form_factor_tolerance", "checkpoint"])]
     pub form_factors: Option<PathBuf>,
     /// Compute the form factors again in every pass instead of storing them; for methods that compute rows
-    #[arg(long, conflicts_with_all = ["form_factors", "lighting", "balance"])]
+    #[arg(long, conflicts_with_all = ["form_factors", "lighting", "balance", "checkpoint"])]
     pub on_the_fly: bool,
     /// A file with other exitances and reflectances, by surface or material; give it several times to solve for all at once
     #[arg(long, value_name = "A.toml")]
@@ -132,6 +132,9 @@ pub struct SolveArgs {
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub storage: StorageArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub audit: AuditArgs,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub common: CommonArgs,

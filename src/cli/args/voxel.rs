@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 
 use super::solve::solver_name;
-use super::{CommonArgs, ImageArgs, MeshArgs, parse_positive};
+use super::{AuditArgs, CommonArgs, ImageArgs, MeshArgs, parse_positive};
 use crate::voxel::Form;
 
 /// What a propagation computes from.
@@ -106,6 +106,9 @@ pub struct VoxelArgs {
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub mesh: MeshArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub audit: AuditArgs,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub common: CommonArgs,

@@ -3,11 +3,12 @@
 use serde_json::json;
 
 use super::{Prepared, Run};
+use crate::audit::{self, Claims};
 use crate::cli::args::{BalanceName, MethodArgs, StorageName};
 use crate::cli::failure::Failure;
 use crate::cli::storage;
 use crate::form_factor::registry::{self, MethodEntry, Setting};
-use crate::form_factor::{ExactMethod, FormFactorMethod, Input, MethodSettings, PairCounts};
+use crate::form_factor::{ExactMethod, FormFactorMethod, Input, MethodSettings, PairCounts, Reciprocity};
 use crate::matrix::{BalanceReport, Checks, FormFactors, Weighting};
 use crate::visibility::blockers::BlockerIndex;
 
@@ -19,6 +20,18 @@ pub(in crate::cli) struct Computed {
     pub(in crate::cli) closed: bool,
     pub(in crate::cli) pairs: Option<PairCounts>,
     pub(in crate::cli) tolerance_met: bool,
+    /// The power that form factors without reciprocity make, m², \[n\].
+    pub(in crate::cli) gain: Vec<f64>,
+}
+
+/// What is promised of form factors beside what they say themselves.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::cli) struct Promised {
+    pub(in crate::cli) reciprocity: Reciprocity,
+    /// True if the entries have errors.
+    pub(in crate::cli) errors_known: bool,
+    /// True if rows were balanced before.
+    pub(in crate::cli) balanced: bool,
 }
 
 /// A method with what is known of its matrix.
@@ -120,9 +133,18 @@ impl Run {
             mesh: &prepared.mesh,
             visibility: &prepared.visibility,
         };
+        self.progress.checkpoint = storage::checkpoint(self, prepared)?;
         let result = self.times.time("form_factors", || {
             method.compute(input, chosen.choice(), &self.progress)
         })?;
+        if let Some(checkpoint) = &self.progress.checkpoint
+            && let Some(reason) = checkpoint.failure()
+        {
+            self.warn(&format!(
+                "{}: the checkpoint could not be written to its end: {reason}; the work itself went on",
+                checkpoint.path().display()
+            ));
+        }
         let of_pairs = result.pairs.map_or(0, |pairs| pairs.n_rays);
         if of_pairs > 0 || result.factors.tallies().iter().any(|tally| tally.n_rays > 0) {
             self.warn_of_narrow_gaps(prepared);
@@ -135,7 +157,12 @@ impl Run {
                 fineness.tolerance_name.replace('_', "-")
             ));
         }
-        self.repaired(prepared, result, args.balance, needs_symmetry)
+        let promised = Promised {
+            reciprocity: method.reciprocity(),
+            errors_known: true,
+            balanced: false,
+        };
+        self.repaired(prepared, result, args.balance, needs_symmetry, promised)
     }
 
     /// Makes form factors symmetric where that is asked for, and checks them.
@@ -145,6 +172,7 @@ impl Run {
         result: crate::form_factor::Computed,
         asked: BalanceName,
         needs_symmetry: bool,
+        promised: Promised,
     ) -> Result<Computed, Failure> {
         let raw = result.factors;
         let n_rays: u64 = raw.tallies().iter().map(|t| t.n_rays).sum();
@@ -209,7 +237,21 @@ impl Run {
         }
         let checks = self.times.time("checks", || factors.checks(closed));
         factors.if_readable(())?;
+        let claims = Claims {
+            closed,
+            reciprocity: promised.reciprocity,
+            errors_known: promised.errors_known,
+            row_tolerance: if balance.is_some() || promised.balanced {
+                BALANCE_TOLERANCE
+            } else {
+                0.0
+            },
+        };
+        let audit::FormFactorAudit { audit, gain } =
+            self.times.time("audit", || audit::form_factors(&factors, claims))?;
+        self.audited(audit);
         Ok(Computed {
+            gain,
             factors,
             checks,
             balance,

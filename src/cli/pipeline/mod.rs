@@ -8,13 +8,18 @@ use std::fmt::Write as _;
 
 use serde_json::{Value, json};
 
-pub(super) use factors::{Computed, Fineness, repairs};
+pub(super) use factors::{Computed, Fineness, Promised, repairs};
 pub(super) use prepared::Prepared;
+pub(super) use solution::go_on;
 
 use super::args::CommonArgs;
+use super::exit_code::ExitCode;
+use super::failure::Failure;
+use super::interrupt::Interrupt;
 use super::progress::Bars;
 use super::storage::Storage;
-use super::{SCHEMA_VERSION, merge, warn};
+use super::{Outcome, SCHEMA_VERSION, merge, warn};
+use crate::audit::Audit;
 use crate::report::{StageTimes, memory_peak_byte};
 
 /// A run of one command: settings, clock, progress.
@@ -25,18 +30,25 @@ pub(super) struct Run {
     pub(super) progress: Bars,
     pub(super) settings: serde_json::Map<String, Value>,
     pub(super) storage: Storage,
+    /// What the laws of light say to the results so far.
+    pub(super) audit: Audit,
+    interrupt: Interrupt,
     has_looked_at_gaps: bool,
 }
 
 impl Run {
     pub(super) fn new(command: &'static str, common: &CommonArgs) -> Self {
+        // What these do is many short runs, and none of them asks whether to go on.
+        let interrupt = Interrupt::listen(!matches!(command, "compare" | "reproduce"));
         Self {
             command,
             common: common.clone(),
             times: StageTimes::default(),
-            progress: Bars::new(common.quiet),
+            progress: Bars::new(common.quiet, interrupt.clone()),
+            interrupt,
             settings: serde_json::Map::new(),
             storage: Storage::default(),
+            audit: Audit::default(),
             has_looked_at_gaps: false,
         }
     }
@@ -48,8 +60,81 @@ impl Run {
         }
     }
 
+    /// Goes on, unless a signal came: to be asked wherever work may have been left incomplete.
+    pub(super) fn go_on(&self) -> Result<(), Failure> {
+        if self.interrupt.came() {
+            Err(Failure::interrupted())
+        } else {
+            Ok(())
+        }
+    }
+
+    /// Ends the run: work that is done needs its checkpoint no more, and a failure by a signal says which signal it was and what the same
+    /// command finds when it is given again.
+    pub(super) fn ended(&mut self, result: Result<Outcome, Failure>) -> Result<Outcome, Failure> {
+        let failure = match result {
+            Ok(outcome) => {
+                if outcome.code == ExitCode::Done {
+                    self.forget_checkpoint();
+                }
+                return Ok(outcome);
+            }
+            Err(failure) if failure.code != ExitCode::Interrupted => return Err(failure),
+            Err(failure) => failure,
+        };
+        self.progress.finish();
+        let kept = match &self.progress.checkpoint {
+            Some(checkpoint) => format!(
+                "{} pieces of form factors are in {}, and the same command goes on from there",
+                checkpoint.n_pieces(),
+                checkpoint.path().display()
+            ),
+            None => failure.message,
+        };
+        Err(self.interrupt.failure(&kept))
+    }
+
+    fn forget_checkpoint(&mut self) {
+        if let Some(checkpoint) = self.progress.checkpoint.take()
+            && let Err(error) = checkpoint.remove()
+        {
+            self.warn(&error.to_string());
+        }
+    }
+
     pub(super) fn set(&mut self, name: &str, value: impl Into<Value>) {
         self.settings.insert(name.to_owned(), value.into());
+    }
+
+    /// Takes in what an audit found, with a warning for each law that is broken.
+    pub(super) fn audited(&mut self, found: Audit) {
+        for check in found.violations() {
+            self.warn(&format!("audit: {check}"));
+        }
+        self.audit.extend(found);
+    }
+
+    /// Returns the exit code of a run that is to end with `code`: a broken law counts if the run is strict.
+    pub(super) fn judged(&self, code: ExitCode, strict: bool) -> ExitCode {
+        if strict && !self.audit.passed() {
+            ExitCode::CheckFailed
+        } else {
+            code
+        }
+    }
+
+    /// Adds the line that says how the audit went.
+    pub(super) fn describe_audit(&self, text: &mut String) {
+        let n_broken = self.audit.violations().count();
+        let n = self.audit.checks.len();
+        let _ = match n_broken {
+            _ if n == 0 => Ok(()),
+            0 => writeln!(text, "audit: {n} laws of light hold"),
+            _ => writeln!(
+                text,
+                "audit: {n_broken} of {n} laws of light are BROKEN; the warnings say which"
+            ),
+        };
     }
 
     /// Returns the text of `--explain`, or nothing.
@@ -61,6 +146,17 @@ impl Run {
             }
             for item in &prepared.plan.left_out {
                 let _ = writeln!(text, "left out: {item}");
+            }
+            for check in &self.audit.checks {
+                let _ = writeln!(text, "audit: {check}");
+            }
+            for skipped in &self.audit.not_checked {
+                let _ = writeln!(
+                    text,
+                    "audit: {}: not checked ({})",
+                    skipped.law.statement(),
+                    skipped.reason
+                );
             }
             let _ = writeln!(text);
         }
@@ -97,6 +193,11 @@ impl Run {
     pub(super) fn document_of(&self, prepared: &Prepared, result: Value) -> Value {
         let mut document = self.document(result);
         document["left_out"] = json!(prepared.plan.left_out);
+        document["audit"] = json!({
+            "passed": self.audit.passed(),
+            "checks": self.audit.checks,
+            "not_checked": self.audit.not_checked,
+        });
         if self.common.explain {
             document["decisions"] = json!(prepared.plan.decisions);
         }

@@ -1,17 +1,39 @@
 //! Solutions of the radiosity system.
 
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use serde_json::{Value, json};
 
 use super::{Computed, Prepared, Run};
+use crate::audit::{self, Given};
 use crate::cli::args::SolverArgs;
 use crate::cli::failure::Failure;
 use crate::matrix::operator::{Block, LinearOperator};
 use crate::mesh::{Hierarchy, Mesh};
 use crate::plan::Plan;
+use crate::progress::Progress;
 use crate::solver::registry::SolverEntry;
 use crate::solver::{self, RadiositySystem, Solution, SolveOptions, SolverSettings, StopReason, Tolerance};
+
+/// Tells a solver whether to go on.
+pub(in crate::cli) fn go_on(progress: &dyn Progress) -> ControlFlow<()> {
+    if progress.is_cancelled() {
+        ControlFlow::Break(())
+    } else {
+        ControlFlow::Continue(())
+    }
+}
+
+impl Computed {
+    /// Returns what is known of them to those who audit a solution.
+    pub(in crate::cli) fn given(&self) -> Given<'_> {
+        Given {
+            gain: Some(&self.gain),
+            costly: false,
+        }
+    }
+}
 
 impl Run {
     /// Returns the solver that is asked for; settings that it has no use for are a usage error.
@@ -54,6 +76,7 @@ impl Run {
             (&computed.factors, areas),
             args,
             (reflectance, exitance),
+            computed.given(),
         )
     }
 
@@ -77,6 +100,7 @@ impl Run {
         (factors, areas): (&dyn LinearOperator, Vec<f64>),
         args: &SolverArgs,
         (reflectance, exitance): (Block, Block),
+        given: Given<'_>,
     ) -> Result<Solution, Failure> {
         let entry = self.solver_entry(args)?;
         let hierarchy = entry.uses_hierarchy().then(|| {
@@ -115,8 +139,15 @@ impl Run {
             }
         }
         let mut solution = self.times.time("solve", || {
-            solver.solve(&system, &options, &mut |_| std::ops::ControlFlow::Continue(()))
+            solver.solve(&system, &options, &mut |_| go_on(&self.progress))
         })?;
+        if solution.stop_reason == StopReason::Interrupted {
+            return Err(Failure::interrupted());
+        }
+        let audit = self
+            .times
+            .time("audit", || audit::solution(&system, &solution, given))?;
+        self.audited(audit);
         if args.display_ambient
             && let Some(display) = solution.display.take()
         {

@@ -13,11 +13,12 @@ use rayon::prelude::*;
 use super::ExactMethod;
 use super::lattice::{Lattice, Repeats};
 use super::patches::{Patches, Run};
+use crate::form_factor::kept::{self, Piece};
 use crate::form_factor::pairs::{Exchange, Facing};
 use crate::form_factor::partial::{self, Accuracy};
 use crate::form_factor::sight::whole_where_grazing;
 use crate::form_factor::{Input, PairCounts};
-use crate::geometry::polygon_form_factor::{Tolerance, exchange_area};
+use crate::geometry::polygon_form_factor::exchange_area;
 use crate::matrix::{RowTally, RowTile};
 use crate::mesh::PatchId;
 use crate::progress::Progress;
@@ -71,8 +72,16 @@ impl Iterator for Batches<'_> {
 
     fn next(&mut self) -> Option<Self::Item> {
         let n = self.patches.len();
-        if self.next_row >= n {
+        if self.next_row >= n || self.progress.is_cancelled() {
             return None;
+        }
+        let first_row = self.next_row as u64;
+        if let Some(piece) = kept::take(self.progress, first_row) {
+            let n_rows: usize = piece.tiles.iter().map(RowTile::n_rows).sum();
+            let rows = self.next_row..n.min(self.next_row + n_rows);
+            self.next_row = rows.end;
+            self.progress.advance(rows.map(|i| (n - 1 - i) as u64).sum());
+            return Some((piece.tiles, piece.counts));
         }
         // Whole runs of rows, until there is enough to do.
         let mut runs: Vec<(usize, usize)> = Vec::new();
@@ -108,7 +117,13 @@ impl Iterator for Batches<'_> {
                 tile
             })
             .collect();
-        Some((tiles, counts))
+        let piece = Piece {
+            tiles,
+            counts,
+            tolerance_met: counts.n_above_tolerance == 0,
+        };
+        kept::keep(self.progress, first_row, &piece);
+        Some((piece.tiles, counts))
     }
 }
 
@@ -133,15 +148,19 @@ struct PartialPair {
 
 impl Batches<'_> {
     fn kernel(&self, i: usize, j: usize) -> Exchange {
-        let tolerance = Tolerance {
-            rel: self.method.full_tolerance(),
-            abs: 0.0,
-        };
-        let exchange = exchange_area(&self.patches.prepared[i], &self.patches.prepared[j], tolerance);
+        let [p, q] = [i, j].map(|k| &self.patches.prepared[k]);
+        let exchange = exchange_area(p, q, self.method.full_tolerance(p.area().min(q.area())));
         Exchange {
             area: exchange.value,
             error: exchange.error,
         }
+    }
+
+    /// Returns the exchange area of a pair without blockers, from the table of what repeats if there is one.
+    fn unoccluded(&self, i: usize, j: usize) -> Exchange {
+        let faces = [i, j].map(|k| self.patches.face_of_patch[k]);
+        let table = self.repeats.get(&faces);
+        table.map_or_else(|| self.kernel(i, j), |table| table.get(i, j))
     }
 
     /// Computes the repeating pairs of some faces with all later ones, and forgets those of other faces.
@@ -171,6 +190,9 @@ impl Batches<'_> {
 
     /// Classifies a face against all later ones; `None` where they do not face each other.
     fn views_of(&self, f: usize) -> Vec<FaceView> {
+        if self.progress.is_cancelled() {
+            return vec![None; self.patches.faces.len()];
+        }
         (0..self.patches.faces.len())
             .map(|g| {
                 (g > f && self.faces_face(f, g)).then(|| {
@@ -231,7 +253,12 @@ impl Batches<'_> {
         let results: Vec<(Exchange, bool)> = work
             .par_iter()
             .with_max_len(16)
-            .map(|(strip, pair)| self.partial(index, pair, &strip.blockers[pair.blockers.clone()], accuracy))
+            .map(|(strip, pair)| {
+                if self.progress.is_cancelled() {
+                    return Default::default();
+                }
+                self.partial(index, pair, &strip.blockers[pair.blockers.clone()], accuracy)
+            })
             .collect();
         let mut results = results.into_iter();
         for (strip, n) in strips.iter_mut().zip(n_partial) {
@@ -251,7 +278,7 @@ impl Batches<'_> {
         accuracy: Accuracy,
     ) -> (Exchange, bool) {
         let [p, q] = [pair.i, pair.j].map(|k| self.patches.corners[k].as_slice());
-        let most = self.kernel(pair.i, pair.j);
+        let most = self.unoccluded(pair.i, pair.j);
         let blockers = index.blockers(p, q, blockers);
         let found = partial::exchange_area_below(p, q, &blockers, accuracy, most.area);
         let smaller_area = self.patches.prepared[pair.i]
@@ -269,6 +296,11 @@ impl Batches<'_> {
             error: found
                 .error
                 .max(if is_noise { found.exchange_area } else { 0.0 })
+                .max(if found.exchange_area > most.area {
+                    most.error
+                } else {
+                    0.0
+                })
                 .min(most.area + most.error),
         };
         let reached = found.reached || exchange.error <= accuracy.tolerance * smaller_area;

@@ -15,8 +15,66 @@ struct Cell {
     events: Vec<u32>,
 }
 
+/// What is integrated over at once.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Shape {
+    Triangle([DVec2; 3]),
+    /// Convex.
+    Quad([DVec2; 4]),
+}
+
+impl Shape {
+    pub(super) fn area(self) -> f64 {
+        let twice = match self {
+            Self::Triangle([a, b, c]) => (b - a).perp_dot(c - a),
+            Self::Quad([a, b, c, d]) => (c - a).perp_dot(d - b),
+        };
+        0.5 * twice.abs()
+    }
+
+    /// Returns the triangles that it is made of.
+    pub(super) fn triangles(self) -> impl Iterator<Item = [DVec2; 3]> {
+        let (first, second) = match self {
+            Self::Triangle(corners) => (corners, None),
+            Self::Quad(_) => {
+                let [first, second] = self.halves();
+                (first, Some(second))
+            }
+        };
+        std::iter::once(first).chain(second)
+    }
+
+    /// Cuts a triangle through the middle of its longest side, and a quadrilateral along its shorter diagonal.
+    pub(super) fn halves(self) -> [[DVec2; 3]; 2] {
+        match self {
+            Self::Triangle([a, b, c]) => {
+                let [ab, bc, ca] = [a.distance_squared(b), b.distance_squared(c), c.distance_squared(a)];
+                let (a, b, c) = if ab >= bc && ab >= ca {
+                    (a, b, c)
+                } else if bc >= ca {
+                    (b, c, a)
+                } else {
+                    (c, a, b)
+                };
+                let middle = a.midpoint(b);
+                [[a, middle, c], [middle, b, c]]
+            }
+            Self::Quad([a, b, c, d]) => {
+                if b.distance_squared(d) < a.distance_squared(c) {
+                    [[a, b, d], [b, c, d]]
+                } else {
+                    [[a, b, c], [a, c, d]]
+                }
+            }
+        }
+    }
+}
+
 /// The cells of a receiver.
-pub(super) struct Cells(Vec<Vec<DVec2>>);
+pub(super) struct Cells {
+    corners: Vec<Vec<DVec2>>,
+    are_whole: bool,
+}
 
 impl Cells {
     /// Cuts a convex polygon along events until none crosses a cell deeper than `margin`, or there are `most` cells; larger cells come first.
@@ -24,7 +82,7 @@ impl Cells {
     /// A cut runs along the whole line of an event through the cell.
     pub(super) fn cut(corners: Vec<DVec2>, events: &[Event], margin: f64, most: usize) -> Self {
         let all: Vec<u32> = (0..u32::try_from(events.len()).unwrap_or(u32::MAX)).collect();
-        let mut done = Vec::new();
+        let (mut done, mut are_whole) = (Vec::new(), true);
         let mut open = BinaryHeap::from([Cell::new(corners, &all, events, margin)]);
         while let Some(cell) = open.pop() {
             match cell.events.first() {
@@ -36,19 +94,34 @@ impl Cells {
                         Cell::new(part, &cell.events, events, margin)
                     }));
                 }
-                _ => done.push(cell.corners),
+                left => {
+                    are_whole &= left.is_none();
+                    done.push(cell.corners);
+                }
             }
         }
-        Self(done)
+        Self {
+            corners: done,
+            are_whole,
+        }
     }
 
-    /// Iterates over triangles that fill the cells.
-    pub(super) fn triangles(&self) -> impl Iterator<Item = [DVec2; 3]> + '_ {
-        self.0.iter().flat_map(|c| {
+    /// Tells whether no event is left that crosses a cell.
+    pub(super) fn are_whole(&self) -> bool {
+        self.are_whole
+    }
+
+    /// Iterates over quadrilaterals and triangles that fill the cells.
+    pub(super) fn shapes(&self) -> impl Iterator<Item = Shape> + '_ {
+        self.corners.iter().flat_map(|c| {
             let n = c.len();
-            // A quad is cut along its shorter diagonal.
-            let shift = usize::from(n == 4 && c[1].distance_squared(c[3]) < c[0].distance_squared(c[2]));
-            (1..n.saturating_sub(1)).map(move |k| [c[shift], c[(shift + k) % n], c[(shift + k + 1) % n]])
+            (1..n.saturating_sub(1)).step_by(2).map(move |k| {
+                if k + 2 < n {
+                    Shape::Quad([c[0], c[k], c[k + 1], c[k + 2]])
+                } else {
+                    Shape::Triangle([c[0], c[k], c[k + 1]])
+                }
+            })
         })
     }
 }
@@ -165,8 +238,7 @@ mod tests {
     }
 
     fn areas(cells: &Cells) -> Vec<f64> {
-        let area = |[a, b, c]: [DVec2; 3]| 0.5 * (b - a).perp_dot(c - a);
-        cells.triangles().map(area).collect()
+        cells.shapes().map(Shape::area).collect()
     }
 
     #[test]
@@ -180,12 +252,16 @@ mod tests {
         let cells = Cells::cut(SQUARE.to_vec(), &events, 1e-9, 1000);
         assert!(areas(&cells).iter().all(|&a| a > 0.0));
         assert!((areas(&cells).iter().sum::<f64>() - 1.0).abs() < 1e-14);
-        for cell in &cells.0 {
+        for cell in &cells.corners {
             for e in &events {
                 assert!(length_inside(e, cell, 1e-9) < 1e-8);
             }
         }
-        assert!(cells.0.len() > 6 && cells.0.len() < 14, "{}", cells.0.len());
+        assert!(
+            cells.corners.len() > 6 && cells.corners.len() < 14,
+            "{}",
+            cells.corners.len()
+        );
     }
 
     #[test]
@@ -197,7 +273,7 @@ mod tests {
             event((0.5 + 1e-12, 0.1), (0.5 - 1e-12, 0.9)),
             event((2.0, 0.0), (2.0, 1.0)),
         ];
-        assert_eq!(Cells::cut(SQUARE.to_vec(), &events, 1e-9, 1000).0.len(), 2);
+        assert_eq!(Cells::cut(SQUARE.to_vec(), &events, 1e-9, 1000).corners.len(), 2);
     }
 
     #[test]
@@ -218,7 +294,7 @@ mod tests {
             .map(|k| event((0.0, f64::from(k) / 40.0), (1.0, f64::from(k) / 40.0)))
             .collect();
         let cells = Cells::cut(SQUARE.to_vec(), &events, 1e-9, 10);
-        assert_eq!(cells.0.len(), 10);
+        assert_eq!(cells.corners.len(), 10);
         assert!((areas(&cells).iter().sum::<f64>() - 1.0).abs() < 1e-14);
     }
 }

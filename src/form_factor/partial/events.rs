@@ -132,13 +132,65 @@ impl Screen {
     }
 }
 
-type Bits = [u64; 3];
+/// Vertices and edges of blockers that have been met: looked up in a list while there are few, which takes less time than hashing.
+#[derive(Default)]
+struct Known {
+    vertices: Vec<(DVec3, usize)>,
+    edges: Vec<([usize; 2], usize)>,
+    vertex_of_bits: HashMap<[u64; 3], usize>,
+    edge_of_ends: HashMap<[usize; 2], usize>,
+}
 
-/// Edges by their ends: the index of the edge, and the planes of the blockers that it belongs to.
-type KnownEdges = HashMap<[Bits; 2], (usize, Vec<(DVec3, f64)>)>;
+/// Lists up to this length are searched from the beginning.
+const SHORT: usize = 32;
 
-fn bits(p: DVec3) -> Bits {
-    p.to_array().map(|x| (x + 0.0).to_bits())
+impl Known {
+    fn vertex(&mut self, position: DVec3, push: impl FnOnce() -> usize) -> usize {
+        let bits = |p: DVec3| p.to_array().map(|x| (x + 0.0).to_bits());
+        let found = if self.vertices.len() <= SHORT {
+            let same = self.vertices.iter().find(|known| known.0 == position);
+            same.map(|known| known.1)
+        } else {
+            if self.vertex_of_bits.is_empty() {
+                self.vertex_of_bits = self.vertices.iter().map(|&(p, index)| (bits(p), index)).collect();
+            }
+            self.vertex_of_bits.get(&bits(position)).copied()
+        };
+        found.unwrap_or_else(|| {
+            let index = push();
+            self.vertices.push((position, index));
+            if !self.vertex_of_bits.is_empty() {
+                self.vertex_of_bits.insert(bits(position), index);
+            }
+            index
+        })
+    }
+
+    /// Returns the edge between two vertices, and true if it runs from the lesser number to the greater.
+    fn edge(&mut self, from: usize, to: usize, push: impl FnOnce() -> usize) -> (usize, bool) {
+        let key = [from.min(to), from.max(to)];
+        let found = if self.edges.len() <= SHORT {
+            let same = self
+                .edges
+                .iter()
+                .position(|known| known.0[0] == key[0] && known.0[1] == key[1]);
+            same.map(|k| self.edges[k].1)
+        } else {
+            if self.edge_of_ends.is_empty() {
+                self.edge_of_ends = self.edges.iter().copied().collect();
+            }
+            self.edge_of_ends.get(&key).copied()
+        };
+        let index = found.unwrap_or_else(|| {
+            let index = push();
+            self.edges.push((key, index));
+            if !self.edge_of_ends.is_empty() {
+                self.edge_of_ends.insert(key, index);
+            }
+            index
+        });
+        (index, from < to)
+    }
 }
 
 /// The vertices and edges that a view is made of.
@@ -146,6 +198,8 @@ pub(super) struct Outline<'a> {
     receiver: &'a Receiver,
     target: &'a [DVec3],
     target_plane: (DVec3, f64),
+    /// The half-planes that the receiver and the target are made of: inward normals and levels.
+    sides: [Vec<(DVec3, f64)>; 2],
     vertices: Vec<Vertex>,
     edges: Vec<Edge>,
     screens: Vec<Screen>,
@@ -166,6 +220,10 @@ impl<'a> Outline<'a> {
             receiver,
             target,
             target_plane: (normal, normal.dot(target[0])),
+            sides: [(receiver.corners.as_slice(), receiver.normal), (target, normal)].map(|(corners, normal)| {
+                let sides = inward_normals(corners, normal);
+                sides.map(|(point, inward)| (inward, inward.dot(point))).collect()
+            }),
             vertices: Vec::new(),
             edges: Vec::new(),
             screens: Vec::new(),
@@ -175,8 +233,9 @@ impl<'a> Outline<'a> {
             outline.push_vertex(corner, true);
             outline.push_edge([corner, target[(k + 1) % target.len()]], true);
         }
-        let mut known_vertices: HashMap<Bits, usize> = HashMap::new();
-        let mut known_edges = KnownEdges::new();
+        let n_of_target = target.len();
+        let mut planes_of_edge: Vec<Vec<(DVec3, f64)>> = Vec::new();
+        let mut known = Known::default();
         for corners in blockers {
             let plane_normal = polygon::area_vector(corners).normalize_or_zero();
             let plane = (plane_normal, plane_normal.dot(corners[0]));
@@ -184,30 +243,24 @@ impl<'a> Outline<'a> {
             let part = outline.between(corners);
             for (k, &a) in part.iter().enumerate() {
                 let b = part[(k + 1) % part.len()];
-                let (key_a, key_b) = (bits(a), bits(b));
-                if key_a == key_b {
+                if a == b {
                     continue;
                 }
-                // The sign of the plane is that of the run from the lesser to the greater end.
-                let forward = key_a < key_b;
-                let key = if forward { [key_a, key_b] } else { [key_b, key_a] };
-                let (edge, planes) = known_edges
-                    .entry(key)
-                    .or_insert_with(|| (outline.push_edge([a, b], false), Vec::new()));
-                planes.push(if forward { plane } else { (-plane.0, -plane.1) });
-                for corner in [a, b] {
-                    let vertex = *known_vertices
-                        .entry(bits(corner))
-                        .or_insert_with(|| outline.push_vertex(corner, false));
-                    if !outline.vertices[vertex].edges.contains(edge) {
-                        outline.vertices[vertex].edges.push(*edge);
+                let [from, to] = [a, b].map(|corner| known.vertex(corner, || outline.push_vertex(corner, false)));
+                let (edge, forward) = known.edge(from, to, || outline.push_edge([a, b], false));
+                planes_of_edge.resize(outline.edges.len() - n_of_target, Vec::new());
+                // The sign of the plane is that of the run from the lesser to the greater number.
+                planes_of_edge[edge - n_of_target].push(if forward { plane } else { (-plane.0, -plane.1) });
+                for vertex in [from, to] {
+                    if !outline.vertices[vertex].edges.contains(&edge) {
+                        outline.vertices[vertex].edges.push(edge);
                     }
                 }
             }
         }
-        for (edge, planes) in known_edges.into_values() {
+        for (edge, planes) in outline.edges[n_of_target..].iter_mut().zip(&planes_of_edge) {
             if let [first, second] = planes[..] {
-                outline.edges[edge].planes = Some([first, second]);
+                edge.planes = Some([first, second]);
             }
         }
         outline
@@ -366,19 +419,15 @@ impl<'a> Outline<'a> {
         range.keep(edge.h.map(|h| side * (h - vertex.h)))?;
         let numerator = [0, 1].map(|i| edge.ends[i] * vertex.h - v * edge.h[i]);
         let denominator = edge.h.map(|h| vertex.h - h);
-        for (point, inward) in inward_normals(&self.receiver.corners, self.receiver.normal) {
-            let level = inward.dot(point);
+        for &(inward, level) in &self.sides[0] {
             range.keep([0, 1].map(|i| -side * (inward.dot(numerator[i]) - denominator[i] * level)))?;
         }
         if !vertex.of_target && !edge.of_target {
             // The line must go on to the target, which it meets at y = (g_v z − g_z v) / (g_v − g_z).
             range.keep(edge.g.map(|g| side * (vertex.g - g)))?;
-            for (point, inward) in inward_normals(self.target, self.target_plane.0) {
-                let level = inward.dot(point);
-                range.keep([0, 1].map(|i| {
-                    let (y, w) = (edge.ends[i] * vertex.g - v * edge.g[i], vertex.g - edge.g[i]);
-                    side * (inward.dot(y) - w * level)
-                }))?;
+            let [y, z] = [0, 1].map(|i| (edge.ends[i] * vertex.g - v * edge.g[i], vertex.g - edge.g[i]));
+            for &(inward, level) in &self.sides[1] {
+                range.keep([y, z].map(|(y, w)| side * (inward.dot(y) - w * level)))?;
             }
         }
         let ends = [range.low, range.high].map(|t| {

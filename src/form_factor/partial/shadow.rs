@@ -217,9 +217,10 @@ fn subtract(
     for (k, half_space) in half_spaces.iter().enumerate() {
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
         for &r in fragment {
+            // Not f64::min, which takes care of NaN.
             let value = half_space.value(r);
-            low = low.min(value);
-            high = high.max(value);
+            low = if value < low { value } else { low };
+            high = if value > high { value } else { high };
         }
         let slack = half_space.slack * reach;
         if high <= slack {
@@ -250,22 +251,24 @@ fn subtract(
 /// Splits a convex polygon: `inside` keeps what lies inside the half-space, the rest goes to `outside`.
 fn split(inside: &mut Vec<DVec3>, half_space: &HalfSpace, outside: &mut Vec<DVec3>) {
     let n = inside.len();
-    let start = n;
+    let mut a = inside[n - 1];
+    let mut value_a = half_space.value(a);
     for k in 0..n {
-        let (a, b) = (inside[k], inside[if k + 1 == n { 0 } else { k + 1 }]);
-        let (value_a, value_b) = (half_space.value(a), half_space.value(b));
-        if value_a >= 0.0 {
-            inside.push(a);
-        } else {
-            outside.push(a);
-        }
+        let b = inside[k];
+        let value_b = half_space.value(b);
         if (value_a >= 0.0) != (value_b >= 0.0) {
             let cut = a + (b - a) * (value_a / (value_a - value_b));
             inside.push(cut);
             outside.push(cut);
         }
+        if value_b >= 0.0 {
+            inside.push(b);
+        } else {
+            outside.push(b);
+        }
+        (a, value_a) = (b, value_b);
     }
-    inside.drain(..start);
+    inside.drain(..n);
 }
 
 /// Returns Σ (r_k × r_{k+1}) θ_k / |r_k × r_{k+1}| around a polygon.

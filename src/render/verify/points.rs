@@ -94,6 +94,9 @@ pub(super) struct Reference<'a> {
     offset: f64,
 }
 
+/// The irradiance at a point, and its change over the rays' offset.
+type Lit = ([f64; 3], [f64; 3]);
+
 impl<'a> Reference<'a> {
     /// Returns `None` if nothing emits. `n_rays` is per sample.
     pub(super) fn new(attributes: &'a Attributes, n_rays: u32) -> Option<Self> {
@@ -297,7 +300,7 @@ impl<'a> Reference<'a> {
         normal: DVec3,
         blockers: &[Vec<&Plate>],
         seen: &mut [VisibleFactor],
-    ) -> (Option<([f64; 3], [f64; 3])>, bool) {
+    ) -> (Option<Lit>, bool) {
         let mut shaded = false;
         let (mut exact, mut moved) = ([0.0; 3], [0.0; 3]);
         let share = 1.0 / points.len() as f64;

@@ -1,0 +1,311 @@
+//! The laws of light as a guard: what results must obey, checked after every run.
+//!
+//! A law is checked against what the result itself claims: the errors of its form factors, the residual of its solution. Nothing is believed because it was
+//! computed: every number that is compared is calculated again from what is handed out. A law that a result does not promise is not checked, and the
+//! audit says why.
+//!
+//! | law | of | holds within |
+//! |---|---|---|
+//! | [`Law::Sign`]: F_ij ≥ 0 | form factors | 0 |
+//! | [`Law::Exchange`]: A_i F_ij ≤ min(A_i, A_j) | form factors | twice the entry's error, or 8 standard deviations of counts of rays |
+//! | [`Law::Reciprocity`]: A_i F_ij = A_j F_ji | form factors | rounding, or 8 standard deviations of counts of rays |
+//! | [`Law::Closure`]: Σ_j F_ij = 1 less what escapes | form factors | twice the sum of the row's errors; rounding where rays were counted |
+//! | [`Law::RowSum`]: Σ_j F_ij ≤ 1 | form factors | the same |
+//! | [`Law::Finite`] | radiosities, irradiances | 0 |
+//! | [`Law::Irradiance`]: H = F B | solutions | rounding |
+//! | [`Law::Residual`]: r is what the solver says | solutions | rounding |
+//! | [`Law::Energy`]: emitted = absorbed + escaped | solutions | what the stated residual allows |
+//! | [`Law::LeastRadiosity`], [`Law::GreatestRadiosity`] | solutions | what the stated residual allows |
+//! | [`Law::Picture`]: pixels are finite and not negative | pictures | 0 |
+
+mod form_factors;
+mod solution;
+
+use std::fmt;
+
+use serde::Serialize;
+
+use crate::render::{Image, Samples};
+pub use form_factors::{Claims, FormFactorAudit, form_factors};
+pub use solution::{Given, propagation, solution};
+
+/// A law that a result has to obey.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum Law {
+    /// F_ij ≥ 0; deviations in 1.
+    Sign,
+    /// A_i F_ij ≤ min(A_i, A_j): no more light arrives than can; deviations in m². Where a method does not promise it, F_ij A_i ≤ A_i stands in its place.
+    Exchange,
+    /// A_i F_ij = A_j F_ji; deviations in m².
+    Reciprocity,
+    /// Σ_j F_ij = 1 less the fractions that escaped and that backs took; deviations in 1.
+    Closure,
+    /// Σ_j F_ij ≤ 1, where what escapes is not known; deviations in 1.
+    RowSum,
+    /// Radiosities and irradiances are finite numbers.
+    Finite,
+    /// The irradiances that are handed out are H = F B; deviations in W·m⁻².
+    Irradiance,
+    /// sqrt(Σ A r² / Σ A E²) is at most what the solver says; deviations relative.
+    Residual,
+    /// Emitted power is what is absorbed and what escapes, less what form factors without reciprocity make or lose; deviations in W.
+    Energy,
+    /// B is at least min_i E_i / (1 − ρ_i Σ_j F_ij): the darkest furnace that a patch of the scene could be in; deviations in W·m⁻².
+    LeastRadiosity,
+    /// B is at most max_i E_i / (1 − ρ_i Σ_j F_ij): the brightest furnace; deviations in W·m⁻².
+    GreatestRadiosity,
+    /// Radiances, radiosities and irradiances of all pixels are finite and not negative.
+    Picture,
+}
+
+impl Law {
+    /// Returns what the law says, in words.
+    #[must_use]
+    pub fn statement(self) -> &'static str {
+        match self {
+            Self::Sign => "form factors are not negative",
+            Self::Exchange => "no patch receives more than it can",
+            Self::Reciprocity => "exchange areas are symmetric",
+            Self::Closure => "row sums are 1 less what escapes",
+            Self::RowSum => "row sums are at most 1",
+            Self::Finite => "radiosities are finite",
+            Self::Irradiance => "irradiances are those of the radiosities",
+            Self::Residual => "the residual is what the solver says",
+            Self::Energy => "what is emitted is absorbed or escapes",
+            Self::LeastRadiosity => "no patch is darker than the darkest furnace",
+            Self::GreatestRadiosity => "no patch is brighter than the brightest furnace",
+            Self::Picture => "pixels are finite and not negative",
+        }
+    }
+
+    fn unit(self) -> &'static str {
+        match self {
+            Self::Exchange | Self::Reciprocity => " m²",
+            Self::Irradiance | Self::LeastRadiosity | Self::GreatestRadiosity => " W/m²",
+            Self::Energy => " W",
+            Self::Sign | Self::Closure | Self::RowSum | Self::Finite | Self::Residual | Self::Picture => "",
+        }
+    }
+}
+
+/// One law, and how near it is to being broken.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Check {
+    /// The law.
+    pub law: Law,
+    /// True if no place breaks it.
+    pub passed: bool,
+    /// Places that were looked at: entries, rows, patches or pixels, in each channel.
+    pub n_checked: u64,
+    /// Places that break it.
+    pub n_violations: u64,
+    /// How far the worst place is from what the law says, in the law's unit; infinite for what is not a number.
+    pub deviation: f64,
+    /// How far it may be.
+    pub allowed: f64,
+    /// The worst place: a patch, or a pixel, counted row by row.
+    pub patch: Option<usize>,
+    /// The other patch of the worst pair.
+    pub other_patch: Option<usize>,
+    /// The worst place's channel.
+    pub channel: Option<usize>,
+}
+
+impl fmt::Display for Check {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let what = if self.law == Law::Picture { "pixel" } else { "patch" };
+        write!(f, "{}: ", self.law.statement())?;
+        if self.passed {
+            write!(f, "yes, in {} places; the nearest", self.n_checked)?;
+        } else {
+            write!(
+                f,
+                "no, in {} of {} places; the worst",
+                self.n_violations, self.n_checked
+            )?;
+        }
+        if let Some(patch) = self.patch {
+            write!(f, ", {what} {patch}")?;
+        }
+        if let Some(other) = self.other_patch {
+            write!(f, " to {other}")?;
+        }
+        if let Some(channel) = self.channel {
+            write!(f, " in channel {channel}")?;
+        }
+        let unit = self.law.unit();
+        write!(
+            f,
+            " is off by {:.2e}{unit}, and {:.1e}{unit} is allowed",
+            self.deviation, self.allowed
+        )
+    }
+}
+
+/// A law that a result does not promise, and why.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct NotChecked {
+    /// The law.
+    pub law: Law,
+    /// Why it is not checked.
+    pub reason: String,
+}
+
+/// What an audit found.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Audit {
+    /// The laws that were checked.
+    pub checks: Vec<Check>,
+    /// The laws that were not.
+    pub not_checked: Vec<NotChecked>,
+}
+
+impl Audit {
+    /// Tells whether no law is broken.
+    #[must_use]
+    pub fn passed(&self) -> bool {
+        self.checks.iter().all(|check| check.passed)
+    }
+
+    /// Returns the laws that are broken.
+    pub fn violations(&self) -> impl Iterator<Item = &Check> {
+        self.checks.iter().filter(|check| !check.passed)
+    }
+
+    /// Returns what was found about a law, if it was checked.
+    #[must_use]
+    pub fn check(&self, law: Law) -> Option<&Check> {
+        self.checks.iter().find(|check| check.law == law)
+    }
+
+    /// Adds what another audit found.
+    pub fn extend(&mut self, other: Self) {
+        self.checks.extend(other.checks);
+        self.not_checked.extend(other.not_checked);
+    }
+
+    fn skip(&mut self, law: Law, reason: impl Into<String>) {
+        let reason = reason.into();
+        self.not_checked.push(NotChecked { law, reason });
+    }
+}
+
+/// Checks a picture: what shows light is finite and not negative.
+///
+/// Looks at the layers `R`, `G`, `B`, `irradiance.*`, `radiosity.*` and `direct.*`. Departures: none.
+#[must_use]
+pub fn picture(image: &Image) -> Audit {
+    let mut worst = Worst::default();
+    for layer in image.layers() {
+        let is_light = ["irradiance.", "radiosity.", "direct."]
+            .iter()
+            .any(|start| layer.name.starts_with(start))
+            || ["R", "G", "B"].contains(&layer.name.as_str());
+        let Samples::F32(values) = &layer.samples else { continue };
+        for (pixel, value) in values.iter().enumerate().filter(|_| is_light) {
+            let deviation = if value.is_finite() {
+                f64::from(-value.min(0.0))
+            } else {
+                f64::INFINITY
+            };
+            worst.see(deviation, 0.0, At::patch(pixel));
+        }
+    }
+    Audit {
+        checks: vec![worst.check(Law::Picture)],
+        not_checked: Vec::new(),
+    }
+}
+
+/// Where something was looked at.
+#[derive(Clone, Copy, Debug, Default)]
+struct At {
+    patch: Option<usize>,
+    other: Option<usize>,
+    channel: Option<usize>,
+}
+
+impl At {
+    fn patch(patch: usize) -> Self {
+        Self {
+            patch: Some(patch),
+            ..Self::default()
+        }
+    }
+
+    fn pair(patch: usize, other: usize) -> Self {
+        Self {
+            other: Some(other),
+            ..Self::patch(patch)
+        }
+    }
+
+    fn channel(self, channel: usize) -> Self {
+        Self {
+            channel: Some(channel),
+            ..self
+        }
+    }
+}
+
+/// The worst of many places.
+#[derive(Clone, Copy, Debug, Default)]
+struct Worst {
+    n_checked: u64,
+    n_violations: u64,
+    /// The deviation by what is allowed.
+    ratio: f64,
+    deviation: f64,
+    allowed: f64,
+    at: At,
+}
+
+impl Worst {
+    /// Takes in one place; what is not a number breaks every law.
+    fn see(&mut self, deviation: f64, allowed: f64, at: At) {
+        let broken = deviation.is_nan() || allowed.is_nan() || deviation > allowed;
+        let ratio = match (broken, deviation > 0.0) {
+            (true, _) if allowed > 0.0 && deviation.is_finite() => deviation / allowed,
+            (true, _) => f64::INFINITY,
+            (false, true) => deviation / allowed,
+            (false, false) => 0.0,
+        };
+        let found = Self {
+            n_checked: 1,
+            n_violations: u64::from(broken),
+            ratio,
+            deviation: if deviation.is_nan() { f64::INFINITY } else { deviation },
+            allowed,
+            at,
+        };
+        *self = self.and(found);
+    }
+
+    /// Returns both together; of equals the first is kept, but for the greater deviation.
+    fn and(self, later: Self) -> Self {
+        let (n_checked, n_violations) = (self.n_checked + later.n_checked, self.n_violations + later.n_violations);
+        let is_worse = (later.ratio, later.deviation) > (self.ratio, self.deviation);
+        let worst = if self.n_checked == 0 || is_worse { later } else { self };
+        Self {
+            n_checked,
+            n_violations,
+            ..worst
+        }
+    }
+
+    fn check(self, law: Law) -> Check {
+        Check {
+            law,
+            passed: self.n_violations == 0,
+            n_checked: self.n_checked,
+            n_violations: self.n_violations,
+            deviation: self.deviation,
+            allowed: self.allowed,
+            patch: self.at.patch,
+            other_patch: self.at.other,
+            channel: self.at.channel,
+        }
+    }
+}

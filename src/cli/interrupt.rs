@@ -1,0 +1,78 @@
+//! Signals that ask the program to end.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use super::exit_code::ExitCode;
+use super::failure::Failure;
+
+/// Hears SIGINT and SIGTERM. The first one is for the work to see, and after ten seconds ends the program; the next one ends it at once.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Interrupt {
+    /// The signal that came, or 0.
+    signal: Arc<AtomicUsize>,
+}
+
+/// How long work may take to reach a safe point after the first signal. A step that takes longer, such as a factorisation, is given up.
+const GRACE: std::time::Duration = std::time::Duration::from_secs(10);
+
+/// The name and exit code of a signal.
+fn named(signal: usize) -> Option<(&'static str, ExitCode)> {
+    match signal {
+        2 => Some(("SIGINT", ExitCode::Interrupted)),
+        15 => Some(("SIGTERM", ExitCode::Terminated)),
+        _ => None,
+    }
+}
+
+impl Interrupt {
+    /// Begins to listen. If nothing is going to ask (`is_asked` false), the first signal ends the program.
+    ///
+    /// Where the system does not let it listen, signals end the program as they always do: files are written whole or not at all in any case.
+    pub(super) fn listen(is_asked: bool) -> Self {
+        let interrupt = Self::default();
+        #[cfg(unix)]
+        {
+            use signal_hook::consts::{SIGINT, SIGTERM};
+            use signal_hook::iterator::Signals;
+            let signal = Arc::clone(&interrupt.signal);
+            if let Ok(mut signals) = Signals::new([SIGINT, SIGTERM]) {
+                std::thread::spawn(move || {
+                    for number in signals.forever() {
+                        let number = usize::try_from(number).unwrap_or(0);
+                        let is_first = signal.swap(number, Ordering::Relaxed) == 0;
+                        let Some((name, code)) = named(number) else { continue };
+                        let end = move |when: &str| {
+                            super::complain(&format!("ended {when} by {name}; no file is half-written"));
+                            std::process::exit(code as i32);
+                        };
+                        if is_first && is_asked {
+                            std::thread::spawn(move || {
+                                std::thread::sleep(GRACE);
+                                end("before a safe point");
+                            });
+                        } else {
+                            end("at once");
+                        }
+                    }
+                });
+            }
+        }
+        interrupt
+    }
+
+    /// Tells whether a signal came.
+    pub(super) fn came(&self) -> bool {
+        self.signal.load(Ordering::Relaxed) != 0
+    }
+
+    /// Returns how the program ends because of the signal; `kept` tells what a later run finds.
+    pub(super) fn failure(&self, kept: &str) -> Failure {
+        let signal = self.signal.load(Ordering::Relaxed);
+        let (name, code) = named(signal).unwrap_or(("a signal", ExitCode::Interrupted));
+        Failure {
+            code,
+            ..Failure::new("interrupted", format!("interrupted by {name}; {kept}"))
+        }
+    }
+}

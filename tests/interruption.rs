@@ -1,0 +1,354 @@
+//! Work that is stopped: by the caller, by signals, by a kill; and what the next run makes of it.
+#![cfg(unix)]
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+mod support;
+
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::sync::atomic::{AtomicI64, Ordering};
+use std::time::Duration;
+
+use glam::{DQuat, DVec3};
+use radiosity::checkpoint::Checkpoint;
+use radiosity::form_factor::{FormFactorError, FormFactorMethod, Input};
+use radiosity::matrix::{FormFactors, StorageChoice};
+use radiosity::mesh::{Mesh, Subdivision};
+use radiosity::progress::{Progress, Silent};
+use radiosity::scene::{Scene, topology};
+use radiosity::visibility::embree::EmbreeVisibility;
+use support::rooms::{Shapes, names, quick};
+
+/// Asks to stop after some pieces of work.
+struct Stopper {
+    left: AtomicI64,
+    checkpoint: Option<Checkpoint>,
+}
+
+impl Progress for Stopper {
+    fn begin(&self, _stage: &str, _total: u64) {}
+    fn advance(&self, _steps: u64) {
+        self.left.fetch_sub(1, Ordering::SeqCst);
+    }
+    fn is_cancelled(&self) -> bool {
+        self.left.load(Ordering::SeqCst) <= 0
+    }
+    fn checkpoint(&self) -> Option<&Checkpoint> {
+        self.checkpoint.as_ref()
+    }
+}
+
+fn room(with_box: bool) -> Scene {
+    let mut shapes = Shapes::default();
+    shapes.cuboid(DVec3::ZERO, DVec3::new(2.0, 1.0, 1.5), DQuat::IDENTITY, true);
+    if with_box {
+        let (low, high) = (DVec3::new(0.6, 0.3, 0.4), DVec3::new(1.1, 0.6, 0.9));
+        shapes.cuboid(low, high, DQuat::IDENTITY, false);
+    }
+    shapes.scene()
+}
+
+/// All numbers of a matrix, to the last bit.
+fn bits(factors: &FormFactors) -> Vec<(usize, usize, u64, u64)> {
+    let mut all = Vec::new();
+    for i in 0..factors.n_rows() {
+        factors.for_each_in_row(i, |j, value, error| all.push((i, j, value.to_bits(), error.to_bits())));
+    }
+    all
+}
+
+fn interrupted_and_resumed(method: &dyn FormFactorMethod, scene: &Scene, subdivide: u32, steps: i64) {
+    let mesh = Mesh::new(scene, Subdivision::Uniform(subdivide)).unwrap();
+    let visibility = EmbreeVisibility::new(scene).unwrap();
+    let input = Input {
+        scene,
+        mesh: &mesh,
+        visibility: &visibility,
+        unoccluded: topology::is_convex_and_empty(scene),
+    };
+    let compute = |progress: &dyn Progress| method.compute(input, StorageChoice::default(), progress);
+    let whole = compute(&Silent).unwrap();
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("checkpoint");
+    let run = |steps| {
+        let progress = Stopper {
+            left: AtomicI64::new(steps),
+            checkpoint: Some(Checkpoint::open(&path, &[1; 32]).unwrap()),
+        };
+        let computed = compute(&progress);
+        (computed, progress.checkpoint.unwrap().n_pieces())
+    };
+    let (stopped, n_pieces) = run(steps);
+    assert!(
+        matches!(stopped, Err(FormFactorError::Interrupted)),
+        "{}",
+        method.name()
+    );
+    assert!(n_pieces > 0, "{}: something is kept", method.name());
+    let (resumed, n_in_all) = run(i64::MAX);
+    let resumed = resumed.unwrap();
+    assert!(n_in_all > n_pieces, "{}", method.name());
+    assert_eq!(bits(&resumed.factors), bits(&whole.factors), "{}", method.name());
+    assert_eq!(resumed.factors.tallies(), whole.factors.tallies(), "{}", method.name());
+    assert_eq!(
+        (resumed.pairs, resumed.tolerance_met),
+        (whole.pairs, whole.tolerance_met)
+    );
+}
+
+#[test]
+fn every_method_goes_on_to_the_same_bits() {
+    for name in names().filter(|&name| name != "exact") {
+        interrupted_and_resumed(&*quick(name, 3), &room(true), 3, 3);
+    }
+    // 2904 patches: 4.2 million pairs, of which this one keeps 2 million at a time.
+    interrupted_and_resumed(&*quick("exact", 0), &room(false), 22, 2);
+}
+
+fn start(directory: &Path, arguments: &[&str]) -> Child {
+    Command::new(env!("CARGO_BIN_EXE_radiosity"))
+        .current_dir(directory)
+        .args(arguments)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap()
+}
+
+fn finish(directory: &Path, arguments: &[&str]) -> Output {
+    start(directory, arguments).wait_with_output().unwrap()
+}
+
+fn signal(child: &Child, name: &str) {
+    let sent = Command::new("kill")
+        .args([name, &child.id().to_string()])
+        .status()
+        .unwrap();
+    assert!(sent.success());
+}
+
+/// Waits until a file has more than so many bytes.
+fn wait_for(path: &Path, byte: u64, child: &mut Child) {
+    while path.metadata().map_or(0, |found| found.len()) <= byte {
+        assert!(
+            child.try_wait().unwrap().is_none(),
+            "it ends before it has written to {}",
+            path.display()
+        );
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).unwrap()
+}
+
+fn listed(directory: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(directory).unwrap();
+    let mut names: Vec<_> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+fn with_scene() -> tempfile::TempDir {
+    let directory = tempfile::tempdir().unwrap();
+    let output = finish(directory.path(), &["scene", "room-box", "-o", "room.obj"]);
+    assert!(output.status.success());
+    directory
+}
+
+/// Some seconds of work, of which a piece is kept every few milliseconds.
+const WORK: &[&str] = &[
+    "form-factors",
+    "room.obj",
+    "--subdivide",
+    "8",
+    "--method",
+    "sr",
+    "--rays",
+    "20000",
+    "-o",
+    "F.npz",
+];
+const KEPT: &[&str] = &["--checkpoint", "kept"];
+
+#[test]
+fn signals_end_the_work_with_one_line_and_it_goes_on_from_there() {
+    let directory = with_scene();
+    let at = |name: &str| directory.path().join(name);
+    let before = listed(directory.path());
+    assert!(finish(directory.path(), WORK).status.success());
+    let whole = std::fs::read(at("F.npz")).unwrap();
+    std::fs::remove_file(at("F.npz")).unwrap();
+    let with_checkpoint = [WORK, KEPT].concat();
+    let mut size = 56;
+    for (name, code) in [("-INT", 130), ("-TERM", 143)] {
+        let mut child = start(directory.path(), &with_checkpoint);
+        wait_for(&at("kept"), size, &mut child);
+        signal(&child, name);
+        let output = child.wait_with_output().unwrap();
+        assert_eq!(output.status.code(), Some(code));
+        let message = text(&output.stderr);
+        assert_eq!(message.lines().count(), 1, "{message}");
+        assert!(
+            message.contains(&format!("interrupted by SIG{}", &name[1..])) && message.contains("kept"),
+            "{message}"
+        );
+        assert_eq!(
+            listed(directory.path()),
+            [&before[..], &["kept".to_owned()]]
+                .concat()
+                .into_iter()
+                .collect::<std::collections::BTreeSet<_>>()
+                .into_iter()
+                .collect::<Vec<_>>()
+        );
+        size = at("kept").metadata().unwrap().len();
+    }
+    // Other settings are other work.
+    let other = finish(directory.path(), &[&with_checkpoint[..], &["--seed", "1"]].concat());
+    assert_eq!(other.status.code(), Some(1));
+    assert!(
+        text(&other.stderr).contains("other settings"),
+        "{}",
+        text(&other.stderr)
+    );
+    let output = finish(directory.path(), &with_checkpoint);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert!(std::fs::read(at("F.npz")).unwrap() == whole, "the same bytes");
+    assert!(!at("kept").exists(), "what is done needs no checkpoint");
+}
+
+#[test]
+fn a_signal_without_a_checkpoint_leaves_nothing_and_says_so_in_the_document() {
+    let directory = with_scene();
+    let before = listed(directory.path());
+    let mut child = start(directory.path(), &[WORK, &["--json"]].concat());
+    std::thread::sleep(Duration::from_millis(300));
+    assert!(child.try_wait().unwrap().is_none(), "the work takes longer than this");
+    signal(&child, "-INT");
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130));
+    let document: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(document["error"]["kind"], "interrupted");
+    assert_eq!(listed(directory.path()), before);
+}
+
+#[test]
+fn links_are_kept_when_a_signal_comes() {
+    let directory = with_scene();
+    let work = [
+        "voxel",
+        "room.obj",
+        "--voxels",
+        "160",
+        "--radius",
+        "8",
+        "--passes",
+        "1",
+        "--links",
+        "disk",
+        "--link-file",
+        "l",
+        "-o",
+        "v.vtu",
+    ];
+    let part = directory.path().join("l.part");
+    let mut child = start(directory.path(), &work);
+    wait_for(&part, 1000, &mut child);
+    // The file belongs to one process.
+    let second = finish(directory.path(), &work);
+    assert_eq!(second.status.code(), Some(1));
+    assert!(
+        text(&second.stderr).contains("another process"),
+        "{}",
+        text(&second.stderr)
+    );
+    signal(&child, "-TERM");
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(143), "{}", text(&output.stderr));
+    assert!(text(&output.stderr).contains("goes on from there") && part.exists());
+    assert!(!directory.path().join("v.vtu").exists());
+    assert!(finish(directory.path(), &work).status.success());
+    let resumed = std::fs::read(directory.path().join("l")).unwrap();
+    std::fs::remove_file(directory.path().join("l")).unwrap();
+    assert!(finish(directory.path(), &work).status.success());
+    assert!(
+        std::fs::read(directory.path().join("l")).unwrap() == resumed,
+        "the same bytes"
+    );
+}
+
+/// Kills the work `n` times at moments that are spread over all of it; after each kill a file under an output's name is a whole one.
+fn killed(n: u32) {
+    let directory = with_scene();
+    let at = |name: &str| -> PathBuf { directory.path().join(name) };
+    let work = [WORK, KEPT].concat();
+    let started = std::time::Instant::now();
+    assert!(finish(directory.path(), &work).status.success());
+    let whole_time = started.elapsed();
+    let whole = std::fs::read(at("F.npz")).unwrap();
+    let mut n_killed = 0;
+    for k in 0..n {
+        std::fs::remove_file(at("F.npz")).ok();
+        if k % 5 == 0 {
+            std::fs::remove_file(at("kept")).ok();
+        }
+        let mut child = start(directory.path(), &work);
+        // A golden section covers an interval evenly; some kills fall on the writing of the output, some after the end.
+        let share = (f64::from(k) * 0.618_033_988_75).fract() * 1.1;
+        std::thread::sleep(whole_time.mul_f64(share));
+        n_killed += u32::from(child.kill().is_ok() && child.wait().unwrap().code().is_none());
+        if at("F.npz").exists() {
+            assert!(
+                std::fs::read(at("F.npz")).unwrap() == whole,
+                "kill {k}: a file that looks complete is"
+            );
+        }
+    }
+    assert!(n_killed > 0, "some kills came in time");
+    let output = finish(directory.path(), &work);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert!(
+        std::fs::read(at("F.npz")).unwrap() == whole,
+        "the same bytes after {n_killed} kills"
+    );
+}
+
+#[test]
+fn a_few_kills_leave_no_file_that_is_not_whole() {
+    killed(5);
+}
+
+#[test]
+#[ignore = "takes minutes"]
+fn fifty_kills_leave_no_file_that_is_not_whole() {
+    killed(50);
+}
+
+#[test]
+fn two_processes_with_one_output_do_not_mix() {
+    let directory = with_scene();
+    let work = |seed: &'static str| {
+        [
+            &WORK[..3],
+            &["4", "--method", "sr", "--rays", "2000", "-o", "F.npz", "--seed", seed],
+        ]
+        .concat()
+    };
+    let alone: Vec<Vec<u8>> = ["1", "2"]
+        .map(|seed| {
+            assert!(finish(directory.path(), &work(seed)).status.success());
+            std::fs::read(directory.path().join("F.npz")).unwrap()
+        })
+        .into();
+    assert_ne!(alone[0], alone[1]);
+    for _ in 0..4 {
+        let children = ["1", "2"].map(|seed| start(directory.path(), &work(seed)));
+        for child in children {
+            assert!(child.wait_with_output().unwrap().status.success());
+        }
+        let found = std::fs::read(directory.path().join("F.npz")).unwrap();
+        assert!(alone.contains(&found), "the output is one of the two, whole");
+    }
+}
