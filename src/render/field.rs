@@ -73,9 +73,8 @@ pub fn field(
     let renamed = |name: &str| match name {
         "direct.R" => Some("Y".to_owned()),
         "direct_error.R" => Some("error".to_owned()),
-        "Z" | "patch" => Some(name.to_owned()),
-        _ if name.starts_with("N.") || name.starts_with("P.") => Some(name.to_owned()),
-        _ => None,
+        _ => (["Z", "patch"].contains(&name) || name.starts_with("N.") || name.starts_with("P."))
+            .then(|| name.to_owned()),
     };
     for layer in rendered.into_layers() {
         if let Some(name) = renamed(&layer.name) {

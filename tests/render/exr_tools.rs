@@ -156,11 +156,11 @@ fn halves_and_parts_pass_verification() {
     let report = radiosity::render::verify::verify(&path).unwrap();
     assert!(report.passed && report.n_checked == 6 * 1600, "{report:#?}");
     // The room for rounding to 11 bits is no room for more.
-    let (mut wrong, attributes) = exr::read(&path).unwrap();
+    let (mut wrong, described) = exr::read(&path).unwrap();
     let darker = wrong.f32("direct.R").unwrap().iter().map(|h| h * 0.998).collect();
     wrong.insert("direct.R", Samples::F32(darker));
     assert!(
-        !radiosity::render::verify::verify_image(&wrong, &attributes)
+        !radiosity::render::verify::verify_image(&wrong, &described)
             .unwrap()
             .passed
     );

@@ -213,8 +213,8 @@ fn wrong_fields_fail() {
     let values = free.image.f32("Y").unwrap().iter().enumerate();
     let values = values.map(|(k, &y)| unhindered(k, y)).collect();
     free.image.insert("Y", Samples::F32(values));
-    let report = check(&free);
-    assert!(!report.passed && report.n_outside > 100, "{report:#?}");
+    let unhidden = check(&free);
+    assert!(!unhidden.passed && unhidden.n_outside > 100, "{unhidden:#?}");
     // A surface that is not there.
     let lost = free.attributes.with_field(FieldRecord {
         surface: "C".to_owned(),

@@ -82,7 +82,8 @@ fn what_is_gathered_converges_to_the_closed_form() {
             }
             squares += (value - exact).powi(2);
             relative += ((value - exact) / exact).powi(2);
-            normalised += (value - exact).powi(2) / variance.max(1e-12);
+            // Nets that agree by chance have no spread; one ray more or less, which brings 1, is always possible.
+            normalised += (value - exact).powi(2) / variance.max(f64::from(rays).powi(-2));
             n += 1.0;
         }
         let root = |sum: f64| (sum / n as f64).sqrt();
@@ -97,8 +98,8 @@ fn what_is_gathered_converges_to_the_closed_form() {
         assert!(relative < 1.5 * 0.05, "{samples}: {relative}");
         // Student's t with 7 degrees of freedom has the deviation √(7/5) = 1.18; stopping where it looks small adds some.
         assert!((0.7..1.7).contains(&normalised), "{samples}: {normalised}");
-        let (fine, relative, _, more) = run(0.005, samples);
-        assert!(relative < 1.5 * 0.005, "{samples}: {relative}");
+        let (fine, fine_relative, _, more) = run(0.005, samples);
+        assert!(fine_relative < 1.5 * 0.005, "{samples}: {fine_relative}");
         assert!(fine < 0.2 * coarse, "{samples}: {fine} {coarse}");
         // A tenth of the noise costs less than a hundred times as much, because the points are scrambled nets.
         assert!(
