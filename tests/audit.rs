@@ -1,4 +1,8 @@
 //! The laws of light: results that obey them pass, and each law is broken by what breaks it alone.
+#![expect(
+    clippy::shadow_unrelated,
+    reason = "each run of a test has its own output, code and result"
+)]
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod support;
@@ -11,7 +15,7 @@ use glam::{DQuat, DVec3};
 use radiosity::audit::{self, Audit, Claims, Given, Law};
 use radiosity::form_factor::Reciprocity;
 use radiosity::matrix::operator::Block;
-use radiosity::matrix::{FormFactors, RowTile, StorageChoice, Weighting};
+use radiosity::matrix::{FormFactors, RowTally, RowTile, StorageChoice, Weighting};
 use radiosity::render::{Image, Samples};
 use radiosity::scene::Scene;
 use radiosity::solver::{RadiositySystem, Solution};
@@ -102,7 +106,7 @@ fn changed(change: impl Fn(&mut Vec<Vec<f64>>)) -> FormFactors {
         let mut tile = RowTile::new(i);
         let entry = |(j, x): (u32, &f64)| (j, x / areas[i], exact.std_error(i, j as usize));
         let entries: Vec<_> = (0..).zip(row).map(entry).collect();
-        tile.push_row(&entries, Default::default());
+        tile.push_row(&entries, RowTally::default());
         tile
     });
     FormFactors::from_tiles(areas.clone(), tiles, StorageChoice::default()).unwrap()
@@ -169,7 +173,7 @@ fn counts_of_rays_may_differ_by_their_noise_and_no_more() {
         let mut tile = RowTile::new(i);
         let mut entries: Vec<_> = Vec::new();
         factors.for_each_in_row(i, |j, value, error| {
-            entries.push((u32::try_from(j).unwrap(), value, error))
+            entries.push((u32::try_from(j).unwrap(), value, error));
         });
         if i == 0 {
             // All that goes to the nearer half goes to the farther half.

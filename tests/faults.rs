@@ -90,7 +90,7 @@ fn folder() -> tempfile::TempDir {
         std::fs::write(at(&format!("zero.{ending}")), "").unwrap();
         // Bytes that are no text, and that no format begins with.
         let noise: Vec<u8> = (0..5000_u32)
-            .map(|k| (k.wrapping_mul(2_654_435_761) >> 13) as u8 | 1)
+            .map(|k| (k.wrapping_mul(2_654_435_761) >> 13).to_le_bytes()[0] | 1)
             .collect();
         std::fs::write(at(&format!("noise.{ending}")), noise).unwrap();
         std::fs::create_dir(at(&format!("folder.{ending}"))).unwrap();
@@ -367,8 +367,6 @@ fn cut_and_flipped_files_are_refused_or_say_the_same() {
     ];
     let results = |output: &Output| {
         let mut document: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-        // The comments of a .mtx file have no checksum: what they tell of settings is told on.
-        document.as_object_mut().unwrap().remove("settings");
         for varying in ["stages", "total_s", "memory_peak_byte", "history", "setup_s"] {
             document.as_object_mut().unwrap().remove(varying);
         }

@@ -254,13 +254,13 @@ fn what_contradicts_itself_is_refused() {
     damaged(full.refused("meta.json", |b| replace(b, "24", "{")), "no JSON");
     damaged(
         full.refused("meta.json", |b| replace(b, "\"symmetric\": false,", "")),
-        "symmetric",
+        "checksum",
     );
     damaged(
         full.refused("meta.json", |b| {
             replace(b, "\"symmetric\": false,", "\"symmetric\": true,");
         }),
-        "symmetric",
+        "checksum",
     );
     let error = full.refused("F.npy", |b| put(b, 24 * 3 + 5, f64::NAN));
     let source = MatrixError::Value { row: 3, column: 5 };
@@ -268,7 +268,7 @@ fn what_contradicts_itself_is_refused() {
         matches!(&error, ReportError::Matrix { source: found, .. } if *found == source),
         "{error}"
     );
-    let error = full.refused("meta.json", |b| replace(b, "form factors 1", "form factors 2"));
+    let error = full.refused("meta.json", |b| replace(b, "form factors 2", "form factors 1"));
     assert!(matches!(error, ReportError::Version { .. }), "{error}");
     let error = full.refused("meta.json", Vec::clear);
     assert!(matches!(error, ReportError::NoDescription { .. }), "{error}");

@@ -70,9 +70,9 @@ fn interrupted_and_resumed(method: &dyn FormFactorMethod, scene: &Scene, subdivi
     let whole = compute(&Silent).unwrap();
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("checkpoint");
-    let run = |steps| {
+    let run = |left| {
         let progress = Stopper {
-            left: AtomicI64::new(steps),
+            left: AtomicI64::new(left),
             checkpoint: Some(Checkpoint::open(&path, &[1; 32]).unwrap()),
         };
         let computed = compute(&progress);

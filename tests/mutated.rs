@@ -136,7 +136,7 @@ fn scenes() {
         }
         for (seed, scene) in (1..).zip(files(folder, "obj")) {
             let path = directory.path().join(name(&scene));
-            let attempt = |path: &Path| load(path).map(drop).map_err(|error| error.to_string());
+            let attempt = |file: &Path| load(file).map(drop).map_err(|error| error.to_string());
             let (read, refused) = try_all(&path, &std::fs::read(&scene).unwrap(), seed, attempt);
             n_read += read;
             n_refused += refused;
@@ -170,21 +170,21 @@ fn cameras_and_lightings() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("a.toml");
     let camera = b"eye = [0.278, 0.273, -0.8]\ndirection = [0.0, 0.0, 1.0]\nup = [0.0, 1.0, 0.0]\nvertical_fov_degree = 39.3\nwidth = 512\nheight = 512\n";
-    let load_camera = |path: &Path| Camera::load(path).map(drop).map_err(|error| error.to_string());
+    let load_camera = |file: &Path| Camera::load(file).map(drop).map_err(|error| error.to_string());
     std::fs::write(&path, camera).unwrap();
     load_camera(&path).unwrap();
     let (n_read, n_refused) = try_all(&path, camera, 7, load_camera);
     assert!(n_read > 0 && n_refused > 50, "{n_read} {n_refused}");
     let scene = load("scenes/cube/scene.obj").unwrap().scene;
     let lighting = b"[surface.x0]\nexitance = [1.0, 0.5, 0.0]\nreflectance = [0.5, 0.5, 0.5]\n\n[surface.z1]\nexitance = [2.0, 2.0, 2.0]\n";
-    let load_lighting = |path: &Path| {
-        Lighting::load(path, &scene)
+    let load_lighting = |file: &Path| {
+        Lighting::load(file, &scene)
             .map(drop)
             .map_err(|error| error.to_string())
     };
     std::fs::write(&path, lighting).unwrap();
     let first = load_lighting(&path);
     assert_eq!(first, Ok(()));
-    let (n_read, n_refused) = try_all(&path, lighting, 8, load_lighting);
-    assert!(n_read > 0 && n_refused > 50, "{n_read} {n_refused}");
+    let of_lightings = try_all(&path, lighting, 8, load_lighting);
+    assert!(of_lightings.0 > 0 && of_lightings.1 > 50, "{of_lightings:?}");
 }

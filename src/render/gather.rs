@@ -28,6 +28,11 @@ const N_NETS: usize = 8;
 /// Rays for a pixel before its spread is looked at.
 const FIRST_RAYS: u32 = 64;
 
+/// Where n rays all met the same, what they have not met yet is with 95 % confidence less than 3/n of all there is (the "rule of three").
+///
+/// Source: Hanley and Lippman-Hand 1983, "If nothing goes wrong, is everything all right?", JAMA 249(13).
+const RULE_OF_THREE: f64 = 3.0;
+
 /// Seeds the gathering apart from the direct pass.
 const SEED: u64 = 0x6761_7468_6572_6564;
 
@@ -50,6 +55,8 @@ pub(super) struct Gathered {
     nets: [[f64; 3]; N_NETS],
     /// Σ over all points of ρ times the irradiance.
     reflected: [f64; 3],
+    /// The most and the least that a ray brought.
+    range: Option<[[f64; 3]; 2]>,
     /// Points of each net and part.
     n_points: u32,
     n_parts: u32,
@@ -58,13 +65,19 @@ pub(super) struct Gathered {
 
 impl Gathered {
     /// Returns the irradiance, ρ times it, and the variance of the irradiance.
+    ///
+    /// Nets may agree by chance while rays differ. The variance is at least that of one ray that could as well have met the brightest thing as the darkest of those that were met;
+    /// it is 0 where all rays met the same, and such a pixel goes on to 3 / noise rays before that is believed.
     pub(super) fn estimate(&self) -> [[f64; 3]; 3] {
         let n = f64::from(self.n_points.max(1));
         let nets = N_NETS as f64;
         let mean: [f64; 3] = std::array::from_fn(|c| self.nets.iter().map(|net| net[c]).sum::<f64>() / (n * nets));
         let variance = std::array::from_fn(|c| {
             let squares: f64 = self.nets.iter().map(|net| (net[c] / n - mean[c]).powi(2)).sum();
-            squares / (nets * (nets - 1.0))
+            let one_ray = self.range.map_or(0.0, |[least, most]| {
+                (most[c] - least[c]) / f64::from(self.n_rays().max(1))
+            });
+            (squares / (nets * (nets - 1.0))).max(one_ray * one_ray)
         });
         [mean, self.reflected.map(|sum| sum / (n * nets)), variance]
     }
@@ -150,7 +163,12 @@ impl<'a> Gatherer<'a> {
         let [mean, _, variance] = gathered.estimate();
         let brightest = (0..3).map(|c| direct[c] + mean[c]).fold(0.0, f64::max);
         let error = variance.iter().copied().fold(0.0, f64::max).sqrt();
-        gathered.finished = error <= self.settings.noise * brightest;
+        let noise = self.settings.noise;
+        let has_spread = gathered
+            .range
+            .is_some_and(|[least, most]| (0..3).any(|c| most[c] > least[c]));
+        let is_known = has_spread || f64::from(gathered.n_rays()) >= RULE_OF_THREE / noise;
+        gathered.finished = is_known && error <= noise * brightest;
     }
 
     /// Adds the points of all nets of one part, from the ones that it has to `n_points`.
@@ -174,8 +192,12 @@ impl<'a> Gatherer<'a> {
         for (net, sums) in gathered.nets.iter_mut().enumerate() {
             let first = net * n_new as usize;
             for k in first..first + n_new as usize {
-                let Some(light) = self.light(hits, k) else { continue };
+                let light = self.light(hits, k).unwrap_or_default();
+                let [least, most] = gathered.range.get_or_insert([[f64::INFINITY; 3], [0.0; 3]]);
                 for c in 0..3 {
+                    // Of one part; the pixel's irradiance is the sum over its parts.
+                    least[c] = least[c].min(light[c]);
+                    most[c] = most[c].max(light[c]);
                     sums[c] += part.share * light[c];
                     gathered.reflected[c] += part.share * own[c] * light[c];
                 }

@@ -117,7 +117,7 @@ pub struct RenderInput<'a> {
 ///
 /// The points of a pixel's rays are eight independently scrambled nets. All are continued to twice their length, round by round over the image, until the spread of
 /// the nets' means says that the pixel's standard error is within `gather.noise` of its irradiance, or `gather.max_rays` would be exceeded.
-/// Unbiased with respect to the given solution but for stopping early where the first 64 rays happen to agree; the error falls faster than n^(−1/2).
+/// Unbiased with respect to the given solution but for stopping early where the first rays happen to agree; the error falls faster than n^(−1/2).
 /// What is left is the error of the solution, averaged over the hemisphere.
 ///
 /// Error of the irradiance against render time, `cornell-box`, 96 × 96 pixels, 1158 patches (`--max-edge 0.06`); the reference is final gather with a noise of 0.002; errors relative to the mean

@@ -2,11 +2,13 @@
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
+use sha2::{Digest as _, Sha256};
 
 use crate::mesh::Subdivision;
+use crate::scene::hash::hexadecimal;
 
 /// The layout of the files; a number that changes when old files cannot be read any more.
-pub(super) const FORMAT: &str = "radiosity form factors 1";
+pub(super) const FORMAT: &str = "radiosity form factors 2";
 
 /// What a file of form factors says about itself, in JSON.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -72,8 +74,27 @@ impl Description {
         }
     }
 
-    /// Returns the JSON text.
+    /// Returns the JSON text, with the checksum of all else in it.
     pub(super) fn to_json(&self) -> String {
-        serde_json::to_string_pretty(self).expect("text, numbers and maps with text keys")
+        let mut value = serde_json::to_value(self).expect("text, numbers and maps with text keys");
+        value[CHECKSUM] = checksum(&value).into();
+        format!("{value:#}")
     }
+
+    /// Reads what [`to_json`](Self::to_json) wrote; says what is wrong with a description that is not.
+    pub(super) fn from_json(mut value: Value) -> Result<Self, String> {
+        let stated = value.as_object_mut().and_then(|members| members.remove(CHECKSUM));
+        if stated != Some(Value::from(checksum(&value))) {
+            return Err("its description does not match its checksum".into());
+        }
+        serde_json::from_value(value).map_err(|error| format!("its description: {error}"))
+    }
+}
+
+/// The name of the checksum among the members of a description.
+const CHECKSUM: &str = "description_sha256";
+
+/// Returns the SHA-256 of the compact JSON text, members in the order of their names.
+fn checksum(value: &Value) -> String {
+    hexadecimal(&Sha256::digest(value.to_string().as_bytes()))
 }

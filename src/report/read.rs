@@ -290,7 +290,7 @@ fn description(path: &Path, text: &[u8]) -> Result<Description, ReportError> {
             expected: FORMAT,
         });
     }
-    serde_json::from_value(value).map_err(|error| damaged(format!("its description: {error}")))
+    Description::from_json(value).map_err(damaged)
 }
 
 /// What can go wrong while rows become a matrix.

@@ -204,8 +204,8 @@ fn wrong_fields_fail() {
         let Some(patch) = free.mesh.patches.get(patches[k] as usize) else {
             return y;
         };
-        let at = [0, 1, 2].map(|c| f64::from(points[c][k])).into();
-        let exact = point_form_factor(at, patch.normal, &emitter);
+        let point = [0, 1, 2].map(|c| f64::from(points[c][k])).into();
+        let exact = point_form_factor(point, patch.normal, &emitter);
         #[expect(clippy::cast_possible_truncation, reason = "a layer is f32")]
         let value = exact as f32;
         value

@@ -44,7 +44,7 @@ pub(super) fn report(results: &[CaseResult], with_times: bool) -> String {
     let mut text = String::from(
         "\n## Table 2: solvers on the room with the sphere\n\n\
          All stop at max |r A| < 1e-3 W. n steps are a pass. \"Paper\" is its time in seconds on a machine of 1995, and the passes that follow from it. \"Expected\" is what an \
-         independent implementation of the corrected algorithms counted; passes may differ by 1, steps of progressive refinement by 1 %, of overshooting by half a pass more, RMS errors by a factor of 2. The same residual is not the same accuracy: the last columns \
+         independent implementation of the corrected algorithms counted; passes may differ by 1, steps of progressive refinement by 1 %, of overshooting by three quarters of a pass more, RMS errors by a factor of 2. The same residual is not the same accuracy: the last columns \
          tell the errors against a solution to 1e-12.\n",
     );
     for result in results {
