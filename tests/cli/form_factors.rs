@@ -1,0 +1,296 @@
+//! Form factors: methods, files, flags.
+
+use serde_json::Value;
+
+use crate::{document, numbers, radiosity, stderr, with_scene};
+
+#[test]
+fn form_factors_of_the_cube_as_a_document() {
+    let directory = with_scene("cube");
+    let (code, result) = document(
+        directory.path(),
+        &[
+            "form-factors",
+            "scene.obj",
+            "--subdivide",
+            "3",
+            "--method",
+            "sr",
+            "--rays",
+            "2000",
+        ],
+    );
+    assert_eq!(code, 0);
+    assert_eq!(result["schema_version"], 1);
+    assert_eq!(result["n_patches"], 54);
+    assert_eq!(result["n_surfaces"], 6);
+    assert_eq!(result["n_rays"], 108_000);
+    assert_eq!(result["n_escaped"], 0);
+    let names: Vec<&str> = result["surfaces"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|s| s["name"].as_str().unwrap())
+        .collect();
+    assert_eq!(names, ["x0", "x1", "y0", "y1", "z0", "z1"]);
+    let first = numbers(&result["surface_form_factor"][0]);
+    let error = numbers(&result["surface_error"][0]);
+    for (j, exact) in [0.0, 0.199_825, 0.200_044, 0.200_044, 0.200_044, 0.200_044]
+        .iter()
+        .enumerate()
+    {
+        assert!((first[j] - exact).abs() < 4.0 * error[j] + 1e-6, "{first:?}");
+        assert!(error[j] < 5e-3);
+    }
+    assert!((result["row_sum"]["min"].as_f64().unwrap() - 1.0).abs() < 1e-12);
+    assert!(result["closure_error_max"].as_f64().unwrap() < 1e-12);
+    assert!(result["reciprocity_error_max"].as_f64().unwrap() > 0.0);
+    assert_eq!(numbers(&result["sky_factor"]), [0.0; 6]);
+    assert!(result["stages"]["form_factors_s"].as_f64().unwrap() > 0.0);
+    assert!(result["memory_peak_byte"].as_u64().unwrap() > 1_000_000);
+    assert!(
+        result["left_out"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .any(|x| x.as_str().unwrap().contains("channels"))
+    );
+}
+
+#[test]
+fn the_same_seed_gives_the_same_result_at_any_number_of_threads() {
+    let directory = with_scene("room-box");
+    let run = |threads: &str| {
+        let (code, mut result) = document(
+            directory.path(),
+            &[
+                "solve",
+                "scene.obj",
+                "--subdivide",
+                "2",
+                "--method",
+                "sr",
+                "--rays",
+                "500",
+                "--seed",
+                "5",
+                "--threads",
+                threads,
+            ],
+        );
+        assert_eq!(code, 0);
+        for varying in ["stages", "total_s", "memory_peak_byte", "history"] {
+            result.as_object_mut().unwrap().remove(varying);
+        }
+        result
+    };
+    let one = run("1");
+    assert_eq!(one, run("2"));
+    assert_eq!(one, run("4"));
+    assert!(one["surfaces"][0]["radiosity"][0].as_f64().unwrap() > 0.0);
+}
+
+#[test]
+fn every_method_runs_from_the_command_line() {
+    let directory = with_scene("cube");
+    for (method, setting, value) in [
+        ("centre", "normalise", Value::from(false)),
+        ("pdm", "points", 5.into()),
+        ("sr", "rays", 4096.into()),
+        ("sg", "points", 5.into()),
+        ("sg5", "rays", 4096.into()),
+        ("sg10", "sequence", "sobol".into()),
+        ("hemicube", "resolution", 256.into()),
+        ("gauss-lambert", "points", 5.into()),
+        ("contour", "points", 5.into()),
+        ("closed-form", "seed", 0.into()),
+        ("qmc", "rays", 64.into()),
+        ("exact", "tolerance", 1e-6.into()),
+    ] {
+        let (code, result) = document(directory.path(), &["form-factors", "scene.obj", "--method", method]);
+        assert_eq!(code, 0, "{method}");
+        assert_eq!(result["settings"]["method"], method);
+        assert_eq!(result["settings"][setting], value, "{method}");
+        let shoots = method.starts_with('s') || method == "hemicube";
+        assert_eq!(result["pairs"].is_null(), shoots, "{method}");
+        assert_eq!(result["n_rays"].as_u64().unwrap() > 0, shoots, "{method}");
+        let left_out = result["left_out"].to_string();
+        assert_eq!(
+            left_out.contains("rays between patches"),
+            !shoots,
+            "{method}: {left_out}"
+        );
+    }
+    let occluded = with_scene("room-box");
+    let (_, counted) = document(
+        occluded.path(),
+        &["form-factors", "scene.obj", "--method", "qmc", "--rays", "16"],
+    );
+    let pairs = &counted["pairs"];
+    assert_eq!(counted["n_rays"], pairs["n_rays"]);
+    assert!(pairs["n_rays"].as_u64().unwrap() > 100 && pairs["partial"].as_u64().unwrap() > 0);
+}
+
+#[test]
+fn flags_that_a_method_has_no_use_for_are_usage_errors() {
+    let directory = with_scene("cube");
+    for (arguments, users) in [
+        (["--method", "pdm", "--rays", "10"], "`sr`, `sg`, `sg5`, `sg10`, `qmc`"),
+        (["--method", "sg5", "--points", "3"], "`pdm`, `sg`, `hemicube`"),
+        (["--method", "sr", "--resolution", "64"], "`hemicube`"),
+        (["--method", "qmc", "--sequence", "random"], "`sr`, `sg`, `sg5`, `sg10`"),
+        (["--normalise", "--method", "contour", "--quiet"], "`centre`"),
+    ] {
+        let output = radiosity(
+            directory.path(),
+            &[&["form-factors", "scene.obj"][..], &arguments].concat(),
+        );
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+        assert!(stderr(&output).contains(users), "{}", stderr(&output));
+    }
+    let output = radiosity(directory.path(), &["form-factors", "scene.obj", "--method", "magic"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("gauss-lambert"), "{}", stderr(&output));
+    // The sequence is the direct pass's too, whatever the method.
+    let render = [
+        "render",
+        "scene.obj",
+        "-o",
+        "cube.exr",
+        "--width",
+        "8",
+        "--method",
+        "contour",
+        "--sequence",
+        "random",
+    ];
+    assert_eq!(radiosity(directory.path(), &render).status.code(), Some(0));
+}
+
+#[test]
+fn form_factors_of_another_scene_or_for_other_patches_are_refused() {
+    let directory = with_scene("cube");
+    let directory = directory.path();
+    let run = |arguments: &[&str]| radiosity(directory, arguments);
+    assert!(
+        run(&[
+            "form-factors",
+            "scene.obj",
+            "--method",
+            "sr",
+            "--rays",
+            "100",
+            "--max-edge",
+            "0.5",
+            "-o",
+            "F.npz"
+        ])
+        .status
+        .success()
+    );
+    assert!(
+        run(&["scene", "lewis-room", "--level", "1", "-o", "other.obj"])
+            .status
+            .success()
+    );
+    let output = run(&["solve", "other.obj", "--form-factors", "F.npz"]);
+    assert_eq!(output.status.code(), Some(1));
+    let message = stderr(&output);
+    assert_eq!(message.lines().count(), 1, "{message}");
+    for part in ["F.npz", "other.obj", "radiosity form-factors other.obj -o F.npz"] {
+        assert!(message.contains(part), "{message}");
+    }
+    let solve = ["solve", "scene.obj", "--form-factors", "F.npz"];
+    for (flags, code, part) in [
+        (&["--max-edge", "0.5"][..], 0, ""),
+        (&["--max-edge", "0.25"], 2, "--max-edge 0.5"),
+        (&["--subdivide", "2"], 2, "--max-edge 0.5"),
+        (&["--rays", "100"], 2, "--rays"),
+        (&["--method", "sr"], 2, "--method"),
+    ] {
+        let output = run(&[&solve[..], flags].concat());
+        assert_eq!(output.status.code(), Some(code), "{flags:?} {}", stderr(&output));
+        assert!(stderr(&output).contains(part), "{}", stderr(&output));
+    }
+    let (code, result) = document(directory, &["solve", "scene.obj", "--form-factors", "missing.npz"]);
+    assert_eq!((code, &result["error"]["kind"]), (1, &Value::from("unreadable")));
+    let (code, result) = document(directory, &["form-factors", "scene.obj", "-o", "F.txt"]);
+    assert_eq!((code, &result["error"]["kind"]), (2, &Value::from("usage")));
+    // Half of a file is not one.
+    let bytes = std::fs::read(directory.join("F.npz")).unwrap();
+    std::fs::write(directory.join("F.npz"), &bytes[..bytes.len() / 2]).unwrap();
+    let (code, result) = document(directory, &solve);
+    assert_eq!((code, &result["error"]["kind"]), (1, &Value::from("damaged")));
+    assert_eq!(result["error"]["file"], "F.npz");
+}
+
+/// Two plates 1e-5 m apart, 4 m wide: rays start 6e-6 m off each.
+#[test]
+fn rays_that_start_too_far_off_a_narrow_gap_are_told_of() {
+    let directory = tempfile::tempdir().unwrap();
+    let plates = "o low\nv -2 -2 0\nv 2 -2 0\nv 2 2 0\nv -2 2 0\nf 1 2 3 4\n\
+                  o high\nv -2 -2 1e-5\nv 2 -2 1e-5\nv 2 2 1e-5\nv -2 2 1e-5\nf 8 7 6 5\n";
+    std::fs::write(directory.path().join("plates.obj"), plates).unwrap();
+    let with = |method: &str| {
+        let output = radiosity(directory.path(), &["form-factors", "plates.obj", "--method", method]);
+        assert!(output.status.success(), "{}", stderr(&output));
+        stderr(&output)
+    };
+    let told = with("sr");
+    assert!(
+        told.contains("`low` (line 6) and `high` (line 12) are 1.00e-5 m apart") && told.contains("6.00e-6 m off"),
+        "{told}"
+    );
+    assert!(!with("closed-form").contains("apart"), "no ray, no warning");
+}
+
+#[test]
+fn closure_is_repaired_where_it_is_known() {
+    let directory = with_scene("cube");
+    let method = [
+        "--subdivide",
+        "2",
+        "--method",
+        "sr",
+        "--rays",
+        "500",
+        "--balance",
+        "closure",
+    ];
+    let (code, result) = document(
+        directory.path(),
+        &[&["form-factors", "scene.obj"], &method[..]].concat(),
+    );
+    assert_eq!(code, 0);
+    assert_eq!(result["settings"]["balance"], "closure");
+    assert!(result["closure_error_max"].as_f64().unwrap() < 1e-9, "{result:#}");
+    // Two walls: open, and `exact` counts nothing that leaves.
+    let open = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\nf 1 2 3 4\nf 8 7 6 5\n";
+    std::fs::write(directory.path().join("open.obj"), open).unwrap();
+    let arguments = ["form-factors", "open.obj", "--balance", "closure"];
+    let message = stderr(&radiosity(directory.path(), &arguments));
+    assert!(message.contains("--balance closure changes nothing"), "{message}");
+    assert!(!stderr(&radiosity(directory.path(), &arguments[..2])).contains("--balance"));
+}
+
+#[test]
+fn explain_says_what_is_left_out() {
+    let directory = with_scene("cube");
+    let output = radiosity(
+        directory.path(),
+        &[
+            "form-factors",
+            "scene.obj",
+            "--method",
+            "sr",
+            "--rays",
+            "100",
+            "--explain",
+        ],
+    );
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(text.contains("channels: 1 (every material is grey)"), "{text}");
+    assert!(text.contains("closure: closed"), "{text}");
+    assert!(text.contains("visibility: none needed"), "{text}");
+    assert!(text.contains("left out:"), "{text}");
+}

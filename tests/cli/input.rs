@@ -1,0 +1,71 @@
+//! Bad input and bad usage.
+
+use crate::{document, radiosity, stderr, with_scene};
+
+#[test]
+fn bad_input_gets_one_line_and_exit_code_1() {
+    let directory = with_scene("cube");
+    std::fs::write(directory.path().join("bad.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n").unwrap();
+    std::fs::write(directory.path().join("empty.obj"), "").unwrap();
+    for (file, needle) in [
+        ("bad.obj", "bad.obj:4:"),
+        ("empty.obj", "empty.obj:"),
+        ("missing.obj", "missing.obj:"),
+        (".", ".:"),
+    ] {
+        for command in ["form-factors", "solve", "render"] {
+            let mut arguments = vec![command, file];
+            if command == "render" {
+                arguments.extend(["-o", "x.exr"]);
+            }
+            let output = radiosity(directory.path(), &arguments);
+            assert_eq!(output.status.code(), Some(1), "{arguments:?}");
+            let message = stderr(&output);
+            assert_eq!(message.lines().count(), 1, "{message}");
+            assert!(message.contains(needle) && !message.contains("panicked"), "{message}");
+            assert!(output.stdout.is_empty());
+            assert!(!directory.path().join("x.exr").exists());
+        }
+    }
+    let (code, result) = document(directory.path(), &["solve", "bad.obj"]);
+    assert_eq!(code, 1);
+    assert_eq!(result["error"]["kind"], "index_out_of_range");
+    assert_eq!(result["error"]["file"], "bad.obj");
+    assert_eq!(result["error"]["line"], 4);
+}
+
+#[test]
+fn usage_errors_are_exit_code_2() {
+    let directory = with_scene("cube");
+    for arguments in [
+        &["solve", "scene.obj", "--method", "hyper"] as &[&str],
+        &["solve", "scene.obj", "--solver", "magic"],
+        &["solve", "scene.obj", "--subdivide", "2", "--max-edge", "0.1"],
+        &["solve", "scene.obj", "--method", "sr", "--rays", "0"],
+        &["solve", "scene.obj", "--tolerance", "-1"],
+        &["paint", "scene.obj"],
+        &["form-factors"],
+    ] {
+        let output = radiosity(directory.path(), arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+        assert!(!stderr(&output).is_empty());
+    }
+    let (code, result) = document(directory.path(), &["solve", "scene.obj", "--method", "hyper"]);
+    assert_eq!(code, 2);
+    assert_eq!(result["error"]["kind"], "usage");
+}
+
+#[test]
+fn libraries_outside_the_scenes_folder_are_read_on_request() {
+    let directory = with_scene("cube");
+    std::fs::create_dir(directory.path().join("inner")).unwrap();
+    let obj = std::fs::read_to_string(directory.path().join("scene.obj")).unwrap();
+    let outside = obj.replace("mtllib scene.mtl", "mtllib ../scene.mtl");
+    assert_ne!(outside, obj);
+    std::fs::write(directory.path().join("inner/scene.obj"), outside).unwrap();
+    let arguments = ["form-factors", "inner/scene.obj", "--allow-outside"];
+    assert_eq!(radiosity(directory.path(), &arguments).status.code(), Some(0));
+    let refused = radiosity(directory.path(), &arguments[..2]);
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(stderr(&refused).contains("--allow-outside"), "{}", stderr(&refused));
+}

@@ -1,0 +1,292 @@
+//! Pictures, fields and sequences.
+
+use crate::{document, radiosity, stderr, with_scene};
+
+#[test]
+fn an_unfolded_cube_is_proved_and_a_tampered_one_is_not() {
+    let directory = with_scene("cube");
+    let output = radiosity(
+        directory.path(),
+        &[
+            "render",
+            "scene.obj",
+            "-o",
+            "cube.exr",
+            "--camera",
+            "unfolded",
+            "--width",
+            "24",
+            "--direct-samples",
+            "512",
+        ],
+    );
+    assert!(output.status.success(), "{}", stderr(&output));
+    let (code, result) = document(directory.path(), &["verify", "cube.exr"]);
+    assert_eq!(code, 0, "{result}");
+    assert_eq!(result["passed"], true);
+    assert!(result["n_checked"].as_u64().unwrap() >= 5 * 24 * 24);
+    assert!(result["max_error"].as_f64().unwrap() > 0.0);
+
+    // The same picture of another light: the description says 10 % more than the pixels show.
+    let mut bytes = std::fs::read(directory.path().join("cube.exr")).unwrap();
+    let needle = b"\"exitance\":[1.0,1.0,1.0]";
+    let at = bytes.windows(needle.len()).position(|w| w == needle).unwrap();
+    bytes[at..at + needle.len()].copy_from_slice(b"\"exitance\":[1.1,1.1,1.1]");
+    std::fs::write(directory.path().join("brighter.exr"), bytes).unwrap();
+    let (code, result) = document(directory.path(), &["verify", "brighter.exr"]);
+    assert_eq!(code, 4, "{result}");
+    assert_eq!(result["passed"], false);
+}
+
+#[test]
+fn a_picture_is_written_whole_with_its_preview() {
+    let directory = with_scene("cornell-box");
+    let arguments = [
+        "render",
+        "scene.obj",
+        "-o",
+        "box.exr",
+        "--width",
+        "64",
+        "--max-edge",
+        "0.2",
+        "--method",
+        "sr",
+        "--rays",
+        "500",
+        "--samples",
+        "1",
+    ];
+    let (code, result) = document(directory.path(), &arguments);
+    assert_eq!(code, 0, "{result}");
+    assert_eq!(
+        (result["width"].as_u64(), result["height"].as_u64()),
+        (Some(64), Some(64))
+    );
+    assert_eq!(result["image"], "box.exr");
+    let first = std::fs::read(directory.path().join("box.exr")).unwrap();
+    let preview = std::fs::read(directory.path().join("box.png")).unwrap();
+    assert!(first.starts_with(&[0x76, 0x2f, 0x31, 0x01]) && preview.starts_with(b"\x89PNG"));
+    // Again, with another number of threads: the same bytes, in place of the old file.
+    let (code, _) = document(directory.path(), &[&arguments as &[&str], &["--threads", "1"]].concat());
+    assert_eq!(code, 0);
+    assert_eq!(first, std::fs::read(directory.path().join("box.exr")).unwrap());
+    let left: Vec<_> = std::fs::read_dir(directory.path())
+        .unwrap()
+        .map(|f| f.unwrap().file_name())
+        .collect();
+    // scene.obj, scene.mtl, camera.toml, box.exr, box.png: nothing temporary.
+    assert_eq!(left.len(), 5, "{left:?}");
+}
+
+#[test]
+fn an_output_that_cannot_be_written_is_refused_before_the_work() {
+    let directory = with_scene("cube");
+    std::fs::create_dir(directory.path().join("folder.exr")).unwrap();
+    for (name, code) in [("no/such/dir/x.exr", 1), ("folder.exr", 1), ("x.png", 2), ("x", 2)] {
+        let output = radiosity(directory.path(), &["render", "scene.obj", "-o", name, "--width", "8"]);
+        assert_eq!(output.status.code(), Some(code), "{name}");
+        assert_eq!(stderr(&output).lines().count(), 1, "{}", stderr(&output));
+        assert!(stderr(&output).contains(name), "{}", stderr(&output));
+        assert!(output.stdout.is_empty(), "{name}");
+    }
+}
+
+/// A field of form factors as a document; `verify` recognises the file, and a wrong surface is a usage error.
+#[test]
+fn a_field_of_form_factors_is_rendered_and_verified() {
+    let directory = with_scene("cube");
+    let field = ["field", "scene.obj", "--surface", "z1", "-o", "f.exr"];
+    let (code, result) = document(
+        directory.path(),
+        &[&field[..], &["--camera", "unfolded", "--width", "16"]].concat(),
+    );
+    assert_eq!(
+        (code, &result["command"], &result["surface"]),
+        (0, &"field".into(), &"z1".into())
+    );
+    assert_eq!(
+        (&result["width"], &result["height"], &result["settings"]["method"]),
+        (&64.into(), &48.into(), &"exact".into())
+    );
+    let surfaces = result["surfaces"].as_array().unwrap();
+    for (name, exact) in [("z0", 0.199_824_9), ("x0", 0.200_043_8), ("z1", 0.0)] {
+        let surface = surfaces.iter().find(|surface| surface["name"] == name).unwrap();
+        assert_eq!(surface["n_pixels"], 256);
+        // The midpoint rule on 16 × 16 pixels.
+        assert!(
+            (surface["form_factor"].as_f64().unwrap() - exact).abs() < 2e-4,
+            "{surface}"
+        );
+    }
+    let (code, report) = document(directory.path(), &["verify", "f.exr"]);
+    assert_eq!(
+        (code, &report["passed"], &report["field"]),
+        (0, &true.into(), &"z1".into())
+    );
+    let text = String::from_utf8(radiosity(directory.path(), &["verify", "f.exr"]).stdout).unwrap();
+    assert!(
+        text.starts_with("form factors to z1") && !text.contains("W/m²"),
+        "{text}"
+    );
+    assert!(directory.path().join("f.png").is_file());
+
+    let shot = [
+        &field[..],
+        &["--method", "sr", "--rays", "64", "--camera", "unfolded", "--width", "8"],
+    ]
+    .concat();
+    let (code, result) = document(directory.path(), &shot);
+    assert_eq!((code, &result["settings"]["rays"]), (0, &64.into()));
+    assert_eq!(document(directory.path(), &["verify", "f.exr"]).0, 0);
+
+    for (flags, word) in [
+        (
+            &["field", "scene.obj", "--surface", "roof", "-o", "f.exr"][..],
+            "no surface `roof`",
+        ),
+        (
+            &["field", "scene.obj", "--surface", "z1", "-o", "f.exr", "--rays", "9"],
+            "--rays",
+        ),
+        (&["field", "scene.obj", "--surface", "z1", "-o", "f.png"], ".exr"),
+    ] {
+        let output = radiosity(directory.path(), flags);
+        assert_eq!(output.status.code(), Some(2), "{flags:?}");
+        assert!(
+            stderr(&output).contains(word) && stderr(&output).lines().count() == 1,
+            "{}",
+            stderr(&output)
+        );
+    }
+}
+
+/// A sequence of lightings and cameras: one file each, the same as when rendered alone, with the form factors computed once.
+#[test]
+fn frames_share_form_factors_and_equal_single_pictures() {
+    let directory = with_scene("cube");
+    let path = |name: &str| directory.path().join(name);
+    let write = |name: &str, text: &str| std::fs::write(path(name), text).unwrap();
+    write(
+        "red.toml",
+        "[surface.z1]\nexitance = [2.0, 0.5, 0.25]\n[surface.x0]\nreflectance = 0.5\n",
+    );
+    write(
+        "frames.toml",
+        "[[frame]]\nname = \"a\"\ncamera = \"unfolded\"\n\n[[frame]]\nname = \"b\"\nlighting = \"red.toml\"\ncamera = \"unfolded\"\n\n\
+         [[frame]]\nname = \"c\"\nlighting = \"red.toml\"\n",
+    );
+    let common = [
+        "render",
+        "scene.obj",
+        "--subdivide",
+        "2",
+        "--width",
+        "12",
+        "--direct",
+        "exact",
+    ];
+    let frames = [&common[..], &["--frames", "frames.toml", "-o", "f.exr"]].concat();
+    let (code, result) = document(directory.path(), &frames);
+    assert_eq!((code, &result["n_lightings"]), (0, &2.into()), "{result}");
+    let made = result["frames"].as_array().unwrap();
+    let names: Vec<&str> = made.iter().map(|frame| frame["image"].as_str().unwrap()).collect();
+    assert_eq!(names, ["f-a.exr", "f-b.exr", "f-c.exr"]);
+    assert_eq!((&made[0]["width"], &made[2]["width"]), (&48.into(), &12.into()));
+    for (frame, emitted) in [(&made[0], 1.0), (&made[1], 2.0)] {
+        let surfaces = frame["surfaces"].as_array().unwrap();
+        let lamp = surfaces.iter().find(|surface| surface["name"] == "z1").unwrap();
+        assert!(
+            (lamp["radiosity"][0].as_f64().unwrap() - emitted).abs() < 1e-12,
+            "{lamp}"
+        );
+    }
+    for name in ["f-a.exr", "f-b.exr"] {
+        let (code, report) = document(directory.path(), &["verify", name]);
+        assert_eq!((code, &report["n_not_checkable"]), (0, &0.into()), "{report}");
+    }
+    // The first frame alone: the same picture.
+    let alone = [&common[..], &["--camera", "unfolded", "-o", "alone.exr"]].concat();
+    assert_eq!(document(directory.path(), &alone).0, 0);
+    let layers = |name: &str| radiosity::render::exr::read(&path(name)).unwrap().0;
+    let (first, single) = (layers("f-a.exr"), layers("alone.exr"));
+    for layer in ["R", "direct.G", "irradiance.B"] {
+        assert_eq!(first.f32(layer), single.f32(layer), "{layer}");
+    }
+
+    for (text, words) in [
+        ("", "no [[frame]]"),
+        (
+            "[[frame]]\nname = \"a\"\n[[frame]]\nname = \"a\"\n",
+            "two frames are called `a`",
+        ),
+        ("[[frame]]\nname = \"a/b\"\n", "bad.toml:1"),
+        ("[[frame]]\nname = \"a\"\nlight = \"x\"\n", "bad.toml:3"),
+        ("[[frame]]\nname = \"a\"\nlighting = \"none.toml\"\n", "none.toml"),
+    ] {
+        write("bad.toml", text);
+        let bad = [&common[..], &["--frames", "bad.toml", "-o", "f.exr"]].concat();
+        let output = radiosity(directory.path(), &bad);
+        let message = stderr(&output);
+        assert_eq!(output.status.code(), Some(1), "{text}: {message}");
+        assert!(
+            message.contains(words) && message.lines().count() == 1,
+            "{text}: {message}"
+        );
+    }
+}
+
+#[test]
+fn final_gather_says_what_it_took_and_a_missing_viewer_is_a_warning() {
+    let directory = with_scene("room-box");
+    let common = [
+        "render",
+        "scene.obj",
+        "--subdivide",
+        "2",
+        "--width",
+        "12",
+        "-o",
+        "g.exr",
+        "--final-gather",
+    ];
+    let (code, result) = document(directory.path(), &[&common[..], &["--noise", "0.1"]].concat());
+    assert_eq!(code, 0, "{result}");
+    let report = &result["final_gather"];
+    assert!(
+        report["n_rays"].as_u64().unwrap() >= 64 * 144 && report["n_above"] == 0,
+        "{report}"
+    );
+    let (image, attributes) = radiosity::render::exr::read(&directory.path().join("g.exr")).unwrap();
+    assert!(attributes.render.gather.is_some());
+    let total: u64 = image.u32("samples").unwrap().iter().map(|&n| u64::from(n)).sum();
+    assert_eq!(report["n_rays"], total);
+    for layer in ["variance.R", "error.G", "direct.B"] {
+        assert!(
+            image.f32(layer).unwrap().iter().all(|x| x.is_finite() && *x >= 0.0),
+            "{layer}"
+        );
+    }
+    // A budget spent above the tolerance.
+    let few = ["--noise", "0.001", "--gather-rays", "64"];
+    let (code, result) = document(directory.path(), &[&common[..], &few].concat());
+    assert_eq!(code, 3);
+    assert!(
+        result["final_gather"]["n_above"].as_u64().unwrap() > 50,
+        "{}",
+        result["final_gather"]
+    );
+    // Port 1 is nobody's.
+    let output = radiosity(
+        directory.path(),
+        &[&common[..], &["--noise", "0.1", "--display", "127.0.0.1:1"]].concat(),
+    );
+    let message = stderr(&output);
+    assert_eq!(output.status.code(), Some(0), "{message}");
+    assert_eq!(message.matches("no viewer at 127.0.0.1:1").count(), 1, "{message}");
+    let useless = radiosity(
+        directory.path(),
+        &["render", "scene.obj", "-o", "g.exr", "--noise", "0.1"],
+    );
+    assert_eq!(useless.status.code(), Some(2));
+}

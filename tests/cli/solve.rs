@@ -1,0 +1,399 @@
+//! Solutions: solvers, lightings, form factors from files or none.
+
+use std::path::Path;
+
+use serde_json::Value;
+
+use crate::{document, numbers, radiosity, stderr, with_scene};
+
+#[test]
+fn solvers_agree_and_say_how_they_stopped() {
+    let directory = with_scene("lewis-room");
+    let solve = |solver: &str| {
+        let (code, result) = document(
+            directory.path(),
+            &[
+                "solve",
+                "scene.obj",
+                "--method",
+                "sr",
+                "--rays",
+                "1000",
+                "--balance",
+                "on",
+                "--solver",
+                solver,
+                "--tolerance",
+                "1e-10",
+            ],
+        );
+        assert_eq!(code, 0);
+        assert_eq!(result["solver"], solver);
+        assert_eq!(result["stop_reason"], "converged");
+        assert!(result["residual_l2"].as_f64().unwrap() <= 1e-10);
+        assert!(!result["history"].as_array().unwrap().is_empty());
+        let surfaces = result["surfaces"].as_array().unwrap().clone();
+        surfaces
+            .iter()
+            .map(|s| s["radiosity"][0].as_f64().unwrap())
+            .collect::<Vec<_>>()
+    };
+    let (a, b) = (solve("gauss-seidel"), solve("pcg"));
+    for (x, y) in a.iter().zip(&b) {
+        assert!((x - y).abs() < 1e-8 * x.abs(), "{a:?} {b:?}");
+    }
+}
+
+#[test]
+fn settings_go_to_the_solvers_that_use_them() {
+    let directory = with_scene("lewis-room");
+    let common = ["solve", "scene.obj", "--method", "sr", "--rays", "500"];
+    for (flags, used_by) in [
+        (&["--solver", "pcg", "--omega", "1.5"][..], "`sor`"),
+        (&["--solver", "jacobi", "--bounds", "average"], "`chebyshev`"),
+        (&["--solver", "sor", "--steps-per-pass", "5"], "`overshooting`"),
+        (&["--solver", "sor", "--display-ambient"], "`progressive-refinement`"),
+        (&["--solver", "sor", "--omega", "2"], "between 0 and 2"),
+    ] {
+        let output = radiosity(directory.path(), &[&common, flags].concat());
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{flags:?}: {message}");
+        assert!(
+            message.contains(used_by) && message.trim_end().lines().count() == 1,
+            "{flags:?}: {message}"
+        );
+    }
+    for flags in [
+        &["--solver", "sor", "--omega", "1.2"][..],
+        &["--solver", "chebyshev", "--bounds", "average"],
+    ] {
+        let (code, result) = document(directory.path(), &[&common, flags].concat());
+        assert_eq!(code, 0, "{flags:?}");
+        assert_eq!(result["stop_reason"], "converged");
+    }
+}
+
+/// A picture after few steps: the estimate of the light under way brings the room's mean near its end.
+#[test]
+fn light_under_way_can_be_shown() {
+    let directory = with_scene("lewis-room");
+    let total = |flags: &[&str]| {
+        let common = [
+            "solve",
+            "scene.obj",
+            "--method",
+            "sr",
+            "--rays",
+            "500",
+            "--balance",
+            "on",
+        ];
+        let (code, result) = document(directory.path(), &[&common, flags].concat());
+        let surfaces = result["surfaces"].as_array().unwrap();
+        let of = |s: &Value| s["area_m2"].as_f64().unwrap() * s["radiosity"][0].as_f64().unwrap();
+        (code, surfaces.iter().map(of).sum::<f64>(), result)
+    };
+    let (code, exact, _) = total(&["--solver", "pcg"]);
+    assert_eq!(code, 0);
+    let few = [
+        "--solver",
+        "progressive-refinement",
+        "--steps-per-pass",
+        "10",
+        "--max-passes",
+        "3",
+    ];
+    let (code, plain, result) = total(&few);
+    assert_eq!((code, &result["n_steps"]), (3, &Value::from(30)));
+    let (_, shown, result) = total(&[&few[..], &["--display-ambient"]].concat());
+    assert_eq!(result["settings"]["display_ambient"], true);
+    assert!(
+        (shown - exact).abs() < 0.25 * (plain - exact).abs(),
+        "{shown} {plain} {exact}"
+    );
+}
+
+#[test]
+fn too_few_passes_are_exit_code_3_and_still_give_a_document() {
+    let directory = with_scene("lewis-room");
+    let (code, result) = document(
+        directory.path(),
+        &[
+            "solve",
+            "scene.obj",
+            "--method",
+            "sr",
+            "--rays",
+            "200",
+            "--solver",
+            "pcg",
+            "--max-passes",
+            "2",
+            "--tolerance",
+            "1e-12",
+        ],
+    );
+    assert_eq!(code, 3);
+    assert_eq!(result["stop_reason"], "max_passes");
+    assert_eq!(result["n_passes"], 2);
+}
+
+#[test]
+fn the_solution_is_written_as_csv() {
+    let directory = with_scene("cube");
+    let output = radiosity(
+        directory.path(),
+        &["solve", "scene.obj", "--subdivide", "2", "-o", "b.csv"],
+    );
+    assert!(output.status.success(), "{}", stderr(&output));
+    let table = std::fs::read_to_string(directory.path().join("b.csv")).unwrap();
+    let lines: Vec<&str> = table.lines().collect();
+    assert_eq!(lines.len(), 25);
+    assert_eq!(
+        lines[0],
+        "patch,surface,area_m2,x_m,y_m,z_m,radiosity_grey,irradiance_grey"
+    );
+    assert!(lines[1].starts_with("0,x0,0.25,0.0,"), "{}", lines[1]);
+    let output = radiosity(directory.path(), &["solve", "scene.obj", "-o", "b.txt"]);
+    assert_eq!(output.status.code(), Some(2));
+}
+
+#[test]
+fn a_room_that_cannot_lose_light_has_no_solution() {
+    let directory = with_scene("cube");
+    let library = "newmtl wall\nKd 1 1 1\nnewmtl lamp\nKd 1 1 1\nKe 1 1 1\n";
+    let obj = std::fs::read_to_string(directory.path().join("scene.obj")).unwrap();
+    std::fs::write(directory.path().join("scene.mtl"), {
+        let names = obj.lines().filter_map(|line| line.strip_prefix("usemtl "));
+        let mut text = String::from(library);
+        for (k, name) in names.collect::<std::collections::BTreeSet<_>>().into_iter().enumerate() {
+            text.push_str(&["newmtl ", name, "\nKd 1 1 1\nKe ", &k.to_string(), " 1 1\n"].concat());
+        }
+        text
+    })
+    .unwrap();
+    let (code, result) = document(
+        directory.path(),
+        &["solve", "scene.obj", "--method", "sr", "--rays", "100"],
+    );
+    assert_eq!(code, 1);
+    assert_eq!(result["error"]["kind"], "no_finite_solution");
+}
+
+/// Runs, expects success, and returns the document without what varies from run to run.
+fn repeatable(directory: &Path, arguments: &[&str]) -> Value {
+    let (code, mut result) = document(directory, arguments);
+    assert_eq!(code, 0, "{result}");
+    for varying in [
+        "stages",
+        "total_s",
+        "memory_peak_byte",
+        "history",
+        "settings",
+        "left_out",
+    ] {
+        result.as_object_mut().unwrap().remove(varying);
+    }
+    result
+}
+
+#[test]
+fn form_factors_from_a_file_give_the_same_solution() {
+    let directory = with_scene("room-box");
+    let directory = directory.path();
+    let computing = ["--subdivide", "2", "--method", "sr", "--rays", "500"];
+    let direct = repeatable(directory, &[&["solve", "scene.obj"], &computing[..]].concat());
+    for (file, threads) in [("F.npz", "1"), ("G.npz", "2")] {
+        let written = [
+            &["form-factors", "scene.obj", "-o", file, "--threads", threads],
+            &computing[..],
+        ]
+        .concat();
+        assert_eq!(repeatable(directory, &written)["output"], file);
+        // The patches come from the file.
+        let reused = repeatable(directory, &["solve", "scene.obj", "--form-factors", file]);
+        assert_eq!(reused, direct);
+    }
+    let bytes = |file: &str| std::fs::read(directory.join(file)).unwrap();
+    assert!(bytes("F.npz") == bytes("G.npz"), "equal work gives equal bytes");
+
+    // Other materials have the same form factors.
+    let library = std::fs::read_to_string(directory.join("scene.mtl")).unwrap();
+    std::fs::write(directory.join("scene.mtl"), library.replace("Kd 0.", "Kd 0.0")).unwrap();
+    let darker = repeatable(directory, &["solve", "scene.obj", "--form-factors", "F.npz"]);
+    assert_eq!(darker["form_factors"], direct["form_factors"]);
+    assert_ne!(darker["surfaces"], direct["surfaces"]);
+}
+
+#[test]
+fn auto_is_the_default_and_says_what_it_took() {
+    let directory = with_scene("lewis-room");
+    let solve = |more: &[&str]| {
+        let base = [
+            "solve",
+            "scene.obj",
+            "--subdivide",
+            "4",
+            "--method",
+            "sr",
+            "--rays",
+            "500",
+        ];
+        let arguments = [&base[..], more].concat();
+        let (code, result) = document(directory.path(), &arguments);
+        assert_eq!(code, 0, "{result}");
+        result
+    };
+    let chosen = solve(&[]);
+    assert_eq!(chosen["settings"]["solver"], "auto");
+    assert_ne!(chosen["solver"], "auto", "the one that did the work");
+    assert!(chosen["why"].as_str().unwrap().len() > 20);
+    let raw = solve(&["--balance", "off"]);
+    assert_ne!(raw["solver"], "pcg", "not symmetric");
+    let named = solve(&["--solver", "pcg", "--start", "ambient"]);
+    assert!(named["why"].is_null());
+    assert_eq!(named["settings"]["start"], "ambient");
+    let energy = &named["energy"][0];
+    let watts = |key: &str| energy[key].as_f64().unwrap();
+    let lost = watts("emitted") - watts("absorbed") - watts("escaped");
+    assert!(lost.abs() < 1e-5 * watts("emitted"), "{energy}");
+    let unused = radiosity(
+        directory.path(),
+        &["solve", "scene.obj", "--solver", "pcg", "--depth", "4"],
+    );
+    assert_eq!(unused.status.code(), Some(2));
+    assert!(stderr(&unused).contains("--depth") && stderr(&unused).contains("anderson"));
+}
+
+/// Two lightings at once are the same as each of them alone, and the sum of two lights is the sum of their radiosities.
+#[test]
+fn lightings_go_through_the_matrix_together() {
+    let directory = with_scene("cube");
+    let write = |name: &str, text: &str| std::fs::write(directory.path().join(name), text).unwrap();
+    let scene = std::fs::read_to_string(directory.path().join("scene.obj")).unwrap();
+    let surfaces: Vec<&str> = scene
+        .lines()
+        .filter_map(|l| l.strip_prefix("o ").or(l.strip_prefix("g ")))
+        .collect();
+    let (first, second) = (surfaces[0], surfaces[5]);
+    let light = |name: &str, e: &str| format!("[surface.\"{name}\"]\nexitance = {e}\nreflectance = 0.5\n");
+    let dark: String = surfaces[1..5].iter().map(|name| light(name, "0.0")).collect();
+    write(
+        "a.toml",
+        &format!("{dark}{}{}", light(first, "[1.0, 2.0, 0.0]"), light(second, "0.0")),
+    );
+    write(
+        "b.toml",
+        &format!("{dark}{}{}", light(first, "0"), light(second, "3.0")),
+    );
+    write(
+        "both.toml",
+        &format!("{dark}{}{}", light(first, "[1.0, 2.0, 0.0]"), light(second, "3.0")),
+    );
+    let factors = [
+        "form-factors",
+        "scene.obj",
+        "--subdivide",
+        "3",
+        "--method",
+        "closed-form",
+        "-o",
+        "f.npz",
+    ];
+    assert!(radiosity(directory.path(), &factors).status.success());
+    let base = ["solve", "scene.obj", "--form-factors", "f.npz", "--tolerance", "1e-10"];
+    let all = [
+        "--lighting",
+        "a.toml",
+        "--lighting",
+        "b.toml",
+        "--lighting",
+        "both.toml",
+        "-o",
+        "out.csv",
+    ];
+    let (code, together) = document(directory.path(), &[&base[..], &all[..]].concat());
+    assert_eq!(code, 0, "{together}");
+    let lightings = together["lightings"].as_array().unwrap();
+    assert_eq!(lightings.len(), 3);
+    // The second one is grey: one channel is enough.
+    for (k, (name, n_channels)) in [("a", 3), ("b", 1), ("both", 3)].into_iter().enumerate() {
+        assert_eq!(lightings[k]["name"], name);
+        assert_eq!(lightings[k]["n_channels"], n_channels);
+        assert!(directory.path().join(format!("out-{name}.csv")).exists());
+    }
+    let n_surfaces = lightings[0]["surfaces"].as_array().unwrap().len();
+    assert_eq!(n_surfaces, 6);
+    for surface in 0..n_surfaces {
+        let of = |lighting: &Value| numbers(&lighting["surfaces"][surface]["radiosity"]);
+        let [a, b, both] = [of(&lightings[0]), of(&lightings[1]), of(&lightings[2])];
+        for c in 0..3 {
+            assert!(
+                both[c] > 0.0 && (a[c] + b[0] - both[c]).abs() < 1e-8 * both[c],
+                "{a:?} {b:?} {both:?}"
+            );
+        }
+    }
+    let alone = ["--lighting", "b.toml", "--solver", "gauss-seidel"];
+    let (_, alone) = document(directory.path(), &[&base[..], &alone[..]].concat());
+    let first_channels = |result: &Value| -> Vec<f64> {
+        let surfaces = result["surfaces"].as_array().unwrap();
+        surfaces.iter().map(|s| numbers(&s["radiosity"])[0]).collect()
+    };
+    let (beside, alone) = (first_channels(&lightings[1]), first_channels(&alone["lightings"][0]));
+    assert_eq!((beside.len(), alone.len()), (6, 6));
+    for (a, b) in beside.iter().zip(&alone) {
+        assert!((a - b).abs() < 1e-8 * a);
+    }
+    for (text, expected) in [
+        (
+            "[surface.nothing]\nexitance = 1.0\n",
+            "bad.toml:1: surface.nothing: the scene has no surface",
+        ),
+        ("[material.white]\nlight = 1.0\n", "bad.toml:2"),
+        (&*format!("[surface.\"{first}\"]\nreflectance = 1.5\n"), "bad.toml:2"),
+        (
+            &*format!("[surface.\"{first}\"]\nexitance = [1.0, -1.0, 0.0]\n"),
+            "bad.toml:2",
+        ),
+    ] {
+        write("bad.toml", text);
+        let output = radiosity(directory.path(), &[&base[..], &["--lighting", "bad.toml"]].concat());
+        assert_eq!(output.status.code(), Some(1), "{text}");
+        assert!(stderr(&output).contains(expected), "{}", stderr(&output));
+    }
+}
+
+/// Form factors that are computed again in every pass are the same ones.
+#[test]
+fn form_factors_need_not_be_stored() {
+    let directory = with_scene("lewis-room");
+    let base = [
+        "solve",
+        "scene.obj",
+        "--subdivide",
+        "2",
+        "--method",
+        "sr",
+        "--rays",
+        "500",
+        "--solver",
+        "gmres",
+    ];
+    let (code, stored) = document(directory.path(), &[&base[..], &["--balance", "off"]].concat());
+    assert_eq!(code, 0);
+    let (code, fly) = document(directory.path(), &[&base[..], &["--on-the-fly"]].concat());
+    assert_eq!(code, 0);
+    assert!(fly["form_factors"].is_null());
+    assert_eq!(fly["n_passes"], stored["n_passes"]);
+    for surface in 0..6 {
+        let of = |result: &Value| numbers(&result["surfaces"][surface]["radiosity"])[0];
+        assert!((of(&fly) - of(&stored)).abs() < 1e-12 * of(&stored));
+    }
+    for (more, expected) in [(["--method", "qmc"], "pairs"), (["--solver", "pcg"], "balanced")] {
+        let arguments = [&["solve", "scene.obj", "--on-the-fly"][..], &more].concat();
+        let refused = radiosity(directory.path(), &arguments);
+        assert_eq!(refused.status.code(), Some(2));
+        assert!(stderr(&refused).contains(expected), "{}", stderr(&refused));
+    }
+}
