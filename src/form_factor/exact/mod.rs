@@ -35,14 +35,15 @@ use batch::Batches;
 ///
 /// | scene | patches | tolerance | time | error |
 /// |---|---|---|---|---|
-/// | `cube` | 1014 | 1e-6 | 0.13 s | 5e-14 |
-/// | `room-box` | 12 | 1e-6 | 0.047 s | 4e-8 |
-/// | `room-box` | 108 | 1e-6 | 0.11 s | 3e-8 |
-/// | `room-box` | 972 | 1e-5 | 1.7 s | 5e-9 |
-/// | `room-box` | 4332 | 1e-5 | below 14 s | 4e-7 |
-/// | `room-box` | 4332 | 1e-3 | below 6.8 s | 5e-5 |
+/// | `cube` | 1014 | 1e-6 | 0.15 s | 5e-14 |
+/// | `room-box` | 12 | 1e-6 | 0.049 s | 4e-8 |
+/// | `room-box` | 108 | 1e-6 | 0.10 s | 2e-8 |
+/// | `room-box` | 972 | 1e-5 | 0.97 s | 6e-7 |
+/// | `room-box` | 4332 | 1e-5 | 6.3 s | 4e-7 |
+/// | `room-box` | 4332 | 1e-3 | 5.0 s | 5e-5 |
 ///
-/// Growth: as n^1.4 from 972 to 4332 patches at one tolerance; in the end as n², the number of pairs.
+/// The last takes 2.7 to 3.0 s on two cores (`radiosity form-factors scenes/room-box/scene.obj --subdivide 19 --tolerance 1e-3`, four runs).
+/// Growth: as n^1.25 from 972 to 4332 patches at one tolerance; in the end as n², the number of pairs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExactMethod {
     /// The tolerance of a partly visible pair, on A_i F_ij / min(A_i, A_j): the absolute error of the larger of F_ij and F_ji.
