@@ -19,7 +19,8 @@
 //!
 //! Error: of first order in the voxel's side, 1.9 % of the irradiance in the cube, 2.3 % in the room of Lewis, 2.3 % around a sphere, 6.2 % in the Cornell box at 40 voxels and R = 30, against patches with
 //! exact form factors (`radiosity reproduce malgouyres`). Without [`Materials::emission`], which gives emitters the power of their true areas, it was 6.0 % in the room of Lewis, 2.9 % around the sphere and
-//! 11 % in the Cornell box. Patches with exact form factors are nearer in less time on all four.
+//! 11 % in the Cornell box. Patches with exact form factors are nearer in less time on all four. Cells with a
+//! tolerance of 0.2 come to 0.97 to 1.09 of these errors with 0.16 to 0.63 of the links.
 //!
 //! Source: [`MALGOUYRES_2002`](crate::references::MALGOUYRES_2002).
 

@@ -344,7 +344,7 @@ fn checks(case: &Case, result: &SceneResult) -> Vec<Check> {
     // At 20 voxels a wall has few cells, and two resolutions are no line.
     if result.by_resolution.len() > 2 {
         checks.push(check("order in h".into(), result.order_in_h, case.order));
-        // Measured at 40 voxels: 0.98 to 1.11 of the error with 0.15 to 0.63 of the links.
+        // Measured at 40 voxels: 0.97 to 1.09 of the error with 0.16 to 0.63 of the links.
         checks.push(check(
             "error of cells by that of voxels".into(),
             cells.error / voxels.error,
