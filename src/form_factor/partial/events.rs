@@ -9,6 +9,7 @@ use std::collections::HashMap;
 
 use glam::{DVec2, DVec3};
 
+use super::receiver::Receiver;
 use crate::geometry::clip::clip_contour;
 use crate::geometry::polygon;
 
@@ -19,51 +20,6 @@ pub(super) struct Event {
     pub(super) from: DVec2,
     /// The other end.
     pub(super) to: DVec2,
-}
-
-/// A receiver with a frame in its plane.
-pub(super) struct Receiver {
-    /// The corners, counter-clockwise.
-    pub(super) corners: Vec<DVec3>,
-    /// The unit normal.
-    pub(super) normal: DVec3,
-    origin: DVec3,
-    x: DVec3,
-    y: DVec3,
-}
-
-impl Receiver {
-    pub(super) fn new(corners: Vec<DVec3>, normal: DVec3) -> Self {
-        let origin = corners[0];
-        // Along the longest edge, so that cells of a rectangle have exact coordinates.
-        let along = (0..corners.len())
-            .map(|k| corners[(k + 1) % corners.len()] - corners[k])
-            .fold(
-                DVec3::ZERO,
-                |m, e| if e.length_squared() > m.length_squared() { e } else { m },
-            );
-        let x = (along - normal * normal.dot(along)).normalize_or_zero();
-        Self {
-            corners,
-            normal,
-            origin,
-            x,
-            y: normal.cross(x),
-        }
-    }
-
-    pub(super) fn to_world(&self, p: DVec2) -> DVec3 {
-        self.origin + self.x * p.x + self.y * p.y
-    }
-
-    pub(super) fn to_plane(&self, p: DVec3) -> DVec2 {
-        let r = p - self.origin;
-        DVec2::new(self.x.dot(r), self.y.dot(r))
-    }
-
-    fn height(&self, p: DVec3) -> f64 {
-        self.normal.dot(p - self.origin)
-    }
 }
 
 /// A corner of the target or of a blocker.

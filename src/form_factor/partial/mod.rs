@@ -14,6 +14,7 @@ mod cells;
 mod events;
 mod point;
 mod quad;
+mod receiver;
 mod rule;
 mod shadow;
 
@@ -27,8 +28,9 @@ use crate::geometry::point_form_factor::point_form_factor;
 use crate::geometry::polygon;
 use crate::visibility::blockers::Blocker;
 use cells::{Cells, Shape};
-use events::{Outline, Receiver};
+use events::Outline;
 pub use point::VisibleFactor;
+use receiver::Receiver;
 use rule::Estimate;
 use shadow::Shadows;
 

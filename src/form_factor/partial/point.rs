@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::events::Receiver;
+use super::receiver::Receiver;
 use super::shadow::Shadows;
 use super::{Blocker, bounds};
 use crate::geometry::clip::clip_to_half_space;

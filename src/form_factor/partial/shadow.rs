@@ -9,7 +9,7 @@ use crate::geometry::point_form_factor::near_term;
 use crate::geometry::polygon;
 use crate::visibility::blockers::Blocker;
 
-use super::events::Receiver;
+use super::receiver::Receiver;
 
 /// A convex planar blocker.
 #[derive(Clone, Debug)]

@@ -1,9 +1,15 @@
 //! `radiosity voxel`.
 
+mod report;
+
 use std::fmt::Write as _;
 use std::path::Path;
 
 use serde_json::{Value, json};
+
+use report::{
+    Checked, LinkFigures, describe, describe_surfaces, mebibytes, surfaces, to_json, warn_of_gaps, warn_of_leaks,
+};
 
 use super::args::{LinksName, VoxelArgs};
 use super::exit_code::ExitCode;
@@ -15,11 +21,10 @@ use crate::matrix::operator::{Block, LinearOperator};
 use crate::mesh::Subdivision;
 use crate::render::{Attributes, DirectMethod, RenderInput, RenderSettings, exr, png};
 use crate::report::voxels::write_vtu;
-use crate::scene::Scene;
 use crate::solver::{self, RadiositySystem, SolveOptions, SolverSettings, StopReason, Tolerance};
 use crate::voxel::{
-    AdaptiveSettings, DiscreteSphere, Form, Grid, LinkOperator, Links, Materials, RowWeights, SolidAngle, ThinGap,
-    VoxelScene, onto_patches, picture, propagate, solve_adaptively,
+    AdaptiveSettings, DiscreteSphere, Form, Grid, LinkOperator, Links, Materials, RowWeights, SolidAngle, VoxelScene,
+    onto_patches, picture, propagate, solve_adaptively,
 };
 
 /// Patches of the display, in voxels: fine enough to show what the voxels resolve.
@@ -118,71 +123,6 @@ fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
         document: run.document_of(&prepared, result),
         code: run.judged(solved.code, args.audit.strict),
     })
-}
-
-/// What the checks of the discretisation found.
-struct Checked {
-    gaps: Vec<ThinGap>,
-    /// Surfels that are reached from outside.
-    leaks: Vec<u32>,
-    /// The Hausdorff distance from the scene, in voxels.
-    hausdorff: Option<f64>,
-}
-
-/// How many links there are, and what they take.
-#[expect(clippy::struct_field_names, reason = "counts are named n_ everywhere")]
-struct LinkFigures {
-    n_links: u64,
-    n_backs: u64,
-    n_escaped: u64,
-    n_bytes: u64,
-}
-
-fn to_json(
-    scene: &Scene,
-    voxels: &VoxelScene,
-    sphere: &DiscreteSphere,
-    links: &LinkFigures,
-    checked: &Checked,
-) -> Value {
-    json!({
-        "n_voxels": voxels.octree.n_voxels(),
-        "n_surfels": voxels.n_surfels(),
-        "lattice": voxels.grid.n_voxels,
-        "voxel_size_m": voxels.grid.voxel_size,
-        "n_directions": sphere.directions().len(),
-        "n_links": links.n_links,
-        "n_escaped": links.n_escaped,
-        "n_backs": links.n_backs,
-        "link_byte": links.n_bytes,
-        "octree_byte": voxels.octree.n_bytes(),
-        "surfel_byte": voxels.n_bytes() - voxels.octree.n_bytes(),
-        "n_leaks": checked.leaks.len(),
-        "hausdorff_distance_voxel": checked.hausdorff,
-        "thin_gaps": gaps_to_json(scene, &checked.gaps),
-    })
-}
-
-fn describe(text: &mut String, voxels: &VoxelScene, sphere: &DiscreteSphere, links: &LinkFigures) {
-    let [x, y, z] = voxels.grid.n_voxels;
-    let _ = writeln!(
-        text,
-        "{x} × {y} × {z} voxels of {:.4e} m, {} of them surface, {} unknowns, octree {}",
-        voxels.grid.voxel_size,
-        voxels.octree.n_voxels(),
-        voxels.n_surfels(),
-        mebibytes(voxels.octree.n_bytes() as f64)
-    );
-    let _ = writeln!(
-        text,
-        "{} directions, {} links in {} ({:.2} bytes a link); {} end at backs, {} leave the scene",
-        sphere.directions().len(),
-        links.n_links,
-        mebibytes(links.n_bytes as f64),
-        links.n_bytes as f64 / (links.n_links.max(1)) as f64,
-        links.n_backs,
-        links.n_escaped
-    );
 }
 
 /// Bytes for a link, by which the plan reckons: measured, 1.3 to 2.3, the less the more directions there are.
@@ -361,55 +301,6 @@ fn expect_sensible(args: &VoxelArgs, format: Option<Format>) -> Result<(), Failu
     Ok(())
 }
 
-/// Names of the surfaces of at most three gaps: a line is for reading.
-fn warn_of_gaps(run: &Run, scene: &Scene, gaps: &[ThinGap], n: u32) {
-    if gaps.is_empty() {
-        return;
-    }
-    let name = |id: crate::scene::SurfaceId| scene.surfaces[id.0 as usize].name.as_str();
-    let pair = |gap: &ThinGap| format!("{} and {}", name(gap.surfaces[0]), name(gap.surfaces[1]));
-    let named: Vec<String> = gaps.iter().take(3).map(pair).collect();
-    let more = gaps.len().saturating_sub(3);
-    let others = if more > 0 {
-        format!(" and {more} other pairs")
-    } else {
-        String::new()
-    };
-    run.warn(&format!(
-        "at {n} voxels along the longest axis less than two voxels lie between {}{others}; the light in such gaps is not resolved, give --voxels a larger number",
-        named.join(", ")
-    ));
-}
-
-fn warn_of_leaks(run: &Run, scene: &Scene, voxels: &VoxelScene, leaks: &[u32]) {
-    if leaks.is_empty() {
-        return;
-    }
-    let mut surfaces: Vec<u32> = leaks
-        .iter()
-        .map(|&s| scene.faces[voxels.surfels[s as usize].face.0 as usize].surface.0)
-        .collect();
-    surfaces.sort_unstable();
-    surfaces.dedup();
-    let names: Vec<&str> = surfaces
-        .iter()
-        .take(5)
-        .map(|&s| scene.surfaces[s as usize].name.as_str())
-        .collect();
-    run.warn(&format!(
-        "{} voxels of a closed scene can be reached from outside, on {}; it leaks there, give --voxels a larger number",
-        leaks.len(),
-        names.join(", ")
-    ));
-}
-
-fn gaps_to_json(scene: &Scene, gaps: &[ThinGap]) -> Value {
-    let name = |id: crate::scene::SurfaceId| scene.surfaces[id.0 as usize].name.as_str();
-    gaps.iter()
-        .map(|gap| json!({"surfaces": gap.surfaces.map(name), "n_surfels": gap.n_surfels}))
-        .collect()
-}
-
 fn solve(run: &mut Run, prepared: &Prepared, operator: &LinkOperator<'_>, args: &VoxelArgs) -> Result<Solved, Failure> {
     let materials = Materials::new(&prepared.scene, operator.scene(), prepared.plan.n_channels);
     let emission = emission(&materials, args);
@@ -566,57 +457,4 @@ fn write(
         exr::write(path, &image, &attributes)?;
         png::write(&path.with_extension("png"), &image)
     })?)
-}
-
-/// Returns name, area, number of surfels and mean radiosity of each surface.
-fn surfaces(scene: &Scene, voxels: &VoxelScene, radiosity: &Block) -> Value {
-    let (areas, counts, means) = surface_means(scene, voxels, radiosity);
-    let surface = |(k, s): (usize, &crate::scene::Surface)| json!({"name": s.name, "area_m2": areas[k], "n_voxels": counts[k], "radiosity": means[k]});
-    scene.surfaces.iter().enumerate().map(surface).collect()
-}
-
-fn surface_means(scene: &Scene, voxels: &VoxelScene, radiosity: &Block) -> (Vec<f64>, Vec<u64>, Vec<Vec<f64>>) {
-    let n = scene.surfaces.len();
-    let (mut areas, mut counts) = (vec![0.0; n], vec![0; n]);
-    let mut means = vec![vec![0.0; radiosity.n_channels()]; n];
-    for (i, surfel) in voxels.surfels.iter().enumerate() {
-        let k = scene.faces[surfel.face.0 as usize].surface.0 as usize;
-        areas[k] += surfel.area;
-        counts[k] += 1;
-        for (mean, value) in means[k].iter_mut().zip(radiosity.row(i)) {
-            *mean += surfel.area * value;
-        }
-    }
-    for (mean, area) in means.iter_mut().zip(&areas) {
-        if *area > 0.0 {
-            for channel in mean {
-                *channel /= area;
-            }
-        }
-    }
-    (areas, counts, means)
-}
-
-/// The most surfaces that are listed for people; the document has all.
-const LISTED: usize = 40;
-
-fn describe_surfaces(text: &mut String, scene: &Scene, voxels: &VoxelScene, radiosity: &Block) {
-    let (_, _, means) = surface_means(scene, voxels, radiosity);
-    let _ = writeln!(text, "\nmean radiosity by surface, W/m²");
-    let width = scene.surfaces.iter().map(|s| s.name.chars().count()).max().unwrap_or(0);
-    for (surface, mean) in scene.surfaces.iter().zip(&means).take(LISTED) {
-        let _ = write!(text, "{:width$}", surface.name);
-        for value in mean {
-            let _ = write!(text, " {value:>12.6}");
-        }
-        let _ = writeln!(text);
-    }
-    if means.len() > LISTED {
-        let _ = writeln!(text, "... and {} more, all of them with --json", means.len() - LISTED);
-    }
-    let _ = writeln!(text);
-}
-
-fn mebibytes(bytes: f64) -> String {
-    format!("{:.1} MiB", bytes / f64::from(1 << 20))
 }
