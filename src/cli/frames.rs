@@ -3,9 +3,7 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use serde::Deserialize;
 use serde_json::{Value, json};
-use toml::Spanned;
 
 use super::args::{RenderArgs, ViewArgs};
 use super::exit_code::ExitCode;
@@ -20,33 +18,8 @@ use super::render::{
 use super::storage::Storage;
 use super::{Outcome, solve};
 use crate::render::{DirectMethod, GatherReport, RenderInput, RenderSettings};
-use crate::scene::Lighting;
+use crate::scene::{Lighting, frames};
 use crate::solver::{Solution, carried_error};
-
-/// A file of frames:
-///
-/// ```toml
-/// [[frame]]
-/// name = "noon"
-/// lighting = "noon.toml"  # as for solve --lighting; without it, the scene's own
-/// camera = "door.toml"    # a camera file or "unfolded"; without it, as the flags say
-/// ```
-///
-/// Paths are relative to the file.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct FramesFile {
-    #[serde(default)]
-    frame: Vec<Spanned<FrameInFile>>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct FrameInFile {
-    name: String,
-    lighting: Option<PathBuf>,
-    camera: Option<PathBuf>,
-}
 
 /// A frame, ready to be rendered.
 struct Frame {
@@ -61,7 +34,7 @@ struct Frame {
 }
 
 pub(super) fn work(args: &RenderArgs, file: &Path, run: &mut Run) -> Result<Outcome, Failure> {
-    let wanted = read(file)?;
+    let wanted = frames::load(file)?;
     let mut prepared = run.prepare(&args.scene, args.mesh, default_subdivision)?;
     let (frames, lightings) = ready(args, file, wanted, &prepared)?;
     let mut largest = 0;
@@ -203,52 +176,11 @@ impl Solved<'_> {
     }
 }
 
-/// Reads the file of frames.
-fn read(file: &Path) -> Result<Vec<FrameInFile>, Failure> {
-    let bad = |line: Option<usize>, message: String| {
-        let place = line.map_or_else(String::new, |line| format!(":{line}"));
-        let mut failure = Failure::new("bad_frames", format!("{}{place}: {message}", file.display())).in_file(file);
-        failure.line = line.and_then(|line| u32::try_from(line).ok());
-        failure
-    };
-    let text = std::fs::read_to_string(file).map_err(|error| bad(None, format!("cannot be read: {error}")))?;
-    let line_of = |at: usize| text.get(..at).map_or(1, |before| before.matches('\n').count() + 1);
-    let parsed: FramesFile = toml::from_str(&text).map_err(|error| {
-        let message = error.message().trim().replace('\n', ", ");
-        bad(
-            error.span().map(|span| line_of(span.start)),
-            format!("{message}; correct the frames"),
-        )
-    })?;
-    if parsed.frame.is_empty() {
-        return Err(bad(None, "there is no [[frame]]; add one".to_owned()));
-    }
-    let mut frames: Vec<FrameInFile> = Vec::new();
-    for spanned in parsed.frame {
-        let line = line_of(spanned.span().start);
-        let frame = spanned.into_inner();
-        let is_plain = |c: char| c.is_alphanumeric() || "-_.".contains(c);
-        if frame.name.is_empty() || !frame.name.chars().all(is_plain) {
-            let message = format!(
-                "the name {:?} is to be a part of a file's name; use letters, digits, -, _ and .",
-                frame.name
-            );
-            return Err(bad(Some(line), message));
-        }
-        if frames.iter().any(|other| other.name == frame.name) {
-            let message = format!("two frames are called `{}`; rename one", frame.name);
-            return Err(bad(Some(line), message));
-        }
-        frames.push(frame);
-    }
-    Ok(frames)
-}
-
 /// Prepares views and outputs, and loads every lighting once.
 fn ready(
     args: &RenderArgs,
     file: &Path,
-    wanted: Vec<FrameInFile>,
+    wanted: Vec<frames::Frame>,
     prepared: &Prepared,
 ) -> Result<(Vec<Frame>, Vec<Option<Lighting>>), Failure> {
     let folder = file.parent().unwrap_or(Path::new(""));

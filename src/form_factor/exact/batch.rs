@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use super::ExactMethod;
 use super::lattice::{Lattice, Repeats};
 use super::patches::{Patches, Run};
-use crate::form_factor::kept::{self, Piece};
+use crate::form_factor::kept::{self, Part, Piece};
 use crate::form_factor::pairs::{Exchange, Facing};
 use crate::form_factor::partial::{self, Accuracy};
 use crate::form_factor::sight::whole_where_grazing;
@@ -65,6 +65,15 @@ impl<'a> Batches<'a> {
             next_row: 0,
         }
     }
+
+    /// Tells whether a run of rows begins at `row`, or all rows end there.
+    fn is_between_runs(&self, row: usize) -> bool {
+        let Some(&f) = self.patches.face_of_patch.get(row) else {
+            return row == self.patches.len();
+        };
+        let face = &self.patches.faces[f];
+        face.row_runs.iter().any(|&k| face.runs[k].patches.start == row)
+    }
 }
 
 impl Iterator for Batches<'_> {
@@ -76,7 +85,12 @@ impl Iterator for Batches<'_> {
             return None;
         }
         let first_row = self.next_row as u64;
-        if let Some(piece) = kept::take(self.progress, first_row) {
+        let part = Part {
+            first_row: self.next_row,
+            n,
+            is_upper: true,
+        };
+        if let Some(piece) = kept::take(self.progress, first_row, part, |end| self.is_between_runs(end)) {
             let n_rows: usize = piece.tiles.iter().map(RowTile::n_rows).sum();
             let rows = self.next_row..n.min(self.next_row + n_rows);
             self.next_row = rows.end;
