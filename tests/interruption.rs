@@ -350,19 +350,41 @@ fn two_processes_with_one_output_do_not_mix() {
     do_not_mix(&[&factors[..], &["-o", "F.npy"]].concat(), &["F.npy", "F.npy.json"]);
 }
 
+/// The files hold times, so that no two runs write the same bytes; the page and the document tell whose they are by their seed.
 #[test]
 fn two_processes_with_one_folder_do_not_mix() {
-    let compare = [
-        "compare",
-        "cube",
-        "--methods",
-        "sr",
-        "--seeds",
-        "2",
-        "--visibility",
-        "off",
-        "-o",
-        "out",
-    ];
-    do_not_mix(&compare, &["out/results.csv", "out/results.json", "out/report.md"]);
+    let directory = with_scene();
+    let compare = |seed: &'static str| {
+        [
+            "compare",
+            "cube",
+            "--methods",
+            "sr",
+            "--seeds",
+            "2",
+            "--visibility",
+            "off",
+            "-o",
+            "out",
+            "--seed",
+            seed,
+        ]
+    };
+    for _ in 0..4 {
+        let children = ["1", "2"].map(|seed| start(directory.path(), &compare(seed)));
+        for child in children {
+            assert!(child.wait_with_output().unwrap().status.success());
+        }
+        let read = |name: &str| std::fs::read_to_string(directory.path().join("out").join(name)).unwrap();
+        let (document, page) = (read("results.json"), read("index.html"));
+        let whose = ["1", "2"].map(|seed| {
+            let in_document =
+                document.contains(&format!("\"seed\": {seed}\n")) || document.contains(&format!("\"seed\": {seed},"));
+            (in_document, page.contains(&format!("seed</th><td>{seed}</td>")))
+        });
+        assert!(
+            whose == [(true, true), (false, false)] || whose == [(false, false), (true, true)],
+            "{whose:?}"
+        );
+    }
 }

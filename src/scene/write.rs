@@ -9,7 +9,7 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::{Scene, SceneError};
-use crate::whole_file;
+use crate::whole_file::{self, Prepared};
 
 /// Writes a scene to `path`, which ends in `.obj`, and its materials to the `.mtl` beside it.
 ///
@@ -30,17 +30,28 @@ pub fn write_obj(scene: &Scene, path: impl AsRef<Path>) -> Result<(), SceneError
     };
     check_names("surface", scene.surfaces.iter().map(|s| s.name.as_str()))?;
     check_names("material", scene.materials.iter().map(|m| m.name.as_str()))?;
-    write_whole(&mtl_file, &mtl_text(scene))?;
-    write_whole(obj_file, &obj_text(scene, mtl_name))
+    let materials = prepare(&mtl_file, &mtl_text(scene))?;
+    let faces = prepare(obj_file, &obj_text(scene, mtl_name))?;
+    // Another process that writes the same two must not put one between them.
+    let _turn = whole_file::turn(whole_file::directory_of(obj_file));
+    materials.put().map_err(|source| unwritable(&mtl_file, source))?;
+    faces.put().map_err(|source| unwritable(obj_file, source))
+}
+
+fn prepare(file: &Path, text: &str) -> Result<Prepared, SceneError> {
+    whole_file::prepare(file, |writer| writer.write_all(text.as_bytes())).map_err(|source| unwritable(file, source))
+}
+
+fn unwritable(file: &Path, source: io::Error) -> SceneError {
+    SceneError::Unwritable {
+        file: file.to_owned(),
+        source,
+    }
 }
 
 /// Writes a file whole or not at all.
 pub(super) fn write_whole(file: &Path, text: &str) -> Result<(), SceneError> {
-    let unwritable = |source: io::Error| SceneError::Unwritable {
-        file: file.to_owned(),
-        source,
-    };
-    whole_file::write(file, |writer| writer.write_all(text.as_bytes())).map_err(unwritable)
+    prepare(file, text)?.put().map_err(|source| unwritable(file, source))
 }
 
 fn check_names<'a>(what: &'static str, names: impl Iterator<Item = &'a str>) -> Result<(), SceneError> {
