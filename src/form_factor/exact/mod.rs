@@ -1,6 +1,8 @@
 //! `exact`: every form factor to a tolerance, shadows included, without rays.
 
 mod batch;
+mod corners;
+mod faces;
 mod lattice;
 mod patches;
 
