@@ -186,7 +186,7 @@ mod tests {
         let patches = patches("room-box", 3);
         let lattice = |f: usize| Lattice::find(&patches.corners, patches.faces[f].range()).unwrap();
         let grid = |f: usize| PatchGrid::new(&patches, &lattice(f), patches.faces[f].range()).unwrap();
-        let [wall, side] = [0, 7].map(grid);
+        let [wall, side] = [0, 6].map(grid);
         assert!(CornerSums::new(&wall, &side, 1e-12).is_some());
         assert!(CornerSums::new(&wall, &side, 1e-14).is_none());
         let sphere = self::patches("sphere-room-r1", 1);

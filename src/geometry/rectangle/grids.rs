@@ -262,7 +262,7 @@ impl WithSimd for Evaluation<'_> {
     }
 }
 
-/// Returns ln x for a normal x > 0 with an error of 2e-16 (1 + |ln x|), and for 0 some finite number; without branches, so that the compiler can use vectors.
+/// Returns ln x for a normal x > 0 with an error below 3e-16 (1 + |ln x|), and for 0 some finite number; without branches, so that the compiler can use vectors.
 #[inline(always)]
 fn ln(x: f64) -> f64 {
     /// The bits of √½: mantissas from there to √2 make 1.
@@ -296,11 +296,11 @@ fn ln(x: f64) -> f64 {
     power.mul_add(std::f64::consts::LN_2, (f * f_squared).mul_add(sum, 2.0 * f))
 }
 
-/// Returns arctan(y/x) for x, y ≥ 0, and 0 for both 0, with an error of 3e-16; without branches.
+/// Returns arctan(y/x) for x, y ≥ 0, and 0 for both 0, with an error below 4e-16; without branches.
 #[inline(always)]
 fn angle(y: f64, x: f64) -> f64 {
     use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, FRAC_PI_8, SQRT_2};
-    let (low, high) = if y < x { (y, x) } else { (x, y) };
+    let (low, high) = if y <= x { (y, x) } else { (x, y) };
     // Turned by 0, π/8 or π/4 the tangent is at most tan(π/16) = 0.199.
     let (tangent, turn) = if low > 0.668_178_637_919_298_9 * high {
         (1.0, FRAC_PI_4)
@@ -313,7 +313,7 @@ fn angle(y: f64, x: f64) -> f64 {
     let along = tangent.mul_add(low, high).max(f64::MIN_POSITIVE);
     let t = across / along;
     let angle = t.mul_add(angle_over_tangent(t * t), turn);
-    if y < x { angle } else { FRAC_PI_2 - angle }
+    if y <= x { angle } else { FRAC_PI_2 - angle }
 }
 
 #[cfg(test)]
@@ -329,10 +329,10 @@ mod tests {
         for k in 0..20_000 {
             let x = 10.0_f64.powf(f64::from(k) * 1e-3 - 19.5);
             let error = (ln(x) - x.ln()).abs();
-            assert!(error <= 2e-16 * (1.0 + x.ln().abs()), "{x:e} {error:e}");
+            assert!(error <= 3e-16 * (1.0 + x.ln().abs()), "{x:e} {error:e}");
             for (y, z) in [(x, 1.0), (1.0, x), (x, 0.3 * x), (0.41 * x, x)] {
                 let off = (angle(y, z) - y.atan2(z)).abs();
-                assert!(off <= 3e-16, "{y:e} {z:e} {off:e}");
+                assert!(off <= 4e-16, "{y:e} {z:e} {off:e}");
             }
         }
         assert!(ln(0.0).is_finite());
