@@ -97,7 +97,7 @@ fn whole_tile<S: Simd, T: Scalar, const N: usize, const C: usize, const R: usize
     const SHAPE: &str = "a tile of the full size";
     let chunks = values.as_chunks::<LANES>().0.as_chunks::<CHUNKS>().0;
     let tile: &[[[T; LANES]; CHUNKS]; SIDE] = chunks.try_into().expect(SHAPE);
-    let mut ends = channels.map(|channel| {
+    let ends = channels.map(|channel| {
         let x_rows: &[f64; SIDE] = channel.x_rows.try_into().expect(SHAPE);
         let x: &[Lanes; CHUNKS] = channel.x_columns.as_chunks().0.try_into().expect(SHAPE);
         let y: &mut [Lanes; CHUNKS] = channel.y_columns.as_chunks_mut().0.try_into().expect(SHAPE);
