@@ -42,6 +42,64 @@ pub(super) fn multiply_sparse_rows<T: Scalar>(rows: SparseRows<'_, T>, x: &Plane
     }
 }
 
+/// Rows that go through the panels of x together.
+const ROWS_AT_ONCE: usize = 16;
+
+/// Bytes of a panel of x, which stays in the first-level cache while all rows take what they need of it.
+const PANEL_BYTE: usize = 1 << 14;
+
+/// Entries of a row in a panel, on average, below which panels are not worth their bounds.
+const PANEL_ENTRIES: usize = 64;
+
+/// Calls `add(row, columns, values)` for the entries of up to [`ROWS_AT_ONCE`] rows, as many whole chunks of eight at a time as begin in one panel of x,
+/// of which there are `n` numbers of `byte` bytes.
+///
+/// The entries of each row come in order: where panels end makes no difference to any sum.
+#[inline(always)]
+fn by_panels<T: Copy>(
+    rows: SparseRows<'_, T>,
+    (n, byte): (usize, usize),
+    mut add: impl FnMut(usize, &[[u32; LANES]], &[[T; LANES]]),
+) {
+    let n_rows = rows.begins.len() - 1;
+    let n_entries = rows.begins[n_rows] - rows.begins[0];
+    let width = (PANEL_BYTE / byte).max(PANEL_ENTRIES * n_rows * n / n_entries.max(1));
+    let mut done = [0; ROWS_AT_ONCE];
+    for begin in (0..n).step_by(width) {
+        for (row, (ends, done)) in rows.begins.windows(2).zip(&mut done).enumerate() {
+            let columns = &rows.columns[ends[0]..ends[1]].as_chunks().0[*done..];
+            let values = &rows.values[ends[0]..ends[1]].as_chunks().0[*done..];
+            let inside = columns
+                .iter()
+                .take_while(|j: &&[u32; LANES]| (j[0] as usize) < begin + width);
+            let n_chunks = inside.count();
+            add(row, &columns[..n_chunks], &values[..n_chunks]);
+            *done += n_chunks;
+        }
+    }
+}
+
+impl<'a, T> SparseRows<'a, T> {
+    /// Returns the rows in groups that go through the panels together.
+    fn groups(self) -> impl Iterator<Item = Self> {
+        let n_rows = self.begins.len() - 1;
+        (0..n_rows).step_by(ROWS_AT_ONCE).map(move |first| Self {
+            begins: &self.begins[first..=n_rows.min(first + ROWS_AT_ONCE)],
+            columns: self.columns,
+            values: self.values,
+        })
+    }
+
+    /// Returns the columns and values of each row that do not fill a chunk of eight.
+    fn rests(self) -> impl Iterator<Item = (&'a [u32], &'a [T])> {
+        self.begins.windows(2).map(move |ends| {
+            let places = ends[0]..ends[1];
+            let columns = self.columns[places.clone()].as_chunks::<LANES>().1;
+            (columns, self.values[places].as_chunks::<LANES>().1)
+        })
+    }
+}
+
 /// The loop of [`multiply_sparse_rows`] for one channel.
 struct One<'a, T>(SparseRows<'a, T>, &'a [f64], &'a mut [f64]);
 
@@ -49,21 +107,22 @@ impl<T: Scalar> InnerLoop for One<'_, T> {
     #[inline(always)]
     fn run<S: Simd, const N: usize>(self, simd: S) {
         let Self(rows, x, y) = self;
-        for (ends, y_i) in rows.begins.windows(2).zip(y) {
-            let places = ends[0]..ends[1];
-            let (columns, columns_rest) = rows.columns[places.clone()].as_chunks::<LANES>();
-            let (values, values_rest) = rows.values[places].as_chunks::<LANES>();
-            let mut sums = Wide::<S, N>::zero(simd);
-            for (j, a) in columns.iter().zip(values) {
-                let gathered = j.map(|j| x[j as usize]);
-                sums = sums.plus_product(simd, Wide::load(a), Wide::load(&gathered));
+        for (rows, y) in rows.groups().zip(y.chunks_mut(ROWS_AT_ONCE)) {
+            let mut sums = [[0.0; LANES]; ROWS_AT_ONCE];
+            by_panels(rows, (x.len(), size_of::<f64>()), |row, columns, values| {
+                let mut sum = Wide::<S, N>::load(&sums[row]);
+                for (j, a) in columns.iter().zip(values) {
+                    let gathered = j.map(|j| x[j as usize]);
+                    sum = sum.plus_product(simd, Wide::load(a), Wide::load(&gathered));
+                }
+                sum.store(&mut sums[row]);
+            });
+            for ((y_i, lanes), (columns, values)) in y.iter_mut().zip(&mut sums).zip(rows.rests()) {
+                for (lane, (j, a)) in lanes.iter_mut().zip(columns.iter().zip(values)) {
+                    *lane = a.to_f64().mul_add(x[*j as usize], *lane);
+                }
+                *y_i = total(lanes);
             }
-            let mut lanes = [0.0; LANES];
-            sums.store(&mut lanes);
-            for (lane, (j, a)) in lanes.iter_mut().zip(columns_rest.iter().zip(values_rest)) {
-                *lane = a.to_f64().mul_add(x[*j as usize], *lane);
-            }
-            *y_i = total(&lanes);
         }
     }
 }
@@ -75,15 +134,25 @@ impl<T: Scalar> InnerLoop for Four<'_, T> {
     #[inline(always)]
     fn run<S: Simd, const N: usize>(self, _: S) {
         let Self(rows, x, channels, n_channels, y) = self;
-        for (ends, y_i) in rows.begins.windows(2).zip(y.chunks_exact_mut(n_channels)) {
-            let places = ends[0]..ends[1];
-            let (columns, values) = (&rows.columns[places.clone()], &rows.values[places]);
-            let mut sums = [[0.0; FOUR]; LANES];
-            in_turns(columns, values, &mut sums, |sum, j: u32, a| {
-                add_product(sum, a.to_f64(), &x[j as usize]);
+        for (rows, y) in rows.groups().zip(y.chunks_mut(ROWS_AT_ONCE * n_channels)) {
+            let mut sums = [[[0.0; FOUR]; LANES]; ROWS_AT_ONCE];
+            by_panels(rows, (x.len(), size_of::<[f64; FOUR]>()), |row, columns, values| {
+                let mut parts = sums[row];
+                for (j, a) in columns.iter().zip(values) {
+                    for l in 0..LANES {
+                        add_product(&mut parts[l], a[l].to_f64(), &x[j[l] as usize]);
+                    }
+                }
+                sums[row] = parts;
             });
-            for (k, y_ic) in y_i[channels.clone()].iter_mut().enumerate() {
-                *y_ic = total(&sums.map(|sum| sum[k]));
+            let y = y.chunks_exact_mut(n_channels).zip(&mut sums);
+            for ((y_i, parts), (columns, values)) in y.zip(rows.rests()) {
+                for (part, (j, a)) in parts.iter_mut().zip(columns.iter().zip(values)) {
+                    add_product(part, a.to_f64(), &x[*j as usize]);
+                }
+                for (k, y_ic) in y_i[channels.clone()].iter_mut().enumerate() {
+                    *y_ic = total(&parts.map(|part| part[k]));
+                }
             }
         }
     }
@@ -226,7 +295,51 @@ fn run_length(bytes: &[u8]) -> usize {
 
 #[cfg(test)]
 mod tests {
+    use super::super::lanes::tests::{bits, numbers};
+    use super::super::operator::Block;
     use super::*;
+
+    /// More rows than go together, and more columns than a panel has: full rows, empty ones, and a few entries near the end.
+    #[test]
+    fn rows_in_panels_are_summed_in_the_order_that_is_promised() {
+        let (n, n_rows) = (4 * PANEL_BYTE / size_of::<f64>() + 5, ROWS_AT_ONCE + 3);
+        let (mut begins, mut columns) = (vec![0], Vec::new());
+        for i in 0..n_rows {
+            let wanted = |j: &usize| match i % 4 {
+                0 => true,
+                1 => false,
+                2 => (j * 7919 + i) % 5 < 2,
+                _ => *j > n - 30 && j % 3 == 0,
+            };
+            columns.extend((0..).zip(0..n).filter(|(_, j)| wanted(j)).map(|(j, _): (u32, usize)| j));
+            begins.push(columns.len());
+        }
+        let values = numbers(columns.len(), 1);
+        let rows = SparseRows {
+            begins: &begins,
+            columns: &columns,
+            values: &values,
+        };
+        for n_channels in [1, 3, 5] {
+            let x = numbers(n * n_channels, 2);
+            let expected: Vec<f64> = begins
+                .windows(2)
+                .flat_map(|ends| (0..n_channels).map(|c| (ends[0]..ends[1], c)))
+                .map(|(places, c)| {
+                    let mut lanes = [0.0; LANES];
+                    for (k, at) in places.enumerate() {
+                        let x_j = x[columns[at] as usize * n_channels + c];
+                        lanes[k % LANES] = values[at].mul_add(x_j, lanes[k % LANES]);
+                    }
+                    total(&lanes)
+                })
+                .collect();
+            let planes = Planes::of(&Block::from_values(x.clone(), n_channels));
+            let mut y = vec![f64::NAN; n_rows * n_channels];
+            multiply_sparse_rows(rows, &planes, &mut y);
+            assert_eq!(bits(&y), bits(&expected), "{n_channels} channels");
+        }
+    }
 
     #[test]
     fn runs_end_where_the_bytes_change() {

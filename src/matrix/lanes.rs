@@ -381,4 +381,36 @@ pub(super) mod tests {
             }
         }
     }
+
+    #[test]
+    fn products_are_the_same_bytes_however_many_there_are() {
+        for n in [1, 7, 8, 65, 130] {
+            let (rows, x) = (numbers(4 * n, 1), numbers(n, 2));
+            let rows: [&[f64]; 4] = std::array::from_fn(|r| &rows[r * n..(r + 1) * n]);
+            assert_eq!(
+                bits(&products(rows, &x)),
+                bits(&rows.map(|row| by_hand(row, &x))),
+                "{n}"
+            );
+            assert_eq!(
+                bits(&products(rows, &x)),
+                bits(&rows.map(|row| product(row, &x))),
+                "{n}"
+            );
+            for n_channels in 1..=5 {
+                let (w, u, v) = (numbers(n, 3), numbers(n * n_channels, 4), numbers(n * n_channels, 5));
+                let of_channel = |c: usize| {
+                    let scaled: Vec<f64> = (0..n).map(|i| w[i] * u[i * n_channels + c]).collect();
+                    let v: Vec<f64> = (0..n).map(|i| v[i * n_channels + c]).collect();
+                    by_hand(&scaled, &v)
+                };
+                let expected: Vec<f64> = (0..n_channels).map(of_channel).collect();
+                assert_eq!(
+                    bits(&weighted_products(&w, &u, &v)),
+                    bits(&expected),
+                    "{n}, {n_channels}"
+                );
+            }
+        }
+    }
 }

@@ -93,7 +93,9 @@ mod tests {
     fn a_vector_is_solved_for_as_a_matrix_is() {
         for n in [1, 2, 6, SMALL, SMALL + 1] {
             // Rows that need exchanging: the diagonal is not the greatest.
-            let entry = |i: usize, j: usize| ((i * 31 + j * 17 + i * j) % 13) as f64 + if (i + 1) % n == j { 40.0 } else { 0.0 };
+            let entry = |i: usize, j: usize| {
+                ((i * 31 + j * 17 + i * j) % 13) as f64 + if (i + 1) % n == j { 40.0 } else { 0.0 }
+            };
             let lu = Lu::new(Mat::from_fn(n, n, entry), Par::Seq);
             let x: Vec<f64> = (0..n).map(|k| 1.0 + k as f64).collect();
             let image = |i: usize| (0..n).map(|j| entry(i, j) * x[j]).sum::<f64>();
@@ -103,7 +105,10 @@ mod tests {
             lu.solve(MatMut::from_column_major_slice_mut(&mut expected, n, 1));
             for ((a, b), x) in found.iter().zip(&expected).zip(&x) {
                 // Condition numbers of some hundred, times the roundings of n terms.
-                assert!((a - b).abs() < 1e-11 * x && (a - x).abs() < 1e-11 * x, "{n}: {a} {b} {x}");
+                assert!(
+                    (a - b).abs() < 1e-11 * x && (a - x).abs() < 1e-11 * x,
+                    "{n}: {a} {b} {x}"
+                );
             }
         }
     }
