@@ -163,7 +163,7 @@ impl Solved<'_> {
         let (reflectance, exitance) = self.stack.materials(frame.lighting);
         let (indirect, error) = run.times.time("solve", || {
             (
-                indirect_irradiance(computed, &exitance, &own),
+                indirect_irradiance(&computed.factors, &exitance, &own),
                 carried_error(&computed.factors, &reflectance, &exitance, &own),
             )
         });
