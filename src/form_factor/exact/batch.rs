@@ -8,6 +8,7 @@
 use std::collections::HashMap;
 use std::ops::Range;
 
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::ExactMethod;
@@ -17,11 +18,12 @@ use crate::form_factor::kept::{self, Piece};
 use crate::form_factor::pairs::{Exchange, Facing};
 use crate::form_factor::partial::{self, Accuracy};
 use crate::form_factor::sight::whole_where_grazing;
-use crate::form_factor::{Input, PairCounts};
+use crate::form_factor::{Before, Input, PairCounts};
 use crate::geometry::polygon_form_factor::exchange_area;
-use crate::matrix::{RowTally, RowTile};
+use crate::matrix::{Entry, RowTally, RowTile};
 use crate::mesh::PatchId;
 use crate::progress::Progress;
+use crate::scene::FaceId;
 use crate::visibility::blockers::{BlockerId, BlockerIndex, PairVisibility};
 
 /// A batch ends with the first rows that bring it to so many pairs: enough work for many threads, and 100 MB at most.
@@ -37,17 +39,33 @@ pub(super) struct Batches<'a> {
     patches: Patches,
     facing: Facing,
     index: Option<BlockerIndex>,
+    /// What is known from before a change.
+    before: Option<Before<'a>>,
+    /// The faces of the scene, in the order of `patches.faces`.
+    face_ids: Vec<FaceId>,
     lattices: Vec<Option<Lattice>>,
     /// What repeats between two faces, of those whose rows are being computed.
     repeats: HashMap<[usize; 2], Repeats>,
     next_row: usize,
 }
 
-/// What stands between two faces.
-type FaceView = Option<PairVisibility>;
+/// What is known of two faces.
+enum FaceView {
+    /// They do not face each other.
+    Apart,
+    /// All exchange areas between them are as before.
+    Kept,
+    /// What stands between them.
+    Seen(PairVisibility),
+}
 
 impl<'a> Batches<'a> {
-    pub(super) fn new(method: &'a ExactMethod, input: Input<'a>, progress: &'a dyn Progress) -> Self {
+    pub(super) fn new(
+        method: &'a ExactMethod,
+        input: Input<'a>,
+        before: Option<Before<'a>>,
+        progress: &'a dyn Progress,
+    ) -> Self {
         let index = (!input.unoccluded).then(|| BlockerIndex::new(input.scene));
         let patches = Patches::new(input.mesh, index.is_some());
         Self {
@@ -60,6 +78,13 @@ impl<'a> Batches<'a> {
                 .map(|face| Lattice::find(&patches.corners, face.range()))
                 .collect(),
             index,
+            before,
+            face_ids: input
+                .mesh
+                .patches
+                .chunk_by(|a, b| a.face == b.face)
+                .map(|own| own[0].face)
+                .collect(),
             patches,
             repeats: HashMap::new(),
             next_row: 0,
@@ -135,6 +160,8 @@ struct Strip {
     /// The blockers of all partial pairs, one after the other.
     blockers: Vec<BlockerId>,
     counts: PairCounts,
+    /// What these rows were before a change; none without one.
+    before: Vec<Vec<Entry>>,
 }
 
 /// A pair that something may stand between, whose entry is not computed yet.
@@ -188,21 +215,45 @@ impl Batches<'_> {
         self.facing.any(from.range(), to.range())
     }
 
-    /// Classifies a face against all later ones; `None` where they do not face each other.
+    /// Tells whether what is known of two parts of faces that stayed is known from before a change.
+    fn is_kept(&self, p: &[DVec3], q: &[DVec3]) -> bool {
+        self.before.is_some_and(|before| !before.change.may_come_between(p, q))
+    }
+
+    /// Tells whether no exchange area between some patches of two faces can be the same as before.
+    fn any_moved(&self, faces: [usize; 2]) -> bool {
+        self.before.is_none_or(|before| {
+            let mut ids = faces.map(|f| self.face_ids[f]).into_iter();
+            ids.any(|face| before.change.moves(face))
+        })
+    }
+
+    /// Looks at a face and all later ones.
     fn views_of(&self, f: usize) -> Vec<FaceView> {
-        if self.progress.is_cancelled() {
-            return vec![None; self.patches.faces.len()];
-        }
-        (0..self.patches.faces.len())
-            .map(|g| {
-                (g > f && self.faces_face(f, g)).then(|| {
-                    self.index.as_ref().map_or(PairVisibility::Full, |index| {
-                        let [p, q] = [f, g].map(|k| self.patches.faces[k].runs[0].hull.as_slice());
-                        whole_where_grazing(index.classify(p, q), p, q)
-                    })
-                })
-            })
-            .collect()
+        let is_cancelled = self.progress.is_cancelled();
+        let view = |g: usize| {
+            if g <= f || is_cancelled || !self.faces_face(f, g) {
+                return FaceView::Apart;
+            }
+            let [p, q] = [f, g].map(|k| self.patches.faces[k].runs[0].hull.as_slice());
+            if !self.any_moved([f, g]) && self.is_kept(p, q) {
+                return FaceView::Kept;
+            }
+            FaceView::Seen(self.index.as_ref().map_or(PairVisibility::Full, |index| {
+                whole_where_grazing(index.classify(p, q), p, q)
+            }))
+        };
+        (0..self.patches.faces.len()).map(view).collect()
+    }
+
+    /// Returns what the rows of a run were before a change.
+    fn rows_before(&self, rows: &Range<usize>) -> Vec<Vec<Entry>> {
+        self.before.map_or_else(Vec::new, |before| {
+            // Kept is only what was symmetric.
+            rows.clone()
+                .map(|i| before.factors.exchange_row(i).unwrap_or_default())
+                .collect()
+        })
     }
 
     /// Decides what becomes of all pairs of a run of rows, and computes those that see each other whole.
@@ -213,6 +264,7 @@ impl Batches<'_> {
             partial: Vec::new(),
             blockers: Vec::new(),
             counts: PairCounts::default(),
+            before: self.rows_before(&rows.patches),
         };
         let own = self.patches.faces[f].range();
         for i in rows.patches.clone() {
@@ -220,19 +272,21 @@ impl Batches<'_> {
         }
         for (g, view) in views.iter().enumerate().skip(f + 1) {
             let columns = &self.patches.faces[g].runs[0];
-            let Some(view) = view else {
-                strip.counts.not_facing += (rows.patches.len() * columns.patches.len()) as u64;
-                continue;
-            };
             let mut walk = Walk {
                 batches: self,
                 repeats: self.repeats.get(&[f, g]),
+                may_keep: !self.any_moved([f, g]),
                 rows,
                 runs: &self.patches.faces[g].runs,
                 strip: &mut strip,
             };
-            walk.settle(columns, view, true);
+            match view {
+                FaceView::Apart => strip.counts.not_facing += (rows.patches.len() * columns.patches.len()) as u64,
+                FaceView::Kept => walk.keep(columns),
+                FaceView::Seen(view) => walk.settle(columns, view, true),
+            }
         }
+        strip.before = Vec::new();
         strip
     }
 
@@ -312,6 +366,8 @@ impl Batches<'_> {
 struct Walk<'a> {
     batches: &'a Batches<'a>,
     repeats: Option<&'a Repeats>,
+    /// True if both faces stayed where they were before a change.
+    may_keep: bool,
     rows: &'a Run,
     runs: &'a [Run],
     strip: &'a mut Strip,
@@ -337,11 +393,31 @@ impl Walk<'_> {
 
     /// Classifies the rows against a run of columns.
     fn look(&mut self, columns: &Run, among: &[BlockerId]) {
+        if self.may_keep && self.batches.is_kept(&self.rows.hull, &columns.hull) {
+            self.keep(columns);
+            return;
+        }
         let view = self.classify(&self.rows.hull, &columns.hull, among);
         self.settle(columns, &view, false);
     }
 
-    fn classify(&self, p: &[glam::DVec3], q: &[glam::DVec3], among: &[BlockerId]) -> PairVisibility {
+    /// Takes over all exchange areas with a run of columns.
+    fn keep(&mut self, columns: &Run) {
+        self.each_facing_pair(columns, Walk::push_kept);
+    }
+
+    fn push_kept(&mut self, i: usize, j: usize) {
+        self.strip.counts.kept += 1;
+        let column = PatchId::from_index(j).0;
+        let before = &self.strip.before[i - self.rows.patches.start];
+        // What is not stored was 0 for certain, and is.
+        if let Ok(place) = before.binary_search_by_key(&column, |entry| entry.0) {
+            let entry = before[place];
+            self.row(i).push(entry);
+        }
+    }
+
+    fn classify(&self, p: &[DVec3], q: &[DVec3], among: &[BlockerId]) -> PairVisibility {
         self.batches.index.as_ref().map_or(PairVisibility::Full, |index| {
             whole_where_grazing(index.classify_among(p, q, among), p, q)
         })
@@ -370,6 +446,10 @@ impl Walk<'_> {
     fn push_seen(&mut self, i: usize, j: usize, among: &[BlockerId]) {
         let view = if self.rows.patches.len() > 1 {
             let [p, q] = [i, j].map(|k| self.batches.patches.corners[k].as_slice());
+            if self.may_keep && self.batches.is_kept(p, q) {
+                self.push_kept(i, j);
+                return;
+            }
             self.classify(p, q, among)
         } else {
             PairVisibility::Partial(among.to_vec())
