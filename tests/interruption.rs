@@ -243,7 +243,7 @@ const PICTURES: &[&str] = &[
     "--subdivide",
     "2",
     "--width",
-    "64",
+    "48",
     "--final-gather",
     "--noise",
     "0.02",

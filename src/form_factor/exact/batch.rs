@@ -122,8 +122,8 @@ impl Iterator for Batches<'_> {
         }
         let faces = self.patches.face_of_patch[self.next_row]..self.patches.face_of_patch[row - 1] + 1;
         self.next_row = row;
-        self.find_repeats(&faces);
         let views: Vec<Vec<FaceView>> = faces.clone().into_par_iter().map(|f| self.views_of(f)).collect();
+        self.find_repeats(&faces, &views);
         let mut strips: Vec<Strip> = runs
             .par_iter()
             .map(|&(f, run)| self.classify(f, &self.patches.faces[f].runs[run], &views[f - faces.start]))
@@ -190,12 +190,13 @@ impl Batches<'_> {
         table.map_or_else(|| self.kernel(i, j), |table| table.get(i, j))
     }
 
-    /// Computes the repeating pairs of some faces with all later ones, and forgets those of other faces.
-    fn find_repeats(&mut self, faces: &Range<usize>) {
+    /// Computes the repeating pairs of some faces with those later ones that they see, and forgets those of other faces.
+    fn find_repeats(&mut self, faces: &Range<usize>, views: &[Vec<FaceView>]) {
         self.repeats.retain(|[f, _], _| faces.contains(f));
         for f in faces.clone() {
             for g in f + 1..self.patches.faces.len() {
-                if self.repeats.contains_key(&[f, g]) || !self.faces_face(f, g) {
+                let is_seen = matches!(views[f - faces.start][g], FaceView::Seen(_));
+                if self.repeats.contains_key(&[f, g]) || !is_seen {
                     continue;
                 }
                 let table = self.lattices[f]
