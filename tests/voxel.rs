@@ -142,6 +142,31 @@ fn a_corner_sees_both_walls() {
 }
 
 #[test]
+fn bundles_see_what_lines_see_one_by_one() {
+    let sphere = DiscreteSphere::new(5, SolidAngle::Centre).unwrap();
+    let directions: Vec<Direction> = sphere.directions().iter().map(|d| Direction::new(d.vector)).collect();
+    // Walls across the axes, slopes, thin sheets, several surfels in a voxel; an open scene.
+    for (name, n) in [
+        ("living-room", 61),
+        ("cornell-box", 30),
+        ("sphere-room-r2", 26),
+        ("corridor", 27),
+    ] {
+        let voxels = VoxelScene::new(&scene(name), n).unwrap();
+        // Begins and ends inside bricks.
+        let surfels = 3..voxels.n_surfels() - 5;
+        let sights = voxels.sights(surfels.clone(), &directions);
+        for (row, surfel) in sights.chunks(directions.len()).zip(surfels) {
+            for (&seen, direction) in row.iter().zip(&directions) {
+                let is_in_front = voxels.normal(surfel).dot(direction.vector()) > 0;
+                let expected = is_in_front.then(|| voxels.sight(surfel, direction));
+                assert_eq!(seen, expected, "{name}: surfel {surfel} along {:?}", direction.vector());
+            }
+        }
+    }
+}
+
+#[test]
 fn no_line_escapes_from_a_closed_room_or_sees_its_backs() {
     for (name, n) in [
         ("cube", 24),
@@ -463,6 +488,24 @@ fn gaps_of_less_than_two_voxels_are_named() {
     let names = coarse[0].surfaces.map(|s| scene.surfaces[s.0 as usize].name.as_str());
     assert_eq!(names, ["low", "high"]);
     assert!(gaps(51).is_empty());
+    // Two sheets that meet at an angle of 20 degrees pinch the space between them at every resolution, the less of it the finer the voxels.
+    let wedge = from_obj(
+        "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0.94 0 0.342\nv 0.94 1 0.342\no floor\nf 1 2 3 4\no ramp\nf 1 4 6 5\n",
+    );
+    let pinched = |n: u32| -> (usize, usize) {
+        let voxels = VoxelScene::new(&wedge, n).unwrap();
+        let found = voxels.thin_gaps(&wedge);
+        assert_eq!(found.len(), 1);
+        let named = found[0].surfaces.map(|s| wedge.surfaces[s.0 as usize].name.as_str());
+        assert_eq!(named, ["floor", "ramp"]);
+        (found[0].n_surfels, voxels.n_surfels())
+    };
+    let [(few, of_few), (many, of_many)] = [20, 80].map(pinched);
+    // Two voxels between the sheets reach 5.5 voxels from where they meet: the share falls with the voxel's side.
+    assert!(
+        0.25 < few as f64 / of_few as f64 && (many as f64 / of_many as f64) < 0.12,
+        "{few} {many}"
+    );
     // Back to back, the same plates are a solid, however thin.
     let solid = from_obj(&format!(
         "{}{}o low\nf 4 3 2 1\no high\nf 5 6 7 8\n",

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::cells::Cells;
 use super::discretize::VoxelScene;
 use super::line::Direction;
-use super::links::{Tally, encode_row, for_each_seen, prepared};
+use super::links::{Row, Tally, for_each_seen, prepared};
 use super::operator::{Gather, gather_row};
 use super::sphere::DiscreteSphere;
 use super::weights::{RowWeights, Weights};
@@ -43,11 +43,11 @@ impl CellLinks {
         let found: Vec<(Box<[u8]>, Tally)> = missing
             .par_iter()
             .map(|&surfel| {
-                let (mut bytes, mut tally) = (Vec::new(), Tally::default());
-                encode_row(voxels, &self.directions, surfel, &mut bytes, &mut tally);
+                let rows = Row::of(voxels, &self.directions, surfel..surfel + 1);
                 progress.advance(1);
-                (bytes.into_boxed_slice(), tally)
+                rows.into_iter().map(|row| (row.bytes.into_boxed_slice(), row.tally))
             })
+            .flatten_iter()
             .collect();
         for (surfel, (bytes, tally)) in missing.into_iter().zip(found) {
             self.rows[surfel] = bytes;

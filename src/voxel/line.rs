@@ -67,6 +67,11 @@ impl Direction {
         self.norm_squared
     }
 
+    /// Returns the time between crossings of each axis, in halves, in a unit that makes it an integer.
+    pub(super) fn step(&self) -> [u64; 3] {
+        self.step
+    }
+
     /// Returns the octant: bit a is set where v_a is negative.
     #[must_use]
     pub fn octant(&self) -> usize {
@@ -90,7 +95,7 @@ impl Direction {
     }
 
     /// Returns how many crossings of each axis have happened once that of axis `a` with number `k` (from 0) has.
-    fn counts_after(&self, a: usize, k: u32) -> [u32; 3] {
+    pub(super) fn counts_after(&self, a: usize, k: u32) -> [u32; 3] {
         std::array::from_fn(|b| if b == a { k + 1 } else { self.count_before(b, a, k) })
     }
 
@@ -105,7 +110,7 @@ impl Direction {
 
 /// Returns the axis whose crossing comes first; of equal ones the first axis.
 #[inline]
-fn first([x, y, z]: [u64; 3]) -> usize {
+pub(super) fn first([x, y, z]: [u64; 3]) -> usize {
     if x <= y {
         if x <= z { 0 } else { 2 }
     } else if y <= z {
@@ -212,7 +217,7 @@ fn walk_brick(mask: u64, at: [u32; 3], flip_bit: u32, direction: &Direction, cou
 }
 
 /// By octant, axis and coordinate along the line: the bits of a brick's mask with that coordinate or a greater one.
-static AHEAD: [[[u64; 4]; 3]; 8] = bits_ahead();
+pub(super) static AHEAD: [[[u64; 4]; 3]; 8] = bits_ahead();
 
 const fn bits_ahead() -> [[[u64; 4]; 3]; 8] {
     let mut table = [[[0; 4]; 3]; 8];

@@ -4,6 +4,7 @@
 //! directions see neighbouring voxels. A code is 0 for a back, 1 for nothing, and otherwise 2 + the zigzag of the difference from the last
 //! surfel seen; codes are written seven bits a byte, the lowest first, with the top bit set where more follow.
 
+use std::ops::Range;
 use std::path::Path;
 
 use rayon::prelude::*;
@@ -13,11 +14,15 @@ use super::discretize::{Normal, VoxelScene};
 use super::line::Direction;
 use super::link_file::LinkFile;
 use super::sight::Sight;
+use super::sights::Watch;
 use super::sphere::DiscreteSphere;
 use crate::progress::Progress;
 
 /// Surfels whose links are one unit of work and of storage.
 pub(super) const ROWS_PER_CHUNK: usize = 256;
+
+/// What the surfels of a brick see in so many directions stays in a core's cache.
+const DIRECTIONS_AT_ONCE: usize = 256;
 
 const BACK: u32 = 0;
 const ESCAPED: u32 = 1;
@@ -216,10 +221,11 @@ impl Chunk {
     pub(super) fn new(scene: &VoxelScene, directions: &[Direction], k: usize) -> Self {
         let rows = k * ROWS_PER_CHUNK..((k + 1) * ROWS_PER_CHUNK).min(scene.n_surfels());
         let mut chunk = Self::default();
-        for surfel in rows {
-            encode_row(scene, directions, surfel, &mut chunk.bytes, &mut chunk.tally);
+        for row in Row::of(scene, directions, rows) {
+            chunk.bytes.extend_from_slice(&row.bytes);
             let end = u32::try_from(chunk.bytes.len()).expect("256 rows of at most 600,000 links of 5 bytes");
             chunk.ends.push(end);
+            chunk.tally = chunk.tally.plus(row.tally);
         }
         chunk.bytes.shrink_to_fit();
         chunk
@@ -231,34 +237,61 @@ impl Chunk {
     }
 }
 
-/// Finds the links of a surfel, and adds them to `bytes` and `tally`.
-pub(super) fn encode_row(
-    scene: &VoxelScene,
-    directions: &[Direction],
-    surfel: usize,
-    bytes: &mut Vec<u8>,
-    tally: &mut Tally,
-) {
-    let normal = scene.normal(surfel);
-    let mut last = u32::try_from(surfel).expect("surfels are counted in 32 bits");
-    for direction in directions.iter().filter(|d| is_in_front(normal, d.vector())) {
-        tally.n_links += 1;
-        let code = match scene.sight(surfel, direction) {
+/// The packed links of a surfel.
+#[derive(Clone, Debug)]
+pub(super) struct Row {
+    pub(super) bytes: Vec<u8>,
+    pub(super) tally: Tally,
+    /// The last surfel seen, or at first the row's own.
+    last: u32,
+}
+
+impl Row {
+    /// Finds the links of some surfels, brick by brick.
+    pub(super) fn of(scene: &VoxelScene, directions: &[Direction], surfels: Range<usize>) -> Vec<Self> {
+        let empty = |surfel| Self {
+            bytes: Vec::new(),
+            tally: Tally::default(),
+            last: u32::try_from(surfel).expect("surfels are counted in 32 bits"),
+        };
+        let mut rows: Vec<Self> = surfels.clone().map(empty).collect();
+        let mut sights = Vec::new();
+        let mut rest = surfels.clone();
+        while !rest.is_empty() {
+            let of_brick = scene.of_one_brick(rest.clone());
+            let watch = Watch::new(scene, of_brick.clone());
+            let rows = &mut rows[of_brick.start - surfels.start..of_brick.end - surfels.start];
+            for some in directions.chunks(DIRECTIONS_AT_ONCE) {
+                sights.clear();
+                sights.resize(rows.len() * some.len(), None);
+                watch.look(some, &mut sights);
+                for (row, seen) in rows.iter_mut().zip(sights.chunks(some.len())) {
+                    seen.iter().flatten().for_each(|&sight| row.push(sight));
+                }
+            }
+            rest.start = of_brick.end;
+        }
+        rows
+    }
+
+    fn push(&mut self, sight: Sight) {
+        self.tally.n_links += 1;
+        let code = match sight {
             Sight::Surfel(seen) => {
-                let code = zigzag(seen.wrapping_sub(last).cast_signed());
-                last = seen;
+                let code = zigzag(seen.wrapping_sub(self.last).cast_signed());
+                self.last = seen;
                 u64::from(code) + u64::from(FIRST)
             }
             Sight::Back => {
-                tally.n_backs += 1;
+                self.tally.n_backs += 1;
                 u64::from(BACK)
             }
             Sight::Escaped => {
-                tally.n_escaped += 1;
+                self.tally.n_escaped += 1;
                 u64::from(ESCAPED)
             }
         };
-        push(bytes, code);
+        push(&mut self.bytes, code);
     }
 }
 

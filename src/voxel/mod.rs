@@ -25,6 +25,7 @@
 //! Source: [`MALGOUYRES_2002`](crate::references::MALGOUYRES_2002).
 
 mod adaptive;
+mod bundle;
 mod cell_operator;
 mod cells;
 mod checks;
@@ -41,6 +42,7 @@ mod operator;
 mod picture;
 mod radiosity;
 mod sight;
+mod sights;
 mod sphere;
 mod weights;
 

@@ -8,7 +8,7 @@ use super::grid::Voxel;
 const BRICK: i32 = 4;
 
 /// The entry of a brick without surface voxels.
-const EMPTY: u32 = u32::MAX;
+pub(super) const EMPTY: u32 = u32::MAX;
 
 /// The surface voxels of a scene.
 ///

@@ -20,6 +20,7 @@ const HEIGHT_SLACK: u32 = 16;
 
 impl VoxelScene {
     /// Returns what surfel `surfel` sees along `direction`: I(x, v). Only integers are calculated with.
+    /// [`Self::sights`] tells the same of many surfels and directions in a fraction of the time.
     ///
     /// The starting rule. Let n be the surfel's normal, a the axis of its largest component, and the height of a voxel over x its distance from x's plane
     /// measured along a. All voxels of a plane have heights in (−1, 1) over one another.
@@ -38,39 +39,47 @@ impl VoxelScene {
     /// Source: [`MALGOUYRES_2002`](crate::references::MALGOUYRES_2002), section 4.1, step 1 to 4; the choice of the first voxel ("a bit tricky") is ours.
     #[must_use]
     pub fn sight(&self, surfel: usize, direction: &Direction) -> Sight {
+        match self.start(surfel, direction) {
+            Start::Own(seen) => seen,
+            Start::Seen(rank) => self.front(rank, direction),
+            Start::Free(place) => {
+                let voxel = self.surfels[surfel].voxel();
+                match first_surface(&self.octree, voxel, direction, place) {
+                    Some(rank) => self.front(rank, direction),
+                    None => Sight::Escaped,
+                }
+            }
+        }
+    }
+
+    /// Returns how the line of surfel `surfel` along `direction` begins.
+    pub(super) fn start(&self, surfel: usize, direction: &Direction) -> Start {
+        if let Some(seen) = self.seen_in_own_voxel(surfel, direction) {
+            return Start::Own(seen);
+        }
         let x = &self.surfels[surfel];
         let normal = &self.normals[x.normal as usize];
-        let voxel = x.voxel();
-        if x.faces_any()
-            && let Some(seen) = self.seen_in_own_voxel(surfel, voxel, direction)
-        {
-            return seen;
-        }
-        let start = if normal.is_axis_aligned() {
-            self.start_from_axis(voxel, normal, direction)
+        if normal.is_axis_aligned() {
+            self.leave_surfaces(x.voxel(), direction, start_from_axis(normal))
         } else {
-            self.start_from_slope(voxel, normal, direction)
-        };
-        match start {
-            Start::Seen(rank) => self.front(rank, direction),
-            Start::Free(place) => match first_surface(&self.octree, voxel, direction, place) {
-                Some(rank) => self.front(rank, direction),
-                None => Sight::Escaped,
-            },
+            self.start_from_slope(x.voxel(), normal, direction)
         }
     }
 
     /// Returns the surfel of the voxel itself that the line sees before it begins.
-    fn seen_in_own_voxel(&self, surfel: usize, voxel: Voxel, direction: &Direction) -> Option<Sight> {
-        let rank = self.octree.rank(voxel)?;
-        let range = self.surfels_of(rank);
+    pub(super) fn seen_in_own_voxel(&self, surfel: usize, direction: &Direction) -> Option<Sight> {
         let x = &self.surfels[surfel];
+        if !x.faces_any() {
+            return None;
+        }
+        let rank = self.octree.rank(x.voxel())?;
+        let range = self.surfels_of(rank);
         let faced = range.clone().filter(|&s| x.faces(s - range.start));
         self.most_facing(faced, direction).map(Sight::Surfel)
     }
 
     /// Returns what a line sees of the surface voxel of a rank.
-    fn front(&self, rank: u32, direction: &Direction) -> Sight {
+    pub(super) fn front(&self, rank: u32, direction: &Direction) -> Sight {
         let range = self.surfels_of(rank);
         // Where several surfels face the line alike, the first.
         let (mut dot, mut surfel) = (i64::MAX, range.start);
@@ -94,23 +103,9 @@ impl VoxelScene {
     }
 
     /// Tells whether the line leaves the surface voxel of a rank behind it: all of its surfels face away.
-    fn is_left_behind(&self, rank: u32, direction: &Direction) -> bool {
+    pub(super) fn is_left_behind(&self, rank: u32, direction: &Direction) -> bool {
         self.surfels_of(rank)
             .all(|s| self.normal(s).dot(direction.vector()) >= 0)
-    }
-
-    /// The start from a plane across an axis: the line runs one voxel ahead along it until it has caught up.
-    fn start_from_axis(&self, voxel: Voxel, normal: &Normal, direction: &Direction) -> Start {
-        let mut at_least = [0; 3];
-        at_least[normal.axis] = 1;
-        self.leave_surfaces(
-            voxel,
-            direction,
-            Place {
-                counts: at_least,
-                at_least,
-            },
-        )
     }
 
     /// Goes on until the line is in a free voxel or sees a front.
@@ -206,6 +201,16 @@ impl VoxelScene {
     }
 }
 
+/// The start from a plane across an axis: the line runs one voxel ahead along it until it has caught up.
+pub(super) fn start_from_axis(normal: &Normal) -> Place {
+    let mut at_least = [0; 3];
+    at_least[normal.axis] = 1;
+    Place {
+        counts: at_least,
+        at_least,
+    }
+}
+
 /// Tells whether n · v (n in units of 2⁻³⁰) is less than 0.3 |v|.
 fn is_grazing(dot: i64, direction: &Direction) -> bool {
     // The upper 14 bits of n: squares of both sides then fit into 64 bits.
@@ -218,7 +223,9 @@ fn id(surfel: usize) -> u32 {
 }
 
 /// How a line begins.
-enum Start {
+pub(super) enum Start {
+    /// It ends in the voxel that it comes from.
+    Own(Sight),
     /// It sees a surface voxel at once, by rank.
     Seen(u32),
     /// It goes on from here.
