@@ -115,7 +115,7 @@ mod tests {
     #[test]
     fn rows_taken_out_and_stored_again_are_the_same_to_the_last_bit() {
         use crate::matrix::{Layout, Place, Precision};
-        let n = 200;
+        let n = 200_u32;
         let areas: Vec<f64> = (0..n).map(|i| 0.37 + 0.013 * f64::from(i)).collect();
         let mut upper = RowTile::new(0);
         for i in 0..n {
@@ -126,7 +126,7 @@ mod tests {
                     1e-7 / f64::from(j),
                 )
             };
-            let row: Vec<Entry> = (i.unsigned_abs() + 1..n.unsigned_abs()).map(entry).collect();
+            let row: Vec<Entry> = (i + 1..n).map(entry).collect();
             upper.push_row(&row, RowTally::default());
         }
         for precision in [Precision::F64, Precision::F32] {
