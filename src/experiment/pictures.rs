@@ -217,9 +217,9 @@ pub fn reproduce(level: u32, progress: &dyn Progress) -> Result<PicturesResults,
 
 /// Returns the errors of an image against another: root mean square, median of the pixels' own, root mean square of the pixels' own.
 fn errors(image: &Image, reference: &Image) -> [f64; 3] {
-    let layers = |image: &Image| {
+    let layers = |of: &Image| {
         ["irradiance.R", "irradiance.G", "irradiance.B"].map(|name| {
-            let values = image.f32(name).unwrap_or_default().iter();
+            let values = of.f32(name).unwrap_or_default().iter();
             values.map(|&value| f64::from(value)).collect::<Vec<f64>>()
         })
     };

@@ -136,7 +136,7 @@ pub struct RenderInput<'a> {
 /// | the same, 0.01 | 7.1 s | 0.9 % | 0.6 % |
 /// | the same, 0.002 | 125 s | | |
 ///
-/// Interpolation costs nothing and is off by 1.6 %; gathering pays below that. `radiosity reproduce pictures` makes such a table again ([`pictures`](crate::experiment::pictures)).
+/// Interpolation costs nothing and is off by 1.6 %; gathering pays below that. `radiosity reproduce pictures` makes such a table again, with a plot.
 ///
 /// Source: the local pass of [`LISCHINSKI_1993`](crate::references::LISCHINSKI_1993). Departures: rays in randomised nets, with an error estimate.
 ///

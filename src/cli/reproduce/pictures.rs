@@ -35,7 +35,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
         .times
         .time("reproduce", || pictures::reproduce(level, &run.progress))?;
     let inside = results.is_met();
-    let times: Vec<f64> = results.runs.iter().map(|run| run.time_s).collect();
+    let times: Vec<f64> = results.runs.iter().map(|of| of.time_s).collect();
     reproduction.finish(Findings {
         printed: report(&results, true),
         files: files(&results)?,

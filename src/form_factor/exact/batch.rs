@@ -194,9 +194,8 @@ impl Batches<'_> {
     fn find_repeats(&mut self, faces: &Range<usize>, views: &[Vec<FaceView>]) {
         self.repeats.retain(|[f, _], _| faces.contains(f));
         for f in faces.clone() {
-            for g in f + 1..self.patches.faces.len() {
-                let is_seen = matches!(views[f - faces.start][g], FaceView::Seen(_));
-                if self.repeats.contains_key(&[f, g]) || !is_seen {
+            for (g, view) in views[f - faces.start].iter().enumerate().skip(f + 1) {
+                if self.repeats.contains_key(&[f, g]) || !matches!(view, FaceView::Seen(_)) {
                     continue;
                 }
                 let table = self.lattices[f]
