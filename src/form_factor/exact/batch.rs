@@ -16,7 +16,7 @@ use super::corners::{CornerSums, PatchGrid};
 use super::faces::FaceTree;
 use super::lattice::{Lattice, Repeats};
 use super::patches::{Patches, Run};
-use crate::form_factor::kept::{self, Piece};
+use crate::form_factor::kept::{self, Part, Piece};
 use crate::form_factor::pairs::{Exchange, Facing};
 use crate::form_factor::partial::{self, Accuracy};
 use crate::form_factor::sight::whole_where_grazing;
@@ -126,6 +126,15 @@ impl<'a> Batches<'a> {
             next_row: 0,
         }
     }
+
+    /// Tells whether a run of rows begins at `row`, or all rows end there.
+    fn is_between_runs(&self, row: usize) -> bool {
+        let Some(&f) = self.patches.face_of_patch.get(row) else {
+            return row == self.patches.len();
+        };
+        let face = &self.patches.faces[f];
+        face.row_runs.iter().any(|&k| face.runs[k].patches.start == row)
+    }
 }
 
 impl Iterator for Batches<'_> {
@@ -137,7 +146,12 @@ impl Iterator for Batches<'_> {
             return None;
         }
         let first_row = self.next_row;
-        if let Some(piece) = kept::take(self.progress, first_row as u64) {
+        let part = Part {
+            first_row,
+            n,
+            is_upper: true,
+        };
+        if let Some(piece) = kept::take(self.progress, first_row as u64, part, |end| self.is_between_runs(end)) {
             let n_rows: usize = piece.tiles.iter().map(RowTile::n_rows).sum();
             let rows = self.next_row..n.min(self.next_row + n_rows);
             self.next_row = rows.end;
@@ -332,11 +346,7 @@ impl Batches<'_> {
                         self.facing.in_front(own, other),
                     ]
                 });
-                FaceView {
-                    face: g,
-                    known,
-                    fronts,
-                }
+                FaceView { face: g, known, fronts }
             })
             .collect()
     }
