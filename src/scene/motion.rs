@@ -400,17 +400,32 @@ mod tests {
             scene.posed(&far).unwrap_err(),
             MotionError::TooFar { surface: "z0".into() }
         );
-        // The floor turned over onto the ceiling faces the same way as the ceiling.
-        let mut onto = Pose::default();
-        let over = Motion {
-            rotate: Some(180.0),
-            axis: Some([1.0, 0.0, 0.0]),
-            about: Some([0.5, 0.5, 0.5]),
-            ..motion("z0")
+        // A second floor half a metre below, lifted to the first.
+        let mut two_floors = scene.clone();
+        let floor = surface_named(&scene, "z0").unwrap();
+        let mut below = *scene.faces.iter().find(|face| face.surface == floor).unwrap();
+        let n = u32::try_from(scene.vertices.len()).unwrap();
+        let lowered = below
+            .corners
+            .as_slice()
+            .iter()
+            .map(|&v| scene.vertices[v as usize] - DVec3::Z * 0.5);
+        two_floors.vertices.extend(lowered);
+        below.corners = Corners::Quad([n, n + 1, n + 2, n + 3]);
+        below.surface = SurfaceId(u32::try_from(scene.surfaces.len()).unwrap());
+        two_floors.faces.push(below);
+        two_floors.surfaces.push(crate::scene::Surface { name: "below".into() });
+        let lifted = |by: f64| {
+            let mut pose = Pose::default();
+            let up = Motion {
+                translate: Some([0.0, 0.0, by]),
+                ..motion("below")
+            };
+            pose.push(&two_floors, &up).unwrap();
+            two_floors.posed(&pose)
         };
-        onto.push(&scene, &over).unwrap();
-        let found = scene.posed(&onto);
-        // The turn rounds: coincident to the last bit or not, nothing worse than that happens.
-        assert!(matches!(found, Ok(_) | Err(MotionError::Coincident { .. })));
+        assert!(lifted(0.25).is_ok());
+        let (surface, other) = ("below".into(), "z0".into());
+        assert_eq!(lifted(0.5).unwrap_err(), MotionError::Coincident { surface, other });
     }
 }
