@@ -8,6 +8,7 @@
 use std::collections::HashMap;
 use std::ops::Range;
 
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::ExactMethod;
@@ -15,15 +16,16 @@ use super::corners::{CornerSums, PatchGrid};
 use super::faces::FaceTree;
 use super::lattice::{Lattice, Repeats};
 use super::patches::{Patches, Run};
-use crate::form_factor::kept::{self, Piece};
+use crate::form_factor::kept::{self, Part, Piece};
 use crate::form_factor::pairs::{Exchange, Facing};
 use crate::form_factor::partial::{self, Accuracy};
 use crate::form_factor::sight::whole_where_grazing;
-use crate::form_factor::{Input, PairCounts};
+use crate::form_factor::{Before, Input, PairCounts};
 use crate::geometry::polygon_form_factor::{PreparedPolygon, exchange_area};
-use crate::matrix::{RowTally, RowTile};
+use crate::matrix::{Entry, RowTally, RowTile};
 use crate::mesh::PatchId;
 use crate::progress::Progress;
+use crate::scene::FaceId;
 use crate::visibility::blockers::{BlockerId, BlockerIndex, PairVisibility};
 
 /// A batch ends with the first rows that bring it to so many pairs: enough work for many threads, and 100 MB at most.
@@ -40,6 +42,10 @@ pub(super) struct Batches<'a> {
     facing: Facing,
     tree: FaceTree,
     index: Option<BlockerIndex>,
+    /// What is known from before a change.
+    before: Option<Before<'a>>,
+    /// The faces of the scene, in the order of `patches.faces`.
+    face_ids: Vec<FaceId>,
     lattices: Vec<Option<Lattice>>,
     /// The pairs of two faces that are computed together, of the faces whose rows are being computed.
     tables: HashMap<[usize; 2], Table>,
@@ -74,14 +80,26 @@ const LEAST_PAIRS: usize = 16;
 /// A later face that some patches of a face may see.
 struct FaceView {
     face: usize,
-    /// What stands between the two faces.
-    visibility: PairVisibility,
+    known: Known,
     /// Of the patches of both, which are in front of all of the other's; `None` where pairs are looked at one by one.
     fronts: Option<[Vec<Option<bool>>; 2]>,
 }
 
+/// What is known of two faces.
+enum Known {
+    /// All exchange areas between them are as before a change.
+    Kept,
+    /// What stands between them.
+    Seen(PairVisibility),
+}
+
 impl<'a> Batches<'a> {
-    pub(super) fn new(method: &'a ExactMethod, input: Input<'a>, progress: &'a dyn Progress) -> Self {
+    pub(super) fn new(
+        method: &'a ExactMethod,
+        input: Input<'a>,
+        before: Option<Before<'a>>,
+        progress: &'a dyn Progress,
+    ) -> Self {
         let index = (!input.unoccluded).then(|| BlockerIndex::new(input.scene));
         let patches = Patches::new(input.mesh, index.is_some());
         let facing = Facing::new(input.mesh);
@@ -96,10 +114,26 @@ impl<'a> Batches<'a> {
                 .map(|face| Lattice::find(&patches.corners, face.range()))
                 .collect(),
             index,
+            before,
+            face_ids: input
+                .mesh
+                .patches
+                .chunk_by(|a, b| a.face == b.face)
+                .map(|own| own[0].face)
+                .collect(),
             patches,
             tables: HashMap::new(),
             next_row: 0,
         }
+    }
+
+    /// Tells whether a run of rows begins at `row`, or all rows end there.
+    fn is_between_runs(&self, row: usize) -> bool {
+        let Some(&f) = self.patches.face_of_patch.get(row) else {
+            return row == self.patches.len();
+        };
+        let face = &self.patches.faces[f];
+        face.row_runs.iter().any(|&k| face.runs[k].patches.start == row)
     }
 }
 
@@ -112,7 +146,12 @@ impl Iterator for Batches<'_> {
             return None;
         }
         let first_row = self.next_row;
-        if let Some(piece) = kept::take(self.progress, first_row as u64) {
+        let part = Part {
+            first_row,
+            n,
+            is_upper: true,
+        };
+        if let Some(piece) = kept::take(self.progress, first_row as u64, part, |end| self.is_between_runs(end)) {
             let n_rows: usize = piece.tiles.iter().map(RowTile::n_rows).sum();
             let rows = self.next_row..n.min(self.next_row + n_rows);
             self.next_row = rows.end;
@@ -172,6 +211,8 @@ struct Strip {
     /// The blockers of all partial pairs, one after the other.
     blockers: Vec<BlockerId>,
     counts: PairCounts,
+    /// What these rows were before a change; none without one.
+    before: Vec<Vec<Entry>>,
 }
 
 /// A pair that something may stand between, whose entry is not computed yet.
@@ -208,7 +249,7 @@ impl Batches<'_> {
             .flat_map(|f| {
                 let of_face = views[f - faces.start].iter();
                 of_face
-                    .filter(|view| view.visibility != PairVisibility::None)
+                    .filter(|view| matches!(&view.known, Known::Seen(seen) if *seen != PairVisibility::None))
                     .map(move |view| [f, view.face])
             })
             .filter(|key| {
@@ -259,7 +300,30 @@ impl Batches<'_> {
         self.facing.any(from.range(), to.range())
     }
 
-    /// Classifies a face against all later ones that it faces.
+    /// Tells whether what is known of two parts of faces that stayed is known from before a change.
+    fn is_kept(&self, p: &[DVec3], q: &[DVec3]) -> bool {
+        self.before.is_some_and(|before| !before.change.may_come_between(p, q))
+    }
+
+    /// Tells whether no exchange area between some patches of two faces can be the same as before.
+    fn any_moved(&self, faces: [usize; 2]) -> bool {
+        self.before.is_none_or(|before| {
+            let mut ids = faces.map(|f| self.face_ids[f]).into_iter();
+            ids.any(|face| before.change.moves(face))
+        })
+    }
+
+    /// Returns what the rows of a run were before a change.
+    fn rows_before(&self, rows: &Range<usize>) -> Vec<Vec<Entry>> {
+        self.before.map_or_else(Vec::new, |before| {
+            // Kept is only what was symmetric.
+            rows.clone()
+                .map(|i| before.factors.exchange_row(i).unwrap_or_default())
+                .collect()
+        })
+    }
+
+    /// Looks at a face and all later ones that it faces.
     fn views_of(&self, f: usize) -> Vec<FaceView> {
         if self.progress.is_cancelled() {
             return Vec::new();
@@ -268,9 +332,13 @@ impl Batches<'_> {
         let of_facing = self.tree.after(f).into_iter().filter(|&g| self.faces_face(f, g));
         of_facing
             .map(|g| {
-                let visibility = self.index.as_ref().map_or(PairVisibility::Full, |index| {
-                    whole_where_grazing(index.classify(hull(f), hull(g)), hull(f), hull(g))
-                });
+                let known = if !self.any_moved([f, g]) && self.is_kept(hull(f), hull(g)) {
+                    Known::Kept
+                } else {
+                    Known::Seen(self.index.as_ref().map_or(PairVisibility::Full, |index| {
+                        whole_where_grazing(index.classify(hull(f), hull(g)), hull(f), hull(g))
+                    }))
+                };
                 let [own, other] = [f, g].map(|k| self.patches.faces[k].range());
                 let fronts = (own.len() * other.len() >= LEAST_PAIRS).then(|| {
                     [
@@ -278,11 +346,7 @@ impl Batches<'_> {
                         self.facing.in_front(own, other),
                     ]
                 });
-                FaceView {
-                    face: g,
-                    visibility,
-                    fronts,
-                }
+                FaceView { face: g, known, fronts }
             })
             .collect()
     }
@@ -295,6 +359,7 @@ impl Batches<'_> {
             partial: Vec::new(),
             blockers: Vec::new(),
             counts: PairCounts::default(),
+            before: self.rows_before(&rows.patches),
         };
         let n_later: usize = rows.patches.clone().map(|i| self.patches.len() - 1 - i).sum();
         let columns = |view: &FaceView| &self.patches.faces[view.face].runs[0];
@@ -306,12 +371,17 @@ impl Batches<'_> {
                 table: self.tables.get(&[f, view.face]),
                 fronts: view.fronts.as_ref(),
                 starts: [f, view.face].map(|k| self.patches.faces[k].range().start),
+                may_keep: !self.any_moved([f, view.face]),
                 rows,
                 runs: &self.patches.faces[view.face].runs,
                 strip: &mut strip,
             };
-            walk.settle(columns(view), &view.visibility, true);
+            match &view.known {
+                Known::Kept => walk.keep(columns(view)),
+                Known::Seen(seen) => walk.settle(columns(view), seen, true),
+            }
         }
+        strip.before = Vec::new();
         strip
     }
 
@@ -394,6 +464,8 @@ struct Walk<'a> {
     fronts: Option<&'a [Vec<Option<bool>>; 2]>,
     /// The first patches of both faces.
     starts: [usize; 2],
+    /// True if both faces stayed where they were before a change.
+    may_keep: bool,
     rows: &'a Run,
     runs: &'a [Run],
     strip: &'a mut Strip,
@@ -419,11 +491,31 @@ impl Walk<'_> {
 
     /// Classifies the rows against a run of columns.
     fn look(&mut self, columns: &Run, among: &[BlockerId]) {
+        if self.may_keep && self.batches.is_kept(&self.rows.hull, &columns.hull) {
+            self.keep(columns);
+            return;
+        }
         let view = self.classify(&self.rows.hull, &columns.hull, among);
         self.settle(columns, &view, false);
     }
 
-    fn classify(&self, p: &[glam::DVec3], q: &[glam::DVec3], among: &[BlockerId]) -> PairVisibility {
+    /// Takes over all exchange areas with a run of columns.
+    fn keep(&mut self, columns: &Run) {
+        self.each_facing_pair(columns, Walk::push_kept);
+    }
+
+    fn push_kept(&mut self, i: usize, j: usize) {
+        self.strip.counts.kept += 1;
+        let column = PatchId::from_index(j).0;
+        let before = &self.strip.before[i - self.rows.patches.start];
+        // What is not stored was 0 for certain, and is.
+        if let Ok(place) = before.binary_search_by_key(&column, |entry| entry.0) {
+            let entry = before[place];
+            self.row(i).push(entry);
+        }
+    }
+
+    fn classify(&self, p: &[DVec3], q: &[DVec3], among: &[BlockerId]) -> PairVisibility {
         self.batches.index.as_ref().map_or(PairVisibility::Full, |index| {
             whole_where_grazing(index.classify_among(p, q, among), p, q)
         })
@@ -463,6 +555,10 @@ impl Walk<'_> {
     fn push_seen(&mut self, i: usize, j: usize, among: &[BlockerId]) {
         let view = if self.rows.patches.len() > 1 {
             let [p, q] = [i, j].map(|k| self.batches.patches.corners[k].as_slice());
+            if self.may_keep && self.batches.is_kept(p, q) {
+                self.push_kept(i, j);
+                return;
+            }
             self.classify(p, q, among)
         } else {
             PairVisibility::Partial(among.to_vec())

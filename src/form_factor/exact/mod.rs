@@ -6,7 +6,7 @@ mod faces;
 mod lattice;
 mod patches;
 
-use super::{Computed, FormFactorError, FormFactorMethod, Input, PairCounts};
+use super::{Before, Computed, FormFactorError, FormFactorMethod, Input, PairCounts};
 use crate::geometry::polygon_form_factor::Tolerance;
 use crate::matrix::{FormFactors, StorageChoice};
 use crate::progress::Progress;
@@ -100,11 +100,38 @@ impl FormFactorMethod for ExactMethod {
         storage: StorageChoice,
         progress: &dyn Progress,
     ) -> Result<Computed, FormFactorError> {
+        self.compute_from(input, None, storage, progress)
+    }
+
+    /// Keeps the exchange areas of pairs that the change cannot reach (see [`Change`](super::Change)), and computes the others as [`compute`](Self::compute) does.
+    ///
+    /// A kept entry is the stored one to the last bit; one that is computed anew differs from what `compute` gives by no more than the
+    /// neglected border of blockers, since it may be classified on another level. All are computed anew if `before` is not symmetric, as after a repair.
+    fn update(
+        &self,
+        input: Input<'_>,
+        before: Before<'_>,
+        storage: StorageChoice,
+        progress: &dyn Progress,
+    ) -> Result<Computed, FormFactorError> {
+        let usable = before.factors.is_symmetric().then_some(before);
+        self.compute_from(input, usable, storage, progress)
+    }
+}
+
+impl ExactMethod {
+    fn compute_from(
+        &self,
+        input: Input<'_>,
+        before: Option<Before<'_>>,
+        storage: StorageChoice,
+        progress: &dyn Progress,
+    ) -> Result<Computed, FormFactorError> {
         let n = input.mesh.n_patches() as u64;
         progress.begin("form factors", n * n.saturating_sub(1) / 2);
         let mut counts = PairCounts::default();
         // Batch by batch into the matrix: only one batch's entries are held beside it.
-        let upper = Batches::new(self, input, progress).flat_map(|(tiles, of_batch)| {
+        let upper = Batches::new(self, input, before, progress).flat_map(|(tiles, of_batch)| {
             counts = counts.plus(of_batch);
             tiles
         });
@@ -112,10 +139,16 @@ impl FormFactorMethod for ExactMethod {
         if progress.is_cancelled() {
             return Err(FormFactorError::Interrupted);
         }
+        if let Some(before) = before {
+            before
+                .factors
+                .if_readable(())
+                .map_err(crate::matrix::MatrixError::from)?;
+        }
         Ok(Computed {
             factors: factors?,
             pairs: Some(counts),
-            tolerance_met: counts.n_above_tolerance == 0,
+            tolerance_met: counts.n_above_tolerance == 0 && before.is_none_or(|before| before.tolerance_met),
         })
     }
 }
