@@ -46,7 +46,9 @@ fn main() {
         "rows 1",
         "rows 3"
     );
-    let wanted = std::env::args().skip(1).find(|argument| !argument.starts_with('-') && argument.parse::<usize>().is_err());
+    let wanted = std::env::args()
+        .skip(1)
+        .find(|argument| !argument.starts_with('-') && argument.parse::<usize>().is_err());
     let read = vec![1_u64; n * n];
     let scratch = std::env::temp_dir();
     let disk = Place::Disk(Scratch {
