@@ -1,32 +1,23 @@
 //! `compare` and `reproduce` as their users meet them: documents, files, exit codes.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+#[path = "support/program.rs"]
+mod program;
+
 use std::collections::BTreeSet;
 use std::path::Path;
-use std::process::{Command, Output};
 
+use program::radiosity;
 use serde_json::Value;
 
-fn radiosity(directory: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_radiosity"))
-        .current_dir(directory)
-        .args(arguments)
-        .output()
-        .unwrap()
-}
-
 fn document(directory: &Path, arguments: &[&str]) -> Value {
-    let output = radiosity(directory, &[arguments, &["--json"]].concat());
-    let text = String::from_utf8(output.stdout).unwrap();
-    assert_eq!(output.status.code(), Some(0), "{text}");
-    serde_json::from_str(&text).unwrap()
+    let (code, value) = program::document(directory, arguments);
+    assert_eq!(code, 0, "{value}");
+    value
 }
 
 fn files(directory: &Path) -> BTreeSet<String> {
-    let entries = std::fs::read_dir(directory).unwrap();
-    entries
-        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-        .collect()
+    program::names(directory).into_iter().collect()
 }
 
 /// Times of ours are in files that say so, and on the page.
@@ -311,6 +302,23 @@ fn the_errors_of_voxels_are_in_their_ranges() {
         assert!(errors[2] < errors[0], "{errors:?}");
     }
     assert_eq!(files(&directory.path().join("out")).len(), 9 + scenes.len());
+}
+
+#[test]
+fn pictures_have_the_noise_that_was_asked_for() {
+    let directory = tempfile::tempdir().unwrap();
+    let result = document(
+        directory.path(),
+        &["reproduce", "pictures", "--level", "1", "-o", "out"],
+    );
+    assert_eq!(result["inside"], true, "{:#}", result["results"]["checks"]);
+    let runs = result["results"]["runs"].as_array().unwrap();
+    assert_eq!((runs.len(), &result["results"]["n_reference_above"]), (7, &0.into()));
+    let rms: Vec<f64> = runs.iter().map(|run| run["rms"].as_f64().unwrap()).collect();
+    // The last three are gathered, with less and less noise; the last is nearer than any other.
+    assert!(rms[4] > rms[5] && rms[5] > rms[6], "{rms:?}");
+    assert!(rms[..4].iter().all(|other| *other > 0.5 * rms[6]), "{rms:?}");
+    assert_eq!(files(&directory.path().join("out")).len(), 6);
 }
 
 #[test]

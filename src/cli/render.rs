@@ -58,6 +58,7 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let view = view(&args.image.view, &args.scene, &prepared.scene)?;
     run.storage = Storage {
         args: args.storage.clone(),
+        part: 0,
         output: Some(args.output.clone()),
         tolerance: Some(args.solver.tolerance),
         image_byte: image_byte(&view, &settings, args.storage.memory_limit)?,

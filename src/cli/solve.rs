@@ -37,6 +37,7 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
         .map_or(Ok(args.mesh), |file| reuse::mesh_args(file, args.mesh))?;
     run.storage = Storage {
         args: args.storage.clone(),
+        part: 0,
         output: args.output.clone(),
         tolerance: Some(args.solver.tolerance),
         image_byte: 0,

@@ -200,7 +200,7 @@ impl FormFactors {
     /// Stores form factors that are symmetric as exchange areas, from those on and above the diagonal.
     ///
     /// `upper` yields tiles of [`UPPER_ROWS`] rows (the last may have fewer) with entries F_ij, j ≥ i; `E` is its error.
-    pub(crate) fn from_upper_rows<E: From<MatrixError>>(
+    pub(crate) fn from_upper_rows<E: From<MatrixError> + Send>(
         areas: Vec<f64>,
         tallies: Vec<RowTally>,
         upper: impl Iterator<Item = Result<RowTile, E>>,

@@ -14,7 +14,7 @@ use super::square::{Placed, SIDE, Square};
 use super::store::{Scalar, rounded};
 use super::transpose::index;
 use super::{Layout, MatrixError, Place, Precision, RowTile, StorageChoice};
-use crate::in_order::InOrder;
+use crate::in_order::{InOrder, by_turns};
 use crate::threads;
 
 /// A symmetric matrix, whatever the precision of its numbers.
@@ -77,17 +77,17 @@ pub(super) fn from_blocks(
 /// Stores an n by n matrix of which `upper` yields the entries on and above the diagonal for each of [`block_rows`] in order.
 ///
 /// `E` is the error of the iterator.
-pub(super) fn from_rows<E: From<MatrixError>>(
+pub(super) fn from_rows<E: From<MatrixError> + Send>(
     n: usize,
     choice: StorageChoice<'_>,
     upper: impl Iterator<Item = Result<RowTile, E>>,
 ) -> Result<Arc<dyn Symmetric>, E> {
-    fn build<T: Scalar, E: From<MatrixError>>(
+    fn build<T: Scalar, E: From<MatrixError> + Send>(
         n: usize,
         choice: StorageChoice<'_>,
         upper: impl Iterator<Item = Result<RowTile, E>>,
     ) -> Result<Arc<dyn Symmetric>, E> {
-        let rows = upper.map(|tile| Ok::<_, E>(row_of_tiles::<T>(&tile?, n, choice.layout)?));
+        let rows = by_turns(upper, |tile| Ok::<_, E>(row_of_tiles::<T>(&tile?, n, choice.layout)?));
         Ok(Arc::new(Tiles::<T>::collect(n, choice.place, rows)?))
     }
     match choice.precision {

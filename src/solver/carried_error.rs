@@ -16,6 +16,8 @@ const MOST_PASSES: usize = 1000;
 /// e = (I − ρF)⁻¹ (ρ h + |r|), h_i² = Σ_j (s_ij B_j)², with s_ij the error of F_ij that its method states and r = E − B + ρ H the residual: to first order
 /// (I − ρF) δB = ρ δF B + r. Entries of a row count as independent, rows as if they all erred to one side. For methods whose s is a standard error, e is
 /// hardly below the standard error of B; for those that state a bound or an estimate of the error it is one as far as errors of a row are not all of one sign.
+/// In `room-box` with 108 patches and 1000 random rays from each, the stated error is 2.2 times the root mean square of the true one over 24 runs for the patch where it is
+/// least, and 3.8 times on average; with `exact` no true error was above the stated one (`tests/stated_error.rs`).
 /// The error of the mesh (one radiosity for a whole patch) is no part of it. Shapes: \[n, c\]. Work: one pass over the form factors and one solve.
 /// Departures: none.
 ///

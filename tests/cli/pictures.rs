@@ -301,6 +301,118 @@ fn frames_share_form_factors_and_equal_single_pictures() {
     }
 }
 
+/// One object in several poses: each frame as if its scene had been rendered alone, and no more computed anew than needed.
+#[test]
+fn frames_with_a_moved_object_equal_pictures_of_the_moved_scene() {
+    let directory = with_scene("room-box");
+    let path = |name: &str| directory.path().join(name);
+    let write = |name: &str, text: &str| std::fs::write(path(name), text).unwrap();
+    let scene = std::fs::read_to_string(path("scene.obj")).unwrap();
+    // The box is the surfaces that are not walls: its sides are named after it.
+    let (code, listed) = document(directory.path(), &["form-factors", "scene.obj", "--subdivide", "1"]);
+    assert_eq!(code, 0);
+    let names: Vec<&str> = listed["surfaces"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|s| s["name"].as_str().unwrap())
+        .collect();
+    let sides: Vec<&str> = names.into_iter().filter(|name| name.starts_with("box")).collect();
+    assert!(!sides.is_empty(), "{scene}");
+    let surfaces = format!("{sides:?}");
+    write(
+        "frames.toml",
+        &format!(
+            "[[frame]]\nname = \"a\"\n\n[[frame]]\nname = \"b\"\n[[frame.move]]\nsurface = {surfaces}\ntranslate = [0.125, 0.0, 0.0]\n\n\
+             [[frame]]\nname = \"c\"\n\n[[frame]]\nname = \"d\"\n[[frame.move]]\nsurface = {surfaces}\nrotate = 30\naxis = [0, 0, 1]\n\
+             [[frame.move]]\nsurface = {surfaces}\ntranslate = [0, 0, 0.125]\n"
+        ),
+    );
+    let common = [
+        "render",
+        "scene.obj",
+        "--subdivide",
+        "3",
+        "--width",
+        "16",
+        "--direct",
+        "exact",
+        "--eye",
+        "0.1,0.1,0.1",
+        "--look-at",
+        "0.9,0.8,0.7",
+    ];
+    let frames = [&common[..], &["--frames", "frames.toml", "-o", "f.exr"]].concat();
+    let (code, result) = document(directory.path(), &frames);
+    assert_eq!((code, &result["n_lightings"]), (0, &1.into()), "{result}");
+    let poses = result["poses"].as_array().unwrap();
+    assert_eq!(poses.len(), 3);
+    assert_eq!(poses[0]["frames"], serde_json::json!(["a", "c"]));
+    assert!(poses[0]["update"].is_null());
+    for pose in &poses[1..] {
+        let update = &pose["update"];
+        let [kept, anew] = ["n_kept", "n_recomputed"].map(|name| update[name].as_u64().unwrap());
+        assert!(update["n_moved_faces"] == 6 && kept > 0 && anew > 0, "{update}");
+        assert_eq!(pose["form_factors"]["pairs"]["kept"], kept);
+    }
+    let order: Vec<&str> = result["frames"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|f| f["name"].as_str().unwrap())
+        .collect();
+    assert_eq!(order, ["a", "b", "c", "d"]);
+    assert_eq!(result["frames"][1]["moves"][0]["translate"][0], 0.125);
+    // The same poses, each alone.
+    let layers = |name: &str| radiosity::render::exr::read(&path(name)).unwrap().0;
+    assert_eq!(layers("f-a.exr").f32("R"), layers("f-c.exr").f32("R"));
+    let whole = std::fs::read_to_string(path("frames.toml")).unwrap();
+    for (name, place) in [("b", 2), ("d", 4)] {
+        let only = whole.split("[[frame]]").nth(place).unwrap();
+        write("one.toml", &format!("[[frame]]{only}"));
+        let alone = [&common[..], &["--frames", "one.toml", "-o", "alone.exr"]].concat();
+        let (code, result) = document(directory.path(), &alone);
+        assert_eq!((code, result["poses"].as_array().unwrap().len()), (0, 1), "{result}");
+        let (shared, single) = (layers(&format!("f-{name}.exr")), layers(&format!("alone-{name}.exr")));
+        for layer in ["R", "direct.G", "irradiance.B"] {
+            for (a, b) in shared.f32(layer).unwrap().iter().zip(single.f32(layer).unwrap()) {
+                // Ten times the tolerance of the form factors, beside 1 W·m⁻² or less; the same but for pairs on the border of blockers.
+                assert!((a - b).abs() <= 1e-4 * b.abs().max(1e-2), "{name} {layer}: {a} {b}");
+            }
+        }
+        assert_ne!(shared.f32("R"), layers("f-a.exr").f32("R"), "the move shows");
+    }
+    let text = radiosity(directory.path(), &frames);
+    let told = String::from_utf8(text.stdout).unwrap();
+    assert!(
+        told.contains("6 faces moved: ") && told.contains("computed anew, the others are as before"),
+        "{told}"
+    );
+
+    for (moves, words) in [
+        ("surface = \"sofa\"\ntranslate = [1, 0, 0]", "no surface `sofa`"),
+        ("surface = []\ntranslate = [1, 0, 0]", "name one or more"),
+        ("surface = \"SIDE\"", "give `rotate` or `translate`"),
+        ("surface = \"SIDE\"\nrotate = 10\naxis = [0, 0, 0]", "no direction"),
+        ("surface = \"SIDE\"\ntranslate = [1e16, 0, 0]", "move it less far"),
+        ("surface = \"SIDE\"\nspin = 3", "spin"),
+    ] {
+        let moves = moves.replace("SIDE", sides[0]);
+        write(
+            "bad.toml",
+            &format!("[[frame]]\nname = \"a\"\n[[frame.move]]\n{moves}\n"),
+        );
+        let bad = [&common[..], &["--frames", "bad.toml", "-o", "f.exr"]].concat();
+        let output = radiosity(directory.path(), &bad);
+        let message = stderr(&output);
+        assert_eq!(output.status.code(), Some(1), "{moves}: {message}");
+        assert!(
+            message.contains(words) && message.contains("bad.toml:") && message.lines().count() == 1,
+            "{moves}: {message}"
+        );
+    }
+}
+
 #[test]
 fn final_gather_says_what_it_took_and_a_missing_viewer_is_a_warning() {
     let directory = with_scene("room-box");
