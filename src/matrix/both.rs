@@ -89,6 +89,7 @@ const CHUNKS: usize = SIDE / LANES;
 
 /// Does what [`both`] does for a tile of the full size: as all lengths are known, nothing but the products is left to do.
 #[inline(always)]
+#[expect(clippy::needless_range_loop, reason = "arrays that closures fill go through memory")]
 fn whole_tile<S: Simd, T: Scalar, const N: usize, const C: usize, const R: usize>(
     simd: S,
     values: &[T],

@@ -7,6 +7,10 @@
 //! long (1.11 ns an entry, 0.52 with checks, x in the first-level cache, on a processor with AVX-512).
 
 #![expect(
+    clippy::shadow_unrelated,
+    reason = "inner scopes reuse the letters of the formulas and the names of what they look at"
+)]
+#![expect(
     clippy::inline_always,
     reason = "what is not inlined is not compiled for the instruction set"
 )]
@@ -15,7 +19,7 @@ use std::ops::Range;
 
 use pulp::Simd;
 
-use super::lanes::{InnerLoop, LANES, Lanes, Wide, dispatch, total};
+use super::lanes::{InnerLoop, LANES, Wide, dispatch, total};
 use super::planes::{FOUR, Planes};
 use super::store::Scalar;
 
@@ -177,18 +181,18 @@ pub(super) struct SquareEntries<'a, T> {
 /// Partial sums of a row of a square tile.
 const PARTS: usize = 4;
 
-/// Adds T `x_columns` to the first of `rows`' partial sums, and T^T `x_rows` to `y_columns`, for one channel.
+/// Adds T `x_columns` to `rows`, and T^T `x_rows` to `y_columns`, for one channel.
 pub(super) fn add_both_listed<T: Scalar>(
     entries: SquareEntries<'_, T>,
     [x_rows, x_columns]: [&[f64]; 2],
-    rows: &mut [Lanes],
+    rows: &mut [f64],
     y_columns: &mut [f64],
 ) {
     dispatch(OneListed(entries, [x_rows, x_columns], rows, y_columns));
 }
 
 /// The loop of [`add_both_listed`].
-struct OneListed<'a, T>(SquareEntries<'a, T>, [&'a [f64]; 2], &'a mut [Lanes], &'a mut [f64]);
+struct OneListed<'a, T>(SquareEntries<'a, T>, [&'a [f64]; 2], &'a mut [f64], &'a mut [f64]);
 
 impl<T: Scalar> InnerLoop for OneListed<'_, T> {
     #[inline(always)]
@@ -202,7 +206,7 @@ impl<T: Scalar> InnerLoop for OneListed<'_, T> {
                 *part = a.mul_add(x_columns[j], *part);
                 y_columns[j] = a.mul_add(x_row, y_columns[j]);
             });
-            rows[row][0] += (parts[0] + parts[1]) + (parts[2] + parts[3]);
+            rows[row] += (parts[0] + parts[1]) + (parts[2] + parts[3]);
         });
     }
 }

@@ -4,12 +4,9 @@
 //! (a fused multiply-add): the result is the same bytes on all processors. Those without such an instruction, older than 2013,
 //! take much longer.
 
-#![cfg_attr(
-    test,
-    expect(
-        clippy::shadow_unrelated,
-        reason = "inner scopes reuse the letters of the formulas and the names of what they look at"
-    )
+#![expect(
+    clippy::shadow_unrelated,
+    reason = "inner scopes reuse the letters of the formulas and the names of what they look at"
 )]
 #![expect(
     clippy::inline_always,

@@ -492,7 +492,7 @@ impl LinearOperator for FormFactors {
                 }
                 let n_terms = n_channels * tiles.iter().map(|tile| tile.n_stored()).sum::<usize>();
                 threads::for_each(n_terms, tasks, |(tile, row, i, sums)| {
-                    tile.apply(row, i, x, &planes, sums)
+                    tile.apply(row, i, x, &planes, sums);
                 });
             }
         }

@@ -12,7 +12,7 @@ use super::store::Scalar;
 
 /// The sums of one piece of a pass, from its first row on.
 ///
-/// Tiles stored in full and listed ones have sums of their own where there are several channels, since they take them in different ways.
+/// Tiles stored in full and listed ones have sums of their own, since they take the channels in different ways.
 pub(super) struct PassSums {
     first: usize,
     n_left: usize,
@@ -21,12 +21,12 @@ pub(super) struct PassSums {
     rows: Aligned<f64>,
     /// Channel by channel, each filled up to a multiple of [`SIDE`].
     columns: Aligned<f64>,
-    /// The sums of listed tiles, four channels at a time, where there are any.
-    listed: Vec<Fours>,
+    /// The sums of listed tiles, where there are any: of one channel, or of four at a time.
+    listed: Vec<Listed>,
 }
 
-/// Sums of four channels, side by side.
-struct Fours {
+/// Sums of a few channels, side by side.
+struct Listed {
     /// Of the rows of one row of tiles.
     rows: Aligned<f64>,
     columns: Aligned<f64>,
@@ -50,6 +50,11 @@ impl PassSums {
 
     fn n_padded(&self) -> usize {
         self.n_left.next_multiple_of(SIDE)
+    }
+
+    /// Returns how many channels listed tiles take at a time.
+    fn together(&self) -> usize {
+        if self.n_channels == 1 { 1 } else { FOUR }
     }
 
     /// Adds what a tile on the diagonal, stored whole, makes of `x`.
@@ -89,25 +94,23 @@ impl PassSums {
         rows: Range<usize>,
         columns: Range<usize>,
     ) {
-        if self.n_channels == 1 {
-            self.with_channels(x, rows, columns, |channels| {
-                for channel in channels {
-                    let parts = [channel.x_rows, channel.x_columns];
-                    add_both_listed(entries, parts, channel.rows, channel.y_columns);
-                }
-            });
-            return;
-        }
+        let together = self.together();
         if self.listed.is_empty() {
-            let fours = || Fours {
-                rows: Aligned::filled(SIDE * FOUR, 0.0),
-                columns: Aligned::filled(self.n_padded() * FOUR, 0.0),
+            let sums = || Listed {
+                rows: Aligned::filled(SIDE * together, 0.0),
+                columns: Aligned::filled(self.n_padded() * together, 0.0),
             };
-            self.listed = std::iter::repeat_with(fours)
-                .take(self.n_channels.div_ceil(FOUR))
+            self.listed = std::iter::repeat_with(sums)
+                .take(self.n_channels.div_ceil(together))
                 .collect();
         }
         let y_columns = columns.start - self.first..columns.end - self.first;
+        if self.n_channels == 1 {
+            let (plane, sums) = (x.channel(0), &mut self.listed[0]);
+            let parts = [&plane[rows], &plane[columns]];
+            add_both_listed(entries, parts, &mut sums.rows, &mut sums.columns[y_columns]);
+            return;
+        }
         for (fours, sums) in x.fours().zip(&mut self.listed) {
             add_both_listed_four(
                 entries,
@@ -121,23 +124,23 @@ impl PassSums {
     /// Ends a row of tiles: its rows' sums go to y.
     pub(super) fn end_rows(&mut self, rows: Range<usize>) {
         let own = rows.start - self.first..rows.end - self.first;
-        let n_padded = self.n_padded();
+        let (n_padded, together) = (self.n_padded(), self.together());
         let sums = self
             .columns
             .chunks_exact_mut(n_padded)
             .zip(self.rows.chunks_exact(ROW_SUMS));
         for (c, (y, of_channel)) in sums.enumerate() {
-            let lanes: &[Lanes] = of_channel.as_chunks().0;
-            for (k, (y_i, lanes)) in y[own.clone()].iter_mut().zip(lanes).enumerate() {
+            let partial: &[Lanes] = of_channel.as_chunks().0;
+            for (k, (y_i, lanes)) in y[own.clone()].iter_mut().zip(partial).enumerate() {
                 *y_i += total(lanes);
-                if let Some(fours) = self.listed.get(c / FOUR) {
-                    *y_i += fours.rows[k * FOUR + c % FOUR];
+                if let Some(listed) = self.listed.get(c / together) {
+                    *y_i += listed.rows[k * together + c % together];
                 }
             }
         }
         self.rows.fill(0.0);
-        for fours in &mut self.listed {
-            fours.rows.fill(0.0);
+        for listed in &mut self.listed {
+            listed.rows.fill(0.0);
         }
     }
 
@@ -148,11 +151,11 @@ impl PassSums {
 
     /// Returns what is to be added to y.
     pub(super) fn finish(mut self) -> PieceOfY {
-        let n_padded = self.n_padded();
+        let (n_padded, together) = (self.n_padded(), self.together());
         for (c, y) in self.columns.chunks_exact_mut(n_padded).enumerate() {
-            if let Some(fours) = self.listed.get(c / FOUR) {
-                let sums = fours.columns.as_chunks::<FOUR>().0;
-                y.iter_mut().zip(sums).for_each(|(y_i, sums)| *y_i += sums[c % FOUR]);
+            if let Some(listed) = self.listed.get(c / together) {
+                let sums = listed.columns.iter().skip(c % together).step_by(together);
+                y.iter_mut().zip(sums).for_each(|(y_i, sum)| *y_i += sum);
             }
         }
         PieceOfY {

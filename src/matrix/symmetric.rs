@@ -307,15 +307,15 @@ impl<T: Scalar> Symmetric for Tiles<T> {
             .chunks_mut(SUMS_PER_TASK * n_channels)
             .enumerate()
             .collect();
-        threads::for_each(self.n * parts.len() * n_channels, tasks, |(task, y)| {
+        threads::for_each(self.n * parts.len() * n_channels, tasks, |(task, y_rows)| {
             let begin = task * SUMS_PER_TASK;
-            let rows = begin..begin + y.len() / n_channels;
+            let rows = begin..begin + y_rows.len() / n_channels;
             for c in 0..n_channels {
                 let mut sums = [0.0; SUMS_PER_TASK];
                 for part in &parts {
                     part.add_to(&mut sums, &rows, c);
                 }
-                for (row, sum) in y.chunks_exact_mut(n_channels).zip(sums) {
+                for (row, sum) in y_rows.chunks_exact_mut(n_channels).zip(sums) {
                     row[c] = sum;
                 }
             }

@@ -256,8 +256,8 @@ impl Iteration for State<'_> {
                 (1.0, 0.0)
             }
         };
-        let (keep, factors): (Vec<f64>, Vec<f64>) = turns.iter().enumerate().map(of_channel).unzip();
-        combine(&mut self.residual, &keep, &factors, &next);
+        let (keep, added): (Vec<f64>, Vec<f64>) = turns.iter().enumerate().map(of_channel).unzip();
+        combine(&mut self.residual, &keep, &added, &next);
         self.basis.push(next);
         Estimate::Running(self.scaled.norms(&self.residual))
     }
