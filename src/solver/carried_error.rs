@@ -1,10 +1,9 @@
 //! The error of a solution, carried from the form factors' own.
 
-use rayon::prelude::*;
-
 use super::{RadiositySystem, Solution, SolveOptions, SolverError, SolverSettings, Tolerance, registry};
 use crate::matrix::FormFactors;
 use crate::matrix::operator::Block;
+use crate::threads;
 
 /// An error estimate is wanted to this, relative.
 const TOLERANCE: f64 = 1e-3;
@@ -38,24 +37,21 @@ pub fn carried_error(
     let radiosity = &solution.radiosity;
     let shapes = [exitance, radiosity, &solution.irradiance].map(|block| (block.n_rows(), block.n_channels()));
     assert!(shapes.iter().all(|&shape| shape == (n, n_channels)), "equal shapes");
-    let rows: Vec<Vec<f64>> = (0..n)
-        .into_par_iter()
-        .map(|i| {
-            let mut squares = vec![0.0; n_channels];
-            factors.for_each_in_row(i, |j, _, error| {
-                for (square, b) in squares.iter_mut().zip(radiosity.row(j)) {
-                    *square += (error * b).powi(2);
-                }
-            });
-            (0..n_channels)
-                .map(|c| {
-                    let (rho, h) = (reflectance.row(i)[c], solution.irradiance.row(i)[c]);
-                    let residual = exitance.row(i)[c] - radiosity.row(i)[c] + rho * h;
-                    rho * squares[c].sqrt() + residual.abs()
-                })
-                .collect()
-        })
-        .collect();
+    let rows: Vec<Vec<f64>> = threads::map(n * n * n_channels, n, |i| {
+        let mut squares = vec![0.0; n_channels];
+        factors.for_each_in_row(i, |j, _, error| {
+            for (square, b) in squares.iter_mut().zip(radiosity.row(j)) {
+                *square += (error * b).powi(2);
+            }
+        });
+        (0..n_channels)
+            .map(|c| {
+                let (rho, h) = (reflectance.row(i)[c], solution.irradiance.row(i)[c]);
+                let residual = exitance.row(i)[c] - radiosity.row(i)[c] + rho * h;
+                rho * squares[c].sqrt() + residual.abs()
+            })
+            .collect()
+    });
     let source = Block::from_values(rows.concat(), n_channels);
     let system = RadiositySystem::new(factors, factors.areas().to_vec(), reflectance.clone(), source)?;
     let options = SolveOptions {

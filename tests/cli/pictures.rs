@@ -1,5 +1,7 @@
 //! Pictures, fields and sequences.
 
+use radiosity::render::{Image, exr};
+
 use crate::{document, radiosity, stderr, with_scene};
 
 #[test]
@@ -77,6 +79,69 @@ fn a_picture_is_written_whole_with_its_preview() {
         .collect();
     // scene.obj, scene.mtl, camera.toml, box.exr, box.png: nothing temporary.
     assert_eq!(left.len(), 5, "{left:?}");
+}
+
+/// A picture of form factors that are computed again in every pass is that of stored ones, without the error that only those carry.
+#[test]
+fn a_picture_needs_no_stored_form_factors() {
+    let directory = with_scene("cornell-box");
+    let base = [
+        "render",
+        "scene.obj",
+        "--width",
+        "24",
+        "--max-edge",
+        "0.25",
+        "--method",
+        "sr",
+        "--rays",
+        "500",
+        "--samples",
+        "1",
+        "--solver",
+        "gmres",
+    ];
+    let picture = |name: &str, more: &[&str]| {
+        let (code, result) = document(directory.path(), &[&base[..], &["-o", name], more].concat());
+        assert_eq!(code, 0, "{result}");
+        let (image, _) = exr::read(&directory.path().join(name)).unwrap();
+        (image, result)
+    };
+    let (stored, _) = picture("stored.exr", &["--balance", "off", "--precision", "f64"]);
+    let (fly, result) = picture("fly.exr", &["--on-the-fly"]);
+    assert!(result["form_factors"].is_null());
+    assert!(
+        result["left_out"]
+            .to_string()
+            .contains("every pass computes them again")
+    );
+    let names = |image: &Image| -> Vec<String> {
+        let names = image.layers().iter().map(|layer| layer.name.clone());
+        names.filter(|name| !name.starts_with("error.")).collect()
+    };
+    assert_eq!(names(&fly), names(&stored));
+    assert!(stored.f32("error.R").is_some() && fly.f32("error.R").is_none());
+    for name in names(&stored) {
+        let (Some(expected), Some(found)) = (stored.f32(&name), fly.f32(&name)) else {
+            assert_eq!(stored.u32(&name), fly.u32(&name), "{name}");
+            continue;
+        };
+        for (a, b) in expected.iter().zip(found) {
+            // The order of sums in f64 may turn the rounding to f32 around: 6e-8.
+            let equal = a.to_bits() == b.to_bits() || (a - b).abs() <= 1.2e-7 * a.abs();
+            assert!(equal, "{name}: {a} {b}");
+        }
+    }
+    for (more, expected) in [
+        (["--method", "exact"], "pairs"),
+        (["--solver", "pcg"], "balanced"),
+        (["--frames", "f.toml"], "--frames"),
+    ] {
+        let arguments = [&["render", "scene.obj", "-o", "x.exr", "--on-the-fly"][..], &more].concat();
+        let refused = radiosity(directory.path(), &arguments);
+        assert_eq!(refused.status.code(), Some(2));
+        assert!(stderr(&refused).contains(expected), "{}", stderr(&refused));
+    }
 }
 
 #[test]

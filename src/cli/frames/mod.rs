@@ -311,7 +311,7 @@ impl Solved<'_> {
         let (reflectance, exitance) = self.stack.materials(place);
         let (indirect, error) = run.times.time("solve", || {
             (
-                indirect_irradiance(computed, &exitance, &own),
+                indirect_irradiance(&computed.factors, &exitance, &own),
                 carried_error(&computed.factors, &reflectance, &exitance, &own),
             )
         });
