@@ -4,6 +4,8 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
+use tempfile::TempPath;
+
 /// Writes a file under a temporary name in its own directory, and gives it its name once all of it is on the disk.
 ///
 /// `content` writes the bytes; it may seek. Until the end an existing file stays as it is, and if anything fails, the temporary
@@ -13,6 +15,42 @@ use std::path::{Path, PathBuf};
 /// # Errors
 /// Those of `content` and of the file system; `path` names something that is not a regular file, such as a directory or a device.
 pub(crate) fn write(path: &Path, content: impl FnOnce(&mut BufWriter<&mut File>) -> io::Result<()>) -> io::Result<()> {
+    prepare(path, content)?.put()
+}
+
+/// A file that is all on the disk, under a temporary name in its directory; it vanishes unless it is [`put`](Self::put).
+pub(crate) struct Prepared {
+    temporary: TempPath,
+    target: PathBuf,
+}
+
+impl Prepared {
+    /// Gives the file its name.
+    pub(crate) fn put(self) -> io::Result<()> {
+        self.temporary.persist(&self.target)?;
+        #[cfg(unix)]
+        File::open(directory_of(&self.target))?.sync_all()?;
+        Ok(())
+    }
+}
+
+/// Waits until no other process puts files that belong together into this directory, and keeps others from it until what is returned is dropped.
+///
+/// Nothing is returned, and nobody waits, where the file system has no locks.
+pub(crate) fn turn(directory: &Path) -> Option<File> {
+    let opened = File::open(directory).ok()?;
+    opened.lock().ok()?;
+    Some(opened)
+}
+
+/// Writes a file as [`write`] does, but for its name, which [`Prepared::put`] gives it: files that belong together appear together, or none of them does.
+///
+/// # Errors
+/// As [`write`].
+pub(crate) fn prepare(
+    path: &Path,
+    content: impl FnOnce(&mut BufWriter<&mut File>) -> io::Result<()>,
+) -> io::Result<Prepared> {
     let target = expect_possible(path)?;
     let mut builder = tempfile::Builder::new();
     #[cfg(unix)]
@@ -29,10 +67,10 @@ pub(crate) fn write(path: &Path, content: impl FnOnce(&mut BufWriter<&mut File>)
     drop(writer);
     // Without this a crash soon after the rename can leave an empty file under the new name.
     temporary.as_file().sync_all()?;
-    temporary.persist(&target)?;
-    #[cfg(unix)]
-    File::open(directory)?.sync_all()?;
-    Ok(())
+    Ok(Prepared {
+        temporary: temporary.into_temp_path(),
+        target,
+    })
 }
 
 /// Tells whether `path` can name a file to write, and returns the place that it stands for: a link is followed.
@@ -58,7 +96,8 @@ pub(crate) fn expect_possible(path: &Path) -> io::Result<PathBuf> {
     }
 }
 
-fn directory_of(path: &Path) -> &Path {
+/// Returns the directory in which a file is.
+pub(crate) fn directory_of(path: &Path) -> &Path {
     match path.parent() {
         Some(directory) if !directory.as_os_str().is_empty() => directory,
         _ => Path::new("."),

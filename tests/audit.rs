@@ -5,11 +5,12 @@
 )]
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+#[path = "support/program.rs"]
+mod program;
 mod support;
 
 use std::io::{Read as _, Write as _};
 use std::path::Path;
-use std::process::Command;
 
 use glam::{DQuat, DVec3};
 use radiosity::audit::{self, Audit, Claims, Given, Law};
@@ -337,12 +338,7 @@ fn dark_pixels_are_light_and_negative_ones_are_not() {
 }
 
 fn radiosity(directory: &Path, arguments: &[&str]) -> (i32, serde_json::Value, String) {
-    let output = Command::new(env!("CARGO_BIN_EXE_radiosity"))
-        .current_dir(directory)
-        .args(arguments)
-        .arg("--json")
-        .output()
-        .unwrap();
+    let output = program::radiosity(directory, &[arguments, &["--json"]].concat());
     let document = serde_json::from_slice(&output.stdout).unwrap();
     (
         output.status.code().unwrap(),

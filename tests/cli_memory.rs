@@ -6,35 +6,10 @@
     reason = "a test fails by panicking, and each run of a test has its own limit and result"
 )]
 
-use std::path::Path;
-use std::process::{Command, Output};
+#[path = "support/program.rs"]
+mod program;
 
-use serde_json::Value;
-use tempfile::TempDir;
-
-fn radiosity(directory: &Path, arguments: &[&str]) -> Output {
-    let program = env!("CARGO_BIN_EXE_radiosity");
-    let run = Command::new(program).current_dir(directory).args(arguments).output();
-    run.unwrap()
-}
-
-fn document(directory: &Path, arguments: &[&str]) -> (i32, Value) {
-    let output = radiosity(directory, &[arguments, &["--json"]].concat());
-    let value = serde_json::from_slice(&output.stdout).unwrap();
-    (output.status.code().unwrap(), value)
-}
-
-fn with_scene(name: &str) -> TempDir {
-    let directory = tempfile::tempdir().unwrap();
-    let output = radiosity(directory.path(), &["scene", name, "-o", "scene.obj"]);
-    assert!(output.status.success());
-    directory
-}
-
-fn names(directory: &Path) -> Vec<String> {
-    let entries = std::fs::read_dir(directory).unwrap();
-    entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect()
-}
+use program::{document, limited, names, radiosity, with_scene};
 
 /// Solves the cube twice, with plenty of memory and with `limit`, and compares.
 fn solve_within(subdivide: &str, limit: &str, limit_byte: u64) {
@@ -175,14 +150,21 @@ fn flags_choose_storage_and_precision_and_contradictions_are_refused() {
 fn a_full_disk_is_told_and_leaves_nothing() {
     let directory = with_scene("cube");
     // A limit on the size of files, and no signal when it is met, is what a full disk looks like to the program.
-    let script = format!(
-        "trap '' XFSZ; ulimit -f 64; exec {} solve scene.obj --method closed-form --subdivide 8 --storage disk --scratch . --quiet",
-        env!("CARGO_BIN_EXE_radiosity")
-    );
+    let arguments = [
+        "solve",
+        "scene.obj",
+        "--method",
+        "closed-form",
+        "--subdivide",
+        "8",
+        "--storage",
+        "disk",
+        "--scratch",
+        ".",
+        "--quiet",
+    ];
     let before = names(directory.path());
-    let output = Command::new("bash")
-        .current_dir(directory.path())
-        .args(["-c", &script])
+    let output = limited(directory.path(), "trap '' XFSZ; ulimit -f 64; exec", &arguments)
         .output()
         .unwrap();
     let text = String::from_utf8(output.stderr).unwrap();

@@ -1,32 +1,23 @@
 //! `compare` and `reproduce` as their users meet them: documents, files, exit codes.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+#[path = "support/program.rs"]
+mod program;
+
 use std::collections::BTreeSet;
 use std::path::Path;
-use std::process::{Command, Output};
 
+use program::radiosity;
 use serde_json::Value;
 
-fn radiosity(directory: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_radiosity"))
-        .current_dir(directory)
-        .args(arguments)
-        .output()
-        .unwrap()
-}
-
 fn document(directory: &Path, arguments: &[&str]) -> Value {
-    let output = radiosity(directory, &[arguments, &["--json"]].concat());
-    let text = String::from_utf8(output.stdout).unwrap();
-    assert_eq!(output.status.code(), Some(0), "{text}");
-    serde_json::from_str(&text).unwrap()
+    let (code, value) = program::document(directory, arguments);
+    assert_eq!(code, 0, "{value}");
+    value
 }
 
 fn files(directory: &Path) -> BTreeSet<String> {
-    let entries = std::fs::read_dir(directory).unwrap();
-    entries
-        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-        .collect()
+    program::names(directory).into_iter().collect()
 }
 
 /// Times of ours are in files that say so, and on the page.

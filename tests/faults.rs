@@ -2,30 +2,18 @@
 #![cfg(unix)]
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+#[path = "support/program.rs"]
+mod program;
+
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
+
+use program::{limited, names};
 
 /// Runs the program with at most 3 GB of address space for what it allocates, so that what is asked for in vain shows, and 60 s.
 fn radiosity(directory: &Path, arguments: &[&str]) -> Output {
-    Command::new("sh")
-        .args([
-            "-c",
-            "ulimit -v 3000000; exec timeout -k 1 60 \"$0\" \"$@\"",
-            env!("CARGO_BIN_EXE_radiosity"),
-        ])
-        .current_dir(directory)
-        .args(arguments)
-        .output()
-        .unwrap()
-}
-
-fn listed(directory: &Path) -> Vec<String> {
-    let mut names = Vec::new();
-    for entry in std::fs::read_dir(directory).unwrap() {
-        names.push(entry.unwrap().file_name().into_string().unwrap());
-    }
-    names.sort();
-    names
+    let shell = "ulimit -v 3000000; exec timeout -k 1 60";
+    limited(directory, shell, arguments).output().unwrap()
 }
 
 /// A folder with a scene, one valid file of every kind that is read back, and files that are none.
@@ -104,11 +92,11 @@ fn folder() -> tempfile::TempDir {
 type Case<'a> = (Vec<&'a str>, i32, &'a str);
 
 fn expect(directory: &Path, (arguments, code, needle): &Case<'_>) -> Result<(), String> {
-    let before = listed(directory);
+    let before = names(directory);
     let output = radiosity(directory, arguments);
     let message = String::from_utf8_lossy(&output.stderr).into_owned();
     let lines: Vec<&str> = message.lines().filter(|line| !line.contains("warning:")).collect();
-    let after = listed(directory);
+    let after = names(directory);
     let is_right = output.status.code() == Some(*code)
         && message.contains(needle)
         && !message.contains("a defect")
@@ -284,7 +272,13 @@ fn sizes_that_no_machine_has_are_refused_by_name() {
 #[test]
 fn settings_of_solvers_that_are_too_large_do_no_harm() {
     let directory = folder();
-    for more in [["gmres", "--restart"], ["anderson", "--depth"]] {
+    for more in [
+        ["gmres", "--restart"],
+        ["anderson", "--depth"],
+        // A closed room of reflectance 0.5 to 1e-6: without a bound one pass would take these many steps.
+        ["progressive-refinement", "--steps-per-pass"],
+        ["overshooting", "--steps-per-pass"],
+    ] {
         let output = radiosity(
             directory.path(),
             &[

@@ -2,14 +2,17 @@
 #![cfg(unix)]
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+#[path = "support/program.rs"]
+mod program;
 mod support;
 
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicI64, Ordering};
 use std::time::Duration;
 
 use glam::{DQuat, DVec3};
+use program::{command, names, radiosity, succeed};
 use radiosity::checkpoint::Checkpoint;
 use radiosity::form_factor::{FormFactorError, FormFactorMethod, Input};
 use radiosity::matrix::{FormFactors, StorageChoice};
@@ -17,7 +20,7 @@ use radiosity::mesh::{Mesh, Subdivision};
 use radiosity::progress::{Progress, Silent};
 use radiosity::scene::{Scene, topology};
 use radiosity::visibility::embree::EmbreeVisibility;
-use support::rooms::{Shapes, names, quick};
+use support::rooms::{self, Shapes, quick};
 
 /// Asks to stop after some pieces of work.
 struct Stopper {
@@ -98,7 +101,7 @@ fn interrupted_and_resumed(method: &dyn FormFactorMethod, scene: &Scene, subdivi
 
 #[test]
 fn every_method_goes_on_to_the_same_bits() {
-    for name in names().filter(|&name| name != "exact") {
+    for name in rooms::names().filter(|&name| name != "exact") {
         interrupted_and_resumed(&*quick(name, 3), &room(true), 3, 3);
     }
     // 2904 patches: 4.2 million pairs, of which this one keeps 2 million at a time.
@@ -106,17 +109,11 @@ fn every_method_goes_on_to_the_same_bits() {
 }
 
 fn start(directory: &Path, arguments: &[&str]) -> Child {
-    Command::new(env!("CARGO_BIN_EXE_radiosity"))
-        .current_dir(directory)
-        .args(arguments)
+    command(directory, arguments)
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
         .unwrap()
-}
-
-fn finish(directory: &Path, arguments: &[&str]) -> Output {
-    start(directory, arguments).wait_with_output().unwrap()
 }
 
 fn signal(child: &Child, name: &str) {
@@ -143,17 +140,9 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec()).unwrap()
 }
 
-fn listed(directory: &Path) -> Vec<String> {
-    let entries = std::fs::read_dir(directory).unwrap();
-    let mut names: Vec<_> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
-    names.sort();
-    names
-}
-
 fn with_scene() -> tempfile::TempDir {
     let directory = tempfile::tempdir().unwrap();
-    let output = finish(directory.path(), &["scene", "room-box", "-o", "room.obj"]);
-    assert!(output.status.success());
+    succeed(directory.path(), &["scene", "room-box", "-o", "room.obj"]);
     directory
 }
 
@@ -176,8 +165,8 @@ const KEPT: &[&str] = &["--checkpoint", "kept"];
 fn signals_end_the_work_with_one_line_and_it_goes_on_from_there() {
     let directory = with_scene();
     let at = |name: &str| directory.path().join(name);
-    let before = listed(directory.path());
-    assert!(finish(directory.path(), WORK).status.success());
+    let before = names(directory.path());
+    assert!(radiosity(directory.path(), WORK).status.success());
     let whole = std::fs::read(at("F.npz")).unwrap();
     std::fs::remove_file(at("F.npz")).unwrap();
     let with_checkpoint = [WORK, KEPT].concat();
@@ -195,7 +184,7 @@ fn signals_end_the_work_with_one_line_and_it_goes_on_from_there() {
             "{message}"
         );
         assert_eq!(
-            listed(directory.path()),
+            names(directory.path()),
             [&before[..], &["kept".to_owned()]]
                 .concat()
                 .into_iter()
@@ -206,14 +195,14 @@ fn signals_end_the_work_with_one_line_and_it_goes_on_from_there() {
         size = at("kept").metadata().unwrap().len();
     }
     // Other settings are other work.
-    let other = finish(directory.path(), &[&with_checkpoint[..], &["--seed", "1"]].concat());
+    let other = radiosity(directory.path(), &[&with_checkpoint[..], &["--seed", "1"]].concat());
     assert_eq!(other.status.code(), Some(1));
     assert!(
         text(&other.stderr).contains("other settings"),
         "{}",
         text(&other.stderr)
     );
-    let output = finish(directory.path(), &with_checkpoint);
+    let output = radiosity(directory.path(), &with_checkpoint);
     assert!(output.status.success(), "{}", text(&output.stderr));
     assert!(std::fs::read(at("F.npz")).unwrap() == whole, "the same bytes");
     assert!(!at("kept").exists(), "what is done needs no checkpoint");
@@ -222,7 +211,7 @@ fn signals_end_the_work_with_one_line_and_it_goes_on_from_there() {
 #[test]
 fn a_signal_without_a_checkpoint_leaves_nothing_and_says_so_in_the_document() {
     let directory = with_scene();
-    let before = listed(directory.path());
+    let before = names(directory.path());
     let mut child = start(directory.path(), &[WORK, &["--json"]].concat());
     std::thread::sleep(Duration::from_millis(300));
     assert!(child.try_wait().unwrap().is_none(), "the work takes longer than this");
@@ -231,7 +220,7 @@ fn a_signal_without_a_checkpoint_leaves_nothing_and_says_so_in_the_document() {
     assert_eq!(output.status.code(), Some(130));
     let document: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(document["error"]["kind"], "interrupted");
-    assert_eq!(listed(directory.path()), before);
+    assert_eq!(names(directory.path()), before);
 }
 
 /// Some seconds of final gather over three pictures, one of them with an object elsewhere.
@@ -378,7 +367,7 @@ fn links_are_kept_when_a_signal_comes() {
     let mut child = start(directory.path(), &work);
     wait_for(&part, 1000, &mut child);
     // The file belongs to one process.
-    let second = finish(directory.path(), &work);
+    let second = radiosity(directory.path(), &work);
     assert_eq!(second.status.code(), Some(1));
     assert!(
         text(&second.stderr).contains("another process"),
@@ -390,10 +379,10 @@ fn links_are_kept_when_a_signal_comes() {
     assert_eq!(output.status.code(), Some(143), "{}", text(&output.stderr));
     assert!(text(&output.stderr).contains("goes on from there") && part.exists());
     assert!(!directory.path().join("v.vtu").exists());
-    assert!(finish(directory.path(), &work).status.success());
+    assert!(radiosity(directory.path(), &work).status.success());
     let resumed = std::fs::read(directory.path().join("l")).unwrap();
     std::fs::remove_file(directory.path().join("l")).unwrap();
-    assert!(finish(directory.path(), &work).status.success());
+    assert!(radiosity(directory.path(), &work).status.success());
     assert!(
         std::fs::read(directory.path().join("l")).unwrap() == resumed,
         "the same bytes"
@@ -406,7 +395,7 @@ fn killed(n: u32) {
     let at = |name: &str| -> PathBuf { directory.path().join(name) };
     let work = [WORK, KEPT].concat();
     let started = std::time::Instant::now();
-    assert!(finish(directory.path(), &work).status.success());
+    assert!(radiosity(directory.path(), &work).status.success());
     let whole_time = started.elapsed();
     let whole = std::fs::read(at("F.npz")).unwrap();
     let mut n_killed = 0;
@@ -428,7 +417,7 @@ fn killed(n: u32) {
         }
     }
     assert!(n_killed > 0, "some kills came in time");
-    let output = finish(directory.path(), &work);
+    let output = radiosity(directory.path(), &work);
     assert!(output.status.success(), "{}", text(&output.stderr));
     assert!(
         std::fs::read(at("F.npz")).unwrap() == whole,
@@ -447,29 +436,54 @@ fn fifty_kills_leave_no_file_that_is_not_whole() {
     killed(50);
 }
 
-#[test]
-fn two_processes_with_one_output_do_not_mix() {
+/// Two processes at once write the same outputs, several times; each time what is there is one's or the other's.
+fn do_not_mix(arguments: &[&str], outputs: &[&str]) {
     let directory = with_scene();
-    let work = |seed: &'static str| {
-        [
-            &WORK[..3],
-            &["4", "--method", "sr", "--rays", "2000", "-o", "F.npz", "--seed", seed],
-        ]
-        .concat()
+    let work = |seed: &'static str| [arguments, &["--seed", seed]].concat();
+    let found = || -> Vec<Vec<u8>> {
+        let read = |name: &&str| std::fs::read(directory.path().join(name)).unwrap();
+        outputs.iter().map(read).collect()
     };
-    let alone: Vec<Vec<u8>> = ["1", "2"]
-        .map(|seed| {
-            assert!(finish(directory.path(), &work(seed)).status.success());
-            std::fs::read(directory.path().join("F.npz")).unwrap()
-        })
-        .into();
-    assert_ne!(alone[0], alone[1]);
+    let alone = ["1", "2"].map(|seed| {
+        succeed(directory.path(), &work(seed));
+        found()
+    });
+    for k in 0..outputs.len() {
+        assert_ne!(alone[0][k], alone[1][k], "{}", outputs[k]);
+    }
     for _ in 0..4 {
         let children = ["1", "2"].map(|seed| start(directory.path(), &work(seed)));
         for child in children {
             assert!(child.wait_with_output().unwrap().status.success());
         }
-        let found = std::fs::read(directory.path().join("F.npz")).unwrap();
-        assert!(alone.contains(&found), "the output is one of the two, whole");
+        assert!(
+            alone.contains(&found()),
+            "the outputs are those of one of the two, whole"
+        );
     }
+}
+
+#[test]
+fn two_processes_with_one_output_do_not_mix() {
+    let factors = [&WORK[..3], &["4", "--method", "sr", "--rays", "2000"]].concat();
+    do_not_mix(&[&factors[..], &["-o", "F.npz"]].concat(), &["F.npz"]);
+    // The matrix and, in a second file, its description.
+    do_not_mix(&[&factors[..], &["-o", "F.npy"]].concat(), &["F.npy", "F.npy.json"]);
+}
+
+#[test]
+fn two_processes_with_one_folder_do_not_mix() {
+    let compare = [
+        "compare",
+        "cube",
+        "--methods",
+        "sr",
+        "--seeds",
+        "2",
+        "--visibility",
+        "off",
+        "-o",
+        "out",
+    ];
+    do_not_mix(&compare, &["out/results.csv", "out/results.json", "out/report.md"]);
 }

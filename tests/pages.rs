@@ -1,6 +1,9 @@
 //! The pages of reports in a real browser: skipped, with a word, where there is none.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+#[path = "support/program.rs"]
+mod program;
+
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -45,12 +48,7 @@ fn a_page_opens_without_a_complaint() {
         "-o",
         "out",
     ];
-    let run = Command::new(env!("CARGO_BIN_EXE_radiosity"))
-        .current_dir(directory.path())
-        .args(arguments)
-        .output()
-        .unwrap();
-    assert!(run.status.success());
+    program::succeed(directory.path(), &arguments);
     let page = directory.path().join("out/index.html");
     let html = std::fs::read_to_string(&page).unwrap();
     // What a page can ask for stands in such attributes; the name space of SVG is no address that anybody asks.

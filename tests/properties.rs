@@ -9,7 +9,10 @@ use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use radiosity::matrix::FormFactors;
 use radiosity::scene::Scene;
+use radiosity::solver::StopReason;
 use support::rooms::{Prepared, Shapes, moved, names, quick};
+use support::solving::{all, l2, random_materials, run, system};
+use support::{dense, relative_error, solve_direct};
 
 /// A room of 1 to 2 m a side with things in it that do not touch its walls.
 #[derive(Clone, Debug)]
@@ -197,6 +200,49 @@ proptest! {
                 assert!(difference <= known, "{name} {i} {j}: {difference:e} ± {error:e}");
             });
             assert!(n_different <= n * n / 100, "{name}: {n_different} of {} differ", n * n);
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(cases(6, 6))]
+
+    /// Light is neither made nor lost, a patch has at least what it emits, and none more than the furnace whose walls all emit the most and reflect the most.
+    #[test]
+    fn every_solver_keeps_the_energy_of_a_room_with_things_in_it(room in room(0..3), seed in 0..1000_u64) {
+        let prepared = Prepared::new(room.scene(), 2);
+        let factors = prepared.compute(&*quick("exact", 0));
+        let n = factors.n_rows();
+        let rho_max = 0.9;
+        let (reflectance, exitance) = random_materials(n, rho_max, seed);
+        let system = system(&factors, &reflectance, &exitance);
+        let expected = solve_direct(&dense(&factors), &reflectance, &exitance);
+        // By how much rows sum to more than 1, which makes light: the errors of the form factors.
+        let excess = factors.row_sums().iter().fold(0.0_f64, |most, sum| most.max(sum - 1.0));
+        for solver in all() {
+            let name = solver.name();
+            let solution = run(solver, &system, &l2(1e-10));
+            prop_assert_eq!(solution.stop_reason, StopReason::Converged, "{}", name);
+            let error = relative_error(factors.areas(), &solution.radiosity, &expected);
+            let bound = solution.error_bound.expect("reflectances below 1");
+            // Both solutions round.
+            prop_assert!(error <= bound + 1e-13, "{name}: {error:e} > {bound:e}");
+            // A residual of 1e-10 of E, ten reflections deep at ρ = 0.9.
+            prop_assert!(error <= 1e-9, "{name}: {error:e}");
+            for c in 0..3 {
+                let (mut emitted, mut kept) = (0.0, 0.0);
+                let highest = (0..n).map(|i| exitance.row(i)[c]).fold(0.0, f64::max) / (1.0 - rho_max * (1.0 + excess));
+                for i in 0..n {
+                    let (e, rho) = (exitance.row(i)[c], reflectance.row(i)[c]);
+                    let (b, h) = (solution.radiosity.row(i)[c], solution.irradiance.row(i)[c]);
+                    prop_assert!(b >= e - 1e-8 && b <= highest * (1.0 + 1e-8), "{name}: patch {i} has {b}");
+                    // What the walls' openings in F take or make: 1 less the row's sum.
+                    emitted += e * factors.areas()[i];
+                    kept += ((1.0 - rho) * h + (1.0 - factors.row_sums()[i]) * b) * factors.areas()[i];
+                }
+                // Reciprocity makes this exact but for the residual, ten reflections deep.
+                prop_assert!((kept / emitted - 1.0).abs() < 1e-8, "{name}: {kept} of {emitted}");
+            }
         }
     }
 }

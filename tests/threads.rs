@@ -1,24 +1,11 @@
 //! Equal bytes at any number of threads, for every command that computes.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use std::path::Path;
-use std::process::Command;
+#[path = "support/program.rs"]
+mod program;
 
+use program::succeed as run;
 use serde_json::Value;
-
-fn run(directory: &Path, arguments: &[&str]) -> Vec<u8> {
-    let output = Command::new(env!("CARGO_BIN_EXE_radiosity"))
-        .current_dir(directory)
-        .args(arguments)
-        .output()
-        .unwrap();
-    assert!(
-        output.status.success(),
-        "{arguments:?}: {}",
-        String::from_utf8_lossy(&output.stderr)
-    );
-    output.stdout
-}
 
 /// Removes what is allowed to differ: times and memory.
 fn without_measurements(value: &mut Value) {

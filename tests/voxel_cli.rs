@@ -5,32 +5,17 @@
 )]
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+#[path = "support/program.rs"]
+mod program;
+
 use std::path::Path;
-use std::process::{Command, Output};
 
+use program::{command, limited, names, radiosity, with_scene};
 use serde_json::Value;
-
-fn radiosity(directory: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_radiosity"))
-        .current_dir(directory)
-        .args(arguments)
-        .output()
-        .unwrap()
-}
 
 /// Runs `voxel scene.obj` with `--json` and returns the exit code and the document.
 fn document(directory: &Path, arguments: &[&str]) -> (i32, Value) {
-    let output = radiosity(directory, &[&["voxel", "scene.obj", "--json"], arguments].concat());
-    let text = String::from_utf8(output.stdout).unwrap();
-    let value = serde_json::from_str(&text).unwrap_or_else(|e| panic!("{e}: {text}"));
-    (output.status.code().unwrap(), value)
-}
-
-fn with_scene(name: &str) -> tempfile::TempDir {
-    let directory = tempfile::tempdir().unwrap();
-    let output = radiosity(directory.path(), &["scene", name, "-o", "scene.obj"]);
-    assert!(output.status.success());
-    directory
+    program::document(directory, &[&["voxel", "scene.obj"], arguments].concat())
 }
 
 fn without_times(mut document: Value) -> Value {
@@ -250,39 +235,39 @@ fn walls_that_are_too_near_are_named() {
 #[test]
 fn a_full_disk_leaves_no_links_behind() {
     let directory = with_scene("room-box");
-    let limited = |kilobytes: u32| {
+    let with_room = |kilobytes: u32| {
         // Without the signal, a write beyond the limit fails as one on a full disk does.
-        let script = format!("trap '' XFSZ; ulimit -f {kilobytes}; exec \"$@\"");
-        Command::new("sh")
-            .current_dir(directory.path())
-            .args([
-                "-c",
-                &script,
-                "sh",
-                env!("CARGO_BIN_EXE_radiosity"),
-                "voxel",
-                "scene.obj",
-            ])
-            .args(["--voxels", "31", "--radius", "6", "--links", "disk", "--passes", "2"])
-            .output()
-            .unwrap()
+        let arguments = [
+            "voxel",
+            "scene.obj",
+            "--voxels",
+            "31",
+            "--radius",
+            "6",
+            "--links",
+            "disk",
+            "--passes",
+            "2",
+        ];
+        limited(
+            directory.path(),
+            &format!("trap '' XFSZ; ulimit -f {kilobytes}; exec"),
+            &arguments,
+        )
+        .output()
+        .unwrap()
     };
-    let output = limited(64);
+    let output = with_room(64);
     let message = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(1), "{message}");
     assert!(
         message.contains("scene.links") && message.lines().count() == 1,
         "{message}"
     );
-    let names = || -> Vec<String> {
-        let entries = std::fs::read_dir(directory.path()).unwrap();
-        let mut names: Vec<String> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
-        names.sort();
-        names
-    };
+    let names = || names(directory.path());
     assert!(names().iter().all(|name| !name.contains("links")), "{:?}", names());
     // With room, the same command leaves the links, and nothing else.
-    assert_eq!(limited(1 << 20).status.code(), Some(0));
+    assert_eq!(with_room(1 << 20).status.code(), Some(0));
     assert!(names().contains(&"scene.links".to_owned()) && !names().contains(&"scene.links.part".to_owned()));
 }
 
@@ -305,9 +290,7 @@ fn a_killed_run_is_taken_up_again() {
     let links = directory.path().join("scene.links");
     let whole = std::fs::read(&links).unwrap();
     std::fs::remove_file(&links).unwrap();
-    let mut child = Command::new(env!("CARGO_BIN_EXE_radiosity"))
-        .current_dir(directory.path())
-        .args(arguments)
+    let mut child = command(directory.path(), &arguments)
         .stdout(std::process::Stdio::null())
         .stderr(std::process::Stdio::null())
         .spawn()

@@ -1,17 +1,12 @@
 //! Output files, with errors as the user sees them.
 
-use std::io::{self, Write};
+use std::io::{self, Write as _};
 use std::path::Path;
 
 use super::failure::Failure;
 use crate::report::Machine;
 use crate::report::page::{Figure, Page};
 use crate::whole_file;
-
-/// Writes a file whole or not at all.
-pub(super) fn write(path: &Path, content: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), Failure> {
-    whole_file::write(path, |writer| content(writer)).map_err(|error| unwritable(path, &error))
-}
 
 /// Refuses an output that cannot be written before any work is done for it.
 pub(super) fn expect_possible(path: &Path) -> Result<(), Failure> {
@@ -60,11 +55,20 @@ pub(super) fn add_page(files: &mut Files, report: &str, settings: &serde_json::M
     files.push(text("index.html", html));
 }
 
-/// Writes files, each whole or not at all; returns their names, and a line that says what was written.
+/// Writes files, all of them whole or none at all, without those of another process in between; returns their names, and a line that says what was written.
 pub(super) fn write_all<'a>(directory: &Path, files: &'a Files) -> Result<(Vec<&'a str>, String), Failure> {
+    let mut prepared = Vec::new();
     for (name, content) in files {
-        write(&directory.join(name), |writer| writer.write_all(content))?;
+        let path = directory.join(name);
+        let file = whole_file::prepare(&path, |writer| writer.write_all(content));
+        let file = file.map_err(|error| unwritable(&path, &error))?;
+        prepared.push((path, file));
     }
+    let turn = whole_file::turn(directory);
+    for (path, file) in prepared {
+        file.put().map_err(|error| unwritable(&path, &error))?;
+    }
+    drop(turn);
     let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
     let first = names.first().map(|name| directory.join(name).display().to_string());
     let line = match names.len() {

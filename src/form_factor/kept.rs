@@ -63,6 +63,36 @@ impl Piece {
         bytes
     }
 
+    /// Returns the row after the last, or `None` if these cannot be consecutive rows of form factors from `part.first_row` on.
+    fn end(&self, part: Part) -> Option<usize> {
+        let c = self.counts;
+        // Sums over all pieces stay far below 2^64.
+        if [c.not_facing, c.full, c.hidden, c.partial, c.n_rays, c.n_above_tolerance]
+            .iter()
+            .any(|&count| count >> 48 != 0)
+        {
+            return None;
+        }
+        let mut end = part.first_row;
+        for tile in &self.tiles {
+            if tile.first_row() != end || tile.n_rows() > part.n - end {
+                return None;
+            }
+            for (k, tally) in tile.tallies().iter().enumerate() {
+                let first = if part.is_upper { end + k } else { 0 };
+                let is_entry = |entry: &Entry| {
+                    let (column, value, error) = *entry;
+                    (first..part.n).contains(&(column as usize)) && value.is_finite() && error >= 0.0
+                };
+                if !tile.row(k).iter().all(is_entry) || !tally.is_consistent() {
+                    return None;
+                }
+            }
+            end += tile.n_rows();
+        }
+        Some(end)
+    }
+
     /// Returns `None` for what [`encode`](Self::encode) does not write.
     fn decode(bytes: &[u8]) -> Option<Self> {
         let (numbers, []) = bytes.as_chunks::<8>() else {
@@ -117,9 +147,22 @@ impl Piece {
     }
 }
 
-/// Returns piece k if an earlier run kept it.
-pub(super) fn take(progress: &dyn Progress, k: u64) -> Option<Piece> {
-    Piece::decode(&progress.checkpoint()?.piece(k)?)
+/// Where a piece belongs in an n by n matrix.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Part {
+    pub(super) first_row: usize,
+    pub(super) n: usize,
+    /// True if rows begin at the diagonal.
+    pub(super) is_upper: bool,
+}
+
+/// Returns piece k if an earlier run kept it, and it is one: rows from the first of `part` on, up to an end (not included) that is `right`.
+///
+/// A checksum that is right does not say that this program wrote it.
+pub(super) fn take(progress: &dyn Progress, k: u64, part: Part, right: impl FnOnce(usize) -> bool) -> Option<Piece> {
+    let piece = Piece::decode(&progress.checkpoint()?.piece(k)?)?;
+    let end = piece.end(part)?;
+    (end > part.first_row && right(end)).then_some(piece)
 }
 
 /// Keeps piece k for a later run, if the caller asked for that and all of the piece was computed.
@@ -167,5 +210,54 @@ mod tests {
         let mut huge = bytes.clone();
         huge[71] = 255;
         assert_eq!(Piece::decode(&huge), None, "more tiles than there are bytes");
+    }
+
+    /// Right checksums do not make a piece of this work: what does not fit is computed anew.
+    #[test]
+    fn pieces_that_do_not_fit_are_no_pieces() {
+        let part = Part {
+            first_row: 16,
+            n: 24,
+            is_upper: true,
+        };
+        let with = |first_row: usize, entry: Entry, tally: RowTally| {
+            let mut tile = RowTile::new(first_row);
+            tile.push_row(&[entry], tally);
+            Piece::of_rows(tile)
+        };
+        let none = RowTally::default();
+        let right = with(16, (20, 0.5, 0.0), none);
+        assert_eq!(right.end(part), Some(17));
+        let too_many = RowTally {
+            n_rays: 3,
+            n_escaped: 2,
+            n_absorbed: u64::MAX,
+            weights: None,
+        };
+        let mut counted = right.clone();
+        counted.counts.full = u64::MAX;
+        let mut twice = right.clone();
+        twice.tiles.push(twice.tiles[0].clone());
+        let mut long = right.clone();
+        for _ in 0..8 {
+            long.tiles[0].push_row(&[], none);
+        }
+        for wrong in [
+            with(15, (20, 0.5, 0.0), none),
+            with(17, (20, 0.5, 0.0), none),
+            with(usize::MAX, (20, 0.5, 0.0), none),
+            with(16, (15, 0.5, 0.0), none),
+            with(16, (24, 0.5, 0.0), none),
+            with(16, (20, f64::NAN, 0.0), none),
+            with(16, (20, f64::INFINITY, 0.0), none),
+            with(16, (20, 0.5, f64::NAN), none),
+            with(16, (20, 0.5, -1.0), none),
+            with(16, (20, 0.5, 0.0), too_many),
+            counted,
+            twice,
+            long,
+        ] {
+            assert_eq!(wrong.end(part), None, "{wrong:?}");
+        }
     }
 }

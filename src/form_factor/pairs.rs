@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::kept::{self, Piece};
+use super::kept::{self, Part, Piece};
 use super::{Computed, FormFactorError, Input, PairCounts};
 use crate::in_order::InOrder;
 use crate::matrix::{Entry, FormFactors, RowTally, RowTile, StorageChoice};
@@ -57,7 +57,12 @@ pub(super) fn by_pairs<W: PairWorker>(
         |k| {
             let rows = k * ROWS_PER_TILE..n.min((k + 1) * ROWS_PER_TILE);
             let n_pairs: usize = rows.clone().map(|i| n - 1 - i).sum();
-            let result = match kept::take(progress, k as u64) {
+            let part = Part {
+                first_row: rows.start,
+                n,
+                is_upper: true,
+            };
+            let result = match kept::take(progress, k as u64, part, |end| end == rows.end) {
                 Some(piece) => Ok(piece),
                 None if progress.is_cancelled() => Err(FormFactorError::Interrupted),
                 None => tile(rows, &facing, &mut worker()).inspect(|piece| kept::keep(progress, k as u64, piece)),

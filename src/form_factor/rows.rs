@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::kept::{self, Piece};
+use super::kept::{self, Part, Piece};
 use super::{Computed, FormFactorError, Input};
 use crate::in_order::InOrder;
 use crate::matrix::{Entry, FormFactors, RowTile, StorageChoice};
@@ -28,7 +28,12 @@ pub(super) fn by_rows(
         |k| {
             let rows = k * ROWS_PER_TILE..n.min((k + 1) * ROWS_PER_TILE);
             let n_rows = rows.len() as u64;
-            let piece = kept::take(progress, k as u64).unwrap_or_else(|| {
+            let part = Part {
+                first_row: rows.start,
+                n,
+                is_upper: false,
+            };
+            let piece = kept::take(progress, k as u64, part, |end| end == rows.end).unwrap_or_else(|| {
                 let empty = RowTile::new(rows.start);
                 let piece = Piece::of_rows(if progress.is_cancelled() { empty } else { tile(rows) });
                 kept::keep(progress, k as u64, &piece);

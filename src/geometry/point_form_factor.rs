@@ -149,7 +149,8 @@ pub(super) fn angle_over_tangent(x_squared: f64) -> f64 {
     ];
     let second = x_squared * x_squared;
     let fourth = second * second;
-    let [a, b, c, d] = SERIES.map(|[w, x, y, z]| w + fourth * (x + fourth * (y + fourth * z)));
+    let row = |[w, x, y, z]: [f64; 4]| w + fourth * (x + fourth * (y + fourth * z));
+    let (a, b, c, d) = (row(SERIES[0]), row(SERIES[1]), row(SERIES[2]), row(SERIES[3]));
     (a + second * c) + x_squared * (b + second * d)
 }
 

@@ -51,6 +51,17 @@ impl RowTally {
         (self.n_rays > 0 && squared > 0.0).then(|| squared.recip())
     }
 
+    /// Tells whether no more rays end outside of fronts than there are, and the sums of weights can be such.
+    pub(crate) fn is_consistent(&self) -> bool {
+        let lost = self.n_escaped.checked_add(self.n_absorbed);
+        let in_range = |w: &RayWeights| {
+            [w.escaped, w.absorbed, w.squared]
+                .iter()
+                .all(|x| (0.0..=1.0 + 1e-9).contains(x))
+        };
+        lost.is_some_and(|lost| lost <= self.n_rays) && self.weights.as_ref().is_none_or(in_range)
+    }
+
     fn fraction(&self, weighted: impl Fn(RayWeights) -> f64, counted: u64) -> Option<f64> {
         let equal = || counted as f64 / self.n_rays as f64;
         (self.n_rays > 0).then(|| self.weights.map_or_else(equal, weighted))

@@ -207,7 +207,7 @@ impl FormFactorReport<'_> {
     fn write_npy(&self, path: &Path) -> io::Result<()> {
         let n = self.factors.n_rows() as u64;
         let (mut hasher, mut byte) = (Sha256::new(), 0);
-        whole_file::write(path, |writer| {
+        let matrix = whole_file::prepare(path, |writer| {
             let mut hashed = Hashed {
                 writer,
                 hasher: &mut hasher,
@@ -220,9 +220,13 @@ impl FormFactorReport<'_> {
         let mut description = self.description();
         let sha256 = hexadecimal(&hasher.finalize());
         description.file = Some(FileCheck { byte, sha256 });
-        whole_file::write(&beside(path), |writer| {
+        let described = whole_file::prepare(&beside(path), |writer| {
             writer.write_all(description.to_json().as_bytes())
-        })
+        })?;
+        // Another process that writes the same two must not put one between them.
+        let _turn = whole_file::turn(whole_file::directory_of(path));
+        matrix.put()?;
+        described.put()
     }
 
     pub(super) fn description(&self) -> Description {

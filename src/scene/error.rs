@@ -207,6 +207,16 @@ pub enum SceneError {
         /// What is wrong, and the remedy.
         message: String,
     },
+    /// A list of frames that cannot be understood.
+    #[error("{}{}: {message}", .file.display(), colon_line(*.line))]
+    BadFrames {
+        /// The list's file.
+        file: PathBuf,
+        /// The line, where one line is to blame.
+        line: Option<u32>,
+        /// What is wrong, and the remedy.
+        message: String,
+    },
     /// The file cannot be written.
     #[error("{}: cannot be written: {source}; check the directory and its permissions", .file.display())]
     Unwritable {
@@ -280,6 +290,7 @@ impl SceneError {
             Self::Parser { .. } => "parser",
             Self::BadCamera { .. } => "bad_camera",
             Self::BadLighting { .. } => "bad_lighting",
+            Self::BadFrames { .. } => "bad_frames",
             Self::Unwritable { .. } => "unwritable",
             Self::NotObj { .. } => "not_obj",
             Self::UnwritableName { .. } => "unwritable_name",
@@ -311,6 +322,7 @@ impl SceneError {
             | Self::ReflectanceOutOfRange { file, .. }
             | Self::ExitanceOutOfRange { file, .. }
             | Self::BadLighting { file, .. }
+            | Self::BadFrames { file, .. }
             | Self::Parser { file, .. }
             | Self::Unwritable { file, .. }
             | Self::NotObj { file } => Some(file),
@@ -340,7 +352,7 @@ impl SceneError {
             | Self::BadMaterialValue { line, .. }
             | Self::ReflectanceOutOfRange { line, .. }
             | Self::ExitanceOutOfRange { line, .. } => Some(*line),
-            Self::BadCamera { line, .. } | Self::BadLighting { line, .. } => *line,
+            Self::BadCamera { line, .. } | Self::BadLighting { line, .. } | Self::BadFrames { line, .. } => *line,
             _ => None,
         }
     }

@@ -15,6 +15,7 @@ pub mod builtin;
 mod camera;
 mod default_view;
 mod error;
+pub mod frames;
 pub(crate) mod hash;
 mod lighting;
 mod lines;

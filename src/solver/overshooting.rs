@@ -35,7 +35,7 @@ use crate::matrix::operator::Block;
 /// allowed; by connected component, and openings count in the ambient term.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Overshooting {
-    /// Steps that count as one pass, or `None` for n.
+    /// Steps that count as one pass, or `None` for n; more than 16 n count as 16 n.
     pub steps_per_pass: Option<NonZeroUsize>,
 }
 

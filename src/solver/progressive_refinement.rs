@@ -23,7 +23,8 @@ use crate::matrix::operator::Block;
 /// Columns come from rows by reciprocity, F_ji = F_ij A_i / A_j, where A_i F_ij is symmetric; of other form factors a transposed copy is made,
 /// 12 bytes an entry and two passes, which count as work.
 ///
-/// [`steps_per_pass`](Self::steps_per_pass) steps count as one pass; by default n, the work of one pass over F. The patience of
+/// [`steps_per_pass`](Self::steps_per_pass) steps count as one pass; by default n, the work of one pass over F, and at most 16 n, as the caller is asked only
+/// between passes whether to go on. The patience of
 /// [`SolveOptions::patience`] is in n steps always, and counts those in which the unshot power Σ A |ΔB| has not fallen: each step uses some of it up, while the
 /// residual's norm may rise for long, as power goes from large patches to small ones. A single channel with the tolerance
 /// [`Tolerance::ResidualMaxPower`] stops at the very step that meets it, other tolerances are looked at after each pass. ΔB, kept up from step
@@ -40,7 +41,7 @@ use crate::matrix::operator::Block;
 /// term times ρ_i, by connected component, and counts openings.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ProgressiveRefinement {
-    /// Steps that count as one pass, or `None` for n.
+    /// Steps that count as one pass, or `None` for n; more than 16 n count as 16 n.
     pub steps_per_pass: Option<NonZeroUsize>,
 }
 
@@ -68,6 +69,9 @@ impl Solver for ProgressiveRefinement {
         iteration::run(&scaled, &options, monitor, Shooting { light, powers })
     }
 }
+
+/// The most passes' work in steps that count as one pass: a pass cannot be interrupted.
+const MOST_PASSES_IN_ONE: usize = 16;
 
 /// Light that is shot patch by patch: what this method and [`Overshooting`](super::Overshooting) share.
 pub(super) struct Light<'a> {
@@ -122,7 +126,7 @@ impl<'a> Light<'a> {
             shot,
             unshot,
             selections: vec![0; n],
-            steps_per_pass: steps_per_pass.map_or(n, NonZeroUsize::get),
+            steps_per_pass: steps_per_pass.map_or(n, |steps| steps.get().min(n.saturating_mul(MOST_PASSES_IN_ONE))),
             enough,
             n_steps: 0,
             setup: Setup {

@@ -16,7 +16,7 @@ use sha2::{Digest, Sha256};
 use super::VoxelError;
 use super::discretize::VoxelScene;
 use super::line::Direction;
-use super::links::{Chunk, ROWS_PER_CHUNK, Tally};
+use super::links::{Chunk, ROWS_PER_CHUNK, Tally, n_in_front};
 use crate::progress::Progress;
 
 const LAYOUT: &[u8; 24] = b"radiosity voxel links 1\n";
@@ -51,12 +51,17 @@ impl LinkFile {
             path: path.to_owned(),
             source,
         };
-        let n_chunks = scene.n_surfels().div_ceil(ROWS_PER_CHUNK);
-        let head = head(scene, directions);
+        let work = Work {
+            head: head(scene, directions),
+            n_chunks: scene.n_surfels().div_ceil(ROWS_PER_CHUNK),
+            n_in_front: n_in_front(scene, &directions.iter().map(Direction::vector)),
+            scene,
+            directions,
+        };
         if path.exists() {
             let mut file = File::open(path).map_err(failed)?;
-            let (offsets, tally) = whole_records(&mut file, &head, n_chunks).map_err(failed)?;
-            if offsets.len() == n_chunks + 1 {
+            let (offsets, tally) = work.whole_records(&mut file).map_err(failed)?;
+            if offsets.len() == work.n_chunks + 1 {
                 return Ok(Self::opened(path, file, offsets, tally));
             }
             // Links of another scene or a damaged file: never overwritten unasked.
@@ -77,7 +82,7 @@ impl LinkFile {
             }
             Err(TryLockError::Error(error)) => return Err(failed(error)),
         }
-        let written = write_missing(growing, &head, n_chunks, scene, directions, progress);
+        let written = work.write_missing(growing, progress);
         let (complete, offsets, tally) = match written {
             Ok(Some(done)) => done,
             Ok(None) => return Err(VoxelError::Interrupted),
@@ -144,83 +149,96 @@ fn part_of(path: &Path) -> PathBuf {
     path.with_file_name(name)
 }
 
-/// Computes and writes what the file does not hold yet; nothing if the caller cancels that.
-fn write_missing(
-    mut file: File,
-    head: &[u8],
+/// The links of one geometry in a file.
+struct Work<'a> {
+    head: Vec<u8>,
     n_chunks: usize,
-    scene: &VoxelScene,
-    directions: &[Direction],
-    progress: &dyn Progress,
-) -> io::Result<Option<(File, Vec<u64>, Tally)>> {
-    let (mut offsets, mut tally) = whole_records(&mut file, head, n_chunks)?;
-    let mut end = offsets.last().copied().unwrap_or(0);
-    file.set_len(end)?;
-    file.seek(SeekFrom::Start(end))?;
-    if offsets.is_empty() {
-        file.write_all(head)?;
-        end = head.len() as u64;
-        offsets.push(end);
-    }
-    progress.begin("links", n_chunks as u64);
-    let first = offsets.len() - 1;
-    progress.advance(first as u64);
-    for batch in (first..n_chunks).step_by(BATCH) {
-        let last = (batch + BATCH).min(n_chunks);
-        let records: Option<Vec<(Vec<u8>, Tally)>> = (batch..last)
-            .into_par_iter()
-            .map(|k| {
-                if progress.is_cancelled() {
-                    return None;
-                }
-                let chunk = Chunk::new(scene, directions, k);
-                progress.advance(1);
-                Some((encode(&chunk), chunk.tally))
-            })
-            .collect();
-        let Some(records) = records else {
-            return Ok(None);
-        };
-        for (record, of_chunk) in records {
-            file.write_all(&record)?;
-            end += record.len() as u64;
-            offsets.push(end);
-            tally = tally.plus(of_chunk);
-        }
-    }
-    file.sync_all()?;
-    Ok(Some((file, offsets, tally)))
+    n_in_front: Vec<u64>,
+    scene: &'a VoxelScene,
+    directions: &'a [Direction],
 }
 
-/// Returns where the records begin that are whole, and where the last one ends; nothing if the head is another one.
-fn whole_records(file: &mut File, head: &[u8], n_chunks: usize) -> io::Result<(Vec<u64>, Tally)> {
-    file.seek(SeekFrom::Start(0))?;
-    let mut reader = BufReader::new(file);
-    let mut found = vec![0; head.len()];
-    let mut tally = Tally::default();
-    if !read_whole(&mut reader, &mut found)? || found != head {
-        return Ok((Vec::new(), tally));
-    }
-    let mut offsets = vec![head.len() as u64];
-    let mut end = head.len() as u64;
-    let mut record = vec![0; RECORD_HEAD];
-    while offsets.len() <= n_chunks && read_whole(&mut reader, &mut record[..RECORD_HEAD])? {
-        let (n_ends, n_bytes) = (number(&record, 0), number(&record, 8));
-        // A length beyond what a chunk can have is damage, not a reason to ask for so much memory.
-        if n_ends > ROWS_PER_CHUNK as u64 || n_bytes > u64::from(u32::MAX) {
-            break;
+impl Work<'_> {
+    /// Computes and writes what the file does not hold yet; nothing if the caller cancels that.
+    fn write_missing(&self, mut file: File, progress: &dyn Progress) -> io::Result<Option<(File, Vec<u64>, Tally)>> {
+        let (mut offsets, mut tally) = self.whole_records(&mut file)?;
+        let mut end = offsets.last().copied().unwrap_or(0);
+        file.set_len(end)?;
+        file.seek(SeekFrom::Start(end))?;
+        if offsets.is_empty() {
+            file.write_all(&self.head)?;
+            end = self.head.len() as u64;
+            offsets.push(end);
         }
-        let rest = usize::try_from(4 * n_ends + n_bytes + 4).map_err(io::Error::other)?;
-        record.resize(RECORD_HEAD + rest, 0);
-        if !read_whole(&mut reader, &mut record[RECORD_HEAD..])? {
-            break;
+        progress.begin("links", self.n_chunks as u64);
+        let first = offsets.len() - 1;
+        progress.advance(first as u64);
+        for batch in (first..self.n_chunks).step_by(BATCH) {
+            let last = (batch + BATCH).min(self.n_chunks);
+            let records: Option<Vec<(Vec<u8>, Tally)>> = (batch..last)
+                .into_par_iter()
+                .map(|k| {
+                    if progress.is_cancelled() {
+                        return None;
+                    }
+                    let chunk = Chunk::new(self.scene, self.directions, k);
+                    progress.advance(1);
+                    Some((encode(&chunk), chunk.tally))
+                })
+                .collect();
+            let Some(records) = records else {
+                return Ok(None);
+            };
+            for (record, of_chunk) in records {
+                file.write_all(&record)?;
+                end += record.len() as u64;
+                offsets.push(end);
+                tally = tally.plus(of_chunk);
+            }
         }
-        let Ok(chunk) = decode(&record) else { break };
-        tally = tally.plus(chunk.tally);
-        end += record.len() as u64;
-        offsets.push(end);
+        file.sync_all()?;
+        Ok(Some((file, offsets, tally)))
     }
-    Ok((offsets, tally))
+
+    /// Returns where the records begin that are whole, and where the last one ends; nothing if the head is another one.
+    fn whole_records(&self, file: &mut File) -> io::Result<(Vec<u64>, Tally)> {
+        let file_byte = file.metadata()?.len();
+        file.seek(SeekFrom::Start(0))?;
+        let mut reader = BufReader::new(file);
+        let mut found = vec![0; self.head.len()];
+        let mut tally = Tally::default();
+        if !read_whole(&mut reader, &mut found)? || found != self.head {
+            return Ok((Vec::new(), tally));
+        }
+        let mut offsets = vec![self.head.len() as u64];
+        let mut end = self.head.len() as u64;
+        let mut record = vec![0; RECORD_HEAD];
+        while offsets.len() <= self.n_chunks && read_whole(&mut reader, &mut record[..RECORD_HEAD])? {
+            let (n_ends, n_bytes) = (number(&record, 0), number(&record, 8));
+            // A length beyond what a chunk can have, or what the file has left, is damage, not a reason to ask for so much memory.
+            if n_ends > ROWS_PER_CHUNK as u64 || n_bytes > u64::from(u32::MAX) {
+                break;
+            }
+            let rest = 4 * n_ends + n_bytes + 4;
+            if rest > file_byte.saturating_sub(end + RECORD_HEAD as u64) {
+                break;
+            }
+            let rest = usize::try_from(rest).map_err(io::Error::other)?;
+            record.resize(RECORD_HEAD + rest, 0);
+            if !read_whole(&mut reader, &mut record[RECORD_HEAD..])? {
+                break;
+            }
+            let Ok(chunk) = decode(&record) else { break };
+            // A checksum that is right does not make it links of this scene; from here on they are believed.
+            if !chunk.fits(self.scene, &self.n_in_front, offsets.len() - 1) {
+                break;
+            }
+            tally = tally.plus(chunk.tally);
+            end += record.len() as u64;
+            offsets.push(end);
+        }
+        Ok((offsets, tally))
+    }
 }
 
 /// Fills `bytes`, or tells that the file ends before.
@@ -298,4 +316,65 @@ fn number(record: &[u8], at: usize) -> u64 {
     let mut bytes = [0; 8];
     bytes.copy_from_slice(&record[at..at + 8]);
     u64::from_le_bytes(bytes)
+}
+
+#[cfg(test)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::super::sphere::{DiscreteSphere, SolidAngle};
+    use super::*;
+    use crate::progress::Silent;
+    use crate::scene::builtin;
+
+    /// A record that its checksum confirms, and that is none of this scene, is not believed: in a part it is written anew, a whole file is refused.
+    #[test]
+    fn records_with_right_checksums_and_wrong_links_are_not_believed() {
+        let scene = VoxelScene::new(&builtin::build("cube", None).unwrap().scene, 7).unwrap();
+        let sphere = DiscreteSphere::new(2, SolidAngle::Centre).unwrap();
+        let directions = super::super::links::prepared(&sphere);
+        let directory = tempfile::tempdir().unwrap();
+        let [path, part] = ["l", "l.part"].map(|name| directory.path().join(name));
+        drop(LinkFile::new(&path, &scene, &directions, &Silent).unwrap());
+        let whole = std::fs::read(&path).unwrap();
+        let head = &whole[..56];
+        let right = Chunk::new(&scene, &directions, 0);
+        let changed = |change: &dyn Fn(&mut Chunk)| {
+            let mut chunk = right.clone();
+            change(&mut chunk);
+            encode(&chunk)
+        };
+        let same_length = |bytes: &mut Vec<u8>, with: &[u8]| bytes[..with.len()].copy_from_slice(with);
+        for record in [
+            changed(&|chunk| chunk.tally.n_links += 1),
+            changed(&|chunk| chunk.tally.n_backs += 1),
+            // To a surfel that there is not.
+            changed(&|chunk| same_length(&mut chunk.bytes, &[0xff, 0xff, 0xff, 0xff, 0x0f])),
+            // A code without an end.
+            changed(&|chunk| chunk.bytes.fill(0xff)),
+            // More links than directions, or fewer.
+            changed(&|chunk| chunk.bytes.fill(0)),
+            changed(&|chunk| {
+                chunk.bytes.clear();
+                chunk.ends.fill(0);
+            }),
+            // One row too few, and none.
+            changed(&|chunk| {
+                chunk.ends.pop();
+                chunk.bytes.truncate(chunk.ends[chunk.ends.len() - 1] as usize);
+            }),
+            encode(&Chunk::default()),
+            // More bytes than there are, with a head that says so.
+            [&u64::from(u32::MAX - 7).to_le_bytes(), &[0; 32][..]].concat(),
+            [&0_u64.to_le_bytes()[..], &u64::from(u32::MAX).to_le_bytes(), &[0; 40]].concat(),
+        ] {
+            let file = [head, &record, &whole[56 + record.len().min(whole.len() - 56)..]].concat();
+            std::fs::write(&path, &file).unwrap();
+            let refused = LinkFile::new(&path, &scene, &directions, &Silent).unwrap_err();
+            assert!(refused.to_string().contains("does not hold the links"), "{refused}");
+            assert_eq!(std::fs::read(&path).unwrap(), file, "left as it is");
+            std::fs::rename(&path, &part).unwrap();
+            drop(LinkFile::new(&path, &scene, &directions, &Silent).unwrap());
+            assert!(std::fs::read(&path).unwrap() == whole && !part.exists());
+        }
+    }
 }

@@ -119,11 +119,7 @@ impl Links {
     /// How many of them end at backs or leave the scene is not known before, and counted as 0.
     #[must_use]
     pub fn recomputed(scene: &VoxelScene, sphere: &DiscreteSphere) -> Self {
-        let of_normal = |normal: &Normal| {
-            let vectors = sphere.directions().iter().map(|d| d.vector);
-            vectors.filter(|&v| is_in_front(normal, v)).count() as u64
-        };
-        let counts: Vec<u64> = scene.normals.par_iter().map(of_normal).collect();
+        let counts = n_in_front(scene, &sphere.directions().iter().map(|d| d.vector));
         let n_links = scene.surfels.iter().map(|s| counts[s.normal as usize]).sum();
         Self {
             storage: Storage::Recompute,
@@ -188,6 +184,12 @@ impl Links {
     }
 }
 
+/// Counts, for each normal of a scene, the directions in front of it: the links of a surfel.
+pub(super) fn n_in_front(scene: &VoxelScene, vectors: &(impl Iterator<Item = [i32; 3]> + Clone + Sync)) -> Vec<u64> {
+    let of_normal = |normal: &Normal| vectors.clone().filter(|&v| is_in_front(normal, v)).count() as u64;
+    scene.normals.par_iter().map(of_normal).collect()
+}
+
 /// Prepares all directions of a sphere for walks.
 pub(super) fn prepared(sphere: &DiscreteSphere) -> Vec<Direction> {
     sphere.directions().iter().map(|d| Direction::new(d.vector)).collect()
@@ -229,6 +231,24 @@ impl Chunk {
         }
         chunk.bytes.shrink_to_fit();
         chunk
+    }
+
+    /// Tells whether these can be the links of chunk k: of each of its surfels one for each direction in front (`n_in_front`, by normal), to surfels that there
+    /// are, and as many of each kind as the tally says.
+    pub(super) fn fits(&self, scene: &VoxelScene, n_in_front: &[u64], k: usize) -> bool {
+        let rows = k * ROWS_PER_CHUNK..((k + 1) * ROWS_PER_CHUNK).min(scene.n_surfels());
+        if self.ends.len() != rows.len() {
+            return false;
+        }
+        let mut found = Tally::default();
+        for (row, surfel) in rows.enumerate() {
+            let n_links = n_in_front[scene.surfels[surfel].normal as usize];
+            match tally_of(self.row(row), surfel, scene.n_surfels()) {
+                Some(tally) if tally.n_links == n_links => found = found.plus(tally),
+                _ => return false,
+            }
+        }
+        found == self.tally
     }
 
     pub(super) fn row(&self, row: usize) -> &[u8] {
@@ -323,6 +343,39 @@ pub(super) fn for_each_seen(row: &[u8], surfel: usize, mut seen: impl FnMut(usiz
         }
         k += 1;
     }
+}
+
+/// Counts the links of a row; `None` for what [`encode_row`] does not write.
+fn tally_of(row: &[u8], surfel: usize, n_surfels: usize) -> Option<Tally> {
+    let mut tally = Tally::default();
+    let mut last = u32::try_from(surfel).ok()?;
+    let mut bytes = row.iter();
+    while let Some(&first) = bytes.next() {
+        let mut code = u64::from(first & 127);
+        let (mut goes_on, mut shift) = (first >= 128, 7);
+        while goes_on {
+            let more = *bytes.next()?;
+            // Five bytes hold the greatest code.
+            if shift >= 35 {
+                return None;
+            }
+            code |= u64::from(more & 127) << shift;
+            (goes_on, shift) = (more >= 128, shift + 7);
+        }
+        tally.n_links += 1;
+        match u32::try_from(code) {
+            Ok(BACK) => tally.n_backs += 1,
+            Ok(ESCAPED) => tally.n_escaped += 1,
+            _ => {
+                let difference = unzigzag(u32::try_from(code - u64::from(FIRST)).ok()?);
+                last = last.wrapping_add(difference.cast_unsigned());
+                if last as usize >= n_surfels {
+                    return None;
+                }
+            }
+        }
+    }
+    Some(tally)
 }
 
 fn push(bytes: &mut Vec<u8>, mut code: u64) {

@@ -65,7 +65,7 @@ fn where_the_tolerance_is_above_everything_the_error_is_still_told_and_small() {
                 continue;
             };
             let blockers = index.blockers(p, q, &ids);
-            assert!(blockers.iter().all(|blocker| blocker.one_sided));
+            assert!(blockers.iter().all(|side| side.one_sided));
             let whole = exchange(p, q, &[], 1e-10).exchange_area;
             let at = |tolerance: f64| {
                 exchange_area(

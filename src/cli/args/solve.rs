@@ -47,7 +47,7 @@ pub struct SolverArgs {
     /// Where chebyshev takes the interval of the eigenvalues from [default: safe]
     #[arg(long, value_enum)]
     pub bounds: Option<BoundsName>,
-    /// Steps that count as one pass, with progressive-refinement and overshooting [default: one per patch]
+    /// Steps that count as one pass, with progressive-refinement and overshooting [default: one per patch; at most 16 per patch]
     #[arg(long, value_name = "N")]
     pub steps_per_pass: Option<NonZeroUsize>,
     /// Add an estimate of the light still under way to the radiosities, with progressive-refinement and overshooting: for a picture after few passes

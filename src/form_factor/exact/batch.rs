@@ -16,7 +16,7 @@ use super::corners::{CornerSums, PatchGrid};
 use super::faces::FaceTree;
 use super::lattice::{Lattice, Repeats};
 use super::patches::{Patches, Run};
-use crate::form_factor::kept::{self, Piece};
+use crate::form_factor::kept::{self, Part, Piece};
 use crate::form_factor::pairs::{Exchange, Facing};
 use crate::form_factor::partial::{self, Accuracy};
 use crate::form_factor::sight::whole_where_grazing;
@@ -80,12 +80,17 @@ const LEAST_PAIRS: usize = 16;
 /// A later face that some patches of a face may see.
 struct FaceView {
     face: usize,
-    /// True if all exchange areas between the two are as before a change.
-    kept: bool,
-    /// What stands between the two faces; not looked at if all is as before.
-    visibility: PairVisibility,
+    known: Known,
     /// Of the patches of both, which are in front of all of the other's; `None` where pairs are looked at one by one.
     fronts: Option<[Vec<Option<bool>>; 2]>,
+}
+
+/// What is known of two faces.
+enum Known {
+    /// All exchange areas between them are as before a change.
+    Kept,
+    /// What stands between them.
+    Seen(PairVisibility),
 }
 
 impl<'a> Batches<'a> {
@@ -121,6 +126,15 @@ impl<'a> Batches<'a> {
             next_row: 0,
         }
     }
+
+    /// Tells whether a run of rows begins at `row`, or all rows end there.
+    fn is_between_runs(&self, row: usize) -> bool {
+        let Some(&f) = self.patches.face_of_patch.get(row) else {
+            return row == self.patches.len();
+        };
+        let face = &self.patches.faces[f];
+        face.row_runs.iter().any(|&k| face.runs[k].patches.start == row)
+    }
 }
 
 impl Iterator for Batches<'_> {
@@ -132,7 +146,12 @@ impl Iterator for Batches<'_> {
             return None;
         }
         let first_row = self.next_row;
-        if let Some(piece) = kept::take(self.progress, first_row as u64) {
+        let part = Part {
+            first_row,
+            n,
+            is_upper: true,
+        };
+        if let Some(piece) = kept::take(self.progress, first_row as u64, part, |end| self.is_between_runs(end)) {
             let n_rows: usize = piece.tiles.iter().map(RowTile::n_rows).sum();
             let rows = self.next_row..n.min(self.next_row + n_rows);
             self.next_row = rows.end;
@@ -230,7 +249,7 @@ impl Batches<'_> {
             .flat_map(|f| {
                 let of_face = views[f - faces.start].iter();
                 of_face
-                    .filter(|view| !view.kept && view.visibility != PairVisibility::None)
+                    .filter(|view| matches!(&view.known, Known::Seen(seen) if *seen != PairVisibility::None))
                     .map(move |view| [f, view.face])
             })
             .filter(|key| {
@@ -304,7 +323,7 @@ impl Batches<'_> {
         })
     }
 
-    /// Classifies a face against all later ones that it faces.
+    /// Looks at a face and all later ones that it faces.
     fn views_of(&self, f: usize) -> Vec<FaceView> {
         if self.progress.is_cancelled() {
             return Vec::new();
@@ -313,11 +332,13 @@ impl Batches<'_> {
         let of_facing = self.tree.after(f).into_iter().filter(|&g| self.faces_face(f, g));
         of_facing
             .map(|g| {
-                let kept = !self.any_moved([f, g]) && self.is_kept(hull(f), hull(g));
-                let index = self.index.as_ref().filter(|_| !kept);
-                let visibility = index.map_or(PairVisibility::Full, |index| {
-                    whole_where_grazing(index.classify(hull(f), hull(g)), hull(f), hull(g))
-                });
+                let known = if !self.any_moved([f, g]) && self.is_kept(hull(f), hull(g)) {
+                    Known::Kept
+                } else {
+                    Known::Seen(self.index.as_ref().map_or(PairVisibility::Full, |index| {
+                        whole_where_grazing(index.classify(hull(f), hull(g)), hull(f), hull(g))
+                    }))
+                };
                 let [own, other] = [f, g].map(|k| self.patches.faces[k].range());
                 let fronts = (own.len() * other.len() >= LEAST_PAIRS).then(|| {
                     [
@@ -325,12 +346,7 @@ impl Batches<'_> {
                         self.facing.in_front(own, other),
                     ]
                 });
-                FaceView {
-                    face: g,
-                    kept,
-                    visibility,
-                    fronts,
-                }
+                FaceView { face: g, known, fronts }
             })
             .collect()
     }
@@ -360,10 +376,9 @@ impl Batches<'_> {
                 runs: &self.patches.faces[view.face].runs,
                 strip: &mut strip,
             };
-            if view.kept {
-                walk.keep(columns(view));
-            } else {
-                walk.settle(columns(view), &view.visibility, true);
+            match &view.known {
+                Known::Kept => walk.keep(columns(view)),
+                Known::Seen(seen) => walk.settle(columns(view), seen, true),
             }
         }
         strip.before = Vec::new();

@@ -1,5 +1,10 @@
 //! Pairs of patches on two grids of rectangles with parallel edges, whatever their steps, where an absolute error is enough.
 
+#![expect(
+    clippy::shadow_unrelated,
+    reason = "inner scopes reuse the letters of the formulas and the names of what they look at"
+)]
+
 use std::ops::Range;
 
 use super::lattice::Lattice;

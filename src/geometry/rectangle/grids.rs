@@ -8,6 +8,10 @@
     clippy::inline_always,
     reason = "what is not inlined is not compiled for the instruction set"
 )]
+#![expect(
+    clippy::shadow_unrelated,
+    reason = "inner scopes reuse the letters of the formulas and the names of what they look at"
+)]
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -103,8 +107,12 @@ impl GridPair {
             Position::Parallel(level / diameter)
         } else {
             // What lies behind the other's plane is cut off.
-            lines[2].iter_mut().for_each(|x| *x = (faces * (*x - level)).max(0.0));
-            lines[3].iter_mut().for_each(|z| *z = z.max(0.0));
+            for x in &mut lines[2] {
+                *x = (faces * (*x - level)).max(0.0);
+            }
+            for z in &mut lines[3] {
+                *z = z.max(0.0);
+            }
             Position::Perpendicular
         };
         let mut sign = 1.0;
@@ -112,7 +120,9 @@ impl GridPair {
             if list[0] > list[list.len() - 1] {
                 sign = -sign;
             }
-            list.iter_mut().for_each(|x| *x /= diameter);
+            for line in list {
+                *line /= diameter;
+            }
         }
         // The frame's axes are those of the first grid: the second's own directions differ by rounding, or by a little more.
         let off = |k: usize, v: DVec3| v - frame[k] * frame[k].dot(v).signum();
@@ -289,10 +299,9 @@ fn ln(x: f64) -> f64 {
     let power = f64::from_bits(MAGIC.to_bits().wrapping_add(exponent)) - MAGIC;
     let f = (mantissa - 1.0) / (mantissa + 1.0);
     let f_squared = f * f;
-    let mut sum = SERIES[0];
-    for k in 1..SERIES.len() {
-        sum = sum.mul_add(f_squared, SERIES[k]);
-    }
+    let sum = SERIES
+        .iter()
+        .fold(0.0_f64, |sum, coefficient| sum.mul_add(f_squared, *coefficient));
     power.mul_add(std::f64::consts::LN_2, (f * f_squared).mul_add(sum, 2.0 * f))
 }
 

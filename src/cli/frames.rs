@@ -1,7 +1,5 @@
 //! `radiosity render --frames`: a sequence of lightings, cameras and poses, with the form factors computed once as far as they stay the same.
 
-mod file;
-
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -22,9 +20,8 @@ use super::{Outcome, solve};
 use crate::form_factor::{Before, Change};
 use crate::matrix::FormFactors;
 use crate::render::{DirectMethod, GatherReport, RenderInput, RenderSettings};
-use crate::scene::{Lighting, Motion, Pose};
+use crate::scene::{Lighting, Motion, Pose, frames};
 use crate::solver::{Solution, carried_error};
-use file::Wanted;
 
 /// A frame, ready to be rendered.
 struct Frame {
@@ -50,7 +47,7 @@ struct Sequence {
 }
 
 pub(super) fn work(args: &RenderArgs, file: &Path, run: &mut Run) -> Result<Outcome, Failure> {
-    let wanted = file::read(file)?;
+    let wanted = frames::load(file)?;
     let prepared = run.prepare(&args.scene, args.mesh, default_subdivision)?;
     let all = ready(args, file, wanted, &prepared)?;
     let mut largest = 0;
@@ -354,7 +351,7 @@ impl Solved<'_> {
 }
 
 /// Prepares views and outputs, loads every lighting once, and finds the frames that share a pose.
-fn ready(args: &RenderArgs, file: &Path, wanted: Vec<Wanted>, prepared: &Prepared) -> Result<Sequence, Failure> {
+fn ready(args: &RenderArgs, file: &Path, wanted: Vec<frames::Frame>, prepared: &Prepared) -> Result<Sequence, Failure> {
     let folder = file.parent().unwrap_or(Path::new(""));
     let mut files: Vec<Option<PathBuf>> = Vec::new();
     let mut lightings = Vec::new();

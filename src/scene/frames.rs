@@ -1,0 +1,133 @@
+//! A list of frames: lightings, cameras and places of objects for one scene, in the order in which they are shown.
+
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+use toml::Spanned;
+
+use super::lines::{line_after, read_text};
+use super::{Motion, MotionError, Pose, Scene, SceneError};
+
+/// One frame as its file names it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frame {
+    /// Its name: letters, digits, `-`, `_` and `.`, so that it can be a part of a file's name.
+    pub name: String,
+    /// The file of its lighting, relative to the list's folder; `None` for the scene's own.
+    pub lighting: Option<PathBuf>,
+    /// The file of its camera, relative to the list's folder, or `unfolded`; `None` for the caller's.
+    pub camera: Option<PathBuf>,
+    /// What moves, done one after another, each with its line.
+    moves: Vec<(u32, Motion)>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FramesFile {
+    #[serde(default)]
+    frame: Vec<Spanned<FrameInFile>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FrameInFile {
+    name: String,
+    lighting: Option<PathBuf>,
+    camera: Option<PathBuf>,
+    #[serde(default, rename = "move")]
+    moves: Vec<Spanned<Motion>>,
+}
+
+impl Frame {
+    /// Returns the motions, in their order.
+    #[must_use]
+    pub fn motions(&self) -> Vec<Motion> {
+        self.moves.iter().map(|(_, motion)| motion.clone()).collect()
+    }
+
+    /// Returns the pose that the motions bring the scene to; `file` is the list that the frame comes from.
+    ///
+    /// # Errors
+    /// [`SceneError::BadFrames`], with the line, for a motion that the scene cannot make.
+    pub fn pose(&self, file: impl AsRef<Path>, scene: &Scene) -> Result<Pose, SceneError> {
+        let mut pose = Pose::default();
+        for (line, motion) in &self.moves {
+            let refused = |error: MotionError| SceneError::BadFrames {
+                file: file.as_ref().to_owned(),
+                line: Some(*line),
+                message: format!("frame `{}`: {error}", self.name),
+            };
+            pose.push(scene, motion).map_err(refused)?;
+            scene.posed(&pose).map_err(refused)?;
+        }
+        Ok(pose)
+    }
+}
+
+/// Reads a list of frames from a TOML file; there is one frame at least, and no two have the same name.
+///
+/// ```toml
+/// [[frame]]
+/// name = "noon"
+/// lighting = "noon.toml"  # see `Lighting::load`; without it, the scene's own
+/// camera = "door.toml"    # a camera file or "unfolded"; without it, as the flags say
+///
+/// [[frame.move]]          # as often as there are motions, done one after another; without any, as the scene has it
+/// surface = "door"        # or a list of names that move as one
+/// rotate = 30.0           # see `Motion`
+/// ```
+///
+/// Paths are relative to the file.
+///
+/// # Errors
+/// A file that cannot be read; [`SceneError::BadFrames`], with the line, for what is no such TOML, a name that is empty, is not to be a part of a file's name or
+/// comes twice, or a list without frames.
+pub fn load(file: impl AsRef<Path>) -> Result<Vec<Frame>, SceneError> {
+    let file = file.as_ref();
+    let text = read_text(file)?;
+    let bad = |start: Option<usize>, message: String| SceneError::BadFrames {
+        file: file.to_owned(),
+        line: start.map(|start| line_after(text.get(..start).unwrap_or(&text))),
+        message,
+    };
+    let parsed: FramesFile = toml::from_str(&text).map_err(|error| {
+        let message = error.message().trim().replace('\n', ", ");
+        bad(
+            error.span().map(|span| span.start),
+            format!("{message}; correct the frames"),
+        )
+    })?;
+    if parsed.frame.is_empty() {
+        return Err(bad(None, "there is no [[frame]]; add one".to_owned()));
+    }
+    let mut frames: Vec<Frame> = Vec::new();
+    let mut names = std::collections::BTreeSet::new();
+    for spanned in parsed.frame {
+        let start = spanned.span().start;
+        let frame = spanned.into_inner();
+        let is_plain = |c: char| c.is_alphanumeric() || "-_.".contains(c);
+        if frame.name.is_empty() || !frame.name.chars().all(is_plain) {
+            let message = format!(
+                "the name {:?} is to be a part of a file's name; use letters, digits, -, _ and .",
+                frame.name
+            );
+            return Err(bad(Some(start), message));
+        }
+        if !names.insert(frame.name.clone()) {
+            let message = format!("two frames are called `{}`; rename one", frame.name);
+            return Err(bad(Some(start), message));
+        }
+        let line_of = |motion: &Spanned<Motion>| line_after(text.get(..motion.span().start).unwrap_or(&text));
+        frames.push(Frame {
+            name: frame.name,
+            lighting: frame.lighting,
+            camera: frame.camera,
+            moves: frame
+                .moves
+                .into_iter()
+                .map(|motion| (line_of(&motion), motion.into_inner()))
+                .collect(),
+        });
+    }
+    Ok(frames)
+}
