@@ -69,7 +69,7 @@ fn folder() -> Option<tempfile::TempDir> {
 fn every_command_that_writes_says_that_there_is_no_room() {
     let Some(directory) = folder() else { return };
     let at = directory.path();
-    let scene = ["scene", "sphere-room-r1", "--level", "3", "-o", "full/s.obj"];
+    let scene = ["scene", "sphere-room-r1", "-o", "full/s.obj"];
     let factors = [
         "form-factors",
         "s.obj",

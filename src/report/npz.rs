@@ -17,13 +17,83 @@ use crate::scene::hash::hexadecimal;
 
 /// Writes arrays one after the other.
 pub(super) struct NpzWriter<W: Write + Seek> {
-    zip: ZipWriter<W>,
+    zip: ZipWriter<Fused<W>>,
+}
+
+/// A writer that fails once: what comes after its first error is taken in and lost.
+///
+/// An archive that is dropped after an error still tries to end itself, and would print if that failed too.
+struct Fused<W> {
+    writer: W,
+    failed: bool,
+    /// Where it would stand, and where it would end, had it not failed.
+    place: u64,
+    end: u64,
+}
+
+impl<W> Fused<W> {
+    fn noted<T>(&mut self, result: io::Result<T>) -> io::Result<T> {
+        self.failed |= result
+            .as_ref()
+            .is_err_and(|error| error.kind() != io::ErrorKind::Interrupted);
+        result
+    }
+
+    fn moved(&mut self, place: u64) -> u64 {
+        self.place = place;
+        self.end = self.end.max(place);
+        place
+    }
+}
+
+impl<W: Write> Write for Fused<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let n = if self.failed {
+            bytes.len()
+        } else {
+            let written = self.writer.write(bytes);
+            self.noted(written)?
+        };
+        self.moved(self.place + n as u64);
+        Ok(n)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        if self.failed {
+            return Ok(());
+        }
+        let flushed = self.writer.flush();
+        self.noted(flushed)
+    }
+}
+
+impl<W: Seek> Seek for Fused<W> {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        let place = if self.failed {
+            match to {
+                SeekFrom::Start(place) => place,
+                SeekFrom::End(offset) => self.end.saturating_add_signed(offset),
+                SeekFrom::Current(offset) => self.place.saturating_add_signed(offset),
+            }
+        } else {
+            let found = self.writer.seek(to);
+            self.noted(found)?
+        };
+        Ok(self.moved(place))
+    }
 }
 
 impl<W: Write + Seek> NpzWriter<W> {
     pub(super) fn new(writer: W) -> Self {
-        let zip = ZipWriter::new(writer);
-        Self { zip }
+        let fused = Fused {
+            writer,
+            failed: false,
+            place: 0,
+            end: 0,
+        };
+        Self {
+            zip: ZipWriter::new(fused),
+        }
     }
 
     /// Adds an array; `content` writes its numbers in C order, little-endian.
