@@ -2,7 +2,8 @@
 //!
 //! `cargo bench --bench matrix` prints a table of rates and ratios. All of a row of the table were measured by turns, so that a
 //! machine that changes its pace changes all of them; medians count. The ratio is the time of the read by the time of the pass: 1
-//! is as fast as memory. `cargo bench --bench matrix -- "dense f32"` measures the rows whose names contain that. The matrices on a disk
+//! is as fast as memory. `cargo bench --bench matrix -- "dense f32"` measures the rows whose names contain that, and a number, as in `-- sparse 768`, takes so many patches: few of
+//! them show what a pass takes when all lies in the caches. The matrices on a disk
 //! were written just before, so the system has them in memory: what is measured is the program's own work.
 #![expect(clippy::print_stdout, reason = "a table of rates is what a benchmark is for")]
 
@@ -14,7 +15,7 @@ use radiosity::matrix::operator::{Block, LinearOperator, RowAccess};
 use radiosity::matrix::{FormFactors, Layout, Place, Precision, RowTally, RowTile, Scratch, StorageChoice};
 use rayon::prelude::*;
 
-/// Patches: 151 MB of f32 in full, more than caches hold.
+/// Patches unless a number is given: 151 MB of f32 in full, more than caches hold.
 const N: usize = 6144;
 
 /// Runs of each measurement.
@@ -27,7 +28,8 @@ const ONE_IN: u64 = 4;
 const WORDS_PER_TASK: usize = 1 << 16;
 
 fn main() {
-    println!("n = {N}, times in ms, rates in GB/s, medians of {N_ROUNDS} rounds");
+    let n = std::env::args().find_map(|argument| argument.parse().ok()).unwrap_or(N);
+    println!("n = {n}, times in ms, rates in GB/s, medians of {N_ROUNDS} rounds");
     println!(
         "{:27} {:>7} {:>5} {:>7} | {:>7} {:>7} {:>5} | {:>7} {:>7} {:>5} {:>6} | {:>7} {:>7}",
         "matrix",
@@ -44,8 +46,10 @@ fn main() {
         "rows 1",
         "rows 3"
     );
-    let wanted = std::env::args().skip(1).find(|argument| !argument.starts_with('-'));
-    let read = vec![1_u64; N * N];
+    let wanted = std::env::args()
+        .skip(1)
+        .find(|argument| !argument.starts_with('-') && argument.parse::<usize>().is_err());
+    let read = vec![1_u64; n * n];
     let scratch = std::env::temp_dir();
     let disk = Place::Disk(Scratch {
         directory: &scratch,
@@ -71,6 +75,7 @@ fn main() {
         }
         let one_in = if layout == Layout::Dense { 1 } else { ONE_IN };
         let factors = factors(
+            n,
             StorageChoice {
                 layout,
                 precision,
@@ -88,11 +93,12 @@ fn main() {
 }
 
 fn compare(name: &str, n_threads: usize, factors: &FormFactors, words: &[u64]) {
+    let n = factors.n_rows();
     let blocks = [1, 3].map(|n_channels| {
-        let values = (0..N * n_channels).map(|k| 1.0 + (k % 7) as f64);
+        let values = (0..n * n_channels).map(|k| 1.0 + (k % 7) as f64);
         Block::from_values(values.collect(), n_channels)
     });
-    let mut results = [1, 3].map(|n_channels| Block::zeros(N, n_channels));
+    let mut results = [1, 3].map(|n_channels| Block::zeros(n, n_channels));
     let mut times: [Vec<f64>; 5] = Default::default();
     for _ in 0..N_ROUNDS {
         let mut measure = |k: usize, run: &mut dyn FnMut()| {
@@ -127,7 +133,7 @@ fn compare(name: &str, n_threads: usize, factors: &FormFactors, words: &[u64]) {
 
 /// Row after row, as Gauss-Seidel sweeps.
 fn by_rows(factors: &FormFactors, x: &Block, y: &mut Block) {
-    for i in 0..N {
+    for i in 0..factors.n_rows() {
         let sums = y.row_mut(i);
         sums.fill(0.0);
         factors.dot_off_diagonal(i, x, sums);
@@ -172,18 +178,18 @@ fn add(lanes: &mut [u64; 8], words: &[u64; 8]) {
 }
 
 /// A matrix by rows, or the same above the diagonal and its mirror image below.
-fn factors(choice: StorageChoice, pairs: bool, one_in: u64) -> FormFactors {
-    let firsts: Vec<usize> = (0..N).step_by(16).collect();
+fn factors(n: usize, choice: StorageChoice, pairs: bool, one_in: u64) -> FormFactors {
+    let firsts: Vec<usize> = (0..n).step_by(16).collect();
     let tiles = firsts.into_iter().map(|first| {
         let mut tile = RowTile::new(first);
-        for i in first..N.min(first + 16) {
-            let columns = (if pairs { i } else { 0 }..N).filter(|&j| scattered(i, j).is_multiple_of(one_in));
-            let entry = |j| (u32::try_from(j).expect("a small number"), 1.0 / N as f64, 0.0);
+        for i in first..n.min(first + 16) {
+            let columns = (if pairs { i } else { 0 }..n).filter(|&j| scattered(i, j).is_multiple_of(one_in));
+            let entry = |j| (u32::try_from(j).expect("a small number"), 1.0 / n as f64, 0.0);
             tile.push_row(&columns.map(entry).collect::<Vec<_>>(), RowTally::default());
         }
         tile
     });
-    let areas = vec![1.0; N];
+    let areas = vec![1.0; n];
     let made = if pairs {
         FormFactors::from_exchange_tiles(areas, tiles, choice)
     } else {

@@ -1,7 +1,8 @@
 //! How fast solvers are beside one another: in the room of Lewis 1992, and in the six cases of Baranoski, Bramley and Shirley 1995.
 //!
 //! Every line is a level or a case; runs alternate, and the ratio of medians counts. The room of Lewis: from u = f to max |r| < 2.5e-5 W·m⁻², with one check of the true
-//! residual. The cases: from B = E to a relative residual of 1e-6, times by that of `gauss-seidel`; setup is part of the time.
+//! residual. The cases: from B = E to a relative residual of 1e-6, times by that of `gauss-seidel`; setup is part of the time. "auto / best" is the time of `auto` by that of the
+//! fastest other solver of the line.
 //! `cargo bench --bench solvers -- 5` goes up to level 5, which is what happens without a number.
 #![expect(clippy::print_stdout, reason = "a benchmark prints its figures")]
 
@@ -34,8 +35,8 @@ fn main() {
     println!("{} threads\n", rayon::current_num_threads());
     println!("multigrid (Galerkin, direct coarsest level), gmres and auto by gauss-seidel");
     println!(
-        "{:>2} {:>6} {:>12} {:>12} {:>12} {:>7} {:>11} {:>7} {:>7} {:>7} {:>7} {:>12}",
-        "l", "N", "gs", "mg", "setup", "mg/gs", "with setup", "cycles", "gmres", "passes", "auto", "by"
+        "{:>2} {:>6} {:>12} {:>12} {:>12} {:>7} {:>11} {:>7} {:>7} {:>7} {:>7} {:>12} {:>11}",
+        "l", "N", "gs", "mg", "setup", "mg/gs", "with setup", "cycles", "gmres", "passes", "auto", "by", "auto / best"
     );
     for level in 1..=level_max {
         lewis(level);
@@ -97,7 +98,7 @@ fn lewis(level: u32) {
     let [gs, mg, gmres, auto] = [0, 1, 2, 3].map(|k| median(times[k].clone()));
     let setup = median(setups);
     println!(
-        "{level:>2} {:>6} {:9.3} ms {:9.3} ms {:9.3} ms {:7.3} {:11.3} {:>7} {:7.3} {:>7} {:7.3} {choice:>12}",
+        "{level:>2} {:>6} {:9.3} ms {:9.3} ms {:9.3} ms {:7.3} {:11.3} {:>7} {:7.3} {:>7} {:7.3} {choice:>12} {:11.2}",
         room.n_patches(),
         1e3 * gs,
         1e3 * (mg - setup),
@@ -108,6 +109,7 @@ fn lewis(level: u32) {
         gmres / gs,
         passes[2],
         auto / gs,
+        auto / gs.min(mg).min(gmres),
     );
 }
 
@@ -205,5 +207,15 @@ fn compare(name: char, room: &Case, system: &RadiositySystem, names: &[&str]) {
             format!("{:>23}", reason.to_string())
         }
     };
-    println!("{name}  {}", (0..names.len()).map(cell).collect::<Vec<_>>().concat());
+    let converged = |k: &usize| ends[*k].1 == StopReason::Converged;
+    let single = (0..names.len()).filter(|&k| names[k] != "auto").filter(converged);
+    let best = single.min_by(|&a, &b| median(times[a].clone()).total_cmp(&median(times[b].clone())));
+    let auto = names.iter().position(|known| *known == "auto").expect("known");
+    let (best, auto) = (best.expect("gauss-seidel at least"), median(times[auto].clone()));
+    println!(
+        "{name}  {}   auto / best: {:.2} ({})",
+        (0..names.len()).map(cell).collect::<Vec<_>>().concat(),
+        auto / median(times[best].clone()),
+        names[best]
+    );
 }

@@ -3,6 +3,9 @@
 //! A file is a head of 56 bytes (a name of the layout, then a key that tells one piece of work from another) and records in the order in which pieces were
 //! finished: the piece's number and the length of its content (u64 each), the content, and the CRC-32 of all that (u32); little-endian. What follows the
 //! last record that is whole is what a killed run was writing, and is dropped.
+//!
+//! Work of several stages keeps each of them in a part of its own, with a key of its own: the upper 24 bits of a piece's number are those of its part, and the last
+//! piece of a part is its key. A part that begins anew with another key has none of the pieces before.
 
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions, TryLockError};
@@ -12,13 +15,19 @@ use std::sync::{Mutex, PoisonError};
 
 use thiserror::Error;
 
-const LAYOUT: &[u8; 24] = b"radiosity checkpoint 01\n";
+const LAYOUT: &[u8; 24] = b"radiosity checkpoint 02\n";
 
 /// Bytes of a file before its records.
 const HEAD: u64 = 56;
 
 /// Bytes of a record beside its content.
 const RECORD: u64 = 20;
+
+/// The bits of a piece's number within its part.
+const PIECE_BITS: u32 = 40;
+
+/// The piece that is the key of a part.
+const PART_KEY: u64 = (1 << PIECE_BITS) - 1;
 
 /// Why a checkpoint cannot be used.
 #[derive(Debug, Error)]
@@ -80,6 +89,8 @@ struct State {
     /// Where the next record goes.
     end: u64,
     pieces: Pieces,
+    /// The part that pieces belong to now.
+    part: u32,
     /// What went wrong first when a piece was to be kept; from then on none is.
     failed: Option<io::Error>,
 }
@@ -125,6 +136,7 @@ impl Checkpoint {
                 file,
                 end,
                 pieces,
+                part: 0,
                 failed: None,
             }),
         })
@@ -133,7 +145,27 @@ impl Checkpoint {
     /// Returns how many pieces it holds.
     #[must_use]
     pub fn n_pieces(&self) -> usize {
-        self.state().pieces.len()
+        let state = self.state();
+        state.pieces.keys().filter(|&k| k & PART_KEY != PART_KEY).count()
+    }
+
+    /// Goes over to another part: pieces are its own from now on. What was kept of it for another `key` is forgotten.
+    ///
+    /// # Panics
+    /// If `part` is not below 2^24.
+    #[track_caller]
+    pub fn begin_part(&self, part: u32, key: &[u8; 32]) {
+        assert!(part < 1 << (64 - PIECE_BITS), "a number of 24 bits");
+        self.state().part = part;
+        if self.piece(PART_KEY).as_deref() != Some(key) {
+            self.keep(PART_KEY, key);
+        }
+    }
+
+    /// Returns the part that pieces belong to now; 0 at first.
+    #[must_use]
+    pub fn part(&self) -> u32 {
+        self.state().part
     }
 
     /// Returns the file.
@@ -145,6 +177,7 @@ impl Checkpoint {
     /// Returns the content of a piece, or `None` if it has not been kept or cannot be read as it was written.
     pub(crate) fn piece(&self, k: u64) -> Option<Vec<u8>> {
         let mut state = self.state();
+        let k = in_part(state.part, k);
         let (start, length) = *state.pieces.get(&k)?;
         // The length has been checked against the file's.
         let mut content = vec![0; usize::try_from(length).ok()?];
@@ -159,16 +192,17 @@ impl Checkpoint {
 
     /// Keeps a finished piece. A failure, such as a full disk, does not stop the work: see [`failure`](Self::failure).
     pub(crate) fn keep(&self, k: u64, content: &[u8]) {
+        let mut state = self.state();
+        if state.failed.is_some() {
+            return;
+        }
+        let k = in_part(state.part, k);
         let length = content.len() as u64;
         let mut record = Vec::with_capacity(content.len() + 20);
         record.extend(k.to_le_bytes());
         record.extend(length.to_le_bytes());
         record.extend_from_slice(content);
         record.extend(checksum(k, content).to_le_bytes());
-        let mut state = self.state();
-        if state.failed.is_some() {
-            return;
-        }
         let end = state.end;
         let written = state
             .file
@@ -176,7 +210,7 @@ impl Checkpoint {
             .and_then(|_| state.file.write_all(&record));
         match written {
             Ok(()) => {
-                state.pieces.insert(k, (end + 16, length));
+                insert(&mut state.pieces, k, (end + 16, length));
                 state.end = end + record.len() as u64;
             }
             Err(error) => {
@@ -207,6 +241,20 @@ impl Checkpoint {
     fn state(&self) -> std::sync::MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
+}
+
+/// Returns the number of piece k of a part.
+fn in_part(part: u32, k: u64) -> u64 {
+    u64::from(part) << PIECE_BITS | k
+}
+
+/// Notes a record; the key of a part ends all that was known of it.
+fn insert(pieces: &mut Pieces, k: u64, place: (u64, u64)) {
+    if k & PART_KEY == PART_KEY {
+        let part = k >> PIECE_BITS;
+        pieces.retain(|other, _| other >> PIECE_BITS != part);
+    }
+    pieces.insert(k, place);
 }
 
 fn checksum(k: u64, content: &[u8]) -> u32 {
@@ -251,7 +299,7 @@ fn whole_records(file: &mut File) -> io::Result<(Pieces, u64)> {
         if hasher.finalize() != u32::from_le_bytes(sum) {
             break;
         }
-        pieces.insert(k, (end + 16, length));
+        insert(&mut pieces, k, (end + 16, length));
         end += RECORD + length;
     }
     Ok((pieces, end))
@@ -295,6 +343,40 @@ mod tests {
                 (expected + 1, b"nine".to_vec())
             );
         }
+    }
+
+    #[test]
+    fn parts_do_not_mix_and_one_with_another_key_begins_anew() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("c");
+        for is_second in [false, true] {
+            let checkpoint = Checkpoint::open(&path, &KEY).unwrap();
+            checkpoint.keep(7, b"first");
+            checkpoint.begin_part(1, &[1; 32]);
+            checkpoint.keep(7, b"second");
+            checkpoint.begin_part(2, &[2; 32]);
+            assert_eq!(checkpoint.piece(7).is_some(), is_second);
+            checkpoint.keep(7, b"third");
+            checkpoint.begin_part(1, &[1; 32]);
+            assert_eq!(
+                (checkpoint.piece(7).unwrap(), checkpoint.part()),
+                (b"second".to_vec(), 1)
+            );
+            assert_eq!(checkpoint.n_pieces(), 3);
+        }
+        let checkpoint = Checkpoint::open(&path, &KEY).unwrap();
+        checkpoint.begin_part(1, &[9; 32]);
+        assert_eq!((checkpoint.piece(7), checkpoint.n_pieces()), (None, 2));
+        drop(checkpoint);
+        let checkpoint = Checkpoint::open(&path, &KEY).unwrap();
+        assert_eq!(
+            (checkpoint.piece(7).unwrap(), checkpoint.n_pieces()),
+            (b"first".to_vec(), 2)
+        );
+        checkpoint.begin_part(1, &[9; 32]);
+        assert_eq!(checkpoint.piece(7), None);
+        checkpoint.begin_part(2, &[2; 32]);
+        assert_eq!(checkpoint.piece(7).unwrap(), b"third");
     }
 
     #[test]

@@ -42,6 +42,22 @@ impl<T: Send, F: Fn(usize) -> T + Sync> Iterator for InOrder<T, F> {
     }
 }
 
+/// Yields `work` of each item in order, as many at a time in parallel as there are threads.
+pub(crate) fn by_turns<A: Send, B: Send>(
+    mut items: impl Iterator<Item = A>,
+    work: impl Fn(A) -> B + Sync,
+) -> impl Iterator<Item = B> {
+    let mut ready = Vec::new().into_iter();
+    std::iter::from_fn(move || {
+        if ready.len() == 0 {
+            let turn: Vec<A> = items.by_ref().take(rayon::current_num_threads()).collect();
+            let done: Vec<B> = turn.into_par_iter().map(&work).collect();
+            ready = done.into_iter();
+        }
+        ready.next()
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -54,6 +70,13 @@ mod tests {
             assert_eq!(squares.len(), 100);
         }
         assert_eq!(InOrder::new(0, 0, 0, |k| k).count(), 0);
+    }
+
+    #[test]
+    fn turns_keep_the_order() {
+        let squares: Vec<usize> = by_turns(0..101, |k| k * k).collect();
+        assert_eq!(squares, (0..101).map(|k| k * k).collect::<Vec<_>>());
+        assert_eq!(by_turns(0..0, |k: usize| k).count(), 0);
     }
 
     #[test]

@@ -102,6 +102,7 @@ pub mod render;
 pub mod report;
 pub mod scene;
 pub mod solver;
+mod threads;
 pub mod visibility;
 pub mod voxel;
 mod whole_file;

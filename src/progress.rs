@@ -16,7 +16,7 @@ pub trait Progress: Sync {
         false
     }
 
-    /// Returns where finished pieces of form factors are kept, so that a later run need not compute them again.
+    /// Returns where finished pieces of form factors and of gathered light are kept, so that a later run need not compute them again.
     fn checkpoint(&self) -> Option<&Checkpoint> {
         None
     }

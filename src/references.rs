@@ -55,3 +55,6 @@ pub const COHEN_GREENBERG_1985: &str = "Cohen and Greenberg 1985";
 
 /// D. Lischinski, F. Tampieri, D. P. Greenberg, "Combining Hierarchical Radiosity and Discontinuity Meshing", SIGGRAPH 1993: a local pass that gathers at every pixel.
 pub const LISCHINSKI_1993: &str = "Lischinski, Tampieri and Greenberg 1993";
+
+/// M. S. Floater, "Mean value coordinates", Computer Aided Geometric Design 20(1), 2003.
+pub const FLOATER_2003: &str = "Floater 2003";

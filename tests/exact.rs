@@ -376,6 +376,77 @@ fn a_spent_budget_is_told_and_the_estimates_still_hold() {
     }
 }
 
+/// Above 1e-6 pairs of grids whose steps differ, such as those of the box and the walls, are differences of values at corners.
+#[test]
+fn grids_of_different_steps_keep_what_they_promise_at_loose_tolerances() {
+    for scene in places(&builtin_scene("room-box")) {
+        let prepared = Prepared::new(scene, 4);
+        let input = Input {
+            unoccluded: true,
+            ..prepared.input()
+        };
+        let at = |tolerance: f64| {
+            let computed = exact(tolerance).compute(input, StorageChoice::default(), &Silent);
+            computed.unwrap().factors
+        };
+        let tight = at(1e-7);
+        for tolerance in [1e-5, 1e-3] {
+            let loose = at(tolerance);
+            let areas = loose.areas();
+            for i in 0..loose.n_rows() {
+                for j in 0..loose.n_rows() {
+                    let off = (loose.get(i, j) - tight.get(i, j)).abs();
+                    let most = 1e-5 * tolerance * areas[i].min(areas[j]) / areas[i];
+                    // Or 1e-9 of the value, and what the reference is off by.
+                    assert!(off <= most.max(1e-9 * tight.get(i, j)) + 2e-12, "{i} {j}: {off:e}");
+                    let known = loose.std_error(i, j) + tight.std_error(i, j);
+                    assert!(off <= 1.000_001 * known + 1e-15, "{i} {j}: {off:e} {known:e}");
+                }
+            }
+        }
+    }
+}
+
+/// A ball of 20480 triangles over a floor: of 2 · 10⁸ pairs of faces only those of the floor and the ball's underside see each other.
+#[test]
+#[ignore = "ten seconds, and as much to build the scene"]
+fn twenty_thousand_faces_of_a_ball_see_the_floor_as_the_sphere_does() {
+    let mut shapes = Shapes::default();
+    let (height, half) = (1.5, 2.0);
+    let corner = |x: f64, y: f64| DVec3::new(x * half, y * half, 0.0);
+    shapes.face(&[
+        corner(-1.0, -1.0),
+        corner(1.0, -1.0),
+        corner(1.0, 1.0),
+        corner(-1.0, 1.0),
+    ]);
+    shapes.ball(DVec3::Z * height, 1.0, 5);
+    let prepared = Prepared::new(shapes.scene(), 1);
+    let computed = compute(&prepared, 1e-6);
+    let n = 20_481_u64;
+    assert_eq!(computed.factors.n_rows() as u64, n);
+    let pairs = computed.pairs.unwrap();
+    // All triangles that have a corner of the floor before them; nothing else stands in between.
+    let floor = prepared.mesh.polygon(radiosity::mesh::PatchId(0));
+    let sees_floor =
+        |patch: &&radiosity::mesh::Patch| floor.iter().any(|&v| patch.normal.dot(v - patch.centroid) > 0.0);
+    let n_seeing = prepared.mesh.patches[1..].iter().filter(sees_floor).count();
+    assert_eq!(pairs.full, n_seeing as u64);
+    assert_eq!((pairs.partial, pairs.hidden), (0, 0));
+    assert_eq!(pairs.full + pairs.not_facing, n * (n - 1) / 2);
+    // Each point of the floor sees a sphere by cos θ (R/d)²: over the floor that is R² times the solid angle of the floor from the centre.
+    let solid_angle = 4.0 * (half * half / (height * (2.0 * half * half + height * height).sqrt())).atan();
+    let (seen, sphere) = (computed.factors.row_sum(0) * 4.0 * half * half, solid_angle);
+    // The ball lies in the sphere and around the largest one inside of it: it is seen less than the first, and more than the second.
+    let centre = DVec3::Z * height;
+    let heights = prepared.mesh.patches[1..]
+        .iter()
+        .map(|patch| patch.normal.dot(patch.centroid - centre));
+    let inner = heights.fold(1.0, f64::min);
+    assert!(inner > 0.9995, "{inner}");
+    assert!(seen < sphere && seen > sphere * inner * inner, "{seen} {sphere}");
+}
+
 #[test]
 fn without_blockers_nothing_is_classified() {
     let prepared = Prepared::new(builtin_scene("cube"), 4);

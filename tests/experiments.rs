@@ -305,6 +305,23 @@ fn the_errors_of_voxels_are_in_their_ranges() {
 }
 
 #[test]
+fn pictures_have_the_noise_that_was_asked_for() {
+    let directory = tempfile::tempdir().unwrap();
+    let result = document(
+        directory.path(),
+        &["reproduce", "pictures", "--level", "1", "-o", "out"],
+    );
+    assert_eq!(result["inside"], true, "{:#}", result["results"]["checks"]);
+    let runs = result["results"]["runs"].as_array().unwrap();
+    assert_eq!((runs.len(), &result["results"]["n_reference_above"]), (7, &0.into()));
+    let rms: Vec<f64> = runs.iter().map(|run| run["rms"].as_f64().unwrap()).collect();
+    // The last three are gathered, with less and less noise; the last is nearer than any other.
+    assert!(rms[4] > rms[5] && rms[5] > rms[6], "{rms:?}");
+    assert!(rms[..4].iter().all(|other| *other > 0.5 * rms[6]), "{rms:?}");
+    assert_eq!(files(&directory.path().join("out")).len(), 6);
+}
+
+#[test]
 fn what_is_not_built_is_a_usage_error_that_says_what_is() {
     let directory = tempfile::tempdir().unwrap();
     for (arguments, expected) in [

@@ -223,6 +223,127 @@ fn a_signal_without_a_checkpoint_leaves_nothing_and_says_so_in_the_document() {
     assert_eq!(names(directory.path()), before);
 }
 
+/// Some seconds of final gather over three pictures, one of them with an object elsewhere.
+const PICTURES: &[&str] = &[
+    "render",
+    "room.obj",
+    "--frames",
+    "frames.toml",
+    "--subdivide",
+    "2",
+    "--width",
+    "48",
+    "--final-gather",
+    "--noise",
+    "0.02",
+    "-o",
+    "p.exr",
+    "--checkpoint",
+    "kept",
+];
+
+fn with_frames() -> tempfile::TempDir {
+    let directory = with_scene();
+    let scene = std::fs::read_to_string(directory.path().join("room.obj")).unwrap();
+    let side = scene
+        .lines()
+        .find_map(|line| line.strip_prefix("g box").or(line.strip_prefix("o box")))
+        .unwrap();
+    let frames = format!(
+        "[[frame]]\nname = \"a\"\n[[frame]]\nname = \"b\"\n[[frame.move]]\nsurface = \"box{side}\"\ntranslate = [0.05, 0, 0]\n\
+         [[frame]]\nname = \"c\"\ncamera = \"unfolded\"\n"
+    );
+    std::fs::write(directory.path().join("frames.toml"), frames).unwrap();
+    directory
+}
+
+#[test]
+fn final_gather_and_frames_go_on_to_the_same_bytes() {
+    let directory = with_frames();
+    let at = |name: &str| directory.path().join(name);
+    let pictures = ["p-a.exr", "p-b.exr", "p-c.exr", "p-a.png", "p-c.png"];
+    let without = &PICTURES[..PICTURES.len() - 2];
+    let output = finish(directory.path(), without);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let whole: Vec<Vec<u8>> = pictures.iter().map(|name| std::fs::read(at(name)).unwrap()).collect();
+    let told_whole: serde_json::Value = {
+        let output = finish(directory.path(), &[without, &["--json"]].concat());
+        serde_json::from_slice(&output.stdout).unwrap()
+    };
+    for name in pictures {
+        std::fs::remove_file(at(name)).unwrap();
+    }
+    // Form factors take some kilobytes; what comes after them is of the pictures. Each time the work gets somewhat further.
+    let mut size = 40_000;
+    let mut n_stopped = 0;
+    for (name, code) in [("-INT", 130), ("-TERM", 143), ("-INT", 130), ("-TERM", 143)] {
+        let mut child = start(directory.path(), PICTURES);
+        while at("kept").metadata().map_or(0, |found| found.len()) <= size {
+            if child.try_wait().unwrap().is_some() {
+                break;
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        if child.try_wait().unwrap().is_none() {
+            signal(&child, name);
+        }
+        let output = child.wait_with_output().unwrap();
+        if output.status.success() {
+            break;
+        }
+        assert_eq!(output.status.code(), Some(code), "{}", text(&output.stderr));
+        assert!(
+            text(&output.stderr).contains("goes on from there"),
+            "{}",
+            text(&output.stderr)
+        );
+        n_stopped += 1;
+        size = at("kept").metadata().unwrap().len() + 400_000;
+    }
+    assert!(n_stopped >= 2, "the work is long enough to be stopped more than once");
+    let output = finish(directory.path(), &[PICTURES, &["--json"]].concat());
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let told: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    for (name, expected) in pictures.iter().zip(&whole) {
+        assert!(std::fs::read(at(name)).unwrap() == *expected, "{name}: the same bytes");
+    }
+    for k in 0..3 {
+        assert_eq!(
+            told["frames"][k]["final_gather"],
+            told_whole["frames"][k]["final_gather"]
+        );
+    }
+    assert!(!at("kept").exists(), "what is done needs no checkpoint");
+}
+
+#[test]
+fn a_finished_frame_is_not_rendered_again_unless_it_was_changed() {
+    let directory = with_frames();
+    let at = |name: &str| directory.path().join(name);
+    let mut child = start(directory.path(), PICTURES);
+    while !at("p-b.exr").exists() {
+        assert!(
+            child.try_wait().unwrap().is_none(),
+            "it ends before there is a second frame"
+        );
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    signal(&child, "-INT");
+    let stopped = child.wait_with_output().unwrap();
+    if stopped.status.success() {
+        return; // The third picture was faster than the signal.
+    }
+    assert_eq!(stopped.status.code(), Some(130));
+    let first = std::fs::read(at("p-a.exr")).unwrap();
+    let written = at("p-a.exr").metadata().unwrap().modified().unwrap();
+    // The first frame stays as it is; one that somebody else wrote to is made again.
+    std::fs::write(at("p-b.exr"), b"changed").unwrap();
+    assert!(finish(directory.path(), PICTURES).status.success());
+    assert_eq!(at("p-a.exr").metadata().unwrap().modified().unwrap(), written);
+    assert!(std::fs::read(at("p-a.exr")).unwrap() == first);
+    assert!(std::fs::read(at("p-b.exr")).unwrap() != b"changed");
+}
+
 #[test]
 fn links_are_kept_when_a_signal_comes() {
     let directory = with_scene();

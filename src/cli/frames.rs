@@ -1,4 +1,4 @@
-//! `radiosity render --frames`: a sequence of lightings and cameras on the same form factors.
+//! `radiosity render --frames`: a sequence of lightings, cameras and poses, with the form factors computed once as far as they stay the same.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -11,14 +11,16 @@ use super::failure::Failure;
 use super::form_factors::{checks_to_json, describe_checks};
 use super::lightings::{Stack, with_suffix};
 use super::picture::{image_byte, preview_of, shoot};
-use super::pipeline::{Computed, Fineness, Prepared, Run};
+use super::pipeline::{Computed, Fineness, Prepared, Run, posed};
 use super::render::{
     AnyView, DEFAULT_RAYS, DEFAULT_TOLERANCE, default_subdivision, indirect_irradiance, render_settings, view,
 };
 use super::storage::Storage;
 use super::{Outcome, solve};
+use crate::form_factor::{Before, Change};
+use crate::matrix::FormFactors;
 use crate::render::{DirectMethod, GatherReport, RenderInput, RenderSettings};
-use crate::scene::{Lighting, frames};
+use crate::scene::{Lighting, Motion, Pose, frames};
 use crate::solver::{Solution, carried_error};
 
 /// A frame, ready to be rendered.
@@ -27,83 +29,81 @@ struct Frame {
     /// The number of its lighting.
     lighting: usize,
     lighting_file: Option<PathBuf>,
+    /// The number of its pose.
+    pose: usize,
+    motions: Vec<Motion>,
     view: AnyView,
     settings: RenderSettings,
     output: PathBuf,
     preview: PathBuf,
 }
 
+/// All frames, with what some of them share.
+struct Sequence {
+    frames: Vec<Frame>,
+    lightings: Vec<Option<Lighting>>,
+    /// No two alike, in the order of their first frames.
+    poses: Vec<Pose>,
+}
+
 pub(super) fn work(args: &RenderArgs, file: &Path, run: &mut Run) -> Result<Outcome, Failure> {
     let wanted = frames::load(file)?;
-    let mut prepared = run.prepare(&args.scene, args.mesh, default_subdivision)?;
-    let (frames, lightings) = ready(args, file, wanted, &prepared)?;
+    let prepared = run.prepare(&args.scene, args.mesh, default_subdivision)?;
+    let all = ready(args, file, wanted, &prepared)?;
     let mut largest = 0;
-    for frame in &frames {
+    for frame in &all.frames {
         largest = largest.max(image_byte(&frame.view, &frame.settings, args.storage.memory_limit)?);
     }
     run.storage = Storage {
         args: args.storage.clone(),
+        part: 0,
         output: Some(args.output.clone()),
         tolerance: Some(args.solver.tolerance),
         image_byte: largest,
     };
-    if frames.iter().any(|frame| frame.settings.direct != DirectMethod::Off) {
+    if all
+        .frames
+        .iter()
+        .any(|frame| frame.settings.direct != DirectMethod::Off)
+    {
         run.warn_of_narrow_gaps(&prepared);
     }
-    let needs_symmetry = run.solver_entry(&args.solver)?.gains_by_reciprocity();
-    let fineness = Fineness {
-        default_rays: DEFAULT_RAYS,
-        tolerance: args.form_factor_tolerance,
-        default_tolerance: DEFAULT_TOLERANCE,
-        tolerance_name: "form_factor_tolerance",
-    };
-    let computed = run.form_factors(&mut prepared, &args.method, fineness, needs_symmetry)?;
-    let stack = Stack::new(&prepared, &lightings);
-    let areas = computed.factors.areas().to_vec();
-    let solution = run.solve_system(
-        (&mut prepared.plan, &prepared.mesh),
-        (&computed.factors, areas),
-        &args.solver,
-        (stack.reflectance.clone(), stack.exitance.clone()),
-        computed.given(),
-    )?;
-    let solved = Solved {
-        prepared: &prepared,
-        computed: &computed,
-        lightings: &lightings,
-        stack: &stack,
-        solution: &solution,
-    };
-    let shots: Vec<Shot> = frames
-        .iter()
-        .map(|frame| solved.shoot(run, args, frame))
-        .collect::<Result<_, _>>()?;
-    run.progress.finish();
-    let mut result = solve::to_json(&prepared, &args.solver.solver, &solution);
-    if let Value::Object(result) = &mut result {
-        // Each frame has its own.
-        result.remove("surfaces");
-        result.remove("energy");
+    let mut first: Option<First> = None;
+    let mut told = Vec::new();
+    for number in 0..all.poses.len() {
+        let (pose, of_first) = all.work_on(number, args, run, &prepared, first.as_ref())?;
+        first = first.or(Some(of_first));
+        told.push(pose);
     }
-    result["form_factors"] = checks_to_json(&computed);
-    result["n_lightings"] = json!(lightings.len());
-    result["frames"] = shots.iter().map(|shot| shot.document.clone()).collect();
-    let document = run.document_of(&prepared, result);
-    let mut text = run.explanation(&prepared);
-    let (n, n_frames, n_lightings) = (prepared.mesh.n_patches(), frames.len(), lightings.len());
-    let _ = writeln!(
-        text,
-        "{n} patches, {n_frames} frames, {n_lightings} lightings solved together in {} passes",
-        solution.n_passes
-    );
-    describe_checks(&mut text, &computed);
+    run.progress.finish();
+    let Some(First {
+        prepared: posed,
+        mut result,
+        ..
+    }) = first
+    else {
+        return Err(Failure::usage("there is no frame"));
+    };
+    let shots = || told.iter().flat_map(|pose: &Told| &pose.shots);
+    let in_order = (0..all.frames.len()).filter_map(|k| shots().find(|shot| shot.frame == k));
+    result["n_lightings"] = json!(all.lightings.len());
+    result["poses"] = told.iter().map(|pose| pose.document.clone()).collect();
+    result["frames"] = in_order.clone().map(|shot| shot.document.clone()).collect();
+    let document = run.document_of(&posed, result);
+    let mut text = run.explanation(&posed);
+    let (n, n_frames) = (posed.mesh.n_patches(), all.frames.len());
+    let _ = writeln!(text, "{n} patches, {n_frames} frames");
+    text.extend(told.iter().map(|pose| pose.text.as_str()));
     run.describe_audit(&mut text);
     run.describe_times(&mut text);
-    text.extend(shots.iter().map(|shot| shot.line.as_str()));
-    let code = match solve::code(&solution, Some(&computed)) {
-        ExitCode::Done if shots.iter().any(|shot| shot.is_noisy) => ExitCode::NotConverged,
-        code => code,
-    };
+    text.extend(in_order.map(|shot| shot.line.as_str()));
+    let worst = told.iter().map(|pose| pose.code).find(|code| *code != ExitCode::Done);
+    let is_noisy = shots().any(|shot| shot.is_noisy);
+    let code = worst.unwrap_or(if is_noisy {
+        ExitCode::NotConverged
+    } else {
+        ExitCode::Done
+    });
     Ok(Outcome {
         text,
         document,
@@ -111,18 +111,189 @@ pub(super) fn work(args: &RenderArgs, file: &Path, run: &mut Run) -> Result<Outc
     })
 }
 
-/// What all frames are made from.
+/// What the later poses and the report need of the first one.
+struct First {
+    prepared: Prepared,
+    /// The form factors without repairs, and whether they met their tolerance.
+    raw: FormFactors,
+    tolerance_met: bool,
+    /// The part of the document that is about the solution.
+    result: Value,
+}
+
+/// What is told of a pose.
+struct Told {
+    document: Value,
+    text: String,
+    code: ExitCode,
+    shots: Vec<Shot>,
+}
+
+impl Sequence {
+    /// Computes, solves and renders all that is in one pose.
+    fn work_on(
+        &self,
+        number: usize,
+        args: &RenderArgs,
+        run: &mut Run,
+        as_loaded: &Prepared,
+        first: Option<&First>,
+    ) -> Result<(Told, First), Failure> {
+        let own: Vec<(usize, &Frame)> = self
+            .frames
+            .iter()
+            .enumerate()
+            .filter(|(_, f)| f.pose == number)
+            .collect();
+        let mut prepared = run.posed(as_loaded, &self.poses[number])?;
+        let gains = run.solver_entry(&args.solver)?.gains_by_reciprocity();
+        let needs_symmetry = run.wants_symmetry(args.method.balance)? || gains;
+        let fineness = Fineness {
+            default_rays: DEFAULT_RAYS,
+            tolerance: args.form_factor_tolerance,
+            default_tolerance: DEFAULT_TOLERANCE,
+            tolerance_name: "form_factor_tolerance",
+        };
+        let change = first.map(|first| Change::between(&first.prepared.scene, &prepared.scene));
+        let before = first.zip(change.as_ref()).map(|(first, change)| Before {
+            factors: &first.raw,
+            tolerance_met: first.tolerance_met,
+            change,
+        });
+        run.storage.part = u32::try_from(number).unwrap_or(u32::MAX);
+        let (raw, promised) = run.raw_form_factors(&mut prepared, &args.method, fineness, needs_symmetry, before)?;
+        let (factors, tolerance_met) = (raw.factors.clone(), raw.tolerance_met);
+        let computed = run.repaired(&mut prepared, raw, args.method.balance, needs_symmetry, promised)?;
+        // Those of the lightings that this pose is seen in.
+        let mut numbers: Vec<usize> = own.iter().map(|(_, frame)| frame.lighting).collect();
+        numbers.sort_unstable();
+        numbers.dedup();
+        let lightings: Vec<Option<Lighting>> = numbers.iter().map(|&k| self.lightings[k].clone()).collect();
+        let stack = Stack::new(&prepared, &lightings);
+        let areas = computed.factors.areas().to_vec();
+        let solution = run.solve_system(
+            (&mut prepared.plan, &prepared.mesh),
+            (&computed.factors, areas),
+            &args.solver,
+            (stack.reflectance.clone(), stack.exitance.clone()),
+            computed.given(),
+        )?;
+        let solved = Solved {
+            prepared: &prepared,
+            computed: &computed,
+            lightings: &self.lightings,
+            numbers: &numbers,
+            stack: &stack,
+            solution: &solution,
+        };
+        let shots = own
+            .iter()
+            .map(|&(k, frame)| solved.shoot(run, args, k, frame))
+            .collect::<Result<Vec<_>, _>>()?;
+        let mut result = solve::to_json(&prepared, &args.solver.solver, &solution);
+        if let Value::Object(result) = &mut result {
+            // Each frame has its own.
+            result.remove("surfaces");
+            result.remove("energy");
+        }
+        result["form_factors"] = checks_to_json(&computed);
+        let names: Vec<&str> = own.iter().map(|(_, frame)| frame.name.as_str()).collect();
+        let update = change.as_ref().map(|change| Update::new(change, &computed));
+        let told = Told {
+            text: describe_pose(&names, (numbers.len(), &solution, &computed), update.as_ref()),
+            code: solve::code(&solution, Some(&computed)),
+            document: json!({
+                "frames": names,
+                "n_lightings": numbers.len(),
+                "n_passes": solution.n_passes,
+                "stop_reason": solution.stop_reason,
+                "residual_l2": solution.residual_l2,
+                "form_factors": result["form_factors"],
+                "update": update,
+            }),
+            shots,
+        };
+        let of_first = First {
+            raw: factors,
+            tolerance_met,
+            prepared,
+            result,
+        };
+        Ok((told, of_first))
+    }
+}
+
+/// What became of the first pose's form factors in a later one.
+#[derive(serde::Serialize)]
+#[expect(clippy::struct_field_names, reason = "the names of the document")]
+struct Update {
+    n_moved_faces: usize,
+    /// Pairs of patches that face each other and were taken over; 0 where the method computes everything anew.
+    n_kept: u64,
+    /// Pairs that face each other and were computed anew; `None` of methods that do not look at pairs.
+    n_recomputed: Option<u64>,
+}
+
+impl Update {
+    fn new(change: &Change, computed: &Computed) -> Self {
+        Self {
+            n_moved_faces: change.n_faces(),
+            n_kept: computed.pairs.map_or(0, |pairs| pairs.kept),
+            n_recomputed: computed.pairs.map(|pairs| pairs.full + pairs.partial + pairs.hidden),
+        }
+    }
+
+    fn describe(&self, text: &mut String) {
+        let Self {
+            n_moved_faces, n_kept, ..
+        } = self;
+        let _ = match self.n_recomputed {
+            Some(n) if *n_kept > 0 => writeln!(
+                text,
+                "{n_moved_faces} faces moved: {n} of {} form factors between pairs computed anew, the others are as before",
+                n + n_kept
+            ),
+            _ => writeln!(text, "{n_moved_faces} faces moved: all form factors computed anew"),
+        };
+    }
+}
+
+/// Writing to a String cannot fail; the results of `write!` are dropped for that reason.
+fn describe_pose(
+    names: &[&str],
+    (n_lightings, solution, computed): (usize, &Solution, &Computed),
+    update: Option<&Update>,
+) -> String {
+    let mut text = String::new();
+    let _ = writeln!(
+        text,
+        "{}: {n_lightings} lightings solved together in {} passes",
+        names.join(", "),
+        solution.n_passes
+    );
+    if let Some(update) = update {
+        update.describe(&mut text);
+    }
+    describe_checks(&mut text, computed);
+    text
+}
+
+/// What the frames of a pose are made from.
 struct Solved<'a> {
     prepared: &'a Prepared,
     computed: &'a Computed,
     lightings: &'a [Option<Lighting>],
+    /// The lightings that were solved for.
+    numbers: &'a [usize],
     stack: &'a Stack,
-    /// Of all lightings together.
+    /// Of all these lightings together.
     solution: &'a Solution,
 }
 
 /// What is told of a frame.
 struct Shot {
+    /// The number of the frame.
+    frame: usize,
     document: Value,
     line: String,
     /// True if final gather left pixels above the noise asked for.
@@ -130,13 +301,14 @@ struct Shot {
 }
 
 impl Solved<'_> {
-    fn shoot(&self, run: &mut Run, args: &RenderArgs, frame: &Frame) -> Result<Shot, Failure> {
+    fn shoot(&self, run: &mut Run, args: &RenderArgs, number: usize, frame: &Frame) -> Result<Shot, Failure> {
         let Self { prepared, computed, .. } = self;
-        let own = self.stack.solution(frame.lighting, self.solution);
-        let (reflectance, exitance) = self.stack.materials(frame.lighting);
+        let place = self.numbers.partition_point(|&k| k < frame.lighting);
+        let own = self.stack.solution(place, self.solution);
+        let (reflectance, exitance) = self.stack.materials(place);
         let (indirect, error) = run.times.time("solve", || {
             (
-                indirect_irradiance(computed, &exitance, &own),
+                indirect_irradiance(&computed.factors, &exitance, &own),
                 carried_error(&computed.factors, &reflectance, &exitance, &own),
             )
         });
@@ -159,11 +331,13 @@ impl Solved<'_> {
         let (width, height) = (image.width(), image.height());
         let (picture, preview) = (frame.output.display(), frame.preview.display());
         Ok(Shot {
+            frame: number,
             line: format!("{}: wrote {picture} ({width} × {height}) and {preview}\n", frame.name),
             is_noisy: gathered.is_some_and(|report| report.n_above > 0),
             document: json!({
                 "name": frame.name,
                 "lighting": frame.lighting_file,
+                "moves": frame.motions,
                 "image": frame.output,
                 "preview": frame.preview,
                 "width": width,
@@ -176,18 +350,15 @@ impl Solved<'_> {
     }
 }
 
-/// Prepares views and outputs, and loads every lighting once.
-fn ready(
-    args: &RenderArgs,
-    file: &Path,
-    wanted: Vec<frames::Frame>,
-    prepared: &Prepared,
-) -> Result<(Vec<Frame>, Vec<Option<Lighting>>), Failure> {
+/// Prepares views and outputs, loads every lighting once, and finds the frames that share a pose.
+fn ready(args: &RenderArgs, file: &Path, wanted: Vec<frames::Frame>, prepared: &Prepared) -> Result<Sequence, Failure> {
     let folder = file.parent().unwrap_or(Path::new(""));
     let mut files: Vec<Option<PathBuf>> = Vec::new();
     let mut lightings = Vec::new();
+    let mut poses: Vec<Pose> = Vec::new();
     let mut frames = Vec::new();
     for frame in wanted {
+        let (motions, pose) = (frame.motions(), frame.pose(file, &prepared.scene)?);
         let lighting_file = frame.lighting.map(|path| folder.join(path));
         let known = files.iter().position(|other| *other == lighting_file);
         let lighting = if let Some(k) = known {
@@ -209,16 +380,31 @@ fn ready(
             camera: camera.or(args.image.view.camera.clone()),
             ..args.image.view.clone()
         };
+        // The camera stays where it would be of the scene as loaded; the tiles of an unfolded view go with their surfaces.
+        let view = if view_args.is_unfolded() {
+            view(&view_args, &args.scene, &posed(&prepared.scene, &pose)?)?
+        } else {
+            view(&view_args, &args.scene, &prepared.scene)?
+        };
         let output = with_suffix(&args.output, &frame.name);
         frames.push(Frame {
             name: frame.name,
             lighting,
             lighting_file,
             settings: render_settings(args, &view_args)?,
-            view: view(&view_args, &args.scene, &prepared.scene)?,
+            view,
+            pose: poses.iter().position(|other| *other == pose).unwrap_or(poses.len()),
+            motions,
             preview: preview_of(&output)?,
             output,
         });
+        if !poses.contains(&pose) {
+            poses.push(pose);
+        }
     }
-    Ok((frames, lightings))
+    Ok(Sequence {
+        frames,
+        lightings,
+        poses,
+    })
 }

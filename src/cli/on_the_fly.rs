@@ -1,28 +1,37 @@
-//! `radiosity solve --on-the-fly`: form factors that are computed again in every pass.
+//! `--on-the-fly`: form factors that are computed again in every pass.
 
-use super::args::SolveArgs;
+use super::args::{MethodArgs, SolverArgs};
 use super::failure::Failure;
-use super::form_factors::DEFAULT_RAYS;
 use super::pipeline::{Fineness, Prepared, Run};
+use super::render::indirect_irradiance;
 use crate::audit::Given;
 use crate::form_factor::registry::METHODS;
-use crate::form_factor::{ExactMethod, Input, OnTheFly};
+use crate::form_factor::{Input, OnTheFly};
+use crate::matrix::operator::Block;
 use crate::solver::Solution;
 
-pub(super) fn solve(run: &mut Run, prepared: &mut Prepared, args: &SolveArgs) -> Result<Solution, Failure> {
-    if run.solver_entry(&args.solver)?.needs_reciprocity {
+/// What is to be computed.
+pub(super) struct Request<'a> {
+    pub(super) method: &'a MethodArgs,
+    pub(super) fineness: Fineness,
+    pub(super) solver: &'a SolverArgs,
+    /// Whether the irradiance without what comes straight from the emitters is wanted too, at one more pass.
+    pub(super) indirect: bool,
+}
+
+/// Solves a scene; returns the indirect irradiance too where that is wanted.
+pub(super) fn solve(
+    run: &mut Run,
+    prepared: &mut Prepared,
+    request: &Request,
+) -> Result<(Solution, Option<Block>), Failure> {
+    if run.solver_entry(request.solver)?.needs_reciprocity {
         return Err(Failure::usage(format!(
             "`{}` needs form factors that are balanced, and so stored: leave --on-the-fly out, or take `gmres`",
-            args.solver.solver
+            request.solver.solver
         )));
     }
-    let fineness = Fineness {
-        default_rays: DEFAULT_RAYS,
-        tolerance: args.form_factor_tolerance,
-        default_tolerance: ExactMethod::DEFAULT_TOLERANCE,
-        tolerance_name: "form_factor_tolerance",
-    };
-    let method = run.method(&args.method, fineness)?.method;
+    let method = run.method(request.method, request.fineness)?.method;
     run.set("on_the_fly", true);
     let input = Input {
         scene: &prepared.scene,
@@ -33,7 +42,7 @@ pub(super) fn solve(run: &mut Run, prepared: &mut Prepared, args: &SolveArgs) ->
     let Some(operator) = OnTheFly::new(&*method, input) else {
         return Err(Failure::usage(format!(
             "`{}` computes pairs of patches, not rows: leave --on-the-fly out, or take one of {}",
-            args.method.method,
+            request.method.method,
             METHODS
                 .iter()
                 .filter(|m| m.by_rows())
@@ -48,14 +57,19 @@ pub(super) fn solve(run: &mut Run, prepared: &mut Prepared, args: &SolveArgs) ->
         .push("storing form factors: every pass computes them again".into());
     let (reflectance, exitance) = prepared.materials();
     let areas = prepared.mesh.areas();
-    run.solve_system(
+    let solution = run.solve_system(
         (&mut prepared.plan, &prepared.mesh),
         (&operator, areas),
-        &args.solver,
-        (reflectance, exitance),
+        request.solver,
+        (reflectance, exitance.clone()),
         Given {
             gain: None,
             costly: true,
         },
-    )
+    )?;
+    let indirect = request.indirect.then(|| {
+        run.times
+            .time("solve", || indirect_irradiance(&operator, &exitance, &solution))
+    });
+    Ok((solution, indirect))
 }

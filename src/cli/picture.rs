@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use serde_json::json;
+use sha2::{Digest as _, Sha256};
 
 use super::args::RenderArgs;
 use super::failure::Failure;
@@ -11,6 +12,7 @@ use super::pipeline::Run;
 use super::render::AnyView;
 use super::storage::limit_byte;
 use crate::audit;
+use crate::cli::args::PixelsName;
 use crate::plan::byte_text;
 use crate::render::display::{TevDisplay, Unwatched, Watcher};
 use crate::render::{Attributes, Image, RenderInput, RenderSettings, View, exr, png, render_watched};
@@ -62,6 +64,11 @@ pub(super) fn shoot(
     (output, preview): (&Path, &Path),
 ) -> Result<Image, Failure> {
     let view = view.as_view();
+    let kept = KeptPicture::new(run, input, view, &settings, args);
+    if let Some(image) = kept.as_ref().and_then(|kept| kept.image(run, output, preview)) {
+        run.audited(audit::picture(&image));
+        return Ok(image);
+    }
     let display = args
         .display
         .as_deref()
@@ -81,7 +88,73 @@ pub(super) fn shoot(
         exr::write_parts(output, &image, &attributes, args.file.parts.into())?;
         png::write(preview, &image)
     })?;
+    if let Some(kept) = kept {
+        kept.keep(run, output, preview);
+    }
     Ok(image)
+}
+
+/// The part of the checkpoint that says which pictures are written.
+const PART: u32 = 1 << 21;
+
+/// A picture of which a checkpoint may know that it is written.
+struct KeptPicture {
+    /// A hash of all that its files depend on.
+    key: [u8; 32],
+    /// Its number: the beginning of the key.
+    piece: u64,
+}
+
+impl KeptPicture {
+    /// `None` without a checkpoint, and for numbers that are rounded in the file: what is told of such a picture cannot be read from it.
+    fn new(
+        run: &Run,
+        input: &RenderInput<'_>,
+        view: &dyn View,
+        settings: &RenderSettings,
+        args: &RenderArgs,
+    ) -> Option<Self> {
+        run.progress.checkpoint.as_ref()?;
+        if args.file.pixels != PixelsName::F32 {
+            return None;
+        }
+        let mut hasher = Sha256::new();
+        hasher.update(input.fingerprint(view, settings));
+        hasher.update(format!("{:?} {:?}", args.file, run.settings));
+        let key: [u8; 32] = hasher.finalize().into();
+        let [a, b, c, d, ..] = key;
+        Some(Self {
+            key,
+            piece: u32::from_le_bytes([a, b, c, d]).into(),
+        })
+    }
+
+    /// Returns what a checkpoint keeps of the picture: the key and the hashes of its files.
+    fn content(&self, output: &Path, preview: &Path) -> Option<Vec<u8>> {
+        let mut content = self.key.to_vec();
+        for file in [output, preview] {
+            content.extend_from_slice(&Sha256::digest(std::fs::read(file).ok()?));
+        }
+        Some(content)
+    }
+
+    /// Returns the picture if an earlier run wrote it and it is still as it was.
+    fn image(&self, run: &Run, output: &Path, preview: &Path) -> Option<Image> {
+        let checkpoint = run.progress.checkpoint.as_ref()?;
+        checkpoint.begin_part(PART, &[0; 32]);
+        let kept = checkpoint.piece(self.piece)?;
+        (Some(kept) == self.content(output, preview))
+            .then(|| exr::read(output).ok())
+            .flatten()
+            .map(|(image, _)| image)
+    }
+
+    fn keep(&self, run: &Run, output: &Path, preview: &Path) {
+        if let (Some(checkpoint), Some(content)) = (&run.progress.checkpoint, self.content(output, preview)) {
+            checkpoint.begin_part(PART, &[0; 32]);
+            checkpoint.keep(self.piece, &content);
+        }
+    }
 }
 
 /// Opens the picture in a viewer; without one there is a warning, and nothing to watch.

@@ -12,6 +12,7 @@ use super::args::{DirectName, GatherArgs, RenderArgs, ViewArgs};
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::form_factors::{checks_to_json, describe_checks};
+use super::on_the_fly::{self, Request};
 use super::picture::{image_byte, preview_of, shoot};
 use super::pipeline::{Computed, Fineness, Prepared, Run};
 use super::solve;
@@ -57,6 +58,7 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let view = view(&args.image.view, &args.scene, &prepared.scene)?;
     run.storage = Storage {
         args: args.storage.clone(),
+        part: 0,
         output: Some(args.output.clone()),
         tolerance: Some(args.solver.tolerance),
         image_byte: image_byte(&view, &settings, args.storage.memory_limit)?,
@@ -139,7 +141,7 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
 struct Solved {
     solver: String,
     solution: Solution,
-    /// The form factors, unless they were not needed.
+    /// The form factors, where they are stored.
     computed: Option<Computed>,
     /// F (B − E), where a direct pass adds the rest.
     indirect_irradiance: Option<Block>,
@@ -176,11 +178,29 @@ fn solve_scene(
         default_tolerance: DEFAULT_TOLERANCE,
         tolerance_name: "form_factor_tolerance",
     };
+    if args.on_the_fly {
+        let request = Request {
+            method: &args.method,
+            fineness,
+            solver: &args.solver,
+            indirect: with_direct,
+        };
+        let (solution, indirect_irradiance) = on_the_fly::solve(run, prepared, &request)?;
+        let reason = "the error layer: it is carried from stored form factors";
+        prepared.plan.left_out.push(reason.into());
+        return Ok(Solved {
+            solver: args.solver.solver.clone(),
+            solution,
+            computed: None,
+            indirect_irradiance,
+            error: None,
+        });
+    }
     let computed = run.form_factors(prepared, &args.method, fineness, needs_symmetry)?;
     let solution = run.solve(prepared, &computed, &args.solver)?;
     let indirect_irradiance = with_direct.then(|| {
         run.times.time("solve", || {
-            indirect_irradiance(&computed, &prepared.materials().1, &solution)
+            indirect_irradiance(&computed.factors, &prepared.materials().1, &solution)
         })
     });
     let error = run.carried_error(prepared, &computed, &solution)?;
@@ -201,13 +221,13 @@ pub(super) fn default_subdivision(scene: &Scene) -> Subdivision {
 }
 
 /// Returns H without what comes straight from the emitters: F (B − E).
-pub(super) fn indirect_irradiance(computed: &Computed, exitance: &Block, solution: &Solution) -> Block {
+pub(super) fn indirect_irradiance(factors: &dyn LinearOperator, exitance: &Block, solution: &Solution) -> Block {
     let mut reflected = solution.radiosity.clone();
     for (value, emitted) in reflected.values_mut().iter_mut().zip(exitance.values()) {
         *value -= emitted;
     }
     let mut irradiance = Block::zeros(reflected.n_rows(), reflected.n_channels());
-    computed.factors.apply(&reflected, &mut irradiance);
+    factors.apply(&reflected, &mut irradiance);
     irradiance
 }
 

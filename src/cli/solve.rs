@@ -37,26 +37,25 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
         .map_or(Ok(args.mesh), |file| reuse::mesh_args(file, args.mesh))?;
     run.storage = Storage {
         args: args.storage.clone(),
+        part: 0,
         output: args.output.clone(),
         tolerance: Some(args.solver.tolerance),
         image_byte: 0,
     };
     let mut prepared = run.prepare(&args.scene, mesh_args, |_| Subdivision::Uniform(1))?;
     if args.on_the_fly {
-        let solution = super::on_the_fly::solve(run, &mut prepared, args)?;
+        let request = super::on_the_fly::Request {
+            method: &args.method,
+            fineness: fineness(args),
+            solver: &args.solver,
+            indirect: false,
+        };
+        let (solution, _) = super::on_the_fly::solve(run, &mut prepared, &request)?;
         return finish(args, run, &prepared, None, &solution);
     }
     let needs_symmetry = run.solver_entry(&args.solver)?.gains_by_reciprocity();
     let computed = match &file {
-        None => {
-            let fineness = Fineness {
-                default_rays: DEFAULT_RAYS,
-                tolerance: args.form_factor_tolerance,
-                default_tolerance: ExactMethod::DEFAULT_TOLERANCE,
-                tolerance_name: "form_factor_tolerance",
-            };
-            run.form_factors(&mut prepared, &args.method, fineness, needs_symmetry)?
-        }
+        None => run.form_factors(&mut prepared, &args.method, fineness(args), needs_symmetry)?,
         Some(file) => {
             let needs_symmetry = run.wants_symmetry(args.method.balance)? || needs_symmetry;
             let repaired = repairs(args.method.balance, needs_symmetry && !file.description().symmetric);
@@ -70,6 +69,15 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
     }
     let solution = run.solve(&mut prepared, &computed, &args.solver)?;
     finish(args, run, &prepared, Some(&computed), &solution)
+}
+
+fn fineness(args: &SolveArgs) -> Fineness {
+    Fineness {
+        default_rays: DEFAULT_RAYS,
+        tolerance: args.form_factor_tolerance,
+        default_tolerance: ExactMethod::DEFAULT_TOLERANCE,
+        tolerance_name: "form_factor_tolerance",
+    }
 }
 
 /// Writes and describes a solution; without `computed` there are no stored form factors to tell of.

@@ -21,6 +21,8 @@ pub(super) struct Storage {
     pub(super) args: StorageArgs,
     /// The output, beside which the scratch file goes.
     pub(super) output: Option<PathBuf>,
+    /// The part of the checkpoint that form factors belong to: 0 but for later poses.
+    pub(super) part: u32,
     /// The tolerance of the solver, if there is one.
     pub(super) tolerance: Option<f64>,
     pub(super) image_byte: u64,
@@ -156,18 +158,26 @@ pub(super) fn choose(run: &Run, prepared: &mut Prepared, matrix: Matrix) -> Resu
     Ok(Chosen { plan, directory })
 }
 
-/// Opens the checkpoint that is asked for: it belongs to these patches and the settings of their form factors.
-pub(super) fn checkpoint(run: &Run, prepared: &Prepared) -> Result<Option<Checkpoint>, Failure> {
+/// Opens the checkpoint that is asked for, unless it is open: it belongs to the patches and the settings of the first form factors.
+///
+/// Form factors of a later pose are a part of their own.
+pub(super) fn open_checkpoint(run: &mut Run, prepared: &Prepared) -> Result<(), Failure> {
     let Some(path) = &run.storage.args.checkpoint else {
-        return Ok(None);
+        return Ok(());
     };
+    let geometry = prepared.mesh.geometry_hash();
+    if let Some(checkpoint) = &run.progress.checkpoint {
+        checkpoint.begin_part(run.storage.part, &Sha256::digest(geometry).into());
+        return Ok(());
+    }
     let mut key = Sha256::new();
-    key.update(prepared.mesh.geometry_hash());
+    key.update(geometry);
     key.update(env!("CARGO_PKG_VERSION"));
     for (name, value) in &run.settings {
         key.update(format!("{name}={value};"));
     }
-    Ok(Some(Checkpoint::open(path, &key.finalize().into())?))
+    run.progress.checkpoint = Some(Checkpoint::open(path, &key.finalize().into())?);
+    Ok(())
 }
 
 /// Reads a number of bytes: `512MiB`, `2G`, `1.5GB`, or a plain number. K, M, G and T count in 1024, as do KiB to TiB; KB to TB in 1000.

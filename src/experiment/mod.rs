@@ -2,7 +2,7 @@
 //!
 //! [`compare`](compare()) runs every setting of every method ([`SWEEPS`]) over several seeds and says how far each is from a
 //! [`Reference`], and how long it took. [`baranoski`] repeats the tables of that paper, [`lewis`] those of the paper on multigrid.
-//! [`malgouyres`] measures what the paper on voxels leaves open. [`stability`] tries every solver on stiff, extreme and impossible systems.
+//! [`malgouyres`] measures what the paper on voxels leaves open. [`pictures`] holds ways to render one solution against each other. [`stability`] tries every solver on stiff, extreme and impossible systems.
 //!
 //! Run times are results here, and the only ones that differ from run to run. `radiosity reproduce` keeps them apart: files with `time` in their names hold
 //! them, and so does `index.html`, the page with everything on it ([`page`](crate::report::page)); all others are the same bytes for the same settings. What it prints, and `--json`, has both.
@@ -13,6 +13,7 @@ mod known;
 pub mod lewis;
 pub mod malgouyres;
 mod pareto;
+pub mod pictures;
 mod reference;
 pub mod stability;
 pub mod statistics;

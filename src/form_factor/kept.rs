@@ -26,7 +26,15 @@ impl Piece {
         let mut bytes = Vec::new();
         let mut number = |n: u64| bytes.extend(n.to_le_bytes());
         let c = self.counts;
-        for n in [c.not_facing, c.full, c.hidden, c.partial, c.n_rays, c.n_above_tolerance] {
+        for n in [
+            c.not_facing,
+            c.full,
+            c.hidden,
+            c.partial,
+            c.n_rays,
+            c.n_above_tolerance,
+            c.kept,
+        ] {
             number(n);
         }
         number(u64::from(self.tolerance_met));
@@ -99,6 +107,7 @@ impl Piece {
             partial: next()?,
             n_rays: next()?,
             n_above_tolerance: next()?,
+            kept: next()?,
         };
         let tolerance_met = next()? == 1;
         let mut tiles = Vec::new();
@@ -199,7 +208,7 @@ mod tests {
             assert_eq!(Piece::decode(&bytes[..cut]), None);
         }
         let mut huge = bytes.clone();
-        huge[63] = 255;
+        huge[71] = 255;
         assert_eq!(Piece::decode(&huge), None, "more tiles than there are bytes");
     }
 

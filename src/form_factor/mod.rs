@@ -41,6 +41,7 @@ mod sg;
 mod shooting;
 mod sight;
 mod sr;
+mod update;
 
 pub use centre::CentrePoint;
 pub use closed_form::ClosedForm;
@@ -55,6 +56,7 @@ pub use qmc::QuasiMonteCarlo;
 pub use registry::{MethodSettings, method};
 pub use sg::GaussShooting;
 pub use sr::RandomShooting;
+pub use update::{Before, Change};
 
 use std::ops::Range;
 
@@ -106,6 +108,8 @@ pub struct PairCounts {
     pub n_rays: u64,
     /// Partial pairs whose error is above the tolerance because their budget was spent.
     pub n_above_tolerance: u64,
+    /// Pairs that face each other and were taken over from before a change; they count nowhere else.
+    pub kept: u64,
 }
 
 impl PairCounts {
@@ -119,6 +123,7 @@ impl PairCounts {
             partial: self.partial + other.partial,
             n_rays: self.n_rays + other.n_rays,
             n_above_tolerance: self.n_above_tolerance + other.n_above_tolerance,
+            kept: self.kept + other.kept,
         }
     }
 }
@@ -157,6 +162,25 @@ pub trait FormFactorMethod: Sync {
         storage: StorageChoice,
         progress: &dyn Progress,
     ) -> Result<Computed, FormFactorError>;
+
+    /// Computes the form factors of patches of which some have moved, with those from before the move as far as they are the same ([`PairCounts::kept`]).
+    ///
+    /// Methods that cannot tell which ones these are compute all of them anew.
+    ///
+    /// # Errors
+    /// As [`compute`](Self::compute).
+    ///
+    /// # Panics
+    /// If `before` is about another number of patches or faces.
+    fn update(
+        &self,
+        input: Input<'_>,
+        _before: Before<'_>,
+        storage: StorageChoice,
+        progress: &dyn Progress,
+    ) -> Result<Computed, FormFactorError> {
+        self.compute(input, storage, progress)
+    }
 
     /// Returns what computes any rows anew, the same ones as [`compute`](Self::compute), or `None` for methods that compute pairs of patches.
     fn rows<'a>(&'a self, _input: Input<'a>) -> Option<Box<dyn Fn(Range<usize>) -> RowTile + Sync + 'a>> {

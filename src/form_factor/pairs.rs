@@ -167,6 +167,37 @@ impl Facing {
         sees(from.start, to.clone()) && sees(to.start, from)
     }
 
+    /// Returns the unit normal of a patch.
+    pub(super) fn normal(&self, i: usize) -> glam::DVec3 {
+        self.normals[i]
+    }
+
+    /// Tells for each of `others` whether some of it lies in front of every patch of a flat range, or nothing of it in front of any; `None` where that
+    /// is not certain, and pairs are to be looked at.
+    pub(super) fn in_front(&self, of: Range<usize>, others: Range<usize>) -> Vec<Option<bool>> {
+        let (origin, normal) = (self.corners[of.start][0], self.normals[of.start]);
+        // How far the patches' own planes are from the first one's: shifted, and turned.
+        let (mut shifted, mut turned, mut reach) = (0.0_f64, 0.0_f64, 0.0_f64);
+        for i in of {
+            let to = self.corners[i][0] - origin;
+            shifted = shifted.max(normal.dot(to).abs());
+            turned = turned.max(self.normals[i].distance(normal));
+            reach = reach.max(to.length() + self.sizes[i]);
+        }
+        let sides = others.map(|j| {
+            let (mut before, mut behind) = (false, true);
+            for &v in &self.corners[j] {
+                let to = v - origin;
+                let slack = shifted + (turned + 1e-13) * (to.length() + reach);
+                let height = normal.dot(to);
+                before |= height > slack;
+                behind &= height < -slack;
+            }
+            (before || behind).then_some(before)
+        });
+        sides.collect()
+    }
+
     fn sees(&self, i: usize, j: usize) -> bool {
         let (origin, normal) = (self.corners[i][0], self.normals[i]);
         self.corners[j].iter().any(|&v| {

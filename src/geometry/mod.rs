@@ -1,5 +1,6 @@
 //! Polygons, closed forms, quadrature rules and sampling: mathematics that knows nothing of scenes.
 
+pub(crate) mod box_pairs;
 pub mod clip;
 pub mod point_form_factor;
 pub mod polygon;

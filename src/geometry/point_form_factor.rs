@@ -138,7 +138,8 @@ pub(crate) fn near_term(a: DVec3, b: DVec3) -> DVec3 {
 }
 
 /// Returns arctan(x)/x for x² up to 0.09: the Taylor series, whose first term left out is below 7e-18.
-fn angle_over_tangent(x_squared: f64) -> f64 {
+#[inline(always)]
+pub(super) fn angle_over_tangent(x_squared: f64) -> f64 {
     /// 1/(2k + 1) with the sign of (−1)^k, one row for each k mod 4: four sums that do not wait for each other.
     const SERIES: [[f64; 4]; 4] = [
         [1.0, 1.0 / 9.0, 1.0 / 17.0, 1.0 / 25.0],
@@ -148,7 +149,8 @@ fn angle_over_tangent(x_squared: f64) -> f64 {
     ];
     let second = x_squared * x_squared;
     let fourth = second * second;
-    let [a, b, c, d] = SERIES.map(|[w, x, y, z]| w + fourth * (x + fourth * (y + fourth * z)));
+    let row = |[w, x, y, z]: [f64; 4]| w + fourth * (x + fourth * (y + fourth * z));
+    let (a, b, c, d) = (row(SERIES[0]), row(SERIES[1]), row(SERIES[2]), row(SERIES[3]));
     (a + second * c) + x_squared * (b + second * d)
 }
 

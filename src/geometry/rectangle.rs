@@ -1,5 +1,7 @@
 //! The exchange area of two rectangles with parallel edges, in closed form.
 
+pub(crate) mod grids;
+
 use std::f64::consts::TAU;
 
 use glam::DVec3;

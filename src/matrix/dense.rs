@@ -7,8 +7,9 @@
 
 use std::ops::Range;
 
-use super::lanes::{Planes, add_row, multiply_rows};
+use super::lanes::{add_row, multiply_rows};
 use super::operator::Block;
+use super::planes::Planes;
 use super::store::{Scalar, Store, rounded};
 use super::tile::is_zero;
 use super::{MatrixError, RowTile};
@@ -91,6 +92,10 @@ impl<T: Scalar> Store for DenseTile<T> {
             *sum += factor * value.to_f64();
         }
         self.n_columns
+    }
+
+    fn n_stored(&self) -> usize {
+        self.values.len()
     }
 
     fn n_nonzero(&self) -> usize {

@@ -1,7 +1,8 @@
 //! Form factors made from exchange areas: symmetric from the start.
 
 use super::regroup::Regrouped;
-use super::{FormFactors, MatrixError, RowTally, RowTile, StorageChoice, expect_areas, symmetric};
+use super::transpose::index;
+use super::{Entry, FormFactors, MatrixError, RowTally, RowTile, StorageChoice, expect_areas, symmetric};
 
 impl FormFactors {
     /// Stores the exchange areas a_ij = A_i F_ij = A_j F_ji that a method emitted, each pair once.
@@ -44,6 +45,38 @@ impl FormFactors {
             storage,
         ))
     }
+
+    /// Returns the exchange areas of row i above the diagonal, as [`from_exchange_tiles`](Self::from_exchange_tiles) takes them: (j, a_ij, error), j > i, in m².
+    ///
+    /// Stored once more with the same areas and precision, they give the same numbers to the last bit. `None` where exchange areas are not what is stored.
+    pub(crate) fn exchange_row(&self, i: usize) -> Option<Vec<Entry>> {
+        if !self.is_symmetric() {
+            return None;
+        }
+        let area_max = self.areas().iter().copied().fold(0.0, f64::max);
+        let mut row = Vec::new();
+        self.for_each_stored(i, i + 1..self.n_rows(), &mut |j, stored, error| {
+            row.push((index(j), undivided(stored, area_max), error * area_max));
+        });
+        Some(row)
+    }
+}
+
+/// Returns x such that x / `divisor` is `quotient` to the last bit, for a quotient that came about like that.
+///
+/// The product is off by a rounding of its own and by that of the division: some ulps to either side are enough.
+fn undivided(quotient: f64, divisor: f64) -> f64 {
+    let product = quotient * divisor;
+    let (mut up, mut down) = (product, product);
+    for _ in 0..4 {
+        for x in [up, down] {
+            if (x / divisor).to_bits() == quotient.to_bits() {
+                return x;
+            }
+        }
+        (up, down) = (up.next_up(), down.next_down());
+    }
+    product
 }
 
 #[cfg(test)]
@@ -77,6 +110,52 @@ mod tests {
         factors.apply(&Block::from_values(vec![1.0; 3], 1), &mut sums);
         assert!((sums.values()[2] - 0.7).abs() < 1e-15);
         assert!(factors.reciprocal_areas().is_some());
+    }
+
+    #[test]
+    fn rows_taken_out_and_stored_again_are_the_same_to_the_last_bit() {
+        use crate::matrix::{Layout, Place, Precision};
+        let n = 200_u32;
+        let areas: Vec<f64> = (0..n).map(|i| 0.37 + 0.013 * f64::from(i)).collect();
+        let mut upper = RowTile::new(0);
+        for i in 0..n {
+            let entry = |j: u32| {
+                (
+                    j,
+                    (f64::from(i * 31 + 7) * f64::from(j)).sin().abs() / 3.0,
+                    1e-7 / f64::from(j),
+                )
+            };
+            let row: Vec<Entry> = (i + 1..n).map(entry).collect();
+            upper.push_row(&row, RowTally::default());
+        }
+        for precision in [Precision::F64, Precision::F32] {
+            let storage = StorageChoice {
+                layout: Layout::Auto,
+                precision,
+                place: Place::Memory,
+            };
+            let first = FormFactors::from_exchange_tiles(areas.clone(), [upper.clone()], storage).unwrap();
+            let mut again = RowTile::new(0);
+            for i in 0..areas.len() {
+                again.push_row(&first.exchange_row(i).unwrap(), RowTally::default());
+            }
+            let second = FormFactors::from_exchange_tiles(areas.clone(), [again], storage).unwrap();
+            for i in 0..areas.len() {
+                for j in 0..areas.len() {
+                    assert_eq!(first.get(i, j).to_bits(), second.get(i, j).to_bits(), "{i} {j}");
+                    assert_eq!(first.std_error(i, j).to_bits(), second.std_error(i, j).to_bits());
+                }
+            }
+        }
+        let rows = FormFactors::from_tiles(vec![1.0], [upper_of_one()], StorageChoice::default()).unwrap();
+        assert!(rows.exchange_row(0).is_none());
+    }
+
+    fn upper_of_one() -> RowTile {
+        let mut tile = RowTile::new(0);
+        tile.push_row(&[], RowTally::default());
+        tile
     }
 
     #[test]

@@ -4,23 +4,18 @@
 //! (a fused multiply-add): the result is the same bytes on all processors. Those without such an instruction, older than 2013,
 //! take much longer.
 
-#![cfg_attr(
-    test,
-    expect(
-        clippy::shadow_unrelated,
-        reason = "inner scopes reuse the letters of the formulas and the names of what they look at"
-    )
+#![expect(
+    clippy::shadow_unrelated,
+    reason = "inner scopes reuse the letters of the formulas and the names of what they look at"
 )]
 #![expect(
     clippy::inline_always,
     reason = "what is not inlined is not compiled for the instruction set"
 )]
 
-use std::sync::OnceLock;
-
 use pulp::{Arch, Simd, WithSimd};
 
-use super::operator::Block;
+use super::planes::Planes;
 use super::store::Scalar;
 
 /// Partial sums of each sum: one register of AVX-512, two of AVX2, four of SSE2.
@@ -29,64 +24,8 @@ pub(super) const LANES: usize = 8;
 /// The partial sums of one sum.
 pub(super) type Lanes = [f64; LANES];
 
-/// Rows of a tile that [`add_both`] takes at a time, so that the sums over columns are loaded and stored once for all of them.
-const ROWS_AT_ONCE: usize = 4;
-
 /// Channels that a loop over dense numbers takes at once: as many as the registers of AVX-512 hold sums for.
 const CHANNELS_AT_ONCE: usize = 3;
-
-/// A block of vectors, each channel in one piece.
-#[derive(Debug)]
-pub(super) struct Planes {
-    n_rows: usize,
-    values: Vec<f64>,
-    /// The same row by row, eight channels at a time, where that has been asked for.
-    eights: OnceLock<Vec<Vec<Lanes>>>,
-}
-
-impl Planes {
-    pub(super) fn of(x: &Block) -> Self {
-        let n_channels = x.n_channels();
-        let channel = |c| x.values().iter().skip(c).step_by(n_channels).copied();
-        Self {
-            n_rows: x.n_rows(),
-            values: (0..n_channels).flat_map(channel).collect(),
-            eights: OnceLock::new(),
-        }
-    }
-
-    /// Returns the number of channels.
-    pub(super) fn n_channels(&self) -> usize {
-        self.values.len() / self.n_rows
-    }
-
-    /// Returns the values of channels 0 to 7, 8 to 15 and so on of every row, filled up with zeros.
-    ///
-    /// What gathers rows finds all channels of one in the same cache line.
-    pub(super) fn eights(&self) -> &[Vec<Lanes>] {
-        let of_group = |planes: &[f64]| {
-            let mut rows = vec![[0.0; LANES]; self.n_rows];
-            for (c, plane) in planes.chunks_exact(self.n_rows).enumerate() {
-                for (row, value) in rows.iter_mut().zip(plane) {
-                    row[c] = *value;
-                }
-            }
-            rows
-        };
-        self.eights
-            .get_or_init(|| self.values.chunks(LANES * self.n_rows).map(of_group).collect())
-    }
-
-    /// Returns the values of one channel.
-    pub(super) fn channel(&self, c: usize) -> &[f64] {
-        &self.values[c * self.n_rows..(c + 1) * self.n_rows]
-    }
-
-    /// Returns all channels in order.
-    pub(super) fn channels(&self) -> impl ExactSizeIterator<Item = &[f64]> {
-        self.values.chunks_exact(self.n_rows)
-    }
-}
 
 /// Returns the sum of the partial sums.
 pub(super) fn total(lanes: &Lanes) -> f64 {
@@ -162,7 +101,7 @@ pub(super) fn dispatch(inner_loop: impl InnerLoop) {
 
 /// Sets row i of `y` (row-major, one entry per channel) to the product of row i of `values` (row-major) with `x`.
 pub(super) fn multiply_rows<T: Scalar>(values: &[T], n_columns: usize, x: &Planes, y: &mut [f64]) {
-    let n_channels = x.channels().len();
+    let n_channels = x.n_channels();
     let mut first_channel = 0;
     while first_channel < n_channels {
         let plane = |k: usize| x.channel(first_channel + k);
@@ -282,6 +221,74 @@ pub(crate) fn product(a: &[f64], x: &[f64]) -> f64 {
     sum[0]
 }
 
+/// Returns [`product`] of each of four rows with x, in less time than one by one.
+pub(crate) fn products(rows: [&[f64]; 4], x: &[f64]) -> [f64; 4] {
+    let mut sums = [0.0; 4];
+    dispatch(Four(rows, x, &mut sums));
+    sums
+}
+
+/// The loop of [`products`].
+struct Four<'a>([&'a [f64]; 4], &'a [f64], &'a mut [f64; 4]);
+
+impl InnerLoop for Four<'_> {
+    #[inline(always)]
+    fn run<S: Simd, const N: usize>(self, simd: S) {
+        *self.2 = dot::<S, f64, N, 4, 1>(simd, self.0, [self.1]).map(|[sum]| sum);
+    }
+}
+
+/// Returns Σ w_i u_ic v_ic of each channel c (`u` and `v` row-major, one entry per channel).
+///
+/// The order of the additions depends on the number of rows alone, and each channel is summed as if it were alone.
+pub(crate) fn weighted_products(w: &[f64], u: &[f64], v: &[f64]) -> Vec<f64> {
+    let n_channels = u.len().checked_div(w.len()).unwrap_or(0);
+    let mut sums = vec![0.0; n_channels];
+    match n_channels {
+        1 => dispatch(Weighted::<1>(w, u, v, &mut sums)),
+        2 => dispatch(Weighted::<2>(w, u, v, &mut sums)),
+        3 => dispatch(Weighted::<3>(w, u, v, &mut sums)),
+        _ => {
+            let channel = |x: &[f64], c: usize| x.iter().skip(c).step_by(n_channels).copied().collect::<Vec<f64>>();
+            for (c, sum) in sums.iter_mut().enumerate() {
+                let (u, v) = (channel(u, c), channel(v, c));
+                dispatch(Weighted::<1>(w, &u, &v, std::slice::from_mut(sum)));
+            }
+        }
+    }
+    sums
+}
+
+/// The loop of [`weighted_products`] for C channels.
+struct Weighted<'a, const C: usize>(&'a [f64], &'a [f64], &'a [f64], &'a mut [f64]);
+
+impl<const C: usize> InnerLoop for Weighted<'_, C> {
+    #[inline(always)]
+    fn run<S: Simd, const N: usize>(self, _: S) {
+        let Self(w, u, v, sums) = self;
+        let (u, v) = (u.as_chunks::<C>().0, v.as_chunks::<C>().0);
+        let (w_whole, w_rest) = w.as_chunks::<LANES>();
+        let ((u_whole, u_rest), (v_whole, v_rest)) = (u.as_chunks::<LANES>(), v.as_chunks::<LANES>());
+        let mut lanes = [[0.0; C]; LANES];
+        let add = |lane: &mut [f64; C], w: f64, u: &[f64; C], v: &[f64; C]| {
+            for c in 0..C {
+                lane[c] = (w * u[c]).mul_add(v[c], lane[c]);
+            }
+        };
+        for ((w, u), v) in w_whole.iter().zip(u_whole).zip(v_whole) {
+            for l in 0..LANES {
+                add(&mut lanes[l], w[l], &u[l], &v[l]);
+            }
+        }
+        for (lane, ((w, u), v)) in lanes.iter_mut().zip(w_rest.iter().zip(u_rest).zip(v_rest)) {
+            add(lane, *w, u, v);
+        }
+        for (c, sum) in sums.iter_mut().enumerate() {
+            *sum = total(&lanes.map(|lane| lane[c]));
+        }
+    }
+}
+
 /// The loop of [`add_row`] for one channel.
 struct Single<'a, T>(&'a [T], &'a [f64], &'a mut [f64]);
 
@@ -322,122 +329,13 @@ impl<T: Scalar, const C: usize> InnerLoop for Row<'_, T, C> {
     }
 }
 
-/// One channel of a tile T: x in its rows and columns, the partial sums of its rows, and y in its columns.
-pub(super) struct Meeting<'a> {
-    pub(super) x_rows: &'a [f64],
-    pub(super) x_columns: &'a [f64],
-    pub(super) rows: &'a mut [Lanes],
-    pub(super) y_columns: &'a mut [f64],
-}
-
-/// Adds T `x_columns` to the partial sums `rows`, and T^T `x_rows` to `y_columns`, for every channel, reading T once.
-///
-/// `values` are the rows of T one after another. The order of the additions depends on the shape of T alone.
-pub(super) fn add_both<'a, T: Scalar>(values: &[T], mut channels: impl Iterator<Item = Meeting<'a>>) {
-    while let Some(first) = channels.next() {
-        match (channels.next(), channels.next()) {
-            (None, _) => dispatch(Both(values, [first])),
-            (Some(second), None) => dispatch(Both(values, [first, second])),
-            (Some(second), Some(third)) => dispatch(Both(values, [first, second, third])),
-        }
-    }
-}
-
-/// The loop of [`add_both`] for C channels.
-struct Both<'a, 'b, T, const C: usize>(&'a [T], [Meeting<'b>; C]);
-
-impl<T: Scalar, const C: usize> InnerLoop for Both<'_, '_, T, C> {
-    #[inline(always)]
-    fn run<S: Simd, const N: usize>(self, simd: S) {
-        let Self(values, channels) = self;
-        if N == 1 {
-            both::<S, T, N, C>(simd, values, channels);
-        } else {
-            // There are no registers for the sums of several channels.
-            for channel in channels {
-                both::<S, T, N, 1>(simd, values, [channel]);
-            }
-        }
-    }
-}
-
-/// Does what [`add_both`] does, four rows at a time: one from each quarter of the tile, since memory is read faster in four streams
-/// than in one.
-#[inline(always)]
-fn both<S: Simd, T: Scalar, const N: usize, const C: usize>(simd: S, values: &[T], mut channels: [Meeting<'_>; C]) {
-    let quarter = channels[0].x_rows.len() / ROWS_AT_ONCE;
-    for i in 0..quarter {
-        let rows: [usize; ROWS_AT_ONCE] = std::array::from_fn(|r| i + r * quarter);
-        both_rows::<S, T, N, C, ROWS_AT_ONCE>(simd, values, rows, &mut channels);
-    }
-    for i in ROWS_AT_ONCE * quarter..channels[0].x_rows.len() {
-        both_rows::<S, T, N, C, 1>(simd, values, [i], &mut channels);
-    }
-}
-
-/// Does with R rows what [`add_both`] does with all.
-#[inline(always)]
-#[expect(clippy::needless_range_loop, reason = "arrays that closures fill go through memory")]
-fn both_rows<S: Simd, T: Scalar, const N: usize, const C: usize, const R: usize>(
-    simd: S,
-    values: &[T],
-    rows: [usize; R],
-    channels: &mut [Meeting<'_>; C],
-) {
-    let n_columns = channels[0].x_columns.len();
-    let n_whole = n_columns / LANES;
-    let split = rows.map(|i| values[i * n_columns..(i + 1) * n_columns].as_chunks::<LANES>());
-    let whole = split.map(|s| &s.0[..n_whole]);
-    let mut x_rows = [[Wide::<S, N>::zero(simd); R]; C];
-    let mut sums = [[Wide::<S, N>::zero(simd); R]; C];
-    for c in 0..C {
-        for r in 0..R {
-            x_rows[c][r] = Wide::splat(simd, channels[c].x_rows[rows[r]]);
-        }
-    }
-    let mut ends = channels.each_mut().map(|channel| {
-        let (x_whole, x_rest) = channel.x_columns[..n_columns].as_chunks::<LANES>();
-        let (y_whole, y_rest) = channel.y_columns[..n_columns].as_chunks_mut::<LANES>();
-        let (x_whole, y_whole) = (&x_whole[..n_whole], &mut y_whole[..n_whole]);
-        (x_whole, y_whole, x_rest, y_rest, channel.x_rows, &mut *channel.rows)
-    });
-    for k in 0..n_whole {
-        let mut x_k = [Wide::<S, N>::zero(simd); C];
-        let mut y_k = [Wide::<S, N>::zero(simd); C];
-        for c in 0..C {
-            (x_k[c], y_k[c]) = (Wide::load(&ends[c].0[k]), Wide::load(&ends[c].1[k]));
-        }
-        for r in 0..R {
-            let a = Wide::load(&whole[r][k]);
-            for c in 0..C {
-                sums[c][r] = sums[c][r].plus_product(simd, a, x_k[c]);
-                y_k[c] = y_k[c].plus_product(simd, a, x_rows[c][r]);
-            }
-        }
-        for c in 0..C {
-            y_k[c].store(&mut ends[c].1[k]);
-        }
-    }
-    for c in 0..C {
-        let (_, _, x_rest, y_rest, x_of_rows, lanes_of_rows) = &mut ends[c];
-        for r in 0..R {
-            let lanes = &mut lanes_of_rows[rows[r]];
-            Wide::load(lanes).plus(simd, sums[c][r]).store(lanes);
-            for l in 0..x_rest.len() {
-                let a = split[r].1[l].to_f64();
-                lanes[l] = a.mul_add(x_rest[l], lanes[l]);
-                y_rest[l] = a.mul_add(x_of_rows[rows[r]], y_rest[l]);
-            }
-        }
-    }
-}
-
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
+    use super::super::operator::Block;
     use super::*;
 
     /// Numbers whose sums depend on the order of the additions.
-    fn numbers(n: usize, seed: usize) -> Vec<f64> {
+    pub(in super::super) fn numbers(n: usize, seed: usize) -> Vec<f64> {
         (0..n).map(|k| (((k + seed) * 7919) % 1009) as f64 / 1009.0).collect()
     }
 
@@ -450,7 +348,7 @@ mod tests {
         total(&lanes)
     }
 
-    fn bits(values: &[f64]) -> Vec<u64> {
+    pub(in super::super) fn bits(values: &[f64]) -> Vec<u64> {
         values.iter().map(|value| value.to_bits()).collect()
     }
 
@@ -482,71 +380,34 @@ mod tests {
     }
 
     #[test]
-    fn a_tile_and_its_transpose_are_the_same_bytes_with_every_instruction_set() {
-        for (n_rows, n_columns) in [(1, 1), (3, 9), (4, 8), (63, 65), (64, 64), (64, 5)] {
-            let values = numbers(n_rows * n_columns, 1);
-            let (x_rows, x_columns) = (numbers(n_rows, 2), numbers(n_columns, 3));
-            let run = |portable: bool| {
-                let (mut rows, mut columns) = (vec![[0.5; LANES]; n_rows], vec![0.25; n_columns]);
-                let meeting = Meeting {
-                    x_rows: &x_rows,
-                    x_columns: &x_columns,
-                    rows: &mut rows,
-                    y_columns: &mut columns,
+    fn products_are_the_same_bytes_however_many_there_are() {
+        for n in [1, 7, 8, 65, 130] {
+            let (rows, x) = (numbers(4 * n, 1), numbers(n, 2));
+            let rows: [&[f64]; 4] = std::array::from_fn(|r| &rows[r * n..(r + 1) * n]);
+            assert_eq!(
+                bits(&products(rows, &x)),
+                bits(&rows.map(|row| by_hand(row, &x))),
+                "{n}"
+            );
+            assert_eq!(
+                bits(&products(rows, &x)),
+                bits(&rows.map(|row| product(row, &x))),
+                "{n}"
+            );
+            for n_channels in 1..=5 {
+                let (w, u, v) = (numbers(n, 3), numbers(n * n_channels, 4), numbers(n * n_channels, 5));
+                let of_channel = |c: usize| {
+                    let scaled: Vec<f64> = (0..n).map(|i| w[i] * u[i * n_channels + c]).collect();
+                    let v: Vec<f64> = (0..n).map(|i| v[i * n_channels + c]).collect();
+                    by_hand(&scaled, &v)
                 };
-                if portable {
-                    Widest(Both(&values, [meeting])).with_simd(pulp::Scalar::new());
-                } else {
-                    add_both(&values, std::iter::once(meeting));
-                }
-                (rows, columns)
-            };
-            let (rows, columns) = run(false);
-            let (portable_rows, portable_columns) = run(true);
-            assert_eq!(bits(rows.as_flattened()), bits(portable_rows.as_flattened()));
-            assert_eq!(bits(&columns), bits(&portable_columns));
-            // Terms of one sign: n roundings of at most 1.1e-16 of the sum each.
-            let tolerance = 65.0 * f64::EPSILON;
-            for (i, lanes) in rows.iter().enumerate() {
-                let row = &values[i * n_columns..(i + 1) * n_columns];
-                let expected = 0.5 * LANES as f64 + row.iter().zip(&x_columns).map(|(a, x)| a * x).sum::<f64>();
-                assert!((total(lanes) - expected).abs() <= tolerance * expected);
+                let expected: Vec<f64> = (0..n_channels).map(of_channel).collect();
+                assert_eq!(
+                    bits(&weighted_products(&w, &u, &v)),
+                    bits(&expected),
+                    "{n}, {n_channels}"
+                );
             }
-            for (j, sum) in columns.iter().enumerate() {
-                let column = values.iter().skip(j).step_by(n_columns);
-                let expected = 0.25 + column.zip(&x_rows).map(|(a, x)| a * x).sum::<f64>();
-                assert!((sum - expected).abs() <= tolerance * expected);
-            }
-        }
-    }
-
-    #[test]
-    fn every_channel_of_a_tile_is_summed_as_if_it_were_alone() {
-        let (n_rows, n_columns) = (63, 61);
-        let values = numbers(n_rows * n_columns, 1);
-        for n_channels in 1..=5 {
-            let x: Vec<_> = (0..n_channels)
-                .map(|c| (numbers(n_rows, c), numbers(n_columns, 7 + c)))
-                .collect();
-            let run = |channels: std::ops::Range<usize>| {
-                let n = channels.len();
-                let (mut rows, mut columns) = (vec![[0.5; LANES]; n * n_rows], vec![0.25; n * n_columns]);
-                let sums = rows.chunks_mut(n_rows).zip(columns.chunks_mut(n_columns));
-                let meetings = x[channels]
-                    .iter()
-                    .zip(sums)
-                    .map(|((x_rows, x_columns), (rows, y_columns))| Meeting {
-                        x_rows,
-                        x_columns,
-                        rows,
-                        y_columns,
-                    });
-                add_both(&values, meetings);
-                (bits(rows.as_flattened()), bits(&columns))
-            };
-            let alone: Vec<_> = (0..n_channels).map(|c| run(c..c + 1)).collect();
-            let (rows, columns): (Vec<_>, Vec<_>) = alone.into_iter().unzip();
-            assert_eq!(run(0..n_channels), (rows.concat(), columns.concat()), "{n_channels}");
         }
     }
 }

@@ -3,7 +3,9 @@
 //! A method emits [`RowTile`]s, [`FormFactors`] keeps them, and a solver sees a [`LinearOperator`]. Nothing outside of
 //! this module may assume that all of F lies in one piece of memory.
 
+mod aligned;
 mod balance;
+mod both;
 mod checks;
 mod closure;
 mod components;
@@ -15,6 +17,7 @@ mod gather;
 mod lanes;
 pub mod operator;
 mod pass;
+mod planes;
 mod regroup;
 mod sparse;
 mod square;
@@ -33,15 +36,15 @@ pub use tile::{Entry, RayWeights, RowTally, RowTile};
 
 use std::sync::Arc;
 
-use rayon::prelude::*;
-
 use disk::General;
-use lanes::Planes;
-pub(crate) use lanes::product;
+pub(crate) use lanes::{product, products, weighted_products};
 use operator::{Block, Components, LinearOperator, RowAccess};
+use planes::Planes;
 use regroup::Regrouped;
 use store::Store;
 use symmetric::Symmetric;
+
+use crate::threads;
 
 /// How a matrix is laid out in memory: tile by tile, where a tile is a range of rows, or 64 by 64 places of a symmetric matrix,
 /// of which only the upper triangle is stored.
@@ -197,7 +200,7 @@ impl FormFactors {
     /// Stores form factors that are symmetric as exchange areas, from those on and above the diagonal.
     ///
     /// `upper` yields tiles of [`UPPER_ROWS`] rows (the last may have fewer) with entries F_ij, j ≥ i; `E` is its error.
-    pub(crate) fn from_upper_rows<E: From<MatrixError>>(
+    pub(crate) fn from_upper_rows<E: From<MatrixError> + Send>(
         areas: Vec<f64>,
         tallies: Vec<RowTally>,
         upper: impl Iterator<Item = Result<RowTile, E>>,
@@ -487,8 +490,10 @@ impl LinearOperator for FormFactors {
                         tasks.push((tile, begin - first, begin, sums));
                     }
                 }
-                let tasks = tasks.into_par_iter();
-                tasks.for_each(|(tile, row, i, sums)| tile.apply(row, i, x, &planes, sums));
+                let n_terms = n_channels * tiles.iter().map(|tile| tile.n_stored()).sum::<usize>();
+                threads::for_each(n_terms, tasks, |(tile, row, i, sums)| {
+                    tile.apply(row, i, x, &planes, sums);
+                });
             }
         }
     }

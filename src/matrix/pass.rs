@@ -2,8 +2,11 @@
 
 use std::ops::Range;
 
-use super::gather::{SquareEntries, add_both_listed, add_both_listed_eight};
-use super::lanes::{LANES, Lanes, Meeting, Planes, total};
+use super::aligned::Aligned;
+use super::both::Meeting;
+use super::gather::{SquareEntries, add_both_listed, add_both_listed_four};
+use super::lanes::{LANES, Lanes, total};
+use super::planes::{FOUR, Planes};
 use super::square::{SIDE, Square};
 use super::store::Scalar;
 
@@ -15,26 +18,22 @@ pub(super) struct PassSums {
     n_left: usize,
     n_channels: usize,
     /// Of the rows of one row of tiles: partial sums, channel by channel.
-    rows: Vec<[Lanes; SIDE]>,
-    /// Channel by channel.
-    columns: Vec<f64>,
-    listed: Listed,
+    rows: Aligned<f64>,
+    /// Channel by channel, each filled up to a multiple of [`SIDE`].
+    columns: Aligned<f64>,
+    /// The sums of listed tiles, where there are any: of one channel, or of four at a time.
+    listed: Vec<Listed>,
 }
 
-/// The sums of listed tiles, where there are any.
-enum Listed {
-    None,
-    /// One channel: as below.
-    One {
-        rows: Box<[Lanes; SIDE]>,
-        columns: Vec<f64>,
-    },
-    /// Eight channels at a time: of the rows of one row of tiles, and of the columns.
-    Eights {
-        rows: Vec<[Lanes; SIDE]>,
-        columns: Vec<Vec<Lanes>>,
-    },
+/// Sums of a few channels, side by side.
+struct Listed {
+    /// Of the rows of one row of tiles.
+    rows: Aligned<f64>,
+    columns: Aligned<f64>,
 }
+
+/// Partial sums of one row of tiles in one channel.
+const ROW_SUMS: usize = SIDE * LANES;
 
 impl PassSums {
     /// Returns sums for the rows from `first` on of a matrix with `n` of them.
@@ -43,16 +42,26 @@ impl PassSums {
             first,
             n_left: n - first,
             n_channels,
-            rows: vec![[[0.0; LANES]; SIDE]; n_channels],
-            columns: vec![0.0; (n - first) * n_channels],
-            listed: Listed::None,
+            rows: Aligned::filled(n_channels * ROW_SUMS, 0.0),
+            columns: Aligned::filled(n_channels * (n - first).next_multiple_of(SIDE), 0.0),
+            listed: Vec::new(),
         }
+    }
+
+    fn n_padded(&self) -> usize {
+        self.n_left.next_multiple_of(SIDE)
+    }
+
+    /// Returns how many channels listed tiles take at a time.
+    fn together(&self) -> usize {
+        if self.n_channels == 1 { 1 } else { FOUR }
     }
 
     /// Adds what a tile on the diagonal, stored whole, makes of `x`.
     pub(super) fn add_diagonal<T: Scalar>(&mut self, tile: &Square<T>, x: &Planes, rows: &Range<usize>) {
-        for (plane, sums) in x.channels().zip(&mut self.rows) {
-            tile.apply_diagonal(&plane[rows.clone()], &mut sums[..rows.len()]);
+        for (c, sums) in self.rows.chunks_exact_mut(ROW_SUMS).enumerate() {
+            let lanes = sums.as_chunks_mut::<LANES>().0;
+            tile.apply_diagonal(&x.channel(c)[rows.clone()], &mut lanes[..rows.len()]);
         }
     }
 
@@ -65,11 +74,13 @@ impl PassSums {
         work: impl FnOnce(&mut dyn Iterator<Item = Meeting<'_>>),
     ) {
         let y_columns = columns.start - self.first..columns.end - self.first;
-        let sums = self.rows.iter_mut().zip(self.columns.chunks_exact_mut(self.n_left));
-        let mut channels = x.channels().zip(sums).map(|(plane, (lanes, y))| Meeting {
-            x_rows: &plane[rows.clone()],
-            x_columns: &plane[columns.clone()],
-            rows: &mut lanes[..rows.len()],
+        let n_padded = self.n_padded();
+        let sums = self.rows.chunks_exact_mut(ROW_SUMS);
+        let sums = sums.zip(self.columns.chunks_exact_mut(n_padded));
+        let mut channels = sums.enumerate().map(|(c, (lanes, y))| Meeting {
+            x_rows: &x.channel(c)[rows.clone()],
+            x_columns: &x.channel(c)[columns.clone()],
+            rows: &mut lanes.as_chunks_mut::<LANES>().0[..rows.len()],
             y_columns: &mut y[y_columns.clone()],
         });
         work(&mut channels);
@@ -83,66 +94,53 @@ impl PassSums {
         rows: Range<usize>,
         columns: Range<usize>,
     ) {
-        let n_left = self.n_left;
-        if let Listed::None = self.listed {
-            self.listed = if self.n_channels == 1 {
-                Listed::One {
-                    rows: Box::new([[0.0; LANES]; SIDE]),
-                    columns: vec![0.0; n_left],
-                }
-            } else {
-                let n_groups = self.n_channels.div_ceil(LANES);
-                Listed::Eights {
-                    rows: vec![[[0.0; LANES]; SIDE]; n_groups],
-                    columns: vec![vec![[0.0; LANES]; n_left]; n_groups],
-                }
+        let together = self.together();
+        if self.listed.is_empty() {
+            let sums = || Listed {
+                rows: Aligned::filled(SIDE * together, 0.0),
+                columns: Aligned::filled(self.n_padded() * together, 0.0),
             };
+            self.listed = std::iter::repeat_with(sums)
+                .take(self.n_channels.div_ceil(together))
+                .collect();
         }
         let y_columns = columns.start - self.first..columns.end - self.first;
-        match &mut self.listed {
-            Listed::None => {}
-            Listed::One {
-                rows: row_sums,
-                columns: y,
-            } => {
-                let plane = x.channel(0);
-                add_both_listed(
-                    entries,
-                    [&plane[rows], &plane[columns]],
-                    &mut **row_sums,
-                    &mut y[y_columns],
-                );
-            }
-            Listed::Eights {
-                rows: row_sums,
-                columns: y,
-            } => {
-                for ((eights, sums), y_eights) in x.eights().iter().zip(row_sums).zip(y) {
-                    let parts = [&eights[rows.clone()], &eights[columns.clone()]];
-                    add_both_listed_eight(entries, parts, sums, &mut y_eights[y_columns.clone()]);
-                }
-            }
+        if self.n_channels == 1 {
+            let (plane, sums) = (x.channel(0), &mut self.listed[0]);
+            let parts = [&plane[rows], &plane[columns]];
+            add_both_listed(entries, parts, &mut sums.rows, &mut sums.columns[y_columns]);
+            return;
+        }
+        for (fours, sums) in x.fours().zip(&mut self.listed) {
+            add_both_listed_four(
+                entries,
+                [&fours[rows.clone()], &fours[columns.clone()]],
+                sums.rows.as_chunks_mut().0,
+                &mut sums.columns.as_chunks_mut().0[y_columns.clone()],
+            );
         }
     }
 
     /// Ends a row of tiles: its rows' sums go to y.
     pub(super) fn end_rows(&mut self, rows: Range<usize>) {
         let own = rows.start - self.first..rows.end - self.first;
-        for (c, (y, of_channel)) in self.columns.chunks_exact_mut(self.n_left).zip(&self.rows).enumerate() {
-            for (k, (y_i, lanes)) in y[own.clone()].iter_mut().zip(of_channel).enumerate() {
+        let (n_padded, together) = (self.n_padded(), self.together());
+        let sums = self
+            .columns
+            .chunks_exact_mut(n_padded)
+            .zip(self.rows.chunks_exact(ROW_SUMS));
+        for (c, (y, of_channel)) in sums.enumerate() {
+            let partial: &[Lanes] = of_channel.as_chunks().0;
+            for (k, (y_i, lanes)) in y[own.clone()].iter_mut().zip(partial).enumerate() {
                 *y_i += total(lanes);
-                *y_i += match &self.listed {
-                    Listed::None => 0.0,
-                    Listed::One { rows: sums, .. } => sums[k][0],
-                    Listed::Eights { rows: sums, .. } => sums[c / LANES][k][c % LANES],
-                };
+                if let Some(listed) = self.listed.get(c / together) {
+                    *y_i += listed.rows[k * together + c % together];
+                }
             }
         }
-        self.rows.fill([[0.0; LANES]; SIDE]);
-        match &mut self.listed {
-            Listed::None => {}
-            Listed::One { rows: sums, .. } => sums.fill([0.0; LANES]),
-            Listed::Eights { rows: sums, .. } => sums.fill([[0.0; LANES]; SIDE]),
+        self.rows.fill(0.0);
+        for listed in &mut self.listed {
+            listed.rows.fill(0.0);
         }
     }
 
@@ -151,18 +149,39 @@ impl PassSums {
         self.columns.fill(f64::NAN);
     }
 
-    /// Returns what is to be added to y from the first row on, channel by channel.
-    pub(super) fn finish(mut self) -> Vec<f64> {
-        for (c, y) in self.columns.chunks_exact_mut(self.n_left).enumerate() {
-            match &self.listed {
-                Listed::None => {}
-                Listed::One { columns, .. } => y.iter_mut().zip(columns).for_each(|(y_i, sum)| *y_i += sum),
-                Listed::Eights { columns, .. } => {
-                    let of_channel = columns[c / LANES].iter().map(|sums| sums[c % LANES]);
-                    y.iter_mut().zip(of_channel).for_each(|(y_i, sum)| *y_i += sum);
-                }
+    /// Returns what is to be added to y.
+    pub(super) fn finish(mut self) -> PieceOfY {
+        let (n_padded, together) = (self.n_padded(), self.together());
+        for (c, y) in self.columns.chunks_exact_mut(n_padded).enumerate() {
+            if let Some(listed) = self.listed.get(c / together) {
+                let sums = listed.columns.iter().skip(c % together).step_by(together);
+                y.iter_mut().zip(sums).for_each(|(y_i, sum)| *y_i += sum);
             }
         }
-        self.columns
+        PieceOfY {
+            first: self.first,
+            n_padded,
+            values: self.columns,
+        }
+    }
+}
+
+/// What is to be added to y from row `first` on.
+pub(super) struct PieceOfY {
+    first: usize,
+    n_padded: usize,
+    /// Channel by channel.
+    values: Aligned<f64>,
+}
+
+impl PieceOfY {
+    /// Adds the piece to the sums of channel `c` in `rows`.
+    pub(super) fn add_to(&self, sums: &mut [f64], rows: &Range<usize>, c: usize) {
+        let from = rows.start.max(self.first);
+        if from < rows.end {
+            let part = &self.values[c * self.n_padded..][from - self.first..rows.end - self.first];
+            let into = &mut sums[from - rows.start..];
+            into.iter_mut().zip(part).for_each(|(sum, y_i)| *sum += y_i);
+        }
     }
 }

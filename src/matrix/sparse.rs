@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use super::gather::{SparseRows, multiply_sparse_rows};
-use super::lanes::Planes;
 use super::operator::Block;
+use super::planes::Planes;
 use super::store::{Scalar, Store, add_dot, rounded};
 use super::tile::is_zero;
 use super::{MatrixError, RowTile};
@@ -89,6 +89,10 @@ impl<T: Scalar> Store for SparseTile<T> {
             values: &self.values,
         };
         multiply_sparse_rows(rows, planes, y);
+    }
+
+    fn n_stored(&self) -> usize {
+        self.values.len()
     }
 
     fn n_nonzero(&self) -> usize {

@@ -6,9 +6,12 @@ pub(super) use codec::Form;
 
 use std::ops::Range;
 
+use super::aligned::Aligned;
+use super::both::add_both;
 use super::gather::SquareEntries;
-use super::lanes::{Lanes, Planes, add_both};
+use super::lanes::{Lanes, add_row};
 use super::pass::PassSums;
+use super::planes::Planes;
 use super::store::{DENSE_FROM, Scalar, add_dot, rounded};
 use super::tile::is_zero;
 use super::transpose::index;
@@ -32,7 +35,7 @@ pub(super) enum Square<T> {
 /// Numbers with their standard errors, the latter empty where every one is zero.
 #[derive(Clone, Debug)]
 struct Values<T> {
-    values: Box<[T]>,
+    values: Aligned<T>,
     std_errors: Box<[f32]>,
 }
 
@@ -67,7 +70,7 @@ impl<T: Scalar> Square<T> {
         let place = |&(row, column, ..): &Placed<T>| (row - rows.start, column as usize - columns.start);
         let with_errors = entries.iter().any(|&(.., std_error)| std_error > 0.0);
         if full {
-            let mut values = vec![T::from_f64(0.0); size];
+            let mut values = Aligned::filled(size, T::from_f64(0.0));
             let mut std_errors = vec![0.0; if with_errors { size } else { 0 }];
             for entry in entries {
                 let (row, column) = place(entry);
@@ -78,7 +81,7 @@ impl<T: Scalar> Square<T> {
                 }
             }
             let numbers = Values {
-                values: values.into(),
+                values,
                 std_errors: std_errors.into(),
             };
             let n_columns = columns.len();
@@ -99,7 +102,7 @@ impl<T: Scalar> Square<T> {
             columns: in_columns.into(),
             by_column: by_column.into(),
             numbers: Values {
-                values: entries.iter().map(|entry| entry.2).collect(),
+                values: Aligned::copied(&entries.iter().map(|entry| entry.2).collect::<Vec<_>>()),
                 std_errors: std_errors.collect(),
             },
         }))
@@ -245,7 +248,15 @@ impl<T: Scalar> Square<T> {
     /// Adds T x to the partial sums of each row for a tile on the diagonal, which is symmetric and stored whole.
     pub(super) fn apply_diagonal(&self, x: &[f64], row_sums: &mut [Lanes]) {
         for (row, lanes) in row_sums.iter_mut().enumerate() {
-            self.add_row(row, None, 1.0, x, &mut lanes[..1]);
+            match self {
+                Self::Full(full) => {
+                    let values = &full.numbers.values[row * full.n_columns..(row + 1) * full.n_columns];
+                    add_row(values, x, &mut lanes[..1]);
+                }
+                Self::Empty | Self::List(_) => {
+                    self.add_row(row, None, 1.0, x, &mut lanes[..1]);
+                }
+            }
         }
     }
 

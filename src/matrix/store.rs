@@ -5,8 +5,8 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::dense::DenseTile;
-use super::lanes::Planes;
 use super::operator::Block;
+use super::planes::Planes;
 use super::sparse::SparseTile;
 use super::{Layout, MatrixError, Precision, RowTile, StorageChoice};
 
@@ -86,6 +86,9 @@ pub(super) trait Store: Debug + Send + Sync {
         });
         n_stored
     }
+
+    /// Returns how many numbers are stored, zeros of a dense tile included.
+    fn n_stored(&self) -> usize;
 
     /// Returns how many numbers are not zero.
     fn n_nonzero(&self) -> usize;

@@ -7,14 +7,15 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::disk::{Band, DiskError, Part, TileFile, for_each_block, visit_nothing_known};
-use super::lanes::Planes;
 use super::operator::Block;
-use super::pass::PassSums;
+use super::pass::{PassSums, PieceOfY};
+use super::planes::Planes;
 use super::square::{Placed, SIDE, Square};
 use super::store::{Scalar, rounded};
 use super::transpose::index;
 use super::{Layout, MatrixError, Place, Precision, RowTile, StorageChoice};
-use crate::in_order::InOrder;
+use crate::in_order::{InOrder, by_turns};
+use crate::threads;
 
 /// A symmetric matrix, whatever the precision of its numbers.
 ///
@@ -76,17 +77,17 @@ pub(super) fn from_blocks(
 /// Stores an n by n matrix of which `upper` yields the entries on and above the diagonal for each of [`block_rows`] in order.
 ///
 /// `E` is the error of the iterator.
-pub(super) fn from_rows<E: From<MatrixError>>(
+pub(super) fn from_rows<E: From<MatrixError> + Send>(
     n: usize,
     choice: StorageChoice<'_>,
     upper: impl Iterator<Item = Result<RowTile, E>>,
 ) -> Result<Arc<dyn Symmetric>, E> {
-    fn build<T: Scalar, E: From<MatrixError>>(
+    fn build<T: Scalar, E: From<MatrixError> + Send>(
         n: usize,
         choice: StorageChoice<'_>,
         upper: impl Iterator<Item = Result<RowTile, E>>,
     ) -> Result<Arc<dyn Symmetric>, E> {
-        let rows = upper.map(|tile| Ok::<_, E>(row_of_tiles::<T>(&tile?, n, choice.layout)?));
+        let rows = by_turns(upper, |tile| Ok::<_, E>(row_of_tiles::<T>(&tile?, n, choice.layout)?));
         Ok(Arc::new(Tiles::<T>::collect(n, choice.place, rows)?))
     }
     match choice.precision {
@@ -142,10 +143,11 @@ enum Rows<T> {
     Disk(TileFile<T>),
 }
 
-/// The number of pieces into which the rows of tiles are divided when the matrix is applied. A constant, so that the order of
-/// the sums does not depend on the number of threads; enough for the threads of one machine, and few enough that the vectors of
-/// all pieces are small beside the matrix.
+/// The most pieces into which the rows of tiles are divided when the matrix is applied: enough for the threads of one machine.
 const PIECES: usize = 64;
+
+/// Rows of tiles for each piece, so that the vectors of all pieces are small beside the matrix.
+const ROWS_PER_PIECE: usize = 4;
 
 /// Numbers whose sums over the pieces one thread computes at a time.
 const SUMS_PER_TASK: usize = 1024;
@@ -218,7 +220,8 @@ impl<T: Scalar> Tiles<T> {
     fn pieces(&self) -> Vec<Range<usize>> {
         let n_blocks = block_rows(self.n).len();
         let n_tiles = n_blocks * (n_blocks + 1) / 2;
-        let n_pieces = PIECES.min(n_blocks);
+        // It depends on n alone, so that the order of the sums does not depend on the number of threads.
+        let n_pieces = (n_blocks / ROWS_PER_PIECE).clamp(1, PIECES);
         let mut pieces = Vec::with_capacity(n_pieces);
         let (mut begin, mut n_before) = (0, 0);
         for end in 1..=n_blocks {
@@ -231,8 +234,8 @@ impl<T: Scalar> Tiles<T> {
         pieces
     }
 
-    /// Returns what the tiles of some block rows add to y, from the first of these rows on, channel by channel.
-    fn apply_piece(&self, piece: Range<usize>, x: &Planes) -> Vec<f64> {
+    /// Returns what the tiles of some block rows add to y.
+    fn apply_piece(&self, piece: Range<usize>, x: &Planes) -> PieceOfY {
         let mut sums = PassSums::new(piece.start * SIDE, self.n, x.n_channels());
         for i in piece {
             let rows = i * SIDE..self.n.min((i + 1) * SIDE);
@@ -297,27 +300,22 @@ impl<T: Scalar> Symmetric for Tiles<T> {
         let n_channels = x.n_channels();
         let planes = Planes::of(x);
         let pieces = self.pieces();
-        let first_row = |k: usize| pieces[k].start * SIDE;
-        let parts: Vec<Vec<f64>> = pieces
-            .par_iter()
-            .map(|piece| self.apply_piece(piece.clone(), &planes))
+        let n_terms = self.n * self.n * n_channels;
+        let parts = threads::map(n_terms, pieces.len(), |k| self.apply_piece(pieces[k].clone(), &planes));
+        let tasks: Vec<(usize, &mut [f64])> = y
+            .values_mut()
+            .chunks_mut(SUMS_PER_TASK * n_channels)
+            .enumerate()
             .collect();
-        let tasks = y.values_mut().par_chunks_mut(SUMS_PER_TASK * n_channels).enumerate();
-        tasks.for_each(|(task, sums)| {
+        threads::for_each(self.n * parts.len() * n_channels, tasks, |(task, y_rows)| {
             let begin = task * SUMS_PER_TASK;
-            let end = begin + sums.len() / n_channels;
+            let rows = begin..begin + y_rows.len() / n_channels;
             for c in 0..n_channels {
-                let mut of_channel = [0.0; SUMS_PER_TASK];
-                for (k, of_piece) in parts.iter().enumerate() {
-                    let first = first_row(k);
-                    let from = begin.max(first);
-                    if from < end {
-                        let part = &of_piece[c * (self.n - first)..][from - first..end - first];
-                        let into = &mut of_channel[from - begin..end - begin];
-                        into.iter_mut().zip(part).for_each(|(sum, y_i)| *sum += y_i);
-                    }
+                let mut sums = [0.0; SUMS_PER_TASK];
+                for part in &parts {
+                    part.add_to(&mut sums, &rows, c);
                 }
-                for (row, sum) in sums.chunks_exact_mut(n_channels).zip(of_channel) {
+                for (row, sum) in y_rows.chunks_exact_mut(n_channels).zip(sums) {
                     row[c] = sum;
                 }
             }

@@ -5,23 +5,28 @@ mod hash;
 pub mod hierarchy;
 mod patch;
 mod planes;
+mod seams;
 mod subdivide;
 
 pub use hierarchy::{Hierarchy, Prolongation};
 pub use patch::{Patch, PatchId, PatchPoint};
 pub use subdivide::{MeshError, Subdivision};
 
+use std::collections::HashMap;
+
 use glam::DVec3;
 
 use crate::matrix::operator::Block;
-use crate::scene::{FaceId, Scene};
+use crate::scene::{Corners, FaceId, Pose, Scene};
 use grid::FaceGrid;
+use seams::Seams;
 
 /// All patches of a scene, contiguous per face and in the order of the faces.
 ///
 /// Vertices are shared between neighbouring patches of the same plane only: a value interpolated from them has no
 /// crack inside a flat surface and stays sharp at a crease. Two flat faces that share an edge are cut in the same
-/// places along it, whatever the [`Subdivision`].
+/// places along it, whatever the [`Subdivision`]; where a long edge lies beside shorter ones (a T-junction), [interpolation](Self::interpolate)
+/// sees the vertices of both sides.
 #[derive(Clone, Debug)]
 pub struct Mesh {
     /// The patches: the unknowns.
@@ -29,6 +34,7 @@ pub struct Mesh {
     /// Positions of the vertices, in m. A position stands more than once where planes meet.
     pub vertices: Vec<DVec3>,
     grids: Vec<FaceGrid>,
+    seams: Seams,
 }
 
 impl Mesh {
@@ -37,7 +43,45 @@ impl Mesh {
     /// # Errors
     /// [`MeshError`] if the subdivision is not a positive number, or makes more patches than 32-bit ids can name.
     pub fn new(scene: &Scene, subdivision: Subdivision) -> Result<Self, MeshError> {
-        subdivide::subdivide(scene, subdivision)
+        let mut mesh = subdivide::subdivide(scene, subdivision)?;
+        mesh.seams = Seams::find(&mesh);
+        Ok(mesh)
+    }
+
+    /// Returns the patches with their surfaces in a pose: the same patches in the same order, wherever they go.
+    ///
+    /// Patches that do not move keep their corners to the last bit, and all keep their areas: a rigid motion does. Vertices are shared as before, but
+    /// between what moves and what does not.
+    #[must_use]
+    pub fn posed(&self, pose: &Pose) -> Self {
+        let mut posed = Self {
+            vertices: Vec::with_capacity(self.vertices.len()),
+            ..self.clone()
+        };
+        // Vertices of neighbours that move alike stay one vertex.
+        let mut new_vertex: HashMap<(u32, [u64; 3]), u32> = HashMap::new();
+        for patch in &mut posed.patches {
+            let mut place = |corners: &mut [u32]| {
+                for corner in corners {
+                    let position = pose.point(patch.surface, self.vertices[*corner as usize]);
+                    let key = (*corner, position.to_array().map(f64::to_bits));
+                    *corner = *new_vertex.entry(key).or_insert_with(|| {
+                        posed.vertices.push(position);
+                        PatchId::from_index(posed.vertices.len() - 1).0
+                    });
+                }
+            };
+            match &mut patch.corners {
+                Corners::Triangle(corners) => place(corners),
+                Corners::Quad(corners) => place(corners),
+            }
+            if pose.moves(patch.surface) {
+                patch.normal = pose.direction(patch.surface, patch.normal);
+                patch.centroid = pose.point(patch.surface, patch.centroid);
+            }
+        }
+        posed.seams = Seams::find(&posed);
+        posed
     }
 
     /// Returns n, the number of patches.
@@ -74,7 +118,7 @@ impl Mesh {
         self.grids[face.0 as usize].locate(u, v)
     }
 
-    /// Returns, for every vertex, the mean of `per_patch` over the patches that share it, weighted by area.
+    /// Returns, for every vertex, the mean of `per_patch` over the patches that it lies on the border of, weighted by area.
     ///
     /// Shapes: \[n_patches, c\] to \[n_vertices, c\]. A constant stays that constant to rounding, and no value leaves the
     /// range of its patches. Second order in the patch size inside a flat surface, first order along its border.
@@ -89,17 +133,44 @@ impl Mesh {
         let mut sums = Block::zeros(self.vertices.len(), n_channels);
         let mut areas = vec![0.0; self.vertices.len()];
         for (i, patch) in self.patches.iter().enumerate() {
-            for &vertex in patch.corners.as_slice() {
-                areas[vertex as usize] += patch.area;
-                for (sum, value) in sums.row_mut(vertex as usize).iter_mut().zip(per_patch.row(i)) {
+            let id = PatchId::from_index(i).0;
+            let corners = patch.corners;
+            let own = self.seams.outlines.get(&id).map_or(corners.as_slice(), Vec::as_slice);
+            for &vertex in own {
+                let vertex = self.seams.of(vertex) as usize;
+                areas[vertex] += patch.area;
+                for (sum, value) in sums.row_mut(vertex).iter_mut().zip(per_patch.row(i)) {
                     *sum += patch.area * value;
                 }
             }
         }
         for (vertex, area) in areas.iter().enumerate() {
-            sums.row_mut(vertex).iter_mut().for_each(|sum| *sum /= area);
+            if *area > 0.0 {
+                sums.row_mut(vertex).iter_mut().for_each(|sum| *sum /= area);
+            }
+        }
+        for (&vertex, &other) in &self.seams.same {
+            let value = sums.row(other as usize).to_vec();
+            sums.row_mut(vertex as usize).copy_from_slice(&value);
         }
         sums
+    }
+
+    /// Calls `visit(vertex, weight)` for the [vertex values](Self::vertex_values) that make up the value at a point of a patch; the weights are in \[0, 1\] and sum to 1.
+    ///
+    /// The weights of the corners, and where vertices of neighbours hang on the patch's edges, mean value coordinates of its outline: continuous over all patches of
+    /// a plane that meet along a line, to rounding, and linear along their edges.
+    pub fn interpolate(&self, at: &PatchPoint, mut visit: impl FnMut(usize, f64)) {
+        let corners = self.patches[at.patch.0 as usize].corners;
+        let weighted = || corners.as_slice().iter().zip(at.weights);
+        let Some(outline) = self.seams.outlines.get(&at.patch.0) else {
+            weighted().for_each(|(&vertex, weight)| visit(vertex as usize, weight));
+            return;
+        };
+        let place = |vertex: u32| self.vertices[vertex as usize];
+        let point = weighted().map(|(&vertex, weight)| weight * place(vertex)).sum();
+        let positions: Vec<DVec3> = outline.iter().map(|&vertex| place(vertex)).collect();
+        seams::mean_value_weights(&positions, point, |k, weight| visit(outline[k] as usize, weight));
     }
 }
 

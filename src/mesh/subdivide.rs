@@ -7,6 +7,7 @@ use thiserror::Error;
 
 use super::grid::FaceGrid;
 use super::planes::{DisjointSets, FaceEdge, flat_joints};
+use super::seams::Seams;
 use super::{Mesh, Patch};
 use crate::geometry::polygon;
 use crate::scene::{Corners, FaceId, Scene};
@@ -143,6 +144,7 @@ impl<'a> Builder<'a> {
                 patches: Vec::new(),
                 vertices: Vec::new(),
                 grids: Vec::new(),
+                seams: Seams::default(),
             },
         }
     }

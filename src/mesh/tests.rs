@@ -162,6 +162,95 @@ fn vertex_values_keep_constants_and_linear_fields_inside() {
     assert_eq!(n_inside, 25);
 }
 
+/// A floor of a large quad beside three smaller ones, one of them in triangles: T-junctions along x = 1, and none at y = const.
+fn floor_with_t_junctions() -> Scene {
+    let v = |x: f64, y: f64| DVec3::new(x, y, 0.2 * x + 0.1 * y);
+    scene(
+        vec![
+            v(0.0, 0.0),
+            v(1.0, 0.0),
+            v(1.0, 1.0),
+            v(0.0, 1.0),
+            v(1.0, 0.35),
+            v(1.0, 0.8),
+            v(1.7, 0.0),
+            v(1.7, 0.35),
+            v(1.7, 0.8),
+            v(1.7, 1.0),
+        ],
+        &[
+            Corners::Quad([0, 1, 2, 3]),
+            Corners::Quad([1, 6, 7, 4]),
+            Corners::Triangle([4, 7, 8]),
+            Corners::Triangle([4, 8, 5]),
+            Corners::Quad([5, 8, 9, 2]),
+        ],
+    )
+}
+
+#[test]
+fn interpolation_has_no_seam_at_t_junctions() {
+    let source = floor_with_t_junctions();
+    for subdivision in [
+        Subdivision::Uniform(1),
+        Subdivision::Uniform(2),
+        Subdivision::Uniform(3),
+        Subdivision::MaxEdge(0.3),
+    ] {
+        let mesh = Mesh::new(&source, subdivision).unwrap();
+        assert!(!mesh.seams.outlines.is_empty());
+        // Values without any order, so that neighbours differ.
+        let wild = |k: usize| ((k as f64 + 1.0) * 12.9898).sin().abs() * 3.0;
+        let values: Vec<f64> = (0..mesh.n_patches()).map(wild).collect();
+        let at_vertices = mesh.vertex_values(&Block::from_values(values, 1));
+        let value = |face: u32, u: f64, v: f64| {
+            let (mut sum, mut total) = (0.0, 0.0);
+            mesh.interpolate(&mesh.locate(FaceId(face), u, v), |vertex, weight| {
+                assert!((-1e-12..=1.0 + 1e-12).contains(&weight));
+                total += weight;
+                sum += weight * at_vertices.row(vertex)[0];
+            });
+            assert!((total - 1.0).abs() < 1e-12);
+            sum
+        };
+        for k in 0..=400 {
+            let y = f64::from(k) / 400.0;
+            let left = value(0, 1.0, y);
+            let right = if y <= 0.35 {
+                value(1, 0.0, y / 0.35)
+            } else if y <= 0.8 {
+                value(3, 0.0, (y - 0.35) / 0.45)
+            } else {
+                value(4, 0.0, (y - 0.8) / 0.2)
+            };
+            // Points of the two sides differ by roundings, values by as much times their slope.
+            assert!((left - right).abs() < 1e-9, "{subdivision:?} {y}: {left} {right}");
+            // And on the way to the line: the last 1e-7 m change the value by no more than the slope.
+            let near = value(0, 1.0 - 1e-7, y);
+            assert!((left - near).abs() < 1e-4, "{subdivision:?} {y}: {left} {near}");
+        }
+    }
+    // A constant stays, and a linear function of the vertices is kept.
+    let mesh = Mesh::new(&source, Subdivision::Uniform(2)).unwrap();
+    let linear = |p: DVec3| 1.0 + 2.0 * p.x - 0.5 * p.y;
+    for (u, v) in [(0.97, 0.2), (0.6, 0.9), (0.99, 0.36)] {
+        let mut sum = 0.0;
+        mesh.interpolate(&mesh.locate(FaceId(0), u, v), |vertex, weight| {
+            sum += weight * linear(mesh.vertices[vertex]);
+        });
+        assert!((sum - linear(DVec3::new(u, v, 0.0))).abs() < 1e-12, "{u} {v}");
+    }
+}
+
+#[test]
+fn neighbours_in_other_planes_and_matching_ones_have_no_seams() {
+    for name in ["cube", "cornell-box", "sphere-room-r1"] {
+        let source = crate::scene::builtin::build(name, None).unwrap().scene;
+        let mesh = Mesh::new(&source, Subdivision::Uniform(3)).unwrap();
+        assert!(mesh.seams.outlines.is_empty() && mesh.seams.same.is_empty(), "{name}");
+    }
+}
+
 #[test]
 fn impossible_subdivisions_are_refused() {
     let source = quad_and_triangles();

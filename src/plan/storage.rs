@@ -241,7 +241,7 @@ fn estimate(demand: &StorageDemand, layout: Layout, precision: Precision, on_dis
     let matrix = if on_disk {
         slot * n_tiles * (n_rows + 0.5 * n_upper)
     } else {
-        n_rows * rows + n_upper * upper + 48.0 * n_tiles
+        n_rows * rows + n_upper * upper + 112.0 * n_tiles
     };
     // Rows on their way take 24 bytes an entry, 64 of them 24 to 32 more while they are cut into tiles.
     let in_work = SIDE * n * demand.density.min(1.0);
@@ -255,7 +255,7 @@ fn estimate(demand: &StorageDemand, layout: Layout, precision: Precision, on_dis
     let bands = if on_disk { 2.0 * SIDE * n * full } else { 0.0 };
     let rows_in_work = waiting + in_work * (24.0 + 32.0 + 12.0) + threads * (in_work * repaired + bands);
     // Polygons ready for use, some 25 vectors of a solver, and the sums of the pieces of a pass.
-    let n_pieces = (n / SIDE).ceil().min(64.0);
+    let n_pieces = (n / SIDE / 4.0).ceil().min(64.0);
     let vectors = n * (2048.0 + threads * 64.0 + 8.0 * demand.n_channels as f64 * (25.0 + n_pieces));
     MemoryEstimate {
         used_byte: demand.used_byte,

@@ -49,7 +49,7 @@ pub(super) struct PixelPart {
 }
 
 /// What was gathered for one pixel so far.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Gathered {
     /// Per net, Σ over its points of the pixel's irradiance.
     nets: [[f64; 3]; N_NETS],
@@ -96,6 +96,53 @@ impl Gathered {
         }
         let next = self.n_points.checked_mul(2)?;
         (rays_of_a_point.checked_mul(next)? <= max_rays).then_some(next)
+    }
+}
+
+/// Numbers of 8 bytes that [`Gathered::encode`] makes.
+const N_NUMBERS: usize = 3 * N_NETS + 3 + 6 + 1;
+
+impl Gathered {
+    /// Bytes that a pixel takes in a checkpoint.
+    pub(super) const N_BYTE: usize = 8 * N_NUMBERS;
+
+    /// Writes all of it as numbers of 8 bytes, little-endian.
+    pub(super) fn encode(&self, bytes: &mut Vec<u8>) {
+        let [least, most] = self.range.unwrap_or([[f64::NAN; 3]; 2]);
+        let numbers = self
+            .nets
+            .iter()
+            .flatten()
+            .chain(&self.reflected)
+            .chain(&least)
+            .chain(&most);
+        for number in numbers {
+            bytes.extend(number.to_bits().to_le_bytes());
+        }
+        bytes.extend(self.n_points.to_le_bytes());
+        // A pixel has 257 parts at most.
+        bytes.extend((self.n_parts << 1 | u32::from(self.finished)).to_le_bytes());
+    }
+
+    /// Returns what [`encode`](Self::encode) wrote; `None` for another length.
+    pub(super) fn decode(bytes: &[u8]) -> Option<Self> {
+        let (numbers, []) = bytes.as_chunks::<8>() else {
+            return None;
+        };
+        let numbers: &[[u8; 8]; N_NUMBERS] = numbers.try_into().ok()?;
+        let triple = |k: usize| [k, k + 1, k + 2].map(|k| f64::from_le_bytes(numbers[k]));
+        let rest = 3 * N_NETS;
+        let range = [triple(rest + 3), triple(rest + 6)];
+        let [a, b, c, d, e, f, g, h] = numbers[rest + 9];
+        let flags = u32::from_le_bytes([e, f, g, h]);
+        Some(Self {
+            nets: std::array::from_fn(|net| triple(3 * net)),
+            reflected: triple(rest),
+            range: (!range[0][0].is_nan()).then_some(range),
+            n_points: u32::from_le_bytes([a, b, c, d]),
+            n_parts: flags >> 1,
+            finished: flags & 1 == 1,
+        })
     }
 }
 
@@ -268,5 +315,30 @@ impl GatherReport {
         }
         report.standard_error = (squares / (report.n_pixels.max(1) as f64)).sqrt();
         report
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_gathered_comes_back_to_the_last_bit() {
+        let some = Gathered {
+            nets: std::array::from_fn(|k| [0.1, 1.0 / 3.0, 1e-300].map(|x| x * (1.0 + k as f64))),
+            reflected: [0.2, 0.3, 0.0],
+            range: Some([[0.0; 3], [4.0, 5.0, 6.0]]),
+            n_points: 24,
+            n_parts: 257,
+            finished: true,
+        };
+        for gathered in [some, Gathered::default()] {
+            let mut bytes = Vec::new();
+            gathered.encode(&mut bytes);
+            assert_eq!(bytes.len(), Gathered::N_BYTE);
+            assert_eq!(Gathered::decode(&bytes), Some(gathered));
+            assert_eq!(Gathered::decode(&bytes[8..]), None);
+            assert_eq!(Gathered::decode(&bytes[..bytes.len() - 1]), None);
+        }
     }
 }

@@ -6,10 +6,11 @@ use super::direct::{DirectEstimate, DirectPass, DirectPoint, Scratch};
 use super::display::Watcher;
 use super::gather::{GatherScratch, Gathered, Gatherer, PixelPart};
 use super::image::Image;
+use super::kept::KeptRounds;
 use super::pixel::{Canvas, Kinds, Pixel};
 use super::shade::{self, Shader, SurfacePoint};
 use super::view::View;
-use super::{RenderError, RenderInput};
+use super::{RenderError, RenderInput, RenderSettings};
 use crate::progress::Progress;
 use crate::visibility::{Coherence, HitBatch, RayBatch};
 
@@ -84,10 +85,35 @@ struct Seen {
     parts: Vec<PixelPart>,
 }
 
+/// A block while light is gathered for it.
+#[derive(Default)]
+pub(super) struct BlockState {
+    pixels: Vec<Pixel>,
+    pub(super) gathered: Vec<Gathered>,
+    /// Rounds so far.
+    pub(super) n_rounds: u32,
+}
+
+impl BlockState {
+    fn is_open(&self) -> bool {
+        self.gathered.iter().any(|pixel| !pixel.finished)
+    }
+
+    /// Returns the radiance of all pixels with what was gathered so far.
+    fn radiance(&self) -> impl Iterator<Item = [f32; 3]> {
+        self.pixels.iter().zip(&self.gathered).map(|(pixel, gathered)| {
+            let mut pixel = *pixel;
+            pixel.add_gathered(gathered);
+            pixel.radiance()
+        })
+    }
+}
+
 /// Everything that rendering needs.
 pub(super) struct Renderer<'a> {
     pub(super) input: &'a RenderInput<'a>,
     pub(super) view: &'a dyn View,
+    pub(super) settings: &'a RenderSettings,
     pub(super) shader: Shader<'a>,
     pub(super) direct: Option<DirectPass<'a>>,
     pub(super) gatherer: Option<Gatherer<'a>>,
@@ -120,16 +146,19 @@ impl Renderer<'_> {
         progress.begin("render", blocks.len() as u64);
         // Blocks at a time, so that pixels in f64 never fill the memory.
         for batch in blocks.chunks(BLOCKS_AT_A_TIME) {
-            go_on(progress)?;
             let rendered: Vec<Vec<Pixel>> = batch
                 .par_iter()
                 .map(|&block| {
+                    if progress.is_cancelled() {
+                        return Vec::new();
+                    }
                     let pixels = self.block(block);
                     self.show(block, pixels.iter().map(Pixel::radiance));
                     progress.advance(1);
                     pixels
                 })
                 .collect();
+            go_on(progress)?;
             for (&block, pixels) in batch.iter().zip(&rendered) {
                 canvas.set_all(positions(block), pixels);
             }
@@ -145,43 +174,60 @@ impl Renderer<'_> {
         canvas: &mut Canvas,
         progress: &dyn Progress,
     ) -> Result<(), RenderError> {
+        let kept = progress
+            .checkpoint()
+            .map(|checkpoint| KeptRounds::open(checkpoint, self, blocks.len()));
         progress.begin("render", blocks.len() as u64);
-        let mut states: Vec<(Vec<Pixel>, Vec<Gathered>)> = blocks
+        let mut states: Vec<BlockState> = blocks
             .par_iter()
-            .map(|&block| {
+            .enumerate()
+            .map(|(k, &block)| {
+                if progress.is_cancelled() {
+                    return BlockState::default();
+                }
                 let pixels = self.block(block);
-                self.show(block, pixels.iter().map(Pixel::radiance));
-                progress.advance(1);
                 let gathered = vec![Gathered::default(); pixels.len()];
-                (pixels, gathered)
+                let mut state = BlockState {
+                    pixels,
+                    gathered,
+                    n_rounds: 0,
+                };
+                if let Some(kept) = &kept {
+                    kept.restore(k, &mut state);
+                }
+                self.show(block, state.radiance());
+                progress.advance(1);
+                state
             })
             .collect();
-        let is_open = |gathered: &[Gathered]| gathered.iter().any(|pixel| !pixel.finished);
         loop {
-            let n_open = states.iter().filter(|(_, gathered)| is_open(gathered)).count();
+            go_on(progress)?;
+            let n_open = states.iter().filter(|state| state.is_open()).count();
             if n_open == 0 {
                 break;
             }
-            go_on(progress)?;
             progress.begin("gather", n_open as u64);
-            let open = states.par_iter_mut().zip(blocks);
-            open.filter(|((_, gathered), _)| is_open(gathered))
-                .for_each(|((pixels, gathered), &block)| {
-                    self.gather_round(gatherer, block, pixels, gathered);
-                    let with_gathered = pixels.iter().zip(&*gathered).map(|(pixel, gathered)| {
-                        let mut pixel = *pixel;
-                        pixel.add_gathered(gathered);
-                        pixel.radiance()
-                    });
-                    self.show(block, with_gathered);
+            let open = states.par_iter_mut().zip(blocks).enumerate();
+            open.filter(|(_, (state, _))| state.is_open())
+                .for_each(|(k, (state, &block))| {
+                    // A round that is stopped half-way has not been.
+                    let Some(next) = self.gather_round(gatherer, block, state, progress) else {
+                        return;
+                    };
+                    if let Some(kept) = &kept {
+                        kept.keep(k, state, &next);
+                    }
+                    state.gathered = next;
+                    state.n_rounds += 1;
+                    self.show(block, state.radiance());
                     progress.advance(1);
                 });
         }
-        for ((pixels, of_pixels), &block) in states.iter_mut().zip(blocks) {
-            for (pixel, gathered) in pixels.iter_mut().zip(of_pixels) {
+        for (state, &block) in states.iter_mut().zip(blocks) {
+            for (pixel, gathered) in state.pixels.iter_mut().zip(&state.gathered) {
                 pixel.add_gathered(gathered);
             }
-            canvas.set_all(positions(block), pixels);
+            canvas.set_all(positions(block), &state.pixels);
         }
         Ok(())
     }
@@ -191,11 +237,22 @@ impl Renderer<'_> {
         self.watcher.pixels(x0, y0, x1 - x0, y1 - y0, &radiance);
     }
 
-    fn gather_round(&self, gatherer: &Gatherer<'_>, block: Block, pixels: &[Pixel], states: &mut [Gathered]) {
+    /// Gathers for one more round; `None` if somebody asked to stop.
+    fn gather_round(
+        &self,
+        gatherer: &Gatherer<'_>,
+        block: Block,
+        state: &BlockState,
+        progress: &dyn Progress,
+    ) -> Option<Vec<Gathered>> {
         let parts = self.look(block).parts;
         let mut scratch = GatherScratch::default();
         let mut rest = parts.as_slice();
-        for (k, (pixel, gathered)) in pixels.iter().zip(states).enumerate() {
+        let mut next = state.gathered.clone();
+        for (k, (pixel, gathered)) in state.pixels.iter().zip(&mut next).enumerate() {
+            if progress.is_cancelled() {
+                return None;
+            }
             let n_own = rest.iter().take_while(|part| part.pixel == k).count();
             let (own, others) = rest.split_at(n_own);
             rest = others;
@@ -203,6 +260,7 @@ impl Renderer<'_> {
                 gatherer.continue_with(own, pixel.shade.irradiance, gathered, &mut scratch);
             }
         }
+        Some(next)
     }
 
     /// Finds what the samples of a block's pixels see.

@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::RenderInput;
 use super::view::Sight;
 use crate::matrix::operator::Block;
-use crate::mesh::{PatchId, PatchPoint};
+use crate::mesh::PatchPoint;
 use crate::scene::{FaceId, Material};
 use crate::visibility::{HitBatch, RayBatch, Visibility};
 
@@ -166,17 +166,15 @@ impl<'a> Shader<'a> {
     }
 
     fn irradiance(&self, at: &PatchPoint) -> [f64; 3] {
-        let PatchId(patch) = at.patch;
         match &self.irradiance {
-            Field::Flat(block) => channels(block.row(patch as usize)),
+            Field::Flat(block) => channels(block.row(at.patch.0 as usize)),
             Field::Smooth(block) => {
-                let corners = self.input.mesh.patches[patch as usize].corners;
                 let mut irradiance = [0.0; 3];
-                for (&vertex, weight) in corners.as_slice().iter().zip(at.weights) {
-                    for (sum, value) in irradiance.iter_mut().zip(channels(block.row(vertex as usize))) {
+                self.input.mesh.interpolate(at, |vertex, weight| {
+                    for (sum, value) in irradiance.iter_mut().zip(channels(block.row(vertex))) {
                         *sum += weight * value;
                     }
-                }
+                });
                 irradiance
             }
         }

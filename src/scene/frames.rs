@@ -1,16 +1,15 @@
-//! A list of frames: lightings and cameras for one scene, in the order in which they are shown.
+//! A list of frames: lightings, cameras and places of objects for one scene, in the order in which they are shown.
 
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::SceneError;
 use super::lines::{line_after, read_text};
+use super::{Motion, MotionError, Pose, Scene, SceneError};
 
 /// One frame as its file names it.
-#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
     /// Its name: letters, digits, `-`, `_` and `.`, so that it can be a part of a file's name.
     pub name: String,
@@ -18,13 +17,51 @@ pub struct Frame {
     pub lighting: Option<PathBuf>,
     /// The file of its camera, relative to the list's folder, or `unfolded`; `None` for the caller's.
     pub camera: Option<PathBuf>,
+    /// What moves, done one after another, each with its line.
+    moves: Vec<(u32, Motion)>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct FramesFile {
     #[serde(default)]
-    frame: Vec<Spanned<Frame>>,
+    frame: Vec<Spanned<FrameInFile>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FrameInFile {
+    name: String,
+    lighting: Option<PathBuf>,
+    camera: Option<PathBuf>,
+    #[serde(default, rename = "move")]
+    moves: Vec<Spanned<Motion>>,
+}
+
+impl Frame {
+    /// Returns the motions, in their order.
+    #[must_use]
+    pub fn motions(&self) -> Vec<Motion> {
+        self.moves.iter().map(|(_, motion)| motion.clone()).collect()
+    }
+
+    /// Returns the pose that the motions bring the scene to; `file` is the list that the frame comes from.
+    ///
+    /// # Errors
+    /// [`SceneError::BadFrames`], with the line, for a motion that the scene cannot make.
+    pub fn pose(&self, file: impl AsRef<Path>, scene: &Scene) -> Result<Pose, SceneError> {
+        let mut pose = Pose::default();
+        for (line, motion) in &self.moves {
+            let refused = |error: MotionError| SceneError::BadFrames {
+                file: file.as_ref().to_owned(),
+                line: Some(*line),
+                message: format!("frame `{}`: {error}", self.name),
+            };
+            pose.push(scene, motion).map_err(refused)?;
+            scene.posed(&pose).map_err(refused)?;
+        }
+        Ok(pose)
+    }
 }
 
 /// Reads a list of frames from a TOML file; there is one frame at least, and no two have the same name.
@@ -34,7 +71,13 @@ struct FramesFile {
 /// name = "noon"
 /// lighting = "noon.toml"  # see `Lighting::load`; without it, the scene's own
 /// camera = "door.toml"    # a camera file or "unfolded"; without it, as the flags say
+///
+/// [[frame.move]]          # as often as there are motions, done one after another; without any, as the scene has it
+/// surface = "door"        # or a list of names that move as one
+/// rotate = 30.0           # see `Motion`
 /// ```
+///
+/// Paths are relative to the file.
 ///
 /// # Errors
 /// A file that cannot be read; [`SceneError::BadFrames`], with the line, for what is no such TOML, a name that is empty, is not to be a part of a file's name or
@@ -74,7 +117,17 @@ pub fn load(file: impl AsRef<Path>) -> Result<Vec<Frame>, SceneError> {
             let message = format!("two frames are called `{}`; rename one", frame.name);
             return Err(bad(Some(start), message));
         }
-        frames.push(frame);
+        let line_of = |motion: &Spanned<Motion>| line_after(text.get(..motion.span().start).unwrap_or(&text));
+        frames.push(Frame {
+            name: frame.name,
+            lighting: frame.lighting,
+            camera: frame.camera,
+            moves: frame
+                .moves
+                .into_iter()
+                .map(|motion| (line_of(&motion), motion.into_inner()))
+                .collect(),
+        });
     }
     Ok(frames)
 }

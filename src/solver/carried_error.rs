@@ -1,10 +1,9 @@
 //! The error of a solution, carried from the form factors' own.
 
-use rayon::prelude::*;
-
 use super::{RadiositySystem, Solution, SolveOptions, SolverError, SolverSettings, Tolerance, registry};
 use crate::matrix::FormFactors;
 use crate::matrix::operator::Block;
+use crate::threads;
 
 /// An error estimate is wanted to this, relative.
 const TOLERANCE: f64 = 1e-3;
@@ -17,6 +16,8 @@ const MOST_PASSES: usize = 1000;
 /// e = (I − ρF)⁻¹ (ρ h + |r|), h_i² = Σ_j (s_ij B_j)², with s_ij the error of F_ij that its method states and r = E − B + ρ H the residual: to first order
 /// (I − ρF) δB = ρ δF B + r. Entries of a row count as independent, rows as if they all erred to one side. For methods whose s is a standard error, e is
 /// hardly below the standard error of B; for those that state a bound or an estimate of the error it is one as far as errors of a row are not all of one sign.
+/// In `room-box` with 108 patches and 1000 random rays from each, the stated error is 2.2 times the root mean square of the true one over 24 runs for the patch where it is
+/// least, and 3.8 times on average; with `exact` no true error was above the stated one (`tests/stated_error.rs`).
 /// The error of the mesh (one radiosity for a whole patch) is no part of it. Shapes: \[n, c\]. Work: one pass over the form factors and one solve.
 /// Departures: none.
 ///
@@ -36,24 +37,21 @@ pub fn carried_error(
     let radiosity = &solution.radiosity;
     let shapes = [exitance, radiosity, &solution.irradiance].map(|block| (block.n_rows(), block.n_channels()));
     assert!(shapes.iter().all(|&shape| shape == (n, n_channels)), "equal shapes");
-    let rows: Vec<Vec<f64>> = (0..n)
-        .into_par_iter()
-        .map(|i| {
-            let mut squares = vec![0.0; n_channels];
-            factors.for_each_in_row(i, |j, _, error| {
-                for (square, b) in squares.iter_mut().zip(radiosity.row(j)) {
-                    *square += (error * b).powi(2);
-                }
-            });
-            (0..n_channels)
-                .map(|c| {
-                    let (rho, h) = (reflectance.row(i)[c], solution.irradiance.row(i)[c]);
-                    let residual = exitance.row(i)[c] - radiosity.row(i)[c] + rho * h;
-                    rho * squares[c].sqrt() + residual.abs()
-                })
-                .collect()
-        })
-        .collect();
+    let rows: Vec<Vec<f64>> = threads::map(n * n * n_channels, n, |i| {
+        let mut squares = vec![0.0; n_channels];
+        factors.for_each_in_row(i, |j, _, error| {
+            for (square, b) in squares.iter_mut().zip(radiosity.row(j)) {
+                *square += (error * b).powi(2);
+            }
+        });
+        (0..n_channels)
+            .map(|c| {
+                let (rho, h) = (reflectance.row(i)[c], solution.irradiance.row(i)[c]);
+                let residual = exitance.row(i)[c] - radiosity.row(i)[c] + rho * h;
+                rho * squares[c].sqrt() + residual.abs()
+            })
+            .collect()
+    });
     let source = Block::from_values(rows.concat(), n_channels);
     let system = RadiositySystem::new(factors, factors.areas().to_vec(), reflectance.clone(), source)?;
     let options = SolveOptions {

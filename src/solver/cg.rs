@@ -9,7 +9,7 @@ use std::ops::ControlFlow;
 
 use super::iteration::{self, Estimate, Iteration};
 use super::scaled::{Scaled, TrueResidual};
-use super::vectors::add_scaled;
+use super::vectors::{add_scaled, combine};
 use super::{HistoryEntry, RadiositySystem, Solution, SolveOptions, Solver, SolverError};
 use crate::matrix::operator::Block;
 
@@ -135,10 +135,7 @@ impl State<'_> {
         add_scaled(&mut self.residual, &minus_alpha, &self.product);
         let squared = dot(&self.residual, &self.residual);
         let beta = ratio(&squared, &self.squared);
-        let all = self.direction.values_mut().iter_mut().zip(self.residual.values());
-        for ((d, r), b) in all.zip(beta.iter().cycle()) {
-            *d = r + b * *d;
-        }
+        combine(&mut self.direction, &beta, &vec![1.0; beta.len()], &self.residual);
         self.squared = squared;
         true
     }

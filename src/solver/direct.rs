@@ -99,8 +99,17 @@ pub(super) fn equal_channels(reflectance: &Block) -> Vec<Vec<usize>> {
     groups
 }
 
-/// Parts into which the sums are divided, whatever the number of threads: equal parts give equal bytes.
-const PARTS: Par = Par::Rayon(const { NonZeroUsize::new(8).expect("positive") });
+/// Patches below which one thread does it all: what the blocks of so small a matrix share out is soon done.
+const SMALL: usize = 256;
+
+/// Returns the parts into which the sums for n patches are divided, whatever the number of threads: equal parts give equal bytes.
+fn parts(n: usize) -> Par {
+    if n < SMALL {
+        Par::Seq
+    } else {
+        Par::Rayon(const { NonZeroUsize::new(8).expect("positive") })
+    }
+}
 
 struct State<'a> {
     scaled: &'a Scaled<'a>,
@@ -133,7 +142,7 @@ fn factored(scaled: &Scaled, rows: &dyn RowAccess, channel: usize) -> Lu {
             }
         }
     }
-    Lu::new(matrix, PARTS)
+    Lu::new(matrix, parts(n))
 }
 
 impl Iteration for State<'_> {

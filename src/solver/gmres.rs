@@ -13,7 +13,7 @@ use std::ops::ControlFlow;
 
 use super::iteration::{self, Estimate, Iteration};
 use super::scaled::{Scaled, TrueResidual};
-use super::vectors::{add_scaled, clear_channel, inner};
+use super::vectors::{add_scaled, clear_channel, combine, inner};
 use super::{HistoryEntry, RadiositySystem, Solution, SolveOptions, Solver, SolverError};
 use crate::matrix::operator::Block;
 
@@ -248,14 +248,16 @@ impl Iteration for State<'_> {
         let mut next = scaled_zeros(&self.image);
         add_scaled(&mut next, &factors, &self.image);
         // r_k = φ_{k+1} (−s w_{k−1} + c v_{k+1}) with φ_{k+1} = −s φ_k: r_k = s² r_{k−1} + φ_{k+1} c v_{k+1}.
-        let n_channels = turns.len();
-        for (k, (r, v)) in self.residual.values_mut().iter_mut().zip(next.values()).enumerate() {
-            let (c, s) = turns[k % n_channels];
-            if grows[k % n_channels] {
-                let phi = self.least[k % n_channels].rhs[self.least[k % n_channels].rhs.len() - 1];
-                *r = s * s * *r + phi * c * v;
+        let of_channel = |(c, &(cosine, sine)): (usize, &(f64, f64))| {
+            let phi = self.least[c].rhs.last().copied().unwrap_or(0.0);
+            if grows[c] {
+                (sine * sine, phi * cosine)
+            } else {
+                (1.0, 0.0)
             }
-        }
+        };
+        let (keep, added): (Vec<f64>, Vec<f64>) = turns.iter().enumerate().map(of_channel).unzip();
+        combine(&mut self.residual, &keep, &added, &next);
         self.basis.push(next);
         Estimate::Running(self.scaled.norms(&self.residual))
     }

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use super::deflation::{Deflation, greatest_mean_reflectance};
 use super::iteration::{self, Estimate, Iteration};
 use super::scaled::{Scaled, TrueResidual};
-use super::vectors::{add_scaled, inner, scale};
+use super::vectors::{add_scaled, combine, inner, scale};
 use super::{HistoryEntry, RadiositySystem, Solution, SolveOptions, Solver, SolverError};
 use crate::matrix::operator::Block;
 
@@ -159,10 +159,7 @@ impl<'a> State<'a> {
         add_scaled(&mut self.residual, &minus_alpha, &self.product);
         let squared = inner(&self.weights, &self.residual, &self.residual);
         let beta = ratio(&squared, &self.squared);
-        let all = self.direction.values_mut().iter_mut().zip(self.residual.values());
-        for ((p, r), b) in all.zip(beta.iter().cycle()) {
-            *p = r + b * *p;
-        }
+        combine(&mut self.direction, &beta, &vec![1.0; beta.len()], &self.residual);
         if let Some(deflation) = &self.deflation {
             deflation.project(&mut self.direction, &self.residual);
         }

@@ -1,6 +1,7 @@
 //! The system in the units in which solvers calculate, and its residual.
 
 use super::RadiositySystem;
+use super::vectors::inner;
 use crate::matrix::operator::Block;
 
 /// A system in units near its greatest area and, per channel, its greatest exitance. The units are powers of two, so
@@ -164,13 +165,7 @@ fn for_each_channel(block: &mut Block, units: &[f64], change: impl Fn(&mut f64, 
     }
 }
 
-/// Returns sqrt(Σ A x²) of each channel, summed in patch order.
+/// Returns sqrt(Σ A x²) of each channel.
 pub(super) fn l2(areas: &[f64], x: &Block) -> Vec<f64> {
-    let mut sums = vec![0.0; x.n_channels()];
-    for (i, area) in areas.iter().enumerate() {
-        for (sum, value) in sums.iter_mut().zip(x.row(i)) {
-            *sum += area * value * value;
-        }
-    }
-    sums.into_iter().map(f64::sqrt).collect()
+    inner(areas, x, x).into_iter().map(f64::sqrt).collect()
 }

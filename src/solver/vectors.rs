@@ -1,6 +1,7 @@
 //! Sums and products of blocks, channel by channel and in patch order: equal bytes at any number of threads.
 
 use crate::matrix::operator::Block;
+use crate::matrix::weighted_products;
 
 /// Multiplies entry by entry.
 pub(super) fn scale(block: &mut Block, by: &Block) {
@@ -11,21 +12,37 @@ pub(super) fn scale(block: &mut Block, by: &Block) {
 
 /// sum ← sum + factor term, with a factor for each channel.
 pub(super) fn add_scaled(sum: &mut Block, factors: &[f64], term: &Block) {
-    let terms = term.values().iter().zip(factors.iter().cycle());
-    for (value, (addend, factor)) in sum.values_mut().iter_mut().zip(terms) {
-        *value += factor * addend;
+    combine(sum, &vec![1.0; factors.len()], factors, term);
+}
+
+/// sum ← keep sum + factor term, with two factors for each channel.
+pub(super) fn combine(sum: &mut Block, keep: &[f64], factors: &[f64], term: &Block) {
+    fn fixed<const C: usize>(sum: &mut [f64], keep: &[f64], factors: &[f64], term: &[f64]) {
+        let (keep, factors): ([f64; C], [f64; C]) =
+            (std::array::from_fn(|c| keep[c]), std::array::from_fn(|c| factors[c]));
+        for (values, addends) in sum.as_chunks_mut::<C>().0.iter_mut().zip(term.as_chunks::<C>().0) {
+            for c in 0..C {
+                values[c] = keep[c] * values[c] + factors[c] * addends[c];
+            }
+        }
+    }
+    let (sum, term) = (sum.values_mut(), term.values());
+    match factors.len() {
+        1 => fixed::<1>(sum, keep, factors, term),
+        3 => fixed::<3>(sum, keep, factors, term),
+        n_channels => {
+            for (values, addends) in sum.chunks_mut(n_channels).zip(term.chunks(n_channels)) {
+                for c in 0..n_channels {
+                    values[c] = keep[c] * values[c] + factors[c] * addends[c];
+                }
+            }
+        }
     }
 }
 
 /// Returns Σ w u v of each channel.
 pub(super) fn inner(weights: &[f64], u: &Block, v: &Block) -> Vec<f64> {
-    let mut sums = vec![0.0; u.n_channels()];
-    for (i, weight) in weights.iter().enumerate() {
-        for (sum, (a, b)) in sums.iter_mut().zip(u.row(i).iter().zip(v.row(i))) {
-            *sum += weight * a * b;
-        }
-    }
-    sums
+    weighted_products(weights, u.values(), v.values())
 }
 
 /// Sets one channel of `block` to zero.

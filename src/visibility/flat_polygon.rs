@@ -19,6 +19,14 @@ impl FlatPolygon {
         Self { corners, normal }
     }
 
+    /// Returns the least and the greatest corner of the box around the face, widened by half of `margin`: boxes of faces that are less than `margin` apart overlap.
+    pub(super) fn bounds(&self, margin: f64) -> (DVec3, DVec3) {
+        let all = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        let corners = self.corners.iter();
+        let (low, high) = corners.fold(all, |(low, high), &v| (low.min(v), high.max(v)));
+        (low - margin * 0.5, high + margin * 0.5)
+    }
+
     /// Iterates over the edges: a corner, and the unit normal that points into the face within its plane.
     pub(super) fn edges(&self) -> impl Iterator<Item = (DVec3, DVec3)> + '_ {
         let next = self.corners.iter().cycle().skip(1);

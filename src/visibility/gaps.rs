@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 
-use super::box_pairs::overlapping_pairs;
 use super::flat_polygon::FlatPolygon;
 use super::frame::Frame;
+use crate::geometry::box_pairs::overlapping_pairs;
 use crate::scene::{FaceId, Scene};
 
 /// Gaps below this many offsets are narrow: a ray that starts one offset off a face has then crossed a tenth of the gap.
@@ -34,18 +34,21 @@ pub fn narrowest_gap(scene: &Scene, offset: f64) -> Option<Gap> {
     let limit = NARROW * offset;
     let touching = frame.coincident();
     let mut narrowest: Option<(f64, [u32; 2])> = None;
-    overlapping_pairs(&polygons, limit, |a, b| {
-        let pair = [a.min(b), a.max(b)];
-        let [p, q] = pair.map(|face| &polygons[face as usize]);
-        if p.normal.dot(q.normal) > -0.5 || !(in_front(p, q) && in_front(q, p)) {
-            return;
-        }
-        let width = distance(p, q);
-        let closer = |&(least, of): &(f64, [u32; 2])| width.total_cmp(&least).then(pair.cmp(&of)).is_lt();
-        if width > touching && width < limit && narrowest.as_ref().is_none_or(closer) {
-            narrowest = Some((width, pair));
-        }
-    });
+    overlapping_pairs(
+        polygons.iter().map(|polygon| polygon.bounds(limit)).collect(),
+        |a, b| {
+            let pair = [a.min(b), a.max(b)];
+            let [p, q] = pair.map(|face| &polygons[face as usize]);
+            if p.normal.dot(q.normal) > -0.5 || !(in_front(p, q) && in_front(q, p)) {
+                return;
+            }
+            let width = distance(p, q);
+            let closer = |&(least, of): &(f64, [u32; 2])| width.total_cmp(&least).then(pair.cmp(&of)).is_lt();
+            if width > touching && width < limit && narrowest.as_ref().is_none_or(closer) {
+                narrowest = Some((width, pair));
+            }
+        },
+    );
     narrowest.map(|(width, pair)| Gap {
         faces: pair.map(FaceId),
         width,

@@ -1,7 +1,6 @@
 //! Who sees whom: batches of rays against the faces of a scene.
 
 pub mod blockers;
-mod box_pairs;
 pub mod brute_force;
 pub mod embree;
 mod flat_polygon;

@@ -5,7 +5,7 @@ use std::cell::OnceCell;
 
 use glam::DVec3;
 
-use crate::geometry::clip::clip_to_half_space;
+use crate::geometry::clip::{clip_contour, clip_to_half_space};
 use crate::geometry::polygon;
 
 /// A plane; heights over it are n · x − level.
@@ -90,10 +90,13 @@ impl<'a> Shaft<'a> {
         }
         // No single plane parts them: cut the polygon down to what is inside.
         let mut inside = corners.to_vec();
+        let mut part = Vec::with_capacity(2 * corners.len() + 4);
         for plane in self.planes.iter().chain(self.sides()) {
-            let point = plane.normal * (plane.level + self.tolerance);
-            if inside.iter().any(|&v| plane.height(v) < self.tolerance) {
-                inside = clip_to_half_space(&inside, point, plane.normal);
+            let height = |v: DVec3| plane.height(v) - self.tolerance;
+            if inside.iter().any(|&v| height(v) < 0.0) {
+                part.clear();
+                clip_contour(inside.len(), |k| inside[k], height, |v| part.push(v));
+                std::mem::swap(&mut inside, &mut part);
             }
             if inside.is_empty() {
                 return false;
@@ -104,11 +107,13 @@ impl<'a> Shaft<'a> {
 
     /// Tells whether one convex polygon stops all light: whether every segment between the two ends crosses it.
     pub(crate) fn is_closed_by(&self, corners: &[DVec3], plane: &Plane) -> bool {
+        let tolerance_squared = self.tolerance * self.tolerance;
         self.section_lies_in(plane, |point| {
             (0..corners.len()).all(|k| {
                 let (a, b) = (corners[k], corners[(k + 1) % corners.len()]);
-                let inward = plane.normal.cross(b - a).normalize_or_zero();
-                inward.dot(point - a) >= -self.tolerance
+                let inward = plane.normal.cross(b - a);
+                let height = inward.dot(point - a);
+                height >= 0.0 || height * height <= tolerance_squared * inward.length_squared()
             })
         })
     }

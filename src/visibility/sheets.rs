@@ -5,9 +5,9 @@
 //! with the one that was hit, at the point of the hit. This needs no pairing of the faces: one side may be a quad and
 //! the other two triangles, or a small face may lie on the back of a large one.
 
-use super::box_pairs::overlapping_pairs;
 use super::flat_polygon::FlatPolygon;
 use super::frame::Frame;
+use crate::geometry::box_pairs::overlapping_pairs;
 
 /// Which faces coincide with a face of opposite winding.
 #[derive(Clone, Debug)]
@@ -25,7 +25,7 @@ impl Sheets {
     pub(super) fn find(frame: &Frame, polygons: Vec<FlatPolygon>) -> Option<Self> {
         let gap = frame.coincident();
         let mut pairs: Vec<(u32, u32)> = Vec::new();
-        overlapping_pairs(&polygons, gap, |a, b| {
+        overlapping_pairs(polygons.iter().map(|polygon| polygon.bounds(gap)).collect(), |a, b| {
             if coincide(&polygons[a as usize], &polygons[b as usize], gap) {
                 pairs.extend([(a, b), (b, a)]);
             }

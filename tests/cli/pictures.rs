@@ -1,5 +1,7 @@
 //! Pictures, fields and sequences.
 
+use radiosity::render::{Image, exr};
+
 use crate::{document, radiosity, stderr, with_scene};
 
 #[test]
@@ -77,6 +79,69 @@ fn a_picture_is_written_whole_with_its_preview() {
         .collect();
     // scene.obj, scene.mtl, camera.toml, box.exr, box.png: nothing temporary.
     assert_eq!(left.len(), 5, "{left:?}");
+}
+
+/// A picture of form factors that are computed again in every pass is that of stored ones, without the error that only those carry.
+#[test]
+fn a_picture_needs_no_stored_form_factors() {
+    let directory = with_scene("cornell-box");
+    let base = [
+        "render",
+        "scene.obj",
+        "--width",
+        "24",
+        "--max-edge",
+        "0.25",
+        "--method",
+        "sr",
+        "--rays",
+        "500",
+        "--samples",
+        "1",
+        "--solver",
+        "gmres",
+    ];
+    let picture = |name: &str, more: &[&str]| {
+        let (code, result) = document(directory.path(), &[&base[..], &["-o", name], more].concat());
+        assert_eq!(code, 0, "{result}");
+        let (image, _) = exr::read(&directory.path().join(name)).unwrap();
+        (image, result)
+    };
+    let (stored, _) = picture("stored.exr", &["--balance", "off", "--precision", "f64"]);
+    let (fly, result) = picture("fly.exr", &["--on-the-fly"]);
+    assert!(result["form_factors"].is_null());
+    assert!(
+        result["left_out"]
+            .to_string()
+            .contains("every pass computes them again")
+    );
+    let names = |image: &Image| -> Vec<String> {
+        let names = image.layers().iter().map(|layer| layer.name.clone());
+        names.filter(|name| !name.starts_with("error.")).collect()
+    };
+    assert_eq!(names(&fly), names(&stored));
+    assert!(stored.f32("error.R").is_some() && fly.f32("error.R").is_none());
+    for name in names(&stored) {
+        let (Some(expected), Some(found)) = (stored.f32(&name), fly.f32(&name)) else {
+            assert_eq!(stored.u32(&name), fly.u32(&name), "{name}");
+            continue;
+        };
+        for (a, b) in expected.iter().zip(found) {
+            // The order of sums in f64 may turn the rounding to f32 around: 6e-8.
+            let equal = a.to_bits() == b.to_bits() || (a - b).abs() <= 1.2e-7 * a.abs();
+            assert!(equal, "{name}: {a} {b}");
+        }
+    }
+    for (more, expected) in [
+        (["--method", "exact"], "pairs"),
+        (["--solver", "pcg"], "balanced"),
+        (["--frames", "f.toml"], "--frames"),
+    ] {
+        let arguments = [&["render", "scene.obj", "-o", "x.exr", "--on-the-fly"][..], &more].concat();
+        let refused = radiosity(directory.path(), &arguments);
+        assert_eq!(refused.status.code(), Some(2));
+        assert!(stderr(&refused).contains(expected), "{}", stderr(&refused));
+    }
 }
 
 #[test]
@@ -232,6 +297,118 @@ fn frames_share_form_factors_and_equal_single_pictures() {
         assert!(
             message.contains(words) && message.lines().count() == 1,
             "{text}: {message}"
+        );
+    }
+}
+
+/// One object in several poses: each frame as if its scene had been rendered alone, and no more computed anew than needed.
+#[test]
+fn frames_with_a_moved_object_equal_pictures_of_the_moved_scene() {
+    let directory = with_scene("room-box");
+    let path = |name: &str| directory.path().join(name);
+    let write = |name: &str, text: &str| std::fs::write(path(name), text).unwrap();
+    let scene = std::fs::read_to_string(path("scene.obj")).unwrap();
+    // The box is the surfaces that are not walls: its sides are named after it.
+    let (code, listed) = document(directory.path(), &["form-factors", "scene.obj", "--subdivide", "1"]);
+    assert_eq!(code, 0);
+    let names: Vec<&str> = listed["surfaces"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|s| s["name"].as_str().unwrap())
+        .collect();
+    let sides: Vec<&str> = names.into_iter().filter(|name| name.starts_with("box")).collect();
+    assert!(!sides.is_empty(), "{scene}");
+    let surfaces = format!("{sides:?}");
+    write(
+        "frames.toml",
+        &format!(
+            "[[frame]]\nname = \"a\"\n\n[[frame]]\nname = \"b\"\n[[frame.move]]\nsurface = {surfaces}\ntranslate = [0.125, 0.0, 0.0]\n\n\
+             [[frame]]\nname = \"c\"\n\n[[frame]]\nname = \"d\"\n[[frame.move]]\nsurface = {surfaces}\nrotate = 30\naxis = [0, 0, 1]\n\
+             [[frame.move]]\nsurface = {surfaces}\ntranslate = [0, 0, 0.125]\n"
+        ),
+    );
+    let common = [
+        "render",
+        "scene.obj",
+        "--subdivide",
+        "3",
+        "--width",
+        "16",
+        "--direct",
+        "exact",
+        "--eye",
+        "0.1,0.1,0.1",
+        "--look-at",
+        "0.9,0.8,0.7",
+    ];
+    let frames = [&common[..], &["--frames", "frames.toml", "-o", "f.exr"]].concat();
+    let (code, result) = document(directory.path(), &frames);
+    assert_eq!((code, &result["n_lightings"]), (0, &1.into()), "{result}");
+    let poses = result["poses"].as_array().unwrap();
+    assert_eq!(poses.len(), 3);
+    assert_eq!(poses[0]["frames"], serde_json::json!(["a", "c"]));
+    assert!(poses[0]["update"].is_null());
+    for pose in &poses[1..] {
+        let update = &pose["update"];
+        let [kept, anew] = ["n_kept", "n_recomputed"].map(|name| update[name].as_u64().unwrap());
+        assert!(update["n_moved_faces"] == 6 && kept > 0 && anew > 0, "{update}");
+        assert_eq!(pose["form_factors"]["pairs"]["kept"], kept);
+    }
+    let order: Vec<&str> = result["frames"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|f| f["name"].as_str().unwrap())
+        .collect();
+    assert_eq!(order, ["a", "b", "c", "d"]);
+    assert_eq!(result["frames"][1]["moves"][0]["translate"][0], 0.125);
+    // The same poses, each alone.
+    let layers = |name: &str| radiosity::render::exr::read(&path(name)).unwrap().0;
+    assert_eq!(layers("f-a.exr").f32("R"), layers("f-c.exr").f32("R"));
+    let whole = std::fs::read_to_string(path("frames.toml")).unwrap();
+    for (name, place) in [("b", 2), ("d", 4)] {
+        let only = whole.split("[[frame]]").nth(place).unwrap();
+        write("one.toml", &format!("[[frame]]{only}"));
+        let alone = [&common[..], &["--frames", "one.toml", "-o", "alone.exr"]].concat();
+        let (code, result) = document(directory.path(), &alone);
+        assert_eq!((code, result["poses"].as_array().unwrap().len()), (0, 1), "{result}");
+        let (shared, single) = (layers(&format!("f-{name}.exr")), layers(&format!("alone-{name}.exr")));
+        for layer in ["R", "direct.G", "irradiance.B"] {
+            for (a, b) in shared.f32(layer).unwrap().iter().zip(single.f32(layer).unwrap()) {
+                // Ten times the tolerance of the form factors, beside 1 W·m⁻² or less; the same but for pairs on the border of blockers.
+                assert!((a - b).abs() <= 1e-4 * b.abs().max(1e-2), "{name} {layer}: {a} {b}");
+            }
+        }
+        assert_ne!(shared.f32("R"), layers("f-a.exr").f32("R"), "the move shows");
+    }
+    let text = radiosity(directory.path(), &frames);
+    let told = String::from_utf8(text.stdout).unwrap();
+    assert!(
+        told.contains("6 faces moved: ") && told.contains("computed anew, the others are as before"),
+        "{told}"
+    );
+
+    for (moves, words) in [
+        ("surface = \"sofa\"\ntranslate = [1, 0, 0]", "no surface `sofa`"),
+        ("surface = []\ntranslate = [1, 0, 0]", "name one or more"),
+        ("surface = \"SIDE\"", "give `rotate` or `translate`"),
+        ("surface = \"SIDE\"\nrotate = 10\naxis = [0, 0, 0]", "no direction"),
+        ("surface = \"SIDE\"\ntranslate = [1e16, 0, 0]", "move it less far"),
+        ("surface = \"SIDE\"\nspin = 3", "spin"),
+    ] {
+        let moves = moves.replace("SIDE", sides[0]);
+        write(
+            "bad.toml",
+            &format!("[[frame]]\nname = \"a\"\n[[frame.move]]\n{moves}\n"),
+        );
+        let bad = [&common[..], &["--frames", "bad.toml", "-o", "f.exr"]].concat();
+        let output = radiosity(directory.path(), &bad);
+        let message = stderr(&output);
+        assert_eq!(output.status.code(), Some(1), "{moves}: {message}");
+        assert!(
+            message.contains(words) && message.contains("bad.toml:") && message.lines().count() == 1,
+            "{moves}: {message}"
         );
     }
 }

@@ -73,6 +73,46 @@ impl Shapes {
         }
     }
 
+    /// Adds a ball of 20 · 4^`level` triangles with corners on the sphere, facing outwards.
+    pub(crate) fn ball(&mut self, centre: DVec3, radius: f64, level: u32) {
+        fn cut(corners: [DVec3; 3], level: u32, visit: &mut impl FnMut([DVec3; 3])) {
+            let [a, b, c] = corners;
+            if level == 0 {
+                return visit(corners);
+            }
+            // A sum of two is the same from both sides of an edge.
+            let [ab, bc, ca] = [a + b, b + c, c + a].map(DVec3::normalize);
+            for part in [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]] {
+                cut(part, level - 1, visit);
+            }
+        }
+        // The icosahedron's corners are (0, ±1, ±φ) and the same with the axes turned round.
+        let golden = 0.5 * (1.0 + 5.0_f64.sqrt());
+        let corner = |axis: usize, first: f64, second: f64| {
+            let mut v = [0.0; 3];
+            (v[(axis + 1) % 3], v[(axis + 2) % 3]) = (first, second * golden);
+            DVec3::from_array(v).normalize()
+        };
+        let corners: Vec<DVec3> = (0..3)
+            .flat_map(|axis| [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)].map(|(a, b)| corner(axis, a, b)))
+            .collect();
+        // Neighbours are 63.4 degrees apart, all others more than 116.
+        let near = |a: usize, b: usize| corners[a].dot(corners[b]) > 0.0;
+        for a in 0..12 {
+            for b in (a + 1..12).filter(|&b| near(a, b)) {
+                for c in (b + 1..12).filter(|&c| near(a, c) && near(b, c)) {
+                    let mut triangle = [a, b, c].map(|k| corners[k]);
+                    if triangle[0].dot(triangle[1].cross(triangle[2])) < 0.0 {
+                        triangle.swap(1, 2);
+                    }
+                    cut(triangle, level, &mut |part| {
+                        self.face(&part.map(|v| centre + radius * v));
+                    });
+                }
+            }
+        }
+    }
+
     pub(crate) fn scene(mut self) -> Scene {
         self.0.materials = vec![Material {
             name: "grey".to_owned(),
@@ -143,13 +183,16 @@ impl Prepared {
     }
 
     pub(crate) fn try_compute(&self, method: &dyn FormFactorMethod) -> Result<Computed, FormFactorError> {
-        let input = Input {
+        method.compute(self.input(), StorageChoice::default(), &Silent)
+    }
+
+    pub(crate) fn input(&self) -> Input<'_> {
+        Input {
             scene: &self.scene,
             mesh: &self.mesh,
             visibility: &self.visibility,
             unoccluded: topology::is_convex_and_empty(&self.scene),
-        };
-        method.compute(input, StorageChoice::default(), &Silent)
+        }
     }
 
     pub(crate) fn compute(&self, method: &dyn FormFactorMethod) -> FormFactors {

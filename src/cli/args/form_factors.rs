@@ -158,7 +158,7 @@ pub struct StorageArgs {
     /// The directory of the scratch file, if one is needed [default: that of the output, else the system's for temporary files]
     #[arg(long, value_name = "DIR")]
     pub scratch: Option<PathBuf>,
-    /// A file for finished form factors: after an interruption the same command goes on from there; it is removed when the command is done
+    /// A file for finished form factors and gathered light: after an interruption the same command goes on from there; it is removed when the command is done
     #[arg(long, value_name = "FILE")]
     pub checkpoint: Option<PathBuf>,
 }

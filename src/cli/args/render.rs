@@ -34,7 +34,10 @@ pub struct RenderArgs {
     /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-5]
     #[arg(long, value_name = "T", value_parser = parse_positive)]
     pub form_factor_tolerance: Option<f64>,
-    /// Render a sequence: a TOML file of frames, each with a name, a lighting and a camera; writes IMAGE-NAME.exr for each
+    /// Compute the form factors again in every pass instead of storing them; for methods that compute rows
+    #[arg(long, conflicts_with_all = ["frames", "balance", "checkpoint"])]
+    pub on_the_fly: bool,
+    /// Render a sequence: a TOML file of frames, each with a name, a lighting, a camera and objects that move; writes IMAGE-NAME.exr for each
     #[arg(long, value_name = "FILE.toml", help_heading = "Picture")]
     pub frames: Option<PathBuf>,
     /// Show the picture while it is rendered in the viewer tev that listens there, as in localhost:14158

@@ -8,7 +8,7 @@ use crate::cli::args::{BalanceName, MethodArgs, StorageName};
 use crate::cli::failure::Failure;
 use crate::cli::storage;
 use crate::form_factor::registry::{self, MethodEntry, Setting};
-use crate::form_factor::{ExactMethod, FormFactorMethod, Input, MethodSettings, PairCounts, Reciprocity};
+use crate::form_factor::{self, Before, ExactMethod, FormFactorMethod, Input, MethodSettings, PairCounts, Reciprocity};
 use crate::matrix::{BalanceReport, Checks, FormFactors, Weighting};
 use crate::visibility::blockers::BlockerIndex;
 
@@ -108,6 +108,20 @@ impl Run {
         fineness: Fineness,
         needs_symmetry: bool,
     ) -> Result<Computed, Failure> {
+        let needs_symmetry = self.wants_symmetry(args.balance)? || needs_symmetry;
+        let (result, promised) = self.raw_form_factors(prepared, args, fineness, needs_symmetry, None)?;
+        self.repaired(prepared, result, args.balance, needs_symmetry, promised)
+    }
+
+    /// Computes form factors, with those from `before` a change as far as they stay the same.
+    pub(in crate::cli) fn raw_form_factors(
+        &mut self,
+        prepared: &mut Prepared,
+        args: &MethodArgs,
+        fineness: Fineness,
+        needs_symmetry: bool,
+        before: Option<Before<'_>>,
+    ) -> Result<(form_factor::Computed, Promised), Failure> {
         let Chosen {
             method,
             by_rows,
@@ -120,7 +134,6 @@ impl Run {
             let nothing = "rays between patches: nothing here is sampled".into();
             prepared.plan.left_out.push(nothing);
         }
-        let needs_symmetry = self.wants_symmetry(args.balance)? || needs_symmetry;
         let matrix = storage::Matrix {
             by_rows,
             repaired: repairs(args.balance, needs_symmetry && by_rows),
@@ -133,9 +146,10 @@ impl Run {
             mesh: &prepared.mesh,
             visibility: &prepared.visibility,
         };
-        self.progress.checkpoint = storage::checkpoint(self, prepared)?;
-        let result = self.times.time("form_factors", || {
-            method.compute(input, chosen.choice(), &self.progress)
+        storage::open_checkpoint(self, prepared)?;
+        let result = self.times.time("form_factors", || match before {
+            Some(before) => method.update(input, before, chosen.choice(), &self.progress),
+            None => method.compute(input, chosen.choice(), &self.progress),
         })?;
         if let Some(checkpoint) = &self.progress.checkpoint
             && let Some(reason) = checkpoint.failure()
@@ -162,14 +176,14 @@ impl Run {
             errors_known: true,
             balanced: false,
         };
-        self.repaired(prepared, result, args.balance, needs_symmetry, promised)
+        Ok((result, promised))
     }
 
     /// Makes form factors symmetric where that is asked for, and checks them.
     pub(in crate::cli) fn repaired(
         &mut self,
         prepared: &mut Prepared,
-        result: crate::form_factor::Computed,
+        result: form_factor::Computed,
         asked: BalanceName,
         needs_symmetry: bool,
         promised: Promised,

@@ -9,7 +9,7 @@ use std::fmt::Write as _;
 use serde_json::{Value, json};
 
 pub(super) use factors::{Computed, Fineness, Promised, repairs};
-pub(super) use prepared::Prepared;
+pub(super) use prepared::{Prepared, posed};
 pub(super) use solution::go_on;
 
 use super::args::CommonArgs;
@@ -85,7 +85,7 @@ impl Run {
         self.progress.finish();
         let kept = match &self.progress.checkpoint {
             Some(checkpoint) => format!(
-                "{} pieces of form factors are in {}, and the same command goes on from there",
+                "{} pieces of the work are in {}, and the same command goes on from there",
                 checkpoint.n_pieces(),
                 checkpoint.path().display()
             ),

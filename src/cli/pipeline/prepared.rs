@@ -10,7 +10,7 @@ use crate::cli::failure::Failure;
 use crate::matrix::operator::Block;
 use crate::mesh::{Mesh, Patch, Subdivision};
 use crate::plan::Plan;
-use crate::scene::{LoadOptions, Material, Scene, Surface, load_with};
+use crate::scene::{LoadOptions, Material, Pose, Scene, Surface, load_with};
 use crate::solver::Solution;
 use crate::visibility::Visibility as _;
 use crate::visibility::embree::EmbreeVisibility;
@@ -78,6 +78,23 @@ impl Run {
         })
     }
 
+    /// Moves the surfaces of a scene, and its patches with them.
+    pub(in crate::cli) fn posed(&mut self, prepared: &Prepared, pose: &Pose) -> Result<Prepared, Failure> {
+        let scene = posed(&prepared.scene, pose)?;
+        let plan = self.times.time("plan", || Plan::new(&scene));
+        let mesh = self.times.time("mesh", || prepared.mesh.posed(pose));
+        let visibility = self
+            .times
+            .time("ray_tracer", || EmbreeVisibility::new(&scene))
+            .map_err(|error| Failure::new("embree", error.to_string()))?;
+        Ok(Prepared {
+            scene,
+            plan,
+            mesh,
+            visibility,
+        })
+    }
+
     /// Warns if rays start too far off the faces to see what lies in the narrowest gap.
     pub(in crate::cli) fn warn_of_narrow_gaps(&mut self, prepared: &Prepared) {
         if std::mem::replace(&mut self.has_looked_at_gaps, true) {
@@ -98,6 +115,13 @@ impl Run {
             gap.width
         ));
     }
+}
+
+/// Returns a scene in a pose.
+pub(in crate::cli) fn posed(scene: &Scene, pose: &Pose) -> Result<Scene, Failure> {
+    scene
+        .posed(pose)
+        .map_err(|error| Failure::new("bad_frames", error.to_string()))
 }
 
 impl Prepared {

@@ -3,6 +3,7 @@
 mod baranoski;
 mod lewis;
 mod malgouyres;
+mod pictures;
 mod solvers;
 mod stability;
 
@@ -25,6 +26,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
         PaperName::Stability => stability::run(args),
         PaperName::Lewis => lewis::run(args),
         PaperName::Malgouyres => malgouyres::run(args),
+        PaperName::Pictures => pictures::run(args),
     }
 }
 

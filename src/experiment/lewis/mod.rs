@@ -8,6 +8,16 @@
 //! stopping tests and all setup out, as his times do. Times are ours: the median of alternating runs to the same tolerance, each with one check of the true residual, on
 //! the machine that the report names; "with setup" adds the restricted matrices, which one thread or several make.
 //!
+//! The figures, as files that `radiosity reproduce lewis -o DIR` writes (figures 3 and 4 are sketches of restriction and prolongation):
+//!
+//! | figure | file | what it shows |
+//! |---|---|---|
+//! | 1 | `figure-1.png` | the entries of I − diag(ρ) F at l = 2: blocks of zeros where patches share a wall |
+//! | 2 | `report.md` | the algorithm, as printed and repaired: cycles of each variant |
+//! | 5 | `figure-5.png` | the solution at l = 4 on the unfolded room |
+//! | 6 | `figure-6-times.svg` | the time of Gauss-Seidel and of multigrid by N, his and ours |
+//! | – | `convergence.svg` | the true residual of both after every sweep and cycle, l = 4 |
+//!
 //! Figure 2 is the algorithm; [`run_variant`] runs what a reader may make of it, at l = 1 to 4: repaired it takes 4, 4, 4, 4 cycles; with line 12 as printed (Jacobi) 7, 6, 6, 6; with
 //! the sign of an ordinary defect 50, 7, 51, 7, which a test at even l alone would miss; with v = 0 before the second recursive call too 4, 5, 4, 4, so that counts alone do
 //! not tell; with coarse rows that do not sum to 1 it diverges at l = 1 and 2, and grows to 1e47 at l = 4 before the sweeps take over.

@@ -8,20 +8,24 @@
 use std::collections::HashMap;
 use std::ops::Range;
 
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::ExactMethod;
+use super::corners::{CornerSums, PatchGrid};
+use super::faces::FaceTree;
 use super::lattice::{Lattice, Repeats};
 use super::patches::{Patches, Run};
 use crate::form_factor::kept::{self, Part, Piece};
 use crate::form_factor::pairs::{Exchange, Facing};
 use crate::form_factor::partial::{self, Accuracy};
 use crate::form_factor::sight::whole_where_grazing;
-use crate::form_factor::{Input, PairCounts};
-use crate::geometry::polygon_form_factor::exchange_area;
-use crate::matrix::{RowTally, RowTile};
+use crate::form_factor::{Before, Input, PairCounts};
+use crate::geometry::polygon_form_factor::{PreparedPolygon, exchange_area};
+use crate::matrix::{Entry, RowTally, RowTile};
 use crate::mesh::PatchId;
 use crate::progress::Progress;
+use crate::scene::FaceId;
 use crate::visibility::blockers::{BlockerId, BlockerIndex, PairVisibility};
 
 /// A batch ends with the first rows that bring it to so many pairs: enough work for many threads, and 100 MB at most.
@@ -36,32 +40,89 @@ pub(super) struct Batches<'a> {
     progress: &'a dyn Progress,
     patches: Patches,
     facing: Facing,
+    tree: FaceTree,
     index: Option<BlockerIndex>,
+    /// What is known from before a change.
+    before: Option<Before<'a>>,
+    /// The faces of the scene, in the order of `patches.faces`.
+    face_ids: Vec<FaceId>,
     lattices: Vec<Option<Lattice>>,
-    /// What repeats between two faces, of those whose rows are being computed.
-    repeats: HashMap<[usize; 2], Repeats>,
+    /// The pairs of two faces that are computed together, of the faces whose rows are being computed.
+    tables: HashMap<[usize; 2], Table>,
     next_row: usize,
 }
 
-/// What stands between two faces.
-type FaceView = Option<PairVisibility>;
+/// Pairs of two faces, computed together.
+enum Table {
+    Repeats(Repeats),
+    Corners(CornerSums),
+}
+
+impl Table {
+    fn covers(&self, rows: &Range<usize>) -> bool {
+        match self {
+            Self::Repeats(_) => true,
+            Self::Corners(sums) => sums.covers(rows),
+        }
+    }
+
+    fn get(&self, i: usize, j: usize) -> Exchange {
+        match self {
+            Self::Repeats(repeats) => repeats.get(i, j),
+            Self::Corners(sums) => sums.get(i, j),
+        }
+    }
+}
+
+/// Two faces with fewer pairs than this are not looked at as a whole: they have few corners in common.
+const LEAST_PAIRS: usize = 16;
+
+/// A later face that some patches of a face may see.
+struct FaceView {
+    face: usize,
+    known: Known,
+    /// Of the patches of both, which are in front of all of the other's; `None` where pairs are looked at one by one.
+    fronts: Option<[Vec<Option<bool>>; 2]>,
+}
+
+/// What is known of two faces.
+enum Known {
+    /// All exchange areas between them are as before a change.
+    Kept,
+    /// What stands between them.
+    Seen(PairVisibility),
+}
 
 impl<'a> Batches<'a> {
-    pub(super) fn new(method: &'a ExactMethod, input: Input<'a>, progress: &'a dyn Progress) -> Self {
+    pub(super) fn new(
+        method: &'a ExactMethod,
+        input: Input<'a>,
+        before: Option<Before<'a>>,
+        progress: &'a dyn Progress,
+    ) -> Self {
         let index = (!input.unoccluded).then(|| BlockerIndex::new(input.scene));
         let patches = Patches::new(input.mesh, index.is_some());
+        let facing = Facing::new(input.mesh);
         Self {
             method,
             progress,
-            facing: Facing::new(input.mesh),
+            tree: FaceTree::new(&patches, &facing),
+            facing,
             lattices: patches
                 .faces
                 .iter()
                 .map(|face| Lattice::find(&patches.corners, face.range()))
                 .collect(),
             index,
+            before,
+            face_ids: input
+                .mesh
+                .patches
+                .chunk_by(|a, b| a.face == b.face)
+                .map(|own| own[0].face)
+                .collect(),
             patches,
-            repeats: HashMap::new(),
+            tables: HashMap::new(),
             next_row: 0,
         }
     }
@@ -84,13 +145,13 @@ impl Iterator for Batches<'_> {
         if self.next_row >= n || self.progress.is_cancelled() {
             return None;
         }
-        let first_row = self.next_row as u64;
+        let first_row = self.next_row;
         let part = Part {
-            first_row: self.next_row,
+            first_row,
             n,
             is_upper: true,
         };
-        if let Some(piece) = kept::take(self.progress, first_row, part, |end| self.is_between_runs(end)) {
+        if let Some(piece) = kept::take(self.progress, first_row as u64, part, |end| self.is_between_runs(end)) {
             let n_rows: usize = piece.tiles.iter().map(RowTile::n_rows).sum();
             let rows = self.next_row..n.min(self.next_row + n_rows);
             self.next_row = rows.end;
@@ -111,19 +172,20 @@ impl Iterator for Batches<'_> {
         }
         let faces = self.patches.face_of_patch[self.next_row]..self.patches.face_of_patch[row - 1] + 1;
         self.next_row = row;
-        self.find_repeats(&faces);
         let views: Vec<Vec<FaceView>> = faces.clone().into_par_iter().map(|f| self.views_of(f)).collect();
+        self.find_tables(&faces, &(first_row..row), &views);
         let mut strips: Vec<Strip> = runs
             .par_iter()
             .map(|&(f, run)| self.classify(f, &self.patches.faces[f].runs[run], &views[f - faces.start]))
             .collect();
         self.integrate(&mut strips);
         self.progress.advance(n_pairs as u64);
-        let mut counts = PairCounts::default();
+        let counts = strips
+            .iter()
+            .fold(PairCounts::default(), |sum, strip| sum.plus(strip.counts));
         let tiles = strips
-            .into_iter()
+            .into_par_iter()
             .map(|strip| {
-                counts = counts.plus(strip.counts);
                 let mut tile = RowTile::new(strip.first_row);
                 for row in &strip.rows {
                     tile.push_row(row, RowTally::default());
@@ -136,7 +198,7 @@ impl Iterator for Batches<'_> {
             counts,
             tolerance_met: counts.n_above_tolerance == 0,
         };
-        kept::keep(self.progress, first_row, &piece);
+        kept::keep(self.progress, first_row as u64, &piece);
         Some((piece.tiles, counts))
     }
 }
@@ -149,6 +211,8 @@ struct Strip {
     /// The blockers of all partial pairs, one after the other.
     blockers: Vec<BlockerId>,
     counts: PairCounts,
+    /// What these rows were before a change; none without one.
+    before: Vec<Vec<Entry>>,
 }
 
 /// A pair that something may stand between, whose entry is not computed yet.
@@ -170,30 +234,64 @@ impl Batches<'_> {
         }
     }
 
-    /// Returns the exchange area of a pair without blockers, from the table of what repeats if there is one.
+    /// Returns the exchange area of a pair without blockers, from the table of its faces if there is one.
     fn unoccluded(&self, i: usize, j: usize) -> Exchange {
         let faces = [i, j].map(|k| self.patches.face_of_patch[k]);
-        let table = self.repeats.get(&faces);
+        let table = self.tables.get(&faces);
         table.map_or_else(|| self.kernel(i, j), |table| table.get(i, j))
     }
 
-    /// Computes the repeating pairs of some faces with all later ones, and forgets those of other faces.
-    fn find_repeats(&mut self, faces: &Range<usize>) {
-        self.repeats.retain(|[f, _], _| faces.contains(f));
-        for f in faces.clone() {
-            for g in f + 1..self.patches.faces.len() {
-                if self.repeats.contains_key(&[f, g]) || !self.faces_face(f, g) {
-                    continue;
-                }
-                let table = self.lattices[f]
-                    .as_ref()
-                    .zip(self.lattices[g].as_ref())
-                    .and_then(|(from, to)| Repeats::new(&self.patches, from, to, |i, j| self.kernel(i, j)));
-                if let Some(table) = table {
-                    self.repeats.insert([f, g], table);
-                }
-            }
+    /// Computes the tables of some faces with all later ones that they see anything of, for some rows, and forgets those of other faces.
+    fn find_tables(&mut self, faces: &Range<usize>, rows: &Range<usize>, views: &[Vec<FaceView>]) {
+        self.tables.retain(|[f, _], _| faces.contains(f));
+        let missing: Vec<[usize; 2]> = faces
+            .clone()
+            .flat_map(|f| {
+                let of_face = views[f - faces.start].iter();
+                of_face
+                    .filter(|view| matches!(&view.known, Known::Seen(seen) if *seen != PairVisibility::None))
+                    .map(move |view| [f, view.face])
+            })
+            .filter(|key| {
+                self.tables
+                    .get(key)
+                    .is_none_or(|table| !table.covers(&self.rows_of(key[0], rows)))
+            })
+            .collect();
+        let found: Vec<([usize; 2], Table)> = missing
+            .into_par_iter()
+            .filter_map(|key| Some((key, self.table(key, rows)?)))
+            .collect();
+        self.tables.extend(found);
+    }
+
+    fn rows_of(&self, face: usize, rows: &Range<usize>) -> Range<usize> {
+        let own = self.patches.faces[face].range();
+        rows.start.max(own.start)..rows.end.min(own.end)
+    }
+
+    fn table(&self, [f, g]: [usize; 2], rows: &Range<usize>) -> Option<Table> {
+        let (from, to) = self.lattices[f].as_ref().zip(self.lattices[g].as_ref())?;
+        if let Some(repeats) = Repeats::new(&self.patches, from, to, |i, j| self.kernel(i, j)) {
+            return Some(Table::Repeats(repeats));
         }
+        let [own, other] = [self.rows_of(f, rows), self.patches.faces[g].range()];
+        if own.len() * other.len() < LEAST_PAIRS {
+            return None;
+        }
+        let smallest = |range: Range<usize>| {
+            let areas = self.patches.prepared[range].iter().map(PreparedPolygon::area);
+            areas.fold(f64::INFINITY, f64::min)
+        };
+        let most = self
+            .method
+            .full_tolerance(smallest(own.clone()).min(smallest(other.clone())))
+            .abs;
+        if most <= 0.0 {
+            return None;
+        }
+        let grid = |lattice: &Lattice, range: Range<usize>| PatchGrid::new(&self.patches, lattice, range);
+        CornerSums::new(&grid(from, own)?, &grid(to, other)?, most).map(Table::Corners)
     }
 
     /// Tells whether any patches of two faces may face each other.
@@ -202,19 +300,53 @@ impl Batches<'_> {
         self.facing.any(from.range(), to.range())
     }
 
-    /// Classifies a face against all later ones; `None` where they do not face each other.
+    /// Tells whether what is known of two parts of faces that stayed is known from before a change.
+    fn is_kept(&self, p: &[DVec3], q: &[DVec3]) -> bool {
+        self.before.is_some_and(|before| !before.change.may_come_between(p, q))
+    }
+
+    /// Tells whether no exchange area between some patches of two faces can be the same as before.
+    fn any_moved(&self, faces: [usize; 2]) -> bool {
+        self.before.is_none_or(|before| {
+            let mut ids = faces.map(|f| self.face_ids[f]).into_iter();
+            ids.any(|face| before.change.moves(face))
+        })
+    }
+
+    /// Returns what the rows of a run were before a change.
+    fn rows_before(&self, rows: &Range<usize>) -> Vec<Vec<Entry>> {
+        self.before.map_or_else(Vec::new, |before| {
+            // Kept is only what was symmetric.
+            rows.clone()
+                .map(|i| before.factors.exchange_row(i).unwrap_or_default())
+                .collect()
+        })
+    }
+
+    /// Looks at a face and all later ones that it faces.
     fn views_of(&self, f: usize) -> Vec<FaceView> {
         if self.progress.is_cancelled() {
-            return vec![None; self.patches.faces.len()];
+            return Vec::new();
         }
-        (0..self.patches.faces.len())
+        let hull = |face: usize| self.patches.faces[face].runs[0].hull.as_slice();
+        let of_facing = self.tree.after(f).into_iter().filter(|&g| self.faces_face(f, g));
+        of_facing
             .map(|g| {
-                (g > f && self.faces_face(f, g)).then(|| {
-                    self.index.as_ref().map_or(PairVisibility::Full, |index| {
-                        let [p, q] = [f, g].map(|k| self.patches.faces[k].runs[0].hull.as_slice());
-                        whole_where_grazing(index.classify(p, q), p, q)
-                    })
-                })
+                let known = if !self.any_moved([f, g]) && self.is_kept(hull(f), hull(g)) {
+                    Known::Kept
+                } else {
+                    Known::Seen(self.index.as_ref().map_or(PairVisibility::Full, |index| {
+                        whole_where_grazing(index.classify(hull(f), hull(g)), hull(f), hull(g))
+                    }))
+                };
+                let [own, other] = [f, g].map(|k| self.patches.faces[k].range());
+                let fronts = (own.len() * other.len() >= LEAST_PAIRS).then(|| {
+                    [
+                        self.facing.in_front(other.clone(), own.clone()),
+                        self.facing.in_front(own, other),
+                    ]
+                });
+                FaceView { face: g, known, fronts }
             })
             .collect()
     }
@@ -227,26 +359,29 @@ impl Batches<'_> {
             partial: Vec::new(),
             blockers: Vec::new(),
             counts: PairCounts::default(),
+            before: self.rows_before(&rows.patches),
         };
-        let own = self.patches.faces[f].range();
-        for i in rows.patches.clone() {
-            strip.counts.not_facing += (own.end - 1 - i) as u64;
-        }
-        for (g, view) in views.iter().enumerate().skip(f + 1) {
-            let columns = &self.patches.faces[g].runs[0];
-            let Some(view) = view else {
-                strip.counts.not_facing += (rows.patches.len() * columns.patches.len()) as u64;
-                continue;
-            };
+        let n_later: usize = rows.patches.clone().map(|i| self.patches.len() - 1 - i).sum();
+        let columns = |view: &FaceView| &self.patches.faces[view.face].runs[0];
+        let n_columns: usize = views.iter().map(|view| columns(view).patches.len()).sum();
+        strip.counts.not_facing = (n_later - rows.patches.len() * n_columns) as u64;
+        for view in views {
             let mut walk = Walk {
                 batches: self,
-                repeats: self.repeats.get(&[f, g]),
+                table: self.tables.get(&[f, view.face]),
+                fronts: view.fronts.as_ref(),
+                starts: [f, view.face].map(|k| self.patches.faces[k].range().start),
+                may_keep: !self.any_moved([f, view.face]),
                 rows,
-                runs: &self.patches.faces[g].runs,
+                runs: &self.patches.faces[view.face].runs,
                 strip: &mut strip,
             };
-            walk.settle(columns, view, true);
+            match &view.known {
+                Known::Kept => walk.keep(columns(view)),
+                Known::Seen(seen) => walk.settle(columns(view), seen, true),
+            }
         }
+        strip.before = Vec::new();
         strip
     }
 
@@ -325,7 +460,12 @@ impl Batches<'_> {
 /// The way through the runs of one face, seen from some rows.
 struct Walk<'a> {
     batches: &'a Batches<'a>,
-    repeats: Option<&'a Repeats>,
+    table: Option<&'a Table>,
+    fronts: Option<&'a [Vec<Option<bool>>; 2]>,
+    /// The first patches of both faces.
+    starts: [usize; 2],
+    /// True if both faces stayed where they were before a change.
+    may_keep: bool,
     rows: &'a Run,
     runs: &'a [Run],
     strip: &'a mut Strip,
@@ -351,11 +491,31 @@ impl Walk<'_> {
 
     /// Classifies the rows against a run of columns.
     fn look(&mut self, columns: &Run, among: &[BlockerId]) {
+        if self.may_keep && self.batches.is_kept(&self.rows.hull, &columns.hull) {
+            self.keep(columns);
+            return;
+        }
         let view = self.classify(&self.rows.hull, &columns.hull, among);
         self.settle(columns, &view, false);
     }
 
-    fn classify(&self, p: &[glam::DVec3], q: &[glam::DVec3], among: &[BlockerId]) -> PairVisibility {
+    /// Takes over all exchange areas with a run of columns.
+    fn keep(&mut self, columns: &Run) {
+        self.each_facing_pair(columns, Walk::push_kept);
+    }
+
+    fn push_kept(&mut self, i: usize, j: usize) {
+        self.strip.counts.kept += 1;
+        let column = PatchId::from_index(j).0;
+        let before = &self.strip.before[i - self.rows.patches.start];
+        // What is not stored was 0 for certain, and is.
+        if let Ok(place) = before.binary_search_by_key(&column, |entry| entry.0) {
+            let entry = before[place];
+            self.row(i).push(entry);
+        }
+    }
+
+    fn classify(&self, p: &[DVec3], q: &[DVec3], among: &[BlockerId]) -> PairVisibility {
         self.batches.index.as_ref().map_or(PairVisibility::Full, |index| {
             whole_where_grazing(index.classify_among(p, q, among), p, q)
         })
@@ -364,7 +524,7 @@ impl Walk<'_> {
     fn each_facing_pair(&mut self, columns: &Run, mut act: impl FnMut(&mut Self, usize, usize)) {
         for i in self.rows.patches.clone() {
             for j in columns.patches.clone() {
-                if self.batches.facing.pair(i, j) {
+                if self.is_facing(i, j) {
                     act(self, i, j);
                 } else {
                     self.strip.counts.not_facing += 1;
@@ -373,10 +533,21 @@ impl Walk<'_> {
         }
     }
 
+    fn is_facing(&self, i: usize, j: usize) -> bool {
+        let sides = self
+            .fronts
+            .map(|[rows, columns]| (rows[i - self.starts[0]], columns[j - self.starts[1]]));
+        match sides {
+            Some((Some(false), _) | (_, Some(false))) => false,
+            Some((Some(true), Some(true))) => true,
+            _ => self.batches.facing.pair(i, j),
+        }
+    }
+
     fn push_full(&mut self, i: usize, j: usize) {
         self.strip.counts.full += 1;
         let exchange = self
-            .repeats
+            .table
             .map_or_else(|| self.batches.kernel(i, j), |table| table.get(i, j));
         self.push(i, j, exchange);
     }
@@ -384,6 +555,10 @@ impl Walk<'_> {
     fn push_seen(&mut self, i: usize, j: usize, among: &[BlockerId]) {
         let view = if self.rows.patches.len() > 1 {
             let [p, q] = [i, j].map(|k| self.batches.patches.corners[k].as_slice());
+            if self.may_keep && self.batches.is_kept(p, q) {
+                self.push_kept(i, j);
+                return;
+            }
             self.classify(p, q, among)
         } else {
             PairVisibility::Partial(among.to_vec())

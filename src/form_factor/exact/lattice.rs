@@ -72,6 +72,14 @@ impl Lattice {
         })
     }
 
+    /// Returns the first patch of the rows (along the first axis) that hold some patches, and the counts along both axes of these rows.
+    pub(super) fn rows_of(&self, patches: &Range<usize>) -> (usize, [usize; 2]) {
+        let n_u = self.counts[0];
+        let row = |patch: usize| patch.saturating_sub(self.first) / n_u;
+        let (begin, end) = (row(patches.start), row(patches.end - 1).min(self.counts[1] - 1) + 1);
+        (self.first + n_u * begin, [n_u, end - begin])
+    }
+
     fn place(&self, patch: usize) -> [usize; 2] {
         let k = patch - self.first;
         [k % self.counts[0], k / self.counts[0]]

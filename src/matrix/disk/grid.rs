@@ -4,8 +4,6 @@ use std::fmt::Debug;
 use std::ops::Range;
 use std::sync::Arc;
 
-use rayon::prelude::*;
-
 use super::super::operator::Block;
 use super::super::square::{Placed, SIDE, Square};
 use super::super::store::{Scalar, rounded};
@@ -14,6 +12,7 @@ use super::super::{MatrixError, Precision, RowTile, StorageChoice};
 use super::bands::Band;
 use super::tile_file::{Part, TileFile};
 use super::{DiskError, Place, Scratch};
+use crate::threads;
 
 /// A matrix on a disk, whatever the precision of its numbers. Where it cannot be read, numbers are NaN, and [`failure`](Self::failure) tells why.
 pub(in super::super) trait General: Debug + Send + Sync {
@@ -161,8 +160,9 @@ impl<T: Scalar> General for TileFile<T> {
 
     fn apply(&self, x: &Block, y: &mut Block) {
         let n_channels = x.n_channels();
-        let blocks = y.values_mut().par_chunks_mut(SIDE * n_channels).enumerate();
-        blocks.for_each(|(own, sums)| {
+        let n_terms = x.n_rows() * x.n_rows() * n_channels;
+        let blocks: Vec<(usize, &mut [f64])> = y.values_mut().chunks_mut(SIDE * n_channels).enumerate().collect();
+        threads::for_each(n_terms, blocks, |(own, sums)| {
             sums.fill(0.0);
             let result = self.for_each_tile(own, Part::Numbers, |block, tile| {
                 let x_from = &x.values()[block * SIDE * n_channels..];

@@ -1,5 +1,6 @@
 //! Tiles as bytes and back. The bytes are those of this machine: they never leave the process that wrote them.
 
+use super::super::aligned::Aligned;
 use super::super::store::Scalar;
 use super::{Full, List, Square, Values};
 
@@ -75,7 +76,7 @@ impl<T: Scalar> Square<T> {
     /// Returns a tile of `n_columns` columns from its bytes; without those of the errors they read as zero.
     pub(in super::super) fn from_bytes(form: Form, n_columns: usize, numbers: &[u8], errors: &[u8]) -> Self {
         let of_values = |bytes| Values {
-            values: T::from_bytes(bytes),
+            values: Aligned::copied(&T::from_bytes(bytes)),
             std_errors: f32::from_bytes(errors),
         };
         match form.entries {

@@ -1,6 +1,6 @@
 //! The coarsest level, solved directly.
 
-use faer::{Mat, MatMut, Par};
+use faer::{Mat, Par};
 
 use super::matrices::Matrix;
 use crate::solver::lu::Lu;
@@ -25,7 +25,7 @@ impl Factored {
 
     /// Replaces f by (I − K)⁻¹ f.
     pub(super) fn solve(&self, f: &mut [f64]) {
-        self.0.solve(MatMut::from_column_major_slice_mut(f, self.0.n(), 1));
+        self.0.solve_vector(f);
     }
 
     /// Returns the multiplications of one solve.

@@ -5,11 +5,10 @@
     reason = "inner scopes reuse the letters of the formulas and the names of what they look at"
 )]
 
-use rayon::prelude::*;
-
 use crate::matrix::operator::{Block, RowAccess};
-use crate::matrix::product;
+use crate::matrix::{product, products};
 use crate::mesh::hierarchy::Coarsening;
+use crate::threads;
 
 /// The share of entries that are not zero from which a row is kept in full: then it takes as much memory as with its columns.
 const DENSE_FROM: f64 = 2.0 / 3.0;
@@ -17,13 +16,8 @@ const DENSE_FROM: f64 = 2.0 / 3.0;
 /// Columns of a row below which choosing an instruction set takes longer than adding up.
 const SHORT: usize = 32;
 
-/// Multiplications for which a further thread is worth its start.
-const TERMS_PER_TASK: usize = 1 << 16;
-
-/// Returns how many rows of so many terms are worth a further thread.
-fn rows_per_task(n_terms: usize) -> usize {
-    (TERMS_PER_TASK / n_terms.max(1)).max(1)
-}
+/// Rows that are multiplied at a time, so that their sums do not wait for one another.
+const AT_ONCE: usize = 4;
 
 /// One row: all of its numbers, or those that are not zero with their columns.
 struct Row {
@@ -45,6 +39,11 @@ impl Row {
             columns: Some(columns.into()),
             values: numbers.into(),
         }
+    }
+
+    /// Returns all numbers of a row that is kept in full and worth an instruction set.
+    fn full(&self, x: &[f64]) -> Option<&[f64]> {
+        (self.columns.is_none() && x.len() >= SHORT).then_some(&*self.values)
     }
 
     fn dot(&self, x: &[f64]) -> f64 {
@@ -183,7 +182,8 @@ impl Matrix {
                 slots.push(Slot { row, factor, own });
             }
         }
-        let make = |&(coarse, c, own): &(usize, usize, bool)| {
+        let make = |k: usize| {
+            let (coarse, c, own) = jobs[k];
             let mut sum = vec![0.0; n_columns];
             let mut n_entries = 0;
             for &i in coarsening.children(coarse) {
@@ -193,7 +193,8 @@ impl Matrix {
             }
             (Row::new(sum), n_entries)
         };
-        let (rows, counts): (Vec<Row>, Vec<usize>) = jobs.par_iter().map(make).unzip();
+        let n_terms = coarsening.n_fine() * n_columns;
+        let (rows, counts): (Vec<Row>, Vec<usize>) = threads::map(n_terms, jobs.len(), make).into_iter().unzip();
         let matrix = Self {
             n_channels,
             rows,
@@ -210,13 +211,14 @@ impl Matrix {
 
     /// Returns K P for injection P: the columns of each coarse patch added up.
     pub(super) fn merge_columns(&self, coarsening: &Coarsening) -> (Self, Cost) {
-        let merged = |row: &Row| {
+        let merged = |k: usize| {
+            let row = &self.rows[k];
             let mut sum = vec![0.0; coarsening.n_coarse()];
             row.for_each(|j, value| sum[coarsening.parents()[j] as usize] += value);
             Row::new(sum)
         };
-        let rows = self.rows.par_iter().map(merged).collect();
         let n_entries: usize = self.rows.iter().map(|row| row.values.len()).sum();
+        let rows = threads::map(n_entries, self.rows.len(), merged);
         let matrix = Self {
             n_channels: self.n_channels,
             rows,
@@ -233,7 +235,7 @@ impl Matrix {
             let n_entries = rows.add_row(i, 1.0, &mut sum);
             (Row::new(sum), n_entries)
         };
-        let (stored, counts): (Vec<Row>, Vec<usize>) = (0..n).into_par_iter().map(make).unzip();
+        let (stored, counts): (Vec<Row>, Vec<usize>) = threads::map(n * n, n, make).into_iter().unzip();
         let slot = |(i, rho): (u32, &[f64])| -> Vec<Slot> {
             let slots = rho.iter().map(|&factor| Slot {
                 row: i,
@@ -274,37 +276,40 @@ impl Matrix {
         self.slot(i, c).factor * self.row(i, c).at(j)
     }
 
-    /// Subtracts K x from y, channel by channel; rows are shared out to threads.
+    /// Subtracts K x from y, channel by channel.
     pub(super) fn subtract_product(&self, x: &[Vec<f64>], y: &mut [Vec<f64>]) {
-        if let ([x], [y]) = (x, &mut *y) {
-            return self.subtract_channel(0, x, y);
-        }
-        let mut products = vec![0.0; self.n_rows() * self.n_channels];
-        let fill = |(i, row): (usize, &mut [f64])| {
-            for (c, product) in row.iter_mut().enumerate() {
-                *product = self.dot(i, c, &x[c]);
+        let n_terms = x.iter().map(|x| self.n_rows() * x.len()).sum();
+        let mut products = vec![[0.0; AT_ONCE]; self.n_rows().div_ceil(AT_ONCE) * self.n_channels];
+        let tasks = products.chunks_mut(self.n_channels).enumerate().collect();
+        threads::for_each(n_terms, tasks, |(k, of_channels): (usize, &mut [[f64; AT_ONCE]])| {
+            for (c, of_rows) in of_channels.iter_mut().enumerate() {
+                *of_rows = self.dots(AT_ONCE * k, c, &x[c]);
             }
-        };
-        let least = rows_per_task(x.first().map_or(1, Vec::len) * self.n_channels);
-        let rows = products.par_chunks_mut(self.n_channels).enumerate();
-        rows.with_min_len(least).for_each(fill);
-        for (i, row) in products.chunks(self.n_channels).enumerate() {
-            for (y, product) in y.iter_mut().zip(row) {
-                y[i] -= product;
-            }
+        });
+        for (c, y) in y.iter_mut().enumerate() {
+            let of_rows = products.iter().skip(c).step_by(self.n_channels).flatten();
+            y.iter_mut().zip(of_rows).for_each(|(y, product)| *y -= product);
         }
     }
 
-    /// Subtracts K x of channel c from y; rows are shared out to threads where there are enough of them.
+    /// Subtracts K x of channel c from y.
     pub(super) fn subtract_channel(&self, c: usize, x: &[f64], y: &mut [f64]) {
-        let subtract = |(i, y): (usize, &mut f64)| *y -= self.dot(i, c, x);
-        let least = rows_per_task(x.len());
-        if y.len() <= least {
-            // Waking another thread takes longer than all of this.
-            y.iter_mut().enumerate().for_each(subtract);
-        } else {
-            y.par_iter_mut().enumerate().with_min_len(least).for_each(subtract);
-        }
+        let tasks = y.chunks_mut(AT_ONCE).enumerate().collect();
+        threads::for_each(self.n_rows() * x.len(), tasks, |(k, y): (usize, &mut [f64])| {
+            let products = self.dots(AT_ONCE * k, c, x);
+            y.iter_mut().zip(products).for_each(|(y, product)| *y -= product);
+        });
+    }
+
+    /// Returns (K x)_i in channel c for the rows from `first` on, as many as there are, each the same bytes as [`dot`](Self::dot).
+    fn dots(&self, first: usize, c: usize, x: &[f64]) -> [f64; AT_ONCE] {
+        let place = |k: usize| (first + k).min(self.n_rows() - 1);
+        let rows = std::array::from_fn(|k| self.row(place(k), c));
+        let products = match rows.map(|row| row.full(x)) {
+            [Some(a), Some(b), Some(c), Some(d)] => products([a, b, c, d], x),
+            _ => rows.map(|row| row.dot(x)),
+        };
+        std::array::from_fn(|k| self.slot(place(k), c).factor * products[k])
     }
 
     /// Returns the multiplications that K x takes, the mean over the channels.

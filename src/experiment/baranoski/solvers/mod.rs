@@ -25,6 +25,20 @@
 //! | selected alike, ± 1 (progressive refinement), % | 98 | 92 | 69 | 39 | 84 | 48 |
 //!
 //! The paper's "over 90 % of the patches are selected the same number of times, ± 1" holds in A and B alone.
+//! The figures, as files that the command writes with `-o DIR`; X is a case, a to f. Each shows all methods from the start to the end:
+//!
+//! | figures of the paper | file | what it shows |
+//! |---|---|---|
+//! | 2 | `figure-2.svg` | the eigenvalues of I − diag(ρ) F in A to D: more reflectance spreads them |
+//! | 3 | `figure-3.svg` | those of C and E: more density draws them together |
+//! | 4 and 6 (A, B) | `case-X-max-power-steps.svg` | max \|r A\|, equation 25, by steps of iteration; C to F too |
+//! | 5, 7 to 11 (A to F) | `case-X-max-power-time.svg` | the same by run time |
+//! | 17 to 22 (A to F) | `case-X-residual-time.svg`, `-steps.svg` | the L2 norm of the residual, equation 26 |
+//! | 23 to 28 (A to F) | `case-X-rms-error-time.svg`, `-steps.svg` | the RMS error, equation 27 |
+//! | 29 to 34 (A to F) | `case-X-goertler-error-time.svg`, `-steps.svg` | the wrong share of the reflected light, equation 28 |
+//!
+//! The numbers behind them are in `table-2-histories.csv`, `table-2-times.csv` and `table-2-eigenvalues.csv`. (Figure 1 and 12 to 16 are sketches.)
+//!
 //! Departures: form factors are ours; passes are counted without those that only check a residual.
 
 mod expected;

@@ -1,13 +1,11 @@
-//! All pairs of faces whose boxes overlap, without looking at all pairs of faces.
+//! All pairs of boxes that overlap, without looking at all pairs.
 
 use glam::DVec3;
 
-use super::flat_polygon::FlatPolygon;
-
-/// A group of at most this many faces is not split.
+/// A group of at most this many boxes is not split.
 const LEAF: usize = 8;
 
-/// A tree of groups of faces.
+/// A tree of groups of boxes.
 struct Group {
     low: DVec3,
     high: DVec3,
@@ -19,21 +17,14 @@ enum Content {
     Halves(Box<[Group; 2]>),
 }
 
-/// Calls `visit` once for each pair of faces whose boxes, widened by `margin`, overlap.
-pub(super) fn overlapping_pairs(polygons: &[FlatPolygon], margin: f64, mut visit: impl FnMut(u32, u32)) {
-    let boxes = Boxes(polygons.iter().map(|polygon| bounds(polygon, margin)).collect());
-    if let Ok(n) = u32::try_from(polygons.len()) {
+/// Calls `visit` once for each pair of boxes that overlap or touch, by their places in the list; each is its least and its greatest corner.
+///
+/// Work: O(n log n) and the number of pairs, for boxes that are small beside the space that they fill.
+pub(crate) fn overlapping_pairs(boxes: Vec<(DVec3, DVec3)>, mut visit: impl FnMut(u32, u32)) {
+    let boxes = Boxes(boxes);
+    if let Ok(n) = u32::try_from(boxes.0.len()) {
         boxes.within(&boxes.group((0..n).collect()), &mut visit);
     }
-}
-
-fn bounds(polygon: &FlatPolygon, margin: f64) -> (DVec3, DVec3) {
-    let all = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    let (low, high) = polygon
-        .corners
-        .iter()
-        .fold(all, |(low, high), &v| (low.min(v), high.max(v)));
-    (low - margin * 0.5, high + margin * 0.5)
 }
 
 struct Boxes(Vec<(DVec3, DVec3)>);
@@ -116,26 +107,22 @@ mod tests {
 
     #[test]
     fn the_pairs_are_those_of_a_double_loop_each_once() {
-        // A staircase of triangles of very different sizes.
-        let polygons: Vec<FlatPolygon> = (0..300)
+        // Boxes of very different sizes.
+        let boxes: Vec<(DVec3, DVec3)> = (0..300)
             .map(|i| {
                 let x = f64::from(i * 37 % 41);
                 let y = f64::from(i * 59 % 43);
                 let size = f64::from(1 + i * 17 % 23) * if i % 50 == 0 { 3.0 } else { 0.4 };
                 let corner = DVec3::new(x, y, 0.1 * x);
-                FlatPolygon::new(vec![
-                    corner,
-                    corner + size * DVec3::X,
-                    corner + size * (DVec3::Y + DVec3::Z),
-                ])
+                (corner, corner + size)
             })
             .collect();
         let mut found = Vec::new();
-        overlapping_pairs(&polygons, 0.01, |a, b| found.push((a.min(b), a.max(b))));
+        overlapping_pairs(boxes.clone(), |a, b| found.push((a.min(b), a.max(b))));
         let mut expected = BTreeSet::new();
         for a in 0..300_u32 {
             for b in a + 1..300 {
-                if overlap(bounds(&polygons[a as usize], 0.01), bounds(&polygons[b as usize], 0.01)) {
+                if overlap(boxes[a as usize], boxes[b as usize]) {
                     expected.insert((a, b));
                 }
             }

@@ -1,0 +1,149 @@
+//! `radiosity reproduce pictures`.
+
+use std::fmt::Write as _;
+
+use serde_json::json;
+
+use super::{Findings, Reproduction};
+use crate::cli::Outcome;
+use crate::cli::args::ReproduceArgs;
+use crate::cli::failure::Failure;
+use crate::cli::output::{self, Files};
+use crate::experiment::pictures::{self, LEVEL_MAX, PictureRun, PicturesResults};
+use crate::report::plot::{ErrorTimePlot, PlotPoint, Ranged, Series};
+use crate::report::{Machine, Table};
+
+/// 96 × 96 pixels.
+const DEFAULT_LEVEL: u32 = 2;
+
+pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
+    if args.tables.is_some() || args.seeds.is_some() || args.seed.is_some() {
+        return Err(Failure::usage(
+            "--tables, --seeds and --seed have no use with `pictures`: it is one table of one solution",
+        ));
+    }
+    let level = args.level.unwrap_or(DEFAULT_LEVEL);
+    if level > LEVEL_MAX {
+        return Err(Failure::usage(format!(
+            "--level {level}: `pictures` has levels 1 to {LEVEL_MAX}"
+        )));
+    }
+    let mut reproduction = Reproduction::new(args)?;
+    let run = &mut reproduction.run;
+    run.set("level", level);
+    let results = run
+        .times
+        .time("reproduce", || pictures::reproduce(level, &run.progress))?;
+    let inside = results.is_met();
+    let times: Vec<f64> = results.runs.iter().map(|of| of.time_s).collect();
+    reproduction.finish(Findings {
+        printed: report(&results, true),
+        files: files(&results)?,
+        result: json!({
+            "machine": Machine::here(),
+            "inside": inside,
+            "results": results,
+            "times": {"runs_s": times, "reference_s": results.reference_time_s},
+        }),
+        wrong: (!inside).then(|| "our own figures are not what they must be; see the failed checks".to_owned()),
+    })
+}
+
+fn files(results: &PicturesResults) -> Result<Files, Failure> {
+    Ok(vec![
+        output::text("report.md", report(results, false)),
+        output::text("report-times.md", report(results, true)),
+        output::text("pictures.csv", table(results, false).to_csv()),
+        output::text("pictures-times.csv", table(results, true).to_csv()),
+        output::text("error-time.svg", error_time(results).to_svg()?),
+    ])
+}
+
+/// Writing to a String cannot fail; the results of `write!` are dropped for that reason.
+fn report(results: &PicturesResults, with_times: bool) -> String {
+    let mut text = String::from("# Flat, interpolated and gathered pictures of one solution\n\n");
+    let width = results.width;
+    let _ = writeln!(
+        text,
+        "`{}`, {} patches, {width} × {width} pixels, one sample each. Error of the irradiance against final gather with a noise of {}: root mean square relative to the mean, \
+         median of the pixels' own, and root mean square relative to each pixel's brightest channel.",
+        results.scene, results.n_patches, results.reference_noise
+    );
+    if with_times {
+        let machine = Machine::here();
+        let _ = writeln!(
+            text,
+            "\nTimes: of the rendering alone, one run each with {} threads on {}; the reference took {:.1} s.",
+            machine.n_threads,
+            machine.cpu_model.as_deref().unwrap_or(machine.architecture),
+            results.reference_time_s
+        );
+    }
+    text.push('\n');
+    text.push_str(&table(results, with_times).to_markdown());
+    text.push_str("\n## Checks\n\n");
+    let mut checks = Table::new(["check", "value", "least", "greatest", "met"]);
+    for check in &results.checks {
+        checks.push([
+            check.name.clone(),
+            format!("{:.3}", check.value),
+            check.range[0].to_string(),
+            check.range[1].to_string(),
+            if check.is_met { "yes" } else { "NO" }.to_owned(),
+        ]);
+    }
+    text.push_str(&checks.to_markdown());
+    text
+}
+
+fn table(results: &PicturesResults, with_times: bool) -> Table {
+    let mut columns = vec!["flags", "root mean square", "median", "relative to the pixel", "rays"];
+    if with_times {
+        columns.push("time (s)");
+    }
+    let mut table = Table::new(columns);
+    for run in &results.runs {
+        let mut cells = vec![run.flags.clone()];
+        cells.extend([run.rms, run.median, run.relative_rms].map(|error| format!("{error:.3e}")));
+        cells.push(run.n_rays.to_string());
+        if with_times {
+            cells.push(format!("{:.3}", run.time_s));
+        }
+        table.push(cells);
+    }
+    table
+}
+
+fn error_time(results: &PicturesResults) -> ErrorTimePlot {
+    let series = |name: &str, style: usize, is_own: fn(&PictureRun) -> bool| Series {
+        name: name.to_owned(),
+        style,
+        points: results
+            .runs
+            .iter()
+            .filter(|run| is_own(run))
+            .map(|run| PlotPoint {
+                setting: run.flags.clone(),
+                time_s: Ranged::exactly(run.time_s),
+                error: Ranged::exactly(run.rms),
+                on_front: false,
+            })
+            .collect(),
+    };
+    ErrorTimePlot {
+        title: format!("Error against rendering time: {}", results.scene),
+        subtitle: format!(
+            "one solution; against final gather with a noise of {}; one run each",
+            results.reference_noise
+        ),
+        error_label: "root mean square error of the irradiance, relative".to_owned(),
+        series: vec![
+            series("flat", 0, |run| run.flags.contains("--flat")),
+            series("interpolated", 1, |run| {
+                run.noise.is_none() && !run.flags.contains("--flat")
+            }),
+            series("final gather", 2, |run| run.noise.is_some()),
+        ],
+        reference_error: Some(results.reference_noise),
+    }
+}

@@ -1,0 +1,154 @@
+//! Which faces may see each other, found without looking at all pairs of faces.
+
+use std::ops::Range;
+
+use glam::DVec3;
+
+use super::patches::Patches;
+use crate::form_factor::pairs::Facing;
+
+/// A leaf holds at most this many faces.
+const LEAF: usize = 4;
+
+/// Some faces: the box around their corners, and that around their normals.
+struct Node {
+    corners: (DVec3, DVec3),
+    normals: (DVec3, DVec3),
+    /// The range of `order` below this node.
+    faces: Range<usize>,
+    /// The greatest number of a face below this node.
+    last: usize,
+    /// The second child, or 0 for a leaf; the first child is the next node.
+    second: usize,
+}
+
+/// Faces in a binary tree, cut at the median of the longest side of a box: of places where the normals are much alike, else of normals.
+pub(super) struct FaceTree {
+    nodes: Vec<Node>,
+    order: Vec<usize>,
+    corners: Vec<(DVec3, DVec3)>,
+    normals: Vec<DVec3>,
+}
+
+fn around(points: impl Iterator<Item = (DVec3, DVec3)>) -> (DVec3, DVec3) {
+    let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    points.fold(none, |(low, high), (l, h)| (low.min(l), high.max(h)))
+}
+
+impl FaceTree {
+    pub(super) fn new(patches: &Patches, facing: &Facing) -> Self {
+        let faces = &patches.faces;
+        let mut tree = Self {
+            nodes: Vec::new(),
+            order: (0..faces.len()).collect(),
+            corners: faces
+                .iter()
+                .map(|face| around(patches.corners[face.range()].iter().flatten().map(|&v| (v, v))))
+                .collect(),
+            normals: faces.iter().map(|face| facing.normal(face.range().start)).collect(),
+        };
+        if !faces.is_empty() {
+            tree.grow(0..faces.len());
+        }
+        tree
+    }
+
+    fn grow(&mut self, range: Range<usize>) {
+        let own = &self.order[range.clone()];
+        let corners = around(own.iter().map(|&f| self.corners[f]));
+        let normals = around(own.iter().map(|&f| (self.normals[f], self.normals[f])));
+        let index = self.nodes.len();
+        self.nodes.push(Node {
+            corners,
+            normals,
+            faces: range.clone(),
+            last: own.iter().copied().max().unwrap_or(0),
+            second: 0,
+        });
+        if range.len() <= LEAF {
+            return;
+        }
+        let middle = range.len() / 2;
+        let (size, spread) = (corners.1 - corners.0, normals.1 - normals.0);
+        let whole = self.nodes[0].corners.1 - self.nodes[0].corners.0;
+        // Both against all that there may be: the scene's size, and the diameter of the sphere of normals.
+        let by_place = size.max_element() * 2.0 >= spread.max_element() * whole.max_element();
+        let key = |f: usize| {
+            if by_place {
+                let (low, high) = self.corners[f];
+                (low + high)[size.max_position()]
+            } else {
+                self.normals[f][spread.max_position()]
+            }
+        };
+        self.order[range.clone()].select_nth_unstable_by(middle, |&a, &b| key(a).total_cmp(&key(b)).then(a.cmp(&b)));
+        self.grow(range.start..range.start + middle);
+        self.nodes[index].second = self.nodes.len();
+        self.grow(range.start + middle..range.end);
+    }
+
+    /// Returns the faces after `f` of which some patches may face some of `f`, in ascending order; those of a leaf are still to be looked at one by one.
+    pub(super) fn after(&self, f: usize) -> Vec<usize> {
+        let (own, normal) = (self.corners[f], self.normals[f]);
+        let mut found = Vec::new();
+        let mut stack = vec![0];
+        while let Some(index) = stack.pop() {
+            let node = &self.nodes[index];
+            // From the node's faces to this one, and back.
+            let to = (own.0 - node.corners.1, own.1 - node.corners.0);
+            let back = (-to.1, -to.0);
+            if node.last <= f || highest(node.normals, to) <= 0.0 || highest((normal, normal), back) <= 0.0 {
+                continue;
+            }
+            if node.second == 0 {
+                found.extend(self.order[node.faces.clone()].iter().copied().filter(|&g| g > f));
+            } else {
+                stack.extend([index + 1, node.second]);
+            }
+        }
+        found.sort_unstable();
+        found
+    }
+}
+
+/// Returns a bound from above of n · d for n and d in two boxes.
+fn highest(n: (DVec3, DVec3), d: (DVec3, DVec3)) -> f64 {
+    (n.0 * d.0).max(n.0 * d.1).max(n.1 * d.0).max(n.1 * d.1).element_sum()
+}
+
+#[cfg(test)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::mesh::{Mesh, Subdivision};
+    use crate::scene::builtin;
+
+    #[test]
+    fn no_faces_that_face_each_other_are_missed_and_few_others_found() {
+        // Leaves of four faces are much of a scene of twelve.
+        for (name, n, most) in [
+            ("sphere-room-r1", 1, 1.2),
+            ("cornell-box", 3, 1.6),
+            ("room-box", 2, 1.6),
+        ] {
+            let scene = builtin::build(name, None).unwrap().scene;
+            let mesh = Mesh::new(&scene, Subdivision::Uniform(n)).unwrap();
+            let (patches, facing) = (Patches::new(&mesh, true), Facing::new(&mesh));
+            let tree = FaceTree::new(&patches, &facing);
+            let (mut n_found, mut n_facing) = (0, 0);
+            for f in 0..patches.faces.len() {
+                let found = tree.after(f);
+                assert!(found.is_sorted() && found.iter().all(|&g| g > f));
+                let any = |g: usize| facing.any(patches.faces[f].range(), patches.faces[g].range());
+                let exact: Vec<usize> = (f + 1..patches.faces.len()).filter(|&g| any(g)).collect();
+                assert!(exact.iter().all(|g| found.binary_search(g).is_ok()), "{name} {f}");
+                n_found += found.len();
+                n_facing += exact.len();
+            }
+            assert!(
+                n_found as f64 <= most * n_facing as f64,
+                "{name}: {n_found} for {n_facing}"
+            );
+        }
+    }
+}

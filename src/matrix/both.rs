@@ -1,0 +1,278 @@
+//! A dense tile applied together with its transpose, compiled as the loops of [`lanes`](super::lanes).
+
+#![cfg_attr(
+    test,
+    expect(
+        clippy::shadow_unrelated,
+        reason = "inner scopes reuse the letters of the formulas and the names of what they look at"
+    )
+)]
+#![expect(
+    clippy::inline_always,
+    reason = "what is not inlined is not compiled for the instruction set"
+)]
+
+use pulp::Simd;
+
+use super::lanes::{InnerLoop, LANES, Lanes, Wide, dispatch};
+use super::square::SIDE;
+use super::store::Scalar;
+
+/// Parts of a tile that rows are taken from in turn.
+const QUARTERS: usize = 4;
+
+/// One channel of a tile T: x in its rows and columns, the partial sums of its rows, and y in its columns.
+pub(super) struct Meeting<'a> {
+    pub(super) x_rows: &'a [f64],
+    pub(super) x_columns: &'a [f64],
+    pub(super) rows: &'a mut [Lanes],
+    pub(super) y_columns: &'a mut [f64],
+}
+
+/// Adds T `x_columns` to the partial sums `rows`, and T^T `x_rows` to `y_columns`, for every channel, reading T once.
+///
+/// `values` are the rows of T one after another. The order of the additions depends on the shape of T alone.
+pub(super) fn add_both<'a, T: Scalar>(values: &[T], mut channels: impl Iterator<Item = Meeting<'a>>) {
+    while let Some(first) = channels.next() {
+        match (channels.next(), channels.next()) {
+            (None, _) => dispatch(Both(values, [first])),
+            (Some(second), None) => dispatch(Both(values, [first, second])),
+            (Some(second), Some(third)) => dispatch(Both(values, [first, second, third])),
+        }
+    }
+}
+
+/// The loop of [`add_both`] for C channels.
+struct Both<'a, 'b, T, const C: usize>(&'a [T], [Meeting<'b>; C]);
+
+impl<T: Scalar, const C: usize> InnerLoop for Both<'_, '_, T, C> {
+    #[inline(always)]
+    fn run<S: Simd, const N: usize>(self, simd: S) {
+        let Self(values, channels) = self;
+        if N == 1 {
+            both::<S, T, N, C, 4>(simd, values, channels);
+        } else {
+            // There are no registers for the sums of several channels, nor of four rows.
+            for channel in channels {
+                both::<S, T, N, 1, 2>(simd, values, [channel]);
+            }
+        }
+    }
+}
+
+/// Does what [`add_both`] does, R rows at a time, one from each quarter of the tile, since memory is read faster in four streams than in one.
+///
+/// R divides 4, and does not change the order of the additions.
+#[inline(always)]
+fn both<S: Simd, T: Scalar, const N: usize, const C: usize, const R: usize>(
+    simd: S,
+    values: &[T],
+    mut channels: [Meeting<'_>; C],
+) {
+    if channels[0].x_rows.len() == SIDE && channels[0].x_columns.len() == SIDE {
+        return whole_tile::<S, T, N, C, R>(simd, values, channels);
+    }
+    let quarter = channels[0].x_rows.len() / QUARTERS;
+    for i in 0..quarter {
+        for first in (0..QUARTERS).step_by(R) {
+            let rows: [usize; R] = std::array::from_fn(|r| i + (first + r) * quarter);
+            both_rows::<S, T, N, C, R>(simd, values, rows, &mut channels);
+        }
+    }
+    for i in QUARTERS * quarter..channels[0].x_rows.len() {
+        both_rows::<S, T, N, C, 1>(simd, values, [i], &mut channels);
+    }
+}
+
+/// Registers' worth of [`Lanes`] in a row of a tile with all its columns.
+const CHUNKS: usize = SIDE / LANES;
+
+/// Does what [`both`] does for a tile of the full size: as all lengths are known, nothing but the products is left to do.
+#[inline(always)]
+#[expect(clippy::needless_range_loop, reason = "arrays that closures fill go through memory")]
+fn whole_tile<S: Simd, T: Scalar, const N: usize, const C: usize, const R: usize>(
+    simd: S,
+    values: &[T],
+    channels: [Meeting<'_>; C],
+) {
+    const SHAPE: &str = "a tile of the full size";
+    let chunks = values.as_chunks::<LANES>().0.as_chunks::<CHUNKS>().0;
+    let tile: &[[[T; LANES]; CHUNKS]; SIDE] = chunks.try_into().expect(SHAPE);
+    let ends = channels.map(|channel| {
+        let x_rows: &[f64; SIDE] = channel.x_rows.try_into().expect(SHAPE);
+        let x: &[Lanes; CHUNKS] = channel.x_columns.as_chunks().0.try_into().expect(SHAPE);
+        let y: &mut [Lanes; CHUNKS] = channel.y_columns.as_chunks_mut().0.try_into().expect(SHAPE);
+        let rows: &mut [Lanes; SIDE] = channel.rows.try_into().expect(SHAPE);
+        (x_rows, x, y, rows)
+    });
+    for i in 0..SIDE / QUARTERS {
+        for first in (0..QUARTERS).step_by(R) {
+            let row = |r: usize| (i + (first + r) * (SIDE / QUARTERS)) % SIDE;
+            let mut x_rows = [[Wide::<S, N>::zero(simd); R]; C];
+            let mut sums = [[Wide::<S, N>::zero(simd); R]; C];
+            for c in 0..C {
+                for r in 0..R {
+                    x_rows[c][r] = Wide::splat(simd, ends[c].0[row(r)]);
+                }
+            }
+            for k in 0..CHUNKS {
+                let mut x_k = [Wide::<S, N>::zero(simd); C];
+                let mut y_k = [Wide::<S, N>::zero(simd); C];
+                for c in 0..C {
+                    (x_k[c], y_k[c]) = (Wide::load(&ends[c].1[k]), Wide::load(&ends[c].2[k]));
+                }
+                for r in 0..R {
+                    let a = Wide::load(&tile[row(r)][k]);
+                    for c in 0..C {
+                        sums[c][r] = sums[c][r].plus_product(simd, a, x_k[c]);
+                        y_k[c] = y_k[c].plus_product(simd, a, x_rows[c][r]);
+                    }
+                }
+                for c in 0..C {
+                    y_k[c].store(&mut ends[c].2[k]);
+                }
+            }
+            for c in 0..C {
+                for r in 0..R {
+                    let lanes = &mut ends[c].3[row(r)];
+                    Wide::load(lanes).plus(simd, sums[c][r]).store(lanes);
+                }
+            }
+        }
+    }
+}
+
+/// Does with R rows what [`add_both`] does with all.
+#[inline(always)]
+#[expect(clippy::needless_range_loop, reason = "arrays that closures fill go through memory")]
+fn both_rows<S: Simd, T: Scalar, const N: usize, const C: usize, const R: usize>(
+    simd: S,
+    values: &[T],
+    rows: [usize; R],
+    channels: &mut [Meeting<'_>; C],
+) {
+    let n_columns = channels[0].x_columns.len();
+    let n_whole = n_columns / LANES;
+    let split = rows.map(|i| values[i * n_columns..(i + 1) * n_columns].as_chunks::<LANES>());
+    let whole = split.map(|s| &s.0[..n_whole]);
+    let mut x_rows = [[Wide::<S, N>::zero(simd); R]; C];
+    let mut sums = [[Wide::<S, N>::zero(simd); R]; C];
+    for c in 0..C {
+        for r in 0..R {
+            x_rows[c][r] = Wide::splat(simd, channels[c].x_rows[rows[r]]);
+        }
+    }
+    let mut ends = channels.each_mut().map(|channel| {
+        let (x_whole, x_rest) = channel.x_columns[..n_columns].as_chunks::<LANES>();
+        let (y_whole, y_rest) = channel.y_columns[..n_columns].as_chunks_mut::<LANES>();
+        let (x_whole, y_whole) = (&x_whole[..n_whole], &mut y_whole[..n_whole]);
+        (x_whole, y_whole, x_rest, y_rest, channel.x_rows, &mut *channel.rows)
+    });
+    for k in 0..n_whole {
+        let mut x_k = [Wide::<S, N>::zero(simd); C];
+        let mut y_k = [Wide::<S, N>::zero(simd); C];
+        for c in 0..C {
+            (x_k[c], y_k[c]) = (Wide::load(&ends[c].0[k]), Wide::load(&ends[c].1[k]));
+        }
+        for r in 0..R {
+            let a = Wide::load(&whole[r][k]);
+            for c in 0..C {
+                sums[c][r] = sums[c][r].plus_product(simd, a, x_k[c]);
+                y_k[c] = y_k[c].plus_product(simd, a, x_rows[c][r]);
+            }
+        }
+        for c in 0..C {
+            y_k[c].store(&mut ends[c].1[k]);
+        }
+    }
+    for c in 0..C {
+        let (_, _, x_rest, y_rest, x_of_rows, lanes_of_rows) = &mut ends[c];
+        for r in 0..R {
+            let lanes = &mut lanes_of_rows[rows[r]];
+            Wide::load(lanes).plus(simd, sums[c][r]).store(lanes);
+            for l in 0..x_rest.len() {
+                let a = split[r].1[l].to_f64();
+                lanes[l] = a.mul_add(x_rest[l], lanes[l]);
+                y_rest[l] = a.mul_add(x_of_rows[rows[r]], y_rest[l]);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use pulp::WithSimd;
+
+    use super::super::lanes::tests::{bits, numbers};
+    use super::super::lanes::{Widest, total};
+    use super::*;
+
+    #[test]
+    fn a_tile_and_its_transpose_are_the_same_bytes_with_every_instruction_set() {
+        for (n_rows, n_columns) in [(1, 1), (3, 9), (4, 8), (63, 65), (64, 64), (64, 5)] {
+            let values = numbers(n_rows * n_columns, 1);
+            let (x_rows, x_columns) = (numbers(n_rows, 2), numbers(n_columns, 3));
+            let run = |portable: bool| {
+                let (mut rows, mut columns) = (vec![[0.5; LANES]; n_rows], vec![0.25; n_columns]);
+                let meeting = Meeting {
+                    x_rows: &x_rows,
+                    x_columns: &x_columns,
+                    rows: &mut rows,
+                    y_columns: &mut columns,
+                };
+                if portable {
+                    Widest(Both(&values, [meeting])).with_simd(pulp::Scalar::new());
+                } else {
+                    add_both(&values, std::iter::once(meeting));
+                }
+                (rows, columns)
+            };
+            let (rows, columns) = run(false);
+            let (portable_rows, portable_columns) = run(true);
+            assert_eq!(bits(rows.as_flattened()), bits(portable_rows.as_flattened()));
+            assert_eq!(bits(&columns), bits(&portable_columns));
+            // Terms of one sign: n roundings of at most 1.1e-16 of the sum each.
+            let tolerance = 65.0 * f64::EPSILON;
+            for (i, lanes) in rows.iter().enumerate() {
+                let row = &values[i * n_columns..(i + 1) * n_columns];
+                let expected = 0.5 * LANES as f64 + row.iter().zip(&x_columns).map(|(a, x)| a * x).sum::<f64>();
+                assert!((total(lanes) - expected).abs() <= tolerance * expected);
+            }
+            for (j, sum) in columns.iter().enumerate() {
+                let column = values.iter().skip(j).step_by(n_columns);
+                let expected = 0.25 + column.zip(&x_rows).map(|(a, x)| a * x).sum::<f64>();
+                assert!((sum - expected).abs() <= tolerance * expected);
+            }
+        }
+    }
+
+    #[test]
+    fn every_channel_of_a_tile_is_summed_as_if_it_were_alone() {
+        let (n_rows, n_columns) = (63, 61);
+        let values = numbers(n_rows * n_columns, 1);
+        for n_channels in 1..=5 {
+            let x: Vec<_> = (0..n_channels)
+                .map(|c| (numbers(n_rows, c), numbers(n_columns, 7 + c)))
+                .collect();
+            let run = |channels: std::ops::Range<usize>| {
+                let n = channels.len();
+                let (mut rows, mut columns) = (vec![[0.5; LANES]; n * n_rows], vec![0.25; n * n_columns]);
+                let sums = rows.chunks_mut(n_rows).zip(columns.chunks_mut(n_columns));
+                let meetings = x[channels]
+                    .iter()
+                    .zip(sums)
+                    .map(|((x_rows, x_columns), (rows, y_columns))| Meeting {
+                        x_rows,
+                        x_columns,
+                        rows,
+                        y_columns,
+                    });
+                add_both(&values, meetings);
+                (bits(rows.as_flattened()), bits(&columns))
+            };
+            let alone: Vec<_> = (0..n_channels).map(|c| run(c..c + 1)).collect();
+            let (rows, columns): (Vec<_>, Vec<_>) = alone.into_iter().unzip();
+            assert_eq!(run(0..n_channels), (rows.concat(), columns.concat()), "{n_channels}");
+        }
+    }
+}

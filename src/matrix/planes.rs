@@ -1,0 +1,69 @@
+//! A block of vectors as the inner loops want it.
+
+use std::sync::OnceLock;
+
+use super::aligned::Aligned;
+use super::operator::Block;
+use super::square::SIDE;
+
+/// Channels that loops over listed entries take at once: with four an entry takes as many instructions as with one.
+pub(super) const FOUR: usize = 4;
+
+/// A block of vectors, each channel in one piece that begins on a cache line, filled up with zeros to a multiple of [`SIDE`] rows.
+#[derive(Debug)]
+pub(super) struct Planes {
+    n_rows: usize,
+    values: Aligned<f64>,
+    /// The same row by row, four channels at a time, where that has been asked for.
+    fours: OnceLock<Vec<Aligned<f64>>>,
+}
+
+impl Planes {
+    pub(super) fn of(x: &Block) -> Self {
+        let (n_rows, n_channels) = (x.n_rows(), x.n_channels());
+        let mut values = Aligned::filled(n_rows.next_multiple_of(SIDE) * n_channels, 0.0);
+        let planes = values.chunks_exact_mut(n_rows.next_multiple_of(SIDE));
+        for (c, plane) in planes.enumerate() {
+            let channel = x.values().iter().skip(c).step_by(n_channels);
+            plane.iter_mut().zip(channel).for_each(|(to, from)| *to = *from);
+        }
+        let fours = OnceLock::new();
+        Self { n_rows, values, fours }
+    }
+
+    /// Returns the number of channels.
+    pub(super) fn n_channels(&self) -> usize {
+        self.values.len() / self.n_rows.next_multiple_of(SIDE)
+    }
+
+    /// Returns the values of channels 0 to 3, 4 to 7 and so on of every row, filled up with zeros as the planes are.
+    ///
+    /// What gathers rows finds all channels of one in the same cache line.
+    pub(super) fn fours(&self) -> impl Iterator<Item = &[[f64; FOUR]]> {
+        let n_padded = self.n_rows.next_multiple_of(SIDE);
+        let of_group = |planes: &[f64]| {
+            let mut values = Aligned::filled(n_padded * FOUR, 0.0);
+            for (c, plane) in planes.chunks_exact(n_padded).enumerate() {
+                for (row, value) in values.as_chunks_mut::<FOUR>().0.iter_mut().zip(plane) {
+                    row[c] = *value;
+                }
+            }
+            values
+        };
+        let groups = self
+            .fours
+            .get_or_init(|| self.values.chunks(FOUR * n_padded).map(of_group).collect());
+        groups.iter().map(|group| group.as_chunks::<FOUR>().0)
+    }
+
+    /// Returns the values of one channel.
+    pub(super) fn channel(&self, c: usize) -> &[f64] {
+        &self.padded(c)[..self.n_rows]
+    }
+
+    /// Returns the values of one channel, filled up with zeros to a multiple of [`SIDE`].
+    pub(super) fn padded(&self, c: usize) -> &[f64] {
+        let n_padded = self.n_rows.next_multiple_of(SIDE);
+        &self.values[c * n_padded..(c + 1) * n_padded]
+    }
+}

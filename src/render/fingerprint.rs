@@ -1,0 +1,38 @@
+//! The fingerprint of all that an image depends on.
+
+use sha2::{Digest, Sha256};
+
+use super::{RenderInput, RenderSettings, View};
+use crate::matrix::operator::Block;
+
+impl RenderInput<'_> {
+    /// Returns the SHA-256 of everything that the image depends on: scene, patches, solution, view, settings, where rays begin, and the version of the program.
+    #[must_use]
+    pub fn fingerprint(&self, view: &dyn View, settings: &RenderSettings) -> [u8; 32] {
+        let mut hasher = Sha256::new();
+        hasher.update(concat!("radiosity picture ", env!("CARGO_PKG_VERSION"), "\n"));
+        hasher.update(self.scene.content_hash());
+        hasher.update(self.mesh.geometry_hash());
+        let (width, height) = view.size();
+        // Debug shows every digit of a float.
+        hasher.update(format!("{width} {height} {:?} {settings:?}\n", view.description()));
+        let origin = self.visibility.frame_origin().to_array();
+        for number in origin.into_iter().chain([self.visibility.offset()]) {
+            hasher.update(number.to_bits().to_le_bytes());
+        }
+        let given = [
+            Some(self.radiosity),
+            Some(self.irradiance),
+            self.indirect_irradiance,
+            self.error,
+        ];
+        for block in given {
+            let shape = |b: &Block| (b.n_rows(), b.n_channels());
+            hasher.update(format!("{:?}\n", block.map(shape)));
+            for number in block.iter().flat_map(|block| block.values()) {
+                hasher.update(number.to_bits().to_le_bytes());
+            }
+        }
+        hasher.finalize().into()
+    }
+}

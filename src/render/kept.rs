@@ -1,0 +1,60 @@
+//! What a checkpoint keeps of final gather: for each block and round the pixels that the round went on with.
+
+use super::gather::Gathered;
+use super::renderer::{BlockState, Renderer};
+use crate::checkpoint::Checkpoint;
+
+/// The part of the checkpoint: one picture at a time. Form factors have the parts from 0 on.
+const PART: u32 = 1 << 20;
+
+/// The rounds of a picture's blocks in a checkpoint.
+pub(super) struct KeptRounds<'a> {
+    checkpoint: &'a Checkpoint,
+    n_blocks: usize,
+}
+
+impl<'a> KeptRounds<'a> {
+    /// Takes up what was kept of the same picture, or begins anew.
+    pub(super) fn open(checkpoint: &'a Checkpoint, renderer: &Renderer<'_>, n_blocks: usize) -> Self {
+        let key = renderer.input.fingerprint(renderer.view, renderer.settings);
+        checkpoint.begin_part(PART, &key);
+        Self { checkpoint, n_blocks }
+    }
+
+    fn piece(&self, block: usize, round: u32) -> u64 {
+        u64::from(round) * self.n_blocks as u64 + block as u64
+    }
+
+    /// Brings a block to the end of the last round that was kept.
+    pub(super) fn restore(&self, block: usize, state: &mut BlockState) {
+        while let Some(piece) = self.checkpoint.piece(self.piece(block, state.n_rounds)) {
+            let Some(next) = decoded(&piece, &state.gathered) else {
+                return;
+            };
+            state.gathered = next;
+            state.n_rounds += 1;
+        }
+    }
+
+    /// Keeps what the round after `state` made.
+    pub(super) fn keep(&self, block: usize, state: &BlockState, next: &[Gathered]) {
+        let mut bytes = Vec::new();
+        for (before, after) in state.gathered.iter().zip(next) {
+            if !before.finished {
+                after.encode(&mut bytes);
+            }
+        }
+        self.checkpoint.keep(self.piece(block, state.n_rounds), &bytes);
+    }
+}
+
+/// Returns the pixels after a round; `None` for what is no such round.
+fn decoded(piece: &[u8], before: &[Gathered]) -> Option<Vec<Gathered>> {
+    let (open, rest) = piece.as_chunks::<{ Gathered::N_BYTE }>();
+    let mut open = open.iter();
+    let mut next = before.to_vec();
+    for pixel in next.iter_mut().filter(|pixel| !pixel.finished) {
+        *pixel = Gathered::decode(open.next()?)?;
+    }
+    (rest.is_empty() && open.next().is_none()).then_some(next)
+}
