@@ -263,11 +263,11 @@ fn final_gather_and_frames_go_on_to_the_same_bytes() {
     let at = |name: &str| directory.path().join(name);
     let pictures = ["p-a.exr", "p-b.exr", "p-c.exr", "p-a.png", "p-c.png"];
     let without = &PICTURES[..PICTURES.len() - 2];
-    let output = finish(directory.path(), without);
+    let output = radiosity(directory.path(), without);
     assert!(output.status.success(), "{}", text(&output.stderr));
     let whole: Vec<Vec<u8>> = pictures.iter().map(|name| std::fs::read(at(name)).unwrap()).collect();
     let told_whole: serde_json::Value = {
-        let output = finish(directory.path(), &[without, &["--json"]].concat());
+        let output = radiosity(directory.path(), &[without, &["--json"]].concat());
         serde_json::from_slice(&output.stdout).unwrap()
     };
     for name in pictures {
@@ -301,7 +301,7 @@ fn final_gather_and_frames_go_on_to_the_same_bytes() {
         size = at("kept").metadata().unwrap().len() + 400_000;
     }
     assert!(n_stopped >= 2, "the work is long enough to be stopped more than once");
-    let output = finish(directory.path(), &[PICTURES, &["--json"]].concat());
+    let output = radiosity(directory.path(), &[PICTURES, &["--json"]].concat());
     assert!(output.status.success(), "{}", text(&output.stderr));
     let told: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     for (name, expected) in pictures.iter().zip(&whole) {
@@ -338,7 +338,7 @@ fn a_finished_frame_is_not_rendered_again_unless_it_was_changed() {
     let written = at("p-a.exr").metadata().unwrap().modified().unwrap();
     // The first frame stays as it is; one that somebody else wrote to is made again.
     std::fs::write(at("p-b.exr"), b"changed").unwrap();
-    assert!(finish(directory.path(), PICTURES).status.success());
+    assert!(radiosity(directory.path(), PICTURES).status.success());
     assert_eq!(at("p-a.exr").metadata().unwrap().modified().unwrap(), written);
     assert!(std::fs::read(at("p-a.exr")).unwrap() == first);
     assert!(std::fs::read(at("p-b.exr")).unwrap() != b"changed");
