@@ -1,6 +1,10 @@
 //! Work that is stopped: by the caller, by signals, by a kill; and what the next run makes of it.
 #![cfg(unix)]
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![expect(
+    clippy::unwrap_used,
+    clippy::shadow_unrelated,
+    reason = "a test fails by panicking, and each run of a test has its own output"
+)]
 
 #[path = "support/program.rs"]
 mod program;
