@@ -368,15 +368,12 @@ mod tests {
         checkpoint.begin_part(1, &[9; 32]);
         assert_eq!((checkpoint.piece(7), checkpoint.n_pieces()), (None, 2));
         drop(checkpoint);
-        let checkpoint = Checkpoint::open(&path, &KEY).unwrap();
-        assert_eq!(
-            (checkpoint.piece(7).unwrap(), checkpoint.n_pieces()),
-            (b"first".to_vec(), 2)
-        );
-        checkpoint.begin_part(1, &[9; 32]);
-        assert_eq!(checkpoint.piece(7), None);
-        checkpoint.begin_part(2, &[2; 32]);
-        assert_eq!(checkpoint.piece(7).unwrap(), b"third");
+        let again = Checkpoint::open(&path, &KEY).unwrap();
+        assert_eq!((again.piece(7).unwrap(), again.n_pieces()), (b"first".to_vec(), 2));
+        again.begin_part(1, &[9; 32]);
+        assert_eq!(again.piece(7), None);
+        again.begin_part(2, &[2; 32]);
+        assert_eq!(again.piece(7).unwrap(), b"third");
     }
 
     #[test]

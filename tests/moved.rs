@@ -53,13 +53,13 @@ impl Posed {
 
     fn update(&self, method: &dyn FormFactorMethod, before: &Self, known: &Computed) -> Computed {
         let change = Change::between(&before.scene, &self.scene);
-        let before = Before {
+        let known_before = Before {
             factors: &known.factors,
             tolerance_met: known.tolerance_met,
             change: &change,
         };
         method
-            .update(self.input(), before, StorageChoice::default(), &Silent)
+            .update(self.input(), known_before, StorageChoice::default(), &Silent)
             .unwrap()
     }
 }

@@ -313,7 +313,7 @@ mod tests {
                 0 => true,
                 1 => false,
                 2 => (j * 7919 + i) % 5 < 2,
-                _ => *j > n - 30 && j % 3 == 0,
+                _ => *j > n - 30 && j.is_multiple_of(3),
             };
             columns.extend((0..).zip(0..n).filter(|(_, j)| wanted(j)).map(|(j, _): (u32, usize)| j));
             begins.push(columns.len());

@@ -103,11 +103,11 @@ mod tests {
             let mut expected = found.clone();
             lu.solve_vector(&mut found);
             lu.solve(MatMut::from_column_major_slice_mut(&mut expected, n, 1));
-            for ((a, b), x) in found.iter().zip(&expected).zip(&x) {
+            for ((a, b), wanted) in found.iter().zip(&expected).zip(&x) {
                 // Condition numbers of some hundred, times the roundings of n terms.
                 assert!(
-                    (a - b).abs() < 1e-11 * x && (a - x).abs() < 1e-11 * x,
-                    "{n}: {a} {b} {x}"
+                    (a - b).abs() < 1e-11 * wanted && (a - wanted).abs() < 1e-11 * wanted,
+                    "{n}: {a} {b} {wanted}"
                 );
             }
         }

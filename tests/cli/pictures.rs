@@ -388,7 +388,15 @@ fn frames_with_a_moved_object_equal_pictures_of_the_moved_scene() {
         told.contains("6 faces moved: ") && told.contains("computed anew, the others are as before"),
         "{told}"
     );
+}
 
+#[test]
+fn motions_that_cannot_be_are_refused_with_their_line() {
+    let directory = with_scene("room-box");
+    let write = |name: &str, text: &str| std::fs::write(directory.path().join(name), text).unwrap();
+    let (code, listed) = document(directory.path(), &["form-factors", "scene.obj", "--subdivide", "1"]);
+    assert_eq!(code, 0);
+    let side = listed["surfaces"][0]["name"].as_str().unwrap();
     for (moves, words) in [
         ("surface = \"sofa\"\ntranslate = [1, 0, 0]", "no surface `sofa`"),
         ("surface = []\ntranslate = [1, 0, 0]", "name one or more"),
@@ -397,12 +405,21 @@ fn frames_with_a_moved_object_equal_pictures_of_the_moved_scene() {
         ("surface = \"SIDE\"\ntranslate = [1e16, 0, 0]", "move it less far"),
         ("surface = \"SIDE\"\nspin = 3", "spin"),
     ] {
-        let moves = moves.replace("SIDE", sides[0]);
+        let moves = moves.replace("SIDE", side);
         write(
             "bad.toml",
             &format!("[[frame]]\nname = \"a\"\n[[frame.move]]\n{moves}\n"),
         );
-        let bad = [&common[..], &["--frames", "bad.toml", "-o", "f.exr"]].concat();
+        let bad = [
+            "render",
+            "scene.obj",
+            "--subdivide",
+            "3",
+            "--frames",
+            "bad.toml",
+            "-o",
+            "f.exr",
+        ];
         let output = radiosity(directory.path(), &bad);
         let message = stderr(&output);
         assert_eq!(output.status.code(), Some(1), "{moves}: {message}");
