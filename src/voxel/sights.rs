@@ -45,6 +45,9 @@ impl VoxelScene {
     }
 }
 
+/// Fewer surfels than this look one by one: a bundle of them costs more than their lines.
+const WORTH_A_BUNDLE: usize = 3;
+
 /// The surfels of a brick that see.
 pub(super) struct Watch<'a> {
     scene: &'a VoxelScene,
@@ -102,6 +105,17 @@ impl<'a> Watch<'a> {
     /// Fills `sights`, one row for each surfel and one column for each direction.
     pub(super) fn look(&self, directions: &[Direction], sights: &mut [Option<Sight>]) {
         let n = directions.len();
+        if self.surfels.len() < WORTH_A_BUNDLE {
+            for (surfel, row) in self.surfels.clone().zip(sights.chunks_mut(n)) {
+                let normal = self.scene.normal(surfel);
+                for (seen, direction) in row.iter_mut().zip(directions) {
+                    if is_in_front(normal, direction.vector()) {
+                        *seen = Some(self.scene.sight(surfel, direction));
+                    }
+                }
+            }
+            return;
+        }
         for (d, direction) in directions.iter().enumerate() {
             let mut slope = Bundle::new();
             let mut slope_surfels = [0; 64];
