@@ -297,9 +297,11 @@ if [ $from_debian_13 = yes ]; then
     { cat "$tmp/trace.err" >&2; die "the patched Embree does not work here; nothing was installed."; }
 
   # The link that programs are linked through comes last: without it, this script starts again.
-  say "installing Embree $version under /usr/local"
-  lib=/usr/local/lib/x86_64-linux-gnu
-  "${as_root[@]}" install -D -m 644 -t /usr/local/include/embree4 "$tmp"/root/usr/include/embree4/*.h
+  # The prefix for what the system's packages do not own; build.rs looks there too.
+  prefix=/usr/local
+  say "installing Embree $version under $prefix"
+  lib=$prefix/lib/x86_64-linux-gnu
+  "${as_root[@]}" install -D -m 644 -t $prefix/include/embree4 "$tmp"/root/usr/include/embree4/*.h
   "${as_root[@]}" install -D -m 644 -t $lib "$tmp"/lib/lib{e4compat.so,embree4.so.4}
   "${as_root[@]}" ln -sf libembree4.so.4 $lib/libembree4.so
   "${as_root[@]}" /sbin/ldconfig
