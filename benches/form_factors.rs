@@ -1,13 +1,13 @@
-//! `exact` on one core: a closed cube, and a room with a floating box at three sizes.
+//! `exact` on one core: a closed cube, a room with a floating box at three sizes, and after that box has moved: all factors anew, or only those that can have changed.
 
 use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
-use radiosity::form_factor::{ExactMethod, FormFactorMethod, Input};
+use radiosity::form_factor::{Before, Change, Computed, ExactMethod, FormFactorMethod, Input};
 use radiosity::matrix::{FormFactors, StorageChoice};
 use radiosity::mesh::{Mesh, Subdivision};
 use radiosity::progress::Silent;
-use radiosity::scene::{Scene, builtin, topology};
+use radiosity::scene::{Motion, Names, Pose, Scene, builtin, topology};
 use radiosity::visibility::brute_force::BruteForce;
 
 struct Prepared {
@@ -26,19 +26,56 @@ impl Prepared {
         }
     }
 
-    fn compute(&self, tolerance: f64) -> FormFactors {
-        let method = ExactMethod {
-            tolerance,
-            ..ExactMethod::default()
+    /// The same scene with the surfaces of the given prefix moved.
+    fn moved(&self, prefix: &str, translate: [f64; 3]) -> Self {
+        let names = self.scene.surfaces.iter().map(|surface| surface.name.clone());
+        let motion = Motion {
+            surface: Names::Many(names.filter(|name| name.starts_with(prefix)).collect()),
+            rotate: None,
+            axis: None,
+            about: None,
+            translate: Some(translate),
         };
-        let input = Input {
+        let mut pose = Pose::default();
+        pose.push(&self.scene, &motion).expect("surfaces of the scene");
+        let scene = self.scene.posed(&pose).expect("a scene");
+        Self {
+            mesh: self.mesh.posed(&pose),
+            visibility: BruteForce::new(&scene),
+            scene,
+        }
+    }
+
+    fn input(&self) -> Input<'_> {
+        Input {
             scene: &self.scene,
             mesh: &self.mesh,
             visibility: &self.visibility,
             unoccluded: topology::is_convex_and_empty(&self.scene),
-        };
-        let computed = method.compute(input, StorageChoice::default(), &Silent);
+        }
+    }
+
+    fn compute(&self, tolerance: f64) -> FormFactors {
+        let computed = exact_to(tolerance).compute(self.input(), StorageChoice::default(), &Silent);
         computed.expect("any scene can be treated").factors
+    }
+
+    fn update(&self, before: &Self, known: &FormFactors, tolerance: f64) -> Computed {
+        let change = Change::between(&before.scene, &self.scene);
+        let known_before = Before {
+            factors: known,
+            tolerance_met: true,
+            change: &change,
+        };
+        let updated = exact_to(tolerance).update(self.input(), known_before, StorageChoice::default(), &Silent);
+        updated.expect("any scene can be treated")
+    }
+}
+
+fn exact_to(tolerance: f64) -> ExactMethod {
+    ExactMethod {
+        tolerance,
+        ..ExactMethod::default()
     }
 }
 
@@ -84,5 +121,38 @@ fn exact(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, exact);
+/// The ratio of both times is what keeping factors saves; deciding which ones to keep is part of the second.
+fn moved(criterion: &mut Criterion) {
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(1)
+        .build()
+        .expect("a thread");
+    let mut group = criterion.benchmark_group("exact after a move");
+    group.sample_size(10);
+    let tolerance = 1e-5;
+    for (name, prefix, n, translate) in [
+        ("room-box", "box", 9, [0.1, 0.0, 0.0]),
+        ("cornell-box", "short_block", 8, [0.02, 0.0, 0.0]),
+    ] {
+        let before = Prepared::new(name, n);
+        let after = before.moved(prefix, translate);
+        let known = before.compute(tolerance);
+        let pairs = after
+            .update(&before, &known, tolerance)
+            .pairs
+            .expect("exact looks at pairs");
+        let anew = pairs.full + pairs.hidden + pairs.partial;
+        let id = format!("{name}, {} patches", after.mesh.n_patches());
+        eprintln!("{id}: {anew} of {} facing pairs anew", anew + pairs.kept);
+        group.bench_function(BenchmarkId::new("all anew", &id), |bencher| {
+            bencher.iter(|| pool.install(|| black_box(after.compute(tolerance))));
+        });
+        group.bench_function(BenchmarkId::new("update", &id), |bencher| {
+            bencher.iter(|| pool.install(|| black_box(after.update(&before, &known, tolerance))));
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, exact, moved);
 criterion_main!(benches);

@@ -56,10 +56,10 @@ fn main() {
         memory_byte: 1 << 26,
     });
     let kinds = [
-        (Layout::Dense, false, Place::Memory),
-        (Layout::Dense, true, Place::Memory),
-        (Layout::Sparse, false, Place::Memory),
-        (Layout::Sparse, true, Place::Memory),
+        (Layout::Dense, false, Place::default()),
+        (Layout::Dense, true, Place::default()),
+        (Layout::Sparse, false, Place::default()),
+        (Layout::Sparse, true, Place::default()),
         (Layout::Dense, false, disk),
         (Layout::Dense, true, disk),
         (Layout::Sparse, true, disk),
@@ -68,7 +68,7 @@ fn main() {
         |(layout, pairs, place)| [Precision::F32, Precision::F64].map(|precision| (layout, pairs, place, precision));
     for (layout, pairs, place, precision) in kinds.into_iter().flat_map(both) {
         let kind = if pairs { "symmetric" } else { "rows" };
-        let on_disk = if place == Place::Memory { "" } else { ", disk" };
+        let on_disk = if place.is_on_disk() { ", disk" } else { "" };
         let name = format!("{layout:?} {precision:?} {kind}{on_disk}").to_lowercase();
         if wanted.as_ref().is_some_and(|wanted| !name.contains(wanted)) {
             continue;
@@ -111,7 +111,7 @@ fn compare(name: &str, n_threads: usize, factors: &FormFactors, words: &[u64]) {
         });
         for (k, (x, y)) in blocks.iter().zip(&mut results).enumerate() {
             measure(1 + k, &mut || factors.apply(black_box(x), black_box(y)));
-            if n_threads == 1 && factors.storage().place == Place::Memory {
+            if n_threads == 1 && !factors.storage().place.is_on_disk() {
                 measure(3 + k, &mut || by_rows(factors, black_box(x), black_box(y)));
             }
         }

@@ -75,7 +75,7 @@ fn lewis(level: u32) {
         ..SolveOptions::default()
     };
     // A clock must have something to measure in small rooms.
-    let repeats = 1 + 100_000 / room.n_patches().pow(2);
+    let repeats = 1 + 10_000_000 / room.n_patches().pow(2);
     let solvers: [&dyn Solver; 4] = [&GaussSeidel, &multigrid, &Gmres::default(), chooser.as_ref()];
     let (mut times, mut setups) = (vec![Vec::new(); 4], Vec::new());
     let (mut passes, mut choice) = ([0; 4], "");

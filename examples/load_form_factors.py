@@ -107,7 +107,7 @@ LOADERS = {name[5:]: load for name, load in globals().items() if name.startswith
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("files", nargs="+")
-    parser.add_argument("--entry", nargs=2, type=int, metavar=("I", "J"), help="print F[I, J] of every matrix")
+    parser.add_argument("--entry", nargs=2, type=int, metavar=("I", "J"), help="print F[I, J] of every matrix between patches")
     args = parser.parse_args()
     for path in args.files:
         ending = path.rsplit(".", 1)[-1].lower()
@@ -118,9 +118,9 @@ def main():
         if ending in ("npz", "npy", "mtx", "exr"):
             n = description["n_patches"]
             assert factors.shape == (n, n)
-        if args.entry and factors.shape[1] > 1:
-            i, j = args.entry
-            print(f"{path}: F[{i}, {j}] = {float(factors[i, j])!r}")
+            if args.entry:
+                i, j = args.entry
+                print(f"{path}: F[{i}, {j}] = {float(factors[i, j])!r}")
         if ending == "npz":
             check_reciprocity(path, factors, description)
 

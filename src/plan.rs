@@ -1,11 +1,13 @@
 //! What a scene needs, what can be left out, and why: decided before the work starts, printed by `--explain`.
 
 mod storage;
+mod voxels;
 
 pub use storage::{
     Accuracy, MemoryEstimate, StorageDemand, StorageError, StoragePlan, StorageWish, byte_text, facing_share,
     plan_storage,
 };
+pub use voxels::{VoxelDemand, voxel_byte};
 
 use serde::Serialize;
 

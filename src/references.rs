@@ -44,6 +44,9 @@ pub const HOEFFDING_1963: &str = "Hoeffding 1963";
 /// A. B. Owen, "Monte Carlo Variance of Scrambled Net Quadrature", SIAM Journal on Numerical Analysis 34(5), 1997.
 pub const OWEN_1997: &str = "Owen 1997";
 
+/// B. Laurent, P. Massart, "Adaptive estimation of a quadratic functional by model selection", The Annals of Statistics 28(5), 2000.
+pub const LAURENT_2000: &str = "Laurent and Massart 2000";
+
 /// B. Efron, "Student's t-Test Under Symmetry Conditions", Journal of the American Statistical Association 64(328), 1969.
 pub const EFRON_1969: &str = "Efron 1969";
 

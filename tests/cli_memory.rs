@@ -9,7 +9,9 @@
 #[path = "support/program.rs"]
 mod program;
 
-use program::{document, limited, names, radiosity, with_scene};
+use std::fmt::Write as _;
+
+use program::{document, limited, names, radiosity, succeed, with_scene};
 
 /// Solves the cube twice, with plenty of memory and with `limit`, and compares.
 fn solve_within(subdivide: &str, limit: &str, limit_byte: u64) {
@@ -58,6 +60,130 @@ fn a_matrix_larger_than_the_limit_is_solved_within_it() {
 fn a_large_matrix_is_solved_within_a_quarter_of_its_size() {
     // 20184 patches: 2 GB on the disk.
     solve_within("58", "450MiB", 450 << 20);
+}
+
+/// A command line, its limit in MiB, and where the form factors go within it, if the command tells.
+type Case<'a> = (&'a str, u64, &'a str);
+
+/// The peak that a process has seen stays below the limit for every command that takes one, wherever the numbers go.
+#[test]
+fn the_peak_stays_below_the_limit() {
+    let directory = with_scene("cube");
+    succeed(directory.path(), &["scene", "room-box", "-o", "room.obj"]);
+    let cases: [Case<'_>; 14] = [
+        ("form-factors scene.obj --subdivide 2", 24, "memory"),
+        // 1944 patches, computed in batches: all pairs at once would take 90 MB.
+        ("form-factors scene.obj --subdivide 18", 80, "memory"),
+        ("form-factors scene.obj --subdivide 18 -o F.npz", 52, "disk"),
+        (
+            "form-factors scene.obj --subdivide 18 --method closed-form -o F.npy",
+            40,
+            "disk",
+        ),
+        (
+            "form-factors scene.obj --subdivide 18 --method sr --rays 64 --balance off -o G.npz",
+            40,
+            "memory",
+        ),
+        ("form-factors room.obj --subdivide 8 --method qmc", 40, "memory"),
+        ("solve scene.obj --form-factors F.npz", 80, "memory"),
+        ("solve scene.obj --form-factors F.npz", 41, "disk"),
+        (
+            "solve scene.obj --subdivide 18 --method sr --rays 64 -o b.vtu",
+            48,
+            "memory",
+        ),
+        ("render scene.obj --subdivide 6 --width 128 -o i.exr", 64, ""),
+        (
+            "render scene.obj --subdivide 6 --width 64 --final-gather --noise 0.2 -o i.exr",
+            64,
+            "",
+        ),
+        (
+            "render scene.obj --subdivide 16 --method sr --rays 64 --width 32 -o i.exr",
+            48,
+            "",
+        ),
+        ("field scene.obj --surface x0 --width 128 -o i.exr", 64, ""),
+        ("compare cube --methods sr,closed-form --seeds 2 -o out", 40, ""),
+    ];
+    let mut wrong = String::new();
+    for (line, limit, place) in cases {
+        let limit_text = format!("{limit}MiB");
+        let words: Vec<&str> = line
+            .split(' ')
+            .chain(["--threads", "2", "--memory-limit", &limit_text])
+            .collect();
+        let (code, result) = document(directory.path(), &words);
+        let peak = result["memory_peak_byte"].as_u64().unwrap_or(u64::MAX);
+        let found = if line.starts_with("form-factors") {
+            &result["storage"]["place"]
+        } else {
+            &result["form_factors"]["storage"]["place"]
+        };
+        if code != 0 || peak > limit << 20 || (!place.is_empty() && found != place) {
+            let _ = writeln!(
+                wrong,
+                "{line}: {limit} MiB, {code}, {found}, {} KiB at most, {}",
+                peak >> 10,
+                result["error"]
+            );
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong}");
+}
+
+/// The same for voxels: links in memory, on a disk and nowhere.
+#[test]
+fn voxels_and_their_links_stay_below_the_limit() {
+    let directory = with_scene("room-box");
+    let voxel = "voxel scene.obj --voxels 64";
+    let mut wrong = String::new();
+    for (more, limit, choice) in [
+        ("--radius 8", 48, "memory"),
+        ("--radius 8", 26, "disk"),
+        ("--radius 8 --links recompute", 28, "recompute"),
+        ("--radius 8 --links recompute -o v.vtu", 32, "recompute"),
+        ("--radius 8 --solver gmres --links disk", 40, "disk"),
+        ("--radius 4 --adaptive 0.1", 48, "memory"),
+        ("--radius 4 --width 64 -o v.exr", 80, "memory"),
+    ] {
+        std::fs::remove_file(directory.path().join("scene.links")).ok();
+        let limit_text = format!("{limit}MiB");
+        let words = voxel.split(' ').chain(more.split(' '));
+        let words: Vec<&str> = words
+            .chain(["--explain", "--threads", "2", "--memory-limit", &limit_text])
+            .collect();
+        let (code, result) = document(directory.path(), &words);
+        let peak = result["memory_peak_byte"].as_u64().unwrap_or(u64::MAX);
+        let decisions = result["decisions"].as_array().cloned().unwrap_or_default();
+        let found = decisions.iter().find(|decision| decision["subject"] == "links");
+        let found = found.map_or(&serde_json::Value::Null, |decision| &decision["choice"]);
+        if code != 0 || peak > limit << 20 || found != choice {
+            let _ = writeln!(
+                wrong,
+                "{more}: {limit} MiB, {code}, {found}, {} KiB at most, {}",
+                peak >> 10,
+                result["error"]
+            );
+        }
+    }
+    for more in [
+        "--voxels 64 --memory-limit 16MiB",
+        "--voxels 4096 --memory-limit 200MiB",
+        "--voxels 64 --links memory --radius 40 --memory-limit 64MiB",
+    ] {
+        let words: Vec<&str> = ["voxel", "scene.obj"].into_iter().chain(more.split(' ')).collect();
+        let output = radiosity(directory.path(), &words);
+        let text = program::stderr(&output);
+        assert_eq!(
+            (output.status.code(), text.lines().count()),
+            (Some(1), 1),
+            "{more}: {text}"
+        );
+        assert!(text.contains("raise --memory-limit"), "{more}: {text}");
+    }
+    assert!(wrong.is_empty(), "{wrong}");
 }
 
 #[test]
@@ -236,6 +362,8 @@ fn what_is_no_file_of_form_factors_is_named() {
         ("changed.mtx", &changed),
         ("huge.mtx", &huge),
         ("long.mtx", &format!("{good}1 2 0.5\n")),
+        // Rows and columns count from 1.
+        ("zeroth.mtx", &good.replace("\n2 ", "\n0 ")),
         (
             "foreign.mtx",
             "%%MatrixMarket matrix coordinate real general\n2 2 1\n1 2 0.5\n",
@@ -253,6 +381,7 @@ fn what_is_no_file_of_form_factors_is_named() {
         "changed.mtx",
         "huge.mtx",
         "long.mtx",
+        "zeroth.mtx",
         "foreign.mtx",
         "noise.mtx",
         "none.mtx",

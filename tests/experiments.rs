@@ -111,6 +111,71 @@ fn methods_are_measured_against_the_closed_form() {
     assert_eq!(written["comparisons"], result["comparisons"]);
 }
 
+/// What the runs found, by place and layout of their form factors.
+#[test]
+fn storage_changes_no_error() {
+    let directory = tempfile::tempdir().unwrap();
+    let errors = |more: &[&str]| -> (Vec<(u64, f64, f64, f64)>, Value) {
+        let arguments = [
+            "compare",
+            "cornell-box",
+            "--subdivide",
+            "2",
+            "--seeds",
+            "1",
+            "--methods",
+            "sr-random,exact",
+            "--tolerance",
+            "1e-3",
+            // On a busy machine too every setting runs.
+            "--time-limit",
+            "10000",
+            "-o",
+            "out",
+        ];
+        let result = document(directory.path(), &[&arguments[..], more].concat());
+        let number = |run: &Value, key: &str| run[key].as_f64().unwrap();
+        let all = |part: &Value| -> Vec<(u64, f64, f64, f64)> {
+            let runs = part["runs"].as_array().unwrap().iter();
+            runs.map(|r| {
+                let value = r["value"].as_u64().unwrap();
+                (
+                    value,
+                    number(r, "error_max"),
+                    number(r, "error_rms"),
+                    number(r, "density"),
+                )
+            })
+            .collect()
+        };
+        let parts = result["comparisons"].as_array().unwrap();
+        (parts.iter().flat_map(all).collect(), result["storage"].clone())
+    };
+    let (auto, storage) = errors(&["--storage", "auto"]);
+    assert!(auto.len() > 8 && auto.iter().any(|run| run.1 > 1e-3));
+    std::fs::create_dir(directory.path().join("scratch")).unwrap();
+    for more in [
+        &["--storage", "dense"][..],
+        &["--storage", "sparse"],
+        &["--storage", "disk", "--scratch", "scratch"],
+    ] {
+        let (errors, other_storage) = errors(more);
+        assert_eq!(errors, auto, "{more:?}");
+        assert_eq!(other_storage["density"], storage["density"]);
+    }
+    // Method and reference are each rounded to 24 bits, by at most 2^-24 of a form factor below 1.
+    let (narrow, narrow_storage) = errors(&["--precision", "f32"]);
+    for (a, b) in auto.iter().zip(&narrow) {
+        assert!((a.1 - b.1).abs() < 1.2e-7 && a.0 == b.0, "{a:?} {b:?}");
+    }
+    assert_eq!(
+        2 * narrow_storage["dense_byte"].as_u64().unwrap(),
+        storage["dense_byte"].as_u64().unwrap()
+    );
+    // Scratch files go when they are done with.
+    assert!(files(&directory.path().join("scratch")).is_empty());
+}
+
 #[test]
 fn certified_surfaces_and_errors_that_no_thread_changes() {
     let directory = tempfile::tempdir().unwrap();
@@ -334,14 +399,20 @@ fn what_is_not_built_is_a_usage_error_that_says_what_is() {
         (&["reproduce", "baranoski", "--seeds", "29"], "30"),
         (&["compare", "cube", "--methods", "sr,magic"], "gauss-lambert"),
         (&["compare", "cube", "--time-limit", "0"], "above 0"),
+        (
+            &["compare", "cube", "--storage", "symmetric"],
+            "auto, dense, sparse or disk",
+        ),
     ] {
         let output = radiosity(directory.path(), arguments);
         let message = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
         assert!(message.contains(expected), "{arguments:?}: {message}");
     }
-    let output = radiosity(directory.path(), &["compare", "nowhere.obj"]);
+    let output = radiosity(directory.path(), &["compare", "sphere-room"]);
     assert_eq!(output.status.code(), Some(1));
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert!(message.contains("sphere-room-r1, "), "{message}");
     // Nothing was made for what could not be done.
     assert!(files(directory.path()).is_empty(), "{:?}", files(directory.path()));
 }

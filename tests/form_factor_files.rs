@@ -113,6 +113,42 @@ fn what_is_written_is_read_back_to_the_last_bit() {
     }
 }
 
+/// Sparse or dense as asked for, else as it suits the share of entries that are not zero.
+#[test]
+fn an_archive_has_the_layout_asked_for() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("F.npz");
+    let (scene, mesh) = cube(2);
+    for (layout, density, dense_file) in [
+        (Layout::Auto, 0.1, false),
+        (Layout::Auto, 0.9, true),
+        (Layout::Sparse, 0.9, false),
+        (Layout::Dense, 0.1, true),
+    ] {
+        let as_it_suits = random(&mesh, density, Precision::F64);
+        let mut tile = RowTile::new(0);
+        for i in 0..as_it_suits.n_rows() {
+            let mut entries = Vec::new();
+            as_it_suits.for_each_in_row(i, |j, value, error| {
+                entries.push((u32::try_from(j).unwrap(), value, error));
+            });
+            tile.push_row(&entries, RowTally::default());
+        }
+        let factors = FormFactors::from_tiles(mesh.areas(), [tile], storage(layout, Precision::F64)).unwrap();
+        write(&path, (&scene, &mesh), &factors).unwrap();
+        let file = zip::ZipArchive::new(std::fs::File::open(&path).unwrap()).unwrap();
+        assert_eq!(
+            file.index_for_name("F.npy").is_some(),
+            dense_file,
+            "{layout:?} {density}"
+        );
+        assert_eq!(file.index_for_name("indices.npy").is_none(), dense_file);
+        let again = read(&path, &mesh).unwrap();
+        assert_eq!(bits(&dense(&again).concat()), bits(&dense(&factors).concat()));
+        assert_eq!(bits(&errors(&again)), bits(&errors(&factors)));
+    }
+}
+
 #[test]
 fn symmetric_form_factors_come_back_symmetric() {
     let directory = tempfile::tempdir().unwrap();

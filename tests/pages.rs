@@ -68,7 +68,7 @@ fn a_page_opens_without_a_complaint() {
     assert!(dom.contains("<h1>cube: form-factor methods side by side</h1>"), "{dom}");
     // Two errors as plots; the points of both methods tell their values.
     assert_eq!(dom.matches("<figure>").count(), 2);
-    assert!(dom.contains("<title>exact, −log10 of the tolerance 6: "), "{dom}");
+    assert!(dom.contains("<title>exact, tolerance 1e-6: "), "{dom}");
     // A page that does complain is heard.
     let broken = directory.path().join("broken.html");
     let with_request = html.replace("<main>", "<main><img src=\"http://127.0.0.1:9/x.png\">");

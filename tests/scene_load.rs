@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use proptest::prelude::*;
+use proptest::test_runner::FileFailurePersistence;
 use radiosity::scene::{Corners, LoadOptions, Loaded, MAX_CORNERS, Scene, load, load_with};
 
 const VALID: &str = "tests/data/obj/valid";
@@ -92,6 +93,56 @@ fn what_other_programs_export_is_read() {
     let blender = valid("exporters/blender.obj").scene;
     let lamp = blender.materials.iter().find(|m| m.name == "Lamp").unwrap();
     assert_close(lamp.exitance[0], 5.0, 1e-15);
+}
+
+/// Files that programs wrote, not people: `README.md` beside the corpora says which.
+#[test]
+fn files_that_exporters_wrote_are_read() {
+    // File, surfaces, faces, the area of the first surface in m², the reflectance of its first material, and warnings.
+    type Case = (&'static str, &'static [&'static str], usize, f64, f64, usize);
+    let cases: [Case; 3] = [
+        (
+            "blender 5.obj",
+            &["Room", "Box.001", "Ceiling_lamp", "Ball"],
+            48,
+            24.0,
+            0.7,
+            0,
+        ),
+        // 180 of 255; nothing emits light, which is a warning.
+        ("trimesh.obj", &["room", "ball"], 92, 24.0, 0.705_882_35, 1),
+        (
+            "meshio.obj",
+            &["face1", "face2", "face3", "face4", "face5"],
+            5,
+            1.0,
+            0.5,
+            2,
+        ),
+    ];
+    for (name, surfaces, n_faces, expected_area, reflectance, n_warnings) in cases {
+        let loaded = valid(&format!("exporters/{name}"));
+        let scene = &loaded.scene;
+        assert_eq!(surface_names(scene), surfaces, "{name}");
+        assert_eq!(scene.faces.len(), n_faces, "{name}");
+        let of_first = scene
+            .face_ids()
+            .filter(|&face| scene.faces[face.0 as usize].surface.0 == 0);
+        let found: f64 = of_first.map(|face| scene.area_vector(face).length()).sum();
+        // Whole numbers have all their digits in the files.
+        assert_close(found, expected_area, 1e-15);
+        let material = &scene.materials[scene.faces[0].material.0 as usize];
+        assert_close(material.reflectance[0], reflectance, 1e-15);
+        assert_eq!(warnings(&loaded).len(), n_warnings, "{name}: {:?}", warnings(&loaded));
+    }
+    let scene = valid("exporters/blender 5.obj").scene;
+    let lit = scene.face_ids().filter(|&face| {
+        let material = scene.faces[face.0 as usize].material;
+        scene.materials[material.0 as usize].exitance[0] > 0.0
+    });
+    let lamp: f64 = lit.map(|face| scene.area_vector(face).length()).sum();
+    // A hexagon in a circle of 0.3 m, with six digits after the point for each corner.
+    assert_close(lamp, 1.5 * 3.0_f64.sqrt() * 0.09, 1e-5);
 }
 
 #[test]
@@ -344,13 +395,26 @@ fn libraries_outside_the_scenes_folder_need_leave() {
     std::fs::write(directory.path().join("paint.mtl"), library).unwrap();
     std::fs::write(folder.join("materials/paint.mtl"), library).unwrap();
     std::os::unix::fs::symlink(directory.path(), folder.join("way_out")).unwrap();
+    std::os::unix::fs::symlink(directory.path().join("paint.mtl"), folder.join("linked.mtl")).unwrap();
+    std::os::unix::fs::symlink(folder.join("materials"), folder.join("way_in")).unwrap();
     let scene = folder.join("a.obj");
     let naming = |name: &str| {
         let text = format!("\nmtllib {name}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl paint\nf 1 2 3\n");
         std::fs::write(&scene, text).unwrap();
     };
     let absolute = directory.path().join("paint.mtl").display().to_string();
-    for name in ["../../paint.mtl", "way_out/paint.mtl", &absolute] {
+    for name in [
+        "../../paint.mtl",
+        "materials/../../../paint.mtl",
+        "way_out/paint.mtl",
+        "linked.mtl",
+        &absolute,
+        // As programs on Windows write it.
+        "..\\..\\paint.mtl",
+        ".\\materials\\..\\..\\../paint.mtl",
+        // The second of two words.
+        "materials/paint.mtl ../../paint.mtl",
+    ] {
         naming(name);
         let error = load(&scene).unwrap_err();
         assert_eq!((error.kind(), error.line()), ("outside_folder", Some(2)));
@@ -369,6 +433,10 @@ fn libraries_outside_the_scenes_folder_need_leave() {
         "materials/paint.mtl",
         "materials/../materials/paint.mtl",
         "../room/materials/paint.mtl",
+        "way_in/paint.mtl",
+        "materials\\paint.mtl",
+        ".\\materials\\paint.mtl",
+        &folder.join("materials/paint.mtl").display().to_string(),
     ] {
         naming(name);
         let found = load(&scene).unwrap().scene;
@@ -377,6 +445,36 @@ fn libraries_outside_the_scenes_folder_need_leave() {
     // What is not there at all is a warning wherever it would be.
     naming("../../none.mtl");
     assert!(load(&scene).is_ok());
+}
+
+/// Textures are not read, wherever they would be: one that gives bytes without end does not stop the program.
+#[test]
+fn textures_are_not_opened() {
+    let directory = tempfile::tempdir().unwrap();
+    let scene = directory.path().join("a.obj");
+    std::fs::write(
+        &scene,
+        "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl paint\nf 1 2 3\n",
+    )
+    .unwrap();
+    for texture in [
+        "/dev/zero",
+        "../../etc/passwd",
+        "..\\..\\secret.png",
+        "-s 1 1 1 /dev/zero",
+    ] {
+        let library = format!(
+            "newmtl paint\nKd 0.25 0.25 0.25\nKe 1\nmap_Kd {texture}\nmap_Ke {texture}\nbump {texture}\nmap_d {texture}\n"
+        );
+        std::fs::write(directory.path().join("a.mtl"), library).unwrap();
+        let loaded = load(&scene).unwrap();
+        assert_eq!(loaded.warnings.len(), 1, "{texture}: {:?}", loaded.warnings);
+        let told = loaded.warnings[0].to_string();
+        assert!(
+            told.contains("a.mtl:4: the texture of material `paint` is not read"),
+            "{told}"
+        );
+    }
 }
 
 #[test]
@@ -418,7 +516,10 @@ fn statement() -> impl Strategy<Value = String> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(512))]
+    #![proptest_config(ProptestConfig {
+        failure_persistence: Some(Box::new(FileFailurePersistence::WithSource("regressions"))),
+        ..ProptestConfig::with_cases(512)
+    })]
 
     #[test]
     fn no_text_makes_the_loader_panic(statements in prop::collection::vec(statement(), 0..40)) {

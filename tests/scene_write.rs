@@ -5,6 +5,7 @@ use std::path::Path;
 
 use glam::DVec3;
 use proptest::prelude::*;
+use proptest::test_runner::FileFailurePersistence;
 use radiosity::scene::{Corners, Face, Material, MaterialId, Scene, Surface, SurfaceId, builtin, load, write_obj};
 
 fn material(name: &str, reflectance: f64) -> Material {
@@ -147,7 +148,10 @@ fn channels_and_emission_follow_the_materials_in_use() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    #![proptest_config(ProptestConfig {
+        failure_persistence: Some(Box::new(FileFailurePersistence::WithSource("regressions"))),
+        ..ProptestConfig::with_cases(64)
+    })]
 
     #[test]
     fn every_coordinate_comes_back_to_the_bit(

@@ -61,6 +61,10 @@ fn the_document_says_what_was_done() {
     assert!(directory.path().join("scene.links").exists());
     let (_, recomputed) = with(&["--links", "recompute"]);
     assert_eq!(recomputed["surfaces"], result["surfaces"]);
+    assert!(
+        recomputed["n_backs"].is_null() && recomputed["n_escaped"].is_null(),
+        "never counted: {recomputed}"
+    );
     let (code, solved) = document(
         directory.path(),
         &[

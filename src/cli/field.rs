@@ -10,7 +10,7 @@ use super::args::{FieldArgs, FieldMethodName};
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::form_factors::surface_named;
-use super::picture::preview_of;
+use super::picture::{image_byte, preview_of};
 use super::pipeline::{Prepared, Run};
 use super::render::{AnyView, default_subdivision, samples, view};
 use crate::geometry::sampling::Sequence;
@@ -37,6 +37,7 @@ fn work(args: &FieldArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let mut prepared = run.prepare(&args.scene, args.mesh, default_subdivision)?;
     let surface = surface_named(&prepared.scene, &args.surface)?;
     let view = view(&args.view, &args.scene, &prepared.scene)?;
+    image_byte(&view, &settings, args.memory_limit)?;
     run.set("method", json!(args.method));
     if let DirectMethod::CosineRays { n } | DirectMethod::Polygons { n } = settings.direct {
         run.set("rays", n.get());

@@ -142,7 +142,7 @@ fn storage_to_json(storage: &StorageChoice<'_>) -> Value {
             Precision::F64 => "f64",
         },
         "place": match storage.place {
-            Place::Memory => "memory",
+            Place::Memory { .. } => "memory",
             Place::Disk(_) => "disk",
         },
     })

@@ -52,7 +52,11 @@ pub(super) fn work(args: &RenderArgs, file: &Path, run: &mut Run) -> Result<Outc
     let all = ready(args, file, wanted, &prepared)?;
     let mut largest = 0;
     for frame in &all.frames {
-        largest = largest.max(image_byte(&frame.view, &frame.settings, args.storage.memory_limit)?);
+        largest = largest.max(image_byte(
+            &frame.view,
+            &frame.settings,
+            args.storage.memory.memory_limit,
+        )?);
     }
     run.storage = Storage {
         args: args.storage.clone(),

@@ -16,6 +16,7 @@ use crate::cli::args::PixelsName;
 use crate::plan::byte_text;
 use crate::render::display::{TevDisplay, Unwatched, Watcher};
 use crate::render::{Attributes, Image, RenderInput, RenderSettings, View, exr, png, render_watched};
+use crate::report::memory_used_byte;
 
 /// Memory for a pixel while the image is rendered and written.
 const PIXEL_BYTE: u64 = 512;
@@ -23,20 +24,21 @@ const PIXEL_BYTE: u64 = 512;
 /// The same with final gather, which keeps every pixel's sums until all are finished.
 const GATHER_BYTE: u64 = 1536;
 
-/// Returns the memory that a picture takes, if it is within the limit: all layers, and as much again while they are coded.
+/// Returns the memory that a picture takes, if it is within the limit beside what is used already: all layers, and as much again while they are coded.
 pub(super) fn image_byte(view: &AnyView, settings: &RenderSettings, memory_limit: Option<u64>) -> Result<u64, Failure> {
     let (width, height) = view.as_view().size();
     let gathers = settings.gather.is_some();
-    let needed = u64::from(width) * u64::from(height) * if gathers { GATHER_BYTE } else { PIXEL_BYTE };
+    let of_image = u64::from(width) * u64::from(height) * if gathers { GATHER_BYTE } else { PIXEL_BYTE };
     let limit = limit_byte(memory_limit);
-    if needed <= limit {
-        return Ok(needed);
+    let in_all = of_image.saturating_add(memory_used_byte().unwrap_or(0));
+    if in_all <= limit {
+        return Ok(of_image);
     }
-    let (needed, limit) = (byte_text(needed), byte_text(limit));
+    let (needed, limit) = (byte_text(in_all), byte_text(limit));
     Err(Failure::new(
         "memory_limit",
         format!(
-            "a picture of {width} × {height} pixels needs {needed} of memory, and the limit is {limit}; raise --memory-limit or give fewer pixels"
+            "a picture of {width} × {height} pixels and its scene need {needed} of memory, and the limit is {limit}; raise --memory-limit or give fewer pixels"
         ),
     ))
 }

@@ -21,7 +21,7 @@ use crate::geometry::sampling::Sequence;
 use crate::matrix::operator::{Block, LinearOperator};
 use crate::mesh::Subdivision;
 use crate::render::{
-    DirectMethod, GatherReport, GatherSettings, RayView, RenderInput, RenderSettings, UnfoldedView, View,
+    CameraRecord, DirectMethod, GatherReport, GatherSettings, RayView, RenderInput, RenderSettings, UnfoldedView, View,
 };
 use crate::scene::{Camera, Scene};
 use crate::solver::Solution;
@@ -61,7 +61,7 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
         part: 0,
         output: Some(args.output.clone()),
         tolerance: Some(args.solver.tolerance),
-        image_byte: image_byte(&view, &settings, args.storage.memory_limit)?,
+        image_byte: image_byte(&view, &settings, args.storage.memory.memory_limit)?,
     };
     if settings.direct != DirectMethod::Off {
         run.warn_of_narrow_gaps(&prepared);
@@ -330,12 +330,7 @@ pub(super) fn view(args: &ViewArgs, scene_file: &Path, scene: &Scene) -> Result<
         .height
         .or(camera.height().filter(|_| args.width.is_none()))
         .unwrap_or(width);
-    let parameters = json!({
-        "eye": camera.eye().to_array(),
-        "direction": camera.direction().to_array(),
-        "up": camera.up().to_array(),
-        "vertical_fov_degree": camera.vertical_fov(),
-    });
+    let parameters = json!(CameraRecord::from(&camera));
     let ray = move |x: f64, y: f64| camera.primary_ray(x, y, width, height);
     Ok(AnyView::Perspective(Box::new(RayView::new(
         width, height, ray, parameters,

@@ -48,6 +48,8 @@ pub(super) fn form_factors(
         by_rows: !file.description().symmetric,
         repaired,
         n_entries: u64::MAX,
+        n_beside: 0,
+        working_byte: 0,
     };
     let chosen = storage::choose(run, prepared, matrix)?;
     let read = run

@@ -37,6 +37,10 @@ pub(super) struct Matrix {
     pub(super) repaired: bool,
     /// The most entries that a row can have.
     pub(super) n_entries: u64,
+    /// How many more there are of its kind at the same time.
+    pub(super) n_beside: u32,
+    /// What the method takes beside the rows that it gives away.
+    pub(super) working_byte: u64,
 }
 
 /// Where form factors go.
@@ -54,7 +58,9 @@ impl Chosen {
                 memory_byte: self.plan.waiting_byte,
             })
         } else {
-            Place::Memory
+            Place::Memory {
+                waiting_byte: self.plan.waiting_byte,
+            }
         };
         StorageChoice {
             layout: self.plan.layout,
@@ -83,6 +89,7 @@ pub(super) fn limit_byte(args: Option<u64>) -> u64 {
 /// Decides where form factors go, and notes it in the plan.
 pub(super) fn choose(run: &Run, prepared: &mut Prepared, matrix: Matrix) -> Result<Chosen, Failure> {
     let Storage { args, output, .. } = &run.storage;
+    let args = &args.memory;
     let n = prepared.mesh.n_patches();
     let materials = prepared.mesh.patches.iter().map(|p| p.material.0 as usize);
     let absorption = materials.flat_map(|m| prepared.scene.materials[m].reflectance.map(|rho| 1.0 - rho));
@@ -97,8 +104,10 @@ pub(super) fn choose(run: &Run, prepared: &mut Prepared, matrix: Matrix) -> Resu
         n_threads: rayon::current_num_threads(),
         by_rows: matrix.by_rows,
         repaired: matrix.repaired,
+        n_beside: matrix.n_beside,
         density: facing_share(&prepared.mesh).min(matrix.n_entries as f64 / n.max(1) as f64),
         used_byte: memory_used_byte().unwrap_or(0),
+        working_byte: matrix.working_byte,
         image_byte: run.storage.image_byte,
         accuracy: run.storage.tolerance.map(accuracy),
         limit_byte: limit_byte(args.memory_limit),
@@ -131,17 +140,6 @@ pub(super) fn choose(run: &Run, prepared: &mut Prepared, matrix: Matrix) -> Resu
     } else {
         "symmetric"
     };
-    let tiles = match plan.layout {
-        Layout::Auto => "dense or sparse by tile",
-        Layout::Dense => "dense",
-        Layout::Sparse => "sparse",
-    };
-    let digits = if plan.precision == Precision::F32 { "f32" } else { "f64" };
-    let place = if plan.on_disk {
-        format!("a scratch file in {}", directory.display())
-    } else {
-        "in memory".to_owned()
-    };
     let memory = plan.memory;
     let reason = format!(
         "{}; {n} patches, at most {:.0} % filled: matrix {}, rows in work {}, vectors {}, picture {}, program and scene {}",
@@ -153,9 +151,34 @@ pub(super) fn choose(run: &Run, prepared: &mut Prepared, matrix: Matrix) -> Resu
         byte_text(memory.image_byte),
         byte_text(memory.used_byte),
     );
-    let choice = format!("{kind}, {tiles}, {digits}, {place}");
+    let chosen = Chosen { plan, directory };
+    let choice = format!("{kind}, {}", choice_text(chosen.choice()));
     prepared.plan.decide("form factors", choice, reason);
-    Ok(Chosen { plan, directory })
+    Ok(chosen)
+}
+
+/// Returns layout, precision and place as people read them.
+pub(super) fn choice_text(choice: StorageChoice<'_>) -> String {
+    let tiles = match choice.layout {
+        Layout::Auto => "dense or sparse by tile",
+        Layout::Dense => "dense",
+        Layout::Sparse => "sparse",
+    };
+    format!("{tiles}, {}", place_text(choice))
+}
+
+/// Returns precision and place as people read them.
+pub(super) fn place_text(choice: StorageChoice<'_>) -> String {
+    let digits = if choice.precision == Precision::F32 {
+        "f32"
+    } else {
+        "f64"
+    };
+    let place = match choice.place {
+        Place::Memory { .. } => "in memory".to_owned(),
+        Place::Disk(scratch) => format!("a scratch file in {}", scratch.directory.display()),
+    };
+    format!("{digits}, {place}")
 }
 
 /// Opens the checkpoint that is asked for, unless it is open: it belongs to the patches and the settings of the first form factors.

@@ -59,13 +59,23 @@ fn describe(report: &VerifyReport) -> String {
     );
     let _ = writeln!(
         text,
-        "tolerance of a pixel: statistical {:.3e} ({} rays, chance of a false alarm {:.0e}) + ray offset {:.1e} + rounding {:.1e}",
-        tolerance.max_statistical,
-        tolerance.n_rays,
-        tolerance.false_alarm,
-        tolerance.max_offset,
-        tolerance.max_rounding
+        "tolerance of a pixel: statistical {:.3e} ({} rays) + ray offset {:.1e} + rounding {:.1e}",
+        tolerance.max_statistical, tolerance.n_rays, tolerance.max_offset, tolerance.max_rounding
     );
+    if let (Some(deviation), Some(most)) = (report.deviation, tolerance.max_deviation) {
+        let is_right = if deviation <= most { "right" } else { "WRONG" };
+        let _ = writeln!(
+            text,
+            "all pixels together: the errors are {deviation:.3} times those of independent rays, {most:.3} at most: {is_right}"
+        );
+    }
+    if tolerance.n_rays > 0 {
+        let _ = writeln!(
+            text,
+            "a right picture fails any of the {} comparisons with a chance of {:.0e}",
+            tolerance.n_comparisons, tolerance.false_alarm
+        );
+    }
     if report.n_strips_outside > 0 {
         let _ = writeln!(
             text,

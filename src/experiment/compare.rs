@@ -7,12 +7,12 @@ use serde::Serialize;
 use super::statistics::Spread;
 use super::{ExperimentError, RayUse, Reference, Sweep, pareto};
 use crate::form_factor::{FormFactorError, Input};
-use crate::matrix::StorageChoice;
+use crate::matrix::{MatrixError, StorageChoice};
 use crate::progress::{Progress, Silent};
 
 /// What to compare.
 #[derive(Clone, Debug)]
-pub struct CompareSettings {
+pub struct CompareSettings<'a> {
     /// The methods.
     pub sweeps: Vec<&'static Sweep>,
     /// How often every setting runs, with a seed of its own each time.
@@ -22,6 +22,8 @@ pub struct CompareSettings {
     /// The longest time that a single run may take, s: settings that took longer are not repeated, and those that are expected to take
     /// longer are not begun.
     pub time_limit_s: f64,
+    /// How the form factors of every run are stored.
+    pub storage: StorageChoice<'a>,
 }
 
 /// One run of one setting.
@@ -43,7 +45,7 @@ pub struct Run {
     pub error_rms: f64,
     /// The share of entries that are not zero.
     pub density: f64,
-    /// Memory that the form factors take, with their standard errors.
+    /// What the form factors take, with their standard errors, in memory or on a disk.
     pub stored_byte: u64,
 }
 
@@ -118,7 +120,7 @@ struct Case {
 pub fn compare(
     input: Input<'_>,
     reference: &Reference,
-    settings: &CompareSettings,
+    settings: &CompareSettings<'_>,
     progress: &dyn Progress,
 ) -> Result<Comparison, ExperimentError> {
     let mut left_out = Vec::new();
@@ -144,7 +146,7 @@ pub fn compare(
     }
     if let Some(first) = cases.first() {
         // Its errors, if any, come again below.
-        let _ = measure(input, reference, first, settings.first_seed);
+        let _ = measure(input, reference, first, settings.first_seed, settings.storage);
     }
     progress.begin("compare", settings.n_seeds * cases.len() as u64);
     let mut runs = Vec::new();
@@ -161,7 +163,8 @@ pub fn compare(
             if cases[k].stopped {
                 continue;
             }
-            let run = match measure(input, reference, &cases[k], settings.first_seed.wrapping_add(turn)) {
+            let seed = settings.first_seed.wrapping_add(turn);
+            let run = match measure(input, reference, &cases[k], seed, settings.storage) {
                 Ok(run) => run,
                 Err(ExperimentError::Method {
                     source: source @ FormFactorError::NotApplicable { .. },
@@ -192,7 +195,13 @@ pub fn compare(
     })
 }
 
-fn measure(input: Input<'_>, reference: &Reference, case: &Case, seed: u64) -> Result<Run, ExperimentError> {
+fn measure(
+    input: Input<'_>,
+    reference: &Reference,
+    case: &Case,
+    seed: u64,
+    storage: StorageChoice<'_>,
+) -> Result<Run, ExperimentError> {
     let Case { sweep, value, .. } = *case;
     let failed = |source| ExperimentError::Method {
         method: sweep.name,
@@ -202,10 +211,12 @@ fn measure(input: Input<'_>, reference: &Reference, case: &Case, seed: u64) -> R
     };
     let method = sweep.build(value, seed).map_err(failed)?;
     let start = Instant::now();
-    let computed = method.compute(input, StorageChoice::default(), &Silent);
+    let computed = method.compute(input, storage, &Silent);
     let time_s = start.elapsed().as_secs_f64();
     let computed = computed.map_err(failed)?;
-    let (error_max, error_rms) = reference.errors(&computed.factors, input.mesh);
+    let (error_max, error_rms) = reference
+        .errors(&computed.factors, input.mesh)
+        .map_err(MatrixError::from)?;
     Ok(Run {
         method: sweep.name,
         parameter: sweep.parameter.name(),
@@ -252,7 +263,7 @@ fn stop_what_takes_too_long(cases: &mut [Case], k: usize, time_s: f64, limit_s: 
     }
 }
 
-fn shortened(sweep: &Sweep, cases: &[Case], settings: &CompareSettings) -> Option<LeftOut> {
+fn shortened(sweep: &Sweep, cases: &[Case], settings: &CompareSettings<'_>) -> Option<LeftOut> {
     let stopped = cases
         .iter()
         .filter(|case| case.sweep.name == sweep.name && case.stopped && !case.unusable);

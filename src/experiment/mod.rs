@@ -21,7 +21,7 @@ mod storage;
 mod sweep;
 
 pub use compare::{CaseSummary, CompareSettings, Comparison, LeftOut, Run, compare};
-pub use reference::{Reference, ReferenceKind, ReferenceLevel};
+pub use reference::{Reference, ReferenceKind, ReferenceLevel, ReferenceValues};
 pub use storage::{StorageFigures, storage_figures};
 pub use sweep::{Parameter, RayUse, SWEEPS, Sweep, sweep_by_name};
 

@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::ExperimentError;
 use super::known;
 use crate::form_factor::{ClosedForm, ExactMethod, FormFactorError, FormFactorMethod, Input};
-use crate::matrix::{FormFactors, StorageChoice};
+use crate::matrix::{DiskError, FormFactors, StorageChoice};
 use crate::mesh::Mesh;
 use crate::progress::Progress;
 
@@ -36,17 +36,22 @@ pub enum ReferenceLevel {
     Surfaces,
 }
 
+/// The form factors of a reference.
+#[derive(Clone, Debug)]
+pub enum ReferenceValues {
+    /// Between patches, stored as asked for.
+    Patches(FormFactors),
+    /// Between n surfaces: F, row-major \[n, n\].
+    Surfaces(Vec<f64>),
+}
+
 /// Form factors that are known better than any that are compared with them, or as well as could be had.
 #[derive(Clone, Debug)]
 pub struct Reference {
     /// Where they come from.
     pub kind: ReferenceKind,
-    /// What they are known between.
-    pub level: ReferenceLevel,
-    /// The number of patches or surfaces.
-    pub n: usize,
-    /// F, row-major \[n, n\].
-    pub values: Vec<f64>,
+    /// The numbers.
+    pub values: ReferenceValues,
     /// The greatest estimate of an entry's absolute error.
     pub error_max: f64,
     /// The root mean square of these estimates over the entries that are not 0, or a bound of it.
@@ -63,6 +68,7 @@ impl Reference {
     ///
     /// Where nothing blocks, or `input.unoccluded` says not to look: the closed form if all patches are rectangles with parallel edges, else the exchange
     /// area of each pair of polygons. Else certified numbers, if the scene has them. Else [`ExactMethod`] at `tolerance`. All without rays.
+    /// What is between patches is stored as `storage` says.
     ///
     /// # Errors
     /// [`ExperimentError::Reference`] if a method fails.
@@ -70,12 +76,13 @@ impl Reference {
         input: Input<'_>,
         occluders_exist: bool,
         tolerance: f64,
+        storage: StorageChoice<'_>,
         progress: &dyn Progress,
     ) -> Result<Self, ExperimentError> {
         let between_patches = |method: &dyn FormFactorMethod, unoccluded, kind| {
             let input = Input { unoccluded, ..input };
-            let computed = method.compute(input, StorageChoice::default(), progress)?;
-            Ok(Self::between_patches(&computed.factors, kind))
+            let computed = method.compute(input, storage, progress)?;
+            Ok(Self::between_patches(computed.factors, kind))
         };
         let exact = ExactMethod {
             tolerance,
@@ -95,9 +102,7 @@ impl Reference {
         if let Some(known) = known::surface_form_factors(input.scene) {
             return Ok(Self {
                 kind: ReferenceKind::Certified,
-                level: ReferenceLevel::Surfaces,
-                n: input.scene.surfaces.len(),
-                values: known.values,
+                values: ReferenceValues::Surfaces(known.values),
                 error_max: known.error,
                 error_rms: known.error,
                 tolerance: None,
@@ -110,35 +115,39 @@ impl Reference {
         })
     }
 
-    fn between_patches(factors: &FormFactors, kind: ReferenceKind) -> Self {
-        let n = factors.n_rows();
-        let (mut values, mut errors) = (vec![0.0; n * n], Vec::new());
-        for i in 0..n {
-            factors.for_each_in_row(i, |j, value, error| {
-                values[i * n + j] = value;
-                errors.push(error);
+    fn between_patches(factors: FormFactors, kind: ReferenceKind) -> Self {
+        let (mut error_max, mut sum, mut n_entries) = (0.0_f64, 0.0, 0_u64);
+        for i in 0..factors.n_rows() {
+            factors.for_each_in_row(i, |_, _, error| {
+                error_max = error_max.max(error);
+                sum += error * error;
+                n_entries += 1;
             });
         }
-        let n_errors = errors.len().max(1) as f64;
         Self {
             kind,
-            level: ReferenceLevel::Patches,
-            n,
-            values,
-            error_max: errors.iter().copied().fold(0.0, f64::max),
-            error_rms: (errors.iter().map(|e| e * e).sum::<f64>() / n_errors).sqrt(),
+            values: ReferenceValues::Patches(factors),
+            error_max,
+            error_rms: (sum / n_entries.max(1) as f64).sqrt(),
             tolerance: None,
         }
     }
 
-    /// Returns the share of the entries that are not zero.
+    /// Returns what the form factors are known between.
     #[must_use]
-    pub fn density(&self) -> f64 {
-        self.n_nonzero() / (self.n as f64).powi(2)
+    pub fn level(&self) -> ReferenceLevel {
+        match self.values {
+            ReferenceValues::Patches(_) => ReferenceLevel::Patches,
+            ReferenceValues::Surfaces(_) => ReferenceLevel::Surfaces,
+        }
     }
 
+    /// Returns the number of entries that are not zero.
     fn n_nonzero(&self) -> f64 {
-        self.values.iter().filter(|v| **v != 0.0).count() as f64
+        match &self.values {
+            ReferenceValues::Patches(factors) => (factors.density() * (factors.n_rows() as f64).powi(2)).round(),
+            ReferenceValues::Surfaces(values) => values.iter().filter(|v| **v != 0.0).count() as f64,
+        }
     }
 
     /// Returns the greatest and the root-mean-square absolute error of form factors: max |F − F*| over all entries, and
@@ -148,11 +157,13 @@ impl Reference {
     /// Between patches or, where the reference is such, between surfaces
     /// ([`surface_form_factors`](FormFactors::surface_form_factors)).
     ///
+    /// # Errors
+    /// [`DiskError`] if form factors on a disk cannot be read.
+    ///
     /// # Panics
     /// If `factors` are not those of `mesh`, or the reference is not of this scene.
-    #[must_use]
     #[track_caller]
-    pub fn errors(&self, factors: &FormFactors, mesh: &Mesh) -> (f64, f64) {
+    pub fn errors(&self, factors: &FormFactors, mesh: &Mesh) -> Result<(f64, f64), DiskError> {
         assert_eq!(factors.n_rows(), mesh.n_patches(), "one row per patch");
         let row_errors = |row: &[f64], reference: &[f64]| {
             row.iter().zip(reference).fold((0.0_f64, 0.0), |(max, sum), (f, r)| {
@@ -160,27 +171,35 @@ impl Reference {
                 (max.max(error), sum + error * error)
             })
         };
-        let reference_row = |i: usize| &self.values[i * self.n..(i + 1) * self.n];
-        let errors: Vec<(f64, f64)> = match self.level {
-            ReferenceLevel::Patches => {
-                assert_eq!(factors.n_rows(), self.n, "a reference for as many patches");
-                let of_row = |i: usize| {
-                    let mut row = vec![0.0; self.n];
-                    factors.for_each_in_row(i, |j, value, _| row[j] = value);
-                    row_errors(&row, reference_row(i))
+        let errors: Vec<(f64, f64)> = match &self.values {
+            ReferenceValues::Patches(reference) => {
+                let n = reference.n_rows();
+                assert_eq!(factors.n_rows(), n, "a reference for as many patches");
+                let of_row = |rows: &mut [Vec<f64>; 2], i: usize| {
+                    for (row, matrix) in rows.iter_mut().zip([factors, reference]) {
+                        row.fill(0.0);
+                        matrix.for_each_in_row(i, |j, value, _| row[j] = value);
+                    }
+                    row_errors(&rows[0], &rows[1])
                 };
-                (0..self.n).into_par_iter().map(of_row).collect()
+                let rows = || [vec![0.0; n], vec![0.0; n]];
+                let errors = (0..n).into_par_iter().map_init(rows, of_row).collect();
+                reference.if_readable(errors)?
             }
-            ReferenceLevel::Surfaces => {
+            ReferenceValues::Surfaces(values) => {
                 let surfaces: Vec<u32> = mesh.patches.iter().map(|p| p.surface.0).collect();
-                let whole = factors.surface_form_factors(&surfaces, self.n).form_factor;
-                let of_row = |i: usize| row_errors(&whole[i * self.n..(i + 1) * self.n], reference_row(i));
-                (0..self.n).map(of_row).collect()
+                let n = values.len().isqrt();
+                let whole = factors.surface_form_factors(&surfaces, n).form_factor;
+                whole
+                    .chunks(n)
+                    .zip(values.chunks(n))
+                    .map(|(row, reference)| row_errors(row, reference))
+                    .collect()
             }
         };
         // In the order of the rows, so that the sum does not depend on the threads.
         let (max, sum) = errors.iter().fold((0.0_f64, 0.0), |(m, s), (a, b)| (m.max(*a), s + b));
-        (max, (sum / self.n_nonzero().max(1.0)).sqrt())
+        factors.if_readable((max, (sum / self.n_nonzero().max(1.0)).sqrt()))
     }
 }
 
@@ -203,7 +222,15 @@ mod tests {
             visibility: &visibility,
             unoccluded,
         };
-        (Reference::find(input, occluders, 1e-7, &Silent).unwrap(), mesh)
+        let reference = Reference::find(input, occluders, 1e-7, StorageChoice::default(), &Silent).unwrap();
+        (reference, mesh)
+    }
+
+    fn entry(reference: &Reference, i: usize, j: usize) -> f64 {
+        match &reference.values {
+            ReferenceValues::Patches(factors) => factors.get(i, j),
+            ReferenceValues::Surfaces(values) => values[i * values.len().isqrt() + j],
+        }
     }
 
     fn builtin_scene(name: &str) -> Scene {
@@ -214,19 +241,19 @@ mod tests {
     fn each_scene_has_the_best_reference_there_is() {
         let (cube, _) = find(&builtin_scene("cube"), 1, false, false);
         assert_eq!(
-            (cube.kind, cube.level),
+            (cube.kind, cube.level()),
             (ReferenceKind::ClosedForm, ReferenceLevel::Patches)
         );
-        assert!((cube.values[1] - 0.199_824_895_698_387_4).abs() < 1e-14 && cube.error_max < 1e-13);
-        assert!((cube.density() - 5.0 / 6.0).abs() < 1e-15);
+        assert!((entry(&cube, 0, 1) - 0.199_824_895_698_387_4).abs() < 1e-14 && cube.error_max < 1e-13);
+        assert!((cube.n_nonzero() - 30.0).abs() < 0.5);
         let (room, _) = find(&builtin_scene("room-box"), 1, false, true);
         assert_eq!(
-            (room.kind, room.level),
+            (room.kind, room.level()),
             (ReferenceKind::Certified, ReferenceLevel::Surfaces)
         );
         let (corridor, _) = find(&builtin_scene("corridor"), 1, true, true);
         assert_eq!(corridor.kind, ReferenceKind::ClosedForm);
-        assert!((corridor.values[1] - 0.205_860_159_188_717_36).abs() < 1e-12);
+        assert!((entry(&corridor, 0, 1) - 0.205_860_159_188_717_36).abs() < 1e-12);
         let (cornell, _) = find(&builtin_scene("cornell-box"), 1, true, true);
         assert_eq!(cornell.kind, ReferenceKind::Polygons);
         assert!(cornell.error_max < 1e-11, "{}", cornell.error_max);
@@ -234,7 +261,12 @@ mod tests {
         assert_eq!((exact.kind, exact.tolerance), (ReferenceKind::Exact, Some(1e-7)));
         // Factors from the larger of two patches are known better, those from the smaller to the tolerance.
         assert!(exact.error_rms > 0.0 && exact.error_rms < exact.error_max && exact.error_max <= 1e-7);
-        assert!(exact.values.iter().all(|f| (0.0..=1.0).contains(f)));
+        let ReferenceValues::Patches(factors) = &exact.values else {
+            panic!("between patches")
+        };
+        for i in 0..factors.n_rows() {
+            factors.for_each_in_row(i, |_, value, _| assert!((0.0..=1.0).contains(&value)));
+        }
     }
 
     #[test]
@@ -242,17 +274,17 @@ mod tests {
         let (reference, mesh) = find(&builtin_scene("cube"), 1, false, false);
         let mut tile = RowTile::new(0);
         for i in 0..6u32 {
-            let exact = &reference.values[6 * i as usize..][..6];
             let off = |j: u32| match (i, j) {
                 (0, 1) => 0.03,
                 (2, 2) => -0.04, // where the reference is 0
                 _ => 0.0,
             };
-            let entries: Vec<_> = (0..6).zip(exact).map(|(j, value)| (j, value + off(j), 0.0)).collect();
+            let exact = |j: u32| entry(&reference, i as usize, j as usize);
+            let entries: Vec<_> = (0..6).map(|j| (j, exact(j) + off(j), 0.0)).collect();
             tile.push_row(&entries, RowTally::default());
         }
         let factors = FormFactors::from_tiles(mesh.areas(), [tile], StorageChoice::default()).unwrap();
-        let (max, rms) = reference.errors(&factors, &mesh);
+        let (max, rms) = reference.errors(&factors, &mesh).unwrap();
         assert!((max - 0.04).abs() < 1e-15);
         // Thirty entries are not 0.
         assert!((rms - 0.05 / 30f64.sqrt()).abs() < 1e-15, "{rms}");

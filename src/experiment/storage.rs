@@ -1,14 +1,14 @@
-//! How much memory the form factors of a scene take, in each layout.
+//! How much the form factors of a scene take, in each layout.
 
 use serde::Serialize;
 
-use super::{ExperimentError, Reference, ReferenceLevel};
-use crate::form_factor::{FormFactorMethod, Input, RandomShooting};
-use crate::geometry::sampling::Sequence;
-use crate::matrix::{FormFactors, Layout, Precision, RowTally, RowTile, StorageChoice, Weighting};
+use super::reference::ReferenceValues;
+use super::{ExperimentError, Reference};
+use crate::form_factor::{ExactMethod, FormFactorMethod, Input};
+use crate::matrix::{FormFactors, Layout, MatrixError, RowTally, RowTile, StorageChoice, Weighting};
 use crate::progress::Progress;
 
-/// The size of a matrix of form factors, without standard errors, in f64.
+/// The size of a matrix of form factors, without standard errors.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct StorageFigures {
     /// N, the number of patches.
@@ -17,87 +17,79 @@ pub struct StorageFigures {
     pub n_entries: u64,
     /// The share of entries that are not zero.
     pub density: f64,
-    /// Memory in use with every entry stored.
+    /// What all entries take.
     pub dense_byte: u64,
-    /// Memory in use with the exchange areas on and above the diagonal stored in squares, each as full or as sparse as suits it: half of the others for large N.
+    /// What the exchange areas on and above the diagonal take, in squares, each as full or as sparse as suits it: half of the others for large N.
     pub symmetric_byte: u64,
-    /// Memory in use with the non-zero entries stored by row, each with its column.
+    /// What the non-zero entries take, stored by row, each with its column.
     pub sparse_byte: u64,
-    /// The rays of each patch of the run whose entries were counted, or `None` if they were the reference's own.
-    pub rays: Option<u64>,
+    /// The tolerance of the run of [`ExactMethod`] whose entries were counted, or `None` if they were the reference's own.
+    pub tolerance: Option<f64>,
 }
 
-/// Rays of each patch where the reference is between surfaces only, so that patches must be looked at by themselves.
-const RAYS: u64 = 16384;
-
-/// Stores the form factors of a scene in each layout and returns what that takes.
+/// Stores the form factors of a scene in each layout and returns what that takes, in the precision and the place of `storage`.
 ///
-/// The entries are those of the reference, or those of a run of `sr` where the reference knows whole surfaces only; such a run misses
-/// pairs that its rays do not find.
+/// The entries are those of the reference, or those of a run of [`ExactMethod`] where the reference knows whole surfaces only.
 ///
 /// # Errors
-/// [`ExperimentError`] if the run fails.
+/// [`ExperimentError`] if the run fails, or a disk does.
 pub fn storage_figures(
     input: Input<'_>,
     reference: &Reference,
+    storage: StorageChoice<'_>,
     progress: &dyn Progress,
 ) -> Result<StorageFigures, ExperimentError> {
-    let n = input.mesh.n_patches();
-    let (values, rays) = match reference.level {
-        ReferenceLevel::Patches => (reference.values.clone(), None),
-        ReferenceLevel::Surfaces => {
-            let method = RandomShooting {
-                rays: RAYS,
-                sequence: Sequence::Sobol,
-                seed: u64::MAX,
-            };
-            let computed = method
-                .compute(input, StorageChoice::default(), progress)
+    let computed;
+    let (factors, tolerance) = match &reference.values {
+        ReferenceValues::Patches(factors) => (factors, None),
+        ReferenceValues::Surfaces(_) => {
+            let exact = ExactMethod::default();
+            computed = exact
+                .compute(input, storage, progress)
                 .map_err(ExperimentError::Reference)?;
-            let mut values = vec![0.0; n * n];
-            for i in 0..n {
-                computed
-                    .factors
-                    .for_each_in_row(i, |j, value, _| values[i * n + j] = value);
-            }
-            (values, Some(RAYS))
+            (&computed.factors, Some(exact.tolerance))
         }
     };
-    let stored = |layout| -> Result<FormFactors, ExperimentError> {
-        let tile = |first: usize| {
-            let mut tile = RowTile::new(first);
-            for row in values[first * n..].chunks(n).take(ROWS) {
-                let entries = (0..).zip(row).filter(|(_, value)| **value != 0.0);
-                let entries: Vec<(u32, f64, f64)> = entries.map(|(j, value)| (j, *value, 0.0)).collect();
-                tile.push_row(&entries, RowTally::default());
-            }
-            tile
-        };
-        let precision = Precision::F64;
-        let tiles = (0..n).step_by(ROWS).map(tile);
-        Ok(FormFactors::from_tiles(
-            input.mesh.areas(),
-            tiles,
-            StorageChoice {
-                layout,
-                precision,
-                ..StorageChoice::default()
-            },
-        )?)
-    };
-    let (dense, sparse) = (stored(Layout::Dense)?, stored(Layout::Sparse)?);
-    let symmetric = dense.symmetrised(Weighting::default())?;
-    let n_entries = (n as u64) * (n as u64);
+    let n = factors.n_rows();
+    let stored =
+        |layout| FormFactors::from_tiles(input.mesh.areas(), tiles(factors), StorageChoice { layout, ..storage });
+    let sparse = stored(Layout::Sparse)?;
+    let (density, sparse_byte) = (sparse.density(), sparse.stored_byte() as u64);
+    drop(sparse);
+    let dense_byte = stored(Layout::Dense)?.stored_byte() as u64;
+    let symmetric = stored(Layout::Auto)?.symmetrised(Weighting::default())?;
+    factors.if_readable(()).map_err(MatrixError::from)?;
     Ok(StorageFigures {
         n_patches: n,
-        n_entries,
-        density: sparse.density(),
-        dense_byte: dense.stored_byte() as u64,
+        n_entries: (n as u64) * (n as u64),
+        density,
+        dense_byte,
         symmetric_byte: symmetric.stored_byte() as u64,
-        sparse_byte: sparse.stored_byte() as u64,
-        rays,
+        sparse_byte,
+        tolerance,
     })
 }
 
 /// Rows that are stored as one tile.
 const ROWS: usize = 32;
+
+/// Returns the entries that are not zero, without their errors.
+fn tiles(factors: &FormFactors) -> impl Iterator<Item = RowTile> {
+    let n = factors.n_rows();
+    (0..n).step_by(ROWS).map(move |first| {
+        let mut tile = RowTile::new(first);
+        let mut entries = Vec::new();
+        for i in first..n.min(first + ROWS) {
+            entries.clear();
+            factors.for_each_in_row(i, |j, value, _| {
+                if value != 0.0
+                    && let Ok(column) = u32::try_from(j)
+                {
+                    entries.push((column, value, 0.0));
+                }
+            });
+            tile.push_row(&entries, RowTally::default());
+        }
+        tile
+    })
+}

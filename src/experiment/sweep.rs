@@ -19,6 +19,8 @@ pub struct Sweep {
     pub values: &'static [u64],
     /// The source of numbers, where it is not the method's default.
     pub sequence: Option<Sequence>,
+    /// True if rows are divided by their sums.
+    pub normalise: bool,
     /// How the method stands to visibility.
     pub rays: RayUse,
 }
@@ -67,6 +69,30 @@ impl Parameter {
         }
     }
 
+    /// Returns a value of the parameter as people write it, or nothing where nothing is varied.
+    #[must_use]
+    pub fn value(self, value: u64) -> String {
+        match self {
+            Self::None => String::new(),
+            Self::Tolerance => format!("1e-{value}"),
+            _ => value.to_string(),
+        }
+    }
+
+    /// Returns a setting in words.
+    #[must_use]
+    pub fn setting(self, value: u64) -> String {
+        let number = self.value(value);
+        match self {
+            Self::None => "–".to_owned(),
+            Self::Tolerance => format!("tolerance {number}"),
+            Self::Resolution => format!("resolution {number}"),
+            Self::RaysPerPatch | Self::RaysPerPair | Self::Points | Self::PointsOnBoth => {
+                format!("{number} {}", self.name())
+            }
+        }
+    }
+
     /// Returns the power of the parameter with which the run time grows, for forecasts.
     pub(super) fn cost_power(self) -> i32 {
         match self {
@@ -87,6 +113,7 @@ impl Sweep {
         let mut settings = MethodSettings {
             seed,
             sequence: self.sequence,
+            normalise: self.normalise,
             ..MethodSettings::default()
         };
         let count = usize::try_from(value).ok().and_then(NonZeroUsize::new);
@@ -118,6 +145,7 @@ const RAYS: &[u64] = &[64, 256, 1024, 4096, 16384];
 #[rustfmt::skip]
 pub const SWEEPS: &[Sweep] = &[
     sweep("centre", Parameter::None, &[1], RayUse::Visibility),
+    Sweep { name: "centre-normalised", normalise: true, ..sweep("centre", Parameter::None, &[1], RayUse::Visibility) },
     sweep("pdm", Parameter::PointsOnBoth, &[2, 3, 5, 8], RayUse::Visibility),
     sweep("sr", Parameter::RaysPerPatch, RAYS, RayUse::Everything),
     Sweep { name: "sr-random", sequence: Some(Sequence::Random), ..sweep("sr", Parameter::RaysPerPatch, RAYS, RayUse::Everything) },
@@ -128,7 +156,7 @@ pub const SWEEPS: &[Sweep] = &[
     sweep("contour", Parameter::PointsOnBoth, &[2, 3, 5, 8], RayUse::VisibilityOnly),
     sweep("closed-form", Parameter::PointsOnBoth, &[2, 3, 5, 8], RayUse::VisibilityOnly),
     sweep("qmc", Parameter::RaysPerPair, &[4, 16, 64, 256, 1024], RayUse::VisibilityOnly),
-    sweep("exact", Parameter::Tolerance, &[3, 4, 5, 6], RayUse::VisibilityOnly),
+    sweep("exact", Parameter::Tolerance, &[3, 4, 5, 6], RayUse::Visibility),
 ];
 
 /// Returns the sweep of that name.
@@ -144,6 +172,7 @@ const fn sweep(name: &'static str, parameter: Parameter, values: &'static [u64],
         parameter,
         values,
         sequence: None,
+        normalise: false,
         rays,
     }
 }

@@ -150,6 +150,11 @@ pub trait FormFactorMethod: Sync {
         Reciprocity::Exact
     }
 
+    /// Returns the memory in bytes that the method takes for `n_patches` patches beside the rows that it gives away one by one: an upper bound.
+    fn working_byte(&self, _n_patches: usize) -> u64 {
+        0
+    }
+
     /// Computes all form factors of a mesh.
     ///
     /// The result depends on nothing but the input and the method's settings: equal settings give equal bytes at any number of threads.

@@ -133,7 +133,7 @@ mod tests {
             let storage = StorageChoice {
                 layout: Layout::Auto,
                 precision,
-                place: Place::Memory,
+                place: Place::default(),
             };
             let first = FormFactors::from_exchange_tiles(areas.clone(), [upper.clone()], storage).unwrap();
             let mut again = RowTile::new(0);

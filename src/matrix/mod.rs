@@ -267,7 +267,7 @@ impl FormFactors {
     #[must_use]
     pub fn storage(&self) -> StorageChoice<'_> {
         let place = match &self.entries {
-            Entries::Rows { .. } => Place::Memory,
+            Entries::Rows { .. } => Place::default(),
             Entries::Symmetric { exchange, .. } => exchange.place(),
             Entries::Disk(general) => general.place(),
         };
@@ -444,16 +444,18 @@ const ROWS_PER_TASK: usize = 16;
 /// rounding error is at most about (n / 4 + 70) 1.1e-16 for terms of one sign.
 ///
 /// Speed: the time of a plain read of as many bytes by the time of a pass with one channel (1 is as fast as memory), and the time of
-/// three channels by that of one. f32, n = 6144, sparse with a quarter of the entries, one thread, medians of 21 rounds of
-/// `cargo bench --bench matrix` on a machine with AVX-512, otherwise idle; two threads are within a tenth of these, but for the dense symmetric pass with 0.56.
+/// three channels by that of one. f32, n = 6144, sparse with a quarter of the entries at random places, medians of 21 rounds of
+/// `cargo bench --bench matrix` on a machine with AVX-512, otherwise idle; two numbers are the least and the greatest of two or three such runs:
 ///
-/// | matrix | read / pass | three channels / one |
-/// |---|---|---|
-/// | dense, rows | 0.94 | 1.09 |
-/// | dense, symmetric (half the bytes) | 0.61 | 1.95 |
-/// | sparse, rows | 0.67 | 2.05 |
-/// | sparse, symmetric | 0.24 | 1.50 |
-/// | dense, symmetric, on a disk (in the system's cache) | 0.21 | 1.33 |
+/// | matrix | one thread: read / pass | three channels / one | two threads: read / pass | three channels / one |
+/// |---|---|---|---|---|
+/// | dense, rows | 1.05 | 1.16 | 1.09 | 1.17 |
+/// | dense, symmetric (half the bytes) | 0.74 to 0.80 | 1.32 to 1.33 | 0.75 to 0.80 | 1.35 to 1.48 |
+/// | sparse, rows | 0.41 to 0.43 | 1.23 to 1.38 | 0.45 to 0.54 | 1.24 to 1.31 |
+/// | sparse, symmetric (half the bytes) | 0.22 to 0.26 | 1.21 to 1.23 | 0.22 to 0.28 | 1.24 to 1.25 |
+/// | dense, symmetric, on a disk (in the system's cache) | 0.24 | 1.21 | 0.24 | 1.08 |
+///
+/// So a dense symmetric pass takes 0.6 to 0.7 of the time of one over all rows. Sparse passes are bound by the scattered x: 1.8 ns an entry of rows on one thread, 0.9 ns on two.
 impl LinearOperator for FormFactors {
     fn n_rows(&self) -> usize {
         self.areas.len()

@@ -162,7 +162,7 @@ impl<T: Scalar> Tiles<T> {
         let mut n_rows = 0;
         let counted = rows.inspect(|_| n_rows += 1);
         let stored = match place {
-            Place::Memory => Rows::Memory(counted.collect::<Result<_, E>>()?),
+            Place::Memory { .. } => Rows::Memory(counted.collect::<Result<_, E>>()?),
             Place::Disk(scratch) => {
                 let mut file = TileFile::create(n, true, scratch).map_err(MatrixError::from)?;
                 for row in counted {
@@ -360,7 +360,7 @@ impl<T: Scalar> Symmetric for Tiles<T> {
 
     fn place(&self) -> Place<'_> {
         match &self.rows {
-            Rows::Memory(_) => Place::Memory,
+            Rows::Memory(_) => Place::default(),
             Rows::Disk(file) => file.place(),
         }
     }

@@ -19,7 +19,7 @@ impl FormFactors {
         let n = self.n_rows();
         // On a disk, rows are best read together with those of their tiles.
         let n_together = match self.storage().place {
-            Place::Memory => BLOCK_ROWS,
+            Place::Memory { .. } => BLOCK_ROWS,
             Place::Disk(_) => UPPER_ROWS,
         };
         let starts = (0..n).step_by(n_together);

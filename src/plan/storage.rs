@@ -19,10 +19,14 @@ pub struct StorageDemand {
     pub by_rows: bool,
     /// True if rows are made symmetric afterwards: for a while both matrices exist, and a third.
     pub repaired: bool,
+    /// How many whole matrices there are beside this one at the same time.
+    pub n_beside: u32,
     /// An upper bound of the share of entries that are not zero.
     pub density: f64,
     /// What is in use already: program, scene, patches and the ray tracer's tree.
     pub used_byte: u64,
+    /// What the method takes beside the rows that it gives away one by one.
+    pub working_byte: u64,
     /// What the picture will take.
     pub image_byte: u64,
     /// The least 1 − ρ of the patches and the tolerance of the solver, or `None` where the form factors are the result.
@@ -60,7 +64,7 @@ pub struct StoragePlan {
     pub precision: Precision,
     /// True if they go to a scratch file.
     pub on_disk: bool,
-    /// Memory for computed rows that wait to be written to the disk.
+    /// Memory for computed rows that wait to be stored: part of `memory`.
     pub waiting_byte: u64,
     /// What everything together is estimated to take.
     pub memory: MemoryEstimate,
@@ -138,7 +142,10 @@ const F32_ERROR: f64 = 5e-11;
 const F32_SHARE: f64 = 0.1;
 
 /// Memory for computed rows that wait, at most: more makes nothing faster.
-const WAITING_BYTE: f64 = 256e6;
+const WAITING_BYTE: u64 = 256_000_000;
+
+/// Bytes of an entry that waits to be stored: its column, value and error.
+const ENTRY_BYTE: f64 = 24.0;
 
 /// Rows of a tile.
 const SIDE: f64 = 64.0;
@@ -172,7 +179,13 @@ pub fn plan_storage(demand: &StorageDemand, wish: StorageWish) -> Result<Storage
     let in_memory = plan_for(wide, false, String::new());
     let needed = in_memory.memory.total_byte();
     let fits = |plan: &StoragePlan| plan.memory.total_byte() <= demand.limit_byte;
-    let said = |plan: StoragePlan, reason| Ok(StoragePlan { reason, ..plan });
+    // Half of what is left, so that the allocator has some, too.
+    let said = |mut plan: StoragePlan, reason| {
+        let left = demand.limit_byte - plan.memory.total_byte();
+        plan.waiting_byte = (left / 2).min(WAITING_BYTE).min(all_rows_byte(demand));
+        plan.memory.rows_byte += plan.waiting_byte;
+        Ok(StoragePlan { reason, ..plan })
+    };
     if wish.on_disk != Some(true) {
         if fits(&in_memory) {
             let reason = format!("all together takes at most {} of {limit}", byte_text(needed));
@@ -203,19 +216,13 @@ pub fn plan_storage(demand: &StorageDemand, wish: StorageWish) -> Result<Storage
             limit_byte: demand.limit_byte,
         });
     }
-    let left = demand.limit_byte - on_disk.memory.total_byte();
     let mut reason = format!("in memory all together would take {} of {limit}", byte_text(needed));
     if wish.on_disk == Some(true) {
         "asked for".clone_into(&mut reason);
     } else if wish.precision.is_none() && demand.accuracy.is_some() && !narrow_suffices {
         reason += ", and 1 − ρ is too small for f32";
     }
-    let waiting = (0.5 * left as f64).min(WAITING_BYTE);
-    Ok(StoragePlan {
-        waiting_byte: whole(waiting),
-        reason,
-        ..on_disk
-    })
+    said(on_disk, reason)
 }
 
 /// Estimates what everything takes.
@@ -234,36 +241,37 @@ fn estimate(demand: &StorageDemand, layout: Layout, precision: Precision, on_dis
     let (mut n_rows, mut n_upper) = if demand.by_rows { (1.0, 0.0) } else { (0.0, 1.0) };
     if demand.repaired {
         n_upper += 2.0;
-    } else if n_rows > 0.0 && n_upper > 0.0 {
-        n_rows = 1.0;
     }
+    n_rows += f64::from(demand.n_beside);
     let slot = 40.0;
     let matrix = if on_disk {
         slot * n_tiles * (n_rows + 0.5 * n_upper)
     } else {
         n_rows * rows + n_upper * upper + 112.0 * n_tiles
     };
-    // Rows on their way take 24 bytes an entry, 64 of them 24 to 32 more while they are cut into tiles.
+    // 64 rows on their way take 24 to 32 bytes an entry more while they are cut into tiles. At least 16 rows a thread wait.
     let in_work = SIDE * n * demand.density.min(1.0);
     let threads = demand.n_threads as f64;
-    let waiting = if on_disk {
-        threads * in_work * 24.0 / 4.0
-    } else {
-        (n * n * 24.0 * demand.density).min(1.1 * WAITING_BYTE)
-    };
+    let waiting = threads * in_work * ENTRY_BYTE / 4.0;
     let repaired = if demand.repaired { 56.0 } else { 0.0 };
     let bands = if on_disk { 2.0 * SIDE * n * full } else { 0.0 };
-    let rows_in_work = waiting + in_work * (24.0 + 32.0 + 12.0) + threads * (in_work * repaired + bands);
+    let rows_in_work = waiting + in_work * (ENTRY_BYTE + 32.0 + 12.0) + threads * (in_work * repaired + bands);
     // Polygons ready for use, some 25 vectors of a solver, and the sums of the pieces of a pass.
     let n_pieces = (n / SIDE / 4.0).ceil().min(64.0);
     let vectors = n * (2048.0 + threads * 64.0 + 8.0 * demand.n_channels as f64 * (25.0 + n_pieces));
     MemoryEstimate {
         used_byte: demand.used_byte,
         matrix_byte: whole(matrix),
-        rows_byte: whole(rows_in_work),
+        rows_byte: whole(rows_in_work).saturating_add(demand.working_byte),
         vectors_byte: whole(vectors),
         image_byte: demand.image_byte,
     }
+}
+
+/// Returns what all computed rows take before they are stored.
+fn all_rows_byte(demand: &StorageDemand) -> u64 {
+    let n = demand.n_patches as f64;
+    whole(n * n * ENTRY_BYTE * demand.density.min(1.0))
 }
 
 /// Returns an upper bound of the share of entries that are not zero: that of the patches in front of each other's planes, seen from
@@ -323,8 +331,10 @@ mod tests {
             n_threads: 2,
             by_rows: false,
             repaired: false,
+            n_beside: 0,
             density: 1.0,
             used_byte: 50 << 20,
+            working_byte: 0,
             image_byte: 0,
             accuracy: Some(Accuracy {
                 absorption_min: 0.5,
@@ -336,10 +346,7 @@ mod tests {
 
     fn chosen(demand: StorageDemand) -> (Precision, bool) {
         let plan = plan_storage(&demand, StorageWish::default()).unwrap();
-        assert!(
-            plan.memory.total_byte() + plan.waiting_byte <= demand.limit_byte,
-            "{plan:?}"
-        );
+        assert!(plan.memory.total_byte() <= demand.limit_byte, "{plan:?}");
         (plan.precision, plan.on_disk)
     }
 
@@ -347,7 +354,7 @@ mod tests {
     fn memory_comes_first_then_f32_then_the_disk() {
         assert_eq!(chosen(demand()), (Precision::F64, false));
         let tight = StorageDemand {
-            limit_byte: 5 * GIB / 2,
+            limit_byte: 9 * GIB / 4,
             ..demand()
         };
         assert_eq!(chosen(tight), (Precision::F32, false));
@@ -361,7 +368,7 @@ mod tests {
     #[test]
     fn what_is_near_singular_or_the_result_itself_stays_f64() {
         let tight = StorageDemand {
-            limit_byte: 5 * GIB / 2,
+            limit_byte: 9 * GIB / 4,
             ..demand()
         };
         let result = StorageDemand {
@@ -419,6 +426,8 @@ mod tests {
         let repaired = StorageDemand { repaired: true, ..rows };
         let ratio = total(&repaired) as f64 / total(&rows) as f64;
         assert!((1.9..2.1).contains(&ratio), "{ratio}");
+        let three = total(&StorageDemand { n_beside: 2, ..rows }) as f64 / total(&rows) as f64;
+        assert!((2.9..3.1).contains(&three), "{three}");
         let sparse = StorageDemand { density: 0.1, ..rows };
         let share = total(&sparse) as f64 / total(&rows) as f64;
         assert!((0.12..0.15).contains(&share), "{share}");

@@ -34,7 +34,8 @@ const CHANNELS: [&str; 3] = ["R", "G", "B"];
 ///
 /// Packets (little-endian): length of the whole packet as u32; kind as u8; then for a new image (4) focus as u8, name, width, height and number of channels as i32, their names;
 /// for pixels (6) focus, name, number of channels, their names, x, y, width, height as i32, for every channel its offset and then for every channel its stride as i64, samples as f32.
-/// Texts end with 0. Where the viewer goes away the rest is dropped: a picture does not wait for its display.
+/// Texts end with 0. The bytes are those of the viewer's own Python client (tevclient 1.0.4), and what the viewer's source (`Ipc.h`, `IpcPacket`) reads; the viewer itself was not
+/// at hand. Where the viewer goes away the rest is dropped: a picture does not wait for its display.
 #[derive(Debug)]
 pub struct TevDisplay {
     name: String,

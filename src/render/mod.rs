@@ -27,7 +27,7 @@ pub use error::RenderError;
 pub use field::{FieldInput, FieldRecord, SurfaceMean, field, surface_means};
 pub use image::{Image, Layer, Samples};
 pub use unfolded::{Tile, Unfolded, UnfoldedView};
-pub use view::{RayView, Sight, View, ViewDescription};
+pub use view::{CameraRecord, RayView, Sight, View, ViewDescription};
 
 use std::num::NonZeroU32;
 

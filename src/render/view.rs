@@ -4,7 +4,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::unfolded::Unfolded;
-use crate::scene::SurfaceId;
+use crate::scene::{Camera, SceneError, SurfaceId};
 
 /// What is seen through one point of the image.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,11 +45,47 @@ pub trait View: Sync {
     fn description(&self) -> ViewDescription;
 }
 
+/// A perspective camera as the image file describes it.
+///
+/// Pixels are square; the image's size completes the description.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CameraRecord {
+    /// Where the pinhole is, in m.
+    pub eye: DVec3,
+    /// The direction of view.
+    pub direction: DVec3,
+    /// The image's vertical.
+    pub up: DVec3,
+    /// The angle between the middles of the upper and the lower edge.
+    pub vertical_fov_degree: f64,
+}
+
+impl From<&Camera> for CameraRecord {
+    fn from(camera: &Camera) -> Self {
+        Self {
+            eye: camera.eye(),
+            direction: camera.direction(),
+            up: camera.up(),
+            vertical_fov_degree: camera.vertical_fov(),
+        }
+    }
+}
+
+impl CameraRecord {
+    /// Returns the camera.
+    ///
+    /// # Errors
+    /// As [`Camera::new`].
+    pub fn camera(&self) -> Result<Camera, SceneError> {
+        Camera::new(self.eye, self.direction, self.up, self.vertical_fov_degree)
+    }
+}
+
 /// A view as the image file describes it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ViewDescription {
-    /// A perspective camera and its parameters.
+    /// A perspective camera and its parameters: a [`CameraRecord`], where the view is a [`Camera`]'s.
     Perspective(serde_json::Value),
     /// The tiles of an unfolded view.
     Unfolded(Unfolded),

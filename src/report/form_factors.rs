@@ -2,7 +2,7 @@
 //!
 //! | ending | content | for |
 //! |---|---|---|
-//! | `.npz` | dense: `F`, `area`, `error`; sparse: what `scipy.sparse.load_npz` reads, with `area` and `error` | this program, NumPy, SciPy |
+//! | `.npz` | dense: `F`, `area`, `error`; sparse (under a third not zero, or as `--storage` says): what `scipy.sparse.load_npz` reads, with `area` and `error` | this program, NumPy, SciPy |
 //! | `.npy` | F in full; the description stands in a file of the same name with `.json` after it | this program, NumPy |
 //! | `.mtx` | F as coordinates | this program, Matrix Market readers: SciPy, MATLAB, Julia |
 //! | `.csv` | form factors between surfaces, with their errors | tables |
@@ -25,7 +25,7 @@ use super::npy::{Dtype, Header};
 use super::npz::{NpzWriter, write_numbers};
 use super::vtu::CellData;
 use super::{Description, ReportError, matrix_csv, matrix_exr, mtx, vtu};
-use crate::matrix::{FormFactors, Precision, RowTally};
+use crate::matrix::{FormFactors, Layout, Precision, RowTally};
 use crate::mesh::Mesh;
 use crate::scene::hash::hexadecimal;
 use crate::scene::{Scene, SurfaceId};
@@ -79,7 +79,7 @@ const FORMATS: [(&str, Format, bool); 6] = [
     ("vtu", Format::Vtu, false),
 ];
 
-/// From this share of non-zero entries on a matrix is written dense, as it is stored.
+/// From this share of non-zero entries on a matrix is written dense, as it is stored, unless its storage was asked to be dense or sparse.
 const DENSE_FROM: f64 = 1.0 / 3.0;
 
 impl Format {
@@ -250,10 +250,15 @@ impl FormFactorReport<'_> {
     fn write_npz<W: Write + io::Seek>(&self, writer: W) -> io::Result<()> {
         let mut npz = NpzWriter::new(BufWriter::with_capacity(1 << 20, writer));
         npz.bytes("meta.json", self.description().to_json().as_bytes())?;
-        if self.factors.density() < DENSE_FROM {
-            self.add_sparse(&mut npz)?;
-        } else {
+        let dense = match self.factors.storage().layout {
+            Layout::Dense => true,
+            Layout::Sparse => false,
+            Layout::Auto => self.factors.density() >= DENSE_FROM,
+        };
+        if dense {
             self.add_dense(&mut npz)?;
+        } else {
+            self.add_sparse(&mut npz)?;
         }
         let n = self.factors.n_rows();
         npz.numbers("area", &[n], self.factors.areas())?;

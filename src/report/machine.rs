@@ -17,6 +17,13 @@ pub struct Machine {
     pub system: &'static str,
 }
 
+/// Returns how many processes of the whole machine ran or waited to run, as the system's mean over the last minute, or `None` where it does not tell.
+#[must_use]
+pub fn load_average() -> Option<f64> {
+    let text = std::fs::read_to_string("/proc/loadavg").ok()?;
+    text.split_whitespace().next()?.parse().ok()
+}
+
 impl Machine {
     /// Looks at the machine, and at the thread pool that the caller runs in.
     #[must_use]

@@ -26,7 +26,7 @@ mod vtu;
 
 pub use description::Description;
 pub use error::ReportError;
-pub use machine::Machine;
+pub use machine::{Machine, load_average};
 pub use memory::{memory_available_byte, memory_peak_byte, memory_used_byte};
 pub use raster::{RasterError, png_from_svg};
 pub use stages::StageTimes;

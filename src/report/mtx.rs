@@ -198,7 +198,7 @@ impl MtxRows {
             let column: usize = parts.next()?.parse().ok()?;
             let value: f64 = parts.next()?.parse().ok()?;
             let in_matrix = (1..=n).contains(&row) && (1..=n).contains(&column) && parts.next().is_none();
-            in_matrix.then_some((row - 1, column - 1, value))
+            in_matrix.then(|| (row - 1, column - 1, value))
         });
         self.n_left -= 1;
         parsed.ok_or_else(|| {

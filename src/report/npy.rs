@@ -120,7 +120,16 @@ impl Header {
         let mut text = vec![0; length as usize];
         fill(&mut text)?;
         let text = String::from_utf8(text).map_err(|_| "an array header that is no text")?;
-        let header = Self::parse(&text).ok_or_else(|| format!("the array header `{}`", text.trim()))?;
+        // Of what may be anything, as much as fits a line.
+        let shown = || {
+            text.trim()
+                .chars()
+                .take(100)
+                .collect::<String>()
+                .escape_debug()
+                .to_string()
+        };
+        let header = Self::parse(&text).ok_or_else(|| format!("the array header `{}`", shown()))?;
         Ok((header, before + u64::from(length)))
     }
 
@@ -195,6 +204,20 @@ pub(super) fn push_counts(dtype: Dtype, bytes: &[u8], numbers: &mut Vec<u64>) ->
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The fuzzer found this one.
+    #[test]
+    fn a_header_of_many_lines_is_told_in_one() {
+        let text = format!("{{'descr',\n\r\u{7}{}", "x".repeat(500));
+        let length = u16::try_from(text.len()).expect("a short text").to_le_bytes();
+        let bytes = [MAGIC, &[1, 0], &length, text.as_bytes()].concat();
+        let message = Header::read(&mut bytes.as_slice()).expect_err("no header");
+        assert!(
+            message.starts_with("the array header `{\\'descr\\',\\n\\r\\u{7}x"),
+            "{message}"
+        );
+        assert!(message.len() < 150 && !message.contains(char::is_control), "{message}");
+    }
 
     #[test]
     fn headers_read_back_and_are_those_of_numpy() {

@@ -118,8 +118,17 @@ impl Definitions {
     }
 }
 
-/// Returns the files of one `mtllib` that exist: the whole name (blanks and all), or else each of its words.
+/// Returns the files of one `mtllib` that exist: the whole name (blanks and all), or else each of its words, or else both with the
+/// separators of Windows taken for the system's.
 fn files_of(name: &str, scene_file: &Path) -> Vec<PathBuf> {
+    let found = files_named(name, scene_file);
+    if found.is_empty() && name.contains('\\') {
+        return files_named(&name.replace('\\', "/"), scene_file);
+    }
+    found
+}
+
+fn files_named(name: &str, scene_file: &Path) -> Vec<PathBuf> {
     let directory = scene_file.parent().unwrap_or(Path::new(""));
     let beside = |part: &str| directory.join(part);
     let whole = beside(name);

@@ -93,8 +93,12 @@ fn split_polygon(corners: &[DVec3], area_vector: DVec3, noise: f64) -> Outline {
         let in_front = area_2d(&flat, [a, b, c]) > 0.0;
         triangles.push(if in_front { [a, b, c] } else { [a, c, b] });
     }
-    let triangles = restore_straight_corners(triangles, corners.len());
-    if triangles.iter().any(|&t| area_2d(&flat, t) <= 0.0) {
+    let triangles = without_slivers(restore_straight_corners(triangles, corners.len()), &flat, noise);
+    let has_area = |t: [u32; 3]| {
+        let [a, b, c] = t.map(|i| corners[i as usize]);
+        area_2d(&flat, t) > 0.0 && polygon::area_vector(&[a, b, c]).length() > 0.0
+    };
+    if !triangles.iter().all(|&t| has_area(t)) {
         return Outline::SelfIntersecting;
     }
     // The projection of the outline bounds the signed area; ears that overlap or are missing do not add up to it.
@@ -122,6 +126,34 @@ fn project(corners: &[DVec3], area_vector: DVec3) -> Vec<DVec2> {
 fn area_2d(flat: &[DVec2], t: [u32; 3]) -> f64 {
     let [a, b, c] = t.map(|i| flat[i as usize]);
     0.5 * (b - a).perp_dot(c - a)
+}
+
+/// Replaces triangles whose corners lie on a line but for rounding: ear clipping cuts one where a corner lies on the line between two others.
+///
+/// The triangle beyond the longest edge of a sliver is cut in two at the sliver's third corner. What has no such neighbour stays.
+fn without_slivers(mut triangles: Vec<[u32; 3]>, flat: &[DVec2], noise: f64) -> Vec<[u32; 3]> {
+    let length = |a: u32, b: u32| flat[a as usize].distance_squared(flat[b as usize]);
+    let turned = |t: [u32; 3], k: usize| [t[k], t[(k + 1) % 3], t[(k + 2) % 3]];
+    // Every exchange gives a sliver a greater angle, or ends it; where rounding lets them go in circles, this ends.
+    for _ in 0..2 * triangles.len() {
+        let exchange = (0..triangles.len()).find_map(|k| {
+            if area_2d(flat, triangles[k]) > noise {
+                return None;
+            }
+            let [from, to, middle] = (0..3)
+                .map(|turn| turned(triangles[k], turn))
+                .max_by(|s, t| length(s[0], s[1]).total_cmp(&length(t[0], t[1])))?;
+            let beyond = |t: &[u32; 3]| (0..3).map(|turn| turned(*t, turn)).find(|t| (t[0], t[1]) == (to, from));
+            let (other, [.., apex]) = (0..).zip(&triangles).find_map(|(other, t)| Some((other, beyond(t)?)))?;
+            Some((k, other, [[to, middle, apex], [middle, from, apex]]))
+        });
+        let Some((k, other, [first, second])) = exchange else {
+            break;
+        };
+        triangles[k] = first;
+        triangles[other] = second;
+    }
+    triangles
 }
 
 /// Puts back the corners on straight edges that ear clipping leaves out: the triangle at such an edge becomes a fan.
@@ -213,6 +245,43 @@ mod tests {
                 .filter(|e| *e == edge)
                 .count();
             assert_eq!(count, 1, "edge {edge:?}");
+        }
+    }
+
+    /// The fuzzer found this one: a corner moved onto the line between its second neighbours.
+    #[test]
+    fn a_corner_on_the_line_between_others_makes_no_triangle_without_area() {
+        let hexagon = |depth: f64| {
+            let (x, z) = (0.259_808, 0.15);
+            [[0.0, 0.3], [-x, z], [-x, -z], [0.0, depth], [x, -z], [x, z]].map(|[x, z]| DVec3::new(x, 1.95, z))
+        };
+        // On two lines at once at 0, on none near it.
+        for depth in [0.0, 1e-17, -1e-17, 1e-9, -1e-9, 0.1] {
+            let corners = hexagon(depth);
+            let expected = polygon::area_vector(&corners).length();
+            for turn in 0..6 {
+                let mut outline = corners;
+                outline.rotate_left(turn);
+                let areas: Vec<f64> = faces(&outline)
+                    .iter()
+                    .map(|face| {
+                        let Corners::Triangle(t) = face else {
+                            panic!("{face:?}: larger outlines become triangles")
+                        };
+                        polygon::area_vector(&t.map(|i| outline[i as usize])).length()
+                    })
+                    .collect();
+                // 1e-9 m of a slit of 0.3 m, halved.
+                assert!(
+                    areas.len() == 4 && areas.iter().all(|&area| area > 1e-10),
+                    "{depth} {turn}: {areas:?}"
+                );
+                let total: f64 = areas.iter().sum();
+                assert!(
+                    (total - expected).abs() < 1e-15,
+                    "{depth} {turn}: {total} of {expected}"
+                );
+            }
         }
     }
 

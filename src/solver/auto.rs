@@ -27,8 +27,10 @@ use super::{
 /// - else `gmres`.
 ///
 /// `multigrid` is never taken, even where there is a hierarchy: in the room of Lewis its setup, 4 cycles and a check are 7.8 passes for the 9 or 10 of `gmres`, but the sweeps among
-/// them run on one core, while all of those run on every core, and which is faster must not depend on how many there are. On two otherwise idle cores it was 0.93, 0.96 and 0.61 of
-/// Gauss-Seidel's time at l = 3, 4 and 5, setup included, and `auto` 0.91, 0.34 and 0.32 (`cargo bench --bench solvers`, medians of 9 alternating runs). `chebyshev` takes more passes than
+/// them run on one core, while all of those run on every core, and which is faster must not depend on how many there are. On two otherwise idle cores multigrid took 0.87 to 1.00, 0.60 to 0.75
+/// and 0.59 to 0.65 of Gauss-Seidel's time at l = 3, 4 and 5, setup included, and `auto` 0.45 to 0.50, 0.20 to 0.26 and 0.28 to 0.29 (`cargo bench --bench solvers`, medians of 9 alternating
+/// runs; the least and the greatest of two to four such runs). In cases A to F of Baranoski et al. it took 0.21, 0.13, 0.09, 0.04, 0.08 and 0.05, and 0.83 to 1.10 of the fastest single solver's
+/// (one run). `chebyshev` takes more passes than
 /// conjugate gradients wherever these can be used.
 ///
 /// The choice and its reason are in [`Solution::choice`]. How far it is from the best: `radiosity reproduce stability` prints the ratios of work and time, case by case.

@@ -1,5 +1,7 @@
 //! The system in the units in which solvers calculate, and its residual.
 
+use std::borrow::Cow;
+
 use super::RadiositySystem;
 use super::vectors::inner;
 use crate::matrix::operator::Block;
@@ -113,15 +115,16 @@ impl<'a> Scaled<'a> {
     /// Returns the norms of a residual, in SI units.
     pub(super) fn norms(&self, residual: &Block) -> Norms {
         let n_channels = residual.n_channels();
-        let mut max_power = vec![0.0_f64; n_channels];
-        let mut max = vec![0.0_f64; n_channels];
-        let mut euclidean = vec![0.0_f64; n_channels];
-        for (i, &area) in self.areas.iter().enumerate() {
-            for (c, r) in residual.row(i).iter().enumerate() {
-                max_power[c] = max_power[c].max(r.abs() * area);
-                max[c] = max[c].max(r.abs());
-                euclidean[c] += r * r;
-            }
+        let mut max_power = vec![0.0; n_channels];
+        let mut max = vec![0.0; n_channels];
+        let mut euclidean = vec![0.0; n_channels];
+        for c in 0..n_channels {
+            let channel: Cow<[f64]> = if n_channels == 1 {
+                residual.values().into()
+            } else {
+                residual.values().iter().skip(c).step_by(n_channels).copied().collect()
+            };
+            [max_power[c], max[c], euclidean[c]] = magnitudes(&self.areas, &channel);
         }
         let mut relative = l2(&self.areas, residual);
         for (c, norm) in relative.iter_mut().enumerate() {
@@ -157,6 +160,31 @@ impl<'a> Scaled<'a> {
         for_each_channel(&mut block, self.system.exitance_units(), |value, unit| *value *= unit);
         block
     }
+}
+
+/// Returns max A |r|, max |r| and Σ r².
+fn magnitudes(areas: &[f64], residual: &[f64]) -> [f64; 3] {
+    /// Sums and maxima that do not wait for one another.
+    const LANES: usize = 8;
+    let mut found = [[0.0_f64; LANES]; 3];
+    let mut add = |lane: usize, area: f64, r: f64| {
+        found[0][lane] = found[0][lane].max(r.abs() * area);
+        found[1][lane] = found[1][lane].max(r.abs());
+        found[2][lane] += r * r;
+    };
+    let (area_chunks, last_areas) = areas.as_chunks::<LANES>();
+    let (chunks, last) = residual.as_chunks::<LANES>();
+    for (of_areas, of_residual) in area_chunks.iter().zip(chunks) {
+        for lane in 0..LANES {
+            add(lane, of_areas[lane], of_residual[lane]);
+        }
+    }
+    for (lane, (&area, &r)) in last_areas.iter().zip(last).enumerate() {
+        add(lane, area, r);
+    }
+    let [max_power, max, squares] = found;
+    let greatest = |lanes: [f64; LANES]| lanes.into_iter().fold(0.0, f64::max);
+    [greatest(max_power), greatest(max), squares.into_iter().sum()]
 }
 
 fn for_each_channel(block: &mut Block, units: &[f64], change: impl Fn(&mut f64, f64)) {

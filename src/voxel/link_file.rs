@@ -24,8 +24,10 @@ const LAYOUT: &[u8; 24] = b"radiosity voxel links 1\n";
 /// Bytes of a record before `ends`.
 const RECORD_HEAD: usize = 40;
 
-/// Chunks that are computed together before they are written.
-const BATCH: usize = 64;
+/// Returns how many chunks are computed together before they are written, and read together before they are checked: enough for all threads, and little memory.
+fn n_together() -> usize {
+    8 * rayon::current_num_threads()
+}
 
 /// A file of links, open for reading at any chunk.
 #[derive(Debug)]
@@ -173,8 +175,9 @@ impl Work<'_> {
         progress.begin("links", self.n_chunks as u64);
         let first = offsets.len() - 1;
         progress.advance(first as u64);
-        for batch in (first..self.n_chunks).step_by(BATCH) {
-            let last = (batch + BATCH).min(self.n_chunks);
+        let n_together = n_together();
+        for batch in (first..self.n_chunks).step_by(n_together) {
+            let last = (batch + n_together).min(self.n_chunks);
             let records: Option<Vec<(Vec<u8>, Tally)>> = (batch..last)
                 .into_par_iter()
                 .map(|k| {
@@ -212,33 +215,58 @@ impl Work<'_> {
         }
         let mut offsets = vec![self.head.len() as u64];
         let mut end = self.head.len() as u64;
-        let mut record = vec![0; RECORD_HEAD];
-        while offsets.len() <= self.n_chunks && read_whole(&mut reader, &mut record[..RECORD_HEAD])? {
-            let (n_ends, n_bytes) = (number(&record, 0), number(&record, 8));
-            // A length beyond what a chunk can have, or what the file has left, is damage, not a reason to ask for so much memory.
-            if n_ends > ROWS_PER_CHUNK as u64 || n_bytes > u64::from(u32::MAX) {
-                break;
+        let n_together = n_together();
+        loop {
+            let mut records = Vec::new();
+            let mut left = file_byte.saturating_sub(end);
+            while records.len() < n_together.min(self.n_chunks + 1 - offsets.len())
+                && let Some(record) = next_record(&mut reader, left)?
+            {
+                left -= record.len() as u64;
+                records.push(record);
             }
-            let rest = 4 * n_ends + n_bytes + 4;
-            if rest > file_byte.saturating_sub(end + RECORD_HEAD as u64) {
-                break;
+            let first = offsets.len() - 1;
+            let check = |(k, record): (usize, &Vec<u8>)| self.tally_of(record, first + k);
+            let tallies: Vec<Option<Tally>> = records.par_iter().enumerate().map(check).collect();
+            for (record, of_chunk) in records.iter().zip(&tallies) {
+                let Some(of_chunk) = of_chunk else {
+                    return Ok((offsets, tally));
+                };
+                tally = tally.plus(*of_chunk);
+                end += record.len() as u64;
+                offsets.push(end);
             }
-            let rest = usize::try_from(rest).map_err(io::Error::other)?;
-            record.resize(RECORD_HEAD + rest, 0);
-            if !read_whole(&mut reader, &mut record[RECORD_HEAD..])? {
-                break;
+            if records.len() < n_together {
+                return Ok((offsets, tally));
             }
-            let Ok(chunk) = decode(&record) else { break };
-            // A checksum that is right does not make it links of this scene; from here on they are believed.
-            if !chunk.fits(self.scene, &self.n_in_front, offsets.len() - 1) {
-                break;
-            }
-            tally = tally.plus(chunk.tally);
-            end += record.len() as u64;
-            offsets.push(end);
         }
-        Ok((offsets, tally))
     }
+
+    /// Returns the counts of a record of chunk k, if it holds links of this scene: a checksum that is right does not make it that, and from here on they are believed.
+    fn tally_of(&self, record: &[u8], k: usize) -> Option<Tally> {
+        let chunk = decode(record).ok()?;
+        chunk.fits(self.scene, &self.n_in_front, k).then_some(chunk.tally)
+    }
+}
+
+/// Reads the next record, if one as long as it says can be in the `left` bytes of the file.
+fn next_record(reader: &mut impl Read, left: u64) -> io::Result<Option<Vec<u8>>> {
+    let mut record = vec![0; RECORD_HEAD];
+    if !read_whole(reader, &mut record)? {
+        return Ok(None);
+    }
+    let (n_ends, n_bytes) = (number(&record, 0), number(&record, 8));
+    // A length beyond what a chunk can have, or what the file has left, is damage, not a reason to ask for so much memory.
+    if n_ends > ROWS_PER_CHUNK as u64 || n_bytes > u64::from(u32::MAX) {
+        return Ok(None);
+    }
+    let rest = 4 * n_ends + n_bytes + 4;
+    if rest > left.saturating_sub(RECORD_HEAD as u64) {
+        return Ok(None);
+    }
+    let rest = usize::try_from(rest).map_err(io::Error::other)?;
+    record.resize(RECORD_HEAD + rest, 0);
+    Ok(read_whole(reader, &mut record[RECORD_HEAD..])?.then_some(record))
 }
 
 /// Fills `bytes`, or tells that the file ends before.

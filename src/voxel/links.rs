@@ -116,7 +116,7 @@ impl Links {
 
     /// Keeps no links: each pass finds them again, in constant memory.
     ///
-    /// How many of them end at backs or leave the scene is not known before, and counted as 0.
+    /// How many of them end at backs or leave the scene is not known.
     #[must_use]
     pub fn recomputed(scene: &VoxelScene, sphere: &DiscreteSphere) -> Self {
         let counts = n_in_front(scene, &sphere.directions().iter().map(|d| d.vector));
@@ -137,16 +137,20 @@ impl Links {
         self.tally.n_links
     }
 
-    /// Returns how many links end at a back.
+    /// Returns how many links end at a back; `None` where links are [recomputed](Self::recomputed).
     #[must_use]
-    pub fn n_backs(&self) -> u64 {
-        self.tally.n_backs
+    pub fn n_backs(&self) -> Option<u64> {
+        self.is_tallied().then_some(self.tally.n_backs)
     }
 
-    /// Returns how many links leave the scene.
+    /// Returns how many links leave the scene; `None` where links are [recomputed](Self::recomputed).
     #[must_use]
-    pub fn n_escaped(&self) -> u64 {
-        self.tally.n_escaped
+    pub fn n_escaped(&self) -> Option<u64> {
+        self.is_tallied().then_some(self.tally.n_escaped)
+    }
+
+    fn is_tallied(&self) -> bool {
+        !matches!(self.storage, Storage::Recompute)
     }
 
     /// Returns the memory, or the room on the disk, that the links take.

@@ -1,6 +1,6 @@
 //! Pictures, fields and sequences.
 
-use radiosity::render::{Image, exr};
+use radiosity::render::{Image, Samples, exr};
 
 use crate::{document, radiosity, stderr, with_scene};
 
@@ -223,6 +223,57 @@ fn a_field_of_form_factors_is_rendered_and_verified() {
             "{}",
             stderr(&output)
         );
+    }
+}
+
+/// Fields through a camera: exact ones, noisy ones, half hidden ones, and wrong ones.
+#[test]
+fn fields_seen_by_a_camera_are_verified() {
+    let eyes = [
+        ("cube", "z1", "0.1,0.2,0.1", "0.9,0.8,0.6"),
+        ("corridor", "B", "1.9,0.5,0.9", "0.2,3,0.3"),
+    ];
+    for (scene, surface, eye, at) in eyes {
+        let directory = with_scene(scene);
+        let base = [
+            "field",
+            "scene.obj",
+            "--surface",
+            surface,
+            "-o",
+            "f.exr",
+            "--width",
+            "32",
+            "--height",
+            "24",
+        ];
+        let base = [
+            &base[..],
+            &["--eye", eye, "--look-at", at, "--up", "0,0,1", "--fov", "80"],
+        ]
+        .concat();
+        for method in [&["--method", "exact"][..], &["--method", "sr", "--rays", "256"]] {
+            let (made, result) = document(directory.path(), &[&base[..], method].concat());
+            assert_eq!(made, 0, "{result}");
+            let (code, report) = document(directory.path(), &["verify", "f.exr"]);
+            assert_eq!(
+                (code, &report["passed"]),
+                (0, &true.into()),
+                "{scene} {method:?}: {report}"
+            );
+            assert!(report["n_checked"].as_u64() > Some(300), "{report}");
+            assert!(report["tolerance"]["n_comparisons"].as_u64() > Some(900), "{report}");
+            // 10 % too much everywhere.
+            let path = directory.path().join("f.exr");
+            let (mut image, attributes) = exr::read(&path).unwrap();
+            let values = image.f32("Y").unwrap().iter().map(|y| 1.1 * y).collect();
+            image.insert("Y", Samples::F32(values));
+            exr::write(&path, &image, &attributes).unwrap();
+            let wrong = radiosity(directory.path(), &["verify", "f.exr"]);
+            assert_eq!(wrong.status.code(), Some(4), "{scene} {method:?}");
+            let text = String::from_utf8(wrong.stdout).unwrap();
+            assert!(text.contains("WRONG") && text.ends_with("failed\n"), "{text}");
+        }
     }
 }
 

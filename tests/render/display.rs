@@ -4,7 +4,7 @@ use std::io::Read;
 use std::net::{TcpListener, TcpStream};
 
 use radiosity::progress::Silent;
-use radiosity::render::display::TevDisplay;
+use radiosity::render::display::{TevDisplay, Watcher as _};
 use radiosity::render::{DirectMethod, GatherSettings, RenderSettings, UnfoldedView, View, render_watched};
 use radiosity::visibility::embree::EmbreeVisibility;
 
@@ -121,6 +121,28 @@ fn the_viewer_ends_with_the_picture() {
             assert_eq!(pixel.map(f32::to_bits), layers.map(|layer| layer[k].to_bits()), "{k}");
         }
     }
+}
+
+/// The same calls, the same bytes as from the viewer's own Python client: tevclient 1.0.4, `packet.create_image("a.exr", 2, 1, ["R", "G", "B"], True)` and
+/// `packet.update_image("a.exr", [[[1, 2, 3], [4, 5, 6.5]]], ["R", "G", "B"], 3, 1, False)`.
+#[test]
+fn the_packets_are_those_of_the_viewers_own_client() {
+    let create = b"\x1e\0\0\0\x04\x01a.exr\0\x02\0\0\0\x01\0\0\0\x03\0\0\0R\0G\0B\0";
+    let update = b"n\0\0\0\x06\0a.exr\0\x03\0\0\0R\0G\0B\0\x03\0\0\0\x01\0\0\0\x02\0\0\0\x01\0\0\0\
+        \0\0\0\0\0\0\0\0\x01\0\0\0\0\0\0\0\x02\0\0\0\0\0\0\0\
+        \x03\0\0\0\0\0\0\0\x03\0\0\0\0\0\0\0\x03\0\0\0\0\0\0\0\
+        \0\0\x80?\0\0\0@\0\0@@\0\0\x80@\0\0\xa0@\0\0\xd0@";
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    let server = std::thread::spawn(move || {
+        let mut bytes = Vec::new();
+        listener.accept().unwrap().0.read_to_end(&mut bytes).unwrap();
+        bytes
+    });
+    let display = TevDisplay::connect(&address, "a.exr", 2, 1).unwrap();
+    display.pixels(3, 1, 2, 1, &[[1.0, 2.0, 3.0], [4.0, 5.0, 6.5]]);
+    drop(display);
+    assert_eq!(server.join().unwrap(), [&create[..], &update[..]].concat());
 }
 
 #[test]

@@ -19,7 +19,7 @@ fn n(n: u32) -> NonZeroU32 {
     NonZeroU32::new(n).unwrap()
 }
 
-const METHODS: [DirectMethod; 3] = [
+pub(crate) const METHODS: [DirectMethod; 3] = [
     DirectMethod::Exact,
     DirectMethod::CosineRays {
         n: NonZeroU32::new(256).unwrap(),
@@ -29,23 +29,28 @@ const METHODS: [DirectMethod; 3] = [
     },
 ];
 
-struct Field {
+pub(crate) struct Field {
     scene: Scene,
     mesh: Mesh,
-    image: Image,
-    attributes: Attributes,
+    pub(crate) image: Image,
+    pub(crate) attributes: Attributes,
 }
 
 /// The unfolded field of a built-in scene, each face in 3 × 3 patches.
 fn render_field(name: &str, surface: &str, n_pixels: u32, direct: DirectMethod) -> Field {
     let scene = builtin::build(name, None).unwrap().scene;
-    let mesh = Mesh::new(&scene, Subdivision::Uniform(3)).unwrap();
-    let visibility = EmbreeVisibility::new(&scene).unwrap();
     let view = UnfoldedView::new(&scene, n(n_pixels)).unwrap();
     let settings = RenderSettings {
         direct,
         ..RenderSettings::default()
     };
+    field_of(scene, surface, &view, settings)
+}
+
+/// The field of a scene, each face in 3 × 3 patches.
+pub(crate) fn field_of(scene: Scene, surface: &str, view: &dyn View, settings: RenderSettings) -> Field {
+    let mesh = Mesh::new(&scene, Subdivision::Uniform(3)).unwrap();
+    let visibility = EmbreeVisibility::new(&scene).unwrap();
     let number = scene.surfaces.iter().position(|s| s.name == surface).unwrap();
     let input = FieldInput {
         scene: &scene,
@@ -53,7 +58,7 @@ fn render_field(name: &str, surface: &str, n_pixels: u32, direct: DirectMethod) 
         visibility: &visibility,
         surface: SurfaceId(u32::try_from(number).unwrap()),
     };
-    let image = field(&input, &view, &settings, &Silent).unwrap();
+    let image = field(&input, view, &settings, &Silent).unwrap();
     let record = FieldRecord {
         surface: surface.to_owned(),
     };
@@ -68,11 +73,11 @@ fn render_field(name: &str, surface: &str, n_pixels: u32, direct: DirectMethod) 
     }
 }
 
-fn check(field: &Field) -> VerifyReport {
+pub(crate) fn check(field: &Field) -> VerifyReport {
     verify_image(&field.image, &field.attributes).unwrap()
 }
 
-fn wall<'a>(report: &'a VerifyReport, name: &str) -> &'a WallReport {
+pub(crate) fn wall<'a>(report: &'a VerifyReport, name: &str) -> &'a WallReport {
     report.walls.iter().find(|wall| wall.name == name).unwrap()
 }
 

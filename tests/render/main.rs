@@ -8,6 +8,7 @@ mod field;
 mod files;
 mod gather;
 mod layers;
+mod perspective;
 mod scenes;
 mod unfolded;
 mod verification;

@@ -371,7 +371,7 @@ fn images_that_cannot_be_verified_say_why() {
     perspective.view = ViewDescription::Perspective(serde_json::json!({}));
     assert!(matches!(
         verify_image(&image, &perspective),
-        Err(VerifyError::NotUnfolded)
+        Err(VerifyError::BadCamera(reason)) if reason.contains("eye")
     ));
     let mut dark = attributes.clone();
     dark.surfaces[0].polygons[0].exitance = [0.0; 3];

@@ -5,8 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 
-use super::{CommonArgs, MeshArgs, parse_positive};
-use crate::cli::storage::parse_byte;
+use super::{CommonArgs, MemoryArgs, MeshArgs, parse_positive};
 
 /// Whether occluders are looked at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
@@ -47,12 +46,12 @@ pub struct CompareArgs {
     /// The tolerance of exact that the methods are judged for: where nothing is known of the scene, the reference is exact at T/100
     #[arg(long, value_name = "T", default_value_t = 1e-6, value_parser = parse_positive)]
     pub tolerance: f64,
-    /// The most memory to use, as in 512MiB or 2G [default: 80 % of what is available]
-    #[arg(long, value_name = "BYTES", value_parser = parse_byte)]
-    pub memory_limit: Option<u64>,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub mesh: MeshArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub memory: MemoryArgs,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub common: CommonArgs,

@@ -6,6 +6,7 @@ use clap::{Args, ValueEnum};
 use serde::Serialize;
 
 use super::{CommonArgs, MeshArgs, PictureFileArgs, SequenceName, ViewArgs};
+use crate::cli::storage::parse_byte;
 
 /// How the form factor of a point is found: the methods of `form-factors` that need no patch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
@@ -43,6 +44,9 @@ pub struct FieldArgs {
     /// Seed of all numbers
     #[arg(long, value_name = "S", default_value_t = 0, help_heading = "Form factors")]
     pub seed: u64,
+    /// The most memory to use, as in 512MiB or 2G [default: 80 % of what is available]
+    #[arg(long, value_name = "BYTES", value_parser = parse_byte)]
+    pub memory_limit: Option<u64>,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub view: ViewArgs,

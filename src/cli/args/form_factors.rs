@@ -142,10 +142,10 @@ pub enum PrecisionName {
     F64,
 }
 
-/// Where form factors are kept.
+/// What form factors may take, and where.
 #[derive(Args, Clone, Debug, Default)]
 #[command(next_help_heading = "Memory")]
-pub struct StorageArgs {
+pub struct MemoryArgs {
     /// The most memory to use, as in 512MiB or 2G [default: 80 % of what is available]
     #[arg(long, value_name = "BYTES", value_parser = parse_byte)]
     pub memory_limit: Option<u64>,
@@ -158,6 +158,15 @@ pub struct StorageArgs {
     /// The directory of the scratch file, if one is needed [default: that of the output, else the system's for temporary files]
     #[arg(long, value_name = "DIR")]
     pub scratch: Option<PathBuf>,
+}
+
+/// Where form factors are kept.
+#[derive(Args, Clone, Debug, Default)]
+#[command(next_help_heading = "Memory")]
+pub struct StorageArgs {
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub memory: MemoryArgs,
     /// A file for finished form factors and gathered light: after an interruption the same command goes on from there; it is removed when the command is done
     #[arg(long, value_name = "FILE")]
     pub checkpoint: Option<PathBuf>,

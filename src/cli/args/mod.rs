@@ -15,7 +15,8 @@ use clap::{Args, Parser, Subcommand};
 pub use experiments::{CompareArgs, PaperName, ReproduceArgs, VisibilityName};
 pub use field::{FieldArgs, FieldMethodName};
 pub use form_factors::{
-    BalanceName, FormFactorsArgs, MeshArgs, MethodArgs, PrecisionName, SequenceName, StorageArgs, StorageName,
+    BalanceName, FormFactorsArgs, MemoryArgs, MeshArgs, MethodArgs, PrecisionName, SequenceName, StorageArgs,
+    StorageName,
 };
 pub use render::{DirectName, GatherArgs, ImageArgs, PartsName, PictureFileArgs, PixelsName, RenderArgs, ViewArgs};
 pub use solve::{BoundsName, SolveArgs, SolverArgs, StartName};

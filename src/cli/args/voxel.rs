@@ -6,6 +6,7 @@ use clap::{Args, ValueEnum};
 
 use super::solve::solver_name;
 use super::{AuditArgs, CommonArgs, ImageArgs, MeshArgs, parse_positive};
+use crate::cli::storage::parse_byte;
 use crate::voxel::Form;
 
 /// What a propagation computes from.
@@ -29,7 +30,7 @@ impl From<FormName> for Form {
 /// Where links are between passes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum LinksName {
-    /// In memory up to --memory-limit, else on disk
+    /// In memory where all together stays below --memory-limit, else on disk
     Auto,
     /// In memory
     Memory,
@@ -82,9 +83,9 @@ pub struct VoxelArgs {
     /// The file of `--links disk`, used again where it fits [default: the scene's name with .links]
     #[arg(long, value_name = "FILE", help_heading = "Voxels")]
     pub link_file: Option<PathBuf>,
-    /// With `--links auto`, the most memory for links, in bytes; beyond it they go to disk
-    #[arg(long, value_name = "BYTES", default_value_t = 4 << 30, help_heading = "Voxels")]
-    pub memory_limit: u64,
+    /// The most memory to use, as in 512MiB or 2G; links that do not fit go to disk [default: 80 % of what is available]
+    #[arg(long, value_name = "BYTES", value_parser = parse_byte, help_heading = "Voxels")]
+    pub memory_limit: Option<u64>,
     /// Show the voxels themselves, not the surfaces that they stand for
     #[arg(long, help_heading = "Voxels")]
     pub show_voxels: bool,

@@ -138,6 +138,8 @@ impl Run {
             by_rows,
             repaired: repairs(args.balance, needs_symmetry && by_rows),
             n_entries: n_entries.unwrap_or(u64::MAX),
+            n_beside: 0,
+            working_byte: method.working_byte(prepared.mesh.n_patches()),
         };
         let chosen = storage::choose(self, prepared, matrix)?;
         let input = Input {
@@ -277,7 +279,7 @@ impl Run {
 
     /// Tells whether the storage asked for is that of symmetric form factors.
     pub(in crate::cli) fn wants_symmetry(&self, balance: BalanceName) -> Result<bool, Failure> {
-        let wanted = self.storage.args.storage == StorageName::Symmetric;
+        let wanted = self.storage.args.memory.storage == StorageName::Symmetric;
         if wanted && balance == BalanceName::Off {
             return Err(Failure::usage(
                 "--storage symmetric makes form factors symmetric, and --balance off keeps them as they are; leave one of them out",

@@ -56,6 +56,7 @@ impl Run {
             memory_limit_byte: self
                 .storage
                 .args
+                .memory
                 .memory_limit
                 .filter(|_| entry.settings.contains(&solver::registry::Setting::MemoryLimit)),
             ..SolverSettings::default()

@@ -88,7 +88,8 @@ fn report(results: &MalgouyresResults, with_times: bool) -> String {
         let _ = writeln!(
             text,
             "\nTimes: one run each with {} threads on {}. \"Patches, same time\": the least error of classical radiosity (hemicubes or exact form factors, constant on each \
-             patch) in no more time.",
+             patch) in no more time. \"Voxels, same time\": the error of uniform voxels with R = 30 after that time, between two resolutions on the straight line in logarithms, \
+             or that of the finest where it took no longer.",
             machine.n_threads,
             machine.cpu_model.as_deref().unwrap_or(machine.architecture)
         );
@@ -135,7 +136,7 @@ fn voxel_table(scene: &SceneResult, with_times: bool) -> Table {
         "from R max",
     ];
     if with_times {
-        columns.extend(["time (s)", "patches, same time"]);
+        columns.extend(["time (s)", "voxels, same time", "patches, same time"]);
     }
     let mut table = Table::new(columns);
     let or_dash = |text: Option<String>| text.unwrap_or_else(|| "–".to_owned());
@@ -154,6 +155,9 @@ fn voxel_table(scene: &SceneResult, with_times: bool) -> Table {
             let in_time = scene.patches.iter().filter(|patches| patches.time_s <= run.time_s);
             let best = in_time.min_by(|a, b| a.error.total_cmp(&b.error));
             cells.push(format!("{:.3}", run.time_s));
+            // Beside itself a resolution says nothing.
+            let uniform = scene.uniform_error_after(run.time_s).filter(|_| varied == "cells");
+            cells.push(or_dash(uniform.map(|error| format!("{error:.2e}"))));
             cells.push(or_dash(
                 best.map(|p| format!("{:.2e} ({}, {})", p.error, p.method, p.n_patches)),
             ));

@@ -1,5 +1,6 @@
 //! `radiosity voxel`.
 
+mod memory;
 mod report;
 
 use std::fmt::Write as _;
@@ -7,9 +8,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use report::{
-    Checked, LinkFigures, describe, describe_surfaces, mebibytes, surfaces, to_json, warn_of_gaps, warn_of_leaks,
-};
+use report::{Checked, LinkFigures, describe, describe_surfaces, surfaces, to_json, warn_of_gaps, warn_of_leaks};
 
 use super::args::{LinksName, VoxelArgs};
 use super::exit_code::ExitCode;
@@ -68,6 +67,7 @@ fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
             Err(_) => Subdivision::Uniform(1),
         },
     })?;
+    memory::expect_voxels(&prepared, args)?;
     let voxels = run
         .times
         .time("discretise", || VoxelScene::new(&prepared.scene, args.voxels))?;
@@ -77,6 +77,7 @@ fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
         SolidAngle::Centre
     };
     let sphere = DiscreteSphere::new(args.radius, solid_angle)?;
+    let kept = memory::choose_links(&mut prepared, &voxels, &sphere, args, format)?;
     run.set("voxels", args.voxels);
     run.set("radius", args.radius);
     run.set("exact_solid_angles", args.exact_solid_angles);
@@ -97,7 +98,7 @@ fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let hausdorff = run.times.time("checks", || voxels.hausdorff_distance(&prepared.scene));
     let (solved, links) = match args.adaptive {
         Some(tolerance) => solve_on_cells(run, &mut prepared, &voxels, &sphere, args, tolerance)?,
-        None => solve_on_voxels(run, &mut prepared, &voxels, &sphere, args)?,
+        None => solve_on_voxels(run, &prepared, &voxels, &sphere, kept, args)?,
     };
     write(run, &prepared, &voxels, &solved, args, format)?;
     run.progress.finish();
@@ -125,18 +126,16 @@ fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
     })
 }
 
-/// Bytes for a link, by which the plan reckons: measured, 1.3 to 2.3, the less the more directions there are.
-const BYTES_PER_LINK: u64 = 2;
-
 /// Solves with one unknown for each surfel.
 fn solve_on_voxels(
     run: &mut Run,
-    prepared: &mut Prepared,
+    prepared: &Prepared,
     voxels: &VoxelScene,
     sphere: &DiscreteSphere,
+    kept: LinksName,
     args: &VoxelArgs,
 ) -> Result<(Solved, LinkFigures), Failure> {
-    let links = find_links(run, prepared, voxels, sphere, args)?;
+    let links = find_links(run, voxels, sphere, kept, args)?;
     run.go_on()?;
     let operator = LinkOperator::new(voxels, sphere, &links, row_weights(args));
     let solved = solve(run, prepared, &operator, args);
@@ -165,9 +164,6 @@ fn solve_on_cells(
     run.set("adaptive", tolerance);
     run.set("coarsest", args.coarsest);
     run.set("passes", args.passes);
-    prepared
-        .plan
-        .decide("links", "memory", "those of cells, as they are cut".to_owned());
     let materials = Materials::new(&prepared.scene, voxels, prepared.plan.n_channels);
     let settings = AdaptiveSettings {
         coarsest: args.coarsest,
@@ -197,8 +193,8 @@ fn solve_on_cells(
     let n_cells = result.cells.n_cells();
     let figures = LinkFigures {
         n_links: result.n_links,
-        n_backs: result.n_backs,
-        n_escaped: result.n_escaped,
+        n_backs: Some(result.n_backs),
+        n_escaped: Some(result.n_escaped),
         n_bytes: result.link_byte,
     };
     let solved = Solved {
@@ -239,28 +235,14 @@ fn row_weights(args: &VoxelArgs) -> RowWeights {
     }
 }
 
-/// Finds the links and keeps them where they fit.
+/// Finds the links and keeps them where the plan says.
 fn find_links(
     run: &mut Run,
-    prepared: &mut Prepared,
     voxels: &VoxelScene,
     sphere: &DiscreteSphere,
+    kept: LinksName,
     args: &VoxelArgs,
 ) -> Result<Links, Failure> {
-    let n_directions = sphere.directions().len() as u64;
-    let expected = BYTES_PER_LINK * voxels.n_surfels() as u64 * n_directions / 2;
-    let (kept, reason) = match args.links {
-        LinksName::Auto if expected <= args.memory_limit => (LinksName::Memory, "they fit"),
-        LinksName::Auto => (LinksName::Disk, "they do not fit into memory"),
-        asked => (asked, "asked for"),
-    };
-    let size = format!("about {}, {reason}", mebibytes(expected as f64));
-    let choice = match kept {
-        LinksName::Memory | LinksName::Auto => "memory",
-        LinksName::Disk => "disk",
-        LinksName::Recompute => "recompute",
-    };
-    prepared.plan.decide("links", choice, size);
     Ok(match kept {
         LinksName::Memory | LinksName::Auto => run
             .times
@@ -387,6 +369,15 @@ fn solve(run: &mut Run, prepared: &Prepared, operator: &LinkOperator<'_>, args: 
     })
 }
 
+fn render_settings(args: &VoxelArgs) -> RenderSettings {
+    RenderSettings {
+        flat: args.image.flat,
+        samples: std::num::NonZeroU32::new(args.image.view.samples.unwrap_or(2)).unwrap_or(std::num::NonZeroU32::MIN),
+        direct: DirectMethod::Off,
+        ..RenderSettings::default()
+    }
+}
+
 fn write(
     run: &mut Run,
     prepared: &Prepared,
@@ -412,12 +403,7 @@ fn write(
         })?);
     }
     let view = render::view(&args.image.view, &args.scene, &prepared.scene)?;
-    let settings = RenderSettings {
-        flat: args.image.flat,
-        samples: std::num::NonZeroU32::new(args.image.view.samples.unwrap_or(2)).unwrap_or(std::num::NonZeroU32::MIN),
-        direct: DirectMethod::Off,
-        ..RenderSettings::default()
-    };
+    let settings = render_settings(args);
     run.set("show_voxels", args.show_voxels);
     let image = if args.show_voxels {
         run.times

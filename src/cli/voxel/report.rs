@@ -22,8 +22,9 @@ pub(super) struct Checked {
 #[expect(clippy::struct_field_names, reason = "counts are named n_ everywhere")]
 pub(super) struct LinkFigures {
     pub(super) n_links: u64,
-    pub(super) n_backs: u64,
-    pub(super) n_escaped: u64,
+    /// Links that end at a back, and that leave the scene, where they have been counted.
+    pub(super) n_backs: Option<u64>,
+    pub(super) n_escaped: Option<u64>,
     pub(super) n_bytes: u64,
 }
 
@@ -62,16 +63,24 @@ pub(super) fn describe(text: &mut String, voxels: &VoxelScene, sphere: &Discrete
         voxels.n_surfels(),
         mebibytes(voxels.octree.n_bytes() as f64)
     );
-    let _ = writeln!(
+    let _ = write!(
         text,
-        "{} directions, {} links in {} ({:.2} bytes a link); {} end at backs, {} leave the scene",
+        "{} directions, {} links",
         sphere.directions().len(),
-        links.n_links,
-        mebibytes(links.n_bytes as f64),
-        links.n_bytes as f64 / (links.n_links.max(1)) as f64,
-        links.n_backs,
-        links.n_escaped
+        links.n_links
     );
+    if links.n_bytes > 0 {
+        let byte_per_link = links.n_bytes as f64 / links.n_links.max(1) as f64;
+        let _ = write!(
+            text,
+            " in {} ({byte_per_link:.2} bytes a link)",
+            mebibytes(links.n_bytes as f64)
+        );
+    }
+    if let (Some(n_backs), Some(n_escaped)) = (links.n_backs, links.n_escaped) {
+        let _ = write!(text, "; {n_backs} end at backs, {n_escaped} leave the scene");
+    }
+    text.push('\n');
 }
 
 /// Names of the surfaces of at most three gaps: a line is for reading.
@@ -172,6 +181,6 @@ pub(super) fn describe_surfaces(text: &mut String, scene: &Scene, voxels: &Voxel
     let _ = writeln!(text);
 }
 
-pub(super) fn mebibytes(bytes: f64) -> String {
+fn mebibytes(bytes: f64) -> String {
     format!("{:.1} MiB", bytes / f64::from(1 << 20))
 }

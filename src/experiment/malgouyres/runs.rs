@@ -105,6 +105,23 @@ pub struct SceneResult {
     pub patches: Vec<PatchRun>,
 }
 
+impl SceneResult {
+    /// Returns the error that uniform voxels have after a time: on the straight line, in logarithms, between the two resolutions whose times are on either side of it.
+    ///
+    /// The finest resolution's error where that took no longer; `None` where the coarsest took longer.
+    #[must_use]
+    pub fn uniform_error_after(&self, time_s: f64) -> Option<f64> {
+        let runs = &self.by_resolution;
+        let next = runs.iter().position(|run| run.time_s > time_s).unwrap_or(runs.len());
+        let before = runs[..next].last()?;
+        let Some(after) = runs.get(next) else {
+            return Some(before.error);
+        };
+        let share = (time_s / before.time_s).ln() / (after.time_s / before.time_s).ln();
+        Some(before.error * (after.error / before.error).powf(share))
+    }
+}
+
 /// What `reproduce malgouyres` found.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MalgouyresResults {
@@ -357,4 +374,49 @@ fn checks(case: &Case, result: &SceneResult) -> Vec<Check> {
         ));
     }
     checks
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Errors 0.1 / n after n² seconds at 1, 2 and 4.
+    fn result() -> SceneResult {
+        let run = |n: u32| VoxelRun {
+            n,
+            radius: RADIUS,
+            tolerance: None,
+            n_unknowns: 0,
+            n_links: 0,
+            error: 0.1 / f64::from(n),
+            change: None,
+            time_s: f64::from(n * n),
+        };
+        SceneResult {
+            scene: "none",
+            n_patches: 0,
+            n_measuring: 0,
+            reference_change: 0.0,
+            by_resolution: [1, 2, 4].map(run).to_vec(),
+            order_in_h: 1.0,
+            by_radius: Vec::new(),
+            order_in_radius: 1.0,
+            adaptive: Vec::new(),
+            patches: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn uniform_errors_lie_on_the_power_law_between_resolutions() {
+        let result = result();
+        for time_s in [1.0, 2.0, 4.0, 9.0, 15.9] {
+            let error = result.uniform_error_after(time_s).expect("after the coarsest");
+            assert!(
+                (error * f64::sqrt(time_s) - 0.1).abs() < 1e-15,
+                "{error} after {time_s} s"
+            );
+        }
+        assert_eq!(result.uniform_error_after(0.9), None);
+        assert_eq!(result.uniform_error_after(1e3), Some(0.025));
+    }
 }

@@ -15,7 +15,7 @@ use super::ExactMethod;
 use super::corners::{CornerSums, PatchGrid};
 use super::faces::FaceTree;
 use super::lattice::{Lattice, Repeats};
-use super::patches::{Patches, Run};
+use super::patches::{Patches, ROW_RUN, Run};
 use crate::form_factor::kept::{self, Part, Piece};
 use crate::form_factor::pairs::{Exchange, Facing};
 use crate::form_factor::partial::{self, Accuracy};
@@ -28,8 +28,33 @@ use crate::progress::Progress;
 use crate::scene::FaceId;
 use crate::visibility::blockers::{BlockerId, BlockerIndex, PairVisibility};
 
-/// A batch ends with the first rows that bring it to so many pairs: enough work for many threads, and 100 MB at most.
-const PAIRS_PER_BATCH: usize = 1 << 21;
+/// A batch ends with the first rows that bring it to so many pairs: enough work for some threads even where rows are short.
+const LEAST_PAIRS_PER_BATCH: usize = 1 << 18;
+
+/// No batch is to have more pairs.
+const MOST_PAIRS_PER_BATCH: usize = 1 << 21;
+
+/// Between the two, so many rows: two for each run and thread where there are eight of these.
+const ROWS_PER_BATCH: usize = 128;
+
+/// Bytes of a pair while its batch is computed: its entry twice, as rows are put together, and its place in a table.
+const PAIR_BYTE: u64 = 48;
+
+/// Returns the pairs that bring a batch to its end.
+///
+/// They are a matter of the scene alone: where a batch ends decides which corners its tables are computed from, and so the last bits of entries.
+fn pairs_per_batch(n: usize) -> usize {
+    ROWS_PER_BATCH
+        .saturating_mul(n)
+        .clamp(LEAST_PAIRS_PER_BATCH, MOST_PAIRS_PER_BATCH)
+}
+
+/// Returns the memory that a batch takes.
+pub(super) fn batch_byte(n: usize) -> u64 {
+    let pairs = (n as u64).saturating_mul(n as u64) / 2;
+    // The last rows go beyond the end by less than a run.
+    PAIR_BYTE * pairs.min((pairs_per_batch(n) + ROW_RUN * n) as u64)
+}
 
 /// A partial pair's A_i F_ij / min(A_i, A_j) up to this is 0: a few roundings of the clipped corners.
 const NOISE: f64 = 1e-15;
@@ -161,7 +186,8 @@ impl Iterator for Batches<'_> {
         // Whole runs of rows, until there is enough to do.
         let mut runs: Vec<(usize, usize)> = Vec::new();
         let (mut n_pairs, mut row) = (0, self.next_row);
-        while row < n && n_pairs < PAIRS_PER_BATCH {
+        let enough = pairs_per_batch(n);
+        while row < n && n_pairs < enough {
             let f = self.patches.face_of_patch[row];
             let face = &self.patches.faces[f];
             let k = face.row_runs.partition_point(|&k| face.runs[k].patches.end <= row);

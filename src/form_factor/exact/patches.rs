@@ -28,7 +28,7 @@ pub(super) struct FacePatches {
 }
 
 /// The most patches of a run that is classified as one against others.
-const ROW_RUN: usize = 8;
+pub(super) const ROW_RUN: usize = 8;
 
 /// All patches as polygons.
 pub(super) struct Patches {

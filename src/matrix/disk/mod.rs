@@ -28,22 +28,37 @@ pub struct Scratch<'a> {
 }
 
 /// Where numbers are kept.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place<'a> {
     /// In memory.
-    #[default]
-    Memory,
+    Memory {
+        /// The memory that computed rows may take while they wait to be stored.
+        waiting_byte: u64,
+    },
     /// In a scratch file.
     Disk(Scratch<'a>),
 }
 
+impl Default for Place<'_> {
+    /// In memory, with 256 MB for rows that wait: so many that threads seldom wait for one another, and little beside a large matrix.
+    fn default() -> Self {
+        Self::Memory {
+            waiting_byte: 256_000_000,
+        }
+    }
+}
+
 impl Place<'_> {
+    /// Returns true if the numbers go to a scratch file.
+    #[must_use]
+    pub fn is_on_disk(self) -> bool {
+        matches!(self, Self::Disk(_))
+    }
+
     /// Returns the memory that computed rows may take while they wait to be stored.
     pub(crate) fn waiting_byte(self) -> u64 {
-        /// Enough rows that threads seldom wait for one another, and little beside the matrix.
-        const IN_MEMORY: u64 = 256 << 20;
         match self {
-            Self::Memory => IN_MEMORY,
+            Self::Memory { waiting_byte } => waiting_byte,
             Self::Disk(scratch) => scratch.memory_byte,
         }
     }

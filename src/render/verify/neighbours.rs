@@ -1,7 +1,8 @@
 //! How far a pixel may lie from the exact answer, judged by the errors around it.
 
+use super::layers::Judged;
 use super::points::{PixelAnswer, Reference};
-use super::{Judged, Tile};
+use super::sheet::Sheet;
 
 /// Pixels on each side of a pixel that are its neighbours: 24 of them.
 const REACH: usize = 2;
@@ -19,19 +20,19 @@ const MIN_COUNT: f64 = 30.0;
 ///
 /// Scrambled points are far better than the bound that is proven for them, but by a factor that depends on where the emitters' outlines lie among the
 /// rays: next to a pixel it is nearly the same.
-pub(super) fn narrow(tile: &Tile, answers: &[PixelAnswer], judged: &mut [Judged], reference: &Reference<'_>) {
-    let (columns, rows) = (tile.width as usize, tile.height as usize);
+pub(super) fn narrow(sheet: &Sheet, judged: &mut [Judged], reference: &Reference<'_>) {
+    let (columns, rows) = (sheet.width, sheet.height());
     let side = 2 * REACH + 1;
     if reference.n_rays() == 0 || columns < side || rows < side {
         return;
     }
-    let errors: Vec<Option<[f64; 3]>> = answers
-        .iter()
+    // Of each checked pixel: the error, and the plane if it shows only one.
+    let errors: Vec<Option<([f64; 3], Option<u32>)>> = (sheet.answers.iter())
         .zip(judged.iter())
-        .map(|(answer, pixel)| answer.is_checked().then_some(pixel.error))
+        .map(|(answer, pixel)| answer.is_checked().then_some((pixel.error, plane(answer))))
         .collect();
-    for (k, (answer, pixel)) in answers.iter().zip(judged.iter_mut()).enumerate() {
-        let Some((exact, _)) = answer.irradiance() else {
+    for (k, (answer, pixel)) in sheet.answers.iter().zip(judged.iter_mut()).enumerate() {
+        let (Some((exact, _)), Some(own)) = (answer.irradiance(), plane(answer)) else {
             continue;
         };
         // At the border the neighbourhood moves inwards.
@@ -43,13 +44,13 @@ pub(super) fn narrow(tile: &Tile, answers: &[PixelAnswer], judged: &mut [Judged]
             .map(|m| (top + m / side) * columns + left + m % side)
             .filter(|&m| m != k);
         let mut squares = [0.0; 3];
-        let all_checked = around.into_iter().all(|m| {
-            errors[m].is_some_and(|error| {
+        let all_alike = around.into_iter().all(|m| {
+            errors[m].is_some_and(|(error, plane)| {
                 squares.iter_mut().zip(error).for_each(|(sum, e)| *sum += e * e);
-                true
+                plane == Some(own)
             })
         });
-        if !all_checked {
+        if !all_alike {
             continue;
         }
         for c in 0..3 {
@@ -63,4 +64,8 @@ pub(super) fn narrow(tile: &Tile, answers: &[PixelAnswer], judged: &mut [Judged]
             pixel.outside |= !pixel.is_within(c);
         }
     }
+}
+
+fn plane(answer: &PixelAnswer) -> Option<u32> {
+    answer.shown().and_then(|shown| shown.plane)
 }

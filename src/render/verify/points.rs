@@ -13,27 +13,65 @@ use crate::render::DirectMethod;
 use crate::render::attributes::{Attributes, PolygonRecord};
 use crate::render::exr::Pixels;
 use crate::render::renderer::sample_places;
+use crate::scene::SurfaceId;
 use crate::visibility::blockers::Blocker;
 
 /// Exitance and reflectance.
-type Material = ([f64; 3], [f64; 3]);
+pub(super) type Material = ([f64; 3], [f64; 3]);
+
+/// The irradiance at a point, and its change over the rays' offset.
+pub(super) type Lit = ([f64; 3], [f64; 3]);
+
+/// A flat convex region from which emitters are seen.
+pub(super) struct Region<'a> {
+    corners: Vec<DVec3>,
+    normal: DVec3,
+    /// Per emitter, what may stand between it and some point of the region.
+    blockers: Vec<Vec<&'a Plate>>,
+}
+
+/// The visible parts of emitters as one region's points see them, found when they are first wanted.
+#[derive(Default)]
+pub(super) struct SeenFrom(Vec<Option<VisibleFactor>>);
+
+impl SeenFrom {
+    fn emitter(&mut self, k: usize, region: &Region<'_>, emitter: &Plate) -> &mut VisibleFactor {
+        if self.0.len() <= k {
+            self.0.resize_with(k + 1, || None);
+        }
+        self.0[k].get_or_insert_with(|| {
+            let between = as_blockers(&region.blockers[k]);
+            VisibleFactor::new(&region.corners, region.normal, &emitter.corners, &between)
+        })
+    }
+}
 
 /// What is known about a pixel without looking at it.
 #[derive(Clone, Debug)]
 pub(super) enum PixelAnswer {
-    /// No sample of the pixel is on the surface.
+    /// No sample of the pixel is on a surface.
     Background,
-    /// Some samples are on the surface, or one is on its border.
+    /// Which samples are on which surface depends on rounding.
     Border,
-    /// All samples are well on the surface.
-    Surface {
-        /// The material, where the surface has only one.
-        material: Option<Material>,
-        /// The exact direct irradiance and its change over the rays' offset, where a clear view of the emitters is proven.
-        irradiance: Option<([f64; 3], [f64; 3])>,
-        /// Whether something hides a part of an emitter.
-        shaded: bool,
-    },
+    /// What all samples see is sure.
+    Surface(Shown),
+}
+
+/// What a pixel shows.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Shown {
+    /// The point at the pixel's centre, and how far rounding may move it, in m.
+    pub(super) centre: Option<(DVec3, f64)>,
+    /// The surface, where all samples show one.
+    pub(super) surface: Option<SurfaceId>,
+    /// The number of the plane, where all samples show one.
+    pub(super) plane: Option<u32>,
+    /// The material, where all samples show one.
+    pub(super) material: Option<Material>,
+    /// The exact direct irradiance, and its change over the rays' offset, where it is known.
+    pub(super) irradiance: Option<Lit>,
+    /// Whether something hides a part of an emitter.
+    pub(super) shaded: bool,
 }
 
 /// What rays may find where an emitter is hidden, as a share of the largest exitance: they see outlines whose corners are rounded to f32,
@@ -49,33 +87,26 @@ impl PixelAnswer {
         self.irradiance().is_some()
     }
 
-    /// Returns `None` off the surface, `Some(None)` where its material is not known.
-    #[expect(
-        clippy::option_option,
-        reason = "two questions: on the surface, and of which material"
-    )]
-    pub(super) fn material(&self) -> Option<Option<Material>> {
+    pub(super) fn shown(&self) -> Option<&Shown> {
         match self {
-            Self::Surface { material, .. } => Some(*material),
+            Self::Surface(shown) => Some(shown),
             _ => None,
         }
     }
 
     pub(super) fn is_shaded(&self) -> bool {
-        matches!(self, Self::Surface { shaded: true, .. })
+        self.shown().is_some_and(|shown| shown.shaded)
     }
 
-    pub(super) fn irradiance(&self) -> Option<([f64; 3], [f64; 3])> {
-        match self {
-            Self::Surface { irradiance, .. } => *irradiance,
-            _ => None,
-        }
+    pub(super) fn irradiance(&self) -> Option<Lit> {
+        self.shown().and_then(|shown| shown.irradiance)
     }
 }
 
 /// The scene of an image, ready for closed forms.
 pub(super) struct Reference<'a> {
     attributes: &'a Attributes,
+    /// All faces: surface by surface, in file order.
     plates: Vec<Plate>,
     emitters: Vec<(Plate, [f64; 3])>,
     /// The largest exitance per channel.
@@ -93,9 +124,6 @@ pub(super) struct Reference<'a> {
     /// How far above the surface the estimate was really made, in m.
     offset: f64,
 }
-
-/// The irradiance at a point, and its change over the rays' offset.
-type Lit = ([f64; 3], [f64; 3]);
 
 impl<'a> Reference<'a> {
     /// Returns `None` if nothing emits. `n_rays` is per sample.
@@ -138,10 +166,6 @@ impl<'a> Reference<'a> {
         Rounding::of(if is_field { Pixels::F32 } else { self.attributes.pixels })
     }
 
-    pub(super) fn slack(&self) -> f64 {
-        self.slack
-    }
-
     pub(super) fn n_rays(&self) -> u64 {
         self.n_rays
     }
@@ -161,6 +185,15 @@ impl<'a> Reference<'a> {
 
     pub(super) fn nothing_reflects(&self) -> bool {
         self.nothing_reflects
+    }
+
+    pub(super) fn attributes(&self) -> &'a Attributes {
+        self.attributes
+    }
+
+    /// Returns all faces: surface by surface, in file order.
+    pub(super) fn plates(&self) -> &[Plate] {
+        &self.plates
     }
 
     pub(super) fn emitters(&self) -> &[(Plate, [f64; 3])] {
@@ -194,6 +227,12 @@ impl<'a> Reference<'a> {
         (hits, self.n_effective - hits)
     }
 
+    /// Returns the largest standard deviation that a pixel of the given irradiance may have, but for rounding.
+    pub(super) fn standard_deviation(&self, channel: usize, exact: f64) -> f64 {
+        let p = exact / self.brightest[channel];
+        self.brightest[channel] * (p * (1.0 - p) / self.n_effective).sqrt()
+    }
+
     /// Returns what one ray adds to a pixel at most.
     pub(super) fn of_one_ray(&self, channel: usize) -> f64 {
         self.brightest[channel] / self.n_rays.max(1) as f64
@@ -214,34 +253,29 @@ impl<'a> Reference<'a> {
         relative * exact + 1e-14 * self.total[channel] + absolute
     }
 
+    /// Prepares a convex region with the given unit normal.
+    pub(super) fn region(&self, corners: &[DVec3], normal: DVec3) -> Region<'_> {
+        let between = |(emitter, _): &(Plate, _)| self.between(corners, normal, emitter);
+        Region {
+            corners: corners.to_vec(),
+            normal,
+            blockers: self.emitters.iter().map(between).collect(),
+        }
+    }
+
     /// Returns the answers of all pixels of a tile, row by row.
     pub(super) fn answers(&self, tile: &Tile) -> Vec<PixelAnswer> {
-        let normal = tile.normal();
-        let rectangle = tile.rectangle();
-        // Per emitter, what may stand between it and some point of the tile.
-        let blockers: Vec<Vec<&Plate>> = self
-            .emitters
-            .iter()
-            .map(|(emitter, _)| self.between(&rectangle, normal, emitter))
-            .collect();
+        let region = self.region(&tile.rectangle(), tile.normal());
         let records = self.records(tile);
         let material = records.first().map(|record| (record.exitance, record.reflectance));
         let uniform = records
             .iter()
             .all(|record| Some((record.exitance, record.reflectance)) == material);
-        let visible = || -> Vec<VisibleFactor> {
-            let emitters = self.emitters.iter().zip(&blockers);
-            emitters
-                .map(|((emitter, _), between)| {
-                    VisibleFactor::new(&rectangle, normal, &emitter.corners, &as_blockers(between))
-                })
-                .collect()
-        };
         let n_pixels = tile.width as usize * tile.height as usize;
         let columns = tile.width as usize;
         (0..n_pixels)
             .into_par_iter()
-            .map_init(visible, |seen, k| {
+            .map_init(SeenFrom::default, |seen, k| {
                 let corner = (
                     f64::from(tile.left) + (k % columns) as f64,
                     f64::from(tile.top) + (k / columns) as f64,
@@ -253,12 +287,19 @@ impl<'a> Reference<'a> {
                     Coverage::None => PixelAnswer::Background,
                     Coverage::Partial => PixelAnswer::Border,
                     Coverage::Full => {
-                        let (irradiance, shaded) = self.irradiance(&points, normal, &blockers, seen);
-                        PixelAnswer::Surface {
-                            material: material.filter(|_| uniform),
-                            irradiance,
-                            shaded,
+                        let mut light = Light::default();
+                        let share = 1.0 / points.len() as f64;
+                        for &point in &points {
+                            self.add_light(&mut light, share, point, &region, seen);
                         }
+                        PixelAnswer::Surface(Shown {
+                            centre: Some((tile.point(corner.0 + 0.5, corner.1 + 0.5), self.slack)),
+                            surface: Some(tile.surface),
+                            plane: Some(tile.surface.0),
+                            material: material.filter(|_| uniform),
+                            irradiance: light.irradiance(),
+                            shaded: light.shaded,
+                        })
                     }
                 }
             })
@@ -288,45 +329,42 @@ impl<'a> Reference<'a> {
         found.reached.then_some(found.exchange_area)
     }
 
-    fn between(&self, rectangle: &[DVec3; 4], normal: DVec3, emitter: &Plate) -> Vec<&Plate> {
-        let misses = |plate: &Plate| misses_region(plate, rectangle, normal, emitter, self.slack);
+    fn between(&self, region: &[DVec3], normal: DVec3, emitter: &Plate) -> Vec<&Plate> {
+        let misses = |plate: &Plate| misses_region(plate, region, normal, emitter, self.slack);
         self.plates.iter().filter(|plate| !misses(plate)).collect()
     }
 
-    /// Returns the irradiance, its change over the rays' offset, and whether anything hides a part of an emitter.
-    fn irradiance(
+    /// Adds the light at one point of a region's front.
+    pub(super) fn add_light(
         &self,
-        points: &[DVec3],
-        normal: DVec3,
-        blockers: &[Vec<&Plate>],
-        seen: &mut [VisibleFactor],
-    ) -> (Option<Lit>, bool) {
-        let mut shaded = false;
-        let (mut exact, mut moved) = ([0.0; 3], [0.0; 3]);
-        let share = 1.0 / points.len() as f64;
-        for &point in points {
-            for (((emitter, exitance), candidates), visible) in self.emitters.iter().zip(blockers).zip(&mut *seen) {
-                let form_factor = |at: DVec3| point_form_factor(at, normal, &emitter.corners);
-                let mut here = form_factor(point);
-                let mut above = form_factor(point + normal * self.offset);
-                if here <= 0.0 && above <= 0.0 {
-                    continue;
+        light: &mut Light,
+        share: f64,
+        point: DVec3,
+        region: &Region<'_>,
+        seen: &mut SeenFrom,
+    ) {
+        let normal = region.normal;
+        let over = point + normal * self.offset;
+        for (k, ((emitter, exitance), candidates)) in self.emitters.iter().zip(&region.blockers).enumerate() {
+            let form_factor = |at: DVec3| point_form_factor(at, normal, &emitter.corners);
+            let (mut here, mut above) = (form_factor(point), form_factor(over));
+            if here <= 0.0 && above <= 0.0 {
+                continue;
+            }
+            if !is_clear(point, normal, emitter, candidates.iter().copied(), self.slack) {
+                light.shaded = true;
+                if !self.knows_penumbras {
+                    light.unknown = true;
+                    return;
                 }
-                if !is_clear(point, normal, emitter, candidates.iter().copied(), self.slack) {
-                    if !self.knows_penumbras {
-                        return (None, true);
-                    }
-                    shaded = true;
-                    here = visible.at(point);
-                    above = visible.at(point + normal * self.offset);
-                }
-                for c in 0..3 {
-                    exact[c] += share * exitance[c] * here;
-                    moved[c] += share * exitance[c] * above;
-                }
+                let visible = seen.emitter(k, region, emitter);
+                (here, above) = (visible.at(point), visible.at(over));
+            }
+            for (c, e) in exitance.iter().enumerate() {
+                light.exact[c] += share * e * here;
+                light.moved[c] += share * e * above;
             }
         }
-        (Some((exact, std::array::from_fn(|c| moved[c] - exact[c]))), shaded)
     }
 
     fn coverage(&self, tile: &Tile, points: &[DVec3]) -> Coverage {
@@ -348,6 +386,24 @@ impl<'a> Reference<'a> {
     }
 }
 
+/// The direct light of a pixel, while it is summed.
+#[derive(Default)]
+pub(super) struct Light {
+    exact: [f64; 3],
+    /// The irradiance where the rays start.
+    moved: [f64; 3],
+    pub(super) shaded: bool,
+    /// Whether the image's method is not exact at a sample.
+    unknown: bool,
+}
+
+impl Light {
+    pub(super) fn irradiance(&self) -> Option<Lit> {
+        let change = std::array::from_fn(|c| self.moved[c] - self.exact[c]);
+        (!self.unknown).then_some((self.exact, change))
+    }
+}
+
 fn as_blockers<'a>(plates: &[&'a Plate]) -> Vec<Blocker<'a>> {
     let blocker = |plate: &&'a Plate| Blocker {
         corners: &plate.corners,
@@ -363,7 +419,7 @@ enum Coverage {
 }
 
 /// Returns true if a point of the plane is in a convex polygon or on its border.
-fn contains(corners: &[DVec3], point: DVec3, normal: DVec3) -> bool {
+pub(super) fn contains(corners: &[DVec3], point: DVec3, normal: DVec3) -> bool {
     (0..corners.len()).all(|k| {
         let (a, b) = (corners[k], corners[(k + 1) % corners.len()]);
         normal.dot((b - a).cross(point - a)) >= 0.0

@@ -15,13 +15,13 @@ pub struct VerifyReport {
     pub n_pixels: usize,
     /// Pixels that were compared with the exact irradiance.
     pub n_checked: usize,
-    /// Pixels on the border of a surface, or for which a clear view of all emitters could not be proven.
+    /// Pixels with a sample on the border of a surface, or for which a clear view of all emitters could not be proven.
     pub n_not_checkable: usize,
     /// Checked pixels outside their tolerance.
     pub n_outside: usize,
-    /// Rows and columns of a tile's pixels whose mean is outside its tolerance.
+    /// Rows and columns, of a tile or of a perspective image, whose mean is outside its tolerance.
     pub n_strips_outside: usize,
-    /// Pixels whose position `P` is not the point that the layout says.
+    /// Pixels whose position `P` is not the point that the view says.
     pub n_misplaced: usize,
     /// Pixels whose radiosity is not E + ρ H, whose radiance is not radiosity/π, or whose irradiance is not the direct one although nothing reflects.
     pub n_inconsistent: usize,
@@ -29,9 +29,12 @@ pub struct VerifyReport {
     pub max_error: f64,
     /// The root of the mean squared error over checked pixels and channels, in W·m⁻².
     pub rms_error: f64,
+    /// The root mean square of error / standard deviation over all pixels and channels where a normal distribution fits: 1 for independent rays, less for scrambled nets;
+    /// `None` where there is no noise, or too few rays. The standard deviation is that of the emitters' true form factors and the rays that the file tells of.
+    pub deviation: Option<f64>,
     /// The tolerance and its parts.
     pub tolerance: Tolerance,
-    /// One row per tile.
+    /// One row per tile, or per surface that a perspective image shows.
     pub walls: Vec<WallReport>,
 }
 
@@ -40,6 +43,8 @@ pub struct VerifyReport {
 pub struct Tolerance {
     /// The probability with which a correct image may fail, all checks together.
     pub false_alarm: f64,
+    /// The number of comparisons that this probability is shared by.
+    pub n_comparisons: usize,
     /// Rays per pixel whose noise is allowed for; 0 where the image has none.
     pub n_rays: u64,
     /// What these rays are worth in independent samples; 0 where the image has none.
@@ -50,22 +55,24 @@ pub struct Tolerance {
     pub max_offset: f64,
     /// The largest part due to rounding, in W·m⁻².
     pub max_rounding: f64,
+    /// The largest [`VerifyReport::deviation`] that is right.
+    pub max_deviation: Option<f64>,
 }
 
-/// One tile: its mean over all checked pixels.
+/// One tile, or what a perspective image shows of one surface: its mean over all checked pixels.
 ///
 /// The wall is right if |mean − expected| ≤ statistical + offset + rounding in every channel.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct WallReport {
     /// The surface's name.
     pub name: String,
-    /// Pixels of the tile that were compared.
+    /// Pixels that were compared.
     pub n_checked: usize,
     /// The mean direct irradiance in the image.
     pub mean: [f64; 3],
     /// The mean of the exact irradiance at the same points.
     pub expected: [f64; 3],
-    /// The exact mean over the whole wall, where it is a rectangle that was checked everywhere.
+    /// The exact mean over the whole wall, where a tile shows all of a rectangle and was checked everywhere.
     pub exact: Option<[f64; 3]>,
     /// expected − exact: what pixel centres miss of the wall's mean.
     pub quadrature: Option<[f64; 3]>,

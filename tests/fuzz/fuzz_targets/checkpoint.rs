@@ -20,13 +20,7 @@ const RECORD_HEAD: usize = 16;
 static FINE: LazyLock<Mesh> = LazyLock::new(|| Mesh::new(&CUBE, Subdivision::Uniform(2)).expect("a mesh"));
 
 /// One method for each way of cutting work into pieces: rows, rows of pairs, runs of rows.
-static METHODS: LazyLock<Vec<Box<dyn FormFactorMethod>>> = LazyLock::new(|| {
-    let settings = MethodSettings {
-        rays: Some(4),
-        ..MethodSettings::default()
-    };
-    ["sr", "centre", "exact"].map(|name| method(name, &settings).expect("a method")).into()
-});
+const METHODS: [&str; 3] = ["sr", "centre", "exact"];
 
 struct Kept(Checkpoint);
 
@@ -41,7 +35,12 @@ impl Progress for Kept {
 fuzz_target!(|data: &[u8]| {
     // The first byte chooses the method.
     let Some((choice, data)) = data.split_first() else { return };
-    let method = &METHODS[usize::from(*choice) % METHODS.len()];
+    let name = METHODS[usize::from(*choice) % METHODS.len()];
+    let settings = MethodSettings {
+        rays: (name == "sr").then_some(4),
+        ..MethodSettings::default()
+    };
+    let method = method(name, &settings).expect("a method");
     attempt(method.as_ref(), data);
     attempt(method.as_ref(), &repaired(data));
 });

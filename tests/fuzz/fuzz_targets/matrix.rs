@@ -54,7 +54,7 @@ fn repaired_npz(data: &[u8]) -> Option<Vec<u8>> {
     let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
     for k in 0..found.len().min(16) {
         let member = found.by_index_raw(k).ok()?;
-        let name = member.name().to_owned();
+        let name = member.name().ok()?.into_owned();
         let mut content = Vec::new();
         member.take(1 << 16).read_to_end(&mut content).ok()?;
         if name == "meta.json" {

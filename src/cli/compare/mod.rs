@@ -1,34 +1,39 @@
 //! `radiosity compare`.
 
+mod tables;
+
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
 use super::Outcome;
-use super::args::{CompareArgs, VisibilityName};
+use super::args::{CompareArgs, StorageArgs, StorageName, VisibilityName};
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::output::{self, Files};
 use super::pipeline::{Prepared, Run};
-use super::storage;
+use super::storage::{self, Matrix, Storage, choice_text};
 use crate::experiment::statistics::Spread;
 use crate::experiment::{
-    CaseSummary, CompareSettings, Comparison, Reference, ReferenceKind, ReferenceLevel, SWEEPS, StorageFigures,
-    compare, storage_figures, sweep_by_name,
+    CaseSummary, CompareSettings, Comparison, Reference, ReferenceLevel, SWEEPS, StorageFigures, Sweep, compare,
+    storage_figures, sweep_by_name,
 };
-use crate::form_factor::Input;
+use crate::form_factor::{ExactMethod, FormFactorMethod, Input};
 use crate::mesh::Subdivision;
-use crate::plan::byte_text;
 use crate::report::plot::{ErrorTimePlot, PlotPoint, Ranged, Series};
-use crate::report::{Machine, Table, memory_used_byte, png_from_svg};
+use crate::report::{Machine, load_average, png_from_svg};
 use crate::scene::{Scene, builtin};
+use tables::{cases_table, describe, fastest_table, left_out, runs_table, setting, short_name, storage_section};
 
 /// A scene is cut so that it has at least this many patches.
 const PATCHES: usize = 200;
 
 /// How much tighter than the tolerance asked for the reference is.
 const TIGHTER: f64 = 100.0;
+
+/// Matrices that exist at a time beside the one that is being computed: the references with visibility and without.
+const REFERENCES: u32 = 2;
 
 /// One half of the work: occluders looked at or not.
 struct Part {
@@ -38,26 +43,12 @@ struct Part {
 }
 
 pub(super) fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
-    let sweeps = if args.methods.is_empty() {
-        SWEEPS.iter().collect()
-    } else {
-        let of_name = |name: &String| {
-            sweep_by_name(name).ok_or_else(|| {
-                let known: Vec<&str> = SWEEPS.iter().map(|s| s.name).collect();
-                Failure::usage(format!(
-                    "there is no method `{name}` to compare; there are {}",
-                    known.join(", ")
-                ))
-            })
-        };
-        args.methods.iter().map(of_name).collect::<Result<Vec<_>, _>>()?
-    };
-    let settings = CompareSettings {
-        sweeps,
-        n_seeds: args.seeds,
-        first_seed: args.seed,
-        time_limit_s: args.time_limit,
-    };
+    let sweeps = sweeps(&args.methods)?;
+    if args.memory.storage == StorageName::Symmetric {
+        return Err(Failure::usage(
+            "form factors are compared as the methods give them, and --storage symmetric would average and balance those that are not symmetric; use auto, dense, sparse or disk",
+        ));
+    }
     let name = args
         .scene
         .file_stem()
@@ -68,8 +59,33 @@ pub(super) fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
         .clone()
         .unwrap_or_else(|| PathBuf::from(format!("compare-{name}")));
     let mut run = Run::new("compare", &args.common);
-    let prepared = prepare(&mut run, args)?;
-    expect_memory(&prepared, args)?;
+    let load_before = load_average();
+    let mut prepared = prepare(&mut run, args)?;
+    run.storage = Storage {
+        args: StorageArgs {
+            memory: args.memory.clone(),
+            checkpoint: None,
+        },
+        // Scratch files go into the directory of the tables.
+        output: Some(directory.join("results.json")),
+        ..Storage::default()
+    };
+    let matrix = Matrix {
+        by_rows: true,
+        repaired: false,
+        n_entries: u64::MAX,
+        n_beside: REFERENCES,
+        // No method takes more than the reference.
+        working_byte: ExactMethod::default().working_byte(prepared.mesh.n_patches()),
+    };
+    let chosen = storage::choose(&run, &mut prepared, matrix)?;
+    let settings = CompareSettings {
+        sweeps,
+        n_seeds: args.seeds,
+        first_seed: args.seed,
+        time_limit_s: args.time_limit,
+        storage: chosen.choice(),
+    };
     output::make_directory(&directory)?;
     run.set("seeds", args.seeds);
     run.set("seed", args.seed);
@@ -91,16 +107,16 @@ pub(super) fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
         .collect::<Result<_, _>>()?;
     let first = &parts[0];
     let input = input(&prepared, first.visibility);
-    let storage = run
-        .times
-        .time("storage", || storage_figures(input, &first.reference, &run.progress));
-    let storage = storage?;
+    let storage = run.times.time("storage", || {
+        storage_figures(input, &first.reference, settings.storage, &run.progress)
+    })?;
     run.progress.finish();
     let subject = Subject {
         name: &name,
         prepared: &prepared,
         settings: &settings,
         machine: Machine::here(),
+        load_before,
     };
     let report = subject.report(&parts, &storage);
     let mut document = run.document_of(&prepared, subject.to_json(&parts, &storage));
@@ -121,6 +137,23 @@ pub(super) fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
     })
 }
 
+/// Returns the methods of these names, or all.
+fn sweeps(names: &[String]) -> Result<Vec<&'static Sweep>, Failure> {
+    if names.is_empty() {
+        return Ok(SWEEPS.iter().collect());
+    }
+    let of_name = |name: &String| {
+        sweep_by_name(name).ok_or_else(|| {
+            let known: Vec<&str> = SWEEPS.iter().map(|s| s.name).collect();
+            Failure::usage(format!(
+                "there is no method `{name}` to compare; there are {}",
+                known.join(", ")
+            ))
+        })
+    };
+    names.iter().map(of_name).collect()
+}
+
 /// Reads the scene file, or builds the built-in scene of that name where there is no such file.
 fn prepare(run: &mut Run, args: &CompareArgs) -> Result<Prepared, Failure> {
     let default = |scene: &Scene| {
@@ -133,31 +166,19 @@ fn prepare(run: &mut Run, args: &CompareArgs) -> Result<Prepared, Failure> {
         Subdivision::Uniform(n as u32)
     };
     let name = args.scene.to_string_lossy();
-    if !args.scene.exists() && builtin::names().any(|known| known == name) {
-        let scene = builtin::build(&name, None)?.scene;
-        return run.prepare_scene(&args.scene, scene, args.mesh, default);
+    if !args.scene.exists() {
+        if builtin::names().any(|known| known == name) {
+            let scene = builtin::build(&name, None)?.scene;
+            return run.prepare_scene(&args.scene, scene, args.mesh, default);
+        }
+        let known: Vec<&str> = builtin::names().collect();
+        let message = format!(
+            "{name}: no such file, nor a built-in scene; check the path, or give one of {}",
+            known.join(", ")
+        );
+        return Err(Failure::new("unreadable", message).in_file(&args.scene));
     }
     run.prepare(&args.scene, args.mesh, default)
-}
-
-/// Refuses a comparison whose matrices do not fit the memory: reference and result in full, in f64 with errors, for each way of looking.
-fn expect_memory(prepared: &Prepared, args: &CompareArgs) -> Result<(), Failure> {
-    const MATRICES: u64 = 6;
-    let n = prepared.mesh.n_patches() as u64;
-    let matrix = n.checked_mul(n).and_then(|entries| entries.checked_mul(16 * MATRICES));
-    let used = memory_used_byte().unwrap_or(0);
-    let needed = matrix.unwrap_or(u64::MAX).saturating_add(used);
-    let limit = storage::limit_byte(args.memory_limit);
-    if needed <= limit {
-        return Ok(());
-    }
-    let (needed, limit) = (byte_text(needed), byte_text(limit));
-    Err(Failure::new(
-        "memory_limit",
-        format!(
-            "comparing methods on {n} patches needs {needed} of memory, and the limit is {limit}; cut the scene into fewer patches, or raise --memory-limit"
-        ),
-    ))
 }
 
 fn input<'a>(prepared: &'a Prepared, visibility: &str) -> Input<'a> {
@@ -172,14 +193,14 @@ fn input<'a>(prepared: &'a Prepared, visibility: &str) -> Input<'a> {
 fn measure(
     run: &mut Run,
     prepared: &Prepared,
-    settings: &CompareSettings,
+    settings: &CompareSettings<'_>,
     visibility: &'static str,
     tolerance: f64,
 ) -> Result<Part, Failure> {
     let input = input(prepared, visibility);
     let occluders = !prepared.plan.convex_and_empty;
     let reference = run.times.time("reference", || {
-        Reference::find(input, occluders, tolerance / TIGHTER, &run.progress)
+        Reference::find(input, occluders, tolerance / TIGHTER, settings.storage, &run.progress)
     })?;
     let comparison = run
         .times
@@ -195,9 +216,14 @@ fn measure(
 struct Subject<'a> {
     name: &'a str,
     prepared: &'a Prepared,
-    settings: &'a CompareSettings,
+    settings: &'a CompareSettings<'a>,
     machine: Machine,
+    /// How busy the machine was before.
+    load_before: Option<f64>,
 }
+
+/// Processes that run beside ours spoil its times from this share of the machine on.
+const BUSY: f64 = 0.2;
 
 impl Subject<'_> {
     /// Returns the report in Markdown.
@@ -206,12 +232,22 @@ impl Subject<'_> {
         let _ = writeln!(
             text,
             "{} patches on {} surfaces; every setting ran {} times, each time with a seed of its own, on {} threads, \
-             interleaved with the others. Times are wall times from the patches to the stored form factors.",
+             interleaved with the others. Times are wall times from the patches to the stored form factors ({}).",
             self.prepared.mesh.n_patches(),
             self.prepared.scene.surfaces.len(),
             self.settings.n_seeds,
-            self.machine.n_threads
+            self.machine.n_threads,
+            choice_text(self.settings.storage)
         );
+        if let (Some(load), Some(n_cores)) = (self.load_before, self.machine.n_cores)
+            && load > BUSY * n_cores as f64
+        {
+            let _ = writeln!(
+                text,
+                "\nThe machine was busy with other work: {load:.1} processes ran or waited to run on its {n_cores} cores in the minute before. \
+                 The times are longer than on a machine that is idle, and they scatter; the errors are not affected."
+            );
+        }
         for part in parts {
             let _ = writeln!(text, "\n## Visibility {}\n", part.visibility);
             let Part {
@@ -228,10 +264,15 @@ impl Subject<'_> {
                      means that the method is what made the reference.\n"
                 );
                 text.push_str(&cases_table(comparison).to_markdown());
+                let _ = writeln!(
+                    text,
+                    "\nThe fastest setting whose error was below the bound in every run, with its median time:\n"
+                );
+                text.push_str(&fastest_table(comparison, reference).to_markdown());
             }
             text.push_str(&left_out(comparison));
         }
-        text.push_str(&storage_section(storage));
+        text.push_str(&storage_section(storage, self.settings.storage));
         text
     }
 
@@ -244,7 +285,7 @@ impl Subject<'_> {
                 "visibility": part.visibility,
                 "reference": {
                     "kind": reference.kind,
-                    "level": reference.level,
+                    "level": reference.level(),
                     "description": describe(reference),
                     "error_max": reference.error_max,
                     "error_rms": reference.error_rms,
@@ -260,6 +301,7 @@ impl Subject<'_> {
             "n_patches": self.prepared.mesh.n_patches(),
             "n_surfaces": self.prepared.scene.surfaces.len(),
             "machine": self.machine,
+            "load_average_before": self.load_before,
             "comparisons": parts.iter().map(part).collect::<Vec<_>>(),
             "storage": storage,
         })
@@ -307,7 +349,7 @@ impl Subject<'_> {
             };
             let Ranged { middle, low, high } = ranged(error);
             PlotPoint {
-                setting: format!("{} {}", case.parameter, case.value),
+                setting: setting(case.method, case.value),
                 time_s: ranged(case.time_s),
                 // Less than its own error the reference cannot show.
                 error: Ranged {
@@ -329,7 +371,7 @@ impl Subject<'_> {
                 .map(point)
                 .collect(),
         });
-        let between = match reference.level {
+        let between = match reference.level() {
             ReferenceLevel::Patches => "patches",
             ReferenceLevel::Surfaces => "surfaces",
         };
@@ -355,163 +397,4 @@ fn ranged(spread: Spread) -> Ranged {
         low: spread.min,
         high: spread.max,
     }
-}
-
-fn short_name(reference: &Reference) -> String {
-    match (reference.kind, reference.tolerance) {
-        (ReferenceKind::ClosedForm, _) => "closed form".to_owned(),
-        (ReferenceKind::Polygons, _) => "exact between polygons".to_owned(),
-        (ReferenceKind::Certified, _) => "certified".to_owned(),
-        (ReferenceKind::Exact, tolerance) => format!("exact at {:e}", tolerance.unwrap_or(0.0)),
-    }
-}
-
-fn describe(reference: &Reference) -> String {
-    let error = reference.error_max;
-    match reference.kind {
-        ReferenceKind::ClosedForm => {
-            format!("Reference: the closed form of every pair of patches, exact to {error:.0e}.")
-        }
-        ReferenceKind::Polygons => {
-            format!("Reference: the exact form factor of every pair of polygons, to {error:.0e}.")
-        }
-        ReferenceKind::Certified => format!(
-            "Reference: certified form factors between the whole surfaces, exact to {error:.0e}; errors are between surfaces."
-        ),
-        ReferenceKind::Exact => format!(
-            "Reference: `exact` at a tolerance of {:e}, two orders tighter than asked for; its own estimate of its error is {:.1e} (root mean square) and {error:.1e} at most.",
-            reference.tolerance.unwrap_or(0.0),
-            reference.error_rms,
-        ),
-    }
-}
-
-/// Returns one line for each reason.
-fn left_out(comparison: &Comparison) -> String {
-    let mut reasons: Vec<&str> = Vec::new();
-    for item in &comparison.left_out {
-        if !reasons.contains(&item.reason.as_str()) {
-            reasons.push(&item.reason);
-        }
-    }
-    let mut text = String::new();
-    for reason in reasons {
-        let names = comparison
-            .left_out
-            .iter()
-            .filter(|item| item.reason == reason)
-            .map(|item| {
-                let values: Vec<String> = item.values.iter().map(u64::to_string).collect();
-                format!("{} ({})", item.method, values.join(", "))
-            });
-        let _ = writeln!(text, "\nLeft out, {reason}: {}.", names.collect::<Vec<_>>().join("; "));
-    }
-    text
-}
-
-fn cases_table(comparison: &Comparison) -> Table {
-    let columns = [
-        "method",
-        "parameter",
-        "value",
-        "runs",
-        "time (ms)",
-        "max error",
-        "rms error",
-        "front",
-    ];
-    let mut table = Table::new(columns);
-    for case in &comparison.cases {
-        let ms = |s: f64| format!("{:.3}", 1e3 * s);
-        // A method that is the reference has no error against it.
-        let e = |error: f64| {
-            if error > 0.0 {
-                format!("{error:.2e}")
-            } else {
-                "0".to_owned()
-            }
-        };
-        let with_range = |s: Spread, show: &dyn Fn(f64) -> String| {
-            if case.n_runs == 1 || s.min >= s.max {
-                return show(s.median);
-            }
-            format!("{} [{}, {}]", show(s.median), show(s.min), show(s.max))
-        };
-        let front = match (case.on_front_max, case.on_front_rms) {
-            (true, true) => "max, rms",
-            (true, false) => "max",
-            (false, true) => "rms",
-            (false, false) => "",
-        };
-        table.push([
-            case.method.to_owned(),
-            case.parameter.to_owned(),
-            case.value.to_string(),
-            case.n_runs.to_string(),
-            with_range(case.time_s, &ms),
-            with_range(case.error_max, &e),
-            with_range(case.error_rms, &e),
-            front.to_owned(),
-        ]);
-    }
-    table
-}
-
-fn runs_table(parts: &[Part]) -> Table {
-    let mut table = Table::new([
-        "visibility",
-        "method",
-        "parameter",
-        "value",
-        "seed",
-        "time_s",
-        "error_max",
-        "error_rms",
-        "density",
-        "stored_byte",
-    ]);
-    for part in parts {
-        for run in &part.comparison.runs {
-            table.push([
-                part.visibility.to_owned(),
-                run.method.to_owned(),
-                run.parameter.to_owned(),
-                run.value.to_string(),
-                run.seed.to_string(),
-                format!("{:?}", run.time_s),
-                format!("{:?}", run.error_max),
-                format!("{:?}", run.error_rms),
-                format!("{:?}", run.density),
-                run.stored_byte.to_string(),
-            ]);
-        }
-    }
-    table
-}
-
-fn storage_section(storage: &StorageFigures) -> String {
-    let mut table = Table::new(["layout", "bytes"]);
-    for (layout, bytes) in [
-        ("dense", storage.dense_byte),
-        (
-            "symmetric (one triangle, in squares of 64 × 64)",
-            storage.symmetric_byte,
-        ),
-        ("sparse", storage.sparse_byte),
-    ] {
-        table.push([layout.to_owned(), bytes.to_string()]);
-    }
-    let entries = match storage.rays {
-        None => "the reference's entries".to_owned(),
-        Some(rays) => format!("the entries that {rays} rays a patch find"),
-    };
-    format!(
-        "\n## Storage\n\nN = {} patches, N² = {} entries ({:.1} % of them not zero, by {entries}), in f64 without standard errors, as they are in memory. For comparison: Lewis 1992 counts \
-         N² = 36 · 16^l entries for N = 6 · 4^l patches (table 1) and cites 10 % for a typical cluttered scene; Baranoski et al. 1995 give 53 % and 70 % \
-         for a room around a large and a small sphere.\n\n{}",
-        storage.n_patches,
-        storage.n_entries,
-        100.0 * storage.density,
-        table.to_markdown()
-    )
 }

@@ -1,0 +1,113 @@
+//! What a voxel run takes, told before it is taken.
+
+use super::super::args::{LinksName, VoxelArgs};
+use super::super::failure::Failure;
+use super::super::picture::image_byte;
+use super::super::pipeline::Prepared;
+use super::super::render;
+use super::super::storage::limit_byte;
+use super::{Format, render_settings};
+use crate::plan::{VoxelDemand, byte_text, voxel_byte};
+use crate::report::memory_used_byte;
+use crate::voxel::{DiscreteSphere, Grid, VoxelScene};
+
+/// Bytes of a patch of the display: its light, and what the surfels give to it.
+const PATCH_BYTE: u64 = 512;
+
+/// Refuses a resolution whose voxels alone do not fit the memory.
+pub(super) fn expect_voxels(prepared: &Prepared, args: &VoxelArgs) -> Result<(), Failure> {
+    let grid = Grid::new(&prepared.scene, args.voxels)?;
+    let needed = voxel_byte(&prepared.scene, &grid).saturating_add(memory_used_byte().unwrap_or(0));
+    let limit = limit_byte(args.memory_limit);
+    if needed <= limit {
+        return Ok(());
+    }
+    Err(too_small(
+        &format!(
+            "{} voxels along the longest axis need up to {}",
+            args.voxels,
+            byte_text(needed)
+        ),
+        limit,
+        "use fewer --voxels, or raise --memory-limit",
+    ))
+}
+
+/// Decides where the links go, and notes it in the plan.
+pub(super) fn choose_links(
+    prepared: &mut Prepared,
+    voxels: &VoxelScene,
+    sphere: &DiscreteSphere,
+    args: &VoxelArgs,
+    format: Option<Format>,
+) -> Result<LinksName, Failure> {
+    let demand = VoxelDemand {
+        n_surfels: voxels.n_surfels(),
+        n_directions: sphere.directions().len(),
+        n_channels: prepared.plan.n_channels,
+        n_threads: rayon::current_num_threads(),
+        solved: args.solver.is_some(),
+        written: format == Some(Format::Vtu),
+    };
+    let picture = if format == Some(Format::Image) {
+        let view = render::view(&args.image.view, &args.scene, &prepared.scene)?;
+        let settings = render_settings(args);
+        image_byte(&view, &settings, args.memory_limit)?
+            .saturating_add(PATCH_BYTE.saturating_mul(prepared.mesh.n_patches() as u64))
+    } else {
+        0
+    };
+    let limit = limit_byte(args.memory_limit);
+    let beside = memory_used_byte()
+        .unwrap_or(0)
+        .saturating_add(demand.vector_byte())
+        .saturating_add(picture);
+    let with = |links: u64| beside.saturating_add(links);
+    let (in_memory, on_disk) = (with(demand.link_byte()), with(demand.link_window_byte()));
+    // Cells are cut while light is exchanged between them: their links stay in memory.
+    let asked = if args.adaptive.is_some() {
+        LinksName::Memory
+    } else {
+        args.links
+    };
+    let (kept, needed, reason) = match asked {
+        LinksName::Auto if in_memory <= limit => (LinksName::Memory, in_memory, "they fit"),
+        LinksName::Auto => (LinksName::Disk, on_disk, "they do not fit into memory"),
+        LinksName::Memory if args.adaptive.is_some() => {
+            (LinksName::Memory, in_memory, "those of cells, as they are cut")
+        }
+        LinksName::Memory => (LinksName::Memory, in_memory, "asked for"),
+        LinksName::Disk => (LinksName::Disk, on_disk, "asked for"),
+        LinksName::Recompute => (LinksName::Recompute, beside, "asked for"),
+    };
+    if needed > limit {
+        let remedy = match kept {
+            LinksName::Memory if args.adaptive.is_none() => "use --links auto or disk, or raise --memory-limit",
+            LinksName::Disk if beside <= limit => "use fewer --threads or --links recompute, or raise --memory-limit",
+            _ => "use fewer --voxels, or raise --memory-limit",
+        };
+        let what = format!("{} surfels need {}", demand.n_surfels, byte_text(needed));
+        return Err(too_small(&what, limit, remedy));
+    }
+    let choice = match kept {
+        LinksName::Memory | LinksName::Auto => "memory",
+        LinksName::Disk => "disk",
+        LinksName::Recompute => "recompute",
+    };
+    let size = format!(
+        "at most {}, {reason}; with all else {} of {}",
+        byte_text(demand.link_byte()),
+        byte_text(needed),
+        byte_text(limit)
+    );
+    prepared.plan.decide("links", choice, size);
+    Ok(kept)
+}
+
+fn too_small(what: &str, limit: u64, remedy: &str) -> Failure {
+    let limit = byte_text(limit);
+    Failure::new(
+        "memory_limit",
+        format!("{what} of memory, and the limit is {limit}; {remedy}"),
+    )
+}

@@ -1,0 +1,152 @@
+//! Rectangles of an image and what their pixels must show.
+
+use rayon::prelude::*;
+
+use super::faces::{Faces, Seen};
+use super::points::{Light, PixelAnswer, Reference, SeenFrom, Shown};
+use super::{DVec3, Tile, VerifyError};
+use crate::render::renderer::sample_places;
+use crate::render::view::CameraRecord;
+
+/// Side of the square blocks of pixels for which candidates are looked up together.
+const BLOCK_SIDE: usize = 16;
+
+/// A rectangle of pixels with their answers, row by row.
+pub(super) struct Sheet {
+    pub(super) left: usize,
+    pub(super) top: usize,
+    pub(super) width: usize,
+    pub(super) answers: Vec<PixelAnswer>,
+}
+
+impl Sheet {
+    pub(super) fn height(&self) -> usize {
+        self.answers.len() / self.width.max(1)
+    }
+
+    /// The sheet of a tile of an unfolded view.
+    pub(super) fn of_tile(tile: &Tile, reference: &Reference<'_>) -> Self {
+        Self {
+            left: tile.left as usize,
+            top: tile.top as usize,
+            width: tile.width as usize,
+            answers: reference.answers(tile),
+        }
+    }
+
+    /// The sheet of a perspective image: what each sample sees is found again in f64.
+    pub(super) fn of_camera(
+        record: &CameraRecord,
+        (width, height): (u32, u32),
+        reference: &Reference<'_>,
+    ) -> Result<Self, VerifyError> {
+        let camera = record
+            .camera()
+            .map_err(|error| VerifyError::BadCamera(error.to_string()))?;
+        let (columns, rows) = (width as usize, height as usize);
+        let faces = Faces::new(reference, camera.eye());
+        let ray = |x: f64, y: f64| camera.primary_ray(x, y, width, height).1;
+        let blocks: Vec<[usize; 2]> = (0..rows.div_ceil(BLOCK_SIDE))
+            .flat_map(|j| (0..columns.div_ceil(BLOCK_SIDE)).map(move |i| [i * BLOCK_SIDE, j * BLOCK_SIDE]))
+            .collect();
+        let bounds = |[x, y]: [usize; 2]| [x, y, (x + BLOCK_SIDE).min(columns), (y + BLOCK_SIDE).min(rows)];
+        let found: Vec<Vec<PixelAnswer>> = blocks
+            .par_iter()
+            .map(|&block| {
+                let [x0, y0, x1, y1] = bounds(block);
+                let [left, top, right, bottom] = [x0, y0, x1, y1].map(|place| place as f64);
+                let edges = [ray(left, top), ray(right, top), ray(right, bottom), ray(left, bottom)];
+                let middle = ray(0.5 * (left + right), 0.5 * (top + bottom));
+                let mut eye = Eye {
+                    reference,
+                    faces: &faces,
+                    place: camera.eye(),
+                    candidates: faces.inside(camera.eye(), edges, middle),
+                    seen: Vec::new(),
+                };
+                (y0..y1)
+                    .flat_map(|y| (x0..x1).map(move |x| (x as f64, y as f64)))
+                    .map(|(x, y)| eye.pixel(|dx, dy| ray(x + dx, y + dy)))
+                    .collect()
+            })
+            .collect();
+        let mut answers = vec![PixelAnswer::Background; columns * rows];
+        for (&block, of_block) in blocks.iter().zip(found) {
+            let [x0, y0, x1, _] = bounds(block);
+            for (k, answer) in of_block.into_iter().enumerate() {
+                answers[(y0 + k / (x1 - x0)) * columns + x0 + k % (x1 - x0)] = answer;
+            }
+        }
+        Ok(Self {
+            left: 0,
+            top: 0,
+            width: columns,
+            answers,
+        })
+    }
+}
+
+/// A camera that looks at one block of pixels.
+struct Eye<'a> {
+    reference: &'a Reference<'a>,
+    faces: &'a Faces<'a>,
+    place: DVec3,
+    candidates: Vec<usize>,
+    /// What was found out about the faces that were seen.
+    seen: Vec<(usize, SeenFrom)>,
+}
+
+impl Eye<'_> {
+    /// Returns the answer of a pixel, given the rays through its places in \[0, 1\]².
+    fn pixel(&mut self, ray: impl Fn(f64, f64) -> DVec3) -> PixelAnswer {
+        let n = self.reference.attributes().render.samples.get();
+        let share = 1.0 / f64::from(n).powi(2);
+        let mut light = Light::default();
+        // Of each sample: the face, if one is seen from its front.
+        let mut fronts: Vec<Option<usize>> = Vec::new();
+        let mut n_faces = 0;
+        for (x, y) in sample_places(n) {
+            let found = match self.faces.look(&self.candidates, self.place, ray(x, y)) {
+                Seen::Unsure => return PixelAnswer::Border,
+                Seen::Nothing => None,
+                Seen::Face(hit) => Some(hit),
+            };
+            n_faces += usize::from(found.is_some());
+            // A back is black.
+            let front = found.filter(|hit| hit.front);
+            fronts.push(front.map(|hit| hit.face));
+            if let Some(hit) = front {
+                let of_face = self.seen.iter().position(|(face, _)| *face == hit.face);
+                let k = of_face.unwrap_or_else(|| {
+                    self.seen.push((hit.face, SeenFrom::default()));
+                    self.seen.len() - 1
+                });
+                let region = self.faces.region(hit.face);
+                let seen = &mut self.seen[k].1;
+                self.reference.add_light(&mut light, share, hit.point, region, seen);
+            }
+        }
+        if n_faces == 0 {
+            return PixelAnswer::Background;
+        }
+        let centre = match self.faces.look(&self.candidates, self.place, ray(0.5, 0.5)) {
+            Seen::Face(hit) => Some((hit.point, self.faces.slack(&hit))),
+            Seen::Nothing | Seen::Unsure => None,
+        };
+        PixelAnswer::Surface(Shown {
+            centre,
+            surface: common(&fronts, |face| self.faces.surface(face)),
+            plane: common(&fronts, |face| self.faces.plane(face)),
+            material: common(&fronts, |face| self.faces.material(face)),
+            irradiance: light.irradiance(),
+            shaded: light.shaded,
+        })
+    }
+}
+
+/// Returns what all samples have in common, if every one of them sees a face's front.
+fn common<T: PartialEq>(fronts: &[Option<usize>], of: impl Fn(usize) -> T) -> Option<T> {
+    let mut values = fronts.iter().map(|face| face.map(&of));
+    let first = values.next()??;
+    values.all(|value| value.as_ref() == Some(&first)).then_some(first)
+}
