@@ -7,7 +7,7 @@ const LINE_BYTE: usize = 64;
 
 /// A slice that begins on a cache line.
 #[derive(Debug)]
-pub(super) struct Aligned<T> {
+pub(crate) struct Aligned<T> {
     values: Vec<T>,
     /// Where the slice begins.
     first: usize,
@@ -16,7 +16,7 @@ pub(super) struct Aligned<T> {
 
 impl<T: Clone> Aligned<T> {
     /// Returns `n_values` times the same value.
-    pub(super) fn filled(n_values: usize, value: T) -> Self {
+    pub(crate) fn filled(n_values: usize, value: T) -> Self {
         let values = vec![value; n_values + LINE_BYTE / size_of::<T>()];
         let first = values.as_ptr().align_offset(LINE_BYTE).min(values.len() - n_values);
         Self {
@@ -27,7 +27,7 @@ impl<T: Clone> Aligned<T> {
     }
 
     /// Returns a copy of a slice.
-    pub(super) fn copied(from: &[T]) -> Self {
+    pub(crate) fn copied(from: &[T]) -> Self {
         let Some(value) = from.first() else {
             return Self {
                 values: Vec::new(),

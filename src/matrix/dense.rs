@@ -7,6 +7,7 @@
 
 use std::ops::Range;
 
+use super::aligned::Aligned;
 use super::lanes::{add_row, multiply_rows};
 use super::operator::Block;
 use super::planes::Planes;
@@ -18,7 +19,7 @@ use super::{MatrixError, RowTile};
 #[derive(Debug)]
 pub(super) struct DenseTile<T> {
     n_columns: usize,
-    values: Vec<T>,
+    values: Aligned<T>,
     /// As `values`, or empty where every standard error is zero.
     std_errors: Vec<f32>,
     n_nonzero: usize,
@@ -27,7 +28,7 @@ pub(super) struct DenseTile<T> {
 impl<T: Scalar> DenseTile<T> {
     pub(super) fn new(tile: &RowTile, n: usize) -> Result<Self, MatrixError> {
         let size = tile.n_rows() * n;
-        let mut values = vec![T::from_f64(0.0); size];
+        let mut values = Aligned::filled(size, T::from_f64(0.0));
         let mut std_errors = Vec::new();
         let mut n_nonzero = 0;
         for k in 0..tile.n_rows() {
@@ -103,6 +104,6 @@ impl<T: Scalar> Store for DenseTile<T> {
     }
 
     fn stored_byte(&self) -> usize {
-        size_of_val(self.values.as_slice()) + size_of_val(self.std_errors.as_slice())
+        size_of_val(&*self.values) + size_of_val(self.std_errors.as_slice())
     }
 }

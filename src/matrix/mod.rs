@@ -36,6 +36,7 @@ pub use tile::{Entry, RayWeights, RowTally, RowTile};
 
 use std::sync::Arc;
 
+pub(crate) use aligned::Aligned;
 use disk::General;
 pub(crate) use lanes::{product, products, weighted_products};
 use operator::{Block, Components, LinearOperator, RowAccess};

@@ -290,12 +290,15 @@ impl Coarsening {
         coarse
     }
 
-    /// Returns the value of patch `fine` of the finer level that coarse values \[m\] amount to.
+    /// Returns the values on the finer level, \[n\], that coarse values \[m\] amount to.
     #[must_use]
-    pub fn prolonged(&self, prolongation: Prolongation, coarse: &[f64], fine: usize) -> f64 {
+    pub fn prolonged(&self, prolongation: Prolongation, coarse: &[f64]) -> Vec<f64> {
         match prolongation {
-            Prolongation::Injection => coarse[self.parents[fine] as usize],
-            Prolongation::Bilinear => self.bilinear(fine).iter().map(|&(k, w)| w * coarse[k as usize]).sum(),
+            Prolongation::Injection => self.parents.iter().map(|&parent| coarse[parent as usize]).collect(),
+            Prolongation::Bilinear => {
+                let value = |i| self.bilinear(i).iter().map(|&(k, w)| w * coarse[k as usize]).sum();
+                (0..self.n_fine()).map(value).collect()
+            }
         }
     }
 }

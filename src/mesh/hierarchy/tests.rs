@@ -99,16 +99,17 @@ fn bilinear_values_keep_linear_functions() {
     let fine: Vec<f64> = (0..n * n).map(|k| function(k % n, k / n)).collect();
     let coarse = level.restricted(&fine);
     assert_eq!(coarse.len(), m * m);
+    let [bilinear, injected] =
+        [Prolongation::Bilinear, Prolongation::Injection].map(|prolongation| level.prolonged(prolongation, &coarse));
     for k in 0..n * n {
         let (i, j) = (k % n, k / n);
-        let value = level.prolonged(Prolongation::Bilinear, &coarse, k);
+        let value = bilinear[k];
         let weights: f64 = level.bilinear(k).iter().map(|&(_, w)| w).sum();
         assert!((weights - 1.0).abs() < 1e-15 && level.bilinear(k).iter().all(|&(_, w)| w > 0.0));
         if (1..n - 1).contains(&i) && (1..n - 1).contains(&j) {
             assert!((value - fine[k]).abs() < 1e-13, "{i}, {j}: {value}");
         }
-        let injected = level.prolonged(Prolongation::Injection, &coarse, k);
-        assert!((injected - coarse[level.parents()[k] as usize]).abs() < 1e-15);
+        assert!((injected[k] - coarse[level.parents()[k] as usize]).abs() < 1e-15);
     }
 }
 

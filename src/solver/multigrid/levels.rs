@@ -139,20 +139,21 @@ impl<'a> Levels<'a> {
                     u.copy_from_slice(f);
                     channels[c].solve(u);
                 }
-                Bottom::Sweeps(matrix, n_sweeps) => (0..*n_sweeps).for_each(|_| sweep(matrix, c, u, f)),
+                Bottom::Sweeps(matrix, n_sweeps) => (0..*n_sweeps).for_each(|_| matrix.sweep(c, u, f)),
             }
             return;
         };
         if smooth {
-            sweep(&level.matrix, c, u, f);
+            level.matrix.sweep(c, u, f);
         }
         let step = &self.hierarchy.levels()[k + 1];
         let mut d = step.restricted(&difference(u, f));
         level.restricted.subtract_channel(c, u, &mut d);
         let v = self.twice(k + 1, c, &d);
-        for (i, u) in u.iter_mut().enumerate() {
-            *u -= step.prolonged(self.settings.prolongation, &v, i);
-        }
+        let corrections = step.prolonged(self.settings.prolongation, &v);
+        u.iter_mut()
+            .zip(corrections)
+            .for_each(|(u, correction)| *u -= correction);
     }
 
     /// Tells whether light on the patches of `lit` (1 or 0, \[c\]\[n\]) has an answer without negative numbers on the coarsest level: if I − K has a
@@ -191,17 +192,6 @@ impl<'a> Levels<'a> {
 
 fn difference(u: &[f64], f: &[f64]) -> Vec<f64> {
     u.iter().zip(f).map(|(u, f)| u - f).collect()
-}
-
-/// One sweep of Gauss-Seidel over u = f + K u.
-fn sweep(matrix: &Matrix, c: usize, u: &mut [f64], f: &[f64]) {
-    for i in 0..u.len() {
-        let k_ii = matrix.at(i, i, c);
-        let diagonal = 1.0 - k_ii;
-        if diagonal > 0.0 {
-            u[i] = (f[i] + (matrix.dot(i, c, u) - k_ii * u[i])) / diagonal;
-        }
-    }
 }
 
 /// Returns the area-weighted means of each channel over the coarse patches.

@@ -6,7 +6,7 @@
 )]
 
 use crate::matrix::operator::{Block, RowAccess};
-use crate::matrix::{product, products};
+use crate::matrix::{Aligned, product, products};
 use crate::mesh::hierarchy::Coarsening;
 use crate::threads;
 
@@ -22,22 +22,20 @@ const AT_ONCE: usize = 4;
 /// One row: all of its numbers, or those that are not zero with their columns.
 struct Row {
     columns: Option<Box<[u32]>>,
-    values: Box<[f64]>,
+    values: Aligned<f64>,
 }
 
 impl Row {
-    fn new(values: Vec<f64>) -> Self {
-        let used = || (0..).zip(&values).filter(|(_, value)| value.abs() > 0.0);
-        if used().count() as f64 >= DENSE_FROM * values.len() as f64 {
-            return Self {
-                columns: None,
-                values: values.into(),
-            };
+    fn new(values: Aligned<f64>) -> Self {
+        let n_used = values.iter().filter(|value| value.abs() > 0.0).count();
+        if n_used as f64 >= DENSE_FROM * values.len() as f64 {
+            return Self { columns: None, values };
         }
-        let (columns, numbers): (Vec<u32>, Vec<f64>) = used().unzip();
+        let used = (0..).zip(values.iter()).filter(|(_, value)| value.abs() > 0.0);
+        let (columns, numbers): (Vec<u32>, Vec<f64>) = used.unzip();
         Self {
             columns: Some(columns.into()),
-            values: numbers.into(),
+            values: Aligned::copied(&numbers),
         }
     }
 
@@ -48,10 +46,10 @@ impl Row {
 
     fn dot(&self, x: &[f64]) -> f64 {
         match &self.columns {
-            None if x.len() < SHORT => self.values.iter().zip(x).map(|(a, x)| a * x).sum(),
+            None if x.len() < SHORT => short_product(&self.values, x),
             None => product(&self.values, x),
             Some(columns) => {
-                let terms = columns.iter().zip(&self.values);
+                let terms = columns.iter().zip(self.values.iter());
                 terms.map(|(&j, value)| value * x[j as usize]).sum()
             }
         }
@@ -61,7 +59,7 @@ impl Row {
         match &self.columns {
             None => self.values.iter().enumerate().for_each(|(j, &value)| visit(j, value)),
             Some(columns) => {
-                for (&j, &value) in columns.iter().zip(&self.values) {
+                for (&j, &value) in columns.iter().zip(self.values.iter()) {
                     visit(j as usize, value);
                 }
             }
@@ -77,6 +75,19 @@ impl Row {
             }
         }
     }
+}
+
+/// Returns Σ a x in sums that do not wait for one another.
+fn short_product(a: &[f64], x: &[f64]) -> f64 {
+    let ((a, a_rest), (x, x_rest)) = (a.as_chunks::<AT_ONCE>(), x.as_chunks::<AT_ONCE>());
+    let mut sums = [0.0; AT_ONCE];
+    for (a, x) in a.iter().zip(x) {
+        for k in 0..AT_ONCE {
+            sums[k] += a[k] * x[k];
+        }
+    }
+    let rest: f64 = a_rest.iter().zip(x_rest).map(|(a, x)| a * x).sum();
+    (sums[0] + sums[2]) + (sums[1] + sums[3]) + rest
 }
 
 /// Where the row of one channel is.
@@ -184,7 +195,7 @@ impl Matrix {
         }
         let make = |k: usize| {
             let (coarse, c, own) = jobs[k];
-            let mut sum = vec![0.0; n_columns];
+            let mut sum = Aligned::filled(n_columns, 0.0);
             let mut n_entries = 0;
             for &i in coarsening.children(coarse) {
                 let rho = if own { slot(i as usize, c).factor } else { 1.0 };
@@ -213,7 +224,7 @@ impl Matrix {
     pub(super) fn merge_columns(&self, coarsening: &Coarsening) -> (Self, Cost) {
         let merged = |k: usize| {
             let row = &self.rows[k];
-            let mut sum = vec![0.0; coarsening.n_coarse()];
+            let mut sum = Aligned::filled(coarsening.n_coarse(), 0.0);
             row.for_each(|j, value| sum[coarsening.parents()[j] as usize] += value);
             Row::new(sum)
         };
@@ -231,7 +242,7 @@ impl Matrix {
     pub(super) fn from_form_factors(rows: &dyn RowAccess, reflectance: &Block) -> (Self, Cost) {
         let (n, n_channels) = (reflectance.n_rows(), reflectance.n_channels());
         let make = |i: usize| {
-            let mut sum = vec![0.0; n];
+            let mut sum = Aligned::filled(n, 0.0);
             let n_entries = rows.add_row(i, 1.0, &mut sum);
             (Row::new(sum), n_entries)
         };
@@ -266,11 +277,6 @@ impl Matrix {
         &self.rows[self.slot(i, c).row as usize]
     }
 
-    /// Returns (K x)_i in channel c.
-    pub(super) fn dot(&self, i: usize, c: usize, x: &[f64]) -> f64 {
-        self.slot(i, c).factor * self.row(i, c).dot(x)
-    }
-
     /// Returns K_ij in channel c.
     pub(super) fn at(&self, i: usize, j: usize, c: usize) -> f64 {
         self.slot(i, c).factor * self.row(i, c).at(j)
@@ -301,7 +307,7 @@ impl Matrix {
         });
     }
 
-    /// Returns (K x)_i in channel c for the rows from `first` on, as many as there are, each the same bytes as [`dot`](Self::dot).
+    /// Returns (K x)_i in channel c for the rows from `first` on, as many as there are, each the same bytes as by itself.
     fn dots(&self, first: usize, c: usize, x: &[f64]) -> [f64; AT_ONCE] {
         let place = |k: usize| (first + k).min(self.n_rows() - 1);
         let rows = std::array::from_fn(|k| self.row(place(k), c));
@@ -310,6 +316,30 @@ impl Matrix {
             _ => rows.map(|row| row.dot(x)),
         };
         std::array::from_fn(|k| self.slot(place(k), c).factor * products[k])
+    }
+
+    /// Makes one sweep of Gauss-Seidel over u = f + K u in channel c.
+    ///
+    /// Rows are multiplied by fours with u as it was before all four, which what has changed in it since is added to.
+    pub(super) fn sweep(&self, c: usize, u: &mut [f64], f: &[f64]) {
+        let n = u.len();
+        for first in (0..n).step_by(AT_ONCE) {
+            let products = self.dots(first, c, u);
+            let mut changes = [0.0; AT_ONCE];
+            for k in 0..AT_ONCE.min(n - first) {
+                let i = first + k;
+                let (slot, row) = (self.slot(i, c), self.row(i, c));
+                let k_ii = slot.factor * row.at(i);
+                let diagonal = 1.0 - k_ii;
+                if diagonal > 0.0 {
+                    let changed: f64 = (0..k).map(|m| row.at(first + m) * changes[m]).sum();
+                    let gathered = products[k] + slot.factor * changed - k_ii * u[i];
+                    let new = (f[i] + gathered) / diagonal;
+                    changes[k] = new - u[i];
+                    u[i] = new;
+                }
+            }
+        }
     }
 
     /// Returns the multiplications that K x takes, the mean over the channels.
@@ -334,7 +364,7 @@ mod tests {
             .collect();
         let x: Vec<f64> = (0..37).map(|j| f64::from(j) - 3.5).collect();
         let expected: f64 = values.iter().zip(&x).map(|(a, x)| a * x).sum();
-        let sparse = Row::new(values.clone());
+        let sparse = Row::new(Aligned::copied(&values));
         assert!(sparse.columns.is_some());
         // 37 terms of up to 33: rounding stays below 37 · 33 · 1.1e-16.
         assert!((product(&values, &x) - expected).abs() < 2e-13 && (sparse.dot(&x) - expected).abs() < 2e-13);

@@ -176,8 +176,8 @@ struct Cycles<'a> {
     before: Block,
     /// f of each channel.
     exitance: Vec<Vec<f64>>,
-    /// Whether a patch can shine by reflection: it reflects, and light gets to it, \[c n\]. The others are right after the sweep.
-    corrects: Vec<bool>,
+    /// Whether a patch can shine by reflection: it reflects, and light gets to it, \[c\]\[n\]. The others are right after the sweep.
+    corrects: Vec<Vec<bool>>,
     forecast: Forecast,
 }
 
@@ -193,8 +193,11 @@ impl<'a> Cycles<'a> {
     ) -> Self {
         let lit = lit_patches(scaled);
         let reflects = channels(scaled.system.reflectance());
-        let bright = lit.iter().flatten().zip(reflects.iter().flatten());
-        let corrects: Vec<bool> = bright.map(|(&lit, &rho)| lit > 0.0 && rho > 0.0).collect();
+        let bright = |(lit, rho): (&f64, &f64)| *lit > 0.0 && *rho > 0.0;
+        let both = lit.iter().zip(&reflects);
+        let corrects = both
+            .map(|(lit, rho)| lit.iter().zip(rho).map(bright).collect())
+            .collect();
         let physical = levels.as_ref().is_none_or(|levels| levels.is_physical(&lit));
         let setup = levels.as_ref().map_or_else(Setup::default, |levels| Setup {
             work: levels.setup_multiply_adds / levels.n_of_f.max(1.0),
@@ -232,11 +235,12 @@ impl Iteration for Cycles<'_> {
         let u = channels(&self.radiosity);
         let v = levels.correction(&u, &self.exitance);
         let step = &self.hierarchy.levels()[0];
-        let n = self.radiosity.n_rows();
-        for i in 0..n {
-            for (c, b) in self.radiosity.row_mut(i).iter_mut().enumerate() {
-                if self.corrects[c * n + i] {
-                    let correction = step.prolonged(self.settings.prolongation, &v[c], i);
+        let n_channels = v.len();
+        for (c, (v, corrects)) in v.iter().zip(&self.corrects).enumerate() {
+            let corrections = step.prolonged(self.settings.prolongation, v);
+            let radiosities = self.radiosity.values_mut().iter_mut().skip(c).step_by(n_channels);
+            for ((b, correction), corrects) in radiosities.zip(corrections).zip(corrects) {
+                if *corrects {
                     // Not `max`, which would hide what is not a number.
                     *b -= correction;
                     if *b < 0.0 {
