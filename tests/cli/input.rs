@@ -12,6 +12,8 @@ fn bad_input_gets_one_line_and_exit_code_1() {
         ("empty.obj", "empty.obj:"),
         ("missing.obj", "missing.obj:"),
         (".", ".:"),
+        // The name of a built-in scene, where a file is wanted: the message tells how to write it.
+        ("cube", "`radiosity scene cube -o cube.obj`"),
     ] {
         for command in ["form-factors", "solve", "render"] {
             let mut arguments = vec![command, file];

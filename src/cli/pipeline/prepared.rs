@@ -10,7 +10,7 @@ use crate::cli::failure::Failure;
 use crate::matrix::operator::Block;
 use crate::mesh::{Mesh, Patch, Subdivision};
 use crate::plan::Plan;
-use crate::scene::{LoadOptions, Material, Pose, Scene, Surface, load_with};
+use crate::scene::{LoadOptions, Material, Pose, Scene, Surface, builtin, load_with};
 use crate::solver::Solution;
 use crate::visibility::Visibility as _;
 use crate::visibility::embree::EmbreeVisibility;
@@ -32,6 +32,13 @@ impl Run {
         mesh_args: MeshArgs,
         default: impl FnOnce(&Scene) -> Subdivision,
     ) -> Result<Prepared, Failure> {
+        let name = path.to_string_lossy();
+        if !path.exists() && builtin::names().any(|known| known == name) {
+            let message = format!(
+                "{name}: no such file; `radiosity scene {name} -o {name}.obj` writes the built-in scene of that name"
+            );
+            return Err(Failure::new("unreadable", message).in_file(path));
+        }
         let options = LoadOptions::default().allow_outside(self.common.allow_outside);
         let loaded = self.times.time("scene", || load_with(path, options))?;
         for warning in &loaded.warnings {

@@ -39,17 +39,17 @@ use batch::Batches;
 ///
 /// | scene | patches | tolerance | time | error |
 /// |---|---|---|---|---|
-/// | `cube` | 1014 | 1e-6 | 0.17 s | 5e-14 |
-/// | `room-box` | 12 | 1e-6 | 0.050 s | 4e-8 |
-/// | `room-box` | 108 | 1e-6 | 0.12 s | 2e-8 |
-/// | `room-box` | 972 | 1e-5 | 0.75 s | 6e-7 |
-/// | `room-box` | 4332 | 1e-5 | 6.5 s | 4e-7 |
-/// | `room-box` | 4332 | 1e-3 | 3.2 s | 5e-5 |
+/// | `cube` | 1014 | 1e-6 | 0.079 s | 5e-14 |
+/// | `room-box` | 12 | 1e-6 | 0.044 s | 4e-8 |
+/// | `room-box` | 108 | 1e-6 | 0.089 s | 2e-8 |
+/// | `room-box` | 972 | 1e-5 | 0.69 s | 6e-7 |
+/// | `room-box` | 4332 | 1e-5 | 3.4 s | 4e-7 |
+/// | `room-box` | 4332 | 1e-3 | 1.8 s | 5e-5 |
 ///
-/// The machine itself is a tenth faster or slower at another hour: the cube took 0.15 s before. On two cores the last row takes 1.9 to 2.5 s (11 runs on two days, median 2.2), and at a
-/// tolerance of 2e-3, with an error of 2.0e-4, 1.6 to 2.3 s (6 runs, median 1.9): `radiosity form-factors scenes/room-box/scene.obj --subdivide 19 --tolerance 2e-3`, the time told for form
-/// factors.
-/// Growth: as n^1.44 from 972 to 4332 patches at one tolerance; in the end as n², the number of pairs. With the number of faces only pairs that may see each other count: a ball
+/// Another machine of that kind, with other work on its cores, took 0.15 to 0.17 s for the cube, 0.12 s for 108 patches and 3.2 s for the last row. On two cores the last row takes
+/// 1.07 to 1.12 s (5 runs; on the other machine 1.9 to 2.5 s), at 1e-5 1.83 to 1.90 s and at 1e-6 3.7 s: `radiosity form-factors scenes/room-box/scene.obj --subdivide 19 --tolerance 1e-3`,
+/// the time told for form factors.
+/// Growth: as n^1.06 from 972 to 4332 patches at one tolerance; in the end as n², the number of pairs. With the number of faces only pairs that may see each other count: a ball
 /// of 1280, 5120 and 20 480 triangles over a floor, of which 1044, 4164 and 16 674 see it, takes 0.05, 0.22 and 1.0 s of CPU time (one run each;
 /// `cargo test --release --test exact -- --ignored` has the largest).
 #[derive(Clone, Copy, Debug, PartialEq)]
