@@ -419,6 +419,34 @@ fn grids_of_different_steps_keep_what_they_promise_at_loose_tolerances() {
     }
 }
 
+/// Rows are computed some at a time, and those of one face may be cut anywhere: also where the last few have too few pairs with a small face to be computed together.
+#[test]
+fn rows_may_be_cut_within_a_face_beside_one_of_a_single_patch() {
+    let mut shapes = Shapes::default();
+    shapes.cuboid(DVec3::ZERO, DVec3::ONE, DQuat::IDENTITY, true);
+    let dot = DVec3::new(0.5, 0.47, 0.6);
+    shapes.cuboid(dot, dot + 0.03, DQuat::IDENTITY, false);
+    let scene = shapes.scene();
+    for length in [0.08, 0.07, 0.06] {
+        let mesh = Mesh::new(&scene, Subdivision::MaxEdge(length)).unwrap();
+        let input = Input {
+            scene: &scene,
+            mesh: &mesh,
+            visibility: &BruteForce::new(&scene),
+            unoccluded: false,
+        };
+        let computed = exact(1e-3).compute(input, StorageChoice::default(), &Silent);
+        let factors = computed.unwrap().factors;
+        for i in 0..factors.n_rows() {
+            // Each of the dot's six patches may be off by the tolerance, in the terms of the smaller of two areas.
+            let shares = (0..factors.n_rows()).map(|j| factors.get(i, j));
+            let known: f64 = (0..factors.n_rows()).map(|j| factors.std_error(i, j)).sum();
+            let off = (shares.sum::<f64>() - 1.0).abs();
+            assert!(off <= known + 1e-9 && known < 6e-3, "{length} {i}: {off:e} {known:e}");
+        }
+    }
+}
+
 /// A ball of 20480 triangles over a floor: of 2 · 10⁸ pairs of faces only those of the floor and the ball's underside see each other.
 #[test]
 #[ignore = "ten seconds, and as much to build the scene"]

@@ -269,7 +269,9 @@ impl Batches<'_> {
 
     /// Computes the tables of some faces with all later ones that they see anything of, for some rows, and forgets those of other faces.
     fn find_tables(&mut self, faces: &Range<usize>, rows: &Range<usize>, views: &[Vec<FaceView>]) {
-        self.tables.retain(|[f, _], _| faces.contains(f));
+        let mut tables = std::mem::take(&mut self.tables);
+        // What does not hold these rows goes first: perhaps nothing takes its place.
+        tables.retain(|[f, _], table| faces.contains(f) && table.covers(&self.rows_of(*f, rows)));
         let missing: Vec<[usize; 2]> = faces
             .clone()
             .flat_map(|f| {
@@ -278,17 +280,14 @@ impl Batches<'_> {
                     .filter(|view| matches!(&view.known, Known::Seen(seen) if *seen != PairVisibility::None))
                     .map(move |view| [f, view.face])
             })
-            .filter(|key| {
-                self.tables
-                    .get(key)
-                    .is_none_or(|table| !table.covers(&self.rows_of(key[0], rows)))
-            })
+            .filter(|key| !tables.contains_key(key))
             .collect();
         let found: Vec<([usize; 2], Table)> = missing
             .into_par_iter()
             .filter_map(|key| Some((key, self.table(key, rows)?)))
             .collect();
-        self.tables.extend(found);
+        tables.extend(found);
+        self.tables = tables;
     }
 
     fn rows_of(&self, face: usize, rows: &Range<usize>) -> Range<usize> {
