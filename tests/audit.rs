@@ -42,16 +42,16 @@ fn room(full: bool, open: bool) -> Scene {
     scene
 }
 
-fn claims(closed: bool, reciprocity: Reciprocity) -> Claims {
+fn claims(closed: bool, reciprocity: Reciprocity) -> Claims<'static> {
     Claims {
-        closed,
+        closed: closed.into(),
         reciprocity,
         errors_known: true,
         row_tolerance: 0.0,
     }
 }
 
-fn of_factors(factors: &FormFactors, claims: Claims) -> Audit {
+fn of_factors(factors: &FormFactors, claims: Claims<'_>) -> Audit {
     audit::form_factors(factors, claims).unwrap().audit
 }
 

@@ -6,7 +6,7 @@
 mod support;
 
 use glam::{DQuat, DVec3};
-use radiosity::form_factor::{ClosedForm, Computed, ExactMethod, FormFactorMethod, Input, RandomShooting};
+use radiosity::form_factor::{ClosedForm, Computed, ExactMethod, FormFactorMethod, Input, RandomShooting, closed_rows};
 use radiosity::geometry::sampling::Sequence;
 use radiosity::matrix::StorageChoice;
 use radiosity::mesh::{Mesh, Subdivision};
@@ -310,6 +310,37 @@ fn patches_under_a_box_see_nothing_and_the_others_lose_nothing() {
             assert!(n_whole > prepared.mesh.n_patches() * 2 / 3, "{n_whole}");
         }
     }
+}
+
+/// Light leaves a patch for fronts alone unless it touches another piece, or lies inside of one: rows of the others sum to 1, and all of those are among the others.
+#[test]
+fn rows_that_are_known_to_sum_to_1_do() {
+    let sunk = {
+        let mut shapes = room();
+        let turn = DQuat::from_axis_angle(DVec3::Y, 0.3);
+        shapes.cuboid(DVec3::new(1.0, 1.0, -0.5), DVec3::new(2.0, 3.0, 0.5), turn, false);
+        shapes.scene()
+    };
+    for scene in [room_with_a_standing_box(false, false), sunk] {
+        for scene in places(&scene) {
+            let prepared = Prepared::new(scene, 8);
+            let closed = closed_rows(prepared.input());
+            let factors = compute(&prepared, 1e-5).factors;
+            let mut n_short = 0;
+            for (i, closed) in closed.iter().enumerate() {
+                let mut error = 1e-9;
+                factors.for_each_in_row(i, |_, _, e| error += e);
+                let is_short = (factors.row_sum(i) - 1.0).abs() > error;
+                assert!(!(*closed && is_short), "{i}: {}", factors.row_sum(i));
+                n_short += usize::from(is_short);
+            }
+            let n_closed = closed.iter().filter(|closed| **closed).count();
+            // Those that touch the box's sides without lying under it are few.
+            assert!(n_short > 64 && n_closed > 768 - 3 * n_short, "{n_closed} {n_short}");
+        }
+    }
+    let alone = Prepared::new(builtin_scene("cube"), 2);
+    assert_eq!(closed_rows(alone.input()), [true; 24]);
 }
 
 #[test]

@@ -290,7 +290,7 @@ fn a_table_of_the_paper_is_repeated_to_the_byte() {
 #[test]
 fn the_table_of_the_solvers_is_repeated() {
     let directory = tempfile::tempdir().unwrap();
-    let result = document(directory.path(), &["reproduce", "baranoski", "--tables", "2"]);
+    let result = document(directory.path(), &["reproduce", "baranoski", "--table", "2"]);
     assert_eq!(result["inside"], true);
     let cases = result["solvers"].as_array().unwrap();
     assert_eq!(cases.len(), 6);

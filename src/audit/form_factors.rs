@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::{At, Audit, Law, Worst};
 use crate::form_factor::Reciprocity;
-use crate::matrix::{DiskError, FormFactors, Precision};
+use crate::matrix::{Closed, DiskError, FormFactors, Precision};
 
 /// Standard deviations that a count of rays may be off. With the same number of rays on top, a Poisson variable of any mean goes further by
 /// chance less than once in 10^13, and so in a matrix of 10^10 pairs less than once in a thousand runs.
@@ -17,9 +17,9 @@ const ESTIMATES: f64 = 2.0;
 
 /// What form factors claim about themselves beside their errors.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Claims {
-    /// True if light cannot leave the scene and no back can be seen.
-    pub closed: bool,
+pub struct Claims<'a> {
+    /// The rows that sum to 1.
+    pub closed: Closed<'a>,
     /// How far the method that they come from keeps reciprocity.
     pub reciprocity: Reciprocity,
     /// True if the entries have errors and the rows their tallies; else what rests on them is not checked.
@@ -56,7 +56,7 @@ struct Found {
 ///
 /// # Errors
 /// [`DiskError`] if the form factors cannot be read.
-pub fn form_factors(factors: &FormFactors, claims: Claims) -> Result<FormFactorAudit, DiskError> {
+pub fn form_factors(factors: &FormFactors, claims: Claims<'_>) -> Result<FormFactorAudit, DiskError> {
     let blocks = factors.row_blocks().into_par_iter();
     let blocks: Vec<Found> = blocks.map(|rows| rows_of(factors, claims, rows)).collect();
     let mut all = Found::default();
@@ -84,7 +84,7 @@ pub fn form_factors(factors: &FormFactors, claims: Claims) -> Result<FormFactorA
         (
             all.closure,
             Law::Closure,
-            "what escapes from an open scene is not known",
+            "no row is known to sum to 1, and what escapes is not known",
         ),
         (all.row_sum, Law::RowSum, "closure says more"),
     ] {
@@ -99,7 +99,7 @@ pub fn form_factors(factors: &FormFactors, claims: Claims) -> Result<FormFactorA
     factors.if_readable(FormFactorAudit { audit, gain: all.gain })
 }
 
-fn rows_of(factors: &FormFactors, claims: Claims, rows: Range<usize>) -> Found {
+fn rows_of(factors: &FormFactors, claims: Claims<'_>, rows: Range<usize>) -> Found {
     let areas = factors.areas();
     let unit = match factors.storage().precision {
         Precision::F32 => f64::from(f32::EPSILON),
@@ -149,13 +149,14 @@ fn rows_of(factors: &FormFactors, claims: Claims, rows: Range<usize>) -> Found {
         // Rays that differ in weight are added up one by one.
         let n_added = tally.weights.map_or(0.0, |_| tally.n_rays as f64);
         let rounding = (factors.n_rows() as f64 + 8.0) * unit + n_added * f64::EPSILON + claims.row_tolerance;
-        let left = if claims.closed {
+        let left = if claims.closed.row(i) {
             Some(0.0)
         } else {
             tally.escaped().zip(tally.absorbed()).map(|(e, a)| e + a)
         };
-        // Rays are counted once each, so that a row of them is complete whatever its noise.
-        let allowed = if tally.n_rays > 0 {
+        // Rays of one weight are counted once each, so that a row of them is complete whatever its noise; one on a regular grid stands for a cell, all of which is lost
+        // where it slips in between two faces that it grazes.
+        let allowed = if tally.n_rays > 0 && tally.weights.is_none() {
             rounding
         } else {
             rounding + ESTIMATES * errors

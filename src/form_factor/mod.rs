@@ -22,6 +22,7 @@
 
 mod centre;
 mod closed_form;
+mod closed_rows;
 mod contour;
 mod error;
 mod exact;
@@ -45,6 +46,7 @@ mod update;
 
 pub use centre::CentrePoint;
 pub use closed_form::ClosedForm;
+pub use closed_rows::closed_rows;
 pub use contour::ContourIntegral;
 pub use error::FormFactorError;
 pub use exact::ExactMethod;

@@ -20,8 +20,8 @@ pub struct MinMax {
 pub struct Checks {
     /// Least and greatest Σ_j F_ij.
     pub row_sum: MinMax,
-    /// In a closed scene max_i |1 − Σ_j F_ij|. In an open one max_i |1 − Σ_j F_ij − sky_i − back_i| with the fractions of
-    /// the row's rays that escaped and that backs took, over the rows that have rays; `None` if none has.
+    /// max_i |1 − Σ_j F_ij| over the rows that are known to sum to 1, and max_i |1 − Σ_j F_ij − sky_i − back_i| with the fractions of
+    /// the row's rays that escaped and that backs took, over the others that have rays; `None` if there are neither.
     pub closure_error_max: Option<f64>,
     /// max_ij |A_i F_ij − A_j F_ji| / min(A_i, A_j).
     pub reciprocity_error_max: f64,
@@ -37,13 +37,46 @@ pub struct Checks {
     pub n_absorbed: u64,
 }
 
+/// Which rows are known to sum to 1: those of patches all of whose light arrives at fronts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Closed<'a> {
+    /// All, or none.
+    Everywhere(bool),
+    /// Those for which this is true, \[n\].
+    Where(&'a [bool]),
+}
+
+impl Closed<'_> {
+    /// Tells whether row `i` is known to sum to 1.
+    #[must_use]
+    pub fn row(&self, i: usize) -> bool {
+        match self {
+            Self::Everywhere(closed) => *closed,
+            Self::Where(rows) => rows[i],
+        }
+    }
+}
+
+impl From<bool> for Closed<'_> {
+    fn from(closed: bool) -> Self {
+        Self::Everywhere(closed)
+    }
+}
+
+impl<'a> From<&'a [bool]> for Closed<'a> {
+    fn from(rows: &'a [bool]) -> Self {
+        Self::Where(rows)
+    }
+}
+
 impl FormFactors {
     /// Checks closure, reciprocity, bounds and signs; one pass over F and its transpose.
     ///
-    /// `closed`: true if light cannot leave the scene and no back can be seen.
+    /// `closed`: the rows that sum to 1; true for all if light cannot leave the scene and no back can be seen.
     /// Accuracy: rounding, about 1e-16 in each difference and n 1e-16 in each sum.
     #[must_use]
-    pub fn checks(&self, closed: bool) -> Checks {
+    pub fn checks<'a>(&self, closed: impl Into<Closed<'a>>) -> Checks {
+        let closed = closed.into();
         let blocks = self.row_blocks().into_par_iter();
         let mut checks = blocks.map(|rows| self.check_rows(rows, closed)).reduce(nothing, join);
         for tally in self.tallies() {
@@ -54,7 +87,7 @@ impl FormFactors {
         checks
     }
 
-    fn check_rows(&self, rows: std::ops::Range<usize>, closed: bool) -> Checks {
+    fn check_rows(&self, rows: std::ops::Range<usize>, closed: Closed<'_>) -> Checks {
         let mut checks = nothing();
         let mut row_sums = vec![0.0; rows.len()];
         self.for_each_pair(rows.clone(), 0, |i, j, pair| {
@@ -70,7 +103,7 @@ impl FormFactors {
             checks.row_sum.min = checks.row_sum.min.min(row_sum);
             checks.row_sum.max = checks.row_sum.max.max(row_sum);
             let tally = &self.tallies[i];
-            let left = if closed {
+            let left = if closed.row(i) {
                 Some(0.0)
             } else {
                 tally.escaped().zip(tally.absorbed()).map(|(e, a)| e + a)
@@ -81,11 +114,12 @@ impl FormFactors {
         checks
     }
 
-    /// Returns the row sums that [`balanced`](Self::balanced) should restore: 1 in a closed scene, otherwise 1 less the
+    /// Returns the row sums that [`balanced`](Self::balanced) should restore: 1 for the rows that `closed` names, otherwise 1 less the
     /// fractions of the row's rays that escaped and that backs took; a row without rays keeps its sum.
     #[must_use]
-    pub fn row_targets(&self, closed: bool) -> Vec<f64> {
-        let target = |i: usize| match (closed, self.tallies[i].escaped(), self.tallies[i].absorbed()) {
+    pub fn row_targets<'a>(&self, closed: impl Into<Closed<'a>>) -> Vec<f64> {
+        let closed = closed.into();
+        let target = |i: usize| match (closed.row(i), self.tallies[i].escaped(), self.tallies[i].absorbed()) {
             (true, ..) => 1.0,
             (false, Some(escaped), Some(absorbed)) => (1.0 - escaped - absorbed).max(0.0),
             (false, ..) => self.row_sum(i).max(0.0),

@@ -28,7 +28,7 @@ mod tile;
 mod transpose;
 
 pub use balance::{BalanceReport, Weighting};
-pub use checks::{Checks, MinMax};
+pub use checks::{Checks, Closed, MinMax};
 pub use disk::{DiskError, Place, Scratch};
 pub use error::MatrixError;
 pub use surfaces::SurfaceFormFactors;

@@ -32,18 +32,30 @@ pub fn is_convex_and_empty(scene: &Scene) -> bool {
     })
 }
 
-/// Tells whether the light that leaves any front stays inside: the scene bounds a closed space.
+/// Tells whether the light that leaves any front into the open stays inside: the scene bounds a closed space.
 ///
 /// True if every edge is shared by exactly two faces that run along it in opposite senses, and every connected piece
 /// is either an enclosure that faces inwards or lies in the bounding box of one. Conservative: a closed room whose faces meet in T-junctions,
 /// or a block without a bottom on a floor, counts as not closed; rays then tell by not escaping.
 #[must_use]
 pub fn is_watertight(scene: &Scene) -> bool {
+    pieces(scene).is_some_and(|(_, pieces)| {
+        let in_a_room = |p: &Piece| pieces.iter().any(|room| room.faces_inwards() && room.contains(p));
+        !pieces.is_empty() && pieces.iter().all(|p| p.faces_inwards() || in_a_room(p))
+    })
+}
+
+/// Returns for each face its connected piece of surface, numbered from 0; `None` if some piece is not closed.
+pub(crate) fn piece_of_face(scene: &Scene) -> Option<Vec<usize>> {
+    pieces(scene).map(|(piece_of_face, _)| piece_of_face)
+}
+
+fn pieces(scene: &Scene) -> Option<(Vec<usize>, Vec<Piece>)> {
     let mut face_of_edge: HashMap<(u32, u32), FaceId> = HashMap::new();
     for face in scene.face_ids() {
         for edge in edges(scene, face) {
             if face_of_edge.insert(edge, face).is_some() {
-                return false;
+                return None;
             }
         }
     }
@@ -59,9 +71,7 @@ pub fn is_watertight(scene: &Scene) -> bool {
         while let Some(face) = stack.pop() {
             found.add(&scene.polygon(face));
             for (a, b) in edges(scene, face) {
-                let Some(&neighbour) = face_of_edge.get(&(b, a)) else {
-                    return false;
-                };
+                let &neighbour = face_of_edge.get(&(b, a))?;
                 if piece[neighbour.0 as usize] == usize::MAX {
                     piece[neighbour.0 as usize] = pieces.len();
                     stack.push(neighbour);
@@ -70,10 +80,7 @@ pub fn is_watertight(scene: &Scene) -> bool {
         }
         pieces.push(found);
     }
-    !pieces.is_empty()
-        && pieces
-            .iter()
-            .all(|p| p.faces_inwards() || pieces.iter().any(|room| room.faces_inwards() && room.contains(p)))
+    Some((piece, pieces))
 }
 
 fn edges(scene: &Scene, face: FaceId) -> Vec<(u32, u32)> {

@@ -80,7 +80,7 @@ pub struct ReproduceArgs {
     #[arg(value_enum, value_name = "PAPER")]
     pub paper: PaperName,
     /// The tables, as in `2-8` or `2,5-7` [default: all that are built]
-    #[arg(long, value_name = "LIST")]
+    #[arg(long, visible_alias = "table", value_name = "LIST")]
     pub tables: Option<String>,
     /// The directory for the tables as files, made if needed [default: reproduce-PAPER]
     #[arg(short, long, value_name = "DIR")]

@@ -8,8 +8,8 @@ use crate::cli::args::{BalanceName, MethodArgs, StorageName};
 use crate::cli::failure::Failure;
 use crate::cli::storage;
 use crate::form_factor::registry::{self, MethodEntry, Setting};
-use crate::form_factor::{self, Before, ExactMethod, FormFactorMethod, Input, MethodSettings, PairCounts, Reciprocity};
-use crate::matrix::{BalanceReport, Checks, FormFactors, Weighting};
+use crate::form_factor::{self, Before, ExactMethod, FormFactorMethod, MethodSettings, PairCounts, Reciprocity};
+use crate::matrix::{BalanceReport, Checks, Closed, FormFactors, Weighting};
 use crate::visibility::blockers::BlockerIndex;
 
 /// Form factors with what was found out about them.
@@ -142,12 +142,7 @@ impl Run {
             working_byte: method.working_byte(prepared.mesh.n_patches()),
         };
         let chosen = storage::choose(self, prepared, matrix)?;
-        let input = Input {
-            scene: &prepared.scene,
-            unoccluded: prepared.plan.convex_and_empty,
-            mesh: &prepared.mesh,
-            visibility: &prepared.visibility,
-        };
+        let input = prepared.input();
         storage::open_checkpoint(self, prepared)?;
         let result = self.times.time("form_factors", || match before {
             Some(before) => method.update(input, before, chosen.choice(), &self.progress),
@@ -192,10 +187,14 @@ impl Run {
     ) -> Result<Computed, Failure> {
         let raw = result.factors;
         let n_rays: u64 = raw.tallies().iter().map(|t| t.n_rays).sum();
-        let n_escaped: u64 = raw.tallies().iter().map(|t| t.n_escaped).sum();
-        // A scene that no light leaves is closed, whether its faces show it or not.
-        let closed = prepared.plan.watertight || (n_rays > 0 && n_escaped == 0);
-        if prepared.plan.watertight && n_escaped > 0 {
+        let (closed, closed_rows) = self.closed_rows(prepared, &raw);
+        let of_closed = raw
+            .tallies()
+            .iter()
+            .zip(&closed_rows)
+            .filter(|(_, is_closed)| **is_closed);
+        let n_escaped: u64 = of_closed.map(|(tally, _)| tally.n_escaped).sum();
+        if n_escaped > 0 {
             self.warn(&format!(
                 "{n_escaped} of {n_rays} rays escaped from a closed scene; the row sums show what that amounts to"
             ));
@@ -213,7 +212,7 @@ impl Run {
             );
         }
         let (factors, balance) = if wanted {
-            let targets = raw.row_targets(closed);
+            let targets = raw.row_targets(&*closed_rows);
             let (factors, report) = self.times.time("balance", || {
                 let symmetric = raw.symmetrised(Weighting::default())?;
                 if by_variance {
@@ -251,10 +250,10 @@ impl Run {
                 report.row_error_max, report.n_passes
             ));
         }
-        let checks = self.times.time("checks", || factors.checks(closed));
+        let checks = self.times.time("checks", || factors.checks(&*closed_rows));
         factors.if_readable(())?;
         let claims = Claims {
-            closed,
+            closed: Closed::Where(&closed_rows),
             reciprocity: promised.reciprocity,
             errors_known: promised.errors_known,
             row_tolerance: if balance.is_some() || promised.balanced {
@@ -275,6 +274,28 @@ impl Run {
             pairs: result.pairs,
             tolerance_met: result.tolerance_met,
         })
+    }
+
+    /// Tells whether no light leaves the scene, and which rows sum to 1.
+    fn closed_rows(&mut self, prepared: &mut Prepared, raw: &FormFactors) -> (bool, Vec<bool>) {
+        let tallies = raw.tallies();
+        if prepared.plan.watertight {
+            let rows = self.times.time("checks", || form_factor::closed_rows(prepared.input()));
+            let n_others = rows.iter().filter(|closed| !**closed).count();
+            if n_others > 0 {
+                prepared.plan.decide(
+                    "row sums",
+                    format!("1 for {} of {} patches", rows.len() - n_others, rows.len()),
+                    "the others touch another piece of the scene, or lie inside of one, and may see backs",
+                );
+            }
+            return (true, rows);
+        }
+        // A scene that no light leaves is closed, whether its faces show it or not; a patch that meets backs may lie under a block without a bottom.
+        let n_rays: u64 = tallies.iter().map(|tally| tally.n_rays).sum();
+        let closed = n_rays > 0 && tallies.iter().all(|tally| tally.n_escaped == 0);
+        let rows = tallies.iter().map(|tally| closed && tally.n_absorbed == 0);
+        (closed, rows.collect())
     }
 
     /// Tells whether the storage asked for is that of symmetric form factors.

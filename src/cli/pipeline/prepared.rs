@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use super::Run;
 use crate::cli::args::MeshArgs;
 use crate::cli::failure::Failure;
+use crate::form_factor::Input;
 use crate::matrix::operator::Block;
 use crate::mesh::{Mesh, Patch, Subdivision};
 use crate::plan::Plan;
@@ -132,6 +133,16 @@ pub(in crate::cli) fn posed(scene: &Scene, pose: &Pose) -> Result<Scene, Failure
 }
 
 impl Prepared {
+    /// Returns what form-factor methods look at.
+    pub(in crate::cli) fn input(&self) -> Input<'_> {
+        Input {
+            scene: &self.scene,
+            mesh: &self.mesh,
+            visibility: &self.visibility,
+            unoccluded: self.plan.convex_and_empty,
+        }
+    }
+
     /// Returns the area of each surface, in m².
     pub(in crate::cli) fn surface_areas(&self) -> Vec<f64> {
         let mut areas = vec![0.0; self.scene.surfaces.len()];
