@@ -92,6 +92,7 @@ pub mod experiment;
 pub mod form_factor;
 pub mod geometry;
 mod in_order;
+mod input_file;
 pub mod matrix;
 pub mod mesh;
 pub mod notation;

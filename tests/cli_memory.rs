@@ -186,6 +186,46 @@ fn voxels_and_their_links_stay_below_the_limit() {
     assert!(wrong.is_empty(), "{wrong}");
 }
 
+/// A scene of many faces takes most of its memory while it is read: it is refused, or the peak stays below the limit.
+#[test]
+fn a_scene_is_read_within_the_limit_or_not_at_all() {
+    let directory = tempfile::tempdir().unwrap();
+    let n = 120;
+    let mut text = String::new();
+    for k in 0..(n + 1) * (n + 1) {
+        let _ = writeln!(text, "v {} {} 0", k % (n + 1), k / (n + 1));
+    }
+    for k in 0..n * n {
+        let a = k / n * (n + 1) + k % n + 1;
+        let _ = writeln!(text, "f {a} {} {} {}", a + 1, a + n + 2, a + n + 1);
+    }
+    std::fs::write(directory.path().join("many.obj"), &text).unwrap();
+    let (mut n_refused, mut n_done) = (0, 0);
+    for limit in (12_u64..=52).step_by(8) {
+        let limit_text = format!("{limit}MiB");
+        let words = [
+            "voxel",
+            "many.obj",
+            "--voxels",
+            "8",
+            "--radius",
+            "2",
+            "--memory-limit",
+            &limit_text,
+        ];
+        let (code, result) = document(directory.path(), &words);
+        if code == 0 {
+            let peak = result["memory_peak_byte"].as_u64().unwrap();
+            assert!(peak <= limit << 20, "{limit} MiB: {} KiB", peak >> 10);
+            n_done += 1;
+        } else {
+            assert_eq!(result["error"]["kind"], "memory_limit", "{result}");
+            n_refused += u32::from(result["error"]["message"].as_str().unwrap().contains("to read it"));
+        }
+    }
+    assert!(n_refused > 0 && n_done > 0, "{n_refused} refused, {n_done} done");
+}
+
 #[test]
 fn what_cannot_fit_is_refused_with_one_line() {
     let directory = with_scene("cube");

@@ -83,6 +83,9 @@ fn folder() -> tempfile::TempDir {
         std::fs::write(at(&format!("noise.{ending}")), noise).unwrap();
         std::fs::create_dir(at(&format!("folder.{ending}"))).unwrap();
     }
+    for ending in ["npz", "mtx"] {
+        std::os::unix::fs::symlink("/dev/zero", at(&format!("endless.{ending}"))).unwrap();
+    }
     std::fs::copy(at("F.npy.json"), at("zero.npy.json")).unwrap();
     std::fs::copy(at("F.npy.json"), at("noise.npy.json")).unwrap();
     directory
@@ -163,6 +166,28 @@ fn files_that_are_none_are_refused_by_every_command_that_reads_them() {
             1,
             file,
         ));
+    }
+    // Without end.
+    for arguments in [
+        &["form-factors", "/dev/zero"][..],
+        &["solve", "s.obj", "--lighting", "/dev/zero"],
+        &["solve", "s.obj", "--form-factors", "endless.npz"],
+        &["solve", "s.obj", "--form-factors", "endless.mtx"],
+        &["render", "s.obj", "-o", "new.exr", "--camera", "/dev/zero"],
+        &["render", "s.obj", "-o", "new.exr", "--frames", "/dev/zero"],
+        &["verify", "/dev/zero"],
+        &[
+            "voxel",
+            "s.obj",
+            "--voxels",
+            "8",
+            "--links",
+            "disk",
+            "--link-file",
+            "/dev/zero",
+        ],
+    ] {
+        cases.push((arguments.to_vec(), 1, "is a device"));
     }
     for file in ["noise.links", "folder", "s.obj", "none/none"] {
         cases.push((vec!["solve", "s.obj", "--checkpoint", file], 1, file));
@@ -325,10 +350,21 @@ fn promises_of_headers_are_not_believed() {
     let place = npz.windows(8).position(|w| w == b"(24, 24)").unwrap();
     npz[place..place + 8].copy_from_slice(b"(99, 99)");
     std::fs::write(at("huge.npz"), &npz).unwrap();
-    let cases: Vec<Case<'_>> = ["huge.npy", "huge.mtx", "huge.npz"]
+    // A row of a hundred million pixels, in each part of a picture.
+    let mut exr = std::fs::read(at("i.exr")).unwrap();
+    let window = b"dataWindow\0box2i\0\x10\0\0\0";
+    let starts: Vec<usize> = (0..exr.len()).filter(|&k| exr[k..].starts_with(window)).collect();
+    assert!(!starts.is_empty());
+    for start in starts {
+        let right = start + window.len() + 8;
+        exr[right..right + 4].copy_from_slice(&100_000_000_i32.to_le_bytes());
+    }
+    std::fs::write(at("huge.exr"), &exr).unwrap();
+    let mut cases: Vec<Case<'_>> = ["huge.npy", "huge.mtx", "huge.npz"]
         .into_iter()
         .map(|file| (vec!["solve", "s.obj", "--form-factors", file], 1, file))
         .collect();
+    cases.push((vec!["verify", "huge.exr"], 1, "bytes of pixels"));
     expect_all(directory.path(), &cases);
 }
 

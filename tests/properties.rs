@@ -165,6 +165,35 @@ proptest! {
         }
     }
 
+    /// What a closed room emits it absorbs, within the errors of its form factors.
+    #[test]
+    fn light_is_kept_by_the_form_factors_of_every_method(room in room(0..1), seed in 0..1000_u64) {
+        let prepared = Prepared::new(room.scene(), 2);
+        for name in room.methods() {
+            let factors = prepared.compute(&*quick(name, 8));
+            let n = factors.n_rows();
+            let areas = factors.areas();
+            let (reflectance, exitance) = random_materials(n, 0.9, seed);
+            let radiosity = solve_direct(&dense(&factors), &reflectance, &exitance);
+            for c in 0..3 {
+                let (mut emitted, mut absorbed, mut known) = (0.0, 0.0, 0.0);
+                for i in 0..n {
+                    let (mut irradiance, mut of_row) = (0.0, 0.0);
+                    factors.for_each_in_row(i, |j, value, error| {
+                        irradiance += value * radiosity.row(j)[c];
+                        of_row += error * radiosity.row(j)[c];
+                    });
+                    emitted += areas[i] * exitance.row(i)[c];
+                    absorbed += areas[i] * (1.0 - reflectance.row(i)[c]) * irradiance;
+                    known += areas[i] * of_row;
+                }
+                let lost = (emitted - absorbed).abs();
+                // Stated errors are standard errors, all of one sign here.
+                assert!(lost <= 2.0 * known + 1e-12 * emitted, "{name}: {lost:e} of {emitted}, ± {known:e}");
+            }
+        }
+    }
+
     #[test]
     fn form_factors_add_up_over_the_parts_of_a_face(room in room(0..2)) {
         let (whole, parts) = (Prepared::new(room.scene(), 1), Prepared::new(room.scene(), 3));
@@ -209,6 +238,14 @@ proptest! {
                 assert!(difference <= known, "{name} {i} {j}: {difference:e} ± {error:e}");
             });
             assert!(n_different <= n * n / 100, "{name}: {n_different} of {} differ", n * n);
+            if !turns_along {
+                for_each(&turned.compute(&*quick(name, 13)), n, |i, j, value, error| {
+                    let difference = (value - before.get(i, j)).abs();
+                    // Other rays: seven standard errors of a difference.
+                    let known = 5.0 * (error + before.std_error(i, j)) + 1e-9;
+                    assert!(difference <= known, "{name} turned {i} {j}: {difference:e} ± {known:e}");
+                });
+            }
         }
     }
 }

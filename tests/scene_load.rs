@@ -359,6 +359,37 @@ fn every_invalid_file_is_refused_in_its_own_words() {
     assert_eq!(on_disk, named, "every file of the corpus is tested");
 }
 
+/// What a fuzzer found once: a scene has its triangles and its area, all else its one line.
+#[test]
+fn findings_of_fuzzing_load_or_are_refused_in_one_line() {
+    const FOUND: &str = "tests/data/obj/found";
+    let cases: [(&str, Result<(usize, f64), &str>); 1] = [
+        // A regular hexagon with one corner moved to its middle, which lies on the line between two others: four of six triangles.
+        ("corner_on_a_line.obj", Ok((4, 2.0 * 0.3 * 0.259_808))),
+    ];
+    for (name, expected) in &cases {
+        match (load(Path::new(FOUND).join(name)), expected) {
+            (Ok(loaded), Ok((n_faces, expected_area))) => {
+                let scene = loaded.scene;
+                assert!(
+                    scene.face_ids().all(|face| scene.area_vector(face).length() > 0.0),
+                    "{name}"
+                );
+                assert_eq!(scene.faces.len(), *n_faces, "{name}");
+                assert_close(area(&scene), *expected_area, 1e-12);
+            }
+            (Err(error), Err(message)) => assert_eq!(error.to_string(), format!("{FOUND}/{message}")),
+            (result, _) => panic!("{name}: {:?}", result.map(|loaded| loaded.warnings)),
+        }
+    }
+    let on_disk = std::fs::read_dir(FOUND).unwrap();
+    let mut on_disk: Vec<String> = on_disk
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    on_disk.sort();
+    assert_eq!(on_disk, cases.map(|(name, _)| name), "every finding is tested");
+}
+
 #[test]
 fn files_that_cannot_be_read_say_why() {
     let directory = tempfile::tempdir().unwrap();

@@ -34,7 +34,7 @@ pub(super) fn run(args: &FieldArgs) -> Result<Outcome, Failure> {
 fn work(args: &FieldArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let settings = settings(args)?;
     let preview = preview_of(&args.output)?;
-    let mut prepared = run.prepare(&args.scene, args.mesh, default_subdivision)?;
+    let mut prepared = run.prepare(&args.scene, args.mesh, args.memory_limit, default_subdivision)?;
     let surface = surface_named(&prepared.scene, &args.surface)?;
     let view = view(&args.view, &args.scene, &prepared.scene)?;
     image_byte(&view, &settings, args.memory_limit)?;

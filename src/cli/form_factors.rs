@@ -37,7 +37,9 @@ fn work(args: &FormFactorsArgs, run: &mut Run) -> Result<Outcome, Failure> {
         output: args.output.clone(),
         ..Storage::default()
     };
-    let mut prepared = run.prepare(&args.scene, args.mesh, |_| Subdivision::Uniform(1))?;
+    let mut prepared = run.prepare(&args.scene, args.mesh, args.storage.memory.memory_limit, |_| {
+        Subdivision::Uniform(1)
+    })?;
     let surface = args
         .surface
         .as_deref()

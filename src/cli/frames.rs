@@ -48,7 +48,12 @@ struct Sequence {
 
 pub(super) fn work(args: &RenderArgs, file: &Path, run: &mut Run) -> Result<Outcome, Failure> {
     let wanted = frames::load(file)?;
-    let prepared = run.prepare(&args.scene, args.mesh, default_subdivision)?;
+    let prepared = run.prepare(
+        &args.scene,
+        args.mesh,
+        args.storage.memory.memory_limit,
+        default_subdivision,
+    )?;
     let all = ready(args, file, wanted, &prepared)?;
     let mut largest = 0;
     for frame in &all.frames {

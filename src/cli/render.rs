@@ -54,7 +54,12 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
 fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let settings = render_settings(args, &args.image.view)?;
     let preview = preview_of(&args.output)?;
-    let mut prepared = run.prepare(&args.scene, args.mesh, default_subdivision)?;
+    let mut prepared = run.prepare(
+        &args.scene,
+        args.mesh,
+        args.storage.memory.memory_limit,
+        default_subdivision,
+    )?;
     let view = view(&args.image.view, &args.scene, &prepared.scene)?;
     run.storage = Storage {
         args: args.storage.clone(),

@@ -42,7 +42,9 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
         tolerance: Some(args.solver.tolerance),
         image_byte: 0,
     };
-    let mut prepared = run.prepare(&args.scene, mesh_args, |_| Subdivision::Uniform(1))?;
+    let mut prepared = run.prepare(&args.scene, mesh_args, args.storage.memory.memory_limit, |_| {
+        Subdivision::Uniform(1)
+    })?;
     if args.on_the_fly {
         let request = super::on_the_fly::Request {
             method: &args.method,

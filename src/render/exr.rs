@@ -5,14 +5,16 @@ use std::io::{Cursor, Write as _};
 use std::path::Path;
 
 use ::exr::image::{AnyChannel, AnyChannels, Encoding, FlatSamples, Layer as ExrLayer, Layers};
+use ::exr::meta::MetaData;
 use ::exr::meta::attribute::{AttributeValue, LineOrder, Text};
-use ::exr::meta::header::{ImageAttributes, LayerAttributes};
+use ::exr::meta::header::{Header, ImageAttributes, LayerAttributes};
 use ::exr::prelude::{Blocks, Compression, ReadChannels, ReadLayers, WritableImage, f16, read as reader};
 use serde::{Deserialize, Serialize};
 
 use super::attributes::{AttributeError, Attributes, FORMAT};
 use super::error::RenderError;
 use super::image::{Image, Layer, Samples};
+use crate::input_file;
 use crate::whole_file;
 
 /// How the numbers of a file are stored.
@@ -67,7 +69,7 @@ pub fn write_parts(path: &Path, image: &Image, attributes: &Attributes, parts: P
 /// [`RenderError::Io`] if the file cannot be read, [`RenderError::NotExr`] if it is no EXR file or damaged,
 /// [`RenderError::MissingAttribute`], [`RenderError::BadAttribute`] and [`RenderError::WrongFormat`] if it says too little about itself.
 pub fn read(path: &Path) -> Result<(Image, Attributes), RenderError> {
-    let bytes = std::fs::read(path).map_err(|source| RenderError::Io {
+    let bytes = input_file::read(path, u64::MAX).map_err(|source| RenderError::Io {
         path: path.to_owned(),
         source,
     })?;
@@ -187,12 +189,36 @@ fn sort_header(bytes: &mut [u8], start: usize) -> Option<usize> {
     Some(at + 1)
 }
 
+/// Bytes of pixels that one byte of a file can hold: deflate makes no more of it, and the other compressions less.
+const BYTES_OF_ONE: u128 = 1032;
+
+/// Refuses a header that promises more pixels than its file can hold: the decoder makes room for them at once, and ends the program where there is none.
+fn expect_held(bytes: &[u8]) -> Result<(), ::exr::error::Error> {
+    let promised = |header: &Header| {
+        let [width, height] = [header.layer_size.x(), header.layer_size.y()].map(|n| n as u128);
+        width
+            .saturating_mul(height)
+            .saturating_mul(header.channels.bytes_per_pixel as u128)
+    };
+    let meta = MetaData::read_from_buffered(Cursor::new(bytes), false)?;
+    let promised = meta.headers.iter().map(promised).fold(0, u128::saturating_add);
+    if promised <= BYTES_OF_ONE * bytes.len() as u128 {
+        return Ok(());
+    }
+    let reason = format!(
+        "its header promises {promised} bytes of pixels, and it has {} bytes in all",
+        bytes.len()
+    );
+    Err(::exr::error::Error::Invalid(reason.into()))
+}
+
 fn decode(path: &Path, bytes: &[u8]) -> Result<(Image, Attributes), RenderError> {
     let path = || path.to_owned();
     let damaged = |error: ::exr::error::Error| RenderError::NotExr {
         path: path(),
         reason: error.to_string(),
     };
+    expect_held(bytes).map_err(damaged)?;
     let file = reader()
         .no_deep_data()
         .largest_resolution_level()

@@ -12,6 +12,7 @@ use sha2::{Digest as _, Sha256};
 use super::description::FileCheck;
 use super::form_factors::Hashed;
 use super::{Description, ReportError};
+use crate::input_file;
 use crate::matrix::FormFactors;
 use crate::scene::hash::hexadecimal;
 
@@ -72,7 +73,7 @@ struct Lines {
 
 impl Lines {
     fn open(path: &Path) -> Result<Self, ReportError> {
-        let opened = File::open(path).map_err(|source| ReportError::Unreadable {
+        let opened = input_file::open(path).map_err(|source| ReportError::Unreadable {
             path: path.to_owned(),
             source,
         })?;

@@ -13,6 +13,7 @@ use zip::{CompressionMethod, DateTime, System, ZipArchive, ZipWriter};
 use super::ReportError;
 use super::description::FileCheck;
 use super::npy::{Dtype, Element, Header, push_counts, push_reals};
+use crate::input_file;
 use crate::scene::hash::hexadecimal;
 
 /// Writes arrays one after the other.
@@ -167,7 +168,7 @@ impl Archive {
             path: path.to_owned(),
             source,
         };
-        let file = File::open(path).map_err(unreadable)?;
+        let file = input_file::open(path).map_err(unreadable)?;
         let file_byte = file.metadata().map_err(unreadable)?.len();
         let zip = ZipArchive::new(BufReader::new(file)).map_err(|error| ReportError::Damaged {
             path: path.to_owned(),
@@ -320,7 +321,7 @@ impl Array {
             path: path.to_owned(),
             source,
         };
-        let file = File::open(path).map_err(unreadable)?;
+        let file = input_file::open(path).map_err(unreadable)?;
         let byte = file.metadata().map_err(unreadable)?.len();
         let member = Member {
             path: path.to_owned(),

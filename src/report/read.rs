@@ -8,6 +8,7 @@ use super::mtx::{self, MtxRows};
 use super::npy::Dtype;
 use super::npz::{Archive, Array};
 use super::{Description, ReportError};
+use crate::input_file::{self, DESCRIPTION_LIMIT};
 use crate::matrix::{
     Entry, FormFactors, MatrixError, Precision, RayWeights, RowTally, RowTile, StorageChoice, UPPER_ROWS,
 };
@@ -50,7 +51,7 @@ impl FormFactorFile {
             }
             _ => {
                 let path = beside(path);
-                match std::fs::read(&path) {
+                match input_file::read(&path, DESCRIPTION_LIMIT) {
                     Ok(text) => description(&path, &text)?,
                     Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
                         return Err(missing(format!("{} beside it", path.display())));

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::lines::{line_after, read_text};
 use super::write::write_whole;
 use super::{SceneError, default_view};
+use crate::input_file::DESCRIPTION_LIMIT;
 use crate::scene::Scene;
 
 /// A pinhole camera with square pixels.
@@ -69,7 +70,7 @@ impl Camera {
     /// A file that cannot be read, is no such TOML (with the line), or makes no camera (see [`Camera::new`]).
     pub fn load(file: impl AsRef<Path>) -> Result<Self, SceneError> {
         let file = file.as_ref();
-        let text = read_text(file)?;
+        let text = read_text(file, DESCRIPTION_LIMIT)?;
         let parsed: CameraFile = toml::from_str(&text).map_err(|error| {
             let line = error
                 .span()

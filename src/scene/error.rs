@@ -13,11 +13,11 @@ use super::builtin;
 #[non_exhaustive]
 pub enum SceneError {
     /// The file cannot be read: missing, a directory, no permission.
-    #[error("{}: {}", .file.display(), io_reason(.source))]
+    #[error("{}: {source}", .file.display())]
     Unreadable {
         /// The file.
         file: PathBuf,
-        /// What the operating system said.
+        /// Why, and what to do.
         source: io::Error,
     },
     /// The file is not text in UTF-8.
@@ -355,15 +355,6 @@ impl SceneError {
             Self::BadCamera { line, .. } | Self::BadLighting { line, .. } | Self::BadFrames { line, .. } => *line,
             _ => None,
         }
-    }
-}
-
-fn io_reason(source: &io::Error) -> String {
-    match source.kind() {
-        io::ErrorKind::NotFound => "no such file; check the path".to_owned(),
-        io::ErrorKind::IsADirectory => "is a directory; name the file in it".to_owned(),
-        io::ErrorKind::PermissionDenied => "permission denied; make the file readable".to_owned(),
-        _ => format!("cannot be read: {source}"),
     }
 }
 

@@ -7,6 +7,7 @@ use toml::Spanned;
 
 use super::lines::{line_after, read_text};
 use super::{Motion, MotionError, Pose, Scene, SceneError};
+use crate::input_file::DESCRIPTION_LIMIT;
 
 /// One frame as its file names it.
 #[derive(Clone, Debug, PartialEq)]
@@ -84,7 +85,7 @@ impl Frame {
 /// comes twice, or a list without frames.
 pub fn load(file: impl AsRef<Path>) -> Result<Vec<Frame>, SceneError> {
     let file = file.as_ref();
-    let text = read_text(file)?;
+    let text = read_text(file, DESCRIPTION_LIMIT)?;
     let bad = |start: Option<usize>, message: String| SceneError::BadFrames {
         file: file.to_owned(),
         line: start.map(|start| line_after(text.get(..start).unwrap_or(&text))),

@@ -8,6 +8,7 @@ use toml::Spanned;
 
 use super::lines::{line_after, read_text};
 use super::{Material, MaterialId, Scene, SceneError, SurfaceId};
+use crate::input_file::DESCRIPTION_LIMIT;
 
 /// What one lighting changes of a scene's materials.
 ///
@@ -72,7 +73,7 @@ impl Lighting {
     /// outside \[0, 1\], or an exitance that is negative or not finite.
     pub fn load(file: impl AsRef<Path>, scene: &Scene) -> Result<Self, SceneError> {
         let file = file.as_ref();
-        let text = read_text(file)?;
+        let text = read_text(file, DESCRIPTION_LIMIT)?;
         let bad = |start: Option<usize>, message: String| SceneError::BadLighting {
             file: file.to_owned(),
             line: start.map(|start| line_after(text.get(..start).unwrap_or(&text))),

@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::path::Path;
 
 use super::SceneError;
+use crate::input_file;
 
 /// One statement of a file.
 #[derive(Debug, PartialEq, Eq)]
@@ -24,9 +25,9 @@ impl<'a> Statement<'a> {
     }
 }
 
-/// Reads a whole file as UTF-8.
-pub(super) fn read_text(file: &Path) -> Result<String, SceneError> {
-    let bytes = std::fs::read(file).map_err(|source| SceneError::Unreadable {
+/// Reads a whole file of at most `limit` bytes as UTF-8.
+pub(super) fn read_text(file: &Path, limit: u64) -> Result<String, SceneError> {
+    let bytes = input_file::read(file, limit).map_err(|source| SceneError::Unreadable {
         file: file.to_owned(),
         source,
     })?;

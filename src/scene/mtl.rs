@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use super::lines::{Statement, for_each_statement, read_text};
 use super::obj_lines::NamedLine;
 use super::{LoadOptions, SceneError, SceneWarning};
+use crate::input_file::DESCRIPTION_LIMIT;
 
 /// A material as its library defines it.
 #[derive(Clone, Debug)]
@@ -79,7 +80,7 @@ impl Definitions {
     }
 
     fn read(&mut self, file: &Path) -> Result<(), SceneError> {
-        let scan = scan(&read_text(file)?, file)?;
+        let scan = scan(&read_text(file, DESCRIPTION_LIMIT)?, file)?;
         let disagree = |message: String| SceneError::Parser {
             file: file.to_owned(),
             message,

@@ -73,7 +73,7 @@ pub fn load(path: impl AsRef<Path>) -> Result<Loaded, SceneError> {
 /// As [`load`].
 pub fn load_with(path: impl AsRef<Path>, options: LoadOptions) -> Result<Loaded, SceneError> {
     let file = path.as_ref();
-    let index = scan(&read_text(file)?, file)?;
+    let index = scan(&read_text(file, u64::MAX)?, file)?;
     let mut warnings = Vec::new();
     let definitions = Definitions::read_all(&index.libraries, file, options, &mut warnings)?;
     let outlines = Outlines::parse(&index, file)?;

@@ -17,6 +17,7 @@ use super::VoxelError;
 use super::discretize::VoxelScene;
 use super::line::Direction;
 use super::links::{Chunk, ROWS_PER_CHUNK, Tally, n_in_front};
+use crate::input_file;
 use crate::progress::Progress;
 
 const LAYOUT: &[u8; 24] = b"radiosity voxel links 1\n";
@@ -61,7 +62,7 @@ impl LinkFile {
             directions,
         };
         if path.exists() {
-            let mut file = File::open(path).map_err(failed)?;
+            let mut file = input_file::open(path).map_err(failed)?;
             let (offsets, tally) = work.whole_records(&mut file).map_err(failed)?;
             if offsets.len() == work.n_chunks + 1 {
                 return Ok(Self::opened(path, file, offsets, tally));

@@ -178,7 +178,7 @@ fn prepare(run: &mut Run, args: &CompareArgs) -> Result<Prepared, Failure> {
         );
         return Err(Failure::new("unreadable", message).in_file(&args.scene));
     }
-    run.prepare(&args.scene, args.mesh, default)
+    run.prepare(&args.scene, args.mesh, args.memory.memory_limit, default)
 }
 
 fn input<'a>(prepared: &'a Prepared, visibility: &str) -> Input<'a> {

@@ -7,10 +7,13 @@ use serde_json::{Value, json};
 use super::Run;
 use crate::cli::args::MeshArgs;
 use crate::cli::failure::Failure;
+use crate::cli::storage::limit_byte;
 use crate::form_factor::Input;
 use crate::matrix::operator::Block;
 use crate::mesh::{Mesh, Patch, Subdivision};
-use crate::plan::Plan;
+use crate::plan::{Plan, byte_text};
+use crate::report::memory_used_byte;
+use crate::scene::reading::reading_byte;
 use crate::scene::{LoadOptions, Material, Pose, Scene, Surface, builtin, load_with};
 use crate::solver::Solution;
 use crate::visibility::Visibility as _;
@@ -26,11 +29,12 @@ pub(in crate::cli) struct Prepared {
 }
 
 impl Run {
-    /// Reads a scene, cuts it into patches and builds the ray tracer's tree.
+    /// Reads a scene, if that stays below the limit of memory, cuts it into patches and builds the ray tracer's tree.
     pub(in crate::cli) fn prepare(
         &mut self,
         path: &Path,
         mesh_args: MeshArgs,
+        memory_limit: Option<u64>,
         default: impl FnOnce(&Scene) -> Subdivision,
     ) -> Result<Prepared, Failure> {
         let name = path.to_string_lossy();
@@ -40,6 +44,7 @@ impl Run {
             );
             return Err(Failure::new("unreadable", message).in_file(path));
         }
+        expect_readable(path, memory_limit)?;
         let options = LoadOptions::default().allow_outside(self.common.allow_outside);
         let loaded = self.times.time("scene", || load_with(path, options))?;
         for warning in &loaded.warnings {
@@ -123,6 +128,25 @@ impl Run {
             gap.width
         ));
     }
+}
+
+/// Refuses a scene whose text alone does not fit the memory.
+fn expect_readable(path: &Path, memory_limit: Option<u64>) -> Result<(), Failure> {
+    // What cannot be opened is told by who reads it.
+    let Ok(needed) = reading_byte(path) else {
+        return Ok(());
+    };
+    let needed = needed.saturating_add(memory_used_byte().unwrap_or(0));
+    let limit = limit_byte(memory_limit);
+    if needed <= limit {
+        return Ok(());
+    }
+    let (needed, limit) = (byte_text(needed), byte_text(limit));
+    let message = format!(
+        "{}: to read it takes up to {needed} of memory, and the limit is {limit}; raise --memory-limit, or split the scene",
+        path.display()
+    );
+    Err(Failure::new("memory_limit", message).in_file(path))
 }
 
 /// Returns a scene in a pose.

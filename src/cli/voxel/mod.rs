@@ -59,7 +59,7 @@ fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
     if let Some(path) = &args.output {
         output::expect_possible(path)?;
     }
-    let mut prepared = run.prepare(&args.scene, args.mesh, |scene| match format {
+    let mut prepared = run.prepare(&args.scene, args.mesh, args.memory_limit, |scene| match format {
         // Without a picture the patches play no part.
         None | Some(Format::Vtu) => Subdivision::Uniform(1),
         Some(Format::Image) => match Grid::new(scene, args.voxels) {

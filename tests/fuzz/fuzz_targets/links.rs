@@ -10,9 +10,9 @@ use radiosity::voxel::{DiscreteSphere, LinkOperator, Links, RowWeights, SolidAng
 use radiosity_fuzz::{CUBE, at, refused};
 
 /// Two chunks of surfels.
-static VOXELS: LazyLock<VoxelScene> = LazyLock::new(|| VoxelScene::new(&CUBE, 7).expect("voxels"));
+static VOXELS: LazyLock<VoxelScene> = LazyLock::new(|| VoxelScene::new(&CUBE, 8).expect("voxels"));
 static SPHERE: LazyLock<DiscreteSphere> =
-    LazyLock::new(|| DiscreteSphere::new(2, SolidAngle::Centre).expect("a sphere"));
+    LazyLock::new(|| DiscreteSphere::new(1, SolidAngle::Centre).expect("a sphere"));
 
 const HEAD: usize = 56;
 const RECORD_HEAD: usize = 40;
