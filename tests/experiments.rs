@@ -383,7 +383,16 @@ fn pictures_have_the_noise_that_was_asked_for() {
     // The last three are gathered, with less and less noise; the last is nearer than any other.
     assert!(rms[4] > rms[5] && rms[5] > rms[6], "{rms:?}");
     assert!(rms[..4].iter().all(|other| *other > 0.5 * rms[6]), "{rms:?}");
-    assert_eq!(files(&directory.path().join("out")).len(), 6);
+    // The page shows the plot and the eight pictures.
+    assert_eq!(files(&directory.path().join("out")).len(), 14);
+    let page = std::fs::read_to_string(directory.path().join("out/index.html")).unwrap();
+    assert_eq!(page.matches("<figure>").count(), 9);
+    for name in ["flat-direct-exact.png", "direct-exact-final-gather-noise-0.02.png"] {
+        assert!(
+            page.contains(&format!("<img alt=\"{name}\" src=\"data:image/png;base64,")),
+            "{name}"
+        );
+    }
 }
 
 #[test]

@@ -100,7 +100,10 @@ fn pictures_fields_and_papers_give_equal_bytes_at_one_two_and_four_threads() {
             "voxel s.obj --voxels 20 --radius 4 --solver gmres --links recompute -o o.vtu",
             &["o.vtu"],
         ),
-        ("reproduce pictures --level 1 -o p", &["p/report.md", "p/pictures.csv"]),
+        (
+            "reproduce pictures --level 1 -o p",
+            &["p/report.md", "p/pictures.csv", "p/reference.png"],
+        ),
         ("scene sphere-room-r1 -o o.obj", &["o.obj"]),
     ];
     for (line, files) in cases {

@@ -106,6 +106,10 @@ fn describe(report: &VerifyReport) -> String {
         "wall", "mean", "exact", "error", "tolerance", "noise", "quadrature"
     );
     for wall in &report.walls {
+        if wall.n_checked == 0 {
+            let _ = writeln!(text, "{:width$} not checkable", wall.name);
+            continue;
+        }
         // Walls of a grey light have three equal channels; the worst is the one to show.
         let worst = (0..3)
             .max_by(|&a, &b| wall.error[a].abs().total_cmp(&wall.error[b].abs()))

@@ -13,7 +13,9 @@ use crate::matrix::StorageChoice;
 use crate::matrix::operator::{Block, LinearOperator as _};
 use crate::mesh::{Mesh, Patch, Subdivision};
 use crate::progress::Progress;
-use crate::render::{DirectMethod, GatherReport, GatherSettings, Image, RayView, RenderInput, RenderSettings, render};
+use crate::render::{
+    DirectMethod, GatherReport, GatherSettings, Image, RayView, RenderError, RenderInput, RenderSettings, png, render,
+};
 use crate::scene::{Material, builtin, topology};
 use crate::solver::{Auto, RadiositySystem, SolveOptions, Solver as _, Tolerance};
 use crate::visibility::embree::EmbreeVisibility;
@@ -57,6 +59,9 @@ pub struct PictureRun {
     /// Wall time of the rendering, in s.
     #[serde(skip)]
     pub time_s: f64,
+    /// The picture, as PNG.
+    #[serde(skip)]
+    pub picture: Vec<u8>,
 }
 
 /// All pictures of the scene.
@@ -79,6 +84,9 @@ pub struct PicturesResults {
     /// Wall time of the reference, in s.
     #[serde(skip)]
     pub reference_time_s: f64,
+    /// The picture of the reference, as PNG.
+    #[serde(skip)]
+    pub reference_picture: Vec<u8>,
 }
 
 impl PicturesResults {
@@ -179,13 +187,13 @@ pub fn reproduce(level: u32, progress: &dyn Progress) -> Result<PicturesResults,
     let camera = camera.unwrap_or_else(|| crate::scene::Camera::default_view(&scene));
     let ray = |x: f64, y: f64| camera.primary_ray(x, y, width, width);
     let view = RayView::new(width, width, ray, serde_json::Value::Null);
+    let failed = |error: RenderError| ExperimentError::Image(error.to_string());
     let timed = |settings: &RenderSettings| {
         let start = Instant::now();
-        let image = render(&lit, &view, settings, progress);
-        image
-            .map(|image| (image, start.elapsed().as_secs_f64()))
-            .map_err(|error| ExperimentError::Image(error.to_string()))
+        let image = render(&lit, &view, settings, progress).map_err(failed)?;
+        Ok::<_, ExperimentError>((image, start.elapsed().as_secs_f64()))
     };
+    let picture = |image: &Image| png::encode(image).map_err(failed);
     let (reference, reference_time_s) = timed(&gathered(REFERENCE_NOISE))?;
     let above =
         |image: &Image, settings: &RenderSettings| settings.gather.map(|gather| GatherReport::new(image, gather));
@@ -201,6 +209,7 @@ pub fn reproduce(level: u32, progress: &dyn Progress) -> Result<PicturesResults,
             median,
             relative_rms,
             time_s,
+            picture: picture(&image)?,
         });
     }
     Ok(PicturesResults {
@@ -212,6 +221,7 @@ pub fn reproduce(level: u32, progress: &dyn Progress) -> Result<PicturesResults,
         checks: checks(&runs),
         runs,
         reference_time_s,
+        reference_picture: picture(&reference)?,
     })
 }
 

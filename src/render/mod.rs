@@ -122,21 +122,21 @@ pub struct RenderInput<'a> {
 /// Unbiased with respect to the given solution but for stopping early where the first rays happen to agree; the error falls faster than n^(−1/2).
 /// What is left is the error of the solution, averaged over the hemisphere.
 ///
-/// Error of the irradiance against render time, `cornell-box`, 96 × 96 pixels, 1158 patches (`--max-edge 0.06`); the reference is final gather with a noise of 0.002; errors relative to the mean
-/// (root mean square) and to the pixel (median); once, two threads on a machine with other work, so that times are good for their ratios only:
+/// Error of the irradiance against render time, `cornell-box`, 96 × 96 pixels of one sample, 1158 patches (`--max-edge 0.06`); the reference is final gather with a noise of 0.002; errors relative to the
+/// mean (root mean square) and to the pixel (median). Times are processor times of the rendering, all threads together, measured once on a machine with other work: good for their ratios only:
 ///
-/// | | render time | root mean square | median |
+/// | | processor time | root mean square | median |
 /// |---|---|---|---|
-/// | `--flat` | 0.03 s | 7.3 % | 3.8 % |
-/// | `--flat --direct exact` | 0.04 s | 1.8 % | 1.2 % |
-/// | `--direct exact` | 0.05 s | 1.6 % | 1.0 % |
-/// | `--direct polygons` | 0.12 s | 1.7 % | 1.0 % |
-/// | `--direct exact --final-gather --noise 0.05` | 1.4 s | 3.7 % | 2.5 % |
-/// | the same, 0.02 | 2.7 s | 1.9 % | 1.2 % |
-/// | the same, 0.01 | 7.1 s | 0.9 % | 0.6 % |
-/// | the same, 0.002 | 125 s | | |
+/// | `--flat` | < 0.1 s | 10.2 % | 4.8 % |
+/// | `--flat --direct exact` | < 0.1 s | 2.8 % | 1.6 % |
+/// | `--direct exact` | < 0.1 s | 2.2 % | 1.0 % |
+/// | `--direct polygons` | < 0.1 s | 2.4 % | 1.1 % |
+/// | `--direct exact --final-gather --noise 0.05` | 0.4 s | 4.2 % | 2.2 % |
+/// | the same, 0.02 | 1.1 s | 2.3 % | 1.1 % |
+/// | the same, 0.01 | 2.7 s | 1.1 % | 0.6 % |
+/// | the same, 0.002 | 21 s | | |
 ///
-/// Interpolation costs nothing and is off by 1.6 %; gathering pays below that. `radiosity reproduce pictures` makes such a table again, with a plot.
+/// Interpolation costs nothing and is off by 2.2 %; gathering pays below that. `radiosity reproduce pictures` makes such a table again, with a plot and the pictures.
 ///
 /// Source: the local pass of [`LISCHINSKI_1993`](crate::references::LISCHINSKI_1993). Departures: rays in randomised nets, with an error estimate.
 ///

@@ -15,14 +15,22 @@ use crate::whole_file;
 /// # Errors
 /// [`RenderError::Io`], [`RenderError::Encode`].
 pub fn write(path: &Path, image: &Image) -> Result<(), RenderError> {
-    let bytes = encode(image).map_err(|error| RenderError::Encode(error.to_string()))?;
+    let bytes = encode(image)?;
     whole_file::write(path, |writer| writer.write_all(&bytes)).map_err(|source| RenderError::Io {
         path: path.to_owned(),
         source,
     })
 }
 
-fn encode(image: &Image) -> Result<Vec<u8>, ::png::EncodingError> {
+/// Returns the PNG that [`write`](write()) writes.
+///
+/// # Errors
+/// [`RenderError::Encode`].
+pub fn encode(image: &Image) -> Result<Vec<u8>, RenderError> {
+    encoded(image).map_err(|error| RenderError::Encode(error.to_string()))
+}
+
+fn encoded(image: &Image) -> Result<Vec<u8>, ::png::EncodingError> {
     let side = |n: usize| u32::try_from(n).map_err(|_| ::png::EncodingError::LimitsExceeded);
     let mut bytes = Vec::new();
     let mut encoder = ::png::Encoder::new(&mut bytes, side(image.width())?, side(image.height())?);

@@ -50,13 +50,20 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
 }
 
 fn files(results: &PicturesResults) -> Result<Files, Failure> {
-    Ok(vec![
+    let mut files = vec![
         output::text("report.md", report(results, false)),
         output::text("report-times.md", report(results, true)),
         output::text("pictures.csv", table(results, false).to_csv()),
         output::text("pictures-times.csv", table(results, true).to_csv()),
         output::text("error-time.svg", error_time(results).to_svg()?),
-    ])
+    ];
+    for run in &results.runs {
+        // `--flat --direct exact` is in flat-direct-exact.png.
+        let name = run.flags.trim_start_matches('-').replace(" --", "-").replace(' ', "-");
+        files.push((format!("{name}.png"), run.picture.clone()));
+    }
+    files.push(("reference.png".to_owned(), results.reference_picture.clone()));
+    Ok(files)
 }
 
 /// Writing to a String cannot fail; the results of `write!` are dropped for that reason.
