@@ -177,15 +177,15 @@ proptest! {
             let radiosity = solve_direct(&dense(&factors), &reflectance, &exitance);
             for c in 0..3 {
                 let (mut emitted, mut absorbed, mut known) = (0.0, 0.0, 0.0);
-                for i in 0..n {
+                for (i, area) in areas.iter().enumerate() {
                     let (mut irradiance, mut of_row) = (0.0, 0.0);
                     factors.for_each_in_row(i, |j, value, error| {
                         irradiance += value * radiosity.row(j)[c];
                         of_row += error * radiosity.row(j)[c];
                     });
-                    emitted += areas[i] * exitance.row(i)[c];
-                    absorbed += areas[i] * (1.0 - reflectance.row(i)[c]) * irradiance;
-                    known += areas[i] * of_row;
+                    emitted += area * exitance.row(i)[c];
+                    absorbed += area * (1.0 - reflectance.row(i)[c]) * irradiance;
+                    known += area * of_row;
                 }
                 let lost = (emitted - absorbed).abs();
                 // Stated errors are standard errors, all of one sign here.

@@ -363,7 +363,9 @@ fn every_invalid_file_is_refused_in_its_own_words() {
 #[test]
 fn findings_of_fuzzing_load_or_are_refused_in_one_line() {
     const FOUND: &str = "tests/data/obj/found";
-    let cases: [(&str, Result<(usize, f64), &str>); 1] = [
+    /// Triangles and their area, or the message.
+    type Expected = Result<(usize, f64), &'static str>;
+    let cases: [(&str, Expected); 1] = [
         // A regular hexagon with one corner moved to its middle, which lies on the line between two others: four of six triangles.
         ("corner_on_a_line.obj", Ok((4, 2.0 * 0.3 * 0.259_808))),
     ];
