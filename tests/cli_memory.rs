@@ -259,6 +259,12 @@ fn what_cannot_fit_is_refused_with_one_line() {
     assert!(refused(&dense).contains("--storage auto or disk"));
     let compared = refused(&["compare", "scene.obj", "--memory-limit", "8M", "--quiet"]);
     assert!(compared.contains("--memory-limit"), "{compared}");
+    // Six million patches are not made before it is seen that they do not fit.
+    let fine = refused(&["solve", "scene.obj", "--subdivide", "1000", "--memory-limit", "300M"]);
+    assert!(
+        fine.contains("6000000 patches") && fine.contains("subdivide less"),
+        "{fine}"
+    );
     let nowhere = [
         "solve",
         "scene.obj",

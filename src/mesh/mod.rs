@@ -48,6 +48,14 @@ impl Mesh {
         Ok(mesh)
     }
 
+    /// Returns how many patches [`new`](Self::new) makes, without making them.
+    ///
+    /// # Errors
+    /// As for [`new`](Self::new).
+    pub fn count(scene: &Scene, subdivision: Subdivision) -> Result<u64, MeshError> {
+        subdivide::count(scene, subdivision)
+    }
+
     /// Returns the patches with their surfaces in a pose: the same patches in the same order, wherever they go.
     ///
     /// Patches that do not move keep their corners to the last bit, and all keep their areas: a rigid motion does. Vertices are shared as before, but

@@ -40,16 +40,28 @@ pub enum MeshError {
 pub(super) fn subdivide(scene: &Scene, subdivision: Subdivision) -> Result<Mesh, MeshError> {
     let joints = flat_joints(scene);
     let parts = edge_parts(scene, subdivision, &joints)?;
-    let n_patches: f64 = parts.iter().map(|p| f64::from(p[0]) * f64::from(p[1])).sum();
-    // Vertices exceed patches by the border of each face only; half the range of u32 holds both.
-    if n_patches > 2f64.powi(31) {
-        return Err(MeshError::TooManyPatches(n_patches));
-    }
+    expect_nameable(&parts)?;
     let mut builder = Builder::new(scene, &joints);
     for face in scene.face_ids() {
         builder.add_face(face, parts[face.0 as usize]);
     }
     Ok(builder.mesh)
+}
+
+/// Returns how many patches [`subdivide`] makes.
+pub(super) fn count(scene: &Scene, subdivision: Subdivision) -> Result<u64, MeshError> {
+    let parts = edge_parts(scene, subdivision, &flat_joints(scene))?;
+    expect_nameable(&parts)?;
+    Ok(parts.iter().map(|p| u64::from(p[0]) * u64::from(p[1])).sum())
+}
+
+/// Vertices exceed patches by the border of each face only; half the range of u32 holds both.
+fn expect_nameable(parts: &[[u32; 2]]) -> Result<(), MeshError> {
+    let n_patches: f64 = parts.iter().map(|p| f64::from(p[0]) * f64::from(p[1])).sum();
+    if n_patches > 2f64.powi(31) {
+        return Err(MeshError::TooManyPatches(n_patches));
+    }
+    Ok(())
 }
 
 /// Returns the number of parts along the first and the last edge of each face (equal in a triangle).

@@ -169,7 +169,7 @@ fn prepare(run: &mut Run, args: &CompareArgs) -> Result<Prepared, Failure> {
     if !args.scene.exists() {
         if builtin::names().any(|known| known == name) {
             let scene = builtin::build(&name, None)?.scene;
-            return run.prepare_scene(&args.scene, scene, args.mesh, default);
+            return run.prepare_scene(&args.scene, scene, args.mesh, args.memory.memory_limit, default);
         }
         let known: Vec<&str> = builtin::names().collect();
         let message = format!(

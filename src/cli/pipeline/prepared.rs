@@ -28,6 +28,9 @@ pub(in crate::cli) struct Prepared {
     pub(in crate::cli) visibility: EmbreeVisibility,
 }
 
+/// Bytes of a patch with its vertices, while patches are made: 113 to 128 are measured.
+const PATCH_BYTE: u64 = 160;
+
 impl Run {
     /// Reads a scene, if that stays below the limit of memory, cuts it into patches and builds the ray tracer's tree.
     pub(in crate::cli) fn prepare(
@@ -50,7 +53,7 @@ impl Run {
         for warning in &loaded.warnings {
             self.warn(&warning.to_string());
         }
-        self.prepare_scene(path, loaded.scene, mesh_args, default)
+        self.prepare_scene(path, loaded.scene, mesh_args, memory_limit, default)
     }
 
     /// Cuts a scene into patches and builds the ray tracer's tree; `path` is what messages call it.
@@ -59,6 +62,7 @@ impl Run {
         path: &Path,
         scene: Scene,
         mesh_args: MeshArgs,
+        memory_limit: Option<u64>,
         default: impl FnOnce(&Scene) -> Subdivision,
     ) -> Result<Prepared, Failure> {
         let plan = self.times.time("plan", || Plan::new(&scene));
@@ -67,10 +71,20 @@ impl Run {
             Subdivision::Uniform(n) => self.set("subdivide", n),
             Subdivision::MaxEdge(length) => self.set("max_edge_m", length),
         }
+        let refused = |error| Failure::new("mesh", format!("{}: {error}", path.display())).in_file(path);
+        let n_patches = Mesh::count(&scene, subdivision).map_err(refused)?;
+        let what = format!("to cut it into {n_patches} patches");
+        expect_room(
+            path,
+            &what,
+            PATCH_BYTE.saturating_mul(n_patches),
+            memory_limit,
+            "or subdivide less",
+        )?;
         let mesh = self
             .times
             .time("mesh", || Mesh::new(&scene, subdivision))
-            .map_err(|error| Failure::new("mesh", format!("{}: {error}", path.display())).in_file(path))?;
+            .map_err(refused)?;
         let visibility = self
             .times
             .time("ray_tracer", || EmbreeVisibility::new(&scene))
@@ -136,6 +150,11 @@ fn expect_readable(path: &Path, memory_limit: Option<u64>) -> Result<(), Failure
     let Ok(needed) = reading_byte(path) else {
         return Ok(());
     };
+    expect_room(path, "to read it", needed, memory_limit, "or split the scene")
+}
+
+/// Refuses what takes more memory than there is to be, before it is begun.
+fn expect_room(path: &Path, what: &str, needed: u64, memory_limit: Option<u64>, remedy: &str) -> Result<(), Failure> {
     let needed = needed.saturating_add(memory_used_byte().unwrap_or(0));
     let limit = limit_byte(memory_limit);
     if needed <= limit {
@@ -143,7 +162,7 @@ fn expect_readable(path: &Path, memory_limit: Option<u64>) -> Result<(), Failure
     }
     let (needed, limit) = (byte_text(needed), byte_text(limit));
     let message = format!(
-        "{}: to read it takes up to {needed} of memory, and the limit is {limit}; raise --memory-limit, or split the scene",
+        "{}: {what} takes up to {needed} of memory, and the limit is {limit}; raise --memory-limit, {remedy}",
         path.display()
     );
     Err(Failure::new("memory_limit", message).in_file(path))
