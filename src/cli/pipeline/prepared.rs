@@ -31,6 +31,9 @@ pub(in crate::cli) struct Prepared {
 /// Bytes of a patch with its vertices, while patches are made: 113 to 128 are measured.
 const PATCH_BYTE: u64 = 160;
 
+/// Bytes of a face while the ray tracer's tree is built.
+const FACE_BYTE: u64 = 256;
+
 impl Run {
     /// Reads a scene, if that stays below the limit of memory, cuts it into patches and builds the ray tracer's tree.
     pub(in crate::cli) fn prepare(
@@ -74,13 +77,8 @@ impl Run {
         let refused = |error| Failure::new("mesh", format!("{}: {error}", path.display())).in_file(path);
         let n_patches = Mesh::count(&scene, subdivision).map_err(refused)?;
         let what = format!("to cut it into {n_patches} patches");
-        expect_room(
-            path,
-            &what,
-            PATCH_BYTE.saturating_mul(n_patches),
-            memory_limit,
-            "or subdivide less",
-        )?;
+        let needed = PATCH_BYTE.saturating_mul(n_patches) + FACE_BYTE * scene.faces.len() as u64;
+        expect_room(path, &what, needed, memory_limit, "or subdivide less")?;
         let mesh = self
             .times
             .time("mesh", || Mesh::new(&scene, subdivision))
