@@ -61,8 +61,8 @@ const COARSEST_MAX: usize = 1024;
 /// The number of cycles does not depend on the number of patches, and with a direct solution of the coarsest level hardly on ρ.
 ///
 /// In the room of Lewis it takes 4 cycles where Gauss-Seidel takes 11 or 12 sweeps, and 1.364, 0.602, 0.507 and 0.454 as many multiplications at l = 1 to 4
-/// (counted, `radiosity reproduce lewis --level 4`). The ratio of times, setup left out, is 0.58 to 0.80, 0.58 to 0.62, 0.60 to 0.72, 0.46 to 0.55 and 0.45 to 0.48 at l = 1 to 5
-/// (`cargo bench --bench solvers` on otherwise idle cores, the least and the greatest of two to five runs; Lewis: .500 and .429 at l = 3 and 4): rows of 96 and fewer patches are too short for
+/// (counted, `radiosity reproduce lewis --level 4`). The ratio of times, setup left out, is 0.56 to 0.57, 0.54 to 0.58, 0.55 to 0.61, 0.50 to 0.55, 0.44 and 0.46 to 0.52 at l = 1 to 6
+/// (`cargo bench --bench solvers -- 6` on otherwise idle cores, the least and the greatest of one to five runs; Lewis: .500 and .429 at l = 3 and 4): rows of 96 and fewer patches are too short for
 /// their multiplications to be all that counts.
 ///
 /// Work of a cycle: 1.36 passes over F in the room of Lewis, of which 1 is the serial sweep. Setup: F once, and a third of that; it is part of
