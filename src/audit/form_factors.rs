@@ -149,20 +149,14 @@ fn rows_of(factors: &FormFactors, claims: Claims<'_>, rows: Range<usize>) -> Fou
         // Rays that differ in weight are added up one by one.
         let n_added = tally.weights.map_or(0.0, |_| tally.n_rays as f64);
         let rounding = (factors.n_rows() as f64 + 8.0) * unit + n_added * f64::EPSILON + claims.row_tolerance;
-        let left = if claims.closed.row(i) {
-            Some(0.0)
-        } else {
-            tally.escaped().zip(tally.absorbed()).map(|(e, a)| e + a)
-        };
-        // Rays of one weight are counted once each, so that a row of them is complete whatever its noise; one on a regular grid stands for a cell, all of which is lost
-        // where it slips in between two faces that it grazes.
-        let allowed = if tally.n_rays > 0 && tally.weights.is_none() {
+        // Rays are counted once each, so that a row of them is complete whatever its noise.
+        let allowed = if tally.n_rays > 0 {
             rounding
         } else {
             rounding + ESTIMATES * errors
         };
-        match left {
-            Some(left) => found.closure.see((1.0 - sum - left).abs(), allowed, At::patch(i)),
+        match factors.lost(i, claims.closed) {
+            Some(lost) => found.closure.see((1.0 - sum - lost).abs(), allowed, At::patch(i)),
             None => found.row_sum.see((sum - 1.0).max(0.0), allowed, At::patch(i)),
         }
     }

@@ -102,27 +102,33 @@ impl FormFactors {
         for (i, row_sum) in rows.zip(row_sums) {
             checks.row_sum.min = checks.row_sum.min.min(row_sum);
             checks.row_sum.max = checks.row_sum.max.max(row_sum);
-            let tally = &self.tallies[i];
-            let left = if closed.row(i) {
-                Some(0.0)
-            } else {
-                tally.escaped().zip(tally.absorbed()).map(|(e, a)| e + a)
-            };
-            let error = left.map(|left| (1.0 - row_sum - left).abs());
+            // What slips out of a closed row is an error, however well it is counted.
+            let lost = if closed.row(i) { Some(0.0) } else { self.lost(i, closed) };
+            let error = lost.map(|lost| (1.0 - row_sum - lost).abs());
             checks.closure_error_max = greater(checks.closure_error_max, error);
         }
         checks
     }
 
-    /// Returns the row sums that [`balanced`](Self::balanced) should restore: 1 for the rows that `closed` names, otherwise 1 less the
-    /// fractions of the row's rays that escaped and that backs took; a row without rays keeps its sum.
+    /// Returns the fraction of the light of patch i that no front receives, where it is known: that of its rays that escaped or that backs took; in a row that `closed`
+    /// names none may escape, and backs take what slips in where two faces touch.
+    pub(crate) fn lost(&self, i: usize, closed: Closed<'_>) -> Option<f64> {
+        let tally = &self.tallies[i];
+        if closed.row(i) {
+            return Some(tally.absorbed().unwrap_or(0.0));
+        }
+        tally.escaped().zip(tally.absorbed()).map(|(e, a)| e + a)
+    }
+
+    /// Returns the row sums that [`balanced`](Self::balanced) should restore: 1 less the fractions of the row's rays that escaped, unless `closed` names the row, and
+    /// that backs took; a row without rays keeps its sum, unless `closed` names it.
     #[must_use]
     pub fn row_targets<'a>(&self, closed: impl Into<Closed<'a>>) -> Vec<f64> {
         let closed = closed.into();
-        let target = |i: usize| match (closed.row(i), self.tallies[i].escaped(), self.tallies[i].absorbed()) {
-            (true, ..) => 1.0,
-            (false, Some(escaped), Some(absorbed)) => (1.0 - escaped - absorbed).max(0.0),
-            (false, ..) => self.row_sum(i).max(0.0),
+        let target = |i: usize| {
+            self.lost(i, closed)
+                .map_or_else(|| self.row_sum(i), |lost| 1.0 - lost)
+                .max(0.0)
         };
         (0..self.n_rows()).into_par_iter().map(target).collect()
     }

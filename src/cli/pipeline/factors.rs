@@ -193,10 +193,10 @@ impl Run {
             .iter()
             .zip(&closed_rows)
             .filter(|(_, is_closed)| **is_closed);
-        let n_escaped: u64 = of_closed.map(|(tally, _)| tally.n_escaped).sum();
-        if n_escaped > 0 {
+        let n_lost: u64 = of_closed.map(|(tally, _)| tally.n_escaped + tally.n_absorbed).sum();
+        if n_lost > 0 {
             self.warn(&format!(
-                "{n_escaped} of {n_rays} rays escaped from a closed scene; the row sums show what that amounts to"
+                "{n_lost} of {n_rays} rays slipped out of a closed scene, or behind its faces where two of them touch; the row sums show what that amounts to"
             ));
         }
         let wanted = repairs(asked, needs_symmetry && !raw.is_symmetric());
