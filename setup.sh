@@ -138,14 +138,14 @@ fi
 
 # ---- Debian 12: Debian 13's Embree, patched -----------------------------------------------------
 
-# Downloads Debian 13's packages of Embree and unpacks them in $tmp/root. apt works in a state of its
+# Downloads Debian 13's packages of Embree and unpacks them in $tmp/unpacked. apt works in a state of its
 # own, so that the system learns of no foreign packages, and checks the signatures as always.
 fetch_embree() {
   local mirror deb
   # shellcheck disable=SC2016
   mirror=$(apt-get indextargets --format '$(REPO_URI)' 'Origin: Debian' 'Codename: bookworm' 'Created-By: Packages' | sed -n 1p)
   [ -n "$mirror" ] || die "apt knows no mirror of Debian 12 (does apt-get update succeed?) to take Debian 13's Embree from."
-  mkdir -p "$tmp"/{apt/sources,apt/lists/partial,apt/cache,debs,root}
+  mkdir -p "$tmp"/{apt/sources,apt/lists/partial,apt/cache,debs,unpacked}
   cat >"$tmp/apt/sources/trixie.sources" <<EOF
 Types: deb
 URIs: $mirror
@@ -166,7 +166,7 @@ EOF
   fi
   quietly "fetching Debian 13's package lists" "${private[@]}" update
   (cd "$tmp/debs" && quietly "fetching Debian 13's Embree" "${private[@]}" download libembree4-4 libembree-dev)
-  for deb in "$tmp"/debs/*.deb; do dpkg -x "$deb" "$tmp/root"; done
+  for deb in "$tmp"/debs/*.deb; do dpkg -x "$deb" "$tmp/unpacked"; done
 }
 
 # The three symbols that Debian 13's Embree takes from C and C++ libraries newer than Debian 12's.
@@ -290,10 +290,10 @@ if [ $from_debian_13 = yes ]; then
   say "patching it to run on Debian 12"
   mkdir "$tmp/lib"
   build_compat "$tmp/lib/libe4compat.so"
-  patch_embree "$tmp/root/usr/lib/x86_64-linux-gnu/libembree4.so.4" "$tmp/lib/libembree4.so.4" ||
+  patch_embree "$tmp/unpacked/usr/lib/x86_64-linux-gnu/libembree4.so.4" "$tmp/lib/libembree4.so.4" ||
     die "Debian 13's Embree is not what this script knows to patch; nothing was installed."
   ln -s libembree4.so.4 "$tmp/lib/libembree4.so"
-  version=$(LD_LIBRARY_PATH="$tmp/lib" embree_version -I "$tmp/root/usr/include" -L "$tmp/lib") ||
+  version=$(LD_LIBRARY_PATH="$tmp/lib" embree_version -I "$tmp/unpacked/usr/include" -L "$tmp/lib") ||
     { cat "$tmp/trace.err" >&2; die "the patched Embree does not work here; nothing was installed."; }
 
   # The link that programs are linked through comes last: without it, this script starts again.
@@ -301,7 +301,7 @@ if [ $from_debian_13 = yes ]; then
   prefix=/usr/local
   say "installing Embree $version under $prefix"
   lib=$prefix/lib/x86_64-linux-gnu
-  "${as_root[@]}" install -D -m 644 -t $prefix/include/embree4 "$tmp"/root/usr/include/embree4/*.h
+  "${as_root[@]}" install -D -m 644 -t $prefix/include/embree4 "$tmp"/unpacked/usr/include/embree4/*.h
   "${as_root[@]}" install -D -m 644 -t $lib "$tmp"/lib/lib{e4compat.so,embree4.so.4}
   "${as_root[@]}" ln -sf libembree4.so.4 $lib/libembree4.so
   "${as_root[@]}" /sbin/ldconfig

@@ -96,11 +96,13 @@ fn greatest_row_error(factors: &FormFactors, reference: &FormFactors) -> f64 {
         .fold(0.0, f64::max)
 }
 
+fn one_thread() -> rayon::ThreadPool {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+    pool.expect("a thread")
+}
+
 fn exact(criterion: &mut Criterion) {
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(1)
-        .build()
-        .expect("a thread");
+    let pool = one_thread();
     let mut group = criterion.benchmark_group("exact");
     group.sample_size(10);
     for (name, n, tolerance) in [
@@ -128,10 +130,7 @@ fn exact(criterion: &mut Criterion) {
 
 /// The ratio of both times is what keeping factors saves; deciding which ones to keep is part of the second.
 fn moved(criterion: &mut Criterion) {
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(1)
-        .build()
-        .expect("a thread");
+    let pool = one_thread();
     let mut group = criterion.benchmark_group("exact after a move");
     group.sample_size(10);
     let tolerance = 1e-5;

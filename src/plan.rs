@@ -110,3 +110,13 @@ impl Plan {
         });
     }
 }
+
+/// Returns a number of bytes in whole ones.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "not negative, and a conversion from f64 stays in range"
+)]
+fn whole(byte: f64) -> u64 {
+    byte as u64
+}

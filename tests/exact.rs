@@ -312,7 +312,7 @@ fn patches_under_a_box_see_nothing_and_the_others_lose_nothing() {
     }
 }
 
-/// Light leaves a patch for fronts alone unless it touches another piece, or lies inside of one: rows of the others sum to 1, and all of those are among the others.
+/// `closed_rows` names no row whose light in part meets backs, under a box or in one, and leaves out few others.
 #[test]
 fn rows_that_are_known_to_sum_to_1_do() {
     let sunk = {

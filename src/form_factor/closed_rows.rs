@@ -20,10 +20,11 @@ const TOUCHING: f64 = 1e-7;
 pub fn closed_rows(input: Input<'_>) -> Vec<bool> {
     let (scene, mesh) = (input.scene, input.mesh);
     let n = mesh.n_patches();
-    let Some(piece_of_face) = topology::piece_of_face(scene) else {
+    let piece_of_face = topology::closed_pieces(scene);
+    if piece_of_face.contains(&None) {
         return vec![false; n];
-    };
-    if piece_of_face.iter().all(|&piece| piece == 0) {
+    }
+    if piece_of_face.iter().all(|&piece| piece == Some(0)) {
         return vec![true; n];
     }
     let (least, greatest) = scene.bounding_box();

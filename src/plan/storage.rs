@@ -3,6 +3,7 @@
 use serde::Serialize;
 use thiserror::Error;
 
+use super::whole;
 use crate::matrix::{Layout, Precision};
 use crate::mesh::{Mesh, PatchId};
 
@@ -305,15 +306,6 @@ pub fn byte_text(byte: u64) -> String {
         value /= 1024.0;
     }
     format!("{value:.1} GiB")
-}
-
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "not negative, and a conversion from f64 stays in range"
-)]
-fn whole(byte: f64) -> u64 {
-    byte as u64
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! What voxels and their links take, before there are any.
 
+use super::whole;
 use crate::geometry::polygon;
 use crate::scene::Scene;
 use crate::voxel::Grid;
@@ -90,15 +91,6 @@ pub fn voxel_byte(scene: &Scene, grid: &Grid) -> u64 {
         .sum();
     let bricks: f64 = grid.n_voxels.iter().map(|&n| (f64::from(n) / 4.0).ceil()).product();
     whole(SURFEL_BYTE * surfels + FACE_BYTE * scene.faces.len() as f64 + BRICK_BYTE * bricks)
-}
-
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "not negative, and a conversion from f64 stays in range"
-)]
-fn whole(byte: f64) -> u64 {
-    byte as u64
 }
 
 #[cfg(test)]

@@ -39,54 +39,69 @@ pub fn is_convex_and_empty(scene: &Scene) -> bool {
 /// or a block without a bottom on a floor, counts as not closed; rays then tell by not escaping.
 #[must_use]
 pub fn is_watertight(scene: &Scene) -> bool {
-    pieces(scene).is_some_and(|(_, pieces)| {
-        let in_a_room = |p: &Piece| pieces.iter().any(|room| room.faces_inwards() && room.contains(p));
-        !pieces.is_empty() && pieces.iter().all(|p| p.faces_inwards() || in_a_room(p))
-    })
+    let mut pieces: Vec<Piece> = Vec::new();
+    for (face, piece) in scene.face_ids().zip(closed_pieces(scene)) {
+        let Some(piece) = piece else {
+            return false;
+        };
+        // Pieces are numbered in the order of their first faces.
+        if piece as usize == pieces.len() {
+            pieces.push(Piece::default());
+        }
+        pieces[piece as usize].add(&scene.polygon(face));
+    }
+    let in_a_room = |p: &Piece| pieces.iter().any(|room| room.faces_inwards() && room.contains(p));
+    !pieces.is_empty() && pieces.iter().all(|p| p.faces_inwards() || in_a_room(p))
 }
 
-/// Returns for each face its connected piece of surface, numbered from 0; `None` if some piece is not closed.
-pub(crate) fn piece_of_face(scene: &Scene) -> Option<Vec<usize>> {
-    pieces(scene).map(|(piece_of_face, _)| piece_of_face)
-}
-
-fn pieces(scene: &Scene) -> Option<(Vec<usize>, Vec<Piece>)> {
-    let mut face_of_edge: HashMap<(u32, u32), FaceId> = HashMap::new();
+/// Returns for each face its connected piece of surface, if that is closed: if every edge is run along once in each sense.
+///
+/// Pieces are numbered from 0, open ones too, in the order of their first faces.
+pub(crate) fn closed_pieces(scene: &Scene) -> Vec<Option<u32>> {
+    let mut runs: HashMap<(u32, u32), (u32, bool)> = HashMap::new();
     for face in scene.face_ids() {
         for edge in edges(scene, face) {
-            if face_of_edge.insert(edge, face).is_some() {
-                return None;
-            }
+            runs.entry(edge)
+                .and_modify(|run| run.1 = false)
+                .or_insert((face.0, true));
         }
     }
-    let mut piece = vec![usize::MAX; scene.faces.len()];
-    let mut pieces: Vec<Piece> = Vec::new();
+    let mut piece: Vec<Option<u32>> = vec![None; scene.faces.len()];
+    let mut closed = Vec::new();
     for seed in scene.face_ids() {
-        if piece[seed.0 as usize] != usize::MAX {
+        if piece[seed.0 as usize].is_some() {
             continue;
         }
-        let mut found = Piece::default();
-        let mut stack = vec![seed];
-        piece[seed.0 as usize] = pieces.len();
+        let index = u32::try_from(closed.len()).ok();
+        let mut is_closed = true;
+        let mut stack = vec![seed.0];
+        piece[seed.0 as usize] = index;
         while let Some(face) = stack.pop() {
-            found.add(&scene.polygon(face));
-            for (a, b) in edges(scene, face) {
-                let &neighbour = face_of_edge.get(&(b, a))?;
-                if piece[neighbour.0 as usize] == usize::MAX {
-                    piece[neighbour.0 as usize] = pieces.len();
-                    stack.push(neighbour);
+            for (a, b) in edges(scene, FaceId(face)) {
+                let once = runs.get(&(a, b)).is_some_and(|run| run.1);
+                match runs.get(&(b, a)) {
+                    Some(&(neighbour, true)) if once => {
+                        if piece[neighbour as usize].is_none() {
+                            piece[neighbour as usize] = index;
+                            stack.push(neighbour);
+                        }
+                    }
+                    _ => is_closed = false,
                 }
             }
         }
-        pieces.push(found);
+        closed.push(is_closed);
     }
-    Some((piece, pieces))
+    for entry in &mut piece {
+        *entry = entry.filter(|&k| closed[k as usize]);
+    }
+    piece
 }
 
-fn edges(scene: &Scene, face: FaceId) -> Vec<(u32, u32)> {
+fn edges(scene: &Scene, face: FaceId) -> impl Iterator<Item = (u32, u32)> + use<> {
     let corners = scene.faces[face.0 as usize].corners;
-    let v = corners.as_slice();
-    (0..v.len()).map(|k| (v[k], v[(k + 1) % v.len()])).collect()
+    let n = corners.as_slice().len();
+    (0..n).map(move |k| (corners.as_slice()[k], corners.as_slice()[(k + 1) % n]))
 }
 
 /// A connected closed surface: its box and its signed volume.

@@ -30,8 +30,8 @@ use super::{
 /// them run on one core, while all of those run on every core, and which is faster must not depend on how many there are. On two otherwise idle cores multigrid took 0.87, 0.76,
 /// 0.58 and 1.61 of Gauss-Seidel's time at l = 3 to 6, setup included, and `auto` 0.36, 0.45, 0.29 and 0.35 (`cargo bench --bench solvers -- 6`, medians of 9 alternating
 /// runs; l = 4 on another machine: 0.20 to 0.26). In cases A to F of Baranoski et al. it took 0.23, 0.18, 0.10, 0.06, 0.10 and 0.05, and 1.06 to 1.20 of the fastest single solver's
-/// (one run). Over the cases of `radiosity reproduce stability` it takes 0.75 to 1.22 of the fastest one's, but for three that nobody needs 20 µs for (1.4 to 1.6, its own choice being
-/// what takes the time; one run). `chebyshev` takes more passes than
+/// (one run). Over the cases of `radiosity reproduce stability` it takes 0.75 to 1.22 of the fastest one's, but for three that are solved within 20 µs (1.4 to 1.6: there
+/// the choice itself takes the time; one run). `chebyshev` takes more passes than
 /// conjugate gradients wherever these can be used.
 ///
 /// The choice and its reason are in [`Solution::choice`]. How far it is from the best: `radiosity reproduce stability` prints the ratios of work and time, case by case.

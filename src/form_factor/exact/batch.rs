@@ -5,6 +5,8 @@
     reason = "inner scopes reuse the letters of the formulas and the names of what they look at"
 )]
 
+mod tables;
+
 use std::collections::HashMap;
 use std::ops::Range;
 
@@ -12,21 +14,21 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::ExactMethod;
-use super::corners::{CornerSums, PatchGrid};
 use super::faces::FaceTree;
-use super::lattice::{Lattice, Repeats};
+use super::lattice::Lattice;
 use super::patches::{Patches, ROW_RUN, Run};
 use crate::form_factor::kept::{self, Part, Piece};
 use crate::form_factor::pairs::{Exchange, Facing};
 use crate::form_factor::partial::{self, Accuracy};
 use crate::form_factor::sight::whole_where_grazing;
 use crate::form_factor::{Before, Input, PairCounts};
-use crate::geometry::polygon_form_factor::{PreparedPolygon, exchange_area};
+use crate::geometry::polygon_form_factor::exchange_area;
 use crate::matrix::{Entry, RowTally, RowTile};
 use crate::mesh::PatchId;
 use crate::progress::Progress;
 use crate::scene::FaceId;
 use crate::visibility::blockers::{BlockerId, BlockerIndex, PairVisibility};
+use tables::{LEAST_PAIRS, Table};
 
 /// A batch ends with the first rows that bring it to so many pairs: enough work for some threads even where rows are short.
 const LEAST_PAIRS_PER_BATCH: usize = 1 << 18;
@@ -76,31 +78,6 @@ pub(super) struct Batches<'a> {
     tables: HashMap<[usize; 2], Table>,
     next_row: usize,
 }
-
-/// Pairs of two faces, computed together.
-enum Table {
-    Repeats(Repeats),
-    Corners(CornerSums),
-}
-
-impl Table {
-    fn covers(&self, rows: &Range<usize>) -> bool {
-        match self {
-            Self::Repeats(_) => true,
-            Self::Corners(sums) => sums.covers(rows),
-        }
-    }
-
-    fn get(&self, i: usize, j: usize) -> Exchange {
-        match self {
-            Self::Repeats(repeats) => repeats.get(i, j),
-            Self::Corners(sums) => sums.get(i, j),
-        }
-    }
-}
-
-/// Two faces with fewer pairs than this are not looked at as a whole: they have few corners in common.
-const LEAST_PAIRS: usize = 16;
 
 /// A later face that some patches of a face may see.
 struct FaceView {
@@ -258,65 +235,6 @@ impl Batches<'_> {
             area: exchange.value,
             error: exchange.error,
         }
-    }
-
-    /// Returns the exchange area of a pair without blockers, from the table of its faces if there is one.
-    fn unoccluded(&self, i: usize, j: usize) -> Exchange {
-        let faces = [i, j].map(|k| self.patches.face_of_patch[k]);
-        let table = self.tables.get(&faces);
-        table.map_or_else(|| self.kernel(i, j), |table| table.get(i, j))
-    }
-
-    /// Computes the tables of some faces with all later ones that they see anything of, for some rows, and forgets those of other faces.
-    fn find_tables(&mut self, faces: &Range<usize>, rows: &Range<usize>, views: &[Vec<FaceView>]) {
-        let mut tables = std::mem::take(&mut self.tables);
-        // What does not hold these rows goes first: perhaps nothing takes its place.
-        tables.retain(|[f, _], table| faces.contains(f) && table.covers(&self.rows_of(*f, rows)));
-        let missing: Vec<[usize; 2]> = faces
-            .clone()
-            .flat_map(|f| {
-                let of_face = views[f - faces.start].iter();
-                of_face
-                    .filter(|view| matches!(&view.known, Known::Seen(seen) if *seen != PairVisibility::None))
-                    .map(move |view| [f, view.face])
-            })
-            .filter(|key| !tables.contains_key(key))
-            .collect();
-        let found: Vec<([usize; 2], Table)> = missing
-            .into_par_iter()
-            .filter_map(|key| Some((key, self.table(key, rows)?)))
-            .collect();
-        tables.extend(found);
-        self.tables = tables;
-    }
-
-    fn rows_of(&self, face: usize, rows: &Range<usize>) -> Range<usize> {
-        let own = self.patches.faces[face].range();
-        rows.start.max(own.start)..rows.end.min(own.end)
-    }
-
-    fn table(&self, [f, g]: [usize; 2], rows: &Range<usize>) -> Option<Table> {
-        let (from, to) = self.lattices[f].as_ref().zip(self.lattices[g].as_ref())?;
-        if let Some(repeats) = Repeats::new(&self.patches, from, to, |i, j| self.kernel(i, j)) {
-            return Some(Table::Repeats(repeats));
-        }
-        let [own, other] = [self.rows_of(f, rows), self.patches.faces[g].range()];
-        if own.len() * other.len() < LEAST_PAIRS {
-            return None;
-        }
-        let smallest = |range: Range<usize>| {
-            let areas = self.patches.prepared[range].iter().map(PreparedPolygon::area);
-            areas.fold(f64::INFINITY, f64::min)
-        };
-        let most = self
-            .method
-            .full_tolerance(smallest(own.clone()).min(smallest(other.clone())))
-            .abs;
-        if most <= 0.0 {
-            return None;
-        }
-        let grid = |lattice: &Lattice, range: Range<usize>| PatchGrid::new(&self.patches, lattice, range);
-        CornerSums::new(&grid(from, own)?, &grid(to, other)?, most).map(Table::Corners)
     }
 
     /// Tells whether any patches of two faces may face each other.

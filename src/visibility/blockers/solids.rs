@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use glam::DVec3;
 
 use super::super::shaft::{Plane, Shaft};
-use crate::scene::{FaceId, Scene};
+use crate::scene::{FaceId, Scene, topology};
 
 /// No solid has fewer polygons than a tetrahedron.
 const LEAST_POLYGONS: usize = 4;
@@ -44,7 +44,7 @@ impl Solid {
 
 /// Returns the closed convex solids, and for each polygon (a list of faces with its corners) the solid that it is a side of.
 pub(super) fn find(scene: &Scene, polygons: &[(Vec<DVec3>, Vec<FaceId>)]) -> (Vec<Solid>, Vec<Option<u32>>) {
-    let piece_of_face = closed_pieces(scene);
+    let piece_of_face = topology::closed_pieces(scene);
     let mut polygons_of_piece: HashMap<u32, Vec<usize>> = HashMap::new();
     for (k, (_, faces)) in polygons.iter().enumerate() {
         // A polygon that stands for two coincident faces is no side of a solid: light may come from either.
@@ -85,52 +85,4 @@ pub(super) fn find(scene: &Scene, polygons: &[(Vec<DVec3>, Vec<FaceId>)]) -> (Ve
         }
     }
     (solids, solid_of_polygon)
-}
-
-/// Returns for each face its connected piece of surface, if that is closed: if every edge is run along once in each sense.
-fn closed_pieces(scene: &Scene) -> Vec<Option<u32>> {
-    let mut runs: HashMap<(u32, u32), (u32, bool)> = HashMap::new();
-    for face in scene.face_ids() {
-        for edge in edges(scene, face) {
-            runs.entry(edge)
-                .and_modify(|run| run.1 = false)
-                .or_insert((face.0, true));
-        }
-    }
-    let mut piece: Vec<Option<u32>> = vec![None; scene.faces.len()];
-    let mut closed = Vec::new();
-    for seed in scene.face_ids() {
-        if piece[seed.0 as usize].is_some() {
-            continue;
-        }
-        let index = u32::try_from(closed.len()).ok();
-        let mut is_closed = true;
-        let mut stack = vec![seed.0];
-        piece[seed.0 as usize] = index;
-        while let Some(face) = stack.pop() {
-            for (a, b) in edges(scene, FaceId(face)) {
-                let once = runs.get(&(a, b)).is_some_and(|run| run.1);
-                match runs.get(&(b, a)) {
-                    Some(&(neighbour, true)) if once => {
-                        if piece[neighbour as usize].is_none() {
-                            piece[neighbour as usize] = index;
-                            stack.push(neighbour);
-                        }
-                    }
-                    _ => is_closed = false,
-                }
-            }
-        }
-        closed.push(is_closed);
-    }
-    for entry in &mut piece {
-        *entry = entry.filter(|&k| closed[k as usize]);
-    }
-    piece
-}
-
-fn edges(scene: &Scene, face: FaceId) -> impl Iterator<Item = (u32, u32)> + use<> {
-    let corners = scene.faces[face.0 as usize].corners;
-    let n = corners.as_slice().len();
-    (0..n).map(move |k| (corners.as_slice()[k], corners.as_slice()[(k + 1) % n]))
 }
