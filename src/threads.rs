@@ -21,6 +21,22 @@ pub(crate) fn for_each<T: Send>(n_terms: usize, tasks: Vec<T>, work: impl Fn(T) 
     }
 }
 
+/// Calls `work` for every chunk of so many items, with its number: in order on this thread where `n_terms`, the multiplications of all of them, are few.
+pub(crate) fn for_each_chunk<T: Send>(
+    n_terms: usize,
+    items: &mut [T],
+    n_together: usize,
+    work: impl Fn(usize, &mut [T]) + Sync + Send,
+) {
+    if pay(n_terms) {
+        let chunks = items.par_chunks_mut(n_together).enumerate();
+        chunks.for_each(|(k, chunk)| work(k, chunk));
+    } else {
+        let chunks = items.chunks_mut(n_together).enumerate();
+        chunks.for_each(|(k, chunk)| work(k, chunk));
+    }
+}
+
 /// Returns what `work` makes of 0 to `n` − 1: on this thread where `n_terms`, the multiplications of all of them, are few.
 pub(crate) fn map<R: Send>(n_terms: usize, n: usize, work: impl Fn(usize) -> R + Sync + Send) -> Vec<R> {
     if pay(n_terms) {
@@ -44,6 +60,7 @@ mod tests {
             seen.lock().expect("no panic").insert(std::thread::current().id());
         };
         for_each(n_terms, (0..64).collect(), |_: usize| note());
+        for_each_chunk(n_terms, &mut [0; 64], 3, |_, _| note());
         assert_eq!(map(n_terms, 64, |k| k), (0..64).collect::<Vec<_>>());
         map(n_terms, 64, |_| note());
         seen.into_inner().expect("no panic")

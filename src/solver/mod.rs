@@ -53,7 +53,7 @@ pub use gauss_seidel_ambient::GaussSeidelAmbient;
 pub use gmres::Gmres;
 pub use history::{Errors, HistoryEntry};
 pub use jacobi::Jacobi;
-pub use multigrid::{CoarseMatrices, Coarsest, Multigrid};
+pub use multigrid::{CoarseMatrices, Coarsest, Defect, Multigrid};
 pub use overshooting::Overshooting;
 pub use pcg::{DEFLATED_FROM, Deflate, Pcg};
 pub use progressive_refinement::ProgressiveRefinement;

@@ -22,7 +22,8 @@ use crate::matrix::{FormFactors, Precision};
 use crate::mesh::Prolongation;
 use crate::progress::Progress;
 use crate::solver::{
-    CoarseMatrices, Coarsest, GaussSeidel, Multigrid, RadiositySystem, Solution, SolveOptions, Solver, Tolerance,
+    CoarseMatrices, Coarsest, Defect, GaussSeidel, Multigrid, RadiositySystem, Solution, SolveOptions, Solver,
+    Tolerance,
 };
 
 /// One line of table 1.
@@ -245,6 +246,7 @@ impl Prepared {
             prolongation: Prolongation::Bilinear,
             coarse_matrices: CoarseMatrices::Reevaluated(coarse.collect::<Result<_, _>>()?),
             coarsest: Coarsest::Sweeps(20),
+            defect: Defect::OfRadiosities,
             true_residuals,
         })
     }

@@ -6,8 +6,8 @@
 )]
 
 use super::coarsest::Factored;
-use super::matrices::{Cost, Matrix};
-use super::{CoarseMatrices, Coarsest, Multigrid};
+use super::matrices::{Matrix, Restricted, Swept, Wanted};
+use super::{CoarseMatrices, Coarsest, Defect, Multigrid};
 use crate::matrix::operator::{Block, LinearOperator, RowAccess};
 use crate::mesh::Hierarchy;
 use crate::mesh::hierarchy::Coarsening;
@@ -17,7 +17,7 @@ use crate::solver::SolverError;
 struct Level {
     /// K, \[m, m\].
     matrix: Matrix,
-    /// R K, \[m', m\].
+    /// R K or R U, \[m', m\].
     restricted: Matrix,
 }
 
@@ -31,7 +31,7 @@ enum Bottom {
 pub(super) struct Levels<'a> {
     settings: &'a Multigrid,
     hierarchy: &'a Hierarchy,
-    /// R K of the finest level.
+    /// R K or R U of the finest level, where U is K above its diagonal.
     restricted: Matrix,
     /// The levels below the finest one and above the coarsest one.
     between: Vec<Level>,
@@ -40,6 +40,8 @@ pub(super) struct Levels<'a> {
     pub(super) n_of_f: f64,
     /// Multiplications that made all this.
     pub(super) setup_multiply_adds: f64,
+    /// Multiplications of one cycle, the finest sweep included, the mean over the channels.
+    pub(super) multiply_adds: f64,
 }
 
 impl<'a> Levels<'a> {
@@ -51,22 +53,24 @@ impl<'a> Levels<'a> {
     ) -> Result<Self, SolverError> {
         let steps = hierarchy.levels();
         let mut total = 0.0;
-        let mut counted = |(matrix, cost): (Matrix, Cost)| {
-            total += cost.n_entries as f64;
-            matrix
+        let mut counted = |made: Restricted| {
+            total += made.n_added as f64;
+            (made.rows, made.merged)
         };
-        let (restricted, cost) = Matrix::restrict_form_factors(rows, reflectance, &steps[0]);
-        let n_of_f = cost.n_of_source as f64;
-        let restricted = counted((restricted, cost));
+        let wanted = Wanted {
+            upper: settings.defect == Defect::OfChanges,
+            merged: matches!(settings.coarse_matrices, CoarseMatrices::Galerkin),
+        };
+        let finest = Matrix::restrict_form_factors(rows, reflectance, &steps[0], wanted);
+        let n_of_f = finest.n_of_source as f64;
+        let (restricted, mut merged) = counted(finest);
+        let mut n_evaluated = 0;
         let mut between: Vec<Level> = Vec::new();
         let mut coarse_reflectance = reflectance.clone();
         let mut bottom = None;
         for (k, step) in steps.iter().enumerate() {
             let matrix = match &settings.coarse_matrices {
-                CoarseMatrices::Galerkin => {
-                    let above = between.last().map_or(&restricted, |level| &level.restricted);
-                    counted(above.merge_columns(step))
-                }
+                CoarseMatrices::Galerkin => merged.take().expect("was wanted"),
                 CoarseMatrices::Reevaluated(form_factors) => {
                     let found = form_factors.get(k).map_or(0, LinearOperator::n_rows);
                     let expected = step.n_coarse();
@@ -77,17 +81,21 @@ impl<'a> Levels<'a> {
                         found,
                     })?;
                     coarse_reflectance = restricted_block(step, &coarse_reflectance);
-                    counted(Matrix::from_form_factors(form_factors, &coarse_reflectance))
+                    let (matrix, n_entries) = Matrix::from_form_factors(form_factors, &coarse_reflectance);
+                    n_evaluated += n_entries;
+                    matrix
                 }
             };
             match steps.get(k + 1) {
                 Some(next) => {
-                    let restricted = counted(matrix.restricted(next));
+                    let (restricted, next_merged) = counted(matrix.restricted(next, wanted));
+                    merged = next_merged;
                     between.push(Level { matrix, restricted });
                 }
                 None => bottom = Some(matrix),
             }
         }
+        total += n_evaluated as f64;
         let matrix = bottom.expect("a hierarchy has at least one step here");
         let n_channels = reflectance.n_channels();
         let bottom = match settings.coarsest {
@@ -97,7 +105,7 @@ impl<'a> Levels<'a> {
         if let Bottom::Direct(channels) = &bottom {
             total += channels.iter().map(Factored::setup_multiply_adds).sum::<f64>();
         }
-        Ok(Self {
+        let mut levels = Self {
             settings,
             hierarchy,
             restricted,
@@ -105,19 +113,33 @@ impl<'a> Levels<'a> {
             bottom,
             n_of_f,
             setup_multiply_adds: total,
-        })
+            multiply_adds: 0.0,
+        };
+        levels.multiply_adds = n_of_f + levels.restricted.multiply_adds() + levels.twice_multiply_adds(0);
+        Ok(levels)
     }
 
-    /// Returns v with which the correction of the finest level is −P v: an approximate solution of the coarse system whose right-hand side is
-    /// d = R (u − K u − f), minus the restricted residual. All shapes are \[c\]\[n\] or \[c\]\[m\].
-    pub(super) fn correction(&self, u: &[Vec<f64>], f: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    /// Returns d = R (u − K u − f) of the finest level, minus the restricted residual, from the radiosities: \[c\]\[m\] from \[c\]\[n\]. Needs R K.
+    pub(super) fn defect_of_radiosities(&self, u: &[Vec<f64>], f: &[Vec<f64>]) -> Vec<Vec<f64>> {
         let step = &self.hierarchy.levels()[0];
-        let mut d: Vec<Vec<f64>> = u
-            .iter()
-            .zip(f)
-            .map(|(u, f)| step.restricted(&difference(u, f)))
-            .collect();
-        self.restricted.subtract_product(u, &mut d);
+        let means = |(u, f): (&Vec<f64>, &Vec<f64>)| step.restricted(&difference(u, f));
+        let mut d: Vec<Vec<f64>> = u.iter().zip(f).map(means).collect();
+        let u: Vec<&[f64]> = u.iter().map(Vec::as_slice).collect();
+        self.restricted.subtract_product(&u, &mut d);
+        d
+    }
+
+    /// Returns the same from what the sweep has changed and left. Needs R U.
+    pub(super) fn defect_of_changes(&self, swept: &[Swept]) -> Vec<Vec<f64>> {
+        let step = &self.hierarchy.levels()[0];
+        let mut d: Vec<Vec<f64>> = swept.iter().map(|swept| minus_left(step, swept)).collect();
+        let changes: Vec<&[f64]> = swept.iter().map(|swept| &*swept.changes).collect();
+        self.restricted.subtract_product(&changes, &mut d);
+        d
+    }
+
+    /// Returns v with which the correction of the finest level is −P v: an approximate solution of the coarse system whose right-hand side is d, \[c\]\[m\].
+    pub(super) fn correction(&self, d: &[Vec<f64>]) -> Vec<Vec<f64>> {
         let channels = d.iter().enumerate();
         channels.map(|(c, d)| self.twice(0, c, d)).collect()
     }
@@ -139,16 +161,30 @@ impl<'a> Levels<'a> {
                     u.copy_from_slice(f);
                     channels[c].solve(u);
                 }
-                Bottom::Sweeps(matrix, n_sweeps) => (0..*n_sweeps).for_each(|_| matrix.sweep(c, u, f)),
+                Bottom::Sweeps(matrix, n_sweeps) => {
+                    for _ in 0..*n_sweeps {
+                        matrix.sweep(c, u, f);
+                    }
+                }
             }
             return;
         };
-        if smooth {
-            level.matrix.sweep(c, u, f);
-        }
         let step = &self.hierarchy.levels()[k + 1];
-        let mut d = step.restricted(&difference(u, f));
-        level.restricted.subtract_channel(c, u, &mut d);
+        let swept = smooth.then(|| level.matrix.sweep(c, u, f));
+        let d = match (self.settings.defect, swept) {
+            (Defect::OfRadiosities, _) => {
+                let mut d = step.restricted(&difference(u, f));
+                level.restricted.subtract_channel(c, u, &mut d);
+                d
+            }
+            (Defect::OfChanges, Some(swept)) => {
+                let mut d = minus_left(step, &swept);
+                level.restricted.subtract_channel(c, &swept.changes, &mut d);
+                d
+            }
+            // The first call begins at 0, whose residual is f.
+            (Defect::OfChanges, None) => step.restricted(&difference(u, f)),
+        };
         let v = self.twice(k + 1, c, &d);
         let corrections = step.prolonged(self.settings.prolongation, &v);
         u.iter_mut()
@@ -174,11 +210,7 @@ impl<'a> Levels<'a> {
         })
     }
 
-    /// Returns the multiplications of one cycle, the finest sweep included, the mean over the channels.
-    pub(super) fn multiply_adds(&self) -> f64 {
-        self.n_of_f + self.restricted.multiply_adds() + self.twice_multiply_adds(0)
-    }
-
+    /// Returns the multiplications of two recursive calls at coarse level `k`.
     fn twice_multiply_adds(&self, k: usize) -> f64 {
         let Some(level) = self.between.get(k) else {
             return match &self.bottom {
@@ -186,12 +218,27 @@ impl<'a> Levels<'a> {
                 Bottom::Sweeps(matrix, n_sweeps) => 2.0 * *n_sweeps as f64 * matrix.multiply_adds(),
             };
         };
-        level.matrix.multiply_adds() + 2.0 * (level.restricted.multiply_adds() + self.twice_multiply_adds(k + 1))
+        let n_defects = match self.settings.defect {
+            Defect::OfChanges => 1.0,
+            Defect::OfRadiosities => 2.0,
+        };
+        level.matrix.multiply_adds()
+            + n_defects * level.restricted.multiply_adds()
+            + 2.0 * self.twice_multiply_adds(k + 1)
     }
 }
 
 fn difference(u: &[f64], f: &[f64]) -> Vec<f64> {
     u.iter().zip(f).map(|(u, f)| u - f).collect()
+}
+
+/// Returns −R x of the residuals x that a sweep has left.
+fn minus_left(step: &Coarsening, swept: &Swept) -> Vec<f64> {
+    let mut d = vec![0.0; step.n_coarse()];
+    for &(i, residual) in &swept.left {
+        d[step.parents()[i] as usize] -= step.shares()[i] * residual;
+    }
+    d
 }
 
 /// Returns the area-weighted means of each channel over the coarse patches.

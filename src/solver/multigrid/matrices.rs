@@ -19,46 +19,89 @@ const SHORT: usize = 32;
 /// Rows that are multiplied at a time, so that their sums do not wait for one another.
 const AT_ONCE: usize = 4;
 
-/// One row: all of its numbers, or those that are not zero with their columns.
+/// Rows in full begin at a multiple of so many columns, mostly the same one for rows that are multiplied together.
+const LINE: usize = 8;
+
+/// Which numbers of a row are kept.
+enum Columns {
+    /// All of them from this column on.
+    From(usize),
+    /// Those that are not zero, in these columns.
+    Listed(Box<[u32]>),
+}
+
+/// One row.
 struct Row {
-    columns: Option<Box<[u32]>>,
+    columns: Columns,
     values: Aligned<f64>,
 }
 
 impl Row {
-    fn new(values: Aligned<f64>) -> Self {
-        let n_used = values.iter().filter(|value| value.abs() > 0.0).count();
-        if n_used as f64 >= DENSE_FROM * values.len() as f64 {
-            return Self { columns: None, values };
+    fn new(values: &[f64]) -> Self {
+        Self::from(0, values)
+    }
+
+    /// Returns a row of numbers that are 0 up to the diagonal, and perhaps beyond it.
+    fn above_diagonal(values: &[f64]) -> Self {
+        let n_zeros = values.iter().take_while(|value| value.abs() <= 0.0).count();
+        Self::from(n_zeros / LINE * LINE, values)
+    }
+
+    fn from(begin: usize, values: &[f64]) -> Self {
+        let is_used = |value: &f64| value.abs() > 0.0;
+        let rest = &values[begin..];
+        let n_used = rest.iter().filter(|&value| is_used(value)).count();
+        if n_used as f64 >= DENSE_FROM * rest.len() as f64 {
+            return Self {
+                columns: Columns::From(begin),
+                values: Aligned::copied(rest),
+            };
         }
-        let used = (0..).zip(values.iter()).filter(|(_, value)| value.abs() > 0.0);
+        let used = (0..).zip(values).filter(|(_, value)| is_used(value));
         let (columns, numbers): (Vec<u32>, Vec<f64>) = used.unzip();
         Self {
-            columns: Some(columns.into()),
+            columns: Columns::Listed(columns.into()),
             values: Aligned::copied(&numbers),
         }
     }
 
-    /// Returns all numbers of a row that is kept in full and worth an instruction set.
-    fn full(&self, x: &[f64]) -> Option<&[f64]> {
-        (self.columns.is_none() && x.len() >= SHORT).then_some(&*self.values)
+    /// Returns where a row begins that is kept in full and worth an instruction set.
+    fn begin_of_many(&self) -> Option<usize> {
+        match self.columns {
+            Columns::From(begin) if self.values.len() >= SHORT => Some(begin),
+            _ => None,
+        }
     }
 
     fn dot(&self, x: &[f64]) -> f64 {
         match &self.columns {
-            None if x.len() < SHORT => short_product(&self.values, x),
-            None => product(&self.values, x),
-            Some(columns) => {
+            &Columns::From(begin) if self.values.len() < SHORT => short_product(&self.values, &x[begin..]),
+            &Columns::From(begin) => product(&self.values, &x[begin..]),
+            Columns::Listed(columns) => {
                 let terms = columns.iter().zip(self.values.iter());
                 terms.map(|(&j, value)| value * x[j as usize]).sum()
             }
         }
     }
 
+    /// Returns the numbers of some columns from `first` on; 0 beyond the last one.
+    fn near(&self, first: usize) -> [f64; AT_ONCE] {
+        if let Columns::From(begin) = self.columns
+            && let Some(values) = first
+                .checked_sub(begin)
+                .and_then(|place| self.values.get(place..place + AT_ONCE))
+        {
+            return std::array::from_fn(|k| values[k]);
+        }
+        std::array::from_fn(|k| self.at(first + k))
+    }
+
     fn for_each(&self, mut visit: impl FnMut(usize, f64)) {
         match &self.columns {
-            None => self.values.iter().enumerate().for_each(|(j, &value)| visit(j, value)),
-            Some(columns) => {
+            &Columns::From(begin) => (begin..)
+                .zip(self.values.iter())
+                .for_each(|(j, &value)| visit(j, value)),
+            Columns::Listed(columns) => {
                 for (&j, &value) in columns.iter().zip(self.values.iter()) {
                     visit(j as usize, value);
                 }
@@ -68,8 +111,11 @@ impl Row {
 
     fn at(&self, column: usize) -> f64 {
         match &self.columns {
-            None => self.values[column],
-            Some(columns) => {
+            &Columns::From(begin) => {
+                let place = column.checked_sub(begin);
+                place.and_then(|place| self.values.get(place)).copied().unwrap_or(0.0)
+            }
+            Columns::Listed(columns) => {
                 let found = columns.binary_search_by_key(&column, |&j| j as usize);
                 found.map_or(0.0, |place| self.values[place])
             }
@@ -108,143 +154,83 @@ pub(super) struct Matrix {
     rows: Vec<Row>,
     /// \[n, c\].
     slots: Vec<Slot>,
+    /// The multiplications that K x takes, all channels together.
+    n_terms: usize,
 }
 
-/// What making a matrix took.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Cost {
+/// What is wanted of R K.
+#[derive(Clone, Copy)]
+pub(super) struct Wanted {
+    /// Whether only R U is kept, where U is K above its diagonal.
+    pub(super) upper: bool,
+    /// Whether R K P is wanted too.
+    pub(super) merged: bool,
+}
+
+/// What was made of a matrix K.
+pub(super) struct Restricted {
+    /// R K, or R U.
+    pub(super) rows: Matrix,
+    /// R K P for injection P: the columns of each coarse patch added up.
+    pub(super) merged: Option<Matrix>,
     /// Entries added.
-    pub(super) n_entries: usize,
-    /// Entries of the matrix that it was made of.
+    pub(super) n_added: usize,
+    /// Entries of K.
     pub(super) n_of_source: usize,
 }
 
-impl Cost {
-    fn of(n_entries: usize) -> Self {
-        Self {
-            n_entries,
-            n_of_source: n_entries,
-        }
-    }
+/// What a sweep of u = f + K u did to it.
+pub(super) struct Swept {
+    /// What was added to each u.
+    pub(super) changes: Vec<f64>,
+    /// The patches that a sweep cannot mend, as K_ii ≥ 1, with their residuals at their turn.
+    pub(super) left: Vec<(usize, f64)>,
 }
 
 impl Matrix {
-    /// Returns R diag(ρ) F for the finest F: row I is the mean of the rows of its children.
+    fn new(n_channels: usize, rows: Vec<Row>, slots: Vec<Slot>) -> Self {
+        let terms = slots.iter().map(|slot| rows[slot.row as usize].values.len());
+        Self {
+            n_channels,
+            n_terms: terms.sum(),
+            rows,
+            slots,
+        }
+    }
+
+    /// Returns R K of K = diag(ρ) F for the finest F: row I is the mean of the rows of its children.
     pub(super) fn restrict_form_factors(
         rows: &dyn RowAccess,
         reflectance: &Block,
         coarsening: &Coarsening,
-    ) -> (Self, Cost) {
+        wanted: Wanted,
+    ) -> Restricted {
         let slot = |i: usize, c: usize| Slot {
             row: 0,
             factor: reflectance.row(i)[c],
             own: false,
         };
         let add = |i: usize, _: usize, factor: f64, sum: &mut [f64]| rows.add_row(i, factor, sum);
-        let (n, n_channels) = (reflectance.n_rows(), reflectance.n_channels());
-        Self::restrict(coarsening, n, n_channels, slot, add)
+        restrict(coarsening, reflectance.n_channels(), wanted, slot, add)
     }
 
     /// Returns R K.
-    pub(super) fn restricted(&self, coarsening: &Coarsening) -> (Self, Cost) {
-        let n_channels = self.n_channels;
+    pub(super) fn restricted(&self, coarsening: &Coarsening, wanted: Wanted) -> Restricted {
         let add = |i: usize, c: usize, factor: f64, sum: &mut [f64]| {
             let row = self.row(i, c);
             row.for_each(|j, value| sum[j] += factor * value);
             row.values.len()
         };
-        let n = coarsening.n_fine();
-        Self::restrict(coarsening, n, n_channels, |i, c| self.slot(i, c), add)
+        restrict(coarsening, self.n_channels, wanted, |i, c| self.slot(i, c), add)
     }
 
-    /// Makes the rows of a coarse level; `slot(i, c)` tells of ρ in row i, `add(i, c, factor, sum)` adds the row and returns how many entries it has.
-    fn restrict(
-        coarsening: &Coarsening,
-        n_columns: usize,
-        n_channels: usize,
-        slot: impl Fn(usize, usize) -> Slot + Sync,
-        add: impl Fn(usize, usize, f64, &mut [f64]) -> usize + Sync,
-    ) -> (Self, Cost) {
-        let mut slots = Vec::with_capacity(coarsening.n_coarse() * n_channels);
-        // The rows to be made: coarse patch, a channel that it is for, and whether for that alone.
-        let mut jobs: Vec<(usize, usize, bool)> = Vec::new();
-        for coarse in 0..coarsening.n_coarse() {
-            let children = coarsening.children(coarse);
-            let mut shared = None;
-            for c in 0..n_channels {
-                let first = slot(children[0] as usize, c);
-                let as_first = |&i: &u32| {
-                    let other = slot(i as usize, c);
-                    !other.own && other.factor.to_bits() == first.factor.to_bits()
-                };
-                let own = !children.iter().all(as_first);
-                let row = match shared {
-                    Some(row) if !own => row,
-                    _ => {
-                        jobs.push((coarse, c, own));
-                        let row = u32::try_from(jobs.len() - 1).expect("fewer rows than fine patches and channels");
-                        if !own {
-                            shared = Some(row);
-                        }
-                        row
-                    }
-                };
-                let factor = if own { 1.0 } else { first.factor };
-                slots.push(Slot { row, factor, own });
-            }
-        }
-        let make = |k: usize| {
-            let (coarse, c, own) = jobs[k];
-            let mut sum = Aligned::filled(n_columns, 0.0);
-            let mut n_entries = 0;
-            for &i in coarsening.children(coarse) {
-                let rho = if own { slot(i as usize, c).factor } else { 1.0 };
-                let weight = coarsening.shares()[i as usize] * rho;
-                n_entries += add(i as usize, c, weight, &mut sum);
-            }
-            (Row::new(sum), n_entries)
-        };
-        let n_terms = coarsening.n_fine() * n_columns;
-        let (rows, counts): (Vec<Row>, Vec<usize>) = threads::map(n_terms, jobs.len(), make).into_iter().unzip();
-        let matrix = Self {
-            n_channels,
-            rows,
-            slots,
-        };
-        // Where channels have rows of their own the source is read once for each.
-        let is_first = |k: &usize| *k == 0 || jobs[k - 1].0 != jobs[*k].0;
-        let cost = Cost {
-            n_entries: counts.iter().sum(),
-            n_of_source: (0..counts.len()).filter(is_first).map(|k| counts[k]).sum(),
-        };
-        (matrix, cost)
-    }
-
-    /// Returns K P for injection P: the columns of each coarse patch added up.
-    pub(super) fn merge_columns(&self, coarsening: &Coarsening) -> (Self, Cost) {
-        let merged = |k: usize| {
-            let row = &self.rows[k];
-            let mut sum = Aligned::filled(coarsening.n_coarse(), 0.0);
-            row.for_each(|j, value| sum[coarsening.parents()[j] as usize] += value);
-            Row::new(sum)
-        };
-        let n_entries: usize = self.rows.iter().map(|row| row.values.len()).sum();
-        let rows = threads::map(n_entries, self.rows.len(), merged);
-        let matrix = Self {
-            n_channels: self.n_channels,
-            rows,
-            slots: self.slots.clone(),
-        };
-        (matrix, Cost::of(n_entries))
-    }
-
-    /// Returns diag(ρ) F for form factors of a coarse level.
-    pub(super) fn from_form_factors(rows: &dyn RowAccess, reflectance: &Block) -> (Self, Cost) {
+    /// Returns diag(ρ) F for form factors of a coarse level, and how many entries that took.
+    pub(super) fn from_form_factors(rows: &dyn RowAccess, reflectance: &Block) -> (Self, usize) {
         let (n, n_channels) = (reflectance.n_rows(), reflectance.n_channels());
         let make = |i: usize| {
-            let mut sum = Aligned::filled(n, 0.0);
+            let mut sum = vec![0.0; n];
             let n_entries = rows.add_row(i, 1.0, &mut sum);
-            (Row::new(sum), n_entries)
+            (Row::new(&sum), n_entries)
         };
         let (stored, counts): (Vec<Row>, Vec<usize>) = threads::map(n * n, n, make).into_iter().unzip();
         let slot = |(i, rho): (u32, &[f64])| -> Vec<Slot> {
@@ -256,13 +242,7 @@ impl Matrix {
             slots.collect()
         };
         let slots = (0..).zip(reflectance.values().chunks(n_channels)).flat_map(slot);
-        let matrix = Self {
-            n_channels,
-            slots: slots.collect(),
-            rows: stored,
-        };
-        let n_entries: usize = counts.iter().sum();
-        (matrix, Cost::of(n_entries))
+        (Self::new(n_channels, stored, slots.collect()), counts.iter().sum())
     }
 
     pub(super) fn n_rows(&self) -> usize {
@@ -283,36 +263,43 @@ impl Matrix {
     }
 
     /// Subtracts K x from y, channel by channel.
-    pub(super) fn subtract_product(&self, x: &[Vec<f64>], y: &mut [Vec<f64>]) {
-        let n_terms = x.iter().map(|x| self.n_rows() * x.len()).sum();
-        let mut products = vec![[0.0; AT_ONCE]; self.n_rows().div_ceil(AT_ONCE) * self.n_channels];
-        let tasks = products.chunks_mut(self.n_channels).enumerate().collect();
-        threads::for_each(n_terms, tasks, |(k, of_channels): (usize, &mut [[f64; AT_ONCE]])| {
-            for (c, of_rows) in of_channels.iter_mut().enumerate() {
-                *of_rows = self.dots(AT_ONCE * k, c, &x[c]);
+    ///
+    /// One row after the other: a sweep of a finer level has left little of K in the caches, and one stream from memory is faster than four.
+    pub(super) fn subtract_product(&self, x: &[&[f64]], y: &mut [Vec<f64>]) {
+        let mut products = vec![0.0; self.slots.len()];
+        threads::for_each_chunk(self.n_terms, &mut products, self.n_channels, |i, of_row| {
+            for (c, product) in of_row.iter_mut().enumerate() {
+                *product = self.dot(i, c, x[c]);
             }
         });
         for (c, y) in y.iter_mut().enumerate() {
-            let of_rows = products.iter().skip(c).step_by(self.n_channels).flatten();
-            y.iter_mut().zip(of_rows).for_each(|(y, product)| *y -= product);
+            let of_channel = products.iter().skip(c).step_by(self.n_channels);
+            y.iter_mut().zip(of_channel).for_each(|(y, product)| *y -= product);
         }
     }
 
     /// Subtracts K x of channel c from y.
     pub(super) fn subtract_channel(&self, c: usize, x: &[f64], y: &mut [f64]) {
-        let tasks = y.chunks_mut(AT_ONCE).enumerate().collect();
-        threads::for_each(self.n_rows() * x.len(), tasks, |(k, y): (usize, &mut [f64])| {
-            let products = self.dots(AT_ONCE * k, c, x);
-            y.iter_mut().zip(products).for_each(|(y, product)| *y -= product);
-        });
+        threads::for_each_chunk(self.n_terms / self.n_channels, y, 1, |i, y| y[0] -= self.dot(i, c, x));
     }
 
-    /// Returns (K x)_i in channel c for the rows from `first` on, as many as there are, each the same bytes as by itself.
+    fn dot(&self, i: usize, c: usize, x: &[f64]) -> f64 {
+        self.slot(i, c).factor * self.row(i, c).dot(x)
+    }
+
+    /// Returns (K x)_i in channel c for the rows from `first` on, as many as there are.
     fn dots(&self, first: usize, c: usize, x: &[f64]) -> [f64; AT_ONCE] {
         let place = |k: usize| (first + k).min(self.n_rows() - 1);
         let rows = std::array::from_fn(|k| self.row(place(k), c));
-        let products = match rows.map(|row| row.full(x)) {
-            [Some(a), Some(b), Some(c), Some(d)] => products([a, b, c, d], x),
+        let products = match rows.map(Row::begin_of_many) {
+            [Some(a), Some(b), Some(c), Some(d)] => {
+                let (begins, all) = ([a, b, c, d], a.max(b).max(c).max(d));
+                let mut sums = products(std::array::from_fn(|k| &rows[k].values[all - begins[k]..]), &x[all..]);
+                for k in 0..AT_ONCE {
+                    sums[k] += short_product(&rows[k].values[..all - begins[k]], &x[begins[k]..all]);
+                }
+                sums
+            }
             _ => rows.map(|row| row.dot(x)),
         };
         std::array::from_fn(|k| self.slot(place(k), c).factor * products[k])
@@ -321,41 +308,132 @@ impl Matrix {
     /// Makes one sweep of Gauss-Seidel over u = f + K u in channel c.
     ///
     /// Four rows at a time are multiplied with u as it was before the four; to each product is then added what the rows before it, of the same four, have changed.
-    pub(super) fn sweep(&self, c: usize, u: &mut [f64], f: &[f64]) {
+    pub(super) fn sweep(&self, c: usize, u: &mut [f64], f: &[f64]) -> Swept {
         let n = u.len();
+        let mut swept = Swept {
+            changes: vec![0.0; n],
+            left: Vec::new(),
+        };
         for first in (0..n).step_by(AT_ONCE) {
             let products = self.dots(first, c, u);
-            let mut changes = [0.0; AT_ONCE];
+            let changes = &mut swept.changes[first..n.min(first + AT_ONCE)];
             for k in 0..AT_ONCE.min(n - first) {
                 let i = first + k;
                 let (slot, row) = (self.slot(i, c), self.row(i, c));
-                let k_ii = slot.factor * row.at(i);
+                let near = row.near(first);
+                let k_ii = slot.factor * near[k];
                 let diagonal = 1.0 - k_ii;
+                let changed: f64 = near[..k].iter().zip(&*changes).map(|(a, change)| a * change).sum();
+                let gathered = products[k] + slot.factor * changed - k_ii * u[i];
                 if diagonal > 0.0 {
-                    let changed: f64 = (0..k).map(|m| row.at(first + m) * changes[m]).sum();
-                    let gathered = products[k] + slot.factor * changed - k_ii * u[i];
                     let new = (f[i] + gathered) / diagonal;
                     changes[k] = new - u[i];
                     u[i] = new;
+                } else {
+                    swept.left.push((i, f[i] + gathered - diagonal * u[i]));
                 }
             }
         }
+        swept
     }
 
     /// Returns the multiplications that K x takes, the mean over the channels.
     pub(super) fn multiply_adds(&self) -> f64 {
-        let entries: usize = self
-            .slots
-            .iter()
-            .map(|slot| self.rows[slot.row as usize].values.len())
-            .sum();
-        entries as f64 / self.n_channels as f64
+        self.n_terms as f64 / self.n_channels as f64
+    }
+}
+
+/// Makes the rows of a coarse level; `slot(i, c)` tells of ρ in row i, `add(i, c, factor, sum)` adds the row and returns how many entries it has.
+fn restrict(
+    coarsening: &Coarsening,
+    n_channels: usize,
+    wanted: Wanted,
+    slot: impl Fn(usize, usize) -> Slot + Sync,
+    add: impl Fn(usize, usize, f64, &mut [f64]) -> usize + Sync,
+) -> Restricted {
+    let mut slots = Vec::with_capacity(coarsening.n_coarse() * n_channels);
+    // The rows to be made: coarse patch, a channel that it is for, and whether for that alone.
+    let mut jobs: Vec<(usize, usize, bool)> = Vec::new();
+    for coarse in 0..coarsening.n_coarse() {
+        let children = coarsening.children(coarse);
+        let mut shared = None;
+        for c in 0..n_channels {
+            let first = slot(children[0] as usize, c);
+            let as_first = |&i: &u32| {
+                let other = slot(i as usize, c);
+                !other.own && other.factor.to_bits() == first.factor.to_bits()
+            };
+            let own = !children.iter().all(as_first);
+            let row = match shared {
+                Some(row) if !own => row,
+                _ => {
+                    jobs.push((coarse, c, own));
+                    let row = u32::try_from(jobs.len() - 1).expect("fewer rows than fine patches and channels");
+                    if !own {
+                        shared = Some(row);
+                    }
+                    row
+                }
+            };
+            let factor = if own { 1.0 } else { first.factor };
+            slots.push(Slot { row, factor, own });
+        }
+    }
+    let n_fine = coarsening.n_fine();
+    let make = |k: usize| {
+        let (coarse, c, own) = jobs[k];
+        let mut sum = vec![0.0; n_fine];
+        let mut upper = vec![0.0; if wanted.upper { n_fine } else { 0 }];
+        let mut n_entries = 0;
+        let children = coarsening.children(coarse);
+        for (m, &i) in children.iter().enumerate() {
+            let rho = if own { slot(i as usize, c).factor } else { 1.0 };
+            let weight = coarsening.shares()[i as usize] * rho;
+            n_entries += add(i as usize, c, weight, &mut sum);
+            if wanted.upper {
+                // Up to the next child, these columns are above the diagonal for all children so far and for no other.
+                let end = children.get(m + 1).map_or(n_fine, |&next| next as usize + 1);
+                let above = i as usize + 1..end;
+                upper[above.clone()].copy_from_slice(&sum[above]);
+            }
+        }
+        let merged = wanted.merged.then(|| {
+            let mut merged = vec![0.0; coarsening.n_coarse()];
+            for (&parent, value) in coarsening.parents().iter().zip(&sum) {
+                merged[parent as usize] += value;
+            }
+            Row::new(&merged)
+        });
+        let row = if wanted.upper {
+            Row::above_diagonal(&upper)
+        } else {
+            Row::new(&sum)
+        };
+        (row, merged, n_entries)
+    };
+    let made = threads::map(n_fine * n_fine, jobs.len(), make);
+    // Where channels have rows of their own the source is read once for each.
+    let is_first = |k: &usize| *k == 0 || jobs[k - 1].0 != jobs[*k].0;
+    let n_of_source = (0..made.len()).filter(is_first).map(|k| made[k].2).sum();
+    let n_restricted: usize = made.iter().map(|row| row.2).sum();
+    let (mut rows, mut merged) = (Vec::with_capacity(made.len()), Vec::new());
+    for (row, of_merged, _) in made {
+        rows.push(row);
+        merged.extend(of_merged);
+    }
+    let matrix = |rows| Matrix::new(n_channels, rows, slots.clone());
+    Restricted {
+        n_added: n_restricted + merged.len() * n_fine,
+        n_of_source,
+        rows: matrix(rows),
+        merged: wanted.merged.then(|| matrix(merged)),
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mesh::hierarchy::{FaceShape, Hierarchy};
 
     #[test]
     fn sums_do_not_depend_on_how_a_row_is_kept() {
@@ -364,12 +442,13 @@ mod tests {
             .collect();
         let x: Vec<f64> = (0..37).map(|j| f64::from(j) - 3.5).collect();
         let expected: f64 = values.iter().zip(&x).map(|(a, x)| a * x).sum();
-        let sparse = Row::new(Aligned::copied(&values));
-        assert!(sparse.columns.is_some());
+        let sparse = Row::new(&values);
+        assert!(matches!(sparse.columns, Columns::Listed(_)));
         // 37 terms of up to 33: rounding stays below 37 · 33 · 1.1e-16.
         assert!((product(&values, &x) - expected).abs() < 2e-13 && (sparse.dot(&x) - expected).abs() < 2e-13);
         assert!((0..37).all(|j| sparse.at(j).to_bits() == values[j].to_bits()));
     }
+
     /// Row i of K has entries at all columns, or at every third one, and factors differ from row to row.
     fn small_matrix(n: usize) -> Matrix {
         let entry = |i: usize, j: usize| {
@@ -379,19 +458,14 @@ mod tests {
                 1.0 / (1.0 + i.abs_diff(j) as f64) / n as f64
             }
         };
-        let row = |i: usize| Aligned::copied(&(0..n).map(|j| entry(i, j)).collect::<Vec<_>>());
-        Matrix {
-            n_channels: 1,
-            rows: (0..n).map(|i| Row::new(row(i))).collect(),
-            slots: (0..)
-                .take(n)
-                .map(|row| Slot {
-                    row,
-                    factor: 0.5 + 0.4 / f64::from(row + 1),
-                    own: false,
-                })
-                .collect(),
-        }
+        let row = |i: usize| (0..n).map(|j| entry(i, j)).collect::<Vec<_>>();
+        let slot = |row: u32| Slot {
+            row,
+            factor: 0.5 + 0.4 / f64::from(row + 1),
+            own: false,
+        };
+        let rows = (0..n).map(|i| Row::new(&row(i))).collect();
+        Matrix::new(1, rows, (0..).take(n).map(slot).collect())
     }
 
     #[test]
@@ -399,7 +473,7 @@ mod tests {
         // Below and above the length from which rows take wide instructions, with 0 to 3 rows left over.
         for n in [1, 5, 14, 31, 36, 37, 38, 39] {
             let k = small_matrix(n);
-            assert!(n < 5 || k.rows.iter().any(|row| row.columns.is_some()));
+            assert!(n < 5 || k.rows.iter().any(|row| matches!(row.columns, Columns::Listed(_))));
             let f: Vec<f64> = (0..n).map(|i| 1.0 + (i as f64).sin()).collect();
             let mut u: Vec<f64> = (0..n).map(|i| (i as f64).cos()).collect();
             let mut expected = u.clone();
@@ -411,6 +485,63 @@ mod tests {
             let error = u.iter().zip(&expected).map(|(u, e)| (u - e).abs()).fold(0.0, f64::max);
             // Numbers up to 3, sums of up to 39 terms of which ρF makes less than one: roundings of 1e-15 each, which no later row adds to.
             assert!(error < 2e-14, "{n}: {error:e}");
+        }
+    }
+
+    #[test]
+    fn what_a_sweep_leaves_comes_from_what_later_rows_change() {
+        for n in [5, 38] {
+            let mut k = small_matrix(n);
+            // This row cannot be mended: its diagonal is 2.
+            k.slots[3].factor = 2.0 * n as f64;
+            let f: Vec<f64> = (0..n).map(|i| 1.0 + (i as f64).sin()).collect();
+            let mut u: Vec<f64> = (0..n).map(|i| (i as f64).cos()).collect();
+            let Swept { changes, left } = k.sweep(0, &mut u, &f);
+            let unmended: Vec<usize> = left.iter().map(|&(i, _)| i).collect();
+            // Rows 1, 3, 5 ... have entries at every third column only: row 3 has one at 3.
+            assert_eq!(unmended, [3]);
+            for i in 0..n {
+                let product: f64 = (0..n).map(|j| k.at(i, j, 0) * u[j]).sum();
+                let later: f64 = (i + 1..n).map(|j| k.at(i, j, 0) * changes[j]).sum();
+                let own = if i == 3 { left[0].1 } else { 0.0 };
+                let error = f[i] + product - u[i] - later - own;
+                // Row 3 has factors of up to 2 and up to 13 terms of 1 or less; the rest as above.
+                assert!(error.abs() < 1e-13, "{n}, {i}: {error:e}");
+            }
+        }
+    }
+
+    #[test]
+    fn restricted_rows_are_means_of_all_or_of_what_is_above_the_diagonal() {
+        // Coarse patches of 4, 6, 2 and 1 patches, whose rows in a grid lie apart.
+        let shapes = [
+            FaceShape::Quad { n_u: 5, n_v: 3 },
+            FaceShape::Quad { n_u: 4, n_v: 1 },
+            FaceShape::Quad { n_u: 1, n_v: 1 },
+        ];
+        let areas: Vec<f64> = (0..20).map(|i| 1.0 + f64::from(i % 5)).collect();
+        let hierarchy = Hierarchy::of_faces(&shapes, &areas);
+        let step = &hierarchy.levels()[0];
+        let k = small_matrix(20);
+        for upper in [false, true] {
+            let wanted = Wanted { upper, merged: true };
+            let Restricted { rows, merged, .. } = k.restricted(step, wanted);
+            let merged = merged.expect("wanted");
+            for coarse in 0..step.n_coarse() {
+                let mean = |j: usize, above: bool| -> f64 {
+                    let children = step.children(coarse).iter().map(|&i| i as usize);
+                    let of_child = |i: usize| step.shares()[i] * k.at(i, j, 0);
+                    children.filter(|&i| !above || j > i).map(of_child).sum()
+                };
+                for j in 0..20 {
+                    assert!((rows.at(coarse, j, 0) - mean(j, upper)).abs() < 1e-16, "{coarse} {j}");
+                }
+                for parent in 0..step.n_coarse() {
+                    let columns = step.children(parent).iter();
+                    let sum: f64 = columns.map(|&j| mean(j as usize, false)).sum();
+                    assert!((merged.at(coarse, parent, 0) - sum).abs() < 1e-16, "{coarse} {parent}");
+                }
+            }
         }
     }
 }

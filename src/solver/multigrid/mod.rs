@@ -22,6 +22,7 @@ use crate::matrix::operator::{Block, RowAccess};
 use crate::mesh::hierarchy::Coarsening;
 use crate::mesh::{Hierarchy, Prolongation};
 use levels::Levels;
+use matrices::Swept;
 
 /// How the matrices of the coarse levels come about.
 #[derive(Clone, Debug, Default)]
@@ -41,6 +42,17 @@ pub enum Coarsest {
     Direct,
     /// By so many sweeps of Gauss-Seidel; Lewis has 20.
     Sweeps(usize),
+}
+
+/// How the defect d = R (u − K u − f) of a level is calculated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Defect {
+    /// From the changes δ that the sweep just made. When patch i has had its turn its residual is 0, and what comes after it changes that by what later patches
+    /// send: d = −R U δ, where U is K above its diagonal. That takes half of R K or less, and nothing at all in a recursive call that begins at 0 and does not sweep.
+    #[default]
+    OfChanges,
+    /// From the radiosities, with all of R K, as Lewis has it: the same numbers but for rounding.
+    OfRadiosities,
 }
 
 /// The most patches of a coarsest level; where the hierarchy ends with more, one further level joins all that exchange light.
@@ -87,6 +99,8 @@ pub struct Multigrid {
     pub coarse_matrices: CoarseMatrices,
     /// How the coarsest level is solved.
     pub coarsest: Coarsest,
+    /// How the defects are calculated.
+    pub defect: Defect,
     /// Whether the true residual is calculated after every cycle.
     pub true_residuals: bool,
 }
@@ -231,9 +245,13 @@ impl Iteration for Cycles<'_> {
         let Some(levels) = self.levels.as_ref().filter(|_| self.physical) else {
             return Estimate::Breakdown;
         };
+        let old = self.radiosity.clone();
         gauss_seidel::sweep(self.scaled, self.rows, &mut self.radiosity, &mut self.before);
-        let u = channels(&self.radiosity);
-        let v = levels.correction(&u, &self.exitance);
+        let d = match self.settings.defect {
+            Defect::OfRadiosities => levels.defect_of_radiosities(&channels(&self.radiosity), &self.exitance),
+            Defect::OfChanges => levels.defect_of_changes(&swept(&self.radiosity, old, &self.before)),
+        };
+        let v = levels.correction(&d);
         let step = &self.hierarchy.levels()[0];
         let n_channels = v.len();
         for (c, (v, corrects)) in v.iter().zip(&self.corrects).enumerate() {
@@ -265,8 +283,31 @@ impl Iteration for Cycles<'_> {
 
     fn work(&self) -> f64 {
         let levels = self.levels.as_ref();
-        levels.map_or(0.0, |levels| levels.multiply_adds() / levels.n_of_f.max(1.0))
+        levels.map_or(0.0, |levels| levels.multiply_adds / levels.n_of_f.max(1.0))
     }
+}
+
+/// Returns what a sweep from `old` to `new`, which met the residuals `met`, did in each channel.
+fn swept(new: &Block, old: Block, met: &Block) -> Vec<Swept> {
+    let mut changes = old;
+    for (old, new) in changes.values_mut().iter_mut().zip(new.values()) {
+        *old = new - *old;
+    }
+    let n_channels = new.n_channels();
+    let mut swept: Vec<Swept> = channels(&changes)
+        .into_iter()
+        .map(|changes| Swept {
+            changes,
+            left: Vec::new(),
+        })
+        .collect();
+    for (k, (change, residual)) in changes.values().iter().zip(met.values()).enumerate() {
+        // What a sweep did not change it could not: the patch sends all of its light back to itself.
+        if *change == 0.0 && *residual != 0.0 {
+            swept[k % n_channels].left.push((k / n_channels, *residual));
+        }
+    }
+    swept
 }
 
 /// Returns 1 for every patch to which light can get in a channel, else 0.
@@ -287,6 +328,9 @@ fn lit_patches(scaled: &Scaled) -> Vec<Vec<f64>> {
 /// Returns the channels of a block one after the other.
 fn channels(block: &Block) -> Vec<Vec<f64>> {
     let n_channels = block.n_channels();
+    if n_channels == 1 {
+        return vec![block.values().to_vec()];
+    }
     let channel = |c: usize| block.values().iter().skip(c).step_by(n_channels).copied().collect();
     (0..n_channels).map(channel).collect()
 }
