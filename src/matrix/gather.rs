@@ -29,6 +29,45 @@ pub(super) struct SparseRows<'a, T> {
     pub(super) begins: &'a [usize],
     pub(super) columns: &'a [u32],
     pub(super) values: &'a [T],
+    /// What [`mostly_in_runs`] says of the rows.
+    pub(super) in_runs: bool,
+}
+
+/// Tells whether most entries of the rows lie beside one another, as where patches of a face see one another: then x is read like a dense vector.
+pub(super) fn mostly_in_runs(begins: &[usize], columns: &[u32]) -> bool {
+    let mut counts = Chunks::default();
+    begins
+        .windows(2)
+        .for_each(|ends| counts.add_row(&columns[ends[0]..ends[1]]));
+    counts.are_mostly_runs()
+}
+
+/// Chunks of eight entries.
+#[derive(Default)]
+struct Chunks {
+    n: usize,
+    /// Those whose columns are consecutive.
+    n_runs: usize,
+}
+
+impl Chunks {
+    #[inline(always)]
+    fn add_row<J: Copy + Into<u32>>(&mut self, columns: &[J]) {
+        for chunk in columns.as_chunks::<LANES>().0 {
+            self.n += 1;
+            self.n_runs += usize::from(is_run(&chunk.map(|j| j.into() as usize)));
+        }
+    }
+
+    fn are_mostly_runs(&self) -> bool {
+        self.n > 0 && 2 * self.n_runs >= self.n
+    }
+}
+
+/// Tells whether ascending columns are consecutive.
+#[inline(always)]
+fn is_run(columns: &[usize; LANES]) -> bool {
+    columns[LANES - 1] - columns[0] == LANES - 1
 }
 
 /// Sets `y` (row-major, one entry per channel) to the products of the rows with `x`.
@@ -37,12 +76,67 @@ pub(super) struct SparseRows<'a, T> {
 /// were alone.
 pub(super) fn multiply_sparse_rows<T: Scalar>(rows: SparseRows<'_, T>, x: &Planes, y: &mut [f64]) {
     let n_channels = x.n_channels();
+    if rows.in_runs {
+        return multiply_runs(rows, x, y);
+    }
     if n_channels == 1 {
         return dispatch(One(rows, x.channel(0), y));
     }
     for (group, fours) in x.fours().enumerate() {
         let first = group * FOUR;
         dispatch(Four(rows, fours, first..n_channels.min(first + FOUR), n_channels, y));
+    }
+}
+
+/// Does what [`multiply_sparse_rows`] does, to the same bytes, for rows whose entries mostly lie in runs.
+fn multiply_runs<T: Scalar>(rows: SparseRows<'_, T>, x: &Planes, y: &mut [f64]) {
+    let n_channels = x.n_channels();
+    let plane = |c: usize| x.channel(c);
+    for first in (0..n_channels).step_by(3) {
+        let to = (first, n_channels);
+        match n_channels - first {
+            1 => dispatch(Runs(rows, [plane(first)], to, y)),
+            2 => dispatch(Runs(rows, [0, 1].map(|k| plane(first + k)), to, y)),
+            _ => dispatch(Runs(rows, [0, 1, 2].map(|k| plane(first + k)), to, y)),
+        }
+    }
+}
+
+/// The loop of [`multiply_runs`] for C channels; the first of them, and of how many in y.
+struct Runs<'a, T, const C: usize>(SparseRows<'a, T>, [&'a [f64]; C], (usize, usize), &'a mut [f64]);
+
+impl<T: Scalar, const C: usize> InnerLoop for Runs<'_, T, C> {
+    #[inline(always)]
+    fn run<S: Simd, const N: usize>(self, simd: S) {
+        let Self(rows, x, (first, n_channels), y) = self;
+        for (ends, y_i) in rows.begins.windows(2).zip(y.chunks_exact_mut(n_channels)) {
+            let (columns, columns_rest) = rows.columns[ends[0]..ends[1]].as_chunks::<LANES>();
+            let (values, values_rest) = rows.values[ends[0]..ends[1]].as_chunks::<LANES>();
+            let mut sums = [Wide::<S, N>::zero(simd); C];
+            for (j, a) in columns.iter().zip(values) {
+                let a = Wide::load(a);
+                let places = j.map(|j| j as usize);
+                if is_run(&places) {
+                    for c in 0..C {
+                        let run = &x[c][places[0]..places[0] + LANES].as_chunks().0[0];
+                        sums[c] = sums[c].plus_product(simd, a, Wide::load(run));
+                    }
+                } else {
+                    for c in 0..C {
+                        let gathered = places.map(|j| x[c][j]);
+                        sums[c] = sums[c].plus_product(simd, a, Wide::load(&gathered));
+                    }
+                }
+            }
+            for c in 0..C {
+                let mut lanes = [0.0; LANES];
+                sums[c].store(&mut lanes);
+                for (lane, (j, a)) in lanes.iter_mut().zip(columns_rest.iter().zip(values_rest)) {
+                    *lane = a.to_f64().mul_add(x[c][*j as usize], *lane);
+                }
+                y_i[first + c] = total(&lanes);
+            }
+        }
     }
 }
 
@@ -91,6 +185,7 @@ impl<'a, T> SparseRows<'a, T> {
             begins: &self.begins[first..=n_rows.min(first + ROWS_AT_ONCE)],
             columns: self.columns,
             values: self.values,
+            in_runs: self.in_runs,
         })
     }
 
@@ -170,133 +265,6 @@ fn add_product(sum: &mut [f64; FOUR], a: f64, x: &[f64; FOUR]) {
     }
 }
 
-/// The entries of a square tile T in the order of rows, then columns.
-#[derive(Clone, Copy)]
-pub(super) struct SquareEntries<'a, T> {
-    pub(super) rows: &'a [u8],
-    pub(super) columns: &'a [u8],
-    pub(super) values: &'a [T],
-}
-
-/// Partial sums of a row of a square tile.
-const PARTS: usize = 4;
-
-/// Adds T `x_columns` to `rows`, and T^T `x_rows` to `y_columns`, for one channel.
-pub(super) fn add_both_listed<T: Scalar>(
-    entries: SquareEntries<'_, T>,
-    [x_rows, x_columns]: [&[f64]; 2],
-    rows: &mut [f64],
-    y_columns: &mut [f64],
-) {
-    dispatch(OneListed(entries, [x_rows, x_columns], rows, y_columns));
-}
-
-/// The loop of [`add_both_listed`].
-struct OneListed<'a, T>(SquareEntries<'a, T>, [&'a [f64]; 2], &'a mut [f64], &'a mut [f64]);
-
-impl<T: Scalar> InnerLoop for OneListed<'_, T> {
-    #[inline(always)]
-    fn run<S: Simd, const N: usize>(self, _: S) {
-        let Self(entries, [x_rows, x_columns], rows, y_columns) = self;
-        for_each_row(entries, |row, columns, values| {
-            let x_row = x_rows[row];
-            let mut parts = [0.0; PARTS];
-            in_turns(columns, values, &mut parts, |part, j, a| {
-                let (j, a) = (usize::from(j), a.to_f64());
-                *part = a.mul_add(x_columns[j], *part);
-                y_columns[j] = a.mul_add(x_row, y_columns[j]);
-            });
-            rows[row] += (parts[0] + parts[1]) + (parts[2] + parts[3]);
-        });
-    }
-}
-
-/// Does what [`add_both_listed`] does for up to four channels, each as if it were alone; `rows` holds the sum of each channel.
-pub(super) fn add_both_listed_four<T: Scalar>(
-    entries: SquareEntries<'_, T>,
-    [x_rows, x_columns]: [&[[f64; FOUR]]; 2],
-    rows: &mut [[f64; FOUR]],
-    y_columns: &mut [[f64; FOUR]],
-) {
-    dispatch(FourListed(entries, [x_rows, x_columns], rows, y_columns));
-}
-
-/// The loop of [`add_both_listed_four`].
-struct FourListed<'a, T>(
-    SquareEntries<'a, T>,
-    [&'a [[f64; FOUR]]; 2],
-    &'a mut [[f64; FOUR]],
-    &'a mut [[f64; FOUR]],
-);
-
-impl<T: Scalar> InnerLoop for FourListed<'_, T> {
-    #[inline(always)]
-    fn run<S: Simd, const N: usize>(self, _: S) {
-        let Self(entries, [x_rows, x_columns], rows, y_columns) = self;
-        for_each_row(entries, |row, columns, values| {
-            let x_row = x_rows[row];
-            let mut parts = [[0.0; FOUR]; PARTS];
-            in_turns(columns, values, &mut parts, |part, j, a| {
-                let (j, a) = (usize::from(j), a.to_f64());
-                add_product(part, a, &x_columns[j]);
-                let mut y = y_columns[j];
-                add_product(&mut y, a, &x_row);
-                y_columns[j] = y;
-            });
-            for (c, sum) in rows[row].iter_mut().enumerate() {
-                *sum += (parts[0][c] + parts[1][c]) + (parts[2][c] + parts[3][c]);
-            }
-        });
-    }
-}
-
-/// Calls `add(sum, column, value)` for the entries of a row, one after the other for each of `sums` and then again from the first.
-#[inline(always)]
-fn in_turns<P, J: Copy, T: Copy, const K: usize>(
-    columns: &[J],
-    values: &[T],
-    sums: &mut [P; K],
-    mut add: impl FnMut(&mut P, J, T),
-) {
-    let (columns, columns_rest) = columns.as_chunks::<K>();
-    let (values, values_rest) = values.as_chunks::<K>();
-    for (j, a) in columns.iter().zip(values) {
-        for l in 0..K {
-            add(&mut sums[l], j[l], a[l]);
-        }
-    }
-    for (sum, (j, a)) in sums.iter_mut().zip(columns_rest.iter().zip(values_rest)) {
-        add(sum, *j, *a);
-    }
-}
-
-/// Calls `visit(row, columns, values)` for every row that has entries.
-#[inline(always)]
-fn for_each_row<T: Copy>(entries: SquareEntries<'_, T>, mut visit: impl FnMut(usize, &[u8], &[T])) {
-    let SquareEntries { rows, columns, values } = entries;
-    let mut begin = 0;
-    while let Some(&row) = rows.get(begin) {
-        let end = begin + run_length(&rows[begin..]);
-        visit(row.into(), &columns[begin..end], &values[begin..end]);
-        begin = end;
-    }
-}
-
-/// Returns how many bytes are equal to the first, eight at a time.
-#[inline(always)]
-fn run_length(bytes: &[u8]) -> usize {
-    let (words, rest) = bytes.as_chunks::<8>();
-    let first = bytes[0];
-    for (k, word) in words.iter().enumerate() {
-        let differing = u64::from_le_bytes(*word) ^ u64::from_le_bytes([first; 8]);
-        if differing != 0 {
-            return 8 * k + differing.trailing_zeros() as usize / 8;
-        }
-    }
-    let in_rest = rest.iter().take_while(|&&byte| byte == first).count();
-    8 * words.len() + in_rest
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::lanes::tests::{bits, numbers};
@@ -323,8 +291,10 @@ mod tests {
             begins: &begins,
             columns: &columns,
             values: &values,
+            in_runs: false,
         };
-        for n_channels in [1, 3, 5] {
+        for (n_channels, in_runs) in [1, 3, 5].into_iter().flat_map(|c| [(c, false), (c, true)]) {
+            let rows = SparseRows { in_runs, ..rows };
             let x = numbers(n * n_channels, 2);
             let expected: Vec<f64> = begins
                 .windows(2)
@@ -341,17 +311,20 @@ mod tests {
             let planes = Planes::of(&Block::from_values(x.clone(), n_channels));
             let mut y = vec![f64::NAN; n_rows * n_channels];
             multiply_sparse_rows(rows, &planes, &mut y);
-            assert_eq!(bits(&y), bits(&expected), "{n_channels} channels");
+            assert_eq!(bits(&y), bits(&expected), "{n_channels} channels, {in_runs}");
         }
     }
 
     #[test]
-    fn runs_end_where_the_bytes_change() {
-        for length in 1..30 {
-            for after in [0, 1, 20] {
-                let bytes = [vec![5; length], vec![6; after]].concat();
-                assert_eq!(run_length(&bytes), length);
-            }
-        }
+    fn rows_are_in_runs_if_half_of_their_chunks_are() {
+        let run = |from: u32| from..from + 8;
+        let apart = |from: u32| (from..from + 16).step_by(2);
+        let half: Vec<u32> = run(3).chain(apart(20)).chain([50]).collect();
+        assert!(mostly_in_runs(&[0, half.len()], &half));
+        let third: Vec<u32> = run(3).chain(apart(20)).chain(apart(50)).collect();
+        assert!(!mostly_in_runs(&[0, third.len()], &third));
+        // A run that goes on in the next row is none, and short rows have no chunks.
+        assert!(!mostly_in_runs(&[0, 4, 8], &[0, 1, 2, 3, 4, 5, 6, 7]));
+        assert!(!mostly_in_runs(&[0], &[]));
     }
 }

@@ -15,6 +15,7 @@ mod error;
 mod exchange;
 mod gather;
 mod lanes;
+mod listed;
 pub mod operator;
 mod pass;
 mod planes;

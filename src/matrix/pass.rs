@@ -4,31 +4,18 @@ use std::ops::Range;
 
 use super::aligned::Aligned;
 use super::both::Meeting;
-use super::gather::{SquareEntries, add_both_listed, add_both_listed_four};
 use super::lanes::{LANES, Lanes, total};
-use super::planes::{FOUR, Planes};
+use super::planes::Planes;
 use super::square::{SIDE, Square};
 use super::store::Scalar;
 
 /// The sums of one piece of a pass, from its first row on.
-///
-/// Tiles stored in full and listed ones have sums of their own, since they take the channels in different ways.
 pub(super) struct PassSums {
     first: usize,
     n_left: usize,
-    n_channels: usize,
     /// Of the rows of one row of tiles: partial sums, channel by channel.
     rows: Aligned<f64>,
     /// Channel by channel, each filled up to a multiple of [`SIDE`].
-    columns: Aligned<f64>,
-    /// The sums of listed tiles, where there are any: of one channel, or of four at a time.
-    listed: Vec<Listed>,
-}
-
-/// Sums of a few channels, side by side.
-struct Listed {
-    /// Of the rows of one row of tiles.
-    rows: Aligned<f64>,
     columns: Aligned<f64>,
 }
 
@@ -41,20 +28,13 @@ impl PassSums {
         Self {
             first,
             n_left: n - first,
-            n_channels,
             rows: Aligned::filled(n_channels * ROW_SUMS, 0.0),
             columns: Aligned::filled(n_channels * (n - first).next_multiple_of(SIDE), 0.0),
-            listed: Vec::new(),
         }
     }
 
     fn n_padded(&self) -> usize {
         self.n_left.next_multiple_of(SIDE)
-    }
-
-    /// Returns how many channels listed tiles take at a time.
-    fn together(&self) -> usize {
-        if self.n_channels == 1 { 1 } else { FOUR }
     }
 
     /// Adds what a tile on the diagonal, stored whole, makes of `x`.
@@ -65,7 +45,7 @@ impl PassSums {
         }
     }
 
-    /// Calls `work` with what the tile of `rows` and `columns` needs of every channel.
+    /// Calls `work` with what the tile of `rows` and `columns`, which may go on beyond the last of the matrix, needs of every channel.
     pub(super) fn with_channels(
         &mut self,
         x: &Planes,
@@ -78,70 +58,29 @@ impl PassSums {
         let sums = self.rows.chunks_exact_mut(ROW_SUMS);
         let sums = sums.zip(self.columns.chunks_exact_mut(n_padded));
         let mut channels = sums.enumerate().map(|(c, (lanes, y))| Meeting {
-            x_rows: &x.channel(c)[rows.clone()],
-            x_columns: &x.channel(c)[columns.clone()],
+            x_rows: &x.padded(c)[rows.clone()],
+            x_columns: &x.padded(c)[columns.clone()],
             rows: &mut lanes.as_chunks_mut::<LANES>().0[..rows.len()],
             y_columns: &mut y[y_columns.clone()],
         });
         work(&mut channels);
     }
 
-    /// Adds what the listed entries of the tile of `rows` and `columns` and of its transpose make of `x`.
-    pub(super) fn add_listed<T: Scalar>(
-        &mut self,
-        entries: SquareEntries<'_, T>,
-        x: &Planes,
-        rows: Range<usize>,
-        columns: Range<usize>,
-    ) {
-        let together = self.together();
-        if self.listed.is_empty() {
-            let sums = || Listed {
-                rows: Aligned::filled(SIDE * together, 0.0),
-                columns: Aligned::filled(self.n_padded() * together, 0.0),
-            };
-            self.listed = std::iter::repeat_with(sums)
-                .take(self.n_channels.div_ceil(together))
-                .collect();
-        }
-        let y_columns = columns.start - self.first..columns.end - self.first;
-        if self.n_channels == 1 {
-            let (plane, sums) = (x.channel(0), &mut self.listed[0]);
-            let parts = [&plane[rows], &plane[columns]];
-            add_both_listed(entries, parts, &mut sums.rows, &mut sums.columns[y_columns]);
-            return;
-        }
-        for (fours, sums) in x.fours().zip(&mut self.listed) {
-            add_both_listed_four(
-                entries,
-                [&fours[rows.clone()], &fours[columns.clone()]],
-                sums.rows.as_chunks_mut().0,
-                &mut sums.columns.as_chunks_mut().0[y_columns.clone()],
-            );
-        }
-    }
-
     /// Ends a row of tiles: its rows' sums go to y.
     pub(super) fn end_rows(&mut self, rows: Range<usize>) {
         let own = rows.start - self.first..rows.end - self.first;
-        let (n_padded, together) = (self.n_padded(), self.together());
+        let n_padded = self.n_padded();
         let sums = self
             .columns
             .chunks_exact_mut(n_padded)
             .zip(self.rows.chunks_exact(ROW_SUMS));
-        for (c, (y, of_channel)) in sums.enumerate() {
+        for (y, of_channel) in sums {
             let partial: &[Lanes] = of_channel.as_chunks().0;
-            for (k, (y_i, lanes)) in y[own.clone()].iter_mut().zip(partial).enumerate() {
+            for (y_i, lanes) in y[own.clone()].iter_mut().zip(partial) {
                 *y_i += total(lanes);
-                if let Some(listed) = self.listed.get(c / together) {
-                    *y_i += listed.rows[k * together + c % together];
-                }
             }
         }
         self.rows.fill(0.0);
-        for listed in &mut self.listed {
-            listed.rows.fill(0.0);
-        }
     }
 
     /// Makes all sums NaN.
@@ -150,17 +89,10 @@ impl PassSums {
     }
 
     /// Returns what is to be added to y.
-    pub(super) fn finish(mut self) -> PieceOfY {
-        let (n_padded, together) = (self.n_padded(), self.together());
-        for (c, y) in self.columns.chunks_exact_mut(n_padded).enumerate() {
-            if let Some(listed) = self.listed.get(c / together) {
-                let sums = listed.columns.iter().skip(c % together).step_by(together);
-                y.iter_mut().zip(sums).for_each(|(y_i, sum)| *y_i += sum);
-            }
-        }
+    pub(super) fn finish(self) -> PieceOfY {
         PieceOfY {
             first: self.first,
-            n_padded,
+            n_padded: self.n_padded(),
             values: self.columns,
         }
     }

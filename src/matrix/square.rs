@@ -8,8 +8,8 @@ use std::ops::Range;
 
 use super::aligned::Aligned;
 use super::both::add_both;
-use super::gather::SquareEntries;
 use super::lanes::{Lanes, add_row};
+use super::listed::{SquareEntries, add_both_listed};
 use super::pass::PassSums;
 use super::planes::Planes;
 use super::store::{DENSE_FROM, Scalar, add_dot, rounded};
@@ -97,14 +97,15 @@ impl<T: Scalar> Square<T> {
         let mut by_column: Vec<u16> = (0..).take(entries.len()).collect();
         by_column.sort_by_key(|&at| in_columns[usize::from(at)]);
         let std_errors = entries.iter().filter(|_| with_errors).map(|entry| entry.3);
+        let numbers = Values {
+            values: Aligned::copied(&entries.iter().map(|entry| entry.2).collect::<Vec<_>>()),
+            std_errors: std_errors.collect(),
+        };
         Self::List(Box::new(List {
             rows: in_rows.into(),
             columns: in_columns.into(),
             by_column: by_column.into(),
-            numbers: Values {
-                values: Aligned::copied(&entries.iter().map(|entry| entry.2).collect::<Vec<_>>()),
-                std_errors: std_errors.collect(),
-            },
+            numbers,
         }))
     }
 
@@ -269,12 +270,8 @@ impl<T: Scalar> Square<T> {
                 add_both(&full.numbers.values, channels);
             }),
             Self::List(list) => {
-                let entries = SquareEntries {
-                    rows: &list.rows,
-                    columns: &list.columns,
-                    values: &list.numbers.values,
-                };
-                sums.add_listed(entries, x, rows, columns);
+                let [rows, columns] = [rows.start, columns.start].map(|first| first..first + SIDE);
+                sums.with_channels(x, rows, columns, |channels| add_both_listed(list.entries(), channels));
             }
         }
     }
@@ -324,7 +321,15 @@ impl<T: Scalar> Full<T> {
     }
 }
 
-impl<T> List<T> {
+impl<T: Scalar> List<T> {
+    fn entries(&self) -> SquareEntries<'_, T> {
+        SquareEntries {
+            rows: &self.rows,
+            columns: &self.columns,
+            values: &self.numbers.values,
+        }
+    }
+
     /// Returns the places of a row's entries.
     fn row(&self, row: usize) -> Range<usize> {
         let first_from = |bound: usize| self.rows.partition_point(|&r| usize::from(r) < bound);

@@ -27,9 +27,11 @@ pub(super) trait Scalar: Copy + Send + Sync + Debug + 'static {
 }
 
 impl Scalar for f64 {
+    #[inline]
     fn from_f64(value: f64) -> Self {
         value
     }
+    #[inline]
     fn to_f64(self) -> f64 {
         self
     }
@@ -47,9 +49,11 @@ impl Scalar for f64 {
 
 impl Scalar for f32 {
     #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is what is asked for")]
+    #[inline]
     fn from_f64(value: f64) -> Self {
         value as Self
     }
+    #[inline]
     fn to_f64(self) -> f64 {
         f64::from(self)
     }

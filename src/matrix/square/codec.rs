@@ -89,8 +89,8 @@ impl<T: Scalar> Square<T> {
                 let n = usize::from(n);
                 let (rows, rest) = numbers.split_at(n);
                 let (columns, after) = rest.split_at(n);
-                let (by_column, values) = after.split_at(2 * n);
-                let (pairs, _) = by_column.as_chunks::<2>();
+                let (order, values) = after.split_at(2 * n);
+                let (pairs, _) = order.as_chunks::<2>();
                 Self::List(Box::new(List {
                     rows: rows.into(),
                     columns: columns.into(),

@@ -1,0 +1,120 @@
+//! A tile of listed entries applied together with its transpose, compiled as the loops of [`lanes`](super::lanes).
+
+#![expect(
+    clippy::inline_always,
+    reason = "what is not inlined is not compiled for the instruction set"
+)]
+
+use pulp::Simd;
+
+use super::both::{Meeting, add_both};
+use super::lanes::{InnerLoop, LANES, dispatch};
+use super::square::SIDE;
+use super::store::Scalar;
+
+/// The entries of a square tile T in the order of rows, then columns.
+#[derive(Clone, Copy)]
+pub(super) struct SquareEntries<'a, T> {
+    pub(super) rows: &'a [u8],
+    pub(super) columns: &'a [u8],
+    pub(super) values: &'a [T],
+}
+
+/// Tiles with one in so many of their entries or more are written out in full: all multiplications of a full tile then take less time than finding each
+/// entry's place in x and y.
+const WRITTEN_OUT_FROM: usize = 8;
+
+/// Adds T `x_columns` to the partial sums `rows`, and T^T `x_rows` to `y_columns`, for every channel; these are [`SIDE`] rows and columns, whatever T has.
+pub(super) fn add_both_listed<'a, T: Scalar>(
+    entries: SquareEntries<'_, T>,
+    channels: impl Iterator<Item = Meeting<'a>>,
+) {
+    let n = entries.values.len();
+    if WRITTEN_OUT_FROM * n < SIDE * SIDE {
+        for channel in channels {
+            dispatch(One(entries, channel));
+        }
+        return;
+    }
+    let mut full = [T::from_f64(0.0); SIDE * SIDE];
+    let places = entries.rows.iter().zip(entries.columns);
+    for ((row, column), a) in places.zip(entries.values) {
+        full[usize::from(*row) * SIDE + usize::from(*column)] = *a;
+    }
+    add_both(&full, channels);
+}
+
+/// The loop of [`add_both_listed`] for one channel and few entries.
+struct One<'a, 'b, T>(SquareEntries<'a, T>, Meeting<'b>);
+
+impl<T: Scalar> InnerLoop for One<'_, '_, T> {
+    #[inline(always)]
+    fn run<S: Simd, const N: usize>(self, _: S) {
+        let Self(SquareEntries { rows, columns, values }, channel) = self;
+        for ((row, column), a) in rows.iter().zip(columns).zip(values) {
+            let (row, column, a) = (usize::from(*row), usize::from(*column), a.to_f64());
+            let sum = &mut channel.rows[row][column % LANES];
+            *sum = a.mul_add(channel.x_columns[column], *sum);
+            let y = &mut channel.y_columns[column];
+            *y = a.mul_add(channel.x_rows[row], *y);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::lanes::{Lanes, tests::numbers, total};
+    use super::*;
+
+    #[test]
+    fn a_tile_and_its_transpose_are_applied_however_many_entries_it_has() {
+        for (n_rows, n_columns, one_in) in [(64, 64, 2), (64, 64, 7), (64, 64, 9), (64, 13, 1), (9, 64, 50)] {
+            let wanted = |&(row, column): &(u8, u8)| (31 * usize::from(row) + 17 * usize::from(column)) % one_in == 0;
+            let places = (0..n_rows).flat_map(|row| (0..n_columns).map(move |column| (row, column)));
+            let (rows, columns): (Vec<u8>, Vec<u8>) = places.filter(wanted).unzip();
+            let values = numbers(rows.len(), 1);
+            let entries = SquareEntries {
+                rows: &rows,
+                columns: &columns,
+                values: &values,
+            };
+            for n_channels in 1..=4 {
+                let x = numbers(2 * n_channels * SIDE, 2);
+                let (x_rows, x_columns) = x.split_at(n_channels * SIDE);
+                let mut sums = vec![[0.5; LANES]; n_channels * SIDE];
+                let mut y = vec![0.25; n_channels * SIDE];
+                let channels = x_rows
+                    .chunks(SIDE)
+                    .zip(x_columns.chunks(SIDE))
+                    .zip(sums.chunks_mut(SIDE).zip(y.chunks_mut(SIDE)))
+                    .map(|((x_rows, x_columns), (rows, y_columns))| Meeting {
+                        x_rows,
+                        x_columns,
+                        rows,
+                        y_columns,
+                    });
+                add_both_listed(entries, channels);
+                for c in 0..n_channels {
+                    for k in 0..SIDE {
+                        let (mut row, mut column) = (0.5 * LANES as f64, 0.25);
+                        for ((&i, &j), a) in rows.iter().zip(&columns).zip(&values) {
+                            if usize::from(i) == k {
+                                row += a * x_columns[c * SIDE + usize::from(j)];
+                            }
+                            if usize::from(j) == k {
+                                column += a * x_rows[c * SIDE + usize::from(i)];
+                            }
+                        }
+                        let lanes: &Lanes = &sums[c * SIDE + k];
+                        // Up to 64 products of less than 1 each, and the sums that were there.
+                        assert!((total(lanes) - row).abs() < 1e-13, "{n_columns} {one_in} {n_channels}");
+                        assert!(
+                            (y[c * SIDE + k] - column).abs() < 1e-13,
+                            "{n_columns} {one_in} {n_channels}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+}
