@@ -70,7 +70,7 @@ type Case<'a> = (&'a str, u64, &'a str);
 fn the_peak_stays_below_the_limit() {
     let directory = with_scene("cube");
     succeed(directory.path(), &["scene", "room-box", "-o", "room.obj"]);
-    let cases: [Case<'_>; 14] = [
+    let cases: [Case<'_>; 16] = [
         ("form-factors scene.obj --subdivide 2", 24, "memory"),
         // 1944 patches, computed in batches: all pairs at once would take 90 MB.
         ("form-factors scene.obj --subdivide 18", 80, "memory"),
@@ -106,6 +106,13 @@ fn the_peak_stays_below_the_limit() {
         ),
         ("field scene.obj --surface x0 --width 128 -o i.exr", 64, ""),
         ("compare cube --methods sr,closed-form --seeds 2 -o out", 40, ""),
+        // 192 by 144 pixels of 33 layers.
+        (
+            "render scene.obj --camera unfolded --direct rays --rays 16 --width 48 -o v.exr",
+            48,
+            "",
+        ),
+        ("verify v.exr", 24, ""),
     ];
     let mut wrong = String::new();
     for (line, limit, place) in cases {

@@ -261,6 +261,7 @@ fn sizes_that_no_machine_has_are_refused_by_name() {
             1,
             "limit",
         ),
+        (vec!["verify", "i.exr", "--memory-limit", "1000"], 1, "limit"),
         (
             vec!["render", "s.obj", "-o", "new.exr", "--width", "4294967295"],
             2,

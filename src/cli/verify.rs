@@ -7,12 +7,24 @@ use serde_json::json;
 use super::args::VerifyArgs;
 use super::exit_code::ExitCode;
 use super::failure::Failure;
+use super::pipeline::expect_room;
 use super::{Outcome, SCHEMA_VERSION, merge};
+use crate::render::exr::reading_byte;
 use crate::render::verify::{VerifyError, VerifyReport, verify};
-use crate::report::StageTimes;
+use crate::report::{StageTimes, memory_peak_byte};
 
 pub(super) fn run(args: &VerifyArgs) -> Result<Outcome, Failure> {
     let mut times = StageTimes::default();
+    // What cannot be read is told by who reads it.
+    if let Ok(needed) = reading_byte(&args.image) {
+        expect_room(
+            &args.image,
+            "to read it",
+            needed,
+            args.memory_limit,
+            "or render fewer pixels",
+        )?;
+    }
     let report = times.time("verify", || verify(&args.image)).map_err(|error| {
         // Errors of reading name the file themselves.
         let message = match &error {
@@ -27,6 +39,7 @@ pub(super) fn run(args: &VerifyArgs) -> Result<Outcome, Failure> {
         "version": env!("CARGO_PKG_VERSION"),
         "image": args.image.display().to_string(),
         "stages": times.to_json(),
+        "memory_peak_byte": memory_peak_byte(),
     });
     merge(&mut document, json!(report));
     Ok(Outcome {

@@ -87,10 +87,10 @@ mod tests {
                     .chunks(SIDE)
                     .zip(x_columns.chunks(SIDE))
                     .zip(sums.chunks_mut(SIDE).zip(y.chunks_mut(SIDE)))
-                    .map(|((x_rows, x_columns), (rows, y_columns))| Meeting {
+                    .map(|((x_rows, x_columns), (sums, y_columns))| Meeting {
                         x_rows,
                         x_columns,
-                        rows,
+                        rows: sums,
                         y_columns,
                     });
                 add_both_listed(entries, channels);

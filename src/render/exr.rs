@@ -1,7 +1,7 @@
 //! OpenEXR files: the image's layers and what verification needs.
 
 use std::collections::BTreeMap;
-use std::io::{Cursor, Write as _};
+use std::io::{BufReader, Cursor, Write as _};
 use std::path::Path;
 
 use ::exr::image::{AnyChannel, AnyChannels, Encoding, FlatSamples, Layer as ExrLayer, Layers};
@@ -193,23 +193,47 @@ fn sort_header(bytes: &mut [u8], start: usize) -> Option<usize> {
 /// the other compressions make less.
 const BYTES_OF_ONE: u128 = 1376;
 
-/// Refuses a header that promises more pixels than its file can hold: the decoder makes room for them at once, and ends the program where there is none.
-fn expect_held(bytes: &[u8]) -> Result<(), ::exr::error::Error> {
-    let promised = |header: &Header| {
+/// Returns the sum over all pixels of what `of_pixel` says of a header.
+fn promised(meta: &MetaData, of_pixel: impl Fn(&Header) -> usize) -> u128 {
+    let of_header = |header: &Header| {
         let [width, height] = [header.layer_size.x(), header.layer_size.y()].map(|n| n as u128);
-        width
-            .saturating_mul(height)
-            .saturating_mul(header.channels.bytes_per_pixel as u128)
+        width.saturating_mul(height).saturating_mul(of_pixel(header) as u128)
     };
-    let meta = MetaData::read_from_buffered(Cursor::new(bytes), false)?;
-    let promised = meta.headers.iter().map(promised).fold(0, u128::saturating_add);
-    if promised <= BYTES_OF_ONE * bytes.len() as u128 {
+    meta.headers.iter().map(of_header).fold(0, u128::saturating_add)
+}
+
+/// Memory for each number of a file while it is read and verified: 8.2 were measured with 1024 by 768 pixels and 33 layers.
+const NUMBER_BYTE: u128 = 9;
+
+/// Returns the memory that reading a file and [`verify`](super::verify::verify) take, as its header promises.
+///
+/// # Errors
+/// [`RenderError::Io`], [`RenderError::NotExr`].
+pub fn reading_byte(path: &Path) -> Result<u64, RenderError> {
+    let failed = |source| RenderError::Io {
+        path: path.to_owned(),
+        source,
+    };
+    let file = input_file::open(path).map_err(failed)?;
+    let in_file = file.metadata().map_err(failed)?.len();
+    let meta = MetaData::read_from_buffered(BufReader::new(file), false);
+    let held = meta.and_then(|meta| expect_held(&meta, in_file).map(|()| meta));
+    let meta = held.map_err(|error| RenderError::NotExr {
+        path: path.to_owned(),
+        reason: error.to_string(),
+    })?;
+    let numbers = promised(&meta, |header| header.channels.list.len());
+    let byte = NUMBER_BYTE.saturating_mul(numbers).saturating_add(in_file.into());
+    Ok(u64::try_from(byte).unwrap_or(u64::MAX))
+}
+
+/// Refuses a header that promises more pixels than its file can hold: the decoder makes room for them at once, and ends the program where there is none.
+fn expect_held(meta: &MetaData, in_file: u64) -> Result<(), ::exr::error::Error> {
+    let promised = promised(meta, |header| header.channels.bytes_per_pixel);
+    if promised <= BYTES_OF_ONE * u128::from(in_file) {
         return Ok(());
     }
-    let reason = format!(
-        "its header promises {promised} bytes of pixels, and it has {} bytes in all",
-        bytes.len()
-    );
+    let reason = format!("its header promises {promised} bytes of pixels, and it has {in_file} bytes in all");
     Err(::exr::error::Error::Invalid(reason.into()))
 }
 
@@ -219,7 +243,8 @@ fn decode(path: &Path, bytes: &[u8]) -> Result<(Image, Attributes), RenderError>
         path: path(),
         reason: error.to_string(),
     };
-    expect_held(bytes).map_err(damaged)?;
+    let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(damaged)?;
+    expect_held(&meta, bytes.len() as u64).map_err(damaged)?;
     let file = reader()
         .no_deep_data()
         .largest_resolution_level()

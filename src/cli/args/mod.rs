@@ -12,6 +12,8 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 
+use super::storage::parse_byte;
+
 pub use experiments::{CompareArgs, PaperName, ReproduceArgs, VisibilityName};
 pub use field::{FieldArgs, FieldMethodName};
 pub use form_factors::{
@@ -113,6 +115,9 @@ pub struct VerifyArgs {
     /// The image that `radiosity render` or `radiosity field` wrote
     #[arg(value_name = "IMAGE.exr")]
     pub image: PathBuf,
+    /// The most memory to use, as in 512MiB or 2G [default: 80 % of what is available]
+    #[arg(long, value_name = "BYTES", value_parser = parse_byte)]
+    pub memory_limit: Option<u64>,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub common: CommonArgs,

@@ -9,7 +9,7 @@ use std::fmt::Write as _;
 use serde_json::{Value, json};
 
 pub(super) use factors::{Computed, Fineness, Promised, repairs};
-pub(super) use prepared::{Prepared, posed};
+pub(super) use prepared::{Prepared, expect_room, posed};
 pub(super) use solution::go_on;
 
 use super::args::CommonArgs;

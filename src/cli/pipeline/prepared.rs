@@ -152,7 +152,13 @@ fn expect_readable(path: &Path, memory_limit: Option<u64>) -> Result<(), Failure
 }
 
 /// Refuses what takes more memory than there is to be, before it is begun.
-fn expect_room(path: &Path, what: &str, needed: u64, memory_limit: Option<u64>, remedy: &str) -> Result<(), Failure> {
+pub(in crate::cli) fn expect_room(
+    path: &Path,
+    what: &str,
+    needed: u64,
+    memory_limit: Option<u64>,
+    remedy: &str,
+) -> Result<(), Failure> {
     let needed = needed.saturating_add(memory_used_byte().unwrap_or(0));
     let limit = limit_byte(memory_limit);
     if needed <= limit {
