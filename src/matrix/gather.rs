@@ -1,6 +1,6 @@
 //! The inner loops over sorted lists of entries, compiled as those of [`lanes`](super::lanes).
 //!
-//! Several channels are taken four at a time: the channels of a row of x fill one register, so that an entry is loaded, widened
+//! Where entries lie in runs, x is read like a dense vector. Elsewhere several channels are taken four at a time: the channels of a row of x fill one register, so that an entry is loaded, widened
 //! and placed once for all of them, in no more instructions than for one channel.
 //!
 //! Places are checked at every access on purpose: without that the compiler gathers with one instruction for eight entries, which took twice as

@@ -66,19 +66,19 @@ const COARSEST_MAX: usize = 1024;
 ///
 /// u ← Gauss-Seidel(u), d = R u − R K u − R f, v ≈ (I − K')⁻¹ d, u ← u − P v,
 ///
-/// where v comes from two recursive calls: the first begins at 0 and does not smooth, the second goes on from its result (a W-cycle). The matrices R K of all levels
-/// are calculated beforehand, so that the restricted residual costs a quarter of a pass. Radiosities that end below 0 are set to 0, which brings them
+/// where v comes from two recursive calls: the first begins at 0 and does not smooth, the second goes on from its result (a W-cycle). What d needs of R K on all levels
+/// is calculated beforehand: with d from what the sweep has changed ([`Defect`]) it costs a tenth of a pass, from the radiosities a quarter. Radiosities that end below 0 are set to 0, which brings them
 /// nearer to the solution.
 ///
 /// The number of cycles does not depend on the number of patches, and with a direct solution of the coarsest level hardly on ρ.
 ///
-/// In the room of Lewis it takes 4 cycles where Gauss-Seidel takes 11 or 12 sweeps, and 1.364, 0.602, 0.507 and 0.454 as many multiplications at l = 1 to 4
-/// (counted, `radiosity reproduce lewis --level 4`). The ratio of times, setup left out, is 0.56 to 0.57, 0.54 to 0.58, 0.55 to 0.61, 0.50 to 0.55, 0.44 and 0.46 to 0.52 at l = 1 to 6
-/// (`cargo bench --bench solvers -- 6` on otherwise idle cores, the least and the greatest of one to five runs; Lewis: .500 and .429 at l = 3 and 4): rows of 96 and fewer patches are too short for
-/// their multiplications to be all that counts.
+/// In the room of Lewis it takes 4 cycles where Gauss-Seidel takes 11 or 12 sweeps, and as he has it 1.364, 0.602, 0.507 and 0.454 as many multiplications at l = 1 to 4
+/// (counted, `radiosity reproduce lewis --level 4`). The ratio of times, setup left out, is 0.53 to 0.54, 0.50, 0.47 to 0.55, 0.47 to 0.48 and 0.41 to 0.42 at l = 1 to 5
+/// (`cargo bench --bench solvers -- 5` on otherwise idle cores, the least and the greatest of three runs; Lewis: .500 and .429 at l = 3 and 4). From the radiosities it was
+/// 0.55 to 0.61, 0.50 to 0.55 and 0.44 at l = 3 to 5, and 0.46 to 0.52 at l = 6.
 ///
-/// Work of a cycle: 1.36 passes over F in the room of Lewis, of which 1 is the serial sweep. Setup: F once, and a third of that; it is part of
-/// [`Solution::setup_work`] and of the first entry of the history. Memory: R K takes a quarter of F in f64 (where four patches make one), the coarser levels a tenth.
+/// Work of a cycle: 1.2 passes over F in the room of Lewis (1.36 from the radiosities), of which 1 is the serial sweep. Setup: F once, and a third of that; it is part of
+/// [`Solution::setup_work`] and of the first entry of the history. Memory: R U takes a tenth of F in f64 (where four patches make one; R K a quarter), the coarser levels a tenth.
 ///
 /// The history estimates the residual: what the sweep meets is the residual that the cycle before left; times the factor by which that fell, less a quarter, as a check that comes too early costs less than a cycle. When it meets the tolerance,
 /// the true residual is calculated. With [`true_residuals`](Self::true_residuals) that is done after every cycle, at one more pass each.
@@ -88,7 +88,7 @@ const COARSEST_MAX: usize = 1024;
 /// [`StopReason::Diverged`](super::StopReason::Diverged).
 ///
 /// Source: [`LEWIS_1992`](crate::references::LEWIS_1992), sections 5 and 6. Departures: the algorithm as his program must have had it, which his figure 2 does not say: u − P v with d the negative residual,
-/// v = 0 before the first recursive call, K of each level; Galerkin K', and a direct solution of the coarsest level, which 20 sweeps do not reach when ρ nears 1; both can be set as he had them.
+/// v = 0 before the first recursive call, K of each level; defects from changes, Galerkin K', and a direct solution of the coarsest level, which 20 sweeps do not reach when ρ nears 1; all can be set as he had them.
 #[derive(Clone, Debug, Default)]
 pub struct Multigrid {
     /// The levels; `None`: patches and sets of patches that exchange light.
