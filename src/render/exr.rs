@@ -216,8 +216,8 @@ pub fn reading_byte(path: &Path) -> Result<u64, RenderError> {
     };
     let file = input_file::open(path).map_err(failed)?;
     let in_file = file.metadata().map_err(failed)?.len();
-    let meta = MetaData::read_from_buffered(BufReader::new(file), false);
-    let held = meta.and_then(|meta| expect_held(&meta, in_file).map(|()| meta));
+    let read = MetaData::read_from_buffered(BufReader::new(file), false);
+    let held = read.and_then(|meta| expect_held(&meta, in_file).map(|()| meta));
     let meta = held.map_err(|error| RenderError::NotExr {
         path: path.to_owned(),
         reason: error.to_string(),
