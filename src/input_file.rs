@@ -29,6 +29,19 @@ pub(crate) fn open(path: &Path) -> io::Result<File> {
     Ok(file)
 }
 
+/// Opens a file to look into before it is read, or tells that this cannot be: what a pipe has given is gone, and so is who writes to it once it is closed.
+///
+/// # Errors
+/// Those of [`open`].
+pub(crate) fn open_to_look(path: &Path) -> io::Result<Option<File>> {
+    let found = std::fs::metadata(path).map_err(|error| told(&error))?;
+    if found.is_file() {
+        open(path).map(Some)
+    } else {
+        Ok(None)
+    }
+}
+
 /// Reads a whole file of at most `limit` bytes.
 ///
 /// # Errors
@@ -82,5 +95,8 @@ mod tests {
         assert_eq!(refused(&file.with_extension("no"), 5), "no such file; check the path");
         #[cfg(unix)]
         assert!(refused(Path::new("/dev/zero"), u64::MAX).starts_with("is a device"));
+        assert!(open_to_look(&file).unwrap().is_some());
+        #[cfg(unix)]
+        assert!(open_to_look(Path::new("/dev/zero")).unwrap().is_none());
     }
 }

@@ -296,6 +296,32 @@ fn sizes_that_no_machine_has_are_refused_by_name() {
 }
 
 #[test]
+fn what_a_pipe_gives_is_read_once() {
+    let directory = folder();
+    let run = |from: &str, arguments: &[&str]| {
+        let pipe = arguments[1];
+        let shell = format!("mkfifo {pipe} && (cat {from} > {pipe} &) && exec timeout -k 1 60");
+        let output = limited(directory.path(), &shell, arguments).output().unwrap();
+        let message = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{arguments:?}: {} {message}", output.status);
+        output.stdout
+    };
+    let row_sums = |name: &str| {
+        let sums = std::fs::read_to_string(directory.path().join(name)).unwrap();
+        assert!(sums.lines().count() > 1, "{sums}");
+        sums
+    };
+    run("s.obj", &["form-factors", "pipe.obj", "-o", "new.csv"]);
+    let output = radiosity(directory.path(), &["form-factors", "s.obj", "-o", "same.csv"]);
+    assert!(output.status.success());
+    assert_eq!(row_sums("new.csv"), row_sums("same.csv"));
+    let said = run("i.exr", &["verify", "pipe.exr"]);
+    let of_file = radiosity(directory.path(), &["verify", "i.exr"]);
+    assert_eq!(String::from_utf8_lossy(&said), String::from_utf8_lossy(&of_file.stdout));
+    assert!(of_file.status.success());
+}
+
+#[test]
 fn settings_of_solvers_that_are_too_large_do_no_harm() {
     let directory = folder();
     for more in [

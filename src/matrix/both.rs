@@ -29,32 +29,51 @@ pub(super) struct Meeting<'a> {
     pub(super) y_columns: &'a mut [f64],
 }
 
-/// Adds T `x_columns` to the partial sums `rows`, and T^T `x_rows` to `y_columns`, for every channel, reading T once.
-///
-/// `values` are the rows of T one after another. The order of the additions depends on the shape of T alone.
-pub(super) fn add_both<'a, T: Scalar>(values: &[T], mut channels: impl Iterator<Item = Meeting<'a>>) {
+/// A loop for C channels of a tile.
+pub(super) trait ByChannels {
+    fn run<S: Simd, const N: usize, const C: usize>(&self, simd: S, channels: [Meeting<'_>; C]);
+}
+
+/// Runs a loop for all channels, as many at a time as it pays to take.
+pub(super) fn by_channels<'a>(mut channels: impl Iterator<Item = Meeting<'a>>, tile_loop: &impl ByChannels) {
     while let Some(first) = channels.next() {
         match (channels.next(), channels.next()) {
-            (None, _) => dispatch(Both(values, [first])),
-            (Some(second), None) => dispatch(Both(values, [first, second])),
-            (Some(second), Some(third)) => dispatch(Both(values, [first, second, third])),
+            (None, _) => dispatch(Channels(tile_loop, [first])),
+            (Some(second), None) => dispatch(Channels(tile_loop, [first, second])),
+            (Some(second), Some(third)) => dispatch(Channels(tile_loop, [first, second, third])),
         }
     }
 }
 
-/// The loop of [`add_both`] for C channels.
-struct Both<'a, 'b, T, const C: usize>(&'a [T], [Meeting<'b>; C]);
+/// A [`ByChannels`] with its channels.
+struct Channels<'a, 'b, L, const C: usize>(&'a L, [Meeting<'b>; C]);
 
-impl<T: Scalar, const C: usize> InnerLoop for Both<'_, '_, T, C> {
+impl<L: ByChannels, const C: usize> InnerLoop for Channels<'_, '_, L, C> {
     #[inline(always)]
     fn run<S: Simd, const N: usize>(self, simd: S) {
-        let Self(values, channels) = self;
+        self.0.run::<S, N, C>(simd, self.1);
+    }
+}
+
+/// Adds T `x_columns` to the partial sums `rows`, and T^T `x_rows` to `y_columns`, for every channel, reading T once.
+///
+/// `values` are the rows of T one after another. The order of the additions depends on the shape of T alone.
+pub(super) fn add_both<'a, T: Scalar>(values: &[T], channels: impl Iterator<Item = Meeting<'a>>) {
+    by_channels(channels, &Both(values));
+}
+
+/// The loop of [`add_both`].
+struct Both<'a, T>(&'a [T]);
+
+impl<T: Scalar> ByChannels for Both<'_, T> {
+    #[inline(always)]
+    fn run<S: Simd, const N: usize, const C: usize>(&self, simd: S, channels: [Meeting<'_>; C]) {
         if N == 1 {
-            both::<S, T, N, C, 4>(simd, values, channels);
+            both::<S, T, N, C, 4>(simd, self.0, channels);
         } else {
             // There are no registers for the sums of several channels, nor of four rows.
             for channel in channels {
-                both::<S, T, N, 1, 2>(simd, values, [channel]);
+                both::<S, T, N, 1, 2>(simd, self.0, [channel]);
             }
         }
     }
@@ -221,7 +240,7 @@ mod tests {
                     y_columns: &mut columns,
                 };
                 if portable {
-                    Widest(Both(&values, [meeting])).with_simd(pulp::Scalar::new());
+                    Widest(Channels(&Both(&values), [meeting])).with_simd(pulp::Scalar::new());
                 } else {
                     add_both(&values, std::iter::once(meeting));
                 }

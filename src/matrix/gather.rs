@@ -19,7 +19,7 @@ use std::ops::Range;
 
 use pulp::Simd;
 
-use super::lanes::{InnerLoop, LANES, Wide, dispatch, total};
+use super::lanes::{CHANNELS_AT_ONCE, InnerLoop, LANES, Wide, dispatch, total};
 use super::planes::{FOUR, Planes};
 use super::store::Scalar;
 
@@ -92,12 +92,17 @@ pub(super) fn multiply_sparse_rows<T: Scalar>(rows: SparseRows<'_, T>, x: &Plane
 fn multiply_runs<T: Scalar>(rows: SparseRows<'_, T>, x: &Planes, y: &mut [f64]) {
     let n_channels = x.n_channels();
     let plane = |c: usize| x.channel(c);
-    for first in (0..n_channels).step_by(3) {
+    for first in (0..n_channels).step_by(CHANNELS_AT_ONCE) {
         let to = (first, n_channels);
         match n_channels - first {
             1 => dispatch(Runs(rows, [plane(first)], to, y)),
             2 => dispatch(Runs(rows, [0, 1].map(|k| plane(first + k)), to, y)),
-            _ => dispatch(Runs(rows, [0, 1, 2].map(|k| plane(first + k)), to, y)),
+            _ => dispatch(Runs(
+                rows,
+                std::array::from_fn::<_, CHANNELS_AT_ONCE, _>(|k| plane(first + k)),
+                to,
+                y,
+            )),
         }
     }
 }

@@ -25,7 +25,7 @@ pub(super) const LANES: usize = 8;
 pub(super) type Lanes = [f64; LANES];
 
 /// Channels that a loop over dense numbers takes at once: as many as the registers of AVX-512 hold sums for.
-const CHANNELS_AT_ONCE: usize = 3;
+pub(super) const CHANNELS_AT_ONCE: usize = 3;
 
 /// Returns the sum of the partial sums.
 pub(super) fn total(lanes: &Lanes) -> f64 {

@@ -7,8 +7,8 @@
 
 use pulp::Simd;
 
-use super::both::{Meeting, add_both};
-use super::lanes::{InnerLoop, LANES, dispatch};
+use super::both::{ByChannels, Meeting, add_both, by_channels};
+use super::lanes::LANES;
 use super::square::SIDE;
 use super::store::Scalar;
 
@@ -29,12 +29,8 @@ pub(super) fn add_both_listed<'a, T: Scalar>(
     entries: SquareEntries<'_, T>,
     channels: impl Iterator<Item = Meeting<'a>>,
 ) {
-    let n = entries.values.len();
-    if WRITTEN_OUT_FROM * n < SIDE * SIDE {
-        for channel in channels {
-            dispatch(One(entries, channel));
-        }
-        return;
+    if WRITTEN_OUT_FROM * entries.values.len() < SIDE * SIDE {
+        return by_channels(channels, &Each(entries));
     }
     let mut full = [T::from_f64(0.0); SIDE * SIDE];
     let places = entries.rows.iter().zip(entries.columns);
@@ -44,19 +40,21 @@ pub(super) fn add_both_listed<'a, T: Scalar>(
     add_both(&full, channels);
 }
 
-/// The loop of [`add_both_listed`] for one channel and few entries.
-struct One<'a, 'b, T>(SquareEntries<'a, T>, Meeting<'b>);
+/// The loop of [`add_both_listed`] for few entries.
+struct Each<'a, T>(SquareEntries<'a, T>);
 
-impl<T: Scalar> InnerLoop for One<'_, '_, T> {
+impl<T: Scalar> ByChannels for Each<'_, T> {
     #[inline(always)]
-    fn run<S: Simd, const N: usize>(self, _: S) {
-        let Self(SquareEntries { rows, columns, values }, channel) = self;
+    fn run<S: Simd, const N: usize, const C: usize>(&self, _: S, mut channels: [Meeting<'_>; C]) {
+        let SquareEntries { rows, columns, values } = self.0;
         for ((row, column), a) in rows.iter().zip(columns).zip(values) {
             let (row, column, a) = (usize::from(*row), usize::from(*column), a.to_f64());
-            let sum = &mut channel.rows[row][column % LANES];
-            *sum = a.mul_add(channel.x_columns[column], *sum);
-            let y = &mut channel.y_columns[column];
-            *y = a.mul_add(channel.x_rows[row], *y);
+            for channel in &mut channels {
+                let sum = &mut channel.rows[row][column % LANES];
+                *sum = a.mul_add(channel.x_columns[column], *sum);
+                let y = &mut channel.y_columns[column];
+                *y = a.mul_add(channel.x_rows[row], *y);
+            }
         }
     }
 }

@@ -207,6 +207,8 @@ const NUMBER_BYTE: u128 = 9;
 
 /// Returns the memory that reading a file and [`verify`](super::verify::verify) take, as its header promises.
 ///
+/// What a pipe will give cannot be told, and counts as nothing.
+///
 /// # Errors
 /// [`RenderError::Io`], [`RenderError::NotExr`].
 pub fn reading_byte(path: &Path) -> Result<u64, RenderError> {
@@ -214,7 +216,9 @@ pub fn reading_byte(path: &Path) -> Result<u64, RenderError> {
         path: path.to_owned(),
         source,
     };
-    let file = input_file::open(path).map_err(failed)?;
+    let Some(file) = input_file::open_to_look(path).map_err(failed)? else {
+        return Ok(0);
+    };
     let in_file = file.metadata().map_err(failed)?.len();
     let read = MetaData::read_from_buffered(BufReader::new(file), false);
     let held = read.and_then(|meta| expect_held(&meta, in_file).map(|()| meta));

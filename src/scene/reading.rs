@@ -19,11 +19,10 @@ const VERTEX_BYTE: u64 = 48;
 /// # Errors
 /// Those of the file system.
 pub(crate) fn reading_byte(path: &Path) -> io::Result<u64> {
-    let file = input_file::open(path)?;
-    let found = file.metadata()?;
-    if !found.is_file() {
+    let Some(file) = input_file::open_to_look(path)? else {
         return Ok(0);
-    }
+    };
+    let text_byte = file.metadata()?.len();
     let (mut n_vertices, mut n_corners) = (0_u64, 0_u64);
     // The first letter of the line, once there is one, and the byte before.
     let (mut keyword, mut last) = (None, b'\n');
@@ -52,5 +51,5 @@ pub(crate) fn reading_byte(path: &Path) -> io::Result<u64> {
         let n = bytes.len();
         reader.consume(n);
     }
-    Ok(2 * found.len() + VERTEX_BYTE * n_vertices + CORNER_BYTE * n_corners)
+    Ok(2 * text_byte + VERTEX_BYTE * n_vertices + CORNER_BYTE * n_corners)
 }
