@@ -3,8 +3,8 @@
 //! `cargo bench --bench matrix` prints a table of rates and ratios. All of a row of the table were measured by turns, so that a
 //! machine that changes its pace changes all of them; medians count. The ratio is the time of the read by the time of the pass: 1
 //! is as fast as memory. `cargo bench --bench matrix -- "dense f32"` measures the rows whose names contain that, and a number, as in `-- sparse 768`, takes so many patches: few of
-//! them show what a pass takes when all lies in the caches. The matrices on a disk
-//! were written just before, so the system has them in memory: what is measured is the program's own work.
+//! them show what a pass takes when all lies in the caches. `-- sparse 1/16` leaves one in sixteen of the entries of a sparse matrix, in place of one in
+//! four. The matrices on a disk were written just before, so the system has them in memory: what is measured is the program's own work.
 #![expect(clippy::print_stdout, reason = "a table of rates is what a benchmark is for")]
 
 use std::hint::black_box;
@@ -21,7 +21,7 @@ const N: usize = 6144;
 /// Runs of each measurement.
 const N_ROUNDS: usize = 21;
 
-/// A sparse matrix has one in so many of its entries.
+/// A sparse matrix has one in so many of its entries, unless told otherwise.
 const ONE_IN: u64 = 4;
 
 /// Columns of a run, where entries lie in runs: `exact` with its shadows leaves runs of 20 to 40 on average in the scenes of this repository, of which 82 to 91 % of all chunks of
@@ -33,7 +33,11 @@ const WORDS_PER_TASK: usize = 1 << 16;
 
 fn main() {
     let n = std::env::args().find_map(|argument| argument.parse().ok()).unwrap_or(N);
-    println!("n = {n}, times in ms, rates in GB/s, medians of {N_ROUNDS} rounds");
+    let one_in = std::env::args().find_map(|argument| argument.strip_prefix("1/")?.parse().ok());
+    let one_in = one_in.unwrap_or(ONE_IN);
+    println!(
+        "n = {n}, one in {one_in} entries where they are listed, times in ms, rates in GB/s, medians of {N_ROUNDS} rounds"
+    );
     println!(
         "{:27} {:>7} {:>5} {:>7} | {:>7} {:>7} {:>5} | {:>7} {:>7} {:>5} {:>6} | {:>7} {:>7}",
         "matrix",
@@ -52,7 +56,7 @@ fn main() {
     );
     let wanted = std::env::args()
         .skip(1)
-        .find(|argument| !argument.starts_with('-') && argument.parse::<usize>().is_err());
+        .find(|argument| !argument.starts_with(['-', '1', '2', '3', '4', '5', '6', '7', '8', '9']));
     let read = vec![1_u64; n * n];
     let scratch = std::env::temp_dir();
     let disk = Place::Disk(Scratch {
@@ -93,7 +97,7 @@ fn main() {
                 place,
             },
             pairs,
-            pattern,
+            |i, j| pattern.has(i, j, one_in),
         );
         for n_threads in [1, 2] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build();
@@ -115,11 +119,11 @@ enum Pattern {
 }
 
 impl Pattern {
-    fn has(self, i: usize, j: usize) -> bool {
+    fn has(self, i: usize, j: usize, one_in: u64) -> bool {
         match self {
             Self::Full => true,
-            Self::Runs => scattered(i / RUN, (j + i) / RUN).is_multiple_of(ONE_IN),
-            Self::Scattered => scattered(i, j).is_multiple_of(ONE_IN),
+            Self::Runs => scattered(i / RUN, (j + i) / RUN).is_multiple_of(one_in),
+            Self::Scattered => scattered(i, j).is_multiple_of(one_in),
         }
     }
 }
@@ -210,12 +214,12 @@ fn add(lanes: &mut [u64; 8], words: &[u64; 8]) {
 }
 
 /// A matrix by rows, or the same above the diagonal and its mirror image below.
-fn factors(n: usize, choice: StorageChoice, pairs: bool, pattern: Pattern) -> FormFactors {
+fn factors(n: usize, choice: StorageChoice, pairs: bool, has: impl Fn(usize, usize) -> bool) -> FormFactors {
     let firsts: Vec<usize> = (0..n).step_by(16).collect();
     let tiles = firsts.into_iter().map(|first| {
         let mut tile = RowTile::new(first);
         for i in first..n.min(first + 16) {
-            let columns = (if pairs { i } else { 0 }..n).filter(|&j| pattern.has(i, j));
+            let columns = (if pairs { i } else { 0 }..n).filter(|&j| has(i, j));
             let entry = |j| (u32::try_from(j).expect("a small number"), 1.0 / n as f64, 0.0);
             tile.push_row(&columns.map(entry).collect::<Vec<_>>(), RowTally::default());
         }
