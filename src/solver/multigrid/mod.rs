@@ -78,7 +78,7 @@ const COARSEST_MAX: usize = 1024;
 /// 0.55 to 0.61, 0.50 to 0.55 and 0.44 at l = 3 to 5, and 0.46 to 0.52 at l = 6.
 ///
 /// Work of a cycle: 1.2 passes over F in the room of Lewis (1.36 from the radiosities), of which 1 is the serial sweep. Setup: F once, and a third of that; it is part of
-/// [`Solution::setup_work`] and of the first entry of the history. Memory: R U takes a tenth of F in f64 (where four patches make one; R K a quarter), the coarser levels a tenth.
+/// [`Solution::setup_work`] and of the first entry of the history. Memory: R U takes at most an eighth of F in f64 where four patches make one, a tenth in the room of Lewis (R K: a quarter), the coarser levels a tenth.
 ///
 /// The history estimates the residual: what the sweep meets is the residual that the cycle before left; times the factor by which that fell, less a quarter, as a check that comes too early costs less than a cycle. When it meets the tolerance,
 /// the true residual is calculated. With [`true_residuals`](Self::true_residuals) that is done after every cycle, at one more pass each.
