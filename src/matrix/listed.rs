@@ -8,52 +8,48 @@
 use pulp::Simd;
 
 use super::both::{ByChannels, Meeting, add_both, by_channels};
+use super::expand::{Written, expand};
 use super::lanes::LANES;
+use super::places::{Places, ones};
 use super::square::SIDE;
 use super::store::Scalar;
 
-/// The entries of a square tile T in the order of rows, then columns.
-#[derive(Clone, Copy)]
-pub(super) struct SquareEntries<'a, T> {
-    pub(super) rows: &'a [u8],
-    pub(super) columns: &'a [u8],
-    pub(super) values: &'a [T],
-}
-
-/// Tiles with one in so many of their entries or more are written out in full: all multiplications of a full tile then take less time than finding each
-/// entry's place in x and y.
-const WRITTEN_OUT_FROM: usize = 8;
+/// Tiles with one in so many of their entries or more are written out in full: all multiplications of a full tile then take less time than each
+/// entry's own.
+const WRITTEN_OUT_FROM: usize = 16;
 
 /// Adds T `x_columns` to the partial sums `rows`, and T^T `x_rows` to `y_columns`, for every channel; these are [`SIDE`] rows and columns, whatever T has.
+///
+/// `values` has one number for each place in order; `written` is room for the tile in full.
 pub(super) fn add_both_listed<'a, T: Scalar>(
-    entries: SquareEntries<'_, T>,
+    places: &Places,
+    values: &[T],
+    written: &mut Written<T>,
     channels: impl Iterator<Item = Meeting<'a>>,
 ) {
-    if WRITTEN_OUT_FROM * entries.values.len() < SIDE * SIDE {
-        return by_channels(channels, &Each(entries));
+    if WRITTEN_OUT_FROM * values.len() < SIDE * SIDE {
+        return by_channels(channels, &Each(places, values));
     }
-    let mut full = [T::from_f64(0.0); SIDE * SIDE];
-    let places = entries.rows.iter().zip(entries.columns);
-    for ((row, column), a) in places.zip(entries.values) {
-        full[usize::from(*row) * SIDE + usize::from(*column)] = *a;
-    }
-    add_both(&full, channels);
+    expand(places, values, written);
+    add_both(written.numbers(), channels);
 }
 
 /// The loop of [`add_both_listed`] for few entries.
-struct Each<'a, T>(SquareEntries<'a, T>);
+struct Each<'a, T>(&'a Places, &'a [T]);
 
 impl<T: Scalar> ByChannels for Each<'_, T> {
     #[inline(always)]
     fn run<S: Simd, const N: usize, const C: usize>(&self, _: S, mut channels: [Meeting<'_>; C]) {
-        let SquareEntries { rows, columns, values } = self.0;
-        for ((row, column), a) in rows.iter().zip(columns).zip(values) {
-            let (row, column, a) = (usize::from(*row), usize::from(*column), a.to_f64());
-            for channel in &mut channels {
-                let sum = &mut channel.rows[row][column % LANES];
-                *sum = a.mul_add(channel.x_columns[column], *sum);
-                let y = &mut channel.y_columns[column];
-                *y = a.mul_add(channel.x_rows[row], *y);
+        let Self(places, values) = self;
+        for (row, in_row) in places.rows() {
+            for (column, a) in ones(in_row.columns).zip(&values[in_row.first..]) {
+                let a = a.to_f64();
+                for channel in &mut channels {
+                    let sum = &mut channel.rows[row][column % LANES];
+                    *sum = a.mul_add(channel.x_columns[column], *sum);
+                    let y = &mut channel.y_columns[column];
+                    *y = a.mul_add(channel.x_rows[row], *y);
+                }
             }
         }
     }
@@ -66,16 +62,13 @@ mod tests {
 
     #[test]
     fn a_tile_and_its_transpose_are_applied_however_many_entries_it_has() {
-        for (n_rows, n_columns, one_in) in [(64, 64, 2), (64, 64, 7), (64, 64, 9), (64, 13, 1), (9, 64, 50)] {
-            let wanted = |&(row, column): &(u8, u8)| (31 * usize::from(row) + 17 * usize::from(column)) % one_in == 0;
-            let places = (0..n_rows).flat_map(|row| (0..n_columns).map(move |column| (row, column)));
-            let (rows, columns): (Vec<u8>, Vec<u8>) = places.filter(wanted).unzip();
-            let values = numbers(rows.len(), 1);
-            let entries = SquareEntries {
-                rows: &rows,
-                columns: &columns,
-                values: &values,
-            };
+        for (n_rows, n_columns, one_in) in [(64, 64, 2), (64, 64, 15), (64, 64, 17), (64, 13, 1), (9, 64, 50)] {
+            let wanted = |&(row, column): &(usize, usize)| (31 * row + 17 * column) % one_in == 0;
+            let everywhere = (0..n_rows).flat_map(|row| (0..n_columns).map(move |column| (row, column)));
+            let listed: Vec<_> = everywhere.filter(wanted).collect();
+            let places = Places::new(listed.iter().copied());
+            let values = numbers(listed.len(), 1);
+            let mut written = Written::new();
             for n_channels in 1..=4 {
                 let x = numbers(2 * n_channels * SIDE, 2);
                 let (x_rows, x_columns) = x.split_at(n_channels * SIDE);
@@ -91,16 +84,16 @@ mod tests {
                         rows: sums,
                         y_columns,
                     });
-                add_both_listed(entries, channels);
+                add_both_listed(&places, &values, &mut written, channels);
                 for c in 0..n_channels {
                     for k in 0..SIDE {
                         let (mut row, mut column) = (0.5 * LANES as f64, 0.25);
-                        for ((&i, &j), a) in rows.iter().zip(&columns).zip(&values) {
-                            if usize::from(i) == k {
-                                row += a * x_columns[c * SIDE + usize::from(j)];
+                        for (&(i, j), a) in listed.iter().zip(&values) {
+                            if i == k {
+                                row += a * x_columns[c * SIDE + j];
                             }
-                            if usize::from(j) == k {
-                                column += a * x_rows[c * SIDE + usize::from(i)];
+                            if j == k {
+                                column += a * x_rows[c * SIDE + i];
                             }
                         }
                         let lanes: &Lanes = &sums[c * SIDE + k];

@@ -13,11 +13,13 @@ mod dense;
 mod disk;
 mod error;
 mod exchange;
+mod expand;
 mod gather;
 mod lanes;
 mod listed;
 pub mod operator;
 mod pass;
+mod places;
 mod planes;
 mod regroup;
 mod sparse;
@@ -52,12 +54,12 @@ use crate::threads;
 /// of which only the upper triangle is stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Layout {
-    /// Dense for tiles that are at least a third non-zero, else sparse.
+    /// Dense for tiles that are at least a third non-zero, half in a symmetric matrix, else sparse.
     #[default]
     Auto,
     /// All places: 8 bytes each in f64, 4 in f32; half of that for a symmetric matrix.
     Dense,
-    /// Sorted lists: 12 bytes for each entry in f64, 8 in f32; half of that for a symmetric matrix.
+    /// Sorted lists: 12 bytes for each entry in f64, 8 in f32. In a symmetric matrix half of the entries take 8 or 4 bytes each, and those of a row in one tile 10 more.
     Sparse,
 }
 

@@ -5,6 +5,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::dense::DenseTile;
+use super::expand::Expand;
 use super::operator::Block;
 use super::planes::Planes;
 use super::sparse::SparseTile;
@@ -15,7 +16,7 @@ use super::{Layout, MatrixError, Precision, RowTile, StorageChoice};
 pub(super) const DENSE_FROM: f64 = 1.0 / 3.0;
 
 /// A number as it is stored: f32 or f64.
-pub(super) trait Scalar: Copy + Send + Sync + Debug + 'static {
+pub(super) trait Scalar: Expand + Copy + Send + Sync + Debug + 'static {
     /// Rounds to the nearest number that can be stored.
     fn from_f64(value: f64) -> Self;
     /// Returns the number; exact.

@@ -230,7 +230,13 @@ pub fn plan_storage(demand: &StorageDemand, wish: StorageWish) -> Result<Storage
 fn estimate(demand: &StorageDemand, layout: Layout, precision: Precision, on_disk: bool) -> MemoryEstimate {
     let n = demand.n_patches as f64;
     let value = if precision == Precision::F32 { 4.0 } else { 8.0 };
-    let (full, listed) = (value + 4.0, (value + 8.0) * demand.density);
+    // The places of a square tile take 10 bytes for each row with an entry, and 8.
+    let places = if demand.by_rows {
+        4.0 * demand.density
+    } else {
+        (10.0 / SIDE + 8.0 / SIDE.powi(2)).min(18.0 * demand.density)
+    };
+    let (full, listed) = (value + 4.0, (value + 4.0) * demand.density + places);
     let entry = match layout {
         Layout::Dense => full,
         Layout::Sparse => listed,

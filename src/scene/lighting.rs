@@ -93,7 +93,8 @@ impl Lighting {
             for (name, change) in changes {
                 let Some(id) = (0_u32..).zip(known).find(|(_, known)| **known == name) else {
                     let message = format!(
-                        "{kind}.{name}: the scene has no {kind} of that name; it has {}",
+                        "{kind}.{}: the scene has no {kind} of that name; it has {}",
+                        name.escape_debug(),
                         known.join(", ")
                     );
                     return Err(bad(Some(change.span().start), message));

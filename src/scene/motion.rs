@@ -83,7 +83,7 @@ impl Names {
 #[non_exhaustive]
 pub enum MotionError {
     /// No surface has that name.
-    #[error("the scene has no surface `{name}`; it has {known}")]
+    #[error("the scene has no surface `{}`; it has {known}", .name.escape_debug())]
     UnknownSurface {
         /// The name.
         name: String,
@@ -383,6 +383,11 @@ mod tests {
         assert_eq!(
             with(|m| m.surface = Names::One("door".into())),
             "the scene has no surface `door`; it has x0, x1, y0, y1, z0, z1"
+        );
+        // One line, whatever a string of TOML may hold.
+        assert!(
+            with(|m| m.surface = Names::One("x0\n\0".into()))
+                .starts_with(r"the scene has no surface `x0\n\0`; it has x0,")
         );
         assert!(with(|m| m.surface = Names::Many(Vec::new())).contains("name one"));
         assert!(with(|_| ()).contains("give `rotate` or `translate`"));

@@ -350,6 +350,10 @@ fn lightings_go_through_the_matrix_together() {
             "[surface.nothing]\nexitance = 1.0\n",
             "bad.toml:1: surface.nothing: the scene has no surface",
         ),
+        (
+            "[surface.\"two\\nlines\"]\nreflectance = 0.5\n",
+            r"bad.toml:1: surface.two\nlines: the scene has no surface",
+        ),
         ("[material.white]\nlight = 1.0\n", "bad.toml:2"),
         (&*format!("[surface.\"{first}\"]\nreflectance = 1.5\n"), "bad.toml:2"),
         (

@@ -1,13 +1,14 @@
 //! Tiles as bytes and back. The bytes are those of this machine: they never leave the process that wrote them.
 
 use super::super::aligned::Aligned;
+use super::super::places::Places;
 use super::super::store::Scalar;
 use super::{Full, List, Square, Values};
 
 /// What must be known of a tile to read its bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in super::super) struct Form {
-    /// None of the numbers is stored, all, or so many of them with their places.
+    /// None of the numbers is stored, all, or some with their places.
     entries: Entries,
     with_errors: bool,
 }
@@ -16,7 +17,7 @@ pub(in super::super) struct Form {
 enum Entries {
     None,
     All,
-    Some(u16),
+    Some { n: u16, n_rows: u16 },
 }
 
 impl Form {
@@ -25,10 +26,10 @@ impl Form {
         let (n, places) = match self.entries {
             Entries::None => (0, 0),
             Entries::All => (size, 0),
-            Entries::Some(n) => (usize::from(n), 4),
+            Entries::Some { n, n_rows } => (n.into(), Places::byte(n_rows.into())),
         };
         let errors = if self.with_errors { n * size_of::<f32>() } else { 0 };
-        [n * (places + size_of::<T>()), errors]
+        [places + n * size_of::<T>(), errors]
     }
 }
 
@@ -41,8 +42,9 @@ impl<T: Scalar> Square<T> {
             }
             Self::Full(full) => (Entries::All, &full.numbers),
             Self::List(list) => {
-                let n = u16::try_from(list.rows.len()).expect("a tile has at most 4096 places");
-                (Entries::Some(n), &list.numbers)
+                let [n, n_rows] = [list.numbers.values.len(), list.places.n_rows()]
+                    .map(|n| u16::try_from(n).expect("a tile has at most 4096 places"));
+                (Entries::Some { n, n_rows }, &list.numbers)
             }
         };
         let with_errors = !numbers.std_errors.is_empty();
@@ -55,9 +57,7 @@ impl<T: Scalar> Square<T> {
             Self::Empty => return,
             Self::Full(full) => &full.numbers,
             Self::List(list) => {
-                bytes.extend_from_slice(&list.rows);
-                bytes.extend_from_slice(&list.columns);
-                bytes.extend(list.by_column.iter().flat_map(|at| at.to_ne_bytes()));
+                list.places.push_bytes(bytes);
                 &list.numbers
             }
         };
@@ -85,16 +85,10 @@ impl<T: Scalar> Square<T> {
                 n_columns,
                 numbers: of_values(numbers),
             })),
-            Entries::Some(n) => {
-                let n = usize::from(n);
-                let (rows, rest) = numbers.split_at(n);
-                let (columns, after) = rest.split_at(n);
-                let (order, values) = after.split_at(2 * n);
-                let (pairs, _) = order.as_chunks::<2>();
+            Entries::Some { n_rows, .. } => {
+                let (places, values) = Places::from_bytes(n_rows.into(), numbers);
                 Self::List(Box::new(List {
-                    rows: rows.into(),
-                    columns: columns.into(),
-                    by_column: pairs.iter().map(|&pair| u16::from_ne_bytes(pair)).collect(),
+                    places,
                     numbers: of_values(values),
                 }))
             }
