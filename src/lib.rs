@@ -97,6 +97,7 @@ pub mod matrix;
 pub mod mesh;
 pub mod notation;
 pub mod plan;
+mod printable;
 pub mod progress;
 pub mod references;
 pub mod render;

@@ -212,7 +212,12 @@ proptest! {
                     error += stated;
                 });
                 let tolerance = if sums_rays { 1e-12 } else { 2.0 * error + 1e-13 };
-                assert!((sum - 1.0).abs() <= tolerance, "{name} {i}: {sum} ± {error:e}");
+                // A ray that meets an edge of a box within f32's rounding may find the side that faces away, which takes it: one in
+                // 12,288 was the most in 3000 rows.
+                let tally = &factors.tallies()[i];
+                let taken = tally.absorbed().unwrap_or(0.0);
+                assert!(tally.n_escaped == 0 && tally.n_absorbed <= 2, "{name} {i}: {tally:?}");
+                assert!((sum + taken - 1.0).abs() <= tolerance, "{name} {i}: {sum} ± {error:e}");
             }
         }
     }

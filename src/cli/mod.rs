@@ -34,6 +34,8 @@ use args::{Cli, Command, CommonArgs};
 pub use exit_code::ExitCode;
 use failure::Failure;
 
+use crate::printable::printable;
+
 /// The version of the JSON documents.
 pub const SCHEMA_VERSION: u32 = 1;
 
@@ -184,10 +186,4 @@ fn complain(message: &str) {
 /// Writes a warning to stderr.
 fn warn(message: &str) {
     let _ = writeln!(std::io::stderr(), "radiosity: warning: {}", printable(message));
-}
-
-/// Returns a message without what a file may have put into it to command the terminal.
-fn printable(message: &str) -> String {
-    let shown = |c: char| if c.is_control() { char::REPLACEMENT_CHARACTER } else { c };
-    message.chars().map(shown).collect()
 }

@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
+use crate::printable::printable;
+
 /// An image cannot be rendered, written or read.
 #[derive(Debug, Error)]
 #[non_exhaustive]
@@ -33,7 +35,7 @@ pub enum RenderError {
         source: std::io::Error,
     },
     /// The file is no OpenEXR file, or a damaged one.
-    #[error("{path} is not a readable OpenEXR file: {reason}")]
+    #[error("{path} is not a readable OpenEXR file: {}", printable(.reason))]
     NotExr {
         /// The file.
         path: PathBuf,
@@ -49,7 +51,7 @@ pub enum RenderError {
         name: &'static str,
     },
     /// An attribute cannot be understood.
-    #[error("{path}: the attribute \"{name}\" is damaged: {reason}")]
+    #[error("{path}: the attribute \"{name}\" is damaged: {}", printable(.reason))]
     BadAttribute {
         /// The file.
         path: PathBuf,
@@ -59,7 +61,7 @@ pub enum RenderError {
         reason: String,
     },
     /// The attributes were written by a version whose layout this one does not know.
-    #[error("{path} has attributes of format {found}, this program reads format {expected}")]
+    #[error("{path} has attributes of format {}, this program reads format {expected}", printable(.found))]
     WrongFormat {
         /// The file.
         path: PathBuf,

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 use crate::matrix::{DiskError, MatrixError};
+use crate::printable::printable;
 
 /// Why a report could not be written, or a file of form factors not be read.
 #[derive(Debug, Error)]
@@ -46,7 +47,7 @@ pub enum ReportError {
         what: String,
     },
     /// A later layout of the file than this program knows.
-    #[error("{}: holds \"{found}\", and this program reads \"{expected}\"", .path.display())]
+    #[error("{}: holds \"{}\", and this program reads \"{expected}\"", .path.display(), printable(.found))]
     Version {
         /// The file.
         path: PathBuf,
@@ -56,7 +57,7 @@ pub enum ReportError {
         expected: &'static str,
     },
     /// The file is cut off, changed, or contradicts itself.
-    #[error("{}: damaged: {reason}; write it again with `radiosity form-factors`", .path.display())]
+    #[error("{}: damaged: {}; write it again with `radiosity form-factors`", .path.display(), printable(.reason))]
     Damaged {
         /// The file.
         path: PathBuf,
@@ -117,5 +118,26 @@ impl ReportError {
             Self::OtherGeometry { .. } => "other_geometry",
             Self::Scratch { .. } => "scratch",
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_file_says_stays_on_one_line() {
+        let path = PathBuf::from("F.mtx");
+        let version = ReportError::Version {
+            path: path.clone(),
+            found: "radiosity\nform factors 9".into(),
+            expected: "radiosity form factors 2",
+        };
+        let text =
+            "F.mtx: holds \"radiosity\u{fffd}form factors 9\", and this program reads \"radiosity form factors 2\"";
+        assert_eq!(version.to_string(), text);
+        let reason = "unknown field `a\nb`".into();
+        let damaged = ReportError::Damaged { path, reason }.to_string();
+        assert!(damaged.contains("`a\u{fffd}b`; write it again"), "{damaged}");
     }
 }

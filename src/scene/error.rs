@@ -5,6 +5,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::builtin;
+use crate::printable::printable;
 
 /// A reason why a scene cannot be read, built or written.
 ///
@@ -188,7 +189,7 @@ pub enum SceneError {
         message: String,
     },
     /// A camera file that cannot be understood or makes no camera.
-    #[error("{}{}: {message}", .file.as_deref().unwrap_or(Path::new("camera")).display(), colon_line(*.line))]
+    #[error("{}{}: {}", .file.as_deref().unwrap_or(Path::new("camera")).display(), colon_line(*.line), printable(.message))]
     BadCamera {
         /// The camera file; none for a camera made in memory.
         file: Option<PathBuf>,
@@ -198,7 +199,7 @@ pub enum SceneError {
         message: String,
     },
     /// A lighting file that cannot be understood, or names what the scene does not have.
-    #[error("{}{}: {message}", .file.display(), colon_line(*.line))]
+    #[error("{}{}: {}", .file.display(), colon_line(*.line), printable(.message))]
     BadLighting {
         /// The lighting file.
         file: PathBuf,
@@ -208,7 +209,7 @@ pub enum SceneError {
         message: String,
     },
     /// A list of frames that cannot be understood.
-    #[error("{}{}: {message}", .file.display(), colon_line(*.line))]
+    #[error("{}{}: {}", .file.display(), colon_line(*.line), printable(.message))]
     BadFrames {
         /// The list's file.
         file: PathBuf,

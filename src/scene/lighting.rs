@@ -93,8 +93,7 @@ impl Lighting {
             for (name, change) in changes {
                 let Some(id) = (0_u32..).zip(known).find(|(_, known)| **known == name) else {
                     let message = format!(
-                        "{kind}.{}: the scene has no {kind} of that name; it has {}",
-                        name.escape_debug(),
+                        "{kind}.{name}: the scene has no {kind} of that name; it has {}",
                         known.join(", ")
                     );
                     return Err(bad(Some(change.span().start), message));

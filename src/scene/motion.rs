@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::{Corners, FaceId, MAX_COORDINATE, Scene, SurfaceId};
+use crate::printable::printable;
 
 /// A rigid motion: a rotation about a point, then a translation.
 ///
@@ -83,7 +84,7 @@ impl Names {
 #[non_exhaustive]
 pub enum MotionError {
     /// No surface has that name.
-    #[error("the scene has no surface `{}`; it has {known}", .name.escape_debug())]
+    #[error("the scene has no surface `{}`; it has {known}", printable(.name))]
     UnknownSurface {
         /// The name.
         name: String,
@@ -387,7 +388,7 @@ mod tests {
         // One line, whatever a string of TOML may hold.
         assert!(
             with(|m| m.surface = Names::One("x0\n\0".into()))
-                .starts_with(r"the scene has no surface `x0\n\0`; it has x0,")
+                .starts_with("the scene has no surface `x0\u{fffd}\u{fffd}`; it has x0,")
         );
         assert!(with(|m| m.surface = Names::Many(Vec::new())).contains("name one"));
         assert!(with(|_| ()).contains("give `rotate` or `translate`"));

@@ -352,7 +352,7 @@ fn lightings_go_through_the_matrix_together() {
         ),
         (
             "[surface.\"two\\nlines\"]\nreflectance = 0.5\n",
-            r"bad.toml:1: surface.two\nlines: the scene has no surface",
+            "bad.toml:1: surface.two\u{fffd}lines: the scene has no surface",
         ),
         ("[material.white]\nlight = 1.0\n", "bad.toml:2"),
         (&*format!("[surface.\"{first}\"]\nreflectance = 1.5\n"), "bad.toml:2"),
