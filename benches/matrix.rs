@@ -24,8 +24,8 @@ const N_ROUNDS: usize = 21;
 /// A sparse matrix has one in so many of its entries, unless told otherwise.
 const ONE_IN: u64 = 4;
 
-/// Columns of a run, where entries lie in runs: `exact` with its shadows leaves runs of 20 to 40 on average in the scenes of this repository, of which 82 to 91 % of all chunks of
-/// eight entries lie whole in one.
+/// Columns of a run, where entries lie in runs: `exact` with its shadows leaves runs of 20 to 40 on average in `room-box`, `corridor` and `sphere-room-r1`, of which 82 to 91 % of all
+/// chunks of eight entries lie whole in one.
 const RUN: usize = 32;
 
 /// Words that one task of the plain read sums up.

@@ -448,21 +448,24 @@ const ROWS_PER_TASK: usize = 16;
 /// rounding error is at most about (n / 4 + 70) 1.1e-16 for terms of one sign.
 ///
 /// Speed: the time of a plain read of as many bytes by the time of a pass with one channel (1 is as fast as memory), and the time of
-/// three channels by that of one. f32, n = 6144, sparse with a quarter of the entries, in runs of 32 (those of `exact` are 20 to 40 long in the scenes of this repository) or at random places, medians of 21 rounds of
+/// three channels by that of one. f32, n = 6144, sparse with a quarter of the entries, in runs of 32 (those of `exact` are 20 to 40 long on average in `room-box`,
+/// `corridor` and `sphere-room-r1`) or at random places, medians of 21 rounds of
 /// `cargo bench --bench matrix` on machines with AVX-512, otherwise idle; two numbers are the least and the greatest of two to five such runs:
 ///
 /// | matrix | one thread: read / pass | three channels / one | two threads: read / pass | three channels / one |
 /// |---|---|---|---|---|
-/// | dense, rows | 0.97 to 1.05 | 1.16 | 0.96 to 1.09 | 1.13 to 1.17 |
-/// | dense, symmetric (half the bytes) | 0.74 to 0.80 | 1.24 to 1.33 | 0.75 to 0.90 | 1.31 to 1.48 |
-/// | sparse, rows, in runs | 0.81 to 0.88 | 1.17 | 0.94 to 1.02 | 1.21 |
+/// | dense, rows | 0.89 to 1.05 | 1.10 to 1.16 | 0.96 to 1.09 | 1.11 to 1.17 |
+/// | dense, symmetric (half the bytes) | 0.69 to 0.89 | 1.24 to 1.33 | 0.75 to 1.22 | 1.31 to 1.48 |
+/// | sparse, rows, in runs | 0.81 to 0.88 | 1.17 | 0.94 to 1.02 | 1.21 to 1.22 |
 /// | sparse, rows, at random | 0.41 to 0.54 | 1.13 to 1.38 | 0.45 to 0.57 | 1.17 to 1.31 |
-/// | sparse, symmetric (half the bytes), in runs | 0.32 to 0.35 | 1.30 | 0.46 to 0.48 | 1.46 |
-/// | sparse, symmetric, at random | 0.30 to 0.32 | 1.34 | 0.30 to 0.41 | 1.35 to 1.45 |
-/// | dense, symmetric, on a disk (in the system's cache) | 0.24 to 0.31 | 1.16 to 1.21 | 0.24 to 0.30 | 1.08 to 1.19 |
+/// | sparse, symmetric (0.28 of the bytes of rows), in runs | 0.28 to 0.29 | 1.49 to 1.51 | 0.24 to 0.26 | 1.65 to 1.70 |
+/// | sparse, symmetric, at random | 0.24 to 0.25 | 1.46 to 1.52 | 0.24 | 1.67 to 1.68 |
+/// | dense, symmetric, on a disk (in the system's cache) | 0.24 to 0.32 | 1.15 to 1.21 | 0.24 to 0.32 | 1.08 to 1.19 |
 ///
 /// So a dense symmetric pass takes 0.6 to 0.7 of the time of one over all rows on one thread. Passes over sparse rows are as fast as memory where entries lie in runs, and bound by the scattered x
-/// where they do not: 0.67 and 1.1 ns an entry on one thread. Those over sparse symmetric matrices multiply each entry twice and write their tiles out in full, unless seven of eight entries are missing: 1.8 and 1.9 ns an entry.
+/// where they do not: 0.67 and 1.1 ns an entry on one thread. Those over sparse symmetric matrices read so little, 4.5 to 4.7 bytes an entry, that they are bound by what follows: each tile with one
+/// in sixteen of its entries or more is written out in full, and each number multiplied twice. That takes 1.1 and 1.3 ns an entry on one thread and 0.39 to 0.48 on two
+/// (before, with two bytes for each place and two for the order by columns: 1.8 and 1.9 ns on one thread).
 impl LinearOperator for FormFactors {
     fn n_rows(&self) -> usize {
         self.areas.len()
