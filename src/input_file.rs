@@ -29,10 +29,11 @@ pub(crate) fn open(path: &Path) -> io::Result<File> {
     Ok(file)
 }
 
-/// Opens a file to look into before it is read, or tells that this cannot be: what a pipe has given is gone, and so is who writes to it once it is closed.
+/// Opens a file to look into before it is read. What is no plain file is `None`, and left to who reads it: what a pipe has given is gone, and so is who writes
+/// to it once it is closed.
 ///
 /// # Errors
-/// Those of [`open`].
+/// Those of the file system, with their remedy.
 pub(crate) fn open_to_look(path: &Path) -> io::Result<Option<File>> {
     let found = std::fs::metadata(path).map_err(|error| told(&error))?;
     if found.is_file() {

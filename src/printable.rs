@@ -1,10 +1,13 @@
 //! Text out of files as it may stand in a message.
 
-/// Returns the text on one line: a replacement character stands for each control character, with which a file could break a message in two or command
-/// a terminal.
+/// Returns the text on one line: a replacement character stands for each character that breaks a line, commands a terminal or turns the direction of writing.
 pub(crate) fn printable(text: &str) -> String {
-    let shown = |c: char| if c.is_control() { char::REPLACEMENT_CHARACTER } else { c };
+    let shown = |c: char| if is_shown(c) { c } else { char::REPLACEMENT_CHARACTER };
     text.chars().map(shown).collect()
+}
+
+fn is_shown(c: char) -> bool {
+    !c.is_control() && !matches!(c, '\u{2028}' | '\u{2029}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
 #[cfg(test)]

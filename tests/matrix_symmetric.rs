@@ -140,7 +140,7 @@ fn applies_what_is_stored() {
 #[test]
 fn a_channel_is_summed_alike_alone_and_in_company_on_any_number_of_threads() {
     let n = 500;
-    for density in [0.1, 1.0] {
+    for density in [0.02, 0.1, 1.0] {
         let f = Exchange::new(n, density, 5).store(StorageChoice::default());
         let x = random_block(n, 5, 6);
         let apply = |channels: &[usize]| {

@@ -212,11 +212,11 @@ proptest! {
                     error += stated;
                 });
                 let tolerance = if sums_rays { 1e-12 } else { 2.0 * error + 1e-13 };
-                // A ray that meets an edge of a box within f32's rounding may find the side that faces away, which takes it: one in
-                // 12,288 was the most in 3000 rows.
+                // A ray that meets an edge of a box within f32's rounding may find the side that faces away, which takes it: one of
+                // 12,288 did in one of some 100 rooms.
                 let tally = &factors.tallies()[i];
                 let taken = tally.absorbed().unwrap_or(0.0);
-                assert!(tally.n_escaped == 0 && tally.n_absorbed <= 2, "{name} {i}: {tally:?}");
+                assert!(tally.n_escaped == 0 && tally.n_absorbed <= 1, "{name} {i}: {tally:?}");
                 assert!((sum + taken - 1.0).abs() <= tolerance, "{name} {i}: {sum} ± {error:e}");
             }
         }

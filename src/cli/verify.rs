@@ -9,6 +9,7 @@ use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::pipeline::expect_room;
 use super::{Outcome, SCHEMA_VERSION, merge};
+use crate::printable::printable;
 use crate::render::exr::reading_byte;
 use crate::render::verify::{VerifyError, VerifyReport, verify};
 use crate::report::{StageTimes, memory_peak_byte};
@@ -57,7 +58,7 @@ fn describe(report: &VerifyReport) -> String {
     let mut text = String::new();
     let unit = if report.field.is_some() { "" } else { " W/m²" };
     if let Some(surface) = &report.field {
-        let _ = writeln!(text, "form factors to {surface}");
+        let _ = writeln!(text, "form factors to {}", printable(surface));
     }
     let tolerance = &report.tolerance;
     let _ = writeln!(

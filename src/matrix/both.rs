@@ -1,4 +1,4 @@
-//! A dense tile applied together with its transpose, compiled as the loops of [`lanes`](super::lanes).
+//! A tile applied together with its transpose: its channels a few at a time, and the loops over one in full, compiled as the loops of [`lanes`](super::lanes).
 
 #![cfg_attr(
     test,
@@ -14,7 +14,9 @@
 
 use pulp::Simd;
 
-use super::lanes::{InnerLoop, LANES, Lanes, Wide, dispatch};
+use super::lanes::{CHANNELS_AT_ONCE, InnerLoop, LANES, Lanes, Wide, dispatch};
+
+const _: () = assert!(CHANNELS_AT_ONCE == 3, "as `by_channels` has it");
 use super::square::SIDE;
 use super::store::Scalar;
 
@@ -34,7 +36,7 @@ pub(super) trait ByChannels {
     fn run<S: Simd, const N: usize, const C: usize>(&self, simd: S, channels: [Meeting<'_>; C]);
 }
 
-/// Runs a loop for all channels, as many at a time as it pays to take.
+/// Runs a loop for all channels, [`CHANNELS_AT_ONCE`] at a time.
 pub(super) fn by_channels<'a>(mut channels: impl Iterator<Item = Meeting<'a>>, tile_loop: &impl ByChannels) {
     while let Some(first) = channels.next() {
         match (channels.next(), channels.next()) {

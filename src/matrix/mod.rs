@@ -54,12 +54,13 @@ use crate::threads;
 /// of which only the upper triangle is stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Layout {
-    /// Dense for tiles that are at least a third non-zero, half in a symmetric matrix, else sparse.
+    /// Dense for tiles that are at least a third non-zero, half in a symmetric matrix or on a disk, else sparse.
     #[default]
     Auto,
     /// All places: 8 bytes each in f64, 4 in f32; half of that for a symmetric matrix.
     Dense,
-    /// Sorted lists: 12 bytes for each entry in f64, 8 in f32. In a symmetric matrix half of the entries take 8 or 4 bytes each, and those of a row in one tile 10 more.
+    /// Sorted lists: 12 bytes for each entry in f64, 8 in f32. In a symmetric matrix, where half of the entries are stored, and on a disk: 8 or 4 bytes for each entry, and for each
+    /// tile 8 bytes, and 10 for each of its rows that has an entry.
     Sparse,
 }
 
@@ -448,7 +449,7 @@ const ROWS_PER_TASK: usize = 16;
 /// rounding error is at most about (n / 4 + 70) 1.1e-16 for terms of one sign.
 ///
 /// Speed: the time of a plain read of as many bytes by the time of a pass with one channel (1 is as fast as memory), and the time of
-/// three channels by that of one. f32, n = 6144, sparse with a quarter of the entries, in runs of 32 (those of `exact` are 20 to 40 long on average in `room-box`,
+/// three channels by that of one. f32, n = 6144, sparse (as asked for) with a quarter of the entries, in runs of 32 (those of `exact` are 20 to 40 long on average in `room-box`,
 /// `corridor` and `sphere-room-r1`) or at random places, medians of 21 rounds of
 /// `cargo bench --bench matrix` on machines with AVX-512, otherwise idle; two numbers are the least and the greatest of two to five such runs:
 ///
@@ -463,9 +464,8 @@ const ROWS_PER_TASK: usize = 16;
 /// | dense, symmetric, on a disk (in the system's cache) | 0.24 to 0.32 | 1.15 to 1.21 | 0.24 to 0.32 | 1.08 to 1.19 |
 ///
 /// So a dense symmetric pass takes 0.6 to 0.7 of the time of one over all rows on one thread. Passes over sparse rows are as fast as memory where entries lie in runs, and bound by the scattered x
-/// where they do not: 0.67 and 1.1 ns an entry on one thread. Those over sparse symmetric matrices read so little, 4.5 to 4.7 bytes an entry, that they are bound by what follows: each tile with one
-/// in sixteen of its entries or more is written out in full, and each number multiplied twice. That takes 1.1 and 1.3 ns an entry on one thread and 0.39 to 0.48 on two
-/// (before, with two bytes for each place and two for the order by columns: 1.8 and 1.9 ns on one thread).
+/// where they do not: 0.67 and 1.1 ns an entry on one thread. Those over sparse symmetric matrices read so little, 4.4 to 4.7 bytes an entry, that they are bound by what follows: each tile with one
+/// in sixteen of its entries or more is written out in full, and each number multiplied twice. That takes 1.1 and 1.3 ns an entry on one thread and 0.39 to 0.48 on two.
 impl LinearOperator for FormFactors {
     fn n_rows(&self) -> usize {
         self.areas.len()

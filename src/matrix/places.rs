@@ -2,6 +2,8 @@
 
 use super::square::SIDE;
 
+const _: () = assert!(SIDE == u64::BITS as usize, "a bit for each column");
+
 /// Places of at most [`SIDE`] by [`SIDE`] that have an entry; entries are counted row by row.
 ///
 /// Memory: 8 bytes, and 10 for each row with an entry.
@@ -55,7 +57,9 @@ impl Places {
                 columns.push(0);
                 firsts.push(n_before);
             }
-            *columns.last_mut().expect("the row was added") |= 1_u64 << column;
+            let in_row: &mut u64 = columns.last_mut().expect("the row was added");
+            debug_assert!(rows >> row == 1 && *in_row >> column == 0, "places in order");
+            *in_row |= 1 << column;
         }
         Self {
             rows,
@@ -109,7 +113,7 @@ impl Places {
         self.columns.len()
     }
 
-    /// Returns the memory in use, or the bytes of so many rows with entries.
+    /// Returns the bytes, in memory and in a file, of places in so many rows.
     pub(super) fn byte(n_rows: usize) -> usize {
         size_of::<u64>() + n_rows * (size_of::<u64>() + size_of::<u16>())
     }

@@ -20,11 +20,11 @@ use super::transpose::index;
 use super::{Entry, Layout, MatrixError};
 
 /// Rows and columns of a tile: 32 KiB in f64, so that a tile and the vectors that it meets stay in the second-level cache, and
-/// places inside it fit a byte.
+/// the columns of a row are the bits of a word.
 pub(super) const SIDE: usize = 64;
 
 /// The share of non-zero entries from which a tile is stored in full. At a third either takes the same time, and a list 0.37 of the memory
-/// (f32, AVX-512); at a half a list takes 1.1 to 1.25 of the time, and 0.53 of the memory.
+/// (f32, AVX-512); at a half a list takes 1.1 to 1.25 of the time, and 0.54 of the memory.
 const DENSE_FROM: f64 = 0.5;
 
 /// A tile of at most [`SIDE`] by [`SIDE`] numbers. Rows and columns are counted from the tile's first.

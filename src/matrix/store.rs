@@ -13,7 +13,7 @@ use super::{Layout, MatrixError, Precision, RowTile, StorageChoice};
 
 /// The share of non-zero entries from which a tile is stored in full. With its column an entry takes 12 bytes instead of 8,
 /// so a dense tile is at most twice as large here; it is applied without gathering.
-pub(super) const DENSE_FROM: f64 = 1.0 / 3.0;
+const DENSE_FROM: f64 = 1.0 / 3.0;
 
 /// A number as it is stored: f32 or f64.
 pub(super) trait Scalar: Expand + Copy + Send + Sync + Debug + 'static {

@@ -230,20 +230,22 @@ pub fn plan_storage(demand: &StorageDemand, wish: StorageWish) -> Result<Storage
 fn estimate(demand: &StorageDemand, layout: Layout, precision: Precision, on_disk: bool) -> MemoryEstimate {
     let n = demand.n_patches as f64;
     let value = if precision == Precision::F32 { 4.0 } else { 8.0 };
+    let (full, density) = (value + 4.0, demand.density.min(1.0));
+    // Bytes for each place, of which no distribution of the entries takes more: what is stored in full is a third full at least, or half where tiles are square.
     // The places of a square tile take 10 bytes for each row with an entry, and 8.
-    let places = if demand.by_rows {
-        4.0 * demand.density
-    } else {
-        (10.0 / SIDE + 8.0 / SIDE.powi(2)).min(18.0 * demand.density)
+    let place = |square: bool| {
+        let (places, fullest) = if square {
+            ((10.0 / SIDE + 8.0 / SIDE.powi(2)).min(18.0 * density), 2.0)
+        } else {
+            (4.0 * density, 3.0)
+        };
+        match layout {
+            Layout::Dense => full,
+            Layout::Sparse => full * density + places,
+            Layout::Auto => full.min(fullest * full * density + places),
+        }
     };
-    let (full, listed) = (value + 4.0, (value + 4.0) * demand.density + places);
-    let entry = match layout {
-        Layout::Dense => full,
-        Layout::Sparse => listed,
-        // A tile that is listed has less than a third of its places in use.
-        Layout::Auto => full.min(listed.max((value + 8.0) / 3.0 * demand.density.min(1.0))),
-    };
-    let (rows, upper) = (n * n * entry, 0.5 * n * (n + SIDE) * entry);
+    let (rows, upper) = (n * n * place(on_disk), 0.5 * n * (n + SIDE) * place(true));
     let n_tiles = (n / SIDE).ceil().powi(2);
     let (mut n_rows, mut n_upper) = if demand.by_rows { (1.0, 0.0) } else { (0.0, 1.0) };
     if demand.repaired {
@@ -318,6 +320,7 @@ pub fn byte_text(byte: u64) -> String {
 #[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
+    use crate::matrix::{FormFactors, RowTally, RowTile, StorageChoice};
 
     const GIB: u64 = 1 << 30;
 
@@ -428,7 +431,44 @@ mod tests {
         assert!((2.9..3.1).contains(&three), "{three}");
         let sparse = StorageDemand { density: 0.1, ..rows };
         let share = total(&sparse) as f64 / total(&rows) as f64;
-        assert!((0.12..0.15).contains(&share), "{share}");
+        // Rows that are a third full take as much as whole ones.
+        assert!((0.30..0.35).contains(&share), "{share}");
+    }
+
+    #[test]
+    fn no_matrix_takes_more_than_the_estimate() {
+        for (by_rows, full_to) in [(false, 0), (true, 0), (false, 256), (true, 256)] {
+            for one_in in [100, 8, 3, 2, 1] {
+                // The first columns are full, the others have one in so many of their entries.
+                let n = 512;
+                let has = |i: usize, j: usize| j < full_to || (i * 31 + j * 17).is_multiple_of(one_in);
+                let tiles = (0..n).step_by(64).map(|first| {
+                    let mut tile = RowTile::new(first);
+                    for i in first..first + 64 {
+                        let columns = (if by_rows { 0 } else { i }..n).filter(|&j| has(i, j));
+                        let entry = |j| (u32::try_from(j).unwrap(), 1.0 / n as f64, 1e-9);
+                        tile.push_row(&columns.map(entry).collect::<Vec<_>>(), RowTally::default());
+                    }
+                    tile
+                });
+                let (areas, choice) = (vec![1.0; n], StorageChoice::default());
+                let stored = if by_rows {
+                    FormFactors::from_tiles(areas, tiles, choice)
+                } else {
+                    FormFactors::from_exchange_tiles(areas, tiles, choice)
+                };
+                let stored = stored.unwrap();
+                let demand = StorageDemand {
+                    n_patches: n,
+                    by_rows,
+                    density: stored.density(),
+                    ..demand()
+                };
+                let told = estimate(&demand, Layout::Auto, Precision::F64, false).matrix_byte;
+                let taken = stored.stored_byte() as u64;
+                assert!(taken <= told, "{by_rows} {full_to} {one_in}: {taken} of {told}");
+            }
+        }
     }
 
     #[test]

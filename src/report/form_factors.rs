@@ -79,7 +79,7 @@ const FORMATS: [(&str, Format, bool); 6] = [
     ("vtu", Format::Vtu, false),
 ];
 
-/// From this share of non-zero entries on a matrix is written dense, as it is stored, unless its storage was asked to be dense or sparse.
+/// From this share of non-zero entries on a matrix is written dense, unless its storage was asked to be dense or sparse.
 const DENSE_FROM: f64 = 1.0 / 3.0;
 
 impl Format {

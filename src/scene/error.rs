@@ -56,8 +56,8 @@ pub enum SceneError {
         count: usize,
     },
     /// A coordinate that is no finite number of a sensible size.
-    #[error("{}:{line}: coordinate `{token}` is not a finite number within ±{limit:e}; correct it",
-        .file.display(), limit = super::MAX_COORDINATE)]
+    #[error("{}:{line}: coordinate `{}` is not a finite number within ±{limit:e}; correct it",
+        .file.display(), printable(.token), limit = super::MAX_COORDINATE)]
     BadCoordinate {
         /// The scene file.
         file: PathBuf,
@@ -67,7 +67,7 @@ pub enum SceneError {
         token: String,
     },
     /// A vertex index that is no integer.
-    #[error("{}:{line}: `{token}` is not a vertex index; correct the face", .file.display())]
+    #[error("{}:{line}: `{}` is not a vertex index; correct the face", .file.display(), printable(.token))]
     BadIndex {
         /// The scene file.
         file: PathBuf,
@@ -129,7 +129,7 @@ pub enum SceneError {
         keyword: &'static str,
     },
     /// A material library that is not in the scene's folder or below it.
-    #[error("{}:{line}: the library `{name}` lies outside the scene's folder; move it there, or say --allow-outside", .file.display())]
+    #[error("{}:{line}: the library `{}` lies outside the scene's folder; move it there, or say --allow-outside", .file.display(), printable(.name))]
     OutsideFolder {
         /// The scene file.
         file: PathBuf,
@@ -149,7 +149,7 @@ pub enum SceneError {
         keyword: &'static str,
     },
     /// A `Kd` or `Ke` that is neither one nor three numbers.
-    #[error("{}:{line}: `{keyword} {value}` is neither one nor three numbers; give red, green and blue", .file.display())]
+    #[error("{}:{line}: `{keyword} {}` is neither one nor three numbers; give red, green and blue", .file.display(), printable(.value))]
     BadMaterialValue {
         /// The material file.
         file: PathBuf,
@@ -181,7 +181,7 @@ pub enum SceneError {
         value: f64,
     },
     /// The parser refused a text that had been checked: a defect of this crate, told instead of hidden.
-    #[error("{}: the parser disagrees with the check before it ({message}); please report the file", .file.display())]
+    #[error("{}: the parser disagrees with the check before it ({}); please report the file", .file.display(), printable(.message))]
     Parser {
         /// The scene or material file.
         file: PathBuf,

@@ -84,7 +84,7 @@ impl Names {
 #[non_exhaustive]
 pub enum MotionError {
     /// No surface has that name.
-    #[error("the scene has no surface `{}`; it has {known}", printable(.name))]
+    #[error("the scene has no surface `{}`; it has {}", printable(.name), printable(.known))]
     UnknownSurface {
         /// The name.
         name: String,
@@ -111,13 +111,13 @@ pub enum MotionError {
         wanted: &'static str,
     },
     /// A corner goes where no corner may be.
-    #[error("`{surface}` is moved beyond {MAX_COORDINATE:e} m; move it less far")]
+    #[error("`{}` is moved beyond {MAX_COORDINATE:e} m; move it less far", printable(.surface))]
     TooFar {
         /// The surface.
         surface: String,
     },
     /// A face comes to lie where another lies.
-    #[error("a face of `{surface}` comes to lie on one of `{other}`, both facing the same way; move it elsewhere")]
+    #[error("a face of `{}` comes to lie on one of `{}`, both facing the same way; move it elsewhere", printable(.surface), printable(.other))]
     Coincident {
         /// The surface that the face belongs to.
         surface: String,

@@ -3,6 +3,8 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use crate::printable::printable;
+
 /// A doubt about a scene that was loaded.
 ///
 /// Each kind is told once per cause, with the first line and a count, not once per face.
@@ -138,9 +140,17 @@ impl fmt::Display for SceneWarning {
                 write!(f, ": {count} faces without an area are skipped, this is the first")
             }
             Self::MissingLibrary { name, .. } => {
-                write!(f, ": material library `{name}` is not there; its materials reflect 0.5")
+                write!(
+                    f,
+                    ": material library `{}` is not there; its materials reflect 0.5",
+                    printable(name)
+                )
             }
-            Self::UnknownMaterial { name, .. } => write!(f, ": no library defines material `{name}`; it reflects 0.5"),
+            Self::UnknownMaterial { name, .. } => write!(
+                f,
+                ": no library defines material `{}`; it reflects 0.5",
+                printable(name)
+            ),
             Self::NoMaterial { count: 1, .. } => write!(f, ": a face has no material; it reflects 0.5"),
             Self::NoMaterial { count, .. } => {
                 write!(
@@ -148,14 +158,21 @@ impl fmt::Display for SceneWarning {
                     ": {count} faces have no material, this is the first; they reflect 0.5"
                 )
             }
-            Self::MissingReflectance { name, .. } => write!(f, ": material `{name}` has no `Kd`; it reflects 0.5"),
+            Self::MissingReflectance { name, .. } => {
+                write!(f, ": material `{}` has no `Kd`; it reflects 0.5", printable(name))
+            }
             Self::RepeatedMaterial { name, .. } => {
-                write!(f, ": material `{name}` is defined again; this definition counts")
+                write!(
+                    f,
+                    ": material `{}` is defined again; this definition counts",
+                    printable(name)
+                )
             }
             Self::IgnoredTexture { name, .. } => {
                 write!(
                     f,
-                    ": the texture of material `{name}` is not read; its `Kd` counts everywhere"
+                    ": the texture of material `{}` is not read; its `Kd` counts everywhere",
+                    printable(name)
                 )
             }
             Self::NoEmission { .. } => write!(f, ": no face emits light; give a material an exitance `Ke`"),
