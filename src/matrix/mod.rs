@@ -456,16 +456,16 @@ const ROWS_PER_TASK: usize = 16;
 /// | matrix | one thread: read / pass | three channels / one | two threads: read / pass | three channels / one |
 /// |---|---|---|---|---|
 /// | dense, rows | 0.89 to 1.05 | 1.10 to 1.16 | 0.96 to 1.09 | 1.11 to 1.17 |
-/// | dense, symmetric (half the bytes) | 0.69 to 0.89 | 1.24 to 1.33 | 0.75 to 1.22 | 1.31 to 1.48 |
+/// | dense, symmetric (half the bytes) | 0.69 to 0.89 | 1.24 to 1.33 | 0.75 to 1.22 | 1.31 to 1.56 |
 /// | sparse, rows, in runs | 0.81 to 0.88 | 1.17 | 0.94 to 1.02 | 1.21 to 1.22 |
 /// | sparse, rows, at random | 0.41 to 0.54 | 1.13 to 1.38 | 0.45 to 0.57 | 1.17 to 1.31 |
-/// | sparse, symmetric (0.28 of the bytes of rows), in runs | 0.28 to 0.29 | 1.49 to 1.51 | 0.24 to 0.26 | 1.65 to 1.70 |
-/// | sparse, symmetric, at random | 0.24 to 0.25 | 1.46 to 1.52 | 0.24 | 1.67 to 1.68 |
+/// | sparse, symmetric (0.28 of the bytes of rows), in runs | 0.24 to 0.29 | 1.49 to 1.51 | 0.24 to 0.36 | 1.63 to 1.74 |
+/// | sparse, symmetric, at random | 0.22 to 0.25 | 1.45 to 1.52 | 0.24 to 0.35 | 1.61 to 1.68 |
 /// | dense, symmetric, on a disk (in the system's cache) | 0.24 to 0.32 | 1.15 to 1.21 | 0.24 to 0.32 | 1.08 to 1.19 |
 ///
 /// So a dense symmetric pass takes 0.6 to 0.7 of the time of one over all rows on one thread. Passes over sparse rows are as fast as memory where entries lie in runs, and bound by the scattered x
 /// where they do not: 0.67 and 1.1 ns an entry on one thread. Those over sparse symmetric matrices read so little, 4.4 to 4.7 bytes an entry, that they are bound by what follows: each tile with one
-/// in sixteen of its entries or more is written out in full, and each number multiplied twice. That takes 1.1 and 1.3 ns an entry on one thread and 0.39 to 0.48 on two.
+/// in sixteen of its entries or more is written out in full, and each number multiplied twice. That takes 1.1 to 1.2 and 1.3 to 1.5 ns an entry on one thread, and 0.4 to 0.55 on two.
 impl LinearOperator for FormFactors {
     fn n_rows(&self) -> usize {
         self.areas.len()
