@@ -35,33 +35,14 @@ pub(super) struct SparseRows<'a, T> {
 
 /// Tells whether most entries of the rows lie beside one another, as where patches of a face see one another: then x is read like a dense vector.
 pub(super) fn mostly_in_runs(begins: &[usize], columns: &[u32]) -> bool {
-    let mut counts = Chunks::default();
-    begins
-        .windows(2)
-        .for_each(|ends| counts.add_row(&columns[ends[0]..ends[1]]));
-    counts.are_mostly_runs()
-}
-
-/// Chunks of eight entries.
-#[derive(Default)]
-struct Chunks {
-    n: usize,
-    /// Those whose columns are consecutive.
-    n_runs: usize,
-}
-
-impl Chunks {
-    #[inline(always)]
-    fn add_row<J: Copy + Into<u32>>(&mut self, columns: &[J]) {
-        for chunk in columns.as_chunks::<LANES>().0 {
-            self.n += 1;
-            self.n_runs += usize::from(is_run(&chunk.map(|j| j.into() as usize)));
+    let (mut n_chunks, mut n_runs) = (0, 0);
+    for ends in begins.windows(2) {
+        for chunk in columns[ends[0]..ends[1]].as_chunks::<LANES>().0 {
+            n_chunks += 1;
+            n_runs += usize::from(is_run(&chunk.map(|j| j as usize)));
         }
     }
-
-    fn are_mostly_runs(&self) -> bool {
-        self.n > 0 && 2 * self.n_runs >= self.n
-    }
+    n_chunks > 0 && 2 * n_runs >= n_chunks
 }
 
 /// Tells whether ascending columns are consecutive.
