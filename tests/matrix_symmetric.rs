@@ -178,20 +178,25 @@ fn half_of_the_memory_is_enough() {
     }
     let mut sparse = Exchange::new(n, 0.05, 8);
     sparse.upper.iter_mut().flatten().for_each(|entry| entry.1 = 0.0);
-    let in_tile = |i: usize, tile: usize| {
-        (64 * tile..64 * (tile + 1))
+    // Strips of eight columns, of the tiles that are stored.
+    let n_in = |i: usize, strip: usize| {
+        (8 * strip..8 * (strip + 1))
             .filter(|&j| sparse.at(i, j).0 > 0.0)
             .count()
     };
-    let (mut n_entries, mut n_rows) = (0, 0);
-    for (i, tile) in (0..n).flat_map(|i| (i / 64..n / 64).map(move |tile| (i, tile))) {
-        n_entries += in_tile(i, tile);
-        n_rows += usize::from(in_tile(i, tile) > 0);
+    let (mut n_entries, mut n_rows, mut n_strips) = (0, 0, 0);
+    for first in (0..n).step_by(64) {
+        for strip in first / 8..n / 8 {
+            let of_rows: Vec<usize> = (first..first + 64).map(|i| n_in(i, strip)).collect();
+            n_entries += of_rows.iter().sum::<usize>();
+            n_rows += of_rows.iter().filter(|&&n| n > 0).count();
+            n_strips += usize::from(of_rows.iter().any(|&n| n > 0));
+        }
     }
     let stored = sparse.store(StorageChoice::default()).stored_byte();
-    assert!(n_rows < n_entries && n_rows < 36 * 64);
-    // In each tile 8 bytes say which rows have entries, and 10 for each of these where they are.
-    assert_eq!(stored, 8 * n_entries + 10 * n_rows + 36 * (8 + 16));
+    assert!(n_rows < n_entries && n_rows < 36 * 512);
+    // 16 bytes for each strip, 1 for each of its rows that has entries, and 16 for each tile.
+    assert_eq!(stored, 8 * n_entries + n_rows + 16 * n_strips + 36 * 16);
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use std::ops::{Deref, DerefMut};
 
 /// The size of a cache line, and of the widest registers.
-const LINE_BYTE: usize = 64;
+pub(super) const LINE_BYTE: usize = 64;
 
 /// A slice that begins on a cache line.
 #[derive(Debug)]

@@ -14,11 +14,13 @@
 
 use pulp::Simd;
 
+use super::aligned::LINE_BYTE;
 use super::lanes::{CHANNELS_AT_ONCE, InnerLoop, LANES, Lanes, Wide, dispatch};
-
-const _: () = assert!(CHANNELS_AT_ONCE == 3, "as `by_channels` has it");
+use super::prefetch::prefetch;
 use super::square::SIDE;
 use super::store::Scalar;
+
+const _: () = assert!(CHANNELS_AT_ONCE == 3, "as `by_channels` has it");
 
 /// Parts of a tile that rows are taken from in turn.
 const QUARTERS: usize = 4;
@@ -106,7 +108,7 @@ fn both<S: Simd, T: Scalar, const N: usize, const C: usize, const R: usize>(
 }
 
 /// Registers' worth of [`Lanes`] in a row of a tile with all its columns.
-const CHUNKS: usize = SIDE / LANES;
+pub(super) const CHUNKS: usize = SIDE / LANES;
 
 /// Does what [`both`] does for a tile of the full size: as all lengths are known, nothing but the products is left to do.
 #[inline(always)]
@@ -143,6 +145,10 @@ fn whole_tile<S: Simd, T: Scalar, const N: usize, const C: usize, const R: usize
                     (x_k[c], y_k[c]) = (Wide::load(&ends[c].1[k]), Wide::load(&ends[c].2[k]));
                 }
                 for r in 0..R {
+                    if (k * LANES * size_of::<T>()).is_multiple_of(LINE_BYTE) {
+                        // Tiles are stored one behind the other: the same place of the next one.
+                        prefetch(&tile[row(r)][k], SIDE * SIDE);
+                    }
                     let a = Wide::load(&tile[row(r)][k]);
                     for c in 0..C {
                         sums[c][r] = sums[c][r].plus_product(simd, a, x_k[c]);

@@ -17,6 +17,8 @@ pub(super) struct PassSums {
     rows: Aligned<f64>,
     /// Channel by channel, each filled up to a multiple of [`SIDE`].
     columns: Aligned<f64>,
+    /// What the transposes of tiles on the diagonal add, channel by channel: it is not needed.
+    nowhere: Aligned<f64>,
 }
 
 /// Partial sums of one row of tiles in one channel.
@@ -30,6 +32,7 @@ impl PassSums {
             n_left: n - first,
             rows: Aligned::filled(n_channels * ROW_SUMS, 0.0),
             columns: Aligned::filled(n_channels * (n - first).next_multiple_of(SIDE), 0.0),
+            nowhere: Aligned::filled(n_channels * SIDE, 0.0),
         }
     }
 
@@ -37,33 +40,24 @@ impl PassSums {
         self.n_left.next_multiple_of(SIDE)
     }
 
-    /// Adds what a tile on the diagonal, stored whole, makes of `x`.
-    pub(super) fn add_diagonal<T: Scalar>(&mut self, tile: &Square<T>, x: &Planes, rows: &Range<usize>) {
-        for (c, sums) in self.rows.chunks_exact_mut(ROW_SUMS).enumerate() {
-            let lanes = sums.as_chunks_mut::<LANES>().0;
-            tile.apply_diagonal(&x.channel(c)[rows.clone()], &mut lanes[..rows.len()]);
-        }
-    }
-
-    /// Calls `work` with what the tile of `rows` and `columns`, which may go on beyond the last of the matrix, needs of every channel.
-    pub(super) fn with_channels(
-        &mut self,
-        x: &Planes,
-        rows: Range<usize>,
-        columns: Range<usize>,
-        work: impl FnOnce(&mut dyn Iterator<Item = Meeting<'_>>),
-    ) {
-        let y_columns = columns.start - self.first..columns.end - self.first;
+    /// Adds what a tile, which holds `rows` and `columns` of the matrix, and its transpose make of `x`, reading it once for all channels; of a tile on the
+    /// diagonal, which is stored whole, only what the tile itself does.
+    pub(super) fn add<T: Scalar>(&mut self, tile: &Square<T>, x: &Planes, rows: Range<usize>, columns: Range<usize>) {
+        let is_diagonal = rows.start == columns.start;
+        let (rows, columns) = (tile.gone_by(rows), tile.gone_by(columns));
         let n_padded = self.n_padded();
-        let sums = self.rows.chunks_exact_mut(ROW_SUMS);
-        let sums = sums.zip(self.columns.chunks_exact_mut(n_padded));
-        let mut channels = sums.enumerate().map(|(c, (lanes, y))| Meeting {
+        let (y, y_side, y_first) = if is_diagonal {
+            (&mut self.nowhere, SIDE, columns.start)
+        } else {
+            (&mut self.columns, n_padded, self.first)
+        };
+        let sums = self.rows.chunks_exact_mut(ROW_SUMS).zip(y.chunks_exact_mut(y_side));
+        tile.add_both(sums.enumerate().map(|(c, (lanes, y_c))| Meeting {
             x_rows: &x.padded(c)[rows.clone()],
             x_columns: &x.padded(c)[columns.clone()],
             rows: &mut lanes.as_chunks_mut::<LANES>().0[..rows.len()],
-            y_columns: &mut y[y_columns.clone()],
-        });
-        work(&mut channels);
+            y_columns: &mut y_c[columns.start - y_first..columns.end - y_first],
+        }));
     }
 
     /// Ends a row of tiles: its rows' sums go to y.

@@ -1,164 +1,223 @@
 //! Which places of a square tile have an entry.
 
+use super::lanes::LANES;
 use super::square::SIDE;
 
-const _: () = assert!(SIDE == u64::BITS as usize, "a bit for each column");
+const _: () = assert!(SIDE == u64::BITS as usize, "a bit for each row of a strip");
+const _: () = assert!(LANES == u8::BITS as usize, "a bit for each column of a strip");
 
-/// Places of at most [`SIDE`] by [`SIDE`] that have an entry; entries are counted row by row.
+/// Places of at most [`SIDE`] by [`SIDE`] that have an entry, in strips of [`LANES`] columns, of each of which a row is one register; entries are counted strip by
+/// strip, and row by row in each.
 ///
-/// Memory: 8 bytes, and 10 for each row with an entry.
+/// Memory: 16 bytes for each strip with an entry, and 1 for each of its rows with one.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Places {
-    /// Bit i is set where row i has an entry.
-    rows: u64,
-    /// For each such row in order, the bits of the columns with an entry.
-    columns: Box<[u64]>,
-    /// The number of each such row's first entry.
-    firsts: Box<[u16]>,
+    /// Those with entries, in order.
+    strips: Box<[Strip]>,
+    /// For each row with entries of each strip in turn, the bits of its columns.
+    masks: Box<[u8]>,
 }
 
-/// The entries of one row.
+/// Some columns of a tile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct RowPlaces {
-    /// Bit j is set where column j has an entry.
-    pub(super) columns: u64,
+struct Strip {
+    /// Bit i is set where row i has an entry.
+    rows: u64,
+    /// The number of the strip's first entry.
+    first: u16,
+    /// The number of the strip's first mask.
+    first_mask: u16,
+    /// The first column, by [`LANES`].
+    number: u32,
+}
+
+/// The entries of one strip.
+pub(super) struct StripPlaces<'a> {
+    /// The first column, by [`LANES`].
+    pub(super) number: usize,
+    /// Bit i is set where row i has an entry.
+    pub(super) rows: u64,
+    /// For each such row in order, the bits of the columns with an entry.
+    pub(super) masks: &'a [u8],
     /// The number of the first entry.
     pub(super) first: usize,
 }
 
-/// The entries of one column.
-pub(super) struct ColumnPlaces {
+/// The entries of one row or column, in order.
+pub(super) struct Line {
     n: usize,
-    rows: [usize; SIDE],
-    numbers: [usize; SIDE],
+    places: [u8; SIDE],
+    numbers: [u16; SIDE],
 }
 
-impl ColumnPlaces {
-    /// Returns the rows of the entries.
-    pub(super) fn rows(&self) -> &[usize] {
-        &self.rows[..self.n]
+impl Line {
+    fn empty() -> Self {
+        Self {
+            n: 0,
+            places: [0; SIDE],
+            numbers: [0; SIDE],
+        }
     }
 
-    /// Returns the numbers of the entries.
-    pub(super) fn numbers(&self) -> &[usize] {
-        &self.numbers[..self.n]
+    /// Adds an entry, or something that the next one replaces.
+    fn push(&mut self, is_one: bool, place: usize, number: usize) {
+        let slot = self.n % SIDE;
+        self.places[slot] = narrow(place);
+        self.numbers[slot] = narrow(number);
+        self.n += usize::from(is_one);
+    }
+
+    /// Returns (column, number) of each entry of a row, or (row, number) of each of a column.
+    pub(super) fn entries(&self) -> impl Iterator<Item = (usize, usize)> {
+        let pairs = self.places.iter().zip(&self.numbers).take(self.n);
+        pairs.map(|(&place, &number)| (place.into(), number.into()))
+    }
+
+    /// Returns the columns of a row's entries, or the rows of a column's.
+    pub(super) fn places(&self) -> &[u8] {
+        &self.places[..self.n]
     }
 }
 
 impl Places {
-    /// Takes places (row, column) in the order of rows, then columns.
+    /// Takes places (row, column) in the order in which entries are counted.
     pub(super) fn new(places: impl IntoIterator<Item = (usize, usize)>) -> Self {
-        let mut rows = 0;
-        let mut columns = Vec::new();
-        let mut firsts = Vec::new();
-        for (n_before, (row, column)) in (0..).zip(places) {
-            if rows & (1 << row) == 0 {
-                rows |= 1 << row;
-                columns.push(0);
-                firsts.push(n_before);
+        let (mut strips, mut masks) = (Vec::<Strip>::new(), Vec::<u8>::new());
+        for (n_before, (row, column)) in places.into_iter().enumerate() {
+            let number = narrow(column / LANES);
+            if strips.last().is_none_or(|strip| strip.number != number) {
+                debug_assert!(
+                    strips.last().is_none_or(|strip| strip.number < number),
+                    "strips in order"
+                );
+                strips.push(Strip {
+                    rows: 0,
+                    first: narrow(n_before),
+                    first_mask: narrow(masks.len()),
+                    number,
+                });
             }
-            let in_row: &mut u64 = columns.last_mut().expect("the row was added");
-            debug_assert!(rows >> row == 1 && *in_row >> column == 0, "places in order");
-            *in_row |= 1 << column;
+            let strip = strips.last_mut().expect("the strip was added");
+            if strip.rows >> row & 1 == 0 {
+                strip.rows |= 1 << row;
+                masks.push(0);
+            }
+            let mask = masks.last_mut().expect("the row was added");
+            debug_assert!(
+                strip.rows >> row == 1 && *mask >> (column % LANES) == 0,
+                "places in order"
+            );
+            *mask |= 1 << (column % LANES);
         }
         Self {
-            rows,
-            columns: columns.into(),
-            firsts: firsts.into(),
+            strips: strips.into(),
+            masks: masks.into(),
         }
     }
 
-    /// Returns a row's entries, none where it has none.
-    pub(super) fn row(&self, row: usize) -> RowPlaces {
-        if self.rows >> row & 1 == 0 {
-            return RowPlaces { columns: 0, first: 0 };
-        }
-        self.nth(below(self.rows, row))
-    }
-
-    /// Returns the rows that have entries.
-    pub(super) fn rows(&self) -> impl Iterator<Item = (usize, RowPlaces)> {
-        let of_rows = self.columns.iter().zip(&self.firsts);
-        ones(self.rows).zip(of_rows).map(|(row, (&columns, &first))| {
-            let first = first.into();
-            (row, RowPlaces { columns, first })
+    /// Returns the strips that have entries.
+    #[inline]
+    pub(super) fn strips(&self) -> impl Iterator<Item = StripPlaces<'_>> {
+        self.strips.iter().map(|strip| StripPlaces {
+            number: strip.number as usize,
+            rows: strip.rows,
+            masks: &self.masks[strip.first_mask.into()..],
+            first: strip.first.into(),
         })
     }
 
+    /// Returns the columns and the numbers of the entries in a row.
+    pub(super) fn row(&self, row: usize) -> Line {
+        let mut found = Line::empty();
+        for strip in self.strips().filter(|strip| strip.rows >> row & 1 == 1) {
+            let (before, own) = strip.masks.split_at(below(strip.rows, row));
+            let first = strip.first + count(before);
+            for (number, lane) in (first..).zip(ones(own[0].into())) {
+                found.push(true, strip.number * LANES + lane, number);
+            }
+        }
+        found
+    }
+
     /// Returns the rows and the numbers of the entries in a column.
-    pub(super) fn column(&self, column: usize) -> ColumnPlaces {
-        let mut found = ColumnPlaces {
-            n: 0,
-            rows: [0; SIDE],
-            numbers: [0; SIDE],
-        };
-        // Whether a row has an entry here is as good as random: what is not one is written over, without a branch.
-        for (row, in_row) in self.rows() {
-            let slot = found.n % SIDE;
-            found.rows[slot] = row;
-            found.numbers[slot] = in_row.first + in_row.n_below(column);
-            found.n += (in_row.columns >> column & 1) as usize;
+    pub(super) fn column(&self, column: usize) -> Line {
+        let mut found = Line::empty();
+        let lane = column % LANES;
+        for strip in self.strips().filter(|strip| strip.number == column / LANES) {
+            let mut first = strip.first;
+            // Whether a row has an entry here is as good as random: what is not one is written over, without a branch.
+            for (row, &mask) in ones(strip.rows).zip(strip.masks) {
+                found.push(mask >> lane & 1 == 1, row, first + below(mask.into(), lane));
+                first += mask.count_ones() as usize;
+            }
         }
         found
     }
 
     /// Returns (row, column) of all entries in order.
     pub(super) fn all(&self) -> impl Iterator<Item = (usize, usize)> {
-        self.rows()
-            .flat_map(|(row, places)| ones(places.columns).map(move |column| (row, column)))
+        self.strips().flat_map(|strip| {
+            let of_rows = ones(strip.rows).zip(strip.masks);
+            of_rows.flat_map(move |(row, &mask)| ones(mask.into()).map(move |lane| (row, strip.number * LANES + lane)))
+        })
     }
 
-    /// Returns how many rows have entries.
-    pub(super) fn n_rows(&self) -> usize {
-        self.columns.len()
+    /// Returns how many strips have entries, and how many rows have in all of them.
+    pub(super) fn size(&self) -> [usize; 2] {
+        [self.strips.len(), self.masks.len()]
     }
 
-    /// Returns the bytes, in memory and in a file, of places in so many rows.
-    pub(super) fn byte(n_rows: usize) -> usize {
-        size_of::<u64>() + n_rows * (size_of::<u64>() + size_of::<u16>())
+    /// Returns the bytes, in memory and in a file, of places of a [`size`](Self::size).
+    pub(super) fn byte([n_strips, n_masks]: [usize; 2]) -> usize {
+        n_strips * size_of::<Strip>() + n_masks
     }
 
     /// Appends the bytes of [`from_bytes`](Self::from_bytes).
     pub(super) fn push_bytes(&self, bytes: &mut Vec<u8>) {
-        bytes.extend(self.rows.to_ne_bytes());
-        bytes.extend(self.columns.iter().flat_map(|columns| columns.to_ne_bytes()));
-        bytes.extend(self.firsts.iter().flat_map(|first| first.to_ne_bytes()));
+        for strip in &self.strips {
+            bytes.extend(strip.rows.to_ne_bytes());
+            bytes.extend(strip.first.to_ne_bytes());
+            bytes.extend(strip.first_mask.to_ne_bytes());
+            bytes.extend(strip.number.to_ne_bytes());
+        }
+        bytes.extend(&self.masks);
     }
 
-    /// Returns the places from the bytes of `n_rows` rows with entries, and the bytes that follow.
-    pub(super) fn from_bytes(n_rows: usize, bytes: &[u8]) -> (Self, &[u8]) {
-        let (own, rest) = bytes.split_at(Self::byte(n_rows));
-        let (words, _) = own[..8 * (1 + n_rows)].as_chunks::<8>();
-        let (firsts, _) = own[8 * (1 + n_rows)..].as_chunks::<2>();
+    /// Returns the places from the bytes of so many strips and rows, and the bytes that follow.
+    pub(super) fn from_bytes(size: [usize; 2], bytes: &[u8]) -> (Self, &[u8]) {
+        let (own, rest) = bytes.split_at(Self::byte(size));
+        let (strips, masks) = own.split_at(own.len() - size[1]);
+        let strips = strips.as_chunks::<{ size_of::<Strip>() }>().0.iter();
+        let strip = |&[a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p]: &[u8; size_of::<Strip>()]| Strip {
+            rows: u64::from_ne_bytes([a, b, c, d, e, f, g, h]),
+            first: u16::from_ne_bytes([i, j]),
+            first_mask: u16::from_ne_bytes([k, l]),
+            number: u32::from_ne_bytes([m, n, o, p]),
+        };
         let places = Self {
-            rows: u64::from_ne_bytes(words[0]),
-            columns: words[1..].iter().map(|&word| u64::from_ne_bytes(word)).collect(),
-            firsts: firsts.iter().map(|&first| u16::from_ne_bytes(first)).collect(),
+            strips: strips.map(strip).collect(),
+            masks: masks.into(),
         };
         (places, rest)
     }
-
-    /// Returns the k-th row that has entries.
-    fn nth(&self, k: usize) -> RowPlaces {
-        RowPlaces {
-            columns: self.columns[k],
-            first: self.firsts[k].into(),
-        }
-    }
 }
 
-impl RowPlaces {
-    /// Returns how many of the entries are in columns below `column`.
-    pub(super) fn n_below(self, column: usize) -> usize {
-        below(self.columns, column)
-    }
+/// Returns a number of at most a tile's places in a narrower type.
+fn narrow<T: TryFrom<usize>>(number: usize) -> T {
+    T::try_from(number).unwrap_or_else(|_| unreachable!("a tile has at most 4096 places"))
 }
 
-/// Returns how many bits below bit `end` are set; `end` is at most 64.
-#[inline]
-pub(super) fn below(bits: u64, end: usize) -> usize {
-    let kept = if end < 64 { bits & ((1 << end) - 1) } else { bits };
-    kept.count_ones() as usize
+/// Returns how many bits are set.
+fn count(masks: &[u8]) -> usize {
+    let (eights, rest) = masks.as_chunks::<8>();
+    let of_eights = eights.iter().map(|eight| u64::from_ne_bytes(*eight).count_ones());
+    let of_rest = rest.iter().map(|mask| mask.count_ones());
+    of_eights.chain(of_rest).sum::<u32>() as usize
+}
+
+/// Returns how many bits below bit `end` are set; `end` is at most 63.
+fn below(bits: u64, end: usize) -> usize {
+    (bits & ((1 << end) - 1)).count_ones() as usize
 }
 
 /// Returns the numbers of the bits that are set, in ascending order.
@@ -177,8 +236,14 @@ mod tests {
 
     #[test]
     fn places_are_found_by_rows_and_by_columns() {
-        let somewhere = |&(row, column): &(usize, usize)| row % 7 != 3 && (31 * row + 17 * column).is_multiple_of(5);
-        let everywhere = || (0..64).flat_map(|row| (0..64).map(move |column| (row, column)));
+        let somewhere = |&(row, column): &(usize, usize)| {
+            row % 7 != 3 && column / LANES != 4 && (31 * row + 17 * column).is_multiple_of(5)
+        };
+        let everywhere = || {
+            let strip =
+                |first: usize| (0..64).flat_map(move |row| (first..first + LANES).map(move |column| (row, column)));
+            (0..64).step_by(LANES).flat_map(strip)
+        };
         for listed in [
             everywhere().filter(somewhere).collect::<Vec<_>>(),
             everywhere().collect(),
@@ -187,29 +252,28 @@ mod tests {
         ] {
             let places = Places::new(listed.iter().copied());
             assert!(places.all().eq(listed.iter().copied()));
-            let n_rows = (0..64).filter(|&row| listed.iter().any(|place| place.0 == row)).count();
-            assert_eq!(places.n_rows(), n_rows);
+            let [n_strips, n_masks] = places.size();
+            assert_eq!(n_strips, listed.chunk_by(|a, b| a.1 / LANES == b.1 / LANES).count());
+            let same_row = |a: &(usize, usize), b: &(usize, usize)| (a.0, a.1 / LANES) == (b.0, b.1 / LANES);
+            assert_eq!(n_masks, listed.chunk_by(same_row).count());
             for k in 0..64 {
-                let (row, mut in_row) = (
-                    places.row(k),
-                    listed.iter().enumerate().filter(|(_, place)| place.0 == k),
+                let numbered = || listed.iter().enumerate();
+                let in_row = numbered().filter(|(_, place)| place.0 == k);
+                assert!(places.row(k).entries().eq(in_row.map(|(at, place)| (place.1, at))));
+                let in_column = numbered().filter(|(_, place)| place.1 == k);
+                assert!(
+                    places
+                        .column(k)
+                        .entries()
+                        .eq(in_column.map(|(at, place)| (place.0, at)))
                 );
-                assert!(ones(row.columns).eq(in_row.clone().map(|(_, place)| place.1)));
-                assert_eq!(row.columns != 0, in_row.clone().next().is_some());
-                if let Some((first, _)) = in_row.next() {
-                    assert_eq!(row.first, first);
-                }
-                assert_eq!(row.n_below(40), ones(row.columns).filter(|&column| column < 40).count());
-                let in_column = listed.iter().enumerate().filter(|(_, place)| place.1 == k);
-                let (rows, numbers): (Vec<usize>, Vec<usize>) = in_column.map(|(at, place)| (place.0, at)).unzip();
-                assert_eq!(places.column(k).rows(), rows);
-                assert_eq!(places.column(k).numbers(), numbers);
+                assert_eq!(places.row(k).places().len(), places.row(k).entries().count());
             }
             let mut bytes = Vec::new();
             places.push_bytes(&mut bytes);
-            assert_eq!(bytes.len(), Places::byte(n_rows));
+            assert_eq!(bytes.len(), Places::byte([n_strips, n_masks]));
             bytes.push(7);
-            assert_eq!(Places::from_bytes(n_rows, &bytes), (places, &[7_u8][..]));
+            assert_eq!(Places::from_bytes([n_strips, n_masks], &bytes), (places, &[7_u8][..]));
         }
     }
 }

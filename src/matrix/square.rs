@@ -7,24 +7,21 @@ pub(super) use codec::Form;
 use std::ops::Range;
 
 use super::aligned::Aligned;
-use super::both::add_both;
-use super::expand::Written;
-use super::lanes::{Lanes, add_row};
+use super::both::{Meeting, add_both};
+use super::lanes::LANES;
 use super::listed::add_both_listed;
-use super::pass::PassSums;
-use super::places::{Places, ones};
-use super::planes::Planes;
+use super::places::Places;
 use super::store::{Scalar, add_dot, rounded};
 use super::tile::is_zero;
 use super::transpose::index;
 use super::{Entry, Layout, MatrixError};
 
 /// Rows and columns of a tile: 32 KiB in f64, so that a tile and the vectors that it meets stay in the second-level cache, and
-/// the columns of a row are the bits of a word.
+/// the rows of a strip are the bits of a word.
 pub(super) const SIDE: usize = 64;
 
-/// The share of non-zero entries from which a tile is stored in full. At a third either takes the same time, and a list 0.37 of the memory
-/// (f32, AVX-512); at a half a list takes 1.1 to 1.25 of the time, and 0.54 of the memory.
+/// The share of non-zero entries from which a tile is stored in full. At a half a list takes 0.9 of the time where entries lie in runs and 1.3 where they do not, and 0.54 of the
+/// memory; at a third 0.6 and 1.2 of the time (f32, AVX-512).
 const DENSE_FROM: f64 = 0.5;
 
 /// A tile of at most [`SIDE`] by [`SIDE`] numbers. Rows and columns are counted from the tile's first.
@@ -51,7 +48,7 @@ pub(super) struct Full<T> {
     numbers: Values<T>,
 }
 
-/// Entries in the order of rows, then columns.
+/// Entries in the order of [`Places`].
 #[derive(Clone, Debug)]
 pub(super) struct List<T> {
     places: Places,
@@ -93,13 +90,15 @@ impl<T: Scalar> Square<T> {
         if entries.is_empty() {
             return Self::Empty;
         }
-        let std_errors = entries.iter().filter(|_| with_errors).map(|entry| entry.3);
+        let mut by_strips: Vec<&Placed<T>> = entries.iter().collect();
+        by_strips.sort_by_key(|entry| place(entry).1 / LANES);
+        let std_errors = by_strips.iter().filter(|_| with_errors).map(|entry| entry.3);
         let numbers = Values {
-            values: Aligned::copied(&entries.iter().map(|entry| entry.2).collect::<Vec<_>>()),
+            values: Aligned::copied(&by_strips.iter().map(|entry| entry.2).collect::<Vec<_>>()),
             std_errors: std_errors.collect(),
         };
         Self::List(Box::new(List {
-            places: Places::new(entries.iter().map(place)),
+            places: Places::new(by_strips.into_iter().map(place)),
             numbers,
         }))
     }
@@ -149,8 +148,7 @@ impl<T: Scalar> Square<T> {
                 }
             }
             Self::List(list) => {
-                let in_row = list.places.row(row);
-                for (at, column) in (in_row.first..).zip(ones(in_row.columns)) {
+                for (column, at) in list.places.row(row).entries() {
                     if columns.contains(&column) {
                         let (value, std_error) = list.numbers.at(at);
                         visit(column, value, std_error);
@@ -170,8 +168,7 @@ impl<T: Scalar> Square<T> {
                 }
             }
             Self::List(list) => {
-                let found = list.places.column(column);
-                for (&row, &at) in found.rows().iter().zip(found.numbers()) {
+                for (row, at) in list.places.column(column).entries() {
                     if rows.contains(&row) {
                         let (value, std_error) = list.numbers.at(at);
                         visit(row, value, std_error);
@@ -197,17 +194,19 @@ impl<T: Scalar> Square<T> {
                 left_out = values[diagonal].to_f64();
             }
             Self::List(list) => {
-                let in_row = list.places.row(row);
-                let mut columns = [0; SIDE];
-                let n = gather(&mut columns, ones(in_row.columns));
-                let values = &list.numbers.values[in_row.first..][..n];
+                let line = list.places.row(row);
+                let (columns, n) = (line.places(), line.places().len());
+                let mut values = [T::from_f64(0.0); SIDE];
+                gather(&mut values, line.entries().map(|(_, at)| list.numbers.values[at]));
                 let (end, begin) = match except {
-                    Some(column) => (in_row.n_below(column), in_row.n_below(column + 1)),
+                    Some(except) => [except, except + 1]
+                        .map(|end| columns.partition_point(|&k| usize::from(k) < end))
+                        .into(),
                     None => (n, n),
                 };
                 for part in [0..end, begin..n] {
                     let columns = &columns[part.clone()];
-                    add_dot(&values[part], |k| columns[k], factor, x, sum);
+                    add_dot(&values[part], |k| columns[k].into(), factor, x, sum);
                 }
                 if end < begin {
                     left_out = values[end].to_f64();
@@ -228,49 +227,28 @@ impl<T: Scalar> Square<T> {
                 add_dot(&gathered[..n], |k| k, factor, x, sum);
             }
             Self::List(list) => {
-                let found = list.places.column(column);
-                let n = gather(&mut gathered, found.numbers().iter().map(|&at| list.numbers.values[at]));
-                add_dot(&gathered[..n], |k| found.rows()[k], factor, x, sum);
+                let line = list.places.column(column);
+                let n = gather(&mut gathered, line.entries().map(|(_, at)| list.numbers.values[at]));
+                add_dot(&gathered[..n], |k| line.places()[k].into(), factor, x, sum);
             }
         }
     }
 
-    /// Adds T x to the partial sums of each row for a tile on the diagonal, which is symmetric and stored whole.
-    pub(super) fn apply_diagonal(&self, x: &[f64], row_sums: &mut [Lanes]) {
-        for (row, lanes) in row_sums.iter_mut().enumerate() {
-            match self {
-                Self::Full(full) => {
-                    let values = &full.numbers.values[row * full.n_columns..(row + 1) * full.n_columns];
-                    add_row(values, x, &mut lanes[..1]);
-                }
-                Self::Empty | Self::List(_) => {
-                    self.add_row(row, None, 1.0, x, &mut lanes[..1]);
-                }
-            }
-        }
-    }
-
-    /// Adds to `sums` what the tile and its transpose make of `x`, for all channels, reading the tile once. The tile holds `rows` and
-    /// `columns` of the matrix; `written` is room for it in full.
-    pub(super) fn apply_both(
-        &self,
-        x: &Planes,
-        rows: Range<usize>,
-        columns: Range<usize>,
-        written: &mut Written<T>,
-        sums: &mut PassSums,
-    ) {
+    /// Adds T `x_columns` and T^T `x_rows` to the sums of each channel, reading the tile once; a list's channels have [`SIDE`] rows and columns,
+    /// however many it has itself.
+    pub(super) fn add_both<'a>(&self, channels: impl Iterator<Item = Meeting<'a>>) {
         match self {
             Self::Empty => {}
-            Self::Full(full) => sums.with_channels(x, rows, columns, |channels| {
-                add_both(&full.numbers.values, channels);
-            }),
-            Self::List(list) => {
-                let [rows, columns] = [rows.start, columns.start].map(|first| first..first + SIDE);
-                sums.with_channels(x, rows, columns, |channels| {
-                    add_both_listed(&list.places, &list.numbers.values, written, channels);
-                });
-            }
+            Self::Full(full) => add_both(&full.numbers.values, channels),
+            Self::List(list) => add_both_listed(&list.places, &list.numbers.values, channels),
+        }
+    }
+
+    /// Returns the rows and columns, of which there are these in the matrix, that [`add_both`](Self::add_both) goes by.
+    pub(super) fn gone_by(&self, in_matrix: Range<usize>) -> Range<usize> {
+        match self {
+            Self::Empty | Self::Full(_) => in_matrix,
+            Self::List(_) => in_matrix.start..in_matrix.start + SIDE,
         }
     }
 
@@ -289,7 +267,7 @@ impl<T: Scalar> Square<T> {
         let in_box = match self {
             Self::Empty => 0,
             Self::Full(full) => full.numbers.stored_byte(),
-            Self::List(list) => Places::byte(list.places.n_rows()) + list.numbers.stored_byte(),
+            Self::List(list) => Places::byte(list.places.size()) + list.numbers.stored_byte(),
         };
         size_of::<Self>() + in_box
     }

@@ -7,7 +7,6 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::disk::{Band, DiskError, Part, TileFile, for_each_block, visit_nothing_known};
-use super::expand::Written;
 use super::operator::Block;
 use super::pass::{PassSums, PieceOfY};
 use super::planes::Planes;
@@ -238,16 +237,11 @@ impl<T: Scalar> Tiles<T> {
     /// Returns what the tiles of some block rows add to y.
     fn apply_piece(&self, piece: Range<usize>, x: &Planes) -> PieceOfY {
         let mut sums = PassSums::new(piece.start * SIDE, self.n, x.n_channels());
-        let mut written = Written::new();
         for i in piece {
             let rows = i * SIDE..self.n.min((i + 1) * SIDE);
             let read = self.for_each_tile(i, Part::Numbers, |j, tile| {
-                if j == i {
-                    sums.add_diagonal(tile, x, &rows);
-                } else {
-                    let columns = j * SIDE..self.n.min((j + 1) * SIDE);
-                    tile.apply_both(x, rows.clone(), columns, &mut written, &mut sums);
-                }
+                let columns = j * SIDE..self.n.min((j + 1) * SIDE);
+                sums.add(tile, x, rows.clone(), columns);
             });
             sums.end_rows(rows);
             if let Rows::Disk(file) = &self.rows

@@ -17,7 +17,11 @@ pub(in super::super) struct Form {
 enum Entries {
     None,
     All,
-    Some { n: u16, n_rows: u16 },
+    /// How many, and the [`Places::size`].
+    Some {
+        n: u16,
+        places: [u16; 2],
+    },
 }
 
 impl Form {
@@ -26,7 +30,7 @@ impl Form {
         let (n, places) = match self.entries {
             Entries::None => (0, 0),
             Entries::All => (size, 0),
-            Entries::Some { n, n_rows } => (n.into(), Places::byte(n_rows.into())),
+            Entries::Some { n, places } => (n.into(), Places::byte(places.map(usize::from))),
         };
         let errors = if self.with_errors { n * size_of::<f32>() } else { 0 };
         [places + n * size_of::<T>(), errors]
@@ -42,9 +46,9 @@ impl<T: Scalar> Square<T> {
             }
             Self::Full(full) => (Entries::All, &full.numbers),
             Self::List(list) => {
-                let [n, n_rows] = [list.numbers.values.len(), list.places.n_rows()]
-                    .map(|n| u16::try_from(n).expect("a tile has at most 4096 places"));
-                (Entries::Some { n, n_rows }, &list.numbers)
+                let narrow = |n: usize| u16::try_from(n).expect("a tile has at most 4096 places");
+                let (n, places) = (narrow(list.numbers.values.len()), list.places.size().map(narrow));
+                (Entries::Some { n, places }, &list.numbers)
             }
         };
         let with_errors = !numbers.std_errors.is_empty();
@@ -85,8 +89,8 @@ impl<T: Scalar> Square<T> {
                 n_columns,
                 numbers: of_values(numbers),
             })),
-            Entries::Some { n_rows, .. } => {
-                let (places, values) = Places::from_bytes(n_rows.into(), numbers);
+            Entries::Some { places, .. } => {
+                let (places, values) = Places::from_bytes(places.map(usize::from), numbers);
                 Self::List(Box::new(List {
                     places,
                     numbers: of_values(values),
