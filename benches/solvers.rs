@@ -31,6 +31,12 @@ const N_ROUNDS: usize = 9;
 const RAYS: u64 = 1 << 16;
 
 fn main() {
+    // As in the program, whose main thread is one of the pool.
+    let pool = rayon::ThreadPoolBuilder::new().build();
+    pool.expect("threads start").install(measure);
+}
+
+fn measure() {
     let level_max = std::env::args().find_map(|argument| argument.parse().ok()).unwrap_or(5);
     println!("{} threads\n", rayon::current_num_threads());
     println!("multigrid (Galerkin, direct coarsest level), gmres and auto by gauss-seidel");

@@ -21,7 +21,11 @@ use pulp::Simd;
 
 use super::lanes::{CHANNELS_AT_ONCE, InnerLoop, LANES, Wide, dispatch, total};
 use super::planes::{FOUR, Planes};
+use super::prefetch::prefetch;
 use super::store::Scalar;
+
+/// Entries between those that are used and those that are asked for.
+const AHEAD: usize = 512;
 
 /// Compressed sparse rows: row k holds the places `begins[k]..begins[k + 1]`.
 #[derive(Clone, Copy)]
@@ -100,6 +104,8 @@ impl<T: Scalar, const C: usize> InnerLoop for Runs<'_, T, C> {
             let (values, values_rest) = rows.values[ends[0]..ends[1]].as_chunks::<LANES>();
             let mut sums = [Wide::<S, N>::zero(simd); C];
             for (j, a) in columns.iter().zip(values) {
+                prefetch(j, AHEAD);
+                prefetch(a, AHEAD);
                 let a = Wide::load(a);
                 let places = j.map(|j| j as usize);
                 if is_run(&places) {
@@ -197,6 +203,8 @@ impl<T: Scalar> InnerLoop for One<'_, T> {
             by_panels(rows, (x.len(), size_of::<f64>()), |row, columns, values| {
                 let mut sum = Wide::<S, N>::load(&sums[row]);
                 for (j, a) in columns.iter().zip(values) {
+                    prefetch(j, AHEAD);
+                    prefetch(a, AHEAD);
                     let gathered = j.map(|j| x[j as usize]);
                     sum = sum.plus_product(simd, Wide::load(a), Wide::load(&gathered));
                 }
@@ -224,8 +232,12 @@ impl<T: Scalar> InnerLoop for Four<'_, T> {
             by_panels(rows, (x.len(), size_of::<[f64; FOUR]>()), |row, columns, values| {
                 let mut parts = sums[row];
                 for (j, a) in columns.iter().zip(values) {
+                    prefetch(j, AHEAD);
+                    prefetch(a, AHEAD);
+                    let mut wide = [0.0; LANES];
+                    Wide::<S, N>::load(a).store(&mut wide);
                     for l in 0..LANES {
-                        add_product(&mut parts[l], a[l].to_f64(), &x[j[l] as usize]);
+                        add_product(&mut parts[l], wide[l], &x[j[l] as usize]);
                     }
                 }
                 sums[row] = parts;

@@ -1,5 +1,12 @@
 //! Which places of a square tile have an entry.
 
+#![expect(
+    clippy::inline_always,
+    reason = "what is not inlined is not compiled for the instruction set"
+)]
+
+use pulp::Arch;
+
 use super::lanes::LANES;
 use super::square::SIDE;
 
@@ -60,6 +67,7 @@ impl Line {
     }
 
     /// Adds an entry, or something that the next one replaces.
+    #[inline(always)]
     fn push(&mut self, is_one: bool, place: usize, number: usize) {
         let slot = self.n % SIDE;
         self.places[slot] = narrow(place);
@@ -116,7 +124,7 @@ impl Places {
     }
 
     /// Returns the strips that have entries.
-    #[inline]
+    #[inline(always)]
     pub(super) fn strips(&self) -> impl Iterator<Item = StripPlaces<'_>> {
         self.strips.iter().map(|strip| StripPlaces {
             number: strip.number as usize,
@@ -128,6 +136,17 @@ impl Places {
 
     /// Returns the columns and the numbers of the entries in a row.
     pub(super) fn row(&self, row: usize) -> Line {
+        // Counting bits is one instruction on all but the oldest processors.
+        Arch::new().dispatch(|| self.find_row(row))
+    }
+
+    /// Returns the rows and the numbers of the entries in a column.
+    pub(super) fn column(&self, column: usize) -> Line {
+        Arch::new().dispatch(|| self.find_column(column))
+    }
+
+    #[inline(always)]
+    fn find_row(&self, row: usize) -> Line {
         let mut found = Line::empty();
         for strip in self.strips().filter(|strip| strip.rows >> row & 1 == 1) {
             let (before, own) = strip.masks.split_at(below(strip.rows, row));
@@ -139,8 +158,8 @@ impl Places {
         found
     }
 
-    /// Returns the rows and the numbers of the entries in a column.
-    pub(super) fn column(&self, column: usize) -> Line {
+    #[inline(always)]
+    fn find_column(&self, column: usize) -> Line {
         let mut found = Line::empty();
         let lane = column % LANES;
         for strip in self.strips().filter(|strip| strip.number == column / LANES) {
@@ -203,11 +222,13 @@ impl Places {
 }
 
 /// Returns a number of at most a tile's places in a narrower type.
+#[inline(always)]
 fn narrow<T: TryFrom<usize>>(number: usize) -> T {
     T::try_from(number).unwrap_or_else(|_| unreachable!("a tile has at most 4096 places"))
 }
 
 /// Returns how many bits are set.
+#[inline(always)]
 fn count(masks: &[u8]) -> usize {
     let (eights, rest) = masks.as_chunks::<8>();
     let of_eights = eights.iter().map(|eight| u64::from_ne_bytes(*eight).count_ones());
@@ -216,12 +237,13 @@ fn count(masks: &[u8]) -> usize {
 }
 
 /// Returns how many bits below bit `end` are set; `end` is at most 63.
+#[inline(always)]
 fn below(bits: u64, end: usize) -> usize {
     (bits & ((1 << end) - 1)).count_ones() as usize
 }
 
 /// Returns the numbers of the bits that are set, in ascending order.
-#[inline]
+#[inline(always)]
 pub(super) fn ones(mut bits: u64) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let next = (bits != 0).then_some(bits.trailing_zeros() as usize);
