@@ -6,10 +6,10 @@ use crate::matrix::operator::Block;
 
 use super::deflation::greatest_mean_reflectance;
 use super::direct::{equal_channels, memory_byte};
-use super::scaled::Scaled;
 use super::stop::Tolerance;
 use super::{
-    Choice, Direct, GaussSeidel, Gmres, HistoryEntry, Pcg, RadiositySystem, Solution, SolveOptions, Solver, SolverError,
+    Choice, Direct, GaussSeidel, Gmres, HistoryEntry, Jacobi, Pcg, RadiositySystem, Solution, SolveOptions, Solver,
+    SolverError,
 };
 
 /// Looks at the system and takes the solver that will be fastest.
@@ -20,6 +20,7 @@ use super::{
 /// several times as long as a factorisation, one pass over F estimates the mean of the squared eigenvalues: near 0 in a room, where they cluster and
 /// iterations are fast whatever λ is, and near 1 between plates that face each other at a small gap, where they do not.
 ///
+/// - `gauss-seidel` for one patch, and `jacobi`, which looks at E and is done, where nothing reflects;
 /// - `direct` where n / 8 passes (measured, see [`Direct`]) for each distinct reflectance are less than an iteration takes, for so many channels: few patches,
 ///   many lightings, or eigenvalues that do not cluster;
 /// - `pcg` where the exchange areas are symmetric: the fewest passes at every ρ, and symmetric storage halves each.
@@ -77,24 +78,32 @@ impl Auto {
     /// Returns the solver for a system, and why.
     #[must_use]
     pub fn choose(&self, system: &RadiositySystem, options: &SolveOptions) -> (Box<dyn Solver>, String) {
-        let symmetric = system.operator().reciprocal_areas().is_some() || options.allow_nonreciprocal;
-        let scaled = Scaled::new(system);
-        let mean = greatest_mean_reflectance(&scaled);
+        let has_rows = system.operator().rows().is_some();
+        if system.n_patches() == 1 && has_rows {
+            return (
+                Box::new(GaussSeidel),
+                "one patch, whose equation a sweep solves".to_owned(),
+            );
+        }
         let (low, high) = spectral_radius_bounds(system);
+        if high <= 0.0 {
+            return (Box::new(Jacobi), "nothing that light meets reflects it".to_owned());
+        }
         let digits = match options.tolerance {
             Tolerance::ResidualL2(value) => -value.log10(),
             // What an absolute tolerance amounts to is not known before the first residual: the default's six digits.
             Tolerance::ResidualMaxPower(_) | Tolerance::ResidualMax(_) => 6.0,
         };
-        let facts = format!("mean reflectance {mean:.3}, spectral radius within {low:.3} to {high:.3}");
-        if let Some(why) = self.direct_pays(system, digits) {
+        if let Some(why) = self.direct_pays(system, digits, high) {
             return (Box::new(self.direct), why);
         }
+        let symmetric = system.operator().reciprocal_areas().is_some() || options.allow_nonreciprocal;
+        let mean = greatest_mean_reflectance(system);
+        let facts = format!("mean reflectance {mean:.3}, spectral radius within {low:.3} to {high:.3}");
         if symmetric {
             let why = format!("the exchange areas are symmetric; {facts}");
             return (Box::new(Pcg::default()), why);
         }
-        let has_rows = system.operator().rows().is_some();
         // A sweep makes the error λ² times as large; the estimate lags by one sweep, and one check follows where others have two.
         let sweeps = digits / (-2.0 * high.log10()) + 1.0;
         if has_rows && high < 1.0 && sweeps < PASSES_PER_DIGIT * digits {
@@ -106,7 +115,7 @@ impl Auto {
     }
 
     /// Tells whether a factorisation takes less time than an iteration, and why.
-    fn direct_pays(&self, system: &RadiositySystem, digits: f64) -> Option<String> {
+    fn direct_pays(&self, system: &RadiositySystem, digits: f64, spectral_radius: f64) -> Option<String> {
         let n = system.n_patches();
         let groups = equal_channels(system.reflectance()).len();
         let fits = memory_byte(n, groups) <= self.direct.memory_limit_byte && system.operator().rows().is_some();
@@ -124,9 +133,8 @@ impl Auto {
                 "{groups} factorisation(s) of {n} patches serve {n_channels} channel(s) in less time than passes would take"
             ));
         }
-        let (_, high) = spectral_radius_bounds(system);
         // Conjugate gradients at worst: sqrt(κ) / 2 ln(2 / tolerance), with κ up to 2 / (1 − λ); with the checks, and in the same units as above.
-        let condition = 2.0 / (1.0 - high).max(f64::EPSILON);
+        let condition = 2.0 / (1.0 - spectral_radius).max(f64::EPSILON);
         let passes = 0.5 * condition.sqrt() * (2.0 * 10_f64.powf(digits)).ln();
         let worst = passes * (1.0 + CHANNEL_COST * (n_channels - 1.0));
         if 2.0 * direct >= worst {
@@ -154,10 +162,9 @@ fn mean_squared_eigenvalue(system: &RadiositySystem) -> f64 {
     for (i, area) in system.areas().iter().enumerate() {
         let mixed = (i as u64).wrapping_add(1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
         let mixed = (mixed ^ (mixed >> 29)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        let size = (system.area_unit() / area).sqrt();
-        let signed = if mixed >> 63 == 0 { size } else { -size };
+        let sign = if mixed >> 63 == 0 { 1.0 } else { -1.0 };
         for rho in probe.row_mut(i) {
-            *rho = rho.sqrt() * signed;
+            *rho = (*rho * (system.area_unit() / area)).sqrt() * sign;
         }
     }
     let mut image = Block::zeros(system.n_patches(), n_channels);
@@ -177,9 +184,11 @@ const CHANNEL_COST: f64 = 0.3;
 
 /// Returns min and max of ρ_i Σ_j F_ij, between which the spectral radius of diag(ρ) F lies; over the worst channel.
 fn spectral_radius_bounds(system: &RadiositySystem) -> (f64, f64) {
+    let n_channels = system.n_channels();
     let (mut low, mut high) = (0.0_f64, 0.0_f64);
-    for c in 0..system.n_channels() {
-        let products = (0..system.n_patches()).map(|i| system.reflectance().row(i)[c] * system.row_sums()[i]);
+    for c in 0..n_channels {
+        let reflectances = system.reflectance().values().iter().skip(c).step_by(n_channels);
+        let products = reflectances.zip(system.row_sums()).map(|(rho, sum)| rho * sum);
         let (min, max) = products.fold((f64::INFINITY, 0.0_f64), |(min, max), x| (min.min(x), max.max(x)));
         (low, high) = (low.max(min), high.max(max));
     }

@@ -1,5 +1,6 @@
 //! The even light of each component, taken out of a Krylov method's way.
 
+use super::RadiositySystem;
 use super::scaled::Scaled;
 use crate::matrix::operator::Block;
 
@@ -91,20 +92,23 @@ impl Deflation {
 }
 
 /// Returns the greatest area-weighted mean reflectance of the components that emit.
-pub(super) fn greatest_mean_reflectance(scaled: &Scaled) -> f64 {
-    let system = scaled.system;
-    let components = system.components();
-    let mut reflecting = Block::zeros(components.n_components, system.n_channels());
-    let mut emits = vec![false; reflecting.values().len()];
+pub(super) fn greatest_mean_reflectance(system: &RadiositySystem) -> f64 {
+    let (components, n_channels) = (system.components(), system.n_channels());
+    let mut reflecting = vec![0.0; components.n_components * n_channels];
+    let mut emits = vec![false; components.n_components * n_channels];
     let mut areas = vec![0.0; components.n_components];
-    for (i, (&label, area)) in components.labels.iter().zip(&scaled.areas).enumerate() {
-        areas[label as usize] += area;
-        for c in 0..system.n_channels() {
-            reflecting.row_mut(label as usize)[c] += area * system.reflectance().row(i)[c];
-            emits[label as usize * system.n_channels() + c] |= scaled.exitance.row(i)[c].abs() > 0.0;
+    // A power of two, so that areas in any unit can be summed.
+    let per_unit = system.area_unit().recip();
+    let rows = system.reflectance().values().chunks_exact(n_channels);
+    let rows = rows.zip(system.exitance().values().chunks_exact(n_channels));
+    for ((&label, area), (rho, exitance)) in components.labels.iter().zip(system.areas()).zip(rows) {
+        areas[label as usize] += area * per_unit;
+        for c in 0..n_channels {
+            reflecting[label as usize * n_channels + c] += area * per_unit * rho[c];
+            emits[label as usize * n_channels + c] |= exitance[c].abs() > 0.0;
         }
     }
-    let mean = |(k, sum): (usize, &f64)| sum / areas[k / system.n_channels()];
-    let lit = reflecting.values().iter().enumerate().filter(|(k, _)| emits[*k]);
+    let mean = |(k, sum): (usize, &f64)| sum / areas[k / n_channels];
+    let lit = reflecting.iter().enumerate().filter(|(k, _)| emits[*k]);
     lit.map(mean).fold(0.0, f64::max)
 }

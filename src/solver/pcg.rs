@@ -77,7 +77,7 @@ impl Solver for Pcg {
             |areas| areas.iter().map(|a| a / system.area_unit()).collect(),
         );
         let deflates = match self.deflation {
-            Deflate::Auto => greatest_mean_reflectance(&scaled) > DEFLATED_FROM,
+            Deflate::Auto => greatest_mean_reflectance(system) > DEFLATED_FROM,
             Deflate::Always => true,
             Deflate::Never => false,
         };

@@ -74,7 +74,7 @@ fn report(result: &Stability, with_times: bool) -> String {
     text.push_str(&table.to_markdown());
     text.push_str("\nWork is in passes over the form factors, checks and factorisations included.\n");
     if with_times {
-        text.push_str("Times are wall times of this run, the least of three.\n");
+        text.push_str("Times are wall times of this run, the least of three to a hundred.\n");
     }
     text
 }

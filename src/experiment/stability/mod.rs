@@ -18,7 +18,7 @@ mod cases;
 mod oracle;
 mod rooms;
 
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, RangeInclusive};
 use std::time::Instant;
 
 use serde::Serialize;
@@ -37,8 +37,11 @@ pub const TOLERANCE: f64 = 1e-6;
 /// The passes that a solver may spend.
 pub const MAX_PASSES: usize = 1000;
 
-/// Times of a cell, of which the least counts.
-const N_RUNS: usize = 3;
+/// Runs of a cell, of which the least time counts: no more than the first number where all have taken [`RUNS_S`], since the least of many short times is steady.
+const N_RUNS: RangeInclusive<usize> = 3..=100;
+
+/// What the runs of a cell take, s.
+const RUNS_S: f64 = 5e-3;
 
 /// How one solver did on one case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -71,7 +74,7 @@ pub struct Cell {
     pub n_passes: Option<usize>,
     /// Work in passes over F, checks of the true residual included.
     pub work: Option<f64>,
-    /// Wall time, s, the least of three runs.
+    /// Wall time, s, the least of three to a hundred runs.
     #[serde(skip)]
     pub time_s: Option<f64>,
     /// ‖B − B*‖ / ‖B*‖ in the norm sqrt(Σ A x²), the worst channel.
@@ -126,7 +129,7 @@ pub fn run(seed: u64, progress: &dyn Progress) -> Result<Stability, ExperimentEr
     try_all(seed, N_RUNS, progress)
 }
 
-fn try_all(seed: u64, n_runs: usize, progress: &dyn Progress) -> Result<Stability, ExperimentError> {
+fn try_all(seed: u64, n_runs: RangeInclusive<usize>, progress: &dyn Progress) -> Result<Stability, ExperimentError> {
     let cases = cases::all(seed)?;
     progress.begin("stability", (cases.len() * SOLVERS.len()) as u64);
     let mut table = Stability {
@@ -135,14 +138,14 @@ fn try_all(seed: u64, n_runs: usize, progress: &dyn Progress) -> Result<Stabilit
         cells: Vec::new(),
     };
     for case in &cases {
-        let cells = try_case(case, n_runs, progress);
+        let cells = try_case(case, &n_runs, progress);
         table.cases.push(summary(case, &cells));
         table.cells.extend(cells);
     }
     Ok(table)
 }
 
-fn try_case(case: &Case, n_runs: usize, progress: &dyn Progress) -> Vec<Cell> {
+fn try_case(case: &Case, n_runs: &RangeInclusive<usize>, progress: &dyn Progress) -> Vec<Cell> {
     let (areas, reflectance, exitance) = (case.areas.clone(), case.reflectance.clone(), case.exitance.clone());
     let system = if case.signed {
         RadiositySystem::with_signed_exitance(&*case.operator, areas, reflectance, exitance)
@@ -179,7 +182,13 @@ fn refused(case: &Case, entry: &SolverEntry, error: &SolverError) -> Cell {
     }
 }
 
-fn solve(case: &Case, entry: &SolverEntry, n_runs: usize, system: &RadiositySystem, oracle: &Oracle) -> Cell {
+fn solve(
+    case: &Case,
+    entry: &SolverEntry,
+    n_runs: &RangeInclusive<usize>,
+    system: &RadiositySystem,
+    oracle: &Oracle,
+) -> Cell {
     let solver = entry.build(&SolverSettings::default());
     let options = SolveOptions {
         tolerance: Tolerance::ResidualL2(TOLERANCE),
@@ -188,7 +197,11 @@ fn solve(case: &Case, entry: &SolverEntry, n_runs: usize, system: &RadiositySyst
     };
     let mut time_s = f64::INFINITY;
     let mut solution = None;
-    for _ in 0..n_runs {
+    let begin = Instant::now();
+    for n_done in 0..*n_runs.end() {
+        if n_done >= *n_runs.start() && begin.elapsed().as_secs_f64() > RUNS_S {
+            break;
+        }
         let start = Instant::now();
         match solver.solve(system, &options, &mut |_| ControlFlow::Continue(())) {
             Ok(found) => solution = Some(found),
@@ -337,7 +350,7 @@ mod tests {
     /// The table itself: no cell is wrong, what has no solution is refused by all, and some solver is right wherever there is one.
     #[test]
     fn no_solver_says_what_is_not_true() {
-        let table = try_all(0, 1, &Silent).unwrap();
+        let table = try_all(0, 1..=1, &Silent).unwrap();
         let wrong: Vec<&Cell> = table.wrong().collect();
         assert!(wrong.is_empty(), "{wrong:#?}");
         for (case, expected) in table.cases.iter().zip(cases::all(0).unwrap()) {
