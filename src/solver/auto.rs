@@ -21,7 +21,7 @@ use super::{
 /// iterations are fast whatever λ is, and near 1 between plates that face each other at a small gap, where they do not.
 ///
 /// - `gauss-seidel` for one patch, and `jacobi`, which looks at E and is done, where nothing reflects;
-/// - `direct` where n / 8 passes (measured, see [`Direct`]) for each distinct reflectance are less than an iteration takes, for so many channels: few patches,
+/// - `direct` where n / 8 passes, n / 4 over half of a symmetric matrix (measured, see [`Direct`]), for each distinct reflectance are less than an iteration takes, for so many channels: few patches,
 ///   many lightings, or eigenvalues that do not cluster;
 /// - `pcg` where the exchange areas are symmetric: the fewest passes at every ρ, and symmetric storage halves each.
 /// - else `gauss-seidel` where λ is so small that its sweeps, which need no check before them, are fewer;
@@ -44,8 +44,11 @@ pub struct Auto {
     pub direct: Direct,
 }
 
-/// Multiplications of a factorisation that take the time of one in a pass: measured on two cores, see [`Direct`].
+/// Multiplications of a factorisation that take the time of one in a pass: measured, see [`Direct`].
 const LU_RATIO: f64 = 8.0;
+
+/// The same where exchange areas are stored: a pass reads half as much.
+const LU_RATIO_SYMMETRIC: f64 = 4.0;
 
 /// Passes that conjugate gradients take for each decimal digit, beside the checks before and after.
 const PASSES_PER_DIGIT: f64 = 2.0;
@@ -119,7 +122,12 @@ impl Auto {
         let n = system.n_patches();
         let groups = equal_channels(system.reflectance()).len();
         let fits = memory_byte(n, groups) <= self.direct.memory_limit_byte && system.operator().rows().is_some();
-        let factorisations = groups as f64 * n as f64 / LU_RATIO;
+        let ratio = if system.operator().reciprocal_areas().is_some() {
+            LU_RATIO_SYMMETRIC
+        } else {
+            LU_RATIO
+        };
+        let factorisations = groups as f64 * n as f64 / ratio;
         let n_channels = system.n_channels() as f64;
         // Channels beyond the first cost less than the first, which reads the matrix.
         let iteration = (PASSES_PER_DIGIT * digits + 2.0) * (1.0 + CHANNEL_COST * (n_channels - 1.0));

@@ -19,8 +19,9 @@ use crate::matrix::operator::{Block, RowAccess};
 /// (see [`RadiositySystem::with_signed_exitance`]) the equation that the mean is zero is added to each of its rows.
 ///
 /// Needs rows, not reciprocity. Memory: 8 n² bytes for each distinct reflectance, refused above [`memory_limit_byte`](Self::memory_limit_byte).
-/// Work: n / 3 passes' worth of multiplications for each factorisation, about n / 8 in time since they run in the cache, and 2 passes for each solve. (`radiosity reproduce stability` on
-/// two busy cores, least of three runs: 36 µs at n = 54 where conjugate gradients take 45, 0.13 ms for 0.08 at n = 108, and 0.68 ms for 0.25 at n = 216.)
+/// Work: n / 3 passes' worth of multiplications for each factorisation, about n / 8 in time since they run in the cache, or n / 4 of passes over half of a symmetric matrix, and 2 passes for
+/// each solve. (`radiosity reproduce stability` on an idle core, least of 3 to 100 runs: 23 to 36 µs at n = 54 where conjugate gradients take 31 to 35 and `gmres` 31 to 82. Alone, with a
+/// symmetric f64 matrix: 36, 102 and 424 µs at n = 54, 108 and 216, which are 20, 32 and 62 passes.)
 /// The sums are divided in the same way at any number of threads.
 ///
 /// Source: Golub and Van Loan, "Matrix Computations", 4th edition, algorithms 3.4.1 and section 3.5.3. Departures: none.
