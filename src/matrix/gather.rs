@@ -141,21 +141,28 @@ const PANEL_BYTE: usize = 1 << 14;
 /// Entries of a row in a panel, on average, below which panels are not worth their bounds.
 const PANEL_ENTRIES: usize = 64;
 
-/// Calls `add(row, columns, values)` for the entries of up to [`ROWS_AT_ONCE`] rows, as many whole chunks of eight at a time as begin in one panel of x,
+/// Calls `add(row, columns, values, ahead)` for the entries of up to [`ROWS_AT_ONCE`] rows, as many whole chunks of eight at a time as begin in one panel of x,
 /// of which there are `n` numbers of `byte` bytes.
 ///
-/// The entries of each row come in order: where panels end makes no difference to any sum.
+/// The entries of each row come in order: where panels end makes no difference to any sum. `ahead` entries further is what comes next but for the other rows: the row's
+/// entries in the next panel, or those of the next rows in the first one.
 #[inline(always)]
 fn by_panels<T: Copy>(
     rows: SparseRows<'_, T>,
     (n, byte): (usize, usize),
-    mut add: impl FnMut(usize, &[[u32; LANES]], &[[T; LANES]]),
+    mut add: impl FnMut(usize, &[[u32; LANES]], &[[T; LANES]], usize),
 ) {
     let n_rows = rows.begins.len() - 1;
     let n_entries = rows.begins[n_rows] - rows.begins[0];
     let width = (PANEL_BYTE / byte).max(PANEL_ENTRIES * n_rows * n / n_entries.max(1));
+    let in_panel = n_entries * width / (n_rows * n).max(1);
     let mut done = [0; ROWS_AT_ONCE];
     for begin in (0..n).step_by(width) {
+        let ahead = if begin + width < n {
+            in_panel
+        } else {
+            (n_entries + in_panel).saturating_sub(n_entries / n_rows.max(1))
+        };
         for (row, (ends, done)) in rows.begins.windows(2).zip(&mut done).enumerate() {
             let columns = &rows.columns[ends[0]..ends[1]].as_chunks().0[*done..];
             let values = &rows.values[ends[0]..ends[1]].as_chunks().0[*done..];
@@ -163,7 +170,7 @@ fn by_panels<T: Copy>(
                 .iter()
                 .take_while(|j: &&[u32; LANES]| (j[0] as usize) < begin + width);
             let n_chunks = inside.count();
-            add(row, &columns[..n_chunks], &values[..n_chunks]);
+            add(row, &columns[..n_chunks], &values[..n_chunks], ahead);
             *done += n_chunks;
         }
     }
@@ -200,11 +207,11 @@ impl<T: Scalar> InnerLoop for One<'_, T> {
         let Self(rows, x, y) = self;
         for (rows, y) in rows.groups().zip(y.chunks_mut(ROWS_AT_ONCE)) {
             let mut sums = [[0.0; LANES]; ROWS_AT_ONCE];
-            by_panels(rows, (x.len(), size_of::<f64>()), |row, columns, values| {
+            by_panels(rows, (x.len(), size_of::<f64>()), |row, columns, values, ahead| {
                 let mut sum = Wide::<S, N>::load(&sums[row]);
                 for (j, a) in columns.iter().zip(values) {
-                    prefetch(j, AHEAD);
-                    prefetch(a, AHEAD);
+                    prefetch(j, ahead);
+                    prefetch(a, ahead);
                     let gathered = j.map(|j| x[j as usize]);
                     sum = sum.plus_product(simd, Wide::load(a), Wide::load(&gathered));
                 }
@@ -229,19 +236,23 @@ impl<T: Scalar> InnerLoop for Four<'_, T> {
         let Self(rows, x, channels, n_channels, y) = self;
         for (rows, y) in rows.groups().zip(y.chunks_mut(ROWS_AT_ONCE * n_channels)) {
             let mut sums = [[[0.0; FOUR]; LANES]; ROWS_AT_ONCE];
-            by_panels(rows, (x.len(), size_of::<[f64; FOUR]>()), |row, columns, values| {
-                let mut parts = sums[row];
-                for (j, a) in columns.iter().zip(values) {
-                    prefetch(j, AHEAD);
-                    prefetch(a, AHEAD);
-                    let mut wide = [0.0; LANES];
-                    Wide::<S, N>::load(a).store(&mut wide);
-                    for l in 0..LANES {
-                        add_product(&mut parts[l], wide[l], &x[j[l] as usize]);
+            by_panels(
+                rows,
+                (x.len(), size_of::<[f64; FOUR]>()),
+                |row, columns, values, ahead| {
+                    let mut parts = sums[row];
+                    for (j, a) in columns.iter().zip(values) {
+                        prefetch(j, ahead);
+                        prefetch(a, ahead);
+                        let mut wide = [0.0; LANES];
+                        Wide::<S, N>::load(a).store(&mut wide);
+                        for l in 0..LANES {
+                            add_product(&mut parts[l], wide[l], &x[j[l] as usize]);
+                        }
                     }
-                }
-                sums[row] = parts;
-            });
+                    sums[row] = parts;
+                },
+            );
             let y = y.chunks_exact_mut(n_channels).zip(&mut sums);
             for ((y_i, parts), (columns, values)) in y.zip(rows.rests()) {
                 for (part, (j, a)) in parts.iter_mut().zip(columns.iter().zip(values)) {
