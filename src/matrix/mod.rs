@@ -452,21 +452,23 @@ const ROWS_PER_TASK: usize = 16;
 /// Speed: the time of a plain read of as many bytes by the time of a pass with one channel (1 is as fast as memory), and the time of
 /// three channels by that of one. f32, n = 6144, sparse (as asked for) with a quarter of the entries, in runs of 32 (those of `exact` are 20 to 40 long on average in `room-box`,
 /// `corridor` and `sphere-room-r1`) or at random places, medians of 21 rounds of
-/// `cargo bench --bench matrix` on machines with AVX-512, otherwise idle; two numbers are the least and the greatest of two to five such runs:
+/// `cargo bench --bench matrix` on a machine with AVX-512, otherwise idle; the least and the greatest of three such runs (those on a disk: one):
 ///
 /// | matrix | one thread: read / pass | three channels / one | two threads: read / pass | three channels / one |
 /// |---|---|---|---|---|
-/// | dense, rows | 0.89 to 1.05 | 1.10 to 1.16 | 0.96 to 1.09 | 1.11 to 1.17 |
-/// | dense, symmetric (half the bytes) | 0.69 to 0.89 | 1.24 to 1.33 | 0.75 to 1.22 | 1.31 to 1.56 |
-/// | sparse, rows, in runs | 0.81 to 0.88 | 1.17 | 0.94 to 1.02 | 1.21 to 1.22 |
-/// | sparse, rows, at random | 0.41 to 0.54 | 1.13 to 1.38 | 0.45 to 0.57 | 1.17 to 1.31 |
-/// | sparse, symmetric (0.28 of the bytes of rows), in runs | 0.24 to 0.29 | 1.49 to 1.51 | 0.24 to 0.36 | 1.63 to 1.74 |
-/// | sparse, symmetric, at random | 0.22 to 0.25 | 1.45 to 1.52 | 0.24 to 0.35 | 1.61 to 1.68 |
-/// | dense, symmetric, on a disk (in the system's cache) | 0.24 to 0.32 | 1.15 to 1.21 | 0.24 to 0.32 | 1.08 to 1.19 |
+/// | dense, rows | 1.05 to 1.07 | 1.06 to 1.07 | 1.11 | 1.07 |
+/// | dense, symmetric (half the bytes) | 0.95 to 1.03 | 1.18 to 1.19 | 1.35 to 1.52 | 1.42 to 1.45 |
+/// | sparse, rows, in runs | 1.15 to 1.35 | 1.21 to 1.24 | 1.67 to 1.76 | 1.40 to 1.44 |
+/// | sparse, rows, at random | 0.58 to 0.63 | 1.19 to 1.20 | 0.77 to 0.83 | 1.38 |
+/// | sparse, symmetric (0.27 of the bytes of rows), in runs | 0.53 to 0.69 | 1.51 to 1.53 | 0.43 to 0.50 | 1.57 to 1.64 |
+/// | sparse, symmetric, at random | 0.33 to 0.38 | 1.55 to 1.56 | 0.31 to 0.35 | 1.63 to 1.65 |
+/// | dense, symmetric, on a disk (in the system's cache) | 0.30 | 1.15 | 0.32 | 1.18 |
 ///
-/// So a dense symmetric pass takes 0.6 to 0.7 of the time of one over all rows on one thread. Passes over sparse rows are as fast as memory where entries lie in runs, and bound by the scattered x
-/// where they do not: 0.67 and 1.1 ns an entry on one thread. Those over sparse symmetric matrices read so little, 4.4 to 4.7 bytes an entry, that they are bound by what follows: each tile with one
-/// in sixteen of its entries or more is written out in full, and each number multiplied twice. That takes 1.1 to 1.2 and 1.3 to 1.5 ns an entry on one thread, and 0.4 to 0.55 on two.
+/// Passes are faster than the read where they ask for memory before they need it, which the read leaves to the processor. So a dense symmetric pass takes 0.55 of the time of one over all
+/// rows on one thread, and 0.4 on two. Where three channels take more than 1.3 of one, they take no longer than a read of as many bytes, or little: one channel is bound by memory, three by the
+/// multiplications. Sparse symmetric matrices are so small, 4.3 to 4.6 bytes an entry, that the multiplications bound even one channel: eight places beside one another take the same
+/// instructions whether one of them has an entry or all. That is 0.38 ns an entry in runs and 0.9 to 1.0 at random on one thread, 0.21 and 0.48 on two; by rows, where every
+/// entry is stored twice, 0.45 and 0.97, 0.18 and 0.38.
 impl LinearOperator for FormFactors {
     fn n_rows(&self) -> usize {
         self.areas.len()

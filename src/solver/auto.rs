@@ -28,11 +28,12 @@ use super::{
 /// - else `gmres`.
 ///
 /// `multigrid` is never taken, even where there is a hierarchy: in the room of Lewis its setup, 4 cycles and a check are 7.1 passes for the 9 or 10 of `gmres`, but the sweeps among
-/// them run on one core, while all of those run on every core, and which is faster must not depend on how many there are. On two otherwise idle cores multigrid took 0.84 to 0.96, 0.65 to
-/// 0.71, 0.51 to 0.53 and 0.65 of Gauss-Seidel's time at l = 3 to 6, setup included, and `auto` 0.32 to 0.37, 0.39 to 0.53, 0.26 to 0.28 and 0.40 (`cargo bench --bench solvers -- 6`, medians of 9 alternating
-/// runs, the least and the greatest of seven such benchmarks to l = 4, of four at l = 5, one at l = 6). In cases A to F of Baranoski et al. it took 0.23, 0.18, 0.10, 0.06, 0.10 and 0.05, and 1.06 to 1.20 of the fastest single solver's
-/// (one run). Over the cases of `radiosity reproduce stability` it takes 0.75 to 1.22 of the fastest one's, but for three that are solved within 20 µs (1.4 to 1.6: there
-/// the choice itself takes the time; one run). `chebyshev` takes more passes than
+/// them run on one core, while all of those run on every core, and which is faster must not depend on how many there are. On two otherwise idle cores multigrid took 0.89 to 0.94, 0.60 to
+/// 0.61 and 0.52 of Gauss-Seidel's time at l = 3 to 5, setup included, and `auto` 0.36 to 0.37, 0.44 to 0.50 and 0.32 (`cargo bench --bench solvers -- 5`, medians of 9 alternating runs,
+/// the least and the greatest of four such benchmarks, one at l = 5; before rows were asked for ahead 0.65 and 0.40 at l = 6). In cases A to F of Baranoski et al. `auto` took 0.08 to
+/// 0.11, 0.06 to 0.08, 0.03 to 0.04, 0.02 to 0.03, 0.03 to 0.04 and 0.02 to 0.03, and 0.97 to 1.09 of the fastest single solver's.
+/// Over the cases of `radiosity reproduce stability` it takes 0.74 to 1.30 of the fastest one's, but for one or two in most runs (up to 1.38) in which it takes `direct` for 54 patches, which
+/// by itself takes 23 or 32 µs in one case or the next (three runs). `chebyshev` takes more passes than
 /// conjugate gradients wherever these can be used.
 ///
 /// The choice and its reason are in [`Solution::choice`]. How far it is from the best: `radiosity reproduce stability` prints the ratios of work and time, case by case.
