@@ -32,8 +32,8 @@ use super::{
 /// 0.61 and 0.52 of Gauss-Seidel's time at l = 3 to 5, setup included, and `auto` 0.36 to 0.37, 0.44 to 0.50 and 0.32 (`cargo bench --bench solvers -- 5`, medians of 9 alternating runs,
 /// the least and the greatest of four such benchmarks, one at l = 5; before rows were asked for ahead 0.65 and 0.40 at l = 6). In cases A to F of Baranoski et al. `auto` took 0.08 to
 /// 0.11, 0.06 to 0.08, 0.03 to 0.04, 0.02 to 0.03, 0.03 to 0.04 and 0.02 to 0.03, and 0.97 to 1.09 of the fastest single solver's.
-/// Over the cases of `radiosity reproduce stability` it takes 0.74 to 1.30 of the fastest one's, but for one or two in most runs (up to 1.38) in which it takes `direct` for 54 patches, which
-/// by itself takes 23 or 32 µs in one case or the next (three runs). `chebyshev` takes more passes than
+/// Over the cases of `radiosity reproduce stability` it takes 0.74 to 1.30 of the fastest one's, but for one or two in most runs (up to 1.4, and 1.7 in one of four) in which it takes `direct` for
+/// 54 patches, which by itself takes 23 or 32 µs in one case or the next. `chebyshev` takes more passes than
 /// conjugate gradients wherever these can be used.
 ///
 /// The choice and its reason are in [`Solution::choice`]. How far it is from the best: `radiosity reproduce stability` prints the ratios of work and time, case by case.

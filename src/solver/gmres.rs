@@ -32,6 +32,9 @@ use crate::matrix::operator::Block;
 /// has its solution found like any other; it shows in negative radiosities, and the solver stops as
 /// [`StopReason::Diverged`](super::StopReason::Diverged).
 ///
+/// Tried and left out: even radiosities of each component as further directions, of which G is known from the row sums without a pass. They save one pass of seven or eight in the room of
+/// Lewis, but light black patches that emit nothing, within the tolerance: with areas from 1e-8 to 1 by 8e-12 where others had 0.
+///
 /// Memory: m + 1 blocks \[n, c\]. Work: one application of F a pass, and about 4 k n c operations in the k-th of a cycle.
 ///
 /// Source: Saad and Schultz, "GMRES: a generalized minimal residual algorithm for solving nonsymmetric linear systems", SIAM J. Sci. Stat. Comput. 7 (1986), algorithm 4.
