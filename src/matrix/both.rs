@@ -136,6 +136,7 @@ fn whole_tile<S: Simd, T: Scalar, const N: usize, const C: usize, const R: usize
             for c in 0..C {
                 for r in 0..R {
                     x_rows[c][r] = Wide::splat(simd, ends[c].0[row(r)]);
+                    sums[c][r] = Wide::load(&ends[c].3[row(r)]);
                 }
             }
             for k in 0..CHUNKS {
@@ -161,8 +162,7 @@ fn whole_tile<S: Simd, T: Scalar, const N: usize, const C: usize, const R: usize
             }
             for c in 0..C {
                 for r in 0..R {
-                    let lanes = &mut ends[c].3[row(r)];
-                    Wide::load(lanes).plus(simd, sums[c][r]).store(lanes);
+                    sums[c][r].store(&mut ends[c].3[row(r)]);
                 }
             }
         }
@@ -187,6 +187,7 @@ fn both_rows<S: Simd, T: Scalar, const N: usize, const C: usize, const R: usize>
     for c in 0..C {
         for r in 0..R {
             x_rows[c][r] = Wide::splat(simd, channels[c].x_rows[rows[r]]);
+            sums[c][r] = Wide::load(&channels[c].rows[rows[r]]);
         }
     }
     let mut ends = channels.each_mut().map(|channel| {
@@ -216,7 +217,7 @@ fn both_rows<S: Simd, T: Scalar, const N: usize, const C: usize, const R: usize>
         let (_, _, x_rest, y_rest, x_of_rows, lanes_of_rows) = &mut ends[c];
         for r in 0..R {
             let lanes = &mut lanes_of_rows[rows[r]];
-            Wide::load(lanes).plus(simd, sums[c][r]).store(lanes);
+            sums[c][r].store(lanes);
             for l in 0..x_rest.len() {
                 let a = split[r].1[l].to_f64();
                 lanes[l] = a.mul_add(x_rest[l], lanes[l]);

@@ -9,12 +9,15 @@
 use pulp::{cast, x86::V4};
 
 use super::lanes::{LANES, Lanes};
-use super::places::ones;
+use super::places::{STRIP, ones};
 use super::store::Scalar;
+
+/// The row of a strip.
+pub(super) type Row = [Lanes; STRIP / LANES];
 
 /// Puts the first of `values` at the bits of `mask` that are set, in their order, and 0 elsewhere.
 pub(super) trait Expander<T>: Copy {
-    fn expand(self, mask: u8, values: &[T; LANES]) -> Lanes;
+    fn expand(self, mask: u16, values: &[T; STRIP]) -> Row;
 }
 
 /// Without instructions for it.
@@ -23,12 +26,12 @@ pub(super) struct OneByOne;
 
 impl<T: Scalar> Expander<T> for OneByOne {
     #[inline(always)]
-    fn expand(self, mask: u8, values: &[T; LANES]) -> Lanes {
-        let mut lanes = [0.0; LANES];
+    fn expand(self, mask: u16, values: &[T; STRIP]) -> Row {
+        let mut row = [[0.0; LANES]; STRIP / LANES];
         for (lane, value) in ones(mask.into()).zip(values) {
-            lanes[lane] = value.to_f64();
+            row.as_flattened_mut()[lane] = value.to_f64();
         }
-        lanes
+        row
     }
 }
 
@@ -40,7 +43,7 @@ pub(super) struct WithV4(pub(super) V4);
 #[cfg(target_arch = "x86_64")]
 impl<T: Scalar> Expander<T> for WithV4 {
     #[inline(always)]
-    fn expand(self, mask: u8, values: &[T; LANES]) -> Lanes {
+    fn expand(self, mask: u16, values: &[T; STRIP]) -> Row {
         T::expand(self.0, mask, *values)
     }
 }
@@ -48,23 +51,27 @@ impl<T: Scalar> Expander<T> for WithV4 {
 /// What [`WithV4`] does.
 pub(super) trait Expand: Sized {
     #[cfg(target_arch = "x86_64")]
-    fn expand(simd: V4, mask: u8, values: [Self; LANES]) -> Lanes;
+    fn expand(simd: V4, mask: u16, values: [Self; STRIP]) -> Row;
 }
 
 impl Expand for f32 {
     #[cfg(target_arch = "x86_64")]
     #[inline(always)]
-    fn expand(simd: V4, mask: u8, values: [Self; LANES]) -> Lanes {
-        let row = simd.avx512vl._mm256_maskz_expand_ps(mask, cast(values));
-        cast(simd.avx512f._mm512_cvtps_pd(row))
+    fn expand(simd: V4, mask: u16, values: [Self; STRIP]) -> Row {
+        let row = simd.avx512f._mm512_maskz_expand_ps(mask, cast(values));
+        let halves: [[Self; LANES]; 2] = cast(row);
+        halves.map(|half| cast(simd.avx512f._mm512_cvtps_pd(cast(half))))
     }
 }
 
 impl Expand for f64 {
     #[cfg(target_arch = "x86_64")]
     #[inline(always)]
-    fn expand(simd: V4, mask: u8, values: [Self; LANES]) -> Lanes {
-        cast(simd.avx512f._mm512_maskz_expand_pd(mask, cast(values)))
+    fn expand(simd: V4, mask: u16, values: [Self; STRIP]) -> Row {
+        let [low, high] = mask.to_le_bytes();
+        let first = |n: usize| -> [Self; LANES] { std::array::from_fn(|k| values[(n + k) % STRIP]) };
+        let half = |mask: u8, values: [Self; LANES]| cast(simd.avx512f._mm512_maskz_expand_pd(mask, cast(values)));
+        [half(low, first(0)), half(high, first(low.count_ones() as usize))]
     }
 }
 
@@ -75,19 +82,28 @@ mod tests {
 
     #[test]
     fn every_instruction_set_puts_numbers_in_the_same_places() {
-        let values: [f64; LANES] = *numbers(LANES, 1).first_chunk().expect("as many");
+        let values: [f64; STRIP] = *numbers(STRIP, 1).first_chunk().expect("as many");
         let narrow = values.map(f32::from_f64);
-        for mask in 0..=u8::MAX {
-            let (mut expected, mut expected_narrow) = ([0.0; LANES], [0.0; LANES]);
+        for mask in 0..=u16::MAX {
+            let (mut expected, mut expected_narrow) = ([0.0; STRIP], [0.0; STRIP]);
             for (k, lane) in ones(mask.into()).enumerate() {
                 (expected[lane], expected_narrow[lane]) = (values[k], narrow[k].to_f64());
             }
-            assert_eq!(bits(&OneByOne.expand(mask, &values)), bits(&expected));
-            assert_eq!(bits(&OneByOne.expand(mask, &narrow)), bits(&expected_narrow));
+            assert_eq!(bits(&OneByOne.expand(mask, &values).as_flattened()), bits(&expected));
+            assert_eq!(
+                bits(&OneByOne.expand(mask, &narrow).as_flattened()),
+                bits(&expected_narrow)
+            );
             #[cfg(target_arch = "x86_64")]
             if let Some(with) = V4::try_new() {
-                assert_eq!(bits(&WithV4(with).expand(mask, &values)), bits(&expected));
-                assert_eq!(bits(&WithV4(with).expand(mask, &narrow)), bits(&expected_narrow));
+                assert_eq!(
+                    bits(&WithV4(with).expand(mask, &values).as_flattened()),
+                    bits(&expected)
+                );
+                assert_eq!(
+                    bits(&WithV4(with).expand(mask, &narrow).as_flattened()),
+                    bits(&expected_narrow)
+                );
             }
         }
     }

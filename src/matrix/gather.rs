@@ -15,11 +15,14 @@
     reason = "what is not inlined is not compiled for the instruction set"
 )]
 
+use std::hint::black_box;
 use std::ops::Range;
 
 use pulp::Simd;
+#[cfg(target_arch = "x86_64")]
+use pulp::{cast, x86::V4};
 
-use super::lanes::{CHANNELS_AT_ONCE, InnerLoop, LANES, Wide, dispatch, total};
+use super::lanes::{CHANNELS_AT_ONCE, InnerLoop, LANES, Lanes, Wide, dispatch, total};
 use super::planes::{FOUR, Planes};
 use super::prefetch::prefetch;
 use super::store::Scalar;
@@ -232,39 +235,74 @@ struct Four<'a, T>(SparseRows<'a, T>, &'a [[f64; FOUR]], Range<usize>, usize, &'
 
 impl<T: Scalar> InnerLoop for Four<'_, T> {
     #[inline(always)]
-    fn run<S: Simd, const N: usize>(self, _: S) {
+    fn run<S: Simd, const N: usize>(self, simd: S) {
+        #[cfg(target_arch = "x86_64")]
+        if N == 1
+            && let Some(with) = V4::try_new()
+        {
+            // If it knew the places, the compiler would take the numbers apart before it widens them, in twice as many instructions.
+            let of_pairs = black_box([0, 2, 4, 6].map(|k: u64| [k, k, k, k, k + 1, k + 1, k + 1, k + 1]));
+            return self.by_pairs::<S, N>(simd, |a| {
+                of_pairs.map(|of_pair| cast(with.avx512f._mm512_permutexvar_pd(cast(of_pair), cast(a))))
+            });
+        }
+        self.by_pairs::<S, N>(simd, |a| {
+            std::array::from_fn(|p| {
+                let (first, second) = (a[2 * p], a[2 * p + 1]);
+                [first, first, first, first, second, second, second, second]
+            })
+        });
+    }
+}
+
+impl<T: Scalar> Four<'_, T> {
+    /// Does it with the function that repeats each of eight numbers four times.
+    #[inline(always)]
+    fn by_pairs<S: Simd, const N: usize>(self, simd: S, four_times: impl Fn(Lanes) -> [Lanes; PAIRS]) {
         let Self(rows, x, channels, n_channels, y) = self;
         for (rows, y) in rows.groups().zip(y.chunks_mut(ROWS_AT_ONCE * n_channels)) {
-            let mut sums = [[[0.0; FOUR]; LANES]; ROWS_AT_ONCE];
+            // Two entries of a row share a register.
+            let mut sums = [[[0.0; LANES]; PAIRS]; ROWS_AT_ONCE];
             by_panels(
                 rows,
                 (x.len(), size_of::<[f64; FOUR]>()),
                 |row, columns, values, ahead| {
-                    let mut parts = sums[row];
+                    let mut parts: [Wide<S, N>; PAIRS] = sums[row].each_ref().map(Wide::load);
                     for (j, a) in columns.iter().zip(values) {
                         prefetch(j, ahead);
                         prefetch(a, ahead);
-                        let mut wide = [0.0; LANES];
-                        Wide::<S, N>::load(a).store(&mut wide);
-                        for l in 0..LANES {
-                            add_product(&mut parts[l], wide[l], &x[j[l] as usize]);
+                        let repeated = four_times(a.map(T::to_f64));
+                        for p in 0..PAIRS {
+                            let [b, c, d, e] = x[j[2 * p] as usize];
+                            let [f, g, h, i] = x[j[2 * p + 1] as usize];
+                            let x_pair = Wide::load(&[b, c, d, e, f, g, h, i]);
+                            parts[p] = parts[p].plus_product(simd, Wide::load(&repeated[p]), x_pair);
                         }
                     }
-                    sums[row] = parts;
+                    for (sum, part) in sums[row].iter_mut().zip(parts) {
+                        part.store(sum);
+                    }
                 },
             );
             let y = y.chunks_exact_mut(n_channels).zip(&mut sums);
-            for ((y_i, parts), (columns, values)) in y.zip(rows.rests()) {
+            for ((y_i, pairs), (columns, values)) in y.zip(rows.rests()) {
+                let parts = pairs.as_flattened_mut().as_chunks_mut::<FOUR>().0;
                 for (part, (j, a)) in parts.iter_mut().zip(columns.iter().zip(values)) {
                     add_product(part, a.to_f64(), &x[*j as usize]);
                 }
                 for (k, y_ic) in y_i[channels.clone()].iter_mut().enumerate() {
-                    *y_ic = total(&parts.map(|part| part[k]));
+                    let lanes: [f64; LANES] = std::array::from_fn(|l| parts[l][k]);
+                    *y_ic = total(&lanes);
                 }
             }
         }
     }
 }
+
+/// Registers with the sums of a row, each those of [`FOUR`] channels over two of the [`LANES`] entries.
+const PAIRS: usize = LANES / 2;
+
+const _: () = assert!(2 * FOUR == LANES, "two rows of x in a register");
 
 /// Adds a times x to the sum, each channel rounded once.
 #[inline(always)]

@@ -62,11 +62,6 @@ impl<S: Simd, const N: usize> Wide<S, N> {
         S::as_mut_simd_f64s(values).0.copy_from_slice(&self.0);
     }
 
-    #[inline(always)]
-    pub(super) fn plus(self, simd: S, other: Self) -> Self {
-        Self(std::array::from_fn(|k| simd.add_f64s(self.0[k], other.0[k])))
-    }
-
     /// Returns the sum with a product, rounded once.
     #[inline(always)]
     pub(super) fn plus_product(self, simd: S, a: Self, b: Self) -> Self {

@@ -12,7 +12,7 @@ use super::both::{ByChannels, CHUNKS, Meeting, by_channels};
 use super::expand::WithV4;
 use super::expand::{Expander, OneByOne};
 use super::lanes::{LANES, Lanes, Wide};
-use super::places::{Places, ones};
+use super::places::{Places, STRIP, ones};
 use super::prefetch::prefetch;
 use super::square::SIDE;
 use super::store::Scalar;
@@ -48,10 +48,13 @@ impl<T: Scalar> ByChannels for Listed<'_, T> {
 /// Bytes between the numbers that are used and those that are asked for: what memory gives while it takes its time. Tiles are stored one behind the other.
 const AHEAD_BYTE: usize = 4096;
 
+/// Registers' worth of columns in a strip.
+const HALVES: usize = STRIP / LANES;
+
 /// Does what [`add_both_listed`] does, strip by strip, so that x and y of its columns stay in registers.
 ///
-/// The row of a strip is written out in a register, with zeros where it has no entry: that takes no branch, and the same few instructions for one entry as for
-/// eight.
+/// The row of a strip is written out in registers, with zeros where it has no entry: that takes no branch, and the same few instructions for one entry as for
+/// sixteen.
 #[inline(always)]
 fn by_strips<S: Simd, T: Scalar, const N: usize, const C: usize>(
     simd: S,
@@ -68,34 +71,42 @@ fn by_strips<S: Simd, T: Scalar, const N: usize, const C: usize>(
         let rows: &mut [Lanes; SIDE] = channel.rows.try_into().expect(SHAPE);
         (x_rows, x, y, rows)
     });
-    // The last numbers with something behind them, so that eight can always be read.
-    let mut padded = [T::from_f64(0.0); 2 * LANES];
-    let n_last = values.len().min(LANES);
+    // The last numbers with something behind them, so that as many as a row may have can always be read.
+    let mut padded = [T::from_f64(0.0); 2 * STRIP];
+    let n_last = values.len().min(STRIP);
     padded[..n_last].copy_from_slice(&values[values.len() - n_last..]);
     let mut rest = values;
     for strip in places.strips() {
-        let k = strip.number % CHUNKS;
-        let mut x_k = [Wide::<S, N>::zero(simd); C];
-        let mut y_k = [Wide::<S, N>::zero(simd); C];
+        let first = strip.number % (SIDE / STRIP) * HALVES;
+        let mut x_k = [[Wide::<S, N>::zero(simd); HALVES]; C];
+        let mut y_k = [[Wide::<S, N>::zero(simd); HALVES]; C];
         for c in 0..C {
-            (x_k[c], y_k[c]) = (Wide::load(&ends[c].1[k]), Wide::load(&ends[c].2[k]));
+            for h in 0..HALVES {
+                (x_k[c][h], y_k[c][h]) = (Wide::load(&ends[c].1[first + h]), Wide::load(&ends[c].2[first + h]));
+            }
         }
         for (row, &mask) in ones(strip.rows).zip(strip.masks) {
             prefetch(rest, AHEAD_BYTE / size_of::<T>());
-            if rest.len() < LANES {
+            if rest.len() < STRIP {
                 rest = &padded[n_last - rest.len()..];
             }
-            let eight = rest.first_chunk().expect("as many behind the last");
-            let a = Wide::load(&expander.expand(mask, eight));
+            let a = expander.expand(mask, rest.first_chunk().expect("as many behind the last"));
             rest = &rest[mask.count_ones() as usize..];
             for c in 0..C {
                 let sums = &mut ends[c].3[row % SIDE];
-                Wide::load(sums).plus_product(simd, a, x_k[c]).store(sums);
-                y_k[c] = y_k[c].plus_product(simd, a, Wide::splat(simd, ends[c].0[row % SIDE]));
+                let mut sum = Wide::load(sums);
+                for h in 0..HALVES {
+                    let a = Wide::load(&a[h]);
+                    sum = sum.plus_product(simd, a, x_k[c][h]);
+                    y_k[c][h] = y_k[c][h].plus_product(simd, a, Wide::splat(simd, ends[c].0[row % SIDE]));
+                }
+                sum.store(sums);
             }
         }
         for c in 0..C {
-            y_k[c].store(&mut ends[c].2[k]);
+            for h in 0..HALVES {
+                y_k[c][h].store(&mut ends[c].2[first + h]);
+            }
         }
     }
 }
@@ -111,7 +122,7 @@ mod tests {
             let wanted = |&(row, column): &(usize, usize)| (31 * row + 17 * column) % one_in == 0;
             let everywhere = (0..n_rows).flat_map(|row| (0..n_columns).map(move |column| (row, column)));
             let mut listed: Vec<_> = everywhere.filter(wanted).collect();
-            listed.sort_by_key(|place| place.1 / LANES);
+            listed.sort_by_key(|place| place.1 / STRIP);
             let places = Places::new(listed.iter().copied());
             let values = numbers(listed.len(), 1);
             for n_channels in 1..=4 {

@@ -60,8 +60,8 @@ pub enum Layout {
     Auto,
     /// All places: 8 bytes each in f64, 4 in f32; half of that for a symmetric matrix.
     Dense,
-    /// Sorted lists: 12 bytes for each entry in f64, 8 in f32. In a symmetric matrix, where half of the entries are stored, and on a disk: 8 or 4 bytes for each entry, 1 for each
-    /// eight places beside one another that have any, and 16 for each strip of eight columns and 64 rows that has.
+    /// Sorted lists: 12 bytes for each entry in f64, 8 in f32. In a symmetric matrix, where half of the entries are stored, and on a disk: 8 or 4 bytes for each entry, 2 for each
+    /// sixteen places beside one another that have any, and 16 for each strip of sixteen columns and 64 rows that has.
     Sparse,
 }
 

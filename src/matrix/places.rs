@@ -5,24 +5,26 @@
     reason = "what is not inlined is not compiled for the instruction set"
 )]
 
-use pulp::Arch;
+use pulp::{Arch, cast};
 
 use super::lanes::LANES;
 use super::square::SIDE;
 
-const _: () = assert!(SIDE == u64::BITS as usize, "a bit for each row of a strip");
-const _: () = assert!(LANES == u8::BITS as usize, "a bit for each column of a strip");
+/// Columns of a strip: what finding its rows takes is shared by two registers' worth of entries.
+pub(super) const STRIP: usize = 2 * LANES;
 
-/// Places of at most [`SIDE`] by [`SIDE`] that have an entry, in strips of [`LANES`] columns, of each of which a row is one register; entries are counted strip by
-/// strip, and row by row in each.
+const _: () = assert!(SIDE == u64::BITS as usize, "a bit for each row of a strip");
+const _: () = assert!(STRIP == u16::BITS as usize, "a bit for each column of a strip");
+
+/// Places of at most [`SIDE`] by [`SIDE`] that have an entry, in strips of [`STRIP`] columns; entries are counted strip by strip, and row by row in each.
 ///
-/// Memory: 16 bytes for each strip with an entry, and 1 for each of its rows with one.
+/// Memory: 16 bytes for each strip with an entry, and 2 for each of its rows with one.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Places {
     /// Those with entries, in order.
     strips: Box<[Strip]>,
     /// For each row with entries of each strip in turn, the bits of its columns.
-    masks: Box<[u8]>,
+    masks: Box<[u16]>,
 }
 
 /// Some columns of a tile.
@@ -34,18 +36,18 @@ struct Strip {
     first: u16,
     /// The number of the strip's first mask.
     first_mask: u16,
-    /// The first column, by [`LANES`].
+    /// The first column, by [`STRIP`].
     number: u32,
 }
 
 /// The entries of one strip.
 pub(super) struct StripPlaces<'a> {
-    /// The first column, by [`LANES`].
+    /// The first column, by [`STRIP`].
     pub(super) number: usize,
     /// Bit i is set where row i has an entry.
     pub(super) rows: u64,
     /// For each such row in order, the bits of the columns with an entry.
-    pub(super) masks: &'a [u8],
+    pub(super) masks: &'a [u16],
     /// The number of the first entry.
     pub(super) first: usize,
 }
@@ -90,9 +92,9 @@ impl Line {
 impl Places {
     /// Takes places (row, column) in the order in which entries are counted.
     pub(super) fn new(places: impl IntoIterator<Item = (usize, usize)>) -> Self {
-        let (mut strips, mut masks) = (Vec::<Strip>::new(), Vec::<u8>::new());
+        let (mut strips, mut masks) = (Vec::<Strip>::new(), Vec::<u16>::new());
         for (n_before, (row, column)) in places.into_iter().enumerate() {
-            let number = narrow(column / LANES);
+            let number = narrow(column / STRIP);
             if strips.last().is_none_or(|strip| strip.number != number) {
                 debug_assert!(
                     strips.last().is_none_or(|strip| strip.number < number),
@@ -112,10 +114,10 @@ impl Places {
             }
             let mask = masks.last_mut().expect("the row was added");
             debug_assert!(
-                strip.rows >> row == 1 && *mask >> (column % LANES) == 0,
+                strip.rows >> row == 1 && *mask >> (column % STRIP) == 0,
                 "places in order"
             );
-            *mask |= 1 << (column % LANES);
+            *mask |= 1 << (column % STRIP);
         }
         Self {
             strips: strips.into(),
@@ -152,7 +154,7 @@ impl Places {
             let (before, own) = strip.masks.split_at(below(strip.rows, row));
             let first = strip.first + count(before);
             for (number, lane) in (first..).zip(ones(own[0].into())) {
-                found.push(true, strip.number * LANES + lane, number);
+                found.push(true, strip.number * STRIP + lane, number);
             }
         }
         found
@@ -161,8 +163,8 @@ impl Places {
     #[inline(always)]
     fn find_column(&self, column: usize) -> Line {
         let mut found = Line::empty();
-        let lane = column % LANES;
-        for strip in self.strips().filter(|strip| strip.number == column / LANES) {
+        let lane = column % STRIP;
+        for strip in self.strips().filter(|strip| strip.number == column / STRIP) {
             let mut first = strip.first;
             // Whether a row has an entry here is as good as random: what is not one is written over, without a branch.
             for (row, &mask) in ones(strip.rows).zip(strip.masks) {
@@ -177,7 +179,7 @@ impl Places {
     pub(super) fn all(&self) -> impl Iterator<Item = (usize, usize)> {
         self.strips().flat_map(|strip| {
             let of_rows = ones(strip.rows).zip(strip.masks);
-            of_rows.flat_map(move |(row, &mask)| ones(mask.into()).map(move |lane| (row, strip.number * LANES + lane)))
+            of_rows.flat_map(move |(row, &mask)| ones(mask.into()).map(move |lane| (row, strip.number * STRIP + lane)))
         })
     }
 
@@ -188,7 +190,7 @@ impl Places {
 
     /// Returns the bytes, in memory and in a file, of places of a [`size`](Self::size).
     pub(super) fn byte([n_strips, n_masks]: [usize; 2]) -> usize {
-        n_strips * size_of::<Strip>() + n_masks
+        n_strips * size_of::<Strip>() + n_masks * size_of::<u16>()
     }
 
     /// Appends the bytes of [`from_bytes`](Self::from_bytes).
@@ -199,13 +201,13 @@ impl Places {
             bytes.extend(strip.first_mask.to_ne_bytes());
             bytes.extend(strip.number.to_ne_bytes());
         }
-        bytes.extend(&self.masks);
+        bytes.extend(self.masks.iter().flat_map(|mask| mask.to_ne_bytes()));
     }
 
     /// Returns the places from the bytes of so many strips and rows, and the bytes that follow.
     pub(super) fn from_bytes(size: [usize; 2], bytes: &[u8]) -> (Self, &[u8]) {
         let (own, rest) = bytes.split_at(Self::byte(size));
-        let (strips, masks) = own.split_at(own.len() - size[1]);
+        let (strips, masks) = own.split_at(Self::byte([size[0], 0]));
         let strips = strips.as_chunks::<{ size_of::<Strip>() }>().0.iter();
         let strip = |&[a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p]: &[u8; size_of::<Strip>()]| Strip {
             rows: u64::from_ne_bytes([a, b, c, d, e, f, g, h]),
@@ -215,7 +217,12 @@ impl Places {
         };
         let places = Self {
             strips: strips.map(strip).collect(),
-            masks: masks.into(),
+            masks: masks
+                .as_chunks()
+                .0
+                .iter()
+                .map(|mask| u16::from_ne_bytes(*mask))
+                .collect(),
         };
         (places, rest)
     }
@@ -229,11 +236,11 @@ fn narrow<T: TryFrom<usize>>(number: usize) -> T {
 
 /// Returns how many bits are set.
 #[inline(always)]
-fn count(masks: &[u8]) -> usize {
-    let (eights, rest) = masks.as_chunks::<8>();
-    let of_eights = eights.iter().map(|eight| u64::from_ne_bytes(*eight).count_ones());
+fn count(masks: &[u16]) -> usize {
+    let (fours, rest) = masks.as_chunks::<4>();
+    let of_fours = fours.iter().map(|four| cast::<_, u64>(*four).count_ones());
     let of_rest = rest.iter().map(|mask| mask.count_ones());
-    of_eights.chain(of_rest).sum::<u32>() as usize
+    of_fours.chain(of_rest).sum::<u32>() as usize
 }
 
 /// Returns how many bits below bit `end` are set; `end` is at most 63.
@@ -259,12 +266,12 @@ mod tests {
     #[test]
     fn places_are_found_by_rows_and_by_columns() {
         let somewhere = |&(row, column): &(usize, usize)| {
-            row % 7 != 3 && column / LANES != 4 && (31 * row + 17 * column).is_multiple_of(5)
+            row % 7 != 3 && column / STRIP != 2 && (31 * row + 17 * column).is_multiple_of(5)
         };
         let everywhere = || {
             let strip =
-                |first: usize| (0..64).flat_map(move |row| (first..first + LANES).map(move |column| (row, column)));
-            (0..64).step_by(LANES).flat_map(strip)
+                |first: usize| (0..64).flat_map(move |row| (first..first + STRIP).map(move |column| (row, column)));
+            (0..64).step_by(STRIP).flat_map(strip)
         };
         for listed in [
             everywhere().filter(somewhere).collect::<Vec<_>>(),
@@ -275,8 +282,8 @@ mod tests {
             let places = Places::new(listed.iter().copied());
             assert!(places.all().eq(listed.iter().copied()));
             let [n_strips, n_masks] = places.size();
-            assert_eq!(n_strips, listed.chunk_by(|a, b| a.1 / LANES == b.1 / LANES).count());
-            let same_row = |a: &(usize, usize), b: &(usize, usize)| (a.0, a.1 / LANES) == (b.0, b.1 / LANES);
+            assert_eq!(n_strips, listed.chunk_by(|a, b| a.1 / STRIP == b.1 / STRIP).count());
+            let same_row = |a: &(usize, usize), b: &(usize, usize)| (a.0, a.1 / STRIP) == (b.0, b.1 / STRIP);
             assert_eq!(n_masks, listed.chunk_by(same_row).count());
             for k in 0..64 {
                 let numbered = || listed.iter().enumerate();

@@ -8,9 +8,8 @@ use std::ops::Range;
 
 use super::aligned::Aligned;
 use super::both::{Meeting, add_both};
-use super::lanes::LANES;
 use super::listed::add_both_listed;
-use super::places::Places;
+use super::places::{Places, STRIP};
 use super::store::{Scalar, add_dot, rounded};
 use super::tile::is_zero;
 use super::transpose::index;
@@ -91,7 +90,7 @@ impl<T: Scalar> Square<T> {
             return Self::Empty;
         }
         let mut by_strips: Vec<&Placed<T>> = entries.iter().collect();
-        by_strips.sort_by_key(|entry| place(entry).1 / LANES);
+        by_strips.sort_by_key(|entry| place(entry).1 / STRIP);
         let std_errors = by_strips.iter().filter(|_| with_errors).map(|entry| entry.3);
         let numbers = Values {
             values: Aligned::copied(&by_strips.iter().map(|entry| entry.2).collect::<Vec<_>>()),

@@ -220,8 +220,8 @@ impl<T: Scalar> Tiles<T> {
     fn pieces(&self) -> Vec<Range<usize>> {
         let n_blocks = block_rows(self.n).len();
         let n_tiles = n_blocks * (n_blocks + 1) / 2;
-        // It depends on n alone, so that the order of the sums does not depend on the number of threads.
-        let n_pieces = (n_blocks / ROWS_PER_PIECE).clamp(1, PIECES);
+        // It depends on n alone, so that the order of the sums does not depend on the number of threads; an even number, since most machines have one of threads.
+        let n_pieces = (n_blocks / ROWS_PER_PIECE).next_multiple_of(2).clamp(1, PIECES);
         let mut pieces = Vec::with_capacity(n_pieces);
         let (mut begin, mut n_before) = (0, 0);
         for end in 1..=n_blocks {

@@ -232,10 +232,10 @@ fn estimate(demand: &StorageDemand, layout: Layout, precision: Precision, on_dis
     let value = if precision == Precision::F32 { 4.0 } else { 8.0 };
     let (full, density) = (value + 4.0, demand.density.min(1.0));
     // Bytes for each place, of which no distribution of the entries takes more: what is stored in full is a third full at least, or half where tiles are square.
-    // The places of a square tile take 16 bytes for each of its eight strips with an entry, and 1 for each row of one with an entry.
+    // The places of a square tile take 16 bytes for each of its four strips with an entry, and 2 for each row of one with an entry.
     let place = |square: bool| {
         let (places, fullest) = if square {
-            ((640.0 / SIDE.powi(2)).min(17.0 * density), 2.0)
+            ((576.0 / SIDE.powi(2)).min(18.0 * density), 2.0)
         } else {
             (4.0 * density, 3.0)
         };
