@@ -33,14 +33,50 @@ fn deflation_makes_the_passes_independent_of_the_reflectance() {
         assert_eq!(solution.stop_reason, StopReason::Converged);
         solution.n_passes
     };
-    let darks = [1e-2, 1e-3, 1e-4, 1e-6, 1e-8];
+    let darks = [0.7, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8];
     let deflated: Vec<usize> = darks.iter().map(|&dark| passes(Deflate::Always, dark)).collect();
     let plain: Vec<usize> = darks.iter().map(|&dark| passes(Deflate::Never, dark)).collect();
-    assert!(deflated.iter().all(|n| *n == deflated[0]), "{deflated:?}");
-    assert!(plain[4] > deflated[4] + 2, "{plain:?} for {deflated:?}");
+    assert!(deflated[1..].iter().all(|n| *n == deflated[1]), "{deflated:?}");
+    assert!(plain[5] > deflated[5] + 2, "{plain:?} for {deflated:?}");
     let auto: Vec<usize> = darks.iter().map(|&dark| passes(Deflate::Auto, dark)).collect();
-    let expected = [plain[0], deflated[1], deflated[2], deflated[3], deflated[4]];
-    assert_eq!(auto, expected, "deflated from a mean reflectance of 0.995 on");
+    assert_ne!(plain[0], deflated[0]);
+    let expected = [
+        plain[0],
+        deflated[1],
+        deflated[2],
+        deflated[3],
+        deflated[4],
+        deflated[5],
+    ];
+    assert_eq!(auto, expected, "deflated from a mean reflectance of 0.4 on");
+}
+
+/// Deflation keeps the residual orthogonal to the even light even where it does not stay so by itself: K is not symmetric with noise in the form factors.
+#[test]
+fn deflation_bears_some_noise() {
+    let room = random_room(200, 0.1, 40);
+    let noisy = shoot(&dense(&room), room.areas(), 100_000, &mut support::Uniform(41));
+    let mut emission = vec![0.0; 200];
+    emission[11] = 1.0;
+    let exitance = Block::from_values(emission, 1);
+    for dark in [0.3, 1e-2] {
+        let reflectance = constant(200, 1.0 - dark);
+        let system = system(&noisy, &reflectance, &exitance);
+        let passes = |deflation: Deflate| {
+            let options = SolveOptions {
+                allow_nonreciprocal: true,
+                ..l2(1e-6)
+            };
+            let solution = run(&Pcg { deflation }, &system, &options);
+            assert_eq!(solution.stop_reason, StopReason::Converged);
+            let expected = solve_direct(&dense(&noisy), &reflectance, &exitance);
+            let error = relative_error(noisy.areas(), &solution.radiosity, &expected);
+            assert!(error <= solution.error_bound.unwrap(), "{error:e}");
+            solution.n_passes
+        };
+        let (deflated, plain) = (passes(Deflate::Always), passes(Deflate::Never));
+        assert!(deflated < plain, "1 − ρ = {dark:e}: {deflated} for {plain}");
+    }
 }
 
 /// The room of Baranoski, Bramley and Shirley with a sphere of radius 1, and its light.
@@ -88,7 +124,7 @@ fn passes_in_the_room_with_the_sphere() {
     };
     // With exact form factors; the noise of sampled ones may make a pass of difference.
     for (name, expected, prototype) in [
-        ("pcg", [11, 12, 9, 9, 9], [14; 5]),
+        ("pcg", [9; 5], [14; 5]),
         ("gauss-seidel-ambient", [9, 11, 11, 11, 11], [29, 35, 37, 37, 37]),
     ] {
         let ours = passes(name);
@@ -129,10 +165,14 @@ fn anderson_with_a_long_memory_is_gmres() {
     emission[3] = 1.0;
     let system = system(&f, &constant(100, 0.97), &Block::from_values(emission, 1));
     let depth = NonZeroUsize::new(30).unwrap();
+    let plain = Gmres {
+        restart: depth,
+        deflation: Deflate::Never,
+    };
     for digits in [3, 6, 9] {
         let options = l2(10_f64.powi(-digits));
         let anderson = run(&Anderson { depth }, &system, &options);
-        let gmres = run(&Gmres { restart: depth }, &system, &options);
+        let gmres = run(&plain, &system, &options);
         let difference = anderson.n_passes.abs_diff(gmres.n_passes);
         assert!(difference <= 1, "{} for {}", anderson.n_passes, gmres.n_passes);
     }
@@ -147,9 +187,13 @@ fn gmres_never_rises_where_nothing_is_symmetric() {
     emission[3] = 1.0;
     let (reflectance, exitance) = (constant(80, 0.99), Block::from_values(emission, 1));
     let system = system(&f, &reflectance, &exitance);
-    for restart in [3, 10, 30] {
-        let restart = NonZeroUsize::new(restart).unwrap();
-        let solution = run(&Gmres { restart }, &system, &l2(1e-10));
+    let deflations = [Deflate::Never, Deflate::Always];
+    for (restart, deflation) in [3, 10, 30].into_iter().flat_map(|m| deflations.map(|d| (m, d))) {
+        let gmres = Gmres {
+            restart: NonZeroUsize::new(restart).unwrap(),
+            deflation,
+        };
+        let solution = run(&gmres, &system, &l2(1e-10));
         assert_eq!(solution.stop_reason, StopReason::Converged, "m = {restart}");
         let norms: Vec<f64> = solution.history.iter().map(|entry| entry.residual_l2).collect();
         assert!(norms.windows(2).all(|w| w[1] <= w[0] * (1.0 + 1e-10)), "{norms:?}");
@@ -161,7 +205,7 @@ fn gmres_never_rises_where_nothing_is_symmetric() {
             tolerance: Tolerance::ResidualL2(1e-10),
             ..SolveOptions::default()
         };
-        let short = run(&Gmres { restart }, &system, &capped);
+        let short = run(&gmres, &system, &capped);
         let estimate = norms[5];
         assert!(
             (short.residual_l2 / estimate - 1.0).abs() < 1e-9,

@@ -178,15 +178,15 @@ fn half_of_the_memory_is_enough() {
     }
     let mut sparse = Exchange::new(n, 0.05, 8);
     sparse.upper.iter_mut().flatten().for_each(|entry| entry.1 = 0.0);
-    // Strips of eight columns, of the tiles that are stored.
+    // Strips of sixteen columns, of the tiles that are stored.
     let n_in = |i: usize, strip: usize| {
-        (8 * strip..8 * (strip + 1))
+        (16 * strip..16 * (strip + 1))
             .filter(|&j| sparse.at(i, j).0 > 0.0)
             .count()
     };
     let (mut n_entries, mut n_rows, mut n_strips) = (0, 0, 0);
     for first in (0..n).step_by(64) {
-        for strip in first / 8..n / 8 {
+        for strip in first / 16..n / 16 {
             let of_rows: Vec<usize> = (first..first + 64).map(|i| n_in(i, strip)).collect();
             n_entries += of_rows.iter().sum::<usize>();
             n_rows += of_rows.iter().filter(|&&n| n > 0).count();
@@ -195,8 +195,8 @@ fn half_of_the_memory_is_enough() {
     }
     let stored = sparse.store(StorageChoice::default()).stored_byte();
     assert!(n_rows < n_entries && n_rows < 36 * 512);
-    // 16 bytes for each strip, 1 for each of its rows that has entries, and 16 for each tile.
-    assert_eq!(stored, 8 * n_entries + n_rows + 16 * n_strips + 36 * 16);
+    // 16 bytes for each strip, 2 for each of its rows that has entries, and 16 for each tile.
+    assert_eq!(stored, 8 * n_entries + 2 * n_rows + 16 * n_strips + 36 * 16);
 }
 
 #[test]

@@ -104,6 +104,10 @@ impl<T: Scalar> Store for DenseTile<T> {
     }
 
     fn stored_byte(&self) -> usize {
-        size_of_val(&*self.values) + size_of_val(self.std_errors.as_slice())
+        self.pass_byte() + size_of_val(self.std_errors.as_slice())
+    }
+
+    fn pass_byte(&self) -> usize {
+        size_of_val(&*self.values)
     }
 }

@@ -70,7 +70,7 @@ impl Expand for f64 {
     fn expand(simd: V4, mask: u16, values: [Self; STRIP]) -> Row {
         let [low, high] = mask.to_le_bytes();
         let first = |n: usize| -> [Self; LANES] { std::array::from_fn(|k| values[(n + k) % STRIP]) };
-        let half = |mask: u8, values: [Self; LANES]| cast(simd.avx512f._mm512_maskz_expand_pd(mask, cast(values)));
+        let half = |bits: u8, from: [Self; LANES]| cast(simd.avx512f._mm512_maskz_expand_pd(bits, cast(from)));
         [half(low, first(0)), half(high, first(low.count_ones() as usize))]
     }
 }
@@ -89,19 +89,16 @@ mod tests {
             for (k, lane) in ones(mask.into()).enumerate() {
                 (expected[lane], expected_narrow[lane]) = (values[k], narrow[k].to_f64());
             }
-            assert_eq!(bits(&OneByOne.expand(mask, &values).as_flattened()), bits(&expected));
+            assert_eq!(bits(OneByOne.expand(mask, &values).as_flattened()), bits(&expected));
             assert_eq!(
-                bits(&OneByOne.expand(mask, &narrow).as_flattened()),
+                bits(OneByOne.expand(mask, &narrow).as_flattened()),
                 bits(&expected_narrow)
             );
             #[cfg(target_arch = "x86_64")]
             if let Some(with) = V4::try_new() {
+                assert_eq!(bits(WithV4(with).expand(mask, &values).as_flattened()), bits(&expected));
                 assert_eq!(
-                    bits(&WithV4(with).expand(mask, &values).as_flattened()),
-                    bits(&expected)
-                );
-                assert_eq!(
-                    bits(&WithV4(with).expand(mask, &narrow).as_flattened()),
+                    bits(WithV4(with).expand(mask, &narrow).as_flattened()),
                     bits(&expected_narrow)
                 );
             }

@@ -104,8 +104,8 @@ fn by_strips<S: Simd, T: Scalar, const N: usize, const C: usize>(
             }
         }
         for c in 0..C {
-            for h in 0..HALVES {
-                y_k[c][h].store(&mut ends[c].2[first + h]);
+            for (h, half) in y_k[c].into_iter().enumerate() {
+                half.store(&mut ends[c].2[first + h]);
             }
         }
     }

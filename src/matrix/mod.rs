@@ -506,7 +506,8 @@ impl LinearOperator for FormFactors {
                     }
                 }
                 let n_terms = n_channels * tiles.iter().map(|tile| tile.n_stored()).sum::<usize>();
-                threads::for_each(n_terms, tasks, |(tile, row, i, sums)| {
+                let n_byte = tiles.iter().map(|tile| tile.pass_byte()).sum();
+                threads::for_each(threads::pay_for_pass(n_terms, n_byte), tasks, |(tile, row, i, sums)| {
                     tile.apply(row, i, x, &planes, sums);
                 });
             }

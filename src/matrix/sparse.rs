@@ -105,9 +105,10 @@ impl<T: Scalar> Store for SparseTile<T> {
     }
 
     fn stored_byte(&self) -> usize {
-        size_of_val(self.begins.as_slice())
-            + size_of_val(self.columns.as_slice())
-            + size_of_val(self.values.as_slice())
-            + size_of_val(self.std_errors.as_slice())
+        self.pass_byte() + size_of_val(self.std_errors.as_slice())
+    }
+
+    fn pass_byte(&self) -> usize {
+        size_of_val(self.begins.as_slice()) + size_of_val(self.columns.as_slice()) + size_of_val(self.values.as_slice())
     }
 }

@@ -263,12 +263,21 @@ impl<T: Scalar> Square<T> {
 
     /// Returns the memory in use.
     pub(super) fn stored_byte(&self) -> usize {
-        let in_box = match self {
+        let of_errors = match self {
             Self::Empty => 0,
-            Self::Full(full) => full.numbers.stored_byte(),
-            Self::List(list) => Places::byte(list.places.size()) + list.numbers.stored_byte(),
+            Self::Full(full) => size_of_val(&*full.numbers.std_errors),
+            Self::List(list) => size_of_val(&*list.numbers.std_errors),
         };
-        size_of::<Self>() + in_box
+        size_of::<Self>() + self.pass_byte() + of_errors
+    }
+
+    /// Returns the bytes that [`add_both`](Self::add_both) reads.
+    pub(super) fn pass_byte(&self) -> usize {
+        match self {
+            Self::Empty => 0,
+            Self::Full(full) => size_of_val(&*full.numbers.values),
+            Self::List(list) => Places::byte(list.places.size()) + size_of_val(&*list.numbers.values),
+        }
     }
 }
 
@@ -276,10 +285,6 @@ impl<T: Scalar> Values<T> {
     fn at(&self, at: usize) -> (f64, f64) {
         let std_error = self.std_errors.get(at).map_or(0.0, |&error| f64::from(error));
         (self.values[at].to_f64(), std_error)
-    }
-
-    fn stored_byte(&self) -> usize {
-        size_of_val(&*self.values) + size_of_val(&*self.std_errors)
     }
 }
 

@@ -100,6 +100,9 @@ pub(super) trait Store: Debug + Send + Sync {
 
     /// Returns the memory in use.
     fn stored_byte(&self) -> usize;
+
+    /// Returns the part of it that [`apply`](Self::apply) reads.
+    fn pass_byte(&self) -> usize;
 }
 
 /// Stores a tile of an n by n matrix as `choice` says.

@@ -133,6 +133,8 @@ pub(super) fn row_of_tiles<T: Scalar>(
 #[derive(Debug)]
 struct Tiles<T> {
     n: usize,
+    /// What a pass reads.
+    pass_byte: usize,
     rows: Rows<T>,
 }
 
@@ -172,7 +174,15 @@ impl<T: Scalar> Tiles<T> {
             }
         };
         assert_eq!(n_rows, block_rows(n).len(), "a tile for every row of blocks");
-        Ok(Self { n, rows: stored })
+        let pass_byte = match &stored {
+            Rows::Memory(tiles) => tiles.iter().flatten().map(Square::pass_byte).sum(),
+            Rows::Disk(file) => usize::try_from(file.n_byte()).unwrap_or(usize::MAX),
+        };
+        Ok(Self {
+            n,
+            pass_byte,
+            rows: stored,
+        })
     }
 
     /// Calls `visit(J, tile)` for the tiles (I, J), J ≥ I, in order.
@@ -297,26 +307,30 @@ impl<T: Scalar> Symmetric for Tiles<T> {
         let n_channels = x.n_channels();
         let planes = Planes::of(x);
         let pieces = self.pieces();
-        let n_terms = self.n * self.n * n_channels;
-        let parts = threads::map(n_terms, pieces.len(), |k| self.apply_piece(pieces[k].clone(), &planes));
+        let pay = threads::pay_for_pass(self.n * self.n * n_channels, self.pass_byte);
+        let parts = threads::map(pay, pieces.len(), |k| self.apply_piece(pieces[k].clone(), &planes));
         let tasks: Vec<(usize, &mut [f64])> = y
             .values_mut()
             .chunks_mut(SUMS_PER_TASK * n_channels)
             .enumerate()
             .collect();
-        threads::for_each(self.n * parts.len() * n_channels, tasks, |(task, y_rows)| {
-            let begin = task * SUMS_PER_TASK;
-            let rows = begin..begin + y_rows.len() / n_channels;
-            for c in 0..n_channels {
-                let mut sums = [0.0; SUMS_PER_TASK];
-                for part in &parts {
-                    part.add_to(&mut sums, &rows, c);
+        threads::for_each(
+            threads::pay(self.n * parts.len() * n_channels),
+            tasks,
+            |(task, y_rows)| {
+                let begin = task * SUMS_PER_TASK;
+                let rows = begin..begin + y_rows.len() / n_channels;
+                for c in 0..n_channels {
+                    let mut sums = [0.0; SUMS_PER_TASK];
+                    for part in &parts {
+                        part.add_to(&mut sums, &rows, c);
+                    }
+                    for (row, sum) in y_rows.chunks_exact_mut(n_channels).zip(sums) {
+                        row[c] = sum;
+                    }
                 }
-                for (row, sum) in y_rows.chunks_exact_mut(n_channels).zip(sums) {
-                    row[c] = sum;
-                }
-            }
-        });
+            },
+        );
     }
 
     fn scaled(&self, d: &[f64]) -> Result<Arc<dyn Symmetric>, MatrixError> {

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use crate::matrix::operator::Block;
 
-use super::deflation::greatest_mean_reflectance;
+use super::deflation::greatest_mean_reflectances;
 use super::direct::{equal_channels, memory_byte};
 use super::stop::Tolerance;
 use super::{
@@ -39,6 +39,8 @@ use super::{
 /// The choice and its reason are in [`Solution::choice`]. How far it is from the best: `radiosity reproduce stability` prints the ratios of work and time, case by case.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Auto {
+    /// What `pcg` would be set to.
+    pub pcg: Pcg,
     /// What `gmres` would be set to.
     pub gmres: Gmres,
     /// What `direct` would be set to.
@@ -102,11 +104,11 @@ impl Auto {
             return (Box::new(self.direct), why);
         }
         let symmetric = system.operator().reciprocal_areas().is_some() || options.allow_nonreciprocal;
-        let mean = greatest_mean_reflectance(system);
+        let mean = greatest_mean_reflectances(system).into_iter().fold(0.0, f64::max);
         let facts = format!("mean reflectance {mean:.3}, spectral radius within {low:.3} to {high:.3}");
         if symmetric {
             let why = format!("the exchange areas are symmetric; {facts}");
-            return (Box::new(Pcg::default()), why);
+            return (Box::new(self.pcg), why);
         }
         // A sweep makes the error λ² times as large; the estimate lags by one sweep, and one check follows where others have two.
         let sweeps = digits / (-2.0 * high.log10()) + 1.0;

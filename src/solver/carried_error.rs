@@ -37,7 +37,7 @@ pub fn carried_error(
     let radiosity = &solution.radiosity;
     let shapes = [exitance, radiosity, &solution.irradiance].map(|block| (block.n_rows(), block.n_channels()));
     assert!(shapes.iter().all(|&shape| shape == (n, n_channels)), "equal shapes");
-    let rows: Vec<Vec<f64>> = threads::map(n * n * n_channels, n, |i| {
+    let rows: Vec<Vec<f64>> = threads::map(threads::pay(n * n * n_channels), n, |i| {
         let mut squares = vec![0.0; n_channels];
         factors.for_each_in_row(i, |j, _, error| {
             for (square, b) in squares.iter_mut().zip(radiosity.row(j)) {

@@ -39,6 +39,11 @@ pub(super) trait Iteration {
     /// True if no channel's residual, by `Tolerance::ResidualL2`, is ever above what it was a pass before: the last radiosities are then the best.
     const NEVER_RISES: bool = false;
 
+    /// Returns the residual of the radiosities before the first pass, with one pass over F, in which others may share.
+    fn first_residual(&mut self, scaled: &Scaled) -> TrueResidual {
+        scaled.true_residual(&self.radiosity())
+    }
+
     /// Spends one pass. `excess` tells by what factor each channel's residual exceeds the tolerance, infinity before it is known:
     /// channels at 1 or below may rest.
     fn pass(&mut self, excess: &[f64]) -> Estimate;
@@ -104,13 +109,12 @@ pub(super) fn run<I: Iteration>(
     let mut mended = None;
     let mut done = (0..n_channels).all(|c| scaled.is_dark(c));
     if I::NEEDS_RESIDUAL && !done {
-        let radiosity = iteration.radiosity();
-        let first = scaled.true_residual(&radiosity);
+        let first = iteration.first_residual(scaled);
         n_checks += 1;
         excess = tolerance.excess(&first.norms);
         checked_before = worst(&excess);
         done = checked_before <= 1.0;
-        if !recorder.note(0, 0.0, &first.norms, false, || radiosity) {
+        if !recorder.note(0, 0.0, &first.norms, false, || iteration.radiosity()) {
             (gave_up, done) = (StopReason::Interrupted, true);
         }
         if !done && let Some(reason) = watch.observe(checked_before, None) {

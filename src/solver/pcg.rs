@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use super::deflation::{Deflation, greatest_mean_reflectance};
+use super::deflation::{Deflate, Deflation, first_pass};
 use super::iteration::{self, Estimate, Iteration};
 use super::scaled::{Scaled, TrueResidual};
 use super::vectors::{add_scaled, combine, inner, scale};
@@ -28,9 +28,9 @@ use crate::matrix::operator::Block;
 ///
 /// Passes for a relative residual of 1e-6 grow like sqrt(1 / (1 − ρ)) at worst, and for closed rooms hardly at all,
 /// because one eigenvalue of K lies near 1 − ρ and the others cluster near 1. That one belongs to the even light of a connected component. Where
-/// a component that emits has a mean reflectance of more than [`DEFLATED_FROM`], all components' even lights are deflated: the residual
-/// is kept orthogonal, and the directions conjugate, to the vectors ρ^½ of the components. That costs one pass before the first, and the number of passes
-/// no longer grows with ρ (the tests have the counts).
+/// a component that emits has a mean reflectance of more than [`DEFLATED_FROM`](super::DEFLATED_FROM), all components' even lights are deflated: the residual
+/// is kept orthogonal, and the directions conjugate, to the vectors ρ^½ of the components. Their images come from the pass
+/// that calculates the first residual, as one more channel, and the number of passes no longer grows with ρ (the tests have the counts).
 ///
 /// Source: Baranoski, Bramley and Shirley 1995, section 3.2. Departures: the printed algorithm has no preconditioner, tests the residual scaled by
 /// V, and confuses V with its inverse in line 3; the inner product takes the areas from the form factors.
@@ -40,21 +40,6 @@ pub struct Pcg {
     /// Whether the even light of each component is deflated.
     pub deflation: Deflate,
 }
-
-/// Whether a Krylov method deflates the even light of each component.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Deflate {
-    /// Where a component that emits has a mean reflectance above [`DEFLATED_FROM`].
-    #[default]
-    Auto,
-    /// Always.
-    Always,
-    /// Never.
-    Never,
-}
-
-/// The mean reflectance above which deflation pays for the pass that it costs.
-pub const DEFLATED_FROM: f64 = 0.995;
 
 impl Solver for Pcg {
     fn name(&self) -> &'static str {
@@ -76,12 +61,7 @@ impl Solver for Pcg {
             || scaled.areas.clone(),
             |areas| areas.iter().map(|a| a / system.area_unit()).collect(),
         );
-        let deflates = match self.deflation {
-            Deflate::Auto => greatest_mean_reflectance(system) > DEFLATED_FROM,
-            Deflate::Always => true,
-            Deflate::Never => false,
-        };
-        let state = State::new(&scaled, weights, options.start.irradiance(&scaled), deflates);
+        let state = State::new(&scaled, weights, options.start.irradiance(&scaled), self.deflation);
         iteration::run(&scaled, options, monitor, state)
     }
 }
@@ -103,19 +83,19 @@ struct State<'a> {
     /// ρ^½ direction, then K direction.
     scratch: Block,
     product: Block,
+    deflate: Deflate,
     deflation: Option<Deflation>,
-    n_passes: usize,
 }
 
 impl<'a> State<'a> {
-    fn new(scaled: &'a Scaled<'a>, weights: Vec<f64>, irradiance: Block, deflates: bool) -> Self {
+    fn new(scaled: &'a Scaled<'a>, weights: Vec<f64>, irradiance: Block, deflate: Deflate) -> Self {
         let mut root = scaled.system.reflectance().clone();
         root.values_mut().iter_mut().for_each(|rho| *rho = rho.sqrt());
         let mut x = irradiance;
         scale(&mut x, &root);
         Self {
-            deflation: deflates.then(|| Deflation::new(scaled, &weights, &root)),
-            n_passes: 0,
+            deflate,
+            deflation: None,
             scaled,
             weights,
             root,
@@ -157,6 +137,10 @@ impl<'a> State<'a> {
         add_scaled(&mut self.x, &alpha, &self.direction);
         let minus_alpha: Vec<f64> = alpha.iter().map(|a| -a).collect();
         add_scaled(&mut self.residual, &minus_alpha, &self.product);
+        if let Some(deflation) = &self.deflation {
+            // Nothing but rounding, unless K is not quite symmetric.
+            deflation.solve(&mut self.x, &mut self.residual, moves);
+        }
         let squared = inner(&self.weights, &self.residual, &self.residual);
         let beta = ratio(&squared, &self.squared);
         combine(&mut self.direction, &beta, &vec![1.0; beta.len()], &self.residual);
@@ -171,8 +155,13 @@ impl<'a> State<'a> {
 impl Iteration for State<'_> {
     const NEEDS_RESIDUAL: bool = true;
 
+    fn first_residual(&mut self, scaled: &Scaled) -> TrueResidual {
+        let (truth, sent) = first_pass(scaled, &self.radiosity(), self.deflate);
+        self.deflation = sent.map(|sent| Deflation::new(scaled.system, &self.weights, &self.root, sent));
+        truth
+    }
+
     fn pass(&mut self, excess: &[f64]) -> Estimate {
-        self.n_passes += 1;
         let indefinite = self.deflation.as_ref().is_some_and(|d| d.indefinite);
         if !indefinite && self.step(excess) {
             Estimate::Running(self.scaled.norms(&self.residual()))
@@ -199,21 +188,12 @@ impl Iteration for State<'_> {
             *residual = root * h - x;
         }
         if let Some(deflation) = &self.deflation {
-            deflation.solve(&mut self.x, &mut self.residual);
+            deflation.solve(&mut self.x, &mut self.residual, |_| true);
         }
         self.direction.clone_from(&self.residual);
         if let Some(deflation) = &self.deflation {
             deflation.project(&mut self.direction, &self.residual);
         }
         self.squared = inner(&self.weights, &self.residual, &self.residual);
-    }
-
-    fn work(&self) -> f64 {
-        // The pass that set up the deflation counts with the first.
-        if self.n_passes == 1 && self.deflation.is_some() {
-            2.0
-        } else {
-            1.0
-        }
     }
 }

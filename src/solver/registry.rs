@@ -4,8 +4,8 @@ use std::num::NonZeroUsize;
 use std::sync::Arc;
 
 use super::{
-    Anderson, Auto, Chebyshev, ConjugateGradients, Direct, GaussSeidel, GaussSeidelAmbient, Gmres, Jacobi, Multigrid,
-    Overshooting, Pcg, ProgressiveRefinement, Solver, SolverError, Sor, SpectrumBounds,
+    Anderson, Auto, Chebyshev, ConjugateGradients, Deflate, Direct, GaussSeidel, GaussSeidelAmbient, Gmres, Jacobi,
+    Multigrid, Overshooting, Pcg, ProgressiveRefinement, Solver, SolverError, Sor, SpectrumBounds,
 };
 use crate::mesh::Hierarchy;
 
@@ -25,6 +25,8 @@ pub struct SolverSettings {
     pub hierarchy: Option<Arc<Hierarchy>>,
     /// Passes between restarts, of `gmres`.
     pub restart: Option<NonZeroUsize>,
+    /// Whether `pcg` and `gmres` deflate the even light of each room.
+    pub deflation: Option<Deflate>,
     /// Steps that `anderson` remembers.
     pub depth: Option<NonZeroUsize>,
     /// The most memory that factorisations may take, in bytes.
@@ -45,6 +47,8 @@ pub enum Setting {
     Display,
     /// [`SolverSettings::restart`].
     Restart,
+    /// [`SolverSettings::deflation`].
+    Deflation,
     /// [`SolverSettings::depth`].
     Depth,
     /// [`SolverSettings::memory_limit_byte`].
@@ -53,12 +57,13 @@ pub enum Setting {
 
 impl Setting {
     /// All settings.
-    const ALL: [Self; 7] = [
+    const ALL: [Self; 8] = [
         Self::Omega,
         Self::Bounds,
         Self::StepsPerPass,
         Self::Display,
         Self::Restart,
+        Self::Deflation,
         Self::Depth,
         Self::MemoryLimit,
     ];
@@ -72,6 +77,7 @@ impl Setting {
             Self::StepsPerPass => "--steps-per-pass",
             Self::Display => "--display-ambient",
             Self::Restart => "--restart",
+            Self::Deflation => "--deflation",
             Self::Depth => "--depth",
             Self::MemoryLimit => "--memory-limit",
         }
@@ -84,6 +90,7 @@ impl Setting {
             Self::StepsPerPass => settings.steps_per_pass.is_some(),
             Self::Display => settings.display,
             Self::Restart => settings.restart.is_some(),
+            Self::Deflation => settings.deflation.is_some(),
             Self::Depth => settings.depth.is_some(),
             Self::MemoryLimit => settings.memory_limit_byte.is_some(),
         }
@@ -107,7 +114,7 @@ pub struct SolverEntry {
 /// All solvers, in the order in which help lists them.
 #[rustfmt::skip]
 pub const SOLVERS: &[SolverEntry] = &[
-    SolverEntry { name: "auto", summary: "Whichever of the others suits the system; says which, and why", needs_reciprocity: false, settings: &[Setting::Restart, Setting::MemoryLimit], make: |s| Box::new(auto(s)) },
+    SolverEntry { name: "auto", summary: "Whichever of the others suits the system; says which, and why", needs_reciprocity: false, settings: &[Setting::Restart, Setting::Deflation, Setting::MemoryLimit], make: |s| Box::new(auto(s)) },
     SolverEntry { name: "jacobi", summary: "Every patch gathers from the radiosities of the pass before", needs_reciprocity: false, settings: &[], make: |_| Box::new(Jacobi) },
     SolverEntry { name: "gauss-seidel", summary: "Every patch in turn gathers from the newest radiosities", needs_reciprocity: false, settings: &[], make: |_| Box::new(GaussSeidel) },
     SolverEntry { name: "sor", summary: "Gauss-Seidel with overrelaxation", needs_reciprocity: false, settings: &[Setting::Omega], make: |s| Box::new(Sor { omega: s.omega }) },
@@ -116,17 +123,24 @@ pub const SOLVERS: &[SolverEntry] = &[
     SolverEntry { name: "overshooting", summary: "Patches shoot what they have and what will come back (Feda)", needs_reciprocity: false, settings: &[Setting::StepsPerPass, Setting::Display], make: |s| Box::new(Overshooting { steps_per_pass: s.steps_per_pass }) },
     SolverEntry { name: "chebyshev", summary: "The best polynomial for an interval that holds the spectrum", needs_reciprocity: false, settings: &[Setting::Bounds], make: |s| Box::new(Chebyshev { bounds: s.bounds.unwrap_or_default() }) },
     SolverEntry { name: "cg", summary: "Conjugate gradients on V G, V = A/ρ, as in the paper", needs_reciprocity: true, settings: &[], make: |_| Box::new(ConjugateGradients) },
-    SolverEntry { name: "pcg", summary: "Conjugate gradients preconditioned with V⁻¹ = ρ/A, deflated where that pays", needs_reciprocity: true, settings: &[], make: |_| Box::new(Pcg::default()) },
-    SolverEntry { name: "gmres", summary: "The least residual over a Krylov space; for form factors without symmetry", needs_reciprocity: false, settings: &[Setting::Restart], make: |s| Box::new(gmres(s)) },
+    SolverEntry { name: "pcg", summary: "Conjugate gradients preconditioned with V⁻¹ = ρ/A, deflated where that pays", needs_reciprocity: true, settings: &[Setting::Deflation], make: |s| Box::new(pcg(s)) },
+    SolverEntry { name: "gmres", summary: "The least residual over a Krylov space; for form factors without symmetry", needs_reciprocity: false, settings: &[Setting::Restart, Setting::Deflation], make: |s| Box::new(gmres(s)) },
     SolverEntry { name: "anderson", summary: "Jacobi iteration with Anderson acceleration", needs_reciprocity: false, settings: &[Setting::Depth], make: |s| Box::new(s.depth.map_or_else(Anderson::default, |depth| Anderson { depth })) },
     SolverEntry { name: "direct", summary: "Dense factorisation; for many lightings, and as the oracle", needs_reciprocity: false, settings: &[Setting::MemoryLimit], make: |s| Box::new(direct(s)) },
     SolverEntry { name: "multigrid", summary: "Gauss-Seidel, corrected on ever coarser levels of the mesh", needs_reciprocity: false, settings: &[], make: |s| Box::new(Multigrid { hierarchy: s.hierarchy.clone(), ..Multigrid::default() }) },
 ];
 
+fn pcg(settings: &SolverSettings) -> Pcg {
+    Pcg {
+        deflation: settings.deflation.unwrap_or_default(),
+    }
+}
+
 fn gmres(settings: &SolverSettings) -> Gmres {
-    settings
-        .restart
-        .map_or_else(Gmres::default, |restart| Gmres { restart })
+    Gmres {
+        restart: settings.restart.unwrap_or(Gmres::default().restart),
+        deflation: settings.deflation.unwrap_or_default(),
+    }
 }
 
 fn direct(settings: &SolverSettings) -> Direct {
@@ -136,6 +150,7 @@ fn direct(settings: &SolverSettings) -> Direct {
 
 fn auto(settings: &SolverSettings) -> Auto {
     Auto {
+        pcg: pcg(settings),
         gmres: gmres(settings),
         direct: direct(settings),
     }

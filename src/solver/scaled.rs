@@ -99,6 +99,11 @@ impl<'a> Scaled<'a> {
     pub(super) fn true_residual(&self, radiosity: &Block) -> TrueResidual {
         let mut irradiance = self.zeros();
         self.system.operator().apply(radiosity, &mut irradiance);
+        self.residual_of(radiosity, irradiance)
+    }
+
+    /// Calculates the residual of `radiosity`, of which `irradiance` = F B.
+    pub(super) fn residual_of(&self, radiosity: &Block, irradiance: Block) -> TrueResidual {
         let mut residual = self.exitance.clone();
         let terms = radiosity.values().iter().zip(self.system.reflectance().values());
         for ((r, (b, rho)), h) in residual.values_mut().iter_mut().zip(terms).zip(irradiance.values()) {

@@ -53,6 +53,7 @@ fn settings_go_to_the_solvers_that_use_them() {
         (&["--solver", "jacobi", "--bounds", "average"], "`chebyshev`"),
         (&["--solver", "sor", "--steps-per-pass", "5"], "`overshooting`"),
         (&["--solver", "sor", "--display-ambient"], "`progressive-refinement`"),
+        (&["--solver", "cg", "--deflation", "never"], "`pcg`, `gmres`"),
         (&["--solver", "sor", "--omega", "2"], "between 0 and 2"),
     ] {
         let output = radiosity(directory.path(), &[&common, flags].concat());
@@ -71,6 +72,15 @@ fn settings_go_to_the_solvers_that_use_them() {
         assert_eq!(code, 0, "{flags:?}");
         assert_eq!(result["stop_reason"], "converged");
     }
+    let passes = |deflation: &str| {
+        let flags = ["--solver", "gmres", "--restart", "20", "--deflation", deflation];
+        let (code, result) = document(directory.path(), &[&common[..], &flags].concat());
+        assert_eq!(code, 0, "{deflation}");
+        assert_eq!(result["settings"]["deflation"], deflation);
+        assert_eq!(result["settings"]["restart"], 20);
+        result["n_passes"].as_u64().unwrap()
+    };
+    assert!(passes("always") < passes("never"));
 }
 
 /// A picture after few steps: the estimate of the light under way brings the room's mean near its end.

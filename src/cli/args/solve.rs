@@ -8,7 +8,7 @@ use clap::{Args, ValueEnum};
 use serde::Serialize;
 
 use super::{AuditArgs, CommonArgs, MeshArgs, MethodArgs, StorageArgs, parse_positive};
-use crate::solver::{SpectrumBounds, Start};
+use crate::solver::{Deflate, SpectrumBounds, Start};
 
 /// Reads the name of a solver; help lists those that the registry has.
 pub(super) fn solver_name() -> impl TypedValueParser<Value = String> {
@@ -38,6 +38,9 @@ pub struct SolverArgs {
     /// Passes between restarts, with gmres [default: 30]
     #[arg(long, value_name = "M")]
     pub restart: Option<NonZeroUsize>,
+    /// Whether pcg and gmres take the even light of each room out of the way [default: auto]
+    #[arg(long, value_enum)]
+    pub deflation: Option<DeflationName>,
     /// Steps that are remembered, with anderson [default: 8]
     #[arg(long, value_name = "M")]
     pub depth: Option<NonZeroUsize>,
@@ -73,6 +76,28 @@ impl From<BoundsName> for SpectrumBounds {
             BoundsName::Safe => Self::Safe,
             BoundsName::Average => Self::Average,
             BoundsName::Lanczos => Self::Lanczos(NonZeroUsize::MIN.saturating_add(9)),
+        }
+    }
+}
+
+/// Whether Krylov methods deflate the even light of each room.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum DeflationName {
+    /// Where the mean reflectance is so high that it saves time
+    Auto,
+    /// Always
+    Always,
+    /// Never
+    Never,
+}
+
+impl From<DeflationName> for Deflate {
+    fn from(name: DeflationName) -> Self {
+        match name {
+            DeflationName::Auto => Self::Auto,
+            DeflationName::Always => Self::Always,
+            DeflationName::Never => Self::Never,
         }
     }
 }

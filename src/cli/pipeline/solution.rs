@@ -51,6 +51,7 @@ impl Run {
             steps_per_pass: args.steps_per_pass,
             display: args.display_ambient,
             restart: args.restart,
+            deflation: args.deflation.map(Into::into),
             depth: args.depth,
             // The flag is the storage's too; solvers that need no memory to speak of pass over it.
             memory_limit_byte: self
@@ -132,6 +133,9 @@ impl Run {
         for (name, value) in [
             ("omega", args.omega.map(Value::from)),
             ("bounds", args.bounds.map(|bounds| json!(bounds))),
+            ("restart", args.restart.map(|n| Value::from(n.get()))),
+            ("depth", args.depth.map(|n| Value::from(n.get()))),
+            ("deflation", args.deflation.map(|deflation| json!(deflation))),
             ("steps_per_pass", args.steps_per_pass.map(|n| Value::from(n.get()))),
             ("display_ambient", args.display_ambient.then_some(Value::Bool(true))),
         ] {

@@ -162,7 +162,7 @@ impl<T: Scalar> General for TileFile<T> {
         let n_channels = x.n_channels();
         let n_terms = x.n_rows() * x.n_rows() * n_channels;
         let blocks: Vec<(usize, &mut [f64])> = y.values_mut().chunks_mut(SIDE * n_channels).enumerate().collect();
-        threads::for_each(n_terms, blocks, |(own, sums)| {
+        threads::for_each(threads::pay(n_terms), blocks, |(own, sums)| {
             sums.fill(0.0);
             let result = self.for_each_tile(own, Part::Numbers, |block, tile| {
                 let x_from = &x.values()[block * SIDE * n_channels..];

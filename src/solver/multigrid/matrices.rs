@@ -232,7 +232,7 @@ impl Matrix {
             let n_entries = rows.add_row(i, 1.0, &mut sum);
             (Row::new(&sum), n_entries)
         };
-        let (stored, counts): (Vec<Row>, Vec<usize>) = threads::map(n * n, n, make).into_iter().unzip();
+        let (stored, counts): (Vec<Row>, Vec<usize>) = threads::map(threads::pay(n * n), n, make).into_iter().unzip();
         let slot = |(i, rho): (u32, &[f64])| -> Vec<Slot> {
             let slots = rho.iter().map(|&factor| Slot {
                 row: i,
@@ -267,11 +267,16 @@ impl Matrix {
     /// One row after the other: a sweep of a finer level has left little of K in the caches, and one stream from memory is faster than four.
     pub(super) fn subtract_product(&self, x: &[&[f64]], y: &mut [Vec<f64>]) {
         let mut products = vec![0.0; self.slots.len()];
-        threads::for_each_chunk(self.n_terms, &mut products, self.n_channels, |i, of_row| {
-            for (c, product) in of_row.iter_mut().enumerate() {
-                *product = self.dot(i, c, x[c]);
-            }
-        });
+        threads::for_each_chunk(
+            threads::pay(self.n_terms),
+            &mut products,
+            self.n_channels,
+            |i, of_row| {
+                for (c, product) in of_row.iter_mut().enumerate() {
+                    *product = self.dot(i, c, x[c]);
+                }
+            },
+        );
         for (c, y) in y.iter_mut().enumerate() {
             let of_channel = products.iter().skip(c).step_by(self.n_channels);
             y.iter_mut().zip(of_channel).for_each(|(y, product)| *y -= product);
@@ -280,7 +285,9 @@ impl Matrix {
 
     /// Subtracts K x of channel c from y.
     pub(super) fn subtract_channel(&self, c: usize, x: &[f64], y: &mut [f64]) {
-        threads::for_each_chunk(self.n_terms / self.n_channels, y, 1, |i, y| y[0] -= self.dot(i, c, x));
+        threads::for_each_chunk(threads::pay(self.n_terms / self.n_channels), y, 1, |i, y| {
+            y[0] -= self.dot(i, c, x);
+        });
     }
 
     fn dot(&self, i: usize, c: usize, x: &[f64]) -> f64 {
@@ -411,7 +418,7 @@ fn restrict(
         };
         (row, merged, n_entries)
     };
-    let made = threads::map(n_fine * n_fine, jobs.len(), make);
+    let made = threads::map(threads::pay(n_fine * n_fine), jobs.len(), make);
     // Where channels have rows of their own the source is read once for each.
     let is_first = |k: &usize| *k == 0 || jobs[k - 1].0 != jobs[*k].0;
     let n_of_source = (0..made.len()).filter(is_first).map(|k| made[k].2).sum();

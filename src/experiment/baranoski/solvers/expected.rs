@@ -1,7 +1,7 @@
 //! The methods, what the paper says of them, and what they must do.
 
 use super::Case;
-use crate::solver::{SpectrumBounds, Start};
+use crate::solver::{Deflate, SpectrumBounds, Start};
 
 /// The patches of either room.
 const N_PATCHES: u64 = 992;
@@ -17,6 +17,8 @@ pub struct Method {
     pub start: Start,
     /// The interval of Chebyshev's method.
     pub bounds: Option<SpectrumBounds>,
+    /// Whether a Krylov method deflates.
+    pub deflation: Option<Deflate>,
     /// Whether it goes by single patches.
     pub by_steps: bool,
     counts: Option<[u64; 6]>,
@@ -44,6 +46,7 @@ const fn passes(name: &'static str, solver: &'static str, start: Start, counts: 
         solver,
         start,
         bounds: None,
+        deflation: None,
         by_steps: false,
         counts,
         rms: None,
@@ -53,7 +56,7 @@ const fn passes(name: &'static str, solver: &'static str, start: Start, counts: 
 }
 
 /// All methods, the paper's and those that it might have had.
-pub const METHODS: [Method; 10] = [
+pub const METHODS: [Method; 11] = [
     Method {
         rms: Some([5e-4, 9e-4, 7e-3, 1e-2, 6e-3, 1.5e-2]),
         paper_time_s: Some([1.20, 2.01, 6.43, 12.83, 5.23, 11.26]),
@@ -90,7 +93,14 @@ pub const METHODS: [Method; 10] = [
         paper_time_s: Some([4.68, 6.60, 8.63, 11.02, 5.05, 5.80]),
         ..passes("cg", "cg", Start::Exitance, Some([6, 8, 11, 13, 10, 11]))
     },
-    passes("pcg", "pcg", Start::Exitance, Some([3, 5, 8, 9, 6, 8])),
+    Method {
+        deflation: Some(Deflate::Never),
+        ..passes("pcg", "pcg", Start::Exitance, Some([3, 5, 8, 9, 6, 8]))
+    },
+    Method {
+        deflation: Some(Deflate::Always),
+        ..passes("pcg, deflated", "pcg", Start::Exitance, None)
+    },
     Method {
         by_steps: true,
         paper_time_s: Some([3.21, 6.85, 23.03, 50.56, 22.53, 50.43]),

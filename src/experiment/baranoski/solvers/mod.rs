@@ -191,6 +191,7 @@ fn run_method(
     let n = system.n_patches();
     let settings = SolverSettings {
         bounds: method.bounds,
+        deflation: method.deflation,
         steps_per_pass: NonZeroUsize::new(n / POINTS_PER_PASS).filter(|_| method.by_steps),
         ..SolverSettings::default()
     };
