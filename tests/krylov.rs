@@ -16,7 +16,7 @@ use radiosity::scene::builtin;
 use radiosity::solver::{Anderson, Deflate, Gmres, Pcg, SolveOptions, StopReason, Tolerance};
 use radiosity::visibility::embree::EmbreeVisibility;
 use support::solving::{by_name, constant, l2, run, system};
-use support::{dense, random_room, relative_error, shoot, solve_direct};
+use support::{dense, matrix, random_room, relative_error, shoot, solve_direct};
 
 /// The conjugate gradients' passes of an independent prototype for a relative residual of 1e-6 in Baranoski's room (r = 1) are 14, 16, 18, 19, 26 at
 /// 1 − ρ = 1e-1, 1e-2, 1e-3, 1e-4, 1e-8, and 14 at all of them with the constant vector deflated. A random room has a narrower spectrum, so fewer passes, but
@@ -237,8 +237,13 @@ fn auto_says_what_it_took_and_why() {
     };
     assert_eq!(chosen(&f, 0.9, 1e-2, 1), "pcg", "symmetric, two digits");
     assert_eq!(chosen(&f, 0.9, 1e-8, 60), "direct", "many lightings");
-    assert_eq!(chosen(&noisy, 0.2, 1e-1, 1), "gauss-seidel", "dark, and not symmetric");
+    assert_eq!(chosen(&noisy, 0.2, 1e-1, 1), "gmres", "dark, and not symmetric");
     assert_eq!(chosen(&noisy, 0.99, 1e-1, 1), "gmres", "bright, and not symmetric");
+    assert_eq!(chosen(&f, 0.0, 1e-6, 1), "jacobi", "black");
+    let mirror = matrix(&[1.0], &[vec![0.5]]);
+    let (half, one) = (constant(1, 0.5), Block::from_values(vec![1.0], 1));
+    let choice = run(auto, &system(&mirror, &half, &one), &l2(1e-6)).choice.unwrap();
+    assert_eq!(choice.solver, "gauss-seidel", "{}", choice.why);
     let name = |options: &SolveOptions| {
         let system = system(&f, &constant(120, 0.9), &exitance);
         let (solver, _) = radiosity::solver::Auto::default().choose(&system, options);

@@ -33,6 +33,30 @@ pub(super) struct Meeting<'a> {
     pub(super) y_columns: &'a mut [f64],
 }
 
+/// What [`Meeting::of_full_size`] takes for granted.
+const FULL_SIZE: &str = "a tile of the full size";
+
+/// A [`Meeting`] of [`SIDE`] rows and columns.
+pub(super) type FullMeeting<'a> = (
+    &'a [f64; SIDE],
+    &'a [Lanes; CHUNKS],
+    &'a mut [Lanes; CHUNKS],
+    &'a mut [Lanes; SIDE],
+);
+
+impl<'a> Meeting<'a> {
+    /// Returns x in the rows and in the columns, y in the columns, and the partial sums of the rows, as arrays: what is known to be long enough is not checked at every access.
+    #[inline(always)]
+    pub(super) fn of_full_size(self) -> FullMeeting<'a> {
+        (
+            self.x_rows.try_into().expect(FULL_SIZE),
+            self.x_columns.as_chunks().0.try_into().expect(FULL_SIZE),
+            self.y_columns.as_chunks_mut().0.try_into().expect(FULL_SIZE),
+            self.rows.try_into().expect(FULL_SIZE),
+        )
+    }
+}
+
 /// A loop for C channels of a tile.
 pub(super) trait ByChannels {
     fn run<S: Simd, const N: usize, const C: usize>(&self, simd: S, channels: [Meeting<'_>; C]);
@@ -108,7 +132,7 @@ fn both<S: Simd, T: Scalar, const N: usize, const C: usize, const R: usize>(
 }
 
 /// Registers' worth of [`Lanes`] in a row of a tile with all its columns.
-pub(super) const CHUNKS: usize = SIDE / LANES;
+const CHUNKS: usize = SIDE / LANES;
 
 /// Does what [`both`] does for a tile of the full size: as all lengths are known, nothing but the products is left to do.
 #[inline(always)]
@@ -118,16 +142,9 @@ fn whole_tile<S: Simd, T: Scalar, const N: usize, const C: usize, const R: usize
     values: &[T],
     channels: [Meeting<'_>; C],
 ) {
-    const SHAPE: &str = "a tile of the full size";
     let chunks = values.as_chunks::<LANES>().0.as_chunks::<CHUNKS>().0;
-    let tile: &[[[T; LANES]; CHUNKS]; SIDE] = chunks.try_into().expect(SHAPE);
-    let ends = channels.map(|channel| {
-        let x_rows: &[f64; SIDE] = channel.x_rows.try_into().expect(SHAPE);
-        let x: &[Lanes; CHUNKS] = channel.x_columns.as_chunks().0.try_into().expect(SHAPE);
-        let y: &mut [Lanes; CHUNKS] = channel.y_columns.as_chunks_mut().0.try_into().expect(SHAPE);
-        let rows: &mut [Lanes; SIDE] = channel.rows.try_into().expect(SHAPE);
-        (x_rows, x, y, rows)
-    });
+    let tile: &[[[T; LANES]; CHUNKS]; SIDE] = chunks.try_into().expect(FULL_SIZE);
+    let ends = channels.map(Meeting::of_full_size);
     for i in 0..SIDE / QUARTERS {
         for first in (0..QUARTERS).step_by(R) {
             let row = |r: usize| (i + (first + r) * (SIDE / QUARTERS)) % SIDE;

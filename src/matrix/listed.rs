@@ -7,11 +7,11 @@
 
 use pulp::Simd;
 
-use super::both::{ByChannels, CHUNKS, Meeting, by_channels};
+use super::both::{ByChannels, Meeting, by_channels};
 #[cfg(target_arch = "x86_64")]
 use super::expand::WithV4;
 use super::expand::{Expander, OneByOne};
-use super::lanes::{LANES, Lanes, Wide};
+use super::lanes::{LANES, Wide};
 use super::places::{Places, STRIP, ones};
 use super::prefetch::prefetch;
 use super::square::SIDE;
@@ -63,14 +63,7 @@ fn by_strips<S: Simd, T: Scalar, const N: usize, const C: usize>(
     channels: [Meeting<'_>; C],
     expander: impl Expander<T>,
 ) {
-    const SHAPE: &str = "sums for a tile of the full size";
-    let ends = channels.map(|channel| {
-        let x_rows: &[f64; SIDE] = channel.x_rows.try_into().expect(SHAPE);
-        let x: &[Lanes; CHUNKS] = channel.x_columns.as_chunks().0.try_into().expect(SHAPE);
-        let y: &mut [Lanes; CHUNKS] = channel.y_columns.as_chunks_mut().0.try_into().expect(SHAPE);
-        let rows: &mut [Lanes; SIDE] = channel.rows.try_into().expect(SHAPE);
-        (x_rows, x, y, rows)
-    });
+    let ends = channels.map(Meeting::of_full_size);
     // The last numbers with something behind them, so that as many as a row may have can always be read.
     let mut padded = [T::from_f64(0.0); 2 * STRIP];
     let n_last = values.len().min(STRIP);

@@ -24,9 +24,10 @@ use super::{
 /// - `direct` where n / 8 passes, n / 4 over half of a symmetric matrix (measured, see [`Direct`]), for each distinct reflectance are less than an iteration takes, for so many channels: few patches,
 ///   many lightings, or eigenvalues that do not cluster;
 /// - `pcg` where the exchange areas are symmetric: the fewest passes at every ρ, and symmetric storage halves each.
-/// - else `gauss-seidel` where λ is so small that its sweeps, which need no check before them, are fewer;
 /// - else `gmres`.
 ///
+/// `gauss-seidel` is never taken for more than one patch: where λ is small it needs one sweep or two less than `gmres` passes, but a sweep takes 1.3 times as long as a pass on one core where the
+/// matrix is in full, four times where it is sparse, and does not gain by further cores.
 /// `multigrid` is never taken, even where there is a hierarchy: in the room of Lewis its setup, 4 cycles and a check are 7.1 passes for the 9 or 10 of `gmres`, but the sweeps among
 /// them run on one core, while all of those run on every core, and which is faster must not depend on how many there are. On two otherwise idle cores multigrid took 0.89 to 0.94, 0.60 to
 /// 0.61 and 0.52 of Gauss-Seidel's time at l = 3 to 5, setup included, and `auto` 0.36 to 0.37, 0.44 to 0.50 and 0.32 (`cargo bench --bench solvers -- 5`, medians of 9 alternating runs,
@@ -54,7 +55,7 @@ const LU_RATIO: f64 = 8.0;
 const LU_RATIO_SYMMETRIC: f64 = 4.0;
 
 /// Passes that conjugate gradients take for each decimal digit, beside the checks before and after.
-const PASSES_PER_DIGIT: f64 = 2.0;
+const PASSES_PER_DIGIT: f64 = 1.5;
 
 impl Solver for Auto {
     fn name(&self) -> &'static str {
@@ -109,12 +110,6 @@ impl Auto {
         if symmetric {
             let why = format!("the exchange areas are symmetric; {facts}");
             return (Box::new(self.pcg), why);
-        }
-        // A sweep makes the error λ² times as large; the estimate lags by one sweep, and one check follows where others have two.
-        let sweeps = digits / (-2.0 * high.log10()) + 1.0;
-        if has_rows && high < 1.0 && sweeps < PASSES_PER_DIGIT * digits {
-            let why = format!("the exchange areas are not symmetric, and light dies away fast; {facts}");
-            return (Box::new(GaussSeidel), why);
         }
         let why = format!("the exchange areas are not symmetric; {facts}");
         (Box::new(self.gmres), why)
