@@ -149,6 +149,7 @@ fn one_patch() {
         let f = matrix(&[2.0], &[vec![f_ii]]).symmetrised(Weighting::Plain).unwrap();
         for solver in all() {
             let solution = run(solver, &system(&f, &constant(1, rho), &constant(1, 1.0)), &l2(1e-12));
+            assert_eq!(solution.stop_reason, StopReason::Converged, "{}", solver.name());
             // The residual that is left, divided by what a reflection loses.
             let error = (solution.radiosity.values()[0] - expected).abs();
             assert!(error < 1.01e-12 / (1.0 - rho * f_ii), "{}: {error:e}", solver.name());

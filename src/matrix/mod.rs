@@ -452,23 +452,23 @@ const ROWS_PER_TASK: usize = 16;
 /// Speed: the time of a plain read of as many bytes by the time of a pass with one channel (1 is as fast as memory), and the time of
 /// three channels by that of one. f32, n = 6144, sparse (as asked for) with a quarter of the entries, in runs of 32 (those of `exact` are 20 to 40 long on average in `room-box`,
 /// `corridor` and `sphere-room-r1`) or at random places, medians of 21 rounds of
-/// `cargo bench --bench matrix` on a machine with AVX-512, otherwise idle; the least and the greatest of three such runs (those on a disk: one):
+/// `cargo bench --bench matrix` on a machine with AVX-512, otherwise idle; the least and the greatest of three such runs:
 ///
 /// | matrix | one thread: read / pass | three channels / one | two threads: read / pass | three channels / one |
 /// |---|---|---|---|---|
-/// | dense, rows | 1.05 to 1.07 | 1.06 to 1.07 | 1.11 | 1.07 |
-/// | dense, symmetric (half the bytes) | 0.95 to 1.03 | 1.18 to 1.19 | 1.35 to 1.52 | 1.42 to 1.45 |
-/// | sparse, rows, in runs | 1.15 to 1.35 | 1.21 to 1.24 | 1.67 to 1.76 | 1.40 to 1.44 |
-/// | sparse, rows, at random | 0.58 to 0.63 | 1.19 to 1.20 | 0.77 to 0.83 | 1.38 |
-/// | sparse, symmetric (0.27 of the bytes of rows), in runs | 0.53 to 0.69 | 1.51 to 1.53 | 0.43 to 0.50 | 1.57 to 1.64 |
-/// | sparse, symmetric, at random | 0.33 to 0.38 | 1.55 to 1.56 | 0.31 to 0.35 | 1.63 to 1.65 |
-/// | dense, symmetric, on a disk (in the system's cache) | 0.30 | 1.15 | 0.32 | 1.18 |
+/// | dense, rows | 1.05 to 1.08 | 1.07 to 1.08 | 1.13 to 1.20 | 1.08 to 1.11 |
+/// | dense, symmetric (half the bytes) | 1.10 to 1.21 | 1.30 to 1.32 | 1.39 to 1.50 | 1.53 to 1.78 |
+/// | sparse, rows, in runs | 1.33 to 1.49 | 1.33 to 1.42 | 1.56 to 1.71 | 1.40 to 1.55 |
+/// | sparse, rows, at random | 0.58 to 0.71 | 1.00 to 1.10 | 0.80 to 0.94 | 1.19 to 1.31 |
+/// | sparse, symmetric (0.27 of the bytes of rows), in runs | 0.52 to 0.60 | 1.57 to 1.58 | 0.42 to 0.61 | 1.75 to 1.84 |
+/// | sparse, symmetric, at random | 0.37 to 0.43 | 1.57 to 1.64 | 0.28 to 0.31 | 1.69 to 1.76 |
+/// | dense, symmetric, on a disk (in the system's cache) | 0.28 to 0.30 | 1.16 to 1.18 | 0.29 to 0.30 | 1.18 to 1.20 |
 ///
-/// Passes are faster than the read where they ask for memory before they need it, which the read leaves to the processor. So a dense symmetric pass takes 0.55 of the time of one over all
-/// rows on one thread, and 0.4 on two. Where three channels take more than 1.3 of one, they take no longer than a read of as many bytes, or little: one channel is bound by memory, three by the
-/// multiplications. Sparse symmetric matrices are so small, 4.3 to 4.6 bytes an entry, that the multiplications bound even one channel: eight places beside one another take the same
-/// instructions whether one of them has an entry or all. That is 0.38 ns an entry in runs and 0.9 to 1.0 at random on one thread, 0.21 and 0.48 on two; by rows, where every
-/// entry is stored twice, 0.45 and 0.97, 0.18 and 0.38.
+/// Passes are faster than the read where they ask for memory before they need it, which the read leaves to the processor. So a dense symmetric pass takes 0.44 to 0.48 of the time of one over all
+/// rows on one thread, and 0.40 to 0.48 on two. Where three channels take more than 1.3 of one, they take no longer than a read of as many bytes, or little, but for sparse symmetric matrices: one channel is bound by
+/// memory, three by the multiplications. Sparse symmetric matrices are so small, 4.3 to 4.6 bytes an entry, that the instructions bound even one channel: sixteen places beside one another take the same
+/// ones, some six cycles, whether one of them has an entry or all. That is 0.34 ns an entry in runs and 0.73 to 0.79 at random on one thread, 0.18 to 0.23 and 0.37 to 0.39 on two; by rows, where every
+/// entry is stored twice, 0.36 to 0.40 and 0.78 to 0.92, 0.16 to 0.18 and 0.30 to 0.37 for each of the two.
 impl LinearOperator for FormFactors {
     fn n_rows(&self) -> usize {
         self.areas.len()

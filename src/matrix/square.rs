@@ -19,8 +19,8 @@ use super::{Entry, Layout, MatrixError};
 /// the rows of a strip are the bits of a word.
 pub(super) const SIDE: usize = 64;
 
-/// The share of non-zero entries from which a tile is stored in full. At a half a list takes 0.9 of the time where entries lie in runs and 1.3 where they do not, and 0.54 of the
-/// memory; at a third 0.6 and 1.2 of the time (f32, AVX-512).
+/// The share of non-zero entries from which a tile is stored in full. At a half a list takes 0.6 to 0.7 of the time of a pass where entries lie in runs and 0.85 to 1.0 where they do not (three
+/// channels: 0.75 and 1.1), 2.0 and 2.3 of that of a sweep row by row, and 0.53 of the memory (f32, AVX-512; `cargo bench --bench matrix -- "f32 symmetric" 1/2`).
 const DENSE_FROM: f64 = 0.5;
 
 /// A tile of at most [`SIDE`] by [`SIDE`] numbers. Rows and columns are counted from the tile's first.

@@ -148,7 +148,7 @@ enum Rows<T> {
 /// The most pieces into which the rows of tiles are divided when the matrix is applied: enough for the threads of one machine.
 const PIECES: usize = 64;
 
-/// Rows of tiles for each piece, so that the vectors of all pieces are small beside the matrix.
+/// Rows of tiles for each piece, or half as many where there are few, so that the vectors of all pieces are small beside the matrix.
 const ROWS_PER_PIECE: usize = 4;
 
 /// Numbers whose sums over the pieces one thread computes at a time.
@@ -230,7 +230,7 @@ impl<T: Scalar> Tiles<T> {
     fn pieces(&self) -> Vec<Range<usize>> {
         let n_blocks = block_rows(self.n).len();
         let n_tiles = n_blocks * (n_blocks + 1) / 2;
-        // It depends on n alone, so that the order of the sums does not depend on the number of threads; an even number, since most machines have one of threads.
+        // It depends on n alone, so that the order of the sums does not depend on the number of threads; an even number where there are several, since most machines have one of threads.
         let n_pieces = (n_blocks / ROWS_PER_PIECE).next_multiple_of(2).clamp(1, PIECES);
         let mut pieces = Vec::with_capacity(n_pieces);
         let (mut begin, mut n_before) = (0, 0);

@@ -28,13 +28,13 @@ use super::{
 ///
 /// `gauss-seidel` is never taken for more than one patch: where λ is small it needs one sweep or two less than `gmres` passes, but a sweep takes 1.3 times as long as a pass on one core where the
 /// matrix is in full, four times where it is sparse, and does not gain by further cores.
-/// `multigrid` is never taken, even where there is a hierarchy: in the room of Lewis its setup, 4 cycles and a check are 7.1 passes for the 9 or 10 of `gmres`, but the sweeps among
-/// them run on one core, while all of those run on every core, and which is faster must not depend on how many there are. On two otherwise idle cores multigrid took 0.89 to 0.94, 0.60 to
-/// 0.61 and 0.52 of Gauss-Seidel's time at l = 3 to 5, setup included, and `auto` 0.36 to 0.37, 0.44 to 0.50 and 0.32 (`cargo bench --bench solvers -- 5`, medians of 9 alternating runs,
-/// the least and the greatest of four such benchmarks, one at l = 5; before rows were asked for ahead 0.65 and 0.40 at l = 6). In cases A to F of Baranoski et al. `auto` took 0.08 to
-/// 0.11, 0.06 to 0.08, 0.03 to 0.04, 0.02 to 0.03, 0.03 to 0.04 and 0.02 to 0.03, and 0.97 to 1.09 of the fastest single solver's.
-/// Over the cases of `radiosity reproduce stability` it takes 0.74 to 1.30 of the fastest one's, but for one or two in most runs (up to 1.4, and 1.7 in one of four) in which it takes `direct` for
-/// 54 patches, which by itself takes 23 or 32 µs in one case or the next. `chebyshev` takes more passes than
+/// `multigrid` is never taken, even where there is a hierarchy: in the room of Lewis its setup, 4 cycles and a check are 7.1 passes for the 8 to 10 of `gmres`, but the sweeps among
+/// them run on one core, while all of those run on every core, and which is faster must not depend on how many there are. On two otherwise idle cores multigrid took 0.88 to 0.90, 0.59 to
+/// 0.62, 0.50 to 0.53 and 0.61 of Gauss-Seidel's time at l = 3 to 6, setup included, and `auto` 0.37 to 0.40, 0.41, 0.27 to 0.29 and 0.35 (`cargo bench --bench solvers -- 6`, medians of 9 alternating runs,
+/// the least and the greatest of three such benchmarks, one at l = 6). In cases A to F of Baranoski et al. `auto` took 0.09 to
+/// 0.10, 0.08 to 0.09, 0.04, 0.02, 0.04 and 0.02, and 0.92 to 1.08 of the fastest single solver's.
+/// Over the cases of `radiosity reproduce stability` it takes 0.74 to 1.36 of the fastest one's but for two, which take less than 50 µs (four runs): 1.4 where areas differ by 1e8, and 1.4 to 1.6 with 10 rays for each of
+/// 54 patches, balanced; those above 1.3 take `direct` for 54 patches, which by itself takes 23 to 43 µs from one case to the next. `chebyshev` takes more passes than
 /// conjugate gradients wherever these can be used.
 ///
 /// The choice and its reason are in [`Solution::choice`]. How far it is from the best: `radiosity reproduce stability` prints the ratios of work and time, case by case.
@@ -54,7 +54,7 @@ const LU_RATIO: f64 = 8.0;
 /// The same where exchange areas are stored: a pass reads half as much.
 const LU_RATIO_SYMMETRIC: f64 = 4.0;
 
-/// Passes that conjugate gradients take for each decimal digit, beside the checks before and after.
+/// Passes that Krylov methods with deflation take for each decimal digit, beside the checks before and after.
 const PASSES_PER_DIGIT: f64 = 1.5;
 
 impl Solver for Auto {

@@ -156,7 +156,7 @@ impl Iteration for State<'_> {
         self.radiosity.clone()
     }
 
-    fn restart(&mut self, truth: &TrueResidual) {
+    fn restart(&mut self, truth: &TrueResidual, _excess: &[f64]) {
         let terms = truth.residual.values().iter().zip(self.inverse.values());
         for (scaled, (r, inverse)) in self.residual.values_mut().iter_mut().zip(terms) {
             *scaled = if *inverse > 0.0 { r / inverse } else { 0.0 };

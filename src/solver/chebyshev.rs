@@ -173,7 +173,7 @@ impl Iteration for State<'_> {
         self.radiosity.clone()
     }
 
-    fn restart(&mut self, truth: &TrueResidual) {
+    fn restart(&mut self, truth: &TrueResidual, _excess: &[f64]) {
         self.residual.clone_from(&truth.residual);
         self.omega = None;
     }

@@ -54,7 +54,7 @@ pub(super) fn first_pass(scaled: &Scaled, radiosity: &Block, deflate: Deflate) -
     }
     let (reflectance, n_channels) = (scaled.system.reflectance(), radiosity.n_channels());
     let mut groups = equal_channels(reflectance);
-    groups.retain(|group| channels[group[0]]);
+    groups.retain(|group| group.iter().any(|&c| channels[c]));
     let mut both = Block::zeros(radiosity.n_rows(), n_channels + groups.len());
     for i in 0..radiosity.n_rows() {
         let (own, even) = both.row_mut(i).split_at_mut(n_channels);
@@ -65,21 +65,21 @@ pub(super) fn first_pass(scaled: &Scaled, radiosity: &Block, deflate: Deflate) -
     }
     let mut image = Block::zeros(both.n_rows(), both.n_channels());
     scaled.system.operator().apply(&both, &mut image);
-    let (mut irradiance, mut sent) = (scaled.zeros(), scaled.zeros());
+    let (mut irradiance, mut of_even) = (scaled.zeros(), scaled.zeros());
     for i in 0..radiosity.n_rows() {
         let (own, even) = image.row(i).split_at(n_channels);
         irradiance.row_mut(i).copy_from_slice(own);
         for (value, group) in even.iter().zip(&groups) {
-            for &c in group {
-                sent.row_mut(i)[c] = *value;
+            for &c in group.iter().filter(|c| channels[**c]) {
+                of_even.row_mut(i)[c] = *value;
             }
         }
     }
-    let irradiance_sent = Sent {
-        irradiance: sent,
+    let sent = Sent {
+        irradiance: of_even,
         channels,
     };
-    (scaled.residual_of(radiosity, irradiance), Some(irradiance_sent))
+    (scaled.residual_of(radiosity, irradiance), Some(sent))
 }
 
 /// Sets all channels but those that are to be `kept` to 0.
@@ -145,11 +145,9 @@ pub(super) struct Deflation {
     kz: Block,
     /// 1 / ⟨z_K, K z_K⟩, \[components, c\]; 0 where the component is left alone.
     factors: Block,
-    /// True if some ⟨z_K, K z_K⟩ is negative: K is not positive definite.
-    pub(super) indefinite: bool,
 }
 
-/// ⟨z, K z⟩ below this share of ⟨z, z⟩ is rounding: a white, closed component, whose even light is undetermined.
+/// ⟨z, K z⟩ below this share of ⟨z, z⟩ is rounding, or negative: a white, closed component, whose even light is undetermined, or a K that is not positive definite, which the iteration will find.
 const RESOLVED_FROM: f64 = 1e-14;
 
 impl Deflation {
@@ -162,9 +160,7 @@ impl Deflation {
         }
         let mut factors = by_component.inner(root, &kz);
         let lengths = by_component.inner(root, root);
-        let mut indefinite = false;
         for (curvature, length) in factors.values_mut().iter_mut().zip(lengths.values()) {
-            indefinite |= *curvature < -RESOLVED_FROM * length;
             let resolved = *curvature > RESOLVED_FROM * length;
             *curvature = if resolved { curvature.recip() } else { 0.0 };
         }
@@ -174,7 +170,6 @@ impl Deflation {
             z: root.clone(),
             kz,
             factors,
-            indefinite,
         }
     }
 

@@ -68,7 +68,7 @@ impl Iteration for Sweeps<'_> {
         self.radiosity.clone()
     }
 
-    fn restart(&mut self, _truth: &TrueResidual) {}
+    fn restart(&mut self, _truth: &TrueResidual, _excess: &[f64]) {}
 }
 
 /// Updates all patches in order; `before` receives the residual that each had just before its update.

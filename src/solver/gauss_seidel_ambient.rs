@@ -162,7 +162,7 @@ impl Iteration for State<'_> {
         self.radiosity.clone()
     }
 
-    fn restart(&mut self, _truth: &TrueResidual) {}
+    fn restart(&mut self, _truth: &TrueResidual, _excess: &[f64]) {}
 
     fn work(&self) -> f64 {
         self.work

@@ -20,7 +20,7 @@ use crate::matrix::operator::Block;
 
 /// Restarted GMRES on (I − diag(ρ) F) B = E in the inner product ⟨u, v⟩ = Σ A u v, all channels together.
 ///
-/// After k passes from the residual r_0 = E − G B_0, G = I − diag(ρ) F, the radiosities are
+/// Without deflation, after k passes from the residual r_0 = E − G B_0, G = I − diag(ρ) F, the radiosities are
 ///
 /// B_k = B_0 + argmin { ‖r_0 − G d‖ : d ∈ span(r_0, G r_0, ..., G^{k−1} r_0) },
 ///
@@ -35,7 +35,7 @@ use crate::matrix::operator::Block;
 ///
 /// Where a component that emits has a mean reflectance of more than [`DEFLATED_FROM`](super::DEFLATED_FROM), the even light of every component is deflated: even irradiances u_K (ρ on component K, 0 elsewhere)
 /// are further directions. The residual and the images of the basis are kept orthogonal to G u_K, which takes the pass that calculates the first residual, as one more channel for each distinct
-/// reflectance; then r_k is the least over span(u_K, r_0, G r_0, ...) too. Even *radiosities* as directions, of which G is known from the row sums without a pass, save as much, but light black patches that emit nothing, within
+/// reflectance; then d is from span(u_K, P r_0, P G P r_0, ...), P the projection orthogonal to all G u_K. Even *radiosities* as directions, of which G is known from the row sums without a pass, save as much, but light black patches that emit nothing, within
 /// the tolerance.
 ///
 /// Memory: m + 1 blocks \[n, c\], and 2 for the even light. Work: one application of F a pass, and about 4 k n c operations in the k-th of a cycle.
@@ -172,10 +172,13 @@ impl LeastSquares {
 }
 
 impl State<'_> {
-    /// Begins a space from the residual, of which even light is to take its share first.
-    fn begin(&mut self) {
+    /// Begins a space from the residual, of which even light is to take its share first where the tolerance is not met.
+    fn begin(&mut self, excess: &[f64]) {
         if let Some(even) = &self.even {
-            let shares = even.shares(&self.residual);
+            let mut shares = even.shares(&self.residual);
+            for c in (0..excess.len()).filter(|&c| excess[c] <= 1.0) {
+                clear_channel(&mut shares, c);
+            }
             even.take_out(&mut self.residual, &shares);
             even.add(&mut self.base, &shares, 1.0);
         }
@@ -248,7 +251,7 @@ impl Iteration for State<'_> {
     fn pass(&mut self, excess: &[f64]) -> Estimate {
         if self.basis.len() > self.restart {
             self.base = self.radiosity();
-            self.begin();
+            self.begin(excess);
         }
         let grows: Vec<bool> = self
             .least
@@ -320,12 +323,12 @@ impl Iteration for State<'_> {
         radiosity
     }
 
-    fn restart(&mut self, truth: &TrueResidual) {
+    fn restart(&mut self, truth: &TrueResidual, excess: &[f64]) {
         if !self.basis.is_empty() {
             self.base = self.radiosity();
         }
         self.residual.clone_from(&truth.residual);
-        self.begin();
+        self.begin(excess);
     }
 }
 

@@ -39,7 +39,7 @@ pub(super) trait Iteration {
     /// True if no channel's residual, by `Tolerance::ResidualL2`, is ever above what it was a pass before: the last radiosities are then the best.
     const NEVER_RISES: bool = false;
 
-    /// Returns the residual of the radiosities before the first pass, with one pass over F, in which others may share.
+    /// Returns the residual of the radiosities before the first pass, with one pass over F, through which further vectors may go: that counts as one pass, as any number of channels does.
     fn first_residual(&mut self, scaled: &Scaled) -> TrueResidual {
         scaled.true_residual(&self.radiosity())
     }
@@ -52,7 +52,9 @@ pub(super) trait Iteration {
     fn radiosity(&self) -> Block;
 
     /// Takes in the true residual of the radiosities as they are.
-    fn restart(&mut self, truth: &TrueResidual);
+    ///
+    /// Channels whose `excess` is 1 or below rest: they stay as they are.
+    fn restart(&mut self, truth: &TrueResidual, excess: &[f64]);
 
     /// Returns what was done before the first pass.
     fn setup(&self) -> Setup {
@@ -120,8 +122,8 @@ pub(super) fn run<I: Iteration>(
         if !done && let Some(reason) = watch.observe(checked_before, None) {
             (gave_up, done) = (reason, true);
         }
-        if !done {
-            iteration.restart(&first);
+        if !done && options.max_passes > 0 {
+            iteration.restart(&first, &excess);
         }
         truth = Some(first);
     }
@@ -159,7 +161,7 @@ pub(super) fn run<I: Iteration>(
             goes_on = recorder.note(n_passes, 0.0, &norms, false, || iteration.radiosity()) && goes_on;
             if claims && checked > 1.0 && !stagnated {
                 // The radiosities may change with it: what is true of them is calculated anew at the end.
-                iteration.restart(&exact);
+                iteration.restart(&exact, &tolerance.excess(&norms));
             } else {
                 truth = Some(exact);
             }

@@ -187,7 +187,7 @@ impl Iteration for State<'_> {
         self.light.radiosity()
     }
 
-    fn restart(&mut self, truth: &TrueResidual) {
+    fn restart(&mut self, truth: &TrueResidual, _excess: &[f64]) {
         self.light.restart(truth);
         self.n_steps = 0;
     }

@@ -30,7 +30,7 @@ use crate::matrix::operator::Block;
 /// because one eigenvalue of K lies near 1 − ρ and the others cluster near 1. That one belongs to the even light of a connected component. Where
 /// a component that emits has a mean reflectance of more than [`DEFLATED_FROM`](super::DEFLATED_FROM), all components' even lights are deflated: the residual
 /// is kept orthogonal, and the directions conjugate, to the vectors ρ^½ of the components. Their images come from the pass
-/// that calculates the first residual, as one more channel, and the number of passes no longer grows with ρ (the tests have the counts).
+/// that calculates the first residual, as one more channel for each distinct reflectance, and the number of passes no longer grows with ρ (the tests have the counts).
 ///
 /// Source: Baranoski, Bramley and Shirley 1995, section 3.2. Departures: the printed algorithm has no preconditioner, tests the residual scaled by
 /// V, and confuses V with its inverse in line 3; the inner product takes the areas from the form factors.
@@ -125,7 +125,9 @@ impl<'a> State<'a> {
             *product = p - root * *product;
         }
         let curvature = inner(&self.weights, &self.direction, &self.product);
-        let moves = |c: usize| excess[c] > 1.0;
+        // Even light may have been all that was missing: then nothing is left to do, and K p = 0 says nothing of K.
+        let squared_before = &self.squared;
+        let moves = |c: usize| excess[c] > 1.0 && (squared_before[c] > 0.0 || squared_before[c].is_nan());
         if (0..curvature.len()).any(|c| moves(c) && (curvature[c] <= 0.0 || curvature[c].is_nan())) {
             return false;
         }
@@ -162,8 +164,7 @@ impl Iteration for State<'_> {
     }
 
     fn pass(&mut self, excess: &[f64]) -> Estimate {
-        let indefinite = self.deflation.as_ref().is_some_and(|d| d.indefinite);
-        if !indefinite && self.step(excess) {
+        if self.step(excess) {
             Estimate::Running(self.scaled.norms(&self.residual()))
         } else {
             Estimate::Breakdown
@@ -181,14 +182,14 @@ impl Iteration for State<'_> {
     }
 
     /// Begins anew from x, of which `truth.irradiance` = F B is known: g − K x = ρ^½ F B − x.
-    fn restart(&mut self, truth: &TrueResidual) {
+    fn restart(&mut self, truth: &TrueResidual, excess: &[f64]) {
         let terms = self.root.values().iter().zip(self.x.values());
         let residuals = self.residual.values_mut().iter_mut();
         for ((residual, h), (root, x)) in residuals.zip(truth.irradiance.values()).zip(terms) {
             *residual = root * h - x;
         }
         if let Some(deflation) = &self.deflation {
-            deflation.solve(&mut self.x, &mut self.residual, |_| true);
+            deflation.solve(&mut self.x, &mut self.residual, |c| excess[c] > 1.0);
         }
         self.direction.clone_from(&self.residual);
         if let Some(deflation) = &self.deflation {

@@ -240,7 +240,7 @@ impl Iteration for Shooting<'_> {
         self.light.radiosity()
     }
 
-    fn restart(&mut self, truth: &TrueResidual) {
+    fn restart(&mut self, truth: &TrueResidual, _excess: &[f64]) {
         self.light.restart(truth);
         for i in 0..self.light.unshot.n_rows() {
             self.powers.set(i, self.light.power(i));

@@ -118,7 +118,7 @@ impl Iteration for Sweeps<'_> {
         self.radiosity.clone()
     }
 
-    fn restart(&mut self, _truth: &TrueResidual) {}
+    fn restart(&mut self, _truth: &TrueResidual, _excess: &[f64]) {}
 }
 
 #[cfg(test)]

@@ -72,15 +72,24 @@ fn settings_go_to_the_solvers_that_use_them() {
         assert_eq!(code, 0, "{flags:?}");
         assert_eq!(result["stop_reason"], "converged");
     }
-    let passes = |deflation: &str| {
-        let flags = ["--solver", "gmres", "--restart", "20", "--deflation", deflation];
-        let (code, result) = document(directory.path(), &[&common[..], &flags].concat());
-        assert_eq!(code, 0, "{deflation}");
-        assert_eq!(result["settings"]["deflation"], deflation);
-        assert_eq!(result["settings"]["restart"], 20);
-        result["n_passes"].as_u64().unwrap()
-    };
-    assert!(passes("always") < passes("never"));
+    for (solver, more) in [
+        ("gmres", &["--restart", "20"][..]),
+        ("auto", &["--restart", "20"]),
+        ("pcg", &["--balance", "on"]),
+        ("auto", &["--balance", "on"]),
+    ] {
+        let passes = |deflation: &str| {
+            let flags = ["--subdivide", "2", "--solver", solver, "--deflation", deflation];
+            let (code, result) = document(directory.path(), &[&common[..], &flags, more].concat());
+            assert_eq!(code, 0, "{solver} {deflation}");
+            assert_eq!(result["settings"]["deflation"], deflation);
+            if more[0] == "--restart" {
+                assert_eq!(result["settings"]["restart"], 20);
+            }
+            result["n_passes"].as_u64().unwrap()
+        };
+        assert!(passes("always") < passes("never"), "{solver} {more:?}");
+    }
 }
 
 /// A picture after few steps: the estimate of the light under way brings the room's mean near its end.
