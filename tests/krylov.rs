@@ -368,6 +368,8 @@ fn auto_says_what_it_took_and_why() {
     assert_eq!(chosen(&noisy, 0.2, 1e-1, 1), "gmres", "dark, and not symmetric");
     assert_eq!(chosen(&noisy, 0.99, 1e-1, 1), "gmres", "bright, and not symmetric");
     assert_eq!(chosen(&f, 0.0, 1e-6, 1), "jacobi", "black");
+    assert_eq!(chosen(&f, 0.09, 1e-6, 1), "jacobi", "all but black");
+    assert_eq!(chosen(&f, 0.12, 1e-6, 1), "pcg", "hardly brighter");
     let mirror = matrix(&[1.0], &[vec![0.5]]);
     let (half, one) = (constant(1, 0.5), Block::from_values(vec![1.0], 1));
     let choice = run(auto, &system(&mirror, &half, &one), &l2(1e-6)).choice.unwrap();

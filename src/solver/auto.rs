@@ -20,14 +20,15 @@ use super::{
 /// several times as long as a factorisation, one pass over F estimates the mean of the squared eigenvalues: near 0 in a room, where they cluster and
 /// iterations are fast whatever λ is, and near 1 between plates that face each other at a small gap, where they do not.
 ///
-/// - `gauss-seidel` for one patch, and `jacobi`, which looks at E and is done, where nothing reflects;
+/// - `gauss-seidel` for one patch, and `jacobi`, which looks at E and is done, where nothing reflects, and where λ is at most 0.1: a pass takes a digit, and the others look at two residuals besides;
 /// - `direct` where n / 8 passes, n / 4 over half of a symmetric matrix (measured, see [`Direct`]), for each distinct reflectance are less than an iteration takes, for so many channels: few patches,
 ///   many lightings, or eigenvalues that do not cluster;
 /// - `pcg` where the exchange areas are symmetric: the fewest passes at every ρ, and symmetric storage halves each.
 /// - else `gmres`.
 ///
-/// `gauss-seidel` is never taken for more than one patch: where λ is small it needs one sweep or two less than `gmres` passes, but a sweep takes 1.3 times as long as a pass on one core where the
-/// matrix is in full, four times where it is sparse, and does not gain by further cores.
+/// `gauss-seidel` is never taken for more than one patch: a sweep takes 1.3 to 2 times as long as a pass on one core where the matrix is in full, four times where it is sparse, and does not gain by further cores.
+/// In the room of Lewis with all reflectances lowered to a mean of 0.02 to 0.3 (l = 2 to 4, residuals of 1e-3 to 1e-9, medians of 31 runs) `gmres` took 0.45 to 0.79 of its time on two cores,
+/// 0.45 to 0.80 at l = 2 and 3 and 1.00 to 1.21 at l = 4 on one; `jacobi` took 0.47 to 0.99 of that of `gmres` up to a mean of 0.05, where λ is 0.08 at most.
 /// `multigrid` is never taken, even where there is a hierarchy: in the room of Lewis its setup, 4 cycles and a check are 7.1 passes for the 8 to 10 of `gmres`, but the sweeps among
 /// them run on one core, while all of those run on every core, and which is faster must not depend on how many there are. On two otherwise idle cores multigrid took 0.88 to 0.90, 0.59 to
 /// 0.62, 0.50 to 0.53 and 0.61 of Gauss-Seidel's time at l = 3 to 6, setup included, and `auto` 0.37 to 0.40, 0.41, 0.27 to 0.29 and 0.35 (`cargo bench --bench solvers -- 6`, medians of 9 alternating runs,
@@ -53,6 +54,9 @@ const LU_RATIO: f64 = 8.0;
 
 /// The same where exchange areas are stored: a pass reads half as much.
 const LU_RATIO_SYMMETRIC: f64 = 4.0;
+
+/// The spectral radius up to which plain reflections are as fast as anything.
+const FADES_FAST: f64 = 0.1;
 
 /// Passes that Krylov methods with deflation take for each decimal digit, beside the checks before and after.
 const PASSES_PER_DIGIT: f64 = 1.5;
@@ -95,6 +99,10 @@ impl Auto {
         let (low, high) = spectral_radius_bounds(system);
         if high <= 0.0 {
             return (Box::new(Jacobi), "nothing that light meets reflects it".to_owned());
+        }
+        if high <= FADES_FAST {
+            let why = format!("light fades to {high:.3} or less with every reflection");
+            return (Box::new(Jacobi), why);
         }
         let digits = match options.tolerance {
             Tolerance::ResidualL2(value) => -value.log10(),
