@@ -2,6 +2,7 @@
 
 use super::{At, Audit, Law, Worst};
 use crate::matrix::operator::Block;
+use crate::matrix::roundings;
 use crate::solver::{RadiositySystem, Solution, SolverError};
 
 /// What is known beside a system and its solution.
@@ -115,7 +116,7 @@ struct Reflecting<'a> {
 
 /// Returns what the sums of a pass can be off by, relative to their terms; see the operator of [`FormFactors`](crate::matrix::FormFactors).
 fn rounding(n: usize) -> f64 {
-    (n as f64 / 4.0 + 70.0) * f64::EPSILON
+    roundings(n) * f64::EPSILON
 }
 
 /// Returns the places of a block in its own order.

@@ -439,6 +439,12 @@ fn row_factors(areas: &[f64]) -> Vec<f64> {
 /// The rows of a tile of symmetric form factors.
 pub(crate) const UPPER_ROWS: usize = square::SIDE;
 
+/// Returns how many roundings a term of F x takes part in at most, n being the number of patches: see the [`LinearOperator`] of [`FormFactors`].
+pub(crate) fn roundings(n: usize) -> f64 {
+    let n = n as f64;
+    (16.0 * n.sqrt()).max(n / 8.0).min(n) + 70.0
+}
+
 /// Rows of y that one thread computes at a time: enough to hide the start of a task.
 const ROWS_PER_TASK: usize = 16;
 
@@ -447,7 +453,8 @@ const ROWS_PER_TASK: usize = 16;
 /// Rows, and tiles of a symmetric matrix, are shared out to threads, and what belongs together is summed in a fixed order: the
 /// result is the same bytes at any number of threads and with any instruction set (AVX-512, AVX2 or less, chosen at run time), and
 /// in each channel the same as if it were alone. Accuracy: the relative
-/// rounding error is at most about (n / 4 + 70) 1.1e-16 for terms of one sign.
+/// rounding error is at most (max(16 n^½, n / 8) + 70) 1.1e-16 for terms of one sign, below 256 patches (n + 70) 1.1e-16: a sum has eight partial sums, or goes down the rows of a symmetric matrix, of which at most so many are taken
+/// one after another.
 ///
 /// Speed: the time of a plain read of as many bytes by the time of a pass with one channel (1 is as fast as memory), and the time of
 /// three channels by that of one. f32, n = 6144, sparse (as asked for) with a quarter of the entries, in runs of 32 (those of `exact` are 20 to 40 long on average in `room-box`,
@@ -465,7 +472,7 @@ const ROWS_PER_TASK: usize = 16;
 /// | dense, symmetric, on a disk (in the system's cache) | 0.28 to 0.30 | 1.16 to 1.18 | 0.29 to 0.30 | 1.18 to 1.20 |
 ///
 /// Passes are faster than the read where they ask for memory before they need it, which the read leaves to the processor. So a dense symmetric pass takes 0.44 to 0.48 of the time of one over all
-/// rows on one thread, and 0.40 to 0.48 on two. Where three channels take more than 1.3 of one, they take no longer than a read of as many bytes, or little, but for sparse symmetric matrices: one channel is bound by
+/// rows on one thread, and 0.40 to 0.48 on two. Where three channels take more than 1.3 of one, they take at most 1.25 of the time of a read of as many bytes, but for sparse symmetric matrices: one channel is bound by
 /// memory, three by the multiplications. Sparse symmetric matrices are so small, 4.3 to 4.6 bytes an entry, that the instructions bound even one channel: sixteen places beside one another take the same
 /// ones, some six cycles, whether one of them has an entry or all. That is 0.34 ns an entry in runs and 0.73 to 0.79 at random on one thread, 0.18 to 0.23 and 0.37 to 0.39 on two; by rows, where every
 /// entry is stored twice, 0.36 to 0.40 and 0.78 to 0.92, 0.16 to 0.18 and 0.30 to 0.37 for each of the two.

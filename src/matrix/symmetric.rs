@@ -154,6 +154,24 @@ const ROWS_PER_PIECE: usize = 4;
 /// Numbers whose sums over the pieces one thread computes at a time.
 const SUMS_PER_TASK: usize = 1024;
 
+/// Returns the block rows of each piece of an n by n matrix: about as many tiles in one as in another.
+fn pieces(n: usize) -> Vec<Range<usize>> {
+    let n_blocks = block_rows(n).len();
+    let n_tiles = n_blocks * (n_blocks + 1) / 2;
+    // It depends on n alone, so that the order of the sums does not depend on the number of threads; an even number where there are several, since most machines have one of threads.
+    let n_pieces = (n_blocks / ROWS_PER_PIECE).next_multiple_of(2).clamp(1, PIECES);
+    let mut pieces = Vec::with_capacity(n_pieces);
+    let (mut begin, mut n_before) = (0, 0);
+    for end in 1..=n_blocks {
+        n_before += n_blocks + 1 - end;
+        if n_before * n_pieces >= (pieces.len() + 1) * n_tiles || end == n_blocks {
+            pieces.push(begin..end);
+            begin = end;
+        }
+    }
+    pieces
+}
+
 impl<T: Scalar> Tiles<T> {
     /// Keeps rows of tiles, all [`block_rows`] of them.
     fn collect<E: From<MatrixError>>(
@@ -226,24 +244,6 @@ impl<T: Scalar> Tiles<T> {
         }
     }
 
-    /// Returns the block rows of each piece: about as many tiles in one as in another.
-    fn pieces(&self) -> Vec<Range<usize>> {
-        let n_blocks = block_rows(self.n).len();
-        let n_tiles = n_blocks * (n_blocks + 1) / 2;
-        // It depends on n alone, so that the order of the sums does not depend on the number of threads; an even number where there are several, since most machines have one of threads.
-        let n_pieces = (n_blocks / ROWS_PER_PIECE).next_multiple_of(2).clamp(1, PIECES);
-        let mut pieces = Vec::with_capacity(n_pieces);
-        let (mut begin, mut n_before) = (0, 0);
-        for end in 1..=n_blocks {
-            n_before += n_blocks + 1 - end;
-            if n_before * n_pieces >= (pieces.len() + 1) * n_tiles || end == n_blocks {
-                pieces.push(begin..end);
-                begin = end;
-            }
-        }
-        pieces
-    }
-
     /// Returns what the tiles of some block rows add to y.
     fn apply_piece(&self, piece: Range<usize>, x: &Planes) -> PieceOfY {
         let mut sums = PassSums::new(piece.start * SIDE, self.n, x.n_channels());
@@ -306,7 +306,7 @@ impl<T: Scalar> Symmetric for Tiles<T> {
     fn apply(&self, x: &Block, y: &mut Block) {
         let n_channels = x.n_channels();
         let planes = Planes::of(x);
-        let pieces = self.pieces();
+        let pieces = pieces(self.n);
         let pay = threads::pay_for_pass(self.n * self.n * n_channels, self.pass_byte);
         let parts = threads::map(pay, pieces.len(), |k| self.apply_piece(pieces[k].clone(), &planes));
         let tasks: Vec<(usize, &mut [f64])> = y
@@ -380,6 +380,31 @@ impl<T: Scalar> Symmetric for Tiles<T> {
         match &self.rows {
             Rows::Memory(_) => None,
             Rows::Disk(file) => file.failure(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::roundings;
+    use super::*;
+
+    #[test]
+    fn every_row_is_in_one_piece_and_no_sum_is_longer_than_its_bound_says() {
+        for n in (1..700).chain((700..40_000).step_by(61)) {
+            let pieces = pieces(n);
+            let n_blocks = block_rows(n).len();
+            assert_eq!((pieces[0].start, pieces[pieces.len() - 1].end), (0, n_blocks));
+            assert!(pieces.windows(2).all(|pair| pair[0].end == pair[1].start));
+            assert!(pieces.len() == 1 || pieces.len().is_multiple_of(2), "{n}");
+            // A term of a column: one addition for each row of its piece, and one for each piece.
+            let longest = pieces
+                .iter()
+                .map(|piece| n.min(piece.end * SIDE) - piece.start * SIDE)
+                .max();
+            let n_terms = longest.expect("a piece") + pieces.len();
+            // A term of a row: its partial sum, the total, its piece and the others.
+            assert!((n_terms.max(n / 8 + 4 + pieces.len()) as f64) < roundings(n), "{n}");
         }
     }
 }

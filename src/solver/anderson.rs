@@ -6,7 +6,7 @@ use std::ops::ControlFlow;
 
 use super::iteration::{self, Estimate, Iteration};
 use super::scaled::{Scaled, TrueResidual};
-use super::vectors::{add_scaled, clear_channel, inner};
+use super::vectors::{add_scaled, inner, keep_channels};
 use super::{HistoryEntry, RadiositySystem, Solution, SolveOptions, Solver, SolverError};
 use crate::matrix::operator::Block;
 
@@ -121,9 +121,7 @@ impl Iteration for State<'_> {
 
     fn pass(&mut self, excess: &[f64]) -> Estimate {
         let mut step = self.step();
-        for c in (0..excess.len()).filter(|&c| excess[c] <= 1.0) {
-            clear_channel(&mut step, c);
-        }
+        keep_channels(&mut step, |c| excess[c] > 1.0 || excess[c].is_nan());
         let ones = vec![1.0; excess.len()];
         add_scaled(&mut self.radiosity, &ones, &step);
         let truth = self.scaled.true_residual(&self.radiosity);

@@ -30,11 +30,11 @@ use super::{
 /// In the room of Lewis with all reflectances lowered to a mean of 0.02 to 0.3 (l = 2 to 4, residuals of 1e-3 to 1e-9, medians of 31 runs) `gmres` took 0.45 to 0.79 of its time on two cores,
 /// 0.45 to 0.80 at l = 2 and 3 and 1.00 to 1.21 at l = 4 on one; `jacobi` took 0.47 to 0.99 of that of `gmres` up to a mean of 0.05, where λ is 0.08 at most.
 /// `multigrid` is never taken, even where there is a hierarchy: in the room of Lewis its setup, 4 cycles and a check are 7.1 passes for the 8 to 10 of `gmres`, but the sweeps among
-/// them run on one core, while all of those run on every core, and which is faster must not depend on how many there are. On two otherwise idle cores multigrid took 0.88 to 0.90, 0.59 to
+/// them run on one core, while all of those run on every core, and which is faster must not depend on how many there are. On two otherwise idle cores multigrid took 0.88 to 0.91, 0.59 to
 /// 0.62, 0.50 to 0.53 and 0.61 of Gauss-Seidel's time at l = 3 to 6, setup included, and `auto` 0.37 to 0.40, 0.41, 0.27 to 0.29 and 0.35 (`cargo bench --bench solvers -- 6`, medians of 9 alternating runs,
 /// the least and the greatest of four such benchmarks, one at l = 6). In cases A to F of Baranoski et al. `auto` took 0.09 to
 /// 0.11, 0.08 to 0.09, 0.04, 0.02, 0.04 and 0.02, and 0.92 to 1.08 of the fastest single solver's.
-/// Over the cases of `radiosity reproduce stability` it takes 0.74 to 1.36 of the fastest one's but for two, which take 50 µs or less (six runs): 1.4 where areas differ by 1e8, and 1.4 to 1.7 with 10 rays for each of
+/// Over the cases of `radiosity reproduce stability` it takes 0.69 to 1.36 of the fastest one's but for two, which take 50 µs or less (seven runs): 1.4 where areas differ by 1e8, and 1.4 to 1.7 with 10 rays for each of
 /// 54 patches, balanced; those above 1.3 take `direct` for 54 patches, which by itself takes 23 to 43 µs from one case to the next. `chebyshev` takes more passes than
 /// conjugate gradients wherever these can be used.
 ///

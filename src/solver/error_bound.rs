@@ -2,6 +2,7 @@
 
 use super::scaled::{Scaled, TrueResidual, l2};
 use crate::matrix::operator::Block;
+use crate::matrix::roundings;
 
 /// Passes over F that may be spent on finding a vector that proves a bound.
 const MAX_PASSES: usize = 16;
@@ -24,7 +25,7 @@ const RESOLVED_FROM: f64 = 1e-12;
 ///
 /// The smaller of the two counts. v = 1 costs nothing, as row sums are known: λ = max_i ρ_i s_i. Where that proves nothing,
 /// because some patch reflects everything, v ← 1 + diag(ρ) F v looks one reflection further, one pass over F each.
-/// To |r| is added what rounding can make of it, (n / 4 + 70) 2⁻⁵³ (|E| + |B| + ρ |H|) (see the operator of
+/// To |r| is added what rounding can make of it, (max(16 n^½, n / 8) + 70) 2⁻⁵³ (|E| + |B| + ρ |H|) (see the operator of
 /// [`FormFactors`](crate::matrix::FormFactors)), so that the bound also holds where 1 − ρ is near rounding. Accuracy: rigorous but for form factors that are negative. It bounds
 /// the error of solving, not that of the form factors.
 /// Source: Berman and Plemmons, "Nonnegative Matrices in the Mathematical Sciences", chapter 6, theorem 2.3, for the M-matrix.
@@ -82,7 +83,7 @@ pub(super) fn spectral_radius(scaled: &Scaled) -> (Vec<f64>, usize) {
 
 /// Returns |r| and what rounding can have taken from it.
 fn with_rounding(scaled: &Scaled, radiosity: &Block, truth: &TrueResidual) -> Block {
-    let unit = (scaled.areas.len() as f64 / 4.0 + 70.0) * 0.5 * f64::EPSILON;
+    let unit = roundings(scaled.areas.len()) * 0.5 * f64::EPSILON;
     let mut sum = scaled.exitance.clone();
     let terms = radiosity.values().iter().zip(truth.irradiance.values());
     let factors = scaled.system.reflectance().values().iter().zip(truth.residual.values());

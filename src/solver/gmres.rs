@@ -14,7 +14,7 @@ use std::ops::ControlFlow;
 use super::deflation::{Deflate, EvenLight, first_pass};
 use super::iteration::{self, Estimate, Iteration};
 use super::scaled::{Scaled, TrueResidual};
-use super::vectors::{add_scaled, clear_channel, combine, inner};
+use super::vectors::{add_scaled, combine, inner, keep_channels};
 use super::{HistoryEntry, RadiositySystem, Solution, SolveOptions, Solver, SolverError};
 use crate::matrix::operator::Block;
 
@@ -176,9 +176,7 @@ impl State<'_> {
     fn begin(&mut self, excess: &[f64]) {
         if let Some(even) = &self.even {
             let mut shares = even.shares(&self.residual);
-            for c in (0..excess.len()).filter(|&c| excess[c] <= 1.0) {
-                clear_channel(&mut shares, c);
-            }
+            keep_channels(&mut shares, |c| excess[c] > 1.0);
             even.take_out(&mut self.residual, &shares);
             even.add(&mut self.base, &shares, 1.0);
         }
@@ -201,9 +199,7 @@ impl State<'_> {
     fn orthogonalise(&mut self, shares: &mut [Vec<f64>], need: &[bool]) {
         if let (Some(even), Some(total)) = (&self.even, self.even_shares.last_mut()) {
             let mut found = even.shares(&self.image);
-            for c in (0..need.len()).filter(|&c| !need[c]) {
-                clear_channel(&mut found, c);
-            }
+            keep_channels(&mut found, |c| need[c]);
             even.take_out(&mut self.image, &found);
             add_scaled(total, &vec![1.0; need.len()], &found);
         }
@@ -228,9 +224,7 @@ impl State<'_> {
         for (image, (v, rho)) in self.image.values_mut().iter_mut().zip(terms) {
             *image = v - rho * *image;
         }
-        for c in (0..grows.len()).filter(|&c| !grows[c]) {
-            clear_channel(&mut self.image, c);
-        }
+        keep_channels(&mut self.image, |c| grows[c]);
     }
 }
 

@@ -46,7 +46,7 @@ pub(super) fn inner(weights: &[f64], u: &Block, v: &Block) -> Vec<f64> {
 }
 
 /// Sets one channel of `block` to zero.
-pub(super) fn clear_channel(block: &mut Block, channel: usize) {
+fn clear_channel(block: &mut Block, channel: usize) {
     let n_channels = block.n_channels();
     block
         .values_mut()
@@ -54,6 +54,13 @@ pub(super) fn clear_channel(block: &mut Block, channel: usize) {
         .skip(channel)
         .step_by(n_channels)
         .for_each(|x| *x = 0.0);
+}
+
+/// Sets all channels to zero but those that are `kept`.
+pub(super) fn keep_channels(block: &mut Block, kept: impl Fn(usize) -> bool) {
+    for c in (0..block.n_channels()).filter(|&c| !kept(c)) {
+        clear_channel(block, c);
+    }
 }
 
 /// Copies one channel from a block of the same shape.

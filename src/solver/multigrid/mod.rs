@@ -73,8 +73,8 @@ const COARSEST_MAX: usize = 1024;
 /// The number of cycles does not depend on the number of patches, and with a direct solution of the coarsest level hardly on ρ.
 ///
 /// In the room of Lewis it takes 4 cycles where Gauss-Seidel takes 11 or 12 sweeps, and as he has it 1.364, 0.602, 0.507 and 0.454 as many multiplications at l = 1 to 4
-/// (counted, `radiosity reproduce lewis --level 4`). The ratio of times, setup left out, is 0.53 to 0.54, 0.53, 0.49 to 0.51, 0.45 to 0.46, 0.41 and 0.44 at l = 1 to 6
-/// (`cargo bench --bench solvers -- 6` on otherwise idle cores, the least and the greatest of three runs, one at l = 6; Lewis: .500 and .429 at l = 3 and 4). From the radiosities it was
+/// (counted, `radiosity reproduce lewis --level 4`). The ratio of times, setup left out, is 0.53 to 0.54, 0.52 to 0.54, 0.49 to 0.52, 0.45 to 0.46, 0.41 and 0.44 at l = 1 to 6
+/// (`cargo bench --bench solvers -- 6` on otherwise idle cores, the least and the greatest of four runs, one at l = 6; Lewis: .500 and .429 at l = 3 and 4). From the radiosities it was
 /// 0.55 to 0.61, 0.50 to 0.55 and 0.44 at l = 3 to 5, and 0.46 to 0.52 at l = 6.
 ///
 /// Work of a cycle: 1.2 passes over F in the room of Lewis (1.36 from the radiosities), of which 1 is the serial sweep. Setup: F once, and a third of that; it is part of
