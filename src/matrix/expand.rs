@@ -44,21 +44,21 @@ pub(super) struct WithV4(pub(super) V4);
 impl<T: Scalar> Expander<T> for WithV4 {
     #[inline(always)]
     fn expand(self, mask: u16, values: &[T; STRIP]) -> Row {
-        T::expand(self.0, mask, *values)
+        T::expand(self.0, mask, values)
     }
 }
 
 /// What [`WithV4`] does.
 pub(super) trait Expand: Sized {
     #[cfg(target_arch = "x86_64")]
-    fn expand(simd: V4, mask: u16, values: [Self; STRIP]) -> Row;
+    fn expand(simd: V4, mask: u16, values: &[Self; STRIP]) -> Row;
 }
 
 impl Expand for f32 {
     #[cfg(target_arch = "x86_64")]
     #[inline(always)]
-    fn expand(simd: V4, mask: u16, values: [Self; STRIP]) -> Row {
-        let row = simd.avx512f._mm512_maskz_expand_ps(mask, cast(values));
+    fn expand(simd: V4, mask: u16, values: &[Self; STRIP]) -> Row {
+        let row = simd.avx512f._mm512_maskz_expand_ps(mask, cast(*values));
         let halves: [[Self; LANES]; 2] = cast(row);
         halves.map(|half| cast(simd.avx512f._mm512_cvtps_pd(cast(half))))
     }
@@ -67,11 +67,13 @@ impl Expand for f32 {
 impl Expand for f64 {
     #[cfg(target_arch = "x86_64")]
     #[inline(always)]
-    fn expand(simd: V4, mask: u16, values: [Self; STRIP]) -> Row {
+    fn expand(simd: V4, mask: u16, values: &[Self; STRIP]) -> Row {
         let [low, high] = mask.to_le_bytes();
-        let first = |n: usize| -> [Self; LANES] { std::array::from_fn(|k| values[(n + k) % STRIP]) };
-        let half = |bits: u8, from: [Self; LANES]| cast(simd.avx512f._mm512_maskz_expand_pd(bits, cast(from)));
-        [half(low, first(0)), half(high, first(low.count_ones() as usize))]
+        let half = |bits: u8, first: usize| {
+            let from: &[Self; LANES] = values[first..].first_chunk().expect("at most eight are before these");
+            cast(simd.avx512f._mm512_maskz_expand_pd(bits, cast(*from)))
+        };
+        [half(low, 0), half(high, low.count_ones() as usize)]
     }
 }
 

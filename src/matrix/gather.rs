@@ -1,6 +1,6 @@
 //! The inner loops over sorted lists of entries, compiled as those of [`lanes`](super::lanes).
 //!
-//! Where entries lie in runs, x is read like a dense vector. Elsewhere several channels are taken four at a time: the channels of two rows of x fill one register, so that entries are loaded, widened
+//! Several channels are taken four at a time: the channels of two rows of x fill one register, so that entries are loaded, widened
 //! and placed once for all of them, in hardly more instructions than for one channel.
 //!
 //! Places are checked at every access on purpose: without that the compiler gathers with one instruction for eight entries, which took twice as
@@ -23,13 +23,10 @@ use pulp::Simd;
 #[cfg(target_arch = "x86_64")]
 use pulp::{cast, x86::V4};
 
-use super::lanes::{CHANNELS_AT_ONCE, InnerLoop, LANES, Lanes, Wide, dispatch, total};
+use super::lanes::{InnerLoop, LANES, Lanes, Wide, dispatch, total};
 use super::planes::{FOUR, Planes};
 use super::prefetch::prefetch;
 use super::store::Scalar;
-
-/// Entries between those that are used and those that are asked for.
-const AHEAD: usize = 512;
 
 /// Compressed sparse rows: row k holds the places `begins[k]..begins[k + 1]`.
 #[derive(Clone, Copy)]
@@ -37,26 +34,6 @@ pub(super) struct SparseRows<'a, T> {
     pub(super) begins: &'a [usize],
     pub(super) columns: &'a [u32],
     pub(super) values: &'a [T],
-    /// What [`mostly_in_runs`] says of the rows.
-    pub(super) in_runs: bool,
-}
-
-/// Tells whether most entries of the rows lie beside one another, as where patches of a face see one another: then x is read like a dense vector.
-pub(super) fn mostly_in_runs(begins: &[usize], columns: &[u32]) -> bool {
-    let (mut n_chunks, mut n_runs) = (0, 0);
-    for ends in begins.windows(2) {
-        for chunk in columns[ends[0]..ends[1]].as_chunks::<LANES>().0 {
-            n_chunks += 1;
-            n_runs += usize::from(is_run(&chunk.map(|j| j as usize)));
-        }
-    }
-    n_chunks > 0 && 2 * n_runs >= n_chunks
-}
-
-/// Tells whether ascending columns are consecutive.
-#[inline(always)]
-fn is_run(columns: &[usize; LANES]) -> bool {
-    columns[LANES - 1] - columns[0] == LANES - 1
 }
 
 /// Sets `y` (row-major, one entry per channel) to the products of the rows with `x`.
@@ -65,74 +42,12 @@ fn is_run(columns: &[usize; LANES]) -> bool {
 /// were alone.
 pub(super) fn multiply_sparse_rows<T: Scalar>(rows: SparseRows<'_, T>, x: &Planes, y: &mut [f64]) {
     let n_channels = x.n_channels();
-    if rows.in_runs {
-        return multiply_runs(rows, x, y);
-    }
     if n_channels == 1 {
         return dispatch(One(rows, x.channel(0), y));
     }
     for (group, fours) in x.fours().enumerate() {
         let first = group * FOUR;
         dispatch(Four(rows, fours, first..n_channels.min(first + FOUR), n_channels, y));
-    }
-}
-
-/// Does what [`multiply_sparse_rows`] does, to the same bytes, for rows whose entries mostly lie in runs.
-fn multiply_runs<T: Scalar>(rows: SparseRows<'_, T>, x: &Planes, y: &mut [f64]) {
-    let n_channels = x.n_channels();
-    let plane = |c: usize| x.channel(c);
-    for first in (0..n_channels).step_by(CHANNELS_AT_ONCE) {
-        let to = (first, n_channels);
-        match n_channels - first {
-            1 => dispatch(Runs(rows, [plane(first)], to, y)),
-            2 => dispatch(Runs(rows, [0, 1].map(|k| plane(first + k)), to, y)),
-            _ => dispatch(Runs(
-                rows,
-                std::array::from_fn::<_, CHANNELS_AT_ONCE, _>(|k| plane(first + k)),
-                to,
-                y,
-            )),
-        }
-    }
-}
-
-/// The loop of [`multiply_runs`] for C channels; the first of them, and of how many in y.
-struct Runs<'a, T, const C: usize>(SparseRows<'a, T>, [&'a [f64]; C], (usize, usize), &'a mut [f64]);
-
-impl<T: Scalar, const C: usize> InnerLoop for Runs<'_, T, C> {
-    #[inline(always)]
-    fn run<S: Simd, const N: usize>(self, simd: S) {
-        let Self(rows, x, (first, n_channels), y) = self;
-        for (ends, y_i) in rows.begins.windows(2).zip(y.chunks_exact_mut(n_channels)) {
-            let (columns, columns_rest) = rows.columns[ends[0]..ends[1]].as_chunks::<LANES>();
-            let (values, values_rest) = rows.values[ends[0]..ends[1]].as_chunks::<LANES>();
-            let mut sums = [Wide::<S, N>::zero(simd); C];
-            for (j, a) in columns.iter().zip(values) {
-                prefetch(j, AHEAD);
-                prefetch(a, AHEAD);
-                let a = Wide::load(a);
-                let places = j.map(|j| j as usize);
-                if is_run(&places) {
-                    for c in 0..C {
-                        let run = &x[c][places[0]..places[0] + LANES].as_chunks().0[0];
-                        sums[c] = sums[c].plus_product(simd, a, Wide::load(run));
-                    }
-                } else {
-                    for c in 0..C {
-                        let gathered = places.map(|j| x[c][j]);
-                        sums[c] = sums[c].plus_product(simd, a, Wide::load(&gathered));
-                    }
-                }
-            }
-            for c in 0..C {
-                let mut lanes = [0.0; LANES];
-                sums[c].store(&mut lanes);
-                for (lane, (j, a)) in lanes.iter_mut().zip(columns_rest.iter().zip(values_rest)) {
-                    *lane = a.to_f64().mul_add(x[c][*j as usize], *lane);
-                }
-                y_i[first + c] = total(&lanes);
-            }
-        }
     }
 }
 
@@ -188,7 +103,6 @@ impl<'a, T> SparseRows<'a, T> {
             begins: &self.begins[first..=n_rows.min(first + ROWS_AT_ONCE)],
             columns: self.columns,
             values: self.values,
-            in_runs: self.in_runs,
         })
     }
 
@@ -339,10 +253,8 @@ mod tests {
             begins: &begins,
             columns: &columns,
             values: &values,
-            in_runs: false,
         };
-        for (n_channels, in_runs) in [1, 3, 5].into_iter().flat_map(|c| [(c, false), (c, true)]) {
-            let rows = SparseRows { in_runs, ..rows };
+        for n_channels in [1, 3, 5] {
             let x = numbers(n * n_channels, 2);
             let expected: Vec<f64> = begins
                 .windows(2)
@@ -359,20 +271,7 @@ mod tests {
             let planes = Planes::of(&Block::from_values(x.clone(), n_channels));
             let mut y = vec![f64::NAN; n_rows * n_channels];
             multiply_sparse_rows(rows, &planes, &mut y);
-            assert_eq!(bits(&y), bits(&expected), "{n_channels} channels, {in_runs}");
+            assert_eq!(bits(&y), bits(&expected), "{n_channels} channels");
         }
-    }
-
-    #[test]
-    fn rows_are_in_runs_if_half_of_their_chunks_are() {
-        let run = |from: u32| from..from + 8;
-        let apart = |from: u32| (from..from + 16).step_by(2);
-        let half: Vec<u32> = run(3).chain(apart(20)).chain([50]).collect();
-        assert!(mostly_in_runs(&[0, half.len()], &half));
-        let third: Vec<u32> = run(3).chain(apart(20)).chain(apart(50)).collect();
-        assert!(!mostly_in_runs(&[0, third.len()], &third));
-        // A run that goes on in the next row is none, and short rows have no chunks.
-        assert!(!mostly_in_runs(&[0, 4, 8], &[0, 1, 2, 3, 4, 5, 6, 7]));
-        assert!(!mostly_in_runs(&[0], &[]));
     }
 }

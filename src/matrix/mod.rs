@@ -5,6 +5,7 @@
 
 mod aligned;
 mod balance;
+mod blocks;
 mod both;
 mod checks;
 mod closure;
@@ -55,13 +56,14 @@ use crate::threads;
 /// of which only the upper triangle is stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Layout {
-    /// Dense for tiles that are at least a third non-zero, half in a symmetric matrix or on a disk, else sparse.
+    /// Dense for tiles that are at least half non-zero, else sparse.
     #[default]
     Auto,
     /// All places: 8 bytes each in f64, 4 in f32; half of that for a symmetric matrix.
     Dense,
-    /// Sorted lists: 12 bytes for each entry in f64, 8 in f32. In a symmetric matrix, where half of the entries are stored, and on a disk: 8 or 4 bytes for each entry, 2 for each
-    /// sixteen places beside one another that have any, and 16 for each strip of sixteen columns and 64 rows that has.
+    /// Entries that are not zero: 8 bytes each in f64, 4 in f32. By rows, 6 more for each sixteen columns that have any, or, where these are less than six on average, 4 more for each entry.
+    /// In a symmetric matrix, where half of the entries are stored, and on a disk: 2 more for each sixteen places beside one another that have any, and 16 for each strip of sixteen
+    /// columns and 64 rows that has.
     Sparse,
 }
 

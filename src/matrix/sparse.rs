@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::gather::{SparseRows, mostly_in_runs, multiply_sparse_rows};
+use super::gather::{SparseRows, multiply_sparse_rows};
 use super::operator::Block;
 use super::planes::Planes;
 use super::store::{Scalar, Store, add_dot, rounded};
@@ -19,8 +19,6 @@ pub(super) struct SparseTile<T> {
     /// As `values`, or empty where every standard error is zero.
     std_errors: Vec<f32>,
     n_nonzero: usize,
-    /// Whether most entries lie beside one another.
-    in_runs: bool,
 }
 
 impl<T: Scalar> SparseTile<T> {
@@ -32,7 +30,6 @@ impl<T: Scalar> SparseTile<T> {
             values: Vec::with_capacity(size),
             std_errors: Vec::new(),
             n_nonzero: 0,
-            in_runs: false,
         };
         for k in 0..tile.n_rows() {
             for &entry in tile.row(k) {
@@ -51,7 +48,6 @@ impl<T: Scalar> SparseTile<T> {
             stored.begins.push(stored.values.len());
         }
         stored.std_errors.truncate(stored.values.len());
-        stored.in_runs = mostly_in_runs(&stored.begins, &stored.columns);
         Ok(stored)
     }
 
@@ -91,7 +87,6 @@ impl<T: Scalar> Store for SparseTile<T> {
             begins: &self.begins[row..=row + y.len() / x.n_channels()],
             columns: &self.columns,
             values: &self.values,
-            in_runs: self.in_runs,
         };
         multiply_sparse_rows(rows, planes, y);
     }

@@ -10,7 +10,7 @@ use super::aligned::Aligned;
 use super::both::{Meeting, add_both};
 use super::listed::add_both_listed;
 use super::places::{Places, STRIP};
-use super::store::{Scalar, add_dot, rounded};
+use super::store::{DENSE_FROM, Scalar, add_dot, rounded};
 use super::tile::is_zero;
 use super::transpose::index;
 use super::{Entry, Layout, MatrixError};
@@ -18,10 +18,6 @@ use super::{Entry, Layout, MatrixError};
 /// Rows and columns of a tile: 32 KiB in f64, so that a tile and the vectors that it meets stay in the second-level cache, and
 /// the rows of a strip are the bits of a word.
 pub(super) const SIDE: usize = 64;
-
-/// The share of non-zero entries from which a tile is stored in full. At a half a list takes 0.6 to 0.7 of the time of a pass where entries lie in runs and 0.85 to 1.0 where they do not (three
-/// channels: 0.75 and 1.1), 2.0 and 2.3 of that of a sweep row by row, and 0.53 of the memory (f32, AVX-512; `cargo bench --bench matrix -- "f32 symmetric" 1/2`).
-const DENSE_FROM: f64 = 0.5;
 
 /// A tile of at most [`SIDE`] by [`SIDE`] numbers. Rows and columns are counted from the tile's first.
 #[derive(Clone, Debug)]

@@ -4,6 +4,7 @@ use std::fmt::Debug;
 use std::ops::Range;
 use std::sync::Arc;
 
+use super::blocks::{BlockTile, count_blocks};
 use super::dense::DenseTile;
 use super::expand::Expand;
 use super::operator::Block;
@@ -11,9 +12,12 @@ use super::planes::Planes;
 use super::sparse::SparseTile;
 use super::{Layout, MatrixError, Precision, RowTile, StorageChoice};
 
-/// The share of non-zero entries from which a tile is stored in full. With its column an entry takes 12 bytes instead of 8,
-/// so a dense tile is at most twice as large here; it is applied without gathering.
-const DENSE_FROM: f64 = 1.0 / 3.0;
+/// The share of non-zero entries from which a tile is stored in full, rows as well as squares. From there on a tile is at most twice as large
+/// as in blocks; those in some cache are applied faster in full then, those in memory hardly slower.
+pub(super) const DENSE_FROM: f64 = 0.5;
+
+/// Entries in each block of sixteen columns that has any, on average, from which a sparse tile is stored in blocks.
+const BLOCKS_FROM: usize = 6;
 
 /// A number as it is stored: f32 or f64.
 pub(super) trait Scalar: Expand + Copy + Send + Sync + Debug + 'static {
@@ -107,16 +111,24 @@ pub(super) trait Store: Debug + Send + Sync {
 
 /// Stores a tile of an n by n matrix as `choice` says.
 pub(super) fn store(tile: &RowTile, n: usize, choice: StorageChoice<'_>) -> Result<Arc<dyn Store>, MatrixError> {
-    let dense = match choice.layout {
+    match choice.precision {
+        Precision::F64 => store_as::<f64>(tile, n, choice.layout),
+        Precision::F32 => store_as::<f32>(tile, n, choice.layout),
+    }
+}
+
+fn store_as<T: Scalar>(tile: &RowTile, n: usize, layout: Layout) -> Result<Arc<dyn Store>, MatrixError> {
+    let dense = match layout {
         Layout::Dense => true,
         Layout::Sparse => false,
         Layout::Auto => tile.n_entries() as f64 >= DENSE_FROM * tile.n_rows() as f64 * n as f64,
     };
-    Ok(match (dense, choice.precision) {
-        (true, Precision::F64) => Arc::new(DenseTile::<f64>::new(tile, n)?),
-        (true, Precision::F32) => Arc::new(DenseTile::<f32>::new(tile, n)?),
-        (false, Precision::F64) => Arc::new(SparseTile::<f64>::new(tile, n)?),
-        (false, Precision::F32) => Arc::new(SparseTile::<f32>::new(tile, n)?),
+    Ok(if dense {
+        Arc::new(DenseTile::<T>::new(tile, n)?)
+    } else if tile.n_entries() >= BLOCKS_FROM * count_blocks(tile) {
+        Arc::new(BlockTile::<T>::new(tile, n)?)
+    } else {
+        Arc::new(SparseTile::<T>::new(tile, n)?)
     })
 }
 

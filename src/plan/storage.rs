@@ -231,18 +231,18 @@ fn estimate(demand: &StorageDemand, layout: Layout, precision: Precision, on_dis
     let n = demand.n_patches as f64;
     let value = if precision == Precision::F32 { 4.0 } else { 8.0 };
     let (full, density) = (value + 4.0, demand.density.min(1.0));
-    // Bytes for each place, of which no distribution of the entries takes more: what is stored in full is a third full at least, or half where tiles are square.
-    // The places of a square tile take 16 bytes for each of its four strips with an entry, and 2 for each row of one with an entry.
+    // Bytes for each place, of which no distribution of the entries takes more: what is stored in full is half full at least.
+    // The places of a square tile take 16 bytes for each of its four strips with an entry, and 2 for each row of one with an entry; those of rows at most 4 for each entry.
     let place = |square: bool| {
-        let (places, fullest) = if square {
-            ((576.0 / SIDE.powi(2)).min(18.0 * density), 2.0)
+        let places = if square {
+            (576.0 / SIDE.powi(2)).min(18.0 * density)
         } else {
-            (4.0 * density, 3.0)
+            4.0 * density
         };
         match layout {
             Layout::Dense => full,
             Layout::Sparse => full * density + places,
-            Layout::Auto => full.min(fullest * full * density + places),
+            Layout::Auto => full.min(2.0 * full * density + places),
         }
     };
     let (rows, upper) = (n * n * place(on_disk), 0.5 * n * (n + SIDE) * place(true));
@@ -431,8 +431,8 @@ mod tests {
         assert!((2.9..3.1).contains(&three), "{three}");
         let sparse = StorageDemand { density: 0.1, ..rows };
         let share = total(&sparse) as f64 / total(&rows) as f64;
-        // Rows that are a third full take as much as whole ones.
-        assert!((0.30..0.35).contains(&share), "{share}");
+        // Rows that are half full take as much as whole ones.
+        assert!((0.20..0.25).contains(&share), "{share}");
     }
 
     #[test]

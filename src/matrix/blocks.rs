@@ -1,0 +1,488 @@
+//! Rows stored in blocks of columns, with a bit for each column that has an entry.
+
+#![expect(
+    clippy::inline_always,
+    reason = "what is not inlined is not compiled for the instruction set"
+)]
+
+use std::ops::Range;
+
+use pulp::Simd;
+
+#[cfg(target_arch = "x86_64")]
+use super::expand::WithV4;
+use super::expand::{Expander, OneByOne, Row};
+use super::lanes::{CHANNELS_AT_ONCE, InnerLoop, LANES, Wide, dispatch, total};
+use super::operator::Block;
+use super::places::{STRIP, ones};
+use super::planes::Planes;
+use super::prefetch::prefetch;
+use super::square::SIDE;
+use super::store::{Scalar, Store, rounded};
+use super::tile::is_zero;
+use super::{MatrixError, RowTile};
+
+const _: () = assert!(SIDE.is_multiple_of(STRIP), "planes are filled up to whole blocks");
+
+/// A tile whose rows are blocks of [`STRIP`] columns: those that have an entry.
+///
+/// Memory: a number for each entry, and 6 bytes for each block. A block takes the same few instructions, and no branch, whether one of its columns has an entry or all.
+#[derive(Debug)]
+pub(super) struct BlockTile<T> {
+    /// Where each row begins, and the last one ends.
+    begins: Vec<Begin>,
+    /// The first column of each block, by [`STRIP`].
+    numbers: Vec<u32>,
+    /// Bit k is set where column k of the block has an entry.
+    masks: Vec<u16>,
+    /// Of all entries in order; [`STRIP`] zeros follow, so that as many as a block may have can always be read.
+    values: Vec<T>,
+    /// As `values`, or empty where every standard error is zero.
+    std_errors: Vec<f32>,
+    n_nonzero: usize,
+}
+
+/// The number of a row's first block, and of its first entry.
+#[derive(Clone, Copy, Debug, Default)]
+struct Begin {
+    block: usize,
+    entry: usize,
+}
+
+/// The blocks of one row, or of a part of it.
+#[derive(Clone, Copy)]
+struct Blocks<'a, T> {
+    numbers: &'a [u32],
+    masks: &'a [u16],
+    /// From the first entry on, and beyond the last one.
+    values: &'a [T],
+}
+
+/// Returns how many blocks have the entries of a tile.
+pub(super) fn count_blocks(tile: &RowTile) -> usize {
+    let of_row = |k| tile.row(k).chunk_by(|a, b| block_of(a.0) == block_of(b.0)).count();
+    (0..tile.n_rows()).map(of_row).sum()
+}
+
+/// Returns the number of the block that has a column.
+fn block_of(column: u32) -> u32 {
+    column / STRIP as u32
+}
+
+impl<T: Scalar> BlockTile<T> {
+    pub(super) fn new(tile: &RowTile, n: usize) -> Result<Self, MatrixError> {
+        let (size, n_blocks) = (tile.n_entries(), count_blocks(tile));
+        let mut stored = Self {
+            begins: Vec::with_capacity(tile.n_rows() + 1),
+            numbers: Vec::with_capacity(n_blocks),
+            masks: Vec::with_capacity(n_blocks),
+            values: Vec::with_capacity(size + STRIP),
+            std_errors: Vec::new(),
+            n_nonzero: 0,
+        };
+        stored.begins.push(Begin::default());
+        for k in 0..tile.n_rows() {
+            let first_block = stored.numbers.len();
+            for &entry in tile.row(k) {
+                let (value, std_error) = rounded::<T>(tile.first_row() + k, entry, n)?;
+                if is_zero(value.to_f64()) && is_zero(std_error.to_f64()) {
+                    continue; // Too small for the precision.
+                }
+                if std_error > 0.0 {
+                    stored.std_errors.resize(size, 0.0);
+                    stored.std_errors[stored.values.len()] = std_error;
+                }
+                let number = block_of(entry.0);
+                if stored.numbers[first_block..].last() != Some(&number) {
+                    stored.numbers.push(number);
+                    stored.masks.push(0);
+                }
+                *stored.masks.last_mut().expect("the block was added") |= 1 << (entry.0 as usize % STRIP);
+                stored.values.push(value);
+                stored.n_nonzero += usize::from(!is_zero(value.to_f64()));
+            }
+            stored.begins.push(Begin {
+                block: stored.numbers.len(),
+                entry: stored.values.len(),
+            });
+        }
+        stored.std_errors.truncate(stored.values.len());
+        stored.values.extend([T::from_f64(0.0); STRIP]);
+        Ok(stored)
+    }
+
+    fn row(&self, row: usize) -> Blocks<'_, T> {
+        let (begin, end) = (self.begins[row], self.begins[row + 1]);
+        Blocks {
+            numbers: &self.numbers[begin.block..end.block],
+            masks: &self.masks[begin.block..end.block],
+            values: &self.values[begin.entry..],
+        }
+    }
+
+    fn at(&self, place: usize) -> (f64, f64) {
+        let std_error = self.std_errors.get(place).map_or(0.0, |&error| f64::from(error));
+        (self.values[place].to_f64(), std_error)
+    }
+}
+
+impl<'a, T: Scalar> Blocks<'a, T> {
+    /// Returns the number of the first block from a column on, and how many entries are before it.
+    fn find(&self, column: usize) -> (usize, usize) {
+        let block = self
+            .numbers
+            .partition_point(|&number| (number as usize) < column / STRIP);
+        (block, count(&self.masks[..block]))
+    }
+
+    /// Returns (column, number of the entry) of all entries from a block on, `first` entries being before it.
+    fn entries(self, (block, first): (usize, usize)) -> impl Iterator<Item = (usize, usize)> + 'a {
+        let blocks = self.numbers[block..].iter().zip(&self.masks[block..]);
+        let columns = blocks.flat_map(|(&number, &mask)| ones(mask.into()).map(move |k| number as usize * STRIP + k));
+        columns.zip(first..)
+    }
+
+    /// Returns what is before a block, the block, and what is behind it.
+    fn split(self, block: usize) -> [Self; 3] {
+        let part = |range: Range<usize>| Self {
+            numbers: &self.numbers[range.clone()],
+            masks: &self.masks[range.clone()],
+            values: &self.values[count(&self.masks[..range.start])..],
+        };
+        let behind = (block + 1).min(self.numbers.len());
+        [part(0..block), part(block..behind), part(behind..self.numbers.len())]
+    }
+
+    /// Calls `add` with the number of each block and its row in full, zeros where there is no entry.
+    #[inline(always)]
+    fn for_each(self, expander: impl Expander<T>, mut add: impl FnMut(usize, Row)) {
+        let mut rest = self.values;
+        for (&number, &mask) in self.numbers.iter().zip(self.masks) {
+            prefetch(rest, AHEAD_BYTE / size_of::<T>());
+            let row = expander.expand(mask, rest.first_chunk().expect("as many behind the last"));
+            rest = &rest[mask.count_ones() as usize..];
+            add(number as usize, row);
+        }
+    }
+}
+
+/// Returns how many bits are set.
+fn count(masks: &[u16]) -> usize {
+    masks.iter().map(|mask| mask.count_ones() as usize).sum()
+}
+
+/// Returns the sum of the partial sums of a row.
+#[inline(always)]
+fn total_of_halves(lanes: &[f64; STRIP]) -> f64 {
+    let [low, high] = std::array::from_fn(|h| total(&std::array::from_fn(|l| lanes[h * LANES + l])));
+    low + high
+}
+
+/// Bytes between the numbers that are used and those that are asked for.
+const AHEAD_BYTE: usize = 2048;
+
+/// Registers' worth of columns in a block.
+const HALVES: usize = STRIP / LANES;
+
+impl<T: Scalar> Store for BlockTile<T> {
+    fn for_each(&self, row: usize, columns: Range<usize>, visit: &mut dyn FnMut(usize, f64, f64)) {
+        let blocks = self.row(row);
+        for (column, k) in blocks.entries(blocks.find(columns.start)) {
+            if column >= columns.end {
+                break;
+            }
+            if column >= columns.start {
+                let (value, std_error) = self.at(self.begins[row].entry + k);
+                visit(column, value, std_error);
+            }
+        }
+    }
+
+    fn dot_off_diagonal(&self, row: usize, diagonal: usize, x: &Block, sum: &mut [f64]) -> f64 {
+        let blocks = self.row(row);
+        match sum.len() {
+            1 => dot_of::<T, 1>(blocks, diagonal, x.values(), sum),
+            2 => dot_of::<T, 2>(blocks, diagonal, x.values(), sum),
+            3 => dot_of::<T, 3>(blocks, diagonal, x.values(), sum),
+            4 => dot_of::<T, 4>(blocks, diagonal, x.values(), sum),
+            _ => {
+                let mut on_diagonal = 0.0;
+                let [before, beside, behind] = blocks.split(blocks.find(diagonal).0);
+                for (c, channel_sum) in sum.iter_mut().enumerate() {
+                    let mut lanes = [0.0; STRIP];
+                    for part in [before, behind, beside] {
+                        for (column, k) in part.entries((0, 0)) {
+                            let value = part.values[k].to_f64();
+                            if column == diagonal {
+                                on_diagonal = value;
+                            } else {
+                                let lane = &mut lanes[column % STRIP];
+                                *lane = value.mul_add(x.row(column)[c], *lane);
+                            }
+                        }
+                    }
+                    *channel_sum += total_of_halves(&lanes);
+                }
+                on_diagonal
+            }
+        }
+    }
+
+    fn apply(&self, row: usize, _: usize, _: &Block, planes: &Planes, y: &mut [f64]) {
+        let n_channels = planes.n_channels();
+        for first in (0..n_channels).step_by(CHANNELS_AT_ONCE) {
+            match n_channels - first {
+                1 => dispatch(Rows::<T, 1>(self, row, planes, first, y)),
+                2 => dispatch(Rows::<T, 2>(self, row, planes, first, y)),
+                _ => dispatch(Rows::<T, CHANNELS_AT_ONCE>(self, row, planes, first, y)),
+            }
+        }
+    }
+
+    fn n_stored(&self) -> usize {
+        self.values.len() - STRIP
+    }
+
+    fn n_nonzero(&self) -> usize {
+        self.n_nonzero
+    }
+
+    fn stored_byte(&self) -> usize {
+        self.pass_byte() + size_of_val(self.std_errors.as_slice())
+    }
+
+    fn pass_byte(&self) -> usize {
+        let places = size_of_val(self.numbers.as_slice()) + size_of_val(self.masks.as_slice());
+        size_of_val(self.begins.as_slice()) + places + size_of_val(self.values.as_slice())
+    }
+}
+
+/// The loop of [`Store::apply`] for C channels: the tile, its first row, x, the first of the channels, and y.
+struct Rows<'a, T, const C: usize>(&'a BlockTile<T>, usize, &'a Planes, usize, &'a mut [f64]);
+
+impl<T: Scalar, const C: usize> InnerLoop for Rows<'_, T, C> {
+    #[inline(always)]
+    fn run<S: Simd, const N: usize>(self, simd: S) {
+        #[cfg(target_arch = "x86_64")]
+        if N == 1
+            && let Some(with) = pulp::x86::V4::try_new()
+        {
+            return self.by_rows::<S, N>(simd, WithV4(with));
+        }
+        self.by_rows::<S, N>(simd, OneByOne);
+    }
+}
+
+impl<T: Scalar, const C: usize> Rows<'_, T, C> {
+    /// Every sum is kept in two times [`LANES`] partial sums, over the columns 0, 1, 2, ... mod 16.
+    #[inline(always)]
+    fn by_rows<S: Simd, const N: usize>(self, simd: S, expander: impl Expander<T>) {
+        let Self(tile, first_row, planes, first, y) = self;
+        let x: [&[[f64; STRIP]]; C] = std::array::from_fn(|c| planes.padded(first + c).as_chunks().0);
+        for (row, y_i) in (first_row..).zip(y.chunks_exact_mut(planes.n_channels())) {
+            let mut sums = [[Wide::<S, N>::zero(simd); HALVES]; C];
+            tile.row(row).for_each(expander, |number, a| {
+                let a = a.map(|half| Wide::load(&half));
+                for c in 0..C {
+                    let x_k = x[c][number].as_chunks::<LANES>().0;
+                    for h in 0..HALVES {
+                        sums[c][h] = sums[c][h].plus_product(simd, a[h], Wide::load(&x_k[h]));
+                    }
+                }
+            });
+            for c in 0..C {
+                let mut lanes = [0.0; STRIP];
+                for (half, sum) in lanes.as_chunks_mut().0.iter_mut().zip(sums[c]) {
+                    sum.store(half);
+                }
+                y_i[first + c] = total_of_halves(&lanes);
+            }
+        }
+    }
+}
+
+/// Adds the products of a row without its entry on the diagonal, and returns that entry.
+fn dot_of<T: Scalar, const C: usize>(blocks: Blocks<'_, T>, diagonal: usize, x: &[f64], sum: &mut [f64]) -> f64 {
+    let mut on_diagonal = 0.0;
+    dispatch(Sweep::<T, C>(blocks, diagonal, x, sum, &mut on_diagonal));
+    on_diagonal
+}
+
+/// The loop of [`dot_of`]: the row, the column of the diagonal, x (row-major, C channels), the sums, and the entry on the diagonal.
+struct Sweep<'a, T, const C: usize>(Blocks<'a, T>, usize, &'a [f64], &'a mut [f64], &'a mut f64);
+
+impl<T: Scalar, const C: usize> InnerLoop for Sweep<'_, T, C> {
+    #[inline(always)]
+    fn run<S: Simd, const N: usize>(self, _: S) {
+        #[cfg(target_arch = "x86_64")]
+        if N == 1
+            && let Some(with) = pulp::x86::V4::try_new()
+        {
+            return self.add(WithV4(with));
+        }
+        self.add(OneByOne);
+    }
+}
+
+impl<T: Scalar, const C: usize> Sweep<'_, T, C> {
+    /// Every sum is kept in as many partial sums as in [`Rows`], each channel as if it were alone; what shares a block with the diagonal comes last.
+    #[inline(always)]
+    fn add(self, expander: impl Expander<T>) {
+        let Self(blocks, diagonal, x, sum, on_diagonal) = self;
+        let rows = x.as_chunks::<C>().0;
+        let (whole, rest) = rows.as_chunks::<STRIP>();
+        let mut last = [[0.0; C]; STRIP];
+        last[..rest.len()].copy_from_slice(rest);
+        let [before, beside, behind] = blocks.split(blocks.find(diagonal).0);
+        let mut lanes = [[0.0; C]; STRIP];
+        for part in [before, behind] {
+            part.for_each(expander, |number, a| {
+                let x_k = whole.get(number).unwrap_or(&last);
+                for (l, a) in a.as_flattened().iter().enumerate() {
+                    for c in 0..C {
+                        lanes[l][c] = a.mul_add(x_k[l][c], lanes[l][c]);
+                    }
+                }
+            });
+        }
+        for (column, k) in beside.entries((0, 0)) {
+            let a = beside.values[k].to_f64();
+            if column == diagonal {
+                *on_diagonal = a;
+                continue;
+            }
+            for (lane, x) in lanes[column % STRIP].iter_mut().zip(&rows[column]) {
+                *lane = a.mul_add(*x, *lane);
+            }
+        }
+        for (c, sum) in sum.iter_mut().enumerate() {
+            *sum += total_of_halves(&lanes.map(|lane| lane[c]));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::RowTally;
+    use super::super::lanes::tests::{bits, numbers};
+    use super::*;
+
+    /// Columns: no whole number of blocks.
+    const N: usize = 203;
+
+    /// Rows that are full, empty, in runs, scattered, or have an entry at the end alone.
+    fn has(i: usize, j: usize) -> bool {
+        match i % 5 {
+            0 => true,
+            1 => false,
+            2 => j / 20 % 3 == i / 5 % 3,
+            3 => (31 * i + 17 * j).is_multiple_of(7),
+            _ => j == N - 1,
+        }
+    }
+
+    fn entries(i: usize) -> Vec<super::super::Entry> {
+        let values = numbers(N, 13 * i + 1);
+        let columns = (0..).zip(values).filter(|(j, _): &(u32, f64)| has(i, *j as usize));
+        columns
+            .map(|(j, value)| (j, value + 0.1, if j.is_multiple_of(3) { 0.25 } else { 0.0 }))
+            .collect()
+    }
+
+    fn tile<T: Scalar>(first_row: usize, n_rows: usize) -> BlockTile<T> {
+        let mut tile = RowTile::new(first_row);
+        for i in first_row..first_row + n_rows {
+            tile.push_row(&entries(i), RowTally::default());
+        }
+        BlockTile::new(&tile, N).expect("sound rows")
+    }
+
+    fn by_hand(entries: &[(usize, f64)], x: impl Fn(usize) -> f64) -> f64 {
+        let mut lanes = [0.0; STRIP];
+        for (j, a) in entries {
+            let lane: &mut f64 = &mut lanes[j % STRIP];
+            *lane = a.mul_add(x(*j), *lane);
+        }
+        total_of_halves(&lanes)
+    }
+
+    fn check_sums<T: Scalar>() {
+        let n_rows = 15;
+        let tile = tile::<T>(0, n_rows);
+        let row = |i: usize| -> Vec<(usize, f64)> {
+            let rounded = |(j, value, _): super::super::Entry| (j as usize, T::from_f64(value).to_f64());
+            entries(i).into_iter().map(rounded).collect()
+        };
+        for n_channels in 1..=5 {
+            let x = Block::from_values(numbers(N * n_channels, 2), n_channels);
+            let mut y = vec![f64::NAN; (n_rows - 1) * n_channels];
+            tile.apply(1, 1, &x, &Planes::of(&x), &mut y);
+            for i in 1..n_rows {
+                let sums = (0..n_channels).map(|c| by_hand(&row(i), |j| x.row(j)[c]));
+                let own = (i - 1) * n_channels..i * n_channels;
+                assert_eq!(bits(&y[own]), bits(&sums.collect::<Vec<_>>()), "{i} {n_channels}");
+            }
+            for (i, diagonal) in (0..n_rows).flat_map(|i| [0, 37, 38, 100, N - 1].map(|j| (i, j))) {
+                let (mut own, mut last) = (row(i), Vec::new());
+                let beside = own
+                    .iter()
+                    .position(|(j, _)| *j >= diagonal / STRIP * STRIP)
+                    .map(|at| own[at].0 / STRIP);
+                own.retain(|(j, a)| {
+                    if Some(j / STRIP) == beside && *j != diagonal {
+                        last.push((*j, *a));
+                    }
+                    Some(j / STRIP) != beside
+                });
+                own.extend(last);
+                let mut sum = vec![0.5; n_channels];
+                let on_diagonal = tile.dot_off_diagonal(i, diagonal, &x, &mut sum);
+                let expected = row(i).iter().find(|(j, _)| *j == diagonal).map_or(0.0, |(_, a)| *a);
+                assert_eq!(on_diagonal.to_bits(), expected.to_bits(), "{i} {diagonal}");
+                let sums = (0..n_channels).map(|c| 0.5 + by_hand(&own, |j| x.row(j)[c]));
+                assert_eq!(
+                    bits(&sum),
+                    bits(&sums.collect::<Vec<_>>()),
+                    "{i} {diagonal} {n_channels}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn rows_are_summed_in_the_order_that_is_promised() {
+        check_sums::<f64>();
+        check_sums::<f32>();
+    }
+
+    #[test]
+    fn entries_come_back_whatever_columns_are_asked_for() {
+        let tile = tile::<f64>(3, 9);
+        for (row, columns) in (0..9).flat_map(|row| [0..N, 5..6, 17..100, 48..64, 190..N, 7..7].map(|c| (row, c))) {
+            let mut found = Vec::new();
+            tile.for_each(row, columns.clone(), &mut |j, value, std_error| {
+                found.push((u32::try_from(j).expect("a column"), value, std_error));
+            });
+            let mut expected = entries(3 + row);
+            expected.retain(|entry| columns.contains(&(entry.0 as usize)));
+            assert_eq!(found, expected, "{row} {columns:?}");
+        }
+        let n_entries = (3..12).map(|i| entries(i).len()).sum();
+        assert_eq!((tile.n_stored(), tile.n_nonzero()), (n_entries, n_entries));
+    }
+
+    #[test]
+    fn what_is_too_small_for_the_precision_takes_no_block() {
+        let mut tile = RowTile::new(0);
+        tile.push_row(
+            &[(3, 1e-60, 0.0), (20, 0.5, 0.0), (40, 0.0, 0.125)],
+            RowTally::default(),
+        );
+        let stored = BlockTile::<f32>::new(&tile, 48).expect("a sound row");
+        assert_eq!(stored.numbers, [1, 2]);
+        assert_eq!((stored.n_stored(), stored.n_nonzero()), (2, 1));
+        let mut found = Vec::new();
+        stored.for_each(0, 0..48, &mut |j, value, std_error| found.push((j, value, std_error)));
+        assert_eq!(found, [(20, 0.5, 0.0), (40, 0.0, 0.125)]);
+    }
+}
