@@ -18,8 +18,14 @@ use support::{LewisRoom, dense, matrix, random_room, relative_error, solve_direc
 
 /// A closed room in which all patches see all alike, F_ij = A_j / Σ A, with equal areas.
 fn even_room(n: usize) -> FormFactors {
-    let rows = vec![vec![1.0 / n as f64; n]; n];
-    matrix(&vec![1.0; n], &rows).symmetrised(Weighting::Plain).unwrap()
+    mixing_room(&vec![1.0; n])
+}
+
+/// The same with any areas.
+fn mixing_room(areas: &[f64]) -> FormFactors {
+    let total: f64 = areas.iter().sum();
+    let rows = vec![areas.iter().map(|area| area / total).collect(); areas.len()];
+    matrix(areas, &rows).symmetrised(Weighting::Plain).unwrap()
 }
 
 /// One patch in the corner of a room emits.
@@ -276,5 +282,29 @@ fn steps_per_pass_only_divide_the_work() {
             (work * 50.0 - fine.selections.iter().sum::<u64>() as f64).abs() < 1e-6,
             "{name}: {work}"
         );
+    }
+}
+
+/// What many small patches leave unshot, each below the tolerance, a large one collects: the radiosities do not meet the tolerance yet, and the steps go on until they do.
+#[test]
+fn a_tolerance_in_watts_is_met_where_one_patch_is_large() {
+    for share in [0.02, 0.1, 0.3, 0.6] {
+        let mut areas = vec![1.0; 200];
+        areas.push(200.0 * share / (1.0 - share));
+        let f = mixing_room(&areas);
+        let (reflectance, exitance) = (constant(201, 0.9), lamp(201));
+        let expected = solve_direct(&dense(&f), &reflectance, &exitance);
+        for name in ["progressive-refinement", "overshooting"] {
+            let options = SolveOptions {
+                tolerance: Tolerance::ResidualMaxPower(1e-6),
+                ..l2(1e-6)
+            };
+            let solution = run(by_name(name), &system(&f, &reflectance, &exitance), &options);
+            assert_eq!(solution.stop_reason, StopReason::Converged, "{name} {share}");
+            assert!(solution.residual_max_power <= 1e-6, "{name} {share}");
+            // |r| A is at most 1e-6 W at each of 201 patches, and ten times as much is under way.
+            let error = relative_error(&areas, &solution.radiosity, &expected);
+            assert!(error < 1e-4, "{name} {share}: {error:e}");
+        }
     }
 }

@@ -298,6 +298,11 @@ fn closure_stops_at_zero_and_says_what_it_cannot_do() {
     let (same, report) = certain.closed(&[1.0; 2], 1e-12, 50).unwrap();
     assert!(!report.converged && (report.row_error_max - 0.5).abs() < 1e-15);
     assert_eq!(bits(&dense(&same).concat()), bits(&dense(&certain).concat()));
+    // It does not keep the others from their sums either.
+    let partly = exchange(&[(0, 1, 0.5, 0.0), (2, 3, 0.7, 0.1)], 4);
+    let (better, report) = partly.closed(&[1.0; 4], 1e-12, 50).unwrap();
+    assert!(!report.converged && (report.row_error_max - 0.5).abs() < 1e-15);
+    assert!((better.get(2, 3) - 1.0).abs() < 1e-11 && (better.get(0, 1) - 0.5).abs() < 1e-15);
     let rows = matrix(&[1.0; 2], &[vec![0.0, 0.5], vec![0.5, 0.0]]);
     assert_eq!(
         rows.closed(&[1.0; 2], 1e-12, 10).unwrap_err(),

@@ -395,3 +395,31 @@ fn hierarchies_of_another_size_are_refused() {
     };
     assert_eq!(refusal.unwrap_err(), expected);
 }
+
+/// Every patch that sees no other is a set of its own: the level of sets is as large as there are such patches, and costs no more than that.
+#[test]
+fn thousands_of_patches_alone_are_no_work() {
+    let (n_room, n_alone) = (60, 5000);
+    let room = dense(&random_room(n_room, 0.1, 44));
+    let mut tile = radiosity::matrix::RowTile::new(0);
+    for row in &room {
+        tile.push_row(&support::exact(row), radiosity::matrix::RowTally::default());
+    }
+    for _ in 0..n_alone {
+        tile.push_row(&[], radiosity::matrix::RowTally::default());
+    }
+    let n = n_room + n_alone;
+    let f = FormFactors::from_tiles(vec![1.0; n], [tile], StorageChoice::default()).unwrap();
+    let f = f.symmetrised(Weighting::Plain).unwrap();
+    let mut exitance = vec![0.0; n];
+    (exitance[3], exitance[n - 1]) = (1.0, 0.5);
+    let exitance = Block::from_values(exitance, 1);
+    let system = system(&f, &constant(n, 0.9), &exitance);
+    assert_eq!(system.components().n_components, n_alone + 1);
+    let solution = run(by_name("multigrid"), &system, &l2(1e-9));
+    assert_eq!(solution.stop_reason, StopReason::Converged);
+    assert_eq!(solution.radiosity.values()[n - 1].to_bits(), 0.5_f64.to_bits());
+    // A factorisation of the sets would take 4e10 multiplications; a pass over F takes 3600.
+    let multiplications = 3600.0 * solution.setup_work;
+    assert!(multiplications < 1e8, "{multiplications}");
+}

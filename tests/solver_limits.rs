@@ -15,7 +15,7 @@ use radiosity::matrix::{FormFactors, Weighting};
 use radiosity::solver::{
     Deflate, HistoryEntry, Pcg, RadiositySystem, SolveOptions, SolverError, SolverSettings, Start, StopReason,
 };
-use support::solving::{all, by_name, constant, l2, random_materials, run, system};
+use support::solving::{all, by_name, channel, constant, l2, random_materials, run, system};
 use support::{LewisRoom, Uniform, bits, dense, matrix, random_room, relative_error, solve_direct};
 
 /// The same light at any unit of length and power: neither squares nor tolerances depend on it.
@@ -28,6 +28,8 @@ fn units_do_not_matter() {
         for (length, light) in [
             (1e-6, 1.0),
             (1e6, 1.0),
+            (1e6, 1e294),
+            (1e-6, 1e-294),
             (1.0, 1e-30),
             (1.0, 1e30),
             (1e-75, 1e-300),
@@ -58,6 +60,17 @@ fn units_do_not_matter() {
             assert!(error < limit, "{} at {length:e}, {light:e}: {error:e}", solver.name());
             // A factorisation leaves nothing but rounding, about 1e-15, which units change.
             assert!((solution.residual_l2 - base.residual_l2).abs() < ratio * base.residual_l2 + 1e-14);
+            let watt = length * length * light;
+            if solver.name() != "cg" && watt.is_normal() && (1e3 * watt).is_finite() {
+                let off = solution.residual_max_power / watt - base.residual_max_power;
+                let limit = ratio * base.residual_max_power + 1e-14;
+                assert!(off.abs() < limit, "{} at {length:e}, {light:e}: {off:e}", solver.name());
+                for (energy, expected) in solution.energy.iter().zip(&base.energy) {
+                    let off = energy.leaving / watt / expected.leaving - 1.0;
+                    assert!(off.abs() < 1e-9, "{} at {length:e}, {light:e}: {off:e}", solver.name());
+                    assert!((energy.imbalance() - expected.imbalance()).abs() < 1e-6);
+                }
+            }
         }
     }
 }
@@ -412,7 +425,70 @@ fn balanced_light_in_a_white_room_has_the_mean_zero() {
         channel: 0,
     };
     assert_eq!(refused, Err(expected));
-    assert!(signed(0.999, &exitance).is_ok());
+    // With losses there is nothing special about exitances of both signs.
+    let system = signed(0.5, &exitance).unwrap();
+    let expected = solve_direct(&dense(&f), &constant(40, 0.5), system.exitance());
+    assert!(expected.values().iter().any(|b| *b < 0.0));
+    for solver in all() {
+        let solution = run(solver, &system, &l2(1e-9));
+        assert_eq!(solution.stop_reason, StopReason::Converged, "{}", solver.name());
+        let error = relative_error(f.areas(), &solution.radiosity, &expected);
+        let bound = solution.error_bound.unwrap();
+        assert!(
+            error < 2e-9 && error <= bound + 1e-14,
+            "{}: {error:e}, {bound:e}",
+            solver.name()
+        );
+    }
+}
+
+/// Form factors in f32 whose rows sum to a little above 1, in a room that is white and dark beside one that is lit.
+#[test]
+fn a_white_room_without_light_does_no_harm() {
+    let (n, rho) = (20, [0.8, 1.0]);
+    let in_room = |i: usize, j: usize| if i / n == j / n { 1.0 / n as f64 } else { 0.0 };
+    let rows: Vec<Vec<f64>> = (0..2 * n)
+        .map(|i| (0..2 * n).map(|j| in_room(i, j) * (1.0 + 3e-8)).collect())
+        .collect();
+    let f = matrix(&vec![1.0; 2 * n], &rows).symmetrised(Weighting::Plain).unwrap();
+    let mut exitance = vec![0.0; 2 * n];
+    exitance[3] = 1.0;
+    let reflectance = Block::from_values((0..2 * n).map(|i| rho[i / n]).collect(), 1);
+    let system = system(&f, &reflectance, &Block::from_values(exitance, 1));
+    for solver in all() {
+        let solution = run(solver, &system, &l2(1e-9));
+        assert_eq!(solution.stop_reason, StopReason::Converged, "{}", solver.name());
+        assert!(
+            solution.radiosity.values()[n..].iter().all(|b| b.abs() <= 0.0),
+            "{}",
+            solver.name()
+        );
+    }
+}
+
+/// At loose tolerances an iteration can claim to be done with radiosities below 0, goes on, and must do so as well in company as alone.
+#[test]
+fn rejected_answers_are_gone_on_from_in_every_channel() {
+    let mut n_compared = 0;
+    for seed in 0..40 {
+        let f = random_room(12, 0.001, 500 + seed);
+        let (reflectance, exitance) = random_materials(12, 0.99, 600 + seed);
+        for tolerance in [0.5, 0.3, 0.1, 0.03] {
+            for solver in all() {
+                let together = run(solver, &system(&f, &reflectance, &exitance), &l2(tolerance));
+                let alone = (0..3).map(|c| {
+                    let system = system(&f, &channel(&reflectance, c), &channel(&exitance, c));
+                    run(solver, &system, &l2(tolerance)).stop_reason
+                });
+                if alone.into_iter().all(|reason| reason == StopReason::Converged) {
+                    n_compared += 1;
+                    let name = solver.name();
+                    assert_eq!(together.stop_reason, StopReason::Converged, "{name} {seed} {tolerance}");
+                }
+            }
+        }
+    }
+    assert!(n_compared > 2000, "{n_compared}");
 }
 
 /// Emitted = absorbed + escaped, to what the residual explains.
@@ -488,4 +564,71 @@ fn factorisations_keep_to_their_memory() {
     let auto = radiosity::solver::solver("auto", &settings).unwrap();
     let solution = run(&*auto, &system, &l2(1e-6));
     assert_eq!(solution.choice.unwrap().solver, "pcg");
+}
+
+/// Where 1 − ρ is near rounding, E − B + ρ H in f64 is mostly 0, whatever B is. What converged meets the tolerance with sums and products in exact arithmetic too, and its bound holds.
+#[test]
+fn rounding_is_not_taken_for_convergence() {
+    let mut n_converged = 0;
+    for (k, loss) in [1e-6, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1e-15].into_iter().enumerate() {
+        let f = random_room(12, 0.1, 700 + k as u64);
+        let mut exitance = vec![0.0; 12];
+        exitance[5] = 1.0;
+        for lamp in [exitance, vec![1.0; 12]] {
+            let (reflectance, exitance) = (constant(12, 1.0 - loss), Block::from_values(lamp, 1));
+            let system = system(&f, &reflectance, &exitance);
+            let e_l2: f64 = (0..12).map(|i| f.areas()[i] * exitance.row(i)[0].powi(2)).sum();
+            for solver in all() {
+                let solution = run(solver, &system, &l2(1e-6));
+                if solution.stop_reason != StopReason::Converged {
+                    continue;
+                }
+                n_converged += 1;
+                let residual = |i: usize| {
+                    let b = |j: usize| solution.radiosity.row(j)[0];
+                    let mut terms = vec![exitance.row(i)[0], -b(i)];
+                    for j in 0..12 {
+                        for part in product(f.get(i, j), b(j)) {
+                            terms.extend(product(1.0 - loss, part));
+                        }
+                    }
+                    exact_sum(&terms)
+                };
+                let r_l2: f64 = (0..12).map(|i| f.areas()[i] * residual(i).powi(2)).sum();
+                let relative = (r_l2 / e_l2).sqrt();
+                assert!(
+                    relative <= 1e-6 * (1.0 + 1e-9),
+                    "{} at {loss:e}: {relative:e}",
+                    solver.name()
+                );
+            }
+        }
+    }
+    assert!(n_converged > 40, "{n_converged}");
+}
+
+/// A product as two numbers whose sum it is.
+fn product(a: f64, b: f64) -> [f64; 2] {
+    [a * b, a.mul_add(b, -(a * b))]
+}
+
+/// The sum of numbers, rounded once: it is kept as numbers that do not overlap (Shewchuk 1997, Grow-Expansion).
+fn exact_sum(terms: &[f64]) -> f64 {
+    let mut parts: Vec<f64> = Vec::new();
+    for &term in terms {
+        let mut carried = term;
+        let mut next = Vec::new();
+        for part in parts {
+            let sum = carried + part;
+            let of_part = sum - carried;
+            let lost = (carried - (sum - of_part)) + (part - of_part);
+            if lost.abs() > 0.0 {
+                next.push(lost);
+            }
+            carried = sum;
+        }
+        next.push(carried);
+        parts = next;
+    }
+    parts.iter().sum()
 }

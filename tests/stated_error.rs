@@ -91,3 +91,24 @@ fn the_error_of_exact_is_below_what_is_stated() {
         assert!(stated.iter().all(|e| *e < 10.0 * tolerance), "{tolerance}");
     }
 }
+
+/// The unit of light does not matter, as far as numbers reach; and what is stated is never less than it is for want of range.
+#[test]
+fn the_unit_of_light_does_not_matter() {
+    let (prepared, rho, exitance) = room();
+    let factors = prepared.compute(&exact(1e-3));
+    let base = solved(&factors, &rho, &exitance).1;
+    assert!(base.iter().any(|e| *e > 0.0));
+    for unit in [1e-290, 1e-160, 1e160, 1e290] {
+        let scaled = Block::from_values(
+            exitance.values().iter().map(|e| e * unit).collect(),
+            exitance.n_channels(),
+        );
+        for (stated, expected) in solved(&factors, &rho, &scaled).1.iter().zip(&base) {
+            assert!(
+                (stated / unit - expected).abs() <= 1e-6 * expected + 1e-15,
+                "{unit:e}: {stated:e} {expected:e}"
+            );
+        }
+    }
+}

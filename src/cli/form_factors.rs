@@ -31,6 +31,7 @@ fn work(args: &FormFactorsArgs, run: &mut Run) -> Result<Outcome, Failure> {
             return Err(Failure::usage("--surface is for `-o F.vtu`"));
         }
         output::expect_possible(path)?;
+        output::expect_apart(Some(path), &[("the scene", Some(&args.scene))])?;
     }
     run.storage = Storage {
         args: args.storage.clone(),

@@ -9,7 +9,7 @@ use super::args::{RenderArgs, ViewArgs};
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::form_factors::{checks_to_json, describe_checks};
-use super::lightings::{Stack, with_suffix};
+use super::lightings::{Stack, greatest_reflectance, with_suffix};
 use super::picture::{image_byte, preview_of, shoot};
 use super::pipeline::{Computed, Fineness, Prepared, Run, posed};
 use super::render::{
@@ -69,6 +69,7 @@ pub(super) fn work(args: &RenderArgs, file: &Path, run: &mut Run) -> Result<Outc
         output: Some(args.output.clone()),
         tolerance: Some(args.solver.tolerance),
         image_byte: largest,
+        reflectance_max: greatest_reflectance(all.lightings.iter().flatten()),
     };
     if all
         .frames

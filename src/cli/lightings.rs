@@ -14,30 +14,51 @@ use super::{Outcome, output, solve};
 use crate::matrix::operator::Block;
 use crate::mesh::Patch;
 use crate::report::solution::{Format, SolutionReport};
-use crate::scene::Lighting;
+use crate::scene::{Lighting, Scene};
 use crate::solver::{Solution, carried_error};
 
+/// The lightings of `solve`, with what is written for each.
+pub(super) struct Lightings {
+    names: Vec<String>,
+    outputs: Vec<Option<PathBuf>>,
+    all: Vec<Option<Lighting>>,
+}
+
+impl Lightings {
+    pub(super) fn load(args: &SolveArgs, scene: &Scene) -> Result<Self, Failure> {
+        let names = names(&args.lighting)?;
+        let with_name = |name: &String| args.output.as_deref().map(|path| with_suffix(path, name));
+        let outputs: Vec<Option<PathBuf>> = names.iter().map(with_name).collect();
+        for path in outputs.iter().flatten() {
+            output::expect_possible(path)?;
+        }
+        let mut all = Vec::new();
+        for file in &args.lighting {
+            all.push(Some(Lighting::load(file, scene)?));
+        }
+        Ok(Self { names, outputs, all })
+    }
+
+    pub(super) fn reflectance_max(&self) -> f64 {
+        greatest_reflectance(self.all.iter().flatten())
+    }
+}
+
+/// Returns the greatest reflectance that any of the lightings gives to anything.
+pub(super) fn greatest_reflectance<'a>(lightings: impl Iterator<Item = &'a Lighting>) -> f64 {
+    lightings.map(Lighting::reflectance_max).fold(0.0, f64::max)
+}
+
 pub(super) fn run(
-    files: &[PathBuf],
+    lightings: &Lightings,
     run: &mut Run,
     mut prepared: Prepared,
     computed: &Computed,
     args: &SolveArgs,
 ) -> Result<Outcome, Failure> {
-    let names = names(files)?;
-    let outputs: Vec<Option<PathBuf>> = names
-        .iter()
-        .map(|name| args.output.as_deref().map(|path| with_suffix(path, name)))
-        .collect();
-    for path in outputs.iter().flatten() {
-        output::expect_possible(path)?;
-    }
+    let Lightings { names, outputs, all } = lightings;
     let n = prepared.mesh.n_patches();
-    let mut lightings = Vec::new();
-    for file in files {
-        lightings.push(Some(Lighting::load(file, &prepared.scene)?));
-    }
-    let stack = Stack::new(&prepared, &lightings);
+    let stack = Stack::new(&prepared, all);
     run.set("lightings", json!(names));
     let blocks = (stack.reflectance.clone(), stack.exitance.clone());
     let areas = computed.factors.areas().to_vec();

@@ -13,6 +13,7 @@ use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::form_factors::{checks_to_json, describe_checks};
 use super::on_the_fly::{self, Request};
+use super::output;
 use super::picture::{image_byte, preview_of, shoot};
 use super::pipeline::{Computed, Fineness, Prepared, Run};
 use super::solve;
@@ -54,6 +55,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
 fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let settings = render_settings(args, &args.image.view)?;
     let preview = preview_of(&args.output)?;
+    output::expect_apart(Some(&args.output), &[("the scene", Some(&args.scene))])?;
     let mut prepared = run.prepare(
         &args.scene,
         args.mesh,
@@ -67,6 +69,7 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
         output: Some(args.output.clone()),
         tolerance: Some(args.solver.tolerance),
         image_byte: image_byte(&view, &settings, args.storage.memory.memory_limit)?,
+        ..Storage::default()
     };
     if settings.direct != DirectMethod::Off {
         run.warn_of_narrow_gaps(&prepared);

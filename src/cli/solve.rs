@@ -8,6 +8,7 @@ use super::args::SolveArgs;
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::form_factors::{self, DEFAULT_RAYS, checks_to_json, describe_checks};
+use super::lightings::Lightings;
 use super::pipeline::{Computed, Fineness, Prepared, Run, repairs};
 use super::storage::Storage;
 use super::{Outcome, output, reuse};
@@ -30,6 +31,11 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
     if let Some(path) = &args.output {
         Format::of(path)?;
         output::expect_possible(path)?;
+        let inputs = [
+            ("the scene", Some(&*args.scene)),
+            ("the form factors", args.form_factors.as_deref()),
+        ];
+        output::expect_apart(Some(path), &inputs)?;
     }
     let file = args.form_factors.as_deref().map(FormFactorFile::open).transpose()?;
     let mesh_args = file
@@ -40,11 +46,14 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
         part: 0,
         output: args.output.clone(),
         tolerance: Some(args.solver.tolerance),
-        image_byte: 0,
+        ..Storage::default()
     };
     let mut prepared = run.prepare(&args.scene, mesh_args, args.storage.memory.memory_limit, |_| {
         Subdivision::Uniform(1)
     })?;
+    // Before the work: a mistake in them is found at once, and their reflectances count in how form factors are stored.
+    let lightings = Lightings::load(args, &prepared.scene)?;
+    run.storage.reflectance_max = lightings.reflectance_max();
     if args.on_the_fly {
         let request = super::on_the_fly::Request {
             method: &args.method,
@@ -67,7 +76,7 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
         }
     };
     if !args.lighting.is_empty() {
-        return super::lightings::run(&args.lighting, run, prepared, &computed, args);
+        return super::lightings::run(&lightings, run, prepared, &computed, args);
     }
     let solution = run.solve(&mut prepared, &computed, &args.solver)?;
     finish(args, run, &prepared, Some(&computed), &solution)

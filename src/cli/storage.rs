@@ -6,6 +6,7 @@ use sha2::{Digest as _, Sha256};
 
 use super::args::{PrecisionName, StorageArgs, StorageName};
 use super::failure::Failure;
+use super::output;
 use super::pipeline::{Prepared, Run};
 use crate::checkpoint::Checkpoint;
 use crate::matrix::{Layout, Place, Precision, Scratch, StorageChoice};
@@ -25,6 +26,8 @@ pub(super) struct Storage {
     pub(super) part: u32,
     /// The tolerance of the solver, if there is one.
     pub(super) tolerance: Option<f64>,
+    /// The greatest reflectance of the lightings that there are beside the scene's own.
+    pub(super) reflectance_max: f64,
     pub(super) image_byte: u64,
 }
 
@@ -88,12 +91,14 @@ pub(super) fn limit_byte(args: Option<u64>) -> u64 {
 
 /// Decides where form factors go, and notes it in the plan.
 pub(super) fn choose(run: &Run, prepared: &mut Prepared, matrix: Matrix) -> Result<Chosen, Failure> {
-    let Storage { args, output, .. } = &run.storage;
+    let Storage {
+        args, output: result, ..
+    } = &run.storage;
     let args = &args.memory;
     let n = prepared.mesh.n_patches();
     let materials = prepared.mesh.patches.iter().map(|p| p.material.0 as usize);
     let absorption = materials.flat_map(|m| prepared.scene.materials[m].reflectance.map(|rho| 1.0 - rho));
-    let absorption_min = absorption.fold(1.0, f64::min);
+    let absorption_min = absorption.fold(1.0 - run.storage.reflectance_max, f64::min);
     let accuracy = |tolerance| Accuracy {
         absorption_min,
         tolerance,
@@ -129,7 +134,7 @@ pub(super) fn choose(run: &Run, prepared: &mut Prepared, matrix: Matrix) -> Resu
         on_disk,
     };
     let plan = plan_storage(&demand, wish).map_err(|error| Failure::new("memory_limit", error.to_string()))?;
-    let beside = output.as_deref().and_then(std::path::Path::parent);
+    let beside = result.as_deref().and_then(std::path::Path::parent);
     let beside = beside.map(|directory| {
         let here = directory.as_os_str().is_empty();
         if here { PathBuf::from(".") } else { directory.to_owned() }
@@ -188,6 +193,7 @@ pub(super) fn open_checkpoint(run: &mut Run, prepared: &Prepared) -> Result<(), 
     let Some(path) = &run.storage.args.checkpoint else {
         return Ok(());
     };
+    output::expect_apart(run.storage.output.as_deref(), &[("the checkpoint", Some(path))])?;
     let geometry = prepared.mesh.geometry_hash();
     if let Some(checkpoint) = &run.progress.checkpoint {
         checkpoint.begin_part(run.storage.part, &Sha256::digest(geometry).into());

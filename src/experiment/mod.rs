@@ -15,6 +15,7 @@ pub mod malgouyres;
 mod pareto;
 pub mod pictures;
 mod reference;
+mod solved;
 pub mod stability;
 pub mod statistics;
 mod storage;
@@ -27,6 +28,7 @@ pub use sweep::{Parameter, RayUse, SWEEPS, Sweep, sweep_by_name};
 
 use crate::form_factor::FormFactorError;
 use crate::matrix::MatrixError;
+use crate::solver::StopReason;
 
 /// Why an experiment could not be made.
 #[derive(Debug, thiserror::Error)]
@@ -65,6 +67,16 @@ pub enum ExperimentError {
     /// A radiosity system was refused.
     #[error(transparent)]
     Solver(#[from] crate::solver::SolverError),
+    /// A solution that others are measured by did not converge.
+    #[error("the reference: {solver} {stop_reason} at a relative residual of {residual_l2:.1e}")]
+    Unsolved {
+        /// The solver.
+        solver: &'static str,
+        /// Why it stopped.
+        stop_reason: StopReason,
+        /// Where.
+        residual_l2: f64,
+    },
     /// An image could not be encoded.
     #[error("the image cannot be encoded: {0}")]
     Image(String),

@@ -1,13 +1,13 @@
 //! Flat, interpolated and gathered pictures of one solution: error against run time.
 
 use std::num::NonZeroU32;
-use std::ops::ControlFlow;
 use std::time::Instant;
 
 use serde::Serialize;
 
 use super::ExperimentError;
 use super::malgouyres::Check;
+use super::solved::solved;
 use crate::form_factor::{ExactMethod, FormFactorMethod as _, Input};
 use crate::matrix::StorageChoice;
 use crate::matrix::operator::{Block, LinearOperator as _};
@@ -17,7 +17,7 @@ use crate::render::{
     DirectMethod, GatherReport, GatherSettings, Image, RayView, RenderError, RenderInput, RenderSettings, png, render,
 };
 use crate::scene::{Material, builtin, topology};
-use crate::solver::{Auto, RadiositySystem, SolveOptions, Solver as _, Tolerance};
+use crate::solver::{RadiositySystem, Tolerance};
 use crate::visibility::embree::EmbreeVisibility;
 
 /// The scene.
@@ -166,11 +166,7 @@ pub fn reproduce(level: u32, progress: &dyn Progress) -> Result<PicturesResults,
     };
     let (reflectance, exitance) = (collect(|m| m.reflectance), collect(|m| m.exitance));
     let system = RadiositySystem::new(&factors, mesh.areas(), reflectance, exitance.clone())?;
-    let options = SolveOptions {
-        tolerance: Tolerance::ResidualL2(1e-6),
-        ..SolveOptions::default()
-    };
-    let solution = Auto::default().solve(&system, &options, &mut |_| ControlFlow::Continue(()))?;
+    let solution = solved(&system, "auto", Tolerance::ResidualL2(1e-6))?;
     let reflected = solution.radiosity.values().iter().zip(exitance.values());
     let reflected = Block::from_values(reflected.map(|(b, e)| b - e).collect(), 3);
     let mut indirect = Block::zeros(mesh.n_patches(), 3);

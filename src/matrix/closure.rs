@@ -116,27 +116,46 @@ impl Problem<'_> {
         (0..self.areas.len()).into_par_iter().map(sum_of_row).collect()
     }
 
-    /// Returns what each row of exchange areas lacks, and the most of it as a form factor.
-    fn defect(&mut self, multipliers: &[f64]) -> (Vec<f64>, f64) {
+    /// Returns what each row of exchange areas lacks, and the most of it as a form factor, of those rows that can be `moved`.
+    fn defect(&mut self, multipliers: &[f64], can_move: &[bool]) -> (Vec<f64>, f64) {
         let mut defect = self.pass(|place, entry| moved(place, entry, multipliers).max(0.0));
         let mut worst: f64 = 0.0;
-        for ((sum, target), area) in defect.iter_mut().zip(&self.targets).zip(&self.areas) {
-            *sum = target - *sum;
-            worst = worst.max((*sum / area).abs());
+        for (i, sum) in defect.iter_mut().enumerate() {
+            *sum = self.targets[i] - *sum;
+            if can_move[i] {
+                worst = worst.max((*sum / self.areas[i]).abs());
+            }
         }
         (defect, worst)
+    }
+
+    /// Tells for each row whether it has any entry, and whether one of them has an error; one pass over F.
+    fn what_rows_have(&mut self) -> (Vec<bool>, Vec<bool>) {
+        self.n_passes += 1;
+        let problem = &*self;
+        let of_row = |i| {
+            let (mut sees, mut can_move) = (false, false);
+            problem.for_each_in_row(i, |_, a, s| {
+                sees |= a > 0.0 || s > 0.0;
+                can_move |= s > 0.0;
+            });
+            (sees, can_move)
+        };
+        (0..self.areas.len()).into_par_iter().map(of_row).unzip()
     }
 
     /// Returns the best multipliers met, and how good they are.
     fn solve(&mut self, tolerance: f64, max_passes: usize) -> (Multipliers, BalanceReport) {
         let mut best = vec![0.0; self.areas.len()];
-        let (mut defect, mut worst) = self.defect(&best);
+        // What a row without any error lacks stays as it is, and is not to hide what becomes of the others.
+        let (sees, can_move) = self.what_rows_have();
+        let (mut defect, mut worst) = self.defect(&best, &can_move);
         while worst > tolerance && self.n_passes < max_passes {
             let step = self.newton_step(&best, &defect, tolerance, max_passes);
             let better = (0..=MOST_HALVINGS).find_map(|k| {
                 let part = 0.5_f64.powi(i32::try_from(k).unwrap_or(i32::MAX));
                 let next: Multipliers = best.iter().zip(&step).map(|(l, d)| l + part * d).collect();
-                let (of_next, worst_of_next) = self.defect(&next);
+                let (of_next, worst_of_next) = self.defect(&next, &can_move);
                 (worst_of_next < worst).then_some((next, of_next, worst_of_next))
             });
             let Some(found) = better else {
@@ -144,17 +163,18 @@ impl Problem<'_> {
             };
             (best, defect, worst) = found;
         }
+        let lacks = defect.iter().zip(&self.areas).map(|(lack, area)| (lack / area).abs());
+        let row_error_max = lacks.fold(0.0, f64::max);
         let targets = self.targets.clone();
-        let sees = self.pass(|_, (a, variance)| f64::from(a > 0.0 || variance > 0.0));
         let report = BalanceReport {
             n_passes: self.n_passes,
-            row_error_max: worst,
+            row_error_max,
             n_empty_rows: sees
                 .iter()
                 .zip(&targets)
-                .filter(|(n, t)| **n <= 0.0 && **t > 0.0)
+                .filter(|(sees, target)| !**sees && **target > 0.0)
                 .count(),
-            converged: worst <= tolerance,
+            converged: row_error_max <= tolerance,
         };
         (best, report)
     }

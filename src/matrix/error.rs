@@ -51,6 +51,16 @@ pub enum MatrixError {
         /// The number of patches.
         n_rows: usize,
     },
+    /// An entry below the diagonal where the upper triangle alone is asked for.
+    #[error(
+        "row {row} has an exchange area with patch {column}, which belongs to row {column}: only the upper triangle is given"
+    )]
+    BelowDiagonal {
+        /// The row.
+        row: usize,
+        /// The column.
+        column: u32,
+    },
     /// A form factor or standard error that is infinite or not a number, or that is so in the precision asked for; or a negative standard error.
     #[error("the form factor from patch {row} to patch {column} or its standard error is not a usable number")]
     Value {

@@ -11,7 +11,7 @@ impl FormFactors {
     /// with j ≥ i, in m². Reciprocity holds to the last bit. Standard errors are those of a_ij.
     ///
     /// # Errors
-    /// As [`from_tiles`](Self::from_tiles); an entry below the diagonal is a [`MatrixError::Column`].
+    /// As [`from_tiles`](Self::from_tiles); an entry below the diagonal is a [`MatrixError::BelowDiagonal`].
     pub fn from_exchange_tiles(
         areas: Vec<f64>,
         upper: impl IntoIterator<Item = RowTile>,
@@ -166,6 +166,6 @@ mod tests {
         assert!(matches!(missing, Err(MatrixError::RowCount { .. })));
         tile.push_row(&[(0, 0.1, 0.0)], RowTally::default());
         let below = FormFactors::from_exchange_tiles(vec![1.0; 2], [tile], StorageChoice::default());
-        assert!(matches!(below, Err(MatrixError::Column { .. })));
+        assert!(matches!(below, Err(MatrixError::BelowDiagonal { .. })));
     }
 }

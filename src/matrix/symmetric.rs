@@ -112,8 +112,10 @@ pub(super) fn row_of_tiles<T: Scalar>(
             }
             let j = entry.0 as usize;
             if j < i {
-                let (row, column, n_rows) = (i, entry.0, n);
-                return Err(MatrixError::Column { row, column, n_rows });
+                return Err(MatrixError::BelowDiagonal {
+                    row: i,
+                    column: entry.0,
+                });
             }
             tiles[(j - rows.start) / SIDE].push((i, entry.0, value, std_error));
             if i < j && j < rows.end {

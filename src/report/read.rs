@@ -136,8 +136,10 @@ impl FormFactorFile {
             if let Some(error) = failure {
                 return Err(in_file(error));
             }
+            // Where they were not taken in, the rest of the file has not been read.
+            let factors = factors.map_err(|error| in_file(error.into()))?;
             rows.finish()?;
-            return factors.map_err(|error| in_file(error.into()));
+            return Ok(factors);
         }
         let upper = (0..n).step_by(UPPER_ROWS).map(|first| {
             let end = n.min(first + UPPER_ROWS);

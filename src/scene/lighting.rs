@@ -134,6 +134,14 @@ impl Lighting {
         })
     }
 
+    /// Returns the greatest reflectance that it gives to anything, 0 if none.
+    #[must_use]
+    pub fn reflectance_max(&self) -> f64 {
+        let changes = self.by_surface.values().chain(self.by_material.values());
+        let reflectances = changes.filter_map(|change| change.reflectance).flatten();
+        reflectances.fold(0.0, f64::max)
+    }
+
     /// Returns the scene as this lighting shows it: each face with a material of its own surface and old material.
     #[must_use]
     pub fn apply(&self, scene: &Scene) -> Scene {

@@ -1,5 +1,6 @@
 //! The ambient term: light that is still under way, as if it were spread evenly over its room.
 
+use super::deflation::leave_undetermined;
 use super::scaled::Scaled;
 use crate::matrix::operator::Block;
 
@@ -44,11 +45,7 @@ impl<'a> Ambient<'a> {
             }
         }
         // Closed and white, to what the storage resolves: what is left there is not a loss.
-        for c in 0..system.n_channels() {
-            for room in system.singular_components(c) {
-                lost.row_mut(room as usize)[c] = 0.0;
-            }
-        }
+        leave_undetermined(system, &mut lost);
         Self {
             scaled,
             labels: &components.labels,

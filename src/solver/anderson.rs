@@ -20,7 +20,7 @@ use crate::matrix::operator::Block;
 /// With m as large as the number of passes that is GMRES; with a smaller m it forgets step by step instead of all at once. Needs neither
 /// reciprocity nor rows. Every pass ends with the true residual, so nothing is estimated, and no check is needed.
 ///
-/// Memory: 2 m + 4 blocks \[n, c\]. Work: one application of F a pass, and about 2 (m + 1)² n c operations.
+/// Memory: 4 m + 6 blocks \[n, c\]: the differences, and while a step is found as many again. Work: one application of F a pass, and about 2 (m + 1)² n c operations.
 ///
 /// Source: Anderson, "Iterative procedures for nonlinear integral equations", J. ACM 12 (1965), section 4; Walker and Ni, "Anderson acceleration for
 /// fixed-point iterations", SIAM J. Numer. Anal. 49 (2011), equations (2.1) to (2.3).

@@ -19,7 +19,8 @@ use crate::matrix::operator::Block;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SpectrumBounds {
     /// 1 ± λ with λ ≥ max |eigenvalue of diag(ρ) F|: max_i (ρ F v)_i / v_i for a vector v > 0 (Collatz and Wielandt). v = 1 gives ρ_max times the greatest row sum and costs
-    /// nothing; only where that is 1 or more, v ← 1 + diag(ρ) F v follows, one pass each. It holds for every F ≥ 0.
+    /// nothing; only where that is 1 or more, v ← 1 + diag(ρ) F v follows, one pass each. It holds for every F ≥ 0. Where that proves
+    /// nothing below 1, λ = 1 is taken, which is no bound where row sums are above 1.
     #[default]
     Safe,
     /// 1 ± ρ_avg, ρ_avg = Σ A ρ s / Σ A (the greatest of the connected components), as in the paper. Not a bound: eigenvalues outside it slow the method down, and can make

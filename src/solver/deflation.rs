@@ -159,6 +159,7 @@ impl Deflation {
             *curvature = if resolved { curvature.recip() } else { 0.0 };
         }
         keep_channels(&mut factors, |c| sent.channels[c]);
+        leave_undetermined(system, &mut factors);
         Self {
             by_component,
             z: root.clone(),
@@ -214,11 +215,7 @@ impl EvenLight {
             *squared = if resolved { squared.sqrt().recip() } else { 0.0 };
         }
         keep_channels(&mut factors, |c| sent.channels[c]);
-        for c in 0..u.n_channels() {
-            for component in system.singular_components(c) {
-                factors.row_mut(component as usize)[c] = 0.0;
-            }
-        }
+        leave_undetermined(system, &mut factors);
         for (i, &label) in by_component.labels.iter().enumerate() {
             for (c, factor) in factors.row(label as usize).iter().enumerate() {
                 u.row_mut(i)[c] *= factor;
@@ -249,21 +246,28 @@ impl EvenLight {
     }
 }
 
+/// Sets the factors, \[components, c\], of components to 0 whose even light nothing determines.
+pub(super) fn leave_undetermined(system: &RadiositySystem, factors: &mut Block) {
+    for c in 0..factors.n_channels() {
+        for component in system.singular_components(c) {
+            factors.row_mut(component as usize)[c] = 0.0;
+        }
+    }
+}
+
 /// Returns the greatest area-weighted mean reflectance of the components that emit, of each channel.
 pub(super) fn greatest_mean_reflectances(system: &RadiositySystem) -> Vec<f64> {
     let (components, n_channels) = (system.components(), system.n_channels());
     let mut reflecting = Block::zeros(components.n_components, n_channels);
-    let mut emits = vec![false; components.n_components * n_channels];
+    let emits = system.emitting_components();
     let mut areas = vec![0.0; components.n_components];
     // A power of two, so that areas in any unit can be summed.
     let per_unit = system.area_unit().recip();
     for (i, (&label, area)) in components.labels.iter().zip(system.areas()).enumerate() {
         let room = label as usize;
         areas[room] += area * per_unit;
-        let terms = system.reflectance().row(i).iter().zip(system.exitance().row(i));
-        for (c, (sum, (rho, exitance))) in reflecting.row_mut(room).iter_mut().zip(terms).enumerate() {
+        for (sum, rho) in reflecting.row_mut(room).iter_mut().zip(system.reflectance().row(i)) {
             *sum += area * per_unit * rho;
-            emits[room * n_channels + c] |= exitance.abs() > 0.0;
         }
     }
     let mut greatest = vec![0.0_f64; n_channels];

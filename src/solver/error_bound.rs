@@ -7,26 +7,23 @@ use crate::matrix::roundings;
 /// Passes over F that may be spent on finding a vector that proves a bound.
 const MAX_PASSES: usize = 16;
 
-/// A slack below which (G v)_i may be rounding error.
-const RESOLVED_FROM: f64 = 1e-12;
-
-/// Returns a bound of ‖B − B*‖ / ‖B‖ in the norm sqrt(Σ A x²), the worst channel, or `None` if none can be proved.
+/// Returns a bound of ‖B − B*‖ / ‖B*‖ in the norm sqrt(Σ A x²), the worst channel, or `None` if none can be proved.
 ///
 /// Let G = I − diag(ρ) F with F ≥ 0, r = E − G B, and v > 0 any vector with G v > 0. Then G⁻¹ ≥ 0 (G is an M-matrix) and,
 /// because |r| ≤ m G v with m = max_j |r_j| / (G v)_j,
 ///
-/// |B − B*|_i = |G⁻¹ r|_i ≤ m v_i, so ‖B − B*‖ ≤ m ‖v‖.
+/// |B − B*|_i = |G⁻¹ r|_i ≤ m v_i, so ‖B − B*‖ ≤ m ‖v‖ = β, and relative to ‖B*‖ at most β / (‖B‖ − β).
 ///
 /// Where A_i F_ij is symmetric, diag(ρ)F has the eigenvalues of the symmetric S = diag(ρ)^½ F diag(ρ)^½, which are at most
-/// λ = max_i (ρ F v)_i / v_i (Collatz and Wielandt), ‖F‖ is at most the greatest row sum s, and
+/// λ = max_i (ρ F v)_i / v_i = 1 − min_i (G v)_i / v_i (Collatz and Wielandt), ‖F‖ is at most the greatest row sum s, and
 /// G⁻¹ r = r + diag(ρ)^½ (I − S)⁻¹ diag(ρ)^½ F r, so
 ///
 /// ‖B − B*‖ ≤ ‖r‖ (1 + ρ_max s / (1 − λ)).
 ///
 /// The smaller of the two counts. v = 1 costs nothing, as row sums are known: λ = max_i ρ_i s_i. Where that proves nothing,
 /// because some patch reflects everything, v ← 1 + diag(ρ) F v looks one reflection further, one pass over F each.
-/// To |r| is added what rounding can make of it, (max(16 n^½, n / 8) + 70) 2⁻⁵³ (|E| + |B| + ρ |H|) (see the operator of
-/// [`FormFactors`](crate::matrix::FormFactors)), so that the bound also holds where 1 − ρ is near rounding. Accuracy: rigorous but for form factors that are negative. It bounds
+/// What rounding can make of them is added to |r| and taken from G v, (max(16 n^½, n / 8) + 70) 2⁻⁵³ times |E| + |B| + ρ F |B| and v + ρ F v (see the operator of
+/// [`FormFactors`](crate::matrix::FormFactors)), so that the bound also holds where 1 − ρ is near rounding. Where B has both signs, F |B| is taken as the row sum times the greatest |B|. Accuracy: rigorous but for form factors that are negative. It bounds
 /// the error of solving, not that of the form factors.
 /// Source: Berman and Plemmons, "Nonnegative Matrices in the Mathematical Sciences", chapter 6, theorem 2.3, for the M-matrix.
 /// Departures: none.
@@ -46,21 +43,25 @@ pub(super) fn relative(scaled: &Scaled, radiosity: &Block, truth: &TrueResidual)
     let norm_v = l2(&scaled.areas, &proof.v);
     let mut worst: f64 = 0.0;
     for c in lit {
-        let (mut m, mut lambda, mut rho_max) = (0.0_f64, 0.0_f64, 0.0_f64);
+        // 1 − λ itself: what is left of it after it was taken from 1 may be rounding.
+        let (mut m, mut gap, mut rho_max) = (0.0_f64, 1.0_f64, 0.0_f64);
         for i in 0..system.n_patches() {
+            // 0 by 0, where no light gets to, counts for nothing.
             let (v, g_v) = (proof.v.row(i)[c], proof.g_v.row(i)[c]);
             m = m.max(residual.row(i)[c] / g_v);
-            lambda = lambda.max(1.0 - g_v / v);
+            gap = gap.min(g_v / v);
             rho_max = rho_max.max(system.reflectance().row(i)[c]);
         }
         let mut bound = m * norm_v[c];
         if reciprocal {
-            bound = bound.min(norm_r[c] * (1.0 + rho_max * row_sum_max / (1.0 - lambda)));
+            bound = bound.min(norm_r[c] * (1.0 + rho_max * row_sum_max / gap));
         }
-        worst = worst.max(bound / norm_b[c]);
-        if !(bound / norm_b[c]).is_finite() {
+        // ‖B*‖ ≥ ‖B‖ − ‖B − B*‖.
+        let relative = bound / (norm_b[c] - bound);
+        if !(relative.is_finite() && relative >= 0.0) {
             return None;
         }
+        worst = worst.max(relative);
     }
     Some(worst)
 }
@@ -74,8 +75,8 @@ pub(super) fn spectral_radius(scaled: &Scaled) -> (Vec<f64>, usize) {
     let (proof, n_passes) = Proof::find(scaled, &lit);
     for c in lit {
         radii[c] = proof.as_ref().map_or(1.0, |proof| {
-            let lambda = |i: usize| 1.0 - proof.g_v.row(i)[c] / proof.v.row(i)[c];
-            (0..scaled.system.n_patches()).map(lambda).fold(0.0, f64::max)
+            let gap = |i: usize| proof.g_v.row(i)[c] / proof.v.row(i)[c];
+            1.0 - (0..scaled.system.n_patches()).map(gap).fold(1.0, f64::min)
         });
     }
     (radii, n_passes)
@@ -83,19 +84,23 @@ pub(super) fn spectral_radius(scaled: &Scaled) -> (Vec<f64>, usize) {
 
 /// Returns |r| and what rounding can have taken from it.
 fn with_rounding(scaled: &Scaled, radiosity: &Block, truth: &TrueResidual) -> Block {
-    let unit = roundings(scaled.areas.len()) * 0.5 * f64::EPSILON;
-    let mut sum = scaled.exitance.clone();
-    let terms = radiosity.values().iter().zip(truth.irradiance.values());
-    let factors = scaled.system.reflectance().values().iter().zip(truth.residual.values());
-    for ((value, (b, h)), (rho, r)) in sum.values_mut().iter_mut().zip(terms).zip(factors) {
-        *value = r.abs() + unit * (value.abs() + b.abs() + rho * h.abs());
+    let unit = rounding(scaled);
+    let mut sum = scaled.sizes(radiosity, &truth.irradiance);
+    for (value, r) in sum.values_mut().iter_mut().zip(truth.residual.values()) {
+        *value = r.abs() + unit * *value;
     }
     sum
 }
 
-/// A vector v > 0 with G v > 0 in every lit channel.
+/// Returns what rounding can make of a sum of products with F, relative to the sum of their sizes.
+fn rounding(scaled: &Scaled) -> f64 {
+    roundings(scaled.areas.len()) * 0.5 * f64::EPSILON
+}
+
+/// A vector v > 0 with G v > 0 in every lit channel. In rooms without light, which do not matter to others, both are 0: a residual there is beyond all bounds.
 struct Proof {
     v: Block,
+    /// G v, at least.
     g_v: Block,
 }
 
@@ -105,7 +110,7 @@ impl Proof {
         if lit.is_empty() {
             return (None, 0);
         }
-        let system = scaled.system;
+        let (system, unit) = (scaled.system, rounding(scaled));
         let reflectances = system.reflectance().values();
         let products = |f_v: &Block| -> Vec<f64> {
             let pairs = reflectances.iter().zip(f_v.values());
@@ -113,6 +118,18 @@ impl Proof {
         };
         let mut v = scaled.zeros();
         v.values_mut().fill(1.0);
+        // A room that proves nothing, as it is white, may be one that no light gets to.
+        let brightest = |i: usize| system.reflectance().row(i).iter().copied().fold(0.0, f64::max);
+        let any_white = system
+            .row_sums()
+            .iter()
+            .enumerate()
+            .any(|(i, sum)| brightest(i) * sum >= 1.0);
+        let emits = any_white.then(|| system.emitting_components());
+        let is_lit = |i: usize, c: usize| {
+            let place = || system.components().labels[i] as usize * system.n_channels() + c;
+            emits.as_ref().is_none_or(|emits| emits[place()])
+        };
         let mut f_v = scaled.zeros();
         for (i, sum) in system.row_sums().iter().enumerate() {
             f_v.row_mut(i).fill(*sum);
@@ -120,10 +137,15 @@ impl Proof {
         for n_passes in 0..MAX_PASSES {
             let mut g_v = v.clone();
             for (g, rho_f_v) in g_v.values_mut().iter_mut().zip(products(&f_v)) {
-                *g -= rho_f_v;
+                *g = (*g - rho_f_v) - unit * (*g + rho_f_v);
             }
-            let proves = |i: usize| lit.iter().all(|&c| g_v.row(i)[c] > RESOLVED_FROM * v.row(i)[c]);
+            let proves = |i: usize| lit.iter().all(|&c| g_v.row(i)[c] > 0.0 || !is_lit(i, c));
             if (0..system.n_patches()).all(proves) {
+                for (i, c) in (0..system.n_patches()).flat_map(|i| lit.iter().map(move |&c| (i, c))) {
+                    if !is_lit(i, c) {
+                        (v.row_mut(i)[c], g_v.row_mut(i)[c]) = (0.0, 0.0);
+                    }
+                }
                 return (Some(Self { v, g_v }), n_passes);
             }
             for (next, rho_f_v) in v.values_mut().iter_mut().zip(products(&f_v)) {

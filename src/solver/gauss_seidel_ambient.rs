@@ -2,6 +2,7 @@
 
 use std::ops::ControlFlow;
 
+use super::deflation::leave_undetermined;
 use super::gauss_seidel::sweep;
 use super::iteration::{self, Estimate, Iteration};
 use super::scaled::{Scaled, TrueResidual};
@@ -18,7 +19,7 @@ use crate::matrix::operator::{Block, RowAccess};
 /// r_i = ρ_i Σ_{j>i} F_ij δ_j, so that Σ_{i∈K} A_i r_i = Σ_{j∈K} δ_j q_j with q_j = Σ_{i<j} A_i ρ_i F_ij, which is set up once, as is the denominator.
 /// The number of passes then hardly depends on ρ: for a relative residual of 1e-6 in Baranoski's room (r = 1, 992 patches) 29 at ρ = 0.9 and 37 from
 /// ρ = 0.999 on (an independent prototype; our counts are in the tests), where plain Gauss-Seidel takes 51 and more than 1500.
-/// A component whose denominator is not positive beyond rounding is left to the sweeps where it is zero (a white room), and shows an indefinite system where it is negative.
+/// A component whose denominator is not positive beyond rounding is left to the sweeps where it is zero (a white room), and shows an indefinite system where it is negative. So are components without light.
 ///
 /// Needs rows, not reciprocity. The estimate in the history is that of [`GaussSeidel`](super::GaussSeidel).
 /// Memory: 2 blocks \[n, c\] beside those of Gauss-Seidel. Work: a sweep a pass, and one pass before the first.
@@ -68,12 +69,12 @@ struct State<'a> {
     before: Block,
     /// B before the sweep.
     old: Block,
-    ambient: Option<Ambient>,
+    ambient: Option<AmbientCorrection>,
     work: f64,
 }
 
 /// What the correction needs to know of the system.
-struct Ambient {
+struct AmbientCorrection {
     /// q, \[n, c\].
     shares: Block,
     /// 1 / Σ A ρ (1 − F ρ), \[components, c\]; 0 where no correction is made.
@@ -81,7 +82,7 @@ struct Ambient {
     indefinite: bool,
 }
 
-impl Ambient {
+impl AmbientCorrection {
     fn new(scaled: &Scaled, rows: &dyn RowAccess) -> Self {
         let system = scaled.system;
         let (reflectance, components) = (system.reflectance(), system.components());
@@ -107,10 +108,12 @@ impl Ambient {
                 gross.row_mut(label)[c] += area * rho[c];
             }
         }
+        leave_undetermined(system, &mut net);
         let mut indefinite = false;
-        for (value, whole) in net.values_mut().iter_mut().zip(gross.values()) {
-            indefinite |= *value < -RESOLVED_FROM * whole;
-            *value = if *value > RESOLVED_FROM * whole {
+        let emits = system.emitting_components();
+        for ((value, whole), emits) in net.values_mut().iter_mut().zip(gross.values()).zip(emits) {
+            indefinite |= emits && *value < -RESOLVED_FROM * whole;
+            *value = if emits && *value > RESOLVED_FROM * whole {
                 value.recip()
             } else {
                 0.0
@@ -123,7 +126,7 @@ impl Ambient {
         }
     }
 
-    /// Adds the ambient light to `radiosity`, which a sweep has just changed from `old`; not in channels that may `rest`.
+    /// Adds the ambient light to `radiosity`, which a sweep has just changed from `old`.
     fn correct(&self, scaled: &Scaled, old: &Block, radiosity: &mut Block) {
         let labels = &scaled.system.components().labels;
         let mut light = Block::zeros(self.factors.n_rows(), self.factors.n_channels());
@@ -148,7 +151,9 @@ impl Iteration for State<'_> {
 
     fn pass(&mut self, _excess: &[f64]) -> Estimate {
         self.work = if self.ambient.is_some() { 1.0 } else { 2.0 };
-        let ambient = self.ambient.get_or_insert_with(|| Ambient::new(self.scaled, self.rows));
+        let ambient = self
+            .ambient
+            .get_or_insert_with(|| AmbientCorrection::new(self.scaled, self.rows));
         if ambient.indefinite {
             return Estimate::Breakdown;
         }

@@ -38,7 +38,7 @@ use crate::matrix::operator::Block;
 /// reflectance; then d is from span(u_K, P r_0, P G P r_0, ...), P the projection orthogonal to all G u_K. Even *radiosities* as directions, of which G is known from the row sums without a pass, save as much, but light black patches that emit nothing, within
 /// the tolerance.
 ///
-/// Memory: m + 1 blocks \[n, c\], and 2 for the even light. Work: one application of F a pass, and about 4 k n c operations in the k-th of a cycle.
+/// Memory: m + 4 blocks \[n, c\], and 2 for the even light. Work: one application of F a pass, and about 4 k n c operations in the k-th of a cycle.
 ///
 /// Source: Saad and Schultz, "GMRES: a generalized minimal residual algorithm for solving nonsymmetric linear systems", SIAM J. Sci. Stat. Comput. 7 (1986), algorithm 4.
 /// Departures: the inner product is weighted with the areas; the residual vector is kept. Deflation: de Sturler, "Nested Krylov methods based on GCR", J. Comput. Appl. Math. 67 (1996), with a

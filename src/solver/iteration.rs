@@ -86,10 +86,10 @@ pub(super) trait Iteration {
 ///
 /// When the running estimate meets the tolerance, the true residual is calculated with one more pass over F, and the iteration
 /// restarts from it where it does not meet the tolerance; two such checks in a row that differ by less than a factor of 2 end it as
-/// [`StopReason::Stagnated`]. Radiosities that meet the tolerance and are negative somewhere, though nothing emits less than nothing, are set to
+/// [`StopReason::Stagnated`], unless the method goes by the light under way. Radiosities that meet the tolerance and are negative somewhere, though nothing emits less than nothing, are set to
 /// 0 there; if they still meet the tolerance they are the solution, else the iteration goes on, and ends as [`StopReason::Diverged`] if it
 /// does not get far closer: B ≥ 0 with (I − diag(ρ) F) B = E ≥ 0 is what shows that the system is one of light (an M-matrix).
-/// Where the tolerance is not met, the best radiosities of each channel are returned, not the last.
+/// Where rounding decides whether the tolerance is met, the residual is calculated with twice the digits. Where the tolerance is not met, the best radiosities of each channel are returned, not the last.
 #[expect(clippy::too_many_lines, reason = "one loop, whose branches all end or continue it")]
 pub(super) fn run<I: Iteration>(
     scaled: &Scaled,
@@ -112,6 +112,7 @@ pub(super) fn run<I: Iteration>(
     let mut done = (0..n_channels).all(|c| scaled.is_dark(c));
     if I::NEEDS_RESIDUAL && !done {
         let first = iteration.first_residual(scaled);
+        let first = scaled.sharpened(tolerance, &iteration.radiosity(), first);
         n_checks += 1;
         excess = tolerance.excess(&first.norms);
         checked_before = worst(&excess);
@@ -133,7 +134,10 @@ pub(super) fn run<I: Iteration>(
         n_passes += 1;
         let mut norms = match estimate {
             Estimate::Running(norms) => norms,
-            Estimate::True(exact) => truth.insert(exact).norms.clone(),
+            Estimate::True(exact) => {
+                let exact = scaled.sharpened(tolerance, &iteration.radiosity(), exact);
+                truth.insert(exact).norms.clone()
+            }
             Estimate::Breakdown => {
                 gave_up = StopReason::Diverged;
                 break;
@@ -143,9 +147,21 @@ pub(super) fn run<I: Iteration>(
             iteration.radiosity()
         });
         let mut stagnated = false;
+        if let Some(exact) = truth.take_if(|exact| exact.is_sharp && worst(&tolerance.excess(&exact.norms)) > 1.0) {
+            // What looked like the solution was rounding.
+            let checked = worst(&tolerance.excess(&exact.norms));
+            stagnated = checked > GAIN * checked_before;
+            checked_before = checked;
+            iteration.restart(&exact, &tolerance.excess(&exact.norms));
+            n_checks += 1;
+        }
         let claims = worst(&tolerance.excess(&norms)) <= 1.0;
         if truth.is_none() && (claims || options.true_history) {
-            let check = || scaled.true_residual(&iteration.radiosity());
+            let check = || {
+                let radiosity = iteration.radiosity();
+                let truth = scaled.true_residual(&radiosity);
+                scaled.sharpened(tolerance, &radiosity, truth)
+            };
             let exact = if options.true_history {
                 recorder.off_the_clock(check)
             } else {
@@ -155,7 +171,8 @@ pub(super) fn run<I: Iteration>(
             norms = exact.norms.clone();
             let checked = worst(&tolerance.excess(&norms));
             if claims {
-                stagnated = checked > GAIN * checked_before;
+                // What goes by the light under way checks radiosities that are a reflection further than that light: the check may stay behind for long.
+                stagnated = checked > GAIN * checked_before && iteration.under_way().is_none();
                 checked_before = checked;
             }
             goes_on = recorder.note(n_passes, 0.0, &norms, false, || iteration.radiosity()) && goes_on;
@@ -167,7 +184,7 @@ pub(super) fn run<I: Iteration>(
             }
         }
         excess = tolerance.excess(&norms);
-        if !I::NEVER_RISES {
+        if !(I::NEVER_RISES && matches!(tolerance, Tolerance::ResidualL2(_))) {
             best.observe(&excess, || iteration.radiosity());
         }
         if worst(&excess) <= 1.0 {
@@ -186,8 +203,13 @@ pub(super) fn run<I: Iteration>(
                         break;
                     }
                     rejected_before = rejected;
-                    // Channels that meet the tolerance would rest.
+                    // Channels that meet the tolerance would rest, and those that rested have nothing to go on with.
                     excess.fill(f64::INFINITY);
+                    let exact = truth.take().unwrap_or_else(|| {
+                        n_checks += 1;
+                        scaled.true_residual(&iteration.radiosity())
+                    });
+                    iteration.restart(&exact, &excess);
                     continue;
                 }
             }
@@ -211,6 +233,7 @@ pub(super) fn run<I: Iteration>(
             finish(scaled, tolerance, best, iteration.radiosity(), truth, &mut n_checks)
         }
     };
+    let truth = scaled.sharpened(tolerance, &radiosity, truth);
     if recorder.lacks(&truth.norms) {
         recorder.note(n_passes, 0.0, &truth.norms, false, || radiosity.clone());
     }
@@ -243,6 +266,7 @@ fn mend(scaled: &Scaled, tolerance: Tolerance, mut radiosity: Block, n_checks: &
         *b = b.max(0.0);
     }
     let truth = scaled.true_residual(&radiosity);
+    let truth = scaled.sharpened(tolerance, &radiosity, truth);
     *n_checks += 1;
     if worst(&tolerance.excess(&truth.norms)) <= 1.0 {
         Mended::Done(radiosity, truth)

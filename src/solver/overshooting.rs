@@ -187,8 +187,8 @@ impl Iteration for State<'_> {
         self.light.radiosity()
     }
 
-    fn restart(&mut self, truth: &TrueResidual, _excess: &[f64]) {
-        self.light.restart(truth);
+    fn restart(&mut self, truth: &TrueResidual, excess: &[f64]) {
+        self.light.restart(truth, excess);
         self.n_steps = 0;
     }
 

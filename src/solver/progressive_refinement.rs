@@ -27,8 +27,9 @@ use crate::matrix::operator::Block;
 /// between passes whether to go on. The patience of
 /// [`SolveOptions::patience`] is in n steps always, and counts those in which the unshot power Σ A |ΔB| has not fallen: each step uses some of it up, while the
 /// residual's norm may rise for long, as power goes from large patches to small ones. A single channel with the tolerance
-/// [`Tolerance::ResidualMaxPower`] stops at the very step that meets it, other tolerances are looked at after each pass. ΔB, kept up from step
-/// to step, is the estimate in the history: it is the residual of B̂, while B is one reflection further. [`Start::Zero`] is the same as
+/// [`Tolerance::ResidualMaxPower`] stops at the very step after which ΔB meets it, other tolerances are looked at after each pass. ΔB, kept up from step
+/// to step, is the estimate in the history: it is the residual of B̂, while B is one reflection further. Where patches differ much in size B may not meet the tolerance
+/// then, as a large one collects what many small ones have left: the steps go on, to a ΔB as much smaller. [`Start::Zero`] is the same as
 /// [`Start::Exitance`]: B̂ = 0 and ΔB = E.
 ///
 /// [`Solution::display`] is B_i + ρ_i Ambient, with Ambient the even irradiance that the unshot light ends as: it emits, absorbs and lets out as much power
@@ -36,7 +37,7 @@ use crate::matrix::operator::Block;
 ///
 /// Converges where all ρ_i Σ_j F_ij < 1: every step takes power out of ΔB. It slows down like 1 / (1 − ρ).
 ///
-/// Memory: 3 vectors and the tree. Work: n steps read as much of F as one application.
+/// Memory: 3 vectors and the tree. Work: n steps read as much of F as one application. From a disk each step reads a band of 64 rows, up to 64 times as much.
 /// Source: Baranoski, Bramley and Shirley 1995, section 1.2 and equation (9). Departures: F_ii ≠ 0 is allowed; the display estimate adds the ambient
 /// term times ρ_i, by connected component, and counts openings.
 #[derive(Clone, Copy, Debug, Default)]
@@ -114,9 +115,10 @@ impl<'a> Light<'a> {
                 (shot, unshot)
             }
         };
-        let unit = scaled.system.area_unit() * scaled.system.exitance_units()[0];
         let enough = match options.tolerance {
-            Tolerance::ResidualMaxPower(power) if scaled.system.n_channels() == 1 => Some(power / unit),
+            Tolerance::ResidualMaxPower(power) if scaled.system.n_channels() == 1 => {
+                Some(power / scaled.system.area_unit() / scaled.system.exitance_units()[0])
+            }
             _ => None,
         };
         Self {
@@ -179,10 +181,15 @@ impl<'a> Light<'a> {
         radiosity
     }
 
-    /// Begins anew from B, the radiosities that `truth` is of: they count as shot, and their residual as unshot.
-    pub(super) fn restart(&mut self, truth: &TrueResidual) {
+    /// Begins anew from B, the radiosities that `truth` is of: they count as shot, and their residual, `excess` times what the tolerance allows, as unshot.
+    pub(super) fn restart(&mut self, truth: &TrueResidual, excess: &[f64]) {
         self.shot = self.radiosity();
         self.unshot.clone_from(&truth.residual);
+        if let Some(enough) = &mut self.enough
+            && excess[0].is_finite()
+        {
+            *enough /= excess[0].max(1.0);
+        }
     }
 
     /// Returns B_i + ρ_i Ambient.
@@ -240,8 +247,8 @@ impl Iteration for Shooting<'_> {
         self.light.radiosity()
     }
 
-    fn restart(&mut self, truth: &TrueResidual, _excess: &[f64]) {
-        self.light.restart(truth);
+    fn restart(&mut self, truth: &TrueResidual, excess: &[f64]) {
+        self.light.restart(truth, excess);
         for i in 0..self.light.unshot.n_rows() {
             self.powers.set(i, self.light.power(i));
         }

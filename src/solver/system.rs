@@ -3,6 +3,7 @@
 use std::sync::OnceLock;
 
 use super::SolverError;
+use crate::matrix::connected;
 use crate::matrix::operator::{Block, Components, LinearOperator};
 
 /// The radiosity system (I − diag(ρ) F) B = E of n patches in c channels.
@@ -175,10 +176,16 @@ impl<'a> RadiositySystem<'a> {
         self.exitance.n_channels()
     }
 
-    /// Returns the sets of patches that exchange light, found on the first call; a single one where the operator does not tell.
+    /// Returns the sets of patches that exchange light, found on the first call; a single one where the operator does not tell, unless some patch reflects everything: then it matters
+    /// whether others that do not are in the same room, and the rows of the operator are gone through.
     pub fn components(&self) -> &Components {
         self.components.get_or_init(|| {
-            let found = self.operator.components();
+            let is_white = || self.reflectance.values().iter().any(|rho| *rho >= 1.0);
+            let by_rows = || {
+                let rows = self.operator.rows().filter(|_| is_white())?;
+                Some(connected(self.operator, rows))
+            };
+            let found = self.operator.components().or_else(by_rows);
             found.unwrap_or_else(|| Components::single(self.n_patches()))
         })
     }
@@ -202,6 +209,20 @@ impl<'a> RadiositySystem<'a> {
     /// Returns the components whose mean radiosity nothing determines in a channel, as they are closed and white: solutions have a mean of zero there.
     pub fn singular_components(&self, channel: usize) -> impl Iterator<Item = u32> {
         self.singular.get(channel).into_iter().flatten().copied()
+    }
+
+    /// Tells for each component whether any patch of it emits, channel by channel: component k and channel c are at place k n_channels + c.
+    pub(super) fn emitting_components(&self) -> Vec<bool> {
+        let Components { labels, n_components } = self.components();
+        let n_channels = self.n_channels();
+        let mut emits = vec![false; n_components * n_channels];
+        for (i, &label) in labels.iter().enumerate() {
+            let own = &mut emits[label as usize * n_channels..][..n_channels];
+            for (emits, exitance) in own.iter_mut().zip(self.exitance.row(i)) {
+                *emits |= exitance.abs() > 0.0;
+            }
+        }
+        emits
     }
 
     /// Finds the enclosures that cannot lose light; refuses those that gain any.

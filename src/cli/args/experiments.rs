@@ -88,7 +88,7 @@ pub struct ReproduceArgs {
     /// Runs of every stochastic method of `baranoski`, each with a seed of its own [default: 100]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(30..=10000))]
     pub seeds: Option<u64>,
-    /// The first seed of `baranoski` [default: 0]
+    /// The first seed of `baranoski`, the seed of `stability` [default: 0]
     #[arg(long, value_name = "S")]
     pub seed: Option<u64>,
     /// The finest level: of table 2 of `lewis`; 6 (24576 patches) takes 4 GB and a minute or two [default: 5]; of `malgouyres`, 10 · 2^L voxels, of `pictures`, 24 · 2^L pixels, L up to 4 [default: 2]

@@ -16,6 +16,11 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
     if args.tables.is_some() {
         return Err(Failure::usage("--tables has no use with `stability`; leave it out"));
     }
+    if args.level.is_some() || args.seeds.is_some() {
+        return Err(Failure::usage(
+            "--level and --seeds have no use with `stability`, whose cases are what they are; leave them out",
+        ));
+    }
     let mut reproduction = Reproduction::new(args)?;
     let run = &mut reproduction.run;
     let seed = args.seed.unwrap_or(0);

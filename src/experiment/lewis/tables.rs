@@ -18,6 +18,7 @@ use super::printed::{
 };
 use super::{LEVEL_MAX, TOLERANCE};
 use crate::experiment::ExperimentError;
+use crate::experiment::statistics::Spread;
 use crate::matrix::{FormFactors, Precision};
 use crate::mesh::Prolongation;
 use crate::progress::Progress;
@@ -304,15 +305,10 @@ fn solver_line(level: u32, rounds: usize) -> Result<SolverLine, ExperimentError>
         expected_multiply_adds: expected.map(|line| line.multiply_adds),
         printed_times_s: printed.and_then(|line| line.times_s),
         printed_ratio: printed.and_then(|line| line.ratio),
-        times_s: times.map(median),
-        setup_s: median(setup),
+        times_s: times.map(|times| Spread::of(&times).median),
+        setup_s: Spread::of(&setup).median,
         setup_work: multigrid.setup_work,
     })
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
 fn check_line(checks: &mut Vec<Check>, line: &SolverLine) {

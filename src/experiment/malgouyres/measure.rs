@@ -1,8 +1,7 @@
 //! The rooms, their reference solutions, and the distance of other solutions from these.
 
-use std::ops::ControlFlow;
-
 use crate::experiment::ExperimentError;
+use crate::experiment::solved::solved;
 use crate::form_factor::{FormFactorMethod, Input};
 use crate::matrix::StorageChoice;
 use crate::matrix::operator::Block;
@@ -10,7 +9,7 @@ use crate::mesh::hierarchy::Coarsening;
 use crate::mesh::{Hierarchy, Mesh, Subdivision};
 use crate::progress::Progress;
 use crate::scene::{Material, Scene};
-use crate::solver::{Auto, RadiositySystem, SolveOptions, Solver as _, Tolerance};
+use crate::solver::{RadiositySystem, Tolerance};
 use crate::visibility::embree::EmbreeVisibility;
 
 /// Steps from sampling points to measuring patches: 2³ points along an edge.
@@ -133,11 +132,7 @@ impl PatchReference {
             of_patches(|m| m.reflectance),
             of_patches(|m| m.exitance),
         )?;
-        let options = SolveOptions {
-            tolerance: Tolerance::ResidualL2(1e-8),
-            ..SolveOptions::default()
-        };
-        let solution = Auto::default().solve(&system, &options, &mut |_| ControlFlow::Continue(()))?;
+        let solution = solved(&system, "auto", Tolerance::ResidualL2(1e-8))?;
         Ok(solution.irradiance)
     }
 

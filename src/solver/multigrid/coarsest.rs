@@ -9,32 +9,49 @@ use crate::solver::lu::Lu;
 /// 1e-8 is still solved for to 1e-6 of itself.
 const SHIFT: f64 = 1e-14;
 
-/// I − K of one channel, factored.
-pub(super) struct Factored(Lu);
+/// I − K of one channel, ready to be solved.
+pub(super) enum Factored {
+    /// Of patches that do not exchange light, such as the sets of patches that do: there may be as many as there are patches.
+    Diagonal(Vec<f64>),
+    /// Of all others.
+    Full(Lu),
+}
 
 impl Factored {
-    /// One thread does it all: there are few patches.
+    /// One thread does it all: there are few patches that exchange light.
     pub(super) fn new(matrix: &Matrix, channel: usize) -> Self {
         let n = matrix.n_rows();
-        let system = Mat::from_fn(n, n, |i, j| {
+        let entry = |i: usize, j: usize| {
             let identity = if i == j { 1.0 + SHIFT } else { 0.0 };
             identity - matrix.at(i, j, channel)
-        });
-        Self(Lu::new(system, Par::Seq))
+        };
+        if matrix.is_diagonal() {
+            return Self::Diagonal((0..n).map(|i| entry(i, i)).collect());
+        }
+        Self::Full(Lu::new(Mat::from_fn(n, n, entry), Par::Seq))
     }
 
     /// Replaces f by (I − K)⁻¹ f.
     pub(super) fn solve(&self, f: &mut [f64]) {
-        self.0.solve_vector(f);
+        match self {
+            Self::Diagonal(diagonal) => f.iter_mut().zip(diagonal).for_each(|(f, d)| *f /= d),
+            Self::Full(lu) => lu.solve_vector(f),
+        }
     }
 
     /// Returns the multiplications of one solve.
     pub(super) fn multiply_adds(&self) -> f64 {
-        (self.0.n() as f64).powi(2)
+        match self {
+            Self::Diagonal(diagonal) => diagonal.len() as f64,
+            Self::Full(lu) => (lu.n() as f64).powi(2),
+        }
     }
 
     /// Returns the multiplications of the factorisation, n³ / 3.
     pub(super) fn setup_multiply_adds(&self) -> f64 {
-        (self.0.n() as f64).powi(3) / 3.0
+        match self {
+            Self::Diagonal(_) => 0.0,
+            Self::Full(lu) => (lu.n() as f64).powi(3) / 3.0,
+        }
     }
 }

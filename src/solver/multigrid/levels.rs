@@ -5,6 +5,7 @@
     reason = "inner scopes reuse the letters of the formulas and the names of what they look at"
 )]
 
+use super::COARSEST_MAX;
 use super::coarsest::Factored;
 use super::matrices::{Matrix, Restricted, Swept, Wanted};
 use super::{CoarseMatrices, Coarsest, Defect, Multigrid};
@@ -20,6 +21,9 @@ struct Level {
     /// R K or R U, \[m', m\].
     restricted: Matrix,
 }
+
+/// Sweeps on a coarsest level that has too many patches for a direct solution: as many as Lewis makes.
+const SWEEPS_OF_MANY: usize = 20;
 
 enum Bottom {
     /// One for each channel.
@@ -99,8 +103,12 @@ impl<'a> Levels<'a> {
         let matrix = bottom.expect("a hierarchy has at least one step here");
         let n_channels = reflectance.n_channels();
         let bottom = match settings.coarsest {
-            Coarsest::Direct => Bottom::Direct((0..n_channels).map(|c| Factored::new(&matrix, c)).collect()),
             Coarsest::Sweeps(n_sweeps) => Bottom::Sweeps(matrix, n_sweeps),
+            // Unions of the level above that span several sets of patches can leave more than a direct solution is worth.
+            Coarsest::Direct if matrix.n_rows() > COARSEST_MAX && wanted.merged && !matrix.is_diagonal() => {
+                Bottom::Sweeps(matrix, SWEEPS_OF_MANY)
+            }
+            Coarsest::Direct => Bottom::Direct((0..n_channels).map(|c| Factored::new(&matrix, c)).collect()),
         };
         if let Bottom::Direct(channels) = &bottom {
             total += channels.iter().map(Factored::setup_multiply_adds).sum::<f64>();

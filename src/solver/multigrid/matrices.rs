@@ -257,6 +257,18 @@ impl Matrix {
         &self.rows[self.slot(i, c).row as usize]
     }
 
+    /// Tells whether nothing is off the diagonal.
+    pub(super) fn is_diagonal(&self) -> bool {
+        let mut slots = self.slots.iter().enumerate();
+        slots.all(|(k, slot)| {
+            let mut is_diagonal = true;
+            self.rows[slot.row as usize].for_each(|j, value| {
+                is_diagonal &= j == k / self.n_channels || value.abs() <= 0.0;
+            });
+            is_diagonal
+        })
+    }
+
     /// Returns K_ij in channel c.
     pub(super) fn at(&self, i: usize, j: usize, c: usize) -> f64 {
         self.slot(i, c).factor * self.row(i, c).at(j)

@@ -68,7 +68,7 @@ const COARSEST_MAX: usize = 1024;
 ///
 /// where v comes from two recursive calls: the first begins at 0 and does not smooth, the second goes on from its result (a W-cycle). What d needs of R K on all levels
 /// is calculated beforehand: with d from what the sweep has changed ([`Defect`]) it costs a tenth of a pass, from the radiosities a quarter. Radiosities that end below 0 are set to 0, which brings them
-/// nearer to the solution.
+/// nearer to the solution, unless exitances are negative too.
 ///
 /// The number of cycles does not depend on the number of patches, and with a direct solution of the coarsest level hardly on ρ.
 ///
@@ -261,7 +261,7 @@ impl Iteration for Cycles<'_> {
                 if *corrects {
                     // Not `max`, which would hide what is not a number.
                     *b -= correction;
-                    if *b < 0.0 {
+                    if *b < 0.0 && !self.scaled.system.is_signed() {
                         *b = 0.0;
                     }
                 }
@@ -312,17 +312,12 @@ fn swept(new: &Block, old: Block, met: &Block) -> Vec<Swept> {
 
 /// Returns 1 for every patch to which light can get in a channel, else 0.
 fn lit_patches(scaled: &Scaled) -> Vec<Vec<f64>> {
-    let components = scaled.system.components();
-    let of_channel = |exitance: Vec<f64>| -> Vec<f64> {
-        let mut lit = vec![0.0; components.n_components];
-        for (&label, e) in components.labels.iter().zip(exitance) {
-            if e > 0.0 {
-                lit[label as usize] = 1.0;
-            }
-        }
-        components.labels.iter().map(|&label| lit[label as usize]).collect()
-    };
-    channels(&scaled.exitance).into_iter().map(of_channel).collect()
+    let (system, emits) = (scaled.system, scaled.system.emitting_components());
+    let n_channels = system.n_channels();
+    let labels = &system.components().labels;
+    let lit = |c: usize, label: u32| f64::from(emits[label as usize * n_channels + c]);
+    let of_channel = |c: usize| labels.iter().map(|&label| lit(c, label)).collect();
+    (0..n_channels).map(of_channel).collect()
 }
 
 /// Returns the channels of a block one after the other.

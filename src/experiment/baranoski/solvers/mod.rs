@@ -57,6 +57,7 @@ use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 
 use super::super::ExperimentError;
+use super::super::solved::solved;
 use crate::matrix::operator::Block;
 use crate::progress::Progress;
 use crate::solver::{
@@ -157,15 +158,7 @@ pub fn table_2(progress: &dyn Progress) -> Result<Vec<CaseResult>, ExperimentErr
 fn run_case(case: &Case, model: &Model, progress: &dyn Progress) -> Result<CaseResult, ExperimentError> {
     let reflectance = model.reflectance(case.rho_avg);
     let system = model.system(&reflectance)?;
-    let options = SolveOptions {
-        tolerance: Tolerance::ResidualMax(REFERENCE_TOLERANCE),
-        max_passes: 10_000,
-        ..SolveOptions::default()
-    };
-    let go_on = &mut |_: &HistoryEntry| ControlFlow::Continue(());
-    let reference = solver("gauss-seidel", &SolverSettings::default())?
-        .solve(&system, &options, go_on)?
-        .radiosity;
+    let reference = solved(&system, "gauss-seidel", Tolerance::ResidualMax(REFERENCE_TOLERANCE))?.radiosity;
     let mut runs = Vec::new();
     for method in &METHODS {
         runs.push(run_method(method, case, &system, &reference)?);

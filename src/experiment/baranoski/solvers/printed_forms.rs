@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use super::{Case, TOLERANCE};
 use crate::experiment::ExperimentError;
+use crate::experiment::solved::solved;
 use crate::matrix::FormFactors;
 use crate::matrix::operator::{Block, LinearOperator};
 
@@ -161,7 +162,7 @@ pub(super) fn run(
 }
 
 fn solve(system: &System) -> Result<Vec<f64>, ExperimentError> {
-    use crate::solver::{RadiositySystem, SolveOptions, SolverSettings, Tolerance, solver};
+    use crate::solver::{RadiositySystem, Tolerance};
     let block = |values: &[f64]| Block::from_values(values.to_vec(), 1);
     let whole = RadiositySystem::new(
         system.factors,
@@ -169,12 +170,7 @@ fn solve(system: &System) -> Result<Vec<f64>, ExperimentError> {
         block(system.rho),
         block(system.e),
     )?;
-    let options = SolveOptions {
-        tolerance: Tolerance::ResidualL2(1e-12),
-        ..SolveOptions::default()
-    };
-    let go_on = &mut |_: &crate::solver::HistoryEntry| std::ops::ControlFlow::Continue(());
-    let solution = solver("pcg", &SolverSettings::default())?.solve(&whole, &options, go_on)?;
+    let solution = solved(&whole, "pcg", Tolerance::ResidualL2(1e-12))?;
     Ok(solution.radiosity.values().to_vec())
 }
 
