@@ -298,6 +298,16 @@ fn what_contradicts_itself_is_refused() {
         }),
         "checksum",
     );
+    let error = full.refused("F.npy", |b| put(b, 24 * 3 + 5, -0.25));
+    let source = MatrixError::Negative {
+        row: 3,
+        column: 5,
+        value: -0.25,
+    };
+    assert!(
+        matches!(&error, ReportError::Matrix { source: found, .. } if *found == source),
+        "{error}"
+    );
     let error = full.refused("F.npy", |b| put(b, 24 * 3 + 5, f64::NAN));
     let source = MatrixError::Value { row: 3, column: 5 };
     assert!(

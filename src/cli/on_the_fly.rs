@@ -1,6 +1,6 @@
 //! `--on-the-fly`: form factors that are computed again in every pass.
 
-use super::args::{MethodArgs, SolverArgs};
+use super::args::{MethodArgs, PrecisionName, SolverArgs, StorageName};
 use super::failure::Failure;
 use super::pipeline::{Fineness, Prepared, Run};
 use super::render::indirect_irradiance;
@@ -30,6 +30,12 @@ pub(super) fn solve(
             "`{}` needs form factors that are balanced, and so stored: leave --on-the-fly out, or take `gmres`",
             request.solver.solver
         )));
+    }
+    let kept = &run.storage.args.memory;
+    if kept.storage != StorageName::Auto || kept.precision != PrecisionName::Auto {
+        return Err(Failure::usage(
+            "--storage and --precision are for form factors that are stored: leave them out, or --on-the-fly",
+        ));
     }
     let method = run.method(request.method, request.fineness)?.method;
     run.set("on_the_fly", true);

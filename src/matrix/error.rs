@@ -69,6 +69,16 @@ pub enum MatrixError {
         /// The column.
         column: u32,
     },
+    /// A form factor below 0, in a file: a method's own rounding is not refused.
+    #[error("the form factor from patch {row} to patch {column} is {value:e}; a form factor is at least 0")]
+    Negative {
+        /// The row.
+        row: usize,
+        /// The column.
+        column: u32,
+        /// The form factor.
+        value: f64,
+    },
     /// A target of a row sum that is negative, infinite or not a number.
     #[error("the row sum asked for at patch {row} is {target}; it must be finite and not negative")]
     Target {

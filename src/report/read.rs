@@ -416,6 +416,10 @@ impl Rows {
                     .map_or(k, |&j| usize::try_from(j).unwrap_or(usize::MAX));
                 if keep(i, column) {
                     let column = u32::try_from(column).unwrap_or(u32::MAX);
+                    let value = self.buffer[0][k];
+                    if value < 0.0 {
+                        return Err(MatrixError::Negative { row: i, column, value }.into());
+                    }
                     entries.push((column, self.buffer[0][k], self.buffer[1][k]));
                 }
             }
