@@ -37,7 +37,7 @@ mod start;
 mod stop;
 mod system;
 mod tournament;
-mod twofold;
+pub(crate) mod twofold;
 mod vectors;
 
 pub use crate::matrix::operator;

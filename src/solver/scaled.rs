@@ -170,8 +170,7 @@ impl<'a> Scaled<'a> {
             });
             let of_channel = |(c, h): (usize, &Twofold)| {
                 let mut r = Twofold::default();
-                r.add_product(self.system.reflectance().row(i)[c], h.high);
-                r.add_product(self.system.reflectance().row(i)[c], h.low);
+                r.add_multiple(self.system.reflectance().row(i)[c], h);
                 r.add(self.exitance.row(i)[c]);
                 r.add(-radiosity.row(i)[c]);
                 (r.value(), h.value())

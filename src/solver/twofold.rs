@@ -5,14 +5,14 @@
 /// Source: Ogita, Rump and Oishi, "Accurate sum and dot product", SIAM J. Sci. Comput. 26 (2005), algorithms 3.1 (TwoSum), 3.3 (TwoProduct, here with a fused multiply-add) and 5.3 (Dot2).
 /// Departures: none. Accuracy: 2⁻⁵³ relative, and n² 2⁻¹⁰⁶ of the sum of the sizes of n terms.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Twofold {
-    pub(super) high: f64,
-    pub(super) low: f64,
+pub(crate) struct Twofold {
+    high: f64,
+    low: f64,
 }
 
 impl Twofold {
     /// Adds a number.
-    pub(super) fn add(&mut self, x: f64) {
+    pub(crate) fn add(&mut self, x: f64) {
         let sum = self.high + x;
         let part = sum - self.high;
         self.low += (self.high - (sum - part)) + (x - part);
@@ -20,14 +20,20 @@ impl Twofold {
     }
 
     /// Adds a product.
-    pub(super) fn add_product(&mut self, a: f64, b: f64) {
+    pub(crate) fn add_product(&mut self, a: f64, b: f64) {
         let product = a * b;
         self.low += a.mul_add(b, -product);
         self.add(product);
     }
 
+    /// Adds a multiple of another sum.
+    pub(crate) fn add_multiple(&mut self, a: f64, of: &Self) {
+        self.add_product(a, of.high);
+        self.add_product(a, of.low);
+    }
+
     /// Returns the sum.
-    pub(super) fn value(&self) -> f64 {
+    pub(crate) fn value(&self) -> f64 {
         self.high + self.low
     }
 }

@@ -27,6 +27,7 @@ use super::ExperimentError;
 use crate::matrix::operator::Block;
 use crate::progress::Progress;
 use crate::solver::registry::{SOLVERS, SolverEntry};
+use crate::solver::twofold::Twofold;
 use crate::solver::{RadiositySystem, Solution, SolveOptions, SolverError, SolverSettings, StopReason, Tolerance};
 use cases::{Case, Expected};
 use oracle::Oracle;
@@ -248,13 +249,9 @@ fn lie(case: &Case, system: &RadiositySystem, oracle: &Oracle, solution: &Soluti
     if !case.signed && b.iter().any(|b| *b < 0.0) {
         return Some("a radiosity is negative".to_owned());
     }
-    let mut irradiance = Block::zeros(system.n_patches(), system.n_channels());
-    system.operator().apply(&solution.radiosity, &mut irradiance);
     for c in 0..system.n_channels() {
-        let residual = |i: usize| {
-            let (rho, e) = (system.reflectance().row(i)[c], system.exitance().row(i)[c]);
-            e + rho * irradiance.row(i)[c] - solution.radiosity.row(i)[c]
-        };
+        let residuals = residuals(system, &solution.radiosity, c);
+        let residual = |i: usize| residuals[i];
         let l2 = |value: &dyn Fn(usize) -> f64| -> f64 {
             // The greatest value is taken out first: its square may not be a number.
             let max = (0..b.len() / system.n_channels())
@@ -300,6 +297,21 @@ fn lie(case: &Case, system: &RadiositySystem, oracle: &Oracle, solution: &Soluti
         }
     }
     None
+}
+
+/// Returns E − B + ρ F B of one channel, with twice the digits: in f64 it may be 0 for no better reason than rounding.
+fn residuals(system: &RadiositySystem, radiosity: &Block, c: usize) -> Vec<f64> {
+    let rows = system.operator().rows().expect("all cases have rows");
+    let of_row = |i: usize| {
+        let mut irradiance = Twofold::default();
+        rows.visit_row(i, &mut |j, f| irradiance.add_product(f, radiosity.row(j)[c]));
+        let mut residual = Twofold::default();
+        residual.add_multiple(system.reflectance().row(i)[c], &irradiance);
+        residual.add(system.exitance().row(i)[c]);
+        residual.add(-radiosity.row(i)[c]);
+        residual.value()
+    };
+    (0..system.n_patches()).map(of_row).collect()
 }
 
 /// What rounding in a pass over a few hundred patches amounts to, relative.
