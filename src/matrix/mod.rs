@@ -466,19 +466,20 @@ const ROWS_PER_TASK: usize = 16;
 ///
 /// | matrix | one thread: read / pass | three channels / one | two threads: read / pass | three channels / one |
 /// |---|---|---|---|---|
-/// | dense, rows | 1.05 to 1.08 | 1.07 to 1.08 | 1.13 to 1.20 | 1.08 to 1.11 |
-/// | dense, symmetric (half the bytes) | 1.10 to 1.21 | 1.30 to 1.32 | 1.39 to 1.50 | 1.53 to 1.78 |
-/// | sparse, rows, in runs | 1.33 to 1.49 | 1.33 to 1.42 | 1.56 to 1.71 | 1.40 to 1.55 |
-/// | sparse, rows, at random | 0.58 to 0.71 | 1.00 to 1.10 | 0.80 to 0.94 | 1.19 to 1.31 |
-/// | sparse, symmetric (0.27 of the bytes of rows), in runs | 0.52 to 0.60 | 1.57 to 1.58 | 0.42 to 0.61 | 1.75 to 1.84 |
-/// | sparse, symmetric, at random | 0.37 to 0.43 | 1.57 to 1.64 | 0.28 to 0.31 | 1.69 to 1.76 |
+/// | dense, rows | 1.05 to 1.07 | 1.06 | 1.05 to 1.17 | 1.05 to 1.07 |
+/// | dense, symmetric (half the bytes) | 1.10 to 1.21 | 1.24 to 1.31 | 1.48 to 1.50 | 1.45 to 1.52 |
+/// | sparse, rows, in runs | 1.35 to 1.44 | 1.36 to 1.51 | 1.13 to 1.18 | 1.43 to 1.62 |
+/// | sparse, rows, at random | 0.61 to 0.73 | 0.98 to 1.06 | 0.85 to 0.96 | 1.19 to 1.22 |
+/// | sparse, symmetric (half of the bytes of rows in runs, 0.29 of those at random), in runs | 0.58 | 1.63 to 2.20 | 0.49 to 0.56 | 1.68 to 1.83 |
+/// | sparse, symmetric, at random | 0.43 to 0.46 | 1.62 to 1.69 | 0.29 to 0.34 | 1.72 to 1.75 |
 /// | dense, symmetric, on a disk (in the system's cache) | 0.28 to 0.30 | 1.16 to 1.18 | 0.29 to 0.30 | 1.18 to 1.20 |
 ///
-/// Passes are faster than the read where they ask for memory before they need it, which the read leaves to the processor. So a dense symmetric pass takes 0.44 to 0.48 of the time of one over all
-/// rows on one thread, and 0.40 to 0.48 on two. Where three channels take more than 1.3 of one, they take at most 1.25 of the time of a read of as many bytes, but for sparse symmetric matrices: one channel is bound by
-/// memory, three by the multiplications. Sparse symmetric matrices are so small, 4.3 to 4.6 bytes an entry, that the instructions bound even one channel: sixteen places beside one another take the same
-/// ones, some six cycles, whether one of them has an entry or all. That is 0.34 ns an entry in runs and 0.73 to 0.79 at random on one thread, 0.18 to 0.23 and 0.37 to 0.39 on two; by rows, where every
-/// entry is stored twice, 0.36 to 0.40 and 0.78 to 0.92, 0.16 to 0.18 and 0.30 to 0.37 for each of the two.
+/// Passes are faster than the read where they ask for memory before they need it, which the read leaves to the processor. So a dense symmetric pass takes 0.43 to 0.49 of the time of one over all
+/// rows on one thread, and 0.38 to 0.39 on two. Where three channels take more than 1.3 of one, one channel is bound by memory and three by the multiplications; they take at most 1.4 of the time of a read of as many bytes,
+/// but for sparse symmetric matrices. These are so small, 4.3 to 4.6 bytes an entry, that the instructions bound even one channel: sixteen places beside one another take the same
+/// ones, some six cycles, whether one of them has an entry or all. That is 0.31 to 0.32 ns an entry in runs and 0.69 to 0.75 at random on one thread, 0.18 and 0.38 on two; by rows, where every
+/// entry is stored twice, 0.21 to 0.23 and 0.82 to 0.95, 0.10 to 0.11 and 0.32 to 0.36 for each of the two. Rows in runs are stored as such blocks of sixteen columns too, 4.5 bytes an entry; as lists of 8 bytes an entry they took 1.6 times as long, three channels 1.5 times, and
+/// sweeps by rows 4 times.
 impl LinearOperator for FormFactors {
     fn n_rows(&self) -> usize {
         self.areas.len()
