@@ -1,6 +1,7 @@
 //! Scenes from OBJ and MTL files: what is read, what is doubted, what is refused.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
@@ -218,6 +219,46 @@ fn a_bent_quad_becomes_two_triangles_with_one_line() {
     let scene = valid("bent.obj").scene;
     assert_eq!(face_owners(&scene), [("face1", 7), ("face1", 7)]);
     assert!(scene.faces.iter().all(|f| matches!(f.corners, Corners::Triangle(_))));
+}
+
+#[test]
+fn faces_that_touch_in_one_plane_are_legal() {
+    let scene = valid("touching.obj").scene;
+    assert_eq!(scene.faces.len(), 4);
+}
+
+/// A square of 316 × 316 tiles, all in one plane: no two overlap, and one more that does is found.
+#[test]
+fn overlaps_are_found_among_many_faces() {
+    let directory = tempfile::tempdir().unwrap();
+    let file = directory.path().join("tiles.obj");
+    let n = 316_usize;
+    let mut text: String = (0..=n)
+        .flat_map(|y| (0..=n).map(move |x| format!("v {x} {y} 0\n")))
+        .collect();
+    for y in 0..n {
+        for x in 0..n {
+            let at = |dx: usize, dy: usize| (y + dy) * (n + 1) + x + dx + 1;
+            let [a, b, c, d] = [at(0, 0), at(1, 0), at(1, 1), at(0, 1)];
+            writeln!(text, "f {a} {b} {c} {d}").unwrap();
+        }
+    }
+    std::fs::write(&file, &text).unwrap();
+    assert_eq!(load(&file).unwrap().scene.faces.len(), n * n);
+    text += "v 100.2 200.3 0\nv 100.9 200.3 0\nv 100.2 200.9 0\nf -3 -2 -1\n";
+    std::fs::write(&file, &text).unwrap();
+    let error = load(&file).unwrap_err();
+    let first_line = (n + 1) * (n + 1) + 200 * n + 100 + 1;
+    assert_eq!(
+        (error.kind(), error.line()),
+        ("overlapping_faces", u32::try_from(text.lines().count()).ok())
+    );
+    assert!(
+        error
+            .to_string()
+            .contains(&format!("the one of line {first_line} in one plane")),
+        "{error}"
+    );
 }
 
 #[test]

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
+use super::overlap;
 use super::split::{Outline, split};
 use super::{Corners, Face, MAX_CORNERS, MAX_FACES, Material, MaterialId, Scene, SceneError, Surface, SurfaceId};
 
@@ -99,10 +100,16 @@ impl Builder {
     }
 
     /// Ends the scene: surfaces and materials without faces are dropped, materials take the order of their first use.
+    ///
+    /// # Errors
+    /// No face, or faces of one winding that overlap in one plane.
     pub(super) fn finish(self) -> Result<Scene, SceneError> {
-        let mut scene = self.scene;
+        let Self { file, mut scene, .. } = self;
         if scene.faces.is_empty() {
-            return Err(SceneError::NoFaces { file: self.file });
+            return Err(SceneError::NoFaces { file });
+        }
+        if let Some([line, first_line]) = overlap::find(&scene) {
+            return Err(SceneError::OverlappingFaces { file, line, first_line });
         }
         let mut surface_in_use = vec![false; scene.surfaces.len()];
         for face in &scene.faces {

@@ -118,6 +118,18 @@ pub enum SceneError {
         /// The line of the first face.
         first_line: u32,
     },
+    /// Two faces that share a part of their plane, with the same winding.
+    #[error("{}:{line}: the face overlaps the one of line {first_line} in one plane, with the same winding, and light would count twice there; \
+         cut the shared part out of one, move one out of the plane, or reverse one for a two-sided sheet",
+        .file.display())]
+    OverlappingFaces {
+        /// The scene file.
+        file: PathBuf,
+        /// The line of the second face.
+        line: u32,
+        /// The line of the first face.
+        first_line: u32,
+    },
     /// A statement that needs a name and has none.
     #[error("{}:{line}: `{keyword}` without a name; add the name", .file.display())]
     MissingName {
@@ -282,6 +294,7 @@ impl SceneError {
             Self::TooFewCorners { .. } => "too_few_corners",
             Self::SelfIntersecting { .. } => "self_intersecting",
             Self::DuplicateFace { .. } => "duplicate_face",
+            Self::OverlappingFaces { .. } => "overlapping_faces",
             Self::MissingName { .. } => "missing_name",
             Self::OutsideFolder { .. } => "outside_folder",
             Self::OutsideMaterial { .. } => "outside_material",
@@ -316,6 +329,7 @@ impl SceneError {
             | Self::TooFewCorners { file, .. }
             | Self::SelfIntersecting { file, .. }
             | Self::DuplicateFace { file, .. }
+            | Self::OverlappingFaces { file, .. }
             | Self::MissingName { file, .. }
             | Self::OutsideFolder { file, .. }
             | Self::OutsideMaterial { file, .. }
@@ -347,6 +361,7 @@ impl SceneError {
             | Self::TooFewCorners { line, .. }
             | Self::SelfIntersecting { line, .. }
             | Self::DuplicateFace { line, .. }
+            | Self::OverlappingFaces { line, .. }
             | Self::MissingName { line, .. }
             | Self::OutsideFolder { line, .. }
             | Self::OutsideMaterial { line, .. }

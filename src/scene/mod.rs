@@ -23,6 +23,7 @@ mod motion;
 mod mtl;
 mod obj;
 mod obj_lines;
+mod overlap;
 pub(crate) mod reading;
 mod split;
 mod warning;

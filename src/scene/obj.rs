@@ -53,13 +53,15 @@ pub const DEFAULT_REFLECTANCE: f64 = 0.5;
 /// - `Kd` is the reflectance ρ, `Ke` the exitance E in W·m⁻²; one number stands for all three channels. Without `Kd`, without a
 ///   material, or if the library is missing, ρ is [`DEFAULT_REFLECTANCE`], with a warning. Textures are not read, with a warning.
 /// - Faces without an area are skipped, with a warning. Faces of opposite winding may coincide.
+/// - Faces of the same winding may share edges and corners, but no area of one plane: light would count twice there. What is narrower than the rounding of
+///   six digits is no area.
 /// - Texture coordinates, normals, `l` and `p` elements and all else are ignored.
 ///
 /// Accuracy: coordinates, reflectance and exitance are the nearest f64 to the text.
 ///
 /// # Errors
 /// [`SceneError`], with file, line and remedy: files that cannot be read, coordinates or indices that are none, faces with fewer than three
-/// corners, outlines that cross themselves, coincident faces of the same winding, `Kd` outside \[0, 1\], negative `Ke`,
+/// corners, outlines that cross themselves, faces of the same winding that coincide or overlap, `Kd` outside \[0, 1\], negative `Ke`,
 /// libraries outside the scene's folder, and scenes without a usable face.
 ///
 /// Source: Wavefront's OBJ and MTL formats. Departures: only polygons; a vertex must stand above the faces that use it; the weight of a vertex is ignored.

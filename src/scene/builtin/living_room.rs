@@ -244,8 +244,9 @@ fn dining(assembly: &mut Assembly, materials: &Materials) -> Result<(), SceneErr
     solid(assembly, "table_legs", materials.dark_wood, &legs, turn, true)?;
     for k in 0..6_u32 {
         let x = -0.85 + 0.6 * f64::from(k % 3);
-        let (front, back) = if k < 3 { (-1.0, -1.04) } else { (0.6, 1.0) };
-        let seat = (centre + DVec3::new(x, front, 0.42), DVec3::new(0.46, 0.44, 0.05));
+        // The rest stands behind the seat and not in it: what two boxes share of a plane would be there twice.
+        let (front, depth, back) = if k < 3 { (-1.0, 0.44, -1.04) } else { (0.6, 0.4, 1.0) };
+        let seat = (centre + DVec3::new(x, front, 0.42), DVec3::new(0.46, depth, 0.05));
         let rest = (centre + DVec3::new(x, back, 0.42), DVec3::new(0.46, 0.04, 0.52));
         let feet = [(0.02, 0.02), (0.39, 0.02), (0.02, 0.37), (0.39, 0.37)]
             .map(|(u, v)| (centre + DVec3::new(x + u, front + v, 0.0), DVec3::new(0.05, 0.05, 0.41)));

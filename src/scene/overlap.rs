@@ -1,0 +1,228 @@
+//! Faces of one winding that lie on one another in one plane: whatever they share would see, and be seen, twice.
+
+use glam::DVec3;
+
+use super::split::PLANARITY;
+use super::{Face, Scene};
+use crate::geometry::box_pairs::overlapping_pairs;
+use crate::geometry::clip::clip_to_half_space;
+use crate::geometry::polygon;
+
+/// The width of a strip that two faces may share by the rounding of their corners, in units of the greatest |coordinate|.
+///
+/// Files with six digits place a corner up to 5e-6 of it off along each axis, and edges that ought to meet up to √8 times that over one another.
+const SIX_DIGITS: f64 = 2e-5;
+
+/// The same for faces of which one lies on the other for the most part, which rounding brings about only where they are hardly wider than this.
+const SEVEN_DIGITS: f64 = 1e-6;
+
+/// The least cosine between the normals of two faces in one plane: a narrow face does not tell its normal better.
+const PARALLEL: f64 = 0.99;
+
+/// Returns the lines of two faces that overlap in one plane with the same winding, the greater line first: of all such pairs the first by these.
+///
+/// Two faces lie in one plane where no corner of the smaller is further than [`PLANARITY`] of the diameter of the larger from the larger's plane. They overlap where the part that they
+/// share is wider (twice its area over its outline's length) than rounding makes it. Faces that one outline was split into do not overlap.
+///
+/// Work: O(n log n) for n faces of similar size, and the pairs whose boxes meet.
+pub(super) fn find(scene: &Scene) -> Option<[u32; 2]> {
+    let measured: Vec<Measures> = scene.faces.iter().map(|face| Measures::of(scene, face)).collect();
+    let boxes = scene.faces.iter().zip(&measured).map(|(face, measures)| {
+        let all = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        let (low, high) = face.corners.as_slice().iter().fold(all, |(low, high), &v| {
+            let v = scene.vertices[v as usize];
+            (low.min(v), high.max(v))
+        });
+        let margin = PLANARITY * measures.diameter;
+        (low - margin, high + margin)
+    });
+    let mut first: Option<[u32; 2]> = None;
+    overlapping_pairs(boxes.collect(), |a, b| {
+        let [of_a, of_b] = [a, b].map(|face| &measured[face as usize]);
+        let lines = [a, b].map(|face| scene.faces[face as usize].line);
+        let pair = [lines[0].max(lines[1]), lines[0].min(lines[1])];
+        // Built-in scenes have no lines.
+        let is_one_outline = pair[0] == pair[1] && pair[0] != 0;
+        if is_one_outline || of_a.normal.dot(of_b.normal) < PARALLEL || first.is_some_and(|first| first <= pair) {
+            return;
+        }
+        let outlines = [a, b].map(|face| Outline::of(scene, &scene.faces[face as usize]));
+        let mut larger_first = [(outlines[0].as_slice(), of_a), (outlines[1].as_slice(), of_b)];
+        if of_a.area < of_b.area {
+            larger_first.reverse();
+        }
+        if overlap(larger_first) {
+            first = Some(pair);
+        }
+    });
+    first
+}
+
+/// What is asked of a face again and again.
+struct Measures {
+    normal: DVec3,
+    area: f64,
+    /// The diagonal of its box.
+    diameter: f64,
+    /// The greatest |coordinate|.
+    greatest: f64,
+}
+
+impl Measures {
+    fn of(scene: &Scene, face: &Face) -> Self {
+        let Outline { at, n } = Outline::of(scene, face);
+        let (low, high) = at[1..n]
+            .iter()
+            .fold((at[0], at[0]), |(low, high), &v| (low.min(v), high.max(v)));
+        let vector = polygon::area_vector(&at[..n]);
+        Self {
+            normal: vector.normalize_or_zero(),
+            area: vector.length(),
+            diameter: low.distance(high),
+            greatest: low.abs().max(high.abs()).max_element(),
+        }
+    }
+}
+
+/// The corners of a face where no memory need be found for them: thin faces about a common corner make very many pairs.
+struct Outline {
+    at: [DVec3; 4],
+    n: usize,
+}
+
+impl Outline {
+    fn of(scene: &Scene, face: &Face) -> Self {
+        let vertices = face.corners.as_slice();
+        Self {
+            at: std::array::from_fn(|k| scene.vertices[vertices[k.min(vertices.len() - 1)] as usize]),
+            n: vertices.len(),
+        }
+    }
+
+    fn as_slice(&self) -> &[DVec3] {
+        &self.at[..self.n]
+    }
+}
+
+/// Tells whether two faces with nearly the same normal, the larger first, lie in one plane and share more there than rounding explains.
+fn overlap([(large, measures), (small, of_small)]: [(&[DVec3], &Measures); 2]) -> bool {
+    let normal = measures.normal;
+    let greatest = measures.greatest.max(of_small.greatest);
+    let least = SEVEN_DIGITS * greatest;
+    // What two faces share is no wider than it is across an edge of either.
+    let apart = |by: &[DVec3], other: &[DVec3]| {
+        let mut last = by[by.len() - 1];
+        by.iter().any(|&corner| {
+            let edge = corner - std::mem::replace(&mut last, corner);
+            let inward = normal.cross(edge);
+            let most = least * edge.length();
+            other.iter().all(|&v| inward.dot(v - corner) <= most)
+        })
+    };
+    if apart(large, small) || apart(small, large) {
+        return false;
+    }
+    let gap = PLANARITY * measures.diameter + 8.0 * f64::EPSILON * greatest;
+    if small.iter().any(|&v| normal.dot(v - large[0]).abs() > gap) {
+        return false;
+    }
+    let mut shared = small.to_vec();
+    for k in 0..large.len() {
+        let inward = normal.cross(large[(k + 1) % large.len()] - large[k]);
+        shared = clip_to_half_space(&shared, large[k], inward);
+    }
+    let area = polygon::area_vector(&shared).length();
+    let edges = (0..shared.len()).map(|k| shared[k].distance(shared[(k + 1) % shared.len()]));
+    let width = 2.0 * area / edges.sum::<f64>().max(f64::MIN_POSITIVE);
+    width > SIX_DIGITS * greatest || (width > least && area > 0.5 * of_small.area)
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DQuat;
+
+    use super::*;
+    use crate::scene::{Corners, MaterialId, SurfaceId};
+
+    /// Faces in one plane through no axis, shifted, with lines 1, 2, ...; `z` is the height above the plane.
+    fn scene(faces: &[&[[f64; 3]]]) -> Scene {
+        let turn = DQuat::from_euler(glam::EulerRot::XYZ, 0.3, -1.1, 0.7);
+        let mut scene = Scene::default();
+        for (line, corners) in (1..).zip(faces) {
+            let first = u32::try_from(scene.vertices.len()).expect("a few");
+            let place = |p: &[f64; 3]| turn * DVec3::from_array(*p) + DVec3::new(0.5, -0.25, 0.125);
+            scene.vertices.extend(corners.iter().map(place));
+            scene.faces.push(Face {
+                corners: match corners.len() {
+                    3 => Corners::Triangle([0, 1, 2].map(|k| first + k)),
+                    _ => Corners::Quad([0, 1, 2, 3].map(|k| first + k)),
+                },
+                surface: SurfaceId(0),
+                material: MaterialId(0),
+                line,
+            });
+        }
+        scene
+    }
+
+    fn rectangle(x: [f64; 2], y: [f64; 2], z: f64) -> [[f64; 3]; 4] {
+        [[x[0], y[0], z], [x[1], y[0], z], [x[1], y[1], z], [x[0], y[1], z]]
+    }
+
+    const SQUARE: [[f64; 3]; 4] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+
+    #[test]
+    fn faces_of_one_winding_that_share_area_are_found_however_they_are_cut() {
+        let half = [SQUARE[0], SQUARE[1], SQUARE[2]];
+        let other_half = [SQUARE[0], SQUARE[1], SQUARE[3]];
+        let decal = rectangle([0.3, 0.4], [0.5, 0.55], 0.0);
+        let beside = rectangle([0.5, 1.5], [0.0, 1.0], 0.0);
+        let strip = rectangle([0.9999, 2.0], [0.0, 1.0], 0.0);
+        let cross = rectangle([-1.0, 2.0], [0.4, 0.6], 0.0);
+        for (name, faces) in [
+            ("a half", [&SQUARE as &[_], &half]),
+            ("two halves across", [&half, &other_half]),
+            ("a decal", [&SQUARE, &decal]),
+            ("a wall on its decal", [&decal, &SQUARE]),
+            ("by half", [&SQUARE, &beside]),
+            ("by a strip", [&SQUARE, &strip]),
+            ("a cross", [&SQUARE, &cross]),
+            ("the same", [&SQUARE, &SQUARE]),
+        ] {
+            assert_eq!(find(&scene(&faces)), Some([2, 1]), "{name}");
+        }
+    }
+
+    #[test]
+    fn faces_that_touch_lie_above_or_look_the_other_way_may_stay() {
+        let mut reversed = rectangle([0.2, 0.8], [0.2, 0.8], 0.0);
+        reversed.reverse();
+        let beside = rectangle([1.0, 2.0], [0.0, 1.0], 0.0);
+        let t_junction = rectangle([1.0, 2.0], [0.5, 3.0], 0.0);
+        let corner = rectangle([1.0, 2.0], [1.0, 2.0], 0.0);
+        let above = rectangle([0.2, 0.8], [0.2, 0.8], 1e-4);
+        // What six decimals make of an edge in common.
+        let rounded = rectangle([1.0 - 2e-6, 2.0], [0.5, 3.0], 0.0);
+        let folded = [SQUARE[0], SQUARE[1], [0.5, 0.5, 0.1]];
+        for (name, face) in [
+            ("a sheet", &reversed as &[_]),
+            ("an edge", &beside),
+            ("a part of an edge", &t_junction),
+            ("a corner", &corner),
+            ("above", &above),
+            ("rounding", &rounded),
+            ("a fold", &folded),
+        ] {
+            assert_eq!(find(&scene(&[&SQUARE, face])), None, "{name}");
+            assert_eq!(find(&scene(&[face, &SQUARE])), None, "{name}");
+        }
+    }
+
+    #[test]
+    fn the_first_pair_by_its_lines_is_told() {
+        let far = |k: f64| rectangle([k, k + 1.0], [0.0, 1.0], 0.0);
+        let faces = [far(0.0), far(2.0), far(4.0), far(4.0), far(0.0), far(2.5)];
+        let faces: Vec<&[_]> = faces.iter().map(|face| face as &[_]).collect();
+        assert_eq!(find(&scene(&faces)), Some([4, 3]));
+    }
+}
