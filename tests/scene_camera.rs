@@ -125,7 +125,8 @@ fn a_bad_camera_file_names_its_line() {
     // The reader of TOML words these.
     for (text, line, word) in [
         (format!("{good}zoom = 3\n"), Some(5), "zoom"),
-        (good.replace("[0, 0, 1]", "[0, 0]"), Some(3), "array"),
+        (good.replace("[0, 0, 1]", "[0, 0]"), Some(3), "three numbers"),
+        (good.replace("[0, 0, 1]", "[0, 0, 1, 5]"), Some(3), "three numbers"),
         (good.replace("[0, 0, 1]", "[0, 0, 1"), Some(4), "array"),
         (good.replace("up = [0, 0, 1]\n", ""), Some(1), "up"),
     ] {

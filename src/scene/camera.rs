@@ -6,6 +6,7 @@ use glam::{DAffine3, DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 
 use super::lines::{line_after, read_text};
+use super::table::{three, three_if_given};
 use super::write::write_whole;
 use super::{SceneError, default_view};
 use crate::input_file::DESCRIPTION_LIMIT;
@@ -32,11 +33,21 @@ const PARALLEL: f64 = 1e-9;
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 struct CameraFile {
+    #[serde(deserialize_with = "three")]
     eye: [f64; 3],
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(
+        default,
+        deserialize_with = "three_if_given",
+        skip_serializing_if = "Option::is_none"
+    )]
     look_at: Option<[f64; 3]>,
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(
+        default,
+        deserialize_with = "three_if_given",
+        skip_serializing_if = "Option::is_none"
+    )]
     direction: Option<[f64; 3]>,
+    #[serde(deserialize_with = "three")]
     up: [f64; 3],
     vertical_fov_degree: f64,
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -6,6 +6,7 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::lines::{line_after, read_text};
+use super::table::{Content, Table};
 use super::{Motion, MotionError, Pose, Scene, SceneError};
 use crate::input_file::DESCRIPTION_LIMIT;
 
@@ -26,7 +27,7 @@ pub struct Frame {
 #[serde(deny_unknown_fields)]
 struct FramesFile {
     #[serde(default)]
-    frame: Vec<Spanned<FrameInFile>>,
+    frame: Vec<Spanned<Table<FrameInFile>>>,
 }
 
 #[derive(Deserialize)]
@@ -36,7 +37,16 @@ struct FrameInFile {
     lighting: Option<PathBuf>,
     camera: Option<PathBuf>,
     #[serde(default, rename = "move")]
-    moves: Vec<Spanned<Motion>>,
+    moves: Vec<Spanned<Table<Motion>>>,
+}
+
+impl Content for FrameInFile {
+    const EXPECTED: &'static str = "a table with a `name`, as in [[frame]]";
+}
+
+impl Content for Motion {
+    const EXPECTED: &'static str =
+        "a table with a `surface` and its motion, as in { surface = \"door\", rotate = 30.0 }";
 }
 
 impl Frame {
@@ -105,7 +115,7 @@ pub fn load(file: impl AsRef<Path>) -> Result<Vec<Frame>, SceneError> {
     let mut names = std::collections::BTreeSet::new();
     for spanned in parsed.frame {
         let start = spanned.span().start;
-        let frame = spanned.into_inner();
+        let Table(frame) = spanned.into_inner();
         let is_plain = |c: char| c.is_alphanumeric() || "-_.".contains(c);
         if frame.name.is_empty() || !frame.name.chars().all(is_plain) {
             let message = format!(
@@ -118,7 +128,7 @@ pub fn load(file: impl AsRef<Path>) -> Result<Vec<Frame>, SceneError> {
             let message = format!("two frames are called `{}`; rename one", frame.name);
             return Err(bad(Some(start), message));
         }
-        let line_of = |motion: &Spanned<Motion>| line_after(text.get(..motion.span().start).unwrap_or(&text));
+        let line_of = |motion: &Spanned<Table<Motion>>| line_after(text.get(..motion.span().start).unwrap_or(&text));
         frames.push(Frame {
             name: frame.name,
             lighting: frame.lighting,
@@ -126,7 +136,7 @@ pub fn load(file: impl AsRef<Path>) -> Result<Vec<Frame>, SceneError> {
             moves: frame
                 .moves
                 .into_iter()
-                .map(|motion| (line_of(&motion), motion.into_inner()))
+                .map(|motion| (line_of(&motion), motion.into_inner().0))
                 .collect(),
         });
     }

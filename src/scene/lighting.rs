@@ -7,6 +7,7 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::lines::{line_after, read_text};
+use super::table::{Content, Table};
 use super::{Material, MaterialId, Scene, SceneError, SurfaceId};
 use crate::input_file::DESCRIPTION_LIMIT;
 
@@ -37,9 +38,9 @@ struct Change {
 #[serde(deny_unknown_fields)]
 struct LightingFile {
     #[serde(default)]
-    surface: BTreeMap<String, Spanned<ChangeInFile>>,
+    surface: BTreeMap<String, Spanned<Table<ChangeInFile>>>,
     #[serde(default)]
-    material: BTreeMap<String, Spanned<ChangeInFile>>,
+    material: BTreeMap<String, Spanned<Table<ChangeInFile>>>,
 }
 
 #[derive(Deserialize)]
@@ -49,8 +50,12 @@ struct ChangeInFile {
     reflectance: Option<Spanned<Channels>>,
 }
 
+impl Content for ChangeInFile {
+    const EXPECTED: &'static str = "a table with `exitance` or `reflectance`, as in { exitance = [1.0, 0.9, 0.8] }";
+}
+
 #[derive(Clone, Copy, Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "expected a number, or three as in [1.0, 0.9, 0.8]")]
 enum Channels {
     Grey(f64),
     Rgb([f64; 3]),
@@ -88,7 +93,7 @@ impl Lighting {
         })?;
         let surfaces: Vec<&str> = scene.surfaces.iter().map(|s| s.name.as_str()).collect();
         let materials: Vec<&str> = scene.materials.iter().map(|m| m.name.as_str()).collect();
-        let read = |kind: &str, known: &[&str], changes: BTreeMap<String, Spanned<ChangeInFile>>| {
+        let read = |kind: &str, known: &[&str], changes: BTreeMap<String, Spanned<Table<ChangeInFile>>>| {
             let mut found = BTreeMap::new();
             for (name, change) in changes {
                 let Some(id) = (0_u32..).zip(known).find(|(_, known)| **known == name) else {
@@ -98,7 +103,7 @@ impl Lighting {
                     );
                     return Err(bad(Some(change.span().start), message));
                 };
-                let change = change.into_inner();
+                let Table(change) = change.into_inner();
                 let value = |key: &str, given: Option<Spanned<Channels>>, legal: fn(f64) -> bool, rule: &str| {
                     given
                         .map(|given| {

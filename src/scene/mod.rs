@@ -26,6 +26,7 @@ mod obj_lines;
 mod overlap;
 pub(crate) mod reading;
 mod split;
+mod table;
 mod warning;
 mod write;
 

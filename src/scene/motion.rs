@@ -6,6 +6,7 @@ use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use super::table::three_if_given;
 use super::{Corners, FaceId, MAX_COORDINATE, Scene, SurfaceId};
 use crate::printable::printable;
 
@@ -50,19 +51,31 @@ pub struct Motion {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rotate: Option<f64>,
     /// The axis of the rotation; z if not given.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(
+        default,
+        deserialize_with = "three_if_given",
+        skip_serializing_if = "Option::is_none"
+    )]
     pub axis: Option<[f64; 3]>,
     /// A point of the axis, in m.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(
+        default,
+        deserialize_with = "three_if_given",
+        skip_serializing_if = "Option::is_none"
+    )]
     pub about: Option<[f64; 3]>,
     /// The translation, in m.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(
+        default,
+        deserialize_with = "three_if_given",
+        skip_serializing_if = "Option::is_none"
+    )]
     pub translate: Option<[f64; 3]>,
 }
 
 /// One name or more.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "expected the name of a surface, or a list of names")]
 pub enum Names {
     /// A single one.
     One(String),

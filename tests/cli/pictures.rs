@@ -348,6 +348,14 @@ fn frames_share_form_factors_and_equal_single_pictures() {
             "two frames are called `a`",
         ),
         ("[[frame]]\nname = \"a/b\"\n", "bad.toml:1"),
+        (
+            "\nframe = [[\"a\"]]\n",
+            "bad.toml:2: invalid type: sequence, expected a table with a `name`",
+        ),
+        (
+            "[[frame]]\nname = \"a\"\nmove = [[\"box\", 30]]\n",
+            "bad.toml:3: invalid type: sequence, expected a table with a `surface` and its motion",
+        ),
         ("[[frame]]\nname = \"a\"\nlight = \"x\"\n", "bad.toml:3"),
         ("[[frame]]\nname = \"a\"\nlighting = \"none.toml\"\n", "none.toml"),
     ] {
@@ -466,6 +474,11 @@ fn motions_that_cannot_be_are_refused_with_their_line() {
         ("surface = \"SIDE\"\nrotate = 10\naxis = [0, 0, 0]", "no direction"),
         ("surface = \"SIDE\"\ntranslate = [1e16, 0, 0]", "move it less far"),
         ("surface = \"SIDE\"\nspin = 3", "spin"),
+        (
+            "surface = \"SIDE\"\ntranslate = [1, 0, 0, 5]",
+            "bad.toml:5: invalid length 4, expected three numbers",
+        ),
+        ("surface = 3\nrotate = 3", "expected the name of a surface"),
     ] {
         let moves = moves.replace("SIDE", side);
         write(

@@ -364,7 +364,26 @@ fn lightings_go_through_the_matrix_together() {
     for (a, b) in beside.iter().zip(&alone) {
         assert!((a - b).abs() < 1e-8 * a);
     }
+}
+
+#[test]
+fn a_bad_lighting_is_refused_in_one_line() {
+    let directory = with_scene("cube");
+    let file = directory.path().join("bad.toml");
     for (text, expected) in [
+        // A list is no table, whose parts are named, and has no more numbers than there are channels.
+        (
+            "[surface]\n\"x0\" = [1.0, 0.5, 7.0]\n",
+            "bad.toml:2: invalid type: sequence, expected a table with `exitance` or `reflectance`",
+        ),
+        (
+            "[material]\nwhite = []\n",
+            "bad.toml:2: invalid type: sequence, expected a table with `exitance` or `reflectance`",
+        ),
+        (
+            "[material.white]\nexitance = [1.0, 0.5, 0.5, 7.0]\n",
+            "bad.toml:2: expected a number, or three",
+        ),
         (
             "[surface.nothing]\nexitance = 1.0\n",
             "bad.toml:1: surface.nothing: the scene has no surface",
@@ -374,16 +393,14 @@ fn lightings_go_through_the_matrix_together() {
             "bad.toml:1: surface.two\u{fffd}lines: the scene has no surface",
         ),
         ("[material.white]\nlight = 1.0\n", "bad.toml:2"),
-        (&*format!("[surface.\"{first}\"]\nreflectance = 1.5\n"), "bad.toml:2"),
-        (
-            &*format!("[surface.\"{first}\"]\nexitance = [1.0, -1.0, 0.0]\n"),
-            "bad.toml:2",
-        ),
+        ("[surface.\"x0\"]\nreflectance = 1.5\n", "bad.toml:2"),
+        ("[surface.\"x0\"]\nexitance = [1.0, -1.0, 0.0]\n", "bad.toml:2"),
     ] {
-        write("bad.toml", text);
-        let output = radiosity(directory.path(), &[&base[..], &["--lighting", "bad.toml"]].concat());
+        std::fs::write(&file, text).unwrap();
+        let output = radiosity(directory.path(), &["solve", "scene.obj", "--lighting", "bad.toml"]);
         assert_eq!(output.status.code(), Some(1), "{text}");
         assert!(stderr(&output).contains(expected), "{}", stderr(&output));
+        assert_eq!(stderr(&output).lines().count(), 1);
     }
 }
 
