@@ -58,6 +58,20 @@ fn usage_errors_are_exit_code_2() {
 }
 
 #[test]
+fn sizes_that_rays_cannot_tell_apart_name_the_file_and_the_remedy() {
+    let directory = tempfile::tempdir().unwrap();
+    let far = "v 0 0 0\nv 1e12 0 0\nv 0 1e12 0\nf 1 2 3\n";
+    std::fs::write(directory.path().join("far.obj"), far).unwrap();
+    let (code, result) = document(directory.path(), &["form-factors", "far.obj"]);
+    assert_eq!((code, &result["error"]["file"]), (1, &"far.obj".into()));
+    let message = result["error"]["message"].as_str().unwrap();
+    assert!(
+        message.starts_with("far.obj: ") && message.contains("scale the scene"),
+        "{message}"
+    );
+}
+
+#[test]
 fn libraries_outside_the_scenes_folder_are_read_on_request() {
     let directory = with_scene("cube");
     std::fs::create_dir(directory.path().join("inner")).unwrap();

@@ -197,6 +197,13 @@ fn a_room_that_cannot_lose_light_has_no_solution() {
     );
     assert_eq!(code, 1);
     assert_eq!(result["error"]["kind"], "no_finite_solution");
+    assert_eq!(result["error"]["file"], "scene.obj");
+    let message = result["error"]["message"].as_str().unwrap();
+    assert!(
+        message.starts_with("scene.obj: no finite solution: `x0` and what exchanges light with it (6 patches in all)")
+            && message.ends_with("lower a `Kd` below 1 there, or open the scene"),
+        "{message}"
+    );
 }
 
 /// Runs, expects success, and returns the document without what varies from run to run.

@@ -5,6 +5,7 @@ mod prepared;
 mod solution;
 
 use std::fmt::Write as _;
+use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
@@ -32,6 +33,9 @@ pub(super) struct Run {
     pub(super) storage: Storage,
     /// What the laws of light say to the results so far.
     pub(super) audit: Audit,
+    /// The scene's file and its surfaces, for what is refused when the scene itself is out of reach.
+    scene_file: PathBuf,
+    surface_names: Vec<String>,
     interrupt: Interrupt,
     has_looked_at_gaps: bool,
 }
@@ -49,6 +53,8 @@ impl Run {
             settings: serde_json::Map::new(),
             storage: Storage::default(),
             audit: Audit::default(),
+            scene_file: PathBuf::new(),
+            surface_names: Vec::new(),
             has_looked_at_gaps: false,
         }
     }

@@ -86,7 +86,7 @@ impl Run {
         let visibility = self
             .times
             .time("ray_tracer", || EmbreeVisibility::new(&scene))
-            .map_err(|error| Failure::new("embree", error.to_string()))?;
+            .map_err(|error| Failure::new("embree", format!("{}: {error}", path.display())).in_file(path))?;
         if let Some(&face) = visibility.vanished_faces().first() {
             self.warn(&format!(
                 "{}:{}: this face and {} more are too small, beside the size of the scene, for rays to hit them",
@@ -95,6 +95,8 @@ impl Run {
                 visibility.vanished_faces().len() - 1
             ));
         }
+        path.clone_into(&mut self.scene_file);
+        self.surface_names = scene.surfaces.iter().map(|surface| surface.name.clone()).collect();
         Ok(Prepared {
             scene,
             plan,
@@ -111,7 +113,10 @@ impl Run {
         let visibility = self
             .times
             .time("ray_tracer", || EmbreeVisibility::new(&scene))
-            .map_err(|error| Failure::new("embree", error.to_string()))?;
+            .map_err(|error| {
+                let file = &self.scene_file;
+                Failure::new("embree", format!("{}: {error}", file.display())).in_file(file)
+            })?;
         Ok(Prepared {
             scene,
             plan,

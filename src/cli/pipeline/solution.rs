@@ -13,8 +13,11 @@ use crate::matrix::operator::{Block, LinearOperator};
 use crate::mesh::{Hierarchy, Mesh};
 use crate::plan::Plan;
 use crate::progress::Progress;
+use crate::scene::SurfaceId;
 use crate::solver::registry::SolverEntry;
-use crate::solver::{self, RadiositySystem, Solution, SolveOptions, SolverSettings, StopReason, Tolerance};
+use crate::solver::{
+    self, RadiositySystem, Solution, SolveOptions, SolverError, SolverSettings, StopReason, Tolerance,
+};
 
 /// Tells a solver whether to go on.
 pub(in crate::cli) fn go_on(progress: &dyn Progress) -> ControlFlow<()> {
@@ -95,6 +98,24 @@ impl Run {
         })?)
     }
 
+    /// Says of a system without a finite solution which surface of which file it is about, and what helps; `surface` is that of an unknown.
+    pub(in crate::cli) fn refused(&self, error: SolverError, surface: impl Fn(usize) -> Option<SurfaceId>) -> Failure {
+        let SolverError::NoFiniteSolution { patch, n_patches, .. } = error else {
+            return error.into();
+        };
+        let name = surface(patch).and_then(|id| self.surface_names.get(id.0 as usize));
+        let place = name.map_or_else(|| format!("patch {patch}"), |name| format!("`{name}`"));
+        let message = format!(
+            "{}: no finite solution: {place} and what exchanges light with it ({n_patches} patches in all) emit, reflect everything, and let \
+             nothing out; lower a `Kd` below 1 there, or open the scene",
+            self.scene_file.display()
+        );
+        Failure {
+            message,
+            ..Failure::from(error).in_file(&self.scene_file)
+        }
+    }
+
     /// Solves for given form factors and areas, reflectances and exitances of the patches.
     pub(in crate::cli) fn solve_system(
         &mut self,
@@ -123,7 +144,12 @@ impl Run {
         self.set("tolerance", args.tolerance);
         self.set("max_passes", args.max_passes);
         self.set("start", json!(args.start));
-        let system = RadiositySystem::new(factors, areas, reflectance, exitance)?;
+        let refused = |run: &Self, error: SolverError| {
+            let surface = |patch: usize| mesh.patches.get(patch).map(|patch| patch.surface);
+            run.refused(error, surface)
+        };
+        let system =
+            RadiositySystem::new(factors, areas, reflectance, exitance).map_err(|error| refused(self, error))?;
         let options = SolveOptions {
             tolerance: Tolerance::ResidualL2(args.tolerance),
             max_passes: args.max_passes,
@@ -143,9 +169,10 @@ impl Run {
                 self.set(name, value);
             }
         }
-        let mut solution = self.times.time("solve", || {
+        let solved = self.times.time("solve", || {
             solver.solve(&system, &options, &mut |_| go_on(&self.progress))
-        })?;
+        });
+        let mut solution = solved.map_err(|error| refused(self, error))?;
         if solution.stop_reason == StopReason::Interrupted {
             return Err(Failure::interrupted());
         }

@@ -20,7 +20,7 @@ use crate::matrix::operator::{Block, LinearOperator};
 use crate::mesh::Subdivision;
 use crate::render::{Attributes, DirectMethod, RenderInput, RenderSettings, exr, png};
 use crate::report::voxels::write_vtu;
-use crate::solver::{self, RadiositySystem, SolveOptions, SolverSettings, StopReason, Tolerance};
+use crate::solver::{self, RadiositySystem, SolveOptions, SolverError, SolverSettings, StopReason, Tolerance};
 use crate::voxel::{
     AdaptiveSettings, DiscreteSphere, Form, Grid, LinkOperator, Links, Materials, RowWeights, SolidAngle, VoxelScene,
     onto_patches, picture, propagate, solve_adaptively,
@@ -328,7 +328,8 @@ fn solve(run: &mut Run, prepared: &Prepared, operator: &LinkOperator<'_>, args: 
         operator.scene().areas(),
         materials.reflectance.clone(),
         emission.clone(),
-    )?;
+    )
+    .map_err(|error| refused(run, prepared, operator.scene(), error))?;
     let options = SolveOptions {
         tolerance: Tolerance::ResidualL2(args.tolerance),
         ..SolveOptions::default()
@@ -336,7 +337,8 @@ fn solve(run: &mut Run, prepared: &Prepared, operator: &LinkOperator<'_>, args: 
     let solver = solver::solver(name, &SolverSettings::default())?;
     let solution = run.times.time("solve", || {
         solver.solve(&system, &options, &mut |_| go_on(&run.progress))
-    })?;
+    });
+    let solution = solved.map_err(|error| refused(run, prepared, operator.scene(), error))?;
     run.go_on()?;
     let given = Given {
         gain: None,
@@ -367,6 +369,17 @@ fn solve(run: &mut Run, prepared: &Prepared, operator: &LinkOperator<'_>, args: 
             ExitCode::NotConverged
         },
     })
+}
+
+/// Says of a system that a solver refuses what helps, with voxels.
+fn refused(run: &Run, prepared: &Prepared, voxels: &VoxelScene, error: SolverError) -> Failure {
+    if let SolverError::NeedsRows { .. } = error {
+        return Failure::usage(format!(
+            "{error}, which links have that are kept: leave --links recompute out, or take auto, jacobi, chebyshev, gmres or anderson"
+        ));
+    }
+    let face = |surfel: usize| voxels.surfels.get(surfel).map(|surfel| surfel.face.0 as usize);
+    run.refused(error, |surfel| Some(prepared.scene.faces.get(face(surfel)?)?.surface))
 }
 
 fn render_settings(args: &VoxelArgs) -> RenderSettings {
