@@ -3,6 +3,7 @@
 pub mod blockers;
 pub mod brute_force;
 pub mod embree;
+pub mod facing;
 mod flat_polygon;
 mod frame;
 pub mod gaps;

@@ -57,6 +57,38 @@ fn usage_errors_are_exit_code_2() {
     assert_eq!(result["error"]["kind"], "usage");
 }
 
+/// What is doubtful is told on stderr and in the document; with `--quiet` in the document alone.
+#[test]
+fn faces_that_look_the_wrong_way_are_told() {
+    let directory = with_scene("room-box");
+    let obj = std::fs::read_to_string(directory.path().join("scene.obj")).unwrap();
+    let mut lines: Vec<String> = obj.lines().map(str::to_owned).collect();
+    let wall = lines.iter().position(|line| line.starts_with("f ")).unwrap();
+    let corners: Vec<&str> = obj.lines().nth(wall).unwrap()[2..].split(' ').rev().collect();
+    lines[wall] = format!("f {}", corners.join(" "));
+    std::fs::write(directory.path().join("scene.obj"), lines.join("\n")).unwrap();
+    let expected = format!(
+        "scene.obj:{}: `room_x0`: the face sees no other, and others see the back: faces see on the side from which their corners run \
+         counter-clockwise; turn what is meant to be seen",
+        wall + 1
+    );
+    for arguments in [
+        &["form-factors", "scene.obj"] as &[&str],
+        &["solve", "scene.obj"],
+        &["voxel", "scene.obj", "--voxels", "8", "--radius", "2"],
+    ] {
+        let output = radiosity(directory.path(), arguments);
+        assert!(
+            stderr(&output).contains(&format!("radiosity: warning: {expected}\n")),
+            "{}",
+            stderr(&output)
+        );
+        let (_, result) = document(directory.path(), &[arguments, &["--quiet"]].concat());
+        let told = result["warnings"].as_array().unwrap();
+        assert!(told.contains(&expected.as_str().into()), "{told:?}");
+    }
+}
+
 #[test]
 fn sizes_that_rays_cannot_tell_apart_name_the_file_and_the_remedy() {
     let directory = tempfile::tempdir().unwrap();

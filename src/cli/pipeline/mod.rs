@@ -4,6 +4,7 @@ mod factors;
 mod prepared;
 mod solution;
 
+use std::cell::RefCell;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
@@ -21,6 +22,7 @@ use super::progress::Bars;
 use super::storage::Storage;
 use super::{Outcome, SCHEMA_VERSION, merge, warn};
 use crate::audit::Audit;
+use crate::printable::printable;
 use crate::report::{StageTimes, memory_peak_byte};
 
 /// A run of one command: settings, clock, progress.
@@ -33,6 +35,8 @@ pub(super) struct Run {
     pub(super) storage: Storage,
     /// What the laws of light say to the results so far.
     pub(super) audit: Audit,
+    /// All warnings so far, for the document; with `--quiet` that is where they are.
+    warnings: RefCell<Vec<String>>,
     /// The scene's file and its surfaces, for what is refused when the scene itself is out of reach.
     scene_file: PathBuf,
     surface_names: Vec<String>,
@@ -53,6 +57,7 @@ impl Run {
             settings: serde_json::Map::new(),
             storage: Storage::default(),
             audit: Audit::default(),
+            warnings: RefCell::default(),
             scene_file: PathBuf::new(),
             surface_names: Vec::new(),
             has_looked_at_gaps: false,
@@ -60,6 +65,7 @@ impl Run {
     }
 
     pub(super) fn warn(&self, message: &str) {
+        self.warnings.borrow_mut().push(printable(message));
         if !self.common.quiet {
             self.progress.finish();
             warn(message);
@@ -190,6 +196,7 @@ impl Run {
             "stages": self.times.to_json(),
             "total_s": self.times.total_s(),
             "memory_peak_byte": memory_peak_byte(),
+            "warnings": *self.warnings.borrow(),
         });
         merge(&mut document, result);
         document

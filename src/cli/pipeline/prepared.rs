@@ -18,6 +18,7 @@ use crate::scene::{LoadOptions, Material, Pose, Scene, Surface, builtin, load_wi
 use crate::solver::Solution;
 use crate::visibility::Visibility as _;
 use crate::visibility::embree::EmbreeVisibility;
+use crate::visibility::facing::look;
 use crate::visibility::gaps::narrowest_gap;
 
 /// A scene with its patches, ready for ray queries.
@@ -30,6 +31,9 @@ pub(in crate::cli) struct Prepared {
 
 /// Bytes of a patch with its vertices, while patches are made: 113 to 128 are measured.
 const PATCH_BYTE: u64 = 160;
+
+/// Surfaces with faces that seem turned are named one by one up to here.
+const MOST_TURNED: usize = 5;
 
 /// Bytes of a face while the ray tracer's tree is built.
 const FACE_BYTE: u64 = 256;
@@ -95,6 +99,9 @@ impl Run {
                 visibility.vanished_faces().len() - 1
             ));
         }
+        if !plan.convex_and_empty {
+            self.warn_of_turned_faces(path, &scene, &visibility);
+        }
         path.clone_into(&mut self.scene_file);
         self.surface_names = scene.surfaces.iter().map(|surface| surface.name.clone()).collect();
         Ok(Prepared {
@@ -103,6 +110,36 @@ impl Run {
             mesh,
             visibility,
         })
+    }
+
+    /// Warns of faces that see nothing, as faces do that are wound the wrong way.
+    fn warn_of_turned_faces(&mut self, path: &Path, scene: &Scene, visibility: &EmbreeVisibility) {
+        const HOW: &str = "faces see on the side from which their corners run counter-clockwise";
+        let facing = self.times.time("checks", || look(scene, visibility));
+        let file = path.display();
+        if facing.none_sees {
+            self.warn(&format!("{file}: no face sees another: {HOW}; turn them"));
+            return;
+        }
+        if facing.no_emitter_sees {
+            self.warn(&format!(
+                "{file}: no face that emits light sees another: {HOW}; turn them"
+            ));
+        }
+        for turned in facing.turned.iter().take(MOST_TURNED) {
+            let name = &scene.surfaces[turned.surface.0 as usize].name;
+            let what = match turned.n_faces {
+                1 => "the face sees no other".to_owned(),
+                n => format!("this face and {} more see no other", n - 1),
+            };
+            self.warn(&format!(
+                "{file}:{}: `{name}`: {what}, and others see the back: {HOW}; turn what is meant to be seen",
+                turned.line
+            ));
+        }
+        if let more @ 1.. = facing.turned.len().saturating_sub(MOST_TURNED) {
+            self.warn(&format!("{file}: so it is with faces of {more} more surfaces"));
+        }
     }
 
     /// Moves the surfaces of a scene, and its patches with them.

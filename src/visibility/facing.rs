@@ -1,0 +1,230 @@
+//! Faces that look the wrong way: wound clockwise for those who should see them.
+
+use glam::DVec3;
+
+use super::{Coherence, HitBatch, RayBatch, Visibility};
+use crate::geometry::polygon;
+use crate::geometry::sampling::{Frame, PointStream, Sequence, UniformOnPolygon, cosine_direction};
+use crate::scene::{FaceId, Scene, SurfaceId};
+
+/// Up to this many faces each is looked at by itself, beyond it each surface.
+const BY_FACE: usize = 2048;
+
+/// Rays for all faces or surfaces together, and the least and the most for each.
+const RAYS: usize = 1 << 17;
+const LEAST_RAYS: usize = 64;
+const MOST_RAYS: usize = 1024;
+
+/// Rays that must meet a back before it counts as seen: a single one may slip through the joint between two faces.
+const SEEN: u32 = 2;
+
+/// Pairs of faces that are looked at for one that faces each other, and segments that are traced between such.
+const PAIRS: usize = 20_000_000;
+const SEGMENTS: usize = 4096;
+
+/// What looks as if faces had the wrong winding.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Turned {
+    /// The surface.
+    pub surface: SurfaceId,
+    /// How many of its faces; all of them in a scene of very many faces.
+    pub n_faces: usize,
+    /// The line of the first one.
+    pub line: u32,
+}
+
+/// Who sees nothing in a scene.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Facing {
+    /// True if no face sees another, although not all lie in one plane.
+    pub none_sees: bool,
+    /// True if light is emitted, and no face that emits sees another.
+    pub no_emitter_sees: bool,
+    /// Faces that see no other face and whose back is seen, by surface; empty where no face sees another.
+    pub turned: Vec<Turned>,
+}
+
+/// Finds faces that see none although others see their back, as a wall of a room does that is wound the wrong way.
+///
+/// Rays leave every face on its front, cosine-distributed. A face is turned if none of its rays meets the front of a face, no ray from elsewhere meets its own front, and at
+/// least two meet its back. The outer side of a wall or of a box is not: it sees nothing, but nothing sees its back. That no face sees any is said only
+/// after segments between faces that face each other were traced too, so that small faces far apart do see each other.
+///
+/// Accuracy: what sees less than a thousandth of its hemisphere (a fiftieth, in scenes of thousands of faces) may count as seeing nothing.
+/// Work: [`RAYS`](self) rays, or 64 for each surface if these are more.
+#[must_use]
+pub fn look(scene: &Scene, visibility: &dyn Visibility) -> Facing {
+    if scene.faces.len() < 2 || is_flat(scene) {
+        return Facing::default();
+    }
+    let groups = Groups::of(scene);
+    let found = trace(scene, visibility, &groups);
+    let emits = |face: FaceId| {
+        let material = scene.faces[face.0 as usize].material;
+        scene.materials[material.0 as usize].exitance.iter().any(|&e| e > 0.0)
+    };
+    let mut emitter_sees = scene
+        .face_ids()
+        .any(|face| emits(face) && found.sees[groups.of_face(face)]);
+    let mut any_sees = found.sees.contains(&true);
+    if !any_sees {
+        any_sees = reaches(scene, visibility, &scene.face_ids().collect::<Vec<_>>());
+    }
+    if !any_sees {
+        return Facing {
+            none_sees: true,
+            no_emitter_sees: scene.is_emitting(),
+            turned: Vec::new(),
+        };
+    }
+    if !emitter_sees && scene.is_emitting() {
+        let emitters: Vec<FaceId> = scene.face_ids().filter(|&face| emits(face)).collect();
+        emitter_sees = reaches(scene, visibility, &emitters);
+    }
+    let is_turned = |group: usize| !found.sees[group] && !found.front_is_seen[group] && found.back_hits[group] >= SEEN;
+    let mut turned: Vec<Turned> = Vec::new();
+    let mut place = vec![None; scene.surfaces.len()];
+    for id in scene.face_ids().filter(|&id| is_turned(groups.of_face(id))) {
+        let face = &scene.faces[id.0 as usize];
+        let k = *place[face.surface.0 as usize].get_or_insert_with(|| {
+            turned.push(Turned {
+                surface: face.surface,
+                n_faces: 0,
+                line: face.line,
+            });
+            turned.len() - 1
+        });
+        turned[k].n_faces += 1;
+    }
+    Facing {
+        none_sees: false,
+        no_emitter_sees: scene.is_emitting() && !emitter_sees,
+        turned,
+    }
+}
+
+/// Tells whether all faces lie in one plane: turning them would make none see another.
+fn is_flat(scene: &Scene) -> bool {
+    let first = scene.polygon(FaceId(0));
+    let normal = polygon::area_vector(&first).normalize_or_zero();
+    let (low, high) = scene.bounding_box();
+    let slack = 1e-6 * low.distance(high);
+    scene
+        .faces
+        .iter()
+        .flat_map(|face| face.corners.as_slice().to_vec())
+        .all(|v| normal.dot(scene.vertices[v as usize] - first[0]).abs() <= slack)
+}
+
+/// What is looked at as one: a face, or a surface where there are very many faces.
+struct Groups {
+    of_face: Option<Vec<u32>>,
+    n: usize,
+}
+
+impl Groups {
+    fn of(scene: &Scene) -> Self {
+        if scene.faces.len() <= BY_FACE {
+            return Self {
+                of_face: None,
+                n: scene.faces.len(),
+            };
+        }
+        Self {
+            of_face: Some(scene.faces.iter().map(|face| face.surface.0).collect()),
+            n: scene.surfaces.len(),
+        }
+    }
+
+    fn of_face(&self, face: FaceId) -> usize {
+        self.of_face.as_ref().map_or(face.0, |of| of[face.0 as usize]) as usize
+    }
+}
+
+struct Found {
+    /// Whether a ray from the group met the front of a face.
+    sees: Vec<bool>,
+    front_is_seen: Vec<bool>,
+    back_hits: Vec<u32>,
+}
+
+fn trace(scene: &Scene, visibility: &dyn Visibility, groups: &Groups) -> Found {
+    let mut found = Found {
+        sees: vec![false; groups.n],
+        front_is_seen: vec![false; groups.n],
+        back_hits: vec![0; groups.n],
+    };
+    let n_rays = (RAYS / groups.n).clamp(LEAST_RAYS, MOST_RAYS);
+    let mut members: Vec<Vec<FaceId>> = vec![Vec::new(); groups.n];
+    for face in scene.face_ids() {
+        members[groups.of_face(face)].push(face);
+    }
+    let (mut rays, mut hits) = (RayBatch::default(), HitBatch::default());
+    for (group, faces) in members.iter().enumerate() {
+        rays.clear();
+        let mut points = PointStream::new(Sequence::Sobol, 0, group as u64);
+        // A share of the rays for each face by its area, and every face has a chance.
+        let areas: Vec<f64> = faces.iter().map(|&face| scene.area_vector(face).length()).collect();
+        let per_ray = areas.iter().sum::<f64>() / n_rays as f64;
+        let mut next = 0.5 * per_ray;
+        let mut passed = 0.0;
+        for (&face, area) in faces.iter().zip(&areas) {
+            passed += area;
+            if next >= passed {
+                continue;
+            }
+            let corners = scene.polygon(face);
+            let normal = polygon::area_vector(&corners).normalize_or_zero();
+            let (frame, place) = (Frame::from_normal(normal), UniformOnPolygon::new(&corners));
+            let start = normal * visibility.offset() - visibility.frame_origin();
+            while next < passed {
+                let [u, v, s, t] = points.next_point();
+                rays.push_ray(place.point(u, v) + start, frame.to_world(cosine_direction(s, t)));
+                next += per_ray;
+            }
+        }
+        visibility.closest_hits(&rays, Coherence::Incoherent, &mut hits);
+        for hit in (0..rays.len()).filter_map(|k| hits.face(k)) {
+            let seen = groups.of_face(hit.face);
+            if hit.back {
+                found.back_hits[seen] += 1;
+            } else {
+                found.sees[group] = true;
+                found.front_is_seen[seen] = true;
+            }
+        }
+    }
+    found
+}
+
+/// Tells whether one of the faces sees any other face of the scene, as far as segments between their middles tell.
+fn reaches(scene: &Scene, visibility: &dyn Visibility, from: &[FaceId]) -> bool {
+    let in_front = |of: &[DVec3], normal: DVec3, other: &[DVec3]| other.iter().any(|&v| normal.dot(v - of[0]) > 0.0);
+    let polygons: Vec<(Vec<DVec3>, DVec3)> = scene
+        .face_ids()
+        .map(|face| {
+            let corners = scene.polygon(face);
+            let normal = polygon::area_vector(&corners).normalize_or_zero();
+            (corners, normal)
+        })
+        .collect();
+    let (offset, origin) = (visibility.offset(), visibility.frame_origin());
+    let middle = |(corners, normal): &(Vec<DVec3>, DVec3)| polygon::centroid(corners) + offset * *normal - origin;
+    let mut rays = RayBatch::default();
+    let mut left = PAIRS;
+    'pairs: for face in from {
+        let here = &polygons[face.0 as usize];
+        for there in &polygons {
+            if left == 0 || rays.len() == SEGMENTS {
+                break 'pairs;
+            }
+            left -= 1;
+            if in_front(&here.0, here.1, &there.0) && in_front(&there.0, there.1, &here.0) {
+                rays.push_segment(middle(here), middle(there));
+            }
+        }
+    }
+    let mut blocked = Vec::new();
+    visibility.occluded(&rays, Coherence::Incoherent, &mut blocked);
+    blocked.contains(&false)
+}
