@@ -10,7 +10,7 @@ use super::args::{FieldArgs, FieldMethodName};
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::form_factors::surface_named;
-use super::picture::{image_byte, preview_of};
+use super::picture::{image_byte, preview_of, warn_if_blank};
 use super::pipeline::{Prepared, Run};
 use super::render::{AnyView, default_subdivision, samples, view};
 use crate::geometry::sampling::Sequence;
@@ -62,6 +62,7 @@ fn work(args: &FieldArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let image = run
         .times
         .time("render", || field(&input, view.as_view(), &settings, &run.progress))?;
+    warn_if_blank(run, &image, view.as_view());
     let mut attributes = Attributes::new(
         &prepared.scene,
         view.as_view().description(),

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use serde::Deserialize as _;
 use serde_json::json;
 use sha2::{Digest as _, Sha256};
 
@@ -15,7 +16,9 @@ use crate::audit;
 use crate::cli::args::PixelsName;
 use crate::plan::byte_text;
 use crate::render::display::{TevDisplay, Unwatched, Watcher};
-use crate::render::{Attributes, Image, RenderInput, RenderSettings, View, exr, png, render_watched};
+use crate::render::{
+    Attributes, CameraRecord, Image, RenderInput, RenderSettings, View, ViewDescription, exr, png, render_watched,
+};
 use crate::report::memory_used_byte;
 
 /// Memory for a pixel while the image is rendered and written.
@@ -69,6 +72,7 @@ pub(super) fn shoot(
     let kept = KeptPicture::new(run, input, view, &settings, args);
     if let Some(image) = kept.as_ref().and_then(|kept| kept.image(run, output, preview)) {
         run.audited(audit::picture(&image));
+        warn_if_blank(run, &image, view);
         return Ok(image);
     }
     let display = args
@@ -83,6 +87,7 @@ pub(super) fn shoot(
         run.warn("the viewer stopped taking pixels; the picture is whole all the same");
     }
     run.audited(audit::picture(&image));
+    warn_if_blank(run, &image, view);
     let offset = input.visibility.offset();
     let mut attributes = Attributes::new(input.scene, view.description(), settings, offset, json!(run.settings));
     attributes.pixels = args.file.pixels.into();
@@ -94,6 +99,22 @@ pub(super) fn shoot(
         kept.keep(run, output, preview);
     }
     Ok(image)
+}
+
+/// Warns if a camera sees no face from its front: backs are black.
+pub(super) fn warn_if_blank(run: &Run, image: &Image, view: &dyn View) {
+    let ViewDescription::Perspective(parameters) = view.description() else {
+        return;
+    };
+    let Ok(record) = CameraRecord::deserialize(&parameters) else {
+        return;
+    };
+    if !image.shows_a_front(record.eye) {
+        run.warn(
+            "no pixel shows the front of a face: move the camera (--eye, --look-at), or turn the faces (they see on the side from which their corners run \
+             counter-clockwise)",
+        );
+    }
 }
 
 /// The part of the checkpoint that says which pictures are written.

@@ -66,6 +66,13 @@ fn describe(report: &VerifyReport) -> String {
         "{} of {} pixels compared with the closed form, {} not checkable",
         report.n_checked, report.n_pixels, report.n_not_checkable
     );
+    if report.n_background + report.n_backs > 0 {
+        let _ = writeln!(
+            text,
+            "beside these {} pixels show the backs of faces and {} nothing: both are black",
+            report.n_backs, report.n_background
+        );
+    }
     let _ = writeln!(
         text,
         "error of a pixel: max {:.3e}, rms {:.3e}{unit}; {} outside their tolerance",
@@ -141,6 +148,11 @@ fn describe(report: &VerifyReport) -> String {
             if wall.passed { "right" } else { "WRONG" }
         );
     }
-    let _ = writeln!(text, "\n{}", if report.passed { "passed" } else { "failed" });
+    let outcome = match report.passed {
+        true => "passed",
+        false if report.n_checked == 0 => "failed: no pixel could be compared, so that nothing is shown to be right",
+        false => "failed",
+    };
+    let _ = writeln!(text, "\n{outcome}");
     text
 }

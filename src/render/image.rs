@@ -1,5 +1,7 @@
 //! An image in memory: named layers of equal size.
 
+use glam::DVec3;
+
 /// The samples of one layer, row by row from the top left.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Samples {
@@ -103,6 +105,23 @@ impl Image {
             Samples::U32(values) => Some(values),
             Samples::F32(_) => None,
         }
+    }
+
+    /// Tells whether some pixel shows, at its centre, a face whose normal points to the side of `eye`.
+    ///
+    /// # Panics
+    /// If the image lacks the layers `patch`, `P` or `N`, which every rendered image has.
+    #[must_use]
+    #[track_caller]
+    pub fn shows_a_front(&self, eye: DVec3) -> bool {
+        let layer = |prefix: &str| {
+            channel_names(prefix, ['X', 'Y', 'Z'])
+                .map(|name| self.f32(&name).unwrap_or_else(|| panic!("no layer {name}")))
+        };
+        let (points, normals) = (layer("P"), layer("N"));
+        let patches = self.u32("patch").unwrap_or_else(|| panic!("no layer patch"));
+        let at = |axes: [&[f32]; 3], k: usize| DVec3::from_array(axes.map(|values| f64::from(values[k])));
+        (0..patches.len()).any(|k| patches[k] != u32::MAX && at(normals, k).dot(eye - at(points, k)) > 0.0)
     }
 
     fn samples(&self, name: &str) -> Option<&Samples> {

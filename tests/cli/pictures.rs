@@ -40,6 +40,62 @@ fn an_unfolded_cube_is_proved_and_a_tampered_one_is_not() {
     assert_eq!(result["passed"], false);
 }
 
+/// A room whose faces all see outwards: the picture is black, and a check of it shows nothing.
+#[test]
+fn a_picture_of_backs_is_doubted_and_proves_nothing() {
+    let directory = with_scene("room-box");
+    let obj = std::fs::read_to_string(directory.path().join("scene.obj")).unwrap();
+    let reversed: Vec<String> = obj
+        .lines()
+        .map(|line| match line.strip_prefix("f ") {
+            Some(corners) => format!("f {}", corners.split(' ').rev().collect::<Vec<_>>().join(" ")),
+            None => line.to_owned(),
+        })
+        .collect();
+    std::fs::write(directory.path().join("scene.obj"), reversed.join("\n")).unwrap();
+    let flags = ["--subdivide", "1", "--width", "16", "--up", "0,0,1"];
+    for (eye, at, backs) in [("0.5,0.5,0.5", "0.2,0.2,1", true), ("9,9,9", "10,10,10", false)] {
+        let arguments = ["render", "scene.obj", "-o", "r.exr", "--eye", eye, "--look-at", at];
+        let (code, result) = document(directory.path(), &[&arguments[..], &flags].concat());
+        assert_eq!(code, 0, "{result}");
+        let warnings: Vec<&str> = result["warnings"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|w| w.as_str().unwrap())
+            .collect();
+        assert_eq!(warnings.len(), 2, "{warnings:?}");
+        assert!(
+            warnings[0].contains("no face that emits light sees another"),
+            "{warnings:?}"
+        );
+        assert!(
+            warnings[1].contains("no pixel shows the front of a face"),
+            "{warnings:?}"
+        );
+        let (code, result) = document(directory.path(), &["verify", "r.exr"]);
+        assert_eq!((code, &result["passed"]), (4, &false.into()), "{result}");
+        let counts = ["n_pixels", "n_checked", "n_backs", "n_background"].map(|name| result[name].as_u64().unwrap());
+        assert_eq!(counts, if backs { [0, 0, 256, 0] } else { [0, 0, 0, 256] });
+        let output = radiosity(directory.path(), &["verify", "r.exr"]);
+        let text = String::from_utf8(output.stdout).unwrap();
+        assert!(text.contains("no pixel could be compared"), "{text}");
+    }
+    // From outside, the room's fronts are there to be seen.
+    let arguments = [
+        "render",
+        "scene.obj",
+        "-o",
+        "o.exr",
+        "--eye",
+        "9,9,9",
+        "--look-at",
+        "0,0,0",
+    ];
+    let (_, result) = document(directory.path(), &[&arguments[..], &flags].concat());
+    assert_eq!(result["warnings"].as_array().unwrap().len(), 1, "{result}");
+}
+
 #[test]
 fn a_picture_is_written_whole_with_its_preview() {
     let directory = with_scene("cornell-box");

@@ -13,6 +13,7 @@ use report::{Checked, LinkFigures, describe, describe_surfaces, surfaces, to_jso
 use super::args::{LinksName, VoxelArgs};
 use super::exit_code::ExitCode;
 use super::failure::Failure;
+use super::picture::warn_if_blank;
 use super::pipeline::{Prepared, Run, go_on};
 use super::{Outcome, merge, output, render};
 use crate::audit::{self, Given};
@@ -335,7 +336,7 @@ fn solve(run: &mut Run, prepared: &Prepared, operator: &LinkOperator<'_>, args: 
         ..SolveOptions::default()
     };
     let solver = solver::solver(name, &SolverSettings::default())?;
-    let solution = run.times.time("solve", || {
+    let solved = run.times.time("solve", || {
         solver.solve(&system, &options, &mut |_| go_on(&run.progress))
     });
     let solution = solved.map_err(|error| refused(run, prepared, operator.scene(), error))?;
@@ -445,6 +446,10 @@ fn write(
         })?
     };
     run.audited(audit::picture(&image));
+    // A picture of the voxels themselves has other layers.
+    if !args.show_voxels {
+        warn_if_blank(run, &image, view.as_view());
+    }
     let attributes = Attributes::new(
         &prepared.scene,
         view.as_view().description(),

@@ -14,6 +14,8 @@ const MIN_HITS: f64 = 1000.0;
 #[derive(Default)]
 pub(super) struct Tally {
     pub(super) n_pixels: usize,
+    pub(super) n_background: usize,
+    pub(super) n_backs: usize,
     pub(super) n_checked: usize,
     pub(super) n_outside: usize,
     pub(super) n_misplaced: usize,
@@ -24,8 +26,18 @@ pub(super) struct Tally {
 }
 
 impl Tally {
-    pub(super) fn add(&mut self, answer: &PixelAnswer, pixel: &Judged) {
-        self.n_pixels += usize::from(answer.on_surface());
+    pub(super) fn of<'a>(pixels: impl Iterator<Item = (&'a PixelAnswer, &'a Judged)>) -> Self {
+        let mut tally = Self::default();
+        for (answer, pixel) in pixels {
+            tally.add(answer, pixel);
+        }
+        tally
+    }
+
+    fn add(&mut self, answer: &PixelAnswer, pixel: &Judged) {
+        self.n_pixels += usize::from(answer.on_surface() && !answer.is_back());
+        self.n_background += usize::from(!answer.on_surface());
+        self.n_backs += usize::from(answer.is_back());
         self.n_checked += usize::from(answer.is_checked());
         self.n_outside += usize::from(pixel.outside);
         self.n_misplaced += usize::from(pixel.misplaced);

@@ -183,10 +183,7 @@ pub fn verify_image(image: &Image, attributes: &Attributes) -> Result<VerifyRepo
         .collect();
     let both = || sheets.iter().zip(&all_judged);
     let pixels = || both().flat_map(|(sheet, judged)| sheet.answers.iter().zip(judged));
-    let mut tally = Tally::default();
-    for (answer, pixel) in pixels() {
-        tally.add(answer, pixel);
-    }
+    let tally = Tally::of(pixels());
     let n_strips_outside = both()
         .map(|(sheet, judged)| count_wrong_strips(sheet, judged, &reference, strip_odds))
         .sum();
@@ -214,6 +211,8 @@ pub fn verify_image(image: &Image, attributes: &Attributes) -> Result<VerifyRepo
         passed: right && n_checked > 0,
         scene_intact: attributes.scene_intact,
         n_pixels: tally.n_pixels,
+        n_background: tally.n_background,
+        n_backs: tally.n_backs,
         n_checked,
         n_not_checkable: tally.n_pixels - n_checked,
         n_outside: tally.n_outside,

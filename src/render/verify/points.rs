@@ -72,6 +72,8 @@ pub(super) struct Shown {
     pub(super) irradiance: Option<Lit>,
     /// Whether something hides a part of an emitter.
     pub(super) shaded: bool,
+    /// Whether a sample shows the front of a face: all others are black, whatever the light.
+    pub(super) front: bool,
 }
 
 /// What rays may find where an emitter is hidden, as a share of the largest exitance: they see outlines whose corners are rounded to f32,
@@ -83,8 +85,13 @@ impl PixelAnswer {
         !matches!(self, Self::Background)
     }
 
+    /// Tells whether the pixel shows backs of faces, and no front: it is black, and says nothing of the light.
+    pub(super) fn is_back(&self) -> bool {
+        self.shown().is_some_and(|shown| !shown.front)
+    }
+
     pub(super) fn is_checked(&self) -> bool {
-        self.irradiance().is_some()
+        self.irradiance().is_some() && !self.is_back()
     }
 
     pub(super) fn shown(&self) -> Option<&Shown> {
@@ -299,6 +306,7 @@ impl<'a> Reference<'a> {
                             material: material.filter(|_| uniform),
                             irradiance: light.irradiance(),
                             shaded: light.shaded,
+                            front: true,
                         })
                     }
                 }

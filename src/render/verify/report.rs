@@ -11,8 +11,12 @@ pub struct VerifyReport {
     pub passed: bool,
     /// Whether the scene in the file is the one that its hash was made from.
     pub scene_intact: bool,
-    /// Pixels that show a surface.
+    /// Pixels that show the front of a face, or may.
     pub n_pixels: usize,
+    /// Pixels that show nothing.
+    pub n_background: usize,
+    /// Pixels that show backs of faces alone: these are black, and are checked to be.
+    pub n_backs: usize,
     /// Pixels that were compared with the exact irradiance.
     pub n_checked: usize,
     /// Pixels with a sample on the border of a surface, or for which a clear view of all emitters could not be proven.

@@ -140,6 +140,7 @@ impl Eye<'_> {
             material: common(&fronts, |face| self.faces.material(face)),
             irradiance: light.irradiance(),
             shaded: light.shaded,
+            front: fronts.iter().any(Option::is_some),
         })
     }
 }
