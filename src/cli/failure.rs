@@ -83,9 +83,17 @@ impl Failure {
 
 impl From<SceneError> for Failure {
     fn from(error: SceneError) -> Self {
+        let code = match error {
+            // These name a flag's or an argument's value, and no file.
+            SceneError::UnknownBuiltin { .. } | SceneError::NoLevels { .. } | SceneError::LevelTooHigh { .. } => {
+                ExitCode::Usage
+            }
+            _ => ExitCode::Error,
+        };
         Self {
             file: error.file().map(Into::into),
             line: error.line(),
+            code,
             ..Self::new(error.kind(), error.to_string())
         }
     }

@@ -131,14 +131,43 @@ fn usage(error: &clap::Error, arguments: &[OsString]) -> ExitCode {
             ExitCode::Error
         };
     }
-    // Printing can only fail if stderr is closed; there is nobody left to tell.
-    let _ = error.print();
+    if error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
+        // The whole help is the answer. Printing can only fail if stderr is closed; there is nobody left to tell.
+        let _ = error.print();
+        return ExitCode::Usage;
+    }
+    let line = usage_line(&error.render().to_string());
+    complain(&line);
     if arguments.iter().any(|a| a == "--json") {
-        let text = error.render().to_string();
-        let line = text.lines().next().unwrap_or_default().trim_start_matches("error: ");
         print_document(&Failure::new("usage", line).to_json());
     }
     ExitCode::Usage
+}
+
+/// Makes one line of clap's message: what is wrong, the arguments or values that it lists, and its tips; how the command is used is in its help.
+fn usage_line(message: &str) -> String {
+    let mut parts = message
+        .lines()
+        .map(str::trim)
+        .filter(|line| !line.is_empty())
+        .take_while(|line| !line.starts_with("Usage:"))
+        .filter(|line| !line.starts_with("For more information"));
+    let mut text = parts
+        .next()
+        .unwrap_or_default()
+        .trim_start_matches("error: ")
+        .to_owned();
+    for part in parts {
+        let joint = match part {
+            _ if text.ends_with(':') || part.starts_with('[') => " ",
+            _ if part.starts_with("tip:") => "; ",
+            _ => ", ",
+        };
+        text.push_str(joint);
+        text.push_str(part.trim_start_matches("tip: "));
+    }
+    text.push_str("; see --help");
+    text
 }
 
 /// Adds the members of one document to another.

@@ -47,10 +47,64 @@ fn usage_errors_are_exit_code_2() {
         &["solve", "scene.obj", "--tolerance", "-1"],
         &["paint", "scene.obj"],
         &["form-factors"],
+        &["form-factors", "scene.obj", "--subdivide", "0"],
+        &["form-factors", "scene.obj", "--max-edge", "0"],
+        &["form-factors", "scene.obj", "--max-edge", "-1"],
+        &["render", "scene.obj", "-o", "x.exr", "--fov", "0"],
+        &["render", "scene.obj", "-o", "x.exr", "--fov", "180"],
+        &["scene", "nope", "-o", "x.obj"],
+        &["scene", "cube", "--level", "2", "-o", "x.obj"],
+        &["voxel", "scene.obj", "--solver", "pcg"],
+        &[
+            "voxel",
+            "scene.obj",
+            "--solver",
+            "direct",
+            "--links",
+            "recompute",
+            "--voxels",
+            "4",
+            "--radius",
+            "1",
+        ],
     ] {
         let output = radiosity(directory.path(), arguments);
         assert_eq!(output.status.code(), Some(2), "{arguments:?}");
-        assert!(!stderr(&output).is_empty());
+        let message = stderr(&output);
+        assert!(
+            message.starts_with("radiosity: ") && message.lines().count() == 1,
+            "{message}"
+        );
+        let (code, result) = document(directory.path(), arguments);
+        assert_eq!(code, 2, "{arguments:?}");
+        let told = result["error"]["message"].as_str().unwrap();
+        assert_eq!(message, format!("radiosity: {told}\n"));
+    }
+    // What clap spreads over several lines is all there.
+    for (arguments, words) in [
+        (
+            &["form-factors"] as &[&str],
+            &["required arguments were not provided: <SCENE>"] as &[&str],
+        ),
+        (&["render"], &["not provided: --output <IMAGE.exr>, <SCENE>"]),
+        (
+            &["solve", "scene.obj", "--method", "hyper"],
+            &["'hyper'", "--method <NAME>", "[possible values: ", "hemicube", "exact"],
+        ),
+        (&["solve", "scene.obj", "--metod", "sr"], &["'--metod'", "'--method'"]),
+        (&["solv", "scene.obj"], &["'solv'", "'solve'"]),
+        (
+            &["voxel", "scene.obj", "--solver", "pcg"],
+            &["'pcg'", "gmres", "jacobi"],
+        ),
+        (
+            &["solve", "scene.obj", "--subdivide", "2", "--max-edge", "1"],
+            &["--subdivide <N>", "--max-edge <L>"],
+        ),
+    ] {
+        let (_, result) = document(directory.path(), arguments);
+        let told = result["error"]["message"].as_str().unwrap();
+        assert!(words.iter().all(|word| told.contains(word)), "{told}");
     }
     let (code, result) = document(directory.path(), &["solve", "scene.obj", "--method", "hyper"]);
     assert_eq!(code, 2);

@@ -17,11 +17,11 @@ use crate::mesh::Subdivision;
 #[derive(Args, Clone, Copy, Debug)]
 #[command(next_help_heading = "Patches")]
 pub struct MeshArgs {
-    /// Cut every edge into N parts: a quad into N×N patches, a triangle into N² [default: 1; render: by size]
-    #[arg(long, value_name = "N", conflicts_with = "max_edge")]
+    /// Cut every edge into N parts: a quad into N×N patches, a triangle into N² [default: 1; render and voxel: by size; compare: for 200 patches or more]
+    #[arg(long, value_name = "N", conflicts_with = "max_edge", value_parser = clap::value_parser!(u32).range(1..))]
     pub subdivide: Option<u32>,
     /// Cut every edge into parts of at most L metres
-    #[arg(long, value_name = "L")]
+    #[arg(long, value_name = "L", value_parser = parse_positive)]
     pub max_edge: Option<f64>,
 }
 

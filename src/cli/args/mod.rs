@@ -130,6 +130,13 @@ fn parse_positive(text: &str) -> Result<f64, String> {
     }
 }
 
+fn parse_angle(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value > 0.0 && value < 180.0 => Ok(value),
+        _ => Err("give degrees between 0 and 180".to_owned()),
+    }
+}
+
 /// Reads a number from 1 to `most`.
 fn parse_up_to(text: &str, most: usize) -> Result<NonZeroUsize, String> {
     let number = text.parse().ok().filter(|number: &NonZeroUsize| number.get() <= most);

@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 
-use super::{AuditArgs, CommonArgs, MeshArgs, MethodArgs, SolverArgs, StorageArgs, parse_positive, parse_vector};
+use super::{
+    AuditArgs, CommonArgs, MeshArgs, MethodArgs, SolverArgs, StorageArgs, parse_angle, parse_positive, parse_vector,
+};
 use crate::render::exr::{Parts, Pixels};
 
 /// The direct pass: light from the emitters, integrated at each pixel.
@@ -174,7 +176,7 @@ pub struct ViewArgs {
     #[arg(long, value_name = "X,Y,Z", value_parser = parse_vector, allow_hyphen_values = true)]
     pub up: Option<[f64; 3]>,
     /// Vertical field of view in degrees
-    #[arg(long, value_name = "DEGREES")]
+    #[arg(long, value_name = "DEGREES", value_parser = parse_angle, allow_hyphen_values = true)]
     pub fov: Option<f64>,
     /// Width in pixels; with `--camera unfolded`, of the largest tile's longer side [default: 512; unfolded: 64]
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..=16384))]

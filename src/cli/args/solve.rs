@@ -19,6 +19,16 @@ pub(super) fn solver_name() -> impl TypedValueParser<Value = String> {
     )
 }
 
+/// Reads the name of a solver that needs no symmetric form factors: those of voxels are not, and are not balanced.
+pub(super) fn solver_name_without_symmetry() -> impl TypedValueParser<Value = String> {
+    PossibleValuesParser::new(
+        crate::solver::registry::SOLVERS
+            .iter()
+            .filter(|solver| !solver.needs_reciprocity)
+            .map(|solver| PossibleValue::new(solver.name).help(solver.summary)),
+    )
+}
+
 /// How the system is solved.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Solver")]

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
-use super::solve::solver_name;
+use super::solve::solver_name_without_symmetry;
 use super::{AuditArgs, CommonArgs, ImageArgs, MeshArgs, parse_positive};
 use crate::cli::storage::parse_byte;
 use crate::voxel::Form;
@@ -90,7 +90,7 @@ pub struct VoxelArgs {
     #[arg(long, help_heading = "Voxels")]
     pub show_voxels: bool,
     /// Solve to a tolerance with a solver, in place of a number of propagations
-    #[arg(long, value_name = "NAME", value_parser = solver_name(), conflicts_with_all = ["passes", "form"], help_heading = "Voxels")]
+    #[arg(long, value_name = "NAME", value_parser = solver_name_without_symmetry(), conflicts_with_all = ["passes", "form"], help_heading = "Voxels")]
     pub solver: Option<String>,
     /// The solver's tolerance on sqrt(Σ A r² / Σ A E²), worst channel
     #[arg(
