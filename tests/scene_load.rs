@@ -216,9 +216,30 @@ fn a_concave_polygon_becomes_triangles_of_its_area() {
 
 #[test]
 fn a_bent_quad_becomes_two_triangles_with_one_line() {
-    let scene = valid("bent.obj").scene;
+    let loaded = valid("bent.obj");
+    assert_eq!(
+        warnings(&loaded),
+        ["bent.obj:7: a face is not flat; it is cut into triangles, which may not be those that were meant"]
+    );
+    let scene = loaded.scene;
     assert_eq!(face_owners(&scene), [("face1", 7), ("face1", 7)]);
     assert!(scene.faces.iter().all(|f| matches!(f.corners, Corners::Triangle(_))));
+}
+
+/// The number of warnings of a quad of 1 m with a corner that much off its plane.
+fn n_doubts(height: f64) -> usize {
+    let directory = tempfile::tempdir().unwrap();
+    let file = directory.path().join("bent.obj");
+    std::fs::write(directory.path().join("a.mtl"), "newmtl a\nKd 0.5\nKe 1\n").unwrap();
+    let text = format!("mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 {height}\nv 0 1 0\nusemtl a\nf 1 2 3 4\n");
+    std::fs::write(&file, text).unwrap();
+    load(&file).unwrap().warnings.len()
+}
+
+#[test]
+fn a_quad_is_doubted_where_it_matters_how_it_is_cut() {
+    // A corner that is lifted by h moves each corner h / 4 off the mean plane, and the limit is a thousandth of √2 m.
+    assert_eq!((n_doubts(5e-3), n_doubts(6e-3)), (0, 1));
 }
 
 #[test]

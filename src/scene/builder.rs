@@ -8,6 +8,11 @@ use glam::DVec3;
 use super::overlap;
 use super::split::{Outline, split};
 use super::{Corners, Face, MAX_CORNERS, MAX_FACES, Material, MaterialId, Scene, SceneError, Surface, SurfaceId};
+use crate::geometry::polygon;
+
+/// How far from flat an outline may be, in units of the diagonal of its box, before it is doubted: a thousandth is more than any rounding, and
+/// where the two ways to cut a quad in two differ by that, so do areas and form factors by as much as a millionth.
+const BENT: f64 = 1e-3;
 
 /// Collects faces in the order in which they are given.
 pub(super) struct Builder {
@@ -22,6 +27,8 @@ pub(super) struct Builder {
 pub(super) enum Added {
     /// It is part of the scene.
     Faces,
+    /// It is part of the scene, and so far from flat that it matters how it was cut into triangles.
+    Bent,
     /// It has no area, and was left out.
     ZeroArea,
 }
@@ -96,7 +103,7 @@ impl Builder {
                 line,
             });
         }
-        Ok(Added::Faces)
+        Ok(if is_bent(&corners) { Added::Bent } else { Added::Faces })
     }
 
     /// Ends the scene: surfaces and materials without faces are dropped, materials take the order of their first use.
@@ -182,6 +189,14 @@ fn without_repeats(corners: &[DVec3]) -> Vec<DVec3> {
         kept.pop();
     }
     kept
+}
+
+/// Tells whether a corner is further than [`BENT`] of the size of an outline from its plane.
+fn is_bent(corners: &[DVec3]) -> bool {
+    let (low, high) = corners
+        .iter()
+        .fold((corners[0], corners[0]), |(low, high), &v| (low.min(v), high.max(v)));
+    corners.len() > 3 && polygon::planarity_error(corners) > BENT * low.distance(high)
 }
 
 /// Turns an outline so that it begins with its least vertex: the same outline from any start.

@@ -45,7 +45,7 @@ pub const DEFAULT_REFLECTANCE: f64 = 0.5;
 ///
 /// - Lengths are metres, as written: every f64 survives, no coordinate is moved, and bit-identical positions become one vertex (0 and −0 are the same).
 /// - A face sees along the normal of its winding. Flat convex quads stay quads; a quad is flat if no corner is further than
-///   1e-6 of its diameter from its plane. Bent or concave quads and larger outlines become triangles of the same outline.
+///   1e-6 of its diameter from its plane. Bent or concave quads and larger outlines become triangles of the same outline; beyond 1e-3 there is a warning.
 /// - The last `o` or `g` above a face names its surface (tools write either, or an `o` for the object and a `g` for a part of it: the finer name
 ///   counts). A `g` with several names is one surface with all of them in its name. Faces above the first one, or below one without a name, are surface `default`.
 ///   A file without any `o` or `g` has one surface per face, `face1`... Surfaces are in the order in which their names appear;
@@ -167,15 +167,20 @@ impl Assembly<'_> {
         let mut materials: HashMap<Option<usize>, MaterialId> = HashMap::new();
         let mut in_use = HashSet::new();
         let mut without_area = FirstAndCount::default();
+        let mut bent = FirstAndCount::default();
         let mut without_material = FirstAndCount::default();
         for (face, corners) in index.faces.iter().zip(outlines.iter()) {
             let material = match materials.entry(face.material) {
                 Entry::Occupied(known) => *known.get(),
                 Entry::Vacant(free) => *free.insert(self.material(face.material)?),
             };
-            if self.builder.face(corners, surfaces[face.group], material, face.line)? == Added::ZeroArea {
-                without_area.count(face.line);
-                continue;
+            match self.builder.face(corners, surfaces[face.group], material, face.line)? {
+                Added::Faces => {}
+                Added::Bent => bent.count(face.line),
+                Added::ZeroArea => {
+                    without_area.count(face.line);
+                    continue;
+                }
             }
             if face.material.is_none() {
                 without_material.count(face.line);
@@ -186,6 +191,13 @@ impl Assembly<'_> {
         }
         if let Some((line, count)) = without_material.0 {
             self.warnings.push(SceneWarning::NoMaterial {
+                file: self.file.to_owned(),
+                line,
+                count,
+            });
+        }
+        if let Some((line, count)) = bent.0 {
+            self.warnings.push(SceneWarning::BentFaces {
                 file: self.file.to_owned(),
                 line,
                 count,

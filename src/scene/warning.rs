@@ -20,6 +20,15 @@ pub enum SceneWarning {
         /// How many there are.
         count: usize,
     },
+    /// Faces of four corners or more are not flat, and were cut into triangles.
+    BentFaces {
+        /// The scene file.
+        file: PathBuf,
+        /// The line of the first one.
+        line: u32,
+        /// How many there are.
+        count: usize,
+    },
     /// A material library does not exist.
     MissingLibrary {
         /// The scene file.
@@ -87,6 +96,7 @@ impl SceneWarning {
     pub fn kind(&self) -> &'static str {
         match self {
             Self::ZeroAreaFaces { .. } => "zero_area_faces",
+            Self::BentFaces { .. } => "bent_faces",
             Self::MissingLibrary { .. } => "missing_library",
             Self::UnknownMaterial { .. } => "unknown_material",
             Self::NoMaterial { .. } => "no_material",
@@ -97,11 +107,18 @@ impl SceneWarning {
         }
     }
 
+    /// Tells whether the warning is about light and materials alone: of no interest where only the geometry counts.
+    #[must_use]
+    pub fn is_about_light(&self) -> bool {
+        !matches!(self, Self::ZeroAreaFaces { .. } | Self::BentFaces { .. })
+    }
+
     /// Returns the file that the warning is about.
     #[must_use]
     pub fn file(&self) -> &Path {
         match self {
             Self::ZeroAreaFaces { file, .. }
+            | Self::BentFaces { file, .. }
             | Self::MissingLibrary { file, .. }
             | Self::UnknownMaterial { file, .. }
             | Self::NoMaterial { file, .. }
@@ -117,6 +134,7 @@ impl SceneWarning {
     pub fn line(&self) -> Option<u32> {
         match self {
             Self::ZeroAreaFaces { line, .. }
+            | Self::BentFaces { line, .. }
             | Self::MissingLibrary { line, .. }
             | Self::UnknownMaterial { line, .. }
             | Self::NoMaterial { line, .. }
@@ -138,6 +156,18 @@ impl fmt::Display for SceneWarning {
             Self::ZeroAreaFaces { count: 1, .. } => write!(f, ": a face without an area is skipped"),
             Self::ZeroAreaFaces { count, .. } => {
                 write!(f, ": {count} faces without an area are skipped, this is the first")
+            }
+            Self::BentFaces { count: 1, .. } => {
+                write!(
+                    f,
+                    ": a face is not flat; it is cut into triangles, which may not be those that were meant"
+                )
+            }
+            Self::BentFaces { count, .. } => {
+                write!(
+                    f,
+                    ": {count} faces are not flat, this is the first; they are cut into triangles, which may not be those that were meant"
+                )
             }
             Self::MissingLibrary { name, .. } => {
                 write!(

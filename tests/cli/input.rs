@@ -143,6 +143,28 @@ fn faces_that_look_the_wrong_way_are_told() {
     }
 }
 
+/// Who wants form factors alone is not asked for lamps and paints.
+#[test]
+fn bare_geometry_is_enough_for_form_factors() {
+    let directory = tempfile::tempdir().unwrap();
+    let plates = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 0 1 1\nv 1 1 1\nv 1 0 1\nf 1 2 3 4\nf 5 6 7 8\n";
+    std::fs::write(directory.path().join("p.obj"), plates).unwrap();
+    let output = radiosity(directory.path(), &["form-factors", "p.obj"]);
+    assert_eq!(stderr(&output), "");
+    let solved = stderr(&radiosity(directory.path(), &["solve", "p.obj"]));
+    assert!(
+        solved.contains("no face emits light") && solved.contains("reflect 0.5"),
+        "{solved}"
+    );
+    // What is wrong with the geometry counts for both.
+    std::fs::write(directory.path().join("p.obj"), plates.replace("1 1 1\n", "1 1 1.1\n")).unwrap();
+    let bent = stderr(&radiosity(directory.path(), &["form-factors", "p.obj"]));
+    assert!(
+        bent.contains("p.obj:10: a face is not flat") && bent.lines().count() == 1,
+        "{bent}"
+    );
+}
+
 #[test]
 fn sizes_that_rays_cannot_tell_apart_name_the_file_and_the_remedy() {
     let directory = tempfile::tempdir().unwrap();

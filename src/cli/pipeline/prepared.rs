@@ -57,8 +57,11 @@ impl Run {
         expect_readable(path, memory_limit)?;
         let options = LoadOptions::default().allow_outside(self.common.allow_outside);
         let loaded = self.times.time("scene", || load_with(path, options))?;
+        let wants_light = !matches!(self.command, "form-factors" | "field" | "compare");
         for warning in &loaded.warnings {
-            self.warn(&warning.to_string());
+            if wants_light || !warning.is_about_light() {
+                self.warn(&warning.to_string());
+            }
         }
         self.prepare_scene(path, loaded.scene, mesh_args, memory_limit, default)
     }
