@@ -256,10 +256,16 @@ fn checks_find_what_was_put_in() {
     near(new(tallies[0]).sky_factor(1), 0.3);
     near(with_weights.effective_rays().unwrap(), 8.0);
     let targets = new(with_weights).row_targets(false);
-    near(targets[0], 1.0);
-    near(targets[1], 0.7);
-    near(targets[2], 1.249);
-    assert_eq!(new(tallies[0]).row_targets(true), [1.0; 3]);
+    // What a row of rays lost gives way; a row without rays keeps its sum.
+    near(targets.sums[0], 1.0);
+    near(targets.sums[1], 1.0);
+    near(targets.lost[1], 0.3);
+    let p = (8.0 * 0.3 + 1.0) / 10.0;
+    near(targets.lost_variance[1], p * (1.0 - p) / 8.0);
+    near(targets.sums[2], 1.249);
+    near(targets.lost[2], 0.0);
+    let closed = new(tallies[0]).row_targets(true);
+    assert_eq!((closed.sums, closed.lost), (vec![1.0; 3], vec![0.0; 3]));
 }
 
 #[test]

@@ -193,6 +193,116 @@ fn balanced_noise_gives_better_light_than_symmetrised_noise() {
     assert!(errors[1] > 0.05 && errors[2] < 1e-3, "{errors:?}");
 }
 
+/// Rows of rays that were counted: hits of each patch by each, out of so many.
+fn counted(areas: &[f64], hits: &[Vec<u32>], n_rays: u64) -> FormFactors {
+    let mut tile = RowTile::new(0);
+    for row in hits {
+        let share = |count: u32| f64::from(count) / n_rays as f64;
+        let entry = |(j, &count): (u32, &u32)| {
+            (
+                j,
+                share(count),
+                (share(count) * (1.0 - share(count)) / n_rays as f64).sqrt(),
+            )
+        };
+        let n_hits: u64 = row.iter().map(|&count| u64::from(count)).sum();
+        let tally = RowTally {
+            n_rays,
+            n_escaped: n_rays - n_hits,
+            ..RowTally::default()
+        };
+        tile.push_row(&(0..).zip(row).map(entry).collect::<Vec<_>>(), tally);
+    }
+    FormFactors::from_tiles(areas.to_vec(), [tile], StorageChoice::default()).unwrap()
+}
+
+/// A lamp of 1 m² and a sensor of 0.01 m², 5 m apart: 53 rays of 4096 find the lamp, and none the sensor.
+#[test]
+fn a_patch_that_all_rays_missed_is_still_seen() {
+    let raw = counted(&[1.0, 0.01], &[vec![0, 0], vec![53, 0]], 4096);
+    let symmetric = raw.symmetrised(Weighting::default()).unwrap();
+    let targets = raw.row_targets(false);
+    for (name, (repaired, report)) in [
+        ("balanced", symmetric.balanced(&targets, 1e-10, 200).unwrap()),
+        ("closed", symmetric.closed(&targets, 1e-10, 200).unwrap()),
+    ] {
+        assert!(report.converged && report.n_empty_rows == 0, "{name} {report:?}");
+        for (i, j) in [(0, 1), (1, 0)] {
+            let (before, after) = (symmetric.get(i, j), repaired.get(i, j));
+            let error = symmetric.std_error(i, j);
+            assert!(
+                (after - before).abs() < 0.1 * error,
+                "{name}: {before} ± {error} became {after}"
+            );
+            assert!(repaired.std_error(i, j) >= error, "{name}: errors do not shrink");
+        }
+        // The closed form is 1.2558e-4.
+        assert!(
+            (repaired.get(0, 1) - 1.2558e-4).abs() < 3.0 * repaired.std_error(0, 1),
+            "{name}"
+        );
+    }
+}
+
+/// The sums of two plates whose rays contradict each other can be met, as what escaped is no better known than what arrived.
+#[test]
+fn rows_that_contradict_each_other_are_reconciled() {
+    let raw = counted(&[1.0; 2], &[vec![0, 819], vec![822, 0]], 4096);
+    let symmetric = raw.symmetrised(Weighting::default()).unwrap();
+    let (balanced, report) = symmetric.balanced(&raw.row_targets(false), 1e-10, 200).unwrap();
+    assert!(report.converged, "{report:?}");
+    assert!((balanced.row_sum(0) - 820.5 / 4096.0).abs() < 1e-6);
+    // What is given as certain still has to be met as it is.
+    let sums = [819.0 / 4096.0, 822.0 / 4096.0];
+    let (_, report) = symmetric.balanced(&sums, 1e-10, 200).unwrap();
+    assert!(!report.converged);
+}
+
+/// A bright room with windows: the light of balanced noise is nearer to the truth than that of noise as it comes or made symmetric alone, and no entry goes further than its
+/// noise explains.
+#[test]
+fn balanced_noise_gives_better_light_in_an_open_room_too() {
+    let lewis = LewisRoom::new(2);
+    let n = lewis.areas.len();
+    let f = matrix(&lewis.areas, &lewis.rows).symmetrised(Weighting::Plain).unwrap();
+    let (room, _) = f.balanced(&vec![1.0; n], 1e-13, 1000).unwrap();
+    // Every seventh patch is a window.
+    let kept: Vec<usize> = (0..n).filter(|i| i % 7 != 3).collect();
+    let areas: Vec<f64> = kept.iter().map(|&i| lewis.areas[i]).collect();
+    let n_rays = 400;
+    let truth_rows: Vec<Vec<f64>> = kept
+        .iter()
+        .map(|&i| kept.iter().map(|&j| room.get(i, j)).collect())
+        .collect();
+    let reflectance = Block::from_values(vec![0.9; kept.len()], 1);
+    let exitance = Block::from_values(vec![1.0; kept.len()], 1);
+    let light = |rows: &[Vec<f64>]| solve_direct(rows, &reflectance, &exitance);
+    let truth = light(&truth_rows);
+    let (mut errors, mut furthest) = ([0.0; 3], 0.0_f64);
+    for seed in 0..8 {
+        let all = shoot(&dense(&room), &lewis.areas, n_rays, &mut Uniform(50 + seed));
+        let count = |i: usize, j: usize| (all.get(i, j) * n_rays as f64).round() as u32;
+        let hits: Vec<Vec<u32>> = kept
+            .iter()
+            .map(|&i| kept.iter().map(|&j| count(i, j)).collect())
+            .collect();
+        let raw = counted(&areas, &hits, n_rays);
+        let symmetric = raw.symmetrised(Weighting::default()).unwrap();
+        let (balanced, report) = symmetric.balanced(&raw.row_targets(false), 1e-10, 200).unwrap();
+        assert!(report.converged, "{seed} {report:?}");
+        for (sum, f) in errors.iter_mut().zip([&raw, &symmetric, &balanced]) {
+            *sum += relative_error(&areas, &light(&dense(f)), &truth) / 8.0;
+        }
+        for i in 0..kept.len() {
+            symmetric.for_each_in_row(i, |j, value, error| {
+                furthest = furthest.max((balanced.get(i, j) - value).abs() / error);
+            });
+        }
+    }
+    assert!(errors[2] < 0.8 * errors[1] && errors[2] < errors[0], "{errors:?}");
+    assert!(furthest < 3.0, "{furthest} standard errors");
+}
+
 /// A symmetric room, and what is left of it when some of its exchange areas, those that say so, are wrong.
 fn wrong_where_it_says_so(n: usize, seed: u64) -> (FormFactors, FormFactors) {
     let mut uniform = Uniform(seed);

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::{At, Audit, Law, Worst};
 use crate::form_factor::Reciprocity;
-use crate::matrix::{Closed, DiskError, FormFactors, Precision};
+use crate::matrix::{Closed, DiskError, FormFactors, Precision, RowTally};
 
 /// Standard deviations that a count of rays may be off. With the same number of rays on top, a Poisson variable of any mean goes further by
 /// chance less than once in 10^13, and so in a matrix of 10^10 pairs less than once in a thousand runs.
@@ -14,6 +14,13 @@ const SIGMAS: f64 = 8.0;
 
 /// An estimate of an error comes from a coarser rule, and may be below the error; twice the estimate seldom is.
 const ESTIMATES: f64 = 2.0;
+
+/// How far above all light a pair or a row may be because a rule says that it is off by so much. Were the statement believed to any extent, the worse a rule
+/// the more would pass; noise beyond this has to be that of independent entries.
+const BELIEVED: f64 = 1e-3;
+
+/// How far above 1 a row may sum to whose errors are not known.
+const UNKNOWN: f64 = 0.1;
 
 /// What form factors claim about themselves beside their errors.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,8 +31,24 @@ pub struct Claims<'a> {
     pub reciprocity: Reciprocity,
     /// True if the entries have errors and the rows their tallies; else what rests on them is not checked.
     pub errors_known: bool,
-    /// What a repair was to restore row sums to; 0 without one.
-    pub row_tolerance: f64,
+    /// What a repair did to the row sums.
+    pub repair: Repair,
+    /// True if errors are those of a rule of quadrature, which nothing keeps from giving a pair or a row more than all light
+    /// (see [`FormFactorMethod::errs_by_rule`](crate::form_factor::FormFactorMethod::errs_by_rule)).
+    pub by_rule: bool,
+}
+
+/// What a repair did to the row sums.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Repair {
+    /// There was none.
+    #[default]
+    Not,
+    /// Rows that are known to sum to 1 do so within this. What the others lose was counted by their own rays alone and has given way: the sum of an open row is
+    /// off from that count by the noise of both.
+    Within(f64),
+    /// It gave up before, and rows are off by the noise of what they were made from.
+    GaveUp,
 }
 
 /// What was found about form factors.
@@ -51,7 +74,8 @@ struct Found {
 /// Checks signs, bounds, reciprocity and row sums; one pass over F and its transpose.
 ///
 /// Errors are those of the entries, where the method states any, and where rays were counted the deviations of counts. Rounding is
-/// counted with n + 8 units in the last place of what is stored.
+/// counted with n + 8 units in the last place of what is stored. Below what a law says, twice the stated error is believed whatever it is; above all light, where no
+/// light can be, no more of it than 0.001, or 8 standard deviations of a sum of independent entries if the errors are not those of a rule.
 /// Source: Baranoski, Bramley and Shirley 1995, section 2, for closure and reciprocity. Departures: none.
 ///
 /// # Errors
@@ -79,21 +103,24 @@ pub fn form_factors(factors: &FormFactors, claims: Claims<'_>) -> Result<FormFac
         };
         audit.skip(Law::Reciprocity, reason);
     }
-    for (worst, law, reason) in [
-        (all.exchange, Law::Exchange, "no entry is stored"),
-        (
-            all.closure,
-            Law::Closure,
+    let [no_exchange, no_closure, no_row_sum] = if claims.errors_known {
+        [
+            "no entry is stored",
             "no row is known to sum to 1, and what escapes is not known",
-        ),
-        (all.row_sum, Law::RowSum, "closure says more"),
+            "closure says more",
+        ]
+    } else {
+        ["the errors of the entries are not known"; 3]
+    };
+    for (worst, law, reason) in [
+        (all.exchange, Law::Exchange, no_exchange),
+        (all.closure, Law::Closure, no_closure),
+        (all.row_sum, Law::RowSum, no_row_sum),
     ] {
         if worst.n_checked > 0 {
             audit.checks.push(worst.check(law));
-        } else if claims.errors_known {
-            audit.skip(law, reason);
         } else {
-            audit.skip(law, "the errors of the entries are not known");
+            audit.skip(law, reason);
         }
     }
     factors.if_readable(FormFactorAudit { audit, gain: all.gain })
@@ -109,7 +136,7 @@ fn rows_of(factors: &FormFactors, claims: Claims<'_>, rows: Range<usize>) -> Fou
     // The area that one ray of each row stands for.
     let per_ray = |i: usize| factors.tallies()[i].effective_rays().map(|n| areas[i] / n);
     let mut found = Found::default();
-    let mut sums = vec![(0.0, 0.0, 0.0); rows.len()];
+    let mut sums = vec![Sums::default(); rows.len()];
     factors.for_each_pair(rows.clone(), 0, |i, j, pair| {
         let (value, error) = pair.there;
         let smaller = areas[i].min(areas[j]);
@@ -117,11 +144,12 @@ fn rows_of(factors: &FormFactors, claims: Claims<'_>, rows: Range<usize>) -> Fou
         let rounding = 8.0 * unit * there.abs().max(back.abs());
         let rays = per_ray(i).zip(per_ray(j));
         found.sign.see((-value).max(0.0), 0.0, At::pair(i, j));
-        let by_error = ESTIMATES * areas[i] * error + rounding;
+        let by_error =
+            |most: f64| areas[i] * believed(error, error * error, most / areas[i], claims.by_rule) + rounding;
         let (most, allowed) = match (claims.reciprocity, rays) {
-            (Reciprocity::Exact, _) => (smaller, by_error),
+            (Reciprocity::Exact, _) => (smaller, by_error(smaller)),
             (Reciprocity::ToNoise, Some((a, b))) => (smaller, noise(smaller, a, b) + rounding),
-            (Reciprocity::ToNoise | Reciprocity::NotPromised, _) => (areas[i], by_error),
+            (Reciprocity::ToNoise | Reciprocity::NotPromised, _) => (areas[i], by_error(areas[i])),
         };
         if claims.errors_known {
             found.exchange.see((there - most).max(0.0), allowed, At::pair(i, j));
@@ -135,32 +163,74 @@ fn rows_of(factors: &FormFactors, claims: Claims<'_>, rows: Range<usize>) -> Fou
             let by_noise = noise(there.max(back), a, b) + rounding;
             found.reciprocity.see(defect, by_noise, At::pair(i, j));
         }
-        let (sum, errors, gain) = &mut sums[i - rows.start];
-        *sum += value;
-        *errors += error;
-        *gain += back - there;
+        let row = &mut sums[i - rows.start];
+        row.value += value;
+        row.error += error;
+        row.error_squared += error * error;
+        row.gain += back - there;
     });
-    for (i, (sum, errors, gain)) in rows.zip(sums) {
-        found.gain.push(gain);
-        if !claims.errors_known {
-            continue;
-        }
-        let tally = &factors.tallies()[i];
-        // Rays that differ in weight are added up one by one.
-        let n_added = tally.weights.map_or(0.0, |_| tally.n_rays as f64);
-        let rounding = (factors.n_rows() as f64 + 8.0) * unit + n_added * f64::EPSILON + claims.row_tolerance;
-        // Rays are counted once each, so that a row of them is complete whatever its noise.
-        let allowed = if tally.n_rays > 0 {
-            rounding
-        } else {
-            rounding + ESTIMATES * errors
+    for (i, row) in rows.zip(sums) {
+        found.gain.push(row.gain);
+        let lost = factors.lost(i, claims.closed).filter(|_| claims.errors_known);
+        let excess = row.value - (1.0 - lost.unwrap_or(0.0));
+        let allowed = |is_above: bool| {
+            let rounding = (factors.n_rows() as f64 + 8.0) * unit;
+            rounding + row_error(&factors.tallies()[i], &row, claims, (claims.closed.row(i), is_above))
         };
-        match factors.lost(i, claims.closed) {
-            Some(lost) => found.closure.see((1.0 - sum - lost).abs(), allowed, At::patch(i)),
-            None => found.row_sum.see((sum - 1.0).max(0.0), allowed, At::patch(i)),
+        match lost {
+            Some(_) => found.closure.see(excess.abs(), allowed(excess > 0.0), At::patch(i)),
+            None => found.row_sum.see(excess.max(0.0), allowed(true), At::patch(i)),
         }
     }
     found
+}
+
+/// Sums over a row.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    value: f64,
+    error: f64,
+    error_squared: f64,
+    gain: f64,
+}
+
+/// Returns how far the sum of a row may be off beside rounding, above what it should be or below.
+fn row_error(tally: &RowTally, row: &Sums, claims: Claims<'_>, (is_closed, is_above): (bool, bool)) -> f64 {
+    if !claims.errors_known {
+        return UNKNOWN;
+    }
+    // Rays that differ in weight are added up one by one.
+    let adding = tally.weights.map_or(0.0, |_| tally.n_rays as f64) * f64::EPSILON;
+    let stated = if is_above {
+        believed(row.error, row.error_squared, 1.0, claims.by_rule)
+    } else {
+        ESTIMATES * row.error
+    };
+    // What is off in a sum of counts is told by the counts together, not by the noise of each.
+    let stated = if tally.n_rays > 0 && claims.reciprocity == Reciprocity::ToNoise {
+        0.0
+    } else {
+        stated
+    };
+    let n_rays = tally.effective_rays().unwrap_or(tally.n_rays as f64);
+    let by_count = |deviation: f64| if tally.n_rays > 0 { SIGMAS * deviation } else { 0.0 };
+    match claims.repair {
+        // Rays are counted once each, so that a row of them is complete whatever its noise.
+        Repair::Not if tally.n_rays > 0 => adding,
+        Repair::Not => stated,
+        Repair::Within(tolerance) if is_closed => adding + tolerance + if tally.n_rays > 0 { 0.0 } else { stated },
+        Repair::Within(tolerance) => {
+            let lost = tally.escaped().unwrap_or(0.0) + tally.absorbed().unwrap_or(0.0);
+            adding + tolerance + stated + by_count(tally.variance_of(lost).sqrt())
+        }
+        Repair::GaveUp => adding + stated + by_count(n_rays.sqrt().recip()),
+    }
+}
+
+/// Returns how much of stated errors is believed of a pair or a row that is above `most`.
+fn believed(sum: f64, sum_squared: f64, most: f64, by_rule: bool) -> f64 {
+    let of_noise = if by_rule { 0.0 } else { SIGMAS * sum_squared.sqrt() };
+    (ESTIMATES * sum).min(of_noise.max(BELIEVED * most))
 }
 
 /// Returns how far the difference of two counts with the mean area `exchange` may be off, where a ray stands for the areas `a` and `b`.

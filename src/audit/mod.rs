@@ -7,11 +7,12 @@
 //! | law | of | holds within |
 //! |---|---|---|
 //! | [`Law::Sign`]: F_ij ≥ 0 | form factors | 0 |
-//! | [`Law::Exchange`]: A_i F_ij ≤ min(A_i, A_j) | form factors | twice the entry's error, or 8 standard deviations of counts of rays |
+//! | [`Law::Exchange`]: A_i F_ij ≤ min(A_i, A_j) | form factors | twice the entry's error, of a rule at most 0.001; or 8 standard deviations of counts of rays |
 //! | [`Law::Reciprocity`]: A_i F_ij = A_j F_ji | form factors | rounding, or 8 standard deviations of counts of rays |
-//! | [`Law::Closure`]: Σ_j F_ij = 1 less what escapes | form factors | twice the sum of the row's errors; rounding where rays were counted |
+//! | [`Law::Closure`]: Σ_j F_ij = 1 less what escapes | form factors | twice the sum of the row's errors; rounding where rays were counted; after a repair, what it left of rows that are known to sum to 1, and 8 standard deviations of the others |
 //! | [`Law::RowSum`]: Σ_j F_ij ≤ 1 | form factors | the same |
-//! | [`Law::Finite`] | radiosities, irradiances | 0 |
+//! | both, where a row is above | form factors | of errors of a rule at most 0.001, of others 8 standard deviations of independent entries |
+//! | [`Law::Finite`]: numbers, none below 0 where nothing emits less | radiosities, irradiances | 0; what the stated residual allows |
 //! | [`Law::Irradiance`]: H = F B | solutions | rounding |
 //! | [`Law::Residual`]: r is what the solver says | solutions | rounding |
 //! | [`Law::Energy`]: emitted = absorbed + escaped | solutions | what the stated residual allows |
@@ -26,7 +27,7 @@ use std::fmt;
 use serde::Serialize;
 
 use crate::render::{Image, Samples};
-pub use form_factors::{Claims, FormFactorAudit, form_factors};
+pub use form_factors::{Claims, FormFactorAudit, Repair, form_factors};
 pub use solution::{Given, propagation, solution};
 
 /// A law that a result has to obey.
@@ -44,7 +45,7 @@ pub enum Law {
     Closure,
     /// Σ_j F_ij ≤ 1, where what escapes is not known; deviations in 1.
     RowSum,
-    /// Radiosities and irradiances are finite numbers.
+    /// Radiosities and irradiances are finite numbers, and not negative where no exitance is; deviations in W·m⁻².
     Finite,
     /// The irradiances that are handed out are H = F B; deviations in W·m⁻².
     Irradiance,
@@ -70,7 +71,7 @@ impl Law {
             Self::Reciprocity => "exchange areas are symmetric",
             Self::Closure => "row sums are 1 less what escapes",
             Self::RowSum => "row sums are at most 1",
-            Self::Finite => "radiosities are finite",
+            Self::Finite => "radiosities are finite and not negative",
             Self::Irradiance => "irradiances are those of the radiosities",
             Self::Residual => "the residual is what the solver says",
             Self::Energy => "what is emitted is absorbed or escapes",
@@ -83,9 +84,9 @@ impl Law {
     fn unit(self) -> &'static str {
         match self {
             Self::Exchange | Self::Reciprocity => " m²",
-            Self::Irradiance | Self::LeastRadiosity | Self::GreatestRadiosity => " W/m²",
+            Self::Finite | Self::Irradiance | Self::LeastRadiosity | Self::GreatestRadiosity => " W/m²",
             Self::Energy => " W",
-            Self::Sign | Self::Closure | Self::RowSum | Self::Finite | Self::Residual | Self::Picture => "",
+            Self::Sign | Self::Closure | Self::RowSum | Self::Residual | Self::Picture => "",
         }
     }
 }
@@ -265,6 +266,11 @@ struct Worst {
 impl Worst {
     /// Takes in one place; what is not a number breaks every law.
     fn see(&mut self, deviation: f64, allowed: f64, at: At) {
+        self.see_in(1.0, deviation, allowed, at);
+    }
+
+    /// Takes in one place, judged in units of `unit` and reported in the law's own: what is far from 1 there must neither overflow nor vanish.
+    fn see_in(&mut self, unit: f64, deviation: f64, allowed: f64, at: At) {
         let broken = deviation.is_nan() || allowed.is_nan() || deviation > allowed;
         let ratio = match (broken, deviation > 0.0) {
             (true, _) if allowed > 0.0 && deviation.is_finite() => deviation / allowed,
@@ -276,8 +282,12 @@ impl Worst {
             n_checked: 1,
             n_violations: u64::from(broken),
             ratio,
-            deviation: if deviation.is_nan() { f64::INFINITY } else { deviation },
-            allowed,
+            deviation: if deviation.is_nan() {
+                f64::INFINITY
+            } else {
+                deviation * unit
+            },
+            allowed: allowed * unit,
             at,
         };
         *self = self.and(found);

@@ -99,7 +99,7 @@ pub(super) fn run(
             "output": outputs[k].as_ref().map(|path| path.display().to_string()),
         }));
         let _ = writeln!(text, "\n{name}:");
-        solve::describe(&mut text, &prepared, &args.solver.solver, &own);
+        solve::describe(&mut text, &prepared, &args.solver.solver, &own, None);
     }
     run.progress.finish();
     let mut result = solve::to_json(&prepared, &args.solver.solver, &solution);

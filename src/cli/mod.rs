@@ -194,6 +194,16 @@ fn print(text: &str) -> bool {
     }
 }
 
+/// Returns a number for a column of a table: with six decimals where these say what it is, else in scientific notation.
+fn cell(value: f64) -> String {
+    let size = value.abs();
+    if size > 0.0 && size.is_finite() && !(1e-3..1e5).contains(&size) {
+        format!("{value:>12.5e}")
+    } else {
+        format!("{value:>12.6}")
+    }
+}
+
 fn one_line(defect: &PanicHookInfo<'_>) -> String {
     let payload = defect.payload();
     let known = payload
@@ -215,4 +225,26 @@ fn complain(message: &str) {
 /// Writes a warning to stderr.
 fn warn(message: &str) {
     let _ = writeln!(std::io::stderr(), "radiosity: warning: {}", printable(message));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_keep_their_width_and_their_digits() {
+        let cells = [0.0, 0.377_803, 1234.5, 1e300, -2.5e-300, 99_999.5, 4.56e-4].map(cell);
+        assert_eq!(
+            cells,
+            [
+                "    0.000000",
+                "    0.377803",
+                " 1234.500000",
+                " 1.00000e300",
+                "-2.50000e-300",
+                "99999.500000",
+                "  4.56000e-4"
+            ]
+        );
+    }
 }

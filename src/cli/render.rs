@@ -115,7 +115,10 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
     if let Some(computed) = &solved.computed {
         describe_checks(&mut text, computed);
     }
-    solve::describe(&mut text, &prepared, &solved.solver, &solved.solution);
+    let known = solved.computed.as_ref().is_some_and(|computed| computed.errors_known);
+    let error = solved.error.as_ref().filter(|_| known);
+    let stated = error.and_then(|error| solve::relative_error(&prepared, error, &solved.solution));
+    solve::describe(&mut text, &prepared, &solved.solver, &solved.solution, stated);
     if let Some(report) = gathered {
         let _ = writeln!(
             text,

@@ -6,8 +6,9 @@ use serde_json::Value;
 
 use super::args::MeshArgs;
 use super::failure::Failure;
-use super::pipeline::{Prepared, Promised, Run};
+use super::pipeline::{BALANCE_TOLERANCE, Prepared, Promised, Run};
 use super::storage;
+use crate::audit::Repair;
 use crate::form_factor::{Computed, MethodSettings, Reciprocity, registry};
 use crate::mesh::Subdivision;
 use crate::report::ReportError;
@@ -90,9 +91,15 @@ pub(super) fn promised(file: &FormFactorFile) -> Promised {
         };
         registry::method(name, &given).ok()
     });
+    let by_rule = method.as_ref().is_some_and(|method| method.errs_by_rule());
     Promised {
         reciprocity: method.map_or(Reciprocity::NotPromised, |method| method.reciprocity()),
         errors_known: file.has_errors(),
-        balanced: is_set("balance"),
+        repair: match (is_set("balance"), settings.contains_key("balance_converged")) {
+            (false, _) => Repair::Not,
+            (true, false) => Repair::Within(BALANCE_TOLERANCE),
+            (true, true) => Repair::GaveUp,
+        },
+        by_rule,
     }
 }

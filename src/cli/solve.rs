@@ -11,8 +11,9 @@ use super::form_factors::{self, DEFAULT_RAYS, checks_to_json, describe_checks};
 use super::lightings::Lightings;
 use super::pipeline::{Computed, Fineness, Prepared, Run, repairs};
 use super::storage::Storage;
-use super::{Outcome, output, reuse};
+use super::{Outcome, cell, output, reuse};
 use crate::form_factor::ExactMethod;
+use crate::matrix::operator::Block;
 use crate::mesh::Subdivision;
 use crate::report::form_factors::FormFactorFile;
 use crate::report::solution::{Format, SolutionReport};
@@ -99,6 +100,7 @@ fn finish(
     computed: Option<&Computed>,
     solution: &Solution,
 ) -> Result<Outcome, Failure> {
+    let mut stated = None;
     if let Some(path) = &args.output {
         let (reflectance, exitance) = prepared.materials();
         let wants_error = Format::of(path)? != Format::Csv;
@@ -106,6 +108,9 @@ fn finish(
             Some(computed) => Some(run.carried_error(prepared, computed, solution)?),
             None => None,
         };
+        stated = error
+            .as_ref()
+            .and_then(|error| relative_error(prepared, error, solution));
         let row_sums = computed.map(|computed| computed.factors.row_sums());
         let report = SolutionReport {
             scene: &prepared.scene,
@@ -119,8 +124,15 @@ fn finish(
         };
         run.times.time("write", || report.write(path))?;
     }
+    if let Some(computed) = computed.filter(|_| stated.is_none() && solution.stop_reason == StopReason::Converged) {
+        // Light too bright or too dim for an estimate is no reason to keep the light itself back.
+        let error = run.carried_error(prepared, computed, solution).ok();
+        stated = error.and_then(|error| relative_error(prepared, &error, solution));
+    }
+    let stated = stated.filter(|_| computed.is_some_and(|computed| computed.errors_known));
     run.progress.finish();
     let mut result = to_json(prepared, &args.solver.solver, solution);
+    result["estimated_relative_error"] = json!(stated);
     result["form_factors"] = computed.map_or(Value::Null, checks_to_json);
     let document = run.document_of(prepared, result);
     let mut text = run.explanation(prepared);
@@ -133,7 +145,7 @@ fn finish(
     if let Some(computed) = computed {
         describe_checks(&mut text, computed);
     }
-    describe(&mut text, prepared, &args.solver.solver, solution);
+    describe(&mut text, prepared, &args.solver.solver, solution, stated);
     run.describe_audit(&mut text);
     run.describe_times(&mut text);
     if let Some(path) = &args.output {
@@ -182,8 +194,32 @@ pub(super) fn chosen<'a>(asked: &'a str, solution: &Solution) -> &'a str {
     solution.choice.as_ref().map_or(asked, |choice| choice.solver)
 }
 
-/// Describes a solution: how it was reached, and the mean radiosity of each surface.
-pub(super) fn describe(text: &mut String, prepared: &Prepared, solver: &str, solution: &Solution) {
+/// Returns estimated errors of radiosities as one number: sqrt(Σ A e² / Σ A B²), the worst channel, or `None` where that is no number.
+pub(super) fn relative_error(prepared: &Prepared, error: &Block, solution: &Solution) -> Option<f64> {
+    let areas = prepared.mesh.areas();
+    let norms = |block: &Block| -> Vec<(f64, f64)> {
+        let norm = |c: usize| {
+            let values = || (0..block.n_rows()).map(|i| block.row(i)[c].abs());
+            // In units of the greatest, so that no square overflows or vanishes.
+            let unit = values().fold(0.0, f64::max).max(f64::MIN_POSITIVE);
+            let sum: f64 = values().zip(&areas).map(|(x, area)| area * (x / unit).powi(2)).sum();
+            (sum.sqrt(), unit)
+        };
+        (0..block.n_channels()).map(norm).collect()
+    };
+    let ratios = norms(error).into_iter().zip(norms(&solution.radiosity));
+    let lit = ratios.filter(|(_, (norm, _))| *norm > 0.0);
+    let worst = lit
+        .map(|((e, e_unit), (b, b_unit))| e / b * (e_unit / b_unit))
+        .fold(
+            0.0_f64,
+            |worst, ratio| if ratio.is_nan() { ratio } else { worst.max(ratio) },
+        );
+    worst.is_finite().then_some(worst)
+}
+
+/// Describes a solution: how it was reached, and the mean radiosity of each surface; `stated` is the relative error that solver and form factors together state.
+pub(super) fn describe(text: &mut String, prepared: &Prepared, solver: &str, solution: &Solution, stated: Option<f64>) {
     if solver == NO_SOLVER {
         let _ = writeln!(
             text,
@@ -195,11 +231,14 @@ pub(super) fn describe(text: &mut String, prepared: &Prepared, solver: &str, sol
             .map_or("unknown".to_owned(), |bound| format!("{bound:.1e}"));
         let _ = writeln!(
             text,
-            "{}: {} after {} passes, relative residual {:.1e}, bound on the relative error {bound}",
+            "{}: {} after {} passes, relative residual {:.1e}, bound on the relative error {bound}{}",
             chosen(solver, solution),
             solution.stop_reason,
             solution.n_passes,
-            solution.residual_l2
+            solution.residual_l2,
+            stated.map_or(String::new(), |error| format!(
+                ", with the form factors' own errors about {error:.1e}"
+            ))
         );
     }
     let _ = writeln!(text, "\nmean radiosity by surface, W/m²");
@@ -209,7 +248,7 @@ pub(super) fn describe(text: &mut String, prepared: &Prepared, solver: &str, sol
     for (name, mean) in names.zip(&surfaces) {
         let _ = write!(text, "{name:width$}");
         for value in mean {
-            let _ = write!(text, " {value:>12.6}");
+            let _ = write!(text, " {}", cell(*value));
         }
         let _ = writeln!(text);
     }

@@ -36,6 +36,10 @@ impl FormFactorMethod for CentrePoint {
         }
     }
 
+    fn errs_by_rule(&self) -> bool {
+        true
+    }
+
     fn compute(
         &self,
         input: Input<'_>,

@@ -152,6 +152,12 @@ pub trait FormFactorMethod: Sync {
         Reciprocity::Exact
     }
 
+    /// Returns whether entries err by the bias of a rule that nothing keeps from sending more than all light, between two patches or from one, rather than by noise, a
+    /// tolerance, or a row that is complete anyway.
+    fn errs_by_rule(&self) -> bool {
+        false
+    }
+
     /// Returns the memory in bytes that the method takes for `n_patches` patches beside the rows that it gives away one by one: an upper bound.
     fn working_byte(&self, _n_patches: usize) -> u64 {
         0

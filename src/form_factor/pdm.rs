@@ -29,6 +29,10 @@ impl FormFactorMethod for ParametricDifferential {
         "pdm"
     }
 
+    fn errs_by_rule(&self) -> bool {
+        true
+    }
+
     fn compute(
         &self,
         input: Input<'_>,

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::operator::{Block, LinearOperator};
 use super::transpose::{Pair, index};
-use super::{Entries, FormFactors, MatrixError, RowTally, RowTile, Symmetric, symmetric};
+use super::{Entries, FormFactors, MatrixError, RowTally, RowTargets, RowTile, Symmetric, symmetric};
 
 /// How much each of the two estimates of an exchange area, A_i F_ij and A_j F_ji, counts in their mean.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -26,9 +26,9 @@ pub enum Weighting {
 pub struct BalanceReport {
     /// Passes over F.
     pub n_passes: usize,
-    /// max_i |Σ_j F_ij − target_i| of the result, over the rows that see anything.
+    /// max_i |Σ_j F_ij + lost_i − target_i| of the result, lost_i as the repair left it, over the rows that see anything or lose light.
     pub row_error_max: f64,
-    /// Rows with a positive target that see nothing: no scaling can give them a sum.
+    /// Rows with a positive target that see nothing and lose nothing: no scaling can give them a sum.
     pub n_empty_rows: usize,
     /// True if `row_error_max` is within the tolerance.
     pub converged: bool,
@@ -49,14 +49,14 @@ enum Weights {
 const RUNAWAY_FROM: f64 = 1e100;
 
 /// Refuses row sums that no matrix of form factors has.
-pub(super) fn expect_targets(targets: &[f64]) -> Result<(), MatrixError> {
-    match targets.iter().position(|t| !(t.is_finite() && *t >= 0.0)) {
-        Some(row) => Err(MatrixError::Target {
-            row,
-            target: targets[row],
-        }),
-        None => Ok(()),
+pub(super) fn expect_targets(targets: &RowTargets) -> Result<(), MatrixError> {
+    for numbers in [&targets.sums, &targets.lost] {
+        if let Some(row) = numbers.iter().position(|t| !(t.is_finite() && *t >= 0.0)) {
+            let target = numbers[row];
+            return Err(MatrixError::Target { row, target });
+        }
     }
+    Ok(())
 }
 
 impl FormFactors {
@@ -103,16 +103,21 @@ impl FormFactors {
 
     /// Returns form factors whose rows sum to `targets`, by a symmetric scaling of the exchange areas.
     ///
-    /// a'_ij = d_i d_j a_ij with d such that Σ_j a'_ij = A_i `targets[i]`. Reciprocity is kept to the last bit, entries that
-    /// are zero stay zero, and standard errors are scaled along. Every pass replaces d_i by d_i sqrt(`targets[i]` / row sum_i).
-    /// In a cube the error halves with every pass: 33 passes to 1e-12, whether it has 384 patches or 6144.
+    /// a'_ij = d_i d_j a_ij with d such that Σ_j a'_ij + d_i A_i lost_i = A_i sum_i. Reciprocity is kept to the last bit, entries that
+    /// are zero stay zero, and standard errors are scaled along where that makes them greater: no scaling makes a number better known than it was.
+    /// Every pass replaces d_i by d_i sqrt(sum_i / row sum_i). In a cube the error halves with every pass: 33 passes to 1e-12, whether it has 384 patches or 6144.
+    ///
+    /// What a row loses is scaled like its entries, as one more column, of a sky that has no row of its own to keep a sum. In an open scene a row's loss is a
+    /// count of its own rays and no better than its entries, which by then rest on the rays of both ends; held to the loss as it was counted, a patch that missed a
+    /// small one with all of its rays would see nothing at all, and the other's hits would be lost with its misses. That sum and loss together are 1 is geometry, and holds exactly.
+    /// Where losses are positive such a d always exists. Rows that nothing is known to escape from have the loss 0, and sums that are met as they are given.
     ///
     /// Stops when every row sum is within `tolerance` of its target, after `max_passes` (at least one), or when a factor
     /// runs away; the result is then the best one met, and the report says so. Rows that see nothing stay empty.
-    /// Such a d exists if the zeros allow it: two patches that see only each other cannot both have the sum 1 unless their
+    /// Without losses such a d exists if the zeros allow it: two patches that see only each other cannot both have the sum 1 unless their
     /// areas are equal.
     /// Source: Knight, Ruiz and Uçar 2014, "A symmetry preserving algorithm for matrix scaling", in the 1-norm.
-    /// Departures: the row sums have targets other than 1.
+    /// Departures: the row sums have targets other than 1; a column without a target.
     ///
     /// # Errors
     /// [`MatrixError::NotSymmetric`] unless [`is_symmetric`](Self::is_symmetric), [`MatrixError::Target`] if a target is
@@ -123,21 +128,22 @@ impl FormFactors {
     #[track_caller]
     pub fn balanced(
         &self,
-        targets: &[f64],
+        targets: impl Into<RowTargets>,
         tolerance: f64,
         max_passes: usize,
     ) -> Result<(Self, BalanceReport), MatrixError> {
-        assert_eq!(targets.len(), self.n_rows(), "one target per row");
+        let targets = targets.into();
+        targets.expect_rows(self.n_rows());
         let Entries::Symmetric { exchange, .. } = &self.entries else {
             return Err(MatrixError::NotSymmetric);
         };
-        expect_targets(targets)?;
-        let (scaling, report) = self.if_readable(self.scaling(targets, tolerance, max_passes))?;
+        expect_targets(&targets)?;
+        let (scaling, report) = self.if_readable(self.scaling(&targets, tolerance, max_passes))?;
         Ok((self.with_exchange(exchange.scaled(&scaling)?), report))
     }
 
     /// Returns the best d met, and how good it is.
-    fn scaling(&self, targets: &[f64], tolerance: f64, max_passes: usize) -> (Vec<f64>, BalanceReport) {
+    fn scaling(&self, targets: &RowTargets, tolerance: f64, max_passes: usize) -> (Vec<f64>, BalanceReport) {
         let n = self.n_rows();
         let mut scaling = Block::from_values(vec![1.0; n], 1);
         let mut seen = Block::zeros(n, 1);
@@ -150,12 +156,13 @@ impl FormFactors {
             let mut n_empty = 0;
             let mut next = scaling.clone();
             for (i, d) in next.values_mut().iter_mut().enumerate() {
-                let row_sum = *d * seen.values()[i];
+                let target = targets.sums[i];
+                let row_sum = *d * (seen.values()[i] + targets.lost[i]);
                 if row_sum > 0.0 {
-                    error_max = error_max.max((row_sum - targets[i]).abs());
-                    *d *= (targets[i] / row_sum).sqrt();
+                    error_max = error_max.max((row_sum - target).abs());
+                    *d *= (target / row_sum).sqrt();
                 } else {
-                    n_empty += usize::from(targets[i] > 0.0);
+                    n_empty += usize::from(target > 0.0);
                 }
             }
             if error_max < best.1 {

@@ -69,6 +69,55 @@ impl<'a> From<&'a [bool]> for Closed<'a> {
     }
 }
 
+/// What the rows of form factors should sum to, \[n\] each.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RowTargets {
+    /// Σ_j F_ij + lost_i.
+    pub sums: Vec<f64>,
+    /// An estimate of the fraction of the row's light that no front receives, where that is not known for certain: it gives way as the entries do. 0 in
+    /// rows whose sums are to be met as they are.
+    pub lost: Vec<f64>,
+    /// The variance of each estimate.
+    pub lost_variance: Vec<f64>,
+}
+
+impl RowTargets {
+    #[track_caller]
+    pub(super) fn expect_rows(&self, n: usize) {
+        let lengths = [self.sums.len(), self.lost.len(), self.lost_variance.len()];
+        assert_eq!(lengths, [n; 3], "one target per row");
+    }
+}
+
+impl From<&[f64]> for RowTargets {
+    /// Returns sums that are to be met as they are.
+    fn from(sums: &[f64]) -> Self {
+        Self {
+            sums: sums.to_vec(),
+            lost: vec![0.0; sums.len()],
+            lost_variance: vec![0.0; sums.len()],
+        }
+    }
+}
+
+impl From<&Vec<f64>> for RowTargets {
+    fn from(sums: &Vec<f64>) -> Self {
+        sums.as_slice().into()
+    }
+}
+
+impl<const N: usize> From<&[f64; N]> for RowTargets {
+    fn from(sums: &[f64; N]) -> Self {
+        sums.as_slice().into()
+    }
+}
+
+impl From<&Self> for RowTargets {
+    fn from(targets: &Self) -> Self {
+        targets.clone()
+    }
+}
+
 impl FormFactors {
     /// Checks closure, reciprocity, bounds and signs; one pass over F and its transpose.
     ///
@@ -120,17 +169,25 @@ impl FormFactors {
         tally.escaped().zip(tally.absorbed()).map(|(e, a)| e + a)
     }
 
-    /// Returns the row sums that [`balanced`](Self::balanced) should restore: 1 less the fractions of the row's rays that escaped, unless `closed` names the row, and
-    /// that backs took; a row without rays keeps its sum, unless `closed` names it.
+    /// Returns the row sums that [`balanced`](Self::balanced) should restore.
+    ///
+    /// A row that `closed` names has the sum 1 less the fraction of its rays that backs took. Another row of rays has the sum 1 together with what it
+    /// loses, which is known as the fraction of its N rays that escaped or that backs took: p (1 − p) / N is its variance, with p = (N lost + 1) / (N + 2), which does not
+    /// vanish where no ray, or every ray, is lost. A row without rays keeps the sum that it has.
     #[must_use]
-    pub fn row_targets<'a>(&self, closed: impl Into<Closed<'a>>) -> Vec<f64> {
+    pub fn row_targets<'a>(&self, closed: impl Into<Closed<'a>>) -> RowTargets {
         let closed = closed.into();
-        let target = |i: usize| {
-            self.lost(i, closed)
-                .map_or_else(|| self.row_sum(i), |lost| 1.0 - lost)
-                .max(0.0)
+        let target = |i: usize| match self.lost(i, closed) {
+            Some(lost) if closed.row(i) => ((1.0 - lost).max(0.0), 0.0, 0.0),
+            Some(lost) => (1.0, lost, self.tallies[i].variance_of(lost)),
+            None => (self.row_sum(i).max(0.0), 0.0, 0.0),
         };
-        (0..self.n_rows()).into_par_iter().map(target).collect()
+        let rows: Vec<_> = (0..self.n_rows()).into_par_iter().map(target).collect();
+        RowTargets {
+            sums: rows.iter().map(|row| row.0).collect(),
+            lost: rows.iter().map(|row| row.1).collect(),
+            lost_variance: rows.iter().map(|row| row.2).collect(),
+        }
     }
 
     /// Returns the fraction of the light of patch i that no patch receives: that of its rays that hit nothing, or where

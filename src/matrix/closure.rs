@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::balance::expect_targets;
 use super::transpose::index;
-use super::{BalanceReport, Entries, FormFactors, MatrixError, RowTally, RowTile, symmetric};
+use super::{BalanceReport, Entries, FormFactors, MatrixError, RowTally, RowTargets, RowTile, symmetric};
 
 /// Halvings of a step that does not bring the row sums nearer to their targets.
 const MOST_HALVINGS: usize = 8;
@@ -17,16 +17,18 @@ struct Problem<'a> {
     factors: &'a FormFactors,
     /// A_i, in units of the largest.
     areas: Vec<f64>,
-    /// The sums that the rows of exchange areas are to have.
+    /// The sums that the rows of exchange areas are to have, with what they lose.
     targets: Vec<f64>,
+    /// What they lose, with its variance.
+    lost: Vec<(f64, f64)>,
     n_passes: usize,
 }
 
 impl FormFactors {
     /// Returns form factors whose rows sum to `targets`, each entry moved by as much as its own error lets it.
     ///
-    /// The exchange areas x_ij = x_ji ≥ 0 that minimise Σ_{i ≤ j} (x_ij − a_ij)² / s_ij² under Σ_j x_ij = A_i `targets[i]`, with a_ij = A_i F_ij and s_ij its standard
-    /// error: x_ij = max(0, a_ij + s_ij² (λ_i + λ_j)). Entries without an error stay as they are, so that full and hidden pairs are not spoilt for the sake of partial
+    /// The exchange areas x_ij = x_ji ≥ 0 that minimise Σ_{i ≤ j} (x_ij − a_ij)² / s_ij² under Σ_j x_ij = A_i sum_i, with a_ij = A_i F_ij and s_ij its standard
+    /// error: x_ij = max(0, a_ij + s_ij² (λ_i + λ_j)). What a row loses is one more entry of it, with the variance that `targets` states. Entries without an error stay as they are, so that full and hidden pairs are not spoilt for the sake of partial
     /// ones; reciprocity is kept to the last bit. The error of an entry becomes the step that it made, where that is greater than the error.
     ///
     /// What is repaired are the row sums: the entries become better as far as their errors say who is to blame. On form factors by counts
@@ -47,20 +49,24 @@ impl FormFactors {
     #[track_caller]
     pub fn closed(
         &self,
-        targets: &[f64],
+        targets: impl Into<RowTargets>,
         tolerance: f64,
         max_passes: usize,
     ) -> Result<(Self, BalanceReport), MatrixError> {
-        assert_eq!(targets.len(), self.n_rows(), "one target per row");
+        let targets = targets.into();
+        targets.expect_rows(self.n_rows());
         if !matches!(self.entries, Entries::Symmetric { .. }) {
             return Err(MatrixError::NotSymmetric);
         }
-        expect_targets(targets)?;
+        expect_targets(&targets)?;
         let area_max = self.areas.iter().copied().fold(0.0, f64::max);
         let areas: Vec<f64> = self.areas.iter().map(|area| area / area_max).collect();
         let mut problem = Problem {
             factors: self,
-            targets: areas.iter().zip(targets).map(|(area, target)| area * target).collect(),
+            targets: areas.iter().zip(&targets.sums).map(|(area, sum)| area * sum).collect(),
+            lost: (0..areas.len())
+                .map(|i| (areas[i] * targets.lost[i], areas[i].powi(2) * targets.lost_variance[i]))
+                .collect(),
             areas,
             n_passes: 0,
         };
@@ -121,7 +127,8 @@ impl Problem<'_> {
         let mut defect = self.pass(|place, entry| moved(place, entry, multipliers).max(0.0));
         let mut worst: f64 = 0.0;
         for (i, sum) in defect.iter_mut().enumerate() {
-            *sum = self.targets[i] - *sum;
+            let lost = moved((i, i), self.lost[i], multipliers).max(0.0);
+            *sum = self.targets[i] - *sum - lost;
             if can_move[i] {
                 worst = worst.max((*sum / self.areas[i]).abs());
             }
@@ -129,12 +136,13 @@ impl Problem<'_> {
         (defect, worst)
     }
 
-    /// Tells for each row whether it has any entry, and whether one of them has an error; one pass over F.
+    /// Tells for each row whether it has any entry or loses light, and whether one of these has an error; one pass over F.
     fn what_rows_have(&mut self) -> (Vec<bool>, Vec<bool>) {
         self.n_passes += 1;
         let problem = &*self;
         let of_row = |i| {
-            let (mut sees, mut can_move) = (false, false);
+            let (lost, variance) = problem.lost[i];
+            let (mut sees, mut can_move) = (lost > 0.0, variance > 0.0);
             problem.for_each_in_row(i, |_, a, s| {
                 sees |= a > 0.0 || s > 0.0;
                 can_move |= s > 0.0;
@@ -165,13 +173,12 @@ impl Problem<'_> {
         }
         let lacks = defect.iter().zip(&self.areas).map(|(lack, area)| (lack / area).abs());
         let row_error_max = lacks.fold(0.0, f64::max);
-        let targets = self.targets.clone();
         let report = BalanceReport {
             n_passes: self.n_passes,
             row_error_max,
             n_empty_rows: sees
                 .iter()
-                .zip(&targets)
+                .zip(&self.targets)
                 .filter(|(sees, target)| !**sees && **target > 0.0)
                 .count(),
             converged: row_error_max <= tolerance,
@@ -188,7 +195,11 @@ impl Problem<'_> {
                 0.0
             }
         };
-        let diagonal = self.pass(variance_of);
+        let of_lost: Vec<f64> = (0..self.lost.len())
+            .map(|i| variance_of((i, i), self.lost[i]))
+            .collect();
+        let mut diagonal = self.pass(variance_of);
+        diagonal.iter_mut().zip(&of_lost).for_each(|(d, v)| *d += v);
         let scaled = |r: &[f64]| -> Vec<f64> {
             let ratio = |(x, d): (&f64, &f64)| if *d > 0.0 { x / d } else { 0.0 };
             r.iter().zip(&diagonal).map(ratio).collect()
@@ -204,10 +215,13 @@ impl Problem<'_> {
             if most.fold(0.0, f64::max) <= 0.1 * tolerance {
                 break;
             }
-            let image = self.pass(|(i, j), entry| {
+            let mut image = self.pass(|(i, j), entry| {
                 let other = if i == j { 0.0 } else { direction[j] };
                 variance_of((i, j), entry) * (direction[i] + other)
             });
+            for (i, q) in image.iter_mut().enumerate() {
+                *q += of_lost[i] * direction[i];
+            }
             let curvature = dot(&direction, &image);
             if curvature.is_nan() || curvature <= 0.0 {
                 break;

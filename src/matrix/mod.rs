@@ -33,7 +33,7 @@ mod tile;
 mod transpose;
 
 pub use balance::{BalanceReport, Weighting};
-pub use checks::{Checks, Closed, MinMax};
+pub use checks::{Checks, Closed, MinMax, RowTargets};
 pub use disk::{DiskError, Place, Scratch};
 pub use error::MatrixError;
 pub use surfaces::SurfaceFormFactors;

@@ -109,7 +109,8 @@ impl<T: Scalar> Square<T> {
         let scale = |row: usize, column: usize, numbers: &mut Values<T>, at: usize| {
             let factor = factor(row, column);
             let (value, std_error) = numbers.at(at);
-            let entry: Entry = (index(first.1 + column), factor * value, factor * std_error);
+            // A number that was made smaller is not known any better.
+            let entry: Entry = (index(first.1 + column), factor * value, factor.max(1.0) * std_error);
             let (new_value, new_error) = rounded::<T>(first.0 + row, entry, n)?;
             numbers.values[at] = new_value;
             if let Some(stored) = numbers.std_errors.get_mut(at) {

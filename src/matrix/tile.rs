@@ -51,6 +51,14 @@ impl RowTally {
         (self.n_rays > 0 && squared > 0.0).then(|| squared.recip())
     }
 
+    /// Returns the variance of a fraction of the patch's light that its N rays were counted to have, p (1 − p) / N with p = (N `fraction` + 1) / (N + 2) by
+    /// Laplace's rule: no count proves that a fraction is 0 or 1. Rays that are not independent count as if they were; without rays the fraction may be anything.
+    pub(crate) fn variance_of(&self, fraction: f64) -> f64 {
+        let n = self.effective_rays().unwrap_or(self.n_rays as f64).max(1.0);
+        let p = ((n * fraction + 1.0) / (n + 2.0)).clamp(0.0, 1.0);
+        p * (1.0 - p) / n
+    }
+
     /// Tells whether no more rays end outside of fronts than there are, and the sums of weights can be such.
     pub(crate) fn is_consistent(&self) -> bool {
         let lost = self.n_escaped.checked_add(self.n_absorbed);

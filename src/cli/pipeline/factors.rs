@@ -3,7 +3,7 @@
 use serde_json::json;
 
 use super::{Prepared, Run};
-use crate::audit::{self, Claims};
+use crate::audit::{self, Claims, Repair};
 use crate::cli::args::{BalanceName, MethodArgs, StorageName};
 use crate::cli::failure::Failure;
 use crate::cli::storage;
@@ -20,6 +20,8 @@ pub(in crate::cli) struct Computed {
     pub(in crate::cli) closed: bool,
     pub(in crate::cli) pairs: Option<PairCounts>,
     pub(in crate::cli) tolerance_met: bool,
+    /// True if the entries have errors.
+    pub(in crate::cli) errors_known: bool,
     /// The power that form factors without reciprocity make, m², \[n\].
     pub(in crate::cli) gain: Vec<f64>,
 }
@@ -30,8 +32,10 @@ pub(in crate::cli) struct Promised {
     pub(in crate::cli) reciprocity: Reciprocity,
     /// True if the entries have errors.
     pub(in crate::cli) errors_known: bool,
-    /// True if rows were balanced before.
-    pub(in crate::cli) balanced: bool,
+    /// What a repair did to the row sums before.
+    pub(in crate::cli) repair: Repair,
+    /// True if entries err by a rule.
+    pub(in crate::cli) by_rule: bool,
 }
 
 /// A method with what is known of its matrix.
@@ -96,7 +100,7 @@ fn worst_error(factors: &FormFactors) -> f64 {
 }
 
 /// Row sums are restored to far below the noise, or as far as so many passes go.
-const BALANCE_TOLERANCE: f64 = 1e-10;
+pub(in crate::cli) const BALANCE_TOLERANCE: f64 = 1e-10;
 const BALANCE_PASSES: usize = 200;
 
 impl Run {
@@ -171,7 +175,8 @@ impl Run {
         let promised = Promised {
             reciprocity: method.reciprocity(),
             errors_known: true,
-            balanced: false,
+            repair: Repair::Not,
+            by_rule: method.errs_by_rule(),
         };
         Ok((result, promised))
     }
@@ -245,6 +250,7 @@ impl Run {
             (raw, None)
         };
         if let Some(report) = balance.filter(|report| !report.converged) {
+            self.set("balance_converged", false);
             self.warn(&format!(
                 "rebalancing left row sums off by up to {:.1e} after {} passes",
                 report.row_error_max, report.n_passes
@@ -256,11 +262,12 @@ impl Run {
             closed: Closed::Where(&closed_rows),
             reciprocity: promised.reciprocity,
             errors_known: promised.errors_known,
-            row_tolerance: if balance.is_some() || promised.balanced {
-                BALANCE_TOLERANCE
-            } else {
-                0.0
+            repair: match balance {
+                Some(report) if report.converged => Repair::Within(BALANCE_TOLERANCE),
+                Some(_) => Repair::GaveUp,
+                None => promised.repair,
             },
+            by_rule: promised.by_rule,
         };
         let audit::FormFactorAudit { audit, gain } =
             self.times.time("audit", || audit::form_factors(&factors, claims))?;
@@ -273,6 +280,7 @@ impl Run {
             closed,
             pairs: result.pairs,
             tolerance_met: result.tolerance_met,
+            errors_known: promised.errors_known,
         })
     }
 

@@ -190,7 +190,14 @@ impl Run {
         if let Some(choice) = &solution.choice {
             plan.decide("solver", choice.solver, choice.why.clone());
         }
-        if solution.stop_reason != StopReason::Converged {
+        let is_negative = solution.radiosity.values().iter().any(|b| *b < 0.0);
+        if solution.stop_reason == StopReason::Diverged && solution.residual_l2 <= args.tolerance && is_negative {
+            let row_sum_max = system.row_sums().iter().copied().fold(0.0, f64::max);
+            self.warn(&format!(
+                "the equations have no solution of light: what meets them, at a relative residual of {:.3e}, is negative in places, as form factors whose rows sum to up to {row_sum_max:.6} make light",
+                solution.residual_l2
+            ));
+        } else if solution.stop_reason != StopReason::Converged {
             self.warn(&format!(
                 "the solver stopped without converging ({}) at a relative residual of {:.3e}",
                 solution.stop_reason, solution.residual_l2

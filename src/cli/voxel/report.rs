@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use serde_json::{Value, json};
 
+use crate::cli::cell;
 use crate::cli::pipeline::Run;
 use crate::matrix::operator::Block;
 use crate::scene::Scene;
@@ -171,7 +172,7 @@ pub(super) fn describe_surfaces(text: &mut String, scene: &Scene, voxels: &Voxel
     for (surface, mean) in scene.surfaces.iter().zip(&means).take(LISTED) {
         let _ = write!(text, "{:width$}", surface.name);
         for value in mean {
-            let _ = write!(text, " {value:>12.6}");
+            let _ = write!(text, " {}", cell(*value));
         }
         let _ = writeln!(text);
     }
