@@ -14,7 +14,8 @@ use crate::progress::Progress;
 /// Order: second in the patches' size over their distance; first in the distance where patches touch. Bias: the error of the rule, positive between patches
 /// that touch (0.318 instead of 0.200 for two unit squares at right angles); nothing keeps A_i F_ij below the smaller area, or row sums below 1.
 /// Error of an entry: its distance from the exact form factor without blockers (two digits of it), plus 0.41 of that where something may block, as one
-/// ray says so little; with `normalise`, divided by α_i too, which leaves out the error of α_i.
+/// ray says so little. With `normalise`, the least of three: that, and its part of the row's sum of errors, divided by α_i; that, and the step from the entry
+/// as it was; and the step from the entry to the farther end of [0, 1].
 ///
 /// Source: [`LEWIS_1992`](crate::references::LEWIS_1992), equation (5). Departures: visibility is traced, not assumed; normalising is a choice.
 #[derive(Clone, Copy, Debug, Default)]
@@ -68,8 +69,14 @@ fn normalised(factors: &FormFactors, storage: StorageChoice) -> Result<FormFacto
         let mut tile = RowTile::new(i);
         let mut entries = Vec::new();
         if alpha > 0.0 {
+            let mut error_sum = 0.0;
+            factors.for_each_in_row(i, |_, _, error| error_sum += error);
             factors.for_each_in_row(i, |j, value, error| {
-                entries.push((PatchId::from_index(j).0, value / alpha, error / alpha));
+                let scaled = value / alpha;
+                let of_both = (error + scaled * error_sum) / alpha;
+                let of_step = error + (scaled - value).abs();
+                let most = scaled.max(1.0 - scaled);
+                entries.push((PatchId::from_index(j).0, scaled, of_both.min(of_step).min(most)));
             });
         }
         tile.push_row(&entries, RowTally::default());

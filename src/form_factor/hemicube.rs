@@ -6,10 +6,9 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::on_the_fly::Rows;
-use super::segments::unseen_square;
-use super::{Computed, FormFactorError, FormFactorMethod, Input, Reciprocity, rows, sampled};
+use super::point_errors::{Found, PointErrors};
+use super::{Computed, FormFactorError, FormFactorMethod, Input, Reciprocity, rows};
 use crate::geometry::point_form_factor::point_form_factor;
-use crate::geometry::polygon_form_factor::{PreparedPolygon, Tolerance, exchange_area};
 use crate::geometry::quadrature::{GaussProduct, WeightedPoint};
 use crate::geometry::sampling::Frame;
 use crate::matrix::{Entry, RayWeights, RowTally, RowTile, StorageChoice};
@@ -27,8 +26,9 @@ use crate::visibility::{Coherence, HitBatch, RayBatch};
 /// per cent to tens of per cent where patches touch and q = 1; aliasing at the cells, of the order 1/√m of an entry made of m cells.
 /// Not symmetric; A_i F_ij may exceed the smaller area.
 /// Error of an entry: its distance from the exact form factor without blockers (two digits of it) where nothing blocks. Where something may, plus
-/// sqrt(2/((N + 2)(N + 3))) of that, N = (q² m)^(3/4), for what m rays may have missed. Where a fraction v < 1 − 1/√m is visible from the points: the
-/// points' distance from the exact form factor, plus sqrt(v(1 − v)/q² + 2/((N + 2)(N + 3))) of it, plus 1/√m of the entry.
+/// sqrt(2/((q² + 2)(q² + 3))) of that, for what is hidden from parts of i between the points, which more cells do not tell. Where a fraction v < 1 − 1/√m is visible from the
+/// points, by m rays: the points' distance from the exact form factor, plus sqrt(v(1 − v)/q² + 2/((q² + 2)(q² + 3))) of it, plus 1/√m of the entry. Patches that are certain
+/// not to see each other have none. It covers the rule on i, the cells and the shadows; summed over patches that err to both sides it is much more than their error.
 ///
 /// Source: [`COHEN_GREENBERG_1985`](crate::references::COHEN_GREENBERG_1985). Departures: rays through the cells' middles instead of scan conversion, which finds
 /// the same patch in each cell; exact ΔF instead of the integrand at the middle times the cell's area; more than one point by choice.
@@ -96,21 +96,19 @@ impl FormFactorMethod for Hemicube {
         progress: &dyn Progress,
     ) -> Result<Computed, FormFactorError> {
         let cells = cells(self.resolution.get());
-        let polygons = sampled::prepared(input.mesh);
-        rows::by_rows(input, storage, progress, |rows| {
-            self.tile(input, rows, &cells, &polygons)
-        })
+        let errors = PointErrors::new(input);
+        rows::by_rows(input, storage, progress, |rows| self.tile(input, rows, &cells, &errors))
     }
 
     fn rows<'a>(&'a self, input: Input<'a>) -> Option<Rows<'a>> {
         let cells = cells(self.resolution.get());
-        let polygons = sampled::prepared(input.mesh);
-        Some(Box::new(move |rows| self.tile(input, rows, &cells, &polygons)))
+        let errors = PointErrors::new(input);
+        Some(Box::new(move |rows| self.tile(input, rows, &cells, &errors)))
     }
 }
 
 impl Hemicube {
-    fn tile(&self, input: Input<'_>, rows: Range<usize>, cells: &[Cell], polygons: &[PreparedPolygon]) -> RowTile {
+    fn tile(&self, input: Input<'_>, rows: Range<usize>, cells: &[Cell], errors: &PointErrors<'_>) -> RowTile {
         let mut tile = RowTile::new(rows.start);
         let mut row = Row::new(input);
         for i in rows {
@@ -126,7 +124,7 @@ impl Hemicube {
             for point in &points {
                 row.shoot(i, point, cells);
             }
-            let (entries, tally) = row.take(i, &points, polygons);
+            let (entries, tally) = row.take(i, &points, errors);
             tile.push_row(&entries, tally);
         }
         tile
@@ -140,7 +138,7 @@ struct Row<'a> {
     factors: Vec<f64>,
     hits: HitBatch,
     /// Σ w ΔF and the number of cells that see each patch.
-    sums: Vec<(f64, u64)>,
+    sums: Vec<Found>,
     tally: RowTally,
     weights: RayWeights,
 }
@@ -152,7 +150,7 @@ impl<'a> Row<'a> {
             rays: RayBatch::default(),
             factors: Vec::new(),
             hits: HitBatch::default(),
-            sums: vec![(0.0, 0); input.mesh.n_patches()],
+            sums: vec![Found::default(); input.mesh.n_patches()],
             tally: RowTally::default(),
             weights: NO_RAYS,
         }
@@ -189,9 +187,9 @@ impl<'a> Row<'a> {
                 Some(hit) => {
                     let (u, v) = (f64::from(self.hits.u[k]), f64::from(self.hits.v[k]));
                     let PatchId(j) = self.input.mesh.patch_at(hit.face, u, v);
-                    let (sum, count) = &mut self.sums[j as usize];
-                    *sum += factor;
-                    *count += 1;
+                    let found = &mut self.sums[j as usize];
+                    found.factor += factor;
+                    found.n_rays += 1;
                 }
             }
         }
@@ -200,51 +198,16 @@ impl<'a> Row<'a> {
     }
 
     /// Returns the finished row and makes room for the next.
-    fn take(&mut self, i: usize, points: &[WeightedPoint], polygons: &[PreparedPolygon]) -> (Vec<Entry>, RowTally) {
-        let mut entries = Vec::new();
-        for j in 0..self.sums.len() {
-            let (factor, count) = std::mem::take(&mut self.sums[j]);
-            let error = self.error((i, j), factor, count, points, polygons);
-            entries.push((PatchId::from_index(j).0, factor, error));
-        }
+    fn take(&mut self, i: usize, points: &[WeightedPoint], errors: &PointErrors<'_>) -> (Vec<Entry>, RowTally) {
+        let errors = errors.of_row(i, points, &self.sums);
+        let found = self.sums.iter_mut().zip(errors).enumerate();
+        let entries = found.map(|(j, (sum, error))| (PatchId::from_index(j).0, std::mem::take(sum).factor, error));
+        let entries = entries.collect();
         let tally = RowTally {
             weights: Some(std::mem::replace(&mut self.weights, NO_RAYS)),
             ..std::mem::take(&mut self.tally)
         };
         (entries, tally)
-    }
-
-    fn error(
-        &self,
-        (i, j): (usize, usize),
-        factor: f64,
-        count: u64,
-        points: &[WeightedPoint],
-        polygons: &[PreparedPolygon],
-    ) -> f64 {
-        let patch = &self.input.mesh.patches[i];
-        let tolerance = Tolerance { rel: 1e-2, abs: 0.0 };
-        let exact = exchange_area(&polygons[i], &polygons[j], tolerance);
-        if exact.value <= 0.0 {
-            return 0.0;
-        }
-        let (unoccluded, unoccluded_error) = (exact.value / patch.area, exact.error / patch.area);
-        let seen: f64 = points
-            .iter()
-            .map(|p| p.weight * point_form_factor(p.position, patch.normal, polygons[j].corners()))
-            .sum();
-        if self.input.unoccluded {
-            return (factor - unoccluded).abs() + unoccluded_error;
-        }
-        let n_points = points.len() as f64;
-        let unseen = unseen_square((n_points * count.max(1) as f64).powf(0.75));
-        let aliasing = 1.0 / (count.max(1) as f64).sqrt();
-        let hidden = if seen > factor { 1.0 - factor / seen } else { 0.0 };
-        if hidden <= aliasing {
-            return (factor - unoccluded).abs() + unoccluded_error + unseen.sqrt() * unoccluded;
-        }
-        let shadow = (hidden * (1.0 - hidden) / n_points + unseen).sqrt();
-        (seen - unoccluded).abs() + unoccluded_error + aliasing * factor + shadow * unoccluded
     }
 }
 

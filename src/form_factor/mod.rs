@@ -33,6 +33,7 @@ mod on_the_fly;
 mod pairs;
 pub mod partial;
 mod pdm;
+mod point_errors;
 mod qmc;
 pub mod registry;
 mod rows;

@@ -18,6 +18,8 @@ pub(super) struct Shot {
     pub(super) direction: [f64; 2],
     /// The share of the patch's light that this ray carries, up to a common factor.
     pub(super) weight: f64,
+    /// How much coarser rules would change that share, relative to it.
+    pub(super) coarser: [f64; 2],
 }
 
 /// Rays that are traced at once: enough to hide the call, few enough to stay in the first cache.
@@ -28,21 +30,28 @@ pub(super) struct Shooter<'a> {
     input: Input<'a>,
     rays: RayBatch,
     weights: Vec<f64>,
+    coarser: Vec<[f64; 2]>,
     hits: HitBatch,
-    /// Σ w and Σ w² of the rays that hit each patch in this row.
-    sums: Vec<[f64; 2]>,
+    /// Σ w of the rays that hit each patch in this row.
+    sums: Vec<f64>,
+    /// Σ w c and Σ (w c)² of them, for each of two coarser rules; empty if points are at random.
+    changes: Vec<[[f64; 2]; 2]>,
     touched: Vec<u32>,
     entries: Vec<Entry>,
 }
 
 impl<'a> Shooter<'a> {
-    pub(super) fn new(input: Input<'a>) -> Self {
+    /// `by_rule` tells whether shots differ in [`Shot::coarser`].
+    pub(super) fn new(input: Input<'a>, by_rule: bool) -> Self {
+        let n = input.mesh.n_patches();
         Self {
             input,
             rays: RayBatch::default(),
             weights: Vec::new(),
+            coarser: Vec::new(),
             hits: HitBatch::default(),
-            sums: vec![[0.0; 2]; input.mesh.n_patches()],
+            sums: vec![0.0; n],
+            changes: vec![<[[f64; 2]; 2]>::default(); if by_rule { n } else { 0 }],
             touched: Vec::new(),
             entries: Vec::new(),
         }
@@ -51,8 +60,8 @@ impl<'a> Shooter<'a> {
     /// Shoots `shots` from a patch and returns its row: sorted entries (j, F_ij, standard error), and what did not land on a front.
     ///
     /// With weights scaled to a sum of 1, F_ij = Σ w over the rays that hit j from the front. The standard error is that of
-    /// independent rays, sqrt(Σ w² − F² Σ_all w²), for equal weights the binomial sqrt(F (1 − F) / N); for stratified points and directions
-    /// it errs on the safe side.
+    /// independent rays, sqrt(F (1 − F) Σ_all w²), for equal weights the binomial sqrt(F (1 − F) / N); for stratified points and directions
+    /// it errs on the safe side. To it comes, for each coarser rule, what is left of its distance |Σ w c| beyond twice the noise of that, sqrt(Σ (w c)²).
     pub(super) fn row(&mut self, patch: &Patch, shots: impl Iterator<Item = Shot>) -> (&[Entry], RowTally) {
         let visibility = self.input.visibility;
         let frame = Frame::from_normal(patch.normal);
@@ -68,6 +77,7 @@ impl<'a> Shooter<'a> {
             let direction = frame.to_world(cosine_direction(shot.direction[0], shot.direction[1]));
             self.rays.push_ray(shot.point + lift, direction);
             self.weights.push(shot.weight);
+            self.coarser.push(shot.coarser);
             total += shot.weight;
             sums.squared += shot.weight * shot.weight;
             tally.n_rays += 1;
@@ -82,10 +92,12 @@ impl<'a> Shooter<'a> {
         self.touched.sort_unstable();
         self.entries.clear();
         for &j in &self.touched {
-            let [sum, squared] = std::mem::take(&mut self.sums[j as usize]);
-            let factor = sum / total;
-            let variance = squared / (total * total) - factor * factor * sums.squared;
-            self.entries.push((j, factor, variance.max(0.0).sqrt()));
+            let factor = std::mem::take(&mut self.sums[j as usize]) / total;
+            let noise = (factor * (1.0 - factor) * sums.squared).max(0.0).sqrt();
+            let changes = self.changes.get_mut(j as usize).map(std::mem::take).unwrap_or_default();
+            let bias = |[change, squared]: [f64; 2]| (change.abs() - 2.0 * squared.sqrt()).max(0.0) / total;
+            self.entries
+                .push((j, factor, noise + changes.into_iter().map(bias).sum::<f64>()));
         }
         self.touched.clear();
         tally.weights = Some(sums);
@@ -112,15 +124,21 @@ impl<'a> Shooter<'a> {
                             .mesh
                             .patch_at(hit.face, f64::from(self.hits.u[k]), f64::from(self.hits.v[k]));
                     let of_patch = &mut self.sums[j as usize];
-                    if of_patch[0] <= 0.0 {
+                    if *of_patch <= 0.0 {
                         self.touched.push(j);
                     }
-                    of_patch[0] += weight;
-                    of_patch[1] += weight * weight;
+                    *of_patch += weight;
+                    if let Some(changes) = self.changes.get_mut(j as usize) {
+                        for (sums, coarser) in changes.iter_mut().zip(self.coarser[k]) {
+                            sums[0] += weight * coarser;
+                            sums[1] += (weight * coarser).powi(2);
+                        }
+                    }
                 }
             }
         }
         self.rays.clear();
         self.weights.clear();
+        self.coarser.clear();
     }
 }

@@ -53,7 +53,7 @@ impl FormFactorMethod for RandomShooting {
 impl RandomShooting {
     fn tile(&self, input: Input<'_>, rows: Range<usize>) -> RowTile {
         let mut tile = RowTile::new(rows.start);
-        let mut shooter = Shooter::new(input);
+        let mut shooter = Shooter::new(input, false);
         for i in rows {
             let patch = &input.mesh.patches[i];
             let map = UniformOnPolygon::new(&input.mesh.polygon(PatchId::from_index(i)));
@@ -64,6 +64,7 @@ impl RandomShooting {
                     point: map.point(s, t),
                     direction: [u, v],
                     weight: 1.0,
+                    coarser: [0.0; 2],
                 }
             });
             let (entries, tally) = shooter.row(patch, shots);

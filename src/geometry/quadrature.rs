@@ -42,6 +42,29 @@ impl GaussProduct {
         self.line.len() * self.line.len()
     }
 
+    /// Returns by how much the weight of each node along a side changes, relative to it, in the rule through every other node from both ends
+    /// that is exact for as many degrees as it has nodes; `None` with fewer than three nodes, where that leaves nothing to compare.
+    ///
+    /// w'_k = ∫ ℓ_k over the nodes that stay, by the rule itself, which is exact for it; −1 for the others.
+    #[must_use]
+    pub(crate) fn coarser(&self) -> Option<Vec<f64>> {
+        let q = self.line.len();
+        if q < 3 {
+            return None;
+        }
+        let stays = |k: usize| k.min(q - 1 - k) % 2 == 0;
+        let integral = |k: usize| -> f64 {
+            let others = || (0..q).filter(move |&m| m != k && stays(m));
+            let basis = |x: f64| -> f64 {
+                let factor = |m: usize| (x - self.line[m].0) / (self.line[k].0 - self.line[m].0);
+                others().map(factor).product()
+            };
+            self.line.iter().map(|&(x, weight)| weight * basis(x)).sum()
+        };
+        let change = |k: usize| if stays(k) { integral(k) / self.line[k].1 } else { 0.0 } - 1.0;
+        Some((0..q).map(change).collect())
+    }
+
     /// Returns the rule's points and weights on a patch of three or four corners.
     ///
     /// # Panics
@@ -83,6 +106,30 @@ impl GaussProduct {
 mod tests {
     use super::*;
     use crate::geometry::polygon;
+
+    #[test]
+    fn the_coarser_rule_is_exact_for_as_many_degrees_as_it_has_nodes_and_no_more() {
+        for q in 1..12 {
+            let rule = GaussProduct::new(NonZeroUsize::new(q).unwrap());
+            let Some(changes) = rule.coarser() else {
+                assert!(q < 3);
+                continue;
+            };
+            let n_nodes = changes.iter().filter(|c| **c > -1.0).count();
+            assert!(n_nodes < q && 2 * n_nodes >= q, "{q}: {n_nodes}");
+            let change = |degree: usize| -> f64 {
+                let power = |x: f64| (2.0 * x - 1.0).powi(i32::try_from(degree).unwrap());
+                let nodes = rule.line.iter().zip(&changes);
+                nodes.map(|((x, weight), change)| weight * change * power(*x)).sum()
+            };
+            for degree in 0..n_nodes {
+                assert!(change(degree).abs() < 1e-13, "{q} {degree}: {}", change(degree));
+            }
+            // By symmetry odd degrees are exact as well.
+            let next = n_nodes + n_nodes % 2;
+            assert!(change(next).abs() > 1e-4, "{q} {next}: {}", change(next));
+        }
+    }
 
     #[test]
     fn low_degrees_are_exact() {

@@ -30,7 +30,7 @@ impl FormFactors {
     /// hit T; N is [`effective_rays`](super::RowTally::effective_rays). Stratified rays err less than this. Rows are
     /// independent: error² = Σ (A_i / A_S)² variance_i. Rows without rays, and all rows of a symmetrised or balanced
     /// matrix, where each number comes from two rows, contribute the sum of their entries' standard errors,
-    /// Σ (A_i / A_S) Σ_j, as if all were off in the same direction.
+    /// Σ (A_i / A_S) Σ_j, as if all were off in the same direction. So does what an entry of a row of rays states beyond its noise sqrt(F (1 − F) / N): the bias of a rule.
     /// Source: sums of multinomial counts. Departures: none.
     ///
     /// # Panics
@@ -70,20 +70,26 @@ impl FormFactors {
         for &i in patches {
             sums.fill(0.0);
             errors.fill(0.0);
+            let n_rays = self.tallies[i].effective_rays().filter(|_| !self.is_symmetric());
             self.for_each_in_row(i, |j, value, std_error| {
                 sums[patch_surface[j] as usize] += value;
-                errors[patch_surface[j] as usize] += std_error;
+                errors[patch_surface[j] as usize] += match n_rays {
+                    None => std_error,
+                    Some(n) => {
+                        // Standard errors are stored in f32.
+                        let noise = (value * (1.0 - value)).max(0.0).sqrt() / n.sqrt() * (1.0 + 1e-6);
+                        (std_error - noise).max(0.0)
+                    }
+                };
             });
             let weight = self.areas[i] / area;
-            let n_rays = self.tallies[i].effective_rays().filter(|_| !self.is_symmetric());
             for t in 0..n_surfaces {
                 form_factor[t] += weight * sums[t];
                 if let Some(n) = n_rays {
                     let p = ((n * sums[t] + 1.0) / (n + 2.0)).clamp(0.0, 1.0);
                     variance[t] += weight * weight * p * (1.0 - p) / n;
-                } else {
-                    common[t] += weight * errors[t];
                 }
+                common[t] += weight * errors[t];
             }
             sky_factor += weight * self.sky_factor(i);
         }

@@ -355,7 +355,9 @@ impl Run {
             self.set("budget", budget.get());
         }
         let by_rows = entry.by_rows() || settings.normalise;
-        let n_entries = settings.rays.filter(|_| entry.shoots());
+        // From one and two points a side, errors are stated of patches that no ray hit, too.
+        let is_sparse = settings.points.is_none_or(|points| points.get() > 2);
+        let n_entries = settings.rays.filter(|_| entry.shoots() && is_sparse);
         Ok(Chosen {
             method: entry.build(&settings),
             by_rows,
