@@ -111,7 +111,14 @@ impl Builder {
     /// # Errors
     /// No face, or faces of one winding that overlap in one plane.
     pub(super) fn finish(self) -> Result<Scene, SceneError> {
-        let Self { file, mut scene, .. } = self;
+        let Self {
+            file,
+            mut scene,
+            vertex_of_position,
+            line_of_outline,
+        } = self;
+        // What comes has tables of its own, and these are done with.
+        drop((vertex_of_position, line_of_outline));
         if scene.faces.is_empty() {
             return Err(SceneError::NoFaces { file });
         }
