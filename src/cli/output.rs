@@ -19,7 +19,7 @@ pub(super) fn expect_apart(output: Option<&Path>, others: &[(&str, Option<&Path>
     let Some(path) = output else {
         return Ok(());
     };
-    let place = |path: &Path| std::fs::canonicalize(path).or_else(|_| std::path::absolute(path)).ok();
+    let place = |of: &Path| std::fs::canonicalize(of).or_else(|_| std::path::absolute(of)).ok();
     for (what, other) in others {
         if let Some(other) = other
             && place(other).is_some_and(|other| Some(other) == place(path))

@@ -1,6 +1,10 @@
 //! Rows stored in blocks of columns, with a bit for each column that has an entry.
 
 #![expect(
+    clippy::shadow_unrelated,
+    reason = "inner scopes reuse the letters of the formulas and the names of what they look at"
+)]
+#![expect(
     clippy::inline_always,
     reason = "what is not inlined is not compiled for the instruction set"
 )]
@@ -66,7 +70,7 @@ pub(super) fn count_blocks(tile: &RowTile) -> usize {
 
 /// Returns the number of the block that has a column.
 fn block_of(column: u32) -> u32 {
-    column / STRIP as u32
+    column >> STRIP.trailing_zeros()
 }
 
 impl<T: Scalar> BlockTile<T> {

@@ -110,8 +110,8 @@ impl AmbientCorrection {
         }
         leave_undetermined(system, &mut net);
         let mut indefinite = false;
-        let emits = system.emitting_components();
-        for ((value, whole), emits) in net.values_mut().iter_mut().zip(gross.values()).zip(emits) {
+        let emitting = system.emitting_components();
+        for ((value, whole), emits) in net.values_mut().iter_mut().zip(gross.values()).zip(emitting) {
             indefinite |= emits && *value < -RESOLVED_FROM * whole;
             *value = if emits && *value > RESOLVED_FROM * whole {
                 value.recip()

@@ -159,8 +159,8 @@ pub(super) fn run<I: Iteration>(
         if truth.is_none() && (claims || options.true_history) {
             let check = || {
                 let radiosity = iteration.radiosity();
-                let truth = scaled.true_residual(&radiosity);
-                scaled.sharpened(tolerance, &radiosity, truth)
+                let plain = scaled.true_residual(&radiosity);
+                scaled.sharpened(tolerance, &radiosity, plain)
             };
             let exact = if options.true_history {
                 recorder.off_the_clock(check)

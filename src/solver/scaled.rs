@@ -148,7 +148,7 @@ impl<'a> Scaled<'a> {
         let sharp = match self.system.operator().rows() {
             Some(rows) => self.sharp_residual(rows, radiosity),
             None => TrueResidual {
-                norms: truth.norms.map_with(&norms, |r, rounding| r + rounding),
+                norms: truth.norms.map_with(&norms, |r, more| r + more),
                 ..truth
             },
         };

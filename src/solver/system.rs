@@ -218,8 +218,8 @@ impl<'a> RadiositySystem<'a> {
         let mut emits = vec![false; n_components * n_channels];
         for (i, &label) in labels.iter().enumerate() {
             let own = &mut emits[label as usize * n_channels..][..n_channels];
-            for (emits, exitance) in own.iter_mut().zip(self.exitance.row(i)) {
-                *emits |= exitance.abs() > 0.0;
+            for (any, exitance) in own.iter_mut().zip(self.exitance.row(i)) {
+                *any |= exitance.abs() > 0.0;
             }
         }
         emits

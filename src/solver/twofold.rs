@@ -51,15 +51,15 @@ mod tests {
         assert_eq!(sum.value().to_bits(), 1.0_f64.to_bits());
         // (1 + u)(1 − u) − 1 = −u², which a product in f64 rounds away.
         let u = 1e-9;
-        let mut sum = Twofold::default();
-        sum.add_product(1.0 + u, 1.0 - u);
-        sum.add(-1.0);
+        let mut square = Twofold::default();
+        square.add_product(1.0 + u, 1.0 - u);
+        square.add(-1.0);
         let (a, b) = ((1.0 + u) - 1.0, 1.0 - (1.0 - u));
         let expected = a - b - a * b;
         assert!(
-            (sum.value() - expected).abs() < 1e-15 * expected.abs(),
+            (square.value() - expected).abs() < 1e-15 * expected.abs(),
             "{:e}",
-            sum.value()
+            square.value()
         );
     }
 }
