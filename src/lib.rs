@@ -61,7 +61,7 @@
 //! let raw = method.compute(input, StorageChoice::default(), &Silent)?.factors;
 //! let (factors, _) = raw
 //!     .symmetrised(Weighting::default())?
-//!     .balanced(&raw.row_targets(true), 1e-12, 100)?;
+//!     .balanced(raw.row_targets(true), 1e-12, 100)?;
 //!
 //! let grey = |value: fn(&radiosity::scene::Material) -> f64| {
 //!     let of_patch = |p: &radiosity::mesh::Patch| value(&scene.materials[p.material.0 as usize]);

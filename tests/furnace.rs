@@ -95,7 +95,7 @@ fn uniform_light_stays_uniform_in_every_closed_scene() {
             let (balanced, report) = raw
                 .symmetrised(Weighting::default())
                 .unwrap()
-                .balanced(&raw.row_targets(true), 1e-13, 500)
+                .balanced(raw.row_targets(true), 1e-13, 500)
                 .unwrap();
             assert!(report.converged, "{name}, {}: {report:?}", method.name());
             let worst_balanced = worst_radiosity(&balanced, &["gauss-seidel", "pcg"]);
@@ -134,7 +134,7 @@ fn uniform_light_stays_uniform_with_every_method() {
             let (balanced, report) = raw
                 .symmetrised(Weighting::default())
                 .unwrap()
-                .balanced(&raw.row_targets(true), 1e-13, 2000)
+                .balanced(raw.row_targets(true), 1e-13, 2000)
                 .unwrap();
             assert!(report.converged, "{name}, {method}: {report:?}");
             let worst = worst_radiosity(&balanced, &["gauss-seidel", "pcg"]);

@@ -184,7 +184,7 @@ fn balanced_noise_gives_better_light_than_symmetrised_noise() {
     assert!(report.converged);
     let noisy = shoot(&dense(&room), &lewis.areas, 200, &mut Uniform(15));
     let symmetric = noisy.symmetrised(Weighting::InverseVariance).unwrap();
-    let (balanced, report) = symmetric.balanced(&noisy.row_targets(true), 1e-12, 1000).unwrap();
+    let (balanced, report) = symmetric.balanced(noisy.row_targets(true), 1e-12, 1000).unwrap();
     assert!(report.converged);
     let reflectance = Block::from_values(vec![0.999; n], 1);
     let light = |f: &FormFactors| solve_direct(&dense(f), &reflectance, &lewis.exitance);
@@ -249,7 +249,7 @@ fn a_patch_that_all_rays_missed_is_still_seen() {
 fn rows_that_contradict_each_other_are_reconciled() {
     let raw = counted(&[1.0; 2], &[vec![0, 819], vec![822, 0]], 4096);
     let symmetric = raw.symmetrised(Weighting::default()).unwrap();
-    let (balanced, report) = symmetric.balanced(&raw.row_targets(false), 1e-10, 200).unwrap();
+    let (balanced, report) = symmetric.balanced(raw.row_targets(false), 1e-10, 200).unwrap();
     assert!(report.converged, "{report:?}");
     assert!((balanced.row_sum(0) - 820.5 / 4096.0).abs() < 1e-6);
     // What is given as certain still has to be met as it is.
@@ -261,6 +261,7 @@ fn rows_that_contradict_each_other_are_reconciled() {
 /// A bright room with windows: the light of balanced noise is nearer to the truth than that of noise as it comes or made symmetric alone, and no entry goes further than its
 /// noise explains.
 #[test]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "counts of rays")]
 fn balanced_noise_gives_better_light_in_an_open_room_too() {
     let lewis = LewisRoom::new(2);
     let n = lewis.areas.len();
@@ -288,7 +289,7 @@ fn balanced_noise_gives_better_light_in_an_open_room_too() {
             .collect();
         let raw = counted(&areas, &hits, n_rays);
         let symmetric = raw.symmetrised(Weighting::default()).unwrap();
-        let (balanced, report) = symmetric.balanced(&raw.row_targets(false), 1e-10, 200).unwrap();
+        let (balanced, report) = symmetric.balanced(raw.row_targets(false), 1e-10, 200).unwrap();
         assert!(report.converged, "{seed} {report:?}");
         for (sum, f) in errors.iter_mut().zip([&raw, &symmetric, &balanced]) {
             *sum += relative_error(&areas, &light(&dense(f)), &truth) / 8.0;

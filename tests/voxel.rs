@@ -299,7 +299,7 @@ fn by_patches(scene: &Scene, subdivide: u32) -> Vec<f64> {
     let factors = raw
         .symmetrised(Weighting::default())
         .unwrap()
-        .balanced(&raw.row_targets(true), 1e-10, 200)
+        .balanced(raw.row_targets(true), 1e-10, 200)
         .unwrap()
         .0;
     let grey = |value: fn(&radiosity::scene::Material) -> f64| {

@@ -206,11 +206,12 @@ fn row_error(tally: &RowTally, row: &Sums, claims: Claims<'_>, (is_closed, is_ab
     } else {
         ESTIMATES * row.error
     };
-    // What is off in a sum of counts is told by the counts together, not by the noise of each.
-    let stated = if tally.n_rays > 0 && claims.reciprocity == Reciprocity::ToNoise {
-        0.0
-    } else {
-        stated
+    let stated = match (tally.n_rays, claims.reciprocity) {
+        (0, _) => stated,
+        // What is off in a sum of counts is told by the counts together, not by the noise of each.
+        (_, Reciprocity::ToNoise) => 0.0,
+        // Points that stand for a patch see of what is lost what they see of the rest: it is off by as much again.
+        _ => 2.0 * stated,
     };
     let n_rays = tally.effective_rays().unwrap_or(tally.n_rays as f64);
     let by_count = |deviation: f64| if tally.n_rays > 0 { SIGMAS * deviation } else { 0.0 };

@@ -144,8 +144,8 @@ struct Reflecting<'a> {
 impl Reflecting<'_> {
     /// Returns min_i (1 − ρ_i s_i): at 0 and below there is no furnace.
     fn absorbed_min(&self, c: usize) -> f64 {
-        let absorbed = self.row_sums.iter().enumerate();
-        absorbed.fold(f64::INFINITY, |least, (i, sum)| {
+        let rows = self.row_sums.iter().enumerate();
+        rows.fold(f64::INFINITY, |least, (i, sum)| {
             let absorbed = 1.0 - self.reflectance.row(i)[c] * sum;
             if absorbed.is_nan() {
                 absorbed
@@ -333,9 +333,9 @@ fn furnaces(audit: &mut Audit, given: &Reflecting<'_>, b: &Block, slack: impl Fn
         let allowed = 4.0 * unit * highest / absorbed_min;
         for i in 0..b.n_rows() {
             let at = At::patch(i).channel(c);
-            let unit = given.light[c];
-            below.see_in(unit, (lowest - b.row(i)[c]).max(0.0), allowed, at);
-            above.see_in(unit, (b.row(i)[c] - highest).max(0.0), allowed, at);
+            let light = given.light[c];
+            below.see_in(light, (lowest - b.row(i)[c]).max(0.0), allowed, at);
+            above.see_in(light, (b.row(i)[c] - highest).max(0.0), allowed, at);
         }
     }
     for (worst, law, wanted) in [

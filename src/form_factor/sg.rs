@@ -77,8 +77,8 @@ impl GaussShooting {
     fn tile(&self, input: Input<'_>, rows: Range<usize>, errors: Option<&PointErrors<'_>>) -> RowTile {
         let mut tile = RowTile::new(rows.start);
         let rule = GaussProduct::new(self.points);
-        let coarser = rule.coarser();
-        let mut shooter = Shooter::new(input, coarser.is_some());
+        let changes = rule.coarser();
+        let mut shooter = Shooter::new(input, changes.is_some());
         let q = self.points.get();
         let rays_per_point = self.rays_per_point();
         for i in rows {
@@ -87,7 +87,7 @@ impl GaussShooting {
             let shots = points.iter().enumerate().flat_map(|(p, point)| {
                 let mut stream = PointStream::new(self.sequence, self.seed, (i * points.len() + p) as u64);
                 let WeightedPoint { position, weight } = *point;
-                let change = |node: usize| coarser.as_ref().map_or(0.0, |changes| changes[node]);
+                let change = |node: usize| changes.as_ref().map_or(0.0, |of_node| of_node[node]);
                 let coarser = [change(p % q), change(p / q)];
                 (0..rays_per_point).map(move |_| {
                     let [_, _, u, v] = stream.next_point();

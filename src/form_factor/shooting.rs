@@ -129,9 +129,9 @@ impl<'a> Shooter<'a> {
                     }
                     *of_patch += weight;
                     if let Some(changes) = self.changes.get_mut(j as usize) {
-                        for (sums, coarser) in changes.iter_mut().zip(self.coarser[k]) {
-                            sums[0] += weight * coarser;
-                            sums[1] += (weight * coarser).powi(2);
+                        for (change, coarser) in changes.iter_mut().zip(self.coarser[k]) {
+                            change[0] += weight * coarser;
+                            change[1] += (weight * coarser).powi(2);
                         }
                     }
                 }

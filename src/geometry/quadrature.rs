@@ -52,7 +52,7 @@ impl GaussProduct {
         if q < 3 {
             return None;
         }
-        let stays = |k: usize| k.min(q - 1 - k) % 2 == 0;
+        let stays = |k: usize| k.min(q - 1 - k).is_multiple_of(2);
         let integral = |k: usize| -> f64 {
             let others = || (0..q).filter(move |&m| m != k && stays(m));
             let basis = |x: f64| -> f64 {

@@ -40,7 +40,7 @@ fn attempt(path: &Path) {
             assert!(sums.iter().all(|sum| sum.is_finite()), "{sums:?}");
             // Whatever passed as form factors can be repaired or is refused.
             if let Ok(symmetric) = factors.symmetrised(Weighting::default()) {
-                let _ = symmetric.balanced(&factors.row_targets(true), 1e-12, 20);
+                let _ = symmetric.balanced(factors.row_targets(true), 1e-12, 20);
             }
         }
         Err(error) => refused(path, &error.to_string()),
