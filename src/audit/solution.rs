@@ -146,12 +146,8 @@ impl Reflecting<'_> {
     fn absorbed_min(&self, c: usize) -> f64 {
         let rows = self.row_sums.iter().enumerate();
         rows.fold(f64::INFINITY, |least, (i, sum)| {
-            let absorbed = 1.0 - self.reflectance.row(i)[c] * sum;
-            if absorbed.is_nan() {
-                absorbed
-            } else {
-                least.min(absorbed)
-            }
+            let own = 1.0 - self.reflectance.row(i)[c] * sum;
+            if own.is_nan() { own } else { least.min(own) }
         })
     }
 
