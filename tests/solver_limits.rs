@@ -632,3 +632,18 @@ fn exact_sum(terms: &[f64]) -> f64 {
     }
     parts.iter().sum()
 }
+
+/// Two patches that send one another far more light than they have: what solves the equations to the last bit is negative, and no pass can better it.
+#[test]
+fn a_negative_answer_without_a_residual_ends_it() {
+    let f = matrix(&[1.0; 2], &[vec![0.0, 32.0], vec![32.0, 0.0]])
+        .symmetrised(Weighting::Plain)
+        .unwrap();
+    let exitance = Block::from_values(vec![100.0, 0.0], 1);
+    let system = system(&f, &constant(2, 0.5), &exitance);
+    for solver in all() {
+        let solution = run(solver, &system, &l2(1e-6));
+        assert_eq!(solution.stop_reason, StopReason::Diverged, "{}", solver.name());
+        assert!(solution.n_passes < 100, "{}: {}", solver.name(), solution.n_passes);
+    }
+}

@@ -198,7 +198,8 @@ pub(super) fn run<I: Iteration>(
                 }
                 Mended::Impossible => {
                     let rejected = worst(&excess);
-                    if rejected > GAIN * rejected_before || !goes_on {
+                    // Also where nothing is left to gain.
+                    if rejected >= GAIN * rejected_before || !goes_on {
                         gave_up = StopReason::Diverged;
                         break;
                     }
