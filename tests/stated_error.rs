@@ -9,7 +9,7 @@ use radiosity::geometry::sampling::Sequence;
 use radiosity::matrix::FormFactors;
 use radiosity::matrix::operator::Block;
 use radiosity::scene::builtin;
-use radiosity::solver::carried_error;
+use radiosity::solver::{SolveOptions, StopReason, carried_error};
 use support::rooms::Prepared;
 use support::solving::{by_name, l2, run, system};
 
@@ -111,4 +111,20 @@ fn the_unit_of_light_does_not_matter() {
             );
         }
     }
+}
+
+/// Where 1 − ρ is rounding nothing is known of the error, and none is stated, rather than 0.
+#[test]
+fn what_cannot_be_solved_has_no_stated_error() {
+    let (prepared, _, exitance) = room();
+    let factors = prepared.compute(&exact(1e-3));
+    let white = Block::from_values(vec![1.0 - 1e-16; exitance.n_rows()], 1);
+    let few = SolveOptions {
+        max_passes: 5,
+        ..l2(1e-12)
+    };
+    let solution = run(by_name("gauss-seidel"), &system(&factors, &white, &exitance), &few);
+    assert_ne!(solution.stop_reason, StopReason::Converged);
+    let error = carried_error(&factors, &white, &exitance, &solution).unwrap();
+    assert!(error.values().iter().all(|e| e.is_infinite()), "{:?}", error.values());
 }

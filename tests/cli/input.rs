@@ -1,5 +1,7 @@
 //! Bad input and bad usage.
 
+use std::fmt::Write as _;
+
 use crate::{document, radiosity, stderr, with_scene};
 
 #[test]
@@ -192,4 +194,63 @@ fn libraries_outside_the_scenes_folder_are_read_on_request() {
     let refused = radiosity(directory.path(), &arguments[..2]);
     assert_eq!(refused.status.code(), Some(1));
     assert!(stderr(&refused).contains("--allow-outside"), "{}", stderr(&refused));
+}
+
+/// No output takes the place of a file that the same command reads or keeps its work in: what was there stays, and nothing is written.
+#[test]
+fn an_output_is_no_other_file_of_its_command() {
+    let directory = with_scene("cube");
+    let run = |arguments: &[&str]| {
+        let output = radiosity(directory.path(), arguments);
+        (output.status.code(), stderr(&output))
+    };
+    let (code, told) = run(&["form-factors", "scene.obj", "-o", "F.npz", "--checkpoint", "./F.npz"]);
+    assert_eq!(code, Some(2), "{told}");
+    assert!(
+        told.contains("F.npz: the output and the checkpoint are one file"),
+        "{told}"
+    );
+    assert!(!directory.path().join("F.npz").exists());
+    assert_eq!(run(&["form-factors", "scene.obj", "-o", "F.npz"]).0, Some(0));
+    let before = std::fs::read(directory.path().join("F.npz")).unwrap();
+    let (code, told) = run(&["solve", "scene.obj", "--form-factors", "F.npz", "-o", "./F.npz"]);
+    assert_eq!(code, Some(2), "{told}");
+    assert!(told.contains("the output and the form factors are one file"), "{told}");
+    assert_eq!(std::fs::read(directory.path().join("F.npz")).unwrap(), before);
+}
+
+/// A white, lit room is refused however its form factors are had, though another room beside it loses light.
+#[test]
+fn a_white_room_beside_another_has_no_solution() {
+    let directory = with_scene("cube");
+    let read = |name: &str| std::fs::read_to_string(directory.path().join(name)).unwrap();
+    let (scene, library) = (read("scene.obj"), read("scene.mtl"));
+    let mut both = scene.clone();
+    let n_vertices = scene.lines().filter(|line| line.starts_with("v ")).count();
+    for line in scene.lines() {
+        let mut words = line.split_whitespace();
+        match words.next() {
+            Some("v") => {
+                let at: Vec<f64> = words.map(|word| word.parse().unwrap()).collect();
+                writeln!(both, "v {} {} {}", at[0] + 5.0, at[1], at[2]).unwrap();
+            }
+            Some("f") => {
+                let corners = words.map(|word| (word.parse::<usize>().unwrap() + n_vertices).to_string());
+                writeln!(both, "f {}", corners.collect::<Vec<_>>().join(" ")).unwrap();
+            }
+            Some("o") => writeln!(both, "o white_{}", words.next().unwrap()).unwrap(),
+            Some("usemtl") => both += "usemtl white\n",
+            _ => {}
+        }
+    }
+    std::fs::write(directory.path().join("two.obj"), both).unwrap();
+    let white = format!("{library}\nnewmtl white\nKd 1 1 1\nKe 1 1 1\n");
+    std::fs::write(directory.path().join("scene.mtl"), white).unwrap();
+    for how in [&["--method", "sr"] as &[&str], &["--method", "sr", "--on-the-fly"]] {
+        let arguments = [&["solve", "two.obj", "--rays", "300"], how].concat();
+        let output = radiosity(directory.path(), &arguments);
+        let told = stderr(&output);
+        assert_eq!(output.status.code(), Some(1), "{told}");
+        assert!(told.contains("no finite solution"), "{told}");
+    }
 }
