@@ -22,8 +22,7 @@ use super::places::{STRIP, ones};
 use super::planes::Planes;
 use super::prefetch::prefetch;
 use super::square::SIDE;
-use super::store::{Scalar, Store, rounded};
-use super::tile::is_zero;
+use super::store::{Numbers, Scalar, Store};
 use super::{MatrixError, RowTile};
 
 const _: () = assert!(SIDE.is_multiple_of(STRIP), "planes are filled up to whole blocks");
@@ -36,14 +35,11 @@ pub(super) struct BlockTile<T> {
     /// Where each row begins, and the last one ends.
     begins: Vec<Begin>,
     /// The first column of each block, by [`STRIP`].
-    numbers: Vec<u32>,
+    blocks: Vec<u32>,
     /// Bit k is set where column k of the block has an entry.
     masks: Vec<u16>,
     /// Of all entries in order; [`STRIP`] zeros follow, so that as many as a block may have can always be read.
-    values: Vec<T>,
-    /// As `values`, or empty where every standard error is zero.
-    std_errors: Vec<f32>,
-    n_nonzero: usize,
+    numbers: Numbers<T>,
 }
 
 /// The number of a row's first block, and of its first entry.
@@ -78,55 +74,40 @@ impl<T: Scalar> BlockTile<T> {
         let (size, n_blocks) = (tile.n_entries(), count_blocks(tile));
         let mut stored = Self {
             begins: Vec::with_capacity(tile.n_rows() + 1),
-            numbers: Vec::with_capacity(n_blocks),
+            blocks: Vec::with_capacity(n_blocks),
             masks: Vec::with_capacity(n_blocks),
-            values: Vec::with_capacity(size + STRIP),
-            std_errors: Vec::new(),
-            n_nonzero: 0,
+            numbers: Numbers::with_capacity(size + STRIP),
         };
         stored.begins.push(Begin::default());
         for k in 0..tile.n_rows() {
-            let first_block = stored.numbers.len();
+            let first_block = stored.blocks.len();
             for &entry in tile.row(k) {
-                let (value, std_error) = rounded::<T>(tile.first_row() + k, entry, n)?;
-                if is_zero(value.to_f64()) && is_zero(std_error.to_f64()) {
-                    continue; // Too small for the precision.
+                if !stored.numbers.push(tile.first_row() + k, entry, n)? {
+                    continue;
                 }
-                if std_error > 0.0 {
-                    stored.std_errors.resize(size, 0.0);
-                    stored.std_errors[stored.values.len()] = std_error;
-                }
-                let number = block_of(entry.0);
-                if stored.numbers[first_block..].last() != Some(&number) {
-                    stored.numbers.push(number);
+                let block = block_of(entry.0);
+                if stored.blocks[first_block..].last() != Some(&block) {
+                    stored.blocks.push(block);
                     stored.masks.push(0);
                 }
                 *stored.masks.last_mut().expect("the block was added") |= 1 << (entry.0 as usize % STRIP);
-                stored.values.push(value);
-                stored.n_nonzero += usize::from(!is_zero(value.to_f64()));
             }
             stored.begins.push(Begin {
-                block: stored.numbers.len(),
-                entry: stored.values.len(),
+                block: stored.blocks.len(),
+                entry: stored.numbers.values.len(),
             });
         }
-        stored.std_errors.truncate(stored.values.len());
-        stored.values.extend([T::from_f64(0.0); STRIP]);
+        stored.numbers.values.extend([T::from_f64(0.0); STRIP]);
         Ok(stored)
     }
 
     fn row(&self, row: usize) -> Blocks<'_, T> {
         let (begin, end) = (self.begins[row], self.begins[row + 1]);
         Blocks {
-            numbers: &self.numbers[begin.block..end.block],
+            numbers: &self.blocks[begin.block..end.block],
             masks: &self.masks[begin.block..end.block],
-            values: &self.values[begin.entry..],
+            values: &self.numbers.values[begin.entry..],
         }
-    }
-
-    fn at(&self, place: usize) -> (f64, f64) {
-        let std_error = self.std_errors.get(place).map_or(0.0, |&error| f64::from(error));
-        (self.values[place].to_f64(), std_error)
     }
 }
 
@@ -196,7 +177,7 @@ impl<T: Scalar> Store for BlockTile<T> {
                 break;
             }
             if column >= columns.start {
-                let (value, std_error) = self.at(self.begins[row].entry + k);
+                let (value, std_error) = self.numbers.at(self.begins[row].entry + k);
                 visit(column, value, std_error);
             }
         }
@@ -244,20 +225,20 @@ impl<T: Scalar> Store for BlockTile<T> {
     }
 
     fn n_stored(&self) -> usize {
-        self.values.len() - STRIP
+        self.numbers.values.len() - STRIP
     }
 
     fn n_nonzero(&self) -> usize {
-        self.n_nonzero
+        self.numbers.n_nonzero
     }
 
     fn stored_byte(&self) -> usize {
-        self.pass_byte() + size_of_val(self.std_errors.as_slice())
+        self.pass_byte() + self.numbers.error_byte()
     }
 
     fn pass_byte(&self) -> usize {
-        let places = size_of_val(self.numbers.as_slice()) + size_of_val(self.masks.as_slice());
-        size_of_val(self.begins.as_slice()) + places + size_of_val(self.values.as_slice())
+        let places = size_of_val(self.blocks.as_slice()) + size_of_val(self.masks.as_slice());
+        size_of_val(self.begins.as_slice()) + places + self.numbers.value_byte()
     }
 }
 
@@ -483,7 +464,7 @@ mod tests {
             RowTally::default(),
         );
         let stored = BlockTile::<f32>::new(&tile, 48).expect("a sound row");
-        assert_eq!(stored.numbers, [1, 2]);
+        assert_eq!(stored.blocks, [1, 2]);
         assert_eq!((stored.n_stored(), stored.n_nonzero()), (2, 1));
         let mut found = Vec::new();
         stored.for_each(0, 0..48, &mut |j, value, std_error| found.push((j, value, std_error)));

@@ -5,8 +5,7 @@ use std::ops::Range;
 use super::gather::{SparseRows, multiply_sparse_rows};
 use super::operator::Block;
 use super::planes::Planes;
-use super::store::{Scalar, Store, add_dot, rounded};
-use super::tile::is_zero;
+use super::store::{Numbers, Scalar, Store, add_dot};
 use super::{MatrixError, RowTile};
 
 /// A tile in compressed sparse rows.
@@ -15,10 +14,7 @@ pub(super) struct SparseTile<T> {
     /// Row k holds the places `begins[k]..begins[k + 1]`.
     begins: Vec<usize>,
     columns: Vec<u32>,
-    values: Vec<T>,
-    /// As `values`, or empty where every standard error is zero.
-    std_errors: Vec<f32>,
-    n_nonzero: usize,
+    numbers: Numbers<T>,
 }
 
 impl<T: Scalar> SparseTile<T> {
@@ -27,27 +23,16 @@ impl<T: Scalar> SparseTile<T> {
         let mut stored = Self {
             begins: vec![0],
             columns: Vec::with_capacity(size),
-            values: Vec::with_capacity(size),
-            std_errors: Vec::new(),
-            n_nonzero: 0,
+            numbers: Numbers::with_capacity(size),
         };
         for k in 0..tile.n_rows() {
             for &entry in tile.row(k) {
-                let (value, std_error) = rounded::<T>(tile.first_row() + k, entry, n)?;
-                if is_zero(value.to_f64()) && is_zero(std_error.to_f64()) {
-                    continue; // Too small for the precision.
+                if stored.numbers.push(tile.first_row() + k, entry, n)? {
+                    stored.columns.push(entry.0);
                 }
-                if std_error > 0.0 {
-                    stored.std_errors.resize(size, 0.0);
-                    stored.std_errors[stored.values.len()] = std_error;
-                }
-                stored.columns.push(entry.0);
-                stored.values.push(value);
-                stored.n_nonzero += usize::from(!is_zero(value.to_f64()));
             }
-            stored.begins.push(stored.values.len());
+            stored.begins.push(stored.columns.len());
         }
-        stored.std_errors.truncate(stored.values.len());
         Ok(stored)
     }
 
@@ -58,17 +43,12 @@ impl<T: Scalar> SparseTile<T> {
         let first_from = |column: usize| begin + in_row.partition_point(|&c| (c as usize) < column);
         first_from(columns.start)..first_from(columns.end)
     }
-
-    fn at(&self, place: usize) -> (f64, f64) {
-        let std_error = self.std_errors.get(place).map_or(0.0, |&error| f64::from(error));
-        (self.values[place].to_f64(), std_error)
-    }
 }
 
 impl<T: Scalar> Store for SparseTile<T> {
     fn for_each(&self, row: usize, columns: Range<usize>, visit: &mut dyn FnMut(usize, f64, f64)) {
         for place in self.places(row, columns) {
-            let (value, std_error) = self.at(place);
+            let (value, std_error) = self.numbers.at(place);
             visit(self.columns[place] as usize, value, std_error);
         }
     }
@@ -77,33 +57,41 @@ impl<T: Scalar> Store for SparseTile<T> {
         let on = self.places(row, diagonal..diagonal + 1);
         for part in [self.begins[row]..on.start, on.end..self.begins[row + 1]] {
             let columns = &self.columns[part.clone()];
-            add_dot(&self.values[part], |k| columns[k] as usize, 1.0, x.values(), sum);
+            add_dot(
+                &self.numbers.values[part],
+                |k| columns[k] as usize,
+                1.0,
+                x.values(),
+                sum,
+            );
         }
-        on.map(|place| self.values[place].to_f64()).next().unwrap_or(0.0)
+        on.map(|place| self.numbers.values[place].to_f64())
+            .next()
+            .unwrap_or(0.0)
     }
 
     fn apply(&self, row: usize, _: usize, x: &Block, planes: &Planes, y: &mut [f64]) {
         let rows = SparseRows {
             begins: &self.begins[row..=row + y.len() / x.n_channels()],
             columns: &self.columns,
-            values: &self.values,
+            values: &self.numbers.values,
         };
         multiply_sparse_rows(rows, planes, y);
     }
 
     fn n_stored(&self) -> usize {
-        self.values.len()
+        self.numbers.values.len()
     }
 
     fn n_nonzero(&self) -> usize {
-        self.n_nonzero
+        self.numbers.n_nonzero
     }
 
     fn stored_byte(&self) -> usize {
-        self.pass_byte() + size_of_val(self.std_errors.as_slice())
+        self.pass_byte() + self.numbers.error_byte()
     }
 
     fn pass_byte(&self) -> usize {
-        size_of_val(self.begins.as_slice()) + size_of_val(self.columns.as_slice()) + size_of_val(self.values.as_slice())
+        size_of_val(self.begins.as_slice()) + size_of_val(self.columns.as_slice()) + self.numbers.value_byte()
     }
 }

@@ -10,6 +10,7 @@ use super::expand::Expand;
 use super::operator::Block;
 use super::planes::Planes;
 use super::sparse::SparseTile;
+use super::tile::is_zero;
 use super::{Layout, MatrixError, Precision, RowTile, StorageChoice};
 
 /// The share of non-zero entries from which a tile is stored in full, rows as well as squares. At a half, entries alone take 0.53 of the memory and 0.6 to 0.7 of the time of a pass where they lie in runs,
@@ -148,6 +149,57 @@ pub(super) fn rounded<T: Scalar>(
         Ok((value, std_error))
     } else {
         Err(MatrixError::Value { row, column })
+    }
+}
+
+/// The numbers of listed entries and their standard errors, entry by entry.
+#[derive(Debug)]
+pub(super) struct Numbers<T> {
+    pub(super) values: Vec<T>,
+    /// As `values`, up to the last that is not zero.
+    std_errors: Vec<f32>,
+    pub(super) n_nonzero: usize,
+}
+
+impl<T: Scalar> Numbers<T> {
+    /// Returns room for so many.
+    pub(super) fn with_capacity(n_values: usize) -> Self {
+        Self {
+            values: Vec::with_capacity(n_values),
+            std_errors: Vec::new(),
+            n_nonzero: 0,
+        }
+    }
+
+    /// Adds an entry of a row of an n by n matrix; tells whether anything is left of it in the precision.
+    pub(super) fn push(&mut self, row: usize, entry: super::Entry, n: usize) -> Result<bool, MatrixError> {
+        let (value, std_error) = rounded::<T>(row, entry, n)?;
+        let (has_value, has_error) = (!is_zero(value.to_f64()), std_error > 0.0);
+        if has_error {
+            self.std_errors.resize(self.values.len(), 0.0);
+            self.std_errors.push(std_error);
+        }
+        if has_value || has_error {
+            self.values.push(value);
+            self.n_nonzero += usize::from(has_value);
+        }
+        Ok(has_value || has_error)
+    }
+
+    /// Returns a number and its standard error.
+    pub(super) fn at(&self, place: usize) -> (f64, f64) {
+        let std_error = self.std_errors.get(place).map_or(0.0, |&error| f64::from(error));
+        (self.values[place].to_f64(), std_error)
+    }
+
+    /// Returns the memory of the values.
+    pub(super) fn value_byte(&self) -> usize {
+        size_of_val(self.values.as_slice())
+    }
+
+    /// Returns the memory of the standard errors.
+    pub(super) fn error_byte(&self) -> usize {
+        size_of_val(self.std_errors.as_slice())
     }
 }
 

@@ -134,8 +134,10 @@ pub(super) fn run<I: Iteration>(
         n_passes += 1;
         let mut norms = match estimate {
             Estimate::Running(norms) => norms,
-            Estimate::True(exact) => {
-                let exact = scaled.sharpened(tolerance, &iteration.radiosity(), exact);
+            Estimate::True(mut exact) => {
+                if worst(&tolerance.excess(&exact.norms)) <= 1.0 {
+                    exact = scaled.sharpened(tolerance, &iteration.radiosity(), exact);
+                }
                 truth.insert(exact).norms.clone()
             }
             Estimate::Breakdown => {
