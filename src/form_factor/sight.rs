@@ -75,7 +75,7 @@ impl Sight {
 
 /// Makes pairs that a shaft calls hidden, because all that they see of each other is lower than its tolerance, whole ones: nothing fits in between.
 pub(super) fn whole_where_grazing(found: PairVisibility, p: &[DVec3], q: &[DVec3]) -> PairVisibility {
-    if found == PairVisibility::None && Shaft::new(p, q).is_none() {
+    if found == PairVisibility::None && Shaft::new(p, q, 0.0).is_none() {
         PairVisibility::Full
     } else {
         found

@@ -86,7 +86,7 @@ impl Change {
     ///
     /// What holds for two polygons holds for all their parts. Tolerance: that of [`BlockerIndex`](crate::visibility::blockers::BlockerIndex).
     pub(super) fn may_come_between(&self, p: &[DVec3], q: &[DVec3]) -> bool {
-        let Some(shaft) = Shaft::new(p, q) else {
+        let Some(shaft) = Shaft::new(p, q, 0.0) else {
             return false;
         };
         self.groups.iter().any(|group| {
@@ -156,6 +156,6 @@ mod tests {
         let [x, y, z] = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| axis * 1e-3);
         let floor = [low, low + x, low + x + y, low + y];
         let wall = [low, low + y, low + y + z, low + z];
-        assert!(Shaft::new(&floor, &wall).is_some() && !change.may_come_between(&floor, &wall));
+        assert!(Shaft::new(&floor, &wall, 0.0).is_some() && !change.may_come_between(&floor, &wall));
     }
 }

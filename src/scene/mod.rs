@@ -25,6 +25,7 @@ mod obj;
 mod obj_lines;
 mod overlap;
 pub(crate) mod reading;
+mod rounding;
 mod split;
 mod table;
 mod warning;
@@ -35,6 +36,7 @@ pub use error::SceneError;
 pub use lighting::Lighting;
 pub use motion::{Motion, MotionError, Names, Pose};
 pub use obj::{DEFAULT_REFLECTANCE, LoadOptions, Loaded, load, load_with};
+pub(crate) use rounding::SLACK_PER_CORNER;
 pub use warning::SceneWarning;
 pub use write::write_obj;
 

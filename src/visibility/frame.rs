@@ -25,6 +25,8 @@ pub(super) struct Frame {
     pub(super) origin: DVec3,
     /// L, the largest absolute coordinate of a vertex after centring, in m.
     pub(super) largest: f64,
+    /// [`Scene::slack`].
+    pub(super) slack: f64,
 }
 
 impl Frame {
@@ -33,12 +35,14 @@ impl Frame {
             return Self {
                 origin: DVec3::ZERO,
                 largest: 0.0,
+                slack: 0.0,
             };
         }
         let (low, high) = scene.bounding_box();
         Self {
             origin: low.midpoint(high),
             largest: ((high - low) * 0.5).max_element(),
+            slack: scene.slack(),
         }
     }
 
@@ -47,7 +51,7 @@ impl Frame {
     }
 
     pub(super) fn coincident(&self) -> f64 {
-        COINCIDENT * self.largest
+        (COINCIDENT * self.largest).max(self.slack)
     }
 
     /// Returns the corners of all faces in this frame, not rounded.

@@ -38,7 +38,8 @@ impl Plane {
 /// points on segments between the two, so that a face that does not meet its interior cannot block any light between them.
 ///
 /// Lengths below 1e-10 of the diameter of both polygons (and 16 ulps of the largest coordinate) count as zero: a face that reaches less deep into the hull does not meet its interior.
-/// Walls that share an edge with one of the polygons, or lie in its plane, thus stay outside in spite of rounding. What is neglected is a
+/// Walls that share an edge with one of the polygons, or lie in its plane, thus stay outside in spite of rounding; where the corners themselves were rounded, `slack` is added for them
+/// ([`Scene::slack`](crate::scene::Scene::slack)). What is neglected is a
 /// blocker's border of that width: for patches of size s at the distance D it changes F by less than about 1e-10 s/D.
 #[derive(Debug)]
 pub(crate) struct Shaft<'a> {
@@ -48,14 +49,16 @@ pub(crate) struct Shaft<'a> {
     low: DVec3,
     high: DVec3,
     tolerance: f64,
+    /// The part of the tolerance that is due to rounded corners.
+    slack: f64,
 }
 
 /// The tolerance of a shaft in units of its diameter.
 const RELATIVE_TOLERANCE: f64 = 1e-10;
 
 impl<'a> Shaft<'a> {
-    /// Returns the shaft, or `None` if no point of one polygon's front sees the other's front.
-    pub(crate) fn new(p: &'a [DVec3], q: &'a [DVec3]) -> Option<Self> {
+    /// Returns the shaft, or `None` if no point of one polygon's front sees the other's front. What reaches into it by less than `slack`, m, counts as touching.
+    pub(crate) fn new(p: &'a [DVec3], q: &'a [DVec3], slack: f64) -> Option<Self> {
         let planes = [Plane::of(p), Plane::of(q)];
         let (all_low, all_high) = bounds(p.iter().chain(q));
         let largest = all_low.abs().max(all_high.abs()).max_element();
@@ -68,7 +71,8 @@ impl<'a> Shaft<'a> {
             sides: OnceCell::new(),
             low,
             high,
-            tolerance,
+            tolerance: tolerance + slack,
+            slack,
         })
     }
 
@@ -78,13 +82,22 @@ impl<'a> Shaft<'a> {
             return false;
         }
         let (middle, reach) = (low.midpoint(high), (high - low) * 0.5);
-        let inside = |plane: &Plane| plane.height(middle) + plane.normal.abs().dot(reach) > self.tolerance;
+        let inside = |plane: &Plane| plane.height(middle) + plane.normal.abs().dot(reach) > self.tolerance - self.slack;
         self.planes.iter().all(inside) && self.sides().iter().all(inside)
     }
 
     /// Tells whether a convex polygon meets the hull's interior. May err on the side of true.
     pub(crate) fn meets(&self, corners: &[DVec3]) -> bool {
-        let reaches = |plane: &Plane| corners.iter().any(|&v| plane.height(v) > self.tolerance);
+        self.meets_beyond(corners, self.tolerance)
+    }
+
+    /// Tells whether a convex polygon that does not meet the hull's interior would meet it if corners were not rounded.
+    pub(crate) fn is_touched_by(&self, corners: &[DVec3]) -> bool {
+        self.slack > 0.0 && self.meets_beyond(corners, self.tolerance - self.slack)
+    }
+
+    fn meets_beyond(&self, corners: &[DVec3], tolerance: f64) -> bool {
+        let reaches = |plane: &Plane| corners.iter().any(|&v| plane.height(v) > tolerance);
         if !self.planes.iter().all(reaches) || !self.sides().iter().all(reaches) {
             return false;
         }
@@ -92,7 +105,7 @@ impl<'a> Shaft<'a> {
         let mut inside = corners.to_vec();
         let mut part = Vec::with_capacity(2 * corners.len() + 4);
         for plane in self.planes.iter().chain(self.sides()) {
-            let height = |v: DVec3| plane.height(v) - self.tolerance;
+            let height = |v: DVec3| plane.height(v) - tolerance;
             if inside.iter().any(|&v| height(v) < 0.0) {
                 part.clear();
                 clip_contour(inside.len(), |k| inside[k], height, |v| part.push(v));
@@ -268,17 +281,17 @@ mod tests {
     #[test]
     fn polygons_that_do_not_face_each_other_have_no_shaft() {
         let [p, q] = facing_squares();
-        assert!(Shaft::new(&p, &q).is_some());
+        assert!(Shaft::new(&p, &q, 0.0).is_some());
         let turned: Vec<DVec3> = q.iter().rev().copied().collect();
-        assert!(Shaft::new(&p, &turned).is_none() && Shaft::new(&turned, &p).is_none());
+        assert!(Shaft::new(&p, &turned, 0.0).is_none() && Shaft::new(&turned, &p, 0.0).is_none());
         let beside = rectangle(DVec3::X, DVec3::X, DVec3::Y);
-        assert!(Shaft::new(&p, &beside).is_none());
+        assert!(Shaft::new(&p, &beside, 0.0).is_none());
     }
 
     #[test]
     fn faces_that_only_touch_the_hull_do_not_meet_it() {
         let [p, q] = facing_squares();
-        let shaft = Shaft::new(&p, &q).expect("they face each other");
+        let shaft = Shaft::new(&p, &q, 0.0).expect("they face each other");
         let wall = rectangle(DVec3::ZERO, DVec3::Y, DVec3::Z);
         let floor = rectangle(DVec3::new(-5.0, -5.0, 0.0), DVec3::X * 10.0, DVec3::Y * 10.0);
         for shift in [-1e-11, 0.0, 1e-11] {
@@ -301,7 +314,7 @@ mod tests {
     #[test]
     fn a_shaft_is_closed_by_a_face_that_covers_its_section() {
         let [p, q] = facing_squares();
-        let shaft = Shaft::new(&p, &q).expect("they face each other");
+        let shaft = Shaft::new(&p, &q, 0.0).expect("they face each other");
         let closed_by = |face: &[DVec3]| shaft.is_closed_by(face, &Plane::of(face));
         let section = rectangle(DVec3::Z * 0.5, DVec3::X, DVec3::Y);
         assert!(closed_by(&section));
@@ -316,7 +329,7 @@ mod tests {
         // The upper half of a wall that starts below the floor.
         let [p, _] = facing_squares();
         let wall = rectangle(DVec3::new(2.0, 0.0, -1.0), DVec3::Z * 2.0, DVec3::Y);
-        let shaft = Shaft::new(&p, &wall).expect("the upper half sees the floor");
+        let shaft = Shaft::new(&p, &wall, 0.0).expect("the upper half sees the floor");
         assert!(!shaft.meets(&rectangle(DVec3::new(1.5, 0.0, -0.5), DVec3::X * 0.1, DVec3::Y)));
         assert!(shaft.meets(&rectangle(DVec3::new(1.5, 0.0, 0.1), DVec3::X * 0.1, DVec3::Y)));
     }

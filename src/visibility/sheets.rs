@@ -102,6 +102,7 @@ mod tests {
         Frame {
             origin: DVec3::ZERO,
             largest: 1.0,
+            slack: 0.0,
         }
     }
 

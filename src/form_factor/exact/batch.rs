@@ -83,6 +83,8 @@ pub(super) struct Batches<'a> {
 struct FaceView {
     face: usize,
     known: Known,
+    /// Whether something between them was left out for the rounding of coordinates.
+    touched: bool,
     /// Of the patches of both, which are in front of all of the other's; `None` where pairs are looked at one by one.
     fronts: Option<[Vec<Option<bool>>; 2]>,
 }
@@ -224,6 +226,7 @@ struct PartialPair {
     j: usize,
     /// Its place in the row of i.
     place: usize,
+    touched: bool,
     blockers: Range<usize>,
 }
 
@@ -234,6 +237,21 @@ impl Batches<'_> {
         Exchange {
             area: exchange.value,
             error: exchange.error,
+        }
+    }
+
+    /// Returns an exchange area, its error with what comes of rounded corners: of those off their patches' planes, and, if something was left out between the two that reaches in between
+    /// by no more than that, of the border of both as wide as corners may be off.
+    fn with_rounding(&self, [i, j]: [usize; 2], touched: bool, exchange: Exchange) -> Exchange {
+        let off = self
+            .index
+            .as_ref()
+            .filter(|_| touched)
+            .map_or(0.0, BlockerIndex::corner_error);
+        let border = |k: usize| self.patches.bending[k] + off * self.patches.border[k];
+        Exchange {
+            error: exchange.error + (border(i) + border(j)) * exchange.area,
+            ..exchange
         }
     }
 
@@ -275,12 +293,13 @@ impl Batches<'_> {
         let of_facing = self.tree.after(f).into_iter().filter(|&g| self.faces_face(f, g));
         of_facing
             .map(|g| {
-                let known = if !self.any_moved([f, g]) && self.is_kept(hull(f), hull(g)) {
-                    Known::Kept
+                let (known, touched) = if !self.any_moved([f, g]) && self.is_kept(hull(f), hull(g)) {
+                    (Known::Kept, false)
+                } else if let Some(index) = &self.index {
+                    let (seen, touched) = index.classify_touched(hull(f), hull(g));
+                    (Known::Seen(whole_where_grazing(seen, hull(f), hull(g))), touched)
                 } else {
-                    Known::Seen(self.index.as_ref().map_or(PairVisibility::Full, |index| {
-                        whole_where_grazing(index.classify(hull(f), hull(g)), hull(f), hull(g))
-                    }))
+                    (Known::Seen(PairVisibility::Full), false)
                 };
                 let [own, other] = [f, g].map(|k| self.patches.faces[k].range());
                 let fronts = (own.len() * other.len() >= LEAST_PAIRS).then(|| {
@@ -289,7 +308,12 @@ impl Batches<'_> {
                         self.facing.in_front(own, other),
                     ]
                 });
-                FaceView { face: g, known, fronts }
+                FaceView {
+                    face: g,
+                    known,
+                    touched,
+                    fronts,
+                }
             })
             .collect()
     }
@@ -315,6 +339,7 @@ impl Batches<'_> {
                 fronts: view.fronts.as_ref(),
                 starts: [f, view.face].map(|k| self.patches.faces[k].range().start),
                 may_keep: !self.any_moved([f, view.face]),
+                touched: view.touched,
                 rows,
                 runs: &self.patches.faces[view.face].runs,
                 strip: &mut strip,
@@ -396,7 +421,7 @@ impl Batches<'_> {
                 .min(most.area + most.error),
         };
         let reached = found.reached || exchange.error <= accuracy.tolerance * smaller_area;
-        (exchange, reached)
+        (self.with_rounding([pair.i, pair.j], pair.touched, exchange), reached)
     }
 }
 
@@ -409,6 +434,7 @@ struct Walk<'a> {
     starts: [usize; 2],
     /// True if both faces stayed where they were before a change.
     may_keep: bool,
+    touched: bool,
     rows: &'a Run,
     runs: &'a [Run],
     strip: &'a mut Strip,
@@ -492,7 +518,7 @@ impl Walk<'_> {
         let exchange = self
             .table
             .map_or_else(|| self.batches.kernel(i, j), |table| table.get(i, j));
-        self.push(i, j, exchange);
+        self.push(i, j, self.batches.with_rounding([i, j], self.touched, exchange));
     }
 
     fn push_seen(&mut self, i: usize, j: usize, among: &[BlockerId]) {
@@ -517,6 +543,7 @@ impl Walk<'_> {
                     i,
                     j,
                     place,
+                    touched: self.touched,
                     blockers: begin..self.strip.blockers.len(),
                 });
                 self.push(i, j, Exchange::default());

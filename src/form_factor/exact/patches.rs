@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use glam::{DVec2, DVec3};
 
+use crate::geometry::polygon;
 use crate::geometry::polygon_form_factor::PreparedPolygon;
 use crate::mesh::{Mesh, PatchId};
 
@@ -36,6 +37,10 @@ pub(super) struct Patches {
     pub(super) corners: Vec<Vec<DVec3>>,
     /// The same, prepared for the unoccluded kernel.
     pub(super) prepared: Vec<PreparedPolygon>,
+    /// The perimeter of each patch by its area, m⁻¹.
+    pub(super) border: Vec<f64>,
+    /// The share of each patch's area along its border, as wide as its corners are off its plane; 0 where that is rounding.
+    pub(super) bending: Vec<f64>,
     /// Faces with their patches, in order: every patch belongs to one.
     pub(super) faces: Vec<FacePatches>,
     /// The index in `faces` of each patch.
@@ -64,6 +69,8 @@ impl Patches {
             faces.push(face);
         }
         Self {
+            border: corners.iter().map(|c| border(c)).collect(),
+            bending: corners.iter().map(|c| bending(c)).collect(),
             corners,
             prepared,
             faces,
@@ -111,6 +118,24 @@ impl FacePatches {
             self.runs[index].halves = Some([first, second]);
         }
         index
+    }
+}
+
+/// Returns the perimeter of a polygon by its area.
+fn border(corners: &[DVec3]) -> f64 {
+    let edges = (0..corners.len()).map(|k| corners[k].distance(corners[(k + 1) % corners.len()]));
+    edges.sum::<f64>() / polygon::area_vector(corners).length()
+}
+
+/// Returns the share of a polygon's area along its border, as wide as its corners are off its plane.
+fn bending(corners: &[DVec3]) -> f64 {
+    let off = polygon::planarity_error(corners);
+    let size = corners.iter().map(|v| v.distance(corners[0])).fold(0.0, f64::max);
+    let largest = corners.iter().map(|v| v.abs().max_element()).fold(0.0, f64::max);
+    if off > 1e-13 * size + 16.0 * f64::EPSILON * largest {
+        off * border(corners)
+    } else {
+        0.0
     }
 }
 
@@ -208,7 +233,6 @@ fn stand_out(points: &[(DVec2, DVec3)], among: &[usize], a: usize, b: usize, sla
 #[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
-    use crate::geometry::polygon;
     use crate::mesh::Subdivision;
     use crate::scene::builtin;
 

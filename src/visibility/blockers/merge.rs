@@ -10,6 +10,9 @@ use crate::scene::Scene;
 /// Normals of one plane differ by less than this.
 const ANGLE_TOLERANCE: f64 = 1e-12;
 
+/// The same where corners were rounded: small faces lean the most.
+const ROUNDED_ANGLE: f64 = 1e-3;
+
 type Edge = (u32, u32);
 
 fn edge(a: u32, b: u32) -> Edge {
@@ -19,10 +22,11 @@ fn edge(a: u32, b: u32) -> Edge {
 /// Returns the faces of a scene as vertex loops, coincident ones once, and flat neighbours with a convex union joined.
 ///
 /// Faces block from both sides, so that the two faces of a sheet count as one; of joined faces all turn their fronts the same way. The
-/// second part of each item is the list of the faces that it is made of. Faces without an area are left out.
-pub(super) fn convex_polygons(scene: &Scene) -> Vec<(Vec<u32>, Vec<u32>)> {
+/// second part of each item is the list of the faces that it is made of. Faces without an area are left out. Corners of flat neighbours are off their plane by `off`, m, at most, as rounding moves them.
+pub(super) fn convex_polygons(scene: &Scene, off: f64) -> Vec<(Vec<u32>, Vec<u32>)> {
     let mut merger = Merger {
         vertices: &scene.vertices,
+        off,
         loops: Vec::new(),
         by_edge: HashMap::new(),
     };
@@ -61,6 +65,7 @@ struct Loop {
 
 struct Merger<'a> {
     vertices: &'a [DVec3],
+    off: f64,
     loops: Vec<Loop>,
     by_edge: HashMap<Edge, Vec<usize>>,
 }
@@ -88,7 +93,8 @@ impl Merger<'_> {
                 continue; // a border, or an edge at which more than two faces meet
             };
             let other = if x == k { y } else { x };
-            if other == k || (self.loops[k].normal - self.loops[other].normal).length() > ANGLE_TOLERANCE {
+            let leaning = if self.off > 0.0 { ROUNDED_ANGLE } else { ANGLE_TOLERANCE };
+            if other == k || (self.loops[k].normal - self.loops[other].normal).length() > leaning {
                 continue;
             }
             if let Some(union) = self.union(k, other) {
@@ -144,7 +150,7 @@ impl Merger<'_> {
         // Long chains of flat turns must not bend out of the plane either.
         let plane = normal.dot(v(0));
         let size = (0..corners.len()).map(|i| (v(i) - v(0)).length()).fold(0.0, f64::max);
-        flat_turns && (0..corners.len()).all(|i| (normal.dot(v(i)) - plane).abs() <= ANGLE_TOLERANCE * size)
+        flat_turns && (0..corners.len()).all(|i| (normal.dot(v(i)) - plane).abs() <= ANGLE_TOLERANCE * size + self.off)
     }
 
     fn replace(&mut self, k: usize, other: usize, union: Vec<u32>) {

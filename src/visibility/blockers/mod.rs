@@ -7,7 +7,7 @@ mod tree;
 use glam::DVec3;
 
 use super::shaft::{Plane, Shaft};
-use crate::scene::{FaceId, Scene};
+use crate::scene::{FaceId, SLACK_PER_CORNER, Scene};
 use solids::Solid;
 use tree::Tree;
 
@@ -51,7 +51,9 @@ struct Entry {
 /// one blocker. Queries run in f64 through a tree of boxes.
 ///
 /// A query is conservative: [`PairVisibility::Full`] and [`PairVisibility::None`] are proven, up to a tolerance of 1e-10 of
-/// the pair's diameter (and 16 ulps of the largest coordinate), below which a face does not count as reaching in between.
+/// the pair's diameter (and 16 ulps of the largest coordinate), below which a face does not count as reaching in between. Where the scene's coordinates were rounded, as those of a file with six
+/// decimals, ten times their rounding is added (see the source of `Scene::slack`): faces that were meant to touch do not stand in each other's way, and the two sides of a sheet that
+/// rounding has parted do not see each other.
 /// Faces that only touch the convex hull of the two polygons (neighbours, walls that they stand on or lie in) are not blockers.
 ///
 /// Source: the shaft of E. A. Haines and J. R. Wallace, "Shaft Culling for Efficient Ray-Traced Radiosity", 1991.
@@ -61,20 +63,23 @@ pub struct BlockerIndex {
     entries: Vec<Entry>,
     solids: Vec<Solid>,
     tree: Tree,
+    /// [`Scene::slack`].
+    slack: f64,
 }
 
 impl BlockerIndex {
     /// Gathers the faces of a scene. Work: O(n log n) for n faces, and polygons × corners for each convex solid.
     #[must_use]
     pub fn new(scene: &Scene) -> Self {
-        let polygons: Vec<(Vec<DVec3>, Vec<FaceId>)> = merge::convex_polygons(scene)
+        let slack = scene.slack();
+        let polygons: Vec<(Vec<DVec3>, Vec<FaceId>)> = merge::convex_polygons(scene, slack / SLACK_PER_CORNER)
             .into_iter()
             .map(|(corners, faces)| {
                 let positions = corners.iter().map(|&v| scene.vertices[v as usize]).collect();
                 (positions, faces.into_iter().map(FaceId).collect())
             })
             .collect();
-        let (solids, solid_of_polygon) = solids::find(scene, &polygons);
+        let (solids, solid_of_polygon) = solids::find(scene, &polygons, slack);
         let all = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         let boxes: Vec<(DVec3, DVec3)> = polygons
             .iter()
@@ -93,7 +98,13 @@ impl BlockerIndex {
             entries: entries.collect(),
             solids,
             tree: Tree::new(&boxes),
+            slack,
         }
+    }
+
+    /// Returns how far corners may be off by the rounding of coordinates, in m.
+    pub(crate) fn corner_error(&self) -> f64 {
+        self.slack / SLACK_PER_CORNER
     }
 
     /// Returns the number of blockers: of faces that were left after joining.
@@ -120,6 +131,11 @@ impl BlockerIndex {
     /// else ask [`classify_among`](Self::classify_among) for the parts.
     #[must_use]
     pub fn classify(&self, p: &[DVec3], q: &[DVec3]) -> PairVisibility {
+        self.classify_touched(p, q).0
+    }
+
+    /// Does what [`classify`](Self::classify) does, and tells whether something was left out that reaches in between, by no more than rounded coordinates explain.
+    pub(crate) fn classify_touched(&self, p: &[DVec3], q: &[DVec3]) -> (PairVisibility, bool) {
         self.classify_with(p, q, |look_at, shaft| self.tree.visit(shaft, |k| look_at(BlockerId(k))))
     }
 
@@ -128,9 +144,10 @@ impl BlockerIndex {
     /// For parts of two larger polygons, whose own blockers are all that can stand between the parts.
     #[must_use]
     pub fn classify_among(&self, p: &[DVec3], q: &[DVec3], among: &[BlockerId]) -> PairVisibility {
-        self.classify_with(p, q, |look_at, _| {
+        let look_at_all = |look_at: &mut dyn FnMut(BlockerId) -> bool, _: &Shaft<'_>| {
             among.iter().all(|&k| look_at(k));
-        })
+        };
+        self.classify_with(p, q, look_at_all).0
     }
 
     /// Looks at blockers until one closes the way.
@@ -139,12 +156,16 @@ impl BlockerIndex {
         p: &[DVec3],
         q: &[DVec3],
         each: impl FnOnce(&mut dyn FnMut(BlockerId) -> bool, &Shaft<'_>),
-    ) -> PairVisibility {
-        let Some(shaft) = Shaft::new(p, q) else {
-            return PairVisibility::None;
+    ) -> (PairVisibility, bool) {
+        let Some(shaft) = Shaft::new(p, q, self.slack) else {
+            return (PairVisibility::None, false);
         };
+        if self.slack > 0.0 && (is_parted_sheet(p, q, self.slack) || is_parted_sheet(q, p, self.slack)) {
+            return (PairVisibility::None, true);
+        }
         let mut found = Vec::new();
         let mut closed = false;
+        let mut touched = false;
         let mut last_solid = None;
         let mut look_at = |blocker: BlockerId| {
             let entry = &self.entries[blocker.0 as usize];
@@ -155,27 +176,30 @@ impl BlockerIndex {
                     && last_solid != Some(solid)
                 {
                     last_solid = Some(solid);
-                    closed |= self.solids[solid as usize].closes(&shaft, p, q, rounding(p, q));
+                    closed |= self.solids[solid as usize].closes(&shaft, p, q, rounding(p, q) + self.slack);
                 }
+            } else {
+                touched = touched || shaft.is_touched_by(&entry.corners);
             }
             !closed
         };
         each(&mut look_at, &shaft);
-        if closed {
+        let visibility = if closed {
             PairVisibility::None
         } else if found.is_empty() {
             PairVisibility::Full
         } else {
             found.sort_unstable();
             PairVisibility::Partial(found)
-        }
+        };
+        (visibility, touched)
     }
 
     /// Returns the polygons of the blockers between two patches, as integration wants them.
     #[must_use]
     pub fn blockers(&self, p: &[DVec3], q: &[DVec3], blockers: &[BlockerId]) -> Vec<Blocker<'_>> {
         let mut outside: Vec<(u32, bool)> = Vec::new();
-        let tolerance = rounding(p, q);
+        let tolerance = rounding(p, q) + self.slack;
         blockers
             .iter()
             .map(|&id| {
@@ -196,6 +220,23 @@ impl BlockerIndex {
             })
             .collect()
     }
+}
+
+/// Heights that differ by less than this share of the greatest are those of a gap that was meant, between parallel plates.
+const PARALLEL: f64 = 1e-3;
+
+/// A polygon smaller than this many slacks is not told from rounding.
+const LEAST_SLACKS: f64 = 100.0;
+
+/// Tells whether a polygon lies in the plane of another one but for the rounding of corners: if they face each other, they are the two sides of a sheet, which rounding has parted.
+fn is_parted_sheet(p: &[DVec3], q: &[DVec3], slack: f64) -> bool {
+    let plane = Plane::of(q);
+    if p.iter().all(|v| v.distance(p[0]) < LEAST_SLACKS * slack) {
+        return false;
+    }
+    let heights = p.iter().map(|&v| plane.height(v));
+    let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
+    low >= -slack && high <= slack && high - low > PARALLEL * high
 }
 
 /// Returns 16 ulps of the largest coordinate.

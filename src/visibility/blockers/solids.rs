@@ -43,7 +43,13 @@ impl Solid {
 }
 
 /// Returns the closed convex solids, and for each polygon (a list of faces with its corners) the solid that it is a side of.
-pub(super) fn find(scene: &Scene, polygons: &[(Vec<DVec3>, Vec<FaceId>)]) -> (Vec<Solid>, Vec<Option<u32>>) {
+///
+/// Corners may stand out from the planes of other sides by `slack`, m, as rounding moves them.
+pub(super) fn find(
+    scene: &Scene,
+    polygons: &[(Vec<DVec3>, Vec<FaceId>)],
+    slack: f64,
+) -> (Vec<Solid>, Vec<Option<u32>>) {
     let piece_of_face = topology::closed_pieces(scene);
     let mut polygons_of_piece: HashMap<u32, Vec<usize>> = HashMap::new();
     for (k, (_, faces)) in polygons.iter().enumerate() {
@@ -72,7 +78,8 @@ pub(super) fn find(scene: &Scene, polygons: &[(Vec<DVec3>, Vec<FaceId>)]) -> (Ve
         let corners = || sides.iter().flat_map(|&k| polygons[k].0.iter().copied());
         let all = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         let (low, high) = corners().fold(all, |(l, h), v| (l.min(v), h.max(v)));
-        let slack = 1e-12 * (high - low).length() + 16.0 * f64::EPSILON * low.abs().max(high.abs()).max_element();
+        let slack =
+            slack + 1e-12 * (high - low).length() + 16.0 * f64::EPSILON * low.abs().max(high.abs()).max_element();
         if planes.iter().all(|plane| corners().all(|v| plane.height(v) <= slack)) {
             let index = u32::try_from(solids.len()).ok();
             for &k in &sides {
