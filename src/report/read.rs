@@ -221,14 +221,6 @@ impl FormFactorFile {
         for (i, tally) in tallies.iter_mut().enumerate() {
             let [n_rays, n_escaped, n_absorbed] = [counts[0][i], counts[1][i], counts[2][i]];
             let of_row = weights.get(3 * i..3 * i + 3).filter(|w| !w[0].is_nan());
-            let in_range = of_row.is_none_or(|w| w.iter().all(|x| (0.0..=1.0).contains(x)) && w[2] > 0.0);
-            if n_escaped.checked_add(n_absorbed).is_none_or(|lost| lost > n_rays) || !in_range {
-                let reason = format!("the tally of the rays of patch {i} contradicts itself");
-                return Err(ReportError::Damaged {
-                    path: self.path.clone(),
-                    reason,
-                });
-            }
             *tally = RowTally {
                 n_rays,
                 n_escaped,
@@ -239,6 +231,13 @@ impl FormFactorFile {
                     squared: w[2],
                 }),
             };
+            if !tally.is_consistent() {
+                let reason = format!("the tally of the rays of patch {i} contradicts itself");
+                return Err(ReportError::Damaged {
+                    path: self.path.clone(),
+                    reason,
+                });
+            }
         }
         Ok(tallies)
     }
