@@ -144,6 +144,24 @@ fn gauss_points_converge_to_the_cube() {
     }
 }
 
+/// Few rays that all hit one patch do not make its form factor certain; of many the error is the binomial one.
+#[test]
+fn no_number_of_rays_is_certain() {
+    let scene = builtin::build("cube", None).unwrap().scene;
+    for rays in [1_u64, 2] {
+        let (mesh, factors) = compute(&scene, 1, &sr(rays, Sequence::Random, 3));
+        let n = mesh.n_patches();
+        let hit = (0..n * n).filter(|k| factors.get(k / n, k % n) > 0.0);
+        let least = hit.map(|k| factors.std_error(k / n, k % n)).fold(1.0, f64::min);
+        // By Laplace's rule: a third of the light may go elsewhere after one ray, a quarter after two.
+        assert!(least > 0.3, "{rays} rays: {least}");
+    }
+    let (_, factors) = compute(&scene, 1, &sr(10_000, Sequence::Random, 3));
+    let value = factors.get(0, 1);
+    let binomial = (value * (1.0 - value) / 1e4).sqrt();
+    assert!((factors.std_error(0, 1) / binomial - 1.0).abs() < 1e-6);
+}
+
 #[test]
 fn occluded_scenes_meet_their_certified_factors() {
     let scene = builtin::build("corridor", None).unwrap().scene;

@@ -60,8 +60,8 @@ impl<'a> Shooter<'a> {
     /// Shoots `shots` from a patch and returns its row: sorted entries (j, F_ij, standard error), and what did not land on a front.
     ///
     /// With weights scaled to a sum of 1, F_ij = Σ w over the rays that hit j from the front. The standard error is that of
-    /// independent rays, sqrt(F (1 − F) Σ_all w²), for equal weights the binomial sqrt(F (1 − F) / N); for stratified points and directions
-    /// it errs on the safe side. To it comes, for each coarser rule, what is left of its distance |Σ w c| beyond twice the noise of that, sqrt(Σ (w c)²).
+    /// independent rays, sqrt(F (1 − F) Σ_all w²), for equal weights the binomial sqrt(F (1 − F) / N), and by Laplace's rule where most rays hit j; for stratified
+    /// points and directions it errs on the safe side. To it comes, for each coarser rule, what is left of its distance |Σ w c| beyond twice the noise of that, sqrt(Σ (w c)²).
     pub(super) fn row(&mut self, patch: &Patch, shots: impl Iterator<Item = Shot>) -> (&[Entry], RowTally) {
         let visibility = self.input.visibility;
         let frame = Frame::from_normal(patch.normal);
@@ -89,18 +89,18 @@ impl<'a> Shooter<'a> {
         sums.escaped /= total;
         sums.absorbed /= total;
         sums.squared /= total * total;
+        tally.weights = Some(sums);
         self.touched.sort_unstable();
         self.entries.clear();
         for &j in &self.touched {
             let factor = std::mem::take(&mut self.sums[j as usize]) / total;
-            let noise = (factor * (1.0 - factor) * sums.squared).max(0.0).sqrt();
+            let noise = tally.noise_of(factor);
             let changes = self.changes.get_mut(j as usize).map(std::mem::take).unwrap_or_default();
             let bias = |[change, squared]: [f64; 2]| (change.abs() - 2.0 * squared.sqrt()).max(0.0) / total;
             self.entries
                 .push((j, factor, noise + changes.into_iter().map(bias).sum::<f64>()));
         }
         self.touched.clear();
-        tally.weights = Some(sums);
         (&self.entries, tally)
     }
 

@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::FormFactors;
+use super::tile::laplace;
 
 /// Form factors between surfaces: the fraction of the light leaving S, equally bright all over, that reaches T.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,7 +31,7 @@ impl FormFactors {
     /// hit T; N is [`effective_rays`](super::RowTally::effective_rays). Stratified rays err less than this. Rows are
     /// independent: error² = Σ (A_i / A_S)² variance_i. Rows without rays, and all rows of a symmetrised or balanced
     /// matrix, where each number comes from two rows, contribute the sum of their entries' standard errors,
-    /// Σ (A_i / A_S) Σ_j, as if all were off in the same direction. So does what an entry of a row of rays states beyond its noise sqrt(F (1 − F) / N): the bias of a rule.
+    /// Σ (A_i / A_S) Σ_j, as if all were off in the same direction. So does what an entry of a row of rays states beyond its noise: the bias of a rule.
     /// Source: sums of multinomial counts. Departures: none.
     ///
     /// # Panics
@@ -75,18 +76,15 @@ impl FormFactors {
                 sums[patch_surface[j] as usize] += value;
                 errors[patch_surface[j] as usize] += match n_rays {
                     None => std_error,
-                    Some(n) => {
-                        // Standard errors are stored in f32.
-                        let noise = (value * (1.0 - value)).max(0.0).sqrt() / n.sqrt() * (1.0 + 1e-6);
-                        (std_error - noise).max(0.0)
-                    }
+                    // Standard errors are stored in f32.
+                    Some(_) => (std_error - self.tallies[i].noise_of(value) * (1.0 + 1e-6)).max(0.0),
                 };
             });
             let weight = self.areas[i] / area;
             for t in 0..n_surfaces {
                 form_factor[t] += weight * sums[t];
                 if let Some(n) = n_rays {
-                    let p = ((n * sums[t] + 1.0) / (n + 2.0)).clamp(0.0, 1.0);
+                    let p = laplace(n, sums[t]).clamp(0.0, 1.0);
                     variance[t] += weight * weight * p * (1.0 - p) / n;
                 }
                 common[t] += weight * errors[t];

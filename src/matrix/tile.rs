@@ -47,15 +47,31 @@ impl RowTally {
     /// Returns the number of rays of equal weight that have the same variance, 1 / Σ w², or `None` without rays that are independent.
     #[must_use]
     pub fn effective_rays(&self) -> Option<f64> {
+        self.squared().map(f64::recip)
+    }
+
+    /// Returns Σ w², or `None` without rays that are independent.
+    fn squared(&self) -> Option<f64> {
         let squared = self.weights.map_or_else(|| (self.n_rays as f64).recip(), |w| w.squared);
-        (self.n_rays > 0 && squared > 0.0).then(|| squared.recip())
+        (self.n_rays > 0 && squared > 0.0).then_some(squared)
+    }
+
+    /// Returns the standard error of a form factor that is the share F of the row's independent rays, sqrt(p (1 − p) Σ w²): 0 without such rays.
+    ///
+    /// p is F; above one half it is the lower (N F + 1) / (N + 2) of Laplace's rule, as no number of rays that all hit one patch proves that no light goes elsewhere.
+    pub(crate) fn noise_of(&self, factor: f64) -> f64 {
+        let Some(squared) = self.squared() else {
+            return 0.0;
+        };
+        let p = factor.min(laplace(squared.recip(), factor));
+        (p * (1.0 - p) * squared).max(0.0).sqrt()
     }
 
     /// Returns the variance of a fraction of the patch's light that its N rays were counted to have, p (1 − p) / N with p = (N `fraction` + 1) / (N + 2) by
     /// Laplace's rule: no count proves that a fraction is 0 or 1. Rays that are not independent count as if they were; without rays the fraction may be anything.
     pub(crate) fn variance_of(&self, fraction: f64) -> f64 {
         let n = self.effective_rays().unwrap_or(self.n_rays as f64).max(1.0);
-        let p = ((n * fraction + 1.0) / (n + 2.0)).clamp(0.0, 1.0);
+        let p = laplace(n, fraction).clamp(0.0, 1.0);
         p * (1.0 - p) / n
     }
 
@@ -74,6 +90,11 @@ impl RowTally {
         let equal = || counted as f64 / self.n_rays as f64;
         (self.n_rays > 0).then(|| self.weights.map_or_else(equal, weighted))
     }
+}
+
+/// Returns the share of the light that Laplace's rule expects where `n` rays were counted to have the share `fraction`: (n `fraction` + 1) / (n + 2).
+pub(super) fn laplace(n: f64, fraction: f64) -> f64 {
+    (n * fraction + 1.0) / (n + 2.0)
 }
 
 /// Consecutive rows of form factors, each a sorted list of its entries: the unit of parallel work.
