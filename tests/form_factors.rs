@@ -1,17 +1,24 @@
 //! Every form-factor method against closed forms and its own guarantees.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+mod support;
+
 use std::num::NonZeroUsize;
 
-use radiosity::form_factor::{FormFactorMethod, GaussShooting, Input, RandomShooting};
+use glam::{DQuat, DVec3};
+use radiosity::form_factor::{
+    CentrePoint, ExactMethod, FormFactorMethod, GaussShooting, Input, RandomShooting, sky_factors, sky_of_surfaces,
+};
 use radiosity::geometry::sampling::Sequence;
 use radiosity::matrix::{FormFactors, StorageChoice, SurfaceFormFactors};
 use radiosity::mesh::{Mesh, Subdivision};
 use radiosity::progress::Silent;
-use radiosity::scene::{Scene, builtin};
+use radiosity::scene::{Scene, builtin, topology};
 use radiosity::visibility::Visibility;
 use radiosity::visibility::brute_force::BruteForce;
 use radiosity::visibility::embree::EmbreeVisibility;
+
+use support::rooms::Shapes;
 
 const PARALLEL: f64 = 0.199_824_895_698_387_38;
 const PERPENDICULAR: f64 = 0.200_043_776_075_403_15;
@@ -179,7 +186,55 @@ fn occluded_scenes_meet_their_certified_factors() {
     // B sees the other side of the partition, and A never does.
     assert!((surfaces.form_factor[n + 3] - 0.193_191_244_633_067_53).abs() < 3.0 * surfaces.error[n + 3]);
     assert!(surfaces.form_factor[3].abs() < 1e-15 && surfaces.form_factor[n + 2].abs() < 1e-15);
-    assert!((surfaces.sky_factor[0] - (1.0 - surfaces.form_factor[1] - surfaces.form_factor[2])).abs() < 1e-12);
+    let sky = sky_of_surfaces(&sky_factors(&scene, &mesh, &factors), &mesh, n);
+    let lost = 1.0 - surfaces.form_factor[1] - surfaces.form_factor[2];
+    assert!((sky[0].unwrap() - lost).abs() < 1e-12 && (surfaces.lost_factor[0] - lost).abs() < 1e-12);
+}
+
+/// What is missing from a row has escaped where no back can be seen; where one can, nobody knows without rays.
+#[test]
+fn the_sky_is_what_escapes() {
+    let sky = |scene: &Scene, method: &dyn FormFactorMethod| {
+        let (mesh, factors) = compute(scene, 2, method);
+        let surfaces = by_surface(scene, &mesh, &factors);
+        let sky = sky_of_surfaces(&sky_factors(scene, &mesh, &factors), &mesh, surfaces.n_surfaces);
+        (sky, surfaces.lost_factor)
+    };
+    let built = |name: &str| builtin::build(name, None).unwrap().scene;
+    let rays = sr(4096, Sequence::Sobol, 1);
+    let exact = ExactMethod::default();
+    // Open at its sides, with a sheet of two faces in it: no back is to be seen.
+    let corridor = built("corridor");
+    let ((known, lost), (counted, _)) = (sky(&corridor, &exact), sky(&corridor, &rays));
+    for ((known, lost), counted) in known.iter().zip(&lost).zip(&counted) {
+        assert!((known.unwrap() - lost).abs() < 1e-12 && (known.unwrap() - counted.unwrap()).abs() < 1e-2);
+    }
+    // Closed: nothing escapes, whatever the rows miss.
+    let centre = CentrePoint { normalise: false };
+    assert_eq!(sky(&built("room-box"), &centre).0, vec![Some(0.0); 12]);
+    // Blocks without a bottom stand on the floor, which sees their insides.
+    let cornell = built("cornell-box");
+    let floor = cornell.surfaces.iter().position(|s| s.name == "floor").unwrap();
+    let ((unknown, lost), (counted, _)) = (sky(&cornell, &exact), sky(&cornell, &rays));
+    assert_eq!(unknown[floor], None);
+    assert!((lost[floor] - 0.301).abs() < 1e-3, "{}", lost[floor]);
+    assert!((counted[floor].unwrap() - 0.121).abs() < 1e-2, "{counted:?}");
+}
+
+/// A block that is closed all around hides its backs from what is clear of it; one that stands on the floor does not from the floor.
+#[test]
+fn blocks_hide_their_backs() {
+    let room = |height: f64| {
+        let mut shapes = Shapes::default();
+        shapes.face(&[[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [0.0, 3.0]].map(|[x, y]| DVec3::new(x, y, 0.0)));
+        shapes.face(&[[0.0, 0.0], [0.0, 2.5], [3.0, 2.5], [3.0, 0.0]].map(|[y, z]| DVec3::new(4.0, y, z)));
+        let (low, high) = (DVec3::new(1.0, 1.0, height), DVec3::new(2.0, 2.0, height + 1.0));
+        shapes.cuboid(low, high, DQuat::IDENTITY, false);
+        topology::may_see_backs(&shapes.scene())
+    };
+    assert_eq!(room(0.5), [false; 8]);
+    let standing = room(0.0);
+    assert!(standing[0] && !standing[1..].contains(&true), "{standing:?}");
 }
 
 #[test]

@@ -252,8 +252,8 @@ fn checks_find_what_was_put_in() {
         None,
         "nothing is known about what left"
     );
-    near(new(with_weights).sky_factor(1), 0.1);
-    near(new(tallies[0]).sky_factor(1), 0.3);
+    near(with_weights.escaped().unwrap(), 0.1);
+    assert_eq!(tallies[0].escaped(), None, "without rays");
     near(with_weights.effective_rays().unwrap(), 8.0);
     let targets = new(with_weights).row_targets(false);
     // What a row of rays lost gives way; a row without rays keeps its sum.
@@ -301,7 +301,7 @@ fn surfaces_are_area_weighted_sums() {
         &surfaces.form_factor,
         &[0.0, 0.5, 0.0, 0.3125, 0.4375, 0.0, 0.0, 0.0, 0.0],
     );
-    near(&surfaces.sky_factor, &[0.5, 0.25, 0.0]);
+    near(&surfaces.lost_factor, &[0.5, 0.25, 0.0]);
     let variance = |hits: f64, n: f64| (hits + 1.0) / (n + 2.0) * (1.0 - (hits + 1.0) / (n + 2.0)) / n;
     let error = |hits_0, hits_1| (variance(hits_0, 100.0) / 16.0 + 9.0 / 16.0 * variance(hits_1, 400.0)).sqrt();
     near(&surfaces.error[..3], &[0.0, 0.03, 0.0]);

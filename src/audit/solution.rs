@@ -299,8 +299,9 @@ impl Scaled<'_> {
             if power_unit <= 0.0 || (moved * power_unit).is_infinite() {
                 return None;
             }
-            let stated =
-                [energy.emitted, -energy.absorbed, -energy.escaped].map(|power| power / light_unit / area_unit);
+            let by_backs = energy.absorbed_by_backs.unwrap_or(0.0);
+            let stated = [energy.emitted, -energy.absorbed, -by_backs, -energy.escaped]
+                .map(|power| power / light_unit / area_unit);
             let deviation = (stated.iter().sum::<f64>() + made).abs();
             let allowed = solution.residual_l2 * (area * of_e).sqrt() + unit * moved;
             worst.see_in(power_unit, deviation, allowed, At::default().channel(c));

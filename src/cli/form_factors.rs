@@ -1,5 +1,6 @@
 //! `radiosity form-factors`.
 
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
 use serde_json::{Value, json};
@@ -10,7 +11,7 @@ use super::failure::Failure;
 use super::pipeline::{Computed, Fineness, Prepared, Run};
 use super::storage::Storage;
 use super::{Outcome, output};
-use crate::form_factor::ExactMethod;
+use crate::form_factor::{ExactMethod, sky_of_surfaces};
 use crate::matrix::{Layout, Place, Precision, StorageChoice, SurfaceFormFactors};
 use crate::mesh::Subdivision;
 use crate::report::form_factors::{FormFactorReport, Format};
@@ -161,7 +162,8 @@ fn to_json(prepared: &Prepared, computed: &Computed, surfaces: &SurfaceFormFacto
         "surfaces": prepared.surfaces_to_json(),
         "surface_form_factor": rows(&surfaces.form_factor),
         "surface_error": rows(&surfaces.error),
-        "sky_factor": surfaces.sky_factor,
+        "sky_factor": sky_of_surfaces(&computed.sky, &prepared.mesh, n),
+        "lost_factor": surfaces.lost_factor,
     });
     if let (Value::Object(all), Value::Object(more)) = (&mut result, more) {
         all.extend(more);
@@ -188,21 +190,27 @@ fn describe(text: &mut String, prepared: &Prepared, computed: &Computed, surface
     let width = names.iter().map(|name| name.chars().count()).max().unwrap_or(0);
     let _ = writeln!(
         text,
-        "\nform factors from row to column, and the greatest estimated error of each row"
+        "\nform factors from row to column, what no face receives (lost) and what of it escapes (sky), and the greatest estimated error of each row"
     );
+    let column = heads_width(&names);
     let _ = write!(text, "{:width$}", "");
     for name in &names {
-        let _ = write!(text, " {:>9}", shortened(name, 9));
+        let _ = write!(text, " {:>column$}", shortened(name, column));
     }
-    let _ = writeln!(text, " {:>9} {:>9}", "sky", "error");
+    let _ = writeln!(text, " {:>9} {:>9} {:>9}", "lost", "sky", "error");
+    let sky = sky_of_surfaces(&computed.sky, &prepared.mesh, n);
     for (row, name) in names.iter().enumerate() {
         let _ = write!(text, "{name:width$}");
         let entries = row * n..(row + 1) * n;
         for value in &surfaces.form_factor[entries.clone()] {
-            let _ = write!(text, " {value:>9.6}");
+            let _ = write!(text, " {value:>column$.6}");
         }
         let error = surfaces.error[entries].iter().copied().fold(0.0, f64::max);
-        let _ = writeln!(text, " {:>9.6} {error:>9.1e}", surfaces.sky_factor[row]);
+        let escaped = sky[row].map_or("-".to_owned(), |sky| format!("{sky:.6}"));
+        // A row that is complete may be so but for rounding of either sign.
+        let lost = surfaces.lost_factor[row];
+        let lost = if lost.abs() < 5e-7 { 0.0 } else { lost };
+        let _ = writeln!(text, " {lost:>9.6} {escaped:>9} {error:>9.1e}");
     }
     let _ = writeln!(text);
 }
@@ -244,6 +252,16 @@ pub(super) fn describe_checks(text: &mut String, computed: &Computed) {
         100.0 * computed.factors.density(),
         computed.factors.stored_byte() as f64 / 1e6
     );
+}
+
+/// Returns the width of the columns of a table: the least that tells the names at their heads apart, and 9 at least.
+fn heads_width(names: &[&str]) -> usize {
+    let all_differ = |width: &usize| {
+        let heads: BTreeSet<String> = names.iter().map(|name| shortened(name, *width)).collect();
+        heads.len() == names.len()
+    };
+    let longest = names.iter().map(|name| name.chars().count()).max().unwrap_or(0);
+    (9..longest).find(all_differ).unwrap_or(longest.max(9))
 }
 
 fn shortened(name: &str, width: usize) -> String {

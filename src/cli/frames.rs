@@ -186,7 +186,7 @@ impl Sequence {
             (&computed.factors, areas),
             &args.solver,
             (stack.reflectance.clone(), stack.exitance.clone()),
-            computed.given(),
+            computed.known(),
         )?;
         let solved = Solved {
             prepared: &prepared,

@@ -67,7 +67,7 @@ pub(super) fn run(
         (&computed.factors, areas),
         &args.solver,
         blocks,
-        computed.given(),
+        computed.known(),
     )?;
     let row_sums = computed.factors.row_sums();
     let mut documents = Vec::new();

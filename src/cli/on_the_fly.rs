@@ -2,7 +2,7 @@
 
 use super::args::{MethodArgs, PrecisionName, SolverArgs, StorageName};
 use super::failure::Failure;
-use super::pipeline::{Fineness, Prepared, Run};
+use super::pipeline::{Fineness, Known, Prepared, Run};
 use super::render::indirect_irradiance;
 use crate::audit::Given;
 use crate::form_factor::registry::METHODS;
@@ -68,9 +68,12 @@ pub(super) fn solve(
         (&operator, areas),
         request.solver,
         (reflectance, exitance.clone()),
-        Given {
-            gain: None,
-            costly: true,
+        Known {
+            given: Given {
+                gain: None,
+                costly: true,
+            },
+            backs: None,
         },
     )?;
     let indirect = request.indirect.then(|| {

@@ -42,6 +42,7 @@ mod segments;
 mod sg;
 mod shooting;
 mod sight;
+mod sky;
 mod sr;
 mod update;
 
@@ -58,6 +59,7 @@ pub use pdm::ParametricDifferential;
 pub use qmc::QuasiMonteCarlo;
 pub use registry::{MethodSettings, method};
 pub use sg::GaussShooting;
+pub use sky::{sky_factors, sky_of_surfaces};
 pub use sr::RandomShooting;
 pub use update::{Before, Change};
 

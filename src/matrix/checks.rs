@@ -189,18 +189,6 @@ impl FormFactors {
             lost_variance: rows.iter().map(|row| row.2).collect(),
         }
     }
-
-    /// Returns the fraction of the light of patch i that no patch receives: that of its rays that hit nothing, or where
-    /// no rays are known 1 − Σ_j F_ij if that is positive (which counts black backs and the error of the row as sky).
-    ///
-    /// # Panics
-    /// If i is not less than n.
-    #[must_use]
-    #[track_caller]
-    pub fn sky_factor(&self, i: usize) -> f64 {
-        let missing = || (1.0 - self.row_sum(i)).max(0.0);
-        self.tallies[i].escaped().unwrap_or_else(missing)
-    }
 }
 
 fn nothing() -> Checks {

@@ -16,8 +16,8 @@ pub struct SurfaceFormFactors {
     pub form_factor: Vec<f64>,
     /// An estimate of the absolute error of each F_ST, same shape.
     pub error: Vec<f64>,
-    /// The area mean of [`FormFactors::sky_factor`] over each surface.
-    pub sky_factor: Vec<f64>,
+    /// The fraction of the light leaving S that no front receives, 1 − Σ_T F_ST: it escapes or meets black backs, up to the errors of the rows.
+    pub lost_factor: Vec<f64>,
 }
 
 impl FormFactors {
@@ -57,7 +57,7 @@ impl FormFactors {
             areas: rows.iter().map(|row| row.area).collect(),
             form_factor: rows.iter().flat_map(|row| row.form_factor.iter().copied()).collect(),
             error: rows.iter().flat_map(|row| row.error.iter().copied()).collect(),
-            sky_factor: rows.iter().map(|row| row.sky_factor).collect(),
+            lost_factor: rows.iter().map(|row| row.lost_factor).collect(),
         }
     }
 
@@ -66,7 +66,7 @@ impl FormFactors {
         let mut form_factor = vec![0.0; n_surfaces];
         let mut variance = vec![0.0; n_surfaces];
         let mut common = vec![0.0; n_surfaces];
-        let mut sky_factor = 0.0;
+        let mut lost_factor = 0.0;
         let (mut sums, mut errors) = (vec![0.0; n_surfaces], vec![0.0; n_surfaces]);
         for &i in patches {
             sums.fill(0.0);
@@ -89,14 +89,14 @@ impl FormFactors {
                 }
                 common[t] += weight * errors[t];
             }
-            sky_factor += weight * self.sky_factor(i);
+            lost_factor += weight * (1.0 - sums.iter().sum::<f64>());
         }
         let error = variance.iter().zip(&common).map(|(v, c)| v.sqrt() + c).collect();
         SurfaceRow {
             area,
             form_factor,
             error,
-            sky_factor,
+            lost_factor,
         }
     }
 }
@@ -105,5 +105,5 @@ struct SurfaceRow {
     area: f64,
     form_factor: Vec<f64>,
     error: Vec<f64>,
-    sky_factor: f64,
+    lost_factor: f64,
 }

@@ -7,7 +7,7 @@
 //! | `.mtx` | F as coordinates | this program, Matrix Market readers: SciPy, MATLAB, Julia |
 //! | `.csv` | form factors between surfaces, with their errors | tables |
 //! | `.exr` | F as an image: row i downwards, column j to the right | viewers |
-//! | `.vtu` | patches with row sum, error, sky factor, and the form factor to a chosen surface | ParaView, PyVista |
+//! | `.vtu` | patches with row sum, error, sky factor if it is known of all, and the form factor to a chosen surface | ParaView, PyVista |
 //!
 //! F\[i, j\] is the fraction of the light leaving patch i that reaches patch j, `area` is in m², `error` the standard error of
 //! each form factor. Every file says so itself, together with the hash of the patches' geometry and the settings; it holds no
@@ -25,6 +25,7 @@ use super::npy::{Dtype, Header};
 use super::npz::{NpzWriter, write_numbers};
 use super::vtu::CellData;
 use super::{Description, ReportError, matrix_csv, matrix_exr, mtx, vtu};
+use crate::form_factor::sky_factors;
 use crate::matrix::{FormFactors, Layout, Precision, RowTally};
 use crate::mesh::Mesh;
 use crate::scene::hash::hexadecimal;
@@ -194,8 +195,10 @@ impl FormFactorReport<'_> {
             ]
         };
         let mut data = Vec::from(columns("row_sum", &|_| true));
-        let sky = (0..n).into_par_iter().map(|i| self.factors.sky_factor(i)).collect();
-        data.push(CellData::new("sky_factor", 1, sky));
+        let sky = sky_factors(self.scene, self.mesh, self.factors);
+        if let Some(sky) = sky.into_iter().collect() {
+            data.push(CellData::new("sky_factor", 1, sky));
+        }
         if let Some(surface) = self.surface {
             let name = format!("form_factor_to_{}", self.scene.surfaces[surface.0 as usize].name);
             data.extend(columns(&name, &|j| self.mesh.patches[j].surface == surface));

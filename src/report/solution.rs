@@ -122,33 +122,13 @@ impl SolutionReport<'_> {
         format!("{description:#}")
     }
 
-    /// Returns r = E − B + ρ H.
-    fn residual(&self) -> Block {
-        let mut residual = self.exitance.clone();
-        let terms = self
-            .solution
-            .radiosity
-            .values()
-            .iter()
-            .zip(self.solution.irradiance.values());
-        for ((r, (b, h)), rho) in residual
-            .values_mut()
-            .iter_mut()
-            .zip(terms)
-            .zip(self.reflectance.values())
-        {
-            *r += rho * h - b;
-        }
-        residual
-    }
-
     fn quantities(&self) -> Vec<(&'static str, Block)> {
         let mut quantities = vec![
             ("radiosity", self.solution.radiosity.clone()),
             ("irradiance", self.solution.irradiance.clone()),
             ("exitance", self.exitance.clone()),
             ("reflectance", self.reflectance.clone()),
-            ("residual", self.residual()),
+            ("residual", self.solution.residual(self.reflectance, self.exitance)),
         ];
         if let Some(error) = self.error {
             quantities.push(("error", error.clone()));

@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::{FaceId, Scene};
 
@@ -52,6 +53,93 @@ pub fn is_watertight(scene: &Scene) -> bool {
     }
     let in_a_room = |p: &Piece| pieces.iter().any(|room| room.faces_inwards() && room.contains(p));
     !pieces.is_empty() && pieces.iter().all(|p| p.faces_inwards() || in_a_room(p))
+}
+
+/// Tells of each face whether its front may see the back of some face, \[n_faces\].
+///
+/// False only where it is certain: every other face either lies in front of the plane of the face, so that its back looks away, or has all of the face in front of its own,
+/// or is part of a closed piece of surface whose backs are out of sight: a sheet with two sides, the piece of the face itself, or a block that faces outwards and whose bounding
+/// box is clear of the face. What hides a back otherwise is not looked at. Conservative too by [`CLEAR`] of the scene's size.
+/// Work: faces × faces at worst, with a stop at the first back.
+#[must_use]
+pub fn may_see_backs(scene: &Scene) -> Vec<bool> {
+    let (low, high) = scene.bounding_box();
+    let slack = CLEAR * (high - low).length();
+    let piece_of_face = closed_pieces(scene);
+    let outlines: Vec<Outline> = scene.face_ids().map(|face| Outline::new(scene, face)).collect();
+    let mut pieces: HashMap<u32, ClosedPiece> = HashMap::new();
+    for (face, index) in piece_of_face.iter().enumerate() {
+        let Some(index) = index else { continue };
+        let piece = pieces.entry(*index).or_insert_with(|| ClosedPiece {
+            first: face,
+            is_flat: true,
+            shape: Piece::default(),
+        });
+        let (first, own) = (&outlines[piece.first], &outlines[face]);
+        piece.is_flat &= own.corners.iter().all(|&v| first.height(v).abs() <= slack);
+        piece.shape.add(&own.corners);
+    }
+    let is_hidden = |back: usize, front: usize| {
+        let Some(index) = piece_of_face[back] else {
+            return false;
+        };
+        let piece = &pieces[&index];
+        piece_of_face[front] == Some(index)
+            || piece.is_flat
+            || (!piece.shape.faces_inwards() && outlines[front].is_clear_of(&piece.shape, slack))
+    };
+    let sees_back = |front: usize, back: usize| {
+        let (here, there) = (&outlines[front], &outlines[back]);
+        front != back
+            && there.corners.iter().any(|&v| here.height(v) > slack)
+            && here.corners.iter().any(|&v| there.height(v) < -slack)
+            && !is_hidden(back, front)
+    };
+    let faces = (0..outlines.len()).into_par_iter();
+    faces
+        .map(|front| (0..outlines.len()).any(|back| sees_back(front, back)))
+        .collect()
+}
+
+/// What is nearer than this share of the scene's size counts as touching: less than f32 resolves.
+const CLEAR: f64 = 1e-7;
+
+/// A closed piece of surface: its first face, and whether all of it lies in the plane of that.
+struct ClosedPiece {
+    first: usize,
+    is_flat: bool,
+    shape: Piece,
+}
+
+/// A face, with its plane.
+struct Outline {
+    corners: Vec<DVec3>,
+    normal: DVec3,
+}
+
+impl Outline {
+    fn new(scene: &Scene, face: FaceId) -> Self {
+        Self {
+            corners: scene.polygon(face),
+            normal: scene.area_vector(face).normalize_or_zero(),
+        }
+    }
+
+    /// Returns how far a point is in front of the plane.
+    fn height(&self, point: DVec3) -> f64 {
+        self.normal.dot(point - self.corners[0])
+    }
+
+    /// Tells whether the bounding box is clear of that of a piece.
+    fn is_clear_of(&self, piece: &Piece, margin: f64) -> bool {
+        let (low, high) = self
+            .corners
+            .iter()
+            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), &v| {
+                (low.min(v), high.max(v))
+            });
+        (low - margin).cmpgt(piece.high).any() || (high + margin).cmplt(piece.low).any()
+    }
 }
 
 /// Returns for each face its connected piece of surface, if that is closed: if every edge is run along once in each sense.

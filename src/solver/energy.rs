@@ -7,25 +7,28 @@ use crate::matrix::operator::Block;
 
 /// The power balance of one channel.
 ///
-/// With r = E − B + ρ H, Σ A r = emitted − absorbed − escaped holds exactly where A_i F_ij is symmetric, so that
-/// |emitted − absorbed − escaped| ≤ sqrt(Σ A) sqrt(Σ A r²); else the rest is the light that form factors without reciprocity make or lose.
+/// With r = E − B + ρ H, Σ A r = emitted − absorbed − absorbed_by_backs − escaped holds exactly where A_i F_ij is symmetric, so that
+/// its size is at most sqrt(Σ A) sqrt(Σ A r²); else the rest is the light that form factors without reciprocity make or lose.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Energy {
     /// Σ A E, W.
     pub emitted: f64,
     /// Σ A (1 − ρ) H, W.
     pub absorbed: f64,
-    /// Σ A B (1 − Σ_j F_ij), W: what leaves through openings, or is lost or made by row sums that are wrong.
+    /// Σ A B (1 − Σ_j F_ij) without `absorbed_by_backs`, W: what leaves through openings, or is lost or made by row sums that are wrong; together with what backs take where that is
+    /// not known.
     pub escaped: f64,
+    /// Σ A B b, W, with b_i the fraction of the light of patch i that black backs take; `None` where it is not known.
+    pub absorbed_by_backs: Option<f64>,
     /// Σ A B, W: all light under way.
     pub leaving: f64,
 }
 
 impl Energy {
-    /// Returns (emitted − absorbed − escaped) / leaving; 0 in the dark.
+    /// Returns (emitted − absorbed − absorbed_by_backs − escaped) / leaving; 0 in the dark.
     #[must_use]
     pub fn imbalance(&self) -> f64 {
-        let lost = self.emitted - self.absorbed - self.escaped;
+        let lost = self.emitted - self.absorbed - self.absorbed_by_backs.unwrap_or(0.0) - self.escaped;
         if self.leaving > 0.0 { lost / self.leaving } else { lost }
     }
 
@@ -36,6 +39,7 @@ impl Energy {
                 emitted: 0.0,
                 absorbed: 0.0,
                 escaped: 0.0,
+                absorbed_by_backs: None,
                 leaving: 0.0,
             };
             for (i, (area, row_sum)) in system.areas().iter().zip(system.row_sums()).enumerate() {

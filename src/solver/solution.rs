@@ -81,6 +81,35 @@ impl Solution {
         }
     }
 
+    /// Tells what black backs take apart from what escapes, in [`energy`](Self::energy), before anything else than B stands in `radiosity`. `areas`: A, m², \[n\]; `backs`: the fraction of
+    /// the light of each patch that backs take, \[n\].
+    ///
+    /// # Panics
+    /// If the lengths differ.
+    #[track_caller]
+    pub fn tell_backs_apart(&mut self, areas: &[f64], backs: &[f64]) {
+        let n = self.radiosity.n_rows();
+        assert_eq!([areas.len(), backs.len()], [n; 2], "one number per patch");
+        for (c, energy) in self.energy.iter_mut().enumerate() {
+            let power = |i: usize| areas[i] * self.radiosity.row(i)[c] * backs[i];
+            let taken: f64 = (0..n).map(power).sum();
+            energy.escaped += energy.absorbed_by_backs.unwrap_or(0.0) - taken;
+            energy.absorbed_by_backs = Some(taken);
+        }
+    }
+
+    /// Returns r = E − B + ρ H, W·m⁻², \[n, c\]. `reflectance`, `exitance`: ρ, E, \[n, c\].
+    #[must_use]
+    pub fn residual(&self, reflectance: &Block, exitance: &Block) -> Block {
+        let mut residual = exitance.clone();
+        let light = self.radiosity.values().iter().zip(self.irradiance.values());
+        let terms = light.zip(reflectance.values());
+        for (r, ((b, h), rho)) in residual.values_mut().iter_mut().zip(terms) {
+            *r += rho * h - b;
+        }
+        residual
+    }
+
     /// Puts a solution together. `truth` belongs to `radiosity`, in solver units; `gave_up` tells why the solver stopped
     /// where it did not reach the tolerance. Fails if F could not be read.
     pub(super) fn new(

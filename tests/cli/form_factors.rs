@@ -57,6 +57,55 @@ fn form_factors_of_the_cube_as_a_document() {
     );
 }
 
+/// What escapes is told apart from what backs take, or said to be unknown.
+#[test]
+fn the_sky_is_no_back() {
+    let directory = with_scene("cornell-box");
+    let common = ["scene.obj", "--subdivide", "2"];
+    let run = |command: &str, method: &[&str]| {
+        let (code, result) = document(directory.path(), &[&[command], &common[..], method].concat());
+        assert_eq!(code, 0, "{result}");
+        result
+    };
+    let (rays, exact) = (["--method", "sr"], ["--method", "exact"]);
+    let counted = run("form-factors", &rays);
+    let (sky, lost) = (numbers(&counted["sky_factor"])[0], numbers(&counted["lost_factor"])[0]);
+    assert!(sky > 0.1 && lost > sky + 0.1, "{sky} {lost}");
+    let known = run("form-factors", &exact);
+    assert_eq!(
+        known["sky_factor"][0],
+        Value::Null,
+        "the floor sees the insides of the blocks"
+    );
+    assert!((numbers(&known["lost_factor"])[0] - lost).abs() < 0.01);
+    let text = radiosity(directory.path(), &[&["form-factors"], &common[..]].concat()).stdout;
+    let text = String::from_utf8(text).unwrap();
+    let floor = text.lines().find(|line| line.starts_with("floor")).unwrap();
+    assert_eq!(floor.split_whitespace().rev().nth(1), Some("-"), "{text}");
+
+    let energy = run(
+        "solve",
+        &[&rays[..], &["--tolerance", "1e-9", "--balance", "on"]].concat(),
+    );
+    let energy = &energy["energy"][0];
+    let watts = |key: &str| energy[key].as_f64().unwrap();
+    let rest = watts("emitted") - watts("absorbed") - watts("absorbed_by_backs") - watts("escaped");
+    assert!(watts("absorbed_by_backs") > 0.01 * watts("escaped"), "{energy}");
+    assert!(rest.abs() < 1e-6 * watts("emitted"), "{energy}");
+    assert_eq!(run("solve", &exact)["energy"][0]["absorbed_by_backs"], Value::Null);
+}
+
+/// Names that begin alike head columns that can be told apart.
+#[test]
+fn columns_have_heads_of_their_own() {
+    let directory = with_scene("corridor");
+    let output = radiosity(directory.path(), &["form-factors", "scene.obj"]);
+    let text = String::from_utf8(output.stdout).unwrap();
+    let heads = text.lines().find(|line| line.trim_start().starts_with("A ")).unwrap();
+    let heads: Vec<&str> = heads.split_whitespace().collect();
+    assert_eq!(heads, ["A", "B", "partition", "partition_", "lost", "sky", "error"]);
+}
+
 #[test]
 fn the_same_seed_gives_the_same_result_at_any_number_of_threads() {
     let directory = with_scene("room-box");

@@ -24,6 +24,10 @@ pub(in crate::cli) struct Computed {
     pub(in crate::cli) errors_known: bool,
     /// The power that form factors without reciprocity make, m², \[n\].
     pub(in crate::cli) gain: Vec<f64>,
+    /// The fraction of the light of each patch that escapes, where it is known, \[n\].
+    pub(in crate::cli) sky: Vec<Option<f64>>,
+    /// The fraction of the light of each patch that black backs take, \[n\]; `None` unless it is known of all.
+    pub(in crate::cli) backs: Option<Vec<f64>>,
 }
 
 /// What is promised of form factors beside what they say themselves.
@@ -97,6 +101,16 @@ fn worst_error(factors: &FormFactors) -> f64 {
         factors.for_each_in_row(i, |j, _, error| worst = worst.max(error * area / area.min(areas[j])));
     }
     worst
+}
+
+/// Returns the fraction of the light of each patch that black backs take: as its rays tell, nothing in a closed row, and else what is missing from the row and has not escaped.
+fn taken_by_backs(factors: &FormFactors, sky: &[Option<f64>], closed_rows: &[bool]) -> Option<Vec<f64>> {
+    let of_row = |i: usize| {
+        let missing = |escaped: f64| (1.0 - factors.row_sum(i) - escaped).max(0.0);
+        let without_rays = || if closed_rows[i] { Some(0.0) } else { sky[i].map(missing) };
+        factors.tallies()[i].absorbed().or_else(without_rays)
+    };
+    (0..factors.n_rows()).map(of_row).collect()
 }
 
 /// Row sums are restored to far below the noise, or as far as so many passes go.
@@ -257,6 +271,11 @@ impl Run {
             ));
         }
         let checks = self.times.time("checks", || factors.checks(&*closed_rows));
+        let (sky, backs) = self.times.time("checks", || {
+            let sky = form_factor::sky_factors(&prepared.scene, &prepared.mesh, &factors);
+            let backs = taken_by_backs(&factors, &sky, &closed_rows);
+            (sky, backs)
+        });
         factors.if_readable(())?;
         let claims = Claims {
             closed: Closed::Where(&closed_rows),
@@ -281,6 +300,8 @@ impl Run {
             pairs: result.pairs,
             tolerance_met: result.tolerance_met,
             errors_known: promised.errors_known,
+            sky,
+            backs,
         })
     }
 

@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 
 pub(super) use factors::{BALANCE_TOLERANCE, Computed, Fineness, Promised, repairs};
 pub(super) use prepared::{Prepared, expect_room, posed};
-pub(super) use solution::go_on;
+pub(super) use solution::{Known, go_on};
 
 use super::args::CommonArgs;
 use super::exit_code::ExitCode;

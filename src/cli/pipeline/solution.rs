@@ -29,13 +29,25 @@ pub(in crate::cli) fn go_on(progress: &dyn Progress) -> ControlFlow<()> {
 }
 
 impl Computed {
-    /// Returns what is known of them to those who audit a solution.
-    pub(in crate::cli) fn given(&self) -> Given<'_> {
-        Given {
-            gain: Some(&self.gain),
-            costly: false,
+    /// Returns what is known of them beside their values.
+    pub(in crate::cli) fn known(&self) -> Known<'_> {
+        Known {
+            given: Given {
+                gain: Some(&self.gain),
+                costly: false,
+            },
+            backs: self.backs.as_deref(),
         }
     }
+}
+
+/// What is known of form factors beside their values.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::cli) struct Known<'a> {
+    /// To those who audit a solution.
+    pub(in crate::cli) given: Given<'a>,
+    /// The fraction of the light of each patch that black backs take, \[n\].
+    pub(in crate::cli) backs: Option<&'a [f64]>,
 }
 
 impl Run {
@@ -81,7 +93,7 @@ impl Run {
             (&computed.factors, areas),
             args,
             (reflectance, exitance),
-            computed.given(),
+            computed.known(),
         )
     }
 
@@ -123,7 +135,7 @@ impl Run {
         (factors, areas): (&dyn LinearOperator, Vec<f64>),
         args: &SolverArgs,
         (reflectance, exitance): (Block, Block),
-        given: Given<'_>,
+        known: Known<'_>,
     ) -> Result<Solution, Failure> {
         let entry = self.solver_entry(args)?;
         let hierarchy = entry.uses_hierarchy().then(|| {
@@ -178,8 +190,11 @@ impl Run {
         }
         let audit = self
             .times
-            .time("audit", || audit::solution(&system, &solution, given))?;
+            .time("audit", || audit::solution(&system, &solution, known.given))?;
         self.audited(audit);
+        if let Some(backs) = known.backs {
+            solution.tell_backs_apart(system.areas(), backs);
+        }
         if args.display_ambient
             && let Some(display) = solution.display.take()
         {
