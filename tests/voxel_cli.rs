@@ -84,6 +84,31 @@ fn the_document_says_what_was_done() {
     assert!((by_solver - bright).abs() < 3e-4, "{by_solver} {bright}");
 }
 
+/// Who names a file for links gets one, or is told why not.
+#[test]
+fn a_link_file_is_no_idle_wish() {
+    let directory = with_scene("cube");
+    let size = [
+        "voxel",
+        "scene.obj",
+        "--voxels",
+        "8",
+        "--radius",
+        "2",
+        "--link-file",
+        "own.links",
+    ];
+    for links in ["memory", "recompute"] {
+        let output = radiosity(directory.path(), &[&size[..], &["--links", links]].concat());
+        assert_eq!(output.status.code(), Some(2), "{links}");
+        let told = program::stderr(&output);
+        assert!(told.contains("--link-file") && told.contains("--links disk"), "{told}");
+        assert!(!directory.path().join("own.links").exists());
+    }
+    assert!(radiosity(directory.path(), &size).status.success());
+    assert!(directory.path().join("own.links").exists());
+}
+
 #[test]
 fn pictures_and_grids_are_written() {
     let directory = with_scene("cornell-box");

@@ -9,6 +9,7 @@ use super::Outcome;
 use super::args::{FieldArgs, FieldMethodName};
 use super::exit_code::ExitCode;
 use super::failure::Failure;
+use super::file_set::FileSet;
 use super::form_factors::surface_named;
 use super::picture::{image_byte, preview_of, warn_if_blank};
 use super::pipeline::{Prepared, Run};
@@ -34,6 +35,10 @@ pub(super) fn run(args: &FieldArgs) -> Result<Outcome, Failure> {
 fn work(args: &FieldArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let settings = settings(args)?;
     let preview = preview_of(&args.output)?;
+    let mut files = FileSet::default();
+    files.writes_picture("output", &args.output);
+    files.reads("the scene", Some(&args.scene));
+    files.reads("the camera", args.view.camera_file()).check()?;
     let mut prepared = run.prepare(&args.scene, args.mesh, args.memory_limit, default_subdivision)?;
     let surface = surface_named(&prepared.scene, &args.surface)?;
     let view = view(&args.view, &args.scene, &prepared.scene)?;

@@ -5,12 +5,13 @@ use std::fmt::Write as _;
 
 use serde_json::{Value, json};
 
+use super::Outcome;
 use super::args::FormFactorsArgs;
 use super::exit_code::ExitCode;
 use super::failure::Failure;
+use super::file_set::FileSet;
 use super::pipeline::{Computed, Fineness, Prepared, Run};
 use super::storage::Storage;
-use super::{Outcome, output};
 use crate::form_factor::{ExactMethod, sky_of_surfaces};
 use crate::matrix::{Layout, Place, Precision, StorageChoice, SurfaceFormFactors};
 use crate::mesh::Subdivision;
@@ -27,13 +28,11 @@ pub(super) fn run(args: &FormFactorsArgs) -> Result<Outcome, Failure> {
 }
 
 fn work(args: &FormFactorsArgs, run: &mut Run) -> Result<Outcome, Failure> {
-    if let Some(path) = &args.output {
-        if Format::of(path)? != Format::Vtu && args.surface.is_some() {
-            return Err(Failure::usage("--surface is for `-o F.vtu`"));
-        }
-        output::expect_possible(path)?;
-        output::expect_apart(Some(path), &[("the scene", Some(&args.scene))])?;
+    let format = args.output.as_deref().map(Format::of).transpose()?;
+    if args.surface.is_some() && format.is_some_and(|format| format != Format::Vtu) {
+        return Err(Failure::usage("--surface is for `-o F.vtu`"));
     }
+    files(args).check()?;
     run.storage = Storage {
         args: args.storage.clone(),
         output: args.output.clone(),
@@ -90,6 +89,16 @@ fn work(args: &FormFactorsArgs, run: &mut Run) -> Result<Outcome, Failure> {
         document,
         code: run.judged(code(&computed), args.audit.strict),
     })
+}
+
+fn files(args: &FormFactorsArgs) -> FileSet {
+    let mut files = FileSet::default();
+    if let Some(path) = &args.output {
+        files.writes_form_factors(path);
+    }
+    files.keeps("the checkpoint", args.storage.checkpoint.as_deref());
+    files.reads("the scene", Some(&args.scene));
+    files
 }
 
 /// Returns the exit code that form factors deserve.

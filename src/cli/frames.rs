@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use super::args::{RenderArgs, ViewArgs};
 use super::exit_code::ExitCode;
 use super::failure::Failure;
+use super::file_set::FileSet;
 use super::form_factors::{checks_to_json, describe_checks};
 use super::lightings::{Stack, greatest_reflectance, with_suffix};
 use super::picture::{image_byte, preview_of, shoot};
@@ -363,21 +364,25 @@ impl Solved<'_> {
 /// Prepares views and outputs, loads every lighting once, and finds the frames that share a pose.
 fn ready(args: &RenderArgs, file: &Path, wanted: Vec<frames::Frame>, prepared: &Prepared) -> Result<Sequence, Failure> {
     let folder = file.parent().unwrap_or(Path::new(""));
-    let mut files: Vec<Option<PathBuf>> = Vec::new();
+    let mut lighting_files: Vec<Option<PathBuf>> = Vec::new();
+    let mut files = FileSet::default();
+    files.keeps("the checkpoint", args.storage.checkpoint.as_deref());
+    files.reads("the scene", Some(&args.scene));
+    files.reads("the list of frames", Some(file));
     let mut lightings = Vec::new();
     let mut poses: Vec<Pose> = Vec::new();
     let mut frames = Vec::new();
     for frame in wanted {
         let (motions, pose) = (frame.motions(), frame.pose(file, &prepared.scene)?);
         let lighting_file = frame.lighting.map(|path| folder.join(path));
-        let known = files.iter().position(|other| *other == lighting_file);
+        let known = lighting_files.iter().position(|other| *other == lighting_file);
         let lighting = if let Some(k) = known {
             k
         } else {
             let loaded = lighting_file.as_ref().map(|path| Lighting::load(path, &prepared.scene));
             lightings.push(loaded.transpose()?);
-            files.push(lighting_file.clone());
-            files.len() - 1
+            lighting_files.push(lighting_file.clone());
+            lighting_files.len() - 1
         };
         let camera = frame.camera.map(|path| {
             if path == Path::new("unfolded") {
@@ -397,6 +402,9 @@ fn ready(args: &RenderArgs, file: &Path, wanted: Vec<frames::Frame>, prepared: &
             view(&view_args, &args.scene, &prepared.scene)?
         };
         let output = with_suffix(&args.output, &frame.name);
+        files.writes_picture(&format!("picture of frame `{}`", frame.name), &output);
+        files.reads("a lighting", lighting_file.as_deref());
+        files.reads("a camera", view_args.camera_file());
         frames.push(Frame {
             name: frame.name,
             lighting,
@@ -412,6 +420,7 @@ fn ready(args: &RenderArgs, file: &Path, wanted: Vec<frames::Frame>, prepared: &
             poses.push(pose);
         }
     }
+    files.check()?;
     Ok(Sequence {
         frames,
         lightings,

@@ -10,7 +10,7 @@ use super::args::SolveArgs;
 use super::failure::Failure;
 use super::form_factors::{checks_to_json, describe_checks};
 use super::pipeline::{Computed, Prepared, Run};
-use super::{Outcome, output, solve};
+use super::{Outcome, solve};
 use crate::matrix::operator::Block;
 use crate::mesh::Patch;
 use crate::report::solution::{Format, SolutionReport};
@@ -29,9 +29,6 @@ impl Lightings {
         let names = names(&args.lighting)?;
         let with_name = |name: &String| args.output.as_deref().map(|path| with_suffix(path, name));
         let outputs: Vec<Option<PathBuf>> = names.iter().map(with_name).collect();
-        for path in outputs.iter().flatten() {
-            output::expect_possible(path)?;
-        }
         let mut all = Vec::new();
         for file in &args.lighting {
             all.push(Some(Lighting::load(file, scene)?));
@@ -192,7 +189,7 @@ impl Stack {
 }
 
 /// Returns the names of the lightings: the files' names without directory and ending, no two alike.
-fn names(files: &[PathBuf]) -> Result<Vec<String>, Failure> {
+pub(super) fn names(files: &[PathBuf]) -> Result<Vec<String>, Failure> {
     let mut names: Vec<String> = Vec::new();
     for file in files {
         let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();

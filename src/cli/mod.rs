@@ -5,6 +5,7 @@ mod compare;
 mod exit_code;
 mod failure;
 mod field;
+mod file_set;
 mod form_factors;
 mod frames;
 mod interrupt;

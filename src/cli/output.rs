@@ -14,26 +14,6 @@ pub(super) fn expect_possible(path: &Path) -> Result<(), Failure> {
     possible.map(drop).map_err(|error| unwritable(path, &error))
 }
 
-/// Refuses an output that would take the place of another file of the same command. `others`: what they are, and where.
-pub(super) fn expect_apart(output: Option<&Path>, others: &[(&str, Option<&Path>)]) -> Result<(), Failure> {
-    let Some(path) = output else {
-        return Ok(());
-    };
-    let place = |of: &Path| std::fs::canonicalize(of).or_else(|_| std::path::absolute(of)).ok();
-    for (what, other) in others {
-        if let Some(other) = other
-            && place(other).is_some_and(|other| Some(other) == place(path))
-        {
-            let message = format!(
-                "{}: the output and {what} are one file; give them different names",
-                path.display()
-            );
-            return Err(Failure::usage(&message));
-        }
-    }
-    Ok(())
-}
-
 fn unwritable(path: &Path, error: &io::Error) -> Failure {
     Failure::new("unwritable", format!("{}: cannot be written: {error}", path.display())).in_file(path)
 }

@@ -11,9 +11,9 @@ use super::Outcome;
 use super::args::{DirectName, GatherArgs, RenderArgs, ViewArgs};
 use super::exit_code::ExitCode;
 use super::failure::Failure;
+use super::file_set::FileSet;
 use super::form_factors::{checks_to_json, describe_checks};
 use super::on_the_fly::{self, Request};
-use super::output;
 use super::picture::{image_byte, preview_of, shoot};
 use super::pipeline::{Computed, Fineness, Prepared, Run};
 use super::solve;
@@ -55,7 +55,11 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
 fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let settings = render_settings(args, &args.image.view)?;
     let preview = preview_of(&args.output)?;
-    output::expect_apart(Some(&args.output), &[("the scene", Some(&args.scene))])?;
+    let mut files = FileSet::default();
+    files.writes_picture("output", &args.output);
+    files.keeps("the checkpoint", args.storage.checkpoint.as_deref());
+    files.reads("the scene", Some(&args.scene));
+    files.reads("the camera", args.image.view.camera_file()).check()?;
     let mut prepared = run.prepare(
         &args.scene,
         args.mesh,

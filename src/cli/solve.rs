@@ -7,15 +7,16 @@ use serde_json::{Value, json};
 use super::args::SolveArgs;
 use super::exit_code::ExitCode;
 use super::failure::Failure;
+use super::file_set::FileSet;
 use super::form_factors::{self, DEFAULT_RAYS, checks_to_json, describe_checks};
-use super::lightings::Lightings;
+use super::lightings::{Lightings, with_suffix};
 use super::pipeline::{Computed, Fineness, Prepared, Run, repairs};
 use super::storage::Storage;
-use super::{Outcome, cell, output, reuse};
+use super::{Outcome, cell, lightings, reuse};
 use crate::form_factor::ExactMethod;
 use crate::matrix::operator::Block;
 use crate::mesh::Subdivision;
-use crate::report::form_factors::FormFactorFile;
+use crate::report::form_factors::{FormFactorFile, files_of};
 use crate::report::solution::{Format, SolutionReport};
 use crate::solver::{Solution, StopReason};
 
@@ -31,13 +32,8 @@ pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
 fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
     if let Some(path) = &args.output {
         Format::of(path)?;
-        output::expect_possible(path)?;
-        let inputs = [
-            ("the scene", Some(&*args.scene)),
-            ("the form factors", args.form_factors.as_deref()),
-        ];
-        output::expect_apart(Some(path), &inputs)?;
     }
+    files(args)?.check()?;
     let file = args.form_factors.as_deref().map(FormFactorFile::open).transpose()?;
     let mesh_args = file
         .as_ref()
@@ -53,8 +49,8 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
         Subdivision::Uniform(1)
     })?;
     // Before the work: a mistake in them is found at once, and their reflectances count in how form factors are stored.
-    let lightings = Lightings::load(args, &prepared.scene)?;
-    run.storage.reflectance_max = lightings.reflectance_max();
+    let loaded = Lightings::load(args, &prepared.scene)?;
+    run.storage.reflectance_max = loaded.reflectance_max();
     if args.on_the_fly {
         let request = super::on_the_fly::Request {
             method: &args.method,
@@ -77,10 +73,37 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
         }
     };
     if !args.lighting.is_empty() {
-        return super::lightings::run(&lightings, run, prepared, &computed, args);
+        return lightings::run(&loaded, run, prepared, &computed, args);
     }
     let solution = run.solve(&mut prepared, &computed, &args.solver)?;
     finish(args, run, &prepared, Some(&computed), &solution)
+}
+
+fn files(args: &SolveArgs) -> Result<FileSet, Failure> {
+    let mut files = FileSet::default();
+    match &args.output {
+        Some(path) if args.lighting.is_empty() => {
+            files.writes("the output", path);
+        }
+        Some(path) => {
+            for name in lightings::names(&args.lighting)? {
+                files.writes(
+                    format!("the output for the lighting `{name}`"),
+                    &with_suffix(path, &name),
+                );
+            }
+        }
+        None => {}
+    }
+    files.keeps("the checkpoint", args.storage.checkpoint.as_deref());
+    files.reads("the scene", Some(&args.scene));
+    for file in args.form_factors.iter().flat_map(|path| files_of(path)) {
+        files.reads("the form factors", Some(&file));
+    }
+    for file in &args.lighting {
+        files.reads("a lighting", Some(file));
+    }
+    Ok(files)
 }
 
 fn fineness(args: &SolveArgs) -> Fineness {

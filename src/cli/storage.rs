@@ -6,7 +6,6 @@ use sha2::{Digest as _, Sha256};
 
 use super::args::{PrecisionName, StorageArgs, StorageName};
 use super::failure::Failure;
-use super::output;
 use super::pipeline::{Prepared, Run};
 use crate::checkpoint::Checkpoint;
 use crate::matrix::{Layout, Place, Precision, Scratch, StorageChoice};
@@ -193,7 +192,6 @@ pub(super) fn open_checkpoint(run: &mut Run, prepared: &Prepared) -> Result<(), 
     let Some(path) = &run.storage.args.checkpoint else {
         return Ok(());
     };
-    output::expect_apart(run.storage.output.as_deref(), &[("the checkpoint", Some(path))])?;
     let geometry = prepared.mesh.geometry_hash();
     if let Some(checkpoint) = &run.progress.checkpoint {
         checkpoint.begin_part(run.storage.part, &Sha256::digest(geometry).into());

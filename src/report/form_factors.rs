@@ -347,6 +347,15 @@ impl FormFactorReport<'_> {
     }
 }
 
+/// Returns the files that form factors are written to at `path`: the file itself, and the description beside it where that stands in a file of its own.
+#[must_use]
+pub fn files_of(path: &Path) -> Vec<PathBuf> {
+    let description = Format::of(path)
+        .is_ok_and(|format| format == Format::Npy)
+        .then(|| beside(path));
+    [path.to_owned()].into_iter().chain(description).collect()
+}
+
 /// Returns the name of the description beside an array: the array's with `.json` after it.
 pub(super) fn beside(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_owned();

@@ -217,6 +217,60 @@ fn an_output_is_no_other_file_of_its_command() {
     assert_eq!(code, Some(2), "{told}");
     assert!(told.contains("the output and the form factors are one file"), "{told}");
     assert_eq!(std::fs::read(directory.path().join("F.npz")).unwrap(), before);
+
+    // Nor one that it writes beside the output, or in its place.
+    let path = |name: &str| directory.path().join(name);
+    for name in ["F-lamp.npz", "kept.png", "own.toml"] {
+        std::fs::copy(path("F.npz"), path(name)).unwrap();
+    }
+    std::fs::write(path("lamp.toml"), "[surface.x0]\nexitance = 2.0\n").unwrap();
+    std::fs::write(path("frames.toml"), "[[frame]]\nname = \"a\"\n").unwrap();
+    for (arguments, words) in [
+        (
+            "render scene.obj -o z.exr --checkpoint z.png",
+            "z.png: the preview of the output and the checkpoint",
+        ),
+        (
+            "form-factors scene.obj -o G.npy --checkpoint G.npy.json",
+            "G.npy.json: the description beside the output and the checkpoint",
+        ),
+        (
+            "solve scene.obj --form-factors F-lamp.npz --lighting lamp.toml -o F.npz",
+            "F-lamp.npz: the output for the lighting `lamp` and the form factors",
+        ),
+        (
+            "solve scene.obj --lighting lamp.toml -o B.csv --checkpoint B-lamp.csv",
+            "B-lamp.csv: the output for the lighting `lamp` and the checkpoint",
+        ),
+        (
+            "render scene.obj --frames frames.toml -o z.exr --checkpoint ./z-a.png",
+            "z-a.png: the preview of the picture of frame `a` and the checkpoint",
+        ),
+        (
+            "voxel scene.obj --voxels 8 --radius 2 --links disk --link-file same.exr -o same.exr",
+            "same.exr: the output and the link file",
+        ),
+        (
+            "voxel scene.obj --voxels 8 --radius 2 --link-file same.png -o same.exr",
+            "same.png: the preview of the output and the link file",
+        ),
+        (
+            "field scene.obj --surface x0 --camera kept.png -o kept.exr",
+            "kept.png: the preview of the output and the camera",
+        ),
+    ] {
+        let there = crate::program::names(directory.path());
+        let (code, told) = run(&arguments.split(' ').collect::<Vec<_>>());
+        assert_eq!(code, Some(2), "{arguments}: {told}");
+        assert!(
+            told.contains(words) && told.contains(" are one file"),
+            "{arguments}: {told}"
+        );
+        assert_eq!(crate::program::names(directory.path()), there, "{arguments}");
+    }
+    for name in ["F-lamp.npz", "kept.png"] {
+        assert_eq!(std::fs::read(path(name)).unwrap(), before, "{name}");
+    }
 }
 
 /// A white, lit room is refused however its form factors are had, though another room beside it loses light.

@@ -210,6 +210,12 @@ impl ViewArgs {
         self.camera.as_deref() == Some(Path::new("unfolded"))
     }
 
+    /// Returns the camera's file, if one is named.
+    #[must_use]
+    pub fn camera_file(&self) -> Option<&Path> {
+        self.camera.as_deref().filter(|_| !self.is_unfolded())
+    }
+
     /// Tells whether any flag moves or turns the camera.
     #[must_use]
     pub fn has_camera_flags(&self) -> bool {

@@ -80,7 +80,7 @@ pub struct VoxelArgs {
     /// Where the links between voxels are kept from pass to pass
     #[arg(long, value_enum, default_value_t = LinksName::Auto, help_heading = "Voxels")]
     pub links: LinksName,
-    /// The file of `--links disk`, used again where it fits [default: the scene's name with .links]
+    /// The file of links on disk, used again where it fits; with it, `--links auto` is `--links disk` [default: the scene's name with .links]
     #[arg(long, value_name = "FILE", help_heading = "Voxels")]
     pub link_file: Option<PathBuf>,
     /// The most memory to use, as in 512MiB or 2G; links that do not fit go to disk [default: 80 % of what is available]

@@ -65,10 +65,11 @@ pub(super) fn choose_links(
     let with = |links: u64| beside.saturating_add(links);
     let (in_memory, on_disk) = (with(demand.link_byte()), with(demand.link_window_byte()));
     // Cells are cut while light is exchanged between them: their links stay in memory.
-    let asked = if args.adaptive.is_some() {
-        LinksName::Memory
-    } else {
-        args.links
+    let asked = match args.links {
+        _ if args.adaptive.is_some() => LinksName::Memory,
+        // Who names their file wants them there.
+        LinksName::Auto if args.link_file.is_some() => LinksName::Disk,
+        links => links,
     };
     let (kept, needed, reason) = match asked {
         LinksName::Auto if in_memory <= limit => (LinksName::Memory, in_memory, "they fit"),

@@ -4,7 +4,7 @@ mod memory;
 mod report;
 
 use std::fmt::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
@@ -13,9 +13,10 @@ use report::{Checked, LinkFigures, describe, describe_surfaces, surfaces, to_jso
 use super::args::{LinksName, VoxelArgs};
 use super::exit_code::ExitCode;
 use super::failure::Failure;
+use super::file_set::FileSet;
 use super::picture::warn_if_blank;
 use super::pipeline::{Prepared, Run, go_on};
-use super::{Outcome, merge, output, render};
+use super::{Outcome, merge, render};
 use crate::audit::{self, Given};
 use crate::matrix::operator::{Block, LinearOperator};
 use crate::mesh::Subdivision;
@@ -57,9 +58,7 @@ pub(super) fn run(args: &VoxelArgs) -> Result<Outcome, Failure> {
 fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let format = args.output.as_deref().map(format_of).transpose()?;
     expect_sensible(args, format)?;
-    if let Some(path) = &args.output {
-        output::expect_possible(path)?;
-    }
+    files(args, format).check()?;
     let mut prepared = run.prepare(&args.scene, args.mesh, args.memory_limit, |scene| match format {
         // Without a picture the patches play no part.
         None | Some(Format::Vtu) => Subdivision::Uniform(1),
@@ -125,6 +124,26 @@ fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
         document: run.document_of(&prepared, result),
         code: run.judged(solved.code, args.audit.strict),
     })
+}
+
+fn files(args: &VoxelArgs, format: Option<Format>) -> FileSet {
+    let mut files = FileSet::default();
+    match (&args.output, format) {
+        (Some(path), Some(Format::Image)) => files.writes_picture("output", path),
+        (Some(path), _) => files.writes("the output", path),
+        (None, _) => &mut files,
+    };
+    let may_be_on_disk = matches!(args.links, LinksName::Auto | LinksName::Disk) && args.adaptive.is_none();
+    files.keeps("the link file", may_be_on_disk.then(|| link_file(args)).as_deref());
+    files.reads("the scene", Some(&args.scene));
+    files.reads("the camera", args.image.view.camera_file());
+    files
+}
+
+/// Returns the file of links on disk.
+fn link_file(args: &VoxelArgs) -> PathBuf {
+    let beside = || args.scene.with_extension("links");
+    args.link_file.clone().unwrap_or_else(beside)
 }
 
 /// Solves with one unknown for each surfel.
@@ -250,10 +269,7 @@ fn find_links(
             .time("links", || Links::in_memory(voxels, sphere, &run.progress)),
         LinksName::Recompute => Links::recomputed(voxels, sphere),
         LinksName::Disk => {
-            let path = args
-                .link_file
-                .clone()
-                .unwrap_or_else(|| args.scene.with_extension("links"));
+            let path = link_file(args);
             run.times
                 .time("links", || Links::on_disk(voxels, sphere, &path, &run.progress))?
         }
@@ -275,6 +291,11 @@ fn format_of(path: &Path) -> Result<Format, Failure> {
 fn expect_sensible(args: &VoxelArgs, format: Option<Format>) -> Result<(), Failure> {
     if format != Some(Format::Image) && (args.show_voxels || args.image.is_given()) {
         return Err(Failure::usage("a picture wants a file; add -o IMAGE.exr"));
+    }
+    if args.link_file.is_some() && matches!(args.links, LinksName::Memory | LinksName::Recompute) {
+        return Err(Failure::usage(
+            "--link-file is for links on disk: leave it out, or take --links disk",
+        ));
     }
     if args.image.direct.is_some() || args.image.direct_samples.is_some() {
         return Err(Failure::usage(

@@ -1,0 +1,94 @@
+//! The files of a command: what it writes takes the place of nothing else that it writes, reads or goes on from.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use super::failure::Failure;
+use super::output;
+use crate::report::form_factors::files_of;
+use crate::whole_file;
+
+/// The files of a command, each with what it is.
+#[derive(Default)]
+pub(super) struct FileSet {
+    written: Vec<(String, PathBuf)>,
+    kept: Vec<(String, PathBuf)>,
+    read: Vec<(String, PathBuf)>,
+}
+
+impl FileSet {
+    /// Adds a file that is written at the end.
+    pub(super) fn writes(&mut self, what: impl Into<String>, path: &Path) -> &mut Self {
+        self.written.push((what.into(), path.to_owned()));
+        self
+    }
+
+    /// Adds a picture that is written, and the preview beside it; `what` as in "output".
+    pub(super) fn writes_picture(&mut self, what: &str, path: &Path) -> &mut Self {
+        let preview = path.with_extension("png");
+        self.writes(format!("the {what}"), path)
+            .writes(format!("the preview of the {what}"), &preview)
+    }
+
+    /// Adds form factors that are written, with the description that stands beside some.
+    pub(super) fn writes_form_factors(&mut self, path: &Path) -> &mut Self {
+        for (file, what) in files_of(path)
+            .iter()
+            .zip(["the output", "the description beside the output"])
+        {
+            self.writes(what, file);
+        }
+        self
+    }
+
+    /// Adds a file in which work is kept, so that another run goes on from there.
+    pub(super) fn keeps(&mut self, what: &str, path: Option<&Path>) -> &mut Self {
+        self.kept.extend(path.map(|path| (what.to_owned(), path.to_owned())));
+        self
+    }
+
+    /// Adds a file that is read.
+    pub(super) fn reads(&mut self, what: &str, path: Option<&Path>) -> &mut Self {
+        self.read.extend(path.map(|path| (what.to_owned(), path.to_owned())));
+        self
+    }
+
+    /// Refuses, before any work is done, files that cannot be written, and such as would take the place of one another.
+    pub(super) fn check<'a>(&'a self) -> Result<(), Failure> {
+        for (_, path) in &self.written {
+            output::expect_possible(path)?;
+        }
+        let mut taken: HashMap<PathBuf, &'a (String, PathBuf)> = HashMap::new();
+        let mut take = |file: &'a (String, PathBuf), stays: bool| {
+            let Some(place) = place(&file.1) else {
+                return Ok(());
+            };
+            match taken.get(&place) {
+                Some(other) => return Err(one_file(other, file)),
+                None if stays => taken.insert(place, file),
+                None => None,
+            };
+            Ok(())
+        };
+        self.written.iter().try_for_each(|file| take(file, true))?;
+        // A file that is read may be named for work too: who opens it for that refuses what is something else.
+        self.read.iter().try_for_each(|file| take(file, false))?;
+        self.kept.iter().try_for_each(|file| take(file, true))
+    }
+}
+
+/// Returns where a file is, or will be, by one name for each place.
+fn place(path: &Path) -> Option<PathBuf> {
+    let new = || {
+        let directory = std::fs::canonicalize(whole_file::directory_of(path)).ok()?;
+        Some(directory.join(path.file_name()?))
+    };
+    std::fs::canonicalize(path).ok().or_else(new)
+}
+
+fn one_file((what, path): &(String, PathBuf), (other, _): &(String, PathBuf)) -> Failure {
+    let path = path.display();
+    Failure::usage(format!(
+        "{path}: {what} and {other} are one file; give them different names"
+    ))
+}
