@@ -51,7 +51,7 @@ fn work(args: &FormFactorsArgs, run: &mut Run) -> Result<Outcome, Failure> {
             default_rays: DEFAULT_RAYS,
             tolerance: args.tolerance,
             default_tolerance: ExactMethod::DEFAULT_TOLERANCE,
-            tolerance_name: "tolerance",
+            tolerance_flag: "--tolerance",
         };
         run.form_factors(&mut prepared, &args.method, fineness, false)?
     };

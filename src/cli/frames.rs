@@ -163,7 +163,7 @@ impl Sequence {
             default_rays: DEFAULT_RAYS,
             tolerance: args.form_factor_tolerance,
             default_tolerance: DEFAULT_TOLERANCE,
-            tolerance_name: "form_factor_tolerance",
+            tolerance_flag: "--form-factor-tolerance",
         };
         let change = first.map(|first| Change::between(&first.prepared.scene, &prepared.scene));
         let before = first.zip(change.as_ref()).map(|(first, change)| Before {

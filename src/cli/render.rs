@@ -191,7 +191,7 @@ fn solve_scene(
         default_rays: DEFAULT_RAYS,
         tolerance: args.form_factor_tolerance,
         default_tolerance: DEFAULT_TOLERANCE,
-        tolerance_name: "form_factor_tolerance",
+        tolerance_flag: "--form-factor-tolerance",
     };
     if args.on_the_fly {
         let request = Request {

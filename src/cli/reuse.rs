@@ -67,6 +67,12 @@ pub(super) fn form_factors(
         other => other.into(),
     })?;
     let description = file.description();
+    if !description.tolerance_met {
+        run.warn(&format!(
+            "{}: these form factors spent their budget above their tolerance; compute them again with a greater --budget or --tolerance",
+            file.path().display()
+        ));
+    }
     run.set("form_factors", Value::Object(description.settings.clone()));
     prepared
         .plan

@@ -111,7 +111,7 @@ fn fineness(args: &SolveArgs) -> Fineness {
         default_rays: DEFAULT_RAYS,
         tolerance: args.form_factor_tolerance,
         default_tolerance: ExactMethod::DEFAULT_TOLERANCE,
-        tolerance_name: "form_factor_tolerance",
+        tolerance_flag: "--form-factor-tolerance",
     }
 }
 

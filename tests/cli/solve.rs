@@ -444,3 +444,27 @@ fn form_factors_need_not_be_stored() {
         assert!(stderr(&refused).contains(expected), "{}", stderr(&refused));
     }
 }
+
+/// Form factors above their tolerance are told of again where they are used.
+#[test]
+fn form_factors_that_spent_their_budget_are_told_of() {
+    let directory = with_scene("room-box");
+    let write = [
+        "form-factors",
+        "scene.obj",
+        "--subdivide",
+        "2",
+        "--budget",
+        "1",
+        "-o",
+        "F.npz",
+    ];
+    assert_eq!(radiosity(directory.path(), &write).status.code(), Some(3));
+    let output = radiosity(directory.path(), &["solve", "scene.obj", "--form-factors", "F.npz"]);
+    let told = stderr(&output);
+    assert_eq!(output.status.code(), Some(3), "{told}");
+    assert!(
+        told.contains("F.npz: these form factors spent their budget") && told.contains("--budget"),
+        "{told}"
+    );
+}

@@ -8,7 +8,9 @@ use crate::cli::args::{BalanceName, MethodArgs, StorageName};
 use crate::cli::failure::Failure;
 use crate::cli::storage;
 use crate::form_factor::registry::{self, MethodEntry, Setting};
-use crate::form_factor::{self, Before, ExactMethod, FormFactorMethod, MethodSettings, PairCounts, Reciprocity};
+use crate::form_factor::{
+    self, Before, ExactMethod, FormFactorError, FormFactorMethod, MethodSettings, PairCounts, Reciprocity,
+};
 use crate::matrix::{BalanceReport, Checks, Closed, FormFactors, Weighting};
 use crate::visibility::blockers::BlockerIndex;
 
@@ -60,11 +62,16 @@ pub(in crate::cli) struct Fineness {
     pub(in crate::cli) tolerance: Option<f64>,
     /// What is taken where none is asked for, by methods that have a tolerance.
     pub(in crate::cli) default_tolerance: f64,
-    /// What it is called among the settings.
-    pub(in crate::cli) tolerance_name: &'static str,
+    /// The flag that sets it.
+    pub(in crate::cli) tolerance_flag: &'static str,
 }
 
 impl Fineness {
+    /// Returns what the tolerance is called among the settings.
+    fn tolerance_name(self) -> String {
+        self.tolerance_flag.trim_start_matches('-').replace('-', "_")
+    }
+
     fn tolerance_for(self, entry: &MethodEntry) -> Option<f64> {
         let has_one = entry.settings.iter().any(|s| matches!(s, Setting::Tolerance(_)));
         self.tolerance.or(has_one.then_some(self.default_tolerance))
@@ -180,10 +187,10 @@ impl Run {
         }
         if let Some(pairs) = result.pairs.filter(|pairs| pairs.n_above_tolerance > 0) {
             self.warn(&format!(
-                "{} pairs of patches spent their budget above the tolerance; the worst error is {:.1e}; give a greater --budget or --{}",
+                "{} pairs of patches spent their budget above the tolerance; the worst error is {:.1e}; give a greater --budget or {}",
                 pairs.n_above_tolerance,
                 worst_error(&result.factors),
-                fineness.tolerance_name.replace('_', "-")
+                fineness.tolerance_flag
             ));
         }
         let promised = Promised {
@@ -342,7 +349,7 @@ impl Run {
         let entry = registry::by_name(&args.method)?;
         // The direct pass of a render takes its numbers from there too.
         let sequence_is_elsewhere = self.command == "render" && !entry.settings.contains(&Setting::Sequence);
-        let settings = entry.resolve(&MethodSettings {
+        let resolved = entry.resolve(&MethodSettings {
             rays: args.rays.or(entry.shoots().then_some(fineness.default_rays)),
             points: args.points,
             resolution: args.resolution,
@@ -351,6 +358,19 @@ impl Run {
             tolerance: fineness.tolerance_for(entry),
             budget: args.budget,
             seed: args.seed,
+        });
+        let settings = resolved.map_err(|error| match error {
+            // Where the solver has a tolerance too, the flag has a longer name.
+            FormFactorError::UnusedSetting {
+                flag: "--tolerance",
+                method,
+                used_by,
+            } => FormFactorError::UnusedSetting {
+                flag: fineness.tolerance_flag,
+                method,
+                used_by,
+            },
+            other => other,
         })?;
         self.set("method", entry.name);
         self.set("seed", args.seed);
@@ -370,7 +390,7 @@ impl Run {
             self.set("sequence", json!(sequence));
         }
         if let Some(tolerance) = settings.tolerance {
-            self.set(fineness.tolerance_name, tolerance);
+            self.set(&fineness.tolerance_name(), tolerance);
         }
         if let Some(budget) = settings.budget {
             self.set("budget", budget.get());
