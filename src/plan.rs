@@ -13,6 +13,9 @@ use serde::Serialize;
 
 use crate::scene::{Scene, topology};
 
+/// What is left out where nothing is coloured.
+const GREY: &str = "two of three channels: every material is grey";
+
 /// One decision with its reason.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Decision {
@@ -52,8 +55,7 @@ impl Plan {
         };
         if plan.n_channels == 1 {
             plan.decide("channels", "1", "every material is grey");
-            plan.left_out
-                .push("two of three channels: every material is grey".into());
+            plan.left_out.push(GREY.into());
         } else {
             plan.decide("channels", "3", "at least one material is coloured");
         }
@@ -84,6 +86,15 @@ impl Plan {
             );
         }
         plan
+    }
+
+    /// Notes how many channels all lightings have together, which need not be those of the scene's own materials.
+    pub fn revise_channels(&mut self, n_channels: usize) {
+        if n_channels != self.n_channels {
+            let reason = "one for each lighting in which all is grey, three for each of the others";
+            self.revise("channels", n_channels.to_string(), reason);
+            self.left_out.retain(|item| item != GREY);
+        }
     }
 
     /// Replaces the decision on a subject, or adds it.

@@ -84,6 +84,26 @@ fn the_document_says_what_was_done() {
     assert!((by_solver - bright).abs() < 3e-4, "{by_solver} {bright}");
 }
 
+#[test]
+fn auto_says_what_it_took() {
+    let directory = with_scene("room-box");
+    let arguments = ["--voxels", "12", "--radius", "3", "--solver", "auto", "--explain"];
+    let (code, result) = document(directory.path(), &arguments);
+    assert_eq!((code, &result["settings"]["solver"]), (0, &"auto".into()));
+    let solver = result["solver"].as_str().unwrap();
+    assert!(
+        solver != "auto" && result["why"].as_str().unwrap().len() > 20,
+        "{result}"
+    );
+    let text = radiosity(directory.path(), &[&["voxel", "scene.obj"], &arguments[..]].concat()).stdout;
+    let text = String::from_utf8(text).unwrap();
+    assert!(text.contains(&format!("\nsolver: {solver} (")), "{text}");
+    assert!(
+        text.contains(&format!("\n{solver}: converged after ")) && text.contains("bound on the relative error"),
+        "{text}"
+    );
+}
+
 /// Who names a file for links gets one, or is told why not.
 #[test]
 fn a_link_file_is_no_idle_wish() {

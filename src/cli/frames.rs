@@ -17,12 +17,12 @@ use super::render::{
     AnyView, DEFAULT_RAYS, DEFAULT_TOLERANCE, default_subdivision, indirect_irradiance, render_settings, view,
 };
 use super::storage::Storage;
-use super::{Outcome, solve};
+use super::{Outcome, merge, solve};
 use crate::form_factor::{Before, Change};
 use crate::matrix::FormFactors;
 use crate::render::{DirectMethod, GatherReport, RenderInput, RenderSettings};
 use crate::scene::{Lighting, Motion, Pose, frames};
-use crate::solver::{Solution, carried_error};
+use crate::solver::{Solution, StopReason};
 
 /// A frame, ready to be rendered.
 struct Frame {
@@ -43,6 +43,7 @@ struct Frame {
 struct Sequence {
     frames: Vec<Frame>,
     lightings: Vec<Option<Lighting>>,
+    lighting_files: Vec<Option<PathBuf>>,
     /// No two alike, in the order of their first frames.
     poses: Vec<Pose>,
 }
@@ -87,14 +88,10 @@ pub(super) fn work(args: &RenderArgs, file: &Path, run: &mut Run) -> Result<Outc
         told.push(pose);
     }
     run.progress.finish();
-    let Some(First {
-        prepared: posed,
-        mut result,
-        ..
-    }) = first
-    else {
+    let Some(First { prepared: posed, .. }) = first else {
         return Err(Failure::usage("there is no frame"));
     };
+    let mut result = worst(&told);
     let shots = || told.iter().flat_map(|pose: &Told| &pose.shots);
     let in_order = (0..all.frames.len()).filter_map(|k| shots().find(|shot| shot.frame == k));
     result["n_lightings"] = json!(all.lightings.len());
@@ -108,9 +105,9 @@ pub(super) fn work(args: &RenderArgs, file: &Path, run: &mut Run) -> Result<Outc
     run.describe_audit(&mut text);
     run.describe_times(&mut text);
     text.extend(in_order.map(|shot| shot.line.as_str()));
-    let worst = told.iter().map(|pose| pose.code).find(|code| *code != ExitCode::Done);
+    let not_done = told.iter().map(|pose| pose.code).find(|code| *code != ExitCode::Done);
     let is_noisy = shots().any(|shot| shot.is_noisy);
-    let code = worst.unwrap_or(if is_noisy {
+    let code = not_done.unwrap_or(if is_noisy {
         ExitCode::NotConverged
     } else {
         ExitCode::Done
@@ -128,16 +125,52 @@ struct First {
     /// The form factors without repairs, and whether they met their tolerance.
     raw: FormFactors,
     tolerance_met: bool,
-    /// The part of the document that is about the solution.
-    result: Value,
 }
 
 /// What is told of a pose.
 struct Told {
     document: Value,
+    /// What the document says of its solution and form factors.
+    result: Value,
+    stop_reason: StopReason,
+    tolerance_met: bool,
     text: String,
     code: ExitCode,
     shots: Vec<Shot>,
+}
+
+/// Returns what the document says first: of the pose whose solution is worst, with the worst figures of all poses.
+fn worst(poses: &[Told]) -> Value {
+    let number = |pose: &Told, name: &str| pose.result[name].as_f64();
+    let order = |a: &&Told, b: &&Told| {
+        let rank = |pose: &Told| (severity(pose.stop_reason), !pose.tolerance_met);
+        let residual = |pose: &Told| number(pose, "residual_l2").unwrap_or(f64::INFINITY);
+        rank(a).cmp(&rank(b)).then(residual(a).total_cmp(&residual(b)))
+    };
+    let mut result = poses
+        .iter()
+        .max_by(order)
+        .map_or(Value::Null, |pose| pose.result.clone());
+    for name in [
+        "residual_l2",
+        "residual_max_power",
+        "error_bound",
+        "estimated_relative_error",
+    ] {
+        let of_all: Option<Vec<f64>> = poses.iter().map(|pose| number(pose, name)).collect();
+        result[name] = json!(of_all.map(|values| values.into_iter().fold(0.0, f64::max)));
+    }
+    result
+}
+
+/// Returns how bad the end of a solver is, beside others.
+fn severity(reason: StopReason) -> u8 {
+    match reason {
+        StopReason::Converged => 0,
+        StopReason::MaxPasses => 1,
+        StopReason::Stagnated => 2,
+        _ => 3,
+    }
 }
 
 impl Sequence {
@@ -181,6 +214,8 @@ impl Sequence {
         numbers.dedup();
         let lightings: Vec<Option<Lighting>> = numbers.iter().map(|&k| self.lightings[k].clone()).collect();
         let stack = Stack::new(&prepared, &lightings);
+        let files: Vec<Option<PathBuf>> = numbers.iter().map(|&k| self.lighting_files[k].clone()).collect();
+        stack.announce(run, &mut prepared.plan, &files);
         let areas = computed.factors.areas().to_vec();
         let solution = run.solve_system(
             (&mut prepared.plan, &prepared.mesh),
@@ -201,7 +236,9 @@ impl Sequence {
             .iter()
             .map(|&(k, frame)| solved.shoot(run, args, k, frame))
             .collect::<Result<Vec<_>, _>>()?;
-        let mut result = solve::to_json(&prepared, &args.solver.solver, &solution);
+        let stated: Option<Vec<f64>> = shots.iter().map(|shot| shot.stated).collect();
+        let stated = stated.map(|errors| errors.into_iter().fold(0.0, f64::max));
+        let mut result = solve::to_json(&prepared, &args.solver.solver, &solution, stated);
         if let Value::Object(result) = &mut result {
             // Each frame has its own.
             result.remove("surfaces");
@@ -210,25 +247,30 @@ impl Sequence {
         result["form_factors"] = checks_to_json(&computed);
         let names: Vec<&str> = own.iter().map(|(_, frame)| frame.name.as_str()).collect();
         let update = change.as_ref().map(|change| Update::new(change, &computed));
+        let mut document = json!({
+            "frames": names,
+            "n_lightings": numbers.len(),
+            "solver": result["solver"],
+            "why": result["why"],
+            "n_passes": solution.n_passes,
+            "form_factors": result["form_factors"],
+            "update": update,
+        });
+        merge(&mut document, solve::quality_to_json(&solution, stated));
+        let line = solve::solver_line(&args.solver.solver, &solution, stated);
         let told = Told {
-            text: describe_pose(&names, (numbers.len(), &solution, &computed), update.as_ref()),
+            text: describe_pose(&names, (numbers.len(), &line, &computed), update.as_ref()),
             code: solve::code(&solution, Some(&computed)),
-            document: json!({
-                "frames": names,
-                "n_lightings": numbers.len(),
-                "n_passes": solution.n_passes,
-                "stop_reason": solution.stop_reason,
-                "residual_l2": solution.residual_l2,
-                "form_factors": result["form_factors"],
-                "update": update,
-            }),
+            document,
+            result,
+            stop_reason: solution.stop_reason,
+            tolerance_met,
             shots,
         };
         let of_first = First {
             raw: factors,
             tolerance_met,
             prepared,
-            result,
         };
         Ok((told, of_first))
     }
@@ -272,16 +314,12 @@ impl Update {
 /// Writing to a String cannot fail; the results of `write!` are dropped for that reason.
 fn describe_pose(
     names: &[&str],
-    (n_lightings, solution, computed): (usize, &Solution, &Computed),
+    (n_lightings, solver_line, computed): (usize, &str, &Computed),
     update: Option<&Update>,
 ) -> String {
     let mut text = String::new();
-    let _ = writeln!(
-        text,
-        "{}: {n_lightings} lightings solved together in {} passes",
-        names.join(", "),
-        solution.n_passes
-    );
+    let _ = writeln!(text, "{}: {n_lightings} lightings solved together", names.join(", "));
+    let _ = writeln!(text, "{solver_line}");
     if let Some(update) = update {
         update.describe(&mut text);
     }
@@ -309,21 +347,23 @@ struct Shot {
     line: String,
     /// True if final gather left pixels above the noise asked for.
     is_noisy: bool,
+    /// The relative error that solver and form factors together state.
+    stated: Option<f64>,
 }
 
 impl Solved<'_> {
     fn shoot(&self, run: &mut Run, args: &RenderArgs, number: usize, frame: &Frame) -> Result<Shot, Failure> {
         let Self { prepared, computed, .. } = self;
         let place = self.numbers.partition_point(|&k| k < frame.lighting);
-        let own = self.stack.solution(place, self.solution);
+        let own = self.stack.solution(place, self.solution, prepared, &args.solver);
         let (reflectance, exitance) = self.stack.materials(place);
-        let (indirect, error) = run.times.time("solve", || {
-            (
-                indirect_irradiance(&computed.factors, &exitance, &own),
-                carried_error(&computed.factors, &reflectance, &exitance, &own),
-            )
-        });
-        let error = error?;
+        let indirect = run
+            .times
+            .time("solve", || indirect_irradiance(&computed.factors, &exitance, &own));
+        let error = run.carried_error(computed, (&reflectance, &exitance), &own)?;
+        let stated = error
+            .as_ref()
+            .and_then(|error| solve::relative_error(prepared, error, &own));
         computed.factors.if_readable(())?;
         let lighting = self.lightings[frame.lighting].as_ref();
         let lit = lighting.map(|lighting| lighting.apply(&prepared.scene));
@@ -334,29 +374,32 @@ impl Solved<'_> {
             radiosity: &own.radiosity,
             irradiance: &own.irradiance,
             indirect_irradiance: Some(&indirect),
-            error: Some(&error),
+            error: error.as_ref(),
         };
         let output = (frame.output.as_path(), frame.preview.as_path());
         let image = shoot(run, &input, &frame.view, frame.settings, args, output)?;
         let gathered = frame.settings.gather.map(|gather| GatherReport::new(&image, gather));
         let (width, height) = (image.width(), image.height());
         let (picture, preview) = (frame.output.display(), frame.preview.display());
+        let mut document = json!({
+            "name": frame.name,
+            "lighting": frame.lighting_file,
+            "moves": frame.motions,
+            "image": frame.output,
+            "preview": frame.preview,
+            "width": width,
+            "height": height,
+            "final_gather": gathered,
+            "energy": own.energy,
+            "surfaces": prepared.surfaces_with_radiosity(&own),
+        });
+        merge(&mut document, solve::quality_to_json(&own, stated));
         Ok(Shot {
             frame: number,
+            stated,
             line: format!("{}: wrote {picture} ({width} × {height}) and {preview}\n", frame.name),
             is_noisy: gathered.is_some_and(|report| report.n_above > 0),
-            document: json!({
-                "name": frame.name,
-                "lighting": frame.lighting_file,
-                "moves": frame.motions,
-                "image": frame.output,
-                "preview": frame.preview,
-                "width": width,
-                "height": height,
-                "final_gather": gathered,
-                "energy": own.energy,
-                "surfaces": prepared.surfaces_with_radiosity(&own),
-            }),
+            document,
         })
     }
 }
@@ -424,6 +467,7 @@ fn ready(args: &RenderArgs, file: &Path, wanted: Vec<frames::Frame>, prepared: &
     Ok(Sequence {
         frames,
         lightings,
+        lighting_files,
         poses,
     })
 }

@@ -6,16 +6,17 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use super::args::SolveArgs;
+use super::args::{SolveArgs, SolverArgs};
 use super::failure::Failure;
 use super::form_factors::{checks_to_json, describe_checks};
 use super::pipeline::{Computed, Prepared, Run};
-use super::{Outcome, solve};
+use super::{Outcome, merge, solve};
 use crate::matrix::operator::Block;
 use crate::mesh::Patch;
-use crate::report::solution::{Format, SolutionReport};
+use crate::plan::Plan;
+use crate::report::solution::SolutionReport;
 use crate::scene::{Lighting, Scene};
-use crate::solver::{Solution, carried_error};
+use crate::solver::{Solution, StopReason};
 
 /// The lightings of `solve`, with what is written for each.
 pub(super) struct Lightings {
@@ -56,6 +57,8 @@ pub(super) fn run(
     let Lightings { names, outputs, all } = lightings;
     let n = prepared.mesh.n_patches();
     let stack = Stack::new(&prepared, all);
+    let files: Vec<Option<PathBuf>> = args.lighting.iter().cloned().map(Some).collect();
+    stack.announce(run, &mut prepared.plan, &files);
     run.set("lightings", json!(names));
     let blocks = (stack.reflectance.clone(), stack.exitance.clone());
     let areas = computed.factors.areas().to_vec();
@@ -69,13 +72,16 @@ pub(super) fn run(
     let row_sums = computed.factors.row_sums();
     let mut documents = Vec::new();
     let mut text = String::new();
+    let mut worst = Some(0.0);
     for (k, name) in names.iter().enumerate() {
         let (rho, e) = stack.materials(k);
-        let own = stack.solution(k, &solution);
+        let own = stack.solution(k, &solution, &prepared, &args.solver);
+        let error = run.carried_error(computed, (&rho, &e), &own)?;
+        let stated = error
+            .as_ref()
+            .and_then(|error| solve::relative_error(&prepared, error, &own));
+        worst = worst.zip(stated).map(|(worst, stated): (f64, f64)| worst.max(stated));
         if let Some(path) = &outputs[k] {
-            let wants_error = Format::of(path)? != Format::Csv;
-            let carried = || carried_error(&computed.factors, &rho, &e, &own);
-            let error = wants_error.then(|| run.times.time("error", carried)).transpose()?;
             let report = SolutionReport {
                 scene: &prepared.scene,
                 mesh: &prepared.mesh,
@@ -88,18 +94,20 @@ pub(super) fn run(
             };
             run.times.time("write", || report.write(path))?;
         }
-        documents.push(json!({
+        let mut document = json!({
             "name": name,
             "n_channels": own.radiosity.n_channels(),
             "energy": own.energy,
             "surfaces": prepared.surfaces_with_radiosity(&own),
             "output": outputs[k].as_ref().map(|path| path.display().to_string()),
-        }));
+        });
+        merge(&mut document, solve::quality_to_json(&own, stated));
+        documents.push(document);
         let _ = writeln!(text, "\n{name}:");
-        solve::describe(&mut text, &prepared, &args.solver.solver, &own, None);
+        solve::describe(&mut text, &prepared, &args.solver.solver, &own, stated);
     }
     run.progress.finish();
-    let mut result = solve::to_json(&prepared, &args.solver.solver, &solution);
+    let mut result = solve::to_json(&prepared, &args.solver.solver, &solution, worst);
     if let Value::Object(result) = &mut result {
         // Each lighting has its own.
         result.remove("surfaces");
@@ -176,15 +184,40 @@ impl Stack {
         (own(&self.reflectance), own(&self.exitance))
     }
 
-    /// Returns what of the solution of all lightings belongs to lighting `k`.
-    pub(super) fn solution(&self, k: usize, all: &Solution) -> Solution {
-        let own = &self.channels[k];
-        Solution {
-            radiosity: channels_of(&all.radiosity, own),
-            irradiance: channels_of(&all.irradiance, own),
-            energy: all.energy[own.clone()].to_vec(),
+    /// Tells the plan how many channels there are, and later messages which of the lightings' files each of them is from.
+    pub(super) fn announce(&self, run: &mut Run, plan: &mut Plan, files: &[Option<PathBuf>]) {
+        plan.revise_channels(self.reflectance.n_channels());
+        let of_each = self.channels.iter().zip(files);
+        let repeated = of_each.flat_map(|(own, file)| own.clone().map(|_| file.clone()));
+        run.lighting_files = repeated.collect();
+    }
+
+    /// Returns what of the solution of all lightings belongs to lighting `k`: with its own residual, and the bound of the error that holds for all.
+    pub(super) fn solution(&self, k: usize, all: &Solution, prepared: &Prepared, args: &SolverArgs) -> Solution {
+        let channels = &self.channels[k];
+        let mut own = Solution {
+            radiosity: channels_of(&all.radiosity, channels),
+            irradiance: channels_of(&all.irradiance, channels),
+            energy: all.energy[channels.clone()].to_vec(),
             ..all.clone()
+        };
+        // What shows light under way has no residual; that of all lightings together is told of it.
+        if !args.display_ambient {
+            let (reflectance, exitance) = self.materials(k);
+            let residual = own.residual(&reflectance, &exitance);
+            let areas = prepared.mesh.areas();
+            own.residual_l2 = solve::relative_norm(&areas, &residual, &exitance).unwrap_or(all.residual_l2);
+            let powers = areas.iter().enumerate().flat_map(|(i, area)| {
+                let of_patch = residual.row(i).iter();
+                of_patch.map(move |r| (r * area).abs())
+            });
+            own.residual_max_power = powers.fold(0.0, f64::max);
+            let is_short = matches!(all.stop_reason, StopReason::MaxPasses | StopReason::Stagnated);
+            if is_short && own.residual_l2 <= args.tolerance {
+                own.stop_reason = StopReason::Converged;
+            }
         }
+        own
     }
 }
 

@@ -104,7 +104,9 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let image = shoot(run, &input, &view, settings, args, output)?;
     run.progress.finish();
 
-    let mut result = solve::to_json(&prepared, &solved.solver, &solved.solution);
+    let error = solved.error.as_ref();
+    let stated = error.and_then(|error| solve::relative_error(&prepared, error, &solved.solution));
+    let mut result = solve::to_json(&prepared, &solved.solver, &solved.solution, stated);
     result["form_factors"] = solved.computed.as_ref().map_or(Value::Null, checks_to_json);
     result["image"] = json!(args.output.display().to_string());
     result["preview"] = json!(preview.display().to_string());
@@ -119,9 +121,6 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
     if let Some(computed) = &solved.computed {
         describe_checks(&mut text, computed);
     }
-    let known = solved.computed.as_ref().is_some_and(|computed| computed.errors_known);
-    let error = solved.error.as_ref().filter(|_| known);
-    let stated = error.and_then(|error| solve::relative_error(&prepared, error, &solved.solution));
     solve::describe(&mut text, &prepared, &solved.solver, &solved.solution, stated);
     if let Some(report) = gathered {
         let _ = writeln!(
@@ -218,14 +217,15 @@ fn solve_scene(
             indirect_irradiance(&computed.factors, &prepared.materials().1, &solution)
         })
     });
-    let error = run.carried_error(prepared, &computed, &solution)?;
+    let (reflectance, exitance) = prepared.materials();
+    let error = run.carried_error(&computed, (&reflectance, &exitance), &solution)?;
     computed.factors.if_readable(())?;
     Ok(Solved {
         solver: args.solver.solver.clone(),
         solution,
         computed: Some(computed),
         indirect_irradiance,
-        error: Some(error),
+        error,
     })
 }
 

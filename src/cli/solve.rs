@@ -12,7 +12,7 @@ use super::form_factors::{self, DEFAULT_RAYS, checks_to_json, describe_checks};
 use super::lightings::{Lightings, with_suffix};
 use super::pipeline::{Computed, Fineness, Prepared, Run, repairs};
 use super::storage::Storage;
-use super::{Outcome, cell, lightings, reuse};
+use super::{Outcome, cell, lightings, merge, reuse};
 use crate::form_factor::ExactMethod;
 use crate::matrix::operator::Block;
 use crate::mesh::Subdivision;
@@ -123,17 +123,12 @@ fn finish(
     computed: Option<&Computed>,
     solution: &Solution,
 ) -> Result<Outcome, Failure> {
-    let mut stated = None;
+    let (reflectance, exitance) = prepared.materials();
+    let error = match computed {
+        Some(computed) => run.carried_error(computed, (&reflectance, &exitance), solution)?,
+        None => None,
+    };
     if let Some(path) = &args.output {
-        let (reflectance, exitance) = prepared.materials();
-        let wants_error = Format::of(path)? != Format::Csv;
-        let error = match computed.filter(|_| wants_error) {
-            Some(computed) => Some(run.carried_error(prepared, computed, solution)?),
-            None => None,
-        };
-        stated = error
-            .as_ref()
-            .and_then(|error| relative_error(prepared, error, solution));
         let row_sums = computed.map(|computed| computed.factors.row_sums());
         let report = SolutionReport {
             scene: &prepared.scene,
@@ -147,15 +142,11 @@ fn finish(
         };
         run.times.time("write", || report.write(path))?;
     }
-    if let Some(computed) = computed.filter(|_| stated.is_none() && solution.stop_reason == StopReason::Converged) {
-        // Light too bright or too dim for an estimate is no reason to keep the light itself back.
-        let error = run.carried_error(prepared, computed, solution).ok();
-        stated = error.and_then(|error| relative_error(prepared, &error, solution));
-    }
-    let stated = stated.filter(|_| computed.is_some_and(|computed| computed.errors_known));
+    let stated = error
+        .as_ref()
+        .and_then(|error| relative_error(prepared, error, solution));
     run.progress.finish();
-    let mut result = to_json(prepared, &args.solver.solver, solution);
-    result["estimated_relative_error"] = json!(stated);
+    let mut result = to_json(prepared, &args.solver.solver, solution, stated);
     result["form_factors"] = computed.map_or(Value::Null, checks_to_json);
     let document = run.document_of(prepared, result);
     let mut text = run.explanation(prepared);
@@ -190,25 +181,34 @@ pub(super) fn code(solution: &Solution, computed: Option<&Computed>) -> ExitCode
     }
 }
 
-/// Returns what documents say about a solution.
-pub(super) fn to_json(prepared: &Prepared, solver: &str, solution: &Solution) -> Value {
+/// Returns what documents say about a solution; `stated` is the relative error that solver and form factors together state.
+pub(super) fn to_json(prepared: &Prepared, solver: &str, solution: &Solution, stated: Option<f64>) -> Value {
     let selections = &solution.selections;
-    json!({
+    let mut document = json!({
         "n_steps": (!selections.is_empty()).then(|| selections.iter().sum::<u64>()),
         "n_patches": prepared.mesh.n_patches(),
         "n_channels": solution.radiosity.n_channels(),
         "solver": chosen(solver, solution),
         "why": solution.choice.as_ref().map(|choice| &choice.why),
-        "stop_reason": solution.stop_reason,
         "n_passes": solution.n_passes,
         "setup_work": solution.setup_work,
         "setup_s": solution.setup_s,
-        "residual_max_power": solution.residual_max_power,
-        "residual_l2": solution.residual_l2,
-        "error_bound": solution.error_bound,
         "history": solution.history,
         "energy": solution.energy,
         "surfaces": prepared.surfaces_with_radiosity(solution),
+    });
+    merge(&mut document, quality_to_json(solution, stated));
+    document
+}
+
+/// Returns how good a solution is: what stands beside each that documents tell of.
+pub(super) fn quality_to_json(solution: &Solution, stated: Option<f64>) -> Value {
+    json!({
+        "stop_reason": solution.stop_reason,
+        "residual_max_power": solution.residual_max_power,
+        "residual_l2": solution.residual_l2,
+        "error_bound": solution.error_bound,
+        "estimated_relative_error": stated,
     })
 }
 
@@ -219,26 +219,47 @@ pub(super) fn chosen<'a>(asked: &'a str, solution: &Solution) -> &'a str {
 
 /// Returns estimated errors of radiosities as one number: sqrt(Σ A e² / Σ A B²), the worst channel, or `None` where that is no number.
 pub(super) fn relative_error(prepared: &Prepared, error: &Block, solution: &Solution) -> Option<f64> {
-    let areas = prepared.mesh.areas();
+    relative_norm(&prepared.mesh.areas(), error, &solution.radiosity)
+}
+
+/// Returns sqrt(Σ A x² / Σ A y²) for x `of` and y `to`, the worst of the channels in which y is not 0, or `None` where that is no number.
+pub(super) fn relative_norm(areas: &[f64], of: &Block, to: &Block) -> Option<f64> {
     let norms = |block: &Block| -> Vec<(f64, f64)> {
         let norm = |c: usize| {
             let values = || (0..block.n_rows()).map(|i| block.row(i)[c].abs());
             // In units of the greatest, so that no square overflows or vanishes.
             let unit = values().fold(0.0, f64::max).max(f64::MIN_POSITIVE);
-            let sum: f64 = values().zip(&areas).map(|(x, area)| area * (x / unit).powi(2)).sum();
+            let sum: f64 = values().zip(areas).map(|(x, area)| area * (x / unit).powi(2)).sum();
             (sum.sqrt(), unit)
         };
         (0..block.n_channels()).map(norm).collect()
     };
-    let ratios = norms(error).into_iter().zip(norms(&solution.radiosity));
+    let ratios = norms(of).into_iter().zip(norms(to));
     let lit = ratios.filter(|(_, (norm, _))| *norm > 0.0);
     let worst = lit
-        .map(|((e, e_unit), (b, b_unit))| e / b * (e_unit / b_unit))
+        .map(|((x, x_unit), (y, y_unit))| x / y * (x_unit / y_unit))
         .fold(
             0.0_f64,
             |worst, ratio| if ratio.is_nan() { ratio } else { worst.max(ratio) },
         );
     worst.is_finite().then_some(worst)
+}
+
+/// Returns the line that says which solver did the work, and how well.
+pub(super) fn solver_line(asked: &str, solution: &Solution, stated: Option<f64>) -> String {
+    let bound = solution
+        .error_bound
+        .map_or("unknown".to_owned(), |bound| format!("{bound:.1e}"));
+    let with_factors = stated.map_or(String::new(), |error| {
+        format!(", with the form factors' own errors about {error:.1e}")
+    });
+    format!(
+        "{}: {} after {} passes, relative residual {:.1e}, bound on the relative error {bound}{with_factors}",
+        chosen(asked, solution),
+        solution.stop_reason,
+        solution.n_passes,
+        solution.residual_l2
+    )
 }
 
 /// Describes a solution: how it was reached, and the mean radiosity of each surface; `stated` is the relative error that solver and form factors together state.
@@ -249,20 +270,7 @@ pub(super) fn describe(text: &mut String, prepared: &Prepared, solver: &str, sol
             "nothing reflects: the radiosity is the exitance, and no form factor is needed"
         );
     } else {
-        let bound = solution
-            .error_bound
-            .map_or("unknown".to_owned(), |bound| format!("{bound:.1e}"));
-        let _ = writeln!(
-            text,
-            "{}: {} after {} passes, relative residual {:.1e}, bound on the relative error {bound}{}",
-            chosen(solver, solution),
-            solution.stop_reason,
-            solution.n_passes,
-            solution.residual_l2,
-            stated.map_or(String::new(), |error| format!(
-                ", with the form factors' own errors about {error:.1e}"
-            ))
-        );
+        let _ = writeln!(text, "{}", solver_line(solver, solution, stated));
     }
     let _ = writeln!(text, "\nmean radiosity by surface, W/m²");
     let surfaces = prepared.surface_means(&solution.radiosity);

@@ -6,7 +6,7 @@ use crate::matrix::operator::Block;
 use crate::mesh::Mesh;
 use crate::scene::Scene;
 
-/// Writes one row a patch: its id, surface, area in m², centroid in m, and radiosity and irradiance in W·m⁻² per channel.
+/// Writes one row a patch: its id, surface, area in m², centroid in m, and `quantities` (name, value per channel).
 ///
 /// Numbers have the fewest digits that read back as the same f64. Names are quoted where they need it (RFC 4180).
 ///
@@ -16,13 +16,12 @@ pub fn write_solution(
     writer: &mut dyn Write,
     scene: &Scene,
     mesh: &Mesh,
-    radiosity: &Block,
-    irradiance: &Block,
+    quantities: &[(&str, &Block)],
 ) -> io::Result<()> {
     write!(writer, "patch,surface,area_m2,x_m,y_m,z_m")?;
-    for quantity in ["radiosity", "irradiance"] {
-        for channel in channel_names(radiosity.n_channels()) {
-            write!(writer, ",{quantity}_{channel}")?;
+    for (name, block) in quantities {
+        for channel in channel_names(block.n_channels()) {
+            write!(writer, ",{name}_{channel}")?;
         }
     }
     writeln!(writer)?;
@@ -30,12 +29,17 @@ pub fn write_solution(
         let name = quoted(&scene.surfaces[patch.surface.0 as usize].name);
         let c = patch.centroid;
         write!(writer, "{i},{name},{:?},{:?},{:?},{:?}", patch.area, c.x, c.y, c.z)?;
-        for value in radiosity.row(i).iter().chain(irradiance.row(i)) {
+        for value in quantities.iter().flat_map(|(_, block)| block.row(i)) {
             write!(writer, ",{value:?}")?;
         }
         writeln!(writer)?;
     }
     Ok(())
+}
+
+/// Writes what a file says about itself, in lines that begin with `#`.
+pub(super) fn write_description(writer: &mut dyn Write, description: &str) -> io::Result<()> {
+    description.lines().try_for_each(|line| writeln!(writer, "# {line}"))
 }
 
 /// Returns the names of one grey channel or of three.

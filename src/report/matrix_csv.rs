@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 
 use super::Description;
-use super::csv::quoted;
+use super::csv::{quoted, write_description};
 use crate::matrix::SurfaceFormFactors;
 use crate::scene::Scene;
 
@@ -17,9 +17,7 @@ pub(super) fn write(
     surfaces: &SurfaceFormFactors,
     description: &Description,
 ) -> io::Result<()> {
-    for line in description.to_json().lines() {
-        writeln!(writer, "# {line}")?;
-    }
+    write_description(writer, &description.to_json())?;
     writeln!(writer, "from,to,from_area_m2,form_factor,error")?;
     let n = surfaces.n_surfaces;
     for (i, from) in scene.surfaces.iter().enumerate() {

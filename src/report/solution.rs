@@ -2,12 +2,12 @@
 //!
 //! | ending | content | for |
 //! |---|---|---|
-//! | `.csv` | a row for each patch: surface, area, centroid, radiosity, irradiance | tables |
+//! | `.csv` | a row for each patch: surface, area, centroid, radiosity, irradiance, error; before them the description in lines that begin with `#` | tables |
 //! | `.npz` | `radiosity`, `irradiance`, `exitance`, `reflectance`, `residual`, `error` \[n, c\]; `row_sum` \[n, 1\]; `area`, `surface` \[n\]; `centroid` \[n, 3\]; `meta.json` | NumPy |
 //! | `.vtu` | patches with the same quantities | ParaView, PyVista |
 //!
 //! `error` is the estimated error of the radiosity (see [`carried_error`](crate::solver::carried_error)), `row_sum` the sum of each patch's form factors; both
-//! are left out where no form factors are stored. Radiosity, irradiance, exitance, residual and error are in W·m⁻², area in m², centroids in m.
+//! are left out where no form factors are stored, and `error` where their errors are not known. Radiosity, irradiance, exitance, residual and error are in W·m⁻², area in m², centroids in m.
 
 use std::io::{self, Seek, Write};
 use std::path::Path;
@@ -93,10 +93,9 @@ impl SolutionReport<'_> {
             &self.solution.irradiance,
         ];
         assert!(blocks.iter().all(|block| block.n_rows() == n), "one row per patch");
-        let (radiosity, irradiance) = (&self.solution.radiosity, &self.solution.irradiance);
         let format = Format::of(path)?;
         let written = whole_file::write(path, |writer| match format {
-            Format::Csv => csv::write_solution(writer, self.scene, self.mesh, radiosity, irradiance),
+            Format::Csv => self.write_csv(writer),
             Format::Npz => self.write_npz(writer),
             Format::Vtu => self.write_vtu(writer),
         });
@@ -137,6 +136,17 @@ impl SolutionReport<'_> {
             quantities.push(("row_sum", Block::from_values(sums.to_vec(), 1)));
         }
         quantities
+    }
+
+    fn write_csv(&self, writer: &mut dyn Write) -> io::Result<()> {
+        csv::write_description(writer, &self.description())?;
+        let light = [
+            ("radiosity", &self.solution.radiosity),
+            ("irradiance", &self.solution.irradiance),
+        ];
+        let error = self.error.map(|error| ("error", error));
+        let quantities: Vec<_> = light.into_iter().chain(error).collect();
+        csv::write_solution(writer, self.scene, self.mesh, &quantities)
     }
 
     fn write_npz<W: Write + Seek>(&self, writer: W) -> io::Result<()> {

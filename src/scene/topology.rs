@@ -59,7 +59,7 @@ pub fn is_watertight(scene: &Scene) -> bool {
 ///
 /// False only where it is certain: every other face either lies in front of the plane of the face, so that its back looks away, or has all of the face in front of its own,
 /// or is part of a closed piece of surface whose backs are out of sight: a sheet with two sides, the piece of the face itself, or a block that faces outwards and whose bounding
-/// box is clear of the face. What hides a back otherwise is not looked at. Conservative too by [`CLEAR`] of the scene's size.
+/// box is clear of the face. What hides a back otherwise is not looked at. What is nearer than 1e-7 of the scene's size counts as touching.
 /// Work: faces × faces at worst, with a stop at the first back.
 #[must_use]
 pub fn may_see_backs(scene: &Scene) -> Vec<bool> {
@@ -101,7 +101,7 @@ pub fn may_see_backs(scene: &Scene) -> Vec<bool> {
         .collect()
 }
 
-/// What is nearer than this share of the scene's size counts as touching: less than f32 resolves.
+/// What is nearer than this share of the scene's size counts as touching, as [`may_see_backs`] says: less than f32 resolves.
 const CLEAR: f64 = 1e-7;
 
 /// A closed piece of surface: its first face, and whether all of it lies in the plane of that.

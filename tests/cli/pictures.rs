@@ -508,11 +508,82 @@ fn frames_with_a_moved_object_equal_pictures_of_the_moved_scene() {
         }
         assert_ne!(shared.f32("R"), layers("f-a.exr").f32("R"), "the move shows");
     }
+    for told in [&result["poses"], &result["frames"]] {
+        for one in told.as_array().unwrap() {
+            assert_eq!(one["stop_reason"], "converged");
+            let number = |name: &str| one[name].as_f64().unwrap();
+            let (bound, stated) = (number("error_bound"), number("estimated_relative_error"));
+            assert!(
+                number("residual_l2") <= 1e-6 && bound < 1e-4 && stated > bound / 2.0,
+                "{one}"
+            );
+        }
+    }
+    assert!(
+        poses
+            .iter()
+            .all(|pose| pose["solver"].is_string() && pose["why"].is_string())
+    );
     let text = radiosity(directory.path(), &frames);
     let told = String::from_utf8(text.stdout).unwrap();
+    assert_eq!(told.matches(": converged after ").count(), 3, "{told}");
     assert!(
         told.contains("6 faces moved: ") && told.contains("computed anew, the others are as before"),
         "{told}"
+    );
+}
+
+/// The first pose has its solution at once, the second needs more passes than it may take.
+#[test]
+fn a_sequence_is_as_good_as_its_worst_pose() {
+    let directory = with_scene("room-box");
+    let write = |name: &str, text: &str| std::fs::write(directory.path().join(name), text).unwrap();
+    let library = std::fs::read_to_string(directory.path().join("scene.mtl")).unwrap();
+    let materials = library.lines().filter_map(|line| line.strip_prefix("newmtl "));
+    let black: Vec<String> = materials
+        .map(|name| format!("[material.\"{name}\"]\nreflectance = 0.0\n"))
+        .collect();
+    write("black.toml", &black.concat());
+    write(
+        "frames.toml",
+        "[[frame]]\nname = \"a\"\nlighting = \"black.toml\"\n\n[[frame]]\nname = \"b\"\n[[frame.move]]\nsurface = \"box_z1\"\ntranslate = [0.0, 0.0, 0.1]\n",
+    );
+    let arguments = [
+        "render",
+        "scene.obj",
+        "--subdivide",
+        "2",
+        "--width",
+        "8",
+        "--solver",
+        "jacobi",
+        "--max-passes",
+        "2",
+        "--frames",
+        "frames.toml",
+        "-o",
+        "f.exr",
+    ];
+    let (code, result) = document(directory.path(), &arguments);
+    assert_eq!(code, 3, "{result}");
+    let poses = result["poses"].as_array().unwrap();
+    let reasons = [
+        &poses[0]["stop_reason"],
+        &poses[1]["stop_reason"],
+        &result["stop_reason"],
+    ];
+    assert_eq!(reasons, ["converged", "max_passes", "max_passes"]);
+    for name in ["residual_l2", "error_bound", "estimated_relative_error"] {
+        assert_eq!(result[name], poses[1][name], "{name}");
+        assert!(
+            poses[0][name].as_f64().unwrap() < poses[1][name].as_f64().unwrap(),
+            "{name}"
+        );
+    }
+    let text = String::from_utf8(radiosity(directory.path(), &arguments).stdout).unwrap();
+    assert!(
+        text.contains("jacobi: converged after ") && text.contains("jacobi: out of passes after "),
+        "{text}"
     );
 }
 

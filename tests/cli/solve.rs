@@ -166,11 +166,15 @@ fn the_solution_is_written_as_csv() {
     );
     assert!(output.status.success(), "{}", stderr(&output));
     let table = std::fs::read_to_string(directory.path().join("b.csv")).unwrap();
-    let lines: Vec<&str> = table.lines().collect();
+    let (about, lines): (Vec<&str>, Vec<&str>) = table.lines().partition(|line| line.starts_with("# "));
+    let about: Vec<&str> = about.iter().map(|line| &line[2..]).collect();
+    let about: Value = serde_json::from_str(&about.join("\n")).unwrap();
+    assert_eq!(about["format"], "radiosity solution 1");
+    assert_eq!(about["stop_reason"], "converged");
     assert_eq!(lines.len(), 25);
     assert_eq!(
         lines[0],
-        "patch,surface,area_m2,x_m,y_m,z_m,radiosity_grey,irradiance_grey"
+        "patch,surface,area_m2,x_m,y_m,z_m,radiosity_grey,irradiance_grey,error_grey"
     );
     assert!(lines[1].starts_with("0,x0,0.25,0.0,"), "{}", lines[1]);
     let output = radiosity(directory.path(), &["solve", "scene.obj", "-o", "b.txt"]);
@@ -443,6 +447,173 @@ fn form_factors_need_not_be_stored() {
         assert_eq!(refused.status.code(), Some(2));
         assert!(stderr(&refused).contains(expected), "{}", stderr(&refused));
     }
+}
+
+/// What is not known of form factors is not stated of the light.
+#[test]
+fn errors_that_are_not_known_are_not_stated() {
+    let directory = with_scene("room-box");
+    let directory = directory.path();
+    std::fs::write(directory.join("lamp.toml"), "[surface.room_z1]\nexitance = 2.0\n").unwrap();
+    for (file, is_known) in [("F.npz", true), ("F.npy", false), ("F.mtx", false)] {
+        let (code, _) = document(
+            directory,
+            &["form-factors", "scene.obj", "--subdivide", "2", "-o", file],
+        );
+        assert_eq!(code, 0, "{file}");
+        let solve = ["solve", "scene.obj", "--form-factors", file];
+        for (more, written) in [(&[] as &[&str], "B.vtu"), (&["--lighting", "lamp.toml"], "B-lamp.vtu")] {
+            let (code, result) = document(directory, &[&solve[..], more, &["-o", "B.vtu"]].concat());
+            assert_eq!(code, 0, "{file}: {result}");
+            let text = std::fs::read_to_string(directory.join(written)).unwrap();
+            assert_eq!(text.contains("Name=\"error\""), is_known, "{file} {written}");
+            assert_eq!(
+                result["estimated_relative_error"].is_number(),
+                is_known,
+                "{file}: {result}"
+            );
+        }
+    }
+}
+
+/// The error that is stated is the same whatever is written, of a solution that has not converged too, and each lighting has its own.
+#[test]
+fn every_solution_states_its_error() {
+    let directory = with_scene("room-box");
+    let stated = |more: &[&str], expected: i32| {
+        let common = [
+            "solve",
+            "scene.obj",
+            "--subdivide",
+            "2",
+            "--method",
+            "sr",
+            "--rays",
+            "500",
+        ];
+        let (code, result) = document(directory.path(), &[&common[..], more].concat());
+        assert_eq!(code, expected, "{more:?}: {result}");
+        result["estimated_relative_error"].as_f64().unwrap()
+    };
+    for (more, code) in [(&[] as &[&str], 0), (&["--max-passes", "1", "--solver", "jacobi"], 3)] {
+        let bare = stated(more, code);
+        for file in ["B.csv", "B.npz", "B.vtu"] {
+            let with_file = stated(&[more, &["-o", file]].concat(), code);
+            assert_eq!(with_file.to_bits(), bare.to_bits(), "{file}");
+        }
+    }
+    for (name, power) in [("one", "1.0"), ("red", "[9.0, 1.0, 0.0]")] {
+        let text = format!("[surface.box_x1]\nexitance = {power}\n");
+        std::fs::write(directory.path().join(format!("{name}.toml")), text).unwrap();
+    }
+    let arguments = [
+        "solve",
+        "scene.obj",
+        "--subdivide",
+        "2",
+        "--lighting",
+        "one.toml",
+        "--lighting",
+        "red.toml",
+        "--explain",
+    ];
+    let (code, result) = document(directory.path(), &arguments);
+    assert_eq!(code, 0, "{result}");
+    let lightings = result["lightings"].as_array().unwrap();
+    for lighting in lightings {
+        assert_eq!(lighting["stop_reason"], "converged");
+        for name in [
+            "residual_l2",
+            "residual_max_power",
+            "error_bound",
+            "estimated_relative_error",
+        ] {
+            let (own, all) = (lighting[name].as_f64().unwrap(), result[name].as_f64().unwrap());
+            assert!(own >= 0.0 && own <= all * (1.0 + 1e-6) + 1e-15, "{name}: {own} {all}");
+        }
+    }
+    assert_ne!(
+        lightings[0]["residual_l2"], lightings[1]["residual_l2"],
+        "each has its own"
+    );
+    let decisions = result["decisions"].as_array().unwrap();
+    let channels = decisions.iter().find(|d| d["subject"] == "channels").unwrap();
+    assert_eq!(
+        channels["choice"], "4",
+        "one of the grey lighting, three of the red one"
+    );
+    let text = String::from_utf8(radiosity(directory.path(), &arguments).stdout).unwrap();
+    assert_eq!(
+        text.matches("with the form factors' own errors about").count(),
+        2,
+        "{text}"
+    );
+}
+
+#[test]
+fn messages_name_the_file_and_the_flag_at_fault() {
+    let directory = with_scene("cube");
+    let write = |name: &str, text: &str| std::fs::write(directory.path().join(name), text).unwrap();
+    write("dim.toml", "[surface.x0]\nexitance = 0.5\n");
+    let white: String = ["x0", "x1", "y0", "y1", "z0", "z1"]
+        .map(|name| format!("[surface.{name}]\nreflectance = 1.0\nexitance = 1.0\n"))
+        .concat();
+    write("white.toml", &white);
+    write("frames.toml", "[[frame]]\nname = \"a\"\nlighting = \"white.toml\"\n");
+    for arguments in [
+        &[
+            "solve",
+            "scene.obj",
+            "--lighting",
+            "dim.toml",
+            "--lighting",
+            "white.toml",
+        ] as &[&str],
+        &[
+            "render",
+            "scene.obj",
+            "--subdivide",
+            "1",
+            "--frames",
+            "frames.toml",
+            "-o",
+            "f.exr",
+        ],
+    ] {
+        let (code, result) = document(directory.path(), arguments);
+        assert_eq!((code, &result["error"]["file"]), (1, &"white.toml".into()), "{result}");
+        let message = result["error"]["message"].as_str().unwrap();
+        assert!(
+            message.starts_with("white.toml: no finite solution") && message.contains("lower a `reflectance`"),
+            "{message}"
+        );
+    }
+    let directory = with_scene("room-box");
+    for command in ["solve", "render"] {
+        let arguments = [
+            command,
+            "scene.obj",
+            "--method",
+            "sr",
+            "--form-factor-tolerance",
+            "1e-3",
+            "-o",
+            "f.exr",
+        ];
+        let n = if command == "solve" { 6 } else { 8 };
+        let output = radiosity(directory.path(), &arguments[..n]);
+        assert_eq!(output.status.code(), Some(2));
+        assert!(
+            stderr(&output).contains("`--form-factor-tolerance`"),
+            "{}",
+            stderr(&output)
+        );
+    }
+    let output = radiosity(
+        directory.path(),
+        &["form-factors", "scene.obj", "--method", "sr", "--tolerance", "1e-3"],
+    );
+    assert!(stderr(&output).contains("`--tolerance`"), "{}", stderr(&output));
 }
 
 /// Form factors above their tolerance are told of again where they are used.

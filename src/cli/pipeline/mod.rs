@@ -40,6 +40,8 @@ pub(super) struct Run {
     /// The scene's file and its surfaces, for what is refused when the scene itself is out of reach.
     scene_file: PathBuf,
     surface_names: Vec<String>,
+    /// The file of the lighting that each channel belongs to; none where the materials are the scene's own.
+    pub(super) lighting_files: Vec<Option<PathBuf>>,
     interrupt: Interrupt,
     has_looked_at_gaps: bool,
 }
@@ -60,6 +62,7 @@ impl Run {
             warnings: RefCell::default(),
             scene_file: PathBuf::new(),
             surface_names: Vec::new(),
+            lighting_files: Vec::new(),
             has_looked_at_gaps: false,
         }
     }

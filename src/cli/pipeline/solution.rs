@@ -97,34 +97,52 @@ impl Run {
         )
     }
 
-    /// Estimates the error of a solution from the errors of its form factors; one that shows light under way is not the solution.
+    /// Estimates the error of a solution from the errors of its form factors, W·m⁻², \[n, c\]: `None` where these are not known, and where light too bright or too dim has no
+    /// estimate, which is no reason to keep the light itself back. `reflectance`, `exitance`: ρ, E.
     pub(in crate::cli) fn carried_error(
         &mut self,
-        prepared: &Prepared,
         computed: &Computed,
+        (reflectance, exitance): (&Block, &Block),
         solution: &Solution,
-    ) -> Result<Block, Failure> {
-        let (reflectance, exitance) = prepared.materials();
-        Ok(self.times.time("error", || {
-            solver::carried_error(&computed.factors, &reflectance, &exitance, solution)
-        })?)
+    ) -> Result<Option<Block>, Failure> {
+        if !computed.errors_known {
+            return Ok(None);
+        }
+        let carried = self.times.time("error", || {
+            solver::carried_error(&computed.factors, reflectance, exitance, solution)
+        });
+        match carried {
+            Ok(error) => Ok(Some(error)),
+            Err(error @ SolverError::Disk(_)) => Err(error.into()),
+            Err(_) => Ok(None),
+        }
     }
 
     /// Says of a system without a finite solution which surface of which file it is about, and what helps; `surface` is that of an unknown.
     pub(in crate::cli) fn refused(&self, error: SolverError, surface: impl Fn(usize) -> Option<SurfaceId>) -> Failure {
-        let SolverError::NoFiniteSolution { patch, n_patches, .. } = error else {
+        let SolverError::NoFiniteSolution {
+            patch,
+            n_patches,
+            channel,
+            ..
+        } = error
+        else {
             return error.into();
+        };
+        let (file, reflectance) = match self.lighting_files.get(channel) {
+            Some(Some(lighting)) => (lighting, "reflectance"),
+            _ => (&self.scene_file, "Kd"),
         };
         let name = surface(patch).and_then(|id| self.surface_names.get(id.0 as usize));
         let place = name.map_or_else(|| format!("patch {patch}"), |name| format!("`{name}`"));
         let message = format!(
             "{}: no finite solution: {place} and what exchanges light with it ({n_patches} patches in all) emit, reflect everything, and let \
-             nothing out; lower a `Kd` below 1 there, or open the scene",
-            self.scene_file.display()
+             nothing out; lower a `{reflectance}` below 1 there, or open the scene",
+            file.display()
         );
         Failure {
             message,
-            ..Failure::from(error).in_file(&self.scene_file)
+            ..Failure::from(error).in_file(file)
         }
     }
 

@@ -16,7 +16,7 @@ use super::failure::Failure;
 use super::file_set::FileSet;
 use super::picture::warn_if_blank;
 use super::pipeline::{Prepared, Run, go_on};
-use super::{Outcome, merge, render};
+use super::{Outcome, merge, render, solve};
 use crate::audit::{self, Given};
 use crate::matrix::operator::{Block, LinearOperator};
 use crate::mesh::Subdivision;
@@ -98,7 +98,7 @@ fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let hausdorff = run.times.time("checks", || voxels.hausdorff_distance(&prepared.scene));
     let (solved, links) = match args.adaptive {
         Some(tolerance) => solve_on_cells(run, &mut prepared, &voxels, &sphere, args, tolerance)?,
-        None => solve_on_voxels(run, &prepared, &voxels, &sphere, kept, args)?,
+        None => solve_on_voxels(run, &mut prepared, &voxels, &sphere, kept, args)?,
     };
     write(run, &prepared, &voxels, &solved, args, format)?;
     run.progress.finish();
@@ -149,7 +149,7 @@ fn link_file(args: &VoxelArgs) -> PathBuf {
 /// Solves with one unknown for each surfel.
 fn solve_on_voxels(
     run: &mut Run,
-    prepared: &Prepared,
+    prepared: &mut Prepared,
     voxels: &VoxelScene,
     sphere: &DiscreteSphere,
     kept: LinksName,
@@ -158,7 +158,7 @@ fn solve_on_voxels(
     let links = find_links(run, voxels, sphere, kept, args)?;
     run.go_on()?;
     let operator = LinkOperator::new(voxels, sphere, &links, row_weights(args));
-    let solved = solve(run, prepared, &operator, args);
+    let solved = solve_to_tolerance(run, prepared, &operator, args);
     // What went wrong with the links explains whatever the solver made of it.
     if let Some(error) = links.failure() {
         return Err(error.into());
@@ -305,7 +305,12 @@ fn expect_sensible(args: &VoxelArgs, format: Option<Format>) -> Result<(), Failu
     Ok(())
 }
 
-fn solve(run: &mut Run, prepared: &Prepared, operator: &LinkOperator<'_>, args: &VoxelArgs) -> Result<Solved, Failure> {
+fn solve_to_tolerance(
+    run: &mut Run,
+    prepared: &mut Prepared,
+    operator: &LinkOperator<'_>,
+    args: &VoxelArgs,
+) -> Result<Solved, Failure> {
     let materials = Materials::new(&prepared.scene, operator.scene(), prepared.plan.n_channels);
     let emission = emission(&materials, args);
     let Some(name) = args.solver.as_deref() else {
@@ -368,10 +373,14 @@ fn solve(run: &mut Run, prepared: &Prepared, operator: &LinkOperator<'_>, args: 
     };
     let found = run.times.time("audit", || audit::solution(&system, &solution, given))?;
     run.audited(found);
+    if let Some(choice) = &solution.choice {
+        prepared.plan.decide("solver", choice.solver, choice.why.clone());
+    }
     let converged = solution.stop_reason == StopReason::Converged;
     Ok(Solved {
         document: json!({
-            "solver": name,
+            "solver": solve::chosen(name, &solution),
+            "why": solution.choice.as_ref().map(|choice| &choice.why),
             "stop_reason": solution.stop_reason,
             "n_passes": solution.n_passes,
             "residual_l2": solution.residual_l2,
@@ -379,10 +388,7 @@ fn solve(run: &mut Run, prepared: &Prepared, operator: &LinkOperator<'_>, args: 
             "error_bound": solution.error_bound,
             "history": solution.history,
         }),
-        line: format!(
-            "{name}: {} after {} passes, relative residual {:.1e}",
-            solution.stop_reason, solution.n_passes, solution.residual_l2
-        ),
+        line: solve::solver_line(name, &solution, None),
         radiosity: materials.radiosity(&solution.irradiance),
         irradiance: solution.irradiance,
         code: if converged {
