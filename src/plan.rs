@@ -11,7 +11,8 @@ pub use voxels::{VoxelDemand, voxel_byte};
 
 use serde::Serialize;
 
-use crate::scene::{Scene, topology};
+use crate::scene::topology::{self, Enclosure};
+use crate::scene::{FaceId, Scene};
 
 /// What is left out where nothing is coloured.
 const GREY: &str = "two of three channels: every material is grey";
@@ -36,6 +37,8 @@ pub struct Plan {
     pub convex_and_empty: bool,
     /// True if the faces are known to enclose all light before any ray is traced.
     pub watertight: bool,
+    /// The first face of each closed piece that is wound the wrong way (see [`Enclosure`]).
+    pub turned: Vec<FaceId>,
     /// The decisions, in the order in which they were made.
     pub decisions: Vec<Decision>,
     /// What is not done because this scene does not need it.
@@ -46,10 +49,12 @@ impl Plan {
     /// Looks at a scene.
     #[must_use]
     pub fn new(scene: &Scene) -> Self {
+        let Enclosure { watertight, turned } = Enclosure::of(scene);
         let mut plan = Self {
             n_channels: scene.n_channels_needed(),
             convex_and_empty: topology::is_convex_and_empty(scene),
-            watertight: topology::is_watertight(scene),
+            watertight,
+            turned,
             decisions: Vec::new(),
             left_out: Vec::new(),
         };
@@ -76,13 +81,13 @@ impl Plan {
             plan.decide(
                 "closure",
                 "closed",
-                "every edge joins two faces, and every piece faces into an enclosure",
+                "every edge joins two faces, and every front lies in an enclosure",
             );
         } else {
             plan.decide(
                 "closure",
                 "open until rays show otherwise",
-                "some edge does not join two faces, or some piece faces outwards",
+                "some edge does not join two faces, or some front lies outside of all enclosures",
             );
         }
         plan

@@ -128,10 +128,7 @@ pub fn form_factors(factors: &FormFactors, claims: Claims<'_>) -> Result<FormFac
 
 fn rows_of(factors: &FormFactors, claims: Claims<'_>, rows: Range<usize>) -> Found {
     let areas = factors.areas();
-    let unit = match factors.storage().precision {
-        Precision::F32 => f64::from(f32::EPSILON),
-        Precision::F64 => f64::EPSILON,
-    };
+    let unit = unit(factors);
     let symmetric = factors.is_symmetric();
     // The area that one ray of each row stands for.
     let per_ray = |i: usize| factors.tallies()[i].effective_rays().map(|n| areas[i] / n);
@@ -164,25 +161,48 @@ fn rows_of(factors: &FormFactors, claims: Claims<'_>, rows: Range<usize>) -> Fou
             found.reciprocity.see(defect, by_noise, At::pair(i, j));
         }
         let row = &mut sums[i - rows.start];
-        row.value += value;
-        row.error += error;
-        row.error_squared += error * error;
+        row.add(value, error);
         row.gain += back - there;
     });
     for (i, row) in rows.zip(sums) {
         found.gain.push(row.gain);
-        let lost = factors.lost(i, claims.closed).filter(|_| claims.errors_known);
-        let excess = row.value - (1.0 - lost.unwrap_or(0.0));
-        let allowed = |is_above: bool| {
-            let rounding = (factors.n_rows() as f64 + 8.0) * unit;
-            rounding + row_error(&factors.tallies()[i], &row, claims, (claims.closed.row(i), is_above))
-        };
-        match lost {
-            Some(_) => found.closure.see(excess.abs(), allowed(excess > 0.0), At::patch(i)),
-            None => found.row_sum.see(excess.max(0.0), allowed(true), At::patch(i)),
+        let allowed = |is_above: bool| row_error(factors, i, &row, claims, is_above);
+        match excess(factors, claims, i, &row) {
+            Some(excess) => found.closure.see(excess.abs(), allowed(excess > 0.0), At::patch(i)),
+            None => found
+                .row_sum
+                .see((row.value - 1.0).max(0.0), allowed(true), At::patch(i)),
         }
     }
     found
+}
+
+/// Finds rows that are claimed to sum to 1 and are off by more than their errors and their noise explain, \[n\]: not even noise is a reason to scale them to 1.
+///
+/// # Errors
+/// [`DiskError`] if the form factors cannot be read.
+pub fn doubted_rows(factors: &FormFactors, claims: Claims<'_>) -> Result<Vec<bool>, DiskError> {
+    let claims = Claims {
+        repair: Repair::GaveUp,
+        ..claims
+    };
+    let is_doubted = |i: usize| {
+        let mut row = Sums::default();
+        if !claims.closed.row(i) || !claims.errors_known {
+            return false;
+        }
+        factors.for_each_in_row(i, |_, value, error| row.add(value, error));
+        let excess = excess(factors, claims, i, &row).unwrap_or(0.0);
+        excess.abs() > row_error(factors, i, &row, claims, excess > 0.0)
+    };
+    let rows = (0..factors.n_rows()).into_par_iter().map(is_doubted).collect();
+    factors.if_readable(rows)
+}
+
+/// Returns how far the sum of a row is above 1 less what is known to be lost; `None` where that is not known.
+fn excess(factors: &FormFactors, claims: Claims<'_>, i: usize, row: &Sums) -> Option<f64> {
+    let lost = factors.lost(i, claims.closed).filter(|_| claims.errors_known);
+    lost.map(|lost| row.value - (1.0 - lost))
 }
 
 /// Sums over a row.
@@ -194,8 +214,29 @@ struct Sums {
     gain: f64,
 }
 
-/// Returns how far the sum of a row may be off beside rounding, above what it should be or below.
-fn row_error(tally: &RowTally, row: &Sums, claims: Claims<'_>, (is_closed, is_above): (bool, bool)) -> f64 {
+impl Sums {
+    fn add(&mut self, value: f64, error: f64) {
+        self.value += value;
+        self.error += error;
+        self.error_squared += error * error;
+    }
+}
+
+/// Returns one unit in the last place of what is stored.
+fn unit(factors: &FormFactors) -> f64 {
+    match factors.storage().precision {
+        Precision::F32 => f64::from(f32::EPSILON),
+        Precision::F64 => f64::EPSILON,
+    }
+}
+
+/// Returns how far the sum of a row may be off, above what it should be or below.
+fn row_error(factors: &FormFactors, i: usize, row: &Sums, claims: Claims<'_>, is_above: bool) -> f64 {
+    let rounding = (factors.n_rows() as f64 + 8.0) * unit(factors);
+    rounding + beside_rounding(&factors.tallies()[i], row, claims, (claims.closed.row(i), is_above))
+}
+
+fn beside_rounding(tally: &RowTally, row: &Sums, claims: Claims<'_>, (is_closed, is_above): (bool, bool)) -> f64 {
     if !claims.errors_known {
         return UNKNOWN;
     }

@@ -27,7 +27,7 @@ use std::fmt;
 use serde::Serialize;
 
 use crate::render::{Image, Samples};
-pub use form_factors::{Claims, FormFactorAudit, Repair, form_factors};
+pub use form_factors::{Claims, FormFactorAudit, Repair, doubted_rows, form_factors};
 pub use solution::{Given, propagation, solution};
 
 /// A law that a result has to obey.

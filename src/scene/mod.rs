@@ -5,6 +5,8 @@
 
 pub mod topology;
 
+use std::ops::{Deref, DerefMut};
+
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -126,7 +128,45 @@ pub struct Scene {
     pub materials: Vec<Material>,
 }
 
+/// Where the corners of a face are, without memory of their own: faces that are looked at in pairs are looked at very often.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Positions {
+    at: [DVec3; 4],
+    n: usize,
+}
+
+impl Positions {
+    /// Returns the least and the greatest corner of the box around the face.
+    pub(crate) fn bounding_box(&self) -> (DVec3, DVec3) {
+        let one = (self[0], self[0]);
+        self.iter().fold(one, |(low, high), &v| (low.min(v), high.max(v)))
+    }
+}
+
+impl Deref for Positions {
+    type Target = [DVec3];
+
+    fn deref(&self) -> &[DVec3] {
+        &self.at[..self.n]
+    }
+}
+
+impl DerefMut for Positions {
+    fn deref_mut(&mut self) -> &mut [DVec3] {
+        &mut self.at[..self.n]
+    }
+}
+
 impl Scene {
+    /// Returns where the corners of a face are.
+    pub(crate) fn positions(&self, face: &Face) -> Positions {
+        let vertices = face.corners.as_slice();
+        Positions {
+            at: std::array::from_fn(|k| self.vertices[vertices[k.min(vertices.len() - 1)] as usize]),
+            n: vertices.len(),
+        }
+    }
+
     /// Returns the corner positions of a face.
     #[must_use]
     pub fn polygon(&self, face: FaceId) -> Vec<DVec3> {

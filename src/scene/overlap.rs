@@ -28,11 +28,7 @@ const PARALLEL: f64 = 0.99;
 pub(super) fn find(scene: &Scene) -> Option<[u32; 2]> {
     let measured: Vec<Measures> = scene.faces.iter().map(|face| Measures::of(scene, face)).collect();
     let boxes = scene.faces.iter().zip(&measured).map(|(face, measures)| {
-        let all = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        let (low, high) = face.corners.as_slice().iter().fold(all, |(low, high), &v| {
-            let v = scene.vertices[v as usize];
-            (low.min(v), high.max(v))
-        });
+        let (low, high) = scene.positions(face).bounding_box();
         let margin = PLANARITY * measures.diameter;
         (low - margin, high + margin)
     });
@@ -46,8 +42,8 @@ pub(super) fn find(scene: &Scene) -> Option<[u32; 2]> {
         if is_one_outline || of_a.normal.dot(of_b.normal) < PARALLEL || first.is_some_and(|first| first <= pair) {
             return;
         }
-        let outlines = [a, b].map(|face| Outline::of(scene, &scene.faces[face as usize]));
-        let mut larger_first = [(outlines[0].as_slice(), of_a), (outlines[1].as_slice(), of_b)];
+        let outlines = [a, b].map(|face| scene.positions(&scene.faces[face as usize]));
+        let mut larger_first = [(&*outlines[0], of_a), (&*outlines[1], of_b)];
         if of_a.area < of_b.area {
             larger_first.reverse();
         }
@@ -70,37 +66,15 @@ struct Measures {
 
 impl Measures {
     fn of(scene: &Scene, face: &Face) -> Self {
-        let Outline { at, n } = Outline::of(scene, face);
-        let (low, high) = at[1..n]
-            .iter()
-            .fold((at[0], at[0]), |(low, high), &v| (low.min(v), high.max(v)));
-        let vector = polygon::area_vector(&at[..n]);
+        let corners = scene.positions(face);
+        let (low, high) = corners.bounding_box();
+        let vector = polygon::area_vector(&corners);
         Self {
             normal: vector.normalize_or_zero(),
             area: vector.length(),
             diameter: low.distance(high),
             greatest: low.abs().max(high.abs()).max_element(),
         }
-    }
-}
-
-/// The corners of a face where no memory need be found for them: thin faces about a common corner make very many pairs.
-struct Outline {
-    at: [DVec3; 4],
-    n: usize,
-}
-
-impl Outline {
-    fn of(scene: &Scene, face: &Face) -> Self {
-        let vertices = face.corners.as_slice();
-        Self {
-            at: std::array::from_fn(|k| scene.vertices[vertices[k.min(vertices.len() - 1)] as usize]),
-            n: vertices.len(),
-        }
-    }
-
-    fn as_slice(&self) -> &[DVec3] {
-        &self.at[..self.n]
     }
 }
 

@@ -1,11 +1,13 @@
 //! What the faces of a scene tell about visibility before any ray is traced.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap, HashSet};
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
-use super::{FaceId, Scene};
+use super::{FaceId, Positions, Scene};
+use crate::geometry::box_pairs::overlapping_pairs;
+use crate::geometry::polygon;
 
 /// Tells whether no face can stand between two others: a convex room without anything in it, or a part of one.
 ///
@@ -33,26 +35,215 @@ pub fn is_convex_and_empty(scene: &Scene) -> bool {
     })
 }
 
-/// Tells whether the light that leaves any front into the open stays inside: the scene bounds a closed space.
+/// Tells whether the light that leaves any front stays inside: the scene bounds a closed space.
 ///
-/// True if every edge is shared by exactly two faces that run along it in opposite senses, and every connected piece
-/// is either an enclosure that faces inwards or lies in the bounding box of one. Conservative: a closed room whose faces meet in T-junctions,
+/// True if every edge is shared by exactly two faces that run along it in opposite senses, and the front of every connected piece
+/// lies inside of one that faces inwards. Conservative: a closed room whose faces meet in T-junctions,
 /// or a block without a bottom on a floor, counts as not closed; rays then tell by not escaping.
 #[must_use]
 pub fn is_watertight(scene: &Scene) -> bool {
-    let mut pieces: Vec<Piece> = Vec::new();
-    for (face, piece) in scene.face_ids().zip(closed_pieces(scene)) {
-        let Some(piece) = piece else {
-            return false;
-        };
-        // Pieces are numbered in the order of their first faces.
-        if piece as usize == pieces.len() {
-            pieces.push(Piece::default());
+    Enclosure::of(scene).watertight
+}
+
+/// How the closed pieces of a scene's surface stand in one another.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Enclosure {
+    /// See [`is_watertight`].
+    pub watertight: bool,
+    /// The first face of each closed piece that faces inwards although it stands in the open space of another that does: a block that is wound the wrong way.
+    pub turned: Vec<FaceId>,
+}
+
+/// Points that tell on which side of the other pieces a piece lies.
+const POINTS_OF_PIECE: usize = 8;
+
+impl Enclosure {
+    /// Looks at a few points of each piece.
+    ///
+    /// Work: O(n log n).
+    #[must_use]
+    pub fn of(scene: &Scene) -> Self {
+        let piece_of_face = closed_pieces(scene);
+        let mut faces_of_piece: BTreeMap<u32, Vec<FaceId>> = BTreeMap::new();
+        for (face, piece) in scene.face_ids().zip(&piece_of_face) {
+            if let Some(piece) = piece {
+                faces_of_piece.entry(*piece).or_default().push(face);
+            }
         }
-        pieces[piece as usize].add(&scene.polygon(face));
+        let points: Vec<(FaceId, DVec3)> = faces_of_piece
+            .values()
+            .flat_map(|faces| {
+                let n = faces.len().min(POINTS_OF_PIECE);
+                (0..n).map(move |k| faces[k * faces.len() / n])
+            })
+            .map(|face| (face, polygon::centroid(&scene.polygon(face))))
+            .collect();
+        let sides = sides(scene, &piece_of_face, &points);
+        let mut watertight = !piece_of_face.is_empty() && !piece_of_face.contains(&None);
+        let mut turned = Vec::new();
+        let mut rest = points.iter().zip(&sides).peekable();
+        for (piece, faces) in &faces_of_piece {
+            let (mut n_clear, mut n_turned) = (0, 0);
+            while let Some((_, sides)) = rest.next_if(|((face, _), _)| piece_of_face[face.0 as usize] == Some(*piece)) {
+                let Some(Sides { front, back }) = sides else {
+                    continue;
+                };
+                n_clear += 1;
+                watertight &= front.iter().any(|around| around.1 < 0);
+                let faces_inwards = front.iter().any(|around| around.0 == *piece && around.1 < 0);
+                // Solid and open space take turns: inwards, outwards, inwards.
+                n_turned += usize::from(faces_inwards && back.iter().map(|around| around.1).sum::<i32>() < 0);
+            }
+            watertight &= n_clear > 0;
+            if 2 * n_turned > n_clear {
+                turned.push(faces[0]);
+            }
+        }
+        Self { watertight, turned }
     }
-    let in_a_room = |p: &Piece| pieces.iter().any(|room| room.faces_inwards() && room.contains(p));
-    !pieces.is_empty() && pieces.iter().all(|p| p.faces_inwards() || in_a_room(p))
+}
+
+/// A part of space: the closed pieces of surface around it with their winding numbers, −1 for one that faces inwards; empty in the open.
+type Region = Vec<(u32, i32)>;
+
+/// What lies in front of a face, and behind it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Sides {
+    front: Region,
+    back: Region,
+}
+
+/// Where the rays go that tell winding numbers: askew to all that is built along axes and diagonals.
+const ASKEW: DVec3 = DVec3::new(0.417_022, 0.300_114, 0.857_913);
+
+/// Finds the regions on both sides of faces at points of them; `None` where a face of another piece touches the point, and in faces of open pieces.
+///
+/// A ray from the point crosses a piece as often from back to front as from front to back, but for its winding number around the point. Edges are shared to the
+/// last bit, so that a ray through one crosses exactly one of its faces.
+/// Work: O(n log n) and the number of crossings.
+pub(crate) fn sides(scene: &Scene, piece_of_face: &[Option<u32>], points: &[(FaceId, DVec3)]) -> Vec<Option<Sides>> {
+    let (low, high) = scene.bounding_box();
+    let middle = low.midpoint(high);
+    let along = ASKEW.normalize();
+    let across = along.any_orthonormal_vector();
+    let frame = DMat3::from_cols(across, along.cross(across), along).transpose();
+    let slack = touching(scene);
+    let faces: Vec<FaceId> = scene
+        .face_ids()
+        .filter(|face| piece_of_face[face.0 as usize].is_some())
+        .collect();
+    let outlines: Vec<(Positions, DVec3)> = faces
+        .iter()
+        .map(|face| {
+            let mut corners = scene.positions(&scene.faces[face.0 as usize]);
+            corners.iter_mut().for_each(|v| *v = frame * (*v - middle));
+            let normal = polygon::area_vector(&corners).normalize_or_zero();
+            (corners, normal)
+        })
+        .collect();
+    let at: Vec<DVec3> = points.iter().map(|&(_, point)| frame * (point - middle)).collect();
+    // Seen along the rays, which are points then.
+    let of_faces = outlines.iter().map(|(corners, _)| corners.bounding_box());
+    let boxes = of_faces.chain(at.iter().map(|&v| (v, v)));
+    let boxes = boxes.map(|(low, high)| (low.with_z(0.0), high.with_z(0.0))).collect();
+    let mut crossings: Vec<Option<Region>> = points
+        .iter()
+        .map(|(face, _)| piece_of_face[face.0 as usize].map(|_| Region::new()))
+        .collect();
+    overlapping_pairs(boxes, |a, b| {
+        let (face, point) = (a.min(b) as usize, a.max(b) as usize);
+        if face >= faces.len() || point < faces.len() {
+            return;
+        }
+        let point = point - faces.len();
+        let (own, here) = (points[point].0, at[point]);
+        let Some(found) = &mut crossings[point] else {
+            return;
+        };
+        let (corners, normal) = &outlines[face];
+        let turns = turns_around(corners, here);
+        if turns == 0 || faces[face] == own {
+            return;
+        }
+        let piece = piece_of_face[faces[face].0 as usize];
+        let height = normal.dot(corners[0] - here);
+        let is_ahead = if height.abs() > slack {
+            height * normal.z > 0.0
+        } else {
+            let own_normal = frame * scene.area_vector(own);
+            if piece != piece_of_face[own.0 as usize] || own_normal.dot(*normal) > 0.0 {
+                crossings[point] = None;
+                return;
+            }
+            // The other face of a sheet lies behind the one that the point is on.
+            own_normal.z < 0.0
+        };
+        if is_ahead && let Some(piece) = piece {
+            found.push((piece, turns));
+        }
+    });
+    crossings
+        .into_iter()
+        .zip(points)
+        .map(|(found, &(own, _))| {
+            let (mut front, piece) = found.zip(piece_of_face[own.0 as usize])?;
+            if along.dot(scene.area_vector(own)) < 0.0 {
+                front.push((piece, -1));
+            }
+            let mut back = front.clone();
+            back.push((piece, 1));
+            Some(Sides {
+                front: summed(front),
+                back: summed(back),
+            })
+        })
+        .collect()
+}
+
+/// Tells of each place on faces whether all that can be seen from it are fronts: it lies inside of a piece, and no face has its back there.
+///
+/// Regions are told apart by what is around them, so that two rooms that are parts of one piece count as one.
+pub(crate) fn see_fronts_alone(sides: &[Option<Sides>]) -> Vec<bool> {
+    let behind: HashSet<&Region> = sides.iter().flatten().map(|sides| &sides.back).collect();
+    let is_closed = |sides: &Sides| !sides.front.is_empty() && !behind.contains(&sides.front);
+    sides
+        .iter()
+        .map(|sides| sides.as_ref().is_some_and(is_closed))
+        .collect()
+}
+
+/// Returns how near two pieces are that count as touching, in m: less than f32 resolves in a scene of this size.
+pub(crate) fn touching(scene: &Scene) -> f64 {
+    let (low, high) = scene.bounding_box();
+    1e-7 * low.distance(high) + 8.0 * f64::EPSILON * low.abs().max(high.abs()).max_element()
+}
+
+/// Adds up the winding numbers of each piece.
+fn summed(crossings: Region) -> Region {
+    let mut sums: BTreeMap<u32, i32> = BTreeMap::new();
+    for (piece, turns) in crossings {
+        *sums.entry(piece).or_default() += turns;
+    }
+    sums.into_iter().filter(|(_, turns)| *turns != 0).collect()
+}
+
+/// Returns how often an outline turns around the line through a point along z, counter-clockwise.
+///
+/// An edge is looked at from its lower end whichever way it is run along, so that those of two faces along it cancel to the last bit.
+fn turns_around(corners: &[DVec3], point: DVec3) -> i32 {
+    let mut from = corners[corners.len() - 1];
+    let mut turns = 0;
+    for &to in corners {
+        let (a, b) = (from.truncate(), to.truncate());
+        let rises = b.y > a.y;
+        let (lower, upper) = if rises { (a, b) } else { (b, a) };
+        let p = point.truncate();
+        if lower.y <= p.y && p.y < upper.y && (upper - lower).perp_dot(p - lower) > 0.0 {
+            turns += if rises { 1 } else { -1 };
+        }
+        from = to;
+    }
+    turns
 }
 
 /// Tells of each face whether its front may see the back of some face, \[n_faces\].
@@ -190,45 +381,4 @@ fn edges(scene: &Scene, face: FaceId) -> impl Iterator<Item = (u32, u32)> + use<
     let corners = scene.faces[face.0 as usize].corners;
     let n = corners.as_slice().len();
     (0..n).map(move |k| (corners.as_slice()[k], corners.as_slice()[(k + 1) % n]))
-}
-
-/// A connected closed surface: its box and its signed volume.
-struct Piece {
-    low: DVec3,
-    high: DVec3,
-    /// Six times the volume that the normals point out of.
-    volume: f64,
-    anchor: Option<DVec3>,
-}
-
-impl Default for Piece {
-    fn default() -> Self {
-        Self {
-            low: DVec3::INFINITY,
-            high: DVec3::NEG_INFINITY,
-            volume: 0.0,
-            anchor: None,
-        }
-    }
-}
-
-impl Piece {
-    fn add(&mut self, corners: &[DVec3]) {
-        let anchor = *self.anchor.get_or_insert(corners[0]);
-        for &v in corners {
-            self.low = self.low.min(v);
-            self.high = self.high.max(v);
-        }
-        for w in corners[1..].windows(2) {
-            self.volume += (corners[0] - anchor).dot((w[0] - anchor).cross(w[1] - anchor));
-        }
-    }
-
-    fn faces_inwards(&self) -> bool {
-        self.volume < 0.0
-    }
-
-    fn contains(&self, other: &Self) -> bool {
-        self.low.cmple(other.low).all() && self.high.cmpge(other.high).all()
-    }
 }

@@ -228,9 +228,19 @@ impl Run {
         let wanted = repairs(asked, needs_symmetry && !raw.is_symmetric());
         let by_variance = asked == BalanceName::Closure;
         self.set("balance", if by_variance { json!("closure") } else { json!(wanted) });
-        let plan = &mut prepared.plan;
-        if plan.convex_and_empty && result.pairs.is_some() && self.settings.get("method") != Some(&json!("exact")) {
-            plan.left_out.push("rays between patches: nothing can block".into());
+        let claims = |repair| Claims {
+            closed: Closed::Where(&closed_rows),
+            reciprocity: promised.reciprocity,
+            errors_known: promised.errors_known,
+            repair,
+            by_rule: promised.by_rule,
+        };
+        let may_ask = result.pairs.is_some() && self.settings.get("method") != Some(&json!("exact"));
+        if prepared.plan.convex_and_empty && may_ask {
+            prepared
+                .plan
+                .left_out
+                .push("rays between patches: nothing can block".into());
         }
         if by_variance && !closed && n_rays == 0 {
             self.warn(
@@ -238,7 +248,16 @@ impl Run {
             );
         }
         let (factors, balance) = if wanted {
-            let targets = raw.row_targets(&*closed_rows);
+            let doubted = self
+                .times
+                .time("checks", || audit::doubted_rows(&raw, claims(Repair::Not)))?;
+            self.warn_of_doubted_rows(prepared, &doubted);
+            let known: Vec<bool> = closed_rows
+                .iter()
+                .zip(&doubted)
+                .map(|(closed, doubted)| *closed && !doubted)
+                .collect();
+            let targets = raw.row_targets(&*known);
             let (factors, report) = self.times.time("balance", || {
                 let symmetric = raw.symmetrised(Weighting::default())?;
                 if by_variance {
@@ -252,7 +271,7 @@ impl Run {
             } else {
                 "rows rescaled symmetrically"
             };
-            plan.decide(
+            prepared.plan.decide(
                 "reciprocity",
                 "restored",
                 format!(
@@ -267,7 +286,10 @@ impl Run {
             } else {
                 "no symmetric system is needed"
             };
-            plan.left_out.push(format!("balancing of the form factors: {reason}"));
+            prepared
+                .plan
+                .left_out
+                .push(format!("balancing of the form factors: {reason}"));
             (raw, None)
         };
         if let Some(report) = balance.filter(|report| !report.converged) {
@@ -284,19 +306,14 @@ impl Run {
             (sky, backs)
         });
         factors.if_readable(())?;
-        let claims = Claims {
-            closed: Closed::Where(&closed_rows),
-            reciprocity: promised.reciprocity,
-            errors_known: promised.errors_known,
-            repair: match balance {
-                Some(report) if report.converged => Repair::Within(BALANCE_TOLERANCE),
-                Some(_) => Repair::GaveUp,
-                None => promised.repair,
-            },
-            by_rule: promised.by_rule,
+        let repair = match balance {
+            Some(report) if report.converged => Repair::Within(BALANCE_TOLERANCE),
+            Some(_) => Repair::GaveUp,
+            None => promised.repair,
         };
-        let audit::FormFactorAudit { audit, gain } =
-            self.times.time("audit", || audit::form_factors(&factors, claims))?;
+        let audit::FormFactorAudit { audit, gain } = self
+            .times
+            .time("audit", || audit::form_factors(&factors, claims(repair)))?;
         self.audited(audit);
         Ok(Computed {
             gain,
@@ -312,26 +329,46 @@ impl Run {
         })
     }
 
+    /// Warns of rows that ought to sum to 1 and do not.
+    fn warn_of_doubted_rows(&mut self, prepared: &Prepared, doubted: &[bool]) {
+        let patches = doubted
+            .iter()
+            .zip(&prepared.mesh.patches)
+            .filter(|(doubted, _)| **doubted);
+        let n = patches.clone().count();
+        if let Some((_, first)) = patches.into_iter().next() {
+            let face = &prepared.scene.faces[first.face.0 as usize];
+            self.warn(&format!(
+                "{}:{}: the rows of {n} patches, first of `{}`, are off 1 by more than the error that they state, and are left as they are; look for gaps and faces that are wound the wrong way",
+                self.scene_file.display(),
+                face.line,
+                prepared.scene.surfaces[face.surface.0 as usize].name
+            ));
+        }
+    }
+
     /// Tells whether no light leaves the scene, and which rows sum to 1.
     fn closed_rows(&mut self, prepared: &mut Prepared, raw: &FormFactors) -> (bool, Vec<bool>) {
         let tallies = raw.tallies();
+        let mut rows = self.times.time("checks", || form_factor::closed_rows(prepared.input()));
+        let n_closed = rows.iter().filter(|closed| **closed).count();
+        if n_closed < rows.len() && (n_closed > 0 || prepared.plan.watertight) {
+            prepared.plan.decide(
+                "row sums",
+                format!("1 for {n_closed} of {} patches", rows.len()),
+                "the others touch another piece of the scene, or lie where backs can be seen or light escapes",
+            );
+        }
         if prepared.plan.watertight {
-            let rows = self.times.time("checks", || form_factor::closed_rows(prepared.input()));
-            let n_others = rows.iter().filter(|closed| !**closed).count();
-            if n_others > 0 {
-                prepared.plan.decide(
-                    "row sums",
-                    format!("1 for {} of {} patches", rows.len() - n_others, rows.len()),
-                    "the others touch another piece of the scene, or lie inside of one, and may see backs",
-                );
-            }
             return (true, rows);
         }
         // A scene that no light leaves is closed, whether its faces show it or not; a patch that meets backs may lie under a block without a bottom.
         let n_rays: u64 = tallies.iter().map(|tally| tally.n_rays).sum();
         let closed = n_rays > 0 && tallies.iter().all(|tally| tally.n_escaped == 0);
-        let rows = tallies.iter().map(|tally| closed && tally.n_absorbed == 0);
-        (closed, rows.collect())
+        for (row, tally) in rows.iter_mut().zip(tallies) {
+            *row |= closed && tally.n_absorbed == 0;
+        }
+        (closed, rows)
     }
 
     /// Tells whether the storage asked for is that of symmetric form factors.

@@ -105,6 +105,15 @@ impl Run {
         if !plan.convex_and_empty {
             self.warn_of_turned_faces(path, &scene, &visibility);
         }
+        for &face in plan.turned.iter().take(MOST_TURNED) {
+            let face = &scene.faces[face.0 as usize];
+            self.warn(&format!(
+                "{}:{}: `{}`: the closed surface that this face is part of stands inside of another and faces inwards, so that what is around it meets its black backs; reverse its winding",
+                path.display(),
+                face.line,
+                scene.surfaces[face.surface.0 as usize].name
+            ));
+        }
         path.clone_into(&mut self.scene_file);
         self.surface_names = scene.surfaces.iter().map(|surface| surface.name.clone()).collect();
         Ok(Prepared {
