@@ -7,7 +7,9 @@ use glam::DVec3;
 
 use super::overlap;
 use super::split::{Outline, split};
-use super::{Corners, Face, MAX_CORNERS, MAX_FACES, Material, MaterialId, Scene, SceneError, Surface, SurfaceId};
+use super::{
+    Corners, Face, MAX_CORNERS, MAX_FACES, Material, MaterialId, Scene, SceneError, Surface, SurfaceId, Written,
+};
 use crate::geometry::polygon;
 
 /// How far from flat an outline may be, in units of the diagonal of its box, before it is doubted: a thousandth is more than any rounding, and
@@ -42,6 +44,11 @@ impl Builder {
             vertex_of_position: HashMap::new(),
             line_of_outline: HashMap::new(),
         }
+    }
+
+    /// Says how finely the coordinates are written.
+    pub(super) fn written(&mut self, written: Written) {
+        self.scene.written = Some(written);
     }
 
     /// Adds a surface.
@@ -122,7 +129,8 @@ impl Builder {
         if scene.faces.is_empty() {
             return Err(SceneError::NoFaces { file });
         }
-        if let Some([line, first_line]) = overlap::find(&scene) {
+        if let Some(faces) = overlap::find(&scene) {
+            let [line, first_line] = faces.map(|face| scene.faces[face.0 as usize].line);
             return Err(SceneError::OverlappingFaces { file, line, first_line });
         }
         let mut surface_in_use = vec![false; scene.surfaces.len()];

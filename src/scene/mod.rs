@@ -32,6 +32,7 @@ mod split;
 mod table;
 mod warning;
 mod write;
+mod written;
 
 pub use camera::Camera;
 pub use error::SceneError;
@@ -41,6 +42,7 @@ pub use obj::{DEFAULT_REFLECTANCE, LoadOptions, Loaded, load, load_with};
 pub(crate) use rounding::SLACK_PER_CORNER;
 pub use warning::SceneWarning;
 pub use write::write_obj;
+pub use written::Written;
 
 /// The greatest number of faces in a scene, 2³¹ − 1: a hit is a face and a side in 32 bits
 /// (see [`HitBatch`](crate::visibility::HitBatch)).
@@ -126,6 +128,8 @@ pub struct Scene {
     pub surfaces: Vec<Surface>,
     /// Materials in the order of first use.
     pub materials: Vec<Material>,
+    /// How finely the coordinates are written in the file; `None` for a scene made in memory, where they are what is meant.
+    pub written: Option<Written>,
 }
 
 /// Where the corners of a face are, without memory of their own: faces that are looked at in pairs are looked at very often.

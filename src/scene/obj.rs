@@ -54,7 +54,7 @@ pub const DEFAULT_REFLECTANCE: f64 = 0.5;
 ///   material, or if the library is missing, ρ is [`DEFAULT_REFLECTANCE`], with a warning. Textures are not read, with a warning.
 /// - Faces without an area are skipped, with a warning. Faces of opposite winding may coincide.
 /// - Faces of the same winding may share edges and corners, but no area of one plane: light would count twice there. What is narrower than the rounding of
-///   six digits is no area.
+///   the coordinates as they are written is no area, nor is what is narrower than that of six digits of the scene's size.
 /// - Texture coordinates, normals, `l` and `p` elements and all else are ignored.
 ///
 /// Accuracy: coordinates, reflectance and exitance are the nearest f64 to the text.
@@ -159,6 +159,7 @@ struct Assembly<'a> {
 impl Assembly<'_> {
     fn assemble(mut self, outlines: &Outlines) -> Result<Scene, SceneError> {
         let index = self.index;
+        self.builder.written(index.written);
         let surfaces = index
             .groups
             .iter()

@@ -9,7 +9,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use super::lines::{Statement, for_each_statement};
-use super::{MAX_COORDINATE, SceneError};
+use super::{MAX_COORDINATE, SceneError, Written};
 
 /// One `f` statement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,6 +42,8 @@ pub(super) struct ObjIndex {
     pub(super) libraries: Vec<NamedLine>,
     /// The checked `v` and `f` lines, with absolute vertex indices and nothing else.
     pub(super) geometry: String,
+    /// The digits of the coordinates.
+    pub(super) written: Written,
 }
 
 /// The surface of faces above the first `o` or `g`, or below one without a name.
@@ -110,6 +112,7 @@ impl Scan<'_> {
                     token: token.to_owned(),
                 });
             }
+            self.index.written.see(token);
         }
         self.n_vertices += 1;
         let _ = writeln!(self.index.geometry, "v {x} {y} {z}");

@@ -3,42 +3,51 @@
 use glam::DVec3;
 
 use super::split::PLANARITY;
-use super::{Face, Scene};
+use super::{Face, FaceId, Scene};
 use crate::geometry::box_pairs::overlapping_pairs;
 use crate::geometry::clip::clip_to_half_space;
 use crate::geometry::polygon;
 
-/// The width of a strip that two faces may share by the rounding of their corners, in units of the greatest |coordinate|.
+/// The width of a strip that two faces may share by the rounding of six digits, in units of the greatest |coordinate|.
 ///
 /// Files with six digits place a corner up to 5e-6 of it off along each axis, and edges that ought to meet up to √8 times that over one another.
 const SIX_DIGITS: f64 = 2e-5;
 
-/// The same for faces of which one lies on the other for the most part, which rounding brings about only where they are hardly wider than this.
-const SEVEN_DIGITS: f64 = 1e-6;
+/// The width of the same strip in units of the last digit that is written.
+const UNITS: f64 = 2.0;
+
+/// The width, in such strips, of a face that lies on another for the most part by rounding alone: such a face is itself hardly wider than what rounding makes.
+const COVERED: f64 = 0.05;
+
+/// What f64 leaves uncertain of a distance between planes, in units of the greatest |coordinate|.
+const ULPS: f64 = 8.0 * f64::EPSILON;
 
 /// The least cosine between the normals of two faces in one plane: a narrow face does not tell its normal better.
 const PARALLEL: f64 = 0.99;
 
-/// Returns the lines of two faces that overlap in one plane with the same winding, the greater line first: of all such pairs the first by these.
+/// Returns two faces that overlap in one plane with the same winding, the one of the greater line first: of all such pairs the first by their lines.
 ///
-/// Two faces lie in one plane where no corner of the smaller is further than [`PLANARITY`] of the diameter of the larger from the larger's plane. They overlap where the part that they
-/// share is wider (twice its area over its outline's length) than rounding makes it. Faces that one outline was split into do not overlap.
+/// Two faces lie in one plane where no corner of the smaller is further than [`PLANARITY`] of its diameter, and what rounding does to the larger, from the larger's plane. They overlap
+/// where the part that they share is wider (twice its area over its outline's length) than rounding makes it, which goes by the digits of the file ([`Written`](super::Written)), but is
+/// no less than six digits of the scene's size and no more than six digits of the coordinates. Faces that one outline was split into do not overlap.
 ///
 /// Work: O(n log n) for n faces of similar size, and the pairs whose boxes meet.
-pub(super) fn find(scene: &Scene) -> Option<[u32; 2]> {
-    let measured: Vec<Measures> = scene.faces.iter().map(|face| Measures::of(scene, face)).collect();
+pub(super) fn find(scene: &Scene) -> Option<[FaceId; 2]> {
+    let (low, high) = scene.bounding_box();
+    let size = low.distance(high);
+    let measured: Vec<Measures> = scene.faces.iter().map(|face| Measures::of(scene, face, size)).collect();
     let boxes = scene.faces.iter().zip(&measured).map(|(face, measures)| {
         let (low, high) = scene.positions(face).bounding_box();
-        let margin = PLANARITY * measures.diameter;
+        let margin = PLANARITY * measures.diameter + ULPS * measures.greatest;
         (low - margin, high + margin)
     });
-    let mut first: Option<[u32; 2]> = None;
+    let mut first: Option<[(u32, u32); 2]> = None;
     overlapping_pairs(boxes.collect(), |a, b| {
         let [of_a, of_b] = [a, b].map(|face| &measured[face as usize]);
-        let lines = [a, b].map(|face| scene.faces[face as usize].line);
-        let pair = [lines[0].max(lines[1]), lines[0].min(lines[1])];
+        let places = [a, b].map(|face| (scene.faces[face as usize].line, face));
+        let pair = [places[0].max(places[1]), places[0].min(places[1])];
         // Built-in scenes have no lines.
-        let is_one_outline = pair[0] == pair[1] && pair[0] != 0;
+        let is_one_outline = pair[0].0 == pair[1].0 && pair[0].0 != 0;
         if is_one_outline || of_a.normal.dot(of_b.normal) < PARALLEL || first.is_some_and(|first| first <= pair) {
             return;
         }
@@ -51,7 +60,7 @@ pub(super) fn find(scene: &Scene) -> Option<[u32; 2]> {
             first = Some(pair);
         }
     });
-    first
+    first.map(|pair| pair.map(|(_, face)| FaceId(face)))
 }
 
 /// What is asked of a face again and again.
@@ -60,20 +69,34 @@ struct Measures {
     area: f64,
     /// The diagonal of its box.
     diameter: f64,
+    /// How far its corners are from its plane.
+    bend: f64,
     /// The greatest |coordinate|.
     greatest: f64,
+    /// How far two corners may be off that are written as its own are.
+    off: f64,
+    /// The width of the strip that it may share with another face whose coordinates are no greater.
+    strip: f64,
 }
 
 impl Measures {
-    fn of(scene: &Scene, face: &Face) -> Self {
+    /// `size`: the diameter of the scene.
+    fn of(scene: &Scene, face: &Face, size: f64) -> Self {
         let corners = scene.positions(face);
         let (low, high) = corners.bounding_box();
         let vector = polygon::area_vector(&corners);
+        let greatest = low.abs().max(high.abs()).max_element();
+        let off = UNITS * scene.written.map_or(0.0, |written| written.unit(greatest));
+        let most = SIX_DIGITS * greatest;
+        let least = (SIX_DIGITS * size).max(ULPS * greatest).min(most);
         Self {
             normal: vector.normalize_or_zero(),
             area: vector.length(),
             diameter: low.distance(high),
-            greatest: low.abs().max(high.abs()).max_element(),
+            bend: polygon::planarity_error(&corners),
+            greatest,
+            off,
+            strip: off.clamp(least, most),
         }
     }
 }
@@ -81,8 +104,8 @@ impl Measures {
 /// Tells whether two faces with nearly the same normal, the larger first, lie in one plane and share more there than rounding explains.
 fn overlap([(large, measures), (small, of_small)]: [(&[DVec3], &Measures); 2]) -> bool {
     let normal = measures.normal;
-    let greatest = measures.greatest.max(of_small.greatest);
-    let least = SEVEN_DIGITS * greatest;
+    let strip = measures.strip.max(of_small.strip);
+    let least = COVERED * strip;
     // What two faces share is no wider than it is across an edge of either.
     let apart = |by: &[DVec3], other: &[DVec3]| {
         let mut last = by[by.len() - 1];
@@ -96,7 +119,9 @@ fn overlap([(large, measures), (small, of_small)]: [(&[DVec3], &Measures); 2]) -
     if apart(large, small) || apart(small, large) {
         return false;
     }
-    let gap = PLANARITY * measures.diameter + 8.0 * f64::EPSILON * greatest;
+    let off = measures.bend + measures.off.max(of_small.off);
+    let ulps = ULPS * measures.greatest.max(of_small.greatest);
+    let gap = PLANARITY * of_small.diameter + off.min(PLANARITY * measures.diameter) + ulps;
     if small.iter().any(|&v| normal.dot(v - large[0]).abs() > gap) {
         return false;
     }
@@ -108,7 +133,7 @@ fn overlap([(large, measures), (small, of_small)]: [(&[DVec3], &Measures); 2]) -
     let area = polygon::area_vector(&shared).length();
     let edges = (0..shared.len()).map(|k| shared[k].distance(shared[(k + 1) % shared.len()]));
     let width = 2.0 * area / edges.sum::<f64>().max(f64::MIN_POSITIVE);
-    width > SIX_DIGITS * greatest || (width > least && area > 0.5 * of_small.area)
+    width > strip || (width > least && area > 0.5 * of_small.area)
 }
 
 #[cfg(test)]
@@ -116,7 +141,7 @@ mod tests {
     use glam::DQuat;
 
     use super::*;
-    use crate::scene::{Corners, MaterialId, SurfaceId};
+    use crate::scene::{Corners, MaterialId, SurfaceId, Written};
 
     /// Faces in one plane through no axis, shifted, with lines 1, 2, ...; `z` is the height above the plane.
     fn scene(faces: &[&[[f64; 3]]]) -> Scene {
@@ -143,6 +168,26 @@ mod tests {
         [[x[0], y[0], z], [x[1], y[0], z], [x[1], y[1], z], [x[0], y[1], z]]
     }
 
+    fn lines(scene: &Scene) -> Option<[u32; 2]> {
+        find(scene).map(|faces| faces.map(|face| scene.faces[face.0 as usize].line))
+    }
+
+    /// Upright faces of a scene, shifted far and written with some places after the point.
+    fn written(faces: &[&[[f64; 3]]], shift: DVec3, places: usize) -> Scene {
+        let mut scene = scene(faces);
+        let mut written = Written::default();
+        let turn = DQuat::from_rotation_z(0.3);
+        for (v, corner) in scene.vertices.iter_mut().zip(faces.iter().copied().flatten()) {
+            let text = (turn * DVec3::from_array(*corner) + shift)
+                .to_array()
+                .map(|x| format!("{x:.places$}"));
+            text.iter().for_each(|token| written.see(token));
+            *v = DVec3::from_array(text.map(|token| token.parse().expect("a number")));
+        }
+        scene.written = Some(written);
+        scene
+    }
+
     const SQUARE: [[f64; 3]; 4] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
 
     #[test]
@@ -163,7 +208,7 @@ mod tests {
             ("a cross", [&SQUARE, &cross]),
             ("the same", [&SQUARE, &SQUARE]),
         ] {
-            assert_eq!(find(&scene(&faces)), Some([2, 1]), "{name}");
+            assert_eq!(lines(&scene(&faces)), Some([2, 1]), "{name}");
         }
     }
 
@@ -187,8 +232,8 @@ mod tests {
             ("rounding", &rounded),
             ("a fold", &folded),
         ] {
-            assert_eq!(find(&scene(&[&SQUARE, face])), None, "{name}");
-            assert_eq!(find(&scene(&[face, &SQUARE])), None, "{name}");
+            assert_eq!(lines(&scene(&[&SQUARE, face])), None, "{name}");
+            assert_eq!(lines(&scene(&[face, &SQUARE])), None, "{name}");
         }
     }
 
@@ -197,6 +242,52 @@ mod tests {
         let far = |k: f64| rectangle([k, k + 1.0], [0.0, 1.0], 0.0);
         let faces = [far(0.0), far(2.0), far(4.0), far(4.0), far(0.0), far(2.5)];
         let faces: Vec<&[_]> = faces.iter().map(|face| face as &[_]).collect();
-        assert_eq!(find(&scene(&faces)), Some([4, 3]));
+        assert_eq!(lines(&scene(&faces)), Some([4, 3]));
+    }
+
+    #[test]
+    fn what_is_found_does_not_depend_on_where_the_scene_stands() {
+        let decal = rectangle([0.3, 0.4], [0.5, 0.55], 0.0);
+        let strip = rectangle([0.98, 2.0], [0.0, 1.0], 0.0);
+        // Edges in common that rounding shifts over one another.
+        let t_junction = rectangle([1.0, 2.0], [0.5, 3.0], 0.0);
+        let above = rectangle([0.2, 0.8], [0.2, 0.8], 0.02);
+        let far = [DVec3::new(5e5, 5.4e6, 100.0), DVec3::new(-3e6, 40.0, 0.0)];
+        for (shift, least_places) in [(DVec3::ZERO, 6), (far[0], 3), (far[1], 3)] {
+            for places in [least_places, 6] {
+                let found = |face: &[[f64; 3]]| lines(&written(&[&SQUARE, face], shift, places));
+                assert_eq!(found(&decal), Some([2, 1]), "{shift} {places}");
+                assert_eq!(found(&strip), Some([2, 1]), "{shift} {places}");
+                assert_eq!(found(&t_junction), None, "{shift} {places}");
+                assert_eq!(found(&above), None, "{shift} {places}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_road_just_above_a_wide_ground_is_not_in_its_plane() {
+        let ground = rectangle([0.0, 3000.0], [0.0, 3000.0], 0.0);
+        for (height, expected) in [(0.004, None), (0.0, Some([2, 1]))] {
+            let road = rectangle([1000.0, 1010.0], [1000.0, 2000.0], height);
+            for shift in [DVec3::ZERO, DVec3::new(5e5, 5.4e6, 0.0)] {
+                assert_eq!(
+                    lines(&written(&[&ground, &road], shift, 3)),
+                    expected,
+                    "{height} {shift}"
+                );
+            }
+        }
+        // A small sign on a long wall that goes through no axis, with six places.
+        let sign = rectangle([10.0, 10.2], [1.0, 1.1], 0.0);
+        let wall = rectangle([0.0, 50.0], [0.0, 3.0], 0.0);
+        let mut slanted = scene(&[&wall, &sign]);
+        let mut digits = Written::default();
+        for v in &mut slanted.vertices {
+            let text = v.to_array().map(|x| format!("{x:.6}"));
+            text.iter().for_each(|token| digits.see(token));
+            *v = DVec3::from_array(text.map(|token| token.parse().expect("a number")));
+        }
+        slanted.written = Some(digits);
+        assert_eq!(lines(&slanted), Some([2, 1]));
     }
 }
