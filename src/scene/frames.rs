@@ -61,15 +61,28 @@ impl Frame {
     /// # Errors
     /// [`SceneError::BadFrames`], with the line, for a motion that the scene cannot make.
     pub fn pose(&self, file: impl AsRef<Path>, scene: &Scene) -> Result<Pose, SceneError> {
+        let refused = |line: Option<u32>, error: MotionError| SceneError::BadFrames {
+            file: file.as_ref().to_owned(),
+            line,
+            message: format!("frame `{}`: {error}", self.name),
+        };
         let mut pose = Pose::default();
+        let mut placed = None;
         for (line, motion) in &self.moves {
-            let refused = |error: MotionError| SceneError::BadFrames {
-                file: file.as_ref().to_owned(),
-                line: Some(*line),
-                message: format!("frame `{}`: {error}", self.name),
-            };
+            let refused = |error| refused(Some(*line), error);
             pose.push(scene, motion).map_err(refused)?;
-            scene.posed(&pose).map_err(refused)?;
+            placed = Some(scene.placed(&pose).map_err(refused)?);
+        }
+        // On the way, one object may lie where the next one leaves.
+        if let Some(placed) = placed {
+            placed.expect_no_overlap(&pose).map_err(|error| {
+                let moves_it = |motion: &Motion| match &error {
+                    MotionError::Coincident { surface, .. } => motion.moves(surface),
+                    _ => true,
+                };
+                let last = self.moves.iter().rev().find(|(_, motion)| moves_it(motion));
+                refused(last.map(|(line, _)| *line), error)
+            })?;
         }
         Ok(pose)
     }

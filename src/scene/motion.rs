@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::table::three_if_given;
-use super::{Corners, FaceId, MAX_COORDINATE, Scene, SurfaceId};
+use super::{Corners, MAX_COORDINATE, Scene, SurfaceId, overlap};
 use crate::printable::printable;
 
 /// A rigid motion: a rotation about a point, then a translation.
@@ -73,6 +73,13 @@ pub struct Motion {
     pub translate: Option<[f64; 3]>,
 }
 
+impl Motion {
+    /// Tells whether a surface is among those that move.
+    pub(super) fn moves(&self, name: &str) -> bool {
+        self.surface.as_slice().iter().any(|moving| moving == name)
+    }
+}
+
 /// One name or more.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(untagged, expecting = "expected the name of a surface, or a list of names")]
@@ -129,10 +136,11 @@ pub enum MotionError {
         /// The surface.
         surface: String,
     },
-    /// A face comes to lie where another lies.
-    #[error("a face of `{}` comes to lie on one of `{}`, both facing the same way; move it elsewhere", printable(.surface), printable(.other))]
+    /// A face comes to lie on another in one plane.
+    #[error("a face of `{}` comes to lie on one of `{}` in one plane, both facing the same way, and light would count twice there; move it elsewhere, or out of the plane",
+        printable(.surface), printable(.other))]
     Coincident {
-        /// The surface that the face belongs to.
+        /// The surface that the face belongs to, one that moves.
         surface: String,
         /// The other's.
         other: String,
@@ -228,12 +236,19 @@ impl Pose {
 impl Scene {
     /// Returns the scene with its surfaces in a pose: the same faces in the same order, with vertices of their own where they moved.
     ///
-    /// Objects may pass through each other, and leave or meet what they stood on: a vertex is shared where positions are the same to the last bit, as always.
+    /// Objects may pass through each other, but for faces of one winding in one plane, and leave or meet what they stood on: a vertex is shared where positions are the same to the last bit, as always.
     /// Faces that do not move keep their corners to the last bit.
     ///
     /// # Errors
-    /// [`MotionError::TooFar`], [`MotionError::Coincident`].
+    /// [`MotionError::TooFar`]; [`MotionError::Coincident`] where faces of one winding share a part of their plane that they did not share before, as for a file.
     pub fn posed(&self, pose: &Pose) -> Result<Self, MotionError> {
+        let posed = self.placed(pose)?;
+        posed.expect_no_overlap(pose)?;
+        Ok(posed)
+    }
+
+    /// Returns the scene in a pose that others may follow: faces may lie on one another.
+    pub(super) fn placed(&self, pose: &Pose) -> Result<Self, MotionError> {
         let name = |surface: SurfaceId| self.surfaces[surface.0 as usize].name.clone();
         let mut posed = Self {
             vertices: Vec::with_capacity(self.vertices.len()),
@@ -267,21 +282,23 @@ impl Scene {
                 Corners::Quad(corners) => places(corners)?,
             }
         }
-        let mut known: HashMap<Vec<u32>, FaceId> = HashMap::new();
-        for id in posed.face_ids() {
-            let face = &posed.faces[id.0 as usize];
-            let mut outline = face.corners.as_slice().to_vec();
-            let least = (0..outline.len()).min_by_key(|&k| outline[k]).unwrap_or(0);
-            outline.rotate_left(least);
-            if let Some(other) = known.insert(outline, id) {
-                let other = posed.faces[other.0 as usize].surface;
-                return Err(MotionError::Coincident {
-                    surface: name(face.surface),
-                    other: name(other),
-                });
-            }
-        }
         Ok(posed)
+    }
+
+    /// Refuses a scene that a pose made, if faces lie on one another.
+    pub(super) fn expect_no_overlap(&self, pose: &Pose) -> Result<(), MotionError> {
+        if pose.motions.is_empty() {
+            return Ok(());
+        }
+        let Some(faces) = overlap::find(self) else {
+            return Ok(());
+        };
+        let mut surfaces = faces.map(|face| self.faces[face.0 as usize].surface);
+        if !pose.moves(surfaces[0]) {
+            surfaces.reverse();
+        }
+        let [surface, other] = surfaces.map(|id| self.surfaces[id.0 as usize].name.clone());
+        Err(MotionError::Coincident { surface, other })
     }
 }
 
@@ -446,5 +463,50 @@ mod tests {
         assert!(lifted(0.25).is_ok());
         let (surface, other) = ("below".into(), "z0".into());
         assert_eq!(lifted(0.5).unwrap_err(), MotionError::Coincident { surface, other });
+    }
+
+    #[test]
+    fn faces_that_come_to_share_a_part_of_their_plane_are_refused_as_in_a_file() {
+        let mut scene = builtin::build("cube", None).unwrap().scene;
+        // A second cube of the same height beside the first.
+        let n = u32::try_from(scene.vertices.len()).unwrap();
+        let beside: Vec<DVec3> = scene.vertices.iter().map(|v| v + DVec3::X * 2.0).collect();
+        scene.vertices.extend(beside);
+        let names: Vec<String> = scene.surfaces.iter().map(|s| format!("second {}", s.name)).collect();
+        for mut face in scene.faces.clone() {
+            face.corners = match face.corners {
+                Corners::Triangle(v) => Corners::Triangle(v.map(|v| v + n)),
+                Corners::Quad(v) => Corners::Quad(v.map(|v| v + n)),
+            };
+            face.surface = SurfaceId(face.surface.0 + u32::try_from(names.len()).unwrap());
+            scene.faces.push(face);
+        }
+        scene
+            .surfaces
+            .extend(names.iter().map(|name| crate::scene::Surface { name: name.clone() }));
+        let pushed = |which: Vec<String>, by: [f64; 3]| {
+            let mut pose = Pose::default();
+            let shift = Motion {
+                surface: Names::Many(which),
+                translate: Some(by),
+                ..motion("")
+            };
+            pose.push(&scene, &shift).unwrap();
+            scene.posed(&pose)
+        };
+        let first: Vec<String> = scene.surfaces[..6].iter().map(|s| s.name.clone()).collect();
+        // Pierced, but in no plane that both have; and side by side.
+        assert!(pushed(names.clone(), [-1.5, 0.1, 0.1]).is_ok());
+        assert!(pushed(names.clone(), [-1.0, 0.0, 0.0]).is_ok());
+        for (which, by) in [(names, -1.5), (first, 1.5)] {
+            let moved = which[0].starts_with("second");
+            match pushed(which, [by, 0.0, 0.0]).unwrap_err() {
+                MotionError::Coincident { surface, other } => {
+                    assert_eq!(surface.starts_with("second"), moved, "{surface} is the one that moves");
+                    assert_ne!(other.starts_with("second"), moved, "{other} is the one that stays");
+                }
+                error => panic!("{error}"),
+            }
+        }
     }
 }
