@@ -16,7 +16,8 @@ use crate::progress::Progress;
 /// cells of equal area, and k the integrand cos θ cos θ / r² of each ray.
 ///
 /// Accuracy without blockers: rounding, which the sum of the contours loses to cancellation (see
-/// [`contour`](polygon_form_factor::contour)). With blockers v is biased by O(1/q²), as a ratio of sums is, and has the standard error that each entry states; at the border of
+/// [`contour`](polygon_form_factor::contour)). With blockers v is biased by O(1/q²), as a ratio of sums is, and has the standard error that each entry states: that of N^(5/4) independent rays
+/// if N points of a patch see all of the exchange, and more where the kernel at the points misses some of it; at the border of
 /// a shadow about q^(−3/2) of the entry. 0 ≤ A_i F_ij ≤ the exchange area without blockers.
 ///
 /// Source: [`SPARROW_1963`](crate::references::SPARROW_1963), equation (8). Departures: the visible fraction.
@@ -72,7 +73,10 @@ pub(super) fn times_visible(
                 sampled::join_all(segments, input.mesh, &points, owner, pair);
             }
         },
-        exchange: |pair: [usize; 2], _: PairSums, visible: VisibleFraction| Ok(unoccluded(pair)?.times(visible)),
+        exchange: |pair: [usize; 2], sums: PairSums, visible: VisibleFraction| {
+            let whole = unoccluded(pair)?;
+            Ok(whole.times(visible.beside(sums.by_kernel, whole.area)))
+        },
     };
     method.compute(input, storage, progress)
 }

@@ -8,7 +8,7 @@ use crate::geometry::polygon_form_factor::{PreparedPolygon, Tolerance, exchange_
 use crate::geometry::quadrature::WeightedPoint;
 use crate::geometry::sampling::{PointStream, Sequence, UniformOnPolygon};
 use crate::matrix::StorageChoice;
-use crate::mesh::{Mesh, PatchId};
+use crate::mesh::{Mesh, Patch, PatchId};
 use crate::progress::Progress;
 
 /// A method between pairs: `sample` adds the segments of a pair (its number in the row, i, j), and `exchange` makes an exchange area
@@ -98,6 +98,17 @@ pub(super) fn stratified(mesh: &Mesh, q: usize, seed: u64) -> Vec<Vec<WeightedPo
         .collect()
 }
 
+/// Returns A_i A_j w_p w_s k_ps in m² for a point of patch i and all those of patch j, with k the [`kernel`].
+pub(super) fn by_kernel<'a>(
+    (from, x): (&'a Patch, &'a WeightedPoint),
+    (to, points): (&'a Patch, &'a [WeightedPoint]),
+) -> impl Iterator<Item = f64> {
+    let area = from.area * to.area * x.weight;
+    points
+        .iter()
+        .map(move |y| area * y.weight * kernel((x.position, from.normal), (y.position, to.normal)))
+}
+
 /// Adds the segments between all points of i and all points of j, weighted by the exchange area that each stands for.
 pub(super) fn join_all(
     segments: &mut Segments<'_>,
@@ -107,16 +118,10 @@ pub(super) fn join_all(
     [i, j]: [usize; 2],
 ) {
     let (from, to) = (&mesh.patches[i], &mesh.patches[j]);
-    let areas = from.area * to.area;
-    for x in &points[i] {
-        for y in &points[j] {
-            let density = kernel((x.position, from.normal), (y.position, to.normal));
-            if density > 0.0 {
-                let weight = areas * x.weight * y.weight * density;
-                segments.add(owner, (i, x.position), (j, y.position), weight);
-            }
-        }
-    }
+    segments.join(owner, (i, &points[i]), (j, &points[j]), |x, weights| {
+        weights.extend(by_kernel((from, x), (to, &points[j])));
+        1.0
+    });
 }
 
 /// Computes Σ w V over all segments between given points: a quadrature rule for the whole integral.

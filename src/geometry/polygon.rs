@@ -34,6 +34,19 @@ pub fn centroid(corners: &[DVec3]) -> DVec3 {
     c + moment / (3.0 * total)
 }
 
+/// Returns the distance of a point from the nearest edge of a closed polygon, in m; edges of no length do not count.
+#[must_use]
+pub fn distance_from_edges(point: DVec3, corners: &[DVec3]) -> f64 {
+    let n = corners.len();
+    (0..n)
+        .map(|k| (corners[k] - point, corners[(k + 1) % n] - corners[k]))
+        .map(|(start, edge)| {
+            let t = (-start.dot(edge) / edge.length_squared()).clamp(0.0, 1.0);
+            (start + t * edge).length()
+        })
+        .fold(f64::INFINITY, f64::min) // ignores NaN, from edges of no length
+}
+
 /// Returns the largest distance of a corner from the plane through the corners' mean with the polygon's own normal, in m.
 #[must_use]
 pub fn planarity_error(corners: &[DVec3]) -> f64 {

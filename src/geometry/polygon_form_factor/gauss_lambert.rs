@@ -6,6 +6,7 @@ use super::facing::FacingPair;
 use super::gauss_product::square_rule;
 use super::prepared::PreparedPolygon;
 use crate::geometry::point_form_factor::point_form_factor;
+use crate::geometry::polygon::distance_from_edges;
 
 /// The part of smaller radius, which the Gauss points lie on, and the corners of the other one.
 pub(super) struct Outer<'a> {
@@ -45,15 +46,7 @@ impl<'a> Outer<'a> {
     /// Returns how far the polygon's middle is from the other's edges, in radii of the polygon.
     pub(super) fn distance_in_radii(&self) -> f64 {
         let centre = self.shift + self.polygon.centre();
-        let n = self.target.len();
-        let distance = (0..n)
-            .map(|k| (self.target[k] - centre, self.target[(k + 1) % n] - self.target[k]))
-            .map(|(start, edge)| {
-                let t = (-start.dot(edge) / edge.length_squared()).clamp(0.0, 1.0);
-                (start + t * edge).length()
-            })
-            .fold(f64::INFINITY, f64::min); // ignores NaN, from edges of no length
-        distance / self.polygon.radius()
+        distance_from_edges(centre, &self.target) / self.polygon.radius()
     }
 
     /// Returns the form factor from the polygon's middle.
