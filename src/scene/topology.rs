@@ -264,11 +264,13 @@ pub fn may_see_backs(scene: &Scene) -> Vec<bool> {
         let piece = pieces.entry(*index).or_insert_with(|| ClosedPiece {
             first: face,
             is_flat: true,
-            shape: Piece::default(),
+            low: DVec3::INFINITY,
+            high: DVec3::NEG_INFINITY,
+            volume: 0.0,
         });
         let (first, own) = (&outlines[piece.first], &outlines[face]);
         piece.is_flat &= own.corners.iter().all(|&v| first.height(v).abs() <= slack);
-        piece.shape.add(&own.corners);
+        piece.add(&own.corners, first.corners[0]);
     }
     let is_hidden = |back: usize, front: usize| {
         let Some(index) = piece_of_face[back] else {
@@ -277,7 +279,7 @@ pub fn may_see_backs(scene: &Scene) -> Vec<bool> {
         let piece = &pieces[&index];
         piece_of_face[front] == Some(index)
             || piece.is_flat
-            || (!piece.shape.faces_inwards() && outlines[front].is_clear_of(&piece.shape, slack))
+            || (piece.volume >= 0.0 && outlines[front].is_clear_of(piece, slack))
     };
     let sees_back = |front: usize, back: usize| {
         let (here, there) = (&outlines[front], &outlines[back]);
@@ -295,11 +297,29 @@ pub fn may_see_backs(scene: &Scene) -> Vec<bool> {
 /// What is nearer than this share of the scene's size counts as touching, as [`may_see_backs`] says: less than f32 resolves.
 const CLEAR: f64 = 1e-7;
 
-/// A closed piece of surface: its first face, and whether all of it lies in the plane of that.
+/// A closed piece of surface.
 struct ClosedPiece {
+    /// Its first face.
     first: usize,
+    /// Whether all of it lies in the plane of that.
     is_flat: bool,
-    shape: Piece,
+    low: DVec3,
+    high: DVec3,
+    /// Six times the volume that the normals point out of.
+    volume: f64,
+}
+
+impl ClosedPiece {
+    /// Adds a face; volumes are those of pyramids from `apex`.
+    fn add(&mut self, corners: &[DVec3], apex: DVec3) {
+        for &v in corners {
+            self.low = self.low.min(v);
+            self.high = self.high.max(v);
+        }
+        for w in corners[1..].windows(2) {
+            self.volume += (corners[0] - apex).dot((w[0] - apex).cross(w[1] - apex));
+        }
+    }
 }
 
 /// A face, with its plane.
@@ -322,7 +342,7 @@ impl Outline {
     }
 
     /// Tells whether the bounding box is clear of that of a piece.
-    fn is_clear_of(&self, piece: &Piece, margin: f64) -> bool {
+    fn is_clear_of(&self, piece: &ClosedPiece, margin: f64) -> bool {
         let (low, high) = self
             .corners
             .iter()
