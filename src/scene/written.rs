@@ -31,6 +31,11 @@ impl Written {
         self.by_places |= exponent.is_empty() && fraction.ends_with('0');
     }
 
+    /// Returns the most digits of a number.
+    pub(super) fn n_digits(&self) -> i32 {
+        self.digits
+    }
+
     /// Returns one unit in the last place of coordinates of a magnitude: twice what one may be off by rounding. 0 if none was seen.
     #[must_use]
     pub fn unit(&self, magnitude: f64) -> f64 {

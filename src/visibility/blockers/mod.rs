@@ -52,7 +52,7 @@ struct Entry {
 ///
 /// A query is conservative: [`PairVisibility::Full`] and [`PairVisibility::None`] are proven, up to a tolerance of 1e-10 of
 /// the pair's diameter (and 16 ulps of the largest coordinate), below which a face does not count as reaching in between. Where the scene's coordinates were rounded, as those of a file with six
-/// decimals, ten times their rounding is added (see the source of `Scene::slack`): faces that were meant to touch do not stand in each other's way, and the two sides of a sheet that
+/// decimals, two units of their last digit are added (see the source of `Scene::slack`): faces that were meant to touch do not stand in each other's way, and the two sides of a sheet that
 /// rounding has parted do not see each other.
 /// Faces that only touch the convex hull of the two polygons (neighbours, walls that they stand on or lie in) are not blockers.
 ///
