@@ -283,6 +283,40 @@ fn overlaps_are_found_among_many_faces() {
 }
 
 #[test]
+fn overlaps_are_told_from_rounding_by_the_digits_of_the_file() {
+    let directory = tempfile::tempdir().unwrap();
+    let file = directory.path().join("plane.obj");
+    // A floor of 4 m with another face of one winding in its plane or above it, far from the origin and near it.
+    let load_with = |[x, y]: [f64; 2], [from, to]: [f64; 2], height: f64| {
+        let mut text = String::new();
+        for ([low, high], z) in [([0.0, 4.0], 0.0), ([from, to], height)] {
+            for [u, v] in [[low, low], [high, low], [high, high], [low, high]] {
+                writeln!(text, "v {:.3} {:.3} {:.3}", x + u, y + v, 100.0 + z).unwrap();
+            }
+        }
+        text += "f 1 2 3 4\nf 5 6 7 8\n";
+        std::fs::write(&file, text).unwrap();
+        load(&file)
+            .map(|loaded| loaded.scene.faces.len())
+            .map_err(|error| error.kind())
+    };
+    for origin in [[0.0, 0.0], [5e5, 5.4e6]] {
+        for (decal, height, expected) in [
+            ([1.0, 3.0], 0.0, Err("overlapping_faces")),
+            ([3.9, 6.0], 0.0, Err("overlapping_faces")),
+            ([4.0, 6.0], 0.0, Ok(2)),
+            ([1.0, 3.0], 0.004, Ok(2)),
+        ] {
+            assert_eq!(
+                load_with(origin, decal, height),
+                expected,
+                "{origin:?} {decal:?} {height}"
+            );
+        }
+    }
+}
+
+#[test]
 fn a_gap_of_a_micrometre_survives() {
     let scene = valid("gap.obj").scene;
     assert_eq!(scene.vertices.len(), 12);

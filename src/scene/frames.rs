@@ -155,3 +155,48 @@ pub fn load(file: impl AsRef<Path>) -> Result<Vec<Frame>, SceneError> {
     }
     Ok(frames)
 }
+
+#[cfg(test)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::scene::load as load_scene;
+
+    /// Two upright plates of 1 m, `a` at x from 0 to 1 and `b` from 2 to 3, and a lamp in front of both.
+    const PLATES: &str = "v 0 0 0\nv 1 0 0\nv 1 0 1\nv 0 0 1\nv 2 0 0\nv 3 0 0\nv 3 0 1\nv 2 0 1\n\
+         v 0 -1 0\nv 0 -1 1\nv 1 -1 1\nv 1 -1 0\no a\nf 1 2 3 4\no b\nf 5 6 7 8\no lamp\nf 9 10 11 12\n";
+
+    fn pose_of(moves: &str) -> Result<Pose, SceneError> {
+        let directory = tempfile::tempdir().unwrap();
+        let (obj, list) = (directory.path().join("plates.obj"), directory.path().join("list.toml"));
+        std::fs::write(&obj, PLATES).unwrap();
+        std::fs::write(&list, format!("[[frame]]\nname = \"first\"\n{moves}")).unwrap();
+        let scene = load_scene(&obj).unwrap().scene;
+        load(&list).unwrap()[0].pose("list.toml", &scene)
+    }
+
+    fn shift(surface: &str, by: f64) -> String {
+        format!("[[frame.move]]\nsurface = \"{surface}\"\ntranslate = [{by:?}, 0.0, 0.0]\n")
+    }
+
+    #[test]
+    fn a_frame_is_refused_where_its_scene_would_be() {
+        for (surface, by, other) in [("b", -1.5, "a"), ("a", 1.25, "b"), ("b", -2.0, "a")] {
+            let moves = shift("lamp", 0.5) + &shift(surface, by) + &shift("lamp", 0.5);
+            let message = pose_of(&moves).unwrap_err().to_string();
+            let expected = format!(
+                "list.toml:6: frame `first`: a face of `{surface}` comes to lie on one of `{other}` in one plane"
+            );
+            assert!(
+                message.starts_with(&expected) && message.contains("move it elsewhere"),
+                "{message}"
+            );
+        }
+        assert!(pose_of(&shift("b", -1.0)).is_ok(), "side by side");
+    }
+
+    #[test]
+    fn objects_may_change_places() {
+        assert!(pose_of(&(shift("a", 2.0) + &shift("b", -2.0))).is_ok());
+    }
+}
