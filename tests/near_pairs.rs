@@ -156,7 +156,7 @@ fn shadows_of_near_blockers_are_within_the_stated_errors() {
             } else {
                 (random.scale(0.2, 2.0), random.scale(0.5, 4.0))
             };
-            let across = |half: f64, random: &mut Uniform| 1.2 * half * random.between(-1.0, 1.0);
+            let across = |extent: f64, numbers: &mut Uniform| 1.2 * extent * numbers.between(-1.0, 1.0);
             let middle = DVec3::new(across(half[0], &mut random), across(half[1], &mut random), height);
             let second = rectangle(
                 middle,
@@ -196,15 +196,15 @@ fn shadows_of_near_blockers_are_within_the_stated_errors() {
             if whole < 1e-6 || !(0.01..0.99).contains(&visible) {
                 continue;
             }
-            for ((_, method), ratios) in methods.iter().zip(&mut ratios) {
+            for ((_, method), of_method) in methods.iter().zip(&mut ratios) {
                 let factors = scene.compute(&**method);
                 let off = (factors.get(0, 1) - truth.get(0, 1)).abs();
-                ratios.push(off / (factors.std_error(0, 1) + truth.std_error(0, 1)));
+                of_method.push(off / (factors.std_error(0, 1) + truth.std_error(0, 1)));
             }
         }
-        for ((name, _), mut ratios) in methods.iter().zip(ratios) {
-            ratios.sort_by(f64::total_cmp);
-            let [median, most, nearly_all] = [0.5, 0.97, 0.99].map(|share| quantile(&ratios, share));
+        for ((name, _), mut of_method) in methods.iter().zip(ratios) {
+            of_method.sort_by(f64::total_cmp);
+            let [median, most, nearly_all] = [0.5, 0.97, 0.99].map(|share| quantile(&of_method, share));
             assert!(most < 2.0 && nearly_all < 3.0, "{is_near} {name}: {most} {nearly_all}");
             // An error that says nothing would be easy. Of a normal distribution it would be 0.67; these have longer tails.
             assert!(median > 0.1, "{is_near} {name}: {median}");

@@ -1,6 +1,6 @@
 //! `gauss-lambert`: Gauss points on one patch, the exact form factor from each of them to the other.
 
-use std::cmp::Ordering;
+use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::num::NonZeroUsize;
 
@@ -65,10 +65,10 @@ impl FormFactorMethod for GaussLambert {
         let outer_first = |[i, j]: [usize; 2]| {
             let suits = |k: usize, other: usize| {
                 let distance = polygon::distance_from_edges(patches[k].centroid, polygons[other].corners());
-                distance / (polygons[k].radius() * patches[k].area.sqrt())
+                distance / polygons[k].radius() * (patches[other].area / patches[k].area).sqrt().sqrt()
             };
             // Between equal patches rounding must not decide: a moved scene would give another rule.
-            let swaps = suits(j, i) > (1.0 + 1e-9) * suits(i, j);
+            let swaps = suits(j, i) > (1.0 + 1e-9) * suits(i, j) + 1e-9;
             if swaps { [j, i] } else { [i, j] }
         };
         let factor = |[outer, inner]: [usize; 2], x: DVec3| {
@@ -99,20 +99,17 @@ impl FormFactorMethod for GaussLambert {
                 let exact = exchange_area(&polygons[outer], &polygons[inner], Tolerance::default());
                 let integrand = |x: DVec3| factor([outer, inner], x);
                 let smaller = patches[outer].area.min(patches[inner].area);
-                let parts = Parts::new(&rule, polygons[outer].corners(), &points[outer], &integrand);
-                let area = parts
+                let division = Division::new(&rule, polygons[outer].corners(), &points[outer], &integrand);
+                let area = division
                     .refined(exact.value, RULE_TOLERANCE * exact.value + 1e-12 * smaller)
                     .min(smaller);
                 let unoccluded = Exchange {
                     area,
                     error: (area - exact.value).abs() + exact.error,
                 };
-                let rounding = 1e-14 * smaller;
-                let Exchange { area, error } = unoccluded.times(visible.beside(sums.by_kernel, exact.value));
-                Ok(Exchange {
-                    area,
-                    error: error + rounding,
-                })
+                let mut exchange = unoccluded.times(visible.beside(sums.by_kernel, exact.value));
+                exchange.error += 1e-14 * smaller;
+                Ok(exchange)
             },
         };
         method.compute(input, storage, progress)
@@ -120,10 +117,13 @@ impl FormFactorMethod for GaussLambert {
 }
 
 /// A patch in parts, with the integral of a factor over each.
-struct Parts<'a, F> {
+struct Division<'a, F> {
     rule: &'a GaussProduct,
     factor: &'a F,
-    parts: BinaryHeap<Part>,
+    parts: Vec<Part>,
+    /// The parts that are not cut yet: how far the integral may be off, as an exponent of 2, and the part's number. Between equal doubts the order of cutting decides, and
+    /// nearly equal ones count as equal, so that rounding does not decide in a scene that has been moved.
+    open: BinaryHeap<(i32, Reverse<usize>)>,
     integral: f64,
 }
 
@@ -131,12 +131,9 @@ struct Parts<'a, F> {
 struct Part {
     corners: Vec<DVec3>,
     integral: f64,
-    /// How far the integral may be off; no less than an eighth of what it was of the part that this one is a half of, so
-    /// that what all points of a part miss is found in time.
-    doubt: f64,
 }
 
-impl<'a, F: Fn(DVec3) -> f64> Parts<'a, F> {
+impl<'a, F: Fn(DVec3) -> f64> Division<'a, F> {
     /// Takes a patch as one part, with the points of the rule on it.
     fn new(rule: &'a GaussProduct, corners: &[DVec3], points: &[WeightedPoint], factor: &'a F) -> Self {
         let area = polygon::area_vector(corners).length();
@@ -144,40 +141,56 @@ impl<'a, F: Fn(DVec3) -> f64> Parts<'a, F> {
         let whole = Part {
             corners: corners.to_vec(),
             integral,
-            doubt: area,
         };
         Self {
             rule,
             factor,
-            parts: BinaryHeap::from([whole]),
+            parts: vec![whole],
+            open: BinaryHeap::from([(0, Reverse(0))]),
             integral,
         }
     }
 
     /// Returns the integral over all parts after halving the most doubtful ones, until it is that near to its exact value or [`MOST_POINTS`] are used up.
+    ///
+    /// The doubt about a half is half of what the halving changed, against the whole patch, and no less than an eighth of the doubt before, so
+    /// that what all points of a part miss is found in time.
     fn refined(mut self, exact: f64, tolerance: f64) -> f64 {
+        let area = polygon::area_vector(&self.parts[0].corners).length();
         let most_cuts = MOST_POINTS / (2 * self.rule.n_points());
         for _ in 0..most_cuts {
             if (self.integral - exact).abs() <= tolerance {
                 break;
             }
-            let Some(part) = self.parts.pop() else { break };
-            let halves = halves(&part.corners).map(|corners| {
-                let area = polygon::area_vector(&corners).length();
-                let integral = integral(area, &self.rule.on_polygon(&corners), self.factor);
-                (corners, integral)
-            });
-            let change = halves.iter().map(|(_, integral)| integral).sum::<f64>() - part.integral;
-            self.integral += change;
-            let doubt = (0.5 * change.abs()).max(0.125 * part.doubt);
-            self.parts.extend(halves.map(|(corners, integral)| Part {
+            let Some((doubt, Reverse(number))) = self.open.pop() else {
+                break;
+            };
+            let part = &self.parts[number];
+            let halves = halves(&part.corners).map(|corners| Part {
+                integral: integral(
+                    polygon::area_vector(&corners).length(),
+                    &self.rule.on_polygon(&corners),
+                    self.factor,
+                ),
                 corners,
-                integral,
-                doubt,
-            }));
+            });
+            let change = halves.iter().map(|half| half.integral).sum::<f64>() - part.integral;
+            self.integral += change;
+            let doubt = exponent(0.5 * change.abs() / area).max(doubt - 3);
+            for half in halves {
+                self.open.push((doubt, Reverse(self.parts.len())));
+                self.parts.push(half);
+            }
         }
         self.integral
     }
+}
+
+/// Returns the greatest n with 2^n ≤ x, for x ≥ 0.
+fn exponent(x: f64) -> i32 {
+    #[expect(clippy::cast_possible_truncation, reason = "from -1075 on, or the least of all of 0")]
+    let n = x.log2().floor() as i32;
+    n
 }
 
 fn integral(area: f64, points: &[WeightedPoint], factor: impl Fn(DVec3) -> f64) -> f64 {
@@ -188,8 +201,15 @@ fn integral(area: f64, points: &[WeightedPoint], factor: impl Fn(DVec3) -> f64) 
 fn halves(corners: &[DVec3]) -> [Vec<DVec3>; 2] {
     let n = corners.len();
     let corner = |k: usize| corners[k % n];
-    let length = |k: usize| corner(k).distance_squared(corner(k + 1));
-    let longest = (1..n).fold(0, |best, k| if length(k) > length(best) { k } else { best });
+    let length = |k: usize| corner(k).distance(corner(k + 1));
+    // The first one of equal sides, whatever rounding makes of them.
+    let longest = (1..n).fold(0, |best, k| {
+        if length(k) > (1.0 + 1e-9) * length(best) {
+            k
+        } else {
+            best
+        }
+    });
     let [a, b, c, d] = [0, 1, 2, 3].map(|k| corner(longest + k));
     let middle = a.midpoint(b);
     if n == 3 {
@@ -198,23 +218,3 @@ fn halves(corners: &[DVec3]) -> [Vec<DVec3>; 2] {
     let opposite = c.midpoint(d);
     [vec![a, middle, opposite, d], vec![middle, b, c, opposite]]
 }
-
-impl Ord for Part {
-    fn cmp(&self, other: &Self) -> Ordering {
-        self.doubt.total_cmp(&other.doubt)
-    }
-}
-
-impl PartialOrd for Part {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl PartialEq for Part {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other) == Ordering::Equal
-    }
-}
-
-impl Eq for Part {}

@@ -193,12 +193,12 @@ impl<'a> Segments<'a> {
             weights.clear();
             let scale = weigh(x, &mut weights);
             let (mut by_kernel, mut from_point) = (0.0, 0.0);
-            for ((y, &by_segment), to_point) in to.iter().zip(&weights).zip(&mut to_point) {
+            for ((y, &by_segment), sum) in to.iter().zip(&weights).zip(&mut to_point) {
                 by_kernel += by_segment;
                 let weight = scale * by_segment;
                 if weight > 0.0 {
                     from_point += weight;
-                    *to_point += weight;
+                    *sum += weight;
                     self.add(owner, (i, x.position), (j, y.position), weight);
                 }
             }
