@@ -33,8 +33,8 @@ const PARALLEL: f64 = 0.99;
 ///
 /// Work: O(n log n) for n faces of similar size, and the pairs whose boxes meet.
 pub(super) fn find(scene: &Scene) -> Option<[FaceId; 2]> {
-    let (low, high) = scene.bounding_box();
-    let size = low.distance(high);
+    let (scene_low, scene_high) = scene.bounding_box();
+    let size = scene_low.distance(scene_high);
     let measured: Vec<Measures> = scene.faces.iter().map(|face| Measures::of(scene, face, size)).collect();
     let boxes = scene.faces.iter().zip(&measured).map(|(face, measures)| {
         let (low, high) = scene.positions(face).bounding_box();
@@ -181,7 +181,9 @@ mod tests {
             let text = (turn * DVec3::from_array(*corner) + shift)
                 .to_array()
                 .map(|x| format!("{x:.places$}"));
-            text.iter().for_each(|token| written.see(token));
+            for token in &text {
+                written.see(token);
+            }
             *v = DVec3::from_array(text.map(|token| token.parse().expect("a number")));
         }
         scene.written = Some(written);
@@ -284,7 +286,9 @@ mod tests {
         let mut digits = Written::default();
         for v in &mut slanted.vertices {
             let text = v.to_array().map(|x| format!("{x:.6}"));
-            text.iter().for_each(|token| digits.see(token));
+            for token in &text {
+                digits.see(token);
+            }
             *v = DVec3::from_array(text.map(|token| token.parse().expect("a number")));
         }
         slanted.written = Some(digits);

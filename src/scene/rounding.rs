@@ -43,7 +43,7 @@ impl Scene {
         if self.face_ids().all(is_along_axis) {
             return 0.0;
         }
-        let coordinates = || self.vertices.iter().flat_map(|v| v.to_array());
+        let coordinates = || self.vertices.iter().flat_map(glam::DVec3::to_array);
         let greatest = coordinates().fold(0.0_f64, |greatest, x| greatest.max(x.abs()));
         let of_digits = 0.5 * written.unit(greatest);
         #[expect(

@@ -78,10 +78,10 @@ impl Enclosure {
             })
             .map(|face| (face, polygon::centroid(&scene.polygon(face))))
             .collect();
-        let sides = sides(scene, &piece_of_face, &points);
+        let found = sides(scene, &piece_of_face, &points);
         let mut watertight = !piece_of_face.is_empty() && !piece_of_face.contains(&None);
         let mut turned = Vec::new();
-        let mut rest = points.iter().zip(&sides).peekable();
+        let mut rest = points.iter().zip(&found).peekable();
         for (piece, faces) in &faces_of_piece {
             let (mut n_clear, mut n_turned) = (0, 0);
             while let Some((_, sides)) = rest.next_if(|((face, _), _)| piece_of_face[face.0 as usize] == Some(*piece)) {
@@ -145,7 +145,9 @@ pub(crate) fn sides(scene: &Scene, piece_of_face: &[Option<u32>], points: &[(Fac
     // Seen along the rays, which are points then.
     let of_faces = outlines.iter().map(|(corners, _)| corners.bounding_box());
     let boxes = of_faces.chain(at.iter().map(|&v| (v, v)));
-    let boxes = boxes.map(|(low, high)| (low.with_z(0.0), high.with_z(0.0))).collect();
+    let boxes = boxes
+        .map(|(least, most)| (least.with_z(0.0), most.with_z(0.0)))
+        .collect();
     let mut crossings: Vec<Option<Region>> = points
         .iter()
         .map(|(face, _)| piece_of_face[face.0 as usize].map(|_| Region::new()))
@@ -203,12 +205,12 @@ pub(crate) fn sides(scene: &Scene, piece_of_face: &[Option<u32>], points: &[(Fac
 /// Tells of each place on faces whether all that can be seen from it are fronts: it lies inside of a piece, and no face has its back there.
 ///
 /// Regions are told apart by what is around them, so that two rooms that are parts of one piece count as one.
-pub(crate) fn see_fronts_alone(sides: &[Option<Sides>]) -> Vec<bool> {
-    let behind: HashSet<&Region> = sides.iter().flatten().map(|sides| &sides.back).collect();
-    let is_closed = |sides: &Sides| !sides.front.is_empty() && !behind.contains(&sides.front);
-    sides
+pub(crate) fn see_fronts_alone(places: &[Option<Sides>]) -> Vec<bool> {
+    let behind: HashSet<&Region> = places.iter().flatten().map(|place| &place.back).collect();
+    let is_closed = |place: &Sides| !place.front.is_empty() && !behind.contains(&place.front);
+    places
         .iter()
-        .map(|sides| sides.as_ref().is_some_and(is_closed))
+        .map(|place| place.as_ref().is_some_and(is_closed))
         .collect()
 }
 

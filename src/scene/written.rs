@@ -73,7 +73,9 @@ mod tests {
             ("nothing", &[], 1.0, 0.0),
         ] {
             let mut written = Written::default();
-            tokens.iter().for_each(|token| written.see(token));
+            for token in tokens {
+                written.see(token);
+            }
             let unit = written.unit(magnitude);
             assert!((unit - expected).abs() <= 1e-12 * expected, "{name}: {unit:e}");
         }

@@ -202,6 +202,19 @@ impl Run {
         Ok((result, promised))
     }
 
+    /// Warns of rays of rows that are known to sum to 1 which met no front all the same.
+    fn warn_of_slipped_rays(&mut self, raw: &FormFactors, closed_rows: &[bool]) {
+        let n_rays: u64 = raw.tallies().iter().map(|tally| tally.n_rays).sum();
+        let tallies = raw.tallies().iter().zip(closed_rows);
+        let of_closed = tallies.filter(|(_, is_closed)| **is_closed);
+        let n_lost: u64 = of_closed.map(|(tally, _)| tally.n_escaped + tally.n_absorbed).sum();
+        if n_lost > 0 {
+            self.warn(&format!(
+                "{n_lost} of {n_rays} rays slipped out of a closed scene, or behind its faces where two of them touch; the row sums show what that amounts to"
+            ));
+        }
+    }
+
     /// Makes form factors symmetric where that is asked for, and checks them.
     pub(in crate::cli) fn repaired(
         &mut self,
@@ -212,19 +225,8 @@ impl Run {
         promised: Promised,
     ) -> Result<Computed, Failure> {
         let raw = result.factors;
-        let n_rays: u64 = raw.tallies().iter().map(|t| t.n_rays).sum();
         let (closed, closed_rows) = self.closed_rows(prepared, &raw);
-        let of_closed = raw
-            .tallies()
-            .iter()
-            .zip(&closed_rows)
-            .filter(|(_, is_closed)| **is_closed);
-        let n_lost: u64 = of_closed.map(|(tally, _)| tally.n_escaped + tally.n_absorbed).sum();
-        if n_lost > 0 {
-            self.warn(&format!(
-                "{n_lost} of {n_rays} rays slipped out of a closed scene, or behind its faces where two of them touch; the row sums show what that amounts to"
-            ));
-        }
+        self.warn_of_slipped_rays(&raw, &closed_rows);
         let wanted = repairs(asked, needs_symmetry && !raw.is_symmetric());
         let by_variance = asked == BalanceName::Closure;
         self.set("balance", if by_variance { json!("closure") } else { json!(wanted) });
@@ -242,7 +244,7 @@ impl Run {
                 .left_out
                 .push("rays between patches: nothing can block".into());
         }
-        if by_variance && !closed && n_rays == 0 {
+        if by_variance && !closed && raw.tallies().iter().all(|tally| tally.n_rays == 0) {
             self.warn(
                 "--balance closure changes nothing: the scene is open, and without rays that count what leaves it nobody knows what its rows should sum to",
             );
@@ -252,11 +254,8 @@ impl Run {
                 .times
                 .time("checks", || audit::doubted_rows(&raw, claims(Repair::Not)))?;
             self.warn_of_doubted_rows(prepared, &doubted);
-            let known: Vec<bool> = closed_rows
-                .iter()
-                .zip(&doubted)
-                .map(|(closed, doubted)| *closed && !doubted)
-                .collect();
+            let rows = closed_rows.iter().zip(&doubted);
+            let known: Vec<bool> = rows.map(|(is_closed, is_doubted)| *is_closed && !is_doubted).collect();
             let targets = raw.row_targets(&*known);
             let (factors, report) = self.times.time("balance", || {
                 let symmetric = raw.symmetrised(Weighting::default())?;
@@ -271,14 +270,9 @@ impl Run {
             } else {
                 "rows rescaled symmetrically"
             };
-            prepared.plan.decide(
-                "reciprocity",
-                "restored",
-                format!(
-                    "each pair averaged with its reverse, {how} in {} passes",
-                    report.n_passes
-                ),
-            );
+            let n_passes = report.n_passes;
+            let why = format!("each pair averaged with its reverse, {how} in {n_passes} passes");
+            prepared.plan.decide("reciprocity", "restored", why);
             (factors, Some(report))
         } else {
             let reason = if raw.is_symmetric() && asked == BalanceName::Auto {
