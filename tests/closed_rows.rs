@@ -1,5 +1,6 @@
 //! Which rows are known to sum to 1: rooms with objects in them, beside them, and wound the wrong way.
 
+#![expect(clippy::shadow_unrelated, reason = "a scene in its places is still that scene")]
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 #[path = "support/program.rs"]

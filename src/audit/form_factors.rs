@@ -177,7 +177,8 @@ fn rows_of(factors: &FormFactors, claims: Claims<'_>, rows: Range<usize>) -> Fou
     found
 }
 
-/// Finds rows that are claimed to sum to 1 and are off by more than their errors and their noise explain, \[n\]: not even noise is a reason to scale them to 1.
+/// Finds rows that are claimed to sum to 1 and are off by more than twice their stated error and their noise, \[n\]: what a rule states to be off, scaling
+/// mends, but nothing that is known of these rows is a reason to scale them to 1.
 ///
 /// # Errors
 /// [`DiskError`] if the form factors cannot be read.
@@ -192,8 +193,8 @@ pub fn doubted_rows(factors: &FormFactors, claims: Claims<'_>) -> Result<Vec<boo
             return false;
         }
         factors.for_each_in_row(i, |_, value, error| row.add(value, error));
-        let excess = excess(factors, claims, i, &row).unwrap_or(0.0);
-        excess.abs() > row_error(factors, i, &row, claims, excess > 0.0)
+        // Above 1, too, all of a stated error is believed.
+        excess(factors, claims, i, &row).is_some_and(|excess| excess.abs() > row_error(factors, i, &row, claims, false))
     };
     let rows = (0..factors.n_rows()).into_par_iter().map(is_doubted).collect();
     factors.if_readable(rows)

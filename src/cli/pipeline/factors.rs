@@ -244,7 +244,7 @@ impl Run {
                 .left_out
                 .push("rays between patches: nothing can block".into());
         }
-        if by_variance && !closed && raw.tallies().iter().all(|tally| tally.n_rays == 0) {
+        if by_variance && !closed_rows.contains(&true) && raw.tallies().iter().all(|tally| tally.n_rays == 0) {
             self.warn(
                 "--balance closure changes nothing: the scene is open, and without rays that count what leaves it nobody knows what its rows should sum to",
             );
