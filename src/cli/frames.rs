@@ -355,7 +355,7 @@ impl Solved<'_> {
     fn shoot(&self, run: &mut Run, args: &RenderArgs, number: usize, frame: &Frame) -> Result<Shot, Failure> {
         let Self { prepared, computed, .. } = self;
         let place = self.numbers.partition_point(|&k| k < frame.lighting);
-        let own = self.stack.solution(place, self.solution, prepared, &args.solver);
+        let own = self.stack.solution(place, self.solution);
         let (reflectance, exitance) = self.stack.materials(place);
         let indirect = run
             .times

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use super::args::{SolveArgs, SolverArgs};
+use super::args::SolveArgs;
 use super::failure::Failure;
 use super::form_factors::{checks_to_json, describe_checks};
 use super::pipeline::{Computed, Prepared, Run};
@@ -16,7 +16,7 @@ use crate::mesh::Patch;
 use crate::plan::Plan;
 use crate::report::solution::SolutionReport;
 use crate::scene::{Lighting, Scene};
-use crate::solver::{Solution, StopReason};
+use crate::solver::Solution;
 
 /// The lightings of `solve`, with what is written for each.
 pub(super) struct Lightings {
@@ -75,7 +75,7 @@ pub(super) fn run(
     let mut worst = Some(0.0);
     for (k, name) in names.iter().enumerate() {
         let (rho, e) = stack.materials(k);
-        let own = stack.solution(k, &solution, &prepared, &args.solver);
+        let own = stack.solution(k, &solution);
         let error = run.carried_error(computed, (&rho, &e), &own)?;
         let stated = error
             .as_ref()
@@ -192,32 +192,16 @@ impl Stack {
         run.lighting_files = repeated.collect();
     }
 
-    /// Returns what of the solution of all lightings belongs to lighting `k`: with its own residual, and the bound of the error that holds for all.
-    pub(super) fn solution(&self, k: usize, all: &Solution, prepared: &Prepared, args: &SolverArgs) -> Solution {
-        let channels = &self.channels[k];
-        let mut own = Solution {
-            radiosity: channels_of(&all.radiosity, channels),
-            irradiance: channels_of(&all.irradiance, channels),
-            energy: all.energy[channels.clone()].to_vec(),
+    /// Returns what of the solution of all lightings belongs to lighting `k`. Why the solver stopped, the residuals and the bound are those of all together, which hold for each: a residual of one
+    /// alone would have to be calculated anew, with as many digits as the solver's own.
+    pub(super) fn solution(&self, k: usize, all: &Solution) -> Solution {
+        let own = &self.channels[k];
+        Solution {
+            radiosity: channels_of(&all.radiosity, own),
+            irradiance: channels_of(&all.irradiance, own),
+            energy: all.energy[own.clone()].to_vec(),
             ..all.clone()
-        };
-        // What shows light under way has no residual; that of all lightings together is told of it.
-        if !args.display_ambient {
-            let (reflectance, exitance) = self.materials(k);
-            let residual = own.residual(&reflectance, &exitance);
-            let areas = prepared.mesh.areas();
-            own.residual_l2 = solve::relative_norm(&areas, &residual, &exitance).unwrap_or(all.residual_l2);
-            let powers = areas.iter().enumerate().flat_map(|(i, area)| {
-                let of_patch = residual.row(i).iter();
-                of_patch.map(move |r| (r * area).abs())
-            });
-            own.residual_max_power = powers.fold(0.0, f64::max);
-            let is_short = matches!(all.stop_reason, StopReason::MaxPasses | StopReason::Stagnated);
-            if is_short && own.residual_l2 <= args.tolerance {
-                own.stop_reason = StopReason::Converged;
-            }
         }
-        own
     }
 }
 

@@ -219,25 +219,21 @@ pub(super) fn chosen<'a>(asked: &'a str, solution: &Solution) -> &'a str {
 
 /// Returns estimated errors of radiosities as one number: sqrt(Σ A e² / Σ A B²), the worst channel, or `None` where that is no number.
 pub(super) fn relative_error(prepared: &Prepared, error: &Block, solution: &Solution) -> Option<f64> {
-    relative_norm(&prepared.mesh.areas(), error, &solution.radiosity)
-}
-
-/// Returns sqrt(Σ A x² / Σ A y²) for x `of` and y `to`, the worst of the channels in which y is not 0, or `None` where that is no number.
-pub(super) fn relative_norm(areas: &[f64], of: &Block, to: &Block) -> Option<f64> {
+    let areas = prepared.mesh.areas();
     let norms = |block: &Block| -> Vec<(f64, f64)> {
         let norm = |c: usize| {
             let values = || (0..block.n_rows()).map(|i| block.row(i)[c].abs());
             // In units of the greatest, so that no square overflows or vanishes.
             let unit = values().fold(0.0, f64::max).max(f64::MIN_POSITIVE);
-            let sum: f64 = values().zip(areas).map(|(x, area)| area * (x / unit).powi(2)).sum();
+            let sum: f64 = values().zip(&areas).map(|(x, area)| area * (x / unit).powi(2)).sum();
             (sum.sqrt(), unit)
         };
         (0..block.n_channels()).map(norm).collect()
     };
-    let ratios = norms(of).into_iter().zip(norms(to));
+    let ratios = norms(error).into_iter().zip(norms(&solution.radiosity));
     let lit = ratios.filter(|(_, (norm, _))| *norm > 0.0);
     let worst = lit
-        .map(|((x, x_unit), (y, y_unit))| x / y * (x_unit / y_unit))
+        .map(|((e, e_unit), (b, b_unit))| e / b * (e_unit / b_unit))
         .fold(
             0.0_f64,
             |worst, ratio| if ratio.is_nan() { ratio } else { worst.max(ratio) },

@@ -14,7 +14,7 @@ pub(crate) const SLACK_PER_CORNER: f64 = HEIGHT / 1.732_050_807_568_877_2;
 
 impl Scene {
     /// Returns the height, in m, up to which faces that were meant to touch or to lie in one plane may stand out from each other: two units of the last digit in which the file has its coordinates, or
-    /// twice what a quad is bent, if that is more. Files with five digits or fewer, scenes along the axes, and those made in memory are meant as they are, but for bent quads.
+    /// twice what a quad is bent, if that is more. Files with five digits or fewer or whole numbers alone, scenes along the axes, and those made in memory are meant as they are, but for bent quads.
     ///
     /// Rotated scenes in files with six decimals have 2e-6. What is thinner than that cannot be told from what touches.
     pub(crate) fn slack(&self) -> f64 {
@@ -29,7 +29,7 @@ impl Scene {
 
     /// Returns by how much a coordinate may have been rounded, in m.
     fn rounding(&self) -> f64 {
-        let Some(written) = self.written.filter(|written| written.n_digits() >= LEAST_DIGITS) else {
+        let Some(written) = self.written.filter(|written| written.is_rounded(LEAST_DIGITS)) else {
             return 0.0;
         };
         let is_along_axis = |face| {
@@ -78,6 +78,11 @@ mod tests {
             ("v 0 0 0\nv 0.25 1 0.5\nv 2 0.125 1\n", 0.0),
             ("v 0 0 0\nv 1.333333 1 0.5\nv 2 0.125 1\n", 2e-6),
             ("v 0.000000 0.000000 0.000000\nv 3.100000 1.2 0.5\nv 2 0.125 1\n", 2e-6),
+            // Metres of a map, as heights of a ground are.
+            (
+                "v 500000 5400000 100\nv 500012 5400001 103\nv 500001 5400017 101\n",
+                0.0,
+            ),
             // Along the axes.
             ("v 0 0 0\nv 0.333333 0 0\nv 0 0.777777 0\n", 0.0),
             // Six digits in all.

@@ -253,11 +253,10 @@ fn turns_around(corners: &[DVec3], point: DVec3) -> i32 {
 /// False only where it is certain: every other face either lies in front of the plane of the face, so that its back looks away, or has all of the face in front of its own,
 /// or is part of a closed piece of surface whose backs are out of sight: a sheet with two sides, the piece of the face itself, or a block that faces outwards and whose bounding
 /// box is clear of the face. What hides a back otherwise is not looked at. What is nearer than 1e-7 of the scene's size counts as touching.
-/// Work: faces × faces at worst, with a stop at the first back.
+/// Work: faces × faces at worst, with a stop at the first back; of a flat ground O(n).
 #[must_use]
 pub fn may_see_backs(scene: &Scene) -> Vec<bool> {
-    let (low, high) = scene.bounding_box();
-    let slack = CLEAR * (high - low).length();
+    let slack = touching(scene);
     let piece_of_face = closed_pieces(scene);
     let outlines: Vec<Outline> = scene.face_ids().map(|face| Outline::new(scene, face)).collect();
     let mut pieces: HashMap<u32, ClosedPiece> = HashMap::new();
@@ -283,6 +282,7 @@ pub fn may_see_backs(scene: &Scene) -> Vec<bool> {
             || piece.is_flat
             || (piece.volume >= 0.0 && outlines[front].is_clear_of(piece, slack))
     };
+    let boxes = Boxes::new(outlines.iter().map(|outline| outline.corners.bounding_box()).collect());
     let sees_back = |front: usize, back: usize| {
         let (here, there) = (&outlines[front], &outlines[back]);
         front != back
@@ -292,12 +292,59 @@ pub fn may_see_backs(scene: &Scene) -> Vec<bool> {
     };
     let faces = (0..outlines.len()).into_par_iter();
     faces
-        .map(|front| (0..outlines.len()).any(|back| sees_back(front, back)))
+        .map(|front| {
+            let here = &outlines[front];
+            let may_be_above = |(low, high): (DVec3, DVec3)| {
+                let reach = here.normal.abs().dot(high - low) * 0.5;
+                here.height(low.midpoint(high)) + reach > slack
+            };
+            boxes.any(may_be_above, |back| sees_back(front, back))
+        })
         .collect()
 }
 
-/// What is nearer than this share of the scene's size counts as touching, as [`may_see_backs`] says: less than f32 resolves.
-const CLEAR: f64 = 1e-7;
+/// Items of a box, and boxes of the next one.
+const PER_BOX: usize = 16;
+
+/// Boxes around consecutive items, around consecutive boxes of these, and so on: those that belong together mostly follow one another in a file.
+struct Boxes(Vec<Vec<(DVec3, DVec3)>>);
+
+impl Boxes {
+    /// Takes the boxes of the items.
+    fn new(of_items: Vec<(DVec3, DVec3)>) -> Self {
+        let mut levels = vec![of_items];
+        while let Some(last) = levels.last()
+            && last.len() > 1
+        {
+            let around = |boxes: &[(DVec3, DVec3)]| {
+                let joined = boxes.iter().copied();
+                joined.fold(boxes[0], |(low, high), (l, h)| (low.min(l), high.max(h)))
+            };
+            levels.push(last.chunks(PER_BOX).map(around).collect());
+        }
+        Self(levels)
+    }
+
+    /// Tells whether any item in the boxes that `may` hold one `is` one.
+    fn any(&self, may: impl Fn((DVec3, DVec3)) -> bool, is: impl Fn(usize) -> bool) -> bool {
+        let top = self.0.len() - 1;
+        let mut open: Vec<(usize, usize)> = (0..self.0[top].len()).map(|k| (top, k)).collect();
+        while let Some((level, k)) = open.pop() {
+            if !may(self.0[level][k]) {
+                continue;
+            }
+            if level == 0 {
+                if is(k) {
+                    return true;
+                }
+            } else {
+                let first = k * PER_BOX;
+                open.extend((first..self.0[level - 1].len().min(first + PER_BOX)).map(|next| (level - 1, next)));
+            }
+        }
+        false
+    }
+}
 
 /// A closed piece of surface.
 struct ClosedPiece {
@@ -326,14 +373,14 @@ impl ClosedPiece {
 
 /// A face, with its plane.
 struct Outline {
-    corners: Vec<DVec3>,
+    corners: Positions,
     normal: DVec3,
 }
 
 impl Outline {
     fn new(scene: &Scene, face: FaceId) -> Self {
         Self {
-            corners: scene.polygon(face),
+            corners: scene.positions(&scene.faces[face.0 as usize]),
             normal: scene.area_vector(face).normalize_or_zero(),
         }
     }
@@ -345,12 +392,7 @@ impl Outline {
 
     /// Tells whether the bounding box is clear of that of a piece.
     fn is_clear_of(&self, piece: &ClosedPiece, margin: f64) -> bool {
-        let (low, high) = self
-            .corners
-            .iter()
-            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), &v| {
-                (low.min(v), high.max(v))
-            });
+        let (low, high) = self.corners.bounding_box();
         (low - margin).cmpgt(piece.high).any() || (high + margin).cmplt(piece.low).any()
     }
 }

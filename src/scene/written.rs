@@ -31,9 +31,9 @@ impl Written {
         self.by_places |= exponent.is_empty() && fraction.ends_with('0');
     }
 
-    /// Returns the most digits of a number.
-    pub(super) fn n_digits(&self) -> i32 {
-        self.digits
+    /// Tells whether numbers look rounded: with places after the point, and at least so many digits.
+    pub(super) fn is_rounded(&self, least_digits: i32) -> bool {
+        self.digits >= least_digits && self.places > Some(0)
     }
 
     /// Returns one unit in the last place of coordinates of a magnitude: twice what one may be off by rounding. 0 if none was seen.

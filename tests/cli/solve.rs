@@ -529,13 +529,9 @@ fn every_solution_states_its_error() {
             "estimated_relative_error",
         ] {
             let (own, all) = (lighting[name].as_f64().unwrap(), result[name].as_f64().unwrap());
-            assert!(own >= 0.0 && own <= all * (1.0 + 1e-6) + 1e-15, "{name}: {own} {all}");
+            assert!(own >= 0.0 && own <= all, "{name}: {own} {all}");
         }
     }
-    assert_ne!(
-        lightings[0]["residual_l2"], lightings[1]["residual_l2"],
-        "each has its own"
-    );
     let decisions = result["decisions"].as_array().unwrap();
     let channels = decisions.iter().find(|d| d["subject"] == "channels").unwrap();
     assert_eq!(
@@ -637,5 +633,31 @@ fn form_factors_that_spent_their_budget_are_told_of() {
     assert!(
         told.contains("F.npz: these form factors spent their budget") && told.contains("--budget"),
         "{told}"
+    );
+}
+
+/// In a room this bright the residual in f64 may be 0 where it is above the tolerance: what one lighting is said to be must not rest on that.
+#[test]
+fn no_lighting_is_said_to_be_solved_that_is_not() {
+    let directory = with_scene("cube");
+    let mut n_stagnated = 0;
+    for absorbed in ["4.37e-12", "2.04e-12", "1.96e-12", "1e-2"] {
+        let reflectance = 1.0 - absorbed.parse::<f64>().unwrap();
+        let materials = ["wall", "light"].map(|name| format!("[material.{name}]\nreflectance = {reflectance}\n"));
+        std::fs::write(directory.path().join("bright.toml"), materials.concat()).unwrap();
+        for solver in ["pcg", "multigrid", "gmres"] {
+            let arguments = ["solve", "scene.obj", "--solver", solver, "--lighting", "bright.toml"];
+            let (code, result) = document(directory.path(), &arguments);
+            let lighting = &result["lightings"][0];
+            for name in ["stop_reason", "residual_l2", "residual_max_power", "error_bound"] {
+                assert_eq!(lighting[name], result[name], "{absorbed} {solver} {name}");
+            }
+            n_stagnated += usize::from(lighting["stop_reason"] == "stagnated");
+            assert_eq!(code == 0, lighting["stop_reason"] == "converged", "{absorbed} {solver}");
+        }
+    }
+    assert!(
+        n_stagnated >= 3,
+        "rooms that are too bright to be solved in f64: {n_stagnated}"
     );
 }

@@ -248,9 +248,9 @@ impl Batches<'_> {
             .as_ref()
             .filter(|_| touched)
             .map_or(0.0, BlockerIndex::corner_error);
-        let border = |k: usize| self.patches.bending[k] + off * self.patches.border[k];
+        let borders = self.patches.border(i, off) + self.patches.border(j, off);
         Exchange {
-            error: exchange.error + (border(i) + border(j)) * exchange.area,
+            error: exchange.error + borders * exchange.area,
             ..exchange
         }
     }

@@ -37,10 +37,8 @@ pub(super) struct Patches {
     pub(super) corners: Vec<Vec<DVec3>>,
     /// The same, prepared for the unoccluded kernel.
     pub(super) prepared: Vec<PreparedPolygon>,
-    /// The perimeter of each patch by its area, m⁻¹.
-    pub(super) border: Vec<f64>,
-    /// The share of each patch's area along its border, as wide as its corners are off its plane; 0 where that is rounding.
-    pub(super) bending: Vec<f64>,
+    /// How far the corners of each patch are off its plane, in m; 0 where that is rounding.
+    bent: Vec<f64>,
     /// Faces with their patches, in order: every patch belongs to one.
     pub(super) faces: Vec<FacePatches>,
     /// The index in `faces` of each patch.
@@ -69,13 +67,18 @@ impl Patches {
             faces.push(face);
         }
         Self {
-            border: corners.iter().map(|c| border(c)).collect(),
-            bending: corners.iter().map(|c| bending(c)).collect(),
+            bent: corners.iter().map(|c| bent(c)).collect(),
             corners,
             prepared,
             faces,
             face_of_patch,
         }
+    }
+
+    /// Returns the share of a patch's area along its border, as wide as its corners are off its plane, and off their places by `off`, m.
+    pub(super) fn border(&self, patch: usize, off: f64) -> f64 {
+        let prepared = &self.prepared[patch];
+        (self.bent[patch] + off) * prepared.perimeter() / prepared.area()
     }
 
     /// Returns the number of patches.
@@ -121,19 +124,13 @@ impl FacePatches {
     }
 }
 
-/// Returns the perimeter of a polygon by its area.
-fn border(corners: &[DVec3]) -> f64 {
-    let edges = (0..corners.len()).map(|k| corners[k].distance(corners[(k + 1) % corners.len()]));
-    edges.sum::<f64>() / polygon::area_vector(corners).length()
-}
-
-/// Returns the share of a polygon's area along its border, as wide as its corners are off its plane.
-fn bending(corners: &[DVec3]) -> f64 {
+/// Returns how far the corners of a polygon are off its plane, or 0 where that is rounding.
+fn bent(corners: &[DVec3]) -> f64 {
     let off = polygon::planarity_error(corners);
     let size = corners.iter().map(|v| v.distance(corners[0])).fold(0.0, f64::max);
     let largest = corners.iter().map(|v| v.abs().max_element()).fold(0.0, f64::max);
     if off > 1e-13 * size + 16.0 * f64::EPSILON * largest {
-        off * border(corners)
+        off
     } else {
         0.0
     }

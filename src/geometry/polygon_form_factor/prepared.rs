@@ -182,7 +182,7 @@ impl PreparedPolygon {
         self.corners.len()
     }
 
-    pub(super) fn perimeter(&self) -> f64 {
+    pub(crate) fn perimeter(&self) -> f64 {
         self.perimeter
     }
 
