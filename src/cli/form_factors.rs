@@ -5,17 +5,19 @@ use std::fmt::Write as _;
 
 use serde_json::{Value, json};
 
-use super::Outcome;
 use super::args::FormFactorsArgs;
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::file_set::FileSet;
 use super::pipeline::{Computed, Fineness, Prepared, Run};
-use super::storage::Storage;
+use super::storage::{Storage, limit_byte};
+use super::{Outcome, merge};
 use crate::form_factor::{ExactMethod, sky_of_surfaces};
-use crate::matrix::{Layout, Place, Precision, StorageChoice, SurfaceFormFactors};
+use crate::matrix::{Layout, Place, Precision, StorageChoice, SurfaceRow};
 use crate::mesh::Subdivision;
+use crate::plan::byte_text;
 use crate::report::form_factors::{FormFactorReport, Format};
+use crate::report::memory_used_byte;
 use crate::scene::{Scene, SurfaceId};
 
 /// Rays for each patch unless `--rays` says otherwise.
@@ -55,12 +57,9 @@ fn work(args: &FormFactorsArgs, run: &mut Run) -> Result<Outcome, Failure> {
         };
         run.form_factors(&mut prepared, &args.method, fineness, false)?
     };
-    let surfaces = run.times.time("surfaces", || {
-        let surface_of_patch: Vec<u32> = prepared.mesh.patches.iter().map(|p| p.surface.0).collect();
-        computed
-            .factors
-            .surface_form_factors(&surface_of_patch, prepared.scene.surfaces.len())
-    });
+    let table = run
+        .times
+        .time("surfaces", || SurfaceTable::of(&mut prepared, &computed, args));
     computed.factors.if_readable(())?;
     if let Some(path) = &args.output {
         let report = FormFactorReport {
@@ -74,11 +73,11 @@ fn work(args: &FormFactorsArgs, run: &mut Run) -> Result<Outcome, Failure> {
         run.times.time("write", || report.write(path))?;
     }
     run.progress.finish();
-    let mut result = to_json(&prepared, &computed, &surfaces);
+    let mut result = to_json(&prepared, &computed, &table);
     result["output"] = json!(args.output);
     let document = run.document_of(&prepared, result);
     let mut text = run.explanation(&prepared);
-    describe(&mut text, &prepared, &computed, &surfaces);
+    describe(&mut text, &prepared, &computed, &table);
     run.describe_audit(&mut text);
     run.describe_times(&mut text);
     if let Some(path) = &args.output {
@@ -161,21 +160,68 @@ fn storage_to_json(storage: &StorageChoice<'_>) -> Value {
     })
 }
 
-fn to_json(prepared: &Prepared, computed: &Computed, surfaces: &SurfaceFormFactors) -> Value {
-    let n = surfaces.n_surfaces;
-    let rows = |values: &[f64]| -> Vec<Vec<f64>> { values.chunks(n).map(<[f64]>::to_vec).collect() };
+/// What the command tells of surfaces.
+enum SurfaceTable {
+    /// Form factors between all of them.
+    Whole(Vec<SurfaceRow>),
+    /// What no front receives of the light of each, where the form factors between them would not fit into memory.
+    Lost(Vec<f64>),
+    /// Nothing: neither a document nor a table is to be printed.
+    NotAsked,
+}
+
+impl SurfaceTable {
+    /// Memory for a form factor between two surfaces and its error, as numbers and in the document: 79 measured.
+    const ENTRY_BYTE: u64 = 96;
+
+    /// Calculates what is asked for, and notes in the plan what does not fit.
+    fn of(prepared: &mut Prepared, computed: &Computed, args: &FormFactorsArgs) -> Self {
+        let n = prepared.scene.surfaces.len();
+        if n > TABLE && !args.common.json {
+            return Self::NotAsked;
+        }
+        let surface_of_patch: Vec<u32> = prepared.mesh.patches.iter().map(|p| p.surface.0).collect();
+        let rows = computed.factors.surface_rows(&surface_of_patch, n);
+        let needed = Self::ENTRY_BYTE.saturating_mul((n as u64).saturating_pow(2));
+        let free = limit_byte(args.storage.memory.memory_limit).saturating_sub(memory_used_byte().unwrap_or(0));
+        if n <= TABLE || needed <= free {
+            return Self::Whole(rows.iter().collect());
+        }
+        prepared.plan.left_out.push(format!(
+            "surface_form_factor and surface_error: those of {n} × {n} surfaces need {} of memory; -o F.csv writes them row by row",
+            byte_text(needed)
+        ));
+        Self::Lost(rows.lost_factors())
+    }
+
+    /// Returns form factors, errors and lost factors as the document has them.
+    fn to_json(&self) -> [Value; 3] {
+        match self {
+            Self::Whole(rows) => [
+                rows.iter().map(|row| json!(row.form_factor)).collect(),
+                rows.iter().map(|row| json!(row.error)).collect(),
+                rows.iter().map(|row| json!(row.lost_factor)).collect(),
+            ],
+            Self::Lost(lost) => [Value::Null, Value::Null, json!(lost)],
+            Self::NotAsked => [Value::Null, Value::Null, Value::Null],
+        }
+    }
+}
+
+fn to_json(prepared: &Prepared, computed: &Computed, table: &SurfaceTable) -> Value {
+    let n = prepared.scene.surfaces.len();
     let mut result = checks_to_json(computed);
     let more = json!({
         "n_patches": prepared.mesh.n_patches(),
         "n_surfaces": n,
         "surfaces": prepared.surfaces_to_json(),
-        "surface_form_factor": rows(&surfaces.form_factor),
-        "surface_error": rows(&surfaces.error),
         "sky_factor": sky_of_surfaces(&computed.sky, &prepared.mesh, n),
-        "lost_factor": surfaces.lost_factor,
     });
-    if let (Value::Object(all), Value::Object(more)) = (&mut result, more) {
-        all.extend(more);
+    merge(&mut result, more);
+    // Put in here, because what stands in `json!` is copied.
+    let names = ["surface_form_factor", "surface_error", "lost_factor"];
+    for (name, value) in names.into_iter().zip(table.to_json()) {
+        result[name] = value;
     }
     result
 }
@@ -184,17 +230,20 @@ fn to_json(prepared: &Prepared, computed: &Computed, surfaces: &SurfaceFormFacto
 const TABLE: usize = 12;
 
 /// Writing to a String cannot fail; the results of `write!` are dropped for that reason.
-fn describe(text: &mut String, prepared: &Prepared, computed: &Computed, surfaces: &SurfaceFormFactors) {
-    let n = surfaces.n_surfaces;
+fn describe(text: &mut String, prepared: &Prepared, computed: &Computed, table: &SurfaceTable) {
+    let n = prepared.scene.surfaces.len();
     let _ = writeln!(text, "{} patches on {n} surfaces", prepared.mesh.n_patches());
     describe_checks(text, computed);
-    if n > TABLE {
-        let _ = writeln!(
-            text,
-            "the table of {n} × {n} surface form factors is in the document that --json prints"
-        );
-        return;
-    }
+    let rows = match table {
+        SurfaceTable::Whole(rows) if n <= TABLE => rows,
+        _ => {
+            let _ = writeln!(
+                text,
+                "the {n} × {n} surface form factors are in what --json prints and in the table that -o F.csv writes"
+            );
+            return;
+        }
+    };
     let names: Vec<&str> = prepared.scene.surfaces.iter().map(|s| s.name.as_str()).collect();
     let width = names.iter().map(|name| name.chars().count()).max().unwrap_or(0);
     let _ = writeln!(
@@ -208,17 +257,19 @@ fn describe(text: &mut String, prepared: &Prepared, computed: &Computed, surface
     }
     let _ = writeln!(text, " {:>9} {:>9} {:>9}", "lost", "sky", "error");
     let sky = sky_of_surfaces(&computed.sky, &prepared.mesh, n);
-    for (row, name) in names.iter().enumerate() {
+    for ((row, name), sky) in rows.iter().zip(names).zip(sky) {
         let _ = write!(text, "{name:width$}");
-        let entries = row * n..(row + 1) * n;
-        for value in &surfaces.form_factor[entries.clone()] {
+        for value in &row.form_factor {
             let _ = write!(text, " {value:>column$.6}");
         }
-        let error = surfaces.error[entries].iter().copied().fold(0.0, f64::max);
-        let escaped = sky[row].map_or("-".to_owned(), |sky| format!("{sky:.6}"));
+        let error = row.error.iter().copied().fold(0.0, f64::max);
+        let escaped = sky.map_or("-".to_owned(), |sky| format!("{sky:.6}"));
         // A row that is complete may be so but for rounding of either sign.
-        let lost = surfaces.lost_factor[row];
-        let lost = if lost.abs() < 5e-7 { 0.0 } else { lost };
+        let lost = if row.lost_factor.abs() < 5e-7 {
+            0.0
+        } else {
+            row.lost_factor
+        };
         let _ = writeln!(text, " {lost:>9.6} {escaped:>9} {error:>9.1e}");
     }
     let _ = writeln!(text);

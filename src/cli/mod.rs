@@ -25,7 +25,7 @@ mod verify;
 mod voxel;
 
 use std::ffi::OsString;
-use std::io::Write;
+use std::io::{self, BufWriter, Write};
 use std::panic::{AssertUnwindSafe, PanicHookInfo};
 
 use clap::Parser;
@@ -179,15 +179,22 @@ fn merge(document: &mut Value, more: Value) {
 }
 
 fn print_document(document: &Value) -> bool {
-    print(&format!("{document:#}\n"))
+    printed(|stdout| {
+        serde_json::to_writer_pretty(&mut *stdout, document)?;
+        writeln!(stdout)
+    })
 }
 
-/// Writes to stdout; returns false where that failed for another reason than a reader who has seen enough.
+/// Writes a text to stdout; returns false where that failed for another reason than a reader who has seen enough.
 fn print(text: &str) -> bool {
-    let mut stdout = std::io::stdout().lock();
-    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+    printed(|stdout| stdout.write_all(text.as_bytes()))
+}
+
+fn printed(write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> bool {
+    let mut stdout = BufWriter::new(io::stdout().lock());
+    match write(&mut stdout).and_then(|()| stdout.flush()) {
         Ok(()) => true,
-        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => true,
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => true,
         Err(error) => {
             complain(&format!("cannot write to standard output: {error}"));
             false
@@ -220,12 +227,12 @@ fn one_line(defect: &PanicHookInfo<'_>) -> String {
 
 /// Writes one line to stderr.
 fn complain(message: &str) {
-    let _ = writeln!(std::io::stderr(), "radiosity: {}", printable(message));
+    let _ = writeln!(io::stderr(), "radiosity: {}", printable(message));
 }
 
 /// Writes a warning to stderr.
 fn warn(message: &str) {
-    let _ = writeln!(std::io::stderr(), "radiosity: warning: {}", printable(message));
+    let _ = writeln!(io::stderr(), "radiosity: warning: {}", printable(message));
 }
 
 #[cfg(test)]

@@ -36,7 +36,7 @@ pub use balance::{BalanceReport, Weighting};
 pub use checks::{Checks, Closed, MinMax, RowTargets};
 pub use disk::{DiskError, Place, Scratch};
 pub use error::MatrixError;
-pub use surfaces::SurfaceFormFactors;
+pub use surfaces::{SurfaceFormFactors, SurfaceRow, SurfaceRows};
 pub use tile::{Entry, RayWeights, RowTally, RowTile};
 
 use std::sync::Arc;

@@ -144,7 +144,8 @@ impl FormFactorReport<'_> {
                 readable()
             }),
             Format::Csv => whole_file::write(path, |writer| {
-                let surfaces = factors.surface_form_factors(&self.patch_surfaces(), self.scene.surfaces.len());
+                let patch_surfaces = self.patch_surfaces();
+                let surfaces = factors.surface_rows(&patch_surfaces, self.scene.surfaces.len());
                 matrix_csv::write(writer, self.scene, &surfaces, &self.description())?;
                 readable()
             }),

@@ -4,7 +4,7 @@ use std::io::{self, Write};
 
 use super::Description;
 use super::csv::{quoted, write_description};
-use crate::matrix::SurfaceFormFactors;
+use crate::matrix::SurfaceRows;
 use crate::scene::Scene;
 
 /// Writes one row for every pair of surfaces: from, to, area of the former in m², form factor, estimate of its absolute error.
@@ -14,17 +14,15 @@ use crate::scene::Scene;
 pub(super) fn write(
     writer: &mut dyn Write,
     scene: &Scene,
-    surfaces: &SurfaceFormFactors,
+    surfaces: &SurfaceRows<'_>,
     description: &Description,
 ) -> io::Result<()> {
     write_description(writer, &description.to_json())?;
     writeln!(writer, "from,to,from_area_m2,form_factor,error")?;
-    let n = surfaces.n_surfaces;
-    for (i, from) in scene.surfaces.iter().enumerate() {
-        for (j, to) in scene.surfaces.iter().enumerate() {
-            let (from, to, area) = (quoted(&from.name), quoted(&to.name), surfaces.areas[i]);
-            let (value, error) = (surfaces.form_factor[i * n + j], surfaces.error[i * n + j]);
-            writeln!(writer, "{from},{to},{area:?},{value:?},{error:?}")?;
+    for (from, row) in scene.surfaces.iter().zip(surfaces.iter()) {
+        let (from, area) = (quoted(&from.name), row.area);
+        for ((to, value), error) in scene.surfaces.iter().zip(row.form_factor).zip(row.error) {
+            writeln!(writer, "{from},{},{area:?},{value:?},{error:?}", quoted(&to.name))?;
         }
     }
     Ok(())

@@ -1,5 +1,7 @@
 //! Form factors: methods, files, flags.
 
+use std::fmt::Write as _;
+
 use serde_json::Value;
 
 use crate::{document, numbers, radiosity, stderr, with_scene};
@@ -93,6 +95,54 @@ fn the_sky_is_no_back() {
     assert!(watts("absorbed_by_backs") > 0.01 * watts("escaped"), "{energy}");
     assert!(rest.abs() < 1e-6 * watts("emitted"), "{energy}");
     assert_eq!(run("solve", &exact)["energy"][0]["absorbed_by_backs"], Value::Null);
+}
+
+/// Faces without a group are a surface each: what is told of all pairs of them must not cost the rest.
+#[test]
+fn form_factors_between_too_many_surfaces_are_left_out() {
+    const SIDE: usize = 30;
+    let directory = tempfile::tempdir().unwrap();
+    let height = |x: usize| (x as f64 - 15.0).powi(2) / 64.0;
+    let mut scene = String::new();
+    for (x, y) in (0..=SIDE).flat_map(|x| (0..=SIDE).map(move |y| (x, y))) {
+        writeln!(scene, "v {x} {y} {}", height(x)).unwrap();
+    }
+    for (x, y) in (0..SIDE).flat_map(|x| (0..SIDE).map(move |y| (x, y))) {
+        let corner = x * (SIDE + 1) + y + 1;
+        let next = corner + SIDE + 1;
+        writeln!(scene, "f {corner} {next} {} {}", next + 1, corner + 1).unwrap();
+    }
+    std::fs::write(directory.path().join("valley.obj"), scene).unwrap();
+
+    let run = |more: &[&str]| {
+        let arguments = [&["form-factors", "valley.obj", "-o", "F.csv"], more].concat();
+        let (code, result) = document(directory.path(), &arguments);
+        assert_eq!(code, 0, "{result}");
+        result
+    };
+    let (whole, short) = (run(&[]), run(&["--memory-limit", "64M"]));
+    let n = SIDE * SIDE;
+    assert_eq!(whole["surface_error"].as_array().unwrap().len(), n);
+    assert_eq!(
+        whole["left_out"].as_array().unwrap().len() + 1,
+        short["left_out"].as_array().unwrap().len()
+    );
+    for name in ["surface_form_factor", "surface_error"] {
+        assert_eq!(short[name], Value::Null);
+    }
+    assert_eq!(short["lost_factor"], whole["lost_factor"]);
+    let table = std::fs::read_to_string(directory.path().join("F.csv")).unwrap();
+    let rows: Vec<&str> = table.lines().filter(|line| line.starts_with("face1,")).collect();
+    assert_eq!(rows.len(), n);
+    let from_first = numbers(&whole["surface_form_factor"][0]);
+    let sum: f64 = from_first.iter().sum();
+    assert!(
+        (sum - 1.0 + whole["lost_factor"][0].as_f64().unwrap()).abs() < 1e-12 && sum > 0.01,
+        "{sum}"
+    );
+    for (row, value) in rows.iter().zip(from_first) {
+        assert_eq!(row.split(',').nth(3), Some(format!("{value:?}").as_str()));
+    }
 }
 
 /// Names that begin alike head columns that can be told apart.
