@@ -41,7 +41,7 @@ impl Prepared {
         pose.push(&self.scene, &motion).expect("surfaces of the scene");
         let scene = self.scene.posed(&pose).expect("a scene");
         Self {
-            mesh: self.mesh.posed(&pose),
+            mesh: self.mesh.posed(&pose, &scene),
             visibility: BruteForce::new(&scene),
             scene,
         }

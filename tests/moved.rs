@@ -44,7 +44,9 @@ impl Posed {
         for motion in motions {
             pose.push(&self.scene, motion).unwrap();
         }
-        Self::new(self.scene.posed(&pose).unwrap(), self.mesh.posed(&pose))
+        let scene = self.scene.posed(&pose).unwrap();
+        let mesh = self.mesh.posed(&pose, &scene);
+        Self::new(scene, mesh)
     }
 
     fn compute(&self, method: &dyn FormFactorMethod) -> Computed {

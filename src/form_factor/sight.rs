@@ -51,11 +51,11 @@ impl<'a> Sights<'a> {
                 [j] => corners(*j),
                 _ => self.input.scene.polygon(face(of_face[0])),
             };
-            match whole_where_grazing(index.classify(&p, &q), &p, &q) {
+            match whole_where_grazing(index, index.classify(&p, &q), &p, &q) {
                 PairVisibility::Partial(among) if of_face.len() > 1 => sights.extend(of_face.iter().map(|&j| {
                     let patch = corners(j);
                     let view = index.classify_among(&p, &patch, &among);
-                    Sight::of(&whole_where_grazing(view, &p, &patch))
+                    Sight::of(&whole_where_grazing(index, view, &p, &patch))
                 })),
                 view => sights.resize(sights.len() + of_face.len(), Sight::of(&view)),
             }
@@ -73,9 +73,14 @@ impl Sight {
     }
 }
 
-/// Makes pairs that a shaft calls hidden, because all that they see of each other is lower than its tolerance, whole ones: nothing fits in between.
-pub(super) fn whole_where_grazing(found: PairVisibility, p: &[DVec3], q: &[DVec3]) -> PairVisibility {
-    if found == PairVisibility::None && Shaft::new(p, q, 0.0).is_none() {
+/// Makes pairs that a shaft calls hidden, because all that they see of each other is lower than its tolerance, whole ones: nothing fits in between. The sides of a sheet stay hidden.
+pub(super) fn whole_where_grazing(
+    index: &BlockerIndex,
+    found: PairVisibility,
+    p: &[DVec3],
+    q: &[DVec3],
+) -> PairVisibility {
+    if found == PairVisibility::None && Shaft::new(p, q, 0.0).is_none() && !index.are_sides_of_a_sheet(p, q) {
         PairVisibility::Full
     } else {
         found

@@ -7,6 +7,7 @@ mod patch;
 mod planes;
 mod seams;
 mod subdivide;
+mod walls;
 
 pub use hierarchy::{Hierarchy, Prolongation};
 pub use patch::{Patch, PatchId, PatchPoint};
@@ -20,11 +21,12 @@ use crate::matrix::operator::Block;
 use crate::scene::{Corners, FaceId, Pose, Scene};
 use grid::FaceGrid;
 use seams::Seams;
+use walls::Walls;
 
 /// All patches of a scene, contiguous per face and in the order of the faces.
 ///
-/// Vertices are shared between neighbouring patches of the same plane only: a value interpolated from them has no
-/// crack inside a flat surface and stays sharp at a crease. Two flat faces that share an edge are cut in the same
+/// Vertices are shared between neighbouring patches of the same plane only, and not where a wall stands between them: a value interpolated from them has no
+/// crack inside a flat surface, stays sharp at a crease, and does not leak from one room into another. Two flat faces that share an edge are cut in the same
 /// places along it, whatever the [`Subdivision`]; where a long edge lies beside shorter ones (a T-junction), [interpolation](Self::interpolate)
 /// sees the vertices of both sides.
 #[derive(Clone, Debug)]
@@ -44,8 +46,15 @@ impl Mesh {
     /// [`MeshError`] if the subdivision is not a positive number, or makes more patches than 32-bit ids can name.
     pub fn new(scene: &Scene, subdivision: Subdivision) -> Result<Self, MeshError> {
         let mut mesh = subdivide::subdivide(scene, subdivision)?;
-        mesh.seams = Seams::find(&mesh);
+        mesh.join(scene);
         Ok(mesh)
+    }
+
+    /// Parts vertices where walls stand between patches, and finds where patches meet that do not share all vertices.
+    fn join(&mut self, scene: &Scene) {
+        let walls = Walls::find(scene);
+        walls::part(self, &walls);
+        self.seams = Seams::find(self, &walls);
     }
 
     /// Returns how many patches [`new`](Self::new) makes, without making them.
@@ -56,12 +65,12 @@ impl Mesh {
         subdivide::count(scene, subdivision)
     }
 
-    /// Returns the patches with their surfaces in a pose: the same patches in the same order, wherever they go.
+    /// Returns the patches with their surfaces in a pose, of which `scene` is what the mesh's scene becomes: the same patches in the same order, wherever they go.
     ///
     /// Patches that do not move keep their corners to the last bit, and all keep their areas: a rigid motion does. Vertices are shared as before, but
     /// between what moves and what does not.
     #[must_use]
-    pub fn posed(&self, pose: &Pose) -> Self {
+    pub fn posed(&self, pose: &Pose, scene: &Scene) -> Self {
         let mut posed = Self {
             vertices: Vec::with_capacity(self.vertices.len()),
             ..self.clone()
@@ -88,7 +97,7 @@ impl Mesh {
                 patch.centroid = pose.point(patch.surface, patch.centroid);
             }
         }
-        posed.seams = Seams::find(&posed);
+        posed.join(scene);
         posed
     }
 

@@ -9,6 +9,7 @@ use std::collections::{BTreeMap, HashMap};
 use glam::DVec3;
 
 use super::planes::DisjointSets;
+use super::walls::Walls;
 use super::{Mesh, PatchId};
 use crate::geometry::box_pairs::overlapping_pairs;
 
@@ -36,7 +37,7 @@ struct Edge {
 }
 
 impl Seams {
-    pub(super) fn find(mesh: &Mesh) -> Self {
+    pub(super) fn find(mesh: &Mesh, walls: &Walls) -> Self {
         let edges = free_edges(mesh);
         let place = |vertex: u32| mesh.vertices[vertex as usize];
         let boxes = edges.iter().map(|edge| {
@@ -62,6 +63,12 @@ impl Seams {
                 // The neighbour on the same side of a plane runs the other way.
                 let runs_back = (place(other.to) - place(other.from)).dot(unit) < 0.0;
                 if !runs_back || sideways(other.from) > slack || sideways(other.to) > slack {
+                    continue;
+                }
+                let faces = [one, other].map(|edge| mesh.patches[edge.patch].face.0);
+                let common = [other.to, other.from].map(|vertex| unit.dot(place(vertex) - start).clamp(0.0, length));
+                let [first, last] = common.map(|t| start + t * unit);
+                if walls.stand_between(faces, first, last) {
                     continue;
                 }
                 for vertex in [other.from, other.to] {

@@ -243,6 +243,137 @@ fn interpolation_has_no_seam_at_t_junctions() {
     }
 }
 
+/// A floor from (0, 0) to (4, 2), bright left of x = 2 and dark right of it, and a wall on that line up to y = 1.
+fn floor_with(wall: [DVec3; 4], floor: &[[[f64; 2]; 4]]) -> Scene {
+    let mut vertices: Vec<DVec3> = Vec::new();
+    let mut faces = Vec::new();
+    for quad in floor
+        .iter()
+        .map(|quad| quad.map(|[x, y]| DVec3::new(x, y, 0.0)))
+        .chain([wall])
+    {
+        let first = u32::try_from(vertices.len()).unwrap();
+        vertices.extend(quad);
+        faces.push(Corners::Quad([0, 1, 2, 3].map(|k| first + k)));
+    }
+    scene(vertices, &faces)
+}
+
+/// Returns the floor's value at a point; which side counts on a border.
+fn floor_value(source: &Scene, mesh: &Mesh, from_left: bool, x: f64, y: f64) -> f64 {
+    let bright = |patch: &Patch| f64::from(u8::from(patch.centroid.x < 2.0));
+    let values = mesh.vertex_values(&Block::from_values(mesh.patches.iter().map(bright).collect(), 1));
+    let inside = x + if from_left { -1e-9 } else { 1e-9 };
+    let face = source.face_ids().find(|&face| {
+        let corners = source.polygon(face);
+        corners[2].z == 0.0 && (corners[0].x..corners[2].x).contains(&inside)
+    });
+    let (face, mut sum) = (face.unwrap(), 0.0);
+    let corners = source.polygon(face);
+    let size = corners[2] - corners[0];
+    let at = mesh.locate(face, (inside - corners[0].x) / size.x, y / size.y);
+    mesh.interpolate(&at, |vertex, weight| sum += weight * values.row(vertex)[0]);
+    sum
+}
+
+#[test]
+fn values_do_not_leak_through_walls() {
+    let whole = [[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [0.0, 2.0]];
+    let halves = [
+        [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]],
+        [[2.0, 0.0], [4.0, 0.0], [4.0, 2.0], [2.0, 2.0]],
+    ];
+    let wall = |low: f64, high: f64, lean: f64| {
+        [(0.0, low), (1.0, low), (1.0, high), (0.0, high)].map(|(y, z)| DVec3::new(2.0 + lean * z, y, z))
+    };
+    let joined = |source: Scene| {
+        // Faces that share vertices, as exporters write them.
+        let same = |v: &u32| {
+            let place = source.vertices[*v as usize];
+            u32::try_from(source.vertices.iter().position(|&other| other == place).unwrap()).unwrap()
+        };
+        let faces = source.faces.iter().map(|face| match face.corners {
+            Corners::Quad(v) => Corners::Quad(v.each_ref().map(same)),
+            Corners::Triangle(v) => Corners::Triangle(v.each_ref().map(same)),
+        });
+        scene(source.vertices.clone(), &faces.collect::<Vec<_>>())
+    };
+    let is_parted = |source: &Scene, mesh: &Mesh| {
+        let at = |from_left, y| floor_value(source, mesh, from_left, 2.0, y);
+        let near = |value: f64, expected: f64| (value - expected).abs() < 1e-6;
+        // Beyond the wall and at its end the floor is one; so it is everywhere if the wall does not stand on it.
+        for y in [1.0, 1.2, 1.5, 2.0] {
+            assert!(near(at(true, y), 0.5) && near(at(false, y), 0.5), "{y}");
+        }
+        let parted = [0.0, 0.1, 0.25, 0.5].map(|y| near(at(true, y), 1.0) && near(at(false, y), 0.0));
+        let joined = [0.0, 0.1, 0.25, 0.5].map(|y| near(at(true, y), 0.5) && near(at(false, y), 0.5));
+        assert!(parted == [true; 4] || joined == [true; 4], "{parted:?} {joined:?}");
+        parted[0]
+    };
+    for (low, high, lean, expected) in [
+        (0.0, 1.0, 0.0, true),
+        (0.0, 1.0, 0.7, true),
+        (-0.5, 1.0, 0.0, true),
+        (-1.0, 0.0, 0.0, false),
+        (0.25, 1.0, 0.0, false),
+    ] {
+        let wall = wall(low, high, lean);
+        for source in [
+            floor_with(wall, &[whole]),
+            floor_with(wall, &halves),
+            joined(floor_with(wall, &halves)),
+        ] {
+            let mesh = Mesh::new(&source, Subdivision::Uniform(4)).unwrap();
+            assert_eq!(is_parted(&source, &mesh), expected, "{low} {high} {lean}");
+        }
+    }
+    // Patches of other sizes on either side: the left ones reach from the wall's one end to the other.
+    let quarters = [
+        halves[0],
+        [[2.0, 0.0], [4.0, 0.0], [4.0, 1.0], [2.0, 1.0]],
+        [[2.0, 1.0], [4.0, 1.0], [4.0, 2.0], [2.0, 2.0]],
+    ];
+    let source = floor_with(wall(0.0, 1.0, 0.0), &quarters);
+    let mesh = Mesh::new(&source, Subdivision::Uniform(2)).unwrap();
+    let at = |from_left, y| floor_value(&source, &mesh, from_left, 2.0, y);
+    for y in [0.0, 0.3, 0.5] {
+        assert!(at(false, y).abs() < 1e-6, "{y}");
+        let expected = 1.0 - y * (1.0 - at(true, 1.0));
+        assert!((at(true, y) - expected).abs() < 1e-6, "{y}");
+    }
+    assert!((at(true, 1.0) - at(false, 1.0)).abs() < 1e-6 && at(true, 1.0) > 0.3);
+}
+
+#[test]
+fn a_wall_that_goes_away_parts_nothing_and_one_that_comes_does() {
+    let standing = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].map(|(y, z)| DVec3::new(2.0, y, z));
+    let floor = [[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [0.0, 2.0]];
+    let value = |source: &Scene, mesh: &Mesh| floor_value(source, mesh, true, 2.0, 0.25);
+    let shifted = |by: f64| {
+        let mut source = floor_with(standing.map(|v| v + by * DVec3::Z), &[floor]);
+        source.surfaces.push(Surface { name: "wall".into() });
+        source.faces[1].surface = SurfaceId(1);
+        let mesh = Mesh::new(&source, Subdivision::Uniform(4)).unwrap();
+        let mut pose = Pose::default();
+        let up = crate::scene::Motion {
+            surface: crate::scene::Names::Many(vec!["wall".into()]),
+            rotate: None,
+            axis: None,
+            about: None,
+            translate: Some([0.0, 0.0, 0.5]),
+        };
+        pose.push(&source, &up).unwrap();
+        let raised = source.posed(&pose).unwrap();
+        let moved = mesh.posed(&pose, &raised);
+        [value(&source, &mesh), value(&raised, &moved)]
+    };
+    for (values, expected) in [(shifted(0.0), [1.0, 0.5]), (shifted(-1.0), [0.5, 1.0])] {
+        for (value, expected) in values.into_iter().zip(expected) {
+            assert!((value - expected).abs() < 1e-6, "{values:?}");
+        }
+    }
+}
+
 #[test]
 fn neighbours_in_other_planes_and_matching_ones_have_no_seams() {
     for name in ["cube", "cornell-box", "sphere-room-r1"] {

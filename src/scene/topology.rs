@@ -12,12 +12,14 @@ use crate::geometry::polygon;
 /// Tells whether no face can stand between two others: a convex room without anything in it, or a part of one.
 ///
 /// True if every vertex lies in front of, or on, the plane of every face. All faces then lie on the boundary of one convex set,
-/// and a segment between two of them stays inside it. Conservative: a scene that is convex but for rounding above 1e-12 of its size counts as not convex.
+/// and a segment between two of them stays inside it. Conservative: a scene that is convex but for rounding above 1e-12 of its size counts as not convex,
+/// and so does one that is no higher over a face than [`Scene::slack`]: a sheet, whose sides rounding may have parted.
 /// Work: planes × vertices at worst, with a stop at the first vertex behind a plane.
 #[must_use]
 pub fn is_convex_and_empty(scene: &Scene) -> bool {
     let (low, high) = scene.bounding_box();
-    let slack = 1e-12 * (high - low).length();
+    let tolerance = 1e-12 * (high - low).length();
+    let slack = scene.slack();
     let mut used: Vec<u32> = scene.faces.iter().flat_map(|f| f.corners.as_slice().to_vec()).collect();
     used.sort_unstable();
     used.dedup();
@@ -26,12 +28,12 @@ pub fn is_convex_and_empty(scene: &Scene) -> bool {
         let normal = scene.area_vector(face).normalize_or_zero();
         let distance = normal.dot(scene.vertices[scene.faces[face.0 as usize].corners.as_slice()[0] as usize]);
         // A finely cut wall repeats its plane: it is checked once.
-        let repeated = last_plane.is_some_and(|(n, d)| (n - normal).length() < 1e-14 && (d - distance).abs() < slack);
+        let repeated =
+            last_plane.is_some_and(|(n, d)| (n - normal).length() < 1e-14 && (d - distance).abs() < tolerance);
         last_plane = Some((normal, distance));
+        let height = |v: &u32| normal.dot(scene.vertices[*v as usize]) - distance;
         repeated
-            || used
-                .iter()
-                .all(|&v| normal.dot(scene.vertices[v as usize]) - distance >= -slack)
+            || used.iter().all(|v| height(v) >= -tolerance) && (slack == 0.0 || used.iter().any(|v| height(v) > slack))
     })
 }
 

@@ -158,7 +158,7 @@ impl Run {
     pub(in crate::cli) fn posed(&mut self, prepared: &Prepared, pose: &Pose) -> Result<Prepared, Failure> {
         let scene = posed(&prepared.scene, pose)?;
         let plan = self.times.time("plan", || Plan::new(&scene));
-        let mesh = self.times.time("mesh", || prepared.mesh.posed(pose));
+        let mesh = self.times.time("mesh", || prepared.mesh.posed(pose, &scene));
         let visibility = self
             .times
             .time("ray_tracer", || EmbreeVisibility::new(&scene))

@@ -297,7 +297,7 @@ impl Batches<'_> {
                     (Known::Kept, false)
                 } else if let Some(index) = &self.index {
                     let (seen, touched) = index.classify_touched(hull(f), hull(g));
-                    (Known::Seen(whole_where_grazing(seen, hull(f), hull(g))), touched)
+                    (Known::Seen(whole_where_grazing(index, seen, hull(f), hull(g))), touched)
                 } else {
                     (Known::Seen(PairVisibility::Full), false)
                 };
@@ -486,7 +486,7 @@ impl Walk<'_> {
 
     fn classify(&self, p: &[DVec3], q: &[DVec3], among: &[BlockerId]) -> PairVisibility {
         self.batches.index.as_ref().map_or(PairVisibility::Full, |index| {
-            whole_where_grazing(index.classify_among(p, q, among), p, q)
+            whole_where_grazing(index, index.classify_among(p, q, among), p, q)
         })
     }
 

@@ -139,6 +139,11 @@ impl BlockerIndex {
         self.classify_with(p, q, |look_at, shaft| self.tree.visit(shaft, |k| look_at(BlockerId(k))))
     }
 
+    /// Tells whether two polygons that seem to face each other are two sides of a sheet, which rounded coordinates have parted.
+    pub(crate) fn are_sides_of_a_sheet(&self, p: &[DVec3], q: &[DVec3]) -> bool {
+        self.slack > 0.0 && (is_parted_sheet(p, q, self.slack) || is_parted_sheet(q, p, self.slack))
+    }
+
     /// Finds which of the blockers `among` stand between two convex polygons.
     ///
     /// For parts of two larger polygons, whose own blockers are all that can stand between the parts.
@@ -157,19 +162,25 @@ impl BlockerIndex {
         q: &[DVec3],
         each: impl FnOnce(&mut dyn FnMut(BlockerId) -> bool, &Shaft<'_>),
     ) -> (PairVisibility, bool) {
+        if self.are_sides_of_a_sheet(p, q) {
+            return (PairVisibility::None, true);
+        }
         let Some(shaft) = Shaft::new(p, q, self.slack) else {
             return (PairVisibility::None, false);
         };
-        if self.slack > 0.0 && (is_parted_sheet(p, q, self.slack) || is_parted_sheet(q, p, self.slack)) {
-            return (PairVisibility::None, true);
-        }
+        let is_large = |corners: &[DVec3]| !is_small(corners, self.slack);
+        let (p_is_large, q_is_large) = (is_large(p), is_large(q));
+        // What lies in the plane of a patch hides nothing from it; that of a narrow blocker leans, far off by more than a corner does.
+        let holds = |plane: &Plane, corners: &[DVec3]| corners.iter().all(|&v| plane.height(v).abs() <= self.slack);
+        let is_coplanar =
+            |plane: &Plane| self.slack > 0.0 && (p_is_large && holds(plane, p) || q_is_large && holds(plane, q));
         let mut found = Vec::new();
         let mut closed = false;
         let mut touched = false;
         let mut last_solid = None;
         let mut look_at = |blocker: BlockerId| {
             let entry = &self.entries[blocker.0 as usize];
-            if shaft.meets(&entry.corners) {
+            if shaft.meets(&entry.corners) && !is_coplanar(&entry.plane) {
                 found.push(blocker);
                 closed = shaft.is_closed_by(&entry.corners, &entry.plane);
                 if let Some(solid) = entry.solid
@@ -231,12 +242,17 @@ const LEAST_SLACKS: f64 = 100.0;
 /// Tells whether a polygon lies in the plane of another one but for the rounding of corners: if they face each other, they are the two sides of a sheet, which rounding has parted.
 fn is_parted_sheet(p: &[DVec3], q: &[DVec3], slack: f64) -> bool {
     let plane = Plane::of(q);
-    if p.iter().all(|v| v.distance(p[0]) < LEAST_SLACKS * slack) {
+    if is_small(p, slack) {
         return false;
     }
     let heights = p.iter().map(|&v| plane.height(v));
     let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
     low >= -slack && high <= slack && high - low > PARALLEL * high
+}
+
+/// Tells whether a polygon is so small that rounding may have turned it any way.
+fn is_small(corners: &[DVec3], slack: f64) -> bool {
+    corners.iter().all(|v| v.distance(corners[0]) < LEAST_SLACKS * slack)
 }
 
 /// Returns 16 ulps of the largest coordinate.

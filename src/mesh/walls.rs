@@ -1,0 +1,212 @@
+//! Where walls stand on the faces of a plane: values on either side have nothing to do with each other.
+
+use std::collections::{HashMap, HashSet};
+
+use glam::DVec3;
+
+use super::planes::{DisjointSets, FaceEdge, flat_joints};
+use super::{Mesh, Patch, PatchId};
+use crate::geometry::box_pairs::overlapping_pairs;
+use crate::scene::{Corners, FaceId, Scene};
+
+/// Lines nearer than this part of the scene's size are one: far more than rounding, far less than a patch.
+const SLACK: f64 = 1e-9;
+
+/// A line along which a face meets the plane of another one, on whose front it stands.
+#[derive(Clone, Copy, Debug)]
+struct Foot {
+    from: DVec3,
+    to: DVec3,
+}
+
+/// The feet of walls by the face that they stand on.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Walls {
+    on_face: HashMap<u32, Vec<Foot>>,
+    /// The faces that have a wall elsewhere than along a border that no face of the plane continues.
+    parted: HashSet<u32>,
+    slack: f64,
+}
+
+impl Walls {
+    /// Finds what stands on the faces of a scene, within [`Scene::slack`]. Work: O(n log n) for n faces, and the pairs of faces that touch.
+    pub(super) fn find(scene: &Scene) -> Self {
+        if scene.faces.is_empty() {
+            return Self::default();
+        }
+        let (low, high) = scene.bounding_box();
+        let slack = scene.slack().max(SLACK * (high - low).length());
+        let outlines: Vec<Vec<DVec3>> = scene.face_ids().map(|face| scene.polygon(face)).collect();
+        let normals: Vec<DVec3> = scene
+            .face_ids()
+            .map(|face| scene.area_vector(face).normalize_or_zero())
+            .collect();
+        let boxes = scene.faces.iter().map(|face| {
+            let (low, high) = scene.positions(face).bounding_box();
+            (low - slack, high + slack)
+        });
+        let mut on_face: HashMap<u32, Vec<Foot>> = HashMap::new();
+        overlapping_pairs(boxes.collect(), |a, b| {
+            for (ground, wall) in [(a, b), (b, a)] {
+                let plane = (outlines[ground as usize][0], normals[ground as usize]);
+                if let Some(foot) = foot(plane, &outlines[wall as usize], slack) {
+                    on_face.entry(ground).or_default().push(foot);
+                }
+            }
+        });
+        let mut walls = Self {
+            on_face,
+            parted: HashSet::new(),
+            slack,
+        };
+        let beside: HashMap<FaceEdge, FaceId> = flat_joints(scene)
+            .into_iter()
+            .flat_map(|(one, other)| [(one, other.0), (other, one.0)])
+            .collect();
+        for (&face, feet) in &walls.on_face {
+            let outline = &outlines[face as usize];
+            for foot in feet {
+                let border = (0..outline.len()).find(|&k| {
+                    let edge = Foot {
+                        from: outline[k],
+                        to: outline[(k + 1) % outline.len()],
+                    };
+                    [foot.from, foot.to].iter().all(|&end| edge.line_distance(end) <= slack)
+                });
+                match border.map(|k| beside.get(&(FaceId(face), k))) {
+                    None => walls.parted.extend([face]),
+                    Some(Some(other)) => walls.parted.extend([face, other.0]),
+                    Some(None) => {}
+                }
+            }
+        }
+        walls
+    }
+
+    /// Tells whether a wall on one of the faces stands along a line: along the middle half of it at least.
+    pub(super) fn stand_between(&self, faces: [u32; 2], from: DVec3, to: DVec3) -> bool {
+        let feet = faces.iter().filter_map(|face| self.on_face.get(face)).flatten();
+        let ends = [from.lerp(to, 0.25), from.lerp(to, 0.75)];
+        feet.into_iter()
+            .any(|foot| ends.iter().all(|&end| foot.distance(end) <= self.slack))
+    }
+}
+
+impl Foot {
+    fn line_distance(&self, point: DVec3) -> f64 {
+        (point - self.from).reject_from(self.to - self.from).length()
+    }
+
+    fn distance(&self, point: DVec3) -> f64 {
+        let along = self.to - self.from;
+        let t = ((point - self.from).dot(along) / along.length_squared()).clamp(0.0, 1.0);
+        point.distance(self.from + t * along)
+    }
+}
+
+/// Returns where a convex polygon that reaches in front of a plane, given by a point and its normal, meets the plane, if that is a line.
+fn foot((origin, normal): (DVec3, DVec3), wall: &[DVec3], slack: f64) -> Option<Foot> {
+    let height = |k: usize| normal.dot(wall[k % wall.len()] - origin);
+    if !(0..wall.len()).any(|k| height(k) > slack) {
+        return None;
+    }
+    let mut points = Vec::new();
+    for k in 0..wall.len() {
+        let (h, next) = (height(k), height(k + 1));
+        if h.abs() <= slack {
+            points.push(wall[k]);
+        } else if next.abs() > slack && (h < 0.0) != (next < 0.0) {
+            points.push(wall[k].lerp(wall[(k + 1) % wall.len()], h / (h - next)));
+        }
+    }
+    let [from, to] = points[..] else { return None };
+    (from.distance(to) > slack).then_some(Foot { from, to })
+}
+
+/// Gives patches of one plane vertices of their own where a wall stands between them.
+pub(super) fn part(mesh: &mut Mesh, walls: &Walls) {
+    if walls.parted.is_empty() {
+        return;
+    }
+    let all = mesh.patches.iter().enumerate();
+    let patches: Vec<(usize, &Patch)> = all.filter(|patch| walls.parted.contains(&patch.1.face.0)).collect();
+    let mut patch_beside: HashMap<(u32, u32), usize> = HashMap::new();
+    for (patch, of_patch) in &patches {
+        patch_beside.extend(edges(of_patch.corners).map(|edge| (edge, *patch)));
+    }
+    let neighbour = |(from, to): (u32, u32)| patch_beside.get(&(to, from)).copied();
+    let place = |vertex: u32| mesh.vertices[vertex as usize];
+    let mut parted: HashSet<(u32, u32)> = HashSet::new();
+    for &(patch, of_patch) in &patches {
+        for (from, to) in edges(of_patch.corners) {
+            let Some(other) = neighbour((from, to)).filter(|&other| patch < other) else {
+                continue;
+            };
+            let faces = [of_patch.face.0, mesh.patches[other].face.0];
+            if walls.stand_between(faces, place(from), place(to)) {
+                parted.extend([(from, to), (to, from)]);
+            }
+        }
+    }
+    if parted.is_empty() {
+        return;
+    }
+    // Patches stay together at a vertex where a way from one to the other leads around it: at the end of a wall.
+    let ends: HashSet<u32> = parted.iter().map(|edge| edge.0).collect();
+    let mut around: HashMap<u32, Vec<usize>> = HashMap::new();
+    for (patch, of_patch) in patches {
+        for &corner in of_patch.corners.as_slice() {
+            if ends.contains(&corner) {
+                around.entry(corner).or_default().push(patch);
+            }
+        }
+    }
+    let mut new_corners: Vec<(usize, u32, u32)> = Vec::new();
+    let mut new_vertices: Vec<DVec3> = Vec::new();
+    let mut ends: Vec<u32> = ends.into_iter().collect();
+    ends.sort_unstable();
+    for vertex in ends {
+        let patches = &around[&vertex];
+        let mut together = DisjointSets::new(patches.len());
+        for (k, &patch) in patches.iter().enumerate() {
+            for edge in edges(mesh.patches[patch].corners) {
+                let is_own = edge.0 == vertex || edge.1 == vertex;
+                let beside = neighbour(edge).filter(|_| is_own && !parted.contains(&edge));
+                if let Some(other) = beside.and_then(|other| patches.iter().position(|&patch| patch == other)) {
+                    together.join(k, other);
+                }
+            }
+        }
+        // The first keeps the old one: a set is known by its least member.
+        let mut own: HashMap<usize, u32> = HashMap::from([(0, vertex)]);
+        for (k, &patch) in patches.iter().enumerate() {
+            let corner = *own.entry(together.find(k)).or_insert_with(|| {
+                new_vertices.push(place(vertex));
+                PatchId::from_index(mesh.vertices.len() + new_vertices.len() - 1).0
+            });
+            if corner != vertex {
+                new_corners.push((patch, vertex, corner));
+            }
+        }
+    }
+    for (patch, old, new) in new_corners {
+        let corners: &mut [u32] = match &mut mesh.patches[patch].corners {
+            Corners::Triangle(corners) => corners,
+            Corners::Quad(corners) => corners,
+        };
+        corners
+            .iter_mut()
+            .filter(|corner| **corner == old)
+            .for_each(|corner| *corner = new);
+    }
+    mesh.vertices.extend(new_vertices);
+}
+
+/// Returns the edges of a patch, counter-clockwise.
+fn edges(corners: Corners) -> impl Iterator<Item = (u32, u32)> {
+    let n = corners.as_slice().len();
+    (0..n).map(move |k| {
+        let corners = corners.as_slice();
+        (corners[k], corners[(k + 1) % n])
+    })
+}
