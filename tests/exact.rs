@@ -614,6 +614,86 @@ fn rounded_coordinates_neither_hide_what_touches_nor_let_the_sides_of_a_sheet_se
     }
 }
 
+/// A partition over a floor, or standing on it, and a roof; both sides are cut, each elsewhere or not at all.
+fn partition(uniform: &mut Uniform) -> Scene {
+    let turn = DQuat::from_axis_angle(direction(uniform), 6.0 * uniform.next());
+    let shift = DVec3::new(uniform.next(), uniform.next(), uniform.next());
+    let (width, height) = (0.5 + 2.5 * uniform.next(), 0.5 + 2.5 * uniform.next());
+    let low = if uniform.next() < 0.5 { 0.0 } else { 0.1 };
+    let mut shapes = Shapes::default();
+    let mut face = |corners: [[f64; 3]; 4], is_turned: bool| {
+        let mut corners = corners.map(|v| turn * DVec3::from_array(v) + shift);
+        if is_turned {
+            corners.reverse();
+        }
+        shapes.face(&corners);
+    };
+    for is_back in [false, true] {
+        let is_upright = uniform.next() < 0.5;
+        let length = if is_upright { width } else { height };
+        let mut cuts = vec![0.0, length];
+        cuts.extend((0..(3.0 * uniform.next()) as usize).map(|_| length * (0.02 + 0.96 * uniform.next())));
+        cuts.sort_by(f64::total_cmp);
+        for ends in cuts.windows(2) {
+            let ([x0, x1], [z0, z1]) = if is_upright {
+                ([ends[0], ends[1]], [0.0, height])
+            } else {
+                ([0.0, width], [ends[0], ends[1]])
+            };
+            let (z0, z1) = (low + z0, low + z1);
+            face([[x0, 0.0, z0], [x1, 0.0, z0], [x1, 0.0, z1], [x0, 0.0, z1]], is_back);
+        }
+    }
+    let floor = |z: f64| [[-4.0, -4.0, z], [4.0, -4.0, z], [4.0, 4.0, z], [-4.0, 4.0, z]];
+    face(floor(0.0), false);
+    face(floor(4.0), true);
+    shapes.scene()
+}
+
+#[test]
+fn a_rounded_partition_neither_hides_nor_sees_its_own_other_side() {
+    let mut uniform = Uniform(11);
+    for round in 0..20 {
+        let scene = partition(&mut uniform);
+        let n = scene.faces.len();
+        let normals: Vec<DVec3> = scene.face_ids().map(|face| scene.area_vector(face)).collect();
+        let is_upright = |i: usize| normals[i].normalize().dot(normals[n - 1].normalize()).abs() < 0.5;
+        let meant = compute(&Prepared::new(scene.clone(), 1), 1e-6);
+        for places in [6, 8, 10] {
+            let found = compute(&Prepared::new(with_decimals(places, &scene), 1), 1e-6);
+            for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
+                let (a, b) = (meant.factors.get(i, j), found.factors.get(i, j));
+                if is_upright(i) && is_upright(j) {
+                    // But for what strips that rounding leans see along the edges of others.
+                    assert!(a == 0.0 && b < 1e-9, "{round} {places} {i} {j}: {a} {b}");
+                }
+                let error = meant.factors.std_error(i, j) + found.factors.std_error(i, j);
+                assert!(
+                    (a - b).abs() < error + 1e-5,
+                    "{round} {places} {i} {j}: {a} {b} {error:e}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn a_rounded_sheet_alone_sees_nothing() {
+    let mut uniform = Uniform(3);
+    for round in 0..24 {
+        let turn = DQuat::from_axis_angle(direction(&mut uniform), 6.0 * uniform.next());
+        let corners = [[0.0, 0.0], [1.7, 0.0], [1.7, 1.1], [0.0, 1.1]].map(|[x, y]| turn * DVec3::new(x, y, 0.3));
+        let mut back = corners;
+        back.reverse();
+        back.rotate_left(round % 4);
+        let mut shapes = Shapes::default();
+        shapes.face(&corners);
+        shapes.face(&back);
+        let found = compute(&Prepared::new(with_decimals(6, &shapes.scene()), 1), 1e-6);
+        assert_eq!(found.factors.get(0, 1), 0.0, "{round}");
+    }
+}
+
 #[test]
 fn rays_take_the_sides_of_a_rounded_sheet_for_what_they_are() {
     // Rounding parts the two faces of the wall by up to 1e-5 m, ten times what f32 does in a scene of this size.

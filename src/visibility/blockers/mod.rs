@@ -7,6 +7,7 @@ mod tree;
 use glam::DVec3;
 
 use super::shaft::{Plane, Shaft};
+use crate::geometry::polygon;
 use crate::scene::{FaceId, SLACK_PER_CORNER, Scene};
 use solids::Solid;
 use tree::Tree;
@@ -168,19 +169,20 @@ impl BlockerIndex {
         let Some(shaft) = Shaft::new(p, q, self.slack) else {
             return (PairVisibility::None, false);
         };
-        let is_large = |corners: &[DVec3]| !is_small(corners, self.slack);
-        let (p_is_large, q_is_large) = (is_large(p), is_large(q));
-        // What lies in the plane of a patch hides nothing from it; that of a narrow blocker leans, far off by more than a corner does.
-        let holds = |plane: &Plane, corners: &[DVec3]| corners.iter().all(|&v| plane.height(v).abs() <= self.slack);
-        let is_coplanar =
-            |plane: &Plane| self.slack > 0.0 && (p_is_large && holds(plane, p) || q_is_large && holds(plane, q));
+        // What lies in the plane of a patch hides nothing from it.
+        let is_coplanar = |blocker: &[DVec3]| {
+            let are_level = |end: &[DVec3]| {
+                !is_small(end, self.slack) && is_level(end, blocker, self.slack) && is_level(blocker, end, self.slack)
+            };
+            self.slack > 0.0 && (are_level(p) || are_level(q))
+        };
         let mut found = Vec::new();
         let mut closed = false;
         let mut touched = false;
         let mut last_solid = None;
         let mut look_at = |blocker: BlockerId| {
             let entry = &self.entries[blocker.0 as usize];
-            if shaft.meets(&entry.corners) && !is_coplanar(&entry.plane) {
+            if shaft.meets(&entry.corners) && !is_coplanar(&entry.corners) {
                 found.push(blocker);
                 closed = shaft.is_closed_by(&entry.corners, &entry.plane);
                 if let Some(solid) = entry.solid
@@ -239,15 +241,32 @@ const PARALLEL: f64 = 1e-3;
 /// A polygon smaller than this many slacks is not told from rounding.
 const LEAST_SLACKS: f64 = 100.0;
 
+/// Beyond a polygon, so many times its width off, its plane is asked no more what rounding has made of it.
+const MOST_LEAN: f64 = 100.0;
+
 /// Tells whether a polygon lies in the plane of another one but for the rounding of corners: if they face each other, they are the two sides of a sheet, which rounding has parted.
 fn is_parted_sheet(p: &[DVec3], q: &[DVec3], slack: f64) -> bool {
-    let plane = Plane::of(q);
-    if is_small(p, slack) {
+    if is_small(p, slack) || !is_level(p, q, slack) {
         return false;
     }
+    let plane = Plane::of(q);
     let heights = p.iter().map(|&v| plane.height(v));
     let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
-    low >= -slack && high <= slack && high - low > PARALLEL * high
+    high - low > PARALLEL * high
+}
+
+/// Tells whether a polygon is no farther from the plane of another one than rounding explains: by the slack where the other is, and off it by as much more as it is farther away than
+/// the other is wide, because the plane of a narrow polygon leans.
+fn is_level(p: &[DVec3], q: &[DVec3], slack: f64) -> bool {
+    let plane = Plane::of(q);
+    let middle = q.iter().sum::<DVec3>() / q.len() as f64;
+    let reach = |v: DVec3| v.distance(middle);
+    let length = 2.0 * q.iter().map(|&v| reach(v)).fold(0.0, f64::max);
+    let width = polygon::area_vector(q).length() / length;
+    p.iter().all(|&v| {
+        let lean = (reach(v) / width).min(MOST_LEAN);
+        plane.height(v).abs() <= slack * (1.0 + lean)
+    })
 }
 
 /// Tells whether a polygon is so small that rounding may have turned it any way.
