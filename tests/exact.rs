@@ -6,6 +6,7 @@
 mod support;
 
 use glam::{DQuat, DVec3};
+use radiosity::form_factor::partial::{Accuracy, exchange_area};
 use radiosity::form_factor::registry::{self, MethodSettings};
 use radiosity::form_factor::{ClosedForm, Computed, ExactMethod, FormFactorMethod, Input, RandomShooting, closed_rows};
 use radiosity::geometry::sampling::Sequence;
@@ -13,6 +14,7 @@ use radiosity::matrix::StorageChoice;
 use radiosity::mesh::{Mesh, Subdivision};
 use radiosity::progress::Silent;
 use radiosity::scene::{Scene, builtin};
+use radiosity::visibility::blockers::{BlockerIndex, PairVisibility};
 use radiosity::visibility::brute_force::BruteForce;
 use serde_json::Value;
 use std::num::NonZeroUsize;
@@ -692,6 +694,59 @@ fn a_rounded_sheet_alone_sees_nothing() {
         let found = compute(&Prepared::new(with_decimals(6, &shapes.scene()), 1), 1e-6);
         assert_eq!(found.factors.get(0, 1), 0.0, "{round}");
     }
+}
+
+#[test]
+fn pairs_with_much_in_between_are_what_they_are_as_a_whole() {
+    // Nine houses on a ground, and a ceiling.
+    let mut uniform = Uniform(2);
+    let mut shapes = Shapes::default();
+    let level = |z: f64| [(0.0, 0.0), (60.0, 0.0), (60.0, 60.0), (0.0, 60.0)].map(|(x, y)| DVec3::new(x, y, z));
+    shapes.face(&level(0.0));
+    let mut ceiling = level(70.0);
+    ceiling.reverse();
+    shapes.face(&ceiling);
+    for k in 0..9 {
+        let low = DVec3::new(4.0 + 20.0 * f64::from(k % 3), 4.0 + 20.0 * f64::from(k / 3), 0.0);
+        let size = DVec3::new(
+            10.0 + 3.0 * uniform.next(),
+            10.0 + 3.0 * uniform.next(),
+            5.0 + 35.0 * uniform.next(),
+        );
+        shapes.cuboid(low, low + size, DQuat::IDENTITY, false);
+    }
+    let prepared = Prepared::new(shapes.scene(), 1);
+    let tolerance = 1e-5;
+    let found = compute(&prepared, tolerance).factors;
+    let index = BlockerIndex::new(&prepared.scene);
+    let polygon = |i: usize| prepared.scene.polygon(prepared.mesh.patches[i].face);
+    let mut n_checked = 0;
+    let n = prepared.mesh.n_patches();
+    for (i, j) in (0..n).flat_map(|i| (i + 1..n).map(move |j| (i, j))) {
+        let (p, q) = (polygon(i), polygon(j));
+        let PairVisibility::Partial(among) = index.classify(&p, &q) else {
+            continue;
+        };
+        if among.len() < 12 || n_checked == 6 {
+            continue;
+        }
+        n_checked += 1;
+        let smaller_area = found.areas()[i].min(found.areas()[j]);
+        let accuracy = Accuracy {
+            tolerance,
+            budget: ExactMethod::DEFAULT_BUDGET,
+        };
+        let whole = exchange_area(&p, &q, &index.blockers(&p, &q, &among), accuracy);
+        let area = found.areas()[i];
+        let (split, error) = (area * found.get(i, j), area * found.std_error(i, j));
+        assert!(
+            whole.reached && error <= tolerance * smaller_area,
+            "{i} {j}: {whole:?} {error}"
+        );
+        let difference = (split - whole.exchange_area).abs();
+        assert!(difference <= error + whole.error, "{i} {j}: {split} {error} {whole:?}");
+    }
+    assert_eq!(n_checked, 6);
 }
 
 #[test]

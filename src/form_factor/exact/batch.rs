@@ -17,9 +17,10 @@ use super::ExactMethod;
 use super::faces::FaceTree;
 use super::lattice::Lattice;
 use super::patches::{Patches, ROW_RUN, Run};
+use super::split::Split;
 use crate::form_factor::kept::{self, Part, Piece};
 use crate::form_factor::pairs::{Exchange, Facing};
-use crate::form_factor::partial::{self, Accuracy};
+use crate::form_factor::partial::Accuracy;
 use crate::form_factor::sight::whole_where_grazing;
 use crate::form_factor::{Before, Input, PairCounts};
 use crate::geometry::polygon_form_factor::exchange_area;
@@ -396,11 +397,15 @@ impl Batches<'_> {
     ) -> (Exchange, bool) {
         let [p, q] = [pair.i, pair.j].map(|k| self.patches.corners[k].as_slice());
         let most = self.unoccluded(pair.i, pair.j);
-        let blockers = index.blockers(p, q, blockers);
-        let found = partial::exchange_area_below(p, q, &blockers, accuracy, most.area);
         let smaller_area = self.patches.prepared[pair.i]
             .area()
             .min(self.patches.prepared[pair.j].area());
+        let split = Split {
+            index,
+            budget: accuracy.budget,
+            progress: self.progress,
+        };
+        let found = split.exchange_area(p, q, blockers, accuracy.tolerance * smaller_area, most.area);
         // What rounding leaves of a pair that is hidden after all would make a row of noise.
         let is_noise = found.exchange_area <= NOISE * smaller_area;
         // More than without blockers it cannot be, nor be off by more than that.

@@ -5,6 +5,7 @@ mod corners;
 mod faces;
 mod lattice;
 mod patches;
+mod split;
 
 use super::{Before, Computed, FormFactorError, FormFactorMethod, Input, PairCounts};
 use crate::geometry::polygon_form_factor::Tolerance;
@@ -26,7 +27,8 @@ use batch::Batches;
 ///   regular grids with a common step, pairs with the same step between them are computed once; where they are grids of rectangles with parallel edges, whatever
 ///   their steps, and the absolute error is enough, all pairs are differences of one closed form at the grids' corners.
 /// - Hidden pairs are exactly 0.
-/// - Partial pairs: [`partial::exchange_area`](super::partial::exchange_area), which follows the edges of the shadows.
+/// - Partial pairs: [`partial::exchange_area`](super::partial::exchange_area), which follows the edges of the shadows. Where many blockers stand between two patches these are halved as long as
+///   that leaves fewer between the halves.
 ///
 /// Nothing here uses rays: pairs nearer than the offset of ray origins, or than f32 can tell, need no special care.
 ///

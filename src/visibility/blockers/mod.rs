@@ -208,6 +208,21 @@ impl BlockerIndex {
         (visibility, touched)
     }
 
+    /// Returns how many blockers these are, counting no more than three of one convex solid: as many sides does a box show.
+    pub(crate) fn count(&self, blockers: &[BlockerId]) -> usize {
+        let mut solids: Vec<u32> = blockers
+            .iter()
+            .filter_map(|&id| self.entries[id.0 as usize].solid)
+            .collect();
+        let n_single = blockers.len() - solids.len();
+        solids.sort_unstable();
+        n_single
+            + solids
+                .chunk_by(|a, b| a == b)
+                .map(|sides| sides.len().min(3))
+                .sum::<usize>()
+    }
+
     /// Returns the polygons of the blockers between two patches, as integration wants them.
     #[must_use]
     pub fn blockers(&self, p: &[DVec3], q: &[DVec3], blockers: &[BlockerId]) -> Vec<Blocker<'_>> {
