@@ -4,14 +4,17 @@
 
 mod support;
 
+use glam::{DQuat, DVec3};
 use radiosity::form_factor::{ExactMethod, RandomShooting};
 use radiosity::geometry::sampling::Sequence;
-use radiosity::matrix::FormFactors;
 use radiosity::matrix::operator::Block;
+use radiosity::matrix::{FormFactors, Layout, Precision};
 use radiosity::scene::builtin;
 use radiosity::solver::{SolveOptions, StopReason, carried_error};
 use support::rooms::Prepared;
+use support::rooms::Shapes;
 use support::solving::{by_name, l2, run, system};
+use support::{dense, storage, tiles};
 
 /// A room with a box in it; reflectances from 0.3 to 0.8 by patch, and the ceiling shines.
 fn room() -> (Prepared, Block, Block) {
@@ -127,4 +130,31 @@ fn what_cannot_be_solved_has_no_stated_error() {
     assert_ne!(solution.stop_reason, StopReason::Converged);
     let error = carried_error(&factors, &white, &exitance, &solution).unwrap();
     assert!(error.values().iter().all(|e| e.is_infinite()), "{:?}", error.values());
+}
+
+/// Equal patches are rounded alike, and what that makes or takes of light grows like 1 / (1 − ρ).
+#[test]
+fn the_rounding_of_what_is_stored_is_stated() {
+    let mut shapes = Shapes::default();
+    shapes.cuboid(DVec3::ZERO, DVec3::new(3.0, 4.0, 5.0), DQuat::IDENTITY, true);
+    let wide = Prepared::new(shapes.scene(), 4).compute(&exact(1e-8));
+    let targets = wide.row_targets(true);
+    let (wide, _) = wide.balanced(&targets, 1e-14, 100).unwrap();
+    let n = wide.n_rows();
+    let rows = tiles(&dense(&wide), 8);
+    let narrow = FormFactors::from_tiles(wide.areas().to_vec(), rows, storage(Layout::Dense, Precision::F32)).unwrap();
+    let exitance = Block::from_values((0..n).map(|i| if i < n / 6 { 1.0 } else { 0.0 }).collect(), 1);
+    for dark in [1e-2, 1e-4, 1e-6] {
+        let rho = Block::from_values(vec![1.0 - dark; n], 1);
+        let light = |f: &FormFactors| run(by_name("direct"), &system(f, &rho, &exitance), &l2(1e-9));
+        let (truth, found) = (light(&wide), light(&narrow));
+        assert_eq!(found.stop_reason, StopReason::Converged);
+        let stated = carried_error(&narrow, &rho, &exitance, &found).unwrap();
+        for i in 0..n {
+            let off = (found.radiosity.row(i)[0] - truth.radiosity.row(i)[0]).abs();
+            let (stated, light) = (stated.row(i)[0], truth.radiosity.row(i)[0]);
+            assert!(off <= stated, "{dark:e} {i}: {off:e} {stated:e}");
+            assert!(stated <= 2e-7 / dark * light, "{dark:e} {i}: {stated:e} of {light:e}");
+        }
+    }
 }
