@@ -8,7 +8,7 @@ use glam::{DQuat, DVec3};
 use radiosity::form_factor::{ExactMethod, RandomShooting};
 use radiosity::geometry::sampling::Sequence;
 use radiosity::matrix::operator::Block;
-use radiosity::matrix::{FormFactors, Layout, Precision};
+use radiosity::matrix::{FormFactors, Layout, Precision, RowTally, RowTile, StorageChoice};
 use radiosity::scene::builtin;
 use radiosity::solver::{SolveOptions, StopReason, carried_error};
 use support::rooms::Prepared;
@@ -156,5 +156,29 @@ fn the_rounding_of_what_is_stored_is_stated() {
             assert!(off <= stated, "{dark:e} {i}: {off:e} {stated:e}");
             assert!(stated <= 2e-7 / dark * light, "{dark:e} {i}: {stated:e} of {light:e}");
         }
+    }
+}
+/// Two patches that see only each other, and each loses `lost` of its light, which may be an error altogether.
+fn two_patches(lost: f64) -> FormFactors {
+    let mut tile = RowTile::new(0);
+    for other in [1, 0] {
+        tile.push_row(&[(other, 1.0 - lost, lost)], RowTally::default());
+    }
+    FormFactors::from_tiles(vec![1.0; 2], [tile], StorageChoice::default()).unwrap()
+}
+
+/// What an error does to the light that is there by an error counts, too.
+#[test]
+fn errors_of_all_orders_are_stated_or_none() {
+    let (rho, exitance) = (Block::from_values(vec![0.9; 2], 1), Block::from_values(vec![1.0; 2], 1));
+    for lost in [1e-4, 1e-2, 0.05, 0.1] {
+        let (radiosity, stated) = solved(&two_patches(lost), &rho, &exitance);
+        let off = 10.0 - radiosity[0];
+        assert!((stated[0] / off - 1.0).abs() < 5e-3, "{lost}: {off} {}", stated[0]);
+    }
+    // Half of the light and more: there is no saying what the series of all orders comes to.
+    for lost in [0.12, 0.5] {
+        let (_, stated) = solved(&two_patches(lost), &rho, &exitance);
+        assert!(stated.iter().all(|e| e.is_infinite()), "{lost}: {stated:?}");
     }
 }

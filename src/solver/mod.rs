@@ -44,6 +44,7 @@ pub use crate::matrix::operator;
 pub use anderson::Anderson;
 pub use auto::Auto;
 pub use carried_error::carried_error;
+pub(crate) use carried_error::relative_errors;
 pub use cg::ConjugateGradients;
 pub use chebyshev::{Chebyshev, SpectrumBounds};
 pub use deflation::{DEFLATED_FROM, Deflate};

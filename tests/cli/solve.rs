@@ -661,3 +661,58 @@ fn no_lighting_is_said_to_be_solved_that_is_not() {
         "rooms that are too bright to be solved in f64: {n_stagnated}"
     );
 }
+
+/// Where the noise of the form factors counts as much as all light does, no error can be stated, and the run has not done what it should.
+#[test]
+fn form_factors_too_noisy_for_the_reflectances_are_no_success() {
+    let directory = with_scene("cube");
+    let write = |name: &str, reflectance: f64| {
+        let of_surface = |surface| format!("[surface.{surface}]\nreflectance = {reflectance}\nexitance = 1.0\n");
+        let text = ["x0", "x1", "y0", "y1", "z0", "z1"].map(of_surface).concat();
+        std::fs::write(directory.path().join(name), text).unwrap();
+    };
+    write("white.toml", 0.999);
+    write("grey.toml", 0.5);
+    let common = [
+        "solve",
+        "scene.obj",
+        "--subdivide",
+        "2",
+        "--method",
+        "sr",
+        "--rays",
+        "500",
+    ];
+    let solve = |more: &[&str]| document(directory.path(), &[&common[..], more].concat());
+    for solver in ["gmres", "pcg"] {
+        let (code, grey) = solve(&["--solver", solver, "--lighting", "grey.toml"]);
+        assert_eq!(code, 0, "{grey}");
+        assert!(grey["estimated_relative_error"].as_f64().unwrap() < 0.2, "{grey}");
+        let both = [
+            "--solver",
+            solver,
+            "--lighting",
+            "grey.toml",
+            "--lighting",
+            "white.toml",
+        ];
+        let (code, result) = solve(&both);
+        assert_eq!(
+            (code, &result["stop_reason"]),
+            (3, &Value::from("converged")),
+            "{result}"
+        );
+        let stated = |value: &Value| value["estimated_relative_error"].clone();
+        let lightings = &result["lightings"];
+        assert_eq!([&result, &lightings[1]].map(stated), [Value::Null, Value::Null]);
+        assert_eq!(stated(&lightings[0]), stated(&grey));
+        let warnings = result["warnings"].as_array().unwrap();
+        let fitting = warnings
+            .iter()
+            .filter(|text| text.as_str().unwrap().contains("not exact enough"));
+        assert_eq!(fitting.count(), 1, "{warnings:?}");
+        let output = radiosity(directory.path(), &[&common[..], &both].concat());
+        let text = String::from_utf8(output.stdout).unwrap();
+        assert!(text.contains("own errors unknown: they are not exact enough"), "{text}");
+    }
+}
