@@ -182,3 +182,32 @@ fn errors_of_all_orders_are_stated_or_none() {
         assert!(stated.iter().all(|e| e.is_infinite()), "{lost}: {stated:?}");
     }
 }
+/// A lamp that no ray of a wall finds is in the dark for that wall, and not for certain.
+#[test]
+fn light_that_no_ray_found_is_stated() {
+    let mut shapes = Shapes::default();
+    shapes.cuboid(DVec3::ZERO, DVec3::new(5.0, 4.0, 3.0), DQuat::IDENTITY, true);
+    let middle = DVec3::new(2.5, 2.0, 1.5);
+    shapes.cuboid(middle, middle + DVec3::splat(0.02), DQuat::IDENTITY, false);
+    let prepared = Prepared::new(shapes.scene(), 1);
+    let by_patch =
+        |wall: f64, lamp: f64| Block::from_values((0..12).map(|i| if i < 6 { wall } else { lamp }).collect(), 1);
+    let (rho, exitance) = (by_patch(0.5, 0.0), by_patch(0.0, 1000.0));
+    let truth = solved(&prepared.compute(&exact(1e-8)), &rho, &exitance).0;
+    let (mut squares, mut stated) = (0.0, 0.0);
+    for seed in 0..24 {
+        let shooting = RandomShooting {
+            rays: 1000,
+            sequence: Sequence::Random,
+            seed,
+        };
+        let (radiosity, error) = solved(&prepared.compute(&shooting), &rho, &exitance);
+        for i in 0..6 {
+            squares += (radiosity[i] - truth[i]).powi(2) / 144.0;
+            stated += error[i] / 144.0;
+            assert!(error[i] > 0.3 * truth[i], "{seed} {i}: {} of {}", error[i], truth[i]);
+        }
+    }
+    let ratio = stated / squares.sqrt();
+    assert!(ratio > 0.5 && ratio < 5.0, "{ratio}");
+}
