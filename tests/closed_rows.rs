@@ -11,7 +11,8 @@ use glam::{DQuat, DVec3};
 use program::{document, radiosity, stderr};
 use radiosity::audit::{Claims, Repair, doubted_rows};
 use radiosity::form_factor::{ExactMethod, FormFactorMethod as _, closed_rows};
-use radiosity::matrix::Closed;
+use radiosity::matrix::{Closed, FormFactors, RowTile, StorageChoice};
+use radiosity::report::form_factors::FormFactorReport;
 use radiosity::scene::topology::{Enclosure, is_watertight};
 use radiosity::scene::{FaceId, Scene, builtin, write_obj};
 use support::rooms::{Prepared, Shapes, moved};
@@ -193,4 +194,49 @@ fn balancing_leaves_what_is_not_known_and_the_turned_box_is_named() {
         text.contains("turned.obj:") && text.contains("`face6`") && text.contains("reverse its winding"),
         "{text}"
     );
+}
+
+/// Nothing makes rows that sum to 3 in a closed room right, whether they state an error or not.
+#[test]
+fn rows_beyond_all_error_are_not_scaled_to_1() {
+    let directory = tempfile::tempdir().unwrap();
+    let scene = builtin::build("cube", None).unwrap().scene;
+    write_obj(&scene, directory.path().join("scene.obj")).unwrap();
+    let prepared = Prepared::new(scene, 2);
+    for (method, name) in [("exact", "F.mtx"), ("exact", "F.npy"), ("sr", "F.npz")] {
+        let right = prepared.compute(&*support::rooms::quick(method, 1));
+        for (times, is_wrong) in [(1.0, false), (3.0, true), (0.5, true)] {
+            let mut tile = RowTile::new(0);
+            for i in 0..right.n_rows() {
+                let mut entries = Vec::new();
+                right.for_each_in_row(i, |j, value, error| {
+                    entries.push((u32::try_from(j).unwrap(), times * value, error));
+                });
+                tile.push_row(&entries, right.tallies()[i]);
+            }
+            let areas = right.areas().to_vec();
+            let factors = FormFactors::from_tiles(areas, [tile], StorageChoice::default()).unwrap();
+            let settings = serde_json::json!({"subdivide": 2, "method": method});
+            let report = FormFactorReport {
+                scene: &prepared.scene,
+                mesh: &prepared.mesh,
+                factors: &factors,
+                tolerance_met: true,
+                settings: settings.as_object().unwrap(),
+                surface: None,
+            };
+            report.write(&directory.path().join(name)).unwrap();
+            let solve = ["solve", "scene.obj", "--form-factors", name, "--balance", "on"];
+            let (_, document) = document(directory.path(), &solve);
+            let warnings = document["warnings"].as_array().unwrap();
+            let is_told = warnings
+                .iter()
+                .any(|text| text.as_str().unwrap().contains("left as they are"));
+            assert_eq!(is_told, is_wrong, "{name} {times}: {warnings:?}");
+            for end in ["min", "max"] {
+                let sum = document["form_factors"]["row_sum"][end].as_f64().unwrap();
+                assert!((sum - times).abs() < 0.05, "{name} {times}: {sum}");
+            }
+        }
+    }
 }

@@ -249,14 +249,19 @@ impl Run {
                 "--balance closure changes nothing: the scene is open, and without rays that count what leaves it nobody knows what its rows should sum to",
             );
         }
+        // What states no error has nothing else that could tell of it.
+        let doubted = if wanted || !promised.errors_known {
+            self.times
+                .time("checks", || audit::doubted_rows(&raw, claims(Repair::Not)))?
+        } else {
+            Vec::new()
+        };
+        self.warn_of_doubted_rows(prepared, &doubted);
         let (factors, balance) = if wanted {
-            let doubted = self
-                .times
-                .time("checks", || audit::doubted_rows(&raw, claims(Repair::Not)))?;
-            self.warn_of_doubted_rows(prepared, &doubted);
-            let rows = closed_rows.iter().zip(&doubted);
-            let known: Vec<bool> = rows.map(|(is_closed, is_doubted)| *is_closed && !is_doubted).collect();
-            let targets = raw.row_targets(&*known);
+            let mut targets = raw.row_targets(&*closed_rows);
+            for (i, _) in doubted.iter().enumerate().filter(|(_, is_doubted)| **is_doubted) {
+                targets.keep(i, raw.row_sum(i));
+            }
             let (factors, report) = self.times.time("balance", || {
                 let symmetric = raw.symmetrised(Weighting::default())?;
                 if by_variance {
@@ -333,7 +338,7 @@ impl Run {
         if let Some((_, first)) = patches.into_iter().next() {
             let face = &prepared.scene.faces[first.face.0 as usize];
             self.warn(&format!(
-                "{}:{}: the rows of {n} patches, first of `{}`, are off 1 by more than the error that they state, and are left as they are; look for gaps and faces that are wound the wrong way",
+                "{}:{}: the rows of {n} patches, first of `{}`, are off 1 by more than the error that they state (0.1 where they state none), and are left as they are; look for gaps and faces that are wound the wrong way",
                 self.scene_file.display(),
                 face.line,
                 prepared.scene.surfaces[face.surface.0 as usize].name
