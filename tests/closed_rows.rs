@@ -240,3 +240,32 @@ fn rows_beyond_all_error_are_not_scaled_to_1() {
         }
     }
 }
+
+/// A closed white room has no finite solution, and form factors that lose a little of its light by their errors do not give it one.
+#[test]
+fn a_closed_white_room_is_refused_however_inexact_its_form_factors_are() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut shapes = room();
+    cube(&mut shapes, [0.5, 0.7, 0.4], [1.5, 1.4, 1.3], false);
+    cube(&mut shapes, [2.5, 2.2, 1.4], [3.1, 3.4, 2.3], false);
+    let scene = shapes.scene();
+    write_obj(&scene, directory.path().join("scene.obj")).unwrap();
+    let white = scene.surfaces.iter().map(|surface| {
+        let name = &surface.name;
+        format!("[surface.{name}]\nreflectance = 1.0\nexitance = 1.0\n")
+    });
+    std::fs::write(directory.path().join("white.toml"), white.collect::<String>()).unwrap();
+    let solve = ["solve", "scene.obj", "--lighting", "white.toml", "--method"];
+    for more in [
+        &["qmc"][..],
+        &["qmc", "--balance", "on"],
+        &["gauss-lambert", "--points", "2"],
+    ] {
+        let (code, document) = document(directory.path(), &[&solve[..], more].concat());
+        let message = document["error"]["message"].as_str().unwrap_or_default();
+        assert!(
+            code == 1 && message.contains("no finite solution"),
+            "{more:?}: {document}"
+        );
+    }
+}

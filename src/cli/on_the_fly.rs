@@ -6,7 +6,7 @@ use super::pipeline::{Fineness, Known, Prepared, Run};
 use super::render::indirect_irradiance;
 use crate::audit::Given;
 use crate::form_factor::registry::METHODS;
-use crate::form_factor::{Input, OnTheFly};
+use crate::form_factor::{Input, OnTheFly, closed_rows};
 use crate::matrix::operator::Block;
 use crate::solver::Solution;
 
@@ -63,6 +63,7 @@ pub(super) fn solve(
         .push("storing form factors: every pass computes them again".into());
     let (reflectance, exitance) = prepared.materials();
     let areas = prepared.mesh.areas();
+    let closed_rows = closed_rows(input);
     let solution = run.solve_system(
         (&mut prepared.plan, &prepared.mesh),
         (&operator, areas),
@@ -74,6 +75,7 @@ pub(super) fn solve(
                 costly: true,
             },
             backs: None,
+            closed_rows: Some(&closed_rows),
         },
     )?;
     let indirect = request.indirect.then(|| {

@@ -24,6 +24,8 @@ pub(in crate::cli) struct Computed {
     pub(in crate::cli) tolerance_met: bool,
     /// True if the entries have errors.
     pub(in crate::cli) errors_known: bool,
+    /// The rows that are known to sum to 1, \[n\].
+    pub(in crate::cli) closed_rows: Vec<bool>,
     /// The power that form factors without reciprocity make, m², \[n\].
     pub(in crate::cli) gain: Vec<f64>,
     /// The fraction of the light of each patch that escapes, where it is known, \[n\].
@@ -325,6 +327,7 @@ impl Run {
             errors_known: promised.errors_known,
             sky,
             backs,
+            closed_rows,
         })
     }
 
