@@ -152,9 +152,9 @@ fn the_rounding_of_what_is_stored_is_stated() {
         let stated = carried_error(&narrow, &rho, &exitance, &found).unwrap();
         for i in 0..n {
             let off = (found.radiosity.row(i)[0] - truth.radiosity.row(i)[0]).abs();
-            let (stated, light) = (stated.row(i)[0], truth.radiosity.row(i)[0]);
+            let (stated, right) = (stated.row(i)[0], truth.radiosity.row(i)[0]);
             assert!(off <= stated, "{dark:e} {i}: {off:e} {stated:e}");
-            assert!(stated <= 2e-7 / dark * light, "{dark:e} {i}: {stated:e} of {light:e}");
+            assert!(stated <= 2e-7 / dark * right, "{dark:e} {i}: {stated:e} of {right:e}");
         }
     }
 }

@@ -253,15 +253,13 @@ impl Run {
         }
         // What states no error has nothing else that could tell of it.
         let doubted = if wanted || !promised.errors_known {
-            self.times
-                .time("checks", || audit::doubted_rows(&raw, claims(Repair::Not)))?
+            self.doubted_rows(prepared, &raw, claims(Repair::Not))?
         } else {
             Vec::new()
         };
-        self.warn_of_doubted_rows(prepared, &doubted);
         let (factors, balance) = if wanted {
             let mut targets = raw.row_targets(&*closed_rows);
-            for (i, _) in doubted.iter().enumerate().filter(|(_, is_doubted)| **is_doubted) {
+            for i in doubted {
                 targets.keep(i, raw.row_sum(i));
             }
             let (factors, report) = self.times.time("balance", || {
@@ -331,15 +329,18 @@ impl Run {
         })
     }
 
-    /// Warns of rows that ought to sum to 1 and do not.
-    fn warn_of_doubted_rows(&mut self, prepared: &Prepared, doubted: &[bool]) {
-        let patches = doubted
-            .iter()
-            .zip(&prepared.mesh.patches)
-            .filter(|(doubted, _)| **doubted);
-        let n = patches.clone().count();
-        if let Some((_, first)) = patches.into_iter().next() {
-            let face = &prepared.scene.faces[first.face.0 as usize];
+    /// Returns the numbers of rows that ought to sum to 1 and do not, and warns of them.
+    fn doubted_rows(
+        &mut self,
+        prepared: &Prepared,
+        raw: &FormFactors,
+        claims: Claims<'_>,
+    ) -> Result<Vec<usize>, Failure> {
+        let is_doubted = self.times.time("checks", || audit::doubted_rows(raw, claims))?;
+        let doubted: Vec<usize> = (0..raw.n_rows()).filter(|&i| is_doubted[i]).collect();
+        let n = doubted.len();
+        if let Some(&first) = doubted.first() {
+            let face = &prepared.scene.faces[prepared.mesh.patches[first].face.0 as usize];
             self.warn(&format!(
                 "{}:{}: the rows of {n} patches, first of `{}`, are off 1 by more than the error that they state (0.1 where they state none), and are left as they are; look for gaps and faces that are wound the wrong way",
                 self.scene_file.display(),
@@ -347,6 +348,7 @@ impl Run {
                 prepared.scene.surfaces[face.surface.0 as usize].name
             ));
         }
+        Ok(doubted)
     }
 
     /// Tells whether no light leaves the scene, and which rows sum to 1.
