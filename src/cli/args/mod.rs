@@ -28,8 +28,8 @@ pub use voxel::{FormName, LinksName, VoxelArgs};
 #[derive(Debug, Parser)]
 #[command(name = "radiosity", version, about, propagate_version = true, max_term_width = 110)]
 #[command(
-    after_help = "Exit codes: 0 done, 1 error in the input or at run time, 2 usage, 3 not converged or a budget \
-                        spent above the tolerance, 4 a check outside its tolerance, 130 and 143 ended by SIGINT or SIGTERM."
+    after_help = "Exit codes: 0 done, 1 error in the input or at run time, 2 usage, 3 not converged, a budget \
+                        spent above the tolerance, or form factors not exact enough to state an error, 4 a check outside its tolerance, 130 and 143 ended by SIGINT or SIGTERM."
 )]
 pub struct Cli {
     /// What to do.
