@@ -130,6 +130,14 @@ fn parse_positive(text: &str) -> Result<f64, String> {
     }
 }
 
+/// Below the least of these, no residual is told from 0; from 1 on, no light at all would do.
+fn parse_tolerance(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (1e-300..1.0).contains(&value) => Ok(value),
+        _ => Err("give a number from 1e-300 to below 1, such as 1e-6".to_owned()),
+    }
+}
+
 fn parse_angle(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value > 0.0 && value < 180.0 => Ok(value),
