@@ -130,6 +130,9 @@ fn light_under_way_can_be_shown() {
         (shown - exact).abs() < 0.25 * (plain - exact).abs(),
         "{shown} {plain} {exact}"
     );
+    // All that is said of the light is said of what is shown.
+    let leaving = result["energy"][0]["leaving"].as_f64().unwrap();
+    assert!((leaving / shown - 1.0).abs() < 1e-12, "{leaving} {shown}");
 }
 
 #[test]

@@ -217,15 +217,11 @@ impl Run {
             .times
             .time("audit", || audit::solution(&system, &solution, known.given))?;
         self.audited(audit);
+        if args.display_ambient {
+            solution = solution.displayed(&system)?;
+        }
         if let Some(backs) = known.backs {
             solution.tell_backs_apart(system.areas(), backs);
-        }
-        if args.display_ambient
-            && let Some(display) = solution.display.take()
-        {
-            // The picture's irradiance belongs to what it shows; residual and bound stay those of the solution.
-            factors.apply(&display, &mut solution.irradiance);
-            solution.radiosity = display;
         }
         if let Some(choice) = &solution.choice {
             plan.decide("solver", choice.solver, choice.why.clone());
