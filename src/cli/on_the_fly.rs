@@ -78,6 +78,7 @@ pub(super) fn solve(
             closed_rows: Some(&closed_rows),
         },
     )?;
+    run.warn("form factors that are not kept state no error: how far theirs shows in the light is not known; leave --on-the-fly out to know it");
     let indirect = request.indirect.then(|| {
         run.times
             .time("solve", || indirect_irradiance(&operator, &exitance, &solution))

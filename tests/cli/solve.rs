@@ -444,6 +444,14 @@ fn form_factors_need_not_be_stored() {
         let of = |result: &Value| numbers(&result["surfaces"][surface]["radiosity"])[0];
         assert!((of(&fly) - of(&stored)).abs() < 1e-12 * of(&stored));
     }
+    assert_eq!(fly["estimated_relative_error"], Value::Null);
+    let warnings = fly["warnings"].as_array().unwrap();
+    assert!(
+        warnings
+            .iter()
+            .any(|text| text.as_str().unwrap().contains("state no error")),
+        "{warnings:?}"
+    );
     for (more, expected) in [(["--method", "qmc"], "pairs"), (["--solver", "pcg"], "balanced")] {
         let arguments = [&["solve", "scene.obj", "--on-the-fly"][..], &more].concat();
         let refused = radiosity(directory.path(), &arguments);
