@@ -66,6 +66,7 @@ pub use sor::Sor;
 pub use start::Start;
 pub use stop::{StopReason, Tolerance};
 pub use system::RadiositySystem;
+pub(crate) use system::power_of_two_below;
 
 use std::ops::ControlFlow;
 

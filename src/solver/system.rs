@@ -125,9 +125,9 @@ impl<'a> RadiositySystem<'a> {
         operator.apply(&Block::from_values(vec![1.0; n], 1), &mut row_sums);
         expect_readable(operator)?;
         let units = Units {
-            area: unit(areas.iter().copied()),
+            area: power_of_two_below(areas.iter().copied()),
             exitance: (0..n_channels)
-                .map(|c| unit(exitance.values().iter().skip(c).step_by(n_channels).copied()))
+                .map(|c| power_of_two_below(exitance.values().iter().skip(c).step_by(n_channels).copied()))
                 .collect(),
         };
         let mut system = Self {
@@ -296,7 +296,7 @@ fn expect_size(what: &'static str, expected: usize, found: usize) -> Result<(), 
 
 /// Returns the power of two just below the greatest size of some values, kept away from the ends of
 /// the range; 1 if all are zero.
-fn unit(values: impl Iterator<Item = f64>) -> f64 {
+pub(crate) fn power_of_two_below(values: impl Iterator<Item = f64>) -> f64 {
     let max = values.map(f64::abs).fold(0.0, f64::max);
     if max > 0.0 {
         max.log2().floor().clamp(-1000.0, 1000.0).exp2()

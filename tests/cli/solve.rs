@@ -727,3 +727,31 @@ fn form_factors_too_noisy_for_the_reflectances_are_no_success() {
         assert!(text.contains("own errors unknown: they are not exact enough"), "{text}");
     }
 }
+
+/// No number between the light and what is said of it leaves the range where these do not.
+#[test]
+fn the_means_of_the_brightest_light_are_numbers() {
+    let directory = with_scene("cube");
+    let text = std::fs::read_to_string(directory.path().join("scene.obj")).unwrap();
+    let enlarged = text.lines().map(|line| {
+        let numbers = line
+            .strip_prefix("v ")
+            .map(|rest| rest.split_whitespace().map(|x| format!(" {x}e6")));
+        numbers.map_or(line.to_owned(), |numbers| format!("v{}", numbers.collect::<String>())) + "\n"
+    });
+    std::fs::write(directory.path().join("large.obj"), enlarged.collect::<String>()).unwrap();
+    std::fs::write(
+        directory.path().join("lamp.toml"),
+        "[surface.x0]\nexitance = 1e300\n[surface.x1]\nreflectance = 0.5\n",
+    )
+    .unwrap();
+    let (code, result) = document(
+        directory.path(),
+        &["solve", "large.obj", "--lighting", "lamp.toml", "--subdivide", "3"],
+    );
+    assert_eq!(code, 0, "{result}");
+    let mean = |surface: usize| numbers(&result["lightings"][0]["surfaces"][surface]["radiosity"])[0];
+    assert!((mean(0) / 1e300 - 1.0).abs() < 1e-12, "{:e}", mean(0));
+    // Opposite sides of a cube see a fifth of each other.
+    assert!((mean(1) / 1e299 - 1.0).abs() < 0.1, "{:e}", mean(1));
+}
