@@ -11,7 +11,8 @@ use glam::{DQuat, DVec3};
 use program::{document, radiosity, stderr};
 use radiosity::audit::{Claims, Repair, doubted_rows};
 use radiosity::form_factor::{ExactMethod, FormFactorMethod as _, closed_rows};
-use radiosity::matrix::Closed;
+use radiosity::matrix::{Closed, FormFactors, RowTile, StorageChoice};
+use radiosity::report::form_factors::FormFactorReport;
 use radiosity::scene::topology::{Enclosure, is_watertight};
 use radiosity::scene::{FaceId, Scene, builtin, write_obj};
 use support::rooms::{Prepared, Shapes, moved};
@@ -193,4 +194,78 @@ fn balancing_leaves_what_is_not_known_and_the_turned_box_is_named() {
         text.contains("turned.obj:") && text.contains("`face6`") && text.contains("reverse its winding"),
         "{text}"
     );
+}
+
+/// Nothing makes rows that sum to 3 in a closed room right, whether they state an error or not.
+#[test]
+fn rows_beyond_all_error_are_not_scaled_to_1() {
+    let directory = tempfile::tempdir().unwrap();
+    let scene = builtin::build("cube", None).unwrap().scene;
+    write_obj(&scene, directory.path().join("scene.obj")).unwrap();
+    let prepared = Prepared::new(scene, 2);
+    for (method, name) in [("exact", "F.mtx"), ("exact", "F.npy"), ("sr", "F.npz")] {
+        let right = prepared.compute(&*support::rooms::quick(method, 1));
+        for (times, is_wrong) in [(1.0, false), (3.0, true), (0.5, true)] {
+            let mut tile = RowTile::new(0);
+            for i in 0..right.n_rows() {
+                let mut entries = Vec::new();
+                right.for_each_in_row(i, |j, value, error| {
+                    entries.push((u32::try_from(j).unwrap(), times * value, error));
+                });
+                tile.push_row(&entries, right.tallies()[i]);
+            }
+            let areas = right.areas().to_vec();
+            let factors = FormFactors::from_tiles(areas, [tile], StorageChoice::default()).unwrap();
+            let settings = serde_json::json!({"subdivide": 2, "method": method});
+            let report = FormFactorReport {
+                scene: &prepared.scene,
+                mesh: &prepared.mesh,
+                factors: &factors,
+                tolerance_met: true,
+                settings: settings.as_object().unwrap(),
+                surface: None,
+            };
+            report.write(&directory.path().join(name)).unwrap();
+            let solve = ["solve", "scene.obj", "--form-factors", name, "--balance", "on"];
+            let (_, document) = document(directory.path(), &solve);
+            let warnings = document["warnings"].as_array().unwrap();
+            let is_told = warnings
+                .iter()
+                .any(|text| text.as_str().unwrap().contains("left as they are"));
+            assert_eq!(is_told, is_wrong, "{name} {times}: {warnings:?}");
+            for end in ["min", "max"] {
+                let sum = document["form_factors"]["row_sum"][end].as_f64().unwrap();
+                assert!((sum - times).abs() < 0.05, "{name} {times}: {sum}");
+            }
+        }
+    }
+}
+
+/// A closed white room has no finite solution, and form factors that lose a little of its light by their errors do not give it one.
+#[test]
+fn a_closed_white_room_is_refused_however_inexact_its_form_factors_are() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut shapes = room();
+    cube(&mut shapes, [0.5, 0.7, 0.4], [1.5, 1.4, 1.3], false);
+    cube(&mut shapes, [2.5, 2.2, 1.4], [3.1, 3.4, 2.3], false);
+    let scene = shapes.scene();
+    write_obj(&scene, directory.path().join("scene.obj")).unwrap();
+    let white = scene.surfaces.iter().map(|surface| {
+        let name = &surface.name;
+        format!("[surface.{name}]\nreflectance = 1.0\nexitance = 1.0\n")
+    });
+    std::fs::write(directory.path().join("white.toml"), white.collect::<String>()).unwrap();
+    let solve = ["solve", "scene.obj", "--lighting", "white.toml", "--method"];
+    for more in [
+        &["qmc"][..],
+        &["qmc", "--balance", "on"],
+        &["gauss-lambert", "--points", "2"],
+    ] {
+        let (code, document) = document(directory.path(), &[&solve[..], more].concat());
+        let message = document["error"]["message"].as_str().unwrap_or_default();
+        assert!(
+            code == 1 && message.contains("no finite solution"),
+            "{more:?}: {document}"
+        );
+    }
 }

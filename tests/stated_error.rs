@@ -4,14 +4,17 @@
 
 mod support;
 
+use glam::{DQuat, DVec3};
 use radiosity::form_factor::{ExactMethod, RandomShooting};
 use radiosity::geometry::sampling::Sequence;
-use radiosity::matrix::FormFactors;
 use radiosity::matrix::operator::Block;
+use radiosity::matrix::{FormFactors, Layout, Precision, RowTally, RowTile, StorageChoice};
 use radiosity::scene::builtin;
 use radiosity::solver::{SolveOptions, StopReason, carried_error};
 use support::rooms::Prepared;
+use support::rooms::Shapes;
 use support::solving::{by_name, l2, run, system};
+use support::{dense, storage, tiles};
 
 /// A room with a box in it; reflectances from 0.3 to 0.8 by patch, and the ceiling shines.
 fn room() -> (Prepared, Block, Block) {
@@ -127,4 +130,84 @@ fn what_cannot_be_solved_has_no_stated_error() {
     assert_ne!(solution.stop_reason, StopReason::Converged);
     let error = carried_error(&factors, &white, &exitance, &solution).unwrap();
     assert!(error.values().iter().all(|e| e.is_infinite()), "{:?}", error.values());
+}
+
+/// Equal patches are rounded alike, and what that makes or takes of light grows like 1 / (1 − ρ).
+#[test]
+fn the_rounding_of_what_is_stored_is_stated() {
+    let mut shapes = Shapes::default();
+    shapes.cuboid(DVec3::ZERO, DVec3::new(3.0, 4.0, 5.0), DQuat::IDENTITY, true);
+    let wide = Prepared::new(shapes.scene(), 4).compute(&exact(1e-8));
+    let targets = wide.row_targets(true);
+    let (wide, _) = wide.balanced(&targets, 1e-14, 100).unwrap();
+    let n = wide.n_rows();
+    let rows = tiles(&dense(&wide), 8);
+    let narrow = FormFactors::from_tiles(wide.areas().to_vec(), rows, storage(Layout::Dense, Precision::F32)).unwrap();
+    let exitance = Block::from_values((0..n).map(|i| if i < n / 6 { 1.0 } else { 0.0 }).collect(), 1);
+    for dark in [1e-2, 1e-4, 1e-6] {
+        let rho = Block::from_values(vec![1.0 - dark; n], 1);
+        let light = |f: &FormFactors| run(by_name("direct"), &system(f, &rho, &exitance), &l2(1e-9));
+        let (truth, found) = (light(&wide), light(&narrow));
+        assert_eq!(found.stop_reason, StopReason::Converged);
+        let stated = carried_error(&narrow, &rho, &exitance, &found).unwrap();
+        for i in 0..n {
+            let off = (found.radiosity.row(i)[0] - truth.radiosity.row(i)[0]).abs();
+            let (stated, right) = (stated.row(i)[0], truth.radiosity.row(i)[0]);
+            assert!(off <= stated, "{dark:e} {i}: {off:e} {stated:e}");
+            assert!(stated <= 2e-7 / dark * right, "{dark:e} {i}: {stated:e} of {right:e}");
+        }
+    }
+}
+/// Two patches that see only each other, and each loses `lost` of its light, which may be an error altogether.
+fn two_patches(lost: f64) -> FormFactors {
+    let mut tile = RowTile::new(0);
+    for other in [1, 0] {
+        tile.push_row(&[(other, 1.0 - lost, lost)], RowTally::default());
+    }
+    FormFactors::from_tiles(vec![1.0; 2], [tile], StorageChoice::default()).unwrap()
+}
+
+/// What an error does to the light that is there by an error counts, too.
+#[test]
+fn errors_of_all_orders_are_stated_or_none() {
+    let (rho, exitance) = (Block::from_values(vec![0.9; 2], 1), Block::from_values(vec![1.0; 2], 1));
+    for lost in [1e-4, 1e-2, 0.05, 0.1] {
+        let (radiosity, stated) = solved(&two_patches(lost), &rho, &exitance);
+        let off = 10.0 - radiosity[0];
+        assert!((stated[0] / off - 1.0).abs() < 5e-3, "{lost}: {off} {}", stated[0]);
+    }
+    // Half of the light and more: there is no saying what the series of all orders comes to.
+    for lost in [0.12, 0.5] {
+        let (_, stated) = solved(&two_patches(lost), &rho, &exitance);
+        assert!(stated.iter().all(|e| e.is_infinite()), "{lost}: {stated:?}");
+    }
+}
+/// A lamp that no ray of a wall finds is in the dark for that wall, and not for certain.
+#[test]
+fn light_that_no_ray_found_is_stated() {
+    let mut shapes = Shapes::default();
+    shapes.cuboid(DVec3::ZERO, DVec3::new(5.0, 4.0, 3.0), DQuat::IDENTITY, true);
+    let middle = DVec3::new(2.5, 2.0, 1.5);
+    shapes.cuboid(middle, middle + DVec3::splat(0.02), DQuat::IDENTITY, false);
+    let prepared = Prepared::new(shapes.scene(), 1);
+    let by_patch =
+        |wall: f64, lamp: f64| Block::from_values((0..12).map(|i| if i < 6 { wall } else { lamp }).collect(), 1);
+    let (rho, exitance) = (by_patch(0.5, 0.0), by_patch(0.0, 1000.0));
+    let truth = solved(&prepared.compute(&exact(1e-8)), &rho, &exitance).0;
+    let (mut squares, mut stated) = (0.0, 0.0);
+    for seed in 0..24 {
+        let shooting = RandomShooting {
+            rays: 1000,
+            sequence: Sequence::Random,
+            seed,
+        };
+        let (radiosity, error) = solved(&prepared.compute(&shooting), &rho, &exitance);
+        for i in 0..6 {
+            squares += (radiosity[i] - truth[i]).powi(2) / 144.0;
+            stated += error[i] / 144.0;
+            assert!(error[i] > 0.3 * truth[i], "{seed} {i}: {} of {}", error[i], truth[i]);
+        }
+    }
+    let ratio = stated / squares.sqrt();
+    assert!(ratio > 0.5 && ratio < 5.0, "{ratio}");
 }

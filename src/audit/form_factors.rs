@@ -19,7 +19,7 @@ const ESTIMATES: f64 = 2.0;
 /// the more would pass; noise beyond this has to be that of independent entries.
 const BELIEVED: f64 = 1e-3;
 
-/// How far above 1 a row may sum to whose errors are not known.
+/// How far off a row may sum to whose errors are not known.
 const UNKNOWN: f64 = 0.1;
 
 /// What form factors claim about themselves beside their errors.
@@ -178,7 +178,7 @@ fn rows_of(factors: &FormFactors, claims: Claims<'_>, rows: Range<usize>) -> Fou
 }
 
 /// Finds rows that are claimed to sum to 1 and are off by more than twice their stated error and their noise, \[n\]: what a rule states to be off, scaling
-/// mends, but nothing that is known of these rows is a reason to scale them to 1.
+/// mends, but nothing that is known of these rows is a reason to scale them to 1. Rows whose errors are not known are believed to be off by 0.1.
 ///
 /// # Errors
 /// [`DiskError`] if the form factors cannot be read.
@@ -189,10 +189,13 @@ pub fn doubted_rows(factors: &FormFactors, claims: Claims<'_>) -> Result<Vec<boo
     };
     let is_doubted = |i: usize| {
         let mut row = Sums::default();
-        if !claims.closed.row(i) || !claims.errors_known {
+        if !claims.closed.row(i) {
             return false;
         }
         factors.for_each_in_row(i, |_, value, error| row.add(value, error));
+        if !claims.errors_known {
+            return (row.value - 1.0).abs() > UNKNOWN;
+        }
         // Above 1, too, all of a stated error is believed.
         excess(factors, claims, i, &row).is_some_and(|excess| excess.abs() > row_error(factors, i, &row, claims, false))
     };

@@ -16,6 +16,7 @@ use super::pipeline::{Computed, Fineness, Prepared, Run, posed};
 use super::render::{
     AnyView, DEFAULT_RAYS, DEFAULT_TOLERANCE, default_subdivision, indirect_irradiance, render_settings, view,
 };
+use super::stated::Stated;
 use super::storage::Storage;
 use super::{Outcome, merge, solve};
 use crate::form_factor::{Before, Change};
@@ -236,8 +237,8 @@ impl Sequence {
             .iter()
             .map(|&(k, frame)| solved.shoot(run, args, k, frame))
             .collect::<Result<Vec<_>, _>>()?;
-        let stated: Option<Vec<f64>> = shots.iter().map(|shot| shot.stated).collect();
-        let stated = stated.map(|errors| errors.into_iter().fold(0.0, f64::max));
+        let stated = shots.iter().map(|shot| shot.stated);
+        let stated = stated.fold(Stated::Relative(0.0), Stated::or_worse);
         let mut result = solve::to_json(&prepared, &args.solver.solver, &solution, stated);
         if let Value::Object(result) = &mut result {
             // Each frame has its own.
@@ -260,7 +261,7 @@ impl Sequence {
         let line = solve::solver_line(&args.solver.solver, &solution, stated);
         let told = Told {
             text: describe_pose(&names, (numbers.len(), &line, &computed), update.as_ref()),
-            code: solve::code(&solution, Some(&computed)),
+            code: solve::code(&solution, Some(&computed), stated),
             document,
             result,
             stop_reason: solution.stop_reason,
@@ -348,7 +349,7 @@ struct Shot {
     /// True if final gather left pixels above the noise asked for.
     is_noisy: bool,
     /// The relative error that solver and form factors together state.
-    stated: Option<f64>,
+    stated: Stated,
 }
 
 impl Solved<'_> {
@@ -361,9 +362,7 @@ impl Solved<'_> {
             .times
             .time("solve", || indirect_irradiance(&computed.factors, &exitance, &own));
         let error = run.carried_error(computed, (&reflectance, &exitance), &own)?;
-        let stated = error
-            .as_ref()
-            .and_then(|error| solve::relative_error(prepared, error, &own));
+        let stated = run.stated(prepared, error.as_ref(), &own);
         computed.factors.if_readable(())?;
         let lighting = self.lightings[frame.lighting].as_ref();
         let lit = lighting.map(|lighting| lighting.apply(&prepared.scene));

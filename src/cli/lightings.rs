@@ -10,6 +10,7 @@ use super::args::SolveArgs;
 use super::failure::Failure;
 use super::form_factors::{checks_to_json, describe_checks};
 use super::pipeline::{Computed, Prepared, Run};
+use super::stated::Stated;
 use super::{Outcome, merge, solve};
 use crate::matrix::operator::Block;
 use crate::mesh::Patch;
@@ -72,15 +73,13 @@ pub(super) fn run(
     let row_sums = computed.factors.row_sums();
     let mut documents = Vec::new();
     let mut text = String::new();
-    let mut worst = Some(0.0);
+    let mut worst = Stated::Relative(0.0);
     for (k, name) in names.iter().enumerate() {
         let (rho, e) = stack.materials(k);
         let own = stack.solution(k, &solution);
         let error = run.carried_error(computed, (&rho, &e), &own)?;
-        let stated = error
-            .as_ref()
-            .and_then(|error| solve::relative_error(&prepared, error, &own));
-        worst = worst.zip(stated).map(|(worst, stated): (f64, f64)| worst.max(stated));
+        let stated = run.stated(&prepared, error.as_ref(), &own);
+        worst = worst.or_worse(stated);
         if let Some(path) = &outputs[k] {
             let report = SolutionReport {
                 scene: &prepared.scene,
@@ -128,7 +127,7 @@ pub(super) fn run(
     Ok(Outcome {
         text: printed,
         document,
-        code: run.judged(solve::code(&solution, Some(computed)), args.audit.strict),
+        code: run.judged(solve::code(&solution, Some(computed), worst), args.audit.strict),
     })
 }
 

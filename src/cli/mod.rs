@@ -20,6 +20,7 @@ mod reproduce;
 mod reuse;
 mod scene;
 mod solve;
+mod stated;
 mod storage;
 mod verify;
 mod voxel;

@@ -6,7 +6,7 @@ use super::pipeline::{Fineness, Known, Prepared, Run};
 use super::render::indirect_irradiance;
 use crate::audit::Given;
 use crate::form_factor::registry::METHODS;
-use crate::form_factor::{Input, OnTheFly};
+use crate::form_factor::{Input, OnTheFly, closed_rows};
 use crate::matrix::operator::Block;
 use crate::solver::Solution;
 
@@ -63,6 +63,7 @@ pub(super) fn solve(
         .push("storing form factors: every pass computes them again".into());
     let (reflectance, exitance) = prepared.materials();
     let areas = prepared.mesh.areas();
+    let closed_rows = closed_rows(input);
     let solution = run.solve_system(
         (&mut prepared.plan, &prepared.mesh),
         (&operator, areas),
@@ -74,8 +75,10 @@ pub(super) fn solve(
                 costly: true,
             },
             backs: None,
+            closed_rows: Some(&closed_rows),
         },
     )?;
+    run.warn("form factors that are not kept state no error: how far theirs shows in the light is not known; leave --on-the-fly out to know it");
     let indirect = request.indirect.then(|| {
         run.times
             .time("solve", || indirect_irradiance(&operator, &exitance, &solution))

@@ -104,8 +104,7 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let image = shoot(run, &input, &view, settings, args, output)?;
     run.progress.finish();
 
-    let error = solved.error.as_ref();
-    let stated = error.and_then(|error| solve::relative_error(&prepared, error, &solved.solution));
+    let stated = run.stated(&prepared, solved.error.as_ref(), &solved.solution);
     let mut result = solve::to_json(&prepared, &solved.solver, &solved.solution, stated);
     result["form_factors"] = solved.computed.as_ref().map_or(Value::Null, checks_to_json);
     result["image"] = json!(args.output.display().to_string());
@@ -140,7 +139,7 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
         preview.display()
     );
     let is_noisy = gathered.is_some_and(|report| report.n_above > 0);
-    let code = match solve::code(&solved.solution, solved.computed.as_ref()) {
+    let code = match solve::code(&solved.solution, solved.computed.as_ref(), stated) {
         ExitCode::Done if is_noisy => ExitCode::NotConverged,
         code => code,
     };

@@ -11,10 +11,10 @@ use super::file_set::FileSet;
 use super::form_factors::{self, DEFAULT_RAYS, checks_to_json, describe_checks};
 use super::lightings::{Lightings, with_suffix};
 use super::pipeline::{Computed, Fineness, Prepared, Run, repairs};
+use super::stated::Stated;
 use super::storage::Storage;
 use super::{Outcome, cell, lightings, merge, reuse};
 use crate::form_factor::ExactMethod;
-use crate::matrix::operator::Block;
 use crate::mesh::Subdivision;
 use crate::report::form_factors::{FormFactorFile, files_of};
 use crate::report::solution::{Format, SolutionReport};
@@ -142,9 +142,7 @@ fn finish(
         };
         run.times.time("write", || report.write(path))?;
     }
-    let stated = error
-        .as_ref()
-        .and_then(|error| relative_error(prepared, error, solution));
+    let stated = run.stated(prepared, error.as_ref(), solution);
     run.progress.finish();
     let mut result = to_json(prepared, &args.solver.solver, solution, stated);
     result["form_factors"] = computed.map_or(Value::Null, checks_to_json);
@@ -168,13 +166,13 @@ fn finish(
     Ok(Outcome {
         text,
         document,
-        code: run.judged(code(solution, computed), args.audit.strict),
+        code: run.judged(code(solution, computed, stated), args.audit.strict),
     })
 }
 
-/// Returns the exit code that a solution and the form factors that it is from deserve.
-pub(super) fn code(solution: &Solution, computed: Option<&Computed>) -> ExitCode {
-    if solution.stop_reason == StopReason::Converged {
+/// Returns the exit code that a solution, the form factors that it is from, and what they say of its error deserve.
+pub(super) fn code(solution: &Solution, computed: Option<&Computed>, stated: Stated) -> ExitCode {
+    if solution.stop_reason == StopReason::Converged && stated != Stated::TooGreat {
         computed.map_or(ExitCode::Done, form_factors::code)
     } else {
         ExitCode::NotConverged
@@ -182,7 +180,7 @@ pub(super) fn code(solution: &Solution, computed: Option<&Computed>) -> ExitCode
 }
 
 /// Returns what documents say about a solution; `stated` is the relative error that solver and form factors together state.
-pub(super) fn to_json(prepared: &Prepared, solver: &str, solution: &Solution, stated: Option<f64>) -> Value {
+pub(super) fn to_json(prepared: &Prepared, solver: &str, solution: &Solution, stated: Stated) -> Value {
     let selections = &solution.selections;
     let mut document = json!({
         "n_steps": (!selections.is_empty()).then(|| selections.iter().sum::<u64>()),
@@ -202,13 +200,13 @@ pub(super) fn to_json(prepared: &Prepared, solver: &str, solution: &Solution, st
 }
 
 /// Returns how good a solution is: what stands beside each that documents tell of.
-pub(super) fn quality_to_json(solution: &Solution, stated: Option<f64>) -> Value {
+pub(super) fn quality_to_json(solution: &Solution, stated: Stated) -> Value {
     json!({
         "stop_reason": solution.stop_reason,
         "residual_max_power": solution.residual_max_power,
         "residual_l2": solution.residual_l2,
         "error_bound": solution.error_bound,
-        "estimated_relative_error": stated,
+        "estimated_relative_error": stated.relative(),
     })
 }
 
@@ -217,38 +215,16 @@ pub(super) fn chosen<'a>(asked: &'a str, solution: &Solution) -> &'a str {
     solution.choice.as_ref().map_or(asked, |choice| choice.solver)
 }
 
-/// Returns estimated errors of radiosities as one number: sqrt(Σ A e² / Σ A B²), the worst channel, or `None` where that is no number.
-pub(super) fn relative_error(prepared: &Prepared, error: &Block, solution: &Solution) -> Option<f64> {
-    let areas = prepared.mesh.areas();
-    let norms = |block: &Block| -> Vec<(f64, f64)> {
-        let norm = |c: usize| {
-            let values = || (0..block.n_rows()).map(|i| block.row(i)[c].abs());
-            // In units of the greatest, so that no square overflows or vanishes.
-            let unit = values().fold(0.0, f64::max).max(f64::MIN_POSITIVE);
-            let sum: f64 = values().zip(&areas).map(|(x, area)| area * (x / unit).powi(2)).sum();
-            (sum.sqrt(), unit)
-        };
-        (0..block.n_channels()).map(norm).collect()
-    };
-    let ratios = norms(error).into_iter().zip(norms(&solution.radiosity));
-    let lit = ratios.filter(|(_, (norm, _))| *norm > 0.0);
-    let worst = lit
-        .map(|((e, e_unit), (b, b_unit))| e / b * (e_unit / b_unit))
-        .fold(
-            0.0_f64,
-            |worst, ratio| if ratio.is_nan() { ratio } else { worst.max(ratio) },
-        );
-    worst.is_finite().then_some(worst)
-}
-
 /// Returns the line that says which solver did the work, and how well.
-pub(super) fn solver_line(asked: &str, solution: &Solution, stated: Option<f64>) -> String {
+pub(super) fn solver_line(asked: &str, solution: &Solution, stated: Stated) -> String {
     let bound = solution
         .error_bound
         .map_or("unknown".to_owned(), |bound| format!("{bound:.1e}"));
-    let with_factors = stated.map_or(String::new(), |error| {
-        format!(", with the form factors' own errors about {error:.1e}")
-    });
+    let with_factors = match stated {
+        Stated::Relative(error) => format!(", with the form factors' own errors about {error:.1e}"),
+        Stated::TooGreat => ", with the form factors' own errors unknown: they are not exact enough".to_owned(),
+        Stated::Untold => String::new(),
+    };
     format!(
         "{}: {} after {} passes, relative residual {:.1e}, bound on the relative error {bound}{with_factors}",
         chosen(asked, solution),
@@ -259,7 +235,7 @@ pub(super) fn solver_line(asked: &str, solution: &Solution, stated: Option<f64>)
 }
 
 /// Describes a solution: how it was reached, and the mean radiosity of each surface; `stated` is the relative error that solver and form factors together state.
-pub(super) fn describe(text: &mut String, prepared: &Prepared, solver: &str, solution: &Solution, stated: Option<f64>) {
+pub(super) fn describe(text: &mut String, prepared: &Prepared, solver: &str, solution: &Solution, stated: Stated) {
     if solver == NO_SOLVER {
         let _ = writeln!(
             text,

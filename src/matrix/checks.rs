@@ -82,6 +82,17 @@ pub struct RowTargets {
 }
 
 impl RowTargets {
+    /// Lets a row keep the sum that it has.
+    ///
+    /// # Panics
+    /// If there is no such row.
+    #[track_caller]
+    pub fn keep(&mut self, row: usize, sum: f64) {
+        self.sums[row] = sum.max(0.0);
+        self.lost[row] = 0.0;
+        self.lost_variance[row] = 0.0;
+    }
+
     #[track_caller]
     pub(super) fn expect_rows(&self, n: usize) {
         let lengths = [self.sums.len(), self.lost.len(), self.lost_variance.len()];

@@ -73,7 +73,8 @@ pub enum Layout {
 pub enum Precision {
     /// 24 bits: each form factor is rounded by at most 6e-8 of itself, radiosities by at most 6e-8 / (1 − ρ). Roundings mostly cancel: the radiosities of a closed
     /// room of 400 patches, one of them lit, change by 5e-10, 2e-9 and 5e-8 (relative, area-weighted) with ρ = 0.5, 0.99 and
-    /// 0.9999, in the end like 1 / (1 − ρ). Where patches are equal they are rounded alike: in a cube of 1280 squares by 2.4e-9 / (1 − ρ).
+    /// 0.9999, in the end like 1 / (1 − ρ). Where patches are equal they are rounded alike: in a cube of 1280 squares by 2.4e-9 / (1 − ρ), in
+    /// other closed boxes by up to 3e-8 / (1 − ρ), half of the bound.
     F32,
     /// 53 bits.
     #[default]

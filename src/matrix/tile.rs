@@ -67,6 +67,17 @@ impl RowTally {
         (p * (1.0 - p) * squared).max(0.0).sqrt()
     }
 
+    /// Returns the standard error of a form factor that none of the row's N rays has hit and that the rays of the other patch say is `factor`: that of a count, sqrt(F / N). Rays that are not
+    /// independent count as if they were. 0 without rays.
+    pub(crate) fn noise_of_missed(&self, factor: f64) -> f64 {
+        let n = self.effective_rays().unwrap_or(self.n_rays as f64);
+        if n > 0.0 {
+            (factor.clamp(0.0, 1.0) / n).sqrt()
+        } else {
+            0.0
+        }
+    }
+
     /// Returns the variance of a fraction of the patch's light that its N rays were counted to have, p (1 − p) / N with p = (N `fraction` + 1) / (N + 2) by
     /// Laplace's rule: no count proves that a fraction is 0 or 1. Rays that are not independent count as if they were; without rays the fraction may be anything.
     pub(crate) fn variance_of(&self, fraction: f64) -> f64 {

@@ -44,6 +44,7 @@ pub use crate::matrix::operator;
 pub use anderson::Anderson;
 pub use auto::Auto;
 pub use carried_error::carried_error;
+pub(crate) use carried_error::relative_errors;
 pub use cg::ConjugateGradients;
 pub use chebyshev::{Chebyshev, SpectrumBounds};
 pub use deflation::{DEFLATED_FROM, Deflate};
@@ -65,6 +66,7 @@ pub use sor::Sor;
 pub use start::Start;
 pub use stop::{StopReason, Tolerance};
 pub use system::RadiositySystem;
+pub(crate) use system::power_of_two_below;
 
 use std::ops::ControlFlow;
 

@@ -2,13 +2,13 @@
 
 use serde::Serialize;
 
-use super::SolverError;
 use super::energy::Energy;
 use super::error_bound;
 use super::history::{HistoryEntry, Recorder};
 use super::scaled::{Scaled, TrueResidual};
 use super::stop::{StopReason, Tolerance, worst};
 use super::system::expect_readable;
+use super::{RadiositySystem, SolverError};
 use crate::matrix::operator::Block;
 
 /// Radiosities, and how good they are.
@@ -108,6 +108,32 @@ impl Solution {
             *r += rho * h - b;
         }
         residual
+    }
+
+    /// Returns the solution with [`display`](Self::display), where there is any, in the place of B, and with the irradiance, the residuals, the bound and the energy of that. Why the solver stopped
+    /// and what happened on the way are as before. `system`: that which was solved; one pass over F.
+    ///
+    /// # Errors
+    /// [`SolverError::Disk`] if F cannot be read.
+    pub fn displayed(mut self, system: &RadiositySystem) -> Result<Self, SolverError> {
+        let Some(display) = self.display.take() else {
+            return Ok(self);
+        };
+        let scaled = Scaled::new(system);
+        let radiosity = scaled.from_si(display);
+        let truth = scaled.true_residual(&radiosity);
+        let error_bound = error_bound::relative(&scaled, &radiosity, &truth);
+        expect_readable(system.operator())?;
+        let (radiosity, irradiance) = (scaled.to_si(radiosity), scaled.to_si(truth.irradiance));
+        Ok(Self {
+            energy: Energy::of(system, &radiosity, &irradiance),
+            residual_l2: worst(&truth.norms.l2),
+            residual_max_power: worst(&truth.norms.max_power),
+            error_bound,
+            radiosity,
+            irradiance,
+            ..self
+        })
     }
 
     /// Puts a solution together. `truth` belongs to `radiosity`, in solver units; `gave_up` tells why the solver stopped

@@ -68,6 +68,18 @@ impl<'a> RadiositySystem<'a> {
         Self::build(operator, areas, reflectance, exitance, true)
     }
 
+    /// Refuses the system where rows that are known to sum to 1 leave it without a finite solution, however inexact their sums are: the light that these lose or make is an error.
+    ///
+    /// `closed`: whether all light of a patch arrives at others, \[n\].
+    ///
+    /// # Errors
+    /// [`SolverError::NoFiniteSolution`] as for [`new`](Self::new); [`SolverError::Shape`] if sizes differ.
+    pub fn with_closed_rows(mut self, closed: &[bool]) -> Result<Self, SolverError> {
+        expect_size("closed rows", self.n_patches(), closed.len())?;
+        self.singular = self.find_singular(|i| closed[i])?;
+        Ok(self)
+    }
+
     fn build(
         operator: &'a dyn LinearOperator,
         areas: Vec<f64>,
@@ -113,9 +125,9 @@ impl<'a> RadiositySystem<'a> {
         operator.apply(&Block::from_values(vec![1.0; n], 1), &mut row_sums);
         expect_readable(operator)?;
         let units = Units {
-            area: unit(areas.iter().copied()),
+            area: power_of_two_below(areas.iter().copied()),
             exitance: (0..n_channels)
-                .map(|c| unit(exitance.values().iter().skip(c).step_by(n_channels).copied()))
+                .map(|c| power_of_two_below(exitance.values().iter().skip(c).step_by(n_channels).copied()))
                 .collect(),
         };
         let mut system = Self {
@@ -130,7 +142,7 @@ impl<'a> RadiositySystem<'a> {
             singular: Vec::new(),
         };
         expect_readable(operator)?;
-        system.singular = system.find_singular()?;
+        system.singular = system.find_singular(|_| false)?;
         Ok(system)
     }
 
@@ -225,8 +237,8 @@ impl<'a> RadiositySystem<'a> {
         emits
     }
 
-    /// Finds the enclosures that cannot lose light; refuses those that gain any.
-    fn find_singular(&self) -> Result<Vec<Vec<u32>>, SolverError> {
+    /// Finds the enclosures that cannot lose light; refuses those that gain any. Rows that are `closed` let nothing out, whatever their sum.
+    fn find_singular(&self, closed: impl Fn(usize) -> bool) -> Result<Vec<Vec<u32>>, SolverError> {
         let mut found = vec![Vec::new(); self.n_channels()];
         for (channel, singular) in found.iter_mut().enumerate() {
             let reflects_all = |i: usize| self.reflectance.row(i)[channel] >= 1.0;
@@ -238,7 +250,7 @@ impl<'a> RadiositySystem<'a> {
             let mut gained = vec![(0.0, 0.0); *n_components];
             let (area_unit, exitance_unit) = (self.units.area, self.units.exitance[channel]);
             for (i, &label) in labels.iter().enumerate() {
-                let lets_out = self.row_sums()[i] < 1.0 - f64::from(f32::EPSILON);
+                let lets_out = !closed(i) && self.row_sums()[i] < 1.0 - f64::from(f32::EPSILON);
                 loses[label as usize] |= !reflects_all(i) || lets_out;
                 let power = self.areas[i] / area_unit * (self.exitance.row(i)[channel] / exitance_unit);
                 let (net, gross) = &mut gained[label as usize];
@@ -284,7 +296,7 @@ fn expect_size(what: &'static str, expected: usize, found: usize) -> Result<(), 
 
 /// Returns the power of two just below the greatest size of some values, kept away from the ends of
 /// the range; 1 if all are zero.
-fn unit(values: impl Iterator<Item = f64>) -> f64 {
+pub(crate) fn power_of_two_below(values: impl Iterator<Item = f64>) -> f64 {
     let max = values.map(f64::abs).fold(0.0, f64::max);
     if max > 0.0 {
         max.log2().floor().clamp(-1000.0, 1000.0).exp2()

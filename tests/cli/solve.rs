@@ -130,6 +130,9 @@ fn light_under_way_can_be_shown() {
         (shown - exact).abs() < 0.25 * (plain - exact).abs(),
         "{shown} {plain} {exact}"
     );
+    // All that is said of the light is said of what is shown.
+    let leaving = result["energy"][0]["leaving"].as_f64().unwrap();
+    assert!((leaving / shown - 1.0).abs() < 1e-12, "{leaving} {shown}");
 }
 
 #[test]
@@ -441,6 +444,14 @@ fn form_factors_need_not_be_stored() {
         let of = |result: &Value| numbers(&result["surfaces"][surface]["radiosity"])[0];
         assert!((of(&fly) - of(&stored)).abs() < 1e-12 * of(&stored));
     }
+    assert_eq!(fly["estimated_relative_error"], Value::Null);
+    let warnings = fly["warnings"].as_array().unwrap();
+    assert!(
+        warnings
+            .iter()
+            .any(|text| text.as_str().unwrap().contains("state no error")),
+        "{warnings:?}"
+    );
     for (more, expected) in [(["--method", "qmc"], "pairs"), (["--solver", "pcg"], "balanced")] {
         let arguments = [&["solve", "scene.obj", "--on-the-fly"][..], &more].concat();
         let refused = radiosity(directory.path(), &arguments);
@@ -660,4 +671,87 @@ fn no_lighting_is_said_to_be_solved_that_is_not() {
         n_stagnated >= 3,
         "rooms that are too bright to be solved in f64: {n_stagnated}"
     );
+}
+
+/// Where the noise of the form factors counts as much as all light does, no error can be stated, and the run has not done what it should.
+#[test]
+fn form_factors_too_noisy_for_the_reflectances_are_no_success() {
+    let directory = with_scene("cube");
+    let write = |name: &str, reflectance: f64| {
+        let of_surface = |surface| format!("[surface.{surface}]\nreflectance = {reflectance}\nexitance = 1.0\n");
+        let text = ["x0", "x1", "y0", "y1", "z0", "z1"].map(of_surface).concat();
+        std::fs::write(directory.path().join(name), text).unwrap();
+    };
+    write("white.toml", 0.999);
+    write("grey.toml", 0.5);
+    let common = [
+        "solve",
+        "scene.obj",
+        "--subdivide",
+        "2",
+        "--method",
+        "sr",
+        "--rays",
+        "500",
+    ];
+    let solve = |more: &[&str]| document(directory.path(), &[&common[..], more].concat());
+    for solver in ["gmres", "pcg"] {
+        let (code, grey) = solve(&["--solver", solver, "--lighting", "grey.toml"]);
+        assert_eq!(code, 0, "{grey}");
+        assert!(grey["estimated_relative_error"].as_f64().unwrap() < 0.2, "{grey}");
+        let both = [
+            "--solver",
+            solver,
+            "--lighting",
+            "grey.toml",
+            "--lighting",
+            "white.toml",
+        ];
+        let (code, result) = solve(&both);
+        assert_eq!(
+            (code, &result["stop_reason"]),
+            (3, &Value::from("converged")),
+            "{result}"
+        );
+        let stated = |value: &Value| value["estimated_relative_error"].clone();
+        let lightings = &result["lightings"];
+        assert_eq!([&result, &lightings[1]].map(stated), [Value::Null, Value::Null]);
+        assert_eq!(stated(&lightings[0]), stated(&grey));
+        let warnings = result["warnings"].as_array().unwrap();
+        let fitting = warnings
+            .iter()
+            .filter(|text| text.as_str().unwrap().contains("not exact enough"));
+        assert_eq!(fitting.count(), 1, "{warnings:?}");
+        let output = radiosity(directory.path(), &[&common[..], &both].concat());
+        let text = String::from_utf8(output.stdout).unwrap();
+        assert!(text.contains("own errors unknown: they are not exact enough"), "{text}");
+    }
+}
+
+/// No number between the light and what is said of it leaves the range where these do not.
+#[test]
+fn the_means_of_the_brightest_light_are_numbers() {
+    let directory = with_scene("cube");
+    let text = std::fs::read_to_string(directory.path().join("scene.obj")).unwrap();
+    let enlarged = text.lines().map(|line| {
+        let numbers = line
+            .strip_prefix("v ")
+            .map(|rest| rest.split_whitespace().map(|x| format!(" {x}e6")));
+        numbers.map_or(line.to_owned(), |numbers| format!("v{}", numbers.collect::<String>())) + "\n"
+    });
+    std::fs::write(directory.path().join("large.obj"), enlarged.collect::<String>()).unwrap();
+    std::fs::write(
+        directory.path().join("lamp.toml"),
+        "[surface.x0]\nexitance = 1e300\n[surface.x1]\nreflectance = 0.5\n",
+    )
+    .unwrap();
+    let (code, result) = document(
+        directory.path(),
+        &["solve", "large.obj", "--lighting", "lamp.toml", "--subdivide", "3"],
+    );
+    assert_eq!(code, 0, "{result}");
+    let mean = |surface: usize| numbers(&result["lightings"][0]["surfaces"][surface]["radiosity"])[0];
+    assert!((mean(0) / 1e300 - 1.0).abs() < 1e-12, "{:e}", mean(0));
+    // Opposite sides of a cube see a fifth of each other.
+    assert!((mean(1) / 1e299 - 1.0).abs() < 0.1, "{:e}", mean(1));
 }

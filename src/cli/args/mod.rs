@@ -28,8 +28,8 @@ pub use voxel::{FormName, LinksName, VoxelArgs};
 #[derive(Debug, Parser)]
 #[command(name = "radiosity", version, about, propagate_version = true, max_term_width = 110)]
 #[command(
-    after_help = "Exit codes: 0 done, 1 error in the input or at run time, 2 usage, 3 not converged or a budget \
-                        spent above the tolerance, 4 a check outside its tolerance, 130 and 143 ended by SIGINT or SIGTERM."
+    after_help = "Exit codes: 0 done, 1 error in the input or at run time, 2 usage, 3 not converged, a budget \
+                        spent above the tolerance, or form factors not exact enough to state an error, 4 a check outside its tolerance, 130 and 143 ended by SIGINT or SIGTERM."
 )]
 pub struct Cli {
     /// What to do.
@@ -127,6 +127,14 @@ fn parse_positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
         _ => Err("give a number above 0".to_owned()),
+    }
+}
+
+/// Below the least of these, no residual is told from 0; from 1 on, no light at all would do.
+fn parse_tolerance(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (1e-300..1.0).contains(&value) => Ok(value),
+        _ => Err("give a number from 1e-300 to below 1, such as 1e-6".to_owned()),
     }
 }
 

@@ -7,7 +7,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 
-use super::{AuditArgs, CommonArgs, MeshArgs, MethodArgs, StorageArgs, parse_positive};
+use super::{AuditArgs, CommonArgs, MeshArgs, MethodArgs, StorageArgs, parse_positive, parse_tolerance};
 use crate::solver::{Deflate, SpectrumBounds, Start};
 
 /// Reads the name of a solver; help lists those that the registry has.
@@ -37,7 +37,7 @@ pub struct SolverArgs {
     #[arg(long, value_name = "NAME", default_value = "auto", value_parser = solver_name())]
     pub solver: String,
     /// Tolerance on sqrt(Σ A r² / Σ A E²), worst channel
-    #[arg(long, value_name = "T", default_value_t = 1e-6)]
+    #[arg(long, value_name = "T", default_value_t = 1e-6, value_parser = parse_tolerance)]
     pub tolerance: f64,
     /// The most passes over the form factors
     #[arg(long, value_name = "K", default_value_t = 1000)]

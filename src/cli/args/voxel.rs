@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 
 use super::solve::solver_name_without_symmetry;
-use super::{AuditArgs, CommonArgs, ImageArgs, MeshArgs, parse_positive};
+use super::{AuditArgs, CommonArgs, ImageArgs, MeshArgs, parse_positive, parse_tolerance};
 use crate::cli::storage::parse_byte;
 use crate::voxel::Form;
 
@@ -97,6 +97,7 @@ pub struct VoxelArgs {
         long,
         value_name = "T",
         default_value_t = 1e-6,
+        value_parser = parse_tolerance,
         requires = "solver",
         help_heading = "Voxels"
     )]

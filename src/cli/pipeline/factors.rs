@@ -24,6 +24,8 @@ pub(in crate::cli) struct Computed {
     pub(in crate::cli) tolerance_met: bool,
     /// True if the entries have errors.
     pub(in crate::cli) errors_known: bool,
+    /// The rows that are known to sum to 1, \[n\].
+    pub(in crate::cli) closed_rows: Vec<bool>,
     /// The power that form factors without reciprocity make, m², \[n\].
     pub(in crate::cli) gain: Vec<f64>,
     /// The fraction of the light of each patch that escapes, where it is known, \[n\].
@@ -249,14 +251,17 @@ impl Run {
                 "--balance closure changes nothing: the scene is open, and without rays that count what leaves it nobody knows what its rows should sum to",
             );
         }
+        // What states no error has nothing else that could tell of it.
+        let doubted = if wanted || !promised.errors_known {
+            self.doubted_rows(prepared, &raw, claims(Repair::Not))?
+        } else {
+            Vec::new()
+        };
         let (factors, balance) = if wanted {
-            let doubted = self
-                .times
-                .time("checks", || audit::doubted_rows(&raw, claims(Repair::Not)))?;
-            self.warn_of_doubted_rows(prepared, &doubted);
-            let rows = closed_rows.iter().zip(&doubted);
-            let known: Vec<bool> = rows.map(|(is_closed, is_doubted)| *is_closed && !is_doubted).collect();
-            let targets = raw.row_targets(&*known);
+            let mut targets = raw.row_targets(&*closed_rows);
+            for i in doubted {
+                targets.keep(i, raw.row_sum(i));
+            }
             let (factors, report) = self.times.time("balance", || {
                 let symmetric = raw.symmetrised(Weighting::default())?;
                 if by_variance {
@@ -320,25 +325,30 @@ impl Run {
             errors_known: promised.errors_known,
             sky,
             backs,
+            closed_rows,
         })
     }
 
-    /// Warns of rows that ought to sum to 1 and do not.
-    fn warn_of_doubted_rows(&mut self, prepared: &Prepared, doubted: &[bool]) {
-        let patches = doubted
-            .iter()
-            .zip(&prepared.mesh.patches)
-            .filter(|(doubted, _)| **doubted);
-        let n = patches.clone().count();
-        if let Some((_, first)) = patches.into_iter().next() {
-            let face = &prepared.scene.faces[first.face.0 as usize];
+    /// Returns the numbers of rows that ought to sum to 1 and do not, and warns of them.
+    fn doubted_rows(
+        &mut self,
+        prepared: &Prepared,
+        raw: &FormFactors,
+        claims: Claims<'_>,
+    ) -> Result<Vec<usize>, Failure> {
+        let is_doubted = self.times.time("checks", || audit::doubted_rows(raw, claims))?;
+        let doubted: Vec<usize> = (0..raw.n_rows()).filter(|&i| is_doubted[i]).collect();
+        let n = doubted.len();
+        if let Some(&first) = doubted.first() {
+            let face = &prepared.scene.faces[prepared.mesh.patches[first].face.0 as usize];
             self.warn(&format!(
-                "{}:{}: the rows of {n} patches, first of `{}`, are off 1 by more than the error that they state, and are left as they are; look for gaps and faces that are wound the wrong way",
+                "{}:{}: the rows of {n} patches, first of `{}`, are off 1 by more than the error that they state (0.1 where they state none), and are left as they are; look for gaps and faces that are wound the wrong way",
                 self.scene_file.display(),
                 face.line,
                 prepared.scene.surfaces[face.surface.0 as usize].name
             ));
         }
+        Ok(doubted)
     }
 
     /// Tells whether no light leaves the scene, and which rows sum to 1.

@@ -75,6 +75,14 @@ impl Run {
         }
     }
 
+    /// Warns unless the same has been said.
+    pub(super) fn warn_once(&self, message: &str) {
+        let is_said = self.warnings.borrow().contains(&printable(message));
+        if !is_said {
+            self.warn(message);
+        }
+    }
+
     /// Goes on, unless a signal came: to be asked wherever work may have been left incomplete.
     pub(super) fn go_on(&self) -> Result<(), Failure> {
         if self.interrupt.came() {

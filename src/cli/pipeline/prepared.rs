@@ -15,7 +15,7 @@ use crate::plan::{Plan, byte_text};
 use crate::report::memory_used_byte;
 use crate::scene::reading::reading_byte;
 use crate::scene::{LoadOptions, Material, Pose, Scene, Surface, builtin, load_with};
-use crate::solver::Solution;
+use crate::solver::{Solution, power_of_two_below};
 use crate::visibility::Visibility as _;
 use crate::visibility::embree::EmbreeVisibility;
 use crate::visibility::facing::look;
@@ -255,17 +255,30 @@ impl Prepared {
 
     /// Returns the area mean of `per_patch` over each surface, per channel.
     pub(in crate::cli) fn surface_means(&self, per_patch: &Block) -> Vec<Vec<f64>> {
-        let mut means = vec![vec![0.0; per_patch.n_channels()]; self.scene.surfaces.len()];
+        let areas = self.surface_areas();
+        let mut units = vec![vec![0.0_f64; per_patch.n_channels()]; areas.len()];
+        let mut means = units.clone();
         for (i, patch) in self.mesh.patches.iter().enumerate() {
-            for (mean, value) in means[patch.surface.0 as usize].iter_mut().zip(per_patch.row(i)) {
-                *mean += patch.area * value;
+            for (greatest, value) in units[patch.surface.0 as usize].iter_mut().zip(per_patch.row(i)) {
+                *greatest = greatest.max(value.abs());
             }
         }
-        for (mean, area) in means.iter_mut().zip(self.surface_areas()) {
+        // Powers of two, so that they change no digit: no sum overflows where its mean does not.
+        for unit in units.iter_mut().flatten() {
+            *unit = power_of_two_below(std::iter::once(*unit));
+        }
+        let area_unit = power_of_two_below(areas.iter().copied());
+        for (i, patch) in self.mesh.patches.iter().enumerate() {
+            let k = patch.surface.0 as usize;
+            for ((mean, unit), value) in means[k].iter_mut().zip(&units[k]).zip(per_patch.row(i)) {
+                *mean += patch.area / area_unit * (value / unit);
+            }
+        }
+        for ((mean, own_units), area) in means.iter_mut().zip(units).zip(areas) {
             // A surface whose faces were all skipped has no area and no mean but 0.
             if area > 0.0 {
-                for value in mean {
-                    *value /= area;
+                for (value, unit) in mean.iter_mut().zip(own_units) {
+                    *value = *value / (area / area_unit) * unit;
                 }
             }
         }

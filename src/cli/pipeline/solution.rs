@@ -37,6 +37,7 @@ impl Computed {
                 costly: false,
             },
             backs: self.backs.as_deref(),
+            closed_rows: Some(&self.closed_rows),
         }
     }
 }
@@ -48,6 +49,8 @@ pub(in crate::cli) struct Known<'a> {
     pub(in crate::cli) given: Given<'a>,
     /// The fraction of the light of each patch that black backs take, \[n\].
     pub(in crate::cli) backs: Option<&'a [f64]>,
+    /// The rows that are known to sum to 1, \[n\].
+    pub(in crate::cli) closed_rows: Option<&'a [bool]>,
 }
 
 impl Run {
@@ -178,8 +181,12 @@ impl Run {
             let surface = |patch: usize| mesh.patches.get(patch).map(|patch| patch.surface);
             run.refused(error, surface)
         };
-        let system =
-            RadiositySystem::new(factors, areas, reflectance, exitance).map_err(|error| refused(self, error))?;
+        let system = RadiositySystem::new(factors, areas, reflectance, exitance)
+            .and_then(|system| match known.closed_rows {
+                Some(rows) => system.with_closed_rows(rows),
+                None => Ok(system),
+            })
+            .map_err(|error| refused(self, error))?;
         let options = SolveOptions {
             tolerance: Tolerance::ResidualL2(args.tolerance),
             max_passes: args.max_passes,
@@ -210,15 +217,11 @@ impl Run {
             .times
             .time("audit", || audit::solution(&system, &solution, known.given))?;
         self.audited(audit);
+        if args.display_ambient {
+            solution = solution.displayed(&system)?;
+        }
         if let Some(backs) = known.backs {
             solution.tell_backs_apart(system.areas(), backs);
-        }
-        if args.display_ambient
-            && let Some(display) = solution.display.take()
-        {
-            // The picture's irradiance belongs to what it shows; residual and bound stay those of the solution.
-            factors.apply(&display, &mut solution.irradiance);
-            solution.radiosity = display;
         }
         if let Some(choice) = &solution.choice {
             plan.decide("solver", choice.solver, choice.why.clone());

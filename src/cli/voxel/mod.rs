@@ -16,6 +16,7 @@ use super::failure::Failure;
 use super::file_set::FileSet;
 use super::picture::warn_if_blank;
 use super::pipeline::{Prepared, Run, go_on};
+use super::stated::Stated;
 use super::{Outcome, merge, render, solve};
 use crate::audit::{self, Given};
 use crate::matrix::operator::{Block, LinearOperator};
@@ -388,7 +389,7 @@ fn solve_to_tolerance(
             "error_bound": solution.error_bound,
             "history": solution.history,
         }),
-        line: solve::solver_line(name, &solution, None),
+        line: solve::solver_line(name, &solution, Stated::Untold),
         radiosity: materials.radiosity(&solution.irradiance),
         irradiance: solution.irradiance,
         code: if converged {
