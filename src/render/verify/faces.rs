@@ -39,6 +39,8 @@ pub(super) struct Hit {
     pub(super) point: DVec3,
     t: f64,
     pub(super) cosine: f64,
+    /// Whether rays beside this one meet the same face, not another of its plane.
+    pub(super) alone: bool,
 }
 
 /// What is seen along a ray, as far as rounding leaves no doubt.
@@ -139,14 +141,15 @@ impl<'a> Faces<'a> {
     ///
     /// It is sure if four rays beside it see the same plane's same side, or all nothing: in between no face that is wider than the shift can begin or end.
     pub(super) fn look(&self, candidates: &[usize], origin: DVec3, direction: DVec3) -> Seen {
-        let first = self.closest(candidates, origin, direction);
+        let mut first = self.closest(candidates, origin, direction);
         let (a, b) = direction.any_orthonormal_pair();
         for (x, y) in [(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)] {
             let aside = (a * x + b * y) * SHIFT;
             let second = self.closest(candidates, origin + aside * self.size, direction + aside);
-            let agrees = match (&first, &second) {
+            let agrees = match (&mut first, &second) {
                 (None, None) => true,
                 (Some(one), Some(other)) => {
+                    one.alone &= one.face == other.face;
                     let (owner, beside) = (&self.owners[one.face], &self.owners[other.face]);
                     owner.plane == beside.plane && owner.material == beside.material && one.front == other.front
                 }
@@ -183,6 +186,7 @@ impl<'a> Faces<'a> {
                     point,
                     t,
                     cosine: along.abs(),
+                    alone: true,
                 });
             }
         }

@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::clear_view::{Plate, is_clear, misses_region};
+use super::sheet::Centre;
 use super::tolerance::{effective_samples, hoeffding};
 use super::{DVec3, Rounding, Tile};
 use crate::form_factor::partial::{Accuracy, VisibleFactor, exchange_area};
@@ -60,8 +61,8 @@ pub(super) enum PixelAnswer {
 /// What a pixel shows.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Shown {
-    /// The point at the pixel's centre, and how far rounding may move it, in m.
-    pub(super) centre: Option<(DVec3, f64)>,
+    /// The mean reflectance over the samples, backs counting as 0, where it is known.
+    pub(super) albedo: Option<[f64; 3]>,
     /// The surface, where all samples show one.
     pub(super) surface: Option<SurfaceId>,
     /// The number of the plane, where all samples show one.
@@ -270,8 +271,8 @@ impl<'a> Reference<'a> {
         }
     }
 
-    /// Returns the answers of all pixels of a tile, row by row.
-    pub(super) fn answers(&self, tile: &Tile) -> Vec<PixelAnswer> {
+    /// Returns the answers of all pixels of a tile and what their centres show, row by row.
+    pub(super) fn answers(&self, tile: &Tile) -> (Vec<PixelAnswer>, Vec<Centre>) {
         let region = self.region(&tile.rectangle(), tile.normal());
         let records = self.records(tile);
         let material = records.first().map(|record| (record.exitance, record.reflectance));
@@ -290,7 +291,7 @@ impl<'a> Reference<'a> {
                 let points: Vec<DVec3> = sample_places(self.attributes.render.samples.get())
                     .map(|(x, y)| tile.point(corner.0 + x, corner.1 + y))
                     .collect();
-                match self.coverage(tile, &points) {
+                let answer = match self.coverage(tile, &points) {
                     Coverage::None => PixelAnswer::Background,
                     Coverage::Partial => PixelAnswer::Border,
                     Coverage::Full => {
@@ -299,19 +300,47 @@ impl<'a> Reference<'a> {
                         for &point in &points {
                             self.add_light(&mut light, share, point, &region, seen);
                         }
+                        let common = material.filter(|_| uniform);
                         PixelAnswer::Surface(Shown {
-                            centre: Some((tile.point(corner.0 + 0.5, corner.1 + 0.5), self.slack)),
+                            albedo: common.map(|(_, reflectance)| reflectance),
                             surface: Some(tile.surface),
                             plane: Some(tile.surface.0),
-                            material: material.filter(|_| uniform),
+                            material: common,
                             irradiance: light.irradiance(),
                             shaded: light.shaded,
                             front: true,
                         })
                     }
-                }
+                };
+                (answer, self.centre(tile, tile.point(corner.0 + 0.5, corner.1 + 0.5)))
             })
-            .collect()
+            .unzip()
+    }
+
+    /// Returns what is at a point of a tile.
+    fn centre(&self, tile: &Tile, point: DVec3) -> Centre {
+        let before = &self.attributes.surfaces[..tile.surface.0 as usize];
+        let first: usize = before.iter().map(|surface| surface.polygons.len()).sum();
+        let normal = tile.normal();
+        let around = self.around(tile, point).map(|place| {
+            let holds = |record: &PolygonRecord| contains(&record.corners, place, normal);
+            self.records(tile).iter().position(holds)
+        });
+        let [Some(a), Some(b), Some(c), Some(d)] = around else {
+            let is_beside = around.iter().all(Option::is_none);
+            return if is_beside { Centre::Nothing } else { Centre::Unsure };
+        };
+        // Faces of a surface that counts as flat may be turned a little.
+        let looks = |k: usize| self.plates[first + k].normal;
+        if [b, c, d].iter().any(|&k| (looks(k) - looks(a)).length() > 1e-9) {
+            return Centre::Unsure;
+        }
+        Centre::Face {
+            face: u32::try_from(first + a).unwrap_or(u32::MAX),
+            alone: [b, c, d] == [a; 3],
+            point,
+            slack: self.slack,
+        }
     }
 
     /// Returns the exchange area of a tile's rectangle and an emitter, in m²; `None` if it could not be found to 1e-10.
@@ -375,13 +404,18 @@ impl<'a> Reference<'a> {
         }
     }
 
-    fn coverage(&self, tile: &Tile, points: &[DVec3]) -> Coverage {
+    /// Returns four places around a point of a tile that rounding cannot exceed.
+    fn around(&self, tile: &Tile, point: DVec3) -> [DVec3; 4] {
         // Far above the rounding of rays to f32, far below a pixel.
         let margin = (1e6 * self.slack).min(0.25 * tile.pixel_size[0].min(tile.pixel_size[1]));
         let (x, y) = (tile.right * margin, tile.down * margin);
+        [point + x + y, point + x - y, point - x + y, point - x - y]
+    }
+
+    fn coverage(&self, tile: &Tile, points: &[DVec3]) -> Coverage {
         let mut n_inside = 0;
         for &point in points {
-            for place in [point + x + y, point + x - y, point - x + y, point - x - y] {
+            for place in self.around(tile, point) {
                 let inside = |record: &PolygonRecord| contains(&record.corners, place, tile.normal());
                 n_inside += usize::from(self.records(tile).iter().any(inside));
             }
