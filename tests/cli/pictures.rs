@@ -2,6 +2,7 @@
 
 use radiosity::render::{Image, Samples, exr};
 
+use crate::program::succeed;
 use crate::{document, radiosity, stderr, with_scene};
 
 #[test]
@@ -94,6 +95,51 @@ fn a_picture_of_backs_is_doubted_and_proves_nothing() {
     ];
     let (_, result) = document(directory.path(), &[&arguments[..], &flags].concat());
     assert_eq!(result["warnings"].as_array().unwrap().len(), 1, "{result}");
+}
+
+/// A picture far from the origin is as right as one near it.
+#[test]
+fn pictures_far_from_the_origin_are_verified() {
+    let directory = with_scene("room-box");
+    let near = std::fs::read_to_string(directory.path().join("scene.obj")).unwrap();
+    let far: String = near
+        .lines()
+        .map(|line| match line.strip_prefix("v ") {
+            Some(place) => {
+                let v: Vec<f64> = place.split_whitespace().map(|x| x.parse().unwrap()).collect();
+                format!("v {:?} {:?} {:?}\n", v[0] + 5e5, v[1] + 4.6e6, v[2])
+            }
+            None => format!("{line}\n"),
+        })
+        .collect();
+    std::fs::write(directory.path().join("far.obj"), far).unwrap();
+    let common = [
+        "render",
+        "far.obj",
+        "-o",
+        "far.exr",
+        "--subdivide",
+        "2",
+        "--width",
+        "32",
+        "--height",
+        "20",
+    ];
+    let camera = [
+        "--eye",
+        "500003.85,4600000.2,2",
+        "--look-at",
+        "500001.3,4600003.4,1",
+        "--up",
+        "0,0,1",
+    ];
+    for direct in ["exact", "polygons"] {
+        let arguments = [&common[..], &camera, &["--samples", "1", "--direct", direct]].concat();
+        succeed(directory.path(), &arguments);
+        let (code, result) = document(directory.path(), &["verify", "far.exr"]);
+        assert_eq!((code, &result["passed"]), (0, &true.into()), "{direct}: {result}");
+        assert!(result["n_checked"].as_u64().unwrap() > 300, "{direct}: {result}");
+    }
 }
 
 #[test]

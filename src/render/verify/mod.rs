@@ -11,6 +11,7 @@ mod patches;
 mod points;
 mod report;
 mod sheet;
+mod size;
 mod spread;
 mod tolerance;
 

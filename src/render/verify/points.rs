@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::clear_view::{Plate, is_clear, misses_region};
 use super::sheet::Centre;
+use super::size::Size;
 use super::tolerance::{effective_samples, hoeffding};
 use super::{DVec3, Rounding, Tile};
 use crate::form_factor::partial::{Accuracy, VisibleFactor, exchange_area};
@@ -122,6 +123,7 @@ pub(super) struct Reference<'a> {
     /// The sum of all exitances per channel.
     total: [f64; 3],
     nothing_reflects: bool,
+    size: Size,
     /// Length below which geometry is rounding, in m.
     slack: f64,
     /// Rays per pixel; 0 where the direct pass has no noise at a clear point.
@@ -145,8 +147,7 @@ impl<'a> Reference<'a> {
         if emitters.is_empty() {
             return None;
         }
-        let corners = || records().flat_map(|record| &record.corners);
-        let size = corners().map(|v| v.abs().max_element()).fold(0.0, f64::max);
+        let size = Size::of(records().flat_map(|record| &record.corners));
         let per_channel = |fold: fn(f64, f64) -> f64| {
             [0, 1, 2].map(|c| emitters.iter().map(|(_, exitance)| exitance[c]).fold(0.0, fold))
         };
@@ -158,7 +159,8 @@ impl<'a> Reference<'a> {
             total: per_channel(|a, b| a + b),
             emitters,
             nothing_reflects: records().all(|record| record.reflectance.iter().all(|&rho| rho <= 0.0)),
-            slack: 1e-12 * size,
+            slack: 2e-12 * size.extent + size.rounding(),
+            size,
             n_rays: n_samples * u64::from(n_rays),
             knows_penumbras: !matches!(attributes.render.direct, DirectMethod::Polygons { .. }),
             n_effective: n_samples as f64 * effective_samples(n_rays.max(1), attributes.render.sequence),
@@ -258,7 +260,7 @@ impl<'a> Reference<'a> {
     /// Returns the rounding of a layer's value, and of the closed forms.
     pub(super) fn rounding(&self, channel: usize, exact: f64) -> f64 {
         let Rounding { relative, absolute } = self.layer_rounding();
-        relative * exact + 1e-14 * self.total[channel] + absolute
+        relative * exact + (1e-14 + self.size.relative_rounding()) * self.total[channel] + absolute
     }
 
     /// Prepares a convex region with the given unit normal.
@@ -407,7 +409,7 @@ impl<'a> Reference<'a> {
     /// Returns four places around a point of a tile that rounding cannot exceed.
     fn around(&self, tile: &Tile, point: DVec3) -> [DVec3; 4] {
         // Far above the rounding of rays to f32, far below a pixel.
-        let margin = (1e6 * self.slack).min(0.25 * tile.pixel_size[0].min(tile.pixel_size[1]));
+        let margin = (2e-6 * self.size.extent + self.slack).min(0.25 * tile.pixel_size[0].min(tile.pixel_size[1]));
         let (x, y) = (tile.right * margin, tile.down * margin);
         [point + x + y, point + x - y, point - x + y, point - x - y]
     }
