@@ -336,7 +336,7 @@ pub(super) fn view(args: &ViewArgs, scene_file: &Path, scene: &Scene) -> Result<
             Some(target) => DVec3::from_array(target) - eye,
             None => camera.direction(),
         };
-        let up = args.up.map_or(camera.up(), DVec3::from_array);
+        let up = args.up.map_or(camera.given_up(), DVec3::from_array);
         let fov = args.fov.unwrap_or(camera.vertical_fov());
         camera = Camera::new(eye, direction, up, fov)?.with_image_size(camera.width(), camera.height());
     }

@@ -19,6 +19,8 @@ use crate::scene::Scene;
 pub struct Camera {
     eye: DVec3,
     axes: DMat3,
+    /// As it was given, so that a camera turned elsewhere still stands upright.
+    given_up: DVec3,
     vertical_fov: f64,
     image_size: [Option<u32>; 2],
 }
@@ -164,7 +166,7 @@ impl Camera {
             eye: self.eye.to_array(),
             look_at: None,
             direction: Some(self.direction().to_array().map(|x| x + 0.0)),
-            up: self.up().to_array().map(|x| x + 0.0),
+            up: self.given_up.to_array().map(|x| x + 0.0),
             vertical_fov_degree: self.vertical_fov,
             width,
             height,
@@ -211,6 +213,12 @@ impl Camera {
         self.axes.y_axis
     }
 
+    /// Returns the vector that was given as up: [`up`](Self::up) is the direction across the view that is nearest to it.
+    #[must_use]
+    pub fn given_up(&self) -> DVec3 {
+        self.given_up
+    }
+
     /// Returns the vertical field of view, in degrees.
     #[must_use]
     pub fn vertical_fov(&self) -> f64 {
@@ -255,10 +263,10 @@ impl Camera {
         let Some(forward) = direction.try_normalize() else {
             return Err(("direction", "zero or not finite; look elsewhere".to_owned()));
         };
-        let Some(up) = up.try_normalize() else {
+        let Some(unit_up) = up.try_normalize() else {
             return Err(("up", "zero or not finite; correct it".to_owned()));
         };
-        let right = forward.cross(up);
+        let right = forward.cross(unit_up);
         if right.length() < PARALLEL {
             return Err(("up", "parallel to the direction; choose another one".to_owned()));
         }
@@ -270,6 +278,7 @@ impl Camera {
         Ok(Self {
             eye,
             axes: DMat3::from_cols(right, right.cross(forward), -forward),
+            given_up: up,
             vertical_fov,
             image_size: [None, None],
         })
