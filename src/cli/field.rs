@@ -67,7 +67,7 @@ fn work(args: &FieldArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let image = run
         .times
         .time("render", || field(&input, view.as_view(), &settings, &run.progress))?;
-    warn_if_blank(run, &image, view.as_view());
+    warn_if_blank(run, &image, &view);
     let mut attributes = Attributes::new(
         &prepared.scene,
         view.as_view().description(),
@@ -87,6 +87,7 @@ fn work(args: &FieldArgs, run: &mut Run) -> Result<Outcome, Failure> {
 
     let means = surface_means(&image, &prepared.mesh, prepared.scene.surfaces.len());
     let mut text = run.explanation(&prepared);
+    view.tell_camera(run, &mut text);
     describe(&mut text, &prepared, &args.surface, &means);
     run.describe_times(&mut text);
     let (width, height) = (image.width(), image.height());

@@ -385,6 +385,7 @@ impl Solved<'_> {
             "name": frame.name,
             "lighting": frame.lighting_file,
             "moves": frame.motions,
+            "camera": frame.view.describe_camera(),
             "image": frame.output,
             "preview": frame.preview,
             "width": width,

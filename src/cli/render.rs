@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 use std::num::NonZeroU32;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use serde_json::{Value, json};
@@ -114,8 +114,9 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
     result["final_gather"] = json!(gathered);
     result["width"] = json!(image.width());
     result["height"] = json!(image.height());
-    let document = run.document_of(&prepared, result);
     let mut text = run.explanation(&prepared);
+    view.tell_camera(run, &mut text);
+    let document = run.document_of(&prepared, result);
     let (n_patches, n_surfaces) = (prepared.mesh.n_patches(), prepared.scene.surfaces.len());
     let _ = writeln!(text, "{n_patches} patches on {n_surfaces} surfaces");
     if let Some(computed) = &solved.computed {
@@ -301,16 +302,57 @@ pub(super) fn samples(view: &ViewArgs) -> Result<NonZeroU32, Failure> {
 
 /// A view of one kind or the other.
 pub(super) enum AnyView {
-    Perspective(Box<dyn View>),
+    Perspective { view: Box<dyn View>, origin: CameraOrigin },
     Unfolded(UnfoldedView),
+}
+
+/// Where a camera comes from.
+pub(super) struct CameraOrigin {
+    /// The file, named by the user or found beside the scene; without one the view was chosen for the scene.
+    file: Option<PathBuf>,
+    /// Whether flags changed it.
+    changed: bool,
+}
+
+impl CameraOrigin {
+    pub(super) fn describe(&self) -> String {
+        let source = match &self.file {
+            Some(file) => file.display().to_string(),
+            None => "a view chosen for the scene".to_owned(),
+        };
+        if self.changed {
+            format!("{source}, changed by --eye, --look-at, --up or --fov")
+        } else {
+            source
+        }
+    }
 }
 
 impl AnyView {
     pub(super) fn as_view(&self) -> &dyn View {
         match self {
-            Self::Perspective(view) => view.as_ref(),
+            Self::Perspective { view, .. } => view.as_ref(),
             Self::Unfolded(view) => view,
         }
+    }
+
+    /// Returns where the camera comes from, if it is one.
+    pub(super) fn origin(&self) -> Option<&CameraOrigin> {
+        match self {
+            Self::Perspective { origin, .. } => Some(origin),
+            Self::Unfolded(_) => None,
+        }
+    }
+
+    pub(super) fn describe_camera(&self) -> String {
+        self.origin().map_or("unfolded".to_owned(), CameraOrigin::describe)
+    }
+
+    /// Says which camera made a picture, in the text and the settings of the document; after the picture is written, as a picture names no files.
+    pub(super) fn tell_camera(&self, run: &mut Run, text: &mut String) {
+        let camera = self.describe_camera();
+        let _ = writeln!(text, "camera: {camera}");
+        run.set("camera", camera);
     }
 }
 
@@ -323,12 +365,11 @@ pub(super) fn view(args: &ViewArgs, scene_file: &Path, scene: &Scene) -> Result<
         let n_pixels = NonZeroU32::new(args.width.unwrap_or(64)).ok_or(Failure::usage("--width starts at 1"))?;
         return Ok(AnyView::Unfolded(UnfoldedView::new(scene, n_pixels)?));
     }
-    let mut camera = match &args.camera {
+    let beside = || Camera::file_beside(scene_file);
+    let file = args.camera.clone().or_else(beside);
+    let mut camera = match &file {
         Some(file) => Camera::load(file)?,
-        None => match Camera::load_beside(scene_file)? {
-            Some(camera) => camera,
-            None => Camera::default_view(scene),
-        },
+        None => Camera::default_view(scene),
     };
     if flags {
         let eye = args.eye.map_or(camera.eye(), DVec3::from_array);
@@ -347,7 +388,8 @@ pub(super) fn view(args: &ViewArgs, scene_file: &Path, scene: &Scene) -> Result<
         .unwrap_or(width);
     let parameters = json!(CameraRecord::from(&camera));
     let ray = move |x: f64, y: f64| camera.primary_ray(x, y, width, height);
-    Ok(AnyView::Perspective(Box::new(RayView::new(
-        width, height, ray, parameters,
-    ))))
+    Ok(AnyView::Perspective {
+        view: Box::new(RayView::new(width, height, ray, parameters)),
+        origin: CameraOrigin { file, changed: flags },
+    })
 }

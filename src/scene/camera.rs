@@ -1,6 +1,6 @@
 //! The perspective camera, and the `camera.toml` beside a scene.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::{DAffine3, DMat3, DVec3};
 use serde::{Deserialize, Serialize};
@@ -140,12 +140,14 @@ impl Camera {
     /// # Errors
     /// As [`Camera::load`].
     pub fn load_beside(scene_file: impl AsRef<Path>) -> Result<Option<Self>, SceneError> {
+        Self::file_beside(scene_file).map(Self::load).transpose()
+    }
+
+    /// Returns the `camera.toml` in the directory of a scene file, if there is one.
+    #[must_use]
+    pub fn file_beside(scene_file: impl AsRef<Path>) -> Option<PathBuf> {
         let file = scene_file.as_ref().with_file_name(FILE_NAME);
-        if file.exists() {
-            Self::load(file).map(Some)
-        } else {
-            Ok(None)
-        }
+        file.exists().then_some(file)
     }
 
     /// Writes the camera as a TOML file that [`Camera::load`] reads, whole or not at all.

@@ -16,6 +16,7 @@ use super::failure::Failure;
 use super::file_set::FileSet;
 use super::picture::warn_if_blank;
 use super::pipeline::{Prepared, Run, go_on};
+use super::render::AnyView;
 use super::{Outcome, merge, render, solve};
 use crate::audit::{self, Given};
 use crate::matrix::operator::{Block, LinearOperator};
@@ -100,7 +101,7 @@ fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
         Some(tolerance) => solve_on_cells(run, &mut prepared, &voxels, &sphere, args, tolerance)?,
         None => solve_on_voxels(run, &mut prepared, &voxels, &sphere, kept, args)?,
     };
-    write(run, &prepared, &voxels, &solved, args, format)?;
+    let view = write(run, &prepared, &voxels, &solved, args, format)?;
     run.progress.finish();
 
     let checked = Checked { gaps, leaks, hausdorff };
@@ -116,6 +117,9 @@ fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
     describe_surfaces(&mut text, &prepared.scene, &voxels, &solved.radiosity);
     run.describe_audit(&mut text);
     run.describe_times(&mut text);
+    if let Some(view) = view {
+        view.tell_camera(run, &mut text);
+    }
     if let Some(path) = &args.output {
         let _ = writeln!(text, "wrote {}", path.display());
     }
@@ -419,6 +423,7 @@ fn render_settings(args: &VoxelArgs) -> RenderSettings {
     }
 }
 
+/// Writes what was asked for, and returns the view of a picture.
 fn write(
     run: &mut Run,
     prepared: &Prepared,
@@ -426,13 +431,13 @@ fn write(
     solved: &Solved,
     args: &VoxelArgs,
     format: Option<Format>,
-) -> Result<(), Failure> {
+) -> Result<Option<AnyView>, Failure> {
     let (Some(path), Some(format)) = (&args.output, format) else {
-        return Ok(());
+        return Ok(None);
     };
     if format == Format::Vtu {
         let description = json!({"format": "radiosity voxels 1", "settings": run.settings}).to_string();
-        return Ok(run.times.time("write", || {
+        run.times.time("write", || {
             write_vtu(
                 path,
                 &prepared.scene,
@@ -441,7 +446,8 @@ fn write(
                 &solved.irradiance,
                 &description,
             )
-        })?);
+        })?;
+        return Ok(None);
     }
     let view = render::view(&args.image.view, &args.scene, &prepared.scene)?;
     let settings = render_settings(args);
@@ -475,7 +481,7 @@ fn write(
     run.audited(audit::picture(&image));
     // A picture of the voxels themselves has other layers.
     if !args.show_voxels {
-        warn_if_blank(run, &image, view.as_view());
+        warn_if_blank(run, &image, &view);
     }
     let attributes = Attributes::new(
         &prepared.scene,
@@ -484,8 +490,9 @@ fn write(
         crate::visibility::Visibility::offset(&prepared.visibility),
         json!(run.settings),
     );
-    Ok(run.times.time("write", || {
+    run.times.time("write", || {
         exr::write(path, &image, &attributes)?;
         png::write(&path.with_extension("png"), &image)
-    })?)
+    })?;
+    Ok(Some(view))
 }
