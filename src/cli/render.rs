@@ -356,6 +356,31 @@ impl AnyView {
     }
 }
 
+/// The width of a picture unless something says otherwise.
+const DEFAULT_WIDTH: u32 = 512;
+
+/// Returns width and height of a picture: as asked for, else as the camera says, and where one of them is asked for, the other in the camera's proportion.
+fn picture_size(asked: [Option<u32>; 2], stated: [Option<u32>; 2]) -> (u32, u32) {
+    // A camera that states one side or none makes square pictures unless told otherwise.
+    let proportion = match stated {
+        [Some(width), Some(height)] => (u64::from(width), u64::from(height)),
+        _ => (1, 1),
+    };
+    let scaled = |side: u32, to: u64, from: u64| {
+        let rounded = (u64::from(side) * to + from / 2) / from;
+        u32::try_from(rounded.max(1)).unwrap_or(u32::MAX)
+    };
+    match asked {
+        [Some(width), Some(height)] => (width, height),
+        [Some(width), None] => (width, scaled(width, proportion.1, proportion.0)),
+        [None, Some(height)] => (scaled(height, proportion.0, proportion.1), height),
+        [None, None] => {
+            let width = stated[0].unwrap_or(DEFAULT_WIDTH);
+            (width, stated[1].unwrap_or(width))
+        }
+    }
+}
+
 pub(super) fn view(args: &ViewArgs, scene_file: &Path, scene: &Scene) -> Result<AnyView, Failure> {
     let flags = args.has_camera_flags();
     if args.is_unfolded() {
@@ -381,15 +406,30 @@ pub(super) fn view(args: &ViewArgs, scene_file: &Path, scene: &Scene) -> Result<
         let fov = args.fov.unwrap_or(camera.vertical_fov());
         camera = Camera::new(eye, direction, up, fov)?.with_image_size(camera.width(), camera.height());
     }
-    let width = args.width.or(camera.width()).unwrap_or(512);
-    let height = args
-        .height
-        .or(camera.height().filter(|_| args.width.is_none()))
-        .unwrap_or(width);
+    let (width, height) = picture_size([args.width, args.height], [camera.width(), camera.height()]);
     let parameters = json!(CameraRecord::from(&camera));
     let ray = move |x: f64, y: f64| camera.primary_ray(x, y, width, height);
     Ok(AnyView::Perspective {
         view: Box::new(RayView::new(width, height, ray, parameters)),
         origin: CameraOrigin { file, changed: flags },
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::picture_size;
+
+    #[test]
+    fn one_side_of_a_picture_brings_the_other_in_proportion() {
+        let stated = [Some(80), Some(60)];
+        assert_eq!(picture_size([None, None], stated), (80, 60));
+        assert_eq!(picture_size([Some(40), None], stated), (40, 30));
+        assert_eq!(picture_size([None, Some(30)], stated), (40, 30));
+        assert_eq!(picture_size([Some(1), None], [Some(1000), Some(10)]), (1, 1));
+        assert_eq!(picture_size([Some(7), Some(9)], stated), (7, 9));
+        assert_eq!(picture_size([Some(40), None], [None; 2]), (40, 40));
+        assert_eq!(picture_size([None, Some(40)], [None; 2]), (40, 40));
+        assert_eq!(picture_size([None; 2], [None, Some(100)]), (512, 100));
+        assert_eq!(picture_size([None; 2], [None; 2]), (512, 512));
+    }
 }
