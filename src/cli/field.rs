@@ -13,7 +13,7 @@ use super::file_set::FileSet;
 use super::form_factors::surface_named;
 use super::picture::{image_byte, preview_of, warn_if_blank};
 use super::pipeline::{Prepared, Run};
-use super::render::{AnyView, default_subdivision, samples, view};
+use super::render::{default_subdivision, samples, view};
 use crate::geometry::sampling::Sequence;
 use crate::render::{
     Attributes, DirectMethod, FieldInput, FieldRecord, RenderSettings, SurfaceMean, exr, field, png, surface_means,
@@ -54,10 +54,7 @@ fn work(args: &FieldArgs, run: &mut Run) -> Result<Outcome, Failure> {
     }
     run.set("seed", args.seed);
     run.set("surface", args.surface.as_str());
-    if let AnyView::Unfolded(unfolded) = &view {
-        let without = unfolded.layout().left_out.iter().cloned();
-        prepared.plan.left_out.extend(without);
-    }
+    view.tell_left_out(run, &mut prepared);
     let input = FieldInput {
         scene: &prepared.scene,
         mesh: &prepared.mesh,

@@ -85,12 +85,7 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
             .left_out
             .push("direct light at each pixel: the patches' light is interpolated".into());
     }
-    if let AnyView::Unfolded(unfolded) = &view {
-        prepared
-            .plan
-            .left_out
-            .extend(unfolded.layout().left_out.iter().cloned());
-    }
+    view.tell_left_out(run, &mut prepared);
     let input = RenderInput {
         scene: &prepared.scene,
         mesh: &prepared.mesh,
@@ -341,6 +336,16 @@ impl AnyView {
         match self {
             Self::Perspective { origin, .. } => Some(origin),
             Self::Unfolded(_) => None,
+        }
+    }
+
+    /// Says which surfaces an unfolded view does not show: the picture looks whole without them.
+    pub(super) fn tell_left_out(&self, run: &Run, prepared: &mut Prepared) {
+        if let Self::Unfolded(unfolded) = self {
+            for sentence in unfolded.layout().without_tile() {
+                run.warn(&sentence);
+                prepared.plan.left_out.push(sentence);
+            }
         }
     }
 

@@ -135,6 +135,31 @@ fn a_camera_beside_the_scene_is_told_kept_and_turned_upright() {
     );
 }
 
+#[test]
+fn an_unfolded_view_says_what_it_does_not_show() {
+    let directory = with_scene("sphere-room-r1");
+    let arguments = [
+        "field",
+        "scene.obj",
+        "--surface",
+        "sphere",
+        "-o",
+        "f.exr",
+        "--camera",
+        "unfolded",
+    ];
+    let (code, result) = document(
+        directory.path(),
+        &[&arguments[..], &["--width", "4", "--max-edge", "9"]].concat(),
+    );
+    assert_eq!(code, 0, "{result}");
+    let sentence = "sphere is not planar or faces both ways: it has no tile";
+    for list in ["left_out", "warnings"] {
+        let texts = result[list].as_array().unwrap();
+        assert!(texts.iter().any(|text| text == sentence), "{list}: {texts:?}");
+    }
+}
+
 /// A picture far from the origin is as right as one near it.
 #[test]
 fn pictures_far_from_the_origin_are_verified() {

@@ -101,7 +101,7 @@ fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
         Some(tolerance) => solve_on_cells(run, &mut prepared, &voxels, &sphere, args, tolerance)?,
         None => solve_on_voxels(run, &mut prepared, &voxels, &sphere, kept, args)?,
     };
-    let view = write(run, &prepared, &voxels, &solved, args, format)?;
+    let view = write(run, &mut prepared, &voxels, &solved, args, format)?;
     run.progress.finish();
 
     let checked = Checked { gaps, leaks, hausdorff };
@@ -426,7 +426,7 @@ fn render_settings(args: &VoxelArgs) -> RenderSettings {
 /// Writes what was asked for, and returns the view of a picture.
 fn write(
     run: &mut Run,
-    prepared: &Prepared,
+    prepared: &mut Prepared,
     voxels: &VoxelScene,
     solved: &Solved,
     args: &VoxelArgs,
@@ -450,6 +450,7 @@ fn write(
         return Ok(None);
     }
     let view = render::view(&args.image.view, &args.scene, &prepared.scene)?;
+    view.tell_left_out(run, prepared);
     let settings = render_settings(args);
     run.set("show_voxels", args.show_voxels);
     let image = if args.show_voxels {
