@@ -308,3 +308,21 @@ fn a_white_room_beside_another_has_no_solution() {
         assert!(told.contains("no finite solution"), "{told}");
     }
 }
+
+/// The system would end the program without a word.
+#[cfg(unix)]
+#[test]
+fn a_file_beyond_the_limit_of_sizes_is_an_error_that_leaves_nothing() {
+    let directory = tempfile::tempdir().unwrap();
+    let arguments = ["scene", "living-room", "-o", "x.obj"];
+    let output = crate::program::limited(directory.path(), "ulimit -f 8; exec", &arguments)
+        .output()
+        .unwrap();
+    let message = stderr(&output);
+    assert_eq!(output.status.code(), Some(1), "{:?} {message}", output.status);
+    assert!(
+        message.contains("x.") && message.trim().lines().count() == 1,
+        "{message}"
+    );
+    assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 0);
+}
