@@ -256,8 +256,8 @@ fn describe(text: &mut String, prepared: &Prepared, computed: &Computed, table: 
         let _ = write!(text, " {:>column$}", shortened(name, column));
     }
     let _ = writeln!(text, " {:>9} {:>9} {:>9}", "lost", "sky", "error");
-    let sky = sky_of_surfaces(&computed.sky, &prepared.mesh, n);
-    for ((row, name), sky) in rows.iter().zip(names).zip(sky) {
+    let skies = sky_of_surfaces(&computed.sky, &prepared.mesh, n);
+    for ((row, name), sky) in rows.iter().zip(names).zip(skies) {
         let _ = write!(text, "{name:width$}");
         for value in &row.form_factor {
             let _ = write!(text, " {value:>column$.6}");
