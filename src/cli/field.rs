@@ -15,6 +15,7 @@ use super::picture::{image_byte, preview_of, warn_if_blank};
 use super::pipeline::{Prepared, Run};
 use super::render::{default_subdivision, samples, view};
 use crate::geometry::sampling::Sequence;
+use crate::printable::printable;
 use crate::render::{
     Attributes, DirectMethod, FieldInput, FieldRecord, RenderSettings, SurfaceMean, exr, field, png, surface_means,
 };
@@ -136,9 +137,13 @@ fn surfaces_to_json(prepared: &Prepared, means: &[SurfaceMean]) -> Value {
 }
 
 fn describe(text: &mut String, prepared: &Prepared, target: &str, means: &[SurfaceMean]) {
-    let names = prepared.scene.surfaces.iter().map(|surface| surface.name.as_str());
+    let names = (prepared.scene.surfaces.iter()).map(|surface| printable(&surface.name));
     let width = names.clone().map(|name| name.chars().count()).max().unwrap_or(0);
-    let _ = writeln!(text, "mean form factor to {target} over the pixels that show a surface");
+    let _ = writeln!(
+        text,
+        "mean form factor to {} over the pixels that show a surface",
+        printable(target)
+    );
     for (name, mean) in names.zip(means) {
         match mean.form_factor {
             Some(value) => {

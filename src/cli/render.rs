@@ -21,6 +21,7 @@ use super::storage::Storage;
 use crate::geometry::sampling::Sequence;
 use crate::matrix::operator::{Block, LinearOperator};
 use crate::mesh::Subdivision;
+use crate::printable::counted;
 use crate::render::{
     CameraRecord, DirectMethod, GatherReport, GatherSettings, RayView, RenderInput, RenderSettings, UnfoldedView, View,
 };
@@ -113,7 +114,7 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
     view.tell_camera(run, &mut text);
     let document = run.document_of(&prepared, result);
     let (n_patches, n_surfaces) = (prepared.mesh.n_patches(), prepared.scene.surfaces.len());
-    let _ = writeln!(text, "{n_patches} patches on {n_surfaces} surfaces");
+    let _ = writeln!(text, "{n_patches} patches on {}", counted(n_surfaces, "surface"));
     if let Some(computed) = &solved.computed {
         describe_checks(&mut text, computed);
     }
@@ -404,6 +405,11 @@ pub(super) fn view(args: &ViewArgs, scene_file: &Path, scene: &Scene) -> Result<
     if flags {
         let eye = args.eye.map_or(camera.eye(), DVec3::from_array);
         let direction = match args.look_at {
+            Some(target) if DVec3::from_array(target) == eye => {
+                return Err(Failure::usage(
+                    "the camera looks at the point where it stands: give --eye and --look-at two points",
+                ));
+            }
             Some(target) => DVec3::from_array(target) - eye,
             None => camera.direction(),
         };

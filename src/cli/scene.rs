@@ -8,6 +8,7 @@ use super::args::SceneArgs;
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::{Outcome, SCHEMA_VERSION};
+use crate::printable::counted;
 use crate::scene::{builtin, write_obj};
 
 pub(super) fn run(args: &SceneArgs) -> Result<Outcome, Failure> {
@@ -25,8 +26,10 @@ pub(super) fn run(args: &SceneArgs) -> Result<Outcome, Failure> {
     };
     let (n_faces, n_surfaces) = (built.scene.faces.len(), built.scene.surfaces.len());
     let mut text = format!(
-        "wrote {}: {n_faces} faces on {n_surfaces} surfaces\n",
-        args.output.display()
+        "wrote {}: {} on {}\n",
+        args.output.display(),
+        counted(n_faces, "face"),
+        counted(n_surfaces, "surface")
     );
     if let Some(file) = written_camera {
         let _ = writeln!(text, "wrote {}", file.display());

@@ -8,7 +8,9 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use report::{Checked, LinkFigures, describe, describe_surfaces, surfaces, to_json, warn_of_gaps, warn_of_leaks};
+use report::{
+    Checked, LinkFigures, describe, describe_surfaces, surfaces, to_json, warn_of_escapes, warn_of_gaps, warn_of_leaks,
+};
 
 use super::args::{LinksName, VoxelArgs};
 use super::exit_code::ExitCode;
@@ -101,6 +103,7 @@ fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
         Some(tolerance) => solve_on_cells(run, &mut prepared, &voxels, &sphere, args, tolerance)?,
         None => solve_on_voxels(run, &mut prepared, &voxels, &sphere, kept, args)?,
     };
+    warn_of_escapes(run, &links, prepared.plan.watertight);
     let view = write(run, &mut prepared, &voxels, &solved, args, format)?;
     run.progress.finish();
 
