@@ -10,9 +10,23 @@ fn is_shown(c: char) -> bool {
     !c.is_control() && !matches!(c, '\u{2028}' | '\u{2029}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
+/// Returns a number with the noun that it counts, which gets an s unless there is one of it.
+pub(crate) fn counted(n: usize, noun: &str) -> String {
+    let ending = if n == 1 { "" } else { "s" };
+    format!("{n} {noun}{ending}")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn one_thing_is_singular() {
+        assert_eq!(
+            [0, 1, 2].map(|n| counted(n, "frame")),
+            ["0 frames", "1 frame", "2 frames"]
+        );
+    }
 
     #[test]
     fn control_characters_do_not_reach_a_message() {

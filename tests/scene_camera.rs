@@ -81,6 +81,21 @@ fn a_camera_file_is_read_and_written() {
     );
 }
 
+/// A camera that looks down is saved and turned with the up that it was given, not with what is left of it across its view.
+#[test]
+fn the_given_up_is_kept() {
+    let camera = Camera::new(DVec3::ZERO, DVec3::new(0.0, 2.3, -2.8), DVec3::Z, 60.0).unwrap();
+    assert!(camera.up().z < 0.7);
+    assert_eq!(camera.given_up(), DVec3::Z);
+    assert!(
+        camera.to_toml().contains("up = [0.0, 0.0, 1.0]"),
+        "{}",
+        camera.to_toml()
+    );
+    let turned = Camera::new(camera.eye(), DVec3::X, camera.given_up(), 60.0).unwrap();
+    assert_near(turned.up(), DVec3::Z);
+}
+
 #[test]
 fn a_bad_camera_file_names_its_line() {
     let directory = tempfile::tempdir().unwrap();

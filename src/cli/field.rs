@@ -13,8 +13,9 @@ use super::file_set::FileSet;
 use super::form_factors::surface_named;
 use super::picture::{image_byte, preview_of, warn_if_blank};
 use super::pipeline::{Prepared, Run};
-use super::render::{AnyView, default_subdivision, samples, view};
+use super::render::{default_subdivision, samples, view};
 use crate::geometry::sampling::Sequence;
+use crate::printable::printable;
 use crate::render::{
     Attributes, DirectMethod, FieldInput, FieldRecord, RenderSettings, SurfaceMean, exr, field, png, surface_means,
 };
@@ -54,10 +55,7 @@ fn work(args: &FieldArgs, run: &mut Run) -> Result<Outcome, Failure> {
     }
     run.set("seed", args.seed);
     run.set("surface", args.surface.as_str());
-    if let AnyView::Unfolded(unfolded) = &view {
-        let without = unfolded.layout().left_out.iter().cloned();
-        prepared.plan.left_out.extend(without);
-    }
+    view.tell_left_out(run, &mut prepared);
     let input = FieldInput {
         scene: &prepared.scene,
         mesh: &prepared.mesh,
@@ -67,7 +65,7 @@ fn work(args: &FieldArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let image = run
         .times
         .time("render", || field(&input, view.as_view(), &settings, &run.progress))?;
-    warn_if_blank(run, &image, view.as_view());
+    warn_if_blank(run, &image, &view);
     let mut attributes = Attributes::new(
         &prepared.scene,
         view.as_view().description(),
@@ -87,6 +85,7 @@ fn work(args: &FieldArgs, run: &mut Run) -> Result<Outcome, Failure> {
 
     let means = surface_means(&image, &prepared.mesh, prepared.scene.surfaces.len());
     let mut text = run.explanation(&prepared);
+    view.tell_camera(run, &mut text);
     describe(&mut text, &prepared, &args.surface, &means);
     run.describe_times(&mut text);
     let (width, height) = (image.width(), image.height());
@@ -138,9 +137,13 @@ fn surfaces_to_json(prepared: &Prepared, means: &[SurfaceMean]) -> Value {
 }
 
 fn describe(text: &mut String, prepared: &Prepared, target: &str, means: &[SurfaceMean]) {
-    let names = prepared.scene.surfaces.iter().map(|surface| surface.name.as_str());
+    let names = (prepared.scene.surfaces.iter()).map(|surface| printable(&surface.name));
     let width = names.clone().map(|name| name.chars().count()).max().unwrap_or(0);
-    let _ = writeln!(text, "mean form factor to {target} over the pixels that show a surface");
+    let _ = writeln!(
+        text,
+        "mean form factor to {} over the pixels that show a surface",
+        printable(target)
+    );
     for (name, mean) in names.zip(means) {
         match mean.form_factor {
             Some(value) => {

@@ -16,6 +16,7 @@ use crate::form_factor::{ExactMethod, sky_of_surfaces};
 use crate::matrix::{Layout, Place, Precision, StorageChoice, SurfaceRow};
 use crate::mesh::Subdivision;
 use crate::plan::byte_text;
+use crate::printable::counted;
 use crate::report::form_factors::{FormFactorReport, Format};
 use crate::report::memory_used_byte;
 use crate::scene::{Scene, SurfaceId};
@@ -232,7 +233,12 @@ const TABLE: usize = 12;
 /// Writing to a String cannot fail; the results of `write!` are dropped for that reason.
 fn describe(text: &mut String, prepared: &Prepared, computed: &Computed, table: &SurfaceTable) {
     let n = prepared.scene.surfaces.len();
-    let _ = writeln!(text, "{} patches on {n} surfaces", prepared.mesh.n_patches());
+    let _ = writeln!(
+        text,
+        "{} patches on {}",
+        prepared.mesh.n_patches(),
+        counted(n, "surface")
+    );
     describe_checks(text, computed);
     let rows = match table {
         SurfaceTable::Whole(rows) if n <= TABLE => rows,

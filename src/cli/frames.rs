@@ -21,6 +21,7 @@ use super::storage::Storage;
 use super::{Outcome, merge, solve};
 use crate::form_factor::{Before, Change};
 use crate::matrix::FormFactors;
+use crate::printable::counted;
 use crate::render::{DirectMethod, GatherReport, RenderInput, RenderSettings};
 use crate::scene::{Lighting, Motion, Pose, frames};
 use crate::solver::{Solution, StopReason};
@@ -101,7 +102,7 @@ pub(super) fn work(args: &RenderArgs, file: &Path, run: &mut Run) -> Result<Outc
     let document = run.document_of(&posed, result);
     let mut text = run.explanation(&posed);
     let (n, n_frames) = (posed.mesh.n_patches(), all.frames.len());
-    let _ = writeln!(text, "{n} patches, {n_frames} frames");
+    let _ = writeln!(text, "{n} patches, {}", counted(n_frames, "frame"));
     text.extend(told.iter().map(|pose| pose.text.as_str()));
     run.describe_audit(&mut text);
     run.describe_times(&mut text);
@@ -319,7 +320,11 @@ fn describe_pose(
     update: Option<&Update>,
 ) -> String {
     let mut text = String::new();
-    let _ = writeln!(text, "{}: {n_lightings} lightings solved together", names.join(", "));
+    let lightings = match n_lightings {
+        1 => "1 lighting".to_owned(),
+        n => format!("{n} lightings solved together"),
+    };
+    let _ = writeln!(text, "{}: {lightings}", names.join(", "));
     let _ = writeln!(text, "{solver_line}");
     if let Some(update) = update {
         update.describe(&mut text);
@@ -384,6 +389,7 @@ impl Solved<'_> {
             "name": frame.name,
             "lighting": frame.lighting_file,
             "moves": frame.motions,
+            "camera": frame.view.describe_camera(),
             "image": frame.output,
             "preview": frame.preview,
             "width": width,

@@ -25,6 +25,15 @@ fn named(signal: usize) -> Option<(&'static str, ExitCode)> {
     }
 }
 
+/// Lets a write beyond the limit of a file's size fail like any other, where the system would end the program by SIGXFSZ: the error has its line, and temporary files go.
+pub(super) fn outlive_size_limits() {
+    #[cfg(unix)]
+    {
+        // Whoever cannot have a handler keeps what the system does. Nobody asks whether the signal came: the write tells.
+        let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
+    }
+}
+
 impl Interrupt {
     /// Begins to listen. If nothing is going to ask (`is_asked` false), the first signal ends the program.
     ///

@@ -68,6 +68,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Reproduce(a) => &a.common,
     };
     let json = common.json;
+    interrupt::outlive_size_limits();
     // A panic is a defect of the program: one line says so, and that it is not the user's fault.
     std::panic::set_hook(Box::new(|defect| {
         complain(&format!(

@@ -63,16 +63,16 @@ pub(super) fn preview_of(picture: &Path) -> Result<PathBuf, Failure> {
 pub(super) fn shoot(
     run: &mut Run,
     input: &RenderInput<'_>,
-    view: &AnyView,
+    any_view: &AnyView,
     settings: RenderSettings,
     args: &RenderArgs,
     (output, preview): (&Path, &Path),
 ) -> Result<Image, Failure> {
-    let view = view.as_view();
+    let view = any_view.as_view();
     let kept = KeptPicture::new(run, input, view, &settings, args);
     if let Some(image) = kept.as_ref().and_then(|kept| kept.image(run, output, preview)) {
         run.audited(audit::picture(&image));
-        warn_if_blank(run, &image, view);
+        warn_if_blank(run, &image, any_view);
         return Ok(image);
     }
     let display = args
@@ -87,7 +87,7 @@ pub(super) fn shoot(
         run.warn("the viewer stopped taking pixels; the picture is whole all the same");
     }
     run.audited(audit::picture(&image));
-    warn_if_blank(run, &image, view);
+    warn_if_blank(run, &image, any_view);
     let offset = input.visibility.offset();
     let mut attributes = Attributes::new(input.scene, view.description(), settings, offset, json!(run.settings));
     attributes.pixels = args.file.pixels.into();
@@ -102,18 +102,19 @@ pub(super) fn shoot(
 }
 
 /// Warns if a camera sees no face from its front: backs are black.
-pub(super) fn warn_if_blank(run: &Run, image: &Image, view: &dyn View) {
-    let ViewDescription::Perspective(parameters) = view.description() else {
+pub(super) fn warn_if_blank(run: &Run, image: &Image, view: &AnyView) {
+    let (Some(origin), ViewDescription::Perspective(parameters)) = (view.origin(), view.as_view().description()) else {
         return;
     };
     let Ok(record) = CameraRecord::deserialize(&parameters) else {
         return;
     };
     if !image.shows_a_front(record.eye) {
-        run.warn(
-            "no pixel shows the front of a face: move the camera (--eye, --look-at), or turn the faces (they see on the side from which their corners run \
-             counter-clockwise)",
-        );
+        run.warn(&format!(
+            "no pixel shows the front of a face: move the camera (--eye, --look-at; it is {}), or turn the faces (they see on the side from which their \
+             corners run counter-clockwise)",
+            origin.describe()
+        ));
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 use std::num::NonZeroU32;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use serde_json::{Value, json};
@@ -21,6 +21,7 @@ use super::storage::Storage;
 use crate::geometry::sampling::Sequence;
 use crate::matrix::operator::{Block, LinearOperator};
 use crate::mesh::Subdivision;
+use crate::printable::counted;
 use crate::render::{
     CameraRecord, DirectMethod, GatherReport, GatherSettings, RayView, RenderInput, RenderSettings, UnfoldedView, View,
 };
@@ -85,12 +86,7 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
             .left_out
             .push("direct light at each pixel: the patches' light is interpolated".into());
     }
-    if let AnyView::Unfolded(unfolded) = &view {
-        prepared
-            .plan
-            .left_out
-            .extend(unfolded.layout().left_out.iter().cloned());
-    }
+    view.tell_left_out(run, &mut prepared);
     let input = RenderInput {
         scene: &prepared.scene,
         mesh: &prepared.mesh,
@@ -113,10 +109,11 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
     result["final_gather"] = json!(gathered);
     result["width"] = json!(image.width());
     result["height"] = json!(image.height());
-    let document = run.document_of(&prepared, result);
     let mut text = run.explanation(&prepared);
+    view.tell_camera(run, &mut text);
+    let document = run.document_of(&prepared, result);
     let (n_patches, n_surfaces) = (prepared.mesh.n_patches(), prepared.scene.surfaces.len());
-    let _ = writeln!(text, "{n_patches} patches on {n_surfaces} surfaces");
+    let _ = writeln!(text, "{n_patches} patches on {}", counted(n_surfaces, "surface"));
     if let Some(computed) = &solved.computed {
         describe_checks(&mut text, computed);
     }
@@ -300,15 +297,91 @@ pub(super) fn samples(view: &ViewArgs) -> Result<NonZeroU32, Failure> {
 
 /// A view of one kind or the other.
 pub(super) enum AnyView {
-    Perspective(Box<dyn View>),
+    Perspective { view: Box<dyn View>, origin: CameraOrigin },
     Unfolded(UnfoldedView),
+}
+
+/// Where a camera comes from.
+pub(super) struct CameraOrigin {
+    /// The file, named by the user or found beside the scene; without one the view was chosen for the scene.
+    file: Option<PathBuf>,
+    /// Whether flags changed it.
+    changed: bool,
+}
+
+impl CameraOrigin {
+    pub(super) fn describe(&self) -> String {
+        let source = match &self.file {
+            Some(file) => file.display().to_string(),
+            None => "a view chosen for the scene".to_owned(),
+        };
+        if self.changed {
+            format!("{source}, changed by --eye, --look-at, --up or --fov")
+        } else {
+            source
+        }
+    }
 }
 
 impl AnyView {
     pub(super) fn as_view(&self) -> &dyn View {
         match self {
-            Self::Perspective(view) => view.as_ref(),
+            Self::Perspective { view, .. } => view.as_ref(),
             Self::Unfolded(view) => view,
+        }
+    }
+
+    /// Returns where the camera comes from, if it is one.
+    pub(super) fn origin(&self) -> Option<&CameraOrigin> {
+        match self {
+            Self::Perspective { origin, .. } => Some(origin),
+            Self::Unfolded(_) => None,
+        }
+    }
+
+    /// Says which surfaces an unfolded view does not show: the picture looks whole without them.
+    pub(super) fn tell_left_out(&self, run: &Run, prepared: &mut Prepared) {
+        if let Self::Unfolded(unfolded) = self {
+            for sentence in unfolded.layout().without_tile() {
+                run.warn(&sentence);
+                prepared.plan.left_out.push(sentence);
+            }
+        }
+    }
+
+    pub(super) fn describe_camera(&self) -> String {
+        self.origin().map_or("unfolded".to_owned(), CameraOrigin::describe)
+    }
+
+    /// Says which camera made a picture, in the text and the settings of the document; after the picture is written, as a picture names no files.
+    pub(super) fn tell_camera(&self, run: &mut Run, text: &mut String) {
+        let camera = self.describe_camera();
+        let _ = writeln!(text, "camera: {camera}");
+        run.set("camera", camera);
+    }
+}
+
+/// The width of a picture unless something says otherwise.
+const DEFAULT_WIDTH: u32 = 512;
+
+/// Returns width and height of a picture: as asked for, else as the camera says, and where one of them is asked for, the other in the camera's proportion.
+fn picture_size(asked: [Option<u32>; 2], stated: [Option<u32>; 2]) -> (u32, u32) {
+    // A camera that states one side or none makes square pictures unless told otherwise.
+    let proportion = match stated {
+        [Some(width), Some(height)] => (u64::from(width), u64::from(height)),
+        _ => (1, 1),
+    };
+    let scaled = |side: u32, to: u64, from: u64| {
+        let rounded = (u64::from(side) * to + from / 2) / from;
+        u32::try_from(rounded.max(1)).unwrap_or(u32::MAX)
+    };
+    match asked {
+        [Some(width), Some(height)] => (width, height),
+        [Some(width), None] => (width, scaled(width, proportion.1, proportion.0)),
+        [None, Some(height)] => (scaled(height, proportion.0, proportion.1), height),
+        [None, None] => {
+            let width = stated[0].unwrap_or(DEFAULT_WIDTH);
+            (width, stated[1].unwrap_or(width))
         }
     }
 }
@@ -322,31 +395,51 @@ pub(super) fn view(args: &ViewArgs, scene_file: &Path, scene: &Scene) -> Result<
         let n_pixels = NonZeroU32::new(args.width.unwrap_or(64)).ok_or(Failure::usage("--width starts at 1"))?;
         return Ok(AnyView::Unfolded(UnfoldedView::new(scene, n_pixels)?));
     }
-    let mut camera = match &args.camera {
+    let beside = || Camera::file_beside(scene_file);
+    let file = args.camera.clone().or_else(beside);
+    let mut camera = match &file {
         Some(file) => Camera::load(file)?,
-        None => match Camera::load_beside(scene_file)? {
-            Some(camera) => camera,
-            None => Camera::default_view(scene),
-        },
+        None => Camera::default_view(scene),
     };
     if flags {
         let eye = args.eye.map_or(camera.eye(), DVec3::from_array);
         let direction = match args.look_at {
+            Some(target) if DVec3::from_array(target) == eye => {
+                return Err(Failure::usage(
+                    "the camera looks at the point where it stands: give --eye and --look-at two points",
+                ));
+            }
             Some(target) => DVec3::from_array(target) - eye,
             None => camera.direction(),
         };
-        let up = args.up.map_or(camera.up(), DVec3::from_array);
+        let up = args.up.map_or(camera.given_up(), DVec3::from_array);
         let fov = args.fov.unwrap_or(camera.vertical_fov());
         camera = Camera::new(eye, direction, up, fov)?.with_image_size(camera.width(), camera.height());
     }
-    let width = args.width.or(camera.width()).unwrap_or(512);
-    let height = args
-        .height
-        .or(camera.height().filter(|_| args.width.is_none()))
-        .unwrap_or(width);
+    let (width, height) = picture_size([args.width, args.height], [camera.width(), camera.height()]);
     let parameters = json!(CameraRecord::from(&camera));
     let ray = move |x: f64, y: f64| camera.primary_ray(x, y, width, height);
-    Ok(AnyView::Perspective(Box::new(RayView::new(
-        width, height, ray, parameters,
-    ))))
+    Ok(AnyView::Perspective {
+        view: Box::new(RayView::new(width, height, ray, parameters)),
+        origin: CameraOrigin { file, changed: flags },
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::picture_size;
+
+    #[test]
+    fn one_side_of_a_picture_brings_the_other_in_proportion() {
+        let stated = [Some(80), Some(60)];
+        assert_eq!(picture_size([None, None], stated), (80, 60));
+        assert_eq!(picture_size([Some(40), None], stated), (40, 30));
+        assert_eq!(picture_size([None, Some(30)], stated), (40, 30));
+        assert_eq!(picture_size([Some(1), None], [Some(1000), Some(10)]), (1, 1));
+        assert_eq!(picture_size([Some(7), Some(9)], stated), (7, 9));
+        assert_eq!(picture_size([Some(40), None], [None; 2]), (40, 40));
+        assert_eq!(picture_size([None, Some(40)], [None; 2]), (40, 40));
+        assert_eq!(picture_size([None; 2], [None, Some(100)]), (512, 100));
+        assert_eq!(picture_size([None; 2], [None; 2]), (512, 512));
+    }
 }

@@ -8,6 +8,7 @@ use super::args::SceneArgs;
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::{Outcome, SCHEMA_VERSION};
+use crate::printable::counted;
 use crate::scene::{builtin, write_obj};
 
 pub(super) fn run(args: &SceneArgs) -> Result<Outcome, Failure> {
@@ -15,20 +16,30 @@ pub(super) fn run(args: &SceneArgs) -> Result<Outcome, Failure> {
     write_obj(&built.scene, &args.output)?;
     // A camera that is there already is the user's own, or belongs to another scene of the folder.
     let camera_file = args.output.with_file_name("camera.toml");
+    let is_left = camera_file.exists();
     let written_camera = match &built.camera {
-        Some(camera) if !camera_file.exists() => {
+        Some(camera) if !is_left => {
             camera.save(&camera_file)?;
-            Some(camera_file)
+            Some(&camera_file)
         }
         _ => None,
     };
     let (n_faces, n_surfaces) = (built.scene.faces.len(), built.scene.surfaces.len());
     let mut text = format!(
-        "wrote {}: {n_faces} faces on {n_surfaces} surfaces\n",
-        args.output.display()
+        "wrote {}: {} on {}\n",
+        args.output.display(),
+        counted(n_faces, "face"),
+        counted(n_surfaces, "surface")
     );
-    if let Some(file) = &written_camera {
+    if let Some(file) = written_camera {
         let _ = writeln!(text, "wrote {}", file.display());
+    }
+    if is_left {
+        let _ = writeln!(
+            text,
+            "{} is there already and was left: pictures of this scene will be seen from it unless --camera names another",
+            camera_file.display()
+        );
     }
     Ok(Outcome {
         text,
@@ -40,6 +51,7 @@ pub(super) fn run(args: &SceneArgs) -> Result<Outcome, Failure> {
             "level": args.level,
             "output": args.output.display().to_string(),
             "camera": written_camera.map(|file| file.display().to_string()),
+            "camera_left": is_left.then(|| camera_file.display().to_string()),
             "n_faces": n_faces,
             "n_surfaces": n_surfaces,
         }),

@@ -11,7 +11,7 @@ use super::pipeline::expect_room;
 use super::{Outcome, SCHEMA_VERSION, merge};
 use crate::printable::printable;
 use crate::render::exr::reading_byte;
-use crate::render::verify::{VerifyError, VerifyReport, verify};
+use crate::render::verify::{LayerCheck, LayerReport, VerifyError, VerifyReport, verify};
 use crate::report::{StageTimes, memory_peak_byte};
 
 pub(super) fn run(args: &VerifyArgs) -> Result<Outcome, Failure> {
@@ -110,10 +110,11 @@ fn describe(report: &VerifyReport) -> String {
     if report.n_misplaced + report.n_inconsistent > 0 {
         let _ = writeln!(
             text,
-            "{} pixels are not where the layout puts them, {} have layers that contradict each other",
+            "{} pixels do not show what the view puts there (P, N, Z, patch), {} have layers that contradict each other or the scene",
             report.n_misplaced, report.n_inconsistent
         );
     }
+    describe_layers(&mut text, &report.layers);
     let width = report
         .walls
         .iter()
@@ -155,4 +156,23 @@ fn describe(report: &VerifyReport) -> String {
     };
     let _ = writeln!(text, "\n{outcome}");
     text
+}
+
+/// Says of each layer how it was checked.
+fn describe_layers(text: &mut String, layers: &[LayerReport]) {
+    let kinds = [
+        (LayerCheck::ClosedForm, "against the closed form"),
+        (LayerCheck::Scene, "against the scene and the view"),
+        (LayerCheck::OtherLayers, "against other layers"),
+        (LayerCheck::Bounds, "by bounds alone, as no closed form describes them"),
+        (LayerCheck::Missing, "not in the file"),
+    ];
+    let of_kind = |(kind, how): (LayerCheck, &str)| {
+        let names: Vec<&str> = (layers.iter().filter(|layer| layer.check == kind))
+            .map(|layer| layer.name.as_str())
+            .collect();
+        (!names.is_empty()).then(|| format!("{} {how}", names.join(", ")))
+    };
+    let parts: Vec<String> = kinds.into_iter().filter_map(of_kind).collect();
+    let _ = writeln!(text, "layers: {}", parts.join("; "));
 }

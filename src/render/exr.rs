@@ -203,7 +203,7 @@ fn promised(meta: &MetaData, of_pixel: impl Fn(&Header) -> usize) -> u128 {
 }
 
 /// Memory for each number of a file while it is read and verified: 8.2 were measured with 1024 by 768 pixels and 33 layers.
-const NUMBER_BYTE: u128 = 9;
+const NUMBER_BYTE: u128 = 10;
 
 /// Returns the memory that reading a file and [`verify`](super::verify::verify) take, as its header promises.
 ///

@@ -103,6 +103,13 @@ pub struct Unfolded {
 const N_PLACES: usize = 6;
 
 impl Unfolded {
+    /// Says of each surface that has no tile why not.
+    pub fn without_tile(&self) -> impl Iterator<Item = String> + '_ {
+        self.left_out
+            .iter()
+            .map(|name| format!("{name} is not planar or faces both ways: it has no tile"))
+    }
+
     /// Lays out tiles with `n_pixels` along the longest edge of any tile; the others in proportion, at least 1.
     ///
     /// # Errors

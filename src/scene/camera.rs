@@ -1,6 +1,6 @@
 //! The perspective camera, and the `camera.toml` beside a scene.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::{DAffine3, DMat3, DVec3};
 use serde::{Deserialize, Serialize};
@@ -19,6 +19,8 @@ use crate::scene::Scene;
 pub struct Camera {
     eye: DVec3,
     axes: DMat3,
+    /// As it was given, so that a camera turned elsewhere still stands upright.
+    given_up: DVec3,
     vertical_fov: f64,
     image_size: [Option<u32>; 2],
 }
@@ -138,12 +140,14 @@ impl Camera {
     /// # Errors
     /// As [`Camera::load`].
     pub fn load_beside(scene_file: impl AsRef<Path>) -> Result<Option<Self>, SceneError> {
+        Self::file_beside(scene_file).map(Self::load).transpose()
+    }
+
+    /// Returns the `camera.toml` in the directory of a scene file, if there is one.
+    #[must_use]
+    pub fn file_beside(scene_file: impl AsRef<Path>) -> Option<PathBuf> {
         let file = scene_file.as_ref().with_file_name(FILE_NAME);
-        if file.exists() {
-            Self::load(file).map(Some)
-        } else {
-            Ok(None)
-        }
+        file.exists().then_some(file)
     }
 
     /// Writes the camera as a TOML file that [`Camera::load`] reads, whole or not at all.
@@ -164,7 +168,7 @@ impl Camera {
             eye: self.eye.to_array(),
             look_at: None,
             direction: Some(self.direction().to_array().map(|x| x + 0.0)),
-            up: self.up().to_array().map(|x| x + 0.0),
+            up: self.given_up.to_array().map(|x| x + 0.0),
             vertical_fov_degree: self.vertical_fov,
             width,
             height,
@@ -211,6 +215,12 @@ impl Camera {
         self.axes.y_axis
     }
 
+    /// Returns the vector that was given as up: [`up`](Self::up) is the direction across the view that is nearest to it.
+    #[must_use]
+    pub fn given_up(&self) -> DVec3 {
+        self.given_up
+    }
+
     /// Returns the vertical field of view, in degrees.
     #[must_use]
     pub fn vertical_fov(&self) -> f64 {
@@ -255,10 +265,10 @@ impl Camera {
         let Some(forward) = direction.try_normalize() else {
             return Err(("direction", "zero or not finite; look elsewhere".to_owned()));
         };
-        let Some(up) = up.try_normalize() else {
+        let Some(unit_up) = up.try_normalize() else {
             return Err(("up", "zero or not finite; correct it".to_owned()));
         };
-        let right = forward.cross(up);
+        let right = forward.cross(unit_up);
         if right.length() < PARALLEL {
             return Err(("up", "parallel to the direction; choose another one".to_owned()));
         }
@@ -270,6 +280,7 @@ impl Camera {
         Ok(Self {
             eye,
             axes: DMat3::from_cols(right, right.cross(forward), -forward),
+            given_up: up,
             vertical_fov,
             image_size: [None, None],
         })

@@ -67,11 +67,13 @@ impl LinkFile {
             if offsets.len() == work.n_chunks + 1 {
                 return Ok(Self::opened(path, file, offsets, tally));
             }
-            // Links of another scene or a damaged file: never overwritten unasked.
-            return Err(failed(io::Error::new(
-                io::ErrorKind::InvalidData,
-                "it does not hold the links of this scene at this resolution and radius; name another file or remove it",
-            )));
+            // Never overwritten unasked.
+            let wrong = if offsets.is_empty() {
+                "it does not hold the links of this scene at this resolution and radius; name another file or remove it"
+            } else {
+                "it is damaged or not whole; remove it, and it is written anew"
+            };
+            return Err(failed(io::Error::new(io::ErrorKind::InvalidData, wrong)));
         }
         let part = part_of(path);
         let mut options = OpenOptions::new();
@@ -399,7 +401,7 @@ mod tests {
             let file = [head, &record, &whole[56 + record.len().min(whole.len() - 56)..]].concat();
             std::fs::write(&path, &file).unwrap();
             let refused = LinkFile::new(&path, &scene, &directions, &Silent).unwrap_err();
-            assert!(refused.to_string().contains("does not hold the links"), "{refused}");
+            assert!(refused.to_string().contains("it is damaged"), "{refused}");
             assert_eq!(std::fs::read(&path).unwrap(), file, "left as it is");
             std::fs::rename(&path, &part).unwrap();
             drop(LinkFile::new(&path, &scene, &directions, &Silent).unwrap());

@@ -311,3 +311,42 @@ fn a_white_room_beside_another_has_no_solution() {
         assert!(told.contains("no finite solution"), "{told}");
     }
 }
+
+/// The system would end the program without a word.
+#[cfg(unix)]
+#[test]
+fn a_file_beyond_the_limit_of_sizes_is_an_error_that_leaves_nothing() {
+    let directory = tempfile::tempdir().unwrap();
+    let arguments = ["scene", "living-room", "-o", "x.obj"];
+    let output = crate::program::limited(directory.path(), "ulimit -f 8; exec", &arguments)
+        .output()
+        .unwrap();
+    let message = stderr(&output);
+    assert_eq!(output.status.code(), Some(1), "{:?} {message}", output.status);
+    assert!(
+        message.contains("x.") && message.trim().lines().count() == 1,
+        "{message}"
+    );
+    assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn messages_are_sentences_about_what_was_given() {
+    let directory = with_scene("cube");
+    let one = ["--eye", "0.5,0.5,0.5", "--look-at", "0.5,0.5,0.5"];
+    let arguments = [&["field", "scene.obj", "--surface", "x0", "-o", "f.exr"][..], &one].concat();
+    let output = radiosity(directory.path(), &arguments);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("two points"), "{}", stderr(&output));
+
+    // Names of a file do not command a terminal.
+    let scene = std::fs::read_to_string(directory.path().join("scene.obj")).unwrap();
+    std::fs::write(directory.path().join("e.obj"), scene.replace(" x1", " x\u{1b}[31m")).unwrap();
+    let field = ["field", "e.obj", "--surface", "x0", "-o", "f.exr", "--width", "4"];
+    for command in [&field[..], &["voxel", "e.obj", "--voxels", "4", "--radius", "3"]] {
+        let output = radiosity(directory.path(), command);
+        let text = String::from_utf8_lossy(&output.stdout);
+        assert!(output.status.success(), "{}", stderr(&output));
+        assert!(text.contains("x\u{fffd}[31m") && !text.contains('\u{1b}'), "{text}");
+    }
+}

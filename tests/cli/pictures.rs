@@ -1,8 +1,9 @@
 //! Pictures, fields and sequences.
 
-use radiosity::render::{Image, Samples, exr};
+use radiosity::render::{Image, Samples, ViewDescription, exr};
 
-use crate::{document, radiosity, stderr, with_scene};
+use crate::program::succeed;
+use crate::{document, numbers, radiosity, stderr, with_scene};
 
 #[test]
 fn an_unfolded_cube_is_proved_and_a_tampered_one_is_not() {
@@ -94,6 +95,114 @@ fn a_picture_of_backs_is_doubted_and_proves_nothing() {
     ];
     let (_, result) = document(directory.path(), &[&arguments[..], &flags].concat());
     assert_eq!(result["warnings"].as_array().unwrap().len(), 1, "{result}");
+}
+
+/// A camera found beside a scene is named, stands upright wherever it is turned, and is left by other scenes of the folder.
+#[test]
+fn a_camera_beside_the_scene_is_told_kept_and_turned_upright() {
+    let directory = with_scene("room-box");
+    let camera = directory.path().join("camera.toml");
+    let text = "eye = [2.0, 0.2, 2.8]\nlook_at = [2.0, 2.5, 0.0]\nup = [0.0, 0.0, 1.0]\nvertical_fov_degree = 60.0\nwidth = 8\nheight = 6\n";
+    std::fs::write(&camera, text).unwrap();
+    let output = succeed(directory.path(), &["scene", "cornell-box", "-o", "other.obj"]);
+    let told = String::from_utf8(output).unwrap();
+    assert!(told.contains("camera.toml is there already and was left"), "{told}");
+    assert_eq!(std::fs::read_to_string(&camera).unwrap(), text);
+
+    let common = ["--surface", "room_z1", "-o", "f.exr", "--max-edge", "2"];
+    let field = |more: &[&'static str]| [&["field", "scene.obj"][..], &common, more].concat();
+    let told = String::from_utf8(succeed(directory.path(), &field(&[]))).unwrap();
+    assert!(told.contains("camera: camera.toml\n"), "{told}");
+    let turned = ["--eye", "0.2,2.5,1.5", "--look-at", "3.8,2.5,1.5", "--height", "3"];
+    let (code, result) = document(directory.path(), &field(&turned));
+    assert_eq!((code, &result["width"], &result["height"]), (0, &4.into(), &3.into()));
+    let told = result["settings"]["camera"].as_str().unwrap();
+    assert!(told.starts_with("camera.toml, changed by"), "{told}");
+    let (_, attributes) = exr::read(&directory.path().join("f.exr")).unwrap();
+    let ViewDescription::Perspective(record) = attributes.view else {
+        panic!("a perspective view");
+    };
+    assert_eq!(numbers(&record["up"]), [0.0, 0.0, 1.0]);
+    // A picture names no file of the machine.
+    assert!(attributes.solution.get("camera").is_none());
+
+    let away = ["--eye", "99,99,99", "--look-at", "199,99,99"];
+    let (_, blank) = document(directory.path(), &field(&away));
+    let warnings = blank["warnings"].to_string();
+    assert!(
+        warnings.contains("no pixel shows the front") && warnings.contains("camera.toml"),
+        "{warnings}"
+    );
+}
+
+#[test]
+fn an_unfolded_view_says_what_it_does_not_show() {
+    let directory = with_scene("sphere-room-r1");
+    let arguments = [
+        "field",
+        "scene.obj",
+        "--surface",
+        "sphere",
+        "-o",
+        "f.exr",
+        "--camera",
+        "unfolded",
+    ];
+    let (code, result) = document(
+        directory.path(),
+        &[&arguments[..], &["--width", "4", "--max-edge", "9"]].concat(),
+    );
+    assert_eq!(code, 0, "{result}");
+    let sentence = "sphere is not planar or faces both ways: it has no tile";
+    for list in ["left_out", "warnings"] {
+        let texts = result[list].as_array().unwrap();
+        assert!(texts.iter().any(|text| text == sentence), "{list}: {texts:?}");
+    }
+}
+
+/// A picture far from the origin is as right as one near it.
+#[test]
+fn pictures_far_from_the_origin_are_verified() {
+    let directory = with_scene("room-box");
+    let near = std::fs::read_to_string(directory.path().join("scene.obj")).unwrap();
+    let far: String = near
+        .lines()
+        .map(|line| match line.strip_prefix("v ") {
+            Some(place) => {
+                let v: Vec<f64> = place.split_whitespace().map(|x| x.parse().unwrap()).collect();
+                format!("v {:?} {:?} {:?}\n", v[0] + 5e5, v[1] + 4.6e6, v[2])
+            }
+            None => format!("{line}\n"),
+        })
+        .collect();
+    std::fs::write(directory.path().join("far.obj"), far).unwrap();
+    let common = [
+        "render",
+        "far.obj",
+        "-o",
+        "far.exr",
+        "--subdivide",
+        "2",
+        "--width",
+        "32",
+        "--height",
+        "20",
+    ];
+    let camera = [
+        "--eye",
+        "500003.85,4600000.2,2",
+        "--look-at",
+        "500001.3,4600003.4,1",
+        "--up",
+        "0,0,1",
+    ];
+    for direct in ["exact", "polygons"] {
+        let arguments = [&common[..], &camera, &["--samples", "1", "--direct", direct]].concat();
+        succeed(directory.path(), &arguments);
+        let (code, result) = document(directory.path(), &["verify", "far.exr"]);
+        assert_eq!((code, &result["passed"]), (0, &true.into()), "{direct}: {result}");
+        assert!(result["n_checked"].as_u64().unwrap() > 300, "{direct}: {result}");
+    }
 }
 
 #[test]

@@ -197,6 +197,21 @@ fn the_direct_light_of_a_picture_is_right() {
         if direct == DirectMethod::Exact {
             assert!(report.n_not_checkable < 20, "{report:#?}");
         }
+        // Backs and background are black in every layer, and show their own place or none.
+        let patches = image.u32("patch").unwrap();
+        let background = patches.iter().position(|&patch| patch == u32::MAX).unwrap();
+        let front = 30 * 60 + 30;
+        for layer in image.layers() {
+            let Some(old) = image.f32(&layer.name) else { continue };
+            for (pixel, value) in [(background, 7.0), (front, f32::NAN), (front, -9.0)] {
+                let mut wrong = image.clone();
+                let mut samples = old.to_vec();
+                samples[pixel] = value;
+                wrong.insert(&layer.name, Samples::F32(samples));
+                let found = verify_image(&wrong, &attributes).unwrap();
+                assert!(!found.passed, "{} {value}", layer.name);
+            }
+        }
         let mut paler = image.clone();
         let values = image.f32("radiosity.G").unwrap().iter().map(|b| 1.00001 * b).collect();
         paler.insert("radiosity.G", Samples::F32(values));

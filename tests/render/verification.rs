@@ -387,3 +387,94 @@ fn images_that_cannot_be_verified_say_why() {
     }
     assert!(matches!(verify_image(&image, &shifted), Err(VerifyError::BadLayout(_))));
 }
+
+/// Sets one value of a layer.
+fn set(image: &mut Image, layer: &str, index: usize, value: f32) {
+    if let Some(old) = image.f32(layer) {
+        let mut samples = old.to_vec();
+        samples[index] = value;
+        image.insert(layer, Samples::F32(samples));
+    } else {
+        let mut samples = image.u32(layer).unwrap().to_vec();
+        samples[index] = value.to_bits();
+        image.insert(layer, Samples::U32(samples));
+    }
+}
+
+/// Every layer of every pixel is held against the scene, the view or the other layers, at least by a bound.
+#[test]
+fn a_wrong_number_in_any_layer_fails() {
+    let solved = Solved::new(bright_cube(), 2);
+    let visibility = EmbreeVisibility::new(&solved.scene).unwrap();
+    for settings in [polygons(), cosine_rays(256), with(DirectMethod::Exact)] {
+        let (image, attributes) = solved.unfold(&visibility, 8, settings);
+        let right = check(&image, &attributes);
+        assert!(right.passed, "{right:#?}");
+        let floor = tile(&attributes, "z0");
+        let pixel = (floor.top + 3) as usize * image.width() + floor.left as usize + 3;
+        // The cross leaves the corners of the picture free.
+        let gap = 0;
+        assert_eq!(image.u32("patch").unwrap()[gap], u32::MAX);
+        for layer in image.layers() {
+            for value in [f32::NAN, 1e9, -1.0] {
+                // Of patches it is not known how many there are, but none is on two faces.
+                let is_open = layer.name == "patch" && !value.is_nan();
+                for index in [pixel, gap] {
+                    let mut wrong = image.clone();
+                    set(&mut wrong, &layer.name, index, value);
+                    let report = check(&wrong, &attributes);
+                    assert!(!report.passed || (is_open && index == pixel), "{} {value}", layer.name);
+                }
+            }
+        }
+        // Another face's patch.
+        let elsewhere = tile(&attributes, "z1");
+        let other = (elsewhere.top + 3) as usize * image.width() + elsewhere.left as usize + 3;
+        let patches = image.u32("patch").unwrap();
+        let mut swapped = image.clone();
+        set(&mut swapped, "patch", pixel, f32::from_bits(patches[other]));
+        assert!(check(&swapped, &attributes).n_inconsistent > 0);
+        let mut none = image.clone();
+        set(&mut none, "patch", pixel, f32::from_bits(u32::MAX));
+        assert_eq!(check(&none, &attributes).n_misplaced, 1);
+    }
+}
+
+/// Layers that agree with each other can still not come from the scene.
+#[test]
+fn light_that_the_scene_cannot_make_fails() {
+    let solved = Solved::new(bright_cube(), 2);
+    let visibility = EmbreeVisibility::new(&solved.scene).unwrap();
+    let (image, attributes) = solved.unfold(&visibility, 8, with(DirectMethod::Exact));
+    let scene = &solved.scene;
+    for (added, expected) in [(0.0_f32, true), (100.0, false), (-0.5, false)] {
+        let mut lit = image.clone();
+        for tile in match &attributes.view {
+            ViewDescription::Unfolded(layout) => &layout.tiles,
+            ViewDescription::Perspective(_) => panic!("an unfolded view"),
+        } {
+            let material = scene
+                .faces
+                .iter()
+                .find(|face| face.surface == tile.surface)
+                .map(|face| &scene.materials[face.material.0 as usize])
+                .unwrap();
+            for (c, name) in ["R", "G", "B"].into_iter().enumerate() {
+                #[expect(clippy::cast_possible_truncation, reason = "layers are f32")]
+                let more = [
+                    1.0,
+                    material.reflectance[c],
+                    material.reflectance[c] / std::f64::consts::PI,
+                ]
+                .map(|share| share as f32 * added);
+                for (prefix, shift) in ["irradiance.", "radiosity.", ""].into_iter().zip(more) {
+                    change(&mut lit, tile, &format!("{prefix}{name}"), |old, i, j| {
+                        old(i, j) + shift
+                    });
+                }
+            }
+        }
+        let report = check(&lit, &attributes);
+        assert_eq!(report.passed, expected, "{added}: {report:#?}");
+    }
+}

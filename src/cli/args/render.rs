@@ -178,10 +178,10 @@ pub struct ViewArgs {
     /// Vertical field of view in degrees
     #[arg(long, value_name = "DEGREES", value_parser = parse_angle, allow_hyphen_values = true)]
     pub fov: Option<f64>,
-    /// Width in pixels; with `--camera unfolded`, of the largest tile's longer side [default: 512; unfolded: 64]
+    /// Width in pixels; with `--camera unfolded`, of the largest tile's longer side [default: in proportion to --height, else as the camera file says, else 512; unfolded: 64]
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..=16384))]
     pub width: Option<u32>,
-    /// Height in pixels [default: as wide]
+    /// Height in pixels [default: in proportion to --width as the camera file says, else as wide]
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..=16384))]
     pub height: Option<u32>,
     /// Samples along each side of a pixel, averaged in the colour layers [default: 2; unfolded: 1]

@@ -152,6 +152,7 @@ impl Run {
         let n = self.audit.checks.len();
         let _ = match n_broken {
             _ if n == 0 => Ok(()),
+            0 if n == 1 => writeln!(text, "audit: 1 law of light holds"),
             0 => writeln!(text, "audit: {n} laws of light hold"),
             _ => writeln!(
                 text,

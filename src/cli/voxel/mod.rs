@@ -8,7 +8,9 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use report::{Checked, LinkFigures, describe, describe_surfaces, surfaces, to_json, warn_of_gaps, warn_of_leaks};
+use report::{
+    Checked, LinkFigures, describe, describe_surfaces, surfaces, to_json, warn_of_escapes, warn_of_gaps, warn_of_leaks,
+};
 
 use super::args::{LinksName, VoxelArgs};
 use super::exit_code::ExitCode;
@@ -16,6 +18,7 @@ use super::failure::Failure;
 use super::file_set::FileSet;
 use super::picture::warn_if_blank;
 use super::pipeline::{Prepared, Run, go_on};
+use super::render::AnyView;
 use super::stated::Stated;
 use super::{Outcome, merge, render, solve};
 use crate::audit::{self, Given};
@@ -101,7 +104,8 @@ fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
         Some(tolerance) => solve_on_cells(run, &mut prepared, &voxels, &sphere, args, tolerance)?,
         None => solve_on_voxels(run, &mut prepared, &voxels, &sphere, kept, args)?,
     };
-    write(run, &prepared, &voxels, &solved, args, format)?;
+    warn_of_escapes(run, &links, prepared.plan.watertight);
+    let view = write(run, &mut prepared, &voxels, &solved, args, format)?;
     run.progress.finish();
 
     let checked = Checked { gaps, leaks, hausdorff };
@@ -117,6 +121,9 @@ fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
     describe_surfaces(&mut text, &prepared.scene, &voxels, &solved.radiosity);
     run.describe_audit(&mut text);
     run.describe_times(&mut text);
+    if let Some(view) = view {
+        view.tell_camera(run, &mut text);
+    }
     if let Some(path) = &args.output {
         let _ = writeln!(text, "wrote {}", path.display());
     }
@@ -420,20 +427,21 @@ fn render_settings(args: &VoxelArgs) -> RenderSettings {
     }
 }
 
+/// Writes what was asked for, and returns the view of a picture.
 fn write(
     run: &mut Run,
-    prepared: &Prepared,
+    prepared: &mut Prepared,
     voxels: &VoxelScene,
     solved: &Solved,
     args: &VoxelArgs,
     format: Option<Format>,
-) -> Result<(), Failure> {
+) -> Result<Option<AnyView>, Failure> {
     let (Some(path), Some(format)) = (&args.output, format) else {
-        return Ok(());
+        return Ok(None);
     };
     if format == Format::Vtu {
         let description = json!({"format": "radiosity voxels 1", "settings": run.settings}).to_string();
-        return Ok(run.times.time("write", || {
+        run.times.time("write", || {
             write_vtu(
                 path,
                 &prepared.scene,
@@ -442,9 +450,11 @@ fn write(
                 &solved.irradiance,
                 &description,
             )
-        })?);
+        })?;
+        return Ok(None);
     }
     let view = render::view(&args.image.view, &args.scene, &prepared.scene)?;
+    view.tell_left_out(run, prepared);
     let settings = render_settings(args);
     run.set("show_voxels", args.show_voxels);
     let image = if args.show_voxels {
@@ -476,7 +486,7 @@ fn write(
     run.audited(audit::picture(&image));
     // A picture of the voxels themselves has other layers.
     if !args.show_voxels {
-        warn_if_blank(run, &image, view.as_view());
+        warn_if_blank(run, &image, &view);
     }
     let attributes = Attributes::new(
         &prepared.scene,
@@ -485,8 +495,9 @@ fn write(
         crate::visibility::Visibility::offset(&prepared.visibility),
         json!(run.settings),
     );
-    Ok(run.times.time("write", || {
+    run.times.time("write", || {
         exr::write(path, &image, &attributes)?;
         png::write(&path.with_extension("png"), &image)
-    })?)
+    })?;
+    Ok(Some(view))
 }

@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use crate::cli::cell;
 use crate::cli::pipeline::Run;
 use crate::matrix::operator::Block;
+use crate::printable::printable;
 use crate::scene::Scene;
 use crate::voxel::{DiscreteSphere, ThinGap, VoxelScene};
 
@@ -126,6 +127,17 @@ pub(super) fn warn_of_leaks(run: &Run, scene: &Scene, voxels: &VoxelScene, leaks
     ));
 }
 
+/// Warns of links that leave a closed scene: light is lost there, whether a way in from outside was found or not.
+pub(super) fn warn_of_escapes(run: &Run, links: &LinkFigures, watertight: bool) {
+    let n_escaped = links.n_escaped.unwrap_or(0);
+    if watertight && n_escaped > 0 {
+        let share = 100.0 * n_escaped as f64 / links.n_links.max(1) as f64;
+        run.warn(&format!(
+            "{n_escaped} links ({share:.2} %) leave a closed scene, and their light is lost; give --voxels a larger number"
+        ));
+    }
+}
+
 fn gaps_to_json(scene: &Scene, gaps: &[ThinGap]) -> Value {
     let name = |id: crate::scene::SurfaceId| scene.surfaces[id.0 as usize].name.as_str();
     gaps.iter()
@@ -170,7 +182,7 @@ pub(super) fn describe_surfaces(text: &mut String, scene: &Scene, voxels: &Voxel
     let _ = writeln!(text, "\nmean radiosity by surface, W/m²");
     let width = scene.surfaces.iter().map(|s| s.name.chars().count()).max().unwrap_or(0);
     for (surface, mean) in scene.surfaces.iter().zip(&means).take(LISTED) {
-        let _ = write!(text, "{:width$}", surface.name);
+        let _ = write!(text, "{:width$}", printable(&surface.name));
         for value in mean {
             let _ = write!(text, " {}", cell(*value));
         }

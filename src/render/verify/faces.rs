@@ -5,6 +5,7 @@ use std::sync::OnceLock;
 use super::DVec3;
 use super::clear_view::Plate;
 use super::points::{Material, Reference, Region, contains};
+use super::size::Size;
 use crate::scene::SurfaceId;
 
 /// How far, relative to the scene's size, a ray is moved to find out whether rounding to f32 (6e-8) may turn it to another face.
@@ -27,8 +28,7 @@ pub(super) struct Faces<'a> {
     owners: Vec<Owner>,
     /// What each face's points see, found when it is first wanted.
     regions: Vec<OnceLock<Region<'a>>>,
-    /// The largest coordinate of the scene and the eye, in m.
-    size: f64,
+    size: Size,
 }
 
 /// What a ray meets.
@@ -39,6 +39,8 @@ pub(super) struct Hit {
     pub(super) point: DVec3,
     t: f64,
     pub(super) cosine: f64,
+    /// Whether rays beside this one meet the same face, not another of its plane.
+    pub(super) alone: bool,
 }
 
 /// What is seen along a ray, as far as rounding leaves no doubt.
@@ -53,12 +55,7 @@ pub(super) enum Seen {
 impl<'a> Faces<'a> {
     pub(super) fn new(reference: &'a Reference<'a>, eye: DVec3) -> Self {
         let plates = reference.plates();
-        let size = plates
-            .iter()
-            .flat_map(|plate| &plate.corners)
-            .chain([&eye])
-            .map(|v| v.abs().max_element())
-            .fold(0.0, f64::max);
+        let size = Size::of(plates.iter().flat_map(|plate| &plate.corners).chain([&eye]));
         let mut owners: Vec<Owner> = Vec::with_capacity(plates.len());
         // The first face of each plane.
         let mut planes: Vec<usize> = Vec::new();
@@ -68,7 +65,7 @@ impl<'a> Faces<'a> {
                 let own = &plates[owners.len()];
                 let known = planes[first_plane..]
                     .iter()
-                    .position(|&k| is_one_plane(&plates[k], own, 1e-9 * size));
+                    .position(|&k| is_one_plane(&plates[k], own, 1e-9 * size.extent + size.rounding()));
                 let plane = first_plane + known.unwrap_or(planes.len() - first_plane);
                 if plane == planes.len() {
                     planes.push(owners.len());
@@ -103,7 +100,7 @@ impl<'a> Faces<'a> {
 
     /// Returns how far rounding in f64 may move the point where a ray meets a face, in m.
     pub(super) fn slack(&self, hit: &Hit) -> f64 {
-        1e-12 * self.size / hit.cosine
+        (1e-12 * self.size.extent + self.size.rounding()) / hit.cosine
     }
 
     pub(super) fn region(&self, face: usize) -> &Region<'a> {
@@ -120,7 +117,7 @@ impl<'a> Faces<'a> {
             side * side.dot(middle).signum()
         });
         // Rays beside those inside are moved by one shift where they start, and by another for every unit of their length.
-        let slack = 16.0 * SHIFT * self.size;
+        let slack = 16.0 * SHIFT * self.size.extent;
         let misses = |plate: &Plate| {
             let reach = |side: &DVec3| {
                 plate
@@ -139,14 +136,15 @@ impl<'a> Faces<'a> {
     ///
     /// It is sure if four rays beside it see the same plane's same side, or all nothing: in between no face that is wider than the shift can begin or end.
     pub(super) fn look(&self, candidates: &[usize], origin: DVec3, direction: DVec3) -> Seen {
-        let first = self.closest(candidates, origin, direction);
+        let mut first = self.closest(candidates, origin, direction);
         let (a, b) = direction.any_orthonormal_pair();
         for (x, y) in [(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)] {
             let aside = (a * x + b * y) * SHIFT;
-            let second = self.closest(candidates, origin + aside * self.size, direction + aside);
-            let agrees = match (&first, &second) {
+            let second = self.closest(candidates, origin + aside * self.size.extent, direction + aside);
+            let agrees = match (&mut first, &second) {
                 (None, None) => true,
                 (Some(one), Some(other)) => {
+                    one.alone &= one.face == other.face;
                     let (owner, beside) = (&self.owners[one.face], &self.owners[other.face]);
                     owner.plane == beside.plane && owner.material == beside.material && one.front == other.front
                 }
@@ -165,7 +163,7 @@ impl<'a> Faces<'a> {
 
     /// Returns the first face along a ray; of two coincident ones that which turns its front to it.
     fn closest(&self, candidates: &[usize], origin: DVec3, direction: DVec3) -> Option<Hit> {
-        let tie = 1e-9 * self.size;
+        let tie = 1e-9 * self.size.extent + self.size.rounding();
         let mut best: Option<Hit> = None;
         for &face in candidates {
             let Plate { corners, normal } = &self.reference.plates()[face];
@@ -183,6 +181,7 @@ impl<'a> Faces<'a> {
                     point,
                     t,
                     cosine: along.abs(),
+                    alone: true,
                 });
             }
         }

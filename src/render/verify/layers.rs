@@ -1,17 +1,37 @@
 //! Pixels of an image against their answers.
 
+use super::limits::Limits;
 use super::points::{PixelAnswer, Reference};
-use super::sheet::Sheet;
-use super::{Rounding, VerifyError};
+use super::sheet::{Centre, Sheet};
+use super::{LayerCheck, LayerReport, Rounding, VerifyError};
 use crate::render::image::{Image, channel_names};
+
+/// Three channels of one layer.
+type Triple<'a> = [&'a [f32]; 3];
+
+const RGB: [char; 3] = ['R', 'G', 'B'];
+const XYZ: [char; 3] = ['X', 'Y', 'Z'];
 
 /// The layers that verification looks at.
 pub(super) struct Layers<'a> {
     width: usize,
-    direct: [&'a [f32]; 3],
+    n_pixels: usize,
+    limits: Limits,
+    direct: Triple<'a>,
     /// Irradiance, radiosity and radiance, where the image has them.
-    light: Option<[[&'a [f32]; 3]; 3]>,
-    position: [&'a [f32]; 3],
+    light: Option<[Triple<'a>; 3]>,
+    position: Triple<'a>,
+    albedo: Option<Triple<'a>>,
+    normal: Option<Triple<'a>>,
+    depth: Option<&'a [f32]>,
+    pub(super) patch: Option<&'a [u32]>,
+    /// The standard error of the direct light.
+    noise: Option<Triple<'a>>,
+    /// The error of the solution and the variance of final gather.
+    errors: Vec<Triple<'a>>,
+    /// The number of gathered rays.
+    samples: Option<&'a [u32]>,
+    pub(super) reports: Vec<LayerReport>,
 }
 
 /// One pixel, judged.
@@ -35,24 +55,87 @@ impl Judged {
 }
 
 impl<'a> Layers<'a> {
-    pub(super) fn new(image: &'a Image) -> Result<Self, VerifyError> {
-        let rgb = |prefix| triple(image, channel_names(prefix, ['R', 'G', 'B']));
-        Ok(Self {
+    pub(super) fn new(image: &'a Image, reference: &Reference<'_>) -> Result<Self, VerifyError> {
+        let is_field = reference.attributes().field.is_some();
+        let rgb = |prefix| triple(image, channel_names(prefix, RGB));
+        // The form factors of a field are one channel that stands for all three.
+        let (direct, light, noise) = if is_field {
+            let noise = image.f32("error").map(|error| [error; 3]);
+            (triple(image, ["Y"; 3].map(str::to_owned))?, None, noise)
+        } else {
+            let light = [rgb("irradiance")?, rgb("radiosity")?, rgb("")?];
+            let noise = if_given(image, "direct_error", RGB)?;
+            (rgb("direct")?, Some(light), noise)
+        };
+        let colours = |prefix| {
+            if is_field {
+                Ok(None)
+            } else {
+                if_given(image, prefix, RGB)
+            }
+        };
+        let (error, variance) = (colours("error")?, colours("variance")?);
+        let mut layers = Self {
             width: image.width(),
-            direct: rgb("direct")?,
-            light: Some([rgb("irradiance")?, rgb("radiosity")?, rgb("")?]),
-            position: position(image)?,
-        })
+            n_pixels: image.width() * image.height(),
+            limits: Limits::new(reference, error),
+            direct,
+            light,
+            position: triple(image, channel_names("P", XYZ))?,
+            albedo: colours("albedo")?,
+            normal: if_given(image, "N", XYZ)?,
+            depth: image.f32("Z"),
+            patch: image.u32("patch"),
+            noise,
+            errors: error.into_iter().chain(variance).collect(),
+            samples: image.u32("samples"),
+            reports: Vec::new(),
+        };
+        layers.reports = layers.how_checked(reference, (error.is_some(), variance.is_some()));
+        Ok(layers)
     }
 
-    /// The layers of a field of form factors: one channel stands for all three.
-    pub(super) fn of_field(image: &'a Image) -> Result<Self, VerifyError> {
-        Ok(Self {
-            width: image.width(),
-            direct: triple(image, ["Y"; 3].map(str::to_owned))?,
-            light: None,
-            position: position(image)?,
-        })
+    /// Returns how each layer is checked, in the order of what the check proves.
+    fn how_checked(&self, reference: &Reference<'_>, (error, variance): (bool, bool)) -> Vec<LayerReport> {
+        let is_field = self.light.is_none();
+        let noise = if is_field { "error" } else { "direct_error" };
+        let irradiance = if reference.nothing_reflects() {
+            LayerCheck::OtherLayers
+        } else {
+            LayerCheck::Bounds
+        };
+        let given = |is_given: bool, check| if is_given { check } else { LayerCheck::Missing };
+        let mut rows = vec![(if is_field { "Y" } else { "direct" }, LayerCheck::ClosedForm)];
+        if !is_field {
+            rows.push(("albedo", given(self.albedo.is_some(), LayerCheck::Scene)));
+        }
+        rows.extend([
+            ("N", given(self.normal.is_some(), LayerCheck::Scene)),
+            ("P", LayerCheck::Scene),
+            ("Z", given(self.depth.is_some(), LayerCheck::Scene)),
+        ]);
+        if !is_field {
+            rows.extend([
+                ("R,G,B", LayerCheck::OtherLayers),
+                ("radiosity", LayerCheck::OtherLayers),
+                ("irradiance", irradiance),
+            ]);
+        }
+        rows.push((noise, given(self.noise.is_some(), LayerCheck::Bounds)));
+        let more = [
+            ("error", error),
+            ("variance", variance),
+            ("samples", self.samples.is_some()),
+        ];
+        let more = more.into_iter().filter(|(_, is_given)| *is_given);
+        rows.extend(more.map(|(name, _)| (name, LayerCheck::Bounds)));
+        rows.push(("patch", given(self.patch.is_some(), LayerCheck::Bounds)));
+        rows.into_iter()
+            .map(|(name, check)| LayerReport {
+                name: name.to_owned(),
+                check,
+            })
+            .collect()
     }
 
     /// Judges pixel k of a sheet.
@@ -64,31 +147,35 @@ impl<'a> Layers<'a> {
         reference: &Reference<'_>,
         log_odds: f64,
     ) -> Judged {
-        let (column, row) = (k % sheet.width, k / sheet.width);
-        let index = (sheet.top + row) * self.width + sheet.left + column;
-        let value = |layers: &[&[f32]; 3], c: usize| f64::from(layers[c][index]);
-        let mut judged = Judged::default();
+        let index = sheet.index(k, self.width);
+        let value = |layers: &Triple<'_>, c: usize| f64::from(layers[c][index]);
+        let mut judged = Judged {
+            misplaced: !self.is_placed(sheet, k, index, reference),
+            inconsistent: !self.is_possible(index, reference),
+            ..Judged::default()
+        };
         let shown = match answer {
             PixelAnswer::Border => return judged,
             PixelAnswer::Background => {
                 judged.outside = (0..3).any(|c| value(&self.direct, c).abs().to_bits() != 0);
+                judged.inconsistent |= !self.is_black(index);
                 return judged;
             }
             PixelAnswer::Surface(shown) => shown,
         };
+        judged.inconsistent |= !shown.front && !self.is_black(index);
         let close = |found: f64, follows: f64| reference.layer_rounding().allows(found, follows, 0.0);
         for c in 0..3 {
-            if let Some((point, slack)) = shown.centre {
-                judged.misplaced |= !Rounding::F32.allows(value(&self.position, c), point[c], slack);
+            if let (Some(albedo), Some(own)) = (&self.albedo, shown.albedo) {
+                judged.inconsistent |= !close(value(albedo, c), own[c]);
             }
-            let Some([irradiance, radiosity, radiance]) = &self.light else {
+            let Some([irradiance, radiosity, _]) = &self.light else {
                 continue;
             };
             let (h, b) = (value(irradiance, c), value(radiosity, c));
             if let Some((exitance, reflectance)) = shown.material {
                 judged.inconsistent |= !close(b, exitance[c] + reflectance[c] * h);
             }
-            judged.inconsistent |= !close(value(radiance, c), b / std::f64::consts::PI);
             judged.inconsistent |= reference.nothing_reflects() && !close(h, value(&self.direct, c));
         }
         if let Some((exact, offset)) = shown.irradiance {
@@ -102,16 +189,112 @@ impl<'a> Layers<'a> {
         }
         judged
     }
+
+    /// Counts the pixels beside all sheets that are not background.
+    pub(super) fn count_wrong_gaps(&self, sheets: &[Sheet]) -> usize {
+        let mut is_covered = vec![false; self.n_pixels];
+        for sheet in sheets {
+            for k in 0..sheet.answers.len() {
+                is_covered[sheet.index(k, self.width)] = true;
+            }
+        }
+        let gaps = (0..self.n_pixels).filter(|&index| !is_covered[index]);
+        gaps.filter(|&index| !(self.is_black(index) && self.shows_nothing(index)))
+            .count()
+    }
+
+    /// Tells whether position, normal, depth and patch are those of what the pixel's centre shows.
+    fn is_placed(&self, sheet: &Sheet, k: usize, index: usize, reference: &Reference<'_>) -> bool {
+        let (face, point, slack) = match sheet.centres[k] {
+            // Where it is, is not sure; a number it must be.
+            Centre::Unsure => {
+                let triples = [Some(self.position), self.normal, self.depth.map(|depth| [depth; 3])];
+                return triples
+                    .iter()
+                    .flatten()
+                    .flatten()
+                    .all(|channel| channel[index].is_finite());
+            }
+            Centre::Nothing => return self.shows_nothing(index),
+            Centre::Face { face, point, slack, .. } => (face, point, slack),
+        };
+        let plate = &reference.plates()[face as usize];
+        let depth = sheet.view.map_or(0.0, |(eye, axis)| axis.dot(point - eye));
+        let is_at = |c: usize| Rounding::F32.allows(f64::from(self.position[c][index]), point[c], slack);
+        // Normals may be halved in a field as well, whose form factors are not.
+        let halved = Rounding::of(reference.attributes().pixels);
+        let looks = |normal: &Triple<'_>, c: usize| halved.allows(f64::from(normal[c][index]), plate.normal[c], 1e-9);
+        (0..3).all(is_at)
+            && self.normal.is_none_or(|normal| (0..3).all(|c| looks(&normal, c)))
+            && self
+                .depth
+                .is_none_or(|layer| Rounding::F32.allows(f64::from(layer[index]), depth, slack))
+            && self.patch.is_none_or(|patch| patch[index] != u32::MAX)
+    }
+
+    /// Tells whether position, normal, depth and patch are those of a centre that shows nothing.
+    fn shows_nothing(&self, index: usize) -> bool {
+        let triples = [Some(self.position), self.normal, self.depth.map(|depth| [depth; 3])];
+        triples.iter().flatten().all(|channels| is_zero(channels, index))
+            && self.patch.is_none_or(|patch| patch[index] == u32::MAX)
+    }
+
+    /// Tells whether all colours and their errors are 0.
+    fn is_black(&self, index: usize) -> bool {
+        let light = self.light.iter().flatten();
+        let others = [Some(self.direct), self.albedo, self.noise];
+        let mut all = light.chain(others.iter().flatten()).chain(&self.errors);
+        all.all(|channels| is_zero(channels, index)) && self.samples.is_none_or(|samples| samples[index] == 0)
+    }
+
+    /// Tells whether a pixel's light lies between the bounds that hold for any pixel of the scene, and its radiance is radiosity/π.
+    fn is_possible(&self, index: usize, reference: &Reference<'_>) -> bool {
+        let limits = &self.limits;
+        let rounding = reference.layer_rounding();
+        let value = |layers: &Triple<'_>, c: usize| f64::from(layers[c][index]);
+        let lies = |found: f64, least: f64, most: f64| {
+            (found >= least || rounding.allows(found, least, 0.0))
+                && (found <= most || rounding.allows(found, most, 0.0))
+                && found.is_finite()
+        };
+        (0..3).all(|c| {
+            let (direct, slack) = (value(&self.direct, c), limits.slack[c]);
+            let light = self.light.iter().all(|[irradiance, radiosity, radiance]| {
+                let (h, b) = (value(irradiance, c), value(radiosity, c));
+                let [darkest, brightest] = limits.reflectance[c];
+                lies(h, direct - slack, limits.irradiance[c])
+                    && lies(b, darkest * h - slack, limits.exitance[c] + brightest * h + slack)
+                    && rounding.allows(value(radiance, c), b / std::f64::consts::PI, 0.0)
+            });
+            let is_error = |layer: &Triple<'_>| (0.0..f64::INFINITY).contains(&value(layer, c));
+            let brightest = limits.reflectance[c][1];
+            lies(direct, 0.0, limits.direct[c])
+                && light
+                && self.albedo.iter().all(|albedo| lies(value(albedo, c), 0.0, brightest))
+                && self
+                    .noise
+                    .iter()
+                    .all(|noise| lies(value(noise, c), 0.0, limits.noise[c]))
+                && self.errors.iter().all(is_error)
+        })
+    }
 }
 
-fn triple(image: &Image, names: [String; 3]) -> Result<[&[f32]; 3], VerifyError> {
-    let mut found: [&[f32]; 3] = [&[]; 3];
+fn is_zero(channels: &Triple<'_>, index: usize) -> bool {
+    channels.iter().all(|channel| channel[index].abs().to_bits() == 0)
+}
+
+fn triple(image: &Image, names: [String; 3]) -> Result<Triple<'_>, VerifyError> {
+    let mut found: Triple<'_> = [&[]; 3];
     for (layer, name) in found.iter_mut().zip(names) {
         *layer = image.f32(&name).ok_or(VerifyError::MissingLayer(name))?;
     }
     Ok(found)
 }
 
-fn position(image: &Image) -> Result<[&[f32]; 3], VerifyError> {
-    triple(image, channel_names("P", ['X', 'Y', 'Z']))
+/// Returns three channels if the image has any of them; it must then have all.
+fn if_given<'a>(image: &'a Image, prefix: &str, suffixes: [char; 3]) -> Result<Option<Triple<'a>>, VerifyError> {
+    let names = channel_names(prefix, suffixes);
+    let is_given = names.iter().any(|name| image.f32(name).is_some());
+    is_given.then(|| triple(image, names)).transpose()
 }

@@ -5,10 +5,13 @@ mod faces;
 mod field;
 mod groups;
 mod layers;
+mod limits;
 mod neighbours;
+mod patches;
 mod points;
 mod report;
 mod sheet;
+mod size;
 mod spread;
 mod tolerance;
 
@@ -31,7 +34,7 @@ use crate::scene::SurfaceId;
 use groups::{Tally, count_wrong_strips, part_report, tile_report};
 use layers::{Judged, Layers};
 use points::{PixelAnswer, Reference};
-pub use report::{Tolerance, VerifyReport, WallReport};
+pub use report::{LayerCheck, LayerReport, Tolerance, VerifyReport, WallReport};
 use sheet::Sheet;
 
 /// The probability with which a correct image may fail.
@@ -113,8 +116,9 @@ pub enum VerifyError {
 /// What the samples of a perspective image see is found again in f64, without the image: a pixel with a sample nearer to an edge than 1e-6 of the scene's size is counted and left out.
 ///
 /// The means over rows and columns, of a tile or of the perspective image, are compared as well, where noise hides more of a pixel, and the mean over what is seen of each surface. That over a tile's wall is also compared with Σ_j E_j A_i F_ij / A_i of the
-/// [rectangles](crate::geometry::rectangle::rectangle_exchange_area), or of the [integration](crate::form_factor::partial::exchange_area) to 1e-10 where something stands between them. Beside that, positions must be those of the view,
-/// and radiosity and radiance those that follow from the irradiance.
+/// [rectangles](crate::geometry::rectangle::rectangle_exchange_area), or of the [integration](crate::form_factor::partial::exchange_area) to 1e-10 where something stands between them. Beside that, positions, depths, normals and reflectances must be those of
+/// the view and the scene, radiosity and radiance those that follow from the irradiance, and background 0 in all layers. Light that is interpolated or gathered has no closed form: the irradiance must be
+/// at least the direct one and at most that of a furnace, max E / (1 - ρ), within the stated error. [`VerifyReport::layers`] tells of every layer how far it was checked.
 ///
 /// Tolerances are computed: noise of a direct pass by rays (none for one by polygons) by Hoeffding's bound, at a probability of 1e-6 for any alarm at all in a correct image; for means
 /// also by the errors' own spread, and for a pixel by that of its 24 neighbours (12 times their root mean square), where these are narrower; the rays' start above the surface; rounding to f32.
@@ -145,11 +149,7 @@ pub fn verify_image(image: &Image, attributes: &Attributes) -> Result<VerifyRepo
     };
     check_polygons(attributes)?;
     let reference = Reference::new(attributes, n_rays).ok_or(VerifyError::NoEmitter)?;
-    let layers = if attributes.field.is_some() {
-        Layers::of_field(image)?
-    } else {
-        Layers::new(image)?
-    };
+    let layers = Layers::new(image, &reference)?;
     let sheets = match &attributes.view {
         ViewDescription::Unfolded(layout) => {
             check_layout(image, attributes, layout)?;
@@ -204,7 +204,9 @@ pub fn verify_image(image: &Image, attributes: &Attributes) -> Result<VerifyRepo
     };
     let spread = spread::of(pixels(), &reference, spread_odds);
     let (n_checked, n_values) = (tally.n_checked, tally.n_checked.max(1) * 3);
-    let n_wrong = tally.n_outside + n_strips_outside + tally.n_misplaced + tally.n_inconsistent;
+    let n_inconsistent =
+        tally.n_inconsistent + layers.count_wrong_gaps(&sheets) + patches::count_wrong(&layers, &sheets, image.width());
+    let n_wrong = tally.n_outside + n_strips_outside + tally.n_misplaced + n_inconsistent;
     let right = attributes.scene_intact && n_wrong == 0 && spread.is_right() && walls.iter().all(|wall| wall.passed);
     Ok(VerifyReport {
         field: attributes.field.as_ref().map(|record| record.surface.clone()),
@@ -218,7 +220,7 @@ pub fn verify_image(image: &Image, attributes: &Attributes) -> Result<VerifyRepo
         n_outside: tally.n_outside,
         n_strips_outside,
         n_misplaced: tally.n_misplaced,
-        n_inconsistent: tally.n_inconsistent,
+        n_inconsistent,
         max_error: tally.max_error,
         rms_error: (tally.squares / n_values as f64).sqrt(),
         deviation: spread.deviation(),
@@ -233,6 +235,7 @@ pub fn verify_image(image: &Image, attributes: &Attributes) -> Result<VerifyRepo
             max_deviation: spread.max_deviation(),
         },
         walls,
+        layers: layers.reports,
     })
 }
 

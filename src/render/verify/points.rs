@@ -3,6 +3,8 @@
 use rayon::prelude::*;
 
 use super::clear_view::{Plate, is_clear, misses_region};
+use super::sheet::Centre;
+use super::size::Size;
 use super::tolerance::{effective_samples, hoeffding};
 use super::{DVec3, Rounding, Tile};
 use crate::form_factor::partial::{Accuracy, VisibleFactor, exchange_area};
@@ -60,8 +62,8 @@ pub(super) enum PixelAnswer {
 /// What a pixel shows.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Shown {
-    /// The point at the pixel's centre, and how far rounding may move it, in m.
-    pub(super) centre: Option<(DVec3, f64)>,
+    /// The mean reflectance over the samples, backs counting as 0, where it is known.
+    pub(super) albedo: Option<[f64; 3]>,
     /// The surface, where all samples show one.
     pub(super) surface: Option<SurfaceId>,
     /// The number of the plane, where all samples show one.
@@ -121,6 +123,7 @@ pub(super) struct Reference<'a> {
     /// The sum of all exitances per channel.
     total: [f64; 3],
     nothing_reflects: bool,
+    size: Size,
     /// Length below which geometry is rounding, in m.
     slack: f64,
     /// Rays per pixel; 0 where the direct pass has no noise at a clear point.
@@ -144,8 +147,7 @@ impl<'a> Reference<'a> {
         if emitters.is_empty() {
             return None;
         }
-        let corners = || records().flat_map(|record| &record.corners);
-        let size = corners().map(|v| v.abs().max_element()).fold(0.0, f64::max);
+        let size = Size::of(records().flat_map(|record| &record.corners));
         let per_channel = |fold: fn(f64, f64) -> f64| {
             [0, 1, 2].map(|c| emitters.iter().map(|(_, exitance)| exitance[c]).fold(0.0, fold))
         };
@@ -157,7 +159,8 @@ impl<'a> Reference<'a> {
             total: per_channel(|a, b| a + b),
             emitters,
             nothing_reflects: records().all(|record| record.reflectance.iter().all(|&rho| rho <= 0.0)),
-            slack: 1e-12 * size,
+            slack: 2e-12 * size.extent + size.rounding(),
+            size,
             n_rays: n_samples * u64::from(n_rays),
             knows_penumbras: !matches!(attributes.render.direct, DirectMethod::Polygons { .. }),
             n_effective: n_samples as f64 * effective_samples(n_rays.max(1), attributes.render.sequence),
@@ -257,7 +260,7 @@ impl<'a> Reference<'a> {
     /// Returns the rounding of a layer's value, and of the closed forms.
     pub(super) fn rounding(&self, channel: usize, exact: f64) -> f64 {
         let Rounding { relative, absolute } = self.layer_rounding();
-        relative * exact + 1e-14 * self.total[channel] + absolute
+        relative * exact + (1e-14 + self.size.relative_rounding()) * self.total[channel] + absolute
     }
 
     /// Prepares a convex region with the given unit normal.
@@ -270,8 +273,8 @@ impl<'a> Reference<'a> {
         }
     }
 
-    /// Returns the answers of all pixels of a tile, row by row.
-    pub(super) fn answers(&self, tile: &Tile) -> Vec<PixelAnswer> {
+    /// Returns the answers of all pixels of a tile and what their centres show, row by row.
+    pub(super) fn answers(&self, tile: &Tile) -> (Vec<PixelAnswer>, Vec<Centre>) {
         let region = self.region(&tile.rectangle(), tile.normal());
         let records = self.records(tile);
         let material = records.first().map(|record| (record.exitance, record.reflectance));
@@ -290,7 +293,7 @@ impl<'a> Reference<'a> {
                 let points: Vec<DVec3> = sample_places(self.attributes.render.samples.get())
                     .map(|(x, y)| tile.point(corner.0 + x, corner.1 + y))
                     .collect();
-                match self.coverage(tile, &points) {
+                let answer = match self.coverage(tile, &points) {
                     Coverage::None => PixelAnswer::Background,
                     Coverage::Partial => PixelAnswer::Border,
                     Coverage::Full => {
@@ -299,19 +302,47 @@ impl<'a> Reference<'a> {
                         for &point in &points {
                             self.add_light(&mut light, share, point, &region, seen);
                         }
+                        let common = material.filter(|_| uniform);
                         PixelAnswer::Surface(Shown {
-                            centre: Some((tile.point(corner.0 + 0.5, corner.1 + 0.5), self.slack)),
+                            albedo: common.map(|(_, reflectance)| reflectance),
                             surface: Some(tile.surface),
                             plane: Some(tile.surface.0),
-                            material: material.filter(|_| uniform),
+                            material: common,
                             irradiance: light.irradiance(),
                             shaded: light.shaded,
                             front: true,
                         })
                     }
-                }
+                };
+                (answer, self.centre(tile, tile.point(corner.0 + 0.5, corner.1 + 0.5)))
             })
-            .collect()
+            .unzip()
+    }
+
+    /// Returns what is at a point of a tile.
+    fn centre(&self, tile: &Tile, point: DVec3) -> Centre {
+        let before = &self.attributes.surfaces[..tile.surface.0 as usize];
+        let first: usize = before.iter().map(|surface| surface.polygons.len()).sum();
+        let normal = tile.normal();
+        let around = self.around(tile, point).map(|place| {
+            let holds = |record: &PolygonRecord| contains(&record.corners, place, normal);
+            self.records(tile).iter().position(holds)
+        });
+        let [Some(a), Some(b), Some(c), Some(d)] = around else {
+            let is_beside = around.iter().all(Option::is_none);
+            return if is_beside { Centre::Nothing } else { Centre::Unsure };
+        };
+        // Faces of a surface that counts as flat may be turned a little.
+        let looks = |k: usize| self.plates[first + k].normal;
+        if [b, c, d].iter().any(|&k| (looks(k) - looks(a)).length() > 1e-9) {
+            return Centre::Unsure;
+        }
+        Centre::Face {
+            face: u32::try_from(first + a).unwrap_or(u32::MAX),
+            alone: [b, c, d] == [a; 3],
+            point,
+            slack: self.slack,
+        }
     }
 
     /// Returns the exchange area of a tile's rectangle and an emitter, in m²; `None` if it could not be found to 1e-10.
@@ -375,13 +406,18 @@ impl<'a> Reference<'a> {
         }
     }
 
-    fn coverage(&self, tile: &Tile, points: &[DVec3]) -> Coverage {
+    /// Returns four places around a point of a tile that rounding cannot exceed.
+    fn around(&self, tile: &Tile, point: DVec3) -> [DVec3; 4] {
         // Far above the rounding of rays to f32, far below a pixel.
-        let margin = (1e6 * self.slack).min(0.25 * tile.pixel_size[0].min(tile.pixel_size[1]));
+        let margin = (2e-6 * self.size.extent + self.slack).min(0.25 * tile.pixel_size[0].min(tile.pixel_size[1]));
         let (x, y) = (tile.right * margin, tile.down * margin);
+        [point + x + y, point + x - y, point - x + y, point - x - y]
+    }
+
+    fn coverage(&self, tile: &Tile, points: &[DVec3]) -> Coverage {
         let mut n_inside = 0;
         for &point in points {
-            for place in [point + x + y, point + x - y, point - x + y, point - x - y] {
+            for place in self.around(tile, point) {
                 let inside = |record: &PolygonRecord| contains(&record.corners, place, tile.normal());
                 n_inside += usize::from(self.records(tile).iter().any(inside));
             }

@@ -25,9 +25,10 @@ pub struct VerifyReport {
     pub n_outside: usize,
     /// Rows and columns, of a tile or of a perspective image, whose mean is outside its tolerance.
     pub n_strips_outside: usize,
-    /// Pixels whose position `P` is not the point that the view says.
+    /// Pixels whose position `P`, depth `Z` or normal `N` is not that of the point that the view says, or whose `patch` is none where a face is, or some where none is.
     pub n_misplaced: usize,
-    /// Pixels whose radiosity is not E + ρ H, whose radiance is not radiosity/π, or whose irradiance is not the direct one although nothing reflects.
+    /// Pixels whose layers contradict each other or the scene: a radiosity that is not E + ρ H, a radiance that is not radiosity/π, an albedo that is not ρ, an irradiance below the direct
+    /// one (or not equal to it although nothing reflects) or above that of a furnace, an error that is negative or no number, light where there is background, a patch on two faces.
     pub n_inconsistent: usize,
     /// The largest error of a checked pixel and channel, in W·m⁻².
     pub max_error: f64,
@@ -40,6 +41,33 @@ pub struct VerifyReport {
     pub tolerance: Tolerance,
     /// One row per tile, or per surface that a perspective image shows.
     pub walls: Vec<WallReport>,
+    /// How far each layer was checked.
+    pub layers: Vec<LayerReport>,
+}
+
+/// How a layer was checked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum LayerCheck {
+    /// Against the closed form, wherever it is known.
+    ClosedForm,
+    /// Against the scene and the view, wherever what a pixel shows does not depend on rounding.
+    Scene,
+    /// Against other layers, from which it follows.
+    OtherLayers,
+    /// By bounds alone: no closed form describes it.
+    Bounds,
+    /// The file does not have it.
+    Missing,
+}
+
+/// One layer, or the channels of one name.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct LayerReport {
+    /// The name before the dot, or of the channels.
+    pub name: String,
+    /// How it was checked.
+    pub check: LayerCheck,
 }
 
 /// The tolerance of a pixel: statistical + offset + rounding, each computed per pixel and channel.

@@ -17,20 +17,49 @@ pub(super) struct Sheet {
     pub(super) top: usize,
     pub(super) width: usize,
     pub(super) answers: Vec<PixelAnswer>,
+    /// What the centre of each pixel shows.
+    pub(super) centres: Vec<Centre>,
+    /// The eye and the axis of a camera; depth is measured along it, and is 0 without one.
+    pub(super) view: Option<(DVec3, DVec3)>,
+}
+
+/// What is at the centre of a pixel.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Centre {
+    /// That depends on rounding.
+    Unsure,
+    Nothing,
+    Face {
+        /// The number of the face, or of another one in its plane if it is not `alone`.
+        face: u32,
+        /// Whether no other face of its plane is near.
+        alone: bool,
+        point: DVec3,
+        /// How far rounding may move the point, in m.
+        slack: f64,
+    },
 }
 
 impl Sheet {
+    /// Returns the place of pixel k among the pixels of an image.
+    pub(super) fn index(&self, k: usize, image_width: usize) -> usize {
+        (self.top + k / self.width) * image_width + self.left + k % self.width
+    }
+
     pub(super) fn height(&self) -> usize {
         self.answers.len() / self.width.max(1)
     }
 
     /// The sheet of a tile of an unfolded view.
     pub(super) fn of_tile(tile: &Tile, reference: &Reference<'_>) -> Self {
+        let (answers, centres) = reference.answers(tile);
         Self {
             left: tile.left as usize,
             top: tile.top as usize,
             width: tile.width as usize,
-            answers: reference.answers(tile),
+            answers,
+            centres,
+            view: None,
         }
     }
 
@@ -50,7 +79,7 @@ impl Sheet {
             .flat_map(|j| (0..columns.div_ceil(BLOCK_SIDE)).map(move |i| [i * BLOCK_SIDE, j * BLOCK_SIDE]))
             .collect();
         let bounds = |[x, y]: [usize; 2]| [x, y, (x + BLOCK_SIDE).min(columns), (y + BLOCK_SIDE).min(rows)];
-        let found: Vec<Vec<PixelAnswer>> = blocks
+        let found: Vec<Vec<(PixelAnswer, Centre)>> = blocks
             .par_iter()
             .map(|&block| {
                 let [x0, y0, x1, y1] = bounds(block);
@@ -71,10 +100,12 @@ impl Sheet {
             })
             .collect();
         let mut answers = vec![PixelAnswer::Background; columns * rows];
+        let mut centres = vec![Centre::Unsure; columns * rows];
         for (&block, of_block) in blocks.iter().zip(found) {
             let [x0, y0, x1, _] = bounds(block);
-            for (k, answer) in of_block.into_iter().enumerate() {
-                answers[(y0 + k / (x1 - x0)) * columns + x0 + k % (x1 - x0)] = answer;
+            for (k, (answer, centre)) in of_block.into_iter().enumerate() {
+                let index = (y0 + k / (x1 - x0)) * columns + x0 + k % (x1 - x0);
+                (answers[index], centres[index]) = (answer, centre);
             }
         }
         Ok(Self {
@@ -82,6 +113,8 @@ impl Sheet {
             top: 0,
             width: columns,
             answers,
+            centres,
+            view: Some((camera.eye(), ray(0.5 * f64::from(width), 0.5 * f64::from(height)))),
         })
     }
 }
@@ -97,8 +130,22 @@ struct Eye<'a> {
 }
 
 impl Eye<'_> {
-    /// Returns the answer of a pixel, given the rays through its places in \[0, 1\]².
-    fn pixel(&mut self, ray: impl Fn(f64, f64) -> DVec3) -> PixelAnswer {
+    /// Returns the answer of a pixel and what its centre shows, given the rays through its places in \[0, 1\]².
+    fn pixel(&mut self, ray: impl Fn(f64, f64) -> DVec3) -> (PixelAnswer, Centre) {
+        let centre = match self.faces.look(&self.candidates, self.place, ray(0.5, 0.5)) {
+            Seen::Unsure => Centre::Unsure,
+            Seen::Nothing => Centre::Nothing,
+            Seen::Face(hit) => Centre::Face {
+                face: u32::try_from(hit.face).unwrap_or(u32::MAX),
+                alone: hit.alone,
+                point: hit.point,
+                slack: self.faces.slack(&hit),
+            },
+        };
+        (self.answer(ray), centre)
+    }
+
+    fn answer(&mut self, ray: impl Fn(f64, f64) -> DVec3) -> PixelAnswer {
         let n = self.reference.attributes().render.samples.get();
         let share = 1.0 / f64::from(n).powi(2);
         let mut light = Light::default();
@@ -129,12 +176,16 @@ impl Eye<'_> {
         if n_faces == 0 {
             return PixelAnswer::Background;
         }
-        let centre = match self.faces.look(&self.candidates, self.place, ray(0.5, 0.5)) {
-            Seen::Face(hit) => Some((hit.point, self.faces.slack(&hit))),
-            Seen::Nothing | Seen::Unsure => None,
-        };
+        let mut albedo = [0.0; 3];
+        for &face in fronts.iter().flatten() {
+            let (_, reflectance) = self.faces.material(face);
+            albedo
+                .iter_mut()
+                .zip(reflectance)
+                .for_each(|(sum, rho)| *sum += share * rho);
+        }
         PixelAnswer::Surface(Shown {
-            centre,
+            albedo: Some(albedo),
             surface: common(&fronts, |face| self.faces.surface(face)),
             plane: common(&fronts, |face| self.faces.plane(face)),
             material: common(&fronts, |face| self.faces.material(face)),

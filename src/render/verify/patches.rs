@@ -1,0 +1,26 @@
+//! The numbers of the patches, as far as the scene alone tells them.
+
+use super::layers::Layers;
+use super::sheet::{Centre, Sheet};
+
+/// Counts the pixels whose patch cannot be right, or as few of them as explain what is seen.
+///
+/// The patches of a face have consecutive numbers. How many a face has is not in the file, so that in the order of their numbers the faces must follow one another without coming back.
+pub(super) fn count_wrong(layers: &Layers<'_>, sheets: &[Sheet], image_width: usize) -> usize {
+    let Some(patches) = layers.patch else { return 0 };
+    let centres = sheets.iter().flat_map(|sheet| {
+        let of_pixel = |(k, centre): (usize, &Centre)| match *centre {
+            Centre::Face { face, alone: true, .. } => Some((patches[sheet.index(k, image_width)], face)),
+            _ => None,
+        };
+        sheet.centres.iter().enumerate().filter_map(of_pixel)
+    });
+    let mut faces: Vec<(u32, u32)> = centres.collect();
+    faces.sort_unstable();
+    let mut runs: Vec<u32> = faces.into_iter().map(|(_, face)| face).collect();
+    runs.dedup();
+    let n_runs = runs.len();
+    runs.sort_unstable();
+    runs.dedup();
+    n_runs - runs.len()
+}
