@@ -634,7 +634,11 @@ fn partition(uniform: &mut Uniform) -> Scene {
         let is_upright = uniform.next() < 0.5;
         let length = if is_upright { width } else { height };
         let mut cuts = vec![0.0, length];
-        cuts.extend((0..(3.0 * uniform.next()) as usize).map(|_| length * (0.02 + 0.96 * uniform.next())));
+        for _ in 0..2 {
+            if uniform.next() < 0.5 {
+                cuts.push(length * (0.02 + 0.96 * uniform.next()));
+            }
+        }
         cuts.sort_by(f64::total_cmp);
         for ends in cuts.windows(2) {
             let ([x0, x1], [z0, z1]) = if is_upright {
@@ -692,7 +696,8 @@ fn a_rounded_sheet_alone_sees_nothing() {
         shapes.face(&corners);
         shapes.face(&back);
         let found = compute(&Prepared::new(with_decimals(6, &shapes.scene()), 1), 1e-6);
-        assert_eq!(found.factors.get(0, 1), 0.0, "{round}");
+        let seen = found.factors.get(0, 1);
+        assert!(seen == 0.0, "{round}: {seen}");
     }
 }
 

@@ -286,7 +286,7 @@ fn values_do_not_leak_through_walls() {
     let wall = |low: f64, high: f64, lean: f64| {
         [(0.0, low), (1.0, low), (1.0, high), (0.0, high)].map(|(y, z)| DVec3::new(2.0 + lean * z, y, z))
     };
-    let joined = |source: Scene| {
+    let welded = |source: Scene| {
         // Faces that share vertices, as exporters write them.
         let same = |v: &u32| {
             let place = source.vertices[*v as usize];
@@ -321,7 +321,7 @@ fn values_do_not_leak_through_walls() {
         for source in [
             floor_with(wall, &[whole]),
             floor_with(wall, &halves),
-            joined(floor_with(wall, &halves)),
+            welded(floor_with(wall, &halves)),
         ] {
             let mesh = Mesh::new(&source, Subdivision::Uniform(4)).unwrap();
             assert_eq!(is_parted(&source, &mesh), expected, "{low} {high} {lean}");
@@ -368,8 +368,8 @@ fn a_wall_that_goes_away_parts_nothing_and_one_that_comes_does() {
         [value(&source, &mesh), value(&raised, &moved)]
     };
     for (values, expected) in [(shifted(0.0), [1.0, 0.5]), (shifted(-1.0), [0.5, 1.0])] {
-        for (value, expected) in values.into_iter().zip(expected) {
-            assert!((value - expected).abs() < 1e-6, "{values:?}");
+        for (found, wanted) in values.into_iter().zip(expected) {
+            assert!((found - wanted).abs() < 1e-6, "{values:?}");
         }
     }
 }

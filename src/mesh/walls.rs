@@ -42,8 +42,8 @@ impl Walls {
             .map(|face| scene.area_vector(face).normalize_or_zero())
             .collect();
         let boxes = scene.faces.iter().map(|face| {
-            let (low, high) = scene.positions(face).bounding_box();
-            (low - slack, high + slack)
+            let (least, greatest) = scene.positions(face).bounding_box();
+            (least - slack, greatest + slack)
         });
         let mut on_face: HashMap<u32, Vec<Foot>> = HashMap::new();
         overlapping_pairs(boxes.collect(), |a, b| {
@@ -166,20 +166,20 @@ pub(super) fn part(mesh: &mut Mesh, walls: &Walls) {
     let mut ends: Vec<u32> = ends.into_iter().collect();
     ends.sort_unstable();
     for vertex in ends {
-        let patches = &around[&vertex];
-        let mut together = DisjointSets::new(patches.len());
-        for (k, &patch) in patches.iter().enumerate() {
+        let here = &around[&vertex];
+        let mut together = DisjointSets::new(here.len());
+        for (k, &patch) in here.iter().enumerate() {
             for edge in edges(mesh.patches[patch].corners) {
                 let is_own = edge.0 == vertex || edge.1 == vertex;
                 let beside = neighbour(edge).filter(|_| is_own && !parted.contains(&edge));
-                if let Some(other) = beside.and_then(|other| patches.iter().position(|&patch| patch == other)) {
+                if let Some(other) = beside.and_then(|other| here.iter().position(|&one| one == other)) {
                     together.join(k, other);
                 }
             }
         }
         // The first keeps the old one: a set is known by its least member.
         let mut own: HashMap<usize, u32> = HashMap::from([(0, vertex)]);
-        for (k, &patch) in patches.iter().enumerate() {
+        for (k, &patch) in here.iter().enumerate() {
             let corner = *own.entry(together.find(k)).or_insert_with(|| {
                 new_vertices.push(place(vertex));
                 PatchId::from_index(mesh.vertices.len() + new_vertices.len() - 1).0

@@ -13,7 +13,7 @@ use crate::geometry::polygon;
 ///
 /// True if every vertex lies in front of, or on, the plane of every face. All faces then lie on the boundary of one convex set,
 /// and a segment between two of them stays inside it. Conservative: a scene that is convex but for rounding above 1e-12 of its size counts as not convex,
-/// and so does one that is no higher over a face than [`Scene::slack`]: a sheet, whose sides rounding may have parted.
+/// and so does one that is no higher over a face than rounded coordinates explain: a sheet, whose sides rounding may have parted.
 /// Work: planes × vertices at worst, with a stop at the first vertex behind a plane.
 #[must_use]
 pub fn is_convex_and_empty(scene: &Scene) -> bool {
