@@ -52,7 +52,7 @@ impl Mesh {
 
     /// Parts vertices where walls stand between patches, and finds where patches meet that do not share all vertices.
     fn join(&mut self, scene: &Scene) {
-        let walls = Walls::find(scene);
+        let walls = Walls::of(scene);
         walls::part(self, &walls);
         self.seams = Seams::find(self, &walls);
     }

@@ -37,7 +37,7 @@ struct Edge {
 }
 
 impl Seams {
-    pub(super) fn find(mesh: &Mesh, walls: &Walls) -> Self {
+    pub(super) fn find(mesh: &Mesh, walls: &Walls<'_>) -> Self {
         let edges = free_edges(mesh);
         let place = |vertex: u32| mesh.vertices[vertex as usize];
         let boxes = edges.iter().map(|edge| {

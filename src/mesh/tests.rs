@@ -1,5 +1,7 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+use glam::DQuat;
+
 use super::*;
 use crate::geometry::polygon;
 use crate::scene::{Corners, Face, Material, MaterialId, Surface, SurfaceId};
@@ -260,8 +262,10 @@ fn floor_with(wall: [DVec3; 4], floor: &[[[f64; 2]; 4]]) -> Scene {
 }
 
 /// Returns the floor's value at a point; which side counts on a border.
-fn floor_value(source: &Scene, mesh: &Mesh, from_left: bool, x: f64, y: f64) -> f64 {
-    let bright = |patch: &Patch| f64::from(u8::from(patch.centroid.x < 2.0));
+///
+/// `mesh` is that of the scene turned by `turn`.
+fn floor_value(source: &Scene, mesh: &Mesh, turn: DQuat, from_left: bool, [x, y]: [f64; 2]) -> f64 {
+    let bright = |patch: &Patch| f64::from(u8::from((turn.inverse() * patch.centroid).x < 2.0));
     let values = mesh.vertex_values(&Block::from_values(mesh.patches.iter().map(bright).collect(), 1));
     let inside = x + if from_left { -1e-9 } else { 1e-9 };
     let face = source.face_ids().find(|&face| {
@@ -298,8 +302,8 @@ fn values_do_not_leak_through_walls() {
         });
         scene(source.vertices.clone(), &faces.collect::<Vec<_>>())
     };
-    let is_parted = |source: &Scene, mesh: &Mesh| {
-        let at = |from_left, y| floor_value(source, mesh, from_left, 2.0, y);
+    let is_parted = |source: &Scene, mesh: &Mesh, turn: DQuat| {
+        let at = |from_left, y| floor_value(source, mesh, turn, from_left, [2.0, y]);
         let near = |value: f64, expected: f64| (value - expected).abs() < 1e-6;
         // Beyond the wall and at its end the floor is one; so it is everywhere if the wall does not stand on it.
         for y in [1.0, 1.2, 1.5, 2.0] {
@@ -323,8 +327,12 @@ fn values_do_not_leak_through_walls() {
             floor_with(wall, &halves),
             welded(floor_with(wall, &halves)),
         ] {
-            let mesh = Mesh::new(&source, Subdivision::Uniform(4)).unwrap();
-            assert_eq!(is_parted(&source, &mesh), expected, "{low} {high} {lean}");
+            for turn in [DQuat::IDENTITY, DQuat::from_euler(glam::EulerRot::XYZ, 0.3, 1.1, -2.0)] {
+                let mut turned = source.clone();
+                turned.vertices.iter_mut().for_each(|v| *v = turn * *v);
+                let mesh = Mesh::new(&turned, Subdivision::Uniform(4)).unwrap();
+                assert_eq!(is_parted(&source, &mesh, turn), expected, "{low} {high} {lean} {turn}");
+            }
         }
     }
     // Patches of other sizes on either side: the left ones reach from the wall's one end to the other.
@@ -335,7 +343,7 @@ fn values_do_not_leak_through_walls() {
     ];
     let source = floor_with(wall(0.0, 1.0, 0.0), &quarters);
     let mesh = Mesh::new(&source, Subdivision::Uniform(2)).unwrap();
-    let at = |from_left, y| floor_value(&source, &mesh, from_left, 2.0, y);
+    let at = |from_left, y| floor_value(&source, &mesh, DQuat::IDENTITY, from_left, [2.0, y]);
     for y in [0.0, 0.3, 0.5] {
         assert!(at(false, y).abs() < 1e-6, "{y}");
         let expected = 1.0 - y * (1.0 - at(true, 1.0));
@@ -348,7 +356,7 @@ fn values_do_not_leak_through_walls() {
 fn a_wall_that_goes_away_parts_nothing_and_one_that_comes_does() {
     let standing = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].map(|(y, z)| DVec3::new(2.0, y, z));
     let floor = [[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [0.0, 2.0]];
-    let value = |source: &Scene, mesh: &Mesh| floor_value(source, mesh, true, 2.0, 0.25);
+    let value = |source: &Scene, mesh: &Mesh| floor_value(source, mesh, DQuat::IDENTITY, true, [2.0, 0.25]);
     let shifted = |by: f64| {
         let mut source = floor_with(standing.map(|v| v + by * DVec3::Z), &[floor]);
         source.surfaces.push(Surface { name: "wall".into() });

@@ -1,5 +1,6 @@
 //! Where walls stand on the faces of a plane: values on either side have nothing to do with each other.
 
+use std::cell::OnceCell;
 use std::collections::{HashMap, HashSet};
 
 use glam::DVec3;
@@ -19,18 +20,42 @@ struct Foot {
     to: DVec3,
 }
 
+/// What stands on the faces of a scene, found when it is first asked for: whole faces of many planes, as a ground in triangles has, do not ask.
+pub(super) struct Walls<'a> {
+    scene: &'a Scene,
+    found: OnceCell<Feet>,
+}
+
+impl<'a> Walls<'a> {
+    pub(super) fn of(scene: &'a Scene) -> Self {
+        Self {
+            scene,
+            found: OnceCell::new(),
+        }
+    }
+
+    fn feet(&self) -> &Feet {
+        self.found.get_or_init(|| Feet::find(self.scene))
+    }
+
+    /// Tells whether a wall on one of the faces stands along a line: along the middle half of it at least.
+    pub(super) fn stand_between(&self, faces: [u32; 2], from: DVec3, to: DVec3) -> bool {
+        self.feet().stand_between(faces, from, to)
+    }
+}
+
 /// The feet of walls by the face that they stand on.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Walls {
+struct Feet {
     on_face: HashMap<u32, Vec<Foot>>,
     /// The faces that have a wall elsewhere than along a border that no face of the plane continues.
     parted: HashSet<u32>,
     slack: f64,
 }
 
-impl Walls {
+impl Feet {
     /// Finds what stands on the faces of a scene, within [`Scene::slack`]. Work: O(n log n) for n faces, and the pairs of faces that touch.
-    pub(super) fn find(scene: &Scene) -> Self {
+    fn find(scene: &Scene) -> Self {
         if scene.faces.is_empty() {
             return Self::default();
         }
@@ -54,7 +79,7 @@ impl Walls {
                 }
             }
         });
-        let mut walls = Self {
+        let mut feet = Self {
             on_face,
             parted: HashSet::new(),
             slack,
@@ -63,9 +88,9 @@ impl Walls {
             .into_iter()
             .flat_map(|(one, other)| [(one, other.0), (other, one.0)])
             .collect();
-        for (&face, feet) in &walls.on_face {
+        for (&face, here) in &feet.on_face {
             let outline = &outlines[face as usize];
-            for foot in feet {
+            for foot in here {
                 let border = (0..outline.len()).find(|&k| {
                     let edge = Foot {
                         from: outline[k],
@@ -74,17 +99,17 @@ impl Walls {
                     [foot.from, foot.to].iter().all(|&end| edge.line_distance(end) <= slack)
                 });
                 match border.map(|k| beside.get(&(FaceId(face), k))) {
-                    None => walls.parted.extend([face]),
-                    Some(Some(other)) => walls.parted.extend([face, other.0]),
+                    None => feet.parted.extend([face]),
+                    Some(Some(other)) => feet.parted.extend([face, other.0]),
                     Some(None) => {}
                 }
             }
         }
-        walls
+        feet
     }
 
     /// Tells whether a wall on one of the faces stands along a line: along the middle half of it at least.
-    pub(super) fn stand_between(&self, faces: [u32; 2], from: DVec3, to: DVec3) -> bool {
+    fn stand_between(&self, faces: [u32; 2], from: DVec3, to: DVec3) -> bool {
         let feet = faces.iter().filter_map(|face| self.on_face.get(face)).flatten();
         let ends = [from.lerp(to, 0.25), from.lerp(to, 0.75)];
         feet.into_iter()
@@ -124,12 +149,17 @@ fn foot((origin, normal): (DVec3, DVec3), wall: &[DVec3], slack: f64) -> Option<
 }
 
 /// Gives patches of one plane vertices of their own where a wall stands between them.
-pub(super) fn part(mesh: &mut Mesh, walls: &Walls) {
-    if walls.parted.is_empty() {
+pub(super) fn part(mesh: &mut Mesh, walls: &Walls<'_>) {
+    // Faces that are patches, none of which continues another.
+    if mesh.n_patches() == walls.scene.faces.len() && flat_joints(walls.scene).is_empty() {
+        return;
+    }
+    let feet = walls.feet();
+    if feet.parted.is_empty() {
         return;
     }
     let all = mesh.patches.iter().enumerate();
-    let patches: Vec<(usize, &Patch)> = all.filter(|patch| walls.parted.contains(&patch.1.face.0)).collect();
+    let patches: Vec<(usize, &Patch)> = all.filter(|patch| feet.parted.contains(&patch.1.face.0)).collect();
     let mut patch_beside: HashMap<(u32, u32), usize> = HashMap::new();
     for (patch, of_patch) in &patches {
         patch_beside.extend(edges(of_patch.corners).map(|edge| (edge, *patch)));
@@ -143,7 +173,7 @@ pub(super) fn part(mesh: &mut Mesh, walls: &Walls) {
                 continue;
             };
             let faces = [of_patch.face.0, mesh.patches[other].face.0];
-            if walls.stand_between(faces, place(from), place(to)) {
+            if feet.stand_between(faces, place(from), place(to)) {
                 parted.extend([(from, to), (to, from)]);
             }
         }

@@ -487,7 +487,7 @@ fn errors_that_are_not_known_are_not_stated() {
     }
 }
 
-/// The error that is stated is the same whatever is written, of a solution that has not converged too, and each lighting has its own.
+/// The error that is stated is the same whatever is written, of a solution that has not converged too, and that of no lighting is above that of all.
 #[test]
 fn every_solution_states_its_error() {
     let directory = with_scene("room-box");
