@@ -119,15 +119,23 @@ fn both<S: Simd, T: Scalar, const N: usize, const C: usize, const R: usize>(
     if channels[0].x_rows.len() == SIDE && channels[0].x_columns.len() == SIDE {
         return whole_tile::<S, T, N, C, R>(simd, values, channels);
     }
-    let quarter = channels[0].x_rows.len() / QUARTERS;
+    for channel in &mut channels {
+        part_of_tile::<S, T, N, R>(simd, values, channel);
+    }
+}
+
+/// Does what [`both`] does for one channel of a tile of any size, as there are at the end of a row of tiles.
+#[inline(always)]
+fn part_of_tile<S: Simd, T: Scalar, const N: usize, const R: usize>(simd: S, values: &[T], channel: &mut Meeting<'_>) {
+    let quarter = channel.x_rows.len() / QUARTERS;
     for i in 0..quarter {
         for first in (0..QUARTERS).step_by(R) {
             let rows: [usize; R] = std::array::from_fn(|r| i + (first + r) * quarter);
-            both_rows::<S, T, N, C, R>(simd, values, rows, &mut channels);
+            both_rows::<S, T, N, R>(simd, values, rows, channel);
         }
     }
-    for i in QUARTERS * quarter..channels[0].x_rows.len() {
-        both_rows::<S, T, N, C, 1>(simd, values, [i], &mut channels);
+    for i in QUARTERS * quarter..channel.x_rows.len() {
+        both_rows::<S, T, N, 1>(simd, values, [i], channel);
     }
 }
 
@@ -186,60 +194,46 @@ fn whole_tile<S: Simd, T: Scalar, const N: usize, const C: usize, const R: usize
     }
 }
 
-/// Does with R rows what [`add_both`] does with all.
+/// Does with R rows of one channel what [`add_both`] does with all.
+///
+/// Several channels at once, and numbers that are copied before they are loaded, went through the stack in every step: where that had a store across two cache lines, which is as the stack happens to lie, small
+/// systems took 1.4 times as long.
 #[inline(always)]
-#[expect(clippy::needless_range_loop, reason = "arrays that closures fill go through memory")]
-fn both_rows<S: Simd, T: Scalar, const N: usize, const C: usize, const R: usize>(
+fn both_rows<S: Simd, T: Scalar, const N: usize, const R: usize>(
     simd: S,
     values: &[T],
     rows: [usize; R],
-    channels: &mut [Meeting<'_>; C],
+    channel: &mut Meeting<'_>,
 ) {
-    let n_columns = channels[0].x_columns.len();
+    let n_columns = channel.x_columns.len();
     let n_whole = n_columns / LANES;
     let split = rows.map(|i| values[i * n_columns..(i + 1) * n_columns].as_chunks::<LANES>());
     let whole = split.map(|s| &s.0[..n_whole]);
-    let mut x_rows = [[Wide::<S, N>::zero(simd); R]; C];
-    let mut sums = [[Wide::<S, N>::zero(simd); R]; C];
-    for c in 0..C {
-        for r in 0..R {
-            x_rows[c][r] = Wide::splat(simd, channels[c].x_rows[rows[r]]);
-            sums[c][r] = Wide::load(&channels[c].rows[rows[r]]);
-        }
+    let (x_whole, x_rest) = channel.x_columns.as_chunks::<LANES>();
+    let (y_whole, y_rest) = channel.y_columns[..n_columns].as_chunks_mut::<LANES>();
+    let x_rows = rows.map(|i| channel.x_rows[i]);
+    let mut x_splat = [Wide::<S, N>::zero(simd); R];
+    let mut sums = [Wide::<S, N>::zero(simd); R];
+    for r in 0..R {
+        x_splat[r] = Wide::splat(simd, x_rows[r]);
+        sums[r] = Wide::load(&channel.rows[rows[r]]);
     }
-    let mut ends = channels.each_mut().map(|channel| {
-        let (x_whole, x_rest) = channel.x_columns[..n_columns].as_chunks::<LANES>();
-        let (y_whole, y_rest) = channel.y_columns[..n_columns].as_chunks_mut::<LANES>();
-        let (x_whole, y_whole) = (&x_whole[..n_whole], &mut y_whole[..n_whole]);
-        (x_whole, y_whole, x_rest, y_rest, channel.x_rows, &mut *channel.rows)
-    });
-    for k in 0..n_whole {
-        let mut x_k = [Wide::<S, N>::zero(simd); C];
-        let mut y_k = [Wide::<S, N>::zero(simd); C];
-        for c in 0..C {
-            (x_k[c], y_k[c]) = (Wide::load(&ends[c].0[k]), Wide::load(&ends[c].1[k]));
-        }
+    for (k, (x, y)) in x_whole.iter().zip(y_whole).enumerate() {
+        let (x_k, mut y_k) = (Wide::load(x), Wide::load(y));
         for r in 0..R {
             let a = Wide::load(&whole[r][k]);
-            for c in 0..C {
-                sums[c][r] = sums[c][r].plus_product(simd, a, x_k[c]);
-                y_k[c] = y_k[c].plus_product(simd, a, x_rows[c][r]);
-            }
+            sums[r] = sums[r].plus_product(simd, a, x_k);
+            y_k = y_k.plus_product(simd, a, x_splat[r]);
         }
-        for c in 0..C {
-            y_k[c].store(&mut ends[c].1[k]);
-        }
+        y_k.store(y);
     }
-    for c in 0..C {
-        let (_, _, x_rest, y_rest, x_of_rows, lanes_of_rows) = &mut ends[c];
-        for r in 0..R {
-            let lanes = &mut lanes_of_rows[rows[r]];
-            sums[c][r].store(lanes);
-            for l in 0..x_rest.len() {
-                let a = split[r].1[l].to_f64();
-                lanes[l] = a.mul_add(x_rest[l], lanes[l]);
-                y_rest[l] = a.mul_add(x_of_rows[rows[r]], y_rest[l]);
-            }
+    for r in 0..R {
+        let lanes = &mut channel.rows[rows[r]];
+        sums[r].store(lanes);
+        for l in 0..x_rest.len() {
+            let a = split[r].1[l].to_f64();
+            lanes[l] = a.mul_add(x_rest[l], lanes[l]);
+            y_rest[l] = a.mul_add(x_rows[r], y_rest[l]);
         }
     }
 }

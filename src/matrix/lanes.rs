@@ -52,8 +52,12 @@ impl<S: Simd, const N: usize> Wide<S, N> {
 
     #[inline(always)]
     pub(super) fn load<T: Scalar>(values: &[T; LANES]) -> Self {
-        let values = values.map(T::to_f64);
-        let registers = S::as_simd_f64s(&values).0;
+        T::with_widened(values, Self::of)
+    }
+
+    #[inline(always)]
+    pub(super) fn of(values: &Lanes) -> Self {
+        let registers = S::as_simd_f64s(values).0;
         Self(std::array::from_fn(|k| registers[k]))
     }
 

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use super::blocks::{BlockTile, count_blocks};
 use super::dense::DenseTile;
 use super::expand::Expand;
+use super::lanes::{LANES, Lanes};
 use super::operator::Block;
 use super::planes::Planes;
 use super::sparse::SparseTile;
@@ -28,6 +29,8 @@ pub(super) trait Scalar: Expand + Copy + Send + Sync + Debug + 'static {
     fn from_f64(value: f64) -> Self;
     /// Returns the number; exact.
     fn to_f64(self) -> f64;
+    /// Calls `then` with the numbers as f64: those that are f64 where they are, since a copy of them would go through memory.
+    fn with_widened<R>(numbers: &[Self; LANES], then: impl FnOnce(&Lanes) -> R) -> R;
     /// Appends numbers as bytes of this machine.
     fn push_bytes(numbers: &[Self], bytes: &mut Vec<u8>);
     /// Returns the numbers that [`push_bytes`](Self::push_bytes) wrote.
@@ -42,6 +45,14 @@ impl Scalar for f64 {
     #[inline]
     fn to_f64(self) -> f64 {
         self
+    }
+    #[expect(
+        clippy::inline_always,
+        reason = "what is not inlined is not compiled for the instruction set"
+    )]
+    #[inline(always)]
+    fn with_widened<R>(numbers: &[Self; LANES], then: impl FnOnce(&Lanes) -> R) -> R {
+        then(numbers)
     }
     fn push_bytes(numbers: &[Self], bytes: &mut Vec<u8>) {
         bytes.reserve(size_of_val(numbers));
@@ -64,6 +75,14 @@ impl Scalar for f32 {
     #[inline]
     fn to_f64(self) -> f64 {
         f64::from(self)
+    }
+    #[expect(
+        clippy::inline_always,
+        reason = "what is not inlined is not compiled for the instruction set"
+    )]
+    #[inline(always)]
+    fn with_widened<R>(numbers: &[Self; LANES], then: impl FnOnce(&Lanes) -> R) -> R {
+        then(&numbers.map(f64::from))
     }
     fn push_bytes(numbers: &[Self], bytes: &mut Vec<u8>) {
         bytes.reserve(size_of_val(numbers));

@@ -4,7 +4,6 @@ use std::ops::ControlFlow;
 
 use crate::matrix::operator::Block;
 
-use super::deflation::greatest_mean_reflectances;
 use super::direct::{equal_channels, memory_byte};
 use super::stop::Tolerance;
 use super::{
@@ -34,8 +33,7 @@ use super::{
 /// 0.62, 0.50 to 0.53 and 0.61 of Gauss-Seidel's time at l = 3 to 6, setup included, and `auto` 0.37 to 0.40, 0.41, 0.27 to 0.29 and 0.35 (`cargo bench --bench solvers -- 6`, medians of 9 alternating runs,
 /// the least and the greatest of four such benchmarks, one at l = 6). In cases A to F of Baranoski et al. `auto` took 0.09 to
 /// 0.11, 0.08 to 0.09, 0.04, 0.02, 0.04 and 0.02, and 0.92 to 1.08 of the fastest single solver's.
-/// Over the cases of `radiosity reproduce stability` it takes 0.69 to 1.36 of the fastest one's but for two, which take 50 µs or less (seven runs): 1.4 where areas differ by 1e8, and 1.4 to 1.7 with 10 rays for each of
-/// 54 patches, balanced; those above 1.3 take `direct` for 54 patches, which by itself takes 23 to 43 µs from one case to the next. `chebyshev` takes more passes than
+/// Over the 46 cases of `radiosity reproduce stability` that it solves it takes 0.86 to 1.30 of the fastest one's (six runs, each the least of up to a hundred by turns); those above 1.2 take 15 to 35 µs in all. `chebyshev` takes more passes than
 /// conjugate gradients wherever these can be used.
 ///
 /// The choice and its reason are in [`Solution::choice`]. How far it is from the best: `radiosity reproduce stability` prints the ratios of work and time, case by case.
@@ -113,7 +111,7 @@ impl Auto {
             return (Box::new(self.direct), why);
         }
         let symmetric = system.operator().reciprocal_areas().is_some() || options.allow_nonreciprocal;
-        let mean = greatest_mean_reflectances(system).into_iter().fold(0.0, f64::max);
+        let mean = system.greatest_mean_reflectances().iter().copied().fold(0.0, f64::max);
         let facts = format!("mean reflectance {mean:.3}, spectral radius within {low:.3} to {high:.3}");
         if symmetric {
             let why = format!("the exchange areas are symmetric; {facts}");

@@ -30,8 +30,8 @@ impl Deflate {
     fn channels(self, system: &RadiositySystem) -> Vec<bool> {
         match self {
             Self::Auto => {
-                let means = greatest_mean_reflectances(system);
-                means.into_iter().map(|mean| mean > DEFLATED_FROM).collect()
+                let means = system.greatest_mean_reflectances().iter();
+                means.map(|mean| *mean > DEFLATED_FROM).collect()
             }
             Self::Always => vec![true; system.n_channels()],
             Self::Never => vec![false; system.n_channels()],
@@ -253,30 +253,4 @@ pub(super) fn leave_undetermined(system: &RadiositySystem, factors: &mut Block) 
             factors.row_mut(component as usize)[c] = 0.0;
         }
     }
-}
-
-/// Returns the greatest area-weighted mean reflectance of the components that emit, of each channel.
-pub(super) fn greatest_mean_reflectances(system: &RadiositySystem) -> Vec<f64> {
-    let (components, n_channels) = (system.components(), system.n_channels());
-    let mut reflecting = Block::zeros(components.n_components, n_channels);
-    let emits = system.emitting_components();
-    let mut areas = vec![0.0; components.n_components];
-    // A power of two, so that areas in any unit can be summed.
-    let per_unit = system.area_unit().recip();
-    for (i, (&label, area)) in components.labels.iter().zip(system.areas()).enumerate() {
-        let room = label as usize;
-        areas[room] += area * per_unit;
-        for (sum, rho) in reflecting.row_mut(room).iter_mut().zip(system.reflectance().row(i)) {
-            *sum += area * per_unit * rho;
-        }
-    }
-    let mut greatest = vec![0.0_f64; n_channels];
-    for (room, area) in areas.iter().enumerate() {
-        for (c, sum) in reflecting.row(room).iter().enumerate() {
-            if emits[room * n_channels + c] {
-                greatest[c] = greatest[c].max(sum / area);
-            }
-        }
-    }
-    greatest
 }

@@ -190,23 +190,32 @@ impl<'a> Scaled<'a> {
     /// Returns |E| + |B| + ρ F |B|, what the rounding of a residual goes by. `irradiance` is F B; where B has both signs, the row sum times the greatest |B| takes its place.
     pub(super) fn sizes(&self, radiosity: &Block, irradiance: &Block) -> Block {
         let system = self.system;
-        let mut greatest = vec![0.0_f64; system.n_channels()];
-        for (k, b) in radiosity.values().iter().enumerate() {
-            let channel = k % system.n_channels();
-            greatest[channel] = greatest[channel].max(b.abs());
-        }
         let mut sizes = self.exitance.clone();
-        for (i, row_sum) in system.row_sums().iter().enumerate() {
-            for (c, size) in sizes.row_mut(i).iter_mut().enumerate() {
-                let arriving = if system.is_signed() {
-                    row_sum * greatest[c]
-                } else {
-                    irradiance.row(i)[c].abs()
-                };
-                *size = size.abs() + radiosity.row(i)[c].abs() + system.reflectance().row(i)[c] * arriving;
-            }
+        let of_signed = system.is_signed().then(|| self.greatest_arriving(radiosity));
+        let arriving = of_signed.as_ref().unwrap_or(irradiance);
+        let terms = radiosity
+            .values()
+            .iter()
+            .zip(system.reflectance().values())
+            .zip(arriving.values());
+        for (size, ((b, rho), h)) in sizes.values_mut().iter_mut().zip(terms) {
+            *size = size.abs() + b.abs() + rho * h.abs();
         }
         sizes
+    }
+
+    /// Returns the row sum times the greatest |B|.
+    fn greatest_arriving(&self, radiosity: &Block) -> Block {
+        let n_channels = radiosity.n_channels();
+        let mut greatest = vec![0.0_f64; n_channels];
+        for row in radiosity.values().chunks_exact(n_channels) {
+            greatest
+                .iter_mut()
+                .zip(row)
+                .for_each(|(most, b)| *most = most.max(b.abs()));
+        }
+        let of_row = |sum: &f64| greatest.iter().map(|most| sum * most).collect::<Vec<_>>();
+        Block::from_values(self.system.row_sums().iter().flat_map(of_row).collect(), n_channels)
     }
 
     /// Returns the norms of a residual, in SI units.

@@ -17,6 +17,8 @@ pub struct RadiositySystem<'a> {
     /// Σ_j F_ij.
     row_sums: Block,
     components: OnceLock<Components>,
+    /// [`Self::greatest_mean_reflectances`].
+    mean_reflectances: OnceLock<Vec<f64>>,
     /// The units in which the solvers calculate: powers of two, so that changing to them and back is exact.
     units: Units,
     /// Whether exitances, and so radiosities, may be negative.
@@ -137,6 +139,7 @@ impl<'a> RadiositySystem<'a> {
             exitance,
             row_sums,
             components: OnceLock::new(),
+            mean_reflectances: OnceLock::new(),
             units,
             signed,
             singular: Vec::new(),
@@ -235,6 +238,34 @@ impl<'a> RadiositySystem<'a> {
             }
         }
         emits
+    }
+
+    /// Returns the greatest area-weighted mean reflectance of the components that emit, of each channel; calculated on the first call.
+    pub(super) fn greatest_mean_reflectances(&self) -> &[f64] {
+        self.mean_reflectances.get_or_init(|| {
+            let (components, n_channels) = (self.components(), self.n_channels());
+            let mut reflecting = Block::zeros(components.n_components, n_channels);
+            let emits = self.emitting_components();
+            let mut areas = vec![0.0; components.n_components];
+            // A power of two, so that areas in any unit can be summed.
+            let per_unit = self.area_unit().recip();
+            for (i, (&label, area)) in components.labels.iter().zip(&self.areas).enumerate() {
+                let room = label as usize;
+                areas[room] += area * per_unit;
+                for (sum, rho) in reflecting.row_mut(room).iter_mut().zip(self.reflectance.row(i)) {
+                    *sum += area * per_unit * rho;
+                }
+            }
+            let mut greatest = vec![0.0_f64; n_channels];
+            for (room, area) in areas.iter().enumerate() {
+                for (c, sum) in reflecting.row(room).iter().enumerate() {
+                    if emits[room * n_channels + c] {
+                        greatest[c] = greatest[c].max(sum / area);
+                    }
+                }
+            }
+            greatest
+        })
     }
 
     /// Finds the enclosures that cannot lose light; refuses those that gain any. Rows that are `closed` let nothing out, whatever their sum.

@@ -28,7 +28,9 @@ use crate::matrix::operator::Block;
 use crate::progress::Progress;
 use crate::solver::registry::{SOLVERS, SolverEntry};
 use crate::solver::twofold::Twofold;
-use crate::solver::{RadiositySystem, Solution, SolveOptions, SolverError, SolverSettings, StopReason, Tolerance};
+use crate::solver::{
+    RadiositySystem, Solution, SolveOptions, Solver, SolverError, SolverSettings, StopReason, Tolerance,
+};
 use cases::{Case, Expected};
 use oracle::Oracle;
 
@@ -156,15 +158,71 @@ fn try_case(case: &Case, n_runs: &RangeInclusive<usize>, progress: &dyn Progress
     let judge = system
         .as_ref()
         .map(|accepted| (accepted, Oracle::new(accepted, case.signed)));
-    let cell = |entry: &SolverEntry| {
-        let cell = match &judge {
-            Ok((accepted, oracle)) => solve(case, entry, n_runs, accepted, oracle),
-            Err(error) => refused(case, entry, error),
-        };
-        progress.advance(1);
-        cell
+    let (accepted, oracle) = match &judge {
+        Ok(judge) => judge,
+        Err(error) => {
+            progress.advance(SOLVERS.len() as u64);
+            return SOLVERS.iter().map(|entry| refused(case, entry, error)).collect();
+        }
     };
-    SOLVERS.iter().map(cell).collect()
+    let mut trials: Vec<Trial> = SOLVERS.iter().map(Trial::new).collect();
+    // By turns, so that where the allocator puts the vectors of a run, and a machine that changes its pace, matter to all solvers alike.
+    while trials.iter().any(|trial| !trial.is_over(n_runs)) {
+        for trial in trials.iter_mut().filter(|trial| !trial.is_over(n_runs)) {
+            trial.run(accepted);
+            if trial.is_over(n_runs) {
+                progress.advance(1);
+            }
+        }
+    }
+    let judged = |trial| judged(case, trial, accepted, oracle);
+    trials.into_iter().map(judged).collect()
+}
+
+/// The runs of one solver on one case.
+struct Trial {
+    entry: &'static SolverEntry,
+    solver: Box<dyn Solver>,
+    n_done: usize,
+    /// The least of the times, s.
+    time_s: f64,
+    /// The sum of the times, s.
+    spent_s: f64,
+    /// What the last run returned.
+    outcome: Option<Result<Solution, SolverError>>,
+}
+
+impl Trial {
+    fn new(entry: &'static SolverEntry) -> Self {
+        Self {
+            entry,
+            solver: entry.build(&SolverSettings::default()),
+            n_done: 0,
+            time_s: f64::INFINITY,
+            spent_s: 0.0,
+            outcome: None,
+        }
+    }
+
+    /// Tells whether there are enough runs.
+    fn is_over(&self, n_runs: &RangeInclusive<usize>) -> bool {
+        let is_slow = self.n_done >= *n_runs.start() && self.spent_s > RUNS_S;
+        is_slow || self.n_done >= *n_runs.end() || matches!(self.outcome, Some(Err(_)))
+    }
+
+    fn run(&mut self, system: &RadiositySystem) {
+        let options = SolveOptions {
+            tolerance: Tolerance::ResidualL2(TOLERANCE),
+            max_passes: MAX_PASSES,
+            ..SolveOptions::default()
+        };
+        let start = Instant::now();
+        self.outcome = Some(self.solver.solve(system, &options, &mut |_| ControlFlow::Continue(())));
+        let time_s = start.elapsed().as_secs_f64();
+        self.n_done += 1;
+        self.spent_s += time_s;
+        self.time_s = self.time_s.min(time_s);
+    }
 }
 
 fn refused(case: &Case, entry: &SolverEntry, error: &SolverError) -> Cell {
@@ -183,35 +241,12 @@ fn refused(case: &Case, entry: &SolverEntry, error: &SolverError) -> Cell {
     }
 }
 
-fn solve(
-    case: &Case,
-    entry: &SolverEntry,
-    n_runs: &RangeInclusive<usize>,
-    system: &RadiositySystem,
-    oracle: &Oracle,
-) -> Cell {
-    let solver = entry.build(&SolverSettings::default());
-    let options = SolveOptions {
-        tolerance: Tolerance::ResidualL2(TOLERANCE),
-        max_passes: MAX_PASSES,
-        ..SolveOptions::default()
-    };
-    let mut time_s = f64::INFINITY;
-    let mut solution = None;
-    let begin = Instant::now();
-    for n_done in 0..*n_runs.end() {
-        if n_done >= *n_runs.start() && begin.elapsed().as_secs_f64() > RUNS_S {
-            break;
-        }
-        let start = Instant::now();
-        match solver.solve(system, &options, &mut |_| ControlFlow::Continue(())) {
-            Ok(found) => solution = Some(found),
-            Err(error) => return refused(case, entry, &error),
-        }
-        time_s = time_s.min(start.elapsed().as_secs_f64());
-    }
-    let Some(solution) = solution else {
-        unreachable!("at least one run")
+/// Returns the verdict on a solver's runs.
+fn judged(case: &Case, trial: Trial, system: &RadiositySystem, oracle: &Oracle) -> Cell {
+    let Trial { entry, time_s, .. } = trial;
+    let solution = match trial.outcome.expect("at least one run") {
+        Ok(solution) => solution,
+        Err(error) => return refused(case, entry, &error),
     };
     let error = relative_error(system.areas(), &solution.radiosity, &oracle.radiosity);
     let (verdict, detail) = match solution.stop_reason {
