@@ -233,6 +233,81 @@ fn light_stays_in_its_component() {
     }
 }
 
+/// Two rooms, of which only the other one is lit as bright: none is called solved for the sake of the other, and what has no solution of light in the dim one is found out.
+#[test]
+fn a_bright_room_does_not_speak_for_a_dim_one() {
+    let (n, dim_light) = (40, 1e-7);
+    let rooms = [random_room(n, 0.1, 31), random_room(n, 0.1, 32)];
+    let areas: Vec<f64> = rooms.iter().flat_map(|room| room.areas().to_vec()).collect();
+    let side_by_side = |factor: f64| {
+        let mut rows = vec![vec![0.0; 2 * n]; 2 * n];
+        for (k, room) in rooms.iter().enumerate() {
+            for (i, row) in dense(room).iter().enumerate() {
+                for (j, f) in row.iter().enumerate() {
+                    rows[k * n + i][k * n + j] = factor * f;
+                }
+            }
+        }
+        matrix(&areas, &rows).symmetrised(Weighting::Plain).unwrap()
+    };
+    let rho = |i: usize| if i < n { 0.5 } else { 0.99 };
+    let reflectance = Block::from_values((0..2 * n).map(rho).collect(), 1);
+    let light = |i: usize| match i {
+        0 => 1.0,
+        _ if i == n => dim_light,
+        _ => 0.0,
+    };
+    let exitance = Block::from_values((0..2 * n).map(light).collect(), 1);
+    let f = side_by_side(1.0);
+    let lit = system(&f, &reflectance, &exitance);
+    let expected = solve_direct(&dense(&f), &reflectance, &exitance);
+    let dim = |b: &Block| Block::from_values(b.values()[n..].to_vec(), 1);
+    for solver in all() {
+        let options = SolveOptions {
+            max_passes: 3000,
+            ..l2(1e-6)
+        };
+        let solution = run(solver, &lit, &options);
+        assert_eq!(solution.stop_reason, StopReason::Converged, "{}", solver.name());
+        let error = relative_error(&areas[n..], &dim(&solution.radiosity), &dim(&expected));
+        // A residual of 1e-6 of the dim room's own light, over 1 − ρ, at most.
+        assert!(error < 1e-4, "{}: {error:e}", solver.name());
+    }
+    let f = side_by_side(1.02);
+    let impossible = system(&f, &reflectance, &exitance);
+    for solver in all() {
+        let solution = run(solver, &impossible, &l2(1e-6));
+        assert_ne!(solution.stop_reason, StopReason::Converged, "{}", solver.name());
+    }
+}
+
+/// Channels that have no solution do not keep others from theirs, and each tells of its own.
+#[test]
+fn a_channel_that_fails_does_not_speak_for_the_others() {
+    let n = 40;
+    let f = random_room(n, 0.1, 33);
+    let rho = |c: usize| if c == 1 { 1.0 - 1e-13 } else { 0.95 };
+    let reflectance = Block::from_values((0..3 * n).map(|k| rho(k % 3)).collect(), 3);
+    let exitance = Block::from_values((0..3 * n).map(|k| if k < 3 { 1.0 } else { 0.0 }).collect(), 3);
+    let three = system(&f, &reflectance, &exitance);
+    for name in ["jacobi", "gauss-seidel", "sor", "pcg", "gmres"] {
+        let solution = run(by_name(name), &three, &l2(1e-9));
+        let reasons: Vec<_> = solution.channels.iter().map(|own| own.stop_reason).collect();
+        assert_ne!(solution.stop_reason, StopReason::Converged, "{name}");
+        assert_eq!(
+            (reasons[0], reasons[2]),
+            (StopReason::Converged, StopReason::Converged),
+            "{name}"
+        );
+        assert_ne!(reasons[1], StopReason::Converged, "{name}");
+        let own = &solution.channels[0];
+        assert!(
+            own.residual_l2 <= 1e-9 && own.residual_l2 < solution.residual_l2,
+            "{name}"
+        );
+    }
+}
+
 #[test]
 fn conjugate_gradients_refuse_what_is_not_reciprocal() {
     let room = LewisRoom::new(1);

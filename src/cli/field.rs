@@ -5,7 +5,6 @@ use std::num::NonZeroU32;
 
 use serde_json::{Value, json};
 
-use super::Outcome;
 use super::args::{FieldArgs, FieldMethodName};
 use super::exit_code::ExitCode;
 use super::failure::Failure;
@@ -14,6 +13,7 @@ use super::form_factors::surface_named;
 use super::picture::{image_byte, preview_of, warn_if_blank};
 use super::pipeline::{Prepared, Run};
 use super::render::{default_subdivision, samples, view};
+use super::{Outcome, name_width};
 use crate::geometry::sampling::Sequence;
 use crate::printable::printable;
 use crate::render::{
@@ -38,7 +38,7 @@ fn work(args: &FieldArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let preview = preview_of(&args.output)?;
     let mut files = FileSet::default();
     files.writes_picture("output", &args.output);
-    files.reads("the scene", Some(&args.scene));
+    files.reads_scene(&args.scene);
     files.reads("the camera", args.view.camera_file()).check()?;
     let mut prepared = run.prepare(&args.scene, args.mesh, args.memory_limit, default_subdivision)?;
     let surface = surface_named(&prepared.scene, &args.surface)?;
@@ -137,14 +137,16 @@ fn surfaces_to_json(prepared: &Prepared, means: &[SurfaceMean]) -> Value {
 }
 
 fn describe(text: &mut String, prepared: &Prepared, target: &str, means: &[SurfaceMean]) {
-    let names = (prepared.scene.surfaces.iter()).map(|surface| printable(&surface.name));
-    let width = names.clone().map(|name| name.chars().count()).max().unwrap_or(0);
+    let names: Vec<String> = (prepared.scene.surfaces.iter())
+        .map(|surface| printable(&surface.name))
+        .collect();
+    let width = name_width(names.iter().map(String::as_str));
     let _ = writeln!(
         text,
         "mean form factor to {} over the pixels that show a surface",
         printable(target)
     );
-    for (name, mean) in names.zip(means) {
+    for (name, mean) in names.iter().zip(means) {
         match mean.form_factor {
             Some(value) => {
                 let _ = writeln!(text, "{name:width$} {value:>12.9} ({} pixels)", mean.n_pixels);

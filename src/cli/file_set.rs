@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use super::failure::Failure;
 use super::output;
 use crate::report::form_factors::files_of;
+use crate::scene::libraries_of;
 use crate::whole_file;
 
 /// The files of a command, each with what it is.
@@ -50,6 +51,15 @@ impl FileSet {
     /// Adds a file that is read.
     pub(super) fn reads(&mut self, what: &str, path: Option<&Path>) -> &mut Self {
         self.read.extend(path.map(|path| (what.to_owned(), path.to_owned())));
+        self
+    }
+
+    /// Adds a scene, and the material libraries that it names.
+    pub(super) fn reads_scene(&mut self, path: &Path) -> &mut Self {
+        self.reads("the scene", Some(path));
+        for library in libraries_of(path) {
+            self.reads("a material library of the scene", Some(&library));
+        }
         self
     }
 

@@ -11,12 +11,12 @@ use super::failure::Failure;
 use super::file_set::FileSet;
 use super::pipeline::{Computed, Fineness, Prepared, Run};
 use super::storage::{Storage, limit_byte};
-use super::{Outcome, merge};
+use super::{Outcome, merge, name_width};
 use crate::form_factor::{ExactMethod, sky_of_surfaces};
 use crate::matrix::{Layout, Place, Precision, StorageChoice, SurfaceRow};
 use crate::mesh::Subdivision;
 use crate::plan::byte_text;
-use crate::printable::counted;
+use crate::printable::{counted, printable};
 use crate::report::form_factors::{FormFactorReport, Format};
 use crate::report::memory_used_byte;
 use crate::scene::{Scene, SurfaceId};
@@ -97,7 +97,7 @@ fn files(args: &FormFactorsArgs) -> FileSet {
         files.writes_form_factors(path);
     }
     files.keeps("the checkpoint", args.storage.checkpoint.as_deref());
-    files.reads("the scene", Some(&args.scene));
+    files.reads_scene(&args.scene);
     files
 }
 
@@ -250,8 +250,9 @@ fn describe(text: &mut String, prepared: &Prepared, computed: &Computed, table: 
             return;
         }
     };
-    let names: Vec<&str> = prepared.scene.surfaces.iter().map(|s| s.name.as_str()).collect();
-    let width = names.iter().map(|name| name.chars().count()).max().unwrap_or(0);
+    let names: Vec<String> = prepared.scene.surfaces.iter().map(|s| printable(&s.name)).collect();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let width = name_width(names.iter().copied());
     let _ = writeln!(
         text,
         "\nform factors from row to column, what no face receives (lost) and what of it escapes (sky), and the greatest estimated error of each row"
@@ -326,7 +327,7 @@ fn heads_width(names: &[&str]) -> usize {
         let heads: BTreeSet<String> = names.iter().map(|name| shortened(name, *width)).collect();
         heads.len() == names.len()
     };
-    let longest = names.iter().map(|name| name.chars().count()).max().unwrap_or(0);
+    let longest = name_width(names.iter().copied());
     (9..longest).find(all_differ).unwrap_or(longest.max(9))
 }
 

@@ -192,7 +192,7 @@ impl Sequence {
             .filter(|(_, f)| f.pose == number)
             .collect();
         let mut prepared = run.posed(as_loaded, &self.poses[number])?;
-        let gains = run.solver_entry(&args.solver)?.gains_by_reciprocity();
+        let gains = run.gains_by_reciprocity(&args.solver)?;
         let needs_symmetry = run.wants_symmetry(args.method.balance)? || gains;
         let fineness = Fineness {
             default_rays: DEFAULT_RAYS,
@@ -415,7 +415,7 @@ fn ready(args: &RenderArgs, file: &Path, wanted: Vec<frames::Frame>, prepared: &
     let mut lighting_files: Vec<Option<PathBuf>> = Vec::new();
     let mut files = FileSet::default();
     files.keeps("the checkpoint", args.storage.checkpoint.as_deref());
-    files.reads("the scene", Some(&args.scene));
+    files.reads_scene(&args.scene);
     files.reads("the list of frames", Some(file));
     let mut lightings = Vec::new();
     let mut poses: Vec<Pose> = Vec::new();

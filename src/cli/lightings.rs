@@ -17,7 +17,7 @@ use crate::mesh::Patch;
 use crate::plan::Plan;
 use crate::report::solution::SolutionReport;
 use crate::scene::{Lighting, Scene};
-use crate::solver::Solution;
+use crate::solver::{ChannelQuality, Solution};
 
 /// The lightings of `solve`, with what is written for each.
 pub(super) struct Lightings {
@@ -191,14 +191,20 @@ impl Stack {
         run.lighting_files = repeated.collect();
     }
 
-    /// Returns what of the solution of all lightings belongs to lighting `k`. Why the solver stopped, the residuals and the bound are those of all together, which hold for each: a residual of one
-    /// alone would have to be calculated anew, with as many digits as the solver's own.
+    /// Returns what of the solution of all lightings belongs to lighting `k`. The passes, and what happened in them, are those of all together.
     pub(super) fn solution(&self, k: usize, all: &Solution) -> Solution {
         let own = &self.channels[k];
+        let channels = all.channels[own.clone()].to_vec();
+        let quality = ChannelQuality::of_all(&channels, all.stop_reason);
         Solution {
             radiosity: channels_of(&all.radiosity, own),
             irradiance: channels_of(&all.irradiance, own),
             energy: all.energy[own.clone()].to_vec(),
+            stop_reason: quality.stop_reason,
+            residual_l2: quality.residual_l2,
+            residual_max_power: quality.residual_max_power,
+            error_bound: quality.error_bound,
+            channels,
             ..all.clone()
         }
     }

@@ -204,6 +204,13 @@ fn printed(write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> bool {
     }
 }
 
+/// Returns the width of a column of names: that of the longest, but for those that would fill lines of their own.
+fn name_width<'a>(names: impl IntoIterator<Item = &'a str>) -> usize {
+    const MOST: usize = 60;
+    let lengths = names.into_iter().map(|name| name.chars().count());
+    lengths.max().unwrap_or(0).min(MOST)
+}
+
 /// Returns a number for a column of a table: with six decimals where these say what it is, else in scientific notation.
 fn cell(value: f64) -> String {
     let size = value.abs();

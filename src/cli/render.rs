@@ -59,7 +59,7 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let mut files = FileSet::default();
     files.writes_picture("output", &args.output);
     files.keeps("the checkpoint", args.storage.checkpoint.as_deref());
-    files.reads("the scene", Some(&args.scene));
+    files.reads_scene(&args.scene);
     files.reads("the camera", args.image.view.camera_file()).check()?;
     let mut prepared = run.prepare(
         &args.scene,
@@ -181,7 +181,7 @@ fn solve_scene(
             error: None,
         });
     }
-    let needs_symmetry = run.solver_entry(&args.solver)?.gains_by_reciprocity();
+    let needs_symmetry = run.gains_by_reciprocity(&args.solver)?;
     let fineness = Fineness {
         default_rays: DEFAULT_RAYS,
         tolerance: args.form_factor_tolerance,

@@ -13,9 +13,10 @@ use super::lightings::{Lightings, with_suffix};
 use super::pipeline::{Computed, Fineness, Prepared, Run, repairs};
 use super::stated::Stated;
 use super::storage::Storage;
-use super::{Outcome, cell, lightings, merge, reuse};
+use super::{Outcome, cell, lightings, merge, name_width, reuse};
 use crate::form_factor::ExactMethod;
 use crate::mesh::Subdivision;
+use crate::printable::{counted, printable};
 use crate::report::form_factors::{FormFactorFile, files_of};
 use crate::report::solution::{Format, SolutionReport};
 use crate::solver::{Solution, StopReason};
@@ -61,7 +62,7 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
         let (solution, _) = super::on_the_fly::solve(run, &mut prepared, &request)?;
         return finish(args, run, &prepared, None, &solution);
     }
-    let needs_symmetry = run.solver_entry(&args.solver)?.gains_by_reciprocity();
+    let needs_symmetry = run.gains_by_reciprocity(&args.solver)?;
     let computed = match &file {
         None => run.form_factors(&mut prepared, &args.method, fineness(args), needs_symmetry)?,
         Some(file) => {
@@ -96,7 +97,7 @@ fn files(args: &SolveArgs) -> Result<FileSet, Failure> {
         None => {}
     }
     files.keeps("the checkpoint", args.storage.checkpoint.as_deref());
-    files.reads("the scene", Some(&args.scene));
+    files.reads_scene(&args.scene);
     for file in args.form_factors.iter().flat_map(|path| files_of(path)) {
         files.reads("the form factors", Some(&file));
     }
@@ -150,9 +151,9 @@ fn finish(
     let mut text = run.explanation(prepared);
     let _ = writeln!(
         text,
-        "{} patches on {} surfaces",
+        "{} patches on {}",
         prepared.mesh.n_patches(),
-        prepared.scene.surfaces.len()
+        counted(prepared.scene.surfaces.len(), "surface")
     );
     if let Some(computed) = computed {
         describe_checks(&mut text, computed);
@@ -221,7 +222,7 @@ pub(super) fn solver_line(asked: &str, solution: &Solution, stated: Stated) -> S
         .error_bound
         .map_or("unknown".to_owned(), |bound| format!("{bound:.1e}"));
     let with_factors = match stated {
-        Stated::Relative(error) => format!(", with the form factors' own errors about {error:.1e}"),
+        Stated::Relative(error) => format!(", with the form factors' own errors about {error:.1e}, the mesh's aside"),
         Stated::TooGreat => ", with the form factors' own errors unknown: they are not exact enough".to_owned(),
         Stated::Untold => String::new(),
     };
@@ -246,9 +247,9 @@ pub(super) fn describe(text: &mut String, prepared: &Prepared, solver: &str, sol
     }
     let _ = writeln!(text, "\nmean radiosity by surface, W/m²");
     let surfaces = prepared.surface_means(&solution.radiosity);
-    let names = prepared.scene.surfaces.iter().map(|s| s.name.as_str());
-    let width = names.clone().map(|name| name.chars().count()).max().unwrap_or(0);
-    for (name, mean) in names.zip(&surfaces) {
+    let names: Vec<String> = prepared.scene.surfaces.iter().map(|s| printable(&s.name)).collect();
+    let width = name_width(names.iter().map(String::as_str));
+    for (name, mean) in names.iter().zip(&surfaces) {
         let _ = write!(text, "{name:width$}");
         for value in mean {
             let _ = write!(text, " {}", cell(*value));

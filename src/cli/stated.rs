@@ -38,6 +38,11 @@ impl Run {
     /// Makes one number of the estimated errors of radiosities, and warns where they are too great for one.
     pub(super) fn stated(&self, prepared: &Prepared, error: Option<&Block>, solution: &Solution) -> Stated {
         let Some(error) = error else {
+            if solution.error_bound.is_none() && solution.stop_reason == StopReason::Converged {
+                self.warn_once(
+                    "no bound on the error of the radiosities can be proved: reflectances and sums of form factors are too near 1, or above; `--solver direct` has the least residual",
+                );
+            }
             return Stated::Untold;
         };
         let of_channels = relative_errors(&prepared.mesh.areas(), error, &solution.radiosity);
@@ -48,7 +53,7 @@ impl Run {
         if solution.stop_reason == StopReason::Converged {
             self.warn_once(
                 "the form factors are not exact enough for reflectances this near 1: the radiosities may be off by as much as they are or more; compute the form factors with a smaller tolerance or \
-                 more rays, or lower the reflectances",
+                 more rays, keep them in f64, or lower the reflectances",
             );
         }
         Stated::TooGreat

@@ -8,7 +8,7 @@ use super::args::VerifyArgs;
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::pipeline::expect_room;
-use super::{Outcome, SCHEMA_VERSION, merge};
+use super::{Outcome, SCHEMA_VERSION, merge, name_width};
 use crate::printable::printable;
 use crate::render::exr::reading_byte;
 use crate::render::verify::{LayerCheck, LayerReport, VerifyError, VerifyReport, verify};
@@ -115,13 +115,7 @@ fn describe(report: &VerifyReport) -> String {
         );
     }
     describe_layers(&mut text, &report.layers);
-    let width = report
-        .walls
-        .iter()
-        .map(|wall| wall.name.chars().count())
-        .max()
-        .unwrap_or(0)
-        .max(4);
+    let width = name_width(report.walls.iter().map(|wall| wall.name.as_str())).max(4);
     let _ = writeln!(
         text,
         "\n{:width$} {:>17} {:>17} {:>10} {:>10} {:>10} {:>10}",

@@ -38,6 +38,7 @@ pub use camera::Camera;
 pub use error::SceneError;
 pub use lighting::Lighting;
 pub use motion::{Motion, MotionError, Names, Pose};
+pub(crate) use mtl::libraries_of;
 pub use obj::{DEFAULT_REFLECTANCE, LoadOptions, Loaded, load, load_with};
 pub(crate) use rounding::SLACK_PER_CORNER;
 pub use warning::SceneWarning;

@@ -3,6 +3,8 @@
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::fmt::Write as _;
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use super::lines::{Statement, for_each_statement, read_text};
@@ -125,6 +127,35 @@ fn files_of(name: &str, scene_file: &Path) -> Vec<PathBuf> {
     let found = files_named(name, scene_file);
     if found.is_empty() && name.contains('\\') {
         return files_named(&name.replace('\\', "/"), scene_file);
+    }
+    found
+}
+
+/// Bytes of a line that are read at once.
+const LONGEST_LINE: u64 = 1 << 16;
+
+/// Returns the libraries that a scene file names, as far as they exist, without reading the scene; none of what can be read only once.
+pub(crate) fn libraries_of(scene_file: &Path) -> Vec<PathBuf> {
+    let is_file = std::fs::metadata(scene_file).is_ok_and(|data| data.is_file());
+    let Some(file) = is_file.then(|| File::open(scene_file).ok()).flatten() else {
+        return Vec::new();
+    };
+    let mut found = Vec::new();
+    let (mut reader, mut line) = (BufReader::new(file), Vec::new());
+    // What has no ends of lines is no scene, and need not fit in memory.
+    while (&mut reader)
+        .take(LONGEST_LINE)
+        .read_until(b'\n', &mut line)
+        .is_ok_and(|n_read| n_read > 0)
+    {
+        let rest = line
+            .trim_ascii()
+            .strip_prefix(b"mtllib")
+            .filter(|rest| rest.starts_with(b" ") || rest.starts_with(b"\t"));
+        if let Some(name) = rest.and_then(|name| std::str::from_utf8(name.trim_ascii()).ok()) {
+            found.extend(files_of(name, scene_file));
+        }
+        line.clear();
     }
     found
 }

@@ -7,7 +7,7 @@ use crate::matrix::roundings;
 /// Passes over F that may be spent on finding a vector that proves a bound.
 const MAX_PASSES: usize = 16;
 
-/// Returns a bound of ‖B − B*‖ / ‖B*‖ in the norm sqrt(Σ A x²), the worst channel, or `None` if none can be proved.
+/// Returns for each channel a bound of ‖B − B*‖ / ‖B*‖ in the norm sqrt(Σ A x²), or `None` if none can be proved.
 ///
 /// Let G = I − diag(ρ) F with F ≥ 0, r = E − G B, and v > 0 any vector with G v > 0. Then G⁻¹ ≥ 0 (G is an M-matrix) and,
 /// because |r| ≤ m G v with m = max_j |r_j| / (G v)_j,
@@ -27,11 +27,14 @@ const MAX_PASSES: usize = 16;
 /// the error of solving, not that of the form factors.
 /// Source: Berman and Plemmons, "Nonnegative Matrices in the Mathematical Sciences", chapter 6, theorem 2.3, for the M-matrix.
 /// Departures: none.
-pub(super) fn relative(scaled: &Scaled, radiosity: &Block, truth: &TrueResidual) -> Option<f64> {
+pub(super) fn relative(scaled: &Scaled, radiosity: &Block, truth: &TrueResidual) -> Vec<Option<f64>> {
     let system = scaled.system;
+    let mut bounds: Vec<_> = (0..system.n_channels())
+        .map(|c| scaled.is_dark(c).then_some(0.0))
+        .collect();
     let lit: Vec<usize> = (0..system.n_channels()).filter(|&c| !scaled.is_dark(c)).collect();
     let (Some(proof), _) = Proof::find(scaled, &lit) else {
-        return lit.is_empty().then_some(0.0);
+        return bounds;
     };
     let reciprocal = system.operator().reciprocal_areas().is_some_and(|areas| {
         let pairs = areas.iter().zip(system.areas());
@@ -41,7 +44,6 @@ pub(super) fn relative(scaled: &Scaled, radiosity: &Block, truth: &TrueResidual)
     let residual = with_rounding(scaled, radiosity, truth);
     let (norm_r, norm_b) = (l2(&scaled.areas, &residual), l2(&scaled.areas, radiosity));
     let norm_v = l2(&scaled.areas, &proof.v);
-    let mut worst: f64 = 0.0;
     for c in lit {
         // 1 − λ itself: what is left of it after it was taken from 1 may be rounding.
         let (mut m, mut gap, mut rho_max) = (0.0_f64, 1.0_f64, 0.0_f64);
@@ -58,12 +60,9 @@ pub(super) fn relative(scaled: &Scaled, radiosity: &Block, truth: &TrueResidual)
         }
         // ‖B*‖ ≥ ‖B‖ − ‖B − B*‖.
         let relative = bound / (norm_b[c] - bound);
-        if !(relative.is_finite() && relative >= 0.0) {
-            return None;
-        }
-        worst = worst.max(relative);
+        bounds[c] = (relative.is_finite() && relative >= 0.0).then_some(relative);
     }
-    Some(worst)
+    bounds
 }
 
 /// Returns for each channel a bound of the eigenvalues of diag(ρ) F in absolute value, λ = max_i (ρ F v)_i / v_i with the vector v above, and the

@@ -87,7 +87,7 @@ pub(super) trait Iteration {
 /// When the running estimate meets the tolerance, the true residual is calculated with one more pass over F, and the iteration
 /// restarts from it where it does not meet the tolerance; two such checks in a row that differ by less than a factor of 2 end it as
 /// [`StopReason::Stagnated`], unless the method goes by the light under way. Radiosities that meet the tolerance and are negative somewhere, though nothing emits less than nothing, are set to
-/// 0 there; if they still meet the tolerance they are the solution, else the iteration goes on, and ends as [`StopReason::Diverged`] if it
+/// E there; if they still meet the tolerance they are the solution, else the iteration goes on, and ends as [`StopReason::Diverged`] if it
 /// does not get far closer: B ≥ 0 with (I − diag(ρ) F) B = E ≥ 0 is what shows that the system is one of light (an M-matrix).
 /// Where rounding decides whether the tolerance is met, the residual is calculated with twice the digits. Where the tolerance is not met, the best radiosities of each channel are returned, not the last.
 #[expect(clippy::too_many_lines, reason = "one loop, whose branches all end or continue it")]
@@ -120,7 +120,7 @@ pub(super) fn run<I: Iteration>(
         if !recorder.note(0, 0.0, &first.norms, false, || iteration.radiosity()) {
             (gave_up, done) = (StopReason::Interrupted, true);
         }
-        if !done && let Some(reason) = watch.observe(checked_before, None) {
+        if !done && let Some(reason) = watch.observe(&excess, None) {
             (gave_up, done) = (reason, true);
         }
         if !done && options.max_passes > 0 {
@@ -186,7 +186,7 @@ pub(super) fn run<I: Iteration>(
             }
         }
         excess = tolerance.excess(&norms);
-        if !(I::NEVER_RISES && matches!(tolerance, Tolerance::ResidualL2(_))) {
+        if !(I::NEVER_RISES && scaled.is_one_room() && matches!(tolerance, Tolerance::ResidualL2(_))) {
             best.observe(&excess, || iteration.radiosity());
         }
         if worst(&excess) <= 1.0 {
@@ -217,7 +217,7 @@ pub(super) fn run<I: Iteration>(
                 }
             }
         }
-        let reason = watch.observe(worst(&excess), iteration.under_way());
+        let reason = watch.observe(&excess, iteration.under_way());
         if let Some(reason) = reason.or(stagnated.then_some(StopReason::Stagnated)) {
             gave_up = reason;
             break;
@@ -254,7 +254,7 @@ pub(super) fn run<I: Iteration>(
 enum Mended {
     /// None is negative, or they may be.
     NotNeeded,
-    /// Some were, and are 0 now; the tolerance is still met.
+    /// Some were, and are E now; the tolerance is still met.
     Done(Block, TrueResidual),
     /// Some are, by more than the tolerance explains.
     Impossible,
@@ -265,8 +265,11 @@ fn mend(scaled: &Scaled, tolerance: Tolerance, mut radiosity: Block, n_checks: &
     if scaled.system.is_signed() || values.iter().all(|b| *b >= 0.0 || b.is_nan()) {
         return Mended::NotNeeded;
     }
-    for b in values {
-        *b = b.max(0.0);
+    // Nothing is darker than what it emits.
+    for (b, e) in values.iter_mut().zip(scaled.exitance.values()) {
+        if *b < 0.0 {
+            *b = *e;
+        }
     }
     let truth = scaled.true_residual(&radiosity);
     let truth = scaled.sharpened(tolerance, &radiosity, truth);

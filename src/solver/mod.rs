@@ -61,7 +61,7 @@ pub use overshooting::Overshooting;
 pub use pcg::Pcg;
 pub use progressive_refinement::ProgressiveRefinement;
 pub use registry::{SolverSettings, solver};
-pub use solution::{Choice, Solution};
+pub use solution::{ChannelQuality, Choice, Solution};
 pub use sor::Sor;
 pub use start::Start;
 pub use stop::{StopReason, Tolerance};

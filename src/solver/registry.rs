@@ -207,10 +207,13 @@ impl SolverEntry {
         Ok(self.build(settings))
     }
 
-    /// Tells whether it needs symmetric exchange areas, or is better off with them.
+    /// Tells whether it needs symmetric exchange areas with these settings, or is better off with them.
     #[must_use]
-    pub fn gains_by_reciprocity(&self) -> bool {
-        self.needs_reciprocity || self.name == "auto"
+    pub fn gains_by_reciprocity(&self, settings: &SolverSettings) -> bool {
+        // Lanczos steps find the spectrum of a symmetric matrix.
+        let measures_spectrum =
+            self.settings.contains(&Setting::Bounds) && matches!(settings.bounds, Some(SpectrumBounds::Lanczos(_)));
+        self.needs_reciprocity || self.name == "auto" || measures_spectrum
     }
 
     /// Returns the solver with the given settings; those that it has no use for are passed over.

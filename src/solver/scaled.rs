@@ -20,6 +20,76 @@ pub(super) struct Scaled<'a> {
     pub(super) exitance: Block,
     /// sqrt(Σ A E²) of each channel.
     exitance_l2: Vec<f64>,
+    /// `None` where all patches are in one room.
+    rooms: Option<Rooms<'a>>,
+}
+
+/// The patches room by room (component by component): between them no light passes.
+struct Rooms<'a> {
+    labels: &'a [u32],
+    /// max |E| over each room, \[rooms, c\].
+    units: Block,
+    /// sqrt(Σ A E²) over each room in its unit, \[rooms, c\]; 0 where it emits nothing.
+    exitance_l2: Block,
+}
+
+impl<'a> Rooms<'a> {
+    fn of(system: &'a RadiositySystem, areas: &[f64], exitance: &Block) -> Option<Self> {
+        let components = system.components();
+        if components.n_components == 1 {
+            return None;
+        }
+        let labels = components.labels.as_slice();
+        let mut units = Block::zeros(components.n_components, exitance.n_channels());
+        for (i, &label) in labels.iter().enumerate() {
+            let of_room = units.row_mut(label as usize).iter_mut();
+            of_room
+                .zip(exitance.row(i))
+                .for_each(|(unit, e)| *unit = unit.max(e.abs()));
+        }
+        let mut rooms = Self {
+            labels,
+            exitance_l2: units.clone(),
+            units,
+        };
+        rooms.exitance_l2 = rooms.l2(areas, exitance);
+        Some(rooms)
+    }
+
+    /// Returns sqrt(Σ A x²) over each room in its unit; 0 where it emits nothing.
+    fn l2(&self, areas: &[f64], x: &Block) -> Block {
+        let mut sums = Block::zeros(self.units.n_rows(), x.n_channels());
+        for (i, (&label, area)) in self.labels.iter().zip(areas).enumerate() {
+            let terms = x.row(i).iter().zip(self.units.row(label as usize));
+            for (sum, (x, unit)) in sums.row_mut(label as usize).iter_mut().zip(terms) {
+                if *unit > 0.0 {
+                    *sum += area * (x / unit).powi(2);
+                }
+            }
+        }
+        sums.values_mut().iter_mut().for_each(|sum| *sum = sum.sqrt());
+        sums
+    }
+
+    /// Returns the greatest of the relative norms of the rooms that emit, for each channel, and of `least`; not a number where one is not.
+    fn worst(&self, areas: &[f64], residual: &Block, least: &[f64]) -> Vec<f64> {
+        let norms = self.l2(areas, residual);
+        let mut greatest = least.to_vec();
+        for room in 0..norms.n_rows() {
+            for (c, most) in greatest.iter_mut().enumerate() {
+                let (norm, light) = (norms.row(room)[c], self.exitance_l2.row(room)[c]);
+                if light > 0.0 && !most.is_nan() {
+                    let relative = norm / light;
+                    *most = if relative.is_nan() {
+                        relative
+                    } else {
+                        most.max(relative)
+                    };
+                }
+            }
+        }
+        greatest
+    }
 }
 
 /// Norms of a residual in each channel.
@@ -27,6 +97,8 @@ pub(super) struct Scaled<'a> {
 pub(super) struct Norms {
     /// sqrt(Σ A r² / Σ A E²); 0 where r and E are zero.
     pub(super) l2: Vec<f64>,
+    /// The greatest of the same over all patches and over each room that emits.
+    pub(super) room_l2: Vec<f64>,
     /// max |r_i A_i|, W.
     pub(super) max_power: Vec<f64>,
     /// max |r_i|, W·m⁻².
@@ -41,6 +113,7 @@ impl Norms {
         let both = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(&a, &b)| combine(a, b)).collect();
         Self {
             l2: both(&self.l2, &other.l2),
+            room_l2: both(&self.room_l2, &other.room_l2),
             max_power: both(&self.max_power, &other.max_power),
             max: both(&self.max, &other.max),
             euclidean: both(&self.euclidean, &other.euclidean),
@@ -69,11 +142,17 @@ impl<'a> Scaled<'a> {
         for_each_channel(&mut exitance, system.exitance_units(), |e, unit| *e /= unit);
         let exitance_l2 = l2(&areas, &exitance);
         Self {
+            rooms: Rooms::of(system, &areas, &exitance),
             system,
             areas,
             exitance,
             exitance_l2,
         }
+    }
+
+    /// Tells whether all patches are in one room.
+    pub(super) fn is_one_room(&self) -> bool {
+        self.rooms.is_none()
     }
 
     /// Returns zeros in the shape of B.
@@ -247,7 +326,9 @@ impl<'a> Scaled<'a> {
                 *norm /= self.exitance_l2[c];
             }
         }
+        let of_rooms = |rooms: &Rooms| rooms.worst(&self.areas, residual, &relative);
         Norms {
+            room_l2: self.rooms.as_ref().map_or_else(|| relative.clone(), of_rooms),
             l2: relative,
             max_power,
             max,

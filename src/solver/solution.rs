@@ -35,6 +35,8 @@ pub struct Solution {
     /// A bound of the relative error ‖B − B*‖ / ‖B‖, ‖x‖² = Σ A x², the worst channel; B* solves the system exactly.
     /// `None` where none can be proved: see the error of the form factors for the rest.
     pub error_bound: Option<f64>,
+    /// What of this holds of each channel by itself.
+    pub channels: Vec<ChannelQuality>,
     /// What happened pass by pass; the last entry holds the true residual of what is returned.
     pub history: Vec<HistoryEntry>,
     /// B with an estimate of the light that is still under way, W·m⁻², \[n, c\], for pictures before convergence; where the solver has one.
@@ -45,6 +47,43 @@ pub struct Solution {
     pub energy: Vec<Energy>,
     /// The solver that [`Auto`](super::Auto) chose; `None` for the others.
     pub choice: Option<Choice>,
+}
+
+/// How good one channel of a [`Solution`] is. The channels of a system know nothing of each other.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ChannelQuality {
+    /// [`StopReason::Converged`] where this channel meets the tolerance, whatever the others do.
+    pub stop_reason: StopReason,
+    /// sqrt(Σ A r² / Σ A E²).
+    pub residual_l2: f64,
+    /// max |r_i A_i|, W.
+    pub residual_max_power: f64,
+    /// See [`Solution::error_bound`].
+    pub error_bound: Option<f64>,
+}
+
+impl ChannelQuality {
+    /// Of a channel in which nothing reflects.
+    const EXACT: Self = Self {
+        stop_reason: StopReason::Converged,
+        residual_l2: 0.0,
+        residual_max_power: 0.0,
+        error_bound: Some(0.0),
+    };
+
+    /// Returns what holds of several channels together; where some did not converge, it is for the reason of `all`.
+    pub(crate) fn of_all(channels: &[Self], all: StopReason) -> Self {
+        let worst_of = |norm: fn(&Self) -> f64| worst(&channels.iter().map(norm).collect::<Vec<_>>());
+        let converged = channels.iter().all(|own| own.stop_reason == StopReason::Converged);
+        Self {
+            stop_reason: if converged { StopReason::Converged } else { all },
+            residual_l2: worst_of(|own| own.residual_l2),
+            residual_max_power: worst_of(|own| own.residual_max_power),
+            error_bound: channels
+                .iter()
+                .try_fold(0.0, |most: f64, own| Some(most.max(own.error_bound?))),
+        }
+    }
 }
 
 /// A solver, and why it was chosen.
@@ -64,6 +103,7 @@ impl Solution {
     pub fn without_reflection(exitance: Block) -> Self {
         Self {
             irradiance: Block::zeros(exitance.n_rows(), exitance.n_channels()),
+            channels: vec![ChannelQuality::EXACT; exitance.n_channels()],
             radiosity: exitance,
             stop_reason: StopReason::Converged,
             n_passes: 0,
@@ -111,7 +151,7 @@ impl Solution {
     }
 
     /// Returns the solution with [`display`](Self::display), where there is any, in the place of B, and with the irradiance, the residuals, the bound and the energy of that. Why the solver stopped
-    /// and what happened on the way are as before. `system`: that which was solved; one pass over F.
+    /// and what happened on the way are as before. A solution that has converged stays as it is where the estimate is further from it. `system`: that which was solved; one pass over F.
     ///
     /// # Errors
     /// [`SolverError::Disk`] if F cannot be read.
@@ -122,14 +162,19 @@ impl Solution {
         let scaled = Scaled::new(system);
         let radiosity = scaled.from_si(display);
         let truth = scaled.true_residual(&radiosity);
-        let error_bound = error_bound::relative(&scaled, &radiosity, &truth);
+        let channels = qualities(&scaled, &radiosity, &truth, |c| self.channels[c].stop_reason);
         expect_readable(system.operator())?;
+        let quality = ChannelQuality::of_all(&channels, self.stop_reason);
+        if self.stop_reason == StopReason::Converged && quality.residual_l2 > self.residual_l2 {
+            return Ok(self);
+        }
         let (radiosity, irradiance) = (scaled.to_si(radiosity), scaled.to_si(truth.irradiance));
         Ok(Self {
             energy: Energy::of(system, &radiosity, &irradiance),
-            residual_l2: worst(&truth.norms.l2),
-            residual_max_power: worst(&truth.norms.max_power),
-            error_bound,
+            residual_l2: quality.residual_l2,
+            residual_max_power: quality.residual_max_power,
+            error_bound: quality.error_bound,
+            channels,
             radiosity,
             irradiance,
             ..self
@@ -147,20 +192,36 @@ impl Solution {
         (n_passes, n_checks): (usize, usize),
         recorder: Recorder,
     ) -> Result<Self, SolverError> {
-        let error_bound = error_bound::relative(scaled, &radiosity, &truth);
-        // Whatever went wrong on the way, nothing that rests on it is returned.
-        expect_readable(scaled.system.operator())?;
-        let met = worst(&tolerance.excess(&truth.norms)) <= 1.0;
-        let (radiosity, irradiance) = (scaled.to_si(radiosity), scaled.to_si(truth.irradiance));
+        let excess = tolerance.excess(&truth.norms);
         let signed = scaled.system.is_signed();
-        let impossible = |b: &f64| !b.is_finite() || (met && !signed && *b < 0.0);
-        let stop_reason = if gave_up == StopReason::Diverged || radiosity.values().iter().any(impossible) {
+        let n_channels = radiosity.n_channels();
+        let met = worst(&excess) <= 1.0;
+        let mut possible = vec![true; n_channels];
+        for (k, b) in radiosity.values().iter().enumerate() {
+            let c = k % n_channels;
+            // In the unit of the exitance, out of range in its own.
+            let is_light = (b * scaled.system.exitance_units()[c]).is_finite() && (signed || *b >= 0.0 || !met);
+            possible[c] &= is_light;
+        }
+        let stop_reason = if gave_up == StopReason::Diverged || possible.contains(&false) {
             StopReason::Diverged
         } else if met {
             StopReason::Converged
         } else {
             gave_up
         };
+        let of_channel = |c: usize| {
+            if excess[c] <= 1.0 && possible[c] {
+                StopReason::Converged
+            } else {
+                stop_reason
+            }
+        };
+        let channels = qualities(scaled, &radiosity, &truth, of_channel);
+        // Whatever went wrong on the way, nothing that rests on it is returned.
+        expect_readable(scaled.system.operator())?;
+        let quality = ChannelQuality::of_all(&channels, stop_reason);
+        let (radiosity, irradiance) = (scaled.to_si(radiosity), scaled.to_si(truth.irradiance));
         Ok(Self {
             energy: Energy::of(scaled.system, &radiosity, &irradiance),
             choice: None,
@@ -171,12 +232,30 @@ impl Solution {
             n_checks,
             setup_work: recorder.setup.work,
             setup_s: recorder.setup.time_s,
-            residual_l2: worst(&truth.norms.l2),
-            residual_max_power: worst(&truth.norms.max_power),
-            error_bound,
+            residual_l2: quality.residual_l2,
+            residual_max_power: quality.residual_max_power,
+            error_bound: quality.error_bound,
+            channels,
             history: recorder.entries,
             display: None,
             selections: Vec::new(),
         })
     }
+}
+
+/// Returns what holds of each channel of radiosities in solver units; `stop_reason` tells why the work on it ended.
+fn qualities(
+    scaled: &Scaled,
+    radiosity: &Block,
+    truth: &TrueResidual,
+    stop_reason: impl Fn(usize) -> StopReason,
+) -> Vec<ChannelQuality> {
+    let bounds = error_bound::relative(scaled, radiosity, truth);
+    let of_channel = |(c, error_bound)| ChannelQuality {
+        stop_reason: stop_reason(c),
+        residual_l2: truth.norms.l2[c],
+        residual_max_power: truth.norms.max_power[c],
+        error_bound,
+    };
+    bounds.into_iter().enumerate().map(of_channel).collect()
 }

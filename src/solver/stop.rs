@@ -10,7 +10,8 @@ use super::scaled::Norms;
 /// The quantity that has to fall below a threshold, in every channel, with the residual r = E − (I − diag(ρ) F) B.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Tolerance {
-    /// sqrt(Σ A r² / Σ A E²), relative: neither the unit of length nor that of light matters.
+    /// sqrt(Σ A r² / Σ A E²), relative: neither the unit of length nor that of light matters. Over all patches, and over each set of them that exchanges light with no others: what a bright room
+    /// leaves unsolved may be all the light of a dim one beside it.
     ResidualL2(f64),
     /// max |r_i A_i|, in W: Baranoski, Bramley and Shirley 1995, equation (25). Departures: none.
     ResidualMaxPower(f64),
@@ -43,7 +44,7 @@ impl Tolerance {
     /// Returns by what factor each channel's residual exceeds the tolerance: at most 1 where it is met, infinity where it is not a number.
     pub(super) fn excess(self, norms: &Norms) -> Vec<f64> {
         let measured = match self {
-            Self::ResidualL2(_) => &norms.l2,
+            Self::ResidualL2(_) => &norms.room_l2,
             Self::ResidualMaxPower(_) => &norms.max_power,
             Self::ResidualMax(_) => &norms.max,
         };
@@ -84,9 +85,17 @@ impl fmt::Display for StopReason {
 /// Growth of the residual, over its first value, that counts as divergence.
 const DIVERGED_FROM: f64 = 1e8;
 
-/// Watches the worst channel's excess over the tolerance from pass to pass, or what a method lowers in its place.
+/// Watches the excess over the tolerance from pass to pass, channel by channel, or what a method lowers in its place.
+///
+/// Channels are apart: one that stands still does not end the work on others.
 pub(super) struct Watch {
     patience: usize,
+    channels: Vec<Course>,
+}
+
+/// How one channel has gone.
+#[derive(Clone)]
+struct Course {
     limit: Option<f64>,
     best: f64,
     last: f64,
@@ -95,20 +104,17 @@ pub(super) struct Watch {
     n_rises: usize,
 }
 
-impl Watch {
-    pub(super) fn new(patience: usize) -> Self {
-        Self {
-            patience,
-            limit: None,
-            best: f64::INFINITY,
-            last: f64::INFINITY,
-            passes_since_best: 0,
-            n_rises: 0,
-        }
-    }
+impl Course {
+    const NEW: Self = Self {
+        limit: None,
+        best: f64::INFINITY,
+        last: f64::INFINITY,
+        passes_since_best: 0,
+        n_rises: 0,
+    };
 
-    /// Takes in one pass, and tells why to give up, if so. `under_way` is what has to fall, where it is not the excess.
-    pub(super) fn observe(&mut self, excess: f64, under_way: Option<f64>) -> Option<StopReason> {
+    /// Takes in one pass, and tells why to give the channel up, if so.
+    fn observe(&mut self, excess: f64, under_way: Option<f64>, patience: usize) -> Option<StopReason> {
         let limit = *self.limit.get_or_insert(DIVERGED_FROM * excess.max(1.0));
         if !excess.is_finite() || excess > limit {
             return Some(StopReason::Diverged);
@@ -122,13 +128,45 @@ impl Watch {
         }
         self.n_rises = if measure > self.last { self.n_rises + 1 } else { 0 };
         self.last = measure;
-        let patience = self.patience.max(1);
         let reason = if 2 * self.n_rises >= patience {
             StopReason::Diverged
         } else {
             StopReason::Stagnated
         };
         (self.passes_since_best >= patience).then_some(reason)
+    }
+}
+
+impl Watch {
+    pub(super) fn new(patience: usize) -> Self {
+        Self {
+            patience: patience.max(1),
+            channels: Vec::new(),
+        }
+    }
+
+    /// Takes in one pass, and tells why to give up, if so: where a channel is beyond all numbers, and where each that does not meet the tolerance has got nowhere for long. `under_way` is what has to
+    /// fall, where it is not the excess.
+    pub(super) fn observe(&mut self, excess: &[f64], under_way: Option<f64>) -> Option<StopReason> {
+        self.channels.resize(excess.len(), Course::NEW);
+        let mut all = Some(None);
+        for (course, &excess) in self.channels.iter_mut().zip(excess) {
+            let reason = course.observe(excess, under_way, self.patience);
+            if !excess.is_finite() || course.limit.is_some_and(|limit| excess > limit) {
+                return Some(StopReason::Diverged);
+            }
+            if excess > 1.0 {
+                all = match (all, reason) {
+                    (Some(None), Some(reason)) => Some(Some(reason)),
+                    (Some(Some(other)), Some(reason)) => {
+                        let grows = [other, reason].contains(&StopReason::Diverged);
+                        Some(Some(if grows { StopReason::Diverged } else { other }))
+                    }
+                    (_, None) | (None, _) => None,
+                };
+            }
+        }
+        all.flatten()
     }
 }
 
@@ -148,7 +186,7 @@ mod tests {
     /// Returns what the watch says of a sequence, and after how many.
     fn verdict(patience: usize, excess: impl Fn(i32) -> f64) -> Option<(i32, StopReason)> {
         let mut watch = Watch::new(patience);
-        (0..200).find_map(|k| watch.observe(excess(k), None).map(|reason| (k, reason)))
+        (0..200).find_map(|k| watch.observe(&[2.0 * excess(k)], None).map(|reason| (k, reason)))
     }
 
     #[test]
@@ -173,6 +211,18 @@ mod tests {
         assert_eq!(verdict(0, |_| 1.0), Some((1, StopReason::Stagnated)));
         // The residual's norm rises while light that is under way is used up.
         let mut watch = Watch::new(3);
-        assert!((0..100).all(|k| watch.observe(1.0 + f64::from(k), Some(0.9_f64.powi(k))).is_none()));
+        assert!((0..100).all(|k| watch.observe(&[2.0 + f64::from(k)], Some(0.9_f64.powi(k))).is_none()));
+    }
+
+    #[test]
+    fn a_channel_that_stands_still_does_not_end_the_others() {
+        let mut watch = Watch::new(10);
+        let falls = |k: i32| 1e6 * 0.9_f64.powi(k);
+        let stopped = (0..300).find_map(|k| watch.observe(&[5.0, falls(k)], None).map(|reason| (k, reason)));
+        // 1e6 0.9^k is below 1 from k = 132 on.
+        assert_eq!(stopped, Some((132, StopReason::Stagnated)));
+        let mut watch = Watch::new(10);
+        let stopped = (0..300).find_map(|k| watch.observe(&[f64::from(k).exp2(), falls(k)], None));
+        assert_eq!(stopped, Some(StopReason::Diverged));
     }
 }

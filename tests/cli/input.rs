@@ -228,6 +228,9 @@ fn an_output_is_no_other_file_of_its_command() {
     }
     std::fs::write(path("lamp.toml"), "[surface.x0]\nexitance = 2.0\n").unwrap();
     std::fs::write(path("frames.toml"), "[[frame]]\nname = \"a\"\n").unwrap();
+    let scene = std::fs::read_to_string(path("scene.obj")).unwrap();
+    std::fs::write(path("scene.obj"), scene + "mtllib library.png\n").unwrap();
+    std::fs::write(path("library.png"), "").unwrap();
     for (arguments, words) in [
         (
             "render scene.obj -o z.exr --checkpoint z.png",
@@ -256,6 +259,10 @@ fn an_output_is_no_other_file_of_its_command() {
         (
             "voxel scene.obj --voxels 8 --radius 2 --link-file same.png -o same.exr",
             "same.png: the preview of the output and the link file",
+        ),
+        (
+            "render scene.obj --width 8 -o library.exr",
+            "library.png: the preview of the output and a material library of the scene",
         ),
         (
             "field scene.obj --surface x0 --camera kept.png -o kept.exr",

@@ -9,6 +9,7 @@ use super::{Computed, Prepared, Run};
 use crate::audit::{self, Given};
 use crate::cli::args::SolverArgs;
 use crate::cli::failure::Failure;
+use crate::matrix::Precision;
 use crate::matrix::operator::{Block, LinearOperator};
 use crate::mesh::{Hierarchy, Mesh};
 use crate::plan::Plan;
@@ -16,8 +17,11 @@ use crate::progress::Progress;
 use crate::scene::SurfaceId;
 use crate::solver::registry::SolverEntry;
 use crate::solver::{
-    self, RadiositySystem, Solution, SolveOptions, SolverError, SolverSettings, StopReason, Tolerance,
+    self, RadiositySystem, Solution, SolveOptions, SolverError, SolverSettings, StopReason, Tolerance, relative_errors,
 };
+
+/// The relative change of radiosities by the rounding of form factors from which it is told: far above what every solution is off for its tolerance.
+const ROUNDING_TOLD_FROM: f64 = 1e-4;
 
 /// Tells a solver whether to go on.
 pub(in crate::cli) fn go_on(progress: &dyn Progress) -> ControlFlow<()> {
@@ -59,6 +63,12 @@ impl Run {
         let entry = solver::registry::by_name(&args.solver)?;
         entry.checked(&self.solver_settings(args, entry))?;
         Ok(entry)
+    }
+
+    /// Tells whether the solver, as it is set, needs symmetric exchange areas, or is better off with them.
+    pub(in crate::cli) fn gains_by_reciprocity(&self, args: &SolverArgs) -> Result<bool, Failure> {
+        let entry = self.solver_entry(args)?;
+        Ok(entry.gains_by_reciprocity(&self.solver_settings(args, entry)))
     }
 
     /// Returns the settings that the flags give a solver.
@@ -108,17 +118,34 @@ impl Run {
         (reflectance, exitance): (&Block, &Block),
         solution: &Solution,
     ) -> Result<Option<Block>, Failure> {
-        if !computed.errors_known {
+        let is_rounded = computed.factors.storage().precision == Precision::F32;
+        if !computed.errors_known && !is_rounded {
             return Ok(None);
         }
         let carried = self.times.time("error", || {
             solver::carried_error(&computed.factors, reflectance, exitance, solution)
         });
         match carried {
-            Ok(error) => Ok(Some(error)),
+            Ok(error) if computed.errors_known => Ok(Some(error)),
+            Ok(of_rounding) => Ok(self.unless_rounded_away(computed, of_rounding, solution)),
             Err(error @ SolverError::Disk(_)) => Err(error.into()),
             Err(_) => Ok(None),
         }
+    }
+
+    /// Warns where the rounding of form factors to f32, all that is known of their errors, counts; returns the error where nothing is known of the solution for that.
+    fn unless_rounded_away(&mut self, computed: &Computed, error: Block, solution: &Solution) -> Option<Block> {
+        let relative = relative_errors(computed.factors.areas(), &error, &solution.radiosity);
+        if !relative.iter().all(|share| share.is_finite()) {
+            return Some(error);
+        }
+        let relative = relative.into_iter().fold(0.0, f64::max);
+        if relative > ROUNDING_TOLD_FROM {
+            self.warn_once(&format!(
+                "kept in f32, the form factors are rounded, which may change the radiosities by {relative:.1e} of themselves: use `--precision f64`"
+            ));
+        }
+        None
     }
 
     /// Says of a system without a finite solution which surface of which file it is about, and what helps; `surface` is that of an unknown.

@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 
 use serde_json::{Value, json};
 
-use crate::cli::cell;
 use crate::cli::pipeline::Run;
+use crate::cli::{cell, name_width};
 use crate::matrix::operator::Block;
 use crate::printable::printable;
 use crate::scene::Scene;
@@ -180,7 +180,7 @@ const LISTED: usize = 40;
 pub(super) fn describe_surfaces(text: &mut String, scene: &Scene, voxels: &VoxelScene, radiosity: &Block) {
     let (_, _, means) = surface_means(scene, voxels, radiosity);
     let _ = writeln!(text, "\nmean radiosity by surface, W/m²");
-    let width = scene.surfaces.iter().map(|s| s.name.chars().count()).max().unwrap_or(0);
+    let width = name_width(scene.surfaces.iter().map(|s| s.name.as_str()));
     for (surface, mean) in scene.surfaces.iter().zip(&means).take(LISTED) {
         let _ = write!(text, "{:width$}", printable(&surface.name));
         for value in mean {

@@ -4,6 +4,7 @@ use super::rooms;
 use crate::experiment::ExperimentError;
 use crate::matrix::operator::{Block, LinearOperator, RowAccess};
 use crate::matrix::{FormFactors, Layout, Precision, StorageChoice, Weighting};
+use crate::solver::{RadiositySystem, SolverError};
 
 /// What has to come of a case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,6 +66,16 @@ impl Case {
             operator: Box::new(room),
             signed: false,
             expected: Expected::Solution,
+        }
+    }
+
+    /// Returns the system, where it is accepted.
+    pub(super) fn system(&self) -> Result<RadiositySystem<'_>, SolverError> {
+        let (areas, reflectance, exitance) = (self.areas.clone(), self.reflectance.clone(), self.exitance.clone());
+        if self.signed {
+            RadiositySystem::with_signed_exitance(&*self.operator, areas, reflectance, exitance)
+        } else {
+            RadiositySystem::new(&*self.operator, areas, reflectance, exitance)
         }
     }
 

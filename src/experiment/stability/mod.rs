@@ -149,12 +149,7 @@ fn try_all(seed: u64, n_runs: RangeInclusive<usize>, progress: &dyn Progress) ->
 }
 
 fn try_case(case: &Case, n_runs: &RangeInclusive<usize>, progress: &dyn Progress) -> Vec<Cell> {
-    let (areas, reflectance, exitance) = (case.areas.clone(), case.reflectance.clone(), case.exitance.clone());
-    let system = if case.signed {
-        RadiositySystem::with_signed_exitance(&*case.operator, areas, reflectance, exitance)
-    } else {
-        RadiositySystem::new(&*case.operator, areas, reflectance, exitance)
-    };
+    let system = case.system();
     let judge = system
         .as_ref()
         .map(|accepted| (accepted, Oracle::new(accepted, case.signed)));
@@ -166,10 +161,10 @@ fn try_case(case: &Case, n_runs: &RangeInclusive<usize>, progress: &dyn Progress
         }
     };
     let mut trials: Vec<Trial> = SOLVERS.iter().map(Trial::new).collect();
-    // By turns, so that where the allocator puts the vectors of a run, and a machine that changes its pace, matter to all solvers alike.
+    // Each with a system of its own, as a user has: some of what solvers ask of a system is kept there. By turns, so that where the allocator puts the vectors of a run, and a machine that changes its pace, matter to all solvers alike.
     while trials.iter().any(|trial| !trial.is_over(n_runs)) {
         for trial in trials.iter_mut().filter(|trial| !trial.is_over(n_runs)) {
-            trial.run(accepted);
+            trial.run(&case.system().expect("it was accepted before"));
             if trial.is_over(n_runs) {
                 progress.advance(1);
             }
