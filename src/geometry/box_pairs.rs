@@ -1,4 +1,4 @@
-//! All pairs of boxes that overlap, without looking at all pairs.
+//! All pairs of boxes that overlap, and all boxes that overlap another one, without looking at all of them.
 
 use glam::DVec3;
 
@@ -6,12 +6,14 @@ use glam::DVec3;
 const LEAF: usize = 8;
 
 /// A tree of groups of boxes.
+#[derive(Clone, Debug)]
 struct Group {
     low: DVec3,
     high: DVec3,
     content: Content,
 }
 
+#[derive(Clone, Debug)]
 enum Content {
     Faces(Vec<u32>),
     Halves(Box<[Group; 2]>),
@@ -27,6 +29,30 @@ pub(crate) fn overlapping_pairs(boxes: Vec<(DVec3, DVec3)>, mut visit: impl FnMu
     }
 }
 
+/// Boxes that are asked for one at a time which of them overlap another one.
+#[derive(Clone, Debug)]
+pub(crate) struct BoxTree {
+    boxes: Boxes,
+    root: Group,
+}
+
+impl BoxTree {
+    /// Takes the boxes by their least and greatest corners. Work: O(n log n).
+    pub(crate) fn new(boxes: Vec<(DVec3, DVec3)>) -> Self {
+        let boxes = Boxes(boxes);
+        let root = boxes.group((0..).take(boxes.0.len()).collect());
+        Self { boxes, root }
+    }
+
+    /// Calls `visit` once for each of the boxes that overlaps or touches `other`, by its place in the list.
+    ///
+    /// Work: O(log n) and the number of boxes found, for boxes that are small beside the space that they fill.
+    pub(crate) fn overlapping(&self, other: (DVec3, DVec3), visit: &mut impl FnMut(u32)) {
+        self.boxes.overlapping(&self.root, other, visit);
+    }
+}
+
+#[derive(Clone, Debug)]
 struct Boxes(Vec<(DVec3, DVec3)>);
 
 impl Boxes {
@@ -88,6 +114,20 @@ impl Boxes {
         }
     }
 
+    /// Visits the faces of a group whose boxes overlap a box.
+    fn overlapping(&self, group: &Group, other: (DVec3, DVec3), visit: &mut impl FnMut(u32)) {
+        if !overlap((group.low, group.high), other) {
+            return;
+        }
+        match &group.content {
+            Content::Faces(faces) => {
+                let found = faces.iter().filter(|&&face| overlap(self.0[face as usize], other));
+                found.for_each(|&face| visit(face));
+            }
+            Content::Halves(halves) => halves.iter().for_each(|half| self.overlapping(half, other, visit)),
+        }
+    }
+
     fn pair(&self, a: u32, b: u32, visit: &mut impl FnMut(u32, u32)) {
         if overlap(self.0[a as usize], self.0[b as usize]) {
             visit(a, b);
@@ -105,10 +145,9 @@ mod tests {
 
     use super::*;
 
-    #[test]
-    fn the_pairs_are_those_of_a_double_loop_each_once() {
-        // Boxes of very different sizes.
-        let boxes: Vec<(DVec3, DVec3)> = (0..300)
+    /// Boxes of very different sizes.
+    fn boxes() -> Vec<(DVec3, DVec3)> {
+        (0..300)
             .map(|i| {
                 let x = f64::from(i * 37 % 41);
                 let y = f64::from(i * 59 % 43);
@@ -116,7 +155,12 @@ mod tests {
                 let corner = DVec3::new(x, y, 0.1 * x);
                 (corner, corner + size)
             })
-            .collect();
+            .collect()
+    }
+
+    #[test]
+    fn the_pairs_are_those_of_a_double_loop_each_once() {
+        let boxes = boxes();
         let mut found = Vec::new();
         overlapping_pairs(boxes.clone(), |a, b| found.push((a.min(b), a.max(b))));
         let mut expected = BTreeSet::new();
@@ -133,5 +177,20 @@ mod tests {
         );
         assert_eq!(found.len(), expected.len());
         assert_eq!(found.into_iter().collect::<BTreeSet<_>>(), expected);
+    }
+
+    #[test]
+    fn a_tree_finds_what_a_loop_finds_each_once() {
+        let boxes = boxes();
+        for n in [0, 1, 7, 300] {
+            let tree = BoxTree::new(boxes[..n].to_vec());
+            for &other in &boxes {
+                let mut found = Vec::new();
+                tree.overlapping(other, &mut |k| found.push(k as usize));
+                found.sort_unstable();
+                let expected: Vec<usize> = (0..n).filter(|&k| overlap(boxes[k], other)).collect();
+                assert_eq!(found, expected);
+            }
+        }
     }
 }

@@ -245,14 +245,14 @@ fn interpolation_has_no_seam_at_t_junctions() {
     }
 }
 
-/// A floor from (0, 0) to (4, 2), bright left of x = 2 and dark right of it, and a wall on that line up to y = 1.
-fn floor_with(wall: [DVec3; 4], floor: &[[[f64; 2]; 4]]) -> Scene {
+/// A floor from (0, 0) to (4, 2), bright left of x = 2 and dark right of it, and walls on that line.
+fn floor_with(walls: &[[DVec3; 4]], floor: &[[[f64; 2]; 4]]) -> Scene {
     let mut vertices: Vec<DVec3> = Vec::new();
     let mut faces = Vec::new();
     for quad in floor
         .iter()
         .map(|quad| quad.map(|[x, y]| DVec3::new(x, y, 0.0)))
-        .chain([wall])
+        .chain(walls.iter().copied())
     {
         let first = u32::try_from(vertices.len()).unwrap();
         vertices.extend(quad);
@@ -323,9 +323,9 @@ fn values_do_not_leak_through_walls() {
     ] {
         let wall = wall(low, high, lean);
         for source in [
-            floor_with(wall, &[whole]),
-            floor_with(wall, &halves),
-            welded(floor_with(wall, &halves)),
+            floor_with(&[wall], &[whole]),
+            floor_with(&[wall], &halves),
+            welded(floor_with(&[wall], &halves)),
         ] {
             for turn in [DQuat::IDENTITY, DQuat::from_euler(glam::EulerRot::XYZ, 0.3, 1.1, -2.0)] {
                 let mut turned = source.clone();
@@ -341,7 +341,7 @@ fn values_do_not_leak_through_walls() {
         [[2.0, 0.0], [4.0, 0.0], [4.0, 1.0], [2.0, 1.0]],
         [[2.0, 1.0], [4.0, 1.0], [4.0, 2.0], [2.0, 2.0]],
     ];
-    let source = floor_with(wall(0.0, 1.0, 0.0), &quarters);
+    let source = floor_with(&[wall(0.0, 1.0, 0.0)], &quarters);
     let mesh = Mesh::new(&source, Subdivision::Uniform(2)).unwrap();
     let at = |from_left, y| floor_value(&source, &mesh, DQuat::IDENTITY, from_left, [2.0, y]);
     for y in [0.0, 0.3, 0.5] {
@@ -353,12 +353,96 @@ fn values_do_not_leak_through_walls() {
 }
 
 #[test]
+fn walls_of_several_faces_part_as_those_of_one_do_and_doors_do_not() {
+    let whole = [[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [0.0, 2.0]];
+    let halves = [
+        [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]],
+        [[2.0, 0.0], [4.0, 0.0], [4.0, 2.0], [2.0, 2.0]],
+    ];
+    let sevenths: Vec<[f64; 2]> = (0..7)
+        .map(|k| [f64::from(k), f64::from(k + 1)].map(|y| y / 7.0))
+        .collect();
+    let fortieths: Vec<[f64; 2]> = (0..40)
+        .map(|k| [f64::from(k), f64::from(k + 1)].map(|y| y / 40.0))
+        .collect();
+    // Patches have vertices at multiples of a quarter. For each wall, by its panels: where the floor is parted, and where it is not.
+    let cases: [(&[[f64; 2]], &[f64], &[f64]); 8] = [
+        (
+            &[[0.0, 0.25], [0.25, 0.5], [0.5, 1.0]],
+            &[0.0, 0.4, 0.75],
+            &[1.0, 1.5, 2.0],
+        ),
+        (
+            &[[0.0, 0.125], [0.125, 0.6], [0.6, 1.0]],
+            &[0.0, 0.4, 0.75],
+            &[1.0, 1.5],
+        ),
+        (&sevenths, &[0.0, 0.1, 0.4, 0.75], &[1.0, 1.5]),
+        (&fortieths, &[0.0, 0.1, 0.4, 0.75], &[1.0, 1.5]),
+        // Panels that overlap, in no order and of either sense.
+        (&[[0.5, 1.0], [0.3, 0.0], [0.6, 0.1]], &[0.0, 0.4, 0.75], &[1.0, 1.5]),
+        // Doors over edges of several patches, and inside that of one.
+        (
+            &[[0.0, 0.4], [0.4, 0.75], [1.25, 1.6], [1.6, 2.0]],
+            &[0.0, 0.4, 0.5, 1.5, 2.0],
+            &[0.75, 0.9, 1.0, 1.25],
+        ),
+        (
+            &[[0.0, 0.4], [0.4, 0.85], [0.9, 1.3], [1.3, 2.0]],
+            &[0.0, 0.5, 1.25, 2.0],
+            &[0.75, 0.85, 0.875, 1.0],
+        ),
+        // One that is missing at each joint.
+        (
+            &[[0.0, 0.1], [0.15, 0.35], [0.4, 0.6], [0.65, 0.85], [0.9, 1.0]],
+            &[],
+            &[0.0, 0.2, 0.25, 0.5, 1.0],
+        ),
+    ];
+    for (panels, parted, joined) in cases {
+        for low in [0.0, -0.5] {
+            let corners = |[from, to]: [f64; 2]| {
+                [(from, low), (to, low), (to, 1.0), (from, 1.0)].map(|(y, z)| DVec3::new(2.0, y, z))
+            };
+            let walls: Vec<[DVec3; 4]> = panels.iter().copied().map(corners).collect();
+            let mut sources = vec![floor_with(&walls, &[whole]), floor_with(&walls, &halves)];
+            // Panels in triangles meet the floor in one line and a point, or in two lines.
+            let mut triangles = sources[0].clone();
+            for face in triangles.faces.split_off(1) {
+                if let Corners::Quad([a, b, c, d]) = face.corners {
+                    triangles.faces.extend([[a, b, c], [a, c, d]].map(|corners| Face {
+                        corners: Corners::Triangle(corners),
+                        ..face
+                    }));
+                }
+            }
+            sources.push(triangles);
+            for source in sources {
+                for turn in [DQuat::IDENTITY, DQuat::from_euler(glam::EulerRot::XYZ, 0.3, 1.1, -2.0)] {
+                    let mut turned = source.clone();
+                    turned.vertices.iter_mut().for_each(|v| *v = turn * *v);
+                    let mesh = Mesh::new(&turned, Subdivision::Uniform(8)).unwrap();
+                    for (places, expected) in [(parted, [1.0, 0.0]), (joined, [0.5, 0.5])] {
+                        for &y in places {
+                            for (from_left, wanted) in [(true, expected[0]), (false, expected[1])] {
+                                let found = floor_value(&source, &mesh, turn, from_left, [2.0, y]);
+                                assert!((found - wanted).abs() < 1e-6, "{panels:?} {low} {turn} {y}: {found}");
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
 fn a_wall_that_goes_away_parts_nothing_and_one_that_comes_does() {
     let standing = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].map(|(y, z)| DVec3::new(2.0, y, z));
     let floor = [[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [0.0, 2.0]];
     let value = |source: &Scene, mesh: &Mesh| floor_value(source, mesh, DQuat::IDENTITY, true, [2.0, 0.25]);
     let shifted = |by: f64| {
-        let mut source = floor_with(standing.map(|v| v + by * DVec3::Z), &[floor]);
+        let mut source = floor_with(&[standing.map(|v| v + by * DVec3::Z)], &[floor]);
         source.surfaces.push(Surface { name: "wall".into() });
         source.faces[1].surface = SurfaceId(1);
         let mesh = Mesh::new(&source, Subdivision::Uniform(4)).unwrap();

@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use super::planes::{DisjointSets, FaceEdge, flat_joints};
 use super::{Mesh, Patch, PatchId};
-use crate::geometry::box_pairs::overlapping_pairs;
+use crate::geometry::box_pairs::{BoxTree, overlapping_pairs};
 use crate::scene::{Corners, FaceId, Scene};
 
 /// Lines nearer than this part of the scene's size are one: far more than rounding, far less than a patch.
@@ -38,16 +38,23 @@ impl<'a> Walls<'a> {
         self.found.get_or_init(|| Feet::find(self.scene))
     }
 
-    /// Tells whether a wall on one of the faces stands along a line: along the middle half of it at least.
+    /// Tells whether walls on one of the faces or both stand along a line: along the middle half of it at least, without a gap.
     pub(super) fn stand_between(&self, faces: [u32; 2], from: DVec3, to: DVec3) -> bool {
         self.feet().stand_between(faces, from, to)
     }
 }
 
+/// The feet on one face, to find those near a line: a ground has many, and many patches.
+#[derive(Clone, Debug)]
+struct FaceFeet {
+    feet: Vec<Foot>,
+    boxes: BoxTree,
+}
+
 /// The feet of walls by the face that they stand on.
 #[derive(Clone, Debug, Default)]
 struct Feet {
-    on_face: HashMap<u32, Vec<Foot>>,
+    on_face: HashMap<u32, FaceFeet>,
     /// The faces that have a wall elsewhere than along a border that no face of the plane continues.
     parted: HashSet<u32>,
     slack: f64,
@@ -79,8 +86,9 @@ impl Feet {
                 }
             }
         });
+        let on_face = on_face.into_iter();
         let mut feet = Self {
-            on_face,
+            on_face: on_face.map(|(face, feet)| (face, FaceFeet::new(feet))).collect(),
             parted: HashSet::new(),
             slack,
         };
@@ -90,7 +98,7 @@ impl Feet {
             .collect();
         for (&face, here) in &feet.on_face {
             let outline = &outlines[face as usize];
-            for foot in here {
+            for foot in &here.feet {
                 let border = (0..outline.len()).find(|&k| {
                     let edge = Foot {
                         from: outline[k],
@@ -108,12 +116,45 @@ impl Feet {
         feet
     }
 
-    /// Tells whether a wall on one of the faces stands along a line: along the middle half of it at least.
+    /// Tells whether walls on one of the faces or both stand along a line: along the middle half of it at least, without a gap.
     fn stand_between(&self, faces: [u32; 2], from: DVec3, to: DVec3) -> bool {
-        let feet = faces.iter().filter_map(|face| self.on_face.get(face)).flatten();
-        let ends = [from.lerp(to, 0.25), from.lerp(to, 0.75)];
-        feet.into_iter()
-            .any(|foot| ends.iter().all(|&end| foot.distance(end) <= self.slack))
+        let middle = [from.lerp(to, 0.25), from.lerp(to, 0.75)];
+        let near = (
+            middle[0].min(middle[1]) - self.slack,
+            middle[0].max(middle[1]) + self.slack,
+        );
+        let mut is_one = false;
+        // Where walls of several faces stand, as distances from the middle half's start.
+        let mut parts: Vec<[f64; 2]> = Vec::new();
+        for here in faces.iter().filter_map(|face| self.on_face.get(face)) {
+            here.boxes.overlapping(near, &mut |k| {
+                let foot = &here.feet[k as usize];
+                is_one |= middle.iter().all(|&end| foot.distance(end) <= self.slack);
+                if !is_one {
+                    parts.extend(foot.part_along(middle, self.slack));
+                }
+            });
+        }
+        is_one || self.cover(parts, middle[0].distance(middle[1]))
+    }
+
+    /// Tells whether parts of a line cover it from 0 to its length; those that were meant to touch do.
+    fn cover(&self, mut parts: Vec<[f64; 2]>, length: f64) -> bool {
+        parts.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        let without_gap = parts.iter().try_fold(0.0_f64, |reached, &[start, end]| {
+            (start <= reached + self.slack).then_some(reached.max(end))
+        });
+        !parts.is_empty() && without_gap.is_some_and(|reached| reached >= length - self.slack)
+    }
+}
+
+impl FaceFeet {
+    fn new(feet: Vec<Foot>) -> Self {
+        let boxes = feet.iter().map(|foot| (foot.from.min(foot.to), foot.from.max(foot.to)));
+        Self {
+            boxes: BoxTree::new(boxes.collect()),
+            feet,
+        }
     }
 }
 
@@ -126,6 +167,16 @@ impl Foot {
         let along = self.to - self.from;
         let t = ((point - self.from).dot(along) / along.length_squared()).clamp(0.0, 1.0);
         point.distance(self.from + t * along)
+    }
+
+    /// Returns from where to where on a line, in m from its start, the foot stands, if all of it that is beside the line lies on it.
+    fn part_along(&self, [start, end]: [DVec3; 2], slack: f64) -> Option<[f64; 2]> {
+        let length = start.distance(end);
+        let unit = (end - start).try_normalize()?;
+        let [a, b] = [self.from, self.to].map(|point| unit.dot(point - start));
+        let part = [a.min(b).max(0.0), a.max(b).min(length)];
+        let lies_on = |t: &f64| self.distance(start + t * unit) <= slack;
+        (part[0] <= part[1] && part.iter().all(lies_on)).then_some(part)
     }
 }
 
