@@ -182,6 +182,30 @@ fn errors_of_all_orders_are_stated_or_none() {
         assert!(stated.iter().all(|e| e.is_infinite()), "{lost}: {stated:?}");
     }
 }
+/// A small lamp is most of the light, and no part of what an error does to the light between two plates.
+#[test]
+fn a_bright_lamp_does_not_make_errors_small() {
+    let lost = 0.016;
+    let factors = |between: f64| {
+        let mut tile = RowTile::new(0);
+        tile.push_row(&[(1, between, lost), (2, 1e-4, 0.0)], RowTally::default());
+        tile.push_row(&[(0, between, lost)], RowTally::default());
+        tile.push_row(&[(0, 0.5, 0.0)], RowTally::default());
+        FormFactors::from_tiles(vec![1.0, 1.0, 2e-4], [tile], StorageChoice::default()).unwrap()
+    };
+    let rho = Block::from_values(vec![0.95, 0.95, 0.0], 1);
+    let exitance = Block::from_values(vec![0.0, 0.0, 1e6], 1);
+    let (found, stated) = solved(&factors(0.98), &rho, &exitance);
+    let (truth, _) = solved(&factors(0.98 + lost), &rho, &exitance);
+    for i in 0..2 {
+        let off = truth[i] - found[i];
+        assert!(
+            stated[i] >= 0.99 * off && stated[i] < 1.3 * off,
+            "{i}: {off} {}",
+            stated[i]
+        );
+    }
+}
 /// A lamp that no ray of a wall finds is in the dark for that wall, and not for certain.
 #[test]
 fn light_that_no_ray_found_is_stated() {

@@ -366,7 +366,8 @@ fn walls_of_several_faces_part_as_those_of_one_do_and_doors_do_not() {
         .map(|k| [f64::from(k), f64::from(k + 1)].map(|y| y / 40.0))
         .collect();
     // Patches have vertices at multiples of a quarter. For each wall, by its panels: where the floor is parted, and where it is not.
-    let cases: [(&[[f64; 2]], &[f64], &[f64]); 8] = [
+    type Case<'a> = (&'a [[f64; 2]], &'a [f64], &'a [f64]);
+    let cases: [Case; 8] = [
         (
             &[[0.0, 0.25], [0.25, 0.5], [0.5, 1.0]],
             &[0.0, 0.4, 0.75],
@@ -410,8 +411,8 @@ fn walls_of_several_faces_part_as_those_of_one_do_and_doors_do_not() {
             let mut triangles = sources[0].clone();
             for face in triangles.faces.split_off(1) {
                 if let Corners::Quad([a, b, c, d]) = face.corners {
-                    triangles.faces.extend([[a, b, c], [a, c, d]].map(|corners| Face {
-                        corners: Corners::Triangle(corners),
+                    triangles.faces.extend([[a, b, c], [a, c, d]].map(|three| Face {
+                        corners: Corners::Triangle(three),
                         ..face
                     }));
                 }

@@ -194,7 +194,7 @@ pub(super) fn run<I: Iteration>(
                 Mended::NotNeeded => break,
                 Mended::Done(radiosity, exact) => {
                     recorder.note(n_passes, 0.0, &exact.norms, false, || radiosity.clone());
-                    truth = Some(exact);
+                    truth = Some(*exact);
                     mended = Some(radiosity);
                     break;
                 }
@@ -255,7 +255,7 @@ enum Mended {
     /// None is negative, or they may be.
     NotNeeded,
     /// Some were, and are E now; the tolerance is still met.
-    Done(Block, TrueResidual),
+    Done(Block, Box<TrueResidual>),
     /// Some are, by more than the tolerance explains.
     Impossible,
 }
@@ -275,7 +275,7 @@ fn mend(scaled: &Scaled, tolerance: Tolerance, mut radiosity: Block, n_checks: &
     let truth = scaled.sharpened(tolerance, &radiosity, truth);
     *n_checks += 1;
     if worst(&tolerance.excess(&truth.norms)) <= 1.0 {
-        Mended::Done(radiosity, truth)
+        Mended::Done(radiosity, Box::new(truth))
     } else {
         Mended::Impossible
     }

@@ -61,9 +61,9 @@ impl<'a> Rooms<'a> {
         let mut sums = Block::zeros(self.units.n_rows(), x.n_channels());
         for (i, (&label, area)) in self.labels.iter().zip(areas).enumerate() {
             let terms = x.row(i).iter().zip(self.units.row(label as usize));
-            for (sum, (x, unit)) in sums.row_mut(label as usize).iter_mut().zip(terms) {
+            for (sum, (value, unit)) in sums.row_mut(label as usize).iter_mut().zip(terms) {
                 if *unit > 0.0 {
-                    *sum += area * (x / unit).powi(2);
+                    *sum += area * (value / unit).powi(2);
                 }
             }
         }

@@ -150,12 +150,12 @@ impl Watch {
     pub(super) fn observe(&mut self, excess: &[f64], under_way: Option<f64>) -> Option<StopReason> {
         self.channels.resize(excess.len(), Course::NEW);
         let mut all = Some(None);
-        for (course, &excess) in self.channels.iter_mut().zip(excess) {
-            let reason = course.observe(excess, under_way, self.patience);
-            if !excess.is_finite() || course.limit.is_some_and(|limit| excess > limit) {
+        for (course, &own) in self.channels.iter_mut().zip(excess) {
+            let reason = course.observe(own, under_way, self.patience);
+            if !own.is_finite() || course.limit.is_some_and(|limit| own > limit) {
                 return Some(StopReason::Diverged);
             }
-            if excess > 1.0 {
+            if own > 1.0 {
                 all = match (all, reason) {
                     (Some(None), Some(reason)) => Some(Some(reason)),
                     (Some(Some(other)), Some(reason)) => {
@@ -221,8 +221,8 @@ mod tests {
         let stopped = (0..300).find_map(|k| watch.observe(&[5.0, falls(k)], None).map(|reason| (k, reason)));
         // 1e6 0.9^k is below 1 from k = 132 on.
         assert_eq!(stopped, Some((132, StopReason::Stagnated)));
-        let mut watch = Watch::new(10);
-        let stopped = (0..300).find_map(|k| watch.observe(&[f64::from(k).exp2(), falls(k)], None));
-        assert_eq!(stopped, Some(StopReason::Diverged));
+        let mut beyond = Watch::new(10);
+        let ended = (0..300).find_map(|k| beyond.observe(&[f64::from(k).exp2(), falls(k)], None));
+        assert_eq!(ended, Some(StopReason::Diverged));
     }
 }
