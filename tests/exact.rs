@@ -701,6 +701,37 @@ fn a_rounded_sheet_alone_sees_nothing() {
     }
 }
 
+/// Expects the stated errors to hold between a floor and a ceiling with a plate between them, at the origin and in a file with two decimals a kilometre off, where its edge is nearer to
+/// those of patches than rounding tells.
+fn expect_errors_to_hold_a_kilometre_off(plate: [[f64; 3]; 4]) {
+    let mut shapes = Shapes::default();
+    let level = |z: f64| [[0.0, 0.0, z], [4.0, 0.0, z], [4.0, 4.0, z], [0.0, 4.0, z]];
+    shapes.face(&level(0.0).map(DVec3::from_array));
+    let mut ceiling = level(2.0);
+    ceiling.reverse();
+    shapes.face(&ceiling.map(DVec3::from_array));
+    shapes.face(&plate.map(DVec3::from_array));
+    // Without a slanted face all would lie along the axes, and count as meant.
+    shapes.face(&[[10.0, 0.0, 0.0], [11.0, 0.0, 0.5], [11.0, 1.0, 0.25]].map(DVec3::from_array));
+    let scene = shapes.scene();
+    let far = with_decimals(2, &moved(&scene, DQuat::IDENTITY, 1.0, DVec3::new(1000.0, 1000.0, 0.0)));
+    let [near, far] = [scene, far].map(|scene| compute(&Prepared::new(scene, 4), 1e-6).factors);
+    let pairs = (0..64).flat_map(|i| (0..64).map(move |j| (i, j)));
+    let mut most = 0.0_f64;
+    for (i, j) in pairs {
+        let (a, b) = (near.get(i, j), far.get(i, j));
+        let error = near.std_error(i, j) + far.std_error(i, j);
+        assert!((a - b).abs() <= error + 1e-12, "{i} {j}: {a} {b} {error:e}");
+        most = most.max((a - b).abs());
+    }
+    assert!(most > 1e-5, "{most:e}");
+}
+
+#[test]
+fn what_is_left_out_between_patches_alone_is_stated() {
+    expect_errors_to_hold_a_kilometre_off([[1.01, 0.0, 0.0], [1.01, 4.0, 0.0], [1.01, 4.0, 2.0], [1.01, 0.0, 2.0]]);
+}
+
 #[test]
 fn pairs_with_much_in_between_are_what_they_are_as_a_whole() {
     // Nine houses on a ground, and a ceiling.

@@ -28,7 +28,7 @@ use crate::matrix::{Entry, RowTally, RowTile};
 use crate::mesh::PatchId;
 use crate::progress::Progress;
 use crate::scene::FaceId;
-use crate::visibility::blockers::{BlockerId, BlockerIndex, PairVisibility};
+use crate::visibility::blockers::{Between, BlockerId, BlockerIndex, PairVisibility};
 use tables::{LEAST_PAIRS, Table};
 
 /// A batch ends with the first rows that bring it to so many pairs: enough work for some threads even where rows are short.
@@ -84,8 +84,6 @@ pub(super) struct Batches<'a> {
 struct FaceView {
     face: usize,
     known: Known,
-    /// Whether something between them was left out for the rounding of coordinates.
-    touched: bool,
     /// Of the patches of both, which are in front of all of the other's; `None` where pairs are looked at one by one.
     fronts: Option<[Vec<Option<bool>>; 2]>,
 }
@@ -95,7 +93,7 @@ enum Known {
     /// All exchange areas between them are as before a change.
     Kept,
     /// What stands between them.
-    Seen(PairVisibility),
+    Seen(Between),
 }
 
 impl<'a> Batches<'a> {
@@ -242,16 +240,23 @@ impl Batches<'_> {
     }
 
     /// Returns an exchange area, its error with what comes of rounded corners: of those off their patches' planes, and, if something was left out between the two that reaches in between
-    /// by no more than that, of the border of both as wide as corners may be off.
+    /// by no more than that, of the border of both that this may hide, the wider the more obliquely they see each other.
     fn with_rounding(&self, [i, j]: [usize; 2], touched: bool, exchange: Exchange) -> Exchange {
-        let off = self
-            .index
-            .as_ref()
-            .filter(|_| touched)
-            .map_or(0.0, BlockerIndex::corner_error);
-        let borders = self.patches.border(i, off) + self.patches.border(j, off);
+        let slack = self.index.as_ref().filter(|_| touched).map_or(0.0, BlockerIndex::slack);
+        let bent = self.patches.border(i, 0.0) + self.patches.border(j, 0.0);
+        let hidden = if slack > 0.0 {
+            let [from, to] = [i, j].map(|k| {
+                let corners = &self.patches.corners[k];
+                corners.iter().sum::<DVec3>() / corners.len() as f64
+            });
+            let along = (to - from).normalize_or_zero();
+            let of = |k: usize| self.patches.border(k, slack / self.facing.normal(k).dot(along).abs());
+            (of(i) + of(j)).min(1.0)
+        } else {
+            0.0
+        };
         Exchange {
-            error: exchange.error + borders * exchange.area,
+            error: exchange.error + (bent + hidden) * exchange.area,
             ..exchange
         }
     }
@@ -285,6 +290,18 @@ impl Batches<'_> {
         })
     }
 
+    /// Finds what stands between two polygons, `among` some blockers or all.
+    fn between(&self, p: &[DVec3], q: &[DVec3], among: Option<&[BlockerId]>) -> Between {
+        let Some(index) = &self.index else {
+            return Between::certain(PairVisibility::Full);
+        };
+        let found = among.map_or_else(|| index.between(p, q), |among| index.between_among(p, q, among));
+        Between {
+            visibility: whole_where_grazing(index, found.visibility, p, q),
+            ..found
+        }
+    }
+
     /// Looks at a face and all later ones that it faces.
     fn views_of(&self, f: usize) -> Vec<FaceView> {
         if self.progress.is_cancelled() {
@@ -294,13 +311,10 @@ impl Batches<'_> {
         let of_facing = self.tree.after(f).into_iter().filter(|&g| self.faces_face(f, g));
         of_facing
             .map(|g| {
-                let (known, touched) = if !self.any_moved([f, g]) && self.is_kept(hull(f), hull(g)) {
-                    (Known::Kept, false)
-                } else if let Some(index) = &self.index {
-                    let (seen, touched) = index.classify_touched(hull(f), hull(g));
-                    (Known::Seen(whole_where_grazing(index, seen, hull(f), hull(g))), touched)
+                let known = if !self.any_moved([f, g]) && self.is_kept(hull(f), hull(g)) {
+                    Known::Kept
                 } else {
-                    (Known::Seen(PairVisibility::Full), false)
+                    Known::Seen(self.between(hull(f), hull(g), None))
                 };
                 let [own, other] = [f, g].map(|k| self.patches.faces[k].range());
                 let fronts = (own.len() * other.len() >= LEAST_PAIRS).then(|| {
@@ -309,12 +323,7 @@ impl Batches<'_> {
                         self.facing.in_front(own, other),
                     ]
                 });
-                FaceView {
-                    face: g,
-                    known,
-                    touched,
-                    fronts,
-                }
+                FaceView { face: g, known, fronts }
             })
             .collect()
     }
@@ -340,7 +349,6 @@ impl Batches<'_> {
                 fronts: view.fronts.as_ref(),
                 starts: [f, view.face].map(|k| self.patches.faces[k].range().start),
                 may_keep: !self.any_moved([f, view.face]),
-                touched: view.touched,
                 rows,
                 runs: &self.patches.faces[view.face].runs,
                 strip: &mut strip,
@@ -439,7 +447,6 @@ struct Walk<'a> {
     starts: [usize; 2],
     /// True if both faces stayed where they were before a change.
     may_keep: bool,
-    touched: bool,
     rows: &'a Run,
     runs: &'a [Run],
     strip: &'a mut Strip,
@@ -447,30 +454,33 @@ struct Walk<'a> {
 
 impl Walk<'_> {
     /// Deals with a run of columns whose visibility is known; `of_faces` is true if it is that of the rows' whole face.
-    fn settle(&mut self, columns: &Run, view: &PairVisibility, of_faces: bool) {
-        match view {
-            PairVisibility::Full => self.each_facing_pair(columns, Walk::push_full),
+    fn settle(&mut self, columns: &Run, seen: &Between, of_faces: bool) {
+        let touched = seen.touched;
+        match &seen.visibility {
+            PairVisibility::Full => self.each_facing_pair(columns, |walk, i, j| walk.push_full(i, j, touched)),
             PairVisibility::None => self.each_facing_pair(columns, |walk, _, _| walk.strip.counts.hidden += 1),
-            PairVisibility::Partial(among) if of_faces => self.look(columns, among),
+            PairVisibility::Partial(among) if of_faces => self.look(columns, among, touched),
             PairVisibility::Partial(among) => match columns.halves {
                 Some(halves) => {
                     for k in halves {
-                        self.look(&self.runs[k], among);
+                        self.look(&self.runs[k], among, touched);
                     }
                 }
-                None => self.each_facing_pair(columns, |walk, i, j| walk.push_seen(i, j, among)),
+                None => self.each_facing_pair(columns, |walk, i, j| walk.push_seen(i, j, among, touched)),
             },
         }
     }
 
-    /// Classifies the rows against a run of columns.
-    fn look(&mut self, columns: &Run, among: &[BlockerId]) {
+    /// Classifies the rows against a run of columns, of larger ones that are `touched` or not.
+    fn look(&mut self, columns: &Run, among: &[BlockerId], touched: bool) {
         if self.may_keep && self.batches.is_kept(&self.rows.hull, &columns.hull) {
             self.keep(columns);
             return;
         }
-        let view = self.classify(&self.rows.hull, &columns.hull, among);
-        self.settle(columns, &view, false);
+        let mut seen = self.batches.between(&self.rows.hull, &columns.hull, Some(among));
+        // What was left out between the larger ones is asked for no more.
+        seen.touched |= touched;
+        self.settle(columns, &seen, false);
     }
 
     /// Takes over all exchange areas with a run of columns.
@@ -487,12 +497,6 @@ impl Walk<'_> {
             let entry = before[place];
             self.row(i).push(entry);
         }
-    }
-
-    fn classify(&self, p: &[DVec3], q: &[DVec3], among: &[BlockerId]) -> PairVisibility {
-        self.batches.index.as_ref().map_or(PairVisibility::Full, |index| {
-            whole_where_grazing(index, index.classify_among(p, q, among), p, q)
-        })
     }
 
     fn each_facing_pair(&mut self, columns: &Run, mut act: impl FnMut(&mut Self, usize, usize)) {
@@ -518,27 +522,28 @@ impl Walk<'_> {
         }
     }
 
-    fn push_full(&mut self, i: usize, j: usize) {
+    fn push_full(&mut self, i: usize, j: usize, touched: bool) {
         self.strip.counts.full += 1;
         let exchange = self
             .table
             .map_or_else(|| self.batches.kernel(i, j), |table| table.get(i, j));
-        self.push(i, j, self.batches.with_rounding([i, j], self.touched, exchange));
+        self.push(i, j, self.batches.with_rounding([i, j], touched, exchange));
     }
 
-    fn push_seen(&mut self, i: usize, j: usize, among: &[BlockerId]) {
-        let view = if self.rows.patches.len() > 1 {
+    fn push_seen(&mut self, i: usize, j: usize, among: &[BlockerId], touched: bool) {
+        let mut seen = if self.rows.patches.len() > 1 {
             let [p, q] = [i, j].map(|k| self.batches.patches.corners[k].as_slice());
             if self.may_keep && self.batches.is_kept(p, q) {
                 self.push_kept(i, j);
                 return;
             }
-            self.classify(p, q, among)
+            self.batches.between(p, q, Some(among))
         } else {
-            PairVisibility::Partial(among.to_vec())
+            Between::certain(PairVisibility::Partial(among.to_vec()))
         };
-        match view {
-            PairVisibility::Full => self.push_full(i, j),
+        seen.touched |= touched;
+        match seen.visibility {
+            PairVisibility::Full => self.push_full(i, j, seen.touched),
             PairVisibility::None => self.strip.counts.hidden += 1,
             PairVisibility::Partial(blockers) => {
                 self.strip.counts.partial += 1;
@@ -548,7 +553,7 @@ impl Walk<'_> {
                     i,
                     j,
                     place,
-                    touched: self.touched,
+                    touched: seen.touched,
                     blockers: begin..self.strip.blockers.len(),
                 });
                 self.push(i, j, Exchange::default());

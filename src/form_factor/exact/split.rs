@@ -129,7 +129,7 @@ impl Split<'_> {
             halved(cut).map(|half| {
                 let polygons = if k == 0 { [half, q.to_vec()] } else { [p.to_vec(), half] };
                 let [p, q] = polygons.each_ref().map(Vec::as_slice);
-                let found = self.index.classify_among(p, q, among);
+                let found = self.index.classify_cut(p, q, among);
                 let view = whole_where_grazing(self.index, found, p, q);
                 let cost = match &view {
                     PairVisibility::None => 0.0,

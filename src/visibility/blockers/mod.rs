@@ -37,6 +37,24 @@ pub enum PairVisibility {
     Partial(Vec<BlockerId>),
 }
 
+/// What stands between two polygons, and whether that is for certain.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Between {
+    pub(crate) visibility: PairVisibility,
+    /// True if something was left out that reaches in between, by no more than rounded coordinates explain.
+    pub(crate) touched: bool,
+}
+
+impl Between {
+    /// Returns what is so for certain.
+    pub(crate) fn certain(visibility: PairVisibility) -> Self {
+        Self {
+            visibility,
+            touched: false,
+        }
+    }
+}
+
 /// One convex polygon of the index.
 #[derive(Clone, Debug)]
 struct Entry {
@@ -103,9 +121,9 @@ impl BlockerIndex {
         }
     }
 
-    /// Returns how far corners may be off by the rounding of coordinates, in m.
-    pub(crate) fn corner_error(&self) -> f64 {
-        self.slack / SLACK_PER_CORNER
+    /// Returns how far a face may reach in between two others, in m, and be left out for the rounding of coordinates.
+    pub(crate) fn slack(&self) -> f64 {
+        self.slack
     }
 
     /// Returns the number of blockers: of faces that were left after joining.
@@ -132,12 +150,14 @@ impl BlockerIndex {
     /// else ask [`classify_among`](Self::classify_among) for the parts.
     #[must_use]
     pub fn classify(&self, p: &[DVec3], q: &[DVec3]) -> PairVisibility {
-        self.classify_touched(p, q).0
+        self.between(p, q).visibility
     }
 
-    /// Does what [`classify`](Self::classify) does, and tells whether something was left out that reaches in between, by no more than rounded coordinates explain.
-    pub(crate) fn classify_touched(&self, p: &[DVec3], q: &[DVec3]) -> (PairVisibility, bool) {
-        self.classify_with(p, q, |look_at, shaft| self.tree.visit(shaft, |k| look_at(BlockerId(k))))
+    /// Does what [`classify`](Self::classify) does, and tells what was left out for the rounding of coordinates.
+    pub(crate) fn between(&self, p: &[DVec3], q: &[DVec3]) -> Between {
+        self.classify_with(p, q, self.slack, |look_at, shaft| {
+            self.tree.visit(shaft, |k| look_at(BlockerId(k)));
+        })
     }
 
     /// Tells whether two polygons that seem to face each other are two sides of a sheet, which rounded coordinates have parted.
@@ -150,31 +170,38 @@ impl BlockerIndex {
     /// For parts of two larger polygons, whose own blockers are all that can stand between the parts.
     #[must_use]
     pub fn classify_among(&self, p: &[DVec3], q: &[DVec3], among: &[BlockerId]) -> PairVisibility {
-        let look_at_all = |look_at: &mut dyn FnMut(BlockerId) -> bool, _: &Shaft<'_>| {
-            among.iter().all(|&k| look_at(k));
-        };
-        self.classify_with(p, q, look_at_all).0
+        self.between_among(p, q, among).visibility
     }
 
-    /// Looks at blockers until one closes the way.
+    /// Does what [`classify_among`](Self::classify_among) does, and tells what was left out for the rounding of coordinates.
+    pub(crate) fn between_among(&self, p: &[DVec3], q: &[DVec3], among: &[BlockerId]) -> Between {
+        self.classify_with(p, q, self.slack, each_of(among))
+    }
+
+    /// Finds which of the blockers `among` of a pair stand between two parts of it that no corners of the scene bound: nothing was meant to touch these, and nothing is left out for rounding.
+    pub(crate) fn classify_cut(&self, p: &[DVec3], q: &[DVec3], among: &[BlockerId]) -> PairVisibility {
+        self.classify_with(p, q, 0.0, each_of(among)).visibility
+    }
+
+    /// Looks at blockers until one closes the way; what reaches in between by less than `slack`, m, is left out.
     fn classify_with(
         &self,
         p: &[DVec3],
         q: &[DVec3],
+        slack: f64,
         each: impl FnOnce(&mut dyn FnMut(BlockerId) -> bool, &Shaft<'_>),
-    ) -> (PairVisibility, bool) {
-        if self.are_sides_of_a_sheet(p, q) {
-            return (PairVisibility::None, true);
+    ) -> Between {
+        if slack > 0.0 && self.are_sides_of_a_sheet(p, q) {
+            return Between::certain(PairVisibility::None);
         }
-        let Some(shaft) = Shaft::new(p, q, self.slack) else {
-            return (PairVisibility::None, false);
+        let Some(shaft) = Shaft::new(p, q, slack) else {
+            return Between::certain(PairVisibility::None);
         };
         // What lies in the plane of a patch hides nothing from it.
         let is_coplanar = |blocker: &[DVec3]| {
-            let are_level = |end: &[DVec3]| {
-                !is_small(end, self.slack) && is_level(end, blocker, self.slack) && is_level(blocker, end, self.slack)
-            };
-            self.slack > 0.0 && (are_level(p) || are_level(q))
+            let are_level =
+                |end: &[DVec3]| !is_small(end, slack) && is_level(end, blocker, slack) && is_level(blocker, end, slack);
+            slack > 0.0 && (are_level(p) || are_level(q))
         };
         let mut found = Vec::new();
         let mut closed = false;
@@ -205,7 +232,7 @@ impl BlockerIndex {
             found.sort_unstable();
             PairVisibility::Partial(found)
         };
-        (visibility, touched)
+        Between { visibility, touched }
     }
 
     /// Returns how many blockers these are, counting no more than three of one convex solid: as many sides does a box show.
@@ -247,6 +274,13 @@ impl BlockerIndex {
                 }
             })
             .collect()
+    }
+}
+
+/// Returns what looks at some blockers, one after the other.
+fn each_of(among: &[BlockerId]) -> impl FnOnce(&mut dyn FnMut(BlockerId) -> bool, &Shaft<'_>) {
+    |look_at, _| {
+        among.iter().all(|&k| look_at(k));
     }
 }
 

@@ -54,7 +54,7 @@ impl Batches<'_> {
             .flat_map(|f| {
                 let of_face = views[f - faces.start].iter();
                 of_face
-                    .filter(|view| matches!(&view.known, Known::Seen(seen) if *seen != PairVisibility::None))
+                    .filter(|view| matches!(&view.known, Known::Seen(seen) if seen.visibility != PairVisibility::None))
                     .map(move |view| [f, view.face])
             })
             .filter(|key| !tables.contains_key(key))
