@@ -352,6 +352,9 @@ fn values_do_not_leak_through_walls() {
     assert!((at(true, 1.0) - at(false, 1.0)).abs() < 1e-6 && at(true, 1.0) > 0.3);
 }
 
+/// The panels of a wall, and where on it edges are parted and where not.
+type Case<'a> = (&'a [[f64; 2]], &'a [f64], &'a [f64]);
+
 #[test]
 fn walls_of_several_faces_part_as_those_of_one_do_and_doors_do_not() {
     let whole = [[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [0.0, 2.0]];
@@ -366,7 +369,6 @@ fn walls_of_several_faces_part_as_those_of_one_do_and_doors_do_not() {
         .map(|k| [f64::from(k), f64::from(k + 1)].map(|y| y / 40.0))
         .collect();
     // Patches have vertices at multiples of a quarter. For each wall, by its panels: where the floor is parted, and where it is not.
-    type Case<'a> = (&'a [[f64; 2]], &'a [f64], &'a [f64]);
     let cases: [Case; 8] = [
         (
             &[[0.0, 0.25], [0.25, 0.5], [0.5, 1.0]],
