@@ -83,54 +83,107 @@ pub struct Partial {
 #[must_use]
 #[doc(alias = "view factor")]
 pub fn exchange_area(p: &[DVec3], q: &[DVec3], blockers: &[Blocker<'_>], accuracy: Accuracy) -> Partial {
-    exchange_area_below(p, q, blockers, accuracy, f64::INFINITY)
+    let areas = [p, q].map(|side| polygon::area_vector(side).length());
+    let goal = accuracy.tolerance * areas[0].min(areas[1]);
+    let mut begun = Integration::begin([p, q], blockers, goal, accuracy.budget, f64::INFINITY);
+    begun.refine(goal, accuracy.budget);
+    begun.result(goal)
 }
 
-/// Does the same with less work where the exchange area without blockers, `most` (to some per cent), is small against what the tolerance allows.
-pub(super) fn exchange_area_below(
-    p: &[DVec3],
-    q: &[DVec3],
-    blockers: &[Blocker<'_>],
-    accuracy: Accuracy,
-    most: f64,
-) -> Partial {
-    let [area_p, area_q] = [p, q].map(polygon::area_vector);
-    let mut sides = [
-        clip_to_half_space(p, q.first().copied().unwrap_or_default(), area_q),
-        clip_to_half_space(q, p.first().copied().unwrap_or_default(), area_p),
-    ];
-    let without_looking = |value: f64| Partial {
-        exchange_area: value,
-        error: value,
-        n_evaluations: 0,
-        reached: !value.is_nan(),
-    };
-    let mut corners = p.iter().chain(q).chain(blockers.iter().flat_map(|b| b.corners));
-    if !corners.all(|v| v.is_finite()) {
-        return without_looking(f64::NAN);
+/// An integral that more work can be put into.
+pub(super) struct Integration {
+    state: State,
+}
+
+enum State {
+    /// Nothing is gained by more work.
+    Done(Partial),
+    Open(Box<Pieces>),
+}
+
+impl Integration {
+    /// Looks at all cells once; see [`exchange_area`] for the arguments. `goal` is what the error is to be, m², and `most` the exchange area without blockers, to some per cent.
+    pub(super) fn begin([p, q]: [&[DVec3]; 2], blockers: &[Blocker<'_>], goal: f64, budget: usize, most: f64) -> Self {
+        let [area_p, area_q] = [p, q].map(polygon::area_vector);
+        let mut sides = [
+            clip_to_half_space(p, q.first().copied().unwrap_or_default(), area_q),
+            clip_to_half_space(q, p.first().copied().unwrap_or_default(), area_p),
+        ];
+        let mut corners = p.iter().chain(q).chain(blockers.iter().flat_map(|b| b.corners));
+        if !corners.all(|v| v.is_finite()) {
+            return Self::without_looking(f64::NAN);
+        }
+        let smaller_area = area_p.length().min(area_q.length());
+        if smaller_area <= 0.0 || sides.iter().any(|side| side.len() < 3) {
+            return Self::without_looking(0.0);
+        }
+        let mut blockers: Vec<Blocker<'_>> = blockers.iter().filter(|b| b.corners.len() >= 3).copied().collect();
+        let mut normals = [area_p.normalize_or_zero(), area_q.normalize_or_zero()];
+        if !first_receives(&sides, &blockers) {
+            sides.reverse();
+            normals.reverse();
+        }
+        let [corners, target] = sides;
+        // A side of a solid that is only seen from the back hides nothing that its front sides do not.
+        blockers.retain(|blocker| !blocker.one_sided || is_before(&corners, blocker.corners));
+        let view = View {
+            receiver: Receiver::new(corners, normals[0]),
+            target: &target,
+            blockers: &blockers,
+        };
+        let state = match view.coarse(goal, most) {
+            Some(enough) => State::Done(enough),
+            None => State::Open(Box::new(view.first_look(goal, budget))),
+        };
+        Self { state }
     }
-    let smaller_area = area_p.length().min(area_q.length());
-    if smaller_area <= 0.0 || sides.iter().any(|side| side.len() < 3) {
-        return without_looking(0.0);
+
+    fn without_looking(value: f64) -> Self {
+        Self {
+            state: State::Done(Partial {
+                exchange_area: value,
+                error: value,
+                n_evaluations: 0,
+                reached: !value.is_nan(),
+            }),
+        }
     }
-    let mut blockers: Vec<Blocker<'_>> = blockers.iter().filter(|b| b.corners.len() >= 3).copied().collect();
-    let mut normals = [area_p.normalize_or_zero(), area_q.normalize_or_zero()];
-    if !first_receives(&sides, &blockers) {
-        sides.reverse();
-        normals.reverse();
+
+    /// Cuts the worst pieces until the error is within `goal`, m², or there have been `budget` evaluations in all. Returns whether anything was done.
+    pub(super) fn refine(&mut self, goal: f64, budget: usize) -> bool {
+        match &mut self.state {
+            State::Done(_) => false,
+            State::Open(pieces) => pieces.refine(goal, budget),
+        }
     }
-    let goal = accuracy.tolerance * smaller_area;
-    let [corners, target] = sides;
-    // A side of a solid that is only seen from the back hides nothing that its front sides do not.
-    blockers.retain(|blocker| !blocker.one_sided || is_before(&corners, blocker.corners));
-    let receiver = Receiver::new(corners, normals[0]);
-    let view = View {
-        receiver: &receiver,
-        target: &target,
-        blockers: &blockers,
-    };
-    view.coarse(goal, most)
-        .unwrap_or_else(|| view.integrate(goal, accuracy.budget))
+
+    /// Tells whether more work would change anything.
+    pub(super) fn is_open(&self) -> bool {
+        matches!(self.state, State::Open(_))
+    }
+
+    /// Returns the estimate of the error so far, m².
+    pub(super) fn error(&self) -> f64 {
+        match &self.state {
+            State::Done(partial) => partial.error,
+            State::Open(pieces) => pieces.error,
+        }
+    }
+
+    pub(super) fn n_evaluations(&self) -> usize {
+        match &self.state {
+            State::Done(partial) => partial.n_evaluations,
+            State::Open(pieces) => pieces.n_evaluations,
+        }
+    }
+
+    /// Returns what was found, in which `goal`, m², is reached or not.
+    pub(super) fn result(self, goal: f64) -> Partial {
+        match self.state {
+            State::Done(partial) => partial,
+            State::Open(pieces) => pieces.result(goal),
+        }
+    }
 }
 
 /// Decides which polygon is integrated over: the one that is farther from all blockers in units of its own size, because shadows are softer there.
@@ -224,7 +277,7 @@ const LOOSE: f64 = 0.01;
 
 /// A receiver, what it looks at, and what may stand in between.
 struct View<'a> {
-    receiver: &'a Receiver,
+    receiver: Receiver,
     target: &'a [DVec3],
     blockers: &'a [Blocker<'a>],
 }
@@ -272,7 +325,7 @@ impl View<'_> {
         let outer = self.outer();
         let area = polygon_area(&outer);
         let cells = Cells::cut(outer, &[], 0.0, 1);
-        let mut shadows = Shadows::new(self.receiver, self.target, self.blockers, self.size());
+        let mut shadows = Shadows::new(&self.receiver, self.target, self.blockers, self.size());
         let (mut value, mut error, mut n_evaluations) = (0.0, UNSEEN * most, 0);
         for triangle in cells.shapes().flat_map(Shape::triangles) {
             let look = rule::integrate(triangle, f64::INFINITY, |x| {
@@ -290,12 +343,12 @@ impl View<'_> {
         })
     }
 
-    /// Cuts the receiver along the lines of change, and its cells where the error is worst.
-    fn integrate(&self, goal: f64, budget: usize) -> Partial {
+    /// Cuts the receiver along the lines of change, and looks at all cells.
+    fn first_look(self, goal: f64, budget: usize) -> Pieces {
         let (low, high) = bounds(&self.receiver.corners);
         let size = self.size();
         let corners_of_blockers = self.blockers.iter().map(|b| b.corners);
-        let outline = Outline::new(self.receiver, self.target, corners_of_blockers, size);
+        let outline = Outline::new(&self.receiver, self.target, corners_of_blockers, size);
         // A line that is missed by this much changes an integral by its square only.
         let margin = 1e-9 * (high - low).length();
         let is_listed = outline.n_pairs() <= MOST_EVENT_PAIRS;
@@ -309,7 +362,7 @@ impl View<'_> {
             MOST_CELLS.min(budget / (2 * rule::MOST_EVALUATIONS)),
         );
 
-        let mut shadows = Shadows::new(self.receiver, self.target, self.blockers, size);
+        let mut shadows = Shadows::new(&self.receiver, self.target, self.blockers, size);
         let whole = self.without_blockers();
         let is_loose = cells.are_whole() && is_listed && goal >= LOOSE * whole;
         let is_looser = is_loose && goal >= whole && self.blockers_are_convex();
@@ -357,33 +410,63 @@ impl View<'_> {
                 pieces.push(piece);
             }
         }
-        let mut open_error: f64 = pieces.iter().map(|piece: &Piece| piece.estimate.error).sum();
-        while open_error > goal && n_evaluations < budget {
-            let Some(worst) = pieces.pop() else {
+        Pieces {
+            error: pieces.iter().map(|piece: &Piece| piece.estimate.error).sum(),
+            receiver: self.receiver,
+            shadows,
+            enough,
+            queue: pieces,
+            n_evaluations,
+        }
+    }
+}
+
+/// A receiver in pieces, all of which have been looked at.
+struct Pieces {
+    receiver: Receiver,
+    shadows: Shadows,
+    /// The error allowed, by area of the receiver.
+    enough: f64,
+    queue: BinaryHeap<Piece>,
+    error: f64,
+    n_evaluations: usize,
+}
+
+impl Pieces {
+    /// Cuts pieces in two, the one with the greatest error first.
+    fn refine(&mut self, goal: f64, budget: usize) -> bool {
+        let n_before = self.n_evaluations;
+        let mut factor = |x| self.shadows.visible_factor(self.receiver.to_world(x));
+        while self.error > goal && self.n_evaluations < budget {
+            let Some(worst) = self.queue.pop() else {
                 break;
             };
             let mut parts = worst
                 .shape
                 .halves()
-                .map(|corners| Piece::of(corners, rule::integrate(corners, enough, &mut factor)));
+                .map(|corners| Piece::of(corners, rule::integrate(corners, self.enough, &mut factor)));
             // Where the estimate has just been seen to fail, its successors are not trusted either.
             let change = worst.estimate.integral - parts.iter().map(|part| part.estimate.integral).sum::<f64>();
             let excess = change.abs() / worst.estimate.error;
-            open_error -= worst.estimate.error;
+            self.error -= worst.estimate.error;
             for part in &mut parts {
-                n_evaluations += part.estimate.n_evaluations;
+                self.n_evaluations += part.estimate.n_evaluations;
                 let own = &mut part.estimate.error;
                 *own = own.max((*own * excess).min(0.5 * change.abs()));
-                open_error += *own;
+                self.error += *own;
             }
-            pieces.extend(parts);
+            self.queue.extend(parts);
         }
-        let pieces = pieces.into_sorted_vec(); // the small ones first, for the sake of the sums
+        self.n_evaluations > n_before
+    }
+
+    fn result(self, goal: f64) -> Partial {
+        let pieces = self.queue.into_sorted_vec(); // the small ones first, for the sake of the sums
         let error = pieces.iter().map(|piece| piece.estimate.error).sum();
         Partial {
             exchange_area: pieces.iter().map(|piece| piece.estimate.integral).sum(),
             error,
-            n_evaluations,
+            n_evaluations: self.n_evaluations,
             reached: error <= goal,
         }
     }
