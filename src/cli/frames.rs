@@ -367,6 +367,7 @@ impl Solved<'_> {
             .times
             .time("solve", || indirect_irradiance(&computed.factors, &exitance, &own));
         let error = run.carried_error(computed, (&reflectance, &exitance), &own)?;
+        let mesh_error = run.mesh_error(prepared, computed, &reflectance, &own)?;
         let stated = run.stated(prepared, error.as_ref(), &own);
         computed.factors.if_readable(())?;
         let lighting = self.lightings[frame.lighting].as_ref();
@@ -395,6 +396,7 @@ impl Solved<'_> {
             "width": width,
             "height": height,
             "final_gather": gathered,
+            "mesh_error": mesh_error,
             "energy": own.energy,
             "surfaces": prepared.surfaces_with_radiosity(&own),
         });

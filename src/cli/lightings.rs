@@ -78,6 +78,7 @@ pub(super) fn run(
         let (rho, e) = stack.materials(k);
         let own = stack.solution(k, &solution);
         let error = run.carried_error(computed, (&rho, &e), &own)?;
+        let mesh_error = run.mesh_error(&prepared, computed, &rho, &own)?;
         let stated = run.stated(&prepared, error.as_ref(), &own);
         worst = worst.or_worse(stated);
         if let Some(path) = &outputs[k] {
@@ -98,12 +99,14 @@ pub(super) fn run(
             "n_channels": own.radiosity.n_channels(),
             "energy": own.energy,
             "surfaces": prepared.surfaces_with_radiosity(&own),
+            "mesh_error": mesh_error,
             "output": outputs[k].as_ref().map(|path| path.display().to_string()),
         });
         merge(&mut document, solve::quality_to_json(&own, stated));
         documents.push(document);
         let _ = writeln!(text, "\n{name}:");
-        solve::describe(&mut text, &prepared, &args.solver.solver, &own, stated);
+        let solver = &args.solver.solver;
+        solve::describe(&mut text, &prepared, (solver, mesh_error.as_ref()), &own, stated);
     }
     run.progress.finish();
     let mut result = solve::to_json(&prepared, &args.solver.solver, &solution, worst);

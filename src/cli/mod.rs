@@ -10,6 +10,7 @@ mod form_factors;
 mod frames;
 mod interrupt;
 mod lightings;
+mod mesh_error;
 mod on_the_fly;
 mod output;
 mod picture;

@@ -13,6 +13,7 @@ use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::file_set::FileSet;
 use super::form_factors::{checks_to_json, describe_checks};
+use super::mesh_error::MeshError;
 use super::on_the_fly::{self, Request};
 use super::picture::{image_byte, preview_of, shoot};
 use super::pipeline::{Computed, Fineness, Prepared, Run};
@@ -103,6 +104,7 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let stated = run.stated(&prepared, solved.error.as_ref(), &solved.solution);
     let mut result = solve::to_json(&prepared, &solved.solver, &solved.solution, stated);
     result["form_factors"] = solved.computed.as_ref().map_or(Value::Null, checks_to_json);
+    result["mesh_error"] = json!(solved.mesh_error);
     result["image"] = json!(args.output.display().to_string());
     result["preview"] = json!(preview.display().to_string());
     let gathered = settings.gather.map(|gather| GatherReport::new(&image, gather));
@@ -117,7 +119,8 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
     if let Some(computed) = &solved.computed {
         describe_checks(&mut text, computed);
     }
-    solve::describe(&mut text, &prepared, &solved.solver, &solved.solution, stated);
+    let solver = (solved.solver.as_str(), solved.mesh_error.as_ref());
+    solve::describe(&mut text, &prepared, solver, &solved.solution, stated);
     if let Some(report) = gathered {
         let _ = writeln!(
             text,
@@ -157,6 +160,8 @@ struct Solved {
     indirect_irradiance: Option<Block>,
     /// The estimated error of the radiosity, where there are form factors to carry it from.
     error: Option<Block>,
+    /// What a coarser mesh would change, where there are form factors to tell it from.
+    mesh_error: Option<MeshError>,
 }
 
 /// Solves the scene, as far as the picture needs it.
@@ -179,6 +184,7 @@ fn solve_scene(
             computed: None,
             indirect_irradiance: Some(dark),
             error: None,
+            mesh_error: None,
         });
     }
     let needs_symmetry = run.gains_by_reciprocity(&args.solver)?;
@@ -204,6 +210,7 @@ fn solve_scene(
             computed: None,
             indirect_irradiance,
             error: None,
+            mesh_error: None,
         });
     }
     let computed = run.form_factors(prepared, &args.method, fineness, needs_symmetry)?;
@@ -215,6 +222,7 @@ fn solve_scene(
     });
     let (reflectance, exitance) = prepared.materials();
     let error = run.carried_error(&computed, (&reflectance, &exitance), &solution)?;
+    let mesh_error = run.mesh_error(prepared, &computed, &reflectance, &solution)?;
     computed.factors.if_readable(())?;
     Ok(Solved {
         solver: args.solver.solver.clone(),
@@ -222,6 +230,7 @@ fn solve_scene(
         computed: Some(computed),
         indirect_irradiance,
         error,
+        mesh_error,
     })
 }
 

@@ -10,6 +10,7 @@ use super::failure::Failure;
 use super::file_set::FileSet;
 use super::form_factors::{self, DEFAULT_RAYS, checks_to_json, describe_checks};
 use super::lightings::{Lightings, with_suffix};
+use super::mesh_error::MeshError;
 use super::pipeline::{Computed, Fineness, Prepared, Run, repairs};
 use super::stated::Stated;
 use super::storage::Storage;
@@ -125,9 +126,12 @@ fn finish(
     solution: &Solution,
 ) -> Result<Outcome, Failure> {
     let (reflectance, exitance) = prepared.materials();
-    let error = match computed {
-        Some(computed) => run.carried_error(computed, (&reflectance, &exitance), solution)?,
-        None => None,
+    let (error, mesh_error) = match computed {
+        Some(computed) => (
+            run.carried_error(computed, (&reflectance, &exitance), solution)?,
+            run.mesh_error(prepared, computed, &reflectance, solution)?,
+        ),
+        None => (None, None),
     };
     if let Some(path) = &args.output {
         let row_sums = computed.map(|computed| computed.factors.row_sums());
@@ -147,6 +151,7 @@ fn finish(
     run.progress.finish();
     let mut result = to_json(prepared, &args.solver.solver, solution, stated);
     result["form_factors"] = computed.map_or(Value::Null, checks_to_json);
+    result["mesh_error"] = json!(mesh_error);
     let document = run.document_of(prepared, result);
     let mut text = run.explanation(prepared);
     let _ = writeln!(
@@ -158,7 +163,8 @@ fn finish(
     if let Some(computed) = computed {
         describe_checks(&mut text, computed);
     }
-    describe(&mut text, prepared, &args.solver.solver, solution, stated);
+    let solver = &args.solver.solver;
+    describe(&mut text, prepared, (solver, mesh_error.as_ref()), solution, stated);
     run.describe_audit(&mut text);
     run.describe_times(&mut text);
     if let Some(path) = &args.output {
@@ -236,7 +242,13 @@ pub(super) fn solver_line(asked: &str, solution: &Solution, stated: Stated) -> S
 }
 
 /// Describes a solution: how it was reached, and the mean radiosity of each surface; `stated` is the relative error that solver and form factors together state.
-pub(super) fn describe(text: &mut String, prepared: &Prepared, solver: &str, solution: &Solution, stated: Stated) {
+pub(super) fn describe(
+    text: &mut String,
+    prepared: &Prepared,
+    (solver, mesh_error): (&str, Option<&MeshError>),
+    solution: &Solution,
+    stated: Stated,
+) {
     if solver == NO_SOLVER {
         let _ = writeln!(
             text,
@@ -244,6 +256,9 @@ pub(super) fn describe(text: &mut String, prepared: &Prepared, solver: &str, sol
         );
     } else {
         let _ = writeln!(text, "{}", solver_line(solver, solution, stated));
+    }
+    if let Some(mesh_error) = mesh_error {
+        mesh_error.describe(text);
     }
     let _ = writeln!(text, "\nmean radiosity by surface, W/m²");
     let surfaces = prepared.surface_means(&solution.radiosity);

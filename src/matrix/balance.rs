@@ -104,7 +104,8 @@ impl FormFactors {
     /// Returns form factors whose rows sum to `targets`, by a symmetric scaling of the exchange areas.
     ///
     /// a'_ij = d_i d_j a_ij with d such that Σ_j a'_ij + d_i A_i lost_i = A_i sum_i. Reciprocity is kept to the last bit, entries that
-    /// are zero stay zero, and standard errors are scaled along where that makes them greater: no scaling makes a number better known than it was.
+    /// are zero stay zero, and standard errors are scaled along where that makes them greater: no scaling makes a number better known than it was. The step that an entry makes is added
+    /// to its error, as what it was may have been right: what is off in a row is often one entry alone.
     /// Every pass replaces d_i by d_i sqrt(sum_i / row sum_i). In a cube the error halves with every pass: 33 passes to 1e-12, whether it has 384 patches or 6144.
     ///
     /// What a row loses is scaled like its entries, as one more column, of a sky that has no row of its own to keep a sum. In an open scene a row's loss is a

@@ -98,7 +98,7 @@ impl<T: Scalar> Square<T> {
         }))
     }
 
-    /// Returns a tile with the number and the standard error at every place (row, column) multiplied by `factor(row, column)`.
+    /// Returns a tile with the number and the standard error at every place (row, column) multiplied by `factor(row, column)`; the step that a number makes is added to its error.
     pub(super) fn scaled(
         &self,
         first: (usize, usize),
@@ -109,8 +109,9 @@ impl<T: Scalar> Square<T> {
         let scale = |row: usize, column: usize, numbers: &mut Values<T>, at: usize| {
             let factor = factor(row, column);
             let (value, std_error) = numbers.at(at);
-            // A number that was made smaller is not known any better.
-            let entry: Entry = (index(first.1 + column), factor * value, factor.max(1.0) * std_error);
+            // A number that was made smaller is not known any better, and it may have been right.
+            let error = factor.max(1.0) * std_error + (factor - 1.0).abs() * value;
+            let entry: Entry = (index(first.1 + column), factor * value, error);
             let (new_value, new_error) = rounded::<T>(first.0 + row, entry, n)?;
             numbers.values[at] = new_value;
             if let Some(stored) = numbers.std_errors.get_mut(at) {

@@ -30,7 +30,7 @@ pub(super) trait Symmetric: Debug + Send + Sync {
     /// Computes y = S x.
     fn apply(&self, x: &Block, y: &mut Block);
 
-    /// Returns the matrix d_i s_ij d_j, with its standard errors scaled alike.
+    /// Returns the matrix d_i s_ij d_j, with its standard errors scaled alike and the steps of its numbers added to them.
     fn scaled(&self, d: &[f64]) -> Result<Arc<dyn Symmetric>, MatrixError>;
 
     /// Returns how many s_ij are not zero.

@@ -37,10 +37,11 @@ impl Plane {
 /// What of each polygon lies behind the other's plane is cut off first, because light does not go there. The hull is the set of all
 /// points on segments between the two, so that a face that does not meet its interior cannot block any light between them.
 ///
-/// Lengths below 1e-10 of the diameter of both polygons (and 16 ulps of the largest coordinate) count as zero: a face that reaches less deep into the hull does not meet its interior.
-/// Walls that share an edge with one of the polygons, or lie in its plane, thus stay outside in spite of rounding; where the corners themselves were rounded, `slack` is added for them
-/// ([`Scene::slack`](crate::scene::Scene::slack)). What is neglected is a
+/// Lengths below 1e-10 of the diameter of both polygons (and 16 ulps of the largest coordinate) count as zero beside the hull: a face that reaches less deep into it from there does not meet its interior.
+/// Walls that share an edge with one of the polygons thus stay outside in spite of rounding. What is neglected is a
 /// blocker's border of that width: for patches of size s at the distance D it changes F by less than about 1e-10 s/D.
+/// In front of either polygon only what rounding to 16 ulps explains counts as zero, as far as it turns the polygon's plane: a thin gap may part two faces, one of which hides all from the other.
+/// Where the corners themselves were rounded, `slack` is added to both ([`Scene::slack`](crate::scene::Scene::slack)).
 #[derive(Debug)]
 pub(crate) struct Shaft<'a> {
     ends: [Cow<'a, [DVec3]>; 2],
@@ -49,6 +50,9 @@ pub(crate) struct Shaft<'a> {
     low: DVec3,
     high: DVec3,
     tolerance: f64,
+    /// 16 ulps of the largest coordinate.
+    rounding: f64,
+    leans: [Lean; 2],
     /// The part of the tolerance that is due to rounded corners.
     slack: f64,
 }
@@ -56,13 +60,53 @@ pub(crate) struct Shaft<'a> {
 /// The tolerance of a shaft in units of its diameter.
 const RELATIVE_TOLERANCE: f64 = 1e-10;
 
+/// A height counts as seen from this part of the distance and the size of a polygon on: from about where two patches count as facing each other.
+const SEEN: f64 = 2e-14;
+
+/// Normals of one plane differ by less: ends that touch each other's plane may cross it by a tolerance.
+const SAME_PLANE: f64 = 1e-8;
+
+/// Beyond a polygon, so many times its width off, its plane is asked no more what rounding has made of it.
+const MOST_LEAN: f64 = 100.0;
+
+/// How the plane of a polygon leans where the polygon's corners are rounded: as much more as the polygon is narrow.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Lean {
+    middle: DVec3,
+    reach: f64,
+    /// The area by the greatest length.
+    width: f64,
+}
+
+impl Lean {
+    pub(crate) fn of(corners: &[DVec3]) -> Self {
+        let middle = corners.iter().sum::<DVec3>() / corners.len() as f64;
+        let reach = corners.iter().map(|v| v.distance(middle)).fold(0.0, f64::max);
+        Self {
+            middle,
+            reach,
+            width: polygon::area_vector(corners).length() / (2.0 * reach),
+        }
+    }
+
+    fn distance(&self, point: DVec3) -> f64 {
+        self.middle.distance(point)
+    }
+
+    /// Returns how far off the plane a point may seem that lies in it, where corners are off by `slack`.
+    pub(crate) fn height(&self, slack: f64, point: DVec3) -> f64 {
+        slack * (1.0 + (self.distance(point) / self.width).min(MOST_LEAN))
+    }
+}
+
 impl<'a> Shaft<'a> {
     /// Returns the shaft, or `None` if no point of one polygon's front sees the other's front. What reaches into it by less than `slack`, m, counts as touching.
     pub(crate) fn new(p: &'a [DVec3], q: &'a [DVec3], slack: f64) -> Option<Self> {
         let planes = [Plane::of(p), Plane::of(q)];
         let (all_low, all_high) = bounds(p.iter().chain(q));
         let largest = all_low.abs().max(all_high.abs()).max_element();
-        let tolerance = RELATIVE_TOLERANCE * (all_high - all_low).length() + 16.0 * f64::EPSILON * largest;
+        let rounding = 16.0 * f64::EPSILON * largest;
+        let tolerance = RELATIVE_TOLERANCE * (all_high - all_low).length() + rounding;
         let ends = [in_front(p, &planes[1], tolerance)?, in_front(q, &planes[0], tolerance)?];
         let (low, high) = bounds(ends[0].iter().chain(ends[1].iter()));
         Some(Self {
@@ -72,6 +116,8 @@ impl<'a> Shaft<'a> {
             low,
             high,
             tolerance: tolerance + slack,
+            rounding,
+            leans: [p, q].map(Lean::of),
             slack,
         })
     }
@@ -82,29 +128,38 @@ impl<'a> Shaft<'a> {
             return false;
         }
         let (middle, reach) = (low.midpoint(high), (high - low) * 0.5);
-        let inside = |plane: &Plane| plane.height(middle) + plane.normal.abs().dot(reach) > self.tolerance - self.slack;
-        self.planes.iter().all(inside) && self.sides().iter().all(inside)
+        let highest = |plane: &Plane| plane.height(middle) + plane.normal.abs().dot(reach);
+        self.planes.iter().all(|plane| highest(plane) > self.rounding)
+            && self
+                .sides()
+                .iter()
+                .all(|plane| highest(plane) > self.tolerance - self.slack)
     }
 
     /// Tells whether a convex polygon meets the hull's interior. May err on the side of true.
     pub(crate) fn meets(&self, corners: &[DVec3]) -> bool {
-        self.meets_beyond(corners, self.tolerance)
+        self.meets_beyond(corners, self.slack)
     }
 
     /// Tells whether a convex polygon that does not meet the hull's interior would meet it if corners were not rounded.
     pub(crate) fn is_touched_by(&self, corners: &[DVec3]) -> bool {
-        self.slack > 0.0 && self.meets_beyond(corners, self.tolerance - self.slack)
+        self.slack > 0.0 && self.meets_beyond(corners, 0.0)
     }
 
-    fn meets_beyond(&self, corners: &[DVec3], tolerance: f64) -> bool {
-        let reaches = |plane: &Plane| corners.iter().any(|&v| plane.height(v) > tolerance);
-        if !self.planes.iter().all(reaches) || !self.sides().iter().all(reaches) {
+    /// Tells whether a convex polygon meets the hull's interior deeper than rounding explains, and by `slack` more.
+    fn meets_beyond(&self, corners: &[DVec3], slack: f64) -> bool {
+        let (at_ends, beside) = (self.rounding + slack, self.tolerance - self.slack + slack);
+        let reaches = |plane: &Plane, tolerance: f64| corners.iter().any(|&v| plane.height(v) > tolerance);
+        if !self.planes.iter().all(|plane| reaches(plane, at_ends))
+            || !self.sides().iter().all(|plane| reaches(plane, beside))
+        {
             return false;
         }
         // No single plane parts them: cut the polygon down to what is inside.
         let mut inside = corners.to_vec();
         let mut part = Vec::with_capacity(2 * corners.len() + 4);
-        for plane in self.planes.iter().chain(self.sides()) {
+        let of_ends = self.planes.iter().map(|plane| (plane, at_ends));
+        for (plane, tolerance) in of_ends.chain(self.sides().iter().map(|plane| (plane, beside))) {
             let height = |v: DVec3| plane.height(v) - tolerance;
             if inside.iter().any(|&v| height(v) < 0.0) {
                 part.clear();
@@ -115,7 +170,16 @@ impl<'a> Shaft<'a> {
                 return false;
             }
         }
-        true
+        // The nearer it is to an end, the less has rounding to do with its height.
+        self.planes.iter().zip(&self.leans).all(|(plane, lean)| {
+            let mut heights = inside.iter().map(|&v| (v, plane.height(v) - slack));
+            heights.any(|(v, height)| {
+                height
+                    > lean
+                        .height(self.rounding, v)
+                        .max(SEEN * (lean.reach + lean.distance(v)))
+            })
+        })
     }
 
     /// Tells whether one convex polygon stops all light: whether every segment between the two ends crosses it.
@@ -207,7 +271,13 @@ impl<'a> Shaft<'a> {
                     }
                     let found = farthest.and_then(|(c, ..)| plane_to(c));
                     // Rounding may have chosen a corner that is too near to the edge to tell.
-                    sides.extend(found.or_else(|| far.iter().find_map(|&c| plane_to(c))));
+                    let side = found.or_else(|| far.iter().find_map(|&c| plane_to(c)));
+                    // An end that stands on the plane of the other has that plane for a side, which is no wider a border there than before the other.
+                    let is_end = |side: &Plane| {
+                        let mut ends = self.planes.iter();
+                        ends.any(|end| end.normal.distance_squared(side.normal) < SAME_PLANE * SAME_PLANE)
+                    };
+                    sides.extend(side.filter(|side| !is_end(side)));
                 }
             }
             sides

@@ -6,8 +6,7 @@ mod tree;
 
 use glam::DVec3;
 
-use super::shaft::{Plane, Shaft};
-use crate::geometry::polygon;
+use super::shaft::{Lean, Plane, Shaft};
 use crate::scene::{FaceId, SLACK_PER_CORNER, Scene};
 use solids::Solid;
 use tree::Tree;
@@ -162,7 +161,7 @@ impl BlockerIndex {
 
     /// Tells whether two polygons that seem to face each other are two sides of a sheet, which rounded coordinates have parted.
     pub(crate) fn are_sides_of_a_sheet(&self, p: &[DVec3], q: &[DVec3]) -> bool {
-        self.slack > 0.0 && (is_parted_sheet(p, q, self.slack) || is_parted_sheet(q, p, self.slack))
+        self.slack > 0.0 && Levels::of(p, q, self.slack) == Levels::Touching
     }
 
     /// Finds which of the blockers `among` stand between two convex polygons.
@@ -197,19 +196,30 @@ impl BlockerIndex {
         let Some(shaft) = Shaft::new(p, q, slack) else {
             return Between::certain(PairVisibility::None);
         };
-        // What lies in the plane of a patch hides nothing from it.
-        let is_coplanar = |blocker: &[DVec3]| {
-            let are_level =
-                |end: &[DVec3]| !is_small(end, slack) && is_level(end, blocker, slack) && is_level(blocker, end, slack);
-            slack > 0.0 && (are_level(p) || are_level(q))
-        };
+        // What lies in the plane of a patch hides nothing from it; what is a gap off, which was meant, hides it, however narrow that is.
+        let levels = |blocker: &[DVec3]| [p, q].map(|end| Levels::of(end, blocker, slack));
         let mut found = Vec::new();
         let mut closed = false;
         let mut touched = false;
         let mut last_solid = None;
         let mut look_at = |blocker: BlockerId| {
             let entry = &self.entries[blocker.0 as usize];
-            if shaft.meets(&entry.corners) && !is_coplanar(&entry.corners) {
+            let is_met = if slack > 0.0 {
+                let is_touched = shaft.is_touched_by(&entry.corners);
+                let levels = if is_touched {
+                    levels(&entry.corners)
+                } else {
+                    [Levels::Apart; 2]
+                };
+                let is_met = is_touched
+                    && !levels.contains(&Levels::Touching)
+                    && (levels.contains(&Levels::Gap) || shaft.meets(&entry.corners));
+                touched |= is_touched && !is_met;
+                is_met
+            } else {
+                shaft.meets(&entry.corners)
+            };
+            if is_met {
                 found.push(blocker);
                 closed = shaft.is_closed_by(&entry.corners, &entry.plane);
                 if let Some(solid) = entry.solid
@@ -218,8 +228,6 @@ impl BlockerIndex {
                     last_solid = Some(solid);
                     closed |= self.solids[solid as usize].closes(&shaft, p, q, rounding(p, q) + self.slack);
                 }
-            } else {
-                touched = touched || shaft.is_touched_by(&entry.corners);
             }
             !closed
         };
@@ -290,32 +298,42 @@ const PARALLEL: f64 = 1e-3;
 /// A polygon smaller than this many slacks is not told from rounding.
 const LEAST_SLACKS: f64 = 100.0;
 
-/// Beyond a polygon, so many times its width off, its plane is asked no more what rounding has made of it.
-const MOST_LEAN: f64 = 100.0;
+/// How two polygons lie to each other whose corners are rounded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Levels {
+    /// In different planes, or too small to tell.
+    Apart,
+    /// In one plane but for the rounding of corners: if they face each other, they are the two sides of a sheet, which rounding has parted.
+    Touching,
+    /// In parallel planes, as near as rounding might have brought them; but it would not have left them parallel.
+    Gap,
+}
 
-/// Tells whether a polygon lies in the plane of another one but for the rounding of corners: if they face each other, they are the two sides of a sheet, which rounding has parted.
-fn is_parted_sheet(p: &[DVec3], q: &[DVec3], slack: f64) -> bool {
-    if is_small(p, slack) || !is_level(p, q, slack) {
-        return false;
+impl Levels {
+    fn of(p: &[DVec3], q: &[DVec3], slack: f64) -> Self {
+        let is_small = is_small(p, slack) || is_small(q, slack);
+        if is_small || !is_level(p, q, slack) || !is_level(q, p, slack) {
+            return Self::Apart;
+        }
+        let are_parallel = |p: &[DVec3], q: &[DVec3]| {
+            let plane = Plane::of(q);
+            let heights = p.iter().map(|&v| plane.height(v).abs());
+            let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
+            high - low <= PARALLEL * high
+        };
+        if are_parallel(p, q) || are_parallel(q, p) {
+            Self::Gap
+        } else {
+            Self::Touching
+        }
     }
-    let plane = Plane::of(q);
-    let heights = p.iter().map(|&v| plane.height(v));
-    let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
-    high - low > PARALLEL * high
 }
 
 /// Tells whether a polygon is no farther from the plane of another one than rounding explains: by the slack where the other is, and off it by as much more as it is farther away than
 /// the other is wide, because the plane of a narrow polygon leans.
 fn is_level(p: &[DVec3], q: &[DVec3], slack: f64) -> bool {
-    let plane = Plane::of(q);
-    let middle = q.iter().sum::<DVec3>() / q.len() as f64;
-    let reach = |v: DVec3| v.distance(middle);
-    let length = 2.0 * q.iter().map(|&v| reach(v)).fold(0.0, f64::max);
-    let width = polygon::area_vector(q).length() / length;
-    p.iter().all(|&v| {
-        let lean = (reach(v) / width).min(MOST_LEAN);
-        plane.height(v).abs() <= slack * (1.0 + lean)
-    })
+    let (plane, lean) = (Plane::of(q), Lean::of(q));
+    p.iter().all(|&v| plane.height(v).abs() <= lean.height(slack, v))
 }
 
 /// Tells whether a polygon is so small that rounding may have turned it any way.

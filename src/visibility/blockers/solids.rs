@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
-use super::super::shaft::{Plane, Shaft};
+use super::super::shaft::{Lean, Plane, Shaft};
 use crate::scene::{FaceId, Scene, topology};
 
 /// No solid has fewer polygons than a tetrahedron.
@@ -17,6 +17,8 @@ const MOST_POLYGONS: usize = 2000;
 #[derive(Clone, Debug)]
 pub(super) struct Solid {
     planes: Vec<Plane>,
+    /// Of the sides, in the order of their planes.
+    leans: Vec<Lean>,
     /// A point inside.
     middle: DVec3,
 }
@@ -26,9 +28,9 @@ impl Solid {
     ///
     /// A polygon in the plane of a side may lie behind that side, which then hides nothing from it: it counts as outside only if another plane tells.
     pub(super) fn excludes(&self, corners: &[DVec3], tolerance: f64) -> bool {
-        self.planes.iter().any(|plane| {
-            let heights = || corners.iter().map(|&v| plane.height(v));
-            heights().all(|h| h >= -tolerance) && heights().any(|h| h > tolerance)
+        self.planes.iter().zip(&self.leans).any(|(plane, lean)| {
+            let heights = || corners.iter().map(|&v| (plane.height(v), lean.height(tolerance, v)));
+            heights().all(|(h, _)| h >= -tolerance) && heights().any(|(h, rounded)| h > rounded)
         })
     }
 }
@@ -87,6 +89,7 @@ pub(super) fn find(
             }
             solids.push(Solid {
                 planes,
+                leans: sides.iter().map(|&k| Lean::of(&polygons[k].0)).collect(),
                 middle: low.midpoint(high),
             });
         }
