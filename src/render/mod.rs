@@ -14,6 +14,7 @@ mod image;
 mod kept;
 mod pixel;
 pub mod png;
+mod rare;
 mod renderer;
 mod shade;
 pub mod tone_map;
@@ -24,7 +25,7 @@ mod view;
 pub use attributes::{Attributes, PolygonRecord, SurfaceRecord};
 pub use direct::DirectMethod;
 pub use error::RenderError;
-pub use field::{FieldInput, FieldRecord, SurfaceMean, field, surface_means};
+pub use field::{Field, FieldInput, FieldRecord, SurfaceMean, field};
 pub use image::{Image, Layer, Samples};
 pub use unfolded::{Tile, Unfolded, UnfoldedView};
 pub use view::{CameraRecord, RayView, Sight, View, ViewDescription};
@@ -43,7 +44,7 @@ use direct::DirectPass;
 use display::{Unwatched, Watcher};
 use gather::Gatherer;
 pub use gather::{GatherReport, GatherSettings};
-use renderer::{Renderer, sample_grid};
+use renderer::{Renderer, SurfaceSums, sample_grid};
 use shade::Shader;
 
 /// The most pixels that an image may have.
@@ -173,6 +174,18 @@ pub fn render_watched(
     progress: &dyn Progress,
     watcher: &dyn Watcher,
 ) -> Result<Image, RenderError> {
+    rendered(input, view, settings, progress, watcher).map(|(image, _)| image)
+}
+
+/// Renders an image, and sums over what it shows of each surface.
+#[track_caller]
+fn rendered(
+    input: &RenderInput<'_>,
+    view: &dyn View,
+    settings: &RenderSettings,
+    progress: &dyn Progress,
+    watcher: &dyn Watcher,
+) -> Result<(Image, SurfaceSums), RenderError> {
     let more = [input.indirect_irradiance, input.error];
     for block in [Some(input.radiosity), Some(input.irradiance)]
         .into_iter()
