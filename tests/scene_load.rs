@@ -75,8 +75,8 @@ type Exported<'a> = (&'a str, &'a [&'a str], usize, f64, usize);
 #[test]
 fn what_other_programs_export_is_read() {
     let cases: [Exported<'_>; 4] = [
-        // Loose edges and points are skipped; `(null)` is no material of the library.
-        ("blender.obj", &["Cube.001", "Plane"], 3, 8.5, 1),
+        // Loose edges and points are skipped; `(null)` is no material of the library, and there is a `Ks`.
+        ("blender.obj", &["Cube.001", "Plane"], 3, 8.5, 2),
         // Curves are skipped (and none of the next three emits light, which is a warning), an outline of five corners becomes triangles, and a group that comes back is one surface.
         ("rhino.obj", &["floor", "ceiling"], 5, 18.0 + 16.0 + 0.5, 2),
         // Millimetres, 5400 km from the origin; materials are named, and there is no library.

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::RenderInput;
 use super::direct::DirectPass;
 use super::image::{Image, channel_names};
-use super::rare::{LightPool, RULE_OF_THREE, RareLight};
+use super::rare::{Facings, LightPool, RULE_OF_THREE, RareLight};
 use super::shade::{Shader, SurfacePoint};
 use crate::geometry::sampling::{Frame, PointStream, Sequence, cosine_direction};
 use crate::visibility::{Coherence, HitBatch, RayBatch};
@@ -68,7 +68,7 @@ impl Gathered {
     /// Returns the irradiance, ρ times it, and the variance of the irradiance.
     ///
     /// Nets may agree by chance while rays differ. The variance is at least that of one ray that could as well have met the brightest thing as the darkest of those that were met,
-    /// and that of the [rare light](super::rare) about; it is 0 where all rays met the same, and such a pixel goes on to 3 / noise rays before that is believed.
+    /// and that of the [rare light](super::rare) about; it is 0 where all rays met the same and that is believed.
     pub(super) fn estimate(&self) -> [[f64; 3]; 3] {
         let n = f64::from(self.n_points.max(1));
         let nets = N_NETS as f64;
@@ -236,17 +236,28 @@ impl<'a> Gatherer<'a> {
     }
 
     /// Finishes a pixel whose rays tell enough, where there is this rare light about; `direct` is what its irradiance is without gathering.
-    pub(super) fn judge(&self, direct: [f64; 3], rare: &RareLight, gathered: &mut Gathered) {
-        gathered.rare = rare.variance(gathered.n_rays());
-        let [mean, _, variance] = gathered.estimate();
-        let brightest = (0..3).map(|c| direct[c] + mean[c]).fold(0.0, f64::max);
-        let error = variance.iter().copied().fold(0.0, f64::max).sqrt();
+    ///
+    /// Where all rays of a pixel met the same there is no spread to see. That is believed, and its variance is 0, once there are 3 / noise rays, and rare light would make no more noise than
+    /// a pixel of mean brightness may have: one that gathers nothing has no brightness of its own to compare with.
+    pub(super) fn judge(&self, direct: [f64; 3], facings: Facings, rare: &RareLight, gathered: &mut Gathered) {
         let noise = self.settings.noise;
+        let largest = |values: [f64; 3]| values.into_iter().fold(0.0, f64::max);
+        gathered.rare = rare.variance(facings, gathered.n_rays());
+        let [mean, _, variance] = gathered.estimate();
+        let brightness = largest(std::array::from_fn(|c| direct[c] + mean[c]));
+        let error = largest(variance).sqrt();
         let has_spread = gathered
             .range
             .is_some_and(|[least, most]| (0..3).any(|c| most[c] > least[c]));
-        let is_known = has_spread || f64::from(gathered.n_rays()) >= RULE_OF_THREE / noise;
-        gathered.finished = is_known && error <= noise * brightest;
+        if has_spread {
+            gathered.finished = error <= noise * brightness;
+            return;
+        }
+        let enough = f64::from(gathered.n_rays()) >= RULE_OF_THREE / noise;
+        gathered.finished = enough && error <= noise * brightness.max(largest(rare.mean(facings)));
+        if gathered.finished {
+            gathered.rare = [0.0; 3];
+        }
     }
 
     /// Adds the points of all nets of one part, from the ones that it has to `n_points`.
@@ -272,7 +283,7 @@ impl<'a> Gatherer<'a> {
             for k in first..first + n_new as usize {
                 let light = self.light(hits, k).unwrap_or_default();
                 if let Some(pool) = pool {
-                    pool.add(light);
+                    pool.add(point.normal, light);
                 }
                 let [least, most] = gathered.range.get_or_insert([[f64::INFINITY; 3], [0.0; 3]]);
                 for c in 0..3 {

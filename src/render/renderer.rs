@@ -10,7 +10,7 @@ use super::gather::{GatherScratch, Gathered, Gatherer, PixelPart, first_rays};
 use super::image::Image;
 use super::kept::KeptRounds;
 use super::pixel::{Canvas, Kinds, Pixel};
-use super::rare::{LightPool, RareLight};
+use super::rare::{Facings, LightPool, RareLight};
 use super::shade::{self, Shader, SurfacePoint};
 use super::view::View;
 use super::{RenderError, RenderInput, RenderSettings};
@@ -296,9 +296,13 @@ impl Renderer<'_> {
         let rare = state
             .rare
             .unwrap_or_else(|| scratch.pool.unwrap_or_default().rare_light());
-        for (pixel, gathered) in state.pixels.iter().zip(&mut next) {
+        let mut facings = vec![Facings::default(); next.len()];
+        for part in &parts {
+            facings[part.pixel].add(part.point.normal);
+        }
+        for ((pixel, gathered), facings) in state.pixels.iter().zip(&mut next).zip(facings) {
             if !gathered.finished {
-                gatherer.judge(pixel.shade.irradiance, &rare, gathered);
+                gatherer.judge(pixel.shade.irradiance, facings, &rare, gathered);
             }
         }
         Some((next, rare))

@@ -175,7 +175,7 @@ fn half_hidden_walls_have_the_known_mean() {
 
 #[test]
 fn wrong_fields_fail() {
-    let change = |made: &mut Field, new: &dyn Fn(usize, f32) -> f32| {
+    let change = |made: &mut Made, new: &dyn Fn(usize, f32) -> f32| {
         let old = made.image.f32("Y").unwrap().to_vec();
         let values = old.iter().enumerate().map(|(k, &y)| new(k, y)).collect();
         made.image.insert("Y", Samples::F32(values));
