@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::RenderInput;
 use super::direct::DirectPass;
 use super::image::{Image, channel_names};
-use super::rare::{Facings, LightPool, RULE_OF_THREE, RareLight};
+use super::rare::{LightPool, RULE_OF_THREE, RareLight};
 use super::shade::{Shader, SurfacePoint};
 use crate::geometry::sampling::{Frame, PointStream, Sequence, cosine_direction};
 use crate::visibility::{Coherence, HitBatch, RayBatch};
@@ -237,25 +237,22 @@ impl<'a> Gatherer<'a> {
 
     /// Finishes a pixel whose rays tell enough, where there is this rare light about; `direct` is what its irradiance is without gathering.
     ///
-    /// Where all rays of a pixel met the same there is no spread to see. That is believed, and its variance is 0, once there are 3 / noise rays, and rare light would make no more noise than
-    /// a pixel of mean brightness may have: one that gathers nothing has no brightness of its own to compare with.
-    pub(super) fn judge(&self, direct: [f64; 3], facings: Facings, rare: &RareLight, gathered: &mut Gathered) {
+    /// Where all rays of a pixel met the same there is no spread to see, and that is believed from 3 / noise rays on. A pixel without any light has no brightness to compare noise with: it may have as much
+    /// from rare light as one of the mean brightness of its pool, and then counts as dark for sure.
+    pub(super) fn judge(&self, direct: [f64; 3], rare: &RareLight, gathered: &mut Gathered) {
         let noise = self.settings.noise;
         let largest = |values: [f64; 3]| values.into_iter().fold(0.0, f64::max);
-        gathered.rare = rare.variance(facings, gathered.n_rays());
+        gathered.rare = rare.variance(gathered.n_rays());
         let [mean, _, variance] = gathered.estimate();
         let brightness = largest(std::array::from_fn(|c| direct[c] + mean[c]));
-        let error = largest(variance).sqrt();
+        let is_dark = brightness <= 0.0;
+        let allowed = noise * if is_dark { largest(rare.mean) } else { brightness };
         let has_spread = gathered
             .range
             .is_some_and(|[least, most]| (0..3).any(|c| most[c] > least[c]));
-        if has_spread {
-            gathered.finished = error <= noise * brightness;
-            return;
-        }
-        let enough = f64::from(gathered.n_rays()) >= RULE_OF_THREE / noise;
-        gathered.finished = enough && error <= noise * brightness.max(largest(rare.mean(facings)));
-        if gathered.finished {
+        let is_known = has_spread || f64::from(gathered.n_rays()) >= RULE_OF_THREE / noise;
+        gathered.finished = is_known && largest(variance).sqrt() <= allowed;
+        if gathered.finished && is_dark {
             gathered.rare = [0.0; 3];
         }
     }
@@ -283,7 +280,7 @@ impl<'a> Gatherer<'a> {
             for k in first..first + n_new as usize {
                 let light = self.light(hits, k).unwrap_or_default();
                 if let Some(pool) = pool {
-                    pool.add(point.normal, light);
+                    pool.add(light);
                 }
                 let [least, most] = gathered.range.get_or_insert([[f64::INFINITY; 3], [0.0; 3]]);
                 for c in 0..3 {

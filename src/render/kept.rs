@@ -32,7 +32,7 @@ impl<'a> KeptRounds<'a> {
             let Some((next, rare)) = decoded(&piece, &state.gathered) else {
                 return;
             };
-            state.end_round(next, rare);
+            state.end_round(next, &rare);
         }
     }
 

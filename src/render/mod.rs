@@ -123,7 +123,7 @@ pub struct RenderInput<'a> {
 /// Each pixel takes eight rays for each of its samples that sees a surface at least, whatever `gather.max_rays` says.
 /// Unbiased with respect to the given solution but for stopping early where the first rays happen to agree; the error falls faster than n^(−1/2).
 /// Where light comes from something small and bright, all first rays of a pixel may miss it, and agree on too little light. So the rays that the pixels of a block of 32 × 32 begin with, 64 a pixel
-/// and 4096 in all at least, are pooled by the ways that they face: no pixel of a pool has a smaller variance than what n rays would have that meet the rarest 1/n of the pooled light by chance. What none of the pooled rays
+/// and 4096 in all at least, are pooled: no pixel of the block has a smaller variance than what n rays would have that meet the rarest 1/n of the pooled light by chance. What none of the pooled rays
 /// met is not seen: light from less than some 5·10⁻⁵ of all directions, weighed by their cosines, in a whole block, and 7·10⁻⁴ in the smallest.
 /// What is left is the error of the solution, averaged over the hemisphere.
 ///
@@ -169,7 +169,7 @@ pub struct RenderInput<'a> {
 /// Source: the local pass of [`LISCHINSKI_1993`](crate::references::LISCHINSKI_1993). Departures: rays in randomised nets, with an error estimate.
 ///
 /// Equal arguments give equal images at any number of threads. Where `progress` has a [checkpoint](Progress::checkpoint), final gather keeps every round of every block in
-/// it (296 bytes for each pixel that is not finished, and 4752 for its block) and goes on from there, to the same image, if [`RenderInput::fingerprint`] is the same.
+/// it (296 bytes for each pixel that is not finished, and 792 for its block) and goes on from there, to the same image, if [`RenderInput::fingerprint`] is the same.
 ///
 /// # Errors
 /// [`RenderError::MissingIndirect`] (a direct pass without gathering), [`RenderError::Empty`], [`RenderError::TooLarge`].

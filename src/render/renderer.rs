@@ -10,7 +10,7 @@ use super::gather::{GatherScratch, Gathered, Gatherer, PixelPart, first_rays};
 use super::image::Image;
 use super::kept::KeptRounds;
 use super::pixel::{Canvas, Kinds, Pixel};
-use super::rare::{Facings, LightPool, RareLight};
+use super::rare::{LightPool, RareLight};
 use super::shade::{self, Shader, SurfacePoint};
 use super::view::View;
 use super::{RenderError, RenderInput, RenderSettings};
@@ -117,9 +117,9 @@ impl BlockState {
     }
 
     /// Takes over what a round made.
-    pub(super) fn end_round(&mut self, gathered: Vec<Gathered>, rare: RareLight) {
+    pub(super) fn end_round(&mut self, gathered: Vec<Gathered>, rare: &RareLight) {
         self.gathered = gathered;
-        self.rare = Some(rare);
+        self.rare = Some(*rare);
         self.n_rounds += 1;
     }
 
@@ -248,7 +248,7 @@ impl Renderer<'_> {
                     if let Some(kept) = &kept {
                         kept.keep(k, state, &next, &rare);
                     }
-                    state.end_round(next, rare);
+                    state.end_round(next, &rare);
                     self.show(block, state.radiance());
                     progress.advance(1);
                 });
@@ -296,13 +296,9 @@ impl Renderer<'_> {
         let rare = state
             .rare
             .unwrap_or_else(|| scratch.pool.unwrap_or_default().rare_light());
-        let mut facings = vec![Facings::default(); next.len()];
-        for part in &parts {
-            facings[part.pixel].add(part.point.normal);
-        }
-        for ((pixel, gathered), facings) in state.pixels.iter().zip(&mut next).zip(facings) {
+        for (pixel, gathered) in state.pixels.iter().zip(&mut next) {
             if !gathered.finished {
-                gatherer.judge(pixel.shade.irradiance, facings, &rare, gathered);
+                gatherer.judge(pixel.shade.irradiance, &rare, gathered);
             }
         }
         Some((next, rare))

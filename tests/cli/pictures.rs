@@ -798,6 +798,19 @@ fn final_gather_says_what_it_took_and_a_missing_viewer_is_a_warning() {
             "{layer}"
         );
     }
+    // Eight nets of one ray for each of a pixel's four samples are the least, and are told.
+    let least = ["--noise", "0.1", "--gather-rays", "1"];
+    let (_, result) = document(directory.path(), &[&common[..], &least].concat());
+    let (image, _) = radiosity::render::exr::read(&directory.path().join("g.exr")).unwrap();
+    let samples = image.u32("samples").unwrap();
+    assert!(samples.iter().all(|n| n % 8 == 0 && *n <= 32) && samples.contains(&32));
+    let total: u64 = samples.iter().map(|&n| u64::from(n)).sum();
+    assert_eq!(result["final_gather"]["n_rays"], total);
+    // A noise beyond all means is told in a few digits.
+    let beyond = ["--noise", "1e-300", "--gather-rays", "64"];
+    let output = radiosity(directory.path(), &[&common[..], &beyond].concat());
+    let told = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(told.contains("above the noise of 1e-300\n"), "{told}");
     // A budget spent above the tolerance.
     let few = ["--noise", "0.001", "--gather-rays", "64"];
     let (code, result) = document(directory.path(), &[&common[..], &few].concat());
