@@ -245,13 +245,10 @@ fn means_are_of_samples() {
         field_of(scene.clone(), "z1", &view, settings).means
     };
     let (coarse, fine) = (means(15, 4), means(60, 1));
-    for (k, (coarse, fine)) in coarse.iter().zip(&fine).enumerate() {
-        assert_eq!(
-            (coarse.n_samples, fine.n_pixels),
-            (fine.n_samples, fine.n_samples),
-            "{k}"
-        );
-        match (coarse.form_factor, fine.form_factor) {
+    for (k, (of_coarse, of_fine)) in coarse.iter().zip(&fine).enumerate() {
+        let counts = (of_coarse.n_samples, of_fine.n_pixels);
+        assert_eq!(counts, (of_fine.n_samples, of_fine.n_samples), "{k}");
+        match (of_coarse.form_factor, of_fine.form_factor) {
             (Some(a), Some(b)) => assert!((a - b).abs() < 1e-12, "{k}: {a} {b}"),
             (a, b) => assert_eq!(a, b, "{k}"),
         }
