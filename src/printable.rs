@@ -16,9 +16,26 @@ pub(crate) fn counted(n: usize, noun: &str) -> String {
     format!("{n} {noun}{ending}")
 }
 
+/// Returns a positive number with all its digits, in powers of ten where it would be mostly zeros.
+pub(crate) fn short(value: f64) -> String {
+    if (1e-4..1e6).contains(&value) {
+        format!("{value}")
+    } else {
+        format!("{value:e}")
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn small_numbers_are_in_powers_of_ten() {
+        assert_eq!(
+            [0.02, 1e-4, 2.5e-7, 1e-300].map(short),
+            ["0.02", "0.0001", "2.5e-7", "1e-300"]
+        );
+    }
 
     #[test]
     fn one_thing_is_singular() {

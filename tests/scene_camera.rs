@@ -128,7 +128,11 @@ fn a_bad_camera_file_names_its_line() {
         ),
         (
             format!("{good}width = 0\n"),
-            ":5: the width of an image is at least 1 pixel; correct it",
+            ":5: the width of an image is 1 to 16384 pixels; correct it",
+        ),
+        (
+            format!("{good}height = 16385\n"),
+            ":5: the height of an image is 1 to 16384 pixels; correct it",
         ),
     ];
     for (text, message) in cases {

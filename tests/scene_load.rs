@@ -75,10 +75,10 @@ type Exported<'a> = (&'a str, &'a [&'a str], usize, f64, usize);
 #[test]
 fn what_other_programs_export_is_read() {
     let cases: [Exported<'_>; 4] = [
-        // Loose edges and points are skipped; `(null)` is no material of the library.
-        ("blender.obj", &["Cube.001", "Plane"], 3, 8.5, 1),
+        // Loose edges and points are skipped; `(null)` is no material of the library, and there is a `Ks`.
+        ("blender.obj", &["Cube.001", "Plane"], 3, 8.5, 2),
         // Curves are skipped (and none of the next three emits light, which is a warning), an outline of five corners becomes triangles, and a group that comes back is one surface.
-        ("rhino.obj", &["floor", "ceiling"], 5, 18.0 + 16.0 + 0.5, 1),
+        ("rhino.obj", &["floor", "ceiling"], 5, 18.0 + 16.0 + 0.5, 2),
         // Millimetres, 5400 km from the origin; materials are named, and there is no library.
         ("freecad.obj", &["Wall"], 3, 12e6 + 6e6, 2),
         ("tinkercad.obj", &["group_0_16089887"], 3, 150.0, 1),
@@ -108,10 +108,11 @@ fn files_that_exporters_wrote_are_read() {
             48,
             24.0,
             0.7,
-            0,
+            // It writes a `Ks` for every material.
+            1,
         ),
-        // 180 of 255; nothing emits light, which is a warning.
-        ("trimesh.obj", &["room", "ball"], 92, 24.0, 0.705_882_35, 1),
+        // 180 of 255; nothing emits light, which is a warning, and there is a `Ks`.
+        ("trimesh.obj", &["room", "ball"], 92, 24.0, 0.705_882_35, 2),
         (
             "meshio.obj",
             &["face1", "face2", "face3", "face4", "face5"],
@@ -330,6 +331,41 @@ fn identical_positions_are_one_vertex() {
     let scene = valid("merge.obj").scene;
     assert_eq!(scene.vertices.len(), 6);
     assert_eq!(scene.faces[1].corners, Corners::Quad([1, 4, 5, 2]));
+}
+
+/// What mirrors or lets light through is told once, with the first line; a black `Ks`, `d 1` and `illum` say nothing.
+#[test]
+fn what_is_not_diffuse_is_told_once() {
+    let directory = tempfile::tempdir().unwrap();
+    let file = directory.path().join("s.obj");
+    let told = |first: &str, second: &str| {
+        let library = format!(
+            "newmtl a\nKd 0.5 0.5 0.5\nKe 1 1 1\nillum 2\n{first}\nnewmtl b\nKd 0.5 0.5 0.5\n{second}\nnewmtl c\nKs 1 1 1\n"
+        );
+        std::fs::write(directory.path().join("s.mtl"), library).unwrap();
+        let faces = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\n";
+        std::fs::write(
+            &file,
+            format!("mtllib s.mtl\n{faces}usemtl a\nf 1 2 3\nf 1 3 4\nusemtl b\nf 5 6 7\n"),
+        )
+        .unwrap();
+        let folder = format!("{}/", directory.path().display());
+        let loaded = load(&file).unwrap();
+        let text = |w: &radiosity::scene::SceneWarning| w.to_string().replace(&folder, "");
+        loaded.warnings.iter().map(text).collect::<Vec<_>>()
+    };
+    assert_eq!(told("Ks 0 0 0\nd 1.0\nTr 0", "d -halo 1"), [""; 0]);
+    assert_eq!(told("Ks spectral x.rfl", "Kd 0.5 0.5 0.5"), [""; 0]);
+    assert_eq!(
+        told("Ks 0 0.2 0\nd 0.5", ""),
+        ["s.mtl:5: `Ks` is not used: surfaces are diffuse and opaque"]
+    );
+    assert_eq!(
+        told("illum 3\nTr 0.2", "d -halo 0.5"),
+        [
+            "s.mtl:6: `Tr` is not used: surfaces are diffuse and opaque; 2 materials are meant otherwise, this is the first"
+        ]
+    );
 }
 
 #[test]

@@ -17,7 +17,7 @@ use super::{Outcome, name_width};
 use crate::geometry::sampling::Sequence;
 use crate::printable::printable;
 use crate::render::{
-    Attributes, DirectMethod, FieldInput, FieldRecord, RenderSettings, SurfaceMean, exr, field, png, surface_means,
+    Attributes, DirectMethod, Field, FieldInput, FieldRecord, RenderSettings, SurfaceMean, exr, field, png,
 };
 use crate::visibility::Visibility as _;
 
@@ -62,7 +62,7 @@ fn work(args: &FieldArgs, run: &mut Run) -> Result<Outcome, Failure> {
         visibility: &prepared.visibility,
         surface,
     };
-    let image = run
+    let Field { image, means } = run
         .times
         .time("render", || field(&input, view.as_view(), &settings, &run.progress))?;
     warn_if_blank(run, &image, &view);
@@ -83,7 +83,6 @@ fn work(args: &FieldArgs, run: &mut Run) -> Result<Outcome, Failure> {
     })?;
     run.progress.finish();
 
-    let means = surface_means(&image, &prepared.mesh, prepared.scene.surfaces.len());
     let mut text = run.explanation(&prepared);
     view.tell_camera(run, &mut text);
     describe(&mut text, &prepared, &args.surface, &means);
@@ -131,6 +130,7 @@ fn surfaces_to_json(prepared: &Prepared, means: &[SurfaceMean]) -> Value {
     let mut surfaces = prepared.surfaces_to_json();
     for (surface, mean) in surfaces.as_array_mut().into_iter().flatten().zip(means) {
         surface["n_pixels"] = json!(mean.n_pixels);
+        surface["n_samples"] = json!(mean.n_samples);
         surface["form_factor"] = json!(mean.form_factor);
     }
     surfaces
@@ -143,13 +143,13 @@ fn describe(text: &mut String, prepared: &Prepared, target: &str, means: &[Surfa
     let width = name_width(names.iter().map(String::as_str));
     let _ = writeln!(
         text,
-        "mean form factor to {} over the pixels that show a surface",
+        "mean form factor to {} over the samples that show the front of a surface",
         printable(target)
     );
     for (name, mean) in names.iter().zip(means) {
         match mean.form_factor {
             Some(value) => {
-                let _ = writeln!(text, "{name:width$} {value:>12.9} ({} pixels)", mean.n_pixels);
+                let _ = writeln!(text, "{name:width$} {value:>12.9} ({} samples)", mean.n_samples);
             }
             None => {
                 let _ = writeln!(text, "{name:width$}    not seen");

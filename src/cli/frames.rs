@@ -411,6 +411,16 @@ impl Solved<'_> {
     }
 }
 
+/// Adds the place in a list of frames that names the file at fault.
+fn named_by(failure: Failure, list: &Path, line: u32, frame: &str) -> Failure {
+    let message = format!(
+        "{}; frame `{frame}` names it, {}:{line}",
+        failure.message,
+        list.display()
+    );
+    Failure { message, ..failure }
+}
+
 /// Prepares views and outputs, loads every lighting once, and finds the frames that share a pose.
 fn ready(args: &RenderArgs, file: &Path, wanted: Vec<frames::Frame>, prepared: &Prepared) -> Result<Sequence, Failure> {
     let folder = file.parent().unwrap_or(Path::new(""));
@@ -424,16 +434,19 @@ fn ready(args: &RenderArgs, file: &Path, wanted: Vec<frames::Frame>, prepared: &
     let mut frames = Vec::new();
     for frame in wanted {
         let (motions, pose) = (frame.motions(), frame.pose(file, &prepared.scene)?);
+        let (line, name) = (frame.line, frame.name.clone());
+        let in_list = |failure: Failure| named_by(failure, file, line, &name);
         let lighting_file = frame.lighting.map(|path| folder.join(path));
         let known = lighting_files.iter().position(|other| *other == lighting_file);
         let lighting = if let Some(k) = known {
             k
         } else {
             let loaded = lighting_file.as_ref().map(|path| Lighting::load(path, &prepared.scene));
-            lightings.push(loaded.transpose()?);
+            lightings.push(loaded.transpose().map_err(|error| in_list(error.into()))?);
             lighting_files.push(lighting_file.clone());
             lighting_files.len() - 1
         };
+        let names_a_camera = frame.camera.is_some();
         let camera = frame.camera.map(|path| {
             if path == Path::new("unfolded") {
                 path
@@ -447,10 +460,11 @@ fn ready(args: &RenderArgs, file: &Path, wanted: Vec<frames::Frame>, prepared: &
         };
         // The camera stays where it would be of the scene as loaded; the tiles of an unfolded view go with their surfaces.
         let view = if view_args.is_unfolded() {
-            view(&view_args, &args.scene, &posed(&prepared.scene, &pose)?)?
+            view(&view_args, &args.scene, &posed(&prepared.scene, &pose)?)
         } else {
-            view(&view_args, &args.scene, &prepared.scene)?
+            view(&view_args, &args.scene, &prepared.scene)
         };
+        let view = if names_a_camera { view.map_err(in_list)? } else { view? };
         let output = with_suffix(&args.output, &frame.name);
         files.writes_picture(&format!("picture of frame `{}`", frame.name), &output);
         files.reads("a lighting", lighting_file.as_deref());

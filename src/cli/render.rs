@@ -22,11 +22,11 @@ use super::storage::Storage;
 use crate::geometry::sampling::Sequence;
 use crate::matrix::operator::{Block, LinearOperator};
 use crate::mesh::Subdivision;
-use crate::printable::counted;
+use crate::printable::{counted, short};
 use crate::render::{
     CameraRecord, DirectMethod, GatherReport, GatherSettings, RayView, RenderInput, RenderSettings, UnfoldedView, View,
 };
-use crate::scene::{Camera, Scene};
+use crate::scene::{Camera, IMAGE_SIDES, Scene};
 use crate::solver::Solution;
 
 /// Rays for each patch unless `--rays` says otherwise: enough that the noise of a patch does not show.
@@ -125,7 +125,10 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
         let _ = writeln!(
             text,
             "final gather: {} rays, {} of {} pixels above the noise of {}",
-            report.n_rays, report.n_above, report.n_pixels, report.noise
+            report.n_rays,
+            report.n_above,
+            report.n_pixels,
+            short(report.noise)
         );
     }
     run.describe_audit(&mut text);
@@ -316,6 +319,8 @@ pub(super) struct CameraOrigin {
     file: Option<PathBuf>,
     /// Whether flags changed it.
     changed: bool,
+    /// The up that was chosen, where the view is along the camera's own.
+    chosen_up: Option<DVec3>,
 }
 
 impl CameraOrigin {
@@ -324,11 +329,15 @@ impl CameraOrigin {
             Some(file) => file.display().to_string(),
             None => "a view chosen for the scene".to_owned(),
         };
-        if self.changed {
-            format!("{source}, changed by --eye, --look-at, --up or --fov")
+        let changed = if self.changed {
+            ", changed by --eye, --look-at, --up or --fov"
         } else {
-            source
-        }
+            ""
+        };
+        let up = self.chosen_up.map_or(String::new(), |up| {
+            format!("; up in the image is {up}, as the view is along the camera's own: --up sets another")
+        });
+        format!("{source}{changed}{up}")
     }
 }
 
@@ -395,6 +404,15 @@ fn picture_size(asked: [Option<u32>; 2], stated: [Option<u32>; 2]) -> (u32, u32)
     }
 }
 
+/// Returns an up for a view along the usual one: +y, as on a plan with x to the right, or −z where the view is along y, which has x to the right as well when it looks down.
+fn up_across(direction: DVec3) -> DVec3 {
+    if Camera::is_along(direction, DVec3::Y) {
+        DVec3::NEG_Z
+    } else {
+        DVec3::Y
+    }
+}
+
 pub(super) fn view(args: &ViewArgs, scene_file: &Path, scene: &Scene) -> Result<AnyView, Failure> {
     let flags = args.has_camera_flags();
     if args.is_unfolded() {
@@ -410,6 +428,7 @@ pub(super) fn view(args: &ViewArgs, scene_file: &Path, scene: &Scene) -> Result<
         Some(file) => Camera::load(file)?,
         None => Camera::default_view(scene),
     };
+    let mut chosen_up = None;
     if flags {
         let eye = args.eye.map_or(camera.eye(), DVec3::from_array);
         let direction = match args.look_at {
@@ -421,16 +440,36 @@ pub(super) fn view(args: &ViewArgs, scene_file: &Path, scene: &Scene) -> Result<
             Some(target) => DVec3::from_array(target) - eye,
             None => camera.direction(),
         };
-        let up = args.up.map_or(camera.given_up(), DVec3::from_array);
+        let up = match args.up.map(DVec3::from_array) {
+            Some(up) if Camera::is_along(direction, up) => {
+                return Err(Failure::usage(
+                    "--up is zero or parallel to the view: give a direction that is up in the image",
+                ));
+            }
+            Some(up) => up,
+            None if Camera::is_along(direction, camera.given_up()) => *chosen_up.insert(up_across(direction)),
+            None => camera.given_up(),
+        };
         let fov = args.fov.unwrap_or(camera.vertical_fov());
         camera = Camera::new(eye, direction, up, fov)?.with_image_size(camera.width(), camera.height());
     }
     let (width, height) = picture_size([args.width, args.height], [camera.width(), camera.height()]);
+    if ![width, height].iter().all(|side| IMAGE_SIDES.contains(side)) {
+        return Err(Failure::usage(format!(
+            "a picture of {width} × {height} pixels, in the proportion of the camera: its sides are {} to {} pixels; give --width and --height",
+            IMAGE_SIDES.start(),
+            IMAGE_SIDES.end()
+        )));
+    }
     let parameters = json!(CameraRecord::from(&camera));
     let ray = move |x: f64, y: f64| camera.primary_ray(x, y, width, height);
     Ok(AnyView::Perspective {
         view: Box::new(RayView::new(width, height, ray, parameters)),
-        origin: CameraOrigin { file, changed: flags },
+        origin: CameraOrigin {
+            file,
+            changed: flags,
+            chosen_up,
+        },
     })
 }
 

@@ -2,8 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::display::Unwatched;
 use super::image::Image;
-use super::{RenderError, RenderInput, RenderSettings, View, render};
+use super::renderer::SurfaceSums;
+use super::{RenderError, RenderInput, RenderSettings, View, rendered};
 use crate::matrix::operator::Block;
 use crate::mesh::Mesh;
 use crate::progress::Progress;
@@ -52,7 +54,7 @@ pub fn field(
     view: &dyn View,
     settings: &RenderSettings,
     progress: &dyn Progress,
-) -> Result<Image, RenderError> {
+) -> Result<Field, RenderError> {
     assert!(
         (input.surface.0 as usize) < input.scene.surfaces.len(),
         "a surface of the scene"
@@ -68,20 +70,21 @@ pub fn field(
         indirect_irradiance: Some(&dark),
         error: None,
     };
-    let rendered = render(&lit, view, settings, progress)?;
-    let mut image = Image::new(rendered.width(), rendered.height());
+    let (lit_image, sums) = rendered(&lit, view, settings, progress, &Unwatched)?;
+    let mut image = Image::new(lit_image.width(), lit_image.height());
     let renamed = |name: &str| match name {
         "direct.R" => Some("Y".to_owned()),
         "direct_error.R" => Some("error".to_owned()),
         _ => (["Z", "patch"].contains(&name) || name.starts_with("N.") || name.starts_with("P."))
             .then(|| name.to_owned()),
     };
-    for layer in rendered.into_layers() {
+    for layer in lit_image.into_layers() {
         if let Some(name) = renamed(&layer.name) {
             image.insert(&name, layer.samples);
         }
     }
-    Ok(image)
+    let means = surface_means(&image, input, &sums);
+    Ok(Field { image, means })
 }
 
 /// Returns the scene with two materials: one surface emits 1 W·m⁻², and nothing reflects.
@@ -99,33 +102,48 @@ fn lit_by(scene: &Scene, surface: SurfaceId) -> Scene {
     lit
 }
 
-/// The mean of a field over what an image shows of one surface.
+/// A field of form factors.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Field {
+    /// Its layers.
+    pub image: Image,
+    /// Its mean over what the image shows of each surface of the scene.
+    pub means: Vec<SurfaceMean>,
+}
+
+/// The mean of a field over what an image shows of the front of one surface.
+///
+/// It is the mean over the samples of all pixels, each of which is on one surface alone, so that no other surface has a part in it; in an unfolded view it is the area mean, the form
+/// factor from the surface. Samples lie on a regular grid, as for the midpoint rule: with h its spacing on the surface, the mean is off by O(h²) where F is smooth and the surface's edges run along
+/// the grid, and by (F at the edge − its mean) · perimeter · h / (2 area) at most where they do not, mostly by much less.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SurfaceMean {
     /// The number of pixels whose centre shows the surface.
     pub n_pixels: u64,
-    /// The mean of `Y` over these pixels; `None` without any.
+    /// The number of samples that show its front.
+    pub n_samples: u64,
+    /// The mean form factor of these samples; `None` without any.
     pub form_factor: Option<f64>,
 }
 
-/// Returns, surface by surface, the mean of `Y` over the pixels whose centres show it.
-///
-/// In an unfolded view with rectangular surfaces this is the area mean, the form factor from the surface, to the error of the midpoint rule.
-#[must_use]
-pub fn surface_means(image: &Image, mesh: &Mesh, n_surfaces: usize) -> Vec<SurfaceMean> {
-    let mut sums = vec![(0_u64, 0.0); n_surfaces];
-    let patches = image.u32("patch").unwrap_or_default();
-    for (&patch, &value) in patches.iter().zip(image.f32("Y").unwrap_or_default()) {
-        if let Some(patch) = mesh.patches.get(patch as usize) {
-            let (n, sum) = &mut sums[patch.surface.0 as usize];
-            *n += 1;
-            *sum += f64::from(value);
+/// Returns the mean of each surface.
+fn surface_means(image: &Image, input: &FieldInput<'_>, sums: &SurfaceSums) -> Vec<SurfaceMean> {
+    let mut n_pixels = vec![0; input.scene.surfaces.len()];
+    for &patch in image.u32("patch").unwrap_or_default() {
+        if let Some(patch) = input.mesh.patches.get(patch as usize) {
+            n_pixels[patch.surface.0 as usize] += 1;
         }
     }
-    sums.into_iter()
-        .map(|(n_pixels, sum)| SurfaceMean {
-            n_pixels,
-            form_factor: (n_pixels > 0).then(|| sum / n_pixels as f64),
+    (0..)
+        .map(SurfaceId)
+        .zip(n_pixels)
+        .map(|(surface, n_pixels)| {
+            let sum = sums.get(&surface).copied().unwrap_or_default();
+            SurfaceMean {
+                n_pixels,
+                n_samples: sum.n_samples,
+                form_factor: (sum.n_samples > 0).then(|| sum.irradiance / sum.n_samples as f64),
+            }
         })
         .collect()
 }

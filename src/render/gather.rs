@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::RenderInput;
 use super::direct::DirectPass;
 use super::image::{Image, channel_names};
+use super::rare::{LightPool, RULE_OF_THREE, RareLight};
 use super::shade::{Shader, SurfacePoint};
 use crate::geometry::sampling::{Frame, PointStream, Sequence, cosine_direction};
 use crate::visibility::{Coherence, HitBatch, RayBatch};
@@ -16,7 +17,7 @@ use crate::visibility::{Coherence, HitBatch, RayBatch};
 pub struct GatherSettings {
     /// The standard error at which a pixel is finished, relative to the largest channel of its irradiance.
     pub noise: f64,
-    /// The most rays for one pixel, all its samples together.
+    /// The most rays for one pixel, all its samples together; one for each of eight nets and each sample that sees a surface is taken all the same.
     pub max_rays: NonZeroU32,
 }
 
@@ -28,10 +29,8 @@ const N_NETS: usize = 8;
 /// Rays for a pixel before its spread is looked at.
 const FIRST_RAYS: u32 = 64;
 
-/// Where n rays all met the same, what they have not met yet is with 95 % confidence less than 3/n of all there is (the "rule of three").
-///
-/// Source: Hanley and Lippman-Hand 1983, "If nothing goes wrong, is everything all right?", JAMA 249(13).
-const RULE_OF_THREE: f64 = 3.0;
+/// Rays of a block's pixels, all together, before they are looked at: where a block has few pixels, each begins with more than [`FIRST_RAYS`].
+const FIRST_RAYS_OF_A_BLOCK: u32 = 4096;
 
 /// Seeds the gathering apart from the direct pass.
 const SEED: u64 = 0x6761_7468_6572_6564;
@@ -57,6 +56,8 @@ pub(super) struct Gathered {
     reflected: [f64; 3],
     /// The most and the least that a ray brought.
     range: Option<[[f64; 3]; 2]>,
+    /// The variance of what is too rare for this pixel's rays to tell of.
+    rare: [f64; 3],
     /// Points of each net and part.
     n_points: u32,
     n_parts: u32,
@@ -66,8 +67,8 @@ pub(super) struct Gathered {
 impl Gathered {
     /// Returns the irradiance, ρ times it, and the variance of the irradiance.
     ///
-    /// Nets may agree by chance while rays differ. The variance is at least that of one ray that could as well have met the brightest thing as the darkest of those that were met;
-    /// it is 0 where all rays met the same, and such a pixel goes on to 3 / noise rays before that is believed.
+    /// Nets may agree by chance while rays differ. The variance is at least that of one ray that could as well have met the brightest thing as the darkest of those that were met,
+    /// and that of the [rare light](super::rare) about; it is 0 where all rays met the same and that is believed.
     pub(super) fn estimate(&self) -> [[f64; 3]; 3] {
         let n = f64::from(self.n_points.max(1));
         let nets = N_NETS as f64;
@@ -77,7 +78,8 @@ impl Gathered {
             let one_ray = self.range.map_or(0.0, |[least, most]| {
                 (most[c] - least[c]) / f64::from(self.n_rays().max(1))
             });
-            (squares / (nets * (nets - 1.0))).max(one_ray * one_ray)
+            let spread = squares / (nets * (nets - 1.0));
+            spread.max(one_ray * one_ray).max(self.rare[c])
         });
         [mean, self.reflected.map(|sum| sum / (n * nets)), variance]
     }
@@ -88,11 +90,11 @@ impl Gathered {
     }
 
     /// Returns how many points each net has after the next round: twice as many, or none if that is more than is allowed.
-    fn next_points(&self, n_parts: u32, max_rays: u32) -> Option<u32> {
+    fn next_points(&self, n_parts: u32, first_rays: u32, max_rays: u32) -> Option<u32> {
         let rays_of_a_point = u32::try_from(N_NETS).ok()?.checked_mul(n_parts)?;
         if self.n_points == 0 {
             // At least one round, whatever it costs.
-            return Some(FIRST_RAYS.min(max_rays).div_ceil(rays_of_a_point));
+            return Some(first_rays.min(max_rays).div_ceil(rays_of_a_point));
         }
         let next = self.n_points.checked_mul(2)?;
         (rays_of_a_point.checked_mul(next)? <= max_rays).then_some(next)
@@ -100,7 +102,7 @@ impl Gathered {
 }
 
 /// Numbers of 8 bytes that [`Gathered::encode`] makes.
-const N_NUMBERS: usize = 3 * N_NETS + 3 + 6 + 1;
+const N_NUMBERS: usize = 3 * N_NETS + 3 + 6 + 3 + 1;
 
 impl Gathered {
     /// Bytes that a pixel takes in a checkpoint.
@@ -115,7 +117,8 @@ impl Gathered {
             .flatten()
             .chain(&self.reflected)
             .chain(&least)
-            .chain(&most);
+            .chain(&most)
+            .chain(&self.rare);
         for number in numbers {
             bytes.extend(number.to_bits().to_le_bytes());
         }
@@ -133,12 +136,13 @@ impl Gathered {
         let triple = |k: usize| [k, k + 1, k + 2].map(|k| f64::from_le_bytes(numbers[k]));
         let rest = 3 * N_NETS;
         let range = [triple(rest + 3), triple(rest + 6)];
-        let [a, b, c, d, e, f, g, h] = numbers[rest + 9];
+        let [a, b, c, d, e, f, g, h] = numbers[rest + 12];
         let flags = u32::from_le_bytes([e, f, g, h]);
         Some(Self {
             nets: std::array::from_fn(|net| triple(3 * net)),
             reflected: triple(rest),
             range: (!range[0][0].is_nan()).then_some(range),
+            rare: triple(rest + 9),
             n_points: u32::from_le_bytes([a, b, c, d]),
             n_parts: flags >> 1,
             finished: flags & 1 == 1,
@@ -159,11 +163,31 @@ pub(super) struct Gatherer<'a> {
     origins: DirectPass<'a>,
 }
 
+/// Returns with how many rays the pixels of a block begin, where so many of them gather.
+pub(super) fn first_rays(n_pixels: usize) -> u32 {
+    let n_pixels = u32::try_from(n_pixels).unwrap_or(u32::MAX).max(1);
+    FIRST_RAYS_OF_A_BLOCK
+        .div_ceil(n_pixels)
+        .next_power_of_two()
+        .max(FIRST_RAYS)
+}
+
 /// Buffers of one thread.
 #[derive(Default)]
 pub(super) struct GatherScratch {
     rays: RayBatch,
     hits: HitBatch,
+    /// What the rays bring, where that is wanted.
+    pub(super) pool: Option<LightPool>,
+}
+
+impl GatherScratch {
+    pub(super) fn with_pool(pool: Option<LightPool>) -> Self {
+        Self {
+            pool,
+            ..Self::default()
+        }
+    }
 }
 
 impl<'a> Gatherer<'a> {
@@ -186,18 +210,20 @@ impl<'a> Gatherer<'a> {
         }
     }
 
-    /// Gathers for one more round for a pixel with these parts; `direct` is what its irradiance is without.
+    /// Gathers for one more round for a pixel with these parts; it is finished if it may not have one.
     pub(super) fn continue_with(
         &self,
         parts: &[PixelPart],
-        direct: [f64; 3],
+        first_rays: u32,
         gathered: &mut Gathered,
         scratch: &mut GatherScratch,
     ) {
         let n_parts = u32::try_from(parts.len()).unwrap_or(u32::MAX);
         let max_rays = self.settings.max_rays.get();
         // Background, and backs of faces, gather nothing.
-        let next = (n_parts > 0).then(|| gathered.next_points(n_parts, max_rays)).flatten();
+        let next = (n_parts > 0)
+            .then(|| gathered.next_points(n_parts, first_rays, max_rays))
+            .flatten();
         let Some(n_points) = next else {
             gathered.finished = true;
             return;
@@ -207,20 +233,33 @@ impl<'a> Gatherer<'a> {
             self.gather(part, gathered, n_points, scratch);
         }
         gathered.n_points = n_points;
-        let [mean, _, variance] = gathered.estimate();
-        let brightest = (0..3).map(|c| direct[c] + mean[c]).fold(0.0, f64::max);
-        let error = variance.iter().copied().fold(0.0, f64::max).sqrt();
+    }
+
+    /// Finishes a pixel whose rays tell enough, where there is this rare light about; `direct` is what its irradiance is without gathering.
+    ///
+    /// Where all rays of a pixel met the same there is no spread to see, and that is believed from 3 / noise rays on. A pixel without any light has no brightness to compare noise with: it may have as much
+    /// from rare light as one of the mean brightness of its pool, and then counts as dark for sure.
+    pub(super) fn judge(&self, direct: [f64; 3], rare: &RareLight, gathered: &mut Gathered) {
         let noise = self.settings.noise;
+        let largest = |values: [f64; 3]| values.into_iter().fold(0.0, f64::max);
+        gathered.rare = rare.variance(gathered.n_rays());
+        let [mean, _, variance] = gathered.estimate();
+        let brightness = largest(std::array::from_fn(|c| direct[c] + mean[c]));
+        let is_dark = brightness <= 0.0;
+        let allowed = noise * if is_dark { largest(rare.mean) } else { brightness };
         let has_spread = gathered
             .range
             .is_some_and(|[least, most]| (0..3).any(|c| most[c] > least[c]));
         let is_known = has_spread || f64::from(gathered.n_rays()) >= RULE_OF_THREE / noise;
-        gathered.finished = is_known && error <= noise * brightest;
+        gathered.finished = is_known && largest(variance).sqrt() <= allowed;
+        if gathered.finished && is_dark {
+            gathered.rare = [0.0; 3];
+        }
     }
 
     /// Adds the points of all nets of one part, from the ones that it has to `n_points`.
     fn gather(&self, part: &PixelPart, gathered: &mut Gathered, n_points: u32, scratch: &mut GatherScratch) {
-        let GatherScratch { rays, hits } = scratch;
+        let GatherScratch { rays, hits, pool } = scratch;
         let point = &part.point;
         let frame = Frame::from_normal(point.normal);
         let origin = self.origins.origin(point.face, point.point, point.normal);
@@ -240,6 +279,9 @@ impl<'a> Gatherer<'a> {
             let first = net * n_new as usize;
             for k in first..first + n_new as usize {
                 let light = self.light(hits, k).unwrap_or_default();
+                if let Some(pool) = pool {
+                    pool.add(light);
+                }
                 let [least, most] = gathered.range.get_or_insert([[f64::INFINITY; 3], [0.0; 3]]);
                 for c in 0..3 {
                     // Of one part; the pixel's irradiance is the sum over its parts.
@@ -328,6 +370,7 @@ mod tests {
             nets: std::array::from_fn(|k| [0.1, 1.0 / 3.0, 1e-300].map(|x| x * (1.0 + k as f64))),
             reflected: [0.2, 0.3, 0.0],
             range: Some([[0.0; 3], [4.0, 5.0, 6.0]]),
+            rare: [0.5, 0.25, 1e-9],
             n_points: 24,
             n_parts: 257,
             finished: true,

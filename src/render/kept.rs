@@ -1,6 +1,7 @@
 //! What a checkpoint keeps of final gather: for each block and round the pixels that the round went on with.
 
 use super::gather::Gathered;
+use super::rare::RareLight;
 use super::renderer::{BlockState, Renderer};
 use crate::checkpoint::Checkpoint;
 
@@ -28,17 +29,17 @@ impl<'a> KeptRounds<'a> {
     /// Brings a block to the end of the last round that was kept.
     pub(super) fn restore(&self, block: usize, state: &mut BlockState) {
         while let Some(piece) = self.checkpoint.piece(self.piece(block, state.n_rounds)) {
-            let Some(next) = decoded(&piece, &state.gathered) else {
+            let Some((next, rare)) = decoded(&piece, &state.gathered) else {
                 return;
             };
-            state.gathered = next;
-            state.n_rounds += 1;
+            state.end_round(next, &rare);
         }
     }
 
     /// Keeps what the round after `state` made.
-    pub(super) fn keep(&self, block: usize, state: &BlockState, next: &[Gathered]) {
+    pub(super) fn keep(&self, block: usize, state: &BlockState, next: &[Gathered], rare: &RareLight) {
         let mut bytes = Vec::new();
+        rare.encode(&mut bytes);
         for (before, after) in state.gathered.iter().zip(next) {
             if !before.finished {
                 after.encode(&mut bytes);
@@ -48,13 +49,15 @@ impl<'a> KeptRounds<'a> {
     }
 }
 
-/// Returns the pixels after a round; `None` for what is no such round.
-fn decoded(piece: &[u8], before: &[Gathered]) -> Option<Vec<Gathered>> {
-    let (open, rest) = piece.as_chunks::<{ Gathered::N_BYTE }>();
+/// Returns the pixels and the rare light after a round; `None` for what is no such round.
+fn decoded(piece: &[u8], before: &[Gathered]) -> Option<(Vec<Gathered>, RareLight)> {
+    let (rare, pixels) = piece.split_at_checked(RareLight::N_BYTE)?;
+    let (open, rest) = pixels.as_chunks::<{ Gathered::N_BYTE }>();
     let mut open = open.iter();
     let mut next = before.to_vec();
     for pixel in next.iter_mut().filter(|pixel| !pixel.finished) {
         *pixel = Gathered::decode(open.next()?)?;
     }
-    (rest.is_empty() && open.next().is_none()).then_some(next)
+    let is_whole = rest.is_empty() && open.next().is_none();
+    is_whole.then_some((next, RareLight::decode(rare)?))
 }

@@ -1,17 +1,21 @@
 //! From views to pixels, block by block.
 
+use std::collections::BTreeMap;
+
 use rayon::prelude::*;
 
 use super::direct::{DirectEstimate, DirectPass, DirectPoint, Scratch};
 use super::display::Watcher;
-use super::gather::{GatherScratch, Gathered, Gatherer, PixelPart};
+use super::gather::{GatherScratch, Gathered, Gatherer, PixelPart, first_rays};
 use super::image::Image;
 use super::kept::KeptRounds;
 use super::pixel::{Canvas, Kinds, Pixel};
+use super::rare::{LightPool, RareLight};
 use super::shade::{self, Shader, SurfacePoint};
 use super::view::View;
 use super::{RenderError, RenderInput, RenderSettings};
 use crate::progress::Progress;
+use crate::scene::SurfaceId;
 use crate::visibility::{Coherence, HitBatch, RayBatch};
 
 /// Side of the square blocks of pixels that are the unit of parallel work.
@@ -85,11 +89,24 @@ struct Seen {
     parts: Vec<PixelPart>,
 }
 
+/// What all samples that show the front of one surface bring together.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct SurfaceSum {
+    pub(super) n_samples: u64,
+    /// Σ of the first channel of the irradiance.
+    pub(super) irradiance: f64,
+}
+
+/// The sums of the surfaces that are seen.
+pub(super) type SurfaceSums = BTreeMap<SurfaceId, SurfaceSum>;
+
 /// A block while light is gathered for it.
 #[derive(Default)]
 pub(super) struct BlockState {
     pixels: Vec<Pixel>,
     pub(super) gathered: Vec<Gathered>,
+    /// What the first round's rays told of rare light.
+    pub(super) rare: Option<RareLight>,
     /// Rounds so far.
     pub(super) n_rounds: u32,
 }
@@ -97,6 +114,13 @@ pub(super) struct BlockState {
 impl BlockState {
     fn is_open(&self) -> bool {
         self.gathered.iter().any(|pixel| !pixel.finished)
+    }
+
+    /// Takes over what a round made.
+    pub(super) fn end_round(&mut self, gathered: Vec<Gathered>, rare: &RareLight) {
+        self.gathered = gathered;
+        self.rare = Some(*rare);
+        self.n_rounds += 1;
     }
 
     /// Returns the radiance of all pixels with what was gathered so far.
@@ -123,11 +147,11 @@ pub(super) struct Renderer<'a> {
 }
 
 impl Renderer<'_> {
-    /// Renders the whole image.
+    /// Renders the whole image; without final gather also sums over what it shows of each surface.
     ///
     /// # Errors
     /// [`RenderError::Interrupted`] if `progress` says so.
-    pub(super) fn image(&self, progress: &dyn Progress) -> Result<Image, RenderError> {
+    pub(super) fn image(&self, progress: &dyn Progress) -> Result<(Image, SurfaceSums), RenderError> {
         let (width, height) = self.size;
         let blocks: Vec<Block> = (0..height.div_ceil(BLOCK_SIDE))
             .flat_map(|j| (0..width.div_ceil(BLOCK_SIDE)).map(move |i| [i * BLOCK_SIDE, j * BLOCK_SIDE]))
@@ -141,29 +165,35 @@ impl Renderer<'_> {
         let mut canvas = Canvas::new(width as usize, height as usize, kinds);
         if let Some(gatherer) = &self.gatherer {
             self.gather_all(gatherer, &blocks, &mut canvas, progress)?;
-            return Ok(canvas.into_image());
+            return Ok((canvas.into_image(), SurfaceSums::new()));
         }
+        let mut sums = SurfaceSums::new();
         progress.begin("render", blocks.len() as u64);
         // Blocks at a time, so that pixels in f64 never fill the memory.
         for batch in blocks.chunks(BLOCKS_AT_A_TIME) {
-            let rendered: Vec<Vec<Pixel>> = batch
+            let rendered: Vec<(Vec<Pixel>, SurfaceSums)> = batch
                 .par_iter()
                 .map(|&block| {
                     if progress.is_cancelled() {
-                        return Vec::new();
+                        return Default::default();
                     }
-                    let pixels = self.block(block);
+                    let (pixels, own) = self.block(block);
                     self.show(block, pixels.iter().map(Pixel::radiance));
                     progress.advance(1);
-                    pixels
+                    (pixels, own)
                 })
                 .collect();
             go_on(progress)?;
-            for (&block, pixels) in batch.iter().zip(&rendered) {
+            for (&block, (pixels, own)) in batch.iter().zip(&rendered) {
                 canvas.set_all(positions(block), pixels);
+                for (&surface, of_block) in own {
+                    let sum = sums.entry(surface).or_default();
+                    sum.n_samples += of_block.n_samples;
+                    sum.irradiance += of_block.irradiance;
+                }
             }
         }
-        Ok(canvas.into_image())
+        Ok((canvas.into_image(), sums))
     }
 
     /// Renders with final gather: rounds over the whole image, each twice as long as all before it together.
@@ -185,11 +215,12 @@ impl Renderer<'_> {
                 if progress.is_cancelled() {
                     return BlockState::default();
                 }
-                let pixels = self.block(block);
+                let (pixels, _) = self.block(block);
                 let gathered = vec![Gathered::default(); pixels.len()];
                 let mut state = BlockState {
                     pixels,
                     gathered,
+                    rare: None,
                     n_rounds: 0,
                 };
                 if let Some(kept) = &kept {
@@ -211,14 +242,13 @@ impl Renderer<'_> {
             open.filter(|(_, (state, _))| state.is_open())
                 .for_each(|(k, (state, &block))| {
                     // A round that is stopped half-way has not been.
-                    let Some(next) = self.gather_round(gatherer, block, state, progress) else {
+                    let Some((next, rare)) = self.gather_round(gatherer, block, state, progress) else {
                         return;
                     };
                     if let Some(kept) = &kept {
-                        kept.keep(k, state, &next);
+                        kept.keep(k, state, &next, &rare);
                     }
-                    state.gathered = next;
-                    state.n_rounds += 1;
+                    state.end_round(next, &rare);
                     self.show(block, state.radiance());
                     progress.advance(1);
                 });
@@ -244,12 +274,15 @@ impl Renderer<'_> {
         block: Block,
         state: &BlockState,
         progress: &dyn Progress,
-    ) -> Option<Vec<Gathered>> {
+    ) -> Option<(Vec<Gathered>, RareLight)> {
         let parts = self.look(block).parts;
-        let mut scratch = GatherScratch::default();
+        // Later rounds are only of pixels that need them: their rays say nothing of the others.
+        let pool = state.rare.is_none().then(LightPool::default);
+        let mut scratch = GatherScratch::with_pool(pool);
+        let n_first = first_rays(parts.chunk_by(|a, b| a.pixel == b.pixel).count());
         let mut rest = parts.as_slice();
         let mut next = state.gathered.clone();
-        for (k, (pixel, gathered)) in state.pixels.iter().zip(&mut next).enumerate() {
+        for (k, gathered) in next.iter_mut().enumerate() {
             if progress.is_cancelled() {
                 return None;
             }
@@ -257,10 +290,18 @@ impl Renderer<'_> {
             let (own, others) = rest.split_at(n_own);
             rest = others;
             if !gathered.finished {
-                gatherer.continue_with(own, pixel.shade.irradiance, gathered, &mut scratch);
+                gatherer.continue_with(own, n_first, gathered, &mut scratch);
             }
         }
-        Some(next)
+        let rare = state
+            .rare
+            .unwrap_or_else(|| scratch.pool.unwrap_or_default().rare_light());
+        for (pixel, gathered) in state.pixels.iter().zip(&mut next) {
+            if !gathered.finished {
+                gatherer.judge(pixel.shade.irradiance, &rare, gathered);
+            }
+        }
+        Some((next, rare))
     }
 
     /// Finds what the samples of a block's pixels see.
@@ -312,7 +353,7 @@ impl Renderer<'_> {
         seen
     }
 
-    fn block(&self, block: Block) -> Vec<Pixel> {
+    fn block(&self, block: Block) -> (Vec<Pixel>, SurfaceSums) {
         let seen = self.look(block);
         let mut pixels: Vec<Pixel> = seen
             .centres
@@ -323,13 +364,19 @@ impl Renderer<'_> {
             })
             .collect();
         let mut scratch = Scratch::default();
+        let mut sums = SurfaceSums::new();
         for part in &seen.parts {
-            self.add(&mut pixels[part.pixel], part, &mut scratch);
+            let [irradiance, ..] = self.add(&mut pixels[part.pixel], part, &mut scratch);
+            let surface = self.input.mesh.patches[part.point.patch.patch.0 as usize].surface;
+            let sum = sums.entry(surface).or_default();
+            sum.n_samples += 1;
+            sum.irradiance += irradiance;
         }
-        pixels
+        (pixels, sums)
     }
 
-    fn add(&self, pixel: &mut Pixel, part: &PixelPart, scratch: &mut Scratch) {
+    /// Adds a part to its pixel, and returns its irradiance.
+    fn add(&self, pixel: &mut Pixel, part: &PixelPart, scratch: &mut Scratch) -> [f64; 3] {
         let PixelPart { point, share, .. } = part;
         let direct = self.direct.as_ref().map_or_else(DirectEstimate::default, |pass| {
             let at = DirectPoint {
@@ -355,5 +402,6 @@ impl Renderer<'_> {
         for (sum, of_patch) in pixel.error.iter_mut().zip(error) {
             *sum += share * of_patch;
         }
+        shade.irradiance
     }
 }

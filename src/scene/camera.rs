@@ -1,5 +1,6 @@
 //! The perspective camera, and the `camera.toml` beside a scene.
 
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use glam::{DAffine3, DMat3, DVec3};
@@ -24,6 +25,9 @@ pub struct Camera {
     vertical_fov: f64,
     image_size: [Option<u32>; 2],
 }
+
+/// The pixels that a side of an image may have, wherever it is asked for: in a camera file, or of the program.
+pub const IMAGE_SIDES: RangeInclusive<u32> = 1..=16384;
 
 /// The name of the camera file in the directory of a scene.
 const FILE_NAME: &str = "camera.toml";
@@ -113,8 +117,9 @@ impl Camera {
             }
         };
         for (key, size) in [("width", parsed.width), ("height", parsed.height)] {
-            if size == Some(0) {
-                let message = format!("the {key} of an image is at least 1 pixel; correct it");
+            if size.is_some_and(|side| !IMAGE_SIDES.contains(&side)) {
+                let (least, most) = (IMAGE_SIDES.start(), IMAGE_SIDES.end());
+                let message = format!("the {key} of an image is {least} to {most} pixels; correct it");
                 return Err(bad(file, blame(key), message));
             }
         }
@@ -195,6 +200,12 @@ impl Camera {
     pub fn with_image_size(mut self, width: Option<u32>, height: Option<u32>) -> Self {
         self.image_size = [width, height];
         self
+    }
+
+    /// Tells whether a view along `direction` has no vertical near `up`: they are parallel, and [`Camera::new`] refuses them.
+    #[must_use]
+    pub fn is_along(direction: DVec3, up: DVec3) -> bool {
+        direction.normalize_or_zero().cross(up.normalize_or_zero()).length() < PARALLEL
     }
 
     /// Returns the place of the pinhole, in m.

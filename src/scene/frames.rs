@@ -19,6 +19,8 @@ pub struct Frame {
     pub lighting: Option<PathBuf>,
     /// The file of its camera, relative to the list's folder, or `unfolded`; `None` for the caller's.
     pub camera: Option<PathBuf>,
+    /// The line of the list where it begins.
+    pub line: u32,
     /// What moves, done one after another, each with its line.
     moves: Vec<(u32, Motion)>,
 }
@@ -146,6 +148,7 @@ pub fn load(file: impl AsRef<Path>) -> Result<Vec<Frame>, SceneError> {
             name: frame.name,
             lighting: frame.lighting,
             camera: frame.camera,
+            line: line_after(text.get(..start).unwrap_or(&text)),
             moves: frame
                 .moves
                 .into_iter()

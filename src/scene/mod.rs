@@ -34,7 +34,7 @@ mod warning;
 mod write;
 mod written;
 
-pub use camera::Camera;
+pub use camera::{Camera, IMAGE_SIDES};
 pub use error::SceneError;
 pub use lighting::Lighting;
 pub use motion::{Motion, MotionError, Names, Pose};

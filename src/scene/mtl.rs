@@ -25,6 +25,8 @@ pub(super) struct Definition {
     pub(super) exitance: [f64; 3],
     /// The line of the first texture of the diffuse or emitted colour.
     pub(super) texture_line: Option<u32>,
+    /// The line and the keyword of the first statement by which the material would mirror or let light through.
+    pub(super) not_diffuse: Option<(u32, &'static str)>,
     /// True if an earlier definition has the same name.
     pub(super) repeated: bool,
 }
@@ -35,11 +37,21 @@ pub(super) struct Definitions {
     by_name: HashMap<String, Definition>,
 }
 
+/// What a material says besides its colours.
+struct Beside {
+    /// The line of the `newmtl`.
+    line: u32,
+    /// The line of the first texture.
+    texture_line: Option<u32>,
+    /// The first statement by which it would not be diffuse and opaque.
+    not_diffuse: Option<(u32, &'static str)>,
+}
+
 /// What stands in a library besides its numbers.
 #[derive(Default)]
 struct Scan {
-    /// The line of each `newmtl`, and that of its first texture.
-    materials: Vec<(u32, Option<u32>)>,
+    /// What each material says that the parser does not keep.
+    materials: Vec<Beside>,
     /// The checked `newmtl`, `Kd` and `Ke` lines: the parser panics at a `Kd` with fewer than three numbers.
     values: String,
 }
@@ -96,13 +108,14 @@ impl Definitions {
                 scan.materials.len()
             )));
         }
-        for (material, (line, texture_line)) in parsed.into_iter().zip(scan.materials) {
+        for (material, beside) in parsed.into_iter().zip(scan.materials) {
             let definition = Definition {
                 file: file.to_owned(),
-                line,
+                line: beside.line,
                 reflectance: material.diffuse,
                 exitance: material.emissive.unwrap_or_default(),
-                texture_line,
+                texture_line: beside.texture_line,
+                not_diffuse: beside.not_diffuse,
                 repeated: false,
             };
             match self.by_name.entry(material.name) {
@@ -199,7 +212,11 @@ fn scan(text: &str, file: &Path) -> Result<Scan, SceneError> {
                 });
             }
             "newmtl" => {
-                scan.materials.push((s.line, None));
+                scan.materials.push(Beside {
+                    line: s.line,
+                    texture_line: None,
+                    not_diffuse: None,
+                });
                 let _ = writeln!(scan.values, "newmtl {}", s.rest);
             }
             "Kd" => {
@@ -225,15 +242,32 @@ fn scan(text: &str, file: &Path) -> Result<Scan, SceneError> {
                 write_rgb(&mut scan.values, "Ke", value);
             }
             "map_Kd" | "map_Ke" => {
-                if let Some((_, texture_line)) = scan.materials.last_mut() {
-                    texture_line.get_or_insert(s.line);
+                if let Some(material) = scan.materials.last_mut() {
+                    material.texture_line.get_or_insert(s.line);
                 }
             }
-            _ => {}
+            _ => {
+                let keyword = not_diffuse(&s);
+                if let (Some(keyword), Some(material)) = (keyword, scan.materials.last_mut()) {
+                    material.not_diffuse.get_or_insert((s.line, keyword));
+                }
+            }
         }
         Ok(())
     })?;
     Ok(scan)
+}
+
+/// Returns the keyword of a statement by which a surface mirrors (`Ks`) or lets light through (`d`, `Tr`).
+fn not_diffuse(s: &Statement) -> Option<&'static str> {
+    let mut numbers = s.words().filter_map(|word| word.parse::<f64>().ok());
+    match s.keyword {
+        "Ks" => numbers.any(|x| x > 0.0).then_some("Ks"),
+        // Options come before the number.
+        "d" => numbers.last().is_some_and(|x| x < 1.0).then_some("d"),
+        "Tr" => numbers.last().is_some_and(|x| x > 0.0).then_some("Tr"),
+        _ => None,
+    }
 }
 
 /// Returns the three numbers of a `Kd` or `Ke`; one number stands for three.

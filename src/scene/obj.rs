@@ -270,6 +270,21 @@ impl Assembly<'_> {
                 name: name(),
             });
         }
+        if let Some((not_diffuse_line, keyword)) = definition.not_diffuse {
+            let told = self.warnings.iter_mut().find_map(|warning| match warning {
+                SceneWarning::NotDiffuse { count, .. } => Some(count),
+                _ => None,
+            });
+            match told {
+                Some(count) => *count += 1,
+                None => self.warnings.push(SceneWarning::NotDiffuse {
+                    file: file.clone(),
+                    line: not_diffuse_line,
+                    keyword,
+                    count: 1,
+                }),
+            }
+        }
     }
 }
 

@@ -83,6 +83,17 @@ pub enum SceneWarning {
         /// The material's name.
         name: String,
     },
+    /// Materials in use mirror light or let it through (`Ks`, `d`, `Tr`), which is not used.
+    NotDiffuse {
+        /// The material file of the first one.
+        file: PathBuf,
+        /// The line that says so.
+        line: u32,
+        /// The keyword of that line.
+        keyword: &'static str,
+        /// How many materials there are.
+        count: usize,
+    },
     /// No face emits light.
     NoEmission {
         /// The scene file.
@@ -103,6 +114,7 @@ impl SceneWarning {
             Self::MissingReflectance { .. } => "missing_reflectance",
             Self::RepeatedMaterial { .. } => "repeated_material",
             Self::IgnoredTexture { .. } => "ignored_texture",
+            Self::NotDiffuse { .. } => "not_diffuse",
             Self::NoEmission { .. } => "no_emission",
         }
     }
@@ -125,6 +137,7 @@ impl SceneWarning {
             | Self::MissingReflectance { file, .. }
             | Self::RepeatedMaterial { file, .. }
             | Self::IgnoredTexture { file, .. }
+            | Self::NotDiffuse { file, .. }
             | Self::NoEmission { file } => file,
         }
     }
@@ -140,7 +153,8 @@ impl SceneWarning {
             | Self::NoMaterial { line, .. }
             | Self::MissingReflectance { line, .. }
             | Self::RepeatedMaterial { line, .. }
-            | Self::IgnoredTexture { line, .. } => Some(*line),
+            | Self::IgnoredTexture { line, .. }
+            | Self::NotDiffuse { line, .. } => Some(*line),
             Self::NoEmission { .. } => None,
         }
     }
@@ -203,6 +217,15 @@ impl fmt::Display for SceneWarning {
                     f,
                     ": the texture of material `{}` is not read; its `Kd` counts everywhere",
                     printable(name)
+                )
+            }
+            Self::NotDiffuse { keyword, count: 1, .. } => {
+                write!(f, ": `{keyword}` is not used: surfaces are diffuse and opaque")
+            }
+            Self::NotDiffuse { keyword, count, .. } => {
+                write!(
+                    f,
+                    ": `{keyword}` is not used: surfaces are diffuse and opaque; {count} materials are meant otherwise, this is the first"
                 )
             }
             Self::NoEmission { .. } => write!(f, ": no face emits light; give a material an exitance `Ke`"),

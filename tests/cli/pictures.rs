@@ -126,6 +126,25 @@ fn a_camera_beside_the_scene_is_told_kept_and_turned_upright() {
     // A picture names no file of the machine.
     assert!(attributes.solution.get("camera").is_none());
 
+    // Straight down there is no vertical near the camera's own up.
+    let down = ["--eye", "2,2.5,2.8", "--look-at", "2,2.5,0"];
+    let (code, result) = document(directory.path(), &field(&down));
+    let told = result["settings"]["camera"].as_str().unwrap();
+    assert!(code == 0 && told.contains("up in the image is [0, 1, 0]"), "{told}");
+    let output = radiosity(directory.path(), &[&field(&down)[..], &["--up", "0,0,-3"]].concat());
+    assert_eq!(output.status.code(), Some(2));
+    assert!(
+        stderr(&output).contains("--up is zero or parallel"),
+        "{}",
+        stderr(&output)
+    );
+    // A side that follows from the camera's proportion has the limits of all sides.
+    std::fs::write(&camera, text.replace("width = 8", "width = 1")).unwrap();
+    let output = radiosity(directory.path(), &field(&["--width", "3000"]));
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("3000 × 18000"), "{}", stderr(&output));
+    std::fs::write(&camera, text).unwrap();
+
     let away = ["--eye", "99,99,99", "--look-at", "199,99,99"];
     let (_, blank) = document(directory.path(), &field(&away));
     let warnings = blank["warnings"].to_string();
@@ -522,7 +541,14 @@ fn frames_share_form_factors_and_equal_single_pictures() {
             "bad.toml:3: invalid type: sequence, expected a table with a `surface` and its motion",
         ),
         ("[[frame]]\nname = \"a\"\nlight = \"x\"\n", "bad.toml:3"),
-        ("[[frame]]\nname = \"a\"\nlighting = \"none.toml\"\n", "none.toml"),
+        (
+            "\n[[frame]]\nname = \"a\"\nlighting = \"none.toml\"\n",
+            "; frame `a` names it, bad.toml:2",
+        ),
+        (
+            "[[frame]]\nname = \"b\"\ncamera = \"none.toml\"\n",
+            "; frame `b` names it, bad.toml:1",
+        ),
     ] {
         write("bad.toml", text);
         let bad = [&common[..], &["--frames", "bad.toml", "-o", "f.exr"]].concat();
@@ -772,6 +798,19 @@ fn final_gather_says_what_it_took_and_a_missing_viewer_is_a_warning() {
             "{layer}"
         );
     }
+    // Eight nets of one ray for each of a pixel's four samples are the least, and are told.
+    let least = ["--noise", "0.1", "--gather-rays", "1"];
+    let (_, result) = document(directory.path(), &[&common[..], &least].concat());
+    let (image, _) = radiosity::render::exr::read(&directory.path().join("g.exr")).unwrap();
+    let samples = image.u32("samples").unwrap();
+    assert!(samples.iter().all(|n| n % 8 == 0 && *n <= 32) && samples.contains(&32));
+    let total: u64 = samples.iter().map(|&n| u64::from(n)).sum();
+    assert_eq!(result["final_gather"]["n_rays"], total);
+    // A noise beyond all means is told in a few digits.
+    let beyond = ["--noise", "1e-300", "--gather-rays", "64"];
+    let output = radiosity(directory.path(), &[&common[..], &beyond].concat());
+    let told = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(told.contains("above the noise of 1e-300\n"), "{told}");
     // A budget spent above the tolerance.
     let few = ["--noise", "0.001", "--gather-rays", "64"];
     let (code, result) = document(directory.path(), &[&common[..], &few].concat());

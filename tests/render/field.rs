@@ -7,10 +7,10 @@ use radiosity::mesh::{Mesh, Subdivision};
 use radiosity::progress::Silent;
 use radiosity::render::verify::{VerifyError, VerifyReport, WallReport, verify, verify_image};
 use radiosity::render::{
-    Attributes, DirectMethod, FieldInput, FieldRecord, Image, RenderSettings, Samples, UnfoldedView, View,
-    ViewDescription, exr, field, surface_means,
+    Attributes, DirectMethod, Field, FieldInput, FieldRecord, Image, RayView, RenderSettings, Samples, SurfaceMean,
+    UnfoldedView, View, ViewDescription, exr, field,
 };
-use radiosity::scene::builtin;
+use radiosity::scene::{Camera, builtin};
 use radiosity::scene::{FaceId, Scene, SurfaceId};
 use radiosity::visibility::Visibility;
 use radiosity::visibility::embree::EmbreeVisibility;
@@ -29,7 +29,8 @@ pub(crate) const METHODS: [DirectMethod; 3] = [
     },
 ];
 
-pub(crate) struct Field {
+pub(crate) struct Made {
+    pub(crate) means: Vec<SurfaceMean>,
     scene: Scene,
     mesh: Mesh,
     pub(crate) image: Image,
@@ -37,7 +38,7 @@ pub(crate) struct Field {
 }
 
 /// The unfolded field of a built-in scene, each face in 3 × 3 patches.
-fn render_field(name: &str, surface: &str, n_pixels: u32, direct: DirectMethod) -> Field {
+fn render_field(name: &str, surface: &str, n_pixels: u32, direct: DirectMethod) -> Made {
     let scene = builtin::build(name, None).unwrap().scene;
     let view = UnfoldedView::new(&scene, n(n_pixels)).unwrap();
     let settings = RenderSettings {
@@ -48,7 +49,7 @@ fn render_field(name: &str, surface: &str, n_pixels: u32, direct: DirectMethod) 
 }
 
 /// The field of a scene, each face in 3 × 3 patches.
-pub(crate) fn field_of(scene: Scene, surface: &str, view: &dyn View, settings: RenderSettings) -> Field {
+pub(crate) fn field_of(scene: Scene, surface: &str, view: &dyn View, settings: RenderSettings) -> Made {
     let mesh = Mesh::new(&scene, Subdivision::Uniform(3)).unwrap();
     let visibility = EmbreeVisibility::new(&scene).unwrap();
     let number = scene.surfaces.iter().position(|s| s.name == surface).unwrap();
@@ -58,14 +59,15 @@ pub(crate) fn field_of(scene: Scene, surface: &str, view: &dyn View, settings: R
         visibility: &visibility,
         surface: SurfaceId(u32::try_from(number).unwrap()),
     };
-    let image = field(&input, view, &settings, &Silent).unwrap();
+    let Field { image, means } = field(&input, view, &settings, &Silent).unwrap();
     let record = FieldRecord {
         surface: surface.to_owned(),
     };
     let solution = serde_json::json!({});
     let attributes =
         Attributes::new(&scene, view.description(), settings, visibility.offset(), solution).with_field(record);
-    Field {
+    Made {
+        means,
         scene,
         mesh,
         image,
@@ -73,7 +75,7 @@ pub(crate) fn field_of(scene: Scene, surface: &str, view: &dyn View, settings: R
     }
 }
 
-pub(crate) fn check(field: &Field) -> VerifyReport {
+pub(crate) fn check(field: &Made) -> VerifyReport {
     verify_image(&field.image, &field.attributes).unwrap()
 }
 
@@ -105,14 +107,13 @@ fn every_pixel_of_the_cube_is_the_closed_form() {
     // Half an ulp of an f32 below 1/2, which no form factor of the cube reaches.
     assert!(report.max_error <= 2f64.powi(-26), "{}", report.max_error);
     // The midpoint rule on 192 × 192 pixels leaves less than 1e-6; the values are those of the scene's README.
-    let means = surface_means(&made.image, &made.mesh, made.scene.surfaces.len());
-    for (surface, mean) in made.scene.surfaces.iter().zip(&means) {
+    for (surface, mean) in made.scene.surfaces.iter().zip(&made.means) {
         let exact = match surface.name.as_str() {
             "z0" => 0.199_824_895_698_387_4,
             "z1" => 0.0,
             _ => 0.200_043_776_075_403_15,
         };
-        assert_eq!(mean.n_pixels, 192 * 192);
+        assert_eq!((mean.n_pixels, mean.n_samples), (192 * 192, 192 * 192));
         assert!(
             (mean.form_factor.unwrap() - exact).abs() < 1e-6,
             "{}: {mean:?}",
@@ -174,7 +175,7 @@ fn half_hidden_walls_have_the_known_mean() {
 
 #[test]
 fn wrong_fields_fail() {
-    let change = |made: &mut Field, new: &dyn Fn(usize, f32) -> f32| {
+    let change = |made: &mut Made, new: &dyn Fn(usize, f32) -> f32| {
         let old = made.image.f32("Y").unwrap().to_vec();
         let values = old.iter().enumerate().map(|(k, &y)| new(k, y)).collect();
         made.image.insert("Y", Samples::F32(values));
@@ -226,4 +227,33 @@ fn wrong_fields_fail() {
     });
     let error = verify_image(&free.image, &lost).unwrap_err();
     assert!(matches!(error, VerifyError::NoSuchSurface(name) if name == "C"));
+}
+
+/// Where edges run through pixels, each sample counts for its own surface: the means are those of the same samples as pixels of their own.
+#[test]
+fn means_are_of_samples() {
+    let scene = builtin::build("cube", None).unwrap().scene;
+    let camera = Camera::default_view(&scene);
+    let means = |width: u32, samples: u32| {
+        let ray = |x: f64, y: f64| camera.primary_ray(x, y, width, width);
+        let view = RayView::new(width, width, ray, serde_json::Value::Null);
+        let settings = RenderSettings {
+            direct: DirectMethod::Exact,
+            samples: n(samples),
+            ..RenderSettings::default()
+        };
+        field_of(scene.clone(), "z1", &view, settings).means
+    };
+    let (coarse, fine) = (means(15, 4), means(60, 1));
+    for (k, (of_coarse, of_fine)) in coarse.iter().zip(&fine).enumerate() {
+        let counts = (of_coarse.n_samples, of_fine.n_pixels);
+        assert_eq!(counts, (of_fine.n_samples, of_fine.n_samples), "{k}");
+        match (of_coarse.form_factor, of_fine.form_factor) {
+            (Some(a), Some(b)) => assert!((a - b).abs() < 1e-12, "{k}: {a} {b}"),
+            (a, b) => assert_eq!(a, b, "{k}"),
+        }
+    }
+    // The surface itself is seen, and does not see itself.
+    let own = scene.surfaces.iter().position(|surface| surface.name == "z1").unwrap();
+    assert_eq!(coarse[own].form_factor, Some(0.0));
 }

@@ -13,7 +13,7 @@ use radiosity::render::{
 use radiosity::scene::{FaceId, Scene};
 use radiosity::visibility::embree::EmbreeVisibility;
 
-use crate::scenes::box_scene;
+use crate::scenes::{Builder, WALLS, box_scene, box_walls, rectangle};
 
 fn settings(noise: f64, samples: u32, direct: DirectMethod) -> RenderSettings {
     let n = |n| NonZeroU32::new(n).unwrap();
@@ -144,4 +144,58 @@ fn gathering_does_not_depend_on_the_number_of_threads() {
         pool.install(|| gathered(&scene, &[1.0, 0.0, 0.5, 0.0, 0.0, 0.0], &settings).0)
     };
     assert!(image(1) == image(3));
+}
+
+/// A room of 4 × 3 × 2.5 m with a square spot a millimetre below its ceiling, `radius` from its centre to its sides.
+fn room_with_a_spot(radius: f64) -> Scene {
+    let size = DVec3::new(4.0, 3.0, 2.5);
+    let mut builder = Builder::default();
+    for (name, wall) in WALLS.iter().zip(box_walls(size)) {
+        let surface = builder.surface(name);
+        let material = builder.material([0.0; 3], [0.5; 3]);
+        builder.face(surface, material, &wall);
+    }
+    let (surface, material) = (builder.surface("spot"), builder.material([0.0; 3], [0.5; 3]));
+    let corner = DVec3::new(2.0 - radius, 1.5 - radius, 2.499);
+    let spot = rectangle(corner, DVec3::Y * 2.0 * radius, DVec3::X * 2.0 * radius);
+    builder.face(surface, material, &spot);
+    builder.scene
+}
+
+/// Light from a small bright spot, as above an up-light, is neither missed nor is its noise stated too small.
+#[test]
+fn rare_light_is_neither_missed_nor_understated() {
+    let scene = room_with_a_spot(0.1);
+    let (all, spot) = (0.02, 10.0);
+    let polygon = scene.polygon(FaceId(6));
+    for noise in [0.1, 0.05] {
+        let (image, mesh) = gathered(
+            &scene,
+            &[all, all, all, all, all, all, spot],
+            &settings(noise, 1, DirectMethod::Off),
+        );
+        let layer = |name: &str| image.f32(name).unwrap();
+        let position = ["P.X", "P.Y", "P.Z"].map(layer);
+        let (values, variances) = (layer("irradiance.G"), layer("variance.G"));
+        let (mut n, mut n_beyond, mut sum, mut exact_sum) = (0.0, 0.0, 0.0, 0.0);
+        for (k, &patch) in image.u32("patch").unwrap().iter().enumerate() {
+            // The ceiling and the spot, a millimetre below, do not see it from its front.
+            let Some(patch) = mesh.patches.get(patch as usize).filter(|patch| patch.face.0 < 5) else {
+                continue;
+            };
+            let at: DVec3 = position.map(|along| f64::from(along[k])).into();
+            let exact = all + (spot - all) * point_form_factor(at, patch.normal, &polygon);
+            let error = f64::from(values[k]) - exact;
+            n += 1.0;
+            n_beyond += f64::from(u8::from(error.abs() > 5.0 * f64::from(variances[k]).sqrt()));
+            sum += f64::from(values[k]);
+            exact_sum += exact;
+        }
+        let (beyond, bias) = (n_beyond / n, sum / exact_sum - 1.0);
+        assert!(
+            beyond <= 0.01,
+            "{noise}: {beyond} of the pixels are beyond five standard errors"
+        );
+        assert!(bias.abs() < 0.2 * noise, "{noise}: {bias}");
+    }
 }

@@ -16,7 +16,7 @@ use radiosity::scene::{Camera, builtin};
 use radiosity::visibility::Visibility;
 use radiosity::visibility::embree::EmbreeVisibility;
 
-use crate::field::{Field, METHODS, check, field_of, wall};
+use crate::field::{METHODS, Made, check, field_of, wall};
 
 fn n(n: u32) -> NonZeroU32 {
     NonZeroU32::new(n).unwrap()
@@ -35,7 +35,7 @@ fn camera(eye: [f64; 3], at: [f64; 3], fov: f64) -> Camera {
 }
 
 /// The field of the cube to its ceiling, from near a lower corner: five walls are seen.
-fn cube(direct: DirectMethod, sequence: Sequence) -> Field {
+fn cube(direct: DirectMethod, sequence: Sequence) -> Made {
     let settings = RenderSettings {
         direct,
         sequence,
@@ -45,7 +45,7 @@ fn cube(direct: DirectMethod, sequence: Sequence) -> Field {
     field_of(builtin::build("cube", None).unwrap().scene, "z1", &view, settings)
 }
 
-fn change(made: &mut Field, new: impl Fn(usize, f32) -> f32) {
+fn change(made: &mut Made, new: impl Fn(usize, f32) -> f32) {
     let old = made.image.f32("Y").unwrap().to_vec();
     let values = old.iter().enumerate().map(|(k, &y)| new(k, y)).collect();
     made.image.insert("Y", Samples::F32(values));

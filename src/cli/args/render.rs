@@ -9,6 +9,7 @@ use super::{
     AuditArgs, CommonArgs, MeshArgs, MethodArgs, SolverArgs, StorageArgs, parse_angle, parse_positive, parse_vector,
 };
 use crate::render::exr::{Parts, Pixels};
+use crate::scene::IMAGE_SIDES;
 
 /// The direct pass: light from the emitters, integrated at each pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
@@ -84,7 +85,7 @@ pub struct GatherArgs {
     /// The standard error at which a pixel is finished, relative to its irradiance, with --final-gather [default: 0.02]
     #[arg(long, value_name = "T", value_parser = parse_positive, requires = "final_gather")]
     pub noise: Option<f64>,
-    /// The most rays to gather for one pixel [default: 16384]
+    /// The most rays to gather for one pixel; 8 for each of its samples that sees a surface (32 with --samples 2) are taken all the same [default: 16384]
     #[arg(long, value_name = "N", requires = "final_gather", value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
     pub gather_rays: Option<u32>,
 }
@@ -159,6 +160,11 @@ pub struct ImageArgs {
     pub direct_samples: Option<u32>,
 }
 
+/// Takes the sides that camera files may have as well.
+fn image_side() -> clap::builder::RangedI64ValueParser<u32> {
+    clap::value_parser!(u32).range(i64::from(*IMAGE_SIDES.start())..=i64::from(*IMAGE_SIDES.end()))
+}
+
 /// Where the picture is seen from, and how many pixels it has.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Picture")]
@@ -179,10 +185,10 @@ pub struct ViewArgs {
     #[arg(long, value_name = "DEGREES", value_parser = parse_angle, allow_hyphen_values = true)]
     pub fov: Option<f64>,
     /// Width in pixels; with `--camera unfolded`, of the largest tile's longer side [default: in proportion to --height, else as the camera file says, else 512; unfolded: 64]
-    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..=16384))]
+    #[arg(long, value_name = "PIXELS", value_parser = image_side())]
     pub width: Option<u32>,
     /// Height in pixels [default: in proportion to --width as the camera file says, else as wide]
-    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..=16384))]
+    #[arg(long, value_name = "PIXELS", value_parser = image_side())]
     pub height: Option<u32>,
     /// Samples along each side of a pixel, averaged in the colour layers [default: 2; unfolded: 1]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16))]

@@ -1,0 +1,191 @@
+//! Light that is too rare for a pixel's own rays to tell of.
+//!
+//! Where much of a pixel's light comes from little of what it sees, as from the bright spot on the ceiling above an up-light, few rays may all miss it: their nets agree, on too little light.
+//! The pixels of a block see about the same, and what one of them misses others meet. So the rays of a block's first round are pooled. Of what n rays meet once at most, the pool's rarest
+//! 1/n, a pixel's own rays tell nothing; they are taken to meet it as independent rays would. With b what a ray brings, b̄ its mean over the pool, and Q the 1/n of the pool whose b lies farthest from b̄,
+//! a pixel's irradiance has at least the variance
+//!
+//! ```text
+//! V(n) = (1/n) · E[(b − b̄)² ; b ∈ Q]
+//! ```
+//!
+//! What is more frequent is met by several of a pixel's eight nets, and shows in their spread. Where the brightest is met, V falls as 1/n²: it costs rays only where light is rare.
+//!
+//! Not seen: light that none of N pooled rays met, with 95 % confidence less than 3/N of all that is to be met (the rule of three): 5·10⁻⁵ for a whole block of 64 rays a pixel, 7·10⁻⁴ for the 4096 rays that
+//! the smallest blocks begin with. Where few pixels of a block see the rare light, the variance of these is stated too small, by their share of the block's pixels at most; where few do not see it, as on
+//! another wall, their variance is stated too large, and they take more rays than they need.
+
+/// Where n rays all met the same, what they have not met yet is with 95 % confidence less than 3/n of all there is (the "rule of three").
+///
+/// Source: Hanley and Lippman-Hand 1983, "If nothing goes wrong, is everything all right?", JAMA 249(13).
+pub(super) const RULE_OF_THREE: f64 = 3.0;
+
+/// The bits of an f32 that are left out of its bin's number: 16 bins for each power of two, each less than 7 % wide.
+const BIN_SHIFT: u32 = 19;
+
+/// Bins for all f32 that are not negative.
+const N_BINS: usize = 1 << (31 - BIN_SHIFT);
+
+/// Numbers of rays are looked up by their powers of two; a pixel has 2^24 at most, and those of its last part.
+const N_POWERS: usize = 32;
+
+/// What rays of about equal brightness brought.
+#[derive(Clone, Copy, Default)]
+struct Bin {
+    n: f64,
+    sum: f64,
+}
+
+/// How bright the rays of several pixels are: a histogram over the logarithm of the brightness for each channel.
+pub(super) struct LightPool {
+    /// Bin by bin, all channels.
+    bins: Vec<[Bin; 3]>,
+    n_rays: f64,
+}
+
+impl Default for LightPool {
+    fn default() -> Self {
+        Self {
+            bins: vec![[Bin::default(); 3]; N_BINS],
+            n_rays: 0.0,
+        }
+    }
+}
+
+impl LightPool {
+    /// Adds what a ray brought.
+    pub(super) fn add(&mut self, light: [f64; 3]) {
+        self.n_rays += 1.0;
+        for (c, brought) in light.into_iter().enumerate() {
+            let bin = &mut self.bins[bin_of(brought)][c];
+            bin.n += 1.0;
+            bin.sum += brought;
+        }
+    }
+
+    /// Returns what of this light a pixel's rays may not tell of.
+    pub(super) fn rare_light(&self) -> RareLight {
+        let mut variances = [[0.0; 3]; N_POWERS];
+        for c in 0..3 {
+            let tail = self.tail(c);
+            let mut n_rays = 1.0;
+            for variance in &mut variances {
+                variance[c] = self.rare_variance(&tail, n_rays);
+                n_rays *= 2.0;
+            }
+        }
+        let total = |c: usize| self.bins.iter().map(|bin| bin[c].sum).sum::<f64>();
+        RareLight {
+            mean: [0, 1, 2].map(|c| total(c) / self.n_rays.max(1.0)),
+            variances,
+        }
+    }
+
+    /// Returns the squared deviations from the mean and their numbers, the largest first.
+    fn tail(&self, c: usize) -> Vec<[f64; 2]> {
+        let used = || self.bins.iter().map(|bin| bin[c]).filter(|bin| bin.n > 0.0);
+        let mean = used().map(|bin| bin.sum).sum::<f64>() / self.n_rays.max(1.0);
+        let mut deviations: Vec<[f64; 2]> = used().map(|bin| [(bin.sum / bin.n - mean).powi(2), bin.n]).collect();
+        deviations.sort_by(|a, b| b[0].total_cmp(&a[0]));
+        deviations
+    }
+
+    /// Returns V for n rays.
+    fn rare_variance(&self, tail: &[[f64; 2]], n_rays: f64) -> f64 {
+        let mut rest = self.n_rays / n_rays;
+        let mut squares = 0.0;
+        for &[square, n] in tail {
+            let taken = n.min(rest);
+            squares += taken * square;
+            rest -= taken;
+        }
+        squares / self.n_rays.max(1.0) / n_rays
+    }
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "what an f32 cannot hold, an image cannot show"
+)]
+fn bin_of(brought: f64) -> usize {
+    ((brought.max(0.0) as f32).to_bits() >> BIN_SHIFT) as usize
+}
+
+/// The variance that light makes which is too rare for a pixel's own rays to tell of, for each number of rays.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct RareLight {
+    /// b̄.
+    pub(super) mean: [f64; 3],
+    /// For 1, 2, 4, 8 ... rays.
+    variances: [[f64; 3]; N_POWERS],
+}
+
+impl RareLight {
+    /// Bytes that it takes in a checkpoint.
+    pub(super) const N_BYTE: usize = 8 * 3 * (1 + N_POWERS);
+
+    /// Returns the variance for a number of rays.
+    pub(super) fn variance(&self, n_rays: u32) -> [f64; 3] {
+        self.variances[n_rays.max(1).ilog2() as usize]
+    }
+
+    /// Writes all of it as numbers of 8 bytes, little-endian.
+    pub(super) fn encode(&self, bytes: &mut Vec<u8>) {
+        for number in self.mean.iter().chain(self.variances.as_flattened()) {
+            bytes.extend(number.to_bits().to_le_bytes());
+        }
+    }
+
+    /// Returns what [`encode`](Self::encode) wrote; `None` for another length.
+    pub(super) fn decode(bytes: &[u8]) -> Option<Self> {
+        let (numbers, []) = bytes.as_chunks::<8>() else {
+            return None;
+        };
+        let numbers: &[[u8; 8]; 3 * (1 + N_POWERS)] = numbers.try_into().ok()?;
+        let triple = |k: usize| std::array::from_fn(|c| f64::from_le_bytes(numbers[3 * k + c]));
+        Some(Self {
+            mean: triple(0),
+            variances: std::array::from_fn(|k| triple(1 + k)),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A pool in which one ray of 1024 brings 103.4, and the others 1: the mean is 1.1.
+    fn with_one_bright_of_1024() -> RareLight {
+        let mut pool = LightPool::default();
+        for k in 0..65536 {
+            pool.add([if k % 1024 == 0 { 103.4 } else { 1.0 }, 1.0, 0.0]);
+        }
+        pool.rare_light()
+    }
+
+    #[test]
+    fn what_few_rays_miss_is_of_the_pool() {
+        let rare = with_one_bright_of_1024();
+        let bright = 102.3_f64.powi(2);
+        // 16 rays: a sixteenth of the pool has all that is bright, and others, which lie 0.1 below the mean.
+        let expected = (bright / 1024.0 + 0.01 * (1.0 / 16.0 - 1.0 / 1024.0)) / 16.0;
+        assert!((rare.variance(16)[0] / expected - 1.0).abs() < 1e-9);
+        // From 1024 rays on, a part of what is bright; between powers of two, as for the lower of them.
+        for (n_rays, power) in [(1024, 1024.0), (1500, 1024.0), (8192, 8192.0_f64)] {
+            let of_bright = bright / (power * power);
+            assert!((rare.variance(n_rays)[0] / of_bright - 1.0).abs() < 1e-9, "{n_rays}");
+        }
+        // Where all brings the same there is nothing rare.
+        assert!(rare.variance(16)[1] < 1e-20 && rare.variance(16)[2] < 1e-20);
+    }
+
+    #[test]
+    fn rare_light_comes_back_to_the_last_bit() {
+        let rare = with_one_bright_of_1024();
+        let mut bytes = Vec::new();
+        rare.encode(&mut bytes);
+        assert_eq!(bytes.len(), RareLight::N_BYTE);
+        assert_eq!(RareLight::decode(&bytes), Some(rare));
+        assert_eq!(RareLight::decode(&bytes[8..]), None);
+    }
+}
