@@ -847,3 +847,84 @@ fn no_method_lets_a_bent_quad_hide_its_own_patches() {
         assert!((found - 0.415_253_27).abs() < limit, "{name}: {found}");
     }
 }
+
+/// Two boxes in a room of a metre, turned, which face each other across a gap.
+fn boxes_across(gap: f64, turn: DQuat) -> Scene {
+    let mut shapes = Shapes::default();
+    shapes.cuboid(DVec3::ZERO, DVec3::ONE, DQuat::IDENTITY, true);
+    shapes.cuboid(DVec3::splat(0.2), DVec3::splat(0.5), DQuat::IDENTITY, false);
+    let low = DVec3::new(0.5 + gap, 0.25, 0.3);
+    shapes.cuboid(low, DVec3::new(0.8, 0.6, 0.7), DQuat::IDENTITY, false);
+    moved(&shapes.scene(), turn, 1.0, DVec3::ZERO)
+}
+
+#[test]
+fn what_stands_a_hair_in_front_of_a_patch_hides_all_behind() {
+    let turn = DQuat::from_axis_angle(DVec3::new(0.36, 0.48, -0.8), 1.3);
+    for turn in [DQuat::IDENTITY, turn] {
+        let wide = compute(&Prepared::new(boxes_across(1e-7, turn), 1), 1e-5).factors;
+        for gap in [1e-9, 1e-10, 1e-11, 1e-12, 1e-13] {
+            let narrow = compute(&Prepared::new(boxes_across(gap, turn), 1), 1e-5).factors;
+            for i in 0..narrow.n_rows() {
+                for j in 0..narrow.n_rows() {
+                    let difference = (narrow.get(i, j) - wide.get(i, j)).abs();
+                    // The gap itself lets some light out, by its own width over that of the boxes.
+                    let error = narrow.std_error(i, j) + wide.std_error(i, j) + 1e-6;
+                    assert!(difference <= error, "{gap} {i} {j}: {difference} {error}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn boxes_that_touch_let_no_light_through_however_their_coordinates_are_rounded() {
+    let mut uniform = Uniform(12);
+    for places in [6, 9, 10, 11] {
+        for round in 0..4 {
+            let turn = DQuat::from_axis_angle(direction(&mut uniform), 0.4 + f64::from(round));
+            let mut shapes = Shapes::default();
+            shapes.cuboid(DVec3::ZERO, DVec3::ONE, DQuat::IDENTITY, true);
+            for (low, high) in [
+                ([0.2, 0.2, 0.2], [0.5, 0.5, 0.5]),
+                ([0.5, 0.25, 0.3], [0.8, 0.6, 0.7]),
+                ([0.0, 0.62, 0.0], [0.3, 0.9, 0.5]),
+            ] {
+                shapes.cuboid(DVec3::from(low), DVec3::from(high), DQuat::IDENTITY, false);
+            }
+            let meant = moved(&shapes.scene(), turn, 1.0, DVec3::ZERO);
+            let found = compute(&Prepared::new(with_decimals(places, &meant), 1), 1e-4).factors;
+            for i in 0..found.n_rows() {
+                let error: f64 = (0..found.n_rows()).map(|j| found.std_error(i, j)).sum();
+                let sum = found.row_sum(i);
+                assert!(sum <= 1.0 + error + 1e-9, "{places} {round} {i}: {sum} {error}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_thin_gap_that_was_meant_is_one_however_it_is_rounded() {
+    // A plate before a part of another one, three units of the last digit off: turned and rounded to six digits.
+    let rectangle = |x: f64, y: [f64; 2], z: [f64; 2]| {
+        [(y[0], z[0]), (y[1], z[0]), (y[1], z[1]), (y[0], z[1])].map(|(y, z)| DVec3::new(x, y, z))
+    };
+    let mut uniform = Uniform(3);
+    for round in 0..8 {
+        let mut shapes = Shapes::default();
+        shapes.face(&rectangle(0.0, [0.0, 1.0], [0.0, 1.0]));
+        for (x, range) in [(1.0, [[0.0, 1.0], [0.0, 1.0]]), (3e-6, [[-0.2, 0.5], [-0.2, 0.7]])] {
+            let mut facing = rectangle(x, range[0], range[1]);
+            facing.reverse();
+            shapes.face(&facing);
+        }
+        let turn = DQuat::from_axis_angle(direction(&mut uniform), 0.3 + f64::from(round));
+        let scene = moved(&shapes.scene(), turn, 1.0, DVec3::ZERO);
+        let found = compute(&Prepared::new(with_decimals(6, &scene), 1), 1e-6).factors;
+        let (to_wall, to_plate) = (found.get(0, 1), found.get(0, 2));
+        let (hidden, seen) = ((to_wall - 0.128_336).abs() < 1e-5, (to_plate - 0.35).abs() < 1e-5);
+        // Either the plate is there, and takes what goes its way, or it touches, and takes nothing.
+        let touches = (to_wall - 0.199_825).abs() < 1e-5 && to_plate <= 0.0;
+        assert!(hidden && seen || touches, "{round}: {to_wall} {to_plate}");
+    }
+}

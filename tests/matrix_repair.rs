@@ -142,6 +142,32 @@ fn balance_gives_the_rows_their_sums() {
     }
 }
 
+/// What a row lacks may be the fault of one entry: the others may have been right.
+#[test]
+fn balance_adds_the_steps_that_it_makes_to_errors() {
+    let n = 24;
+    let mut tile = RowTile::new(0);
+    for row in random_rows(n, 1.0, 5) {
+        let entries: Vec<(u32, f64, f64)> = (0..).zip(row).map(|(j, f)| (j, f, 1e-9 * f)).collect();
+        tile.push_row(&entries, RowTally::default());
+    }
+    let rows = FormFactors::from_tiles(vec![1.0; n], [tile], StorageChoice::default()).unwrap();
+    let room = rows.symmetrised(Weighting::Plain).unwrap();
+    let (balanced, report) = room.balanced(&vec![0.8; n], 1e-12, 1000).unwrap();
+    assert!(report.converged);
+    for i in 0..n {
+        for j in 0..n {
+            let step = (balanced.get(i, j) - room.get(i, j)).abs();
+            let (before, after) = (room.std_error(i, j), balanced.std_error(i, j));
+            // Errors are stored in f32.
+            assert!(
+                after * (1.0 + 1e-6) >= before.max(step),
+                "{i} {j}: {before} {step} {after}"
+            );
+        }
+    }
+}
+
 #[test]
 fn balance_says_what_it_cannot_do() {
     let plates = |areas: [f64; 2]| {

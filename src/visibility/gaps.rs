@@ -10,6 +10,9 @@ use crate::scene::{FaceId, Scene};
 /// Gaps below this many offsets are narrow: a ray that starts one offset off a face has then crossed a tenth of the gap.
 pub const NARROW: f64 = 10.0;
 
+/// Faces nearer than so many times what rounding explains touch.
+const TOUCHING: f64 = 10.0;
+
 /// Two faces that look at each other across a gap.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gap {
@@ -32,7 +35,10 @@ pub fn narrowest_gap(scene: &Scene, offset: f64) -> Option<Gap> {
     let frame = Frame::of(scene);
     let polygons = frame.polygons(scene);
     let limit = NARROW * offset;
-    let touching = frame.coincident();
+    // What rays take for touching may well be a gap: they know coordinates in f32 only.
+    let (low, high) = scene.bounding_box();
+    let rounding = 16.0 * f64::EPSILON * low.abs().max(high.abs()).max_element();
+    let touching = frame.coincident().min(TOUCHING * (scene.slack() + rounding));
     let mut narrowest: Option<(f64, [u32; 2])> = None;
     overlapping_pairs(
         polygons.iter().map(|polygon| polygon.bounds(limit)).collect(),
@@ -167,6 +173,14 @@ mod tests {
         assert!((gap.width - 2e-5).abs() < 1e-15, "{}", gap.width);
         let normals = gap.faces.map(|face| scene.area_vector(face).normalize());
         assert!(normals[0].dot(normals[1]) < -0.999 && normals[0].z.abs() > 0.999);
+        for v in scene.vertices.iter_mut().filter(|v| inner(**v)) {
+            v.z -= 2e-5 - 1e-9;
+        }
+        let width = narrowest_gap(&scene, 3e-6).unwrap().width;
+        assert!((width - 1e-9).abs() < 1e-14, "narrower than f32 tells: {width}");
+        for v in scene.vertices.iter_mut().filter(|v| inner(**v)) {
+            v.z += 2e-5 - 1e-9;
+        }
         assert_eq!(
             narrowest_gap(&scene, 1.9e-6),
             None,

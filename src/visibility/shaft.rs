@@ -46,15 +46,24 @@ impl Plane {
 pub(crate) struct Shaft<'a> {
     ends: [Cow<'a, [DVec3]>; 2],
     planes: [Plane; 2],
-    sides: OnceCell<Vec<Plane>>,
+    sides: OnceCell<Vec<Side>>,
     low: DVec3,
     high: DVec3,
     tolerance: f64,
     /// 16 ulps of the largest coordinate.
     rounding: f64,
-    leans: [Lean; 2],
+    polygons: [&'a [DVec3]; 2],
+    leans: OnceCell<[Lean; 2]>,
     /// The part of the tolerance that is due to rounded corners.
     slack: f64,
+}
+
+/// A plane with both ends on its upper side.
+#[derive(Clone, Copy, Debug)]
+struct Side {
+    plane: Plane,
+    /// True if it is the plane of an end, where nothing is a mere border.
+    is_end: bool,
 }
 
 /// The tolerance of a shaft in units of its diameter.
@@ -65,6 +74,9 @@ const SEEN: f64 = 2e-14;
 
 /// Normals of one plane differ by less: ends that touch each other's plane may cross it by a tolerance.
 const SAME_PLANE: f64 = 1e-8;
+
+/// Three corners are on one line, and make no plane, up to this square of a sine. Above it rounding may still turn the plane about that line; both ends must then be on one side of it all the same.
+const ON_LINE: f64 = 1e-24;
 
 /// Beyond a polygon, so many times its width off, its plane is asked no more what rounding has made of it.
 const MOST_LEAN: f64 = 100.0;
@@ -117,7 +129,8 @@ impl<'a> Shaft<'a> {
             high,
             tolerance: tolerance + slack,
             rounding,
-            leans: [p, q].map(Lean::of),
+            polygons: [p, q],
+            leans: OnceCell::new(),
             slack,
         })
     }
@@ -133,7 +146,7 @@ impl<'a> Shaft<'a> {
             && self
                 .sides()
                 .iter()
-                .all(|plane| highest(plane) > self.tolerance - self.slack)
+                .all(|side| highest(&side.plane) > self.tolerance_of(side))
     }
 
     /// Tells whether a convex polygon meets the hull's interior. May err on the side of true.
@@ -146,21 +159,29 @@ impl<'a> Shaft<'a> {
         self.slack > 0.0 && self.meets_beyond(corners, 0.0)
     }
 
+    /// Returns how far a face may reach in from a side, rounded corners aside.
+    fn tolerance_of(&self, side: &Side) -> f64 {
+        if side.is_end {
+            self.rounding
+        } else {
+            self.tolerance - self.slack
+        }
+    }
+
     /// Tells whether a convex polygon meets the hull's interior deeper than rounding explains, and by `slack` more.
     fn meets_beyond(&self, corners: &[DVec3], slack: f64) -> bool {
-        let (at_ends, beside) = (self.rounding + slack, self.tolerance - self.slack + slack);
-        let reaches = |plane: &Plane, tolerance: f64| corners.iter().any(|&v| plane.height(v) > tolerance);
-        if !self.planes.iter().all(|plane| reaches(plane, at_ends))
-            || !self.sides().iter().all(|plane| reaches(plane, beside))
-        {
+        let reaches = |plane: &Plane, tolerance: f64| corners.iter().any(|&v| plane.height(v) > tolerance + slack);
+        let is_beside = |side: &Side| !reaches(&side.plane, self.tolerance_of(side));
+        if !self.planes.iter().all(|plane| reaches(plane, self.rounding)) || self.sides().iter().any(is_beside) {
             return false;
         }
         // No single plane parts them: cut the polygon down to what is inside.
         let mut inside = corners.to_vec();
         let mut part = Vec::with_capacity(2 * corners.len() + 4);
-        let of_ends = self.planes.iter().map(|plane| (plane, at_ends));
-        for (plane, tolerance) in of_ends.chain(self.sides().iter().map(|plane| (plane, beside))) {
-            let height = |v: DVec3| plane.height(v) - tolerance;
+        let of_ends = self.planes.iter().map(|plane| (plane, self.rounding));
+        let of_sides = self.sides().iter().map(|side| (&side.plane, self.tolerance_of(side)));
+        for (plane, tolerance) in of_ends.chain(of_sides) {
+            let height = |v: DVec3| plane.height(v) - tolerance - slack;
             if inside.iter().any(|&v| height(v) < 0.0) {
                 part.clear();
                 clip_contour(inside.len(), |k| inside[k], height, |v| part.push(v));
@@ -171,7 +192,8 @@ impl<'a> Shaft<'a> {
             }
         }
         // The nearer it is to an end, the less has rounding to do with its height.
-        self.planes.iter().zip(&self.leans).all(|(plane, lean)| {
+        let leans = self.leans.get_or_init(|| self.polygons.map(Lean::of));
+        self.planes.iter().zip(leans).all(|(plane, lean)| {
             let mut heights = inside.iter().map(|&v| (v, plane.height(v) - slack));
             heights.any(|(v, height)| {
                 height
@@ -233,11 +255,17 @@ impl<'a> Shaft<'a> {
         })
     }
 
+    /// Tells whether a plane is that of an end but for a tolerance: an end that stands on the plane of the other has that plane for a side.
+    fn is_plane_of_an_end(&self, plane: &Plane) -> bool {
+        let mut ends = self.planes.iter();
+        ends.any(|end| end.normal.distance_squared(plane.normal) < SAME_PLANE * SAME_PLANE)
+    }
+
     /// Returns the planes through an edge of one end and a corner of the other that have all of both on their upper side.
     ///
     /// Seen along an edge, its own end lies to one side in one line, and the other end above that line: the corner that is
     /// farthest round from the one side gives the only such plane besides that of the end itself.
-    fn sides(&self) -> &[Plane] {
+    fn sides(&self) -> &[Side] {
         self.sides.get_or_init(|| {
             let mut sides = Vec::with_capacity(self.ends[0].len() + self.ends[1].len());
             for k in 0..2 {
@@ -251,7 +279,7 @@ impl<'a> Shaft<'a> {
                     let plane_to = |c: DVec3| {
                         let normal = edge.cross(c - start);
                         // A plane through three corners nearly on a line says nothing.
-                        (normal.length_squared() > 1e-16 * scale_squared * (c - start).length_squared())
+                        (normal.length_squared() > ON_LINE * scale_squared * (c - start).length_squared())
                             .then(|| normal.normalize())
                             .and_then(|normal| {
                                 self.turned_inwards(Plane {
@@ -264,7 +292,7 @@ impl<'a> Shaft<'a> {
                     for &c in far.iter() {
                         let across = c - start;
                         let (x, y) = (inward.dot(across), up.dot(across) * scale);
-                        let is_off = x * x + y * y > 1e-16 * scale_squared * across.length_squared();
+                        let is_off = x * x + y * y > ON_LINE * scale_squared * across.length_squared();
                         if is_off && farthest.is_none_or(|(_, u, v)| u * y > v * x) {
                             farthest = Some((c, x, y));
                         }
@@ -272,12 +300,10 @@ impl<'a> Shaft<'a> {
                     let found = farthest.and_then(|(c, ..)| plane_to(c));
                     // Rounding may have chosen a corner that is too near to the edge to tell.
                     let side = found.or_else(|| far.iter().find_map(|&c| plane_to(c)));
-                    // An end that stands on the plane of the other has that plane for a side, which is no wider a border there than before the other.
-                    let is_end = |side: &Plane| {
-                        let mut ends = self.planes.iter();
-                        ends.any(|end| end.normal.distance_squared(side.normal) < SAME_PLANE * SAME_PLANE)
-                    };
-                    sides.extend(side.filter(|side| !is_end(side)));
+                    sides.extend(side.map(|plane| Side {
+                        plane,
+                        is_end: self.is_plane_of_an_end(&plane),
+                    }));
                 }
             }
             sides
@@ -364,10 +390,19 @@ mod tests {
         let shaft = Shaft::new(&p, &q, 0.0).expect("they face each other");
         let wall = rectangle(DVec3::ZERO, DVec3::Y, DVec3::Z);
         let floor = rectangle(DVec3::new(-5.0, -5.0, 0.0), DVec3::X * 10.0, DVec3::Y * 10.0);
+        let moved = |face: &[DVec3], by: DVec3| face.iter().map(|&v| v + by).collect::<Vec<_>>();
         for shift in [-1e-11, 0.0, 1e-11] {
-            let moved = |face: &[DVec3], by: DVec3| face.iter().map(|&v| v + by).collect::<Vec<_>>();
             assert!(!shaft.meets(&moved(&wall, DVec3::X * shift)), "{shift}");
-            assert!(!shaft.meets(&moved(&floor, DVec3::Z * shift)), "{shift}");
+        }
+        // A border that narrow hides nothing to speak of, but a sheet before the whole polygon hides all.
+        for (shift, meets) in [
+            (-1e-11, false),
+            (0.0, false),
+            (1e-15, false),
+            (1e-13, true),
+            (1e-11, true),
+        ] {
+            assert_eq!(shaft.meets(&moved(&floor, DVec3::Z * shift)), meets, "{shift}");
         }
         assert!(shaft.meets(&rectangle(DVec3::X * 1e-6, DVec3::Y, DVec3::Z)));
         // A corner that reaches in between all the planes' tests needs the cut: this triangle passes by an edge of the hull.

@@ -487,6 +487,32 @@ fn errors_that_are_not_known_are_not_stated() {
     }
 }
 
+/// What a coarser mesh would change is told where there is one.
+#[test]
+fn the_mesh_tells_of_its_own_error() {
+    let directory = with_scene("room-box");
+    let solved = |n: &str| document(directory.path(), &["solve", "scene.obj", "--subdivide", n]);
+    let (code, result) = solved("4");
+    assert_eq!(code, 0, "{result}");
+    let told = &result["mesh_error"];
+    assert_eq!(
+        told["n_patches"].as_u64().unwrap() * 4,
+        result["n_patches"].as_u64().unwrap()
+    );
+    for name in ["surface_mean_max", "patches_rms"] {
+        let error = told[name].as_f64().unwrap();
+        assert!(error > 1e-3 && error < 0.5, "{name}: {error}");
+    }
+    assert!(
+        result["surfaces"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .any(|s| s["name"] == told["surface"])
+    );
+    assert_eq!(solved("1").1["mesh_error"], Value::Null);
+}
+
 /// The error that is stated is the same whatever is written, of a solution that has not converged too, and that of no lighting is above that of all.
 #[test]
 fn every_solution_states_its_error() {

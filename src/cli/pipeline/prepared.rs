@@ -180,6 +180,15 @@ impl Run {
             return;
         }
         let (scene, offset) = (&prepared.scene, prepared.visibility.offset());
+        let widths = prepared.mesh.patches.iter().map(|patch| patch.area.sqrt());
+        let width = widths.fold(f64::INFINITY, f64::min);
+        if offset > MOST_OFFSET * width {
+            self.warn(&format!(
+                "rays start {offset:.2e} m off a face in a scene of this size, and the smallest patch is only {width:.2e} m wide: what patches near each other exchange is off by about {:.1e} of itself; \
+                 leave out what is far away, or use a method without rays",
+                offset / width
+            ));
+        }
         let Some(gap) = narrowest_gap(scene, offset) else {
             return;
         };
@@ -195,6 +204,9 @@ impl Run {
         ));
     }
 }
+
+/// Rays that start farther off a face than this part of a patch's width bend what neighbours exchange by more than the noise of many.
+const MOST_OFFSET: f64 = 1e-3;
 
 /// Refuses a scene whose text alone does not fit the memory.
 fn expect_readable(path: &Path, memory_limit: Option<u64>) -> Result<(), Failure> {

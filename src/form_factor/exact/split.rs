@@ -73,6 +73,12 @@ impl Split<'_> {
     ///
     /// Parts first get shares of the goal and of the budget as their work is estimated; what these have left of both then goes where the error is greatest.
     pub(super) fn exchange_area(&self, p: &[DVec3], q: &[DVec3], among: &[BlockerId], goal: f64, most: f64) -> Partial {
+        if self.index.count(among) < LEAST_BLOCKERS {
+            let blockers = self.index.blockers(p, q, among);
+            let mut whole = Integration::begin([p, q], &blockers, goal, self.budget, most);
+            whole.refine(goal, self.budget);
+            return whole.result(goal);
+        }
         let Parts { leaves, full } = self.parts(p, q, among, goal, most);
         let cost: usize = leaves.iter().map(|leaf| leaf.cost).sum();
         let rest = goal - full[1];
