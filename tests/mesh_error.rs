@@ -37,8 +37,8 @@ fn surface_means(prepared: &Prepared, per_patch: &Block) -> Vec<[f64; 2]> {
     for (i, patch) in prepared.mesh.patches.iter().enumerate() {
         let k = patch.surface.0 as usize;
         areas[k] += patch.area;
-        for c in 0..2 {
-            means[k][c] += patch.area * per_patch.row(i)[c];
+        for (sum, value) in means[k].iter_mut().zip(per_patch.row(i)) {
+            *sum += patch.area * value;
         }
     }
     let of_area = means.iter().zip(areas);

@@ -90,5 +90,5 @@ fn averaged(level: &Coarsening, x: &Block) -> Block {
 
 fn combined(a: &Block, b: &Block, with: impl Fn(f64, f64) -> f64) -> Block {
     let values = a.values().iter().zip(b.values());
-    Block::from_values(values.map(|(&a, &b)| with(a, b)).collect(), a.n_channels())
+    Block::from_values(values.map(|(&x, &y)| with(x, y)).collect(), a.n_channels())
 }

@@ -315,9 +315,9 @@ impl Levels {
         if is_small || !is_level(p, q, slack) || !is_level(q, p, slack) {
             return Self::Apart;
         }
-        let are_parallel = |p: &[DVec3], q: &[DVec3]| {
-            let plane = Plane::of(q);
-            let heights = p.iter().map(|&v| plane.height(v).abs());
+        let are_parallel = |of: &[DVec3], over: &[DVec3]| {
+            let plane = Plane::of(over);
+            let heights = of.iter().map(|&v| plane.height(v).abs());
             let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
             high - low <= PARALLEL * high
         };
