@@ -11,6 +11,7 @@ use super::failure::Failure;
 use super::file_set::FileSet;
 use super::form_factors::{checks_to_json, describe_checks};
 use super::lightings::{Stack, greatest_reflectance, with_suffix};
+use super::mesh_error::MeshError;
 use super::picture::{image_byte, preview_of, shoot};
 use super::pipeline::{Computed, Fineness, Prepared, Run, posed};
 use super::render::{
@@ -24,7 +25,7 @@ use crate::matrix::FormFactors;
 use crate::printable::counted;
 use crate::render::{DirectMethod, GatherReport, RenderInput, RenderSettings};
 use crate::scene::{Lighting, Motion, Pose, frames};
-use crate::solver::{Solution, StopReason};
+use crate::solver::{Coarsened, Solution, StopReason};
 
 /// A frame, ready to be rendered.
 struct Frame {
@@ -226,7 +227,9 @@ impl Sequence {
             (stack.reflectance.clone(), stack.exitance.clone()),
             computed.known(),
         )?;
+        let coarse = run.coarsened(&prepared, &computed, &stack.reflectance, &solution)?;
         let solved = Solved {
+            coarse: coarse.as_ref(),
             prepared: &prepared,
             computed: &computed,
             lightings: &self.lightings,
@@ -343,6 +346,8 @@ struct Solved<'a> {
     stack: &'a Stack,
     /// Of all these lightings together.
     solution: &'a Solution,
+    /// What a coarser mesh would change in it.
+    coarse: Option<&'a Coarsened>,
 }
 
 /// What is told of a frame.
@@ -367,7 +372,9 @@ impl Solved<'_> {
             .times
             .time("solve", || indirect_irradiance(&computed.factors, &exitance, &own));
         let error = run.carried_error(computed, (&reflectance, &exitance), &own)?;
-        let mesh_error = run.mesh_error(prepared, computed, &reflectance, &own)?;
+        let mesh_error = self
+            .coarse
+            .and_then(|coarse| MeshError::of(prepared, &self.stack.coarsened(place, coarse), &own));
         let stated = run.stated(prepared, error.as_ref(), &own);
         computed.factors.if_readable(())?;
         let lighting = self.lightings[frame.lighting].as_ref();

@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 use super::args::SolveArgs;
 use super::failure::Failure;
 use super::form_factors::{checks_to_json, describe_checks};
+use super::mesh_error::MeshError;
 use super::pipeline::{Computed, Prepared, Run};
 use super::stated::Stated;
 use super::{Outcome, merge, solve};
@@ -17,7 +18,7 @@ use crate::mesh::Patch;
 use crate::plan::Plan;
 use crate::report::solution::SolutionReport;
 use crate::scene::{Lighting, Scene};
-use crate::solver::{ChannelQuality, Solution};
+use crate::solver::{ChannelQuality, Coarsened, Solution};
 
 /// The lightings of `solve`, with what is written for each.
 pub(super) struct Lightings {
@@ -70,6 +71,7 @@ pub(super) fn run(
         blocks,
         computed.known(),
     )?;
+    let coarse = run.coarsened(&prepared, computed, &stack.reflectance, &solution)?;
     let row_sums = computed.factors.row_sums();
     let mut documents = Vec::new();
     let mut text = String::new();
@@ -78,7 +80,9 @@ pub(super) fn run(
         let (rho, e) = stack.materials(k);
         let own = stack.solution(k, &solution);
         let error = run.carried_error(computed, (&rho, &e), &own)?;
-        let mesh_error = run.mesh_error(&prepared, computed, &rho, &own)?;
+        let mesh_error = coarse
+            .as_ref()
+            .and_then(|coarse| MeshError::of(&prepared, &stack.coarsened(k, coarse), &own));
         let stated = run.stated(&prepared, error.as_ref(), &own);
         worst = worst.or_worse(stated);
         if let Some(path) = &outputs[k] {
@@ -184,6 +188,16 @@ impl Stack {
     pub(super) fn materials(&self, k: usize) -> (Block, Block) {
         let own = |block| channels_of(block, &self.channels[k]);
         (own(&self.reflectance), own(&self.exitance))
+    }
+
+    /// Returns what of the coarser mesh of all lightings belongs to lighting `k`.
+    pub(super) fn coarsened(&self, k: usize, all: &Coarsened) -> Coarsened {
+        let own = |block| channels_of(block, &self.channels[k]);
+        Coarsened {
+            change: own(&all.change),
+            spread: own(&all.spread),
+            ..*all
+        }
     }
 
     /// Tells the plan how many channels there are, and later messages which of the lightings' files each of them is from.

@@ -10,7 +10,7 @@ use crate::matrix::Place;
 use crate::matrix::operator::Block;
 use crate::mesh::Hierarchy;
 use crate::printable::printable;
-use crate::solver::{Solution, SolverError, StopReason, coarsened, relative_errors};
+use crate::solver::{Coarsened, Solution, SolverError, StopReason, coarsened, relative_errors};
 
 /// A surface whose mean radiosity is below this part of the brightest one's is not looked at.
 const DARK: f64 = 1e-6;
@@ -47,17 +47,15 @@ impl MeshError {
 }
 
 impl Run {
-    /// Estimates what a mesh of about a quarter of the patches would change; `None` where that is not known, or not worth its passes over the form factors.
-    pub(super) fn mesh_error(
+    /// Estimates the radiosities on a mesh of about a quarter of the patches, all channels at once; `None` where that is not known, or not worth its passes over the form factors.
+    pub(super) fn coarsened(
         &mut self,
         prepared: &Prepared,
         computed: &Computed,
         reflectance: &Block,
         solution: &Solution,
-    ) -> Result<Option<MeshError>, Failure> {
-        let is_on_disk = matches!(computed.factors.storage().place, Place::Disk(_));
-        let is_dark = solution.radiosity.values().iter().all(|b| *b <= 0.0);
-        if is_on_disk || is_dark || solution.stop_reason != StopReason::Converged {
+    ) -> Result<Option<Coarsened>, Failure> {
+        if matches!(computed.factors.storage().place, Place::Disk(_)) {
             return Ok(None);
         }
         let factors = &computed.factors;
@@ -68,12 +66,22 @@ impl Run {
             })
         });
         self.go_on()?;
-        let coarse = match found {
-            Ok(Some(coarse)) => coarse,
-            Err(error @ SolverError::Disk(_)) => return Err(error.into()),
+        match found {
+            Ok(coarse) => Ok(coarse),
+            Err(error @ SolverError::Disk(_)) => Err(error.into()),
             // A room that reflects all light has no balanced difference: that is no reason to keep the light itself back.
-            Ok(None) | Err(_) => return Ok(None),
-        };
+            Err(_) => Ok(None),
+        }
+    }
+}
+
+impl MeshError {
+    /// Makes numbers of what a coarser mesh would change in a solution; `None` of one that has not converged, or has no light.
+    pub(super) fn of(prepared: &Prepared, coarse: &Coarsened, solution: &Solution) -> Option<Self> {
+        let is_dark = solution.radiosity.values().iter().all(|b| *b <= 0.0);
+        if is_dark || solution.stop_reason != StopReason::Converged {
+            return None;
+        }
         let [means, changes] = [&solution.radiosity, &coarse.change].map(|block| prepared.surface_means(block));
         let brightest = means.iter().flatten().copied().fold(0.0, f64::max);
         let mut worst = (0.0, 0);
@@ -82,12 +90,12 @@ impl Run {
                 worst = if d.abs() / b > worst.0 { (d.abs() / b, k) } else { worst };
             }
         }
-        let spreads = relative_errors(factors.areas(), &coarse.spread, &solution.radiosity);
-        Ok(Some(MeshError {
+        let spreads = relative_errors(&prepared.mesh.areas(), &coarse.spread, &solution.radiosity);
+        Some(Self {
             n_patches: coarse.n_patches,
             surface_mean_max: worst.0,
             surface: prepared.scene.surfaces[worst.1].name.clone(),
             patches_rms: spreads.into_iter().fold(0.0, f64::max),
-        }))
+        })
     }
 }

@@ -225,7 +225,8 @@ fn solve_scene(
     });
     let (reflectance, exitance) = prepared.materials();
     let error = run.carried_error(&computed, (&reflectance, &exitance), &solution)?;
-    let mesh_error = run.mesh_error(prepared, &computed, &reflectance, &solution)?;
+    let coarse = run.coarsened(prepared, &computed, &reflectance, &solution)?;
+    let mesh_error = coarse.and_then(|coarse| MeshError::of(prepared, &coarse, &solution));
     computed.factors.if_readable(())?;
     Ok(Solved {
         solver: args.solver.solver.clone(),

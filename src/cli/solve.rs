@@ -129,7 +129,8 @@ fn finish(
     let (error, mesh_error) = match computed {
         Some(computed) => (
             run.carried_error(computed, (&reflectance, &exitance), solution)?,
-            run.mesh_error(prepared, computed, &reflectance, solution)?,
+            run.coarsened(prepared, computed, &reflectance, solution)?
+                .and_then(|coarse| MeshError::of(prepared, &coarse, solution)),
         ),
         None => (None, None),
     };

@@ -147,10 +147,10 @@ impl SurfaceRows<'_> {
             });
             let weight = factors.areas[i] / area;
             // No count proves that there is nothing, whatever became of the counts afterwards.
-            let n_missed = factors.tallies[i].effective_rays();
+            let counted = factors.tallies[i].effective_rays();
             for t in 0..n_surfaces {
                 form_factor[t] += weight * sums[t];
-                if let Some(n) = n_rays.or(n_missed.filter(|_| sums[t] <= 0.0)) {
+                if let Some(n) = n_rays.or(counted.filter(|_| sums[t] <= 0.0)) {
                     let p = laplace(n, sums[t]).clamp(0.0, 1.0);
                     variance[t] += weight * weight * p * (1.0 - p) / n;
                 }

@@ -511,6 +511,34 @@ fn the_mesh_tells_of_its_own_error() {
             .any(|s| s["name"] == told["surface"])
     );
     assert_eq!(solved("1").1["mesh_error"], Value::Null);
+
+    // Each of several lightings has its own, which is that of the lighting alone.
+    for (file, text) in [
+        ("double.toml", "[surface.room_z1]\nexitance = 2.0\n"),
+        (
+            "side.toml",
+            "[surface.room_z1]\nexitance = 0.0\n[surface.room_x0]\nexitance = 1.0\n",
+        ),
+    ] {
+        std::fs::write(directory.path().join(file), text).unwrap();
+    }
+    let common = ["solve", "scene.obj", "--subdivide", "4"];
+    let lit = |files: &[&str]| {
+        let flags = files.iter().flat_map(|file| ["--lighting", file]);
+        let (code, several) = document(directory.path(), &common.into_iter().chain(flags).collect::<Vec<_>>());
+        assert_eq!(code, 0, "{several}");
+        let each = several["lightings"].as_array().unwrap().iter();
+        each.map(|one| one["mesh_error"]["surface_mean_max"].as_f64().unwrap())
+            .collect::<Vec<_>>()
+    };
+    let both = lit(&["double.toml", "side.toml"]);
+    let alone = [lit(&["double.toml"])[0], lit(&["side.toml"])[0]];
+    let expected = told["surface_mean_max"].as_f64().unwrap();
+    for (found, expected) in [(both[0], alone[0]), (both[1], alone[1]), (alone[0], expected)] {
+        // It is solved for to two digits.
+        assert!((found / expected - 1.0).abs() < 0.05, "{both:?} {alone:?} {expected}");
+    }
+    assert!((both[0] / both[1] - 1.0).abs() > 0.1, "{both:?}");
 }
 
 /// The error that is stated is the same whatever is written, of a solution that has not converged too, and that of no lighting is above that of all.
