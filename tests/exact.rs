@@ -877,27 +877,53 @@ fn what_stands_a_hair_in_front_of_a_patch_hides_all_behind() {
     }
 }
 
+/// Turns with which these boxes let through up to 4 % of a row once, where corners stood out of a neighbour's plane by more than was allowed for.
 #[test]
 fn boxes_that_touch_let_no_light_through_however_their_coordinates_are_rounded() {
-    let mut uniform = Uniform(12);
-    for places in [6, 9, 10, 11] {
-        for round in 0..4 {
-            let turn = DQuat::from_axis_angle(direction(&mut uniform), 0.4 + f64::from(round));
-            let mut shapes = Shapes::default();
-            shapes.cuboid(DVec3::ZERO, DVec3::ONE, DQuat::IDENTITY, true);
-            for (low, high) in [
-                ([0.2, 0.2, 0.2], [0.5, 0.5, 0.5]),
-                ([0.5, 0.25, 0.3], [0.8, 0.6, 0.7]),
-                ([0.0, 0.62, 0.0], [0.3, 0.9, 0.5]),
-            ] {
-                shapes.cuboid(DVec3::from(low), DVec3::from(high), DQuat::IDENTITY, false);
-            }
-            let meant = moved(&shapes.scene(), turn, 1.0, DVec3::ZERO);
+    let mut shapes = Shapes::default();
+    shapes.cuboid(DVec3::ZERO, DVec3::ONE, DQuat::IDENTITY, true);
+    for (low, high) in [
+        ([0.2, 0.2, 0.2], [0.5, 0.5, 0.5]),
+        ([0.5, 0.25, 0.3], [0.8, 0.6, 0.7]),
+        ([0.0, 0.62, 0.0], [0.3, 0.9, 0.5]),
+    ] {
+        shapes.cuboid(DVec3::from(low), DVec3::from(high), DQuat::IDENTITY, false);
+    }
+    let upright = shapes.scene();
+    let turns = [
+        [
+            -0.250_473_970_011_033_94,
+            -0.202_713_194_438_759_07,
+            0.621_284_741_066_046,
+            -0.714_265_652_027_200_3,
+        ],
+        [
+            0.690_950_185_612_084_4,
+            0.044_814_665_234_561_464,
+            0.318_117_067_986_983,
+            0.647_596_338_653_875_9,
+        ],
+        [
+            0.519_616_447_658_824_1,
+            0.332_089_380_579_201_57,
+            -0.772_134_605_540_081_3,
+            0.153_373_862_037_864_35,
+        ],
+        [
+            -0.021_233_424_077_350_592,
+            -0.449_033_683_604_610_9,
+            0.536_416_322_481_507,
+            -0.714_265_652_027_200_3,
+        ],
+    ];
+    for turn in turns {
+        let meant = moved(&upright, DQuat::from_array(turn), 1.0, DVec3::ZERO);
+        for places in [6, 9, 10, 11] {
             let found = compute(&Prepared::new(with_decimals(places, &meant), 1), 1e-4).factors;
             for i in 0..found.n_rows() {
                 let error: f64 = (0..found.n_rows()).map(|j| found.std_error(i, j)).sum();
                 let sum = found.row_sum(i);
-                assert!(sum <= 1.0 + error + 1e-9, "{places} {round} {i}: {sum} {error}");
+                assert!(sum <= 1.0 + error + 1e-9, "{places} {turn:?} {i}: {sum} {error}");
             }
         }
     }
