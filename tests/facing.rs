@@ -142,6 +142,32 @@ fn open_scenes_sheets_and_outer_sides_raise_no_alarm() {
 }
 
 #[test]
+fn the_highest_roof_of_a_town_is_not_turned() {
+    // The ground sees the back of the higher roof within the walls, whose outer sides see each other.
+    let house = |x: u32, height: u32| {
+        let corners = [(0, 0), (1, 0), (1, 1), (0, 1)];
+        let levels = [0, height].into_iter();
+        let vertex = |(z, (dx, y)): (u32, (u32, u32))| format!("v {} {y} {z}\n", x + dx);
+        let vertices = levels.flat_map(|z| corners.map(|corner| vertex((z, corner))));
+        vertices.collect::<String>()
+    };
+    let sides = |k: i32| {
+        let walls = (1..=4).map(|a| (a, a % 4 + 1));
+        let wall = |(a, b): (i32, i32)| format!("f {} {} {} {}\n", k + a, k + b, k + b + 4, k + a + 4);
+        let roof = format!("f {} {} {} {}\n", k + 5, k + 6, k + 7, k + 8);
+        walls.map(wall).collect::<String>() + &roof
+    };
+    let town = format!(
+        "{}{}v -3 -3 0\nv 7 -3 0\nv 7 4 0\nv -3 4 0\nusemtl grey\no houses\n{}{}o ground\nusemtl lamp\nf 17 18 19 20\n",
+        house(0, 2),
+        house(3, 1),
+        sides(0),
+        sides(8)
+    );
+    assert_eq!(facing(&scene_of(&town)), Facing::default());
+}
+
+#[test]
 fn a_mesh_of_many_faces_is_looked_at_by_its_surfaces() {
     let file = PathBuf::from("scenes/living-room/scene.obj");
     let mut scene = load(&file).unwrap().scene;

@@ -172,7 +172,7 @@ fn whole_tile<S: Simd, T: Scalar, const N: usize, const C: usize, const R: usize
                 }
                 for r in 0..R {
                     if (k * LANES * size_of::<T>()).is_multiple_of(LINE_BYTE) {
-                        // Tiles are stored one behind the other: the same place of the next one.
+                        // The same place of the next one: tiles of the full size mostly lie one behind the other.
                         prefetch(&tile[row(r)][k], SIDE * SIDE);
                     }
                     let a = Wide::load(&tile[row(r)][k]);

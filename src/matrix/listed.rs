@@ -45,7 +45,10 @@ impl<T: Scalar> ByChannels for Listed<'_, T> {
     }
 }
 
-/// Bytes between the numbers that are used and those that are asked for: what memory gives while it takes its time. Tiles are stored one behind the other.
+/// Bytes between the numbers that are used and those that are asked for: what memory gives while it takes its time.
+///
+/// What is asked for at the end of a tile is that of the next one only if the allocator put it there. Asking for the next one's numbers by their address, and for its places, takes 0.82 to 0.9 of the time where
+/// 18,432 patches have entries without a pattern, and 1.1 to 1.2 times as long where 6144 have them in runs; numbers of a row of tiles in one piece change nothing.
 const AHEAD_BYTE: usize = 4096;
 
 /// Registers' worth of columns in a strip.

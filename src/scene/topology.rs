@@ -443,7 +443,8 @@ pub(crate) fn closed_pieces(scene: &Scene) -> Vec<Option<u32>> {
     piece
 }
 
-fn edges(scene: &Scene, face: FaceId) -> impl Iterator<Item = (u32, u32)> + use<> {
+/// Returns the vertices at the ends of a face's edges, in the order of its corners.
+pub(crate) fn edges(scene: &Scene, face: FaceId) -> impl Iterator<Item = (u32, u32)> + use<> {
     let corners = scene.faces[face.0 as usize].corners;
     let n = corners.as_slice().len();
     (0..n).map(move |k| (corners.as_slice()[k], corners.as_slice()[(k + 1) % n]))

@@ -1,10 +1,13 @@
 //! Faces that look the wrong way: wound clockwise for those who should see them.
 
+use std::collections::HashMap;
+
 use glam::DVec3;
 
 use super::{Coherence, HitBatch, RayBatch, Visibility};
 use crate::geometry::polygon;
 use crate::geometry::sampling::{Frame, PointStream, Sequence, UniformOnPolygon, cosine_direction};
+use crate::scene::topology::edges;
 use crate::scene::{FaceId, Scene, SurfaceId};
 
 /// Up to this many faces each is looked at by itself, beyond it each surface.
@@ -47,7 +50,8 @@ pub struct Facing {
 /// Finds faces that see none although others see their back, as a wall of a room does that is wound the wrong way.
 ///
 /// Rays leave every face on its front, cosine-distributed. A face is turned if none of its rays meets the front of a face, no ray from elsewhere meets its own front, and at
-/// least two meet its back. The outer side of a wall or of a box is not: it sees nothing, but nothing sees its back. That no face sees any is said only
+/// least two meet its back. The outer side of a wall or of a box is not: it sees nothing, but nothing sees its back. Neither is a face that continues one that sees, as the roof of the
+/// highest house of a town does, whose back the ground sees within the walls. That no face sees any is said only
 /// after segments between faces that face each other were traced too, so that small faces far apart do see each other.
 ///
 /// Accuracy: what sees less than a thousandth of its hemisphere (a fiftieth, in scenes of thousands of faces) may count as seeing nothing.
@@ -81,10 +85,9 @@ pub fn look(scene: &Scene, visibility: &dyn Visibility) -> Facing {
         let emitters: Vec<FaceId> = scene.face_ids().filter(|&face| emits(face)).collect();
         emitter_sees = reaches(scene, visibility, &emitters);
     }
-    let is_turned = |group: usize| !found.sees[group] && !found.front_is_seen[group] && found.back_hits[group] >= SEEN;
     let mut turned: Vec<Turned> = Vec::new();
     let mut place = vec![None; scene.surfaces.len()];
-    for id in scene.face_ids().filter(|&id| is_turned(groups.of_face(id))) {
+    for id in turned_faces(scene, &groups, &found) {
         let face = &scene.faces[id.0 as usize];
         let k = *place[face.surface.0 as usize].get_or_insert_with(|| {
             turned.push(Turned {
@@ -101,6 +104,36 @@ pub fn look(scene: &Scene, visibility: &dyn Visibility) -> Facing {
         no_emitter_sees: scene.is_emitting() && !emitter_sees,
         turned,
     }
+}
+
+/// Returns the faces that see nothing, are seen from behind, and are not wound like a neighbour that sees.
+fn turned_faces(scene: &Scene, groups: &Groups, found: &Found) -> Vec<FaceId> {
+    let sees = |face: FaceId| {
+        let group = groups.of_face(face);
+        found.sees[group] || found.front_is_seen[group]
+    };
+    let is_suspect = |&face: &FaceId| !sees(face) && found.back_hits[groups.of_face(face)] >= SEEN;
+    let suspects: Vec<FaceId> = scene.face_ids().filter(is_suspect).collect();
+    if suspects.is_empty() {
+        return suspects;
+    }
+    let mut runs: HashMap<(u32, u32), Vec<FaceId>> = HashMap::new();
+    for face in scene.face_ids() {
+        for edge in edges(scene, face) {
+            runs.entry(edge).or_default().push(face);
+        }
+    }
+    // Faces that are wound alike run along the edge between them in opposite senses.
+    let continues_one_that_sees = |&face: &FaceId| {
+        let mut own = edges(scene, face);
+        let is_alone = own.all(|edge| runs[&edge].len() == 1);
+        let beside = |(a, b)| runs.get(&(b, a)).into_iter().flatten();
+        is_alone && edges(scene, face).flat_map(beside).any(|&other| sees(other))
+    };
+    suspects
+        .into_iter()
+        .filter(|face| !continues_one_that_sees(face))
+        .collect()
 }
 
 /// Tells whether all faces lie in one plane: turning them would make none see another.
