@@ -701,6 +701,33 @@ fn a_rounded_sheet_alone_sees_nothing() {
     }
 }
 
+#[test]
+fn the_error_of_rounding_stays_small_where_a_middle_lies_on_the_other_plane() {
+    let mut uniform = Uniform(9);
+    let mut most = 0.0_f64;
+    for round in 0..12 {
+        let turn = DQuat::from_axis_angle(direction(&mut uniform), 0.3 + f64::from(round));
+        let mut shapes = Shapes::default();
+        // A roof at half of the height of a wall that it does not touch.
+        let roof = [[2.0, 0.0, 6.0], [10.0, 0.0, 6.0], [10.0, 8.0, 6.0], [2.0, 8.0, 6.0]];
+        let wall = [[0.0, 0.0, 3.0], [0.0, 12.0, 3.0], [0.0, 12.0, 9.0], [0.0, 0.0, 9.0]];
+        for corners in [roof, wall] {
+            shapes.face(&corners.map(|v| turn * DVec3::from_array(v)));
+        }
+        let scene = shapes.scene();
+        let rounded = with_decimals(6, &scene);
+        let [meant, found] = [scene, rounded].map(|scene| compute(&Prepared::new(scene, 1), 1e-9).factors);
+        for (i, j) in [(0, 1), (1, 0)] {
+            let (a, b, error) = (meant.get(i, j), found.get(i, j), found.std_error(i, j));
+            assert!(a > 0.05 && (a - b).abs() < 1e-6, "{round}: {a} {b}");
+            assert!(error < 1e-4 * b, "{round}: {b} {error:e}");
+            most = most.max(error);
+        }
+    }
+    // What reaches in between by no more than rounding is left out, and stated.
+    assert!(most > 1e-8, "{most:e}");
+}
+
 /// Expects the stated errors to hold between a floor and a ceiling with a plate between them, at the origin and in a file with two decimals a kilometre off, where its edge is nearer to
 /// those of patches than rounding tells.
 fn expect_errors_to_hold_a_kilometre_off(plate: [[f64; 3]; 4]) {

@@ -240,25 +240,41 @@ impl Batches<'_> {
     }
 
     /// Returns an exchange area, its error with what comes of rounded corners: of those off their patches' planes, and, if something was left out between the two that reaches in between
-    /// by no more than that, of the border of both that this may hide, the wider the more obliquely they see each other.
-    fn with_rounding(&self, [i, j]: [usize; 2], touched: bool, exchange: Exchange) -> Exchange {
+    /// by no more than that, of the border of both that this may hide.
+    fn with_rounding(&self, pair: [usize; 2], touched: bool, exchange: Exchange) -> Exchange {
         let slack = self.index.as_ref().filter(|_| touched).map_or(0.0, BlockerIndex::slack);
-        let bent = self.patches.border(i, 0.0) + self.patches.border(j, 0.0);
+        let [i, j] = pair;
+        let bent = self.patches.border(i) + self.patches.border(j);
         let hidden = if slack > 0.0 {
-            let [from, to] = [i, j].map(|k| {
-                let corners = &self.patches.corners[k];
-                corners.iter().sum::<DVec3>() / corners.len() as f64
-            });
-            let along = (to - from).normalize_or_zero();
-            let of = |k: usize| self.patches.border(k, slack / self.facing.normal(k).dot(along).abs());
-            (of(i) + of(j)).min(1.0)
+            (self.hidden_border(pair, slack, exchange.area) + self.hidden_border([j, i], slack, exchange.area))
+                .min(exchange.area)
         } else {
             0.0
         };
         Exchange {
-            error: exchange.error + (bent + hidden) * exchange.area,
+            error: exchange.error + bent * exchange.area + hidden,
             ..exchange
         }
+    }
+
+    /// Returns what of an exchange area the border of patch i may lose, m², if what stands on its plane hides light that passes within `slack` of it.
+    ///
+    /// Light at an angle θ to the normal is hidden in a strip as wide as slack / cos θ, whose share of it is the flux without its cosine: the exchange area times slack L / (A cos θ) with L the perimeter,
+    /// and never more than slack L Ω / π, where Ω ≤ 2π is the solid angle of all that is in front. The angle is that of the other's middle, or half of that of its highest corner where that is more: the middle may
+    /// lie in the plane.
+    fn hidden_border(&self, [i, j]: [usize; 2], slack: f64, exchange: f64) -> f64 {
+        let middle = |k: usize| {
+            let corners = &self.patches.corners[k];
+            corners.iter().sum::<DVec3>() / corners.len() as f64
+        };
+        let (from, normal) = (middle(i), self.facing.normal(i));
+        let cosine = |to: DVec3| (to - from).normalize_or_zero().dot(normal);
+        let corners = self.patches.corners[j].iter();
+        let highest = corners.map(|&corner| cosine(corner)).fold(0.0, f64::max);
+        let cosine = cosine(middle(j)).abs().max(0.5 * highest);
+        let prepared = &self.patches.prepared[i];
+        let strip = slack * prepared.perimeter();
+        (strip * exchange / (prepared.area() * cosine)).min(2.0 * strip)
     }
 
     /// Tells whether any patches of two faces may face each other.

@@ -75,10 +75,10 @@ impl Patches {
         }
     }
 
-    /// Returns the share of a patch's area along its border, as wide as its corners are off its plane, and off their places by `off`, m.
-    pub(super) fn border(&self, patch: usize, off: f64) -> f64 {
+    /// Returns the share of a patch's area along its border, as wide as its corners are off its plane.
+    pub(super) fn border(&self, patch: usize) -> f64 {
         let prepared = &self.prepared[patch];
-        (self.bent[patch] + off) * prepared.perimeter() / prepared.area()
+        self.bent[patch] * prepared.perimeter() / prepared.area()
     }
 
     /// Returns the number of patches.

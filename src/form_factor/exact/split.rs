@@ -14,7 +14,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::form_factor::partial::{Integration, Partial};
+use crate::form_factor::partial::{self, Integration, Partial};
 use crate::form_factor::sight::whole_where_grazing;
 use crate::geometry::clip::clip_to_half_space;
 use crate::geometry::polygon_form_factor::{PreparedPolygon, Tolerance, exchange_area};
@@ -73,11 +73,14 @@ impl Split<'_> {
     ///
     /// Parts first get shares of the goal and of the budget as their work is estimated; what these have left of both then goes where the error is greatest.
     pub(super) fn exchange_area(&self, p: &[DVec3], q: &[DVec3], among: &[BlockerId], goal: f64, most: f64) -> Partial {
+        let blockers = self.index.blockers(p, q, among);
         if self.index.count(among) < LEAST_BLOCKERS {
-            let blockers = self.index.blockers(p, q, among);
             let mut whole = Integration::begin([p, q], &blockers, goal, self.budget, most);
             whole.refine(goal, self.budget);
             return whole.result(goal);
+        }
+        if let Some(found) = partial::uncut([p, q], &blockers, goal, most) {
+            return found;
         }
         let Parts { leaves, full } = self.parts(p, q, among, goal, most);
         let cost: usize = leaves.iter().map(|leaf| leaf.cost).sum();
@@ -259,6 +262,57 @@ mod tests {
             });
         }
         scene
+    }
+
+    #[test]
+    fn what_is_not_cut_is_within_what_it_states() {
+        let scene = leaves(12);
+        let index = BlockerIndex::new(&scene);
+        let [floor, ceiling] = [0, 1].map(|k| scene.polygon(FaceId(k)));
+        let split = Split {
+            index: &index,
+            budget: 10_000_000,
+            progress: &Silent,
+        };
+        // A sixteenth of the ceiling, and the whole floor: each sees the other past most of the leaves.
+        for (x, y) in [(0.0, 0.0), (0.25, 0.5), (0.75, 0.25)] {
+            let corner = |u: f64, v: f64| {
+                ceiling[0]
+                    .lerp(ceiling[1], x + u)
+                    .lerp(ceiling[3].lerp(ceiling[2], x + u), y + v)
+            };
+            let part = [
+                corner(0.0, 0.0),
+                corner(0.25, 0.0),
+                corner(0.25, 0.25),
+                corner(0.0, 0.25),
+            ];
+            let PairVisibility::Partial(among) = index.classify(&part, &floor) else {
+                panic!("leaves stand in between");
+            };
+            let most = exchange_area(
+                &PreparedPolygon::new(&part),
+                &PreparedPolygon::new(&floor),
+                Tolerance { rel: 1e-12, abs: 0.0 },
+            );
+            let found = |goal: f64| split.exchange_area(&part, &floor, &among, goal, most.value);
+            let reference = found(1e-5);
+            assert!(reference.reached, "{reference:?}");
+            let blockers = index.blockers(&part, &floor, &among);
+            for share in [2.0, 0.3, 0.1, 0.03] {
+                let goal = share * most.value;
+                let uncut = partial::uncut([&part, &floor], &blockers, goal, most.value);
+                let loose = found(goal);
+                assert_eq!(uncut.unwrap(), loose, "{share}");
+                assert!(
+                    loose.reached && 20 * loose.n_evaluations < reference.n_evaluations,
+                    "{share} {loose:?}"
+                );
+                let off = (loose.exchange_area - reference.exchange_area).abs();
+                assert!(off <= loose.error + reference.error, "{share} {off:e} {loose:?}");
+            }
+            assert_eq!(partial::uncut([&part, &floor], &blockers, 1e-5, most.value), None);
+        }
     }
 
     #[test]

@@ -103,35 +103,12 @@ enum State {
 
 impl Integration {
     /// Looks at all cells once; see [`exchange_area`] for the arguments. `goal` is what the error is to be, m², and `most` the exchange area without blockers, to some per cent.
-    pub(super) fn begin([p, q]: [&[DVec3]; 2], blockers: &[Blocker<'_>], goal: f64, budget: usize, most: f64) -> Self {
-        let [area_p, area_q] = [p, q].map(polygon::area_vector);
-        let mut sides = [
-            clip_to_half_space(p, q.first().copied().unwrap_or_default(), area_q),
-            clip_to_half_space(q, p.first().copied().unwrap_or_default(), area_p),
-        ];
-        let mut corners = p.iter().chain(q).chain(blockers.iter().flat_map(|b| b.corners));
-        if !corners.all(|v| v.is_finite()) {
-            return Self::without_looking(f64::NAN);
-        }
-        let smaller_area = area_p.length().min(area_q.length());
-        if smaller_area <= 0.0 || sides.iter().any(|side| side.len() < 3) {
-            return Self::without_looking(0.0);
-        }
-        let mut blockers: Vec<Blocker<'_>> = blockers.iter().filter(|b| b.corners.len() >= 3).copied().collect();
-        let mut normals = [area_p.normalize_or_zero(), area_q.normalize_or_zero()];
-        if !first_receives(&sides, &blockers) {
-            sides.reverse();
-            normals.reverse();
-        }
-        let [corners, target] = sides;
-        // A side of a solid that is only seen from the back hides nothing that its front sides do not.
-        blockers.retain(|blocker| !blocker.one_sided || is_before(&corners, blocker.corners));
-        let view = View {
-            receiver: Receiver::new(corners, normals[0]),
-            target: &target,
-            blockers: &blockers,
+    pub(super) fn begin(sides: [&[DVec3]; 2], blockers: &[Blocker<'_>], goal: f64, budget: usize, most: f64) -> Self {
+        let view = match View::new(sides, blockers) {
+            Ok(view) => view,
+            Err(nothing) => return Self::without_looking(nothing),
         };
-        let state = match view.coarse(goal, most) {
+        let state = match view.uncut(goal, most, SMALL) {
             Some(enough) => State::Done(enough),
             None => State::Open(Box::new(view.first_look(goal, budget))),
         };
@@ -183,6 +160,17 @@ impl Integration {
             State::Done(partial) => partial,
             State::Open(pieces) => pieces.result(goal),
         }
+    }
+}
+
+/// Integrates a pair with many blockers without looking for lines of change, of which there are more than there would be points; `None` if that does not reach the goal. See [`Integration::begin`] for the arguments.
+///
+/// Where the exchange area without blockers is up to [`SMALL_AMONG_MANY`] times the goal; what a shadow between all points may hide is stated as error.
+pub(super) fn uncut(sides: [&[DVec3]; 2], blockers: &[Blocker<'_>], goal: f64, most: f64) -> Option<Partial> {
+    if most < SMALL_AMONG_MANY * goal {
+        View::new(sides, blockers).ok()?.uncut(goal, most, SMALL_AMONG_MANY)
+    } else {
+        None
     }
 }
 
@@ -264,6 +252,12 @@ const MOST_EVENT_PAIRS: usize = 1 << 20;
 /// The cut costs no more than it saves, and makes the true error far smaller than the tolerance; for pairs as small as this that does not matter any more.
 const SMALL: f64 = 0.1;
 
+/// The same for a pair with many blockers, as [`uncut`] has it: a cut costs far more there, and many small shadows make something smooth together.
+///
+/// A hundred houses on a ground of a hundred squares, 600 patches with 38,503 partly hidden pairs, take 1.6, 2.4, 6.9, 25.7 and 44.5 s of CPU time at tolerances of 1e-2 to 1e-6, and 21, 25, 30, 37 and 45 s
+/// if all are cut (two runs each, the same to 2 per cent); no error there is beyond what is stated that was not before.
+const SMALL_AMONG_MANY: f64 = 40.0;
+
 /// What of the exchange area without blockers the uncut receiver's triangles may miss: a shadow that lies between all of their seven points.
 const UNSEEN: f64 = 0.15;
 
@@ -278,15 +272,46 @@ const LOOSE: f64 = 0.01;
 /// A receiver, what it looks at, and what may stand in between.
 struct View<'a> {
     receiver: Receiver,
-    target: &'a [DVec3],
-    blockers: &'a [Blocker<'a>],
+    target: Vec<DVec3>,
+    blockers: Vec<Blocker<'a>>,
 }
 
-impl View<'_> {
+impl<'a> View<'a> {
+    /// Chooses the receiver. Where there is nothing to look at the exchange area is returned as an error: 0, or NaN.
+    fn new([p, q]: [&[DVec3]; 2], blockers: &[Blocker<'a>]) -> Result<Self, f64> {
+        let [area_p, area_q] = [p, q].map(polygon::area_vector);
+        let mut sides = [
+            clip_to_half_space(p, q.first().copied().unwrap_or_default(), area_q),
+            clip_to_half_space(q, p.first().copied().unwrap_or_default(), area_p),
+        ];
+        let mut corners = p.iter().chain(q).chain(blockers.iter().flat_map(|b| b.corners));
+        if !corners.all(|v| v.is_finite()) {
+            return Err(f64::NAN);
+        }
+        let smaller_area = area_p.length().min(area_q.length());
+        if smaller_area <= 0.0 || sides.iter().any(|side| side.len() < 3) {
+            return Err(0.0);
+        }
+        let mut blockers: Vec<Blocker<'a>> = blockers.iter().filter(|b| b.corners.len() >= 3).copied().collect();
+        let mut normals = [area_p.normalize_or_zero(), area_q.normalize_or_zero()];
+        if !first_receives(&sides, &blockers) {
+            sides.reverse();
+            normals.reverse();
+        }
+        let [corners, target] = sides;
+        // A side of a solid that is only seen from the back hides nothing that its front sides do not.
+        blockers.retain(|blocker| !blocker.one_sided || is_before(&corners, blocker.corners));
+        Ok(Self {
+            receiver: Receiver::new(corners, normals[0]),
+            target,
+            blockers,
+        })
+    }
+
     /// Returns the diameter of receiver and target together.
     fn size(&self) -> f64 {
         let (low, high) = bounds(&self.receiver.corners);
-        let (target_low, target_high) = bounds(self.target);
+        let (target_low, target_high) = bounds(&self.target);
         (high.max(target_high) - low.min(target_low)).length()
     }
 
@@ -294,7 +319,7 @@ impl View<'_> {
     fn without_blockers(&self) -> f64 {
         let corners = &self.receiver.corners;
         let middle = corners.iter().sum::<DVec3>() / corners.len() as f64;
-        point_form_factor(middle, self.receiver.normal, self.target) * polygon::area_vector(corners).length()
+        point_form_factor(middle, self.receiver.normal, &self.target) * polygon::area_vector(corners).length()
     }
 
     /// Tells whether all blockers are sides of one convex body, seen from outside: three of its edges never cross in a view.
@@ -317,23 +342,41 @@ impl View<'_> {
         corners.map(|&v| self.receiver.to_plane(v)).collect()
     }
 
-    /// Integrates over the receiver as it is, without looking for lines of change; `None` if that does not reach the goal.
-    fn coarse(&self, goal: f64, most: f64) -> Option<Partial> {
-        if most.is_nan() || most >= SMALL * goal {
+    /// Integrates over the receiver without looking for lines of change, if it exchanges less than `small` goals without blockers; `None` if that does not reach the goal.
+    fn uncut(&self, goal: f64, most: f64, small: f64) -> Option<Partial> {
+        if most.is_nan() || most >= small * goal {
             return None;
         }
         let outer = self.outer();
         let area = polygon_area(&outer);
-        let cells = Cells::cut(outer, &[], 0.0, 1);
-        let mut shadows = Shadows::new(&self.receiver, self.target, self.blockers, self.size());
-        let (mut value, mut error, mut n_evaluations) = (0.0, UNSEEN * most, 0);
-        for triangle in cells.shapes().flat_map(Shape::triangles) {
-            let look = rule::integrate(triangle, f64::INFINITY, |x| {
-                shadows.visible_factor(self.receiver.to_world(x))
-            });
+        let mut triangles: Vec<[DVec2; 3]> = Cells::cut(outer, &[], 0.0, 1)
+            .shapes()
+            .flat_map(Shape::triangles)
+            .collect();
+        // One shadow between all points is in one triangle, or between a few.
+        let mut unseen = UNSEEN * most;
+        while unseen > 0.5 * goal {
+            triangles = triangles
+                .into_iter()
+                .flat_map(|corners| Shape::Triangle(corners).halves())
+                .collect();
+            unseen *= 0.5;
+        }
+        let enough = if small > SMALL {
+            (goal - unseen) / area
+        } else {
+            f64::INFINITY
+        };
+        let mut shadows = Shadows::new(&self.receiver, &self.target, &self.blockers, self.size());
+        let (mut value, mut error, mut n_evaluations) = (0.0, unseen, 0);
+        for triangle in triangles {
+            let look = rule::integrate(triangle, enough, |x| shadows.visible_factor(self.receiver.to_world(x)));
             value += look.integral;
             error += look.error;
             n_evaluations += look.n_evaluations;
+            if error > goal {
+                return None;
+            }
         }
         (error <= goal && area > 0.0).then_some(Partial {
             exchange_area: value,
@@ -348,7 +391,7 @@ impl View<'_> {
         let (low, high) = bounds(&self.receiver.corners);
         let size = self.size();
         let corners_of_blockers = self.blockers.iter().map(|b| b.corners);
-        let outline = Outline::new(&self.receiver, self.target, corners_of_blockers, size);
+        let outline = Outline::new(&self.receiver, &self.target, corners_of_blockers, size);
         // A line that is missed by this much changes an integral by its square only.
         let margin = 1e-9 * (high - low).length();
         let is_listed = outline.n_pairs() <= MOST_EVENT_PAIRS;
@@ -362,7 +405,7 @@ impl View<'_> {
             MOST_CELLS.min(budget / (2 * rule::MOST_EVALUATIONS)),
         );
 
-        let mut shadows = Shadows::new(&self.receiver, self.target, self.blockers, size);
+        let mut shadows = Shadows::new(&self.receiver, &self.target, &self.blockers, size);
         let whole = self.without_blockers();
         let is_loose = cells.are_whole() && is_listed && goal >= LOOSE * whole;
         let is_looser = is_loose && goal >= whole && self.blockers_are_convex();
