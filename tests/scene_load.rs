@@ -551,6 +551,36 @@ fn files_that_cannot_be_read_say_why() {
 }
 
 #[test]
+fn of_several_libraries_those_that_are_there_are_read() {
+    let directory = tempfile::tempdir().unwrap();
+    std::fs::write(directory.path().join("a.mtl"), "newmtl paint\nKd 0.25\n").unwrap();
+    let scene = directory.path().join("a.obj");
+    for (names, missing) in [
+        ("a.mtl b.mtl", "b.mtl"),
+        ("c.MTL a.mtl", "c.MTL"),
+        (".\\a.mtl d.mtl", "d.mtl"),
+    ] {
+        let text = format!("mtllib {names}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl paint\nf 1 2 3\n");
+        std::fs::write(&scene, text).unwrap();
+        let loaded = load(&scene).unwrap();
+        assert_eq!(
+            loaded.scene.materials[0].reflectance.map(f64::to_bits),
+            [0.25_f64.to_bits(); 3]
+        );
+        let of_libraries = loaded
+            .warnings
+            .iter()
+            .filter(|warning| warning.kind() == "missing_library");
+        let told: Vec<String> = of_libraries.map(ToString::to_string).collect();
+        assert_eq!(told.len(), 1, "{told:?}");
+        assert!(
+            told[0].contains(&format!("material library `{missing}` is not there")),
+            "{told:?}"
+        );
+    }
+}
+
+#[test]
 fn libraries_outside_the_scenes_folder_need_leave() {
     let directory = tempfile::tempdir().unwrap();
     let folder = directory.path().join("scenes/room");

@@ -11,7 +11,6 @@ use super::failure::Failure;
 use super::file_set::FileSet;
 use super::form_factors::{checks_to_json, describe_checks};
 use super::lightings::{Stack, greatest_reflectance, with_suffix};
-use super::mesh_error::MeshError;
 use super::picture::{image_byte, preview_of, shoot};
 use super::pipeline::{Computed, Fineness, Prepared, Run, posed};
 use super::render::{
@@ -372,9 +371,8 @@ impl Solved<'_> {
             .times
             .time("solve", || indirect_irradiance(&computed.factors, &exitance, &own));
         let error = run.carried_error(computed, (&reflectance, &exitance), &own)?;
-        let mesh_error = self
-            .coarse
-            .and_then(|coarse| MeshError::of(prepared, &self.stack.coarsened(place, coarse), &own));
+        let coarse = self.coarse.map(|coarse| self.stack.coarsened(place, coarse));
+        let mesh_error = run.mesh_error(prepared, coarse.as_ref(), (&exitance, &own));
         let stated = run.stated(prepared, error.as_ref(), &own);
         computed.factors.if_readable(())?;
         let lighting = self.lightings[frame.lighting].as_ref();

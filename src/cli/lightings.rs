@@ -9,7 +9,6 @@ use serde_json::{Value, json};
 use super::args::SolveArgs;
 use super::failure::Failure;
 use super::form_factors::{checks_to_json, describe_checks};
-use super::mesh_error::MeshError;
 use super::pipeline::{Computed, Prepared, Run};
 use super::stated::Stated;
 use super::{Outcome, merge, solve};
@@ -80,9 +79,8 @@ pub(super) fn run(
         let (rho, e) = stack.materials(k);
         let own = stack.solution(k, &solution);
         let error = run.carried_error(computed, (&rho, &e), &own)?;
-        let mesh_error = coarse
-            .as_ref()
-            .and_then(|coarse| MeshError::of(&prepared, &stack.coarsened(k, coarse), &own));
+        let own_coarse = coarse.as_ref().map(|coarse| stack.coarsened(k, coarse));
+        let mesh_error = run.mesh_error(&prepared, own_coarse.as_ref(), (&e, &own));
         let stated = run.stated(&prepared, error.as_ref(), &own);
         worst = worst.or_worse(stated);
         if let Some(path) = &outputs[k] {

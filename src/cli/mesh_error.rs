@@ -12,8 +12,11 @@ use crate::mesh::Hierarchy;
 use crate::printable::printable;
 use crate::solver::{Coarsened, Solution, SolverError, StopReason, coarsened, relative_errors};
 
-/// A surface whose mean radiosity is below this part of the brightest one's is not looked at.
+/// A surface whose mean radiosity is below this part of the most that a surface reflects in the mean is not looked at.
 const DARK: f64 = 1e-6;
+
+/// The change of a surface's mean radiosity, relative to itself, from which it is warned of.
+const MUCH: f64 = 0.5;
 
 /// How a solution would change with about a quarter of the patches.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -24,7 +27,7 @@ pub(super) struct MeshError {
     surface_mean_max: f64,
     /// The surface that it is found on.
     surface: String,
-    /// sqrt(Σ A (B − B̄)² / Σ A B²), the worst channel, with B̄ the mean over the coarser patch.
+    /// sqrt(Σ A (B − B̄)² / Σ A (B − E)²), the worst channel, with B̄ the mean over the coarser patch: a small lamp's own light is no measure of what it lights.
     patches_rms: f64,
 }
 
@@ -41,7 +44,7 @@ impl MeshError {
         let _ = writeln!(
             text,
             "mesh: {n_patches} patches instead would change the mean radiosity of a surface by up to {surface_mean_max:.1e} of itself (`{surface}`), \
-             that of a patch by {patches_rms:.1e} (root mean square)"
+             that of a patch by {patches_rms:.1e} of what is reflected (root mean square)"
         );
     }
 }
@@ -75,22 +78,44 @@ impl Run {
     }
 }
 
+impl Run {
+    /// Makes numbers of what a coarser mesh would change in a solution for an `exitance`, and warns where that is nearly all of a surface's light.
+    pub(super) fn mesh_error(
+        &mut self,
+        prepared: &Prepared,
+        coarse: Option<&Coarsened>,
+        (exitance, solution): (&Block, &Solution),
+    ) -> Option<MeshError> {
+        let found = MeshError::of(prepared, coarse?, exitance, solution)?;
+        if found.surface_mean_max >= MUCH {
+            self.warn(&format!(
+                "the mesh is too coarse for `{}`: a quarter of the patches would change its mean radiosity by {:.1e} of itself; subdivide more, or end faces where walls stand on them, so that no patch reaches from one side to the other",
+                printable(&found.surface),
+                found.surface_mean_max
+            ));
+        }
+        Some(found)
+    }
+}
+
 impl MeshError {
-    /// Makes numbers of what a coarser mesh would change in a solution; `None` of one that has not converged, or has no light.
-    pub(super) fn of(prepared: &Prepared, coarse: &Coarsened, solution: &Solution) -> Option<Self> {
+    /// Makes numbers of what a coarser mesh would change in a solution for an `exitance`; `None` of one that has not converged, or has no light.
+    fn of(prepared: &Prepared, coarse: &Coarsened, exitance: &Block, solution: &Solution) -> Option<Self> {
         let is_dark = solution.radiosity.values().iter().all(|b| *b <= 0.0);
         if is_dark || solution.stop_reason != StopReason::Converged {
             return None;
         }
-        let [means, changes] = [&solution.radiosity, &coarse.change].map(|block| prepared.surface_means(block));
-        let brightest = means.iter().flatten().copied().fold(0.0, f64::max);
+        let reflected = solution.reflected(exitance);
+        let blocks = [&solution.radiosity, &coarse.change, &reflected];
+        let [means, changes, reflected_means] = blocks.map(|block| prepared.surface_means(block));
+        let brightest = reflected_means.iter().flatten().copied().fold(0.0, f64::max);
         let mut worst = (0.0, 0);
         for (k, (mean, change)) in means.iter().zip(&changes).enumerate() {
             for (b, d) in mean.iter().zip(change).filter(|(b, _)| **b > DARK * brightest) {
                 worst = if d.abs() / b > worst.0 { (d.abs() / b, k) } else { worst };
             }
         }
-        let spreads = relative_errors(&prepared.mesh.areas(), &coarse.spread, &solution.radiosity);
+        let spreads = relative_errors(&prepared.mesh.areas(), &coarse.spread, &reflected);
         Some(Self {
             n_patches: coarse.n_patches,
             surface_mean_max: worst.0,

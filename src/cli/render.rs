@@ -226,7 +226,7 @@ fn solve_scene(
     let (reflectance, exitance) = prepared.materials();
     let error = run.carried_error(&computed, (&reflectance, &exitance), &solution)?;
     let coarse = run.coarsened(prepared, &computed, &reflectance, &solution)?;
-    let mesh_error = coarse.and_then(|coarse| MeshError::of(prepared, &coarse, &solution));
+    let mesh_error = run.mesh_error(prepared, coarse.as_ref(), (&exitance, &solution));
     computed.factors.if_readable(())?;
     Ok(Solved {
         solver: args.solver.solver.clone(),

@@ -127,11 +127,10 @@ fn finish(
 ) -> Result<Outcome, Failure> {
     let (reflectance, exitance) = prepared.materials();
     let (error, mesh_error) = match computed {
-        Some(computed) => (
-            run.carried_error(computed, (&reflectance, &exitance), solution)?,
-            run.coarsened(prepared, computed, &reflectance, solution)?
-                .and_then(|coarse| MeshError::of(prepared, &coarse, solution)),
-        ),
+        Some(computed) => (run.carried_error(computed, (&reflectance, &exitance), solution)?, {
+            let coarse = run.coarsened(prepared, computed, &reflectance, solution)?;
+            run.mesh_error(prepared, coarse.as_ref(), (&exitance, solution))
+        }),
         None => (None, None),
     };
     if let Some(path) = &args.output {

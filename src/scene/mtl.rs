@@ -67,11 +67,20 @@ impl Definitions {
         let mut definitions = Self::default();
         for library in libraries {
             let files = files_of(&library.name, scene_file);
-            if files.is_empty() {
+            let names: Vec<&str> = library.name.split_whitespace().collect();
+            let missing = match files.len() {
+                0 => vec![library.name.as_str()],
+                n if n < names.len() && names.iter().all(|name| is_library(name)) => {
+                    let is_missing = |name: &&str| files_of(name, scene_file).is_empty();
+                    names.into_iter().filter(is_missing).collect()
+                }
+                _ => Vec::new(),
+            };
+            for name in missing {
                 warnings.push(SceneWarning::MissingLibrary {
                     file: scene_file.to_owned(),
                     line: library.line,
-                    name: library.name.clone(),
+                    name: name.to_owned(),
                 });
             }
             for file in files {
@@ -134,14 +143,25 @@ impl Definitions {
     }
 }
 
-/// Returns the files of one `mtllib` that exist: the whole name (blanks and all), or else each of its words, or else both with the
-/// separators of Windows taken for the system's.
+/// Returns the files of one `mtllib` that exist: the whole name (blanks and all), or else each of its words, if all of them exist or look like libraries; separators of Windows are taken for
+/// the system's where that helps.
 fn files_of(name: &str, scene_file: &Path) -> Vec<PathBuf> {
-    let found = files_named(name, scene_file);
-    if found.is_empty() && name.contains('\\') {
-        return files_named(&name.replace('\\', "/"), scene_file);
+    let directory = scene_file.parent().unwrap_or(Path::new(""));
+    let existing = |part: &str| {
+        let spellings = [part.to_owned(), part.replace('\\', "/")];
+        let mut files = spellings.into_iter().map(|spelling| directory.join(spelling));
+        files.find(|file| file.exists())
+    };
+    if let Some(whole) = existing(name) {
+        return vec![whole];
     }
-    found
+    let words = || name.split_whitespace();
+    let files: Vec<PathBuf> = words().filter_map(existing).collect();
+    if files.len() == words().count() || words().all(is_library) {
+        files
+    } else {
+        Vec::new()
+    }
 }
 
 /// Bytes of a line that are read at once.
@@ -173,19 +193,11 @@ pub(crate) fn libraries_of(scene_file: &Path) -> Vec<PathBuf> {
     found
 }
 
-fn files_named(name: &str, scene_file: &Path) -> Vec<PathBuf> {
-    let directory = scene_file.parent().unwrap_or(Path::new(""));
-    let beside = |part: &str| directory.join(part);
-    let whole = beside(name);
-    if whole.exists() {
-        return vec![whole];
-    }
-    let words: Vec<PathBuf> = name.split_whitespace().map(beside).collect();
-    if words.iter().all(|file| file.exists()) {
-        words
-    } else {
-        Vec::new()
-    }
+/// Tells whether a name is that of a library by itself, not a part of one with blanks.
+fn is_library(name: &str) -> bool {
+    Path::new(name)
+        .extension()
+        .is_some_and(|extension| extension.eq_ignore_ascii_case("mtl"))
 }
 
 /// Returns whether a file is in the folder of the scene file or below it, links followed.

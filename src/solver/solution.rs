@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::carried_error::relative_errors;
 use super::energy::Energy;
 use super::error_bound;
 use super::history::{HistoryEntry, Recorder};
@@ -119,6 +120,36 @@ impl Solution {
             energy: Vec::new(),
             choice: None,
         }
+    }
+
+    /// Returns B − E, the light that surfaces reflect, W·m⁻², \[n, c\]. `exitance`: E, in the shape of B. Departures: none.
+    ///
+    /// # Panics
+    /// If the shapes differ.
+    #[must_use]
+    #[track_caller]
+    pub fn reflected(&self, exitance: &Block) -> Block {
+        let shape = |block: &Block| (block.n_rows(), block.n_channels());
+        assert_eq!(shape(&self.radiosity), shape(exitance), "radiosities and exitances");
+        let values = self.radiosity.values().iter().zip(exitance.values());
+        Block::from_values(values.map(|(b, e)| b - e).collect(), exitance.n_channels())
+    }
+
+    /// Returns the greatest bound on the error of a channel relative to the light that is reflected, ‖B − B*‖ / ‖B − E‖ with ‖x‖² = Σ A x²: what the [`error_bound`](Self::error_bound) means for a room whose
+    /// small, bright lamps have nearly all of the norm of B. `None` where a bound is not known; 0 where nothing is reflected. `areas`: A, m², \[n\]; `exitance`: E, W·m⁻², \[n, c\]. Departures: none.
+    ///
+    /// # Panics
+    /// If the shapes differ.
+    #[must_use]
+    #[track_caller]
+    pub fn error_bound_of_reflected(&self, areas: &[f64], exitance: &Block) -> Option<f64> {
+        let shares = relative_errors(areas, &self.reflected(exitance), &self.radiosity);
+        let of_channels = self.channels.iter().zip(shares);
+        let mut bounds = of_channels.map(|(own, share)| {
+            let bound = own.error_bound?;
+            Some(if share > 0.0 { bound / share } else { 0.0 })
+        });
+        bounds.try_fold(0.0, |most: f64, bound| Some(most.max(bound?)))
     }
 
     /// Tells what black backs take apart from what escapes, in [`energy`](Self::energy), before anything else than B stands in `radiosity`. `areas`: A, m², \[n\]; `backs`: the fraction of

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use serde_json::Value;
+use tempfile::TempDir;
 
 use crate::{document, numbers, radiosity, stderr, with_scene};
 
@@ -539,6 +540,81 @@ fn the_mesh_tells_of_its_own_error() {
         assert!((found / expected - 1.0).abs() < 0.05, "{both:?} {alone:?} {expected}");
     }
     assert!((both[0] / both[1] - 1.0).abs() > 0.1, "{both:?}");
+}
+
+/// A room of 4 m × 4 m × 3 m with a lamp of 10 W, `side` m wide, under its ceiling.
+fn with_lamp(side: f64) -> TempDir {
+    let directory = tempfile::tempdir().unwrap();
+    let exitance = 10.0 / (side * side);
+    let materials = format!("newmtl grey\nKd 0.5\nnewmtl lamp\nKd 0\nKe {exitance}\n");
+    std::fs::write(directory.path().join("scene.mtl"), materials).unwrap();
+    let corners = [[0, 0], [4, 0], [4, 4], [0, 4]];
+    let of_room = [0, 3]
+        .into_iter()
+        .flat_map(|z| corners.map(|[x, y]| format!("v {x} {y} {z}\n")));
+    let of_lamp = [
+        [1.0, 1.0],
+        [1.0, 1.0 + side],
+        [1.0 + side, 1.0 + side],
+        [1.0 + side, 1.0],
+    ];
+    let of_lamp = of_lamp.map(|[x, y]| format!("v {x} {y} 2.5\n"));
+    let walls = ["1 2 3 4", "8 7 6 5", "5 6 2 1", "6 7 3 2", "7 8 4 3", "8 5 1 4"];
+    let walls = (0..)
+        .zip(walls)
+        .map(|(k, wall): (u32, _)| format!("o room{k}\nf {wall}\n"));
+    let vertices: String = of_room.chain(of_lamp).collect();
+    let walls: String = walls.collect();
+    let text = format!("mtllib scene.mtl\n{vertices}usemtl grey\n{walls}usemtl lamp\no lamp\nf 9 10 11 12\n");
+    std::fs::write(directory.path().join("scene.obj"), text).unwrap();
+    directory
+}
+
+/// Nearly all of the norm of B is the own light of a small, bright lamp: neither the mesh's error nor the solver's may be told relative to that.
+#[test]
+fn a_small_lamp_is_no_measure_of_what_it_lights() {
+    let solve = |side: f64, more: &[&str]| {
+        let directory = with_lamp(side);
+        let arguments = ["solve", "scene.obj", "--subdivide", "4", "--json"];
+        let output = radiosity(directory.path(), &[&arguments[..], more].concat());
+        assert!(output.status.success(), "{output:?}");
+        let result: Value = serde_json::from_slice(&output.stdout).unwrap();
+        (result, stderr(&output))
+    };
+    let (large, quiet) = solve(0.1, &[]);
+    assert_eq!(quiet, "");
+    let (small, loud) = solve(1e-4, &[]);
+    for name in ["surface_mean_max", "patches_rms"] {
+        let [of_large, of_small] = [&large, &small].map(|result| result["mesh_error"][name].as_f64().unwrap());
+        assert!(
+            of_small > 1e-2 && (of_small / of_large - 1.0).abs() < 0.2,
+            "{name}: {of_small} {of_large}"
+        );
+    }
+
+    let proposed = loud.trim().rsplit_once("--tolerance ").unwrap().1;
+    let reference = solve(1e-4, &["--tolerance", "1e-15", "--solver", "direct"]).0;
+    let (better, silent) = solve(1e-4, &["--tolerance", proposed]);
+    assert_eq!(silent, "");
+    let off = |result: &Value| {
+        let pairs = result["surfaces"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .zip(reference["surfaces"].as_array().unwrap());
+        let of_walls = pairs.filter(|(own, _)| own["name"] != "lamp");
+        let relative = of_walls.map(|(own, right)| {
+            let [own, right] = [own, right].map(|surface| surface["radiosity"][0].as_f64().unwrap());
+            (own / right - 1.0).abs()
+        });
+        relative.fold(0.0, f64::max)
+    };
+    assert!(
+        off(&small) > 1e-3 && off(&better) < 1e-4,
+        "{} {}",
+        off(&small),
+        off(&better)
+    );
 }
 
 /// The error that is stated is the same whatever is written, of a solution that has not converged too, and that of no lighting is above that of all.

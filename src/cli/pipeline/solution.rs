@@ -23,6 +23,10 @@ use crate::solver::{
 /// The relative change of radiosities by the rounding of form factors from which it is told: far above what every solution is off for its tolerance.
 const ROUNDING_TOLD_FROM: f64 = 1e-4;
 
+/// The bound on the error, relative to the light that is reflected, from which it is told, and what it is to be with the tolerance that is proposed then.
+const MOST_OF_REFLECTED: f64 = 1e-3;
+const WANTED_OF_REFLECTED: f64 = 1e-4;
+
 /// Tells a solver whether to go on.
 pub(in crate::cli) fn go_on(progress: &dyn Progress) -> ControlFlow<()> {
     if progress.is_cancelled() {
@@ -239,6 +243,15 @@ impl Run {
         let mut solution = solved.map_err(|error| refused(self, error))?;
         if solution.stop_reason == StopReason::Interrupted {
             return Err(Failure::interrupted());
+        }
+        let of_reflected = solution.error_bound_of_reflected(system.areas(), system.exitance());
+        if solution.stop_reason == StopReason::Converged
+            && let Some(bound) = of_reflected.filter(|bound| *bound > MOST_OF_REFLECTED)
+        {
+            let tolerance = 10_f64.powf((args.tolerance * WANTED_OF_REFLECTED / bound).log10().floor());
+            self.warn(&format!(
+                "the lamps' own light has nearly all of what the tolerance is relative to: the bound on the error is {bound:.1e} of the light that is reflected; give --tolerance {tolerance:e}"
+            ));
         }
         let audit = self
             .times
