@@ -85,6 +85,32 @@ fn the_document_says_what_was_done() {
 }
 
 #[test]
+fn light_that_is_still_under_way_is_told() {
+    let directory = with_scene("room-box");
+    let warns = |passes: &str| {
+        let output = radiosity(
+            directory.path(),
+            &[
+                "voxel",
+                "scene.obj",
+                "--voxels",
+                "21",
+                "--radius",
+                "6",
+                "--passes",
+                passes,
+            ],
+        );
+        assert!(output.status.success(), "{output:?}");
+        String::from_utf8(output.stderr)
+            .unwrap()
+            .contains("light is still under way")
+    };
+    // Each propagation adds about half of what the one before did.
+    assert_eq!(["1", "2", "12"].map(warns), [true, true, false]);
+}
+
+#[test]
 fn auto_says_what_it_took() {
     let directory = with_scene("room-box");
     let arguments = ["--voxels", "12", "--radius", "3", "--solver", "auto", "--explain"];

@@ -345,6 +345,13 @@ fn solve_to_tolerance(
         });
         run.audited(found);
         let last = result.changes.last().copied().unwrap_or(0.0);
+        let under_way = under_way(&result.changes);
+        if under_way > MOST_UNDER_WAY {
+            run.warn(&format!(
+                "after {} propagations light is still under way, {under_way:.1e} of what there is or more; give more --passes, or a --solver",
+                args.passes
+            ));
+        }
         return Ok(Solved {
             radiosity: materials.radiosity(&result.irradiance),
             irradiance: result.irradiance,
@@ -500,4 +507,16 @@ fn write(
         png::write(&path.with_extension("png"), &image)
     })?;
     Ok(Some(view))
+}
+
+/// Light that is still under way, relative to what there is, from which it is warned of.
+const MOST_UNDER_WAY: f64 = 0.05;
+
+/// Returns what further propagations would add, by the changes of those that there were, each relative to what there was then: the rest of a geometric series.
+fn under_way(changes: &[f64]) -> f64 {
+    match *changes {
+        [.., before, last] if last < before => last / (1.0 - last / before),
+        [.., last] => last,
+        [] => 0.0,
+    }
 }
