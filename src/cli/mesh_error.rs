@@ -76,9 +76,7 @@ impl Run {
             Err(_) => Ok(None),
         }
     }
-}
 
-impl Run {
     /// Makes numbers of what a coarser mesh would change in a solution for an `exitance`, and warns where that is nearly all of a surface's light.
     pub(super) fn mesh_error(
         &mut self,
@@ -88,7 +86,7 @@ impl Run {
     ) -> Option<MeshError> {
         let found = MeshError::of(prepared, coarse?, exitance, solution)?;
         if found.surface_mean_max >= MUCH {
-            self.warn(&format!(
+            self.warn_once(&format!(
                 "the mesh is too coarse for `{}`: a quarter of the patches would change its mean radiosity by {:.1e} of itself; subdivide more, or end faces where walls stand on them, so that no patch reaches from one side to the other",
                 printable(&found.surface),
                 found.surface_mean_max

@@ -66,24 +66,15 @@ impl Definitions {
     ) -> Result<Self, SceneError> {
         let mut definitions = Self::default();
         for library in libraries {
-            let files = files_of(&library.name, scene_file);
-            let names: Vec<&str> = library.name.split_whitespace().collect();
-            let missing = match files.len() {
-                0 => vec![library.name.as_str()],
-                n if n < names.len() && names.iter().all(|name| is_library(name)) => {
-                    let is_missing = |name: &&str| files_of(name, scene_file).is_empty();
-                    names.into_iter().filter(is_missing).collect()
-                }
-                _ => Vec::new(),
-            };
-            for name in missing {
-                warnings.push(SceneWarning::MissingLibrary {
-                    file: scene_file.to_owned(),
-                    line: library.line,
-                    name: name.to_owned(),
-                });
-            }
-            for file in files {
+            for (name, file) in files_of(&library.name, scene_file) {
+                let Some(file) = file else {
+                    warnings.push(SceneWarning::MissingLibrary {
+                        file: scene_file.to_owned(),
+                        line: library.line,
+                        name: name.to_owned(),
+                    });
+                    continue;
+                };
                 if !options.allow_outside && !lies_beside(&file, scene_file) {
                     return Err(SceneError::OutsideFolder {
                         file: scene_file.to_owned(),
@@ -143,9 +134,9 @@ impl Definitions {
     }
 }
 
-/// Returns the files of one `mtllib` that exist: the whole name (blanks and all), or else each of its words, if all of them exist or look like libraries; separators of Windows are taken for
-/// the system's where that helps.
-fn files_of(name: &str, scene_file: &Path) -> Vec<PathBuf> {
+/// Returns the libraries of one `mtllib` by their names, each with its file if that exists: one, blanks and all, unless there is a file for every word, or for some and all look like libraries. Separators of Windows
+/// are taken for the system's where that helps.
+fn files_of<'a>(name: &'a str, scene_file: &Path) -> Vec<(&'a str, Option<PathBuf>)> {
     let directory = scene_file.parent().unwrap_or(Path::new(""));
     let existing = |part: &str| {
         let spellings = [part.to_owned(), part.replace('\\', "/")];
@@ -153,14 +144,14 @@ fn files_of(name: &str, scene_file: &Path) -> Vec<PathBuf> {
         files.find(|file| file.exists())
     };
     if let Some(whole) = existing(name) {
-        return vec![whole];
+        return vec![(name, Some(whole))];
     }
-    let words = || name.split_whitespace();
-    let files: Vec<PathBuf> = words().filter_map(existing).collect();
-    if files.len() == words().count() || words().all(is_library) {
-        files
+    let words: Vec<_> = name.split_whitespace().map(|word| (word, existing(word))).collect();
+    let is_there = |(_, file): &(&str, Option<PathBuf>)| file.is_some();
+    if words.iter().any(is_there) && (words.iter().all(is_there) || words.iter().all(|(word, _)| is_library(word))) {
+        words
     } else {
-        Vec::new()
+        vec![(name, None)]
     }
 }
 
@@ -186,7 +177,7 @@ pub(crate) fn libraries_of(scene_file: &Path) -> Vec<PathBuf> {
             .strip_prefix(b"mtllib")
             .filter(|rest| rest.starts_with(b" ") || rest.starts_with(b"\t"));
         if let Some(name) = rest.and_then(|name| std::str::from_utf8(name.trim_ascii()).ok()) {
-            found.extend(files_of(name, scene_file));
+            found.extend(files_of(name, scene_file).into_iter().filter_map(|library| library.1));
         }
         line.clear();
     }

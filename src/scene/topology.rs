@@ -403,14 +403,7 @@ impl Outline {
 ///
 /// Pieces are numbered from 0, open ones too, in the order of their first faces.
 pub(crate) fn closed_pieces(scene: &Scene) -> Vec<Option<u32>> {
-    let mut runs: HashMap<(u32, u32), (u32, bool)> = HashMap::new();
-    for face in scene.face_ids() {
-        for edge in edges(scene, face) {
-            runs.entry(edge)
-                .and_modify(|run| run.1 = false)
-                .or_insert((face.0, true));
-        }
-    }
+    let runs = edge_runs(scene);
     let mut piece: Vec<Option<u32>> = vec![None; scene.faces.len()];
     let mut closed = Vec::new();
     for seed in scene.face_ids() {
@@ -441,6 +434,19 @@ pub(crate) fn closed_pieces(scene: &Scene) -> Vec<Option<u32>> {
         *entry = entry.filter(|&k| closed[k as usize]);
     }
     piece
+}
+
+/// Returns, for each edge from one vertex to another, the first face that runs along it so, and whether no other does.
+pub(crate) fn edge_runs(scene: &Scene) -> HashMap<(u32, u32), (u32, bool)> {
+    let mut runs = HashMap::new();
+    for face in scene.face_ids() {
+        for edge in edges(scene, face) {
+            runs.entry(edge)
+                .and_modify(|run: &mut (u32, bool)| run.1 = false)
+                .or_insert((face.0, true));
+        }
+    }
+    runs
 }
 
 /// Returns the vertices at the ends of a face's edges, in the order of its corners.

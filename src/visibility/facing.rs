@@ -1,13 +1,11 @@
 //! Faces that look the wrong way: wound clockwise for those who should see them.
 
-use std::collections::HashMap;
-
 use glam::DVec3;
 
 use super::{Coherence, HitBatch, RayBatch, Visibility};
 use crate::geometry::polygon;
 use crate::geometry::sampling::{Frame, PointStream, Sequence, UniformOnPolygon, cosine_direction};
-use crate::scene::topology::edges;
+use crate::scene::topology::{edge_runs, edges};
 use crate::scene::{FaceId, Scene, SurfaceId};
 
 /// Up to this many faces each is looked at by itself, beyond it each surface.
@@ -117,18 +115,12 @@ fn turned_faces(scene: &Scene, groups: &Groups, found: &Found) -> Vec<FaceId> {
     if suspects.is_empty() {
         return suspects;
     }
-    let mut runs: HashMap<(u32, u32), Vec<FaceId>> = HashMap::new();
-    for face in scene.face_ids() {
-        for edge in edges(scene, face) {
-            runs.entry(edge).or_default().push(face);
-        }
-    }
+    let runs = edge_runs(scene);
     // Faces that are wound alike run along the edge between them in opposite senses.
     let continues_one_that_sees = |&face: &FaceId| {
-        let mut own = edges(scene, face);
-        let is_alone = own.all(|edge| runs[&edge].len() == 1);
-        let beside = |(a, b)| runs.get(&(b, a)).into_iter().flatten();
-        is_alone && edges(scene, face).flat_map(beside).any(|&other| sees(other))
+        let is_alone = edges(scene, face).all(|edge| runs[&edge].1);
+        let mut beside = edges(scene, face).filter_map(|(a, b)| runs.get(&(b, a)));
+        is_alone && beside.any(|&(other, is_only)| is_only && sees(FaceId(other)))
     };
     suspects
         .into_iter()

@@ -167,11 +167,7 @@ impl Integration {
 ///
 /// Where the exchange area without blockers is up to [`SMALL_AMONG_MANY`] times the goal; what a shadow between all points may hide is stated as error.
 pub(super) fn uncut(sides: [&[DVec3]; 2], blockers: &[Blocker<'_>], goal: f64, most: f64) -> Option<Partial> {
-    if most < SMALL_AMONG_MANY * goal {
-        View::new(sides, blockers).ok()?.uncut(goal, most, SMALL_AMONG_MANY)
-    } else {
-        None
-    }
+    View::new(sides, blockers).ok()?.uncut(goal, most, SMALL_AMONG_MANY)
 }
 
 /// Decides which polygon is integrated over: the one that is farther from all blockers in units of its own size, because shadows are softer there.
@@ -362,11 +358,7 @@ impl<'a> View<'a> {
                 .collect();
             unseen *= 0.5;
         }
-        let enough = if small > SMALL {
-            (goal - unseen) / area
-        } else {
-            f64::INFINITY
-        };
+        let enough = (goal - unseen) / area;
         let mut shadows = Shadows::new(&self.receiver, &self.target, &self.blockers, self.size());
         let (mut value, mut error, mut n_evaluations) = (0.0, unseen, 0);
         for triangle in triangles {
