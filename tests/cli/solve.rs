@@ -637,7 +637,7 @@ fn a_small_lamp_is_no_measure_of_what_it_lights() {
     let reference = solve(1e-4, &["--tolerance", "1e-15", "--solver", "direct"]).0;
     let (better, silent) = solve(1e-4, &["--tolerance", proposed]);
     assert_eq!(silent, "");
-    let off = |result: &Value| {
+    let off = |result: &Value, reference: &Value| {
         let pairs = result["surfaces"]
             .as_array()
             .unwrap()
@@ -651,11 +651,20 @@ fn a_small_lamp_is_no_measure_of_what_it_lights() {
         relative.fold(0.0, f64::max)
     };
     assert!(
-        off(&small) > 1e-3 && off(&better) < 1e-4,
+        off(&small, &reference) > 1e-3 && off(&better, &reference) < 1e-4,
         "{} {}",
-        off(&small),
-        off(&better)
+        off(&small, &reference),
+        off(&better, &reference)
     );
+
+    // What the lamp sends out is within the tolerance before the first pass, and all else is dark then.
+    let (dark, loud) = solve(1e-6, &[]);
+    assert_eq!(dark["n_passes"], 0);
+    let proposed = loud.lines().next().unwrap().rsplit_once("--tolerance ").unwrap().1;
+    let reference = solve(1e-6, &["--tolerance", "1e-15", "--solver", "direct"]).0;
+    let lit = solve(1e-6, &["--tolerance", proposed]).0;
+    assert!(off(&lit, &reference) < 1e-3, "{}", off(&lit, &reference));
+    assert!(solve(1e-12, &[]).1.contains("make the lamps larger"));
 }
 
 /// The error that is stated is the same whatever is written, of a solution that has not converged too, and that of no lighting is above that of all.

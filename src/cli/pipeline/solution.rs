@@ -27,6 +27,9 @@ const ROUNDING_TOLD_FROM: f64 = 1e-4;
 const MOST_OF_REFLECTED: f64 = 1e-3;
 const WANTED_OF_REFLECTED: f64 = 1e-4;
 
+/// The least tolerance that is proposed: below it, rounding keeps solvers from meeting it.
+const LEAST_TOLERANCE: f64 = 1e-15;
+
 /// Tells a solver whether to go on.
 pub(in crate::cli) fn go_on(progress: &dyn Progress) -> ControlFlow<()> {
     if progress.is_cancelled() {
@@ -244,13 +247,18 @@ impl Run {
         if solution.stop_reason == StopReason::Interrupted {
             return Err(Failure::interrupted());
         }
-        let of_reflected = solution.error_bound_of_reflected(system.areas(), system.exitance());
+        let of_reflected = solution.error_bound_of_reflected(&system);
         if solution.stop_reason == StopReason::Converged
             && let Some(bound) = of_reflected.filter(|bound| *bound > MOST_OF_REFLECTED)
         {
-            let tolerance = 10_f64.powf((args.tolerance * WANTED_OF_REFLECTED / bound).log10().floor());
+            let tolerance = 10_f64.powf((solution.residual_l2 * WANTED_OF_REFLECTED / bound).log10().floor());
+            let remedy = if tolerance >= LEAST_TOLERANCE {
+                format!("give --tolerance {tolerance:e}")
+            } else {
+                "make the lamps larger and dimmer, of the same power".to_owned()
+            };
             self.warn(&format!(
-                "the lamps' own light has nearly all of what the tolerance is relative to: the bound on the error is {bound:.1e} of the light that is reflected; give --tolerance {tolerance:e}"
+                "the lamps' own light has nearly all of what the tolerance is relative to: the bound on the error is {bound:.1e} of the light that is reflected; {remedy}"
             ));
         }
         let audit = self
