@@ -61,3 +61,8 @@ pub const LISCHINSKI_1993: &str = "Lischinski, Tampieri and Greenberg 1993";
 
 /// M. S. Floater, "Mean value coordinates", Computer Aided Geometric Design 20(1), 2003.
 pub const FLOATER_2003: &str = "Floater 2003";
+
+/// D. R. Baum, S. Mann, K. P. Smith, J. M. Winget, "Making Radiosity Usable: Automatic Preprocessing and Meshing Techniques for the Generation of Accurate Radiosity Solutions", SIGGRAPH 1991.
+///
+/// Where polygons meet, both are cut, so that no patch reaches from one side to the other.
+pub const BAUM_1991: &str = "Baum et al. 1991";

@@ -11,7 +11,7 @@ use radiosity::form_factor::registry::{self, MethodSettings};
 use radiosity::form_factor::{ClosedForm, Computed, ExactMethod, FormFactorMethod, Input, RandomShooting, closed_rows};
 use radiosity::geometry::sampling::Sequence;
 use radiosity::matrix::StorageChoice;
-use radiosity::mesh::{Mesh, Subdivision};
+use radiosity::mesh::{Mesh, MeshOptions, Subdivision};
 use radiosity::progress::Silent;
 use radiosity::scene::{Scene, builtin};
 use radiosity::visibility::blockers::{BlockerIndex, PairVisibility};
@@ -228,8 +228,12 @@ fn parts_sum_to_the_whole_among_intersecting_boxes() {
 fn expect_parts_to_sum_to_the_whole(scene: &Scene) {
     let whole = Prepared::new(scene.clone(), 1);
     let whole = whole.by_surface(&compute(&whole, 1e-7).factors);
-    for n in [2, 5] {
-        let parts = Prepared::new(scene.clone(), n);
+    for (n, cut_at_walls) in [(2, false), (5, false), (1, true), (4, true)] {
+        let options = MeshOptions {
+            subdivision: Subdivision::Uniform(n),
+            cut_at_walls,
+        };
+        let parts = Prepared::with(scene.clone(), options);
         for tolerance in [1e-4, 1e-6] {
             let by_surface = parts.by_surface(&compute(&parts, tolerance).factors);
             for k in 0..whole.form_factor.len() {
@@ -237,7 +241,7 @@ fn expect_parts_to_sum_to_the_whole(scene: &Scene) {
                 let known = whole.error[k] + by_surface.error[k];
                 assert!(
                     off <= 1.000_001 * known + 1e-13,
-                    "{n} {tolerance:e} {k}: {off:e} {known:e}"
+                    "{n} {cut_at_walls} {tolerance:e} {k}: {off:e} {known:e}"
                 );
             }
         }
@@ -312,6 +316,44 @@ fn patches_under_a_box_see_nothing_and_the_others_lose_nothing() {
             // In the corner 192 patches are sides of the box that touch walls, or lie under them.
             assert!(n_whole > prepared.mesh.n_patches() * 2 / 3, "{n_whole}");
         }
+    }
+}
+
+/// A patch lies under a box that stands askew, or outside of it, and loses nothing there: none does both where faces end at its walls.
+#[test]
+fn faces_that_end_at_walls_lie_on_one_side_of_them() {
+    let (low, high) = (DVec3::new(1.0, 1.0, 0.0), DVec3::new(2.0, 3.1, 1.0));
+    let mut shapes = room();
+    shapes.cuboid(low, high, DQuat::from_rotation_z(0.4), false);
+    let scene = shapes.scene();
+    for (place, scene) in places(&scene).into_iter().enumerate() {
+        let of = |cut_at_walls| {
+            let options = MeshOptions {
+                subdivision: Subdivision::Uniform(6),
+                cut_at_walls,
+            };
+            let prepared = Prepared::with(scene.clone(), options);
+            let factors = compute(&prepared, 1e-6).factors;
+            let rows = prepared.mesh.patches.iter().enumerate().map(|(i, patch)| {
+                let mut error = 0.0;
+                factors.for_each_in_row(i, |_, _, e| error += e);
+                let sum = factors.row_sum(i);
+                let is_whole = (sum - 1.0).abs() <= error + 1e-9;
+                (is_whole, sum.abs() <= error + 1e-9, patch.area)
+            });
+            rows.collect::<Vec<_>>()
+        };
+        let (cut, whole) = (of(true), of(false));
+        let on_both = |rows: &[(bool, bool, f64)]| rows.iter().filter(|row| !row.0 && !row.1).count();
+        assert_eq!(on_both(&cut), 0, "{place}");
+        assert!(on_both(&whole) > 8, "{place}");
+        // The underside of the box, and what it covers of the floor, of all in this place's unit.
+        let area = |is_of: fn(&(bool, bool, f64)) -> bool| -> f64 {
+            cut.iter().filter(|row| is_of(row)).map(|row| row.2).sum()
+        };
+        let hidden = area(|row| row.1) / area(|_| true);
+        let expected = 2.0 * 2.1 / (2.0 * (20.0 + 12.0 + 15.0) + 2.0 * (2.1 + 1.0 + 2.1));
+        assert!((hidden / expected - 1.0).abs() < 1e-9, "{place}: {hidden} {expected}");
     }
 }
 

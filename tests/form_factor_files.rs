@@ -98,7 +98,7 @@ fn what_is_written_is_read_back_to_the_last_bit() {
             let bytes = std::fs::read(&path).unwrap();
             let file = FormFactorFile::open(&path).unwrap();
             let description = file.description();
-            assert_eq!(description.subdivision(), Some(Subdivision::Uniform(2)));
+            assert_eq!(description.mesh_options(), Some(Subdivision::Uniform(2).into()));
             assert_eq!(description.settings["method"], "sr");
             assert_eq!(
                 (description.n_patches, description.tolerance_met, description.symmetric),

@@ -12,7 +12,7 @@ use super::file_set::FileSet;
 use super::form_factors::surface_named;
 use super::picture::{image_byte, preview_of, warn_if_blank};
 use super::pipeline::{Prepared, Run};
-use super::render::{default_subdivision, samples, view};
+use super::render::{default_mesh, samples, view};
 use super::{Outcome, name_width};
 use crate::geometry::sampling::Sequence;
 use crate::printable::printable;
@@ -40,7 +40,7 @@ fn work(args: &FieldArgs, run: &mut Run) -> Result<Outcome, Failure> {
     files.writes_picture("output", &args.output);
     files.reads_scene(&args.scene);
     files.reads("the camera", args.view.camera_file()).check()?;
-    let mut prepared = run.prepare(&args.scene, args.mesh, args.memory_limit, default_subdivision)?;
+    let mut prepared = run.prepare(&args.scene, args.mesh, args.memory_limit, default_mesh)?;
     let surface = surface_named(&prepared.scene, &args.surface)?;
     let view = view(&args.view, &args.scene, &prepared.scene)?;
     image_byte(&view, &settings, args.memory_limit)?;

@@ -42,7 +42,7 @@ fn work(args: &FormFactorsArgs, run: &mut Run) -> Result<Outcome, Failure> {
         ..Storage::default()
     };
     let mut prepared = run.prepare(&args.scene, args.mesh, args.storage.memory.memory_limit, |_| {
-        Subdivision::Uniform(1)
+        Subdivision::Uniform(1).into()
     })?;
     let surface = args
         .surface

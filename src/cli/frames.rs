@@ -14,7 +14,7 @@ use super::lightings::{Stack, greatest_reflectance, with_suffix};
 use super::picture::{image_byte, preview_of, shoot};
 use super::pipeline::{Computed, Fineness, Prepared, Run, posed};
 use super::render::{
-    AnyView, DEFAULT_RAYS, DEFAULT_TOLERANCE, default_subdivision, indirect_irradiance, render_settings, view,
+    AnyView, DEFAULT_RAYS, DEFAULT_TOLERANCE, default_mesh, indirect_irradiance, render_settings, view,
 };
 use super::stated::Stated;
 use super::storage::Storage;
@@ -52,12 +52,7 @@ struct Sequence {
 
 pub(super) fn work(args: &RenderArgs, file: &Path, run: &mut Run) -> Result<Outcome, Failure> {
     let wanted = frames::load(file)?;
-    let prepared = run.prepare(
-        &args.scene,
-        args.mesh,
-        args.storage.memory.memory_limit,
-        default_subdivision,
-    )?;
+    let prepared = run.prepare(&args.scene, args.mesh, args.storage.memory.memory_limit, default_mesh)?;
     let all = ready(args, file, wanted, &prepared)?;
     let mut largest = 0;
     for frame in &all.frames {

@@ -21,7 +21,7 @@ use super::solve;
 use super::storage::Storage;
 use crate::geometry::sampling::Sequence;
 use crate::matrix::operator::{Block, LinearOperator};
-use crate::mesh::Subdivision;
+use crate::mesh::{MeshOptions, Subdivision};
 use crate::printable::{counted, short};
 use crate::render::{
     CameraRecord, DirectMethod, GatherReport, GatherSettings, RayView, RenderInput, RenderSettings, UnfoldedView, View,
@@ -62,12 +62,7 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
     files.keeps("the checkpoint", args.storage.checkpoint.as_deref());
     files.reads_scene(&args.scene);
     files.reads("the camera", args.image.view.camera_file()).check()?;
-    let mut prepared = run.prepare(
-        &args.scene,
-        args.mesh,
-        args.storage.memory.memory_limit,
-        default_subdivision,
-    )?;
+    let mut prepared = run.prepare(&args.scene, args.mesh, args.storage.memory.memory_limit, default_mesh)?;
     let view = view(&args.image.view, &args.scene, &prepared.scene)?;
     run.storage = Storage {
         args: args.storage.clone(),
@@ -238,10 +233,13 @@ fn solve_scene(
     })
 }
 
-/// Returns patches of about equal size, [`DEFAULT_PATCHES`] in all.
-pub(super) fn default_subdivision(scene: &Scene) -> Subdivision {
+/// Returns patches of about equal size, [`DEFAULT_PATCHES`] in all and a few more where walls stand, which would throw their shadows and their light to both sides else.
+pub(super) fn default_mesh(scene: &Scene) -> MeshOptions {
     let area: f64 = scene.face_ids().map(|face| scene.area_vector(face).length()).sum();
-    Subdivision::MaxEdge((area / DEFAULT_PATCHES).sqrt())
+    MeshOptions {
+        subdivision: Subdivision::MaxEdge((area / DEFAULT_PATCHES).sqrt()),
+        cut_at_walls: true,
+    }
 }
 
 /// Returns H without what comes straight from the emitters: F (B − E).

@@ -16,23 +16,27 @@ use crate::report::form_factors::FormFactorFile;
 
 /// Returns the patches that a file is for; flags that ask for others are an error.
 pub(super) fn mesh_args(file: &FormFactorFile, given: MeshArgs) -> Result<MeshArgs, Failure> {
-    let Some(subdivision) = file.description().subdivision() else {
+    let Some(options) = file.description().mesh_options() else {
         return Ok(given);
     };
-    let (in_file, flag) = match subdivision {
+    let (in_file, mut flags) = match options.subdivision {
         Subdivision::Uniform(n) => ((Some(n), None), format!("--subdivide {n}")),
         Subdivision::MaxEdge(length) => ((None, Some(length)), format!("--max-edge {length:?}")),
     };
-    let known = MeshArgs {
-        subdivide: in_file.0,
-        max_edge: in_file.1,
-    };
-    let asked = given.subdivision(subdivision);
-    if asked == subdivision {
-        return Ok(known);
+    if options.cut_at_walls {
+        flags += " --cut-at-walls";
+    }
+    let asked = given.options(options);
+    // A flag that is left out asks for nothing.
+    if asked.subdivision == options.subdivision && (options.cut_at_walls || !given.cut_at_walls) {
+        return Ok(MeshArgs {
+            subdivide: in_file.0,
+            max_edge: in_file.1,
+            cut_at_walls: options.cut_at_walls,
+        });
     }
     Err(Failure::usage(format!(
-        "{} is for {flag}; leave the flag out, or compute other form factors",
+        "{} is for {flags}; leave the flags out, or compute other form factors",
         file.path().display()
     )))
 }

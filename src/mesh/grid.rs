@@ -4,8 +4,9 @@ use glam::{DVec2, DVec3};
 
 use super::hierarchy::FaceShape;
 use super::patch::{PatchId, PatchPoint};
+use super::pieces::{Corner, PieceTree};
 
-/// The regular subdivision of one face.
+/// The regular subdivision of one face, or of its pieces.
 #[derive(Clone, Debug)]
 pub(super) struct FaceGrid {
     first_patch: u32,
@@ -20,6 +21,25 @@ enum Shape {
     Parallelogram { n_u: u32, n_v: u32 },
     /// The same for a quad whose opposite edges differ: the grid is bilinear, the ray's coordinates are not.
     Bilinear { n_u: u32, n_v: u32, map: Box<BilinearMap> },
+    /// A face in pieces, each with a grid of its own.
+    Pieces(Box<PieceGrids>),
+}
+
+/// The grids of a face's pieces.
+#[derive(Clone, Debug)]
+struct PieceGrids {
+    /// The face itself.
+    outline: FlatOutline,
+    tree: PieceTree,
+    grids: Vec<PieceGrid>,
+}
+
+#[derive(Clone, Debug)]
+struct PieceGrid {
+    outline: FlatOutline,
+    /// Counted from the first patch of the face.
+    first_patch: u32,
+    shape: FaceShape,
 }
 
 impl FaceGrid {
@@ -43,11 +63,46 @@ impl FaceGrid {
         Self { first_patch, shape }
     }
 
-    /// Returns how the face is cut.
-    pub(super) fn shape(&self) -> FaceShape {
-        match self.shape {
-            Shape::Triangle { n } => FaceShape::Triangle { n },
-            Shape::Parallelogram { n_u, n_v } | Shape::Bilinear { n_u, n_v, .. } => FaceShape::Quad { n_u, n_v },
+    /// Takes the outline of a face, its pieces, and how these are cut, in their order.
+    pub(super) fn pieces(
+        first_patch: u32,
+        face: &[Corner],
+        pieces: impl Iterator<Item = (Vec<Corner>, FaceShape)>,
+        tree: PieceTree,
+    ) -> Self {
+        let mut n_patches = 0;
+        let grids = pieces.map(|(outline, shape)| {
+            let grid = PieceGrid {
+                outline: FlatOutline::new(&outline),
+                first_patch: n_patches,
+                shape,
+            };
+            n_patches += match shape {
+                FaceShape::Triangle { n } => n * n,
+                FaceShape::Quad { n_u, n_v } => n_u * n_v,
+            };
+            grid
+        });
+        let shape = Shape::Pieces(Box::new(PieceGrids {
+            outline: FlatOutline::new(face),
+            grids: grids.collect(),
+            tree,
+        }));
+        Self { first_patch, shape }
+    }
+
+    pub(super) fn is_in_pieces(&self) -> bool {
+        matches!(self.shape, Shape::Pieces(_))
+    }
+
+    /// Returns how the face, or each of its pieces, is cut, in the order of the patches.
+    pub(super) fn shapes(&self) -> Vec<FaceShape> {
+        match &self.shape {
+            Shape::Triangle { n } => vec![FaceShape::Triangle { n: *n }],
+            Shape::Parallelogram { n_u, n_v } | Shape::Bilinear { n_u, n_v, .. } => {
+                vec![FaceShape::Quad { n_u: *n_u, n_v: *n_v }]
+            }
+            Shape::Pieces(pieces) => pieces.grids.iter().map(|grid| grid.shape).collect(),
         }
     }
 
@@ -69,6 +124,7 @@ impl FaceGrid {
                 let local = map.bilinear_from_ray(u, v);
                 locate_in_quad(*n_u, *n_v, local.x, local.y)
             }
+            Shape::Pieces(pieces) => pieces.locate(u, v),
         };
         PatchPoint {
             patch: PatchId(self.first_patch + index),
@@ -114,6 +170,58 @@ fn locate_in_triangle(n: u32, u: f64, v: f64) -> (u32, [f64; 4]) {
     (row + 2 * i + 1, [1.0 - t, s + t - 1.0, 1.0 - s, 0.0])
 }
 
+impl PieceGrids {
+    fn locate(&self, u: f64, v: f64) -> (u32, [f64; 4]) {
+        let point = self.outline.point(u, v);
+        let grid = &self.grids[self.tree.piece_at(point)];
+        let local = grid.outline.local(point);
+        let (index, weights) = match grid.shape {
+            FaceShape::Triangle { n } => locate_in_triangle(n, local.x, local.y),
+            FaceShape::Quad { n_u, n_v } => locate_in_quad(n_u, n_v, local.x, local.y),
+        };
+        (grid.first_patch + index, weights)
+    }
+}
+
+/// A triangle or a convex quad in the plane of a face.
+#[derive(Clone, Debug)]
+enum FlatOutline {
+    Triangle([DVec2; 3]),
+    Quad(BilinearMap),
+}
+
+impl FlatOutline {
+    fn new(outline: &[Corner]) -> Self {
+        let flat = |k: usize| outline[k].flat;
+        if outline.len() == 3 {
+            Self::Triangle(std::array::from_fn(flat))
+        } else {
+            Self::Quad(BilinearMap {
+                corners: std::array::from_fn(flat),
+            })
+        }
+    }
+
+    /// Returns the point at the ray's coordinates.
+    fn point(&self, u: f64, v: f64) -> DVec2 {
+        match self {
+            Self::Triangle([a, b, c]) => *a + u * (*b - *a) + v * (*c - *a),
+            Self::Quad(map) => map.point_from_ray(u, v),
+        }
+    }
+
+    /// Returns the coordinates of a point that a grid counts its cells in.
+    fn local(&self, point: DVec2) -> DVec2 {
+        match self {
+            Self::Triangle([a, b, c]) => {
+                let (e, f, h) = (*b - *a, *c - *a, point - *a);
+                DVec2::new(h.perp_dot(f), e.perp_dot(h)) / e.perp_dot(f)
+            }
+            Self::Quad(map) => map.bilinear(point),
+        }
+    }
+}
+
 /// P(s, t) = v0 + s e + t f + s t g in the plane of a convex quad.
 #[derive(Clone, Debug)]
 struct BilinearMap {
@@ -131,14 +239,24 @@ impl BilinearMap {
         }
     }
 
-    /// Turns the ray's coordinates (affine in each of the two triangles) into bilinear ones.
+    /// Turns the ray's coordinates into bilinear ones.
     fn bilinear_from_ray(&self, u: f64, v: f64) -> DVec2 {
+        self.bilinear(self.point_from_ray(u, v))
+    }
+
+    /// Returns the point at the ray's coordinates, which are affine in each of the two triangles.
+    fn point_from_ray(&self, u: f64, v: f64) -> DVec2 {
         let [a, b, c, d] = self.corners;
-        let point = if u + v <= 1.0 {
+        if u + v <= 1.0 {
             a + u * (b - a) + v * (d - a)
         } else {
             c + (1.0 - u) * (d - c) + (1.0 - v) * (b - c)
-        };
+        }
+    }
+
+    /// Returns the bilinear coordinates of a point.
+    fn bilinear(&self, point: DVec2) -> DVec2 {
+        let [a, b, c, d] = self.corners;
         // Eliminating s from h = s e + t f + s t g leaves k2 t² + k1 t + k0 = 0, in a convex quad with one root in [0, 1].
         let (e, f, g, h) = (b - a, d - a, a - b + c - d, point - a);
         let (k2, k1, k0) = (g.perp_dot(f), e.perp_dot(f) + h.perp_dot(g), h.perp_dot(e));

@@ -86,7 +86,7 @@ impl Hierarchy {
     /// Returns the hierarchy of a mesh.
     #[must_use]
     pub fn of_mesh(mesh: &Mesh) -> Self {
-        let shapes: Vec<FaceShape> = mesh.grids.iter().map(super::grid::FaceGrid::shape).collect();
+        let shapes: Vec<FaceShape> = mesh.grids.iter().flat_map(super::grid::FaceGrid::shapes).collect();
         let mut hierarchy = Self::of_faces(&shapes, &mesh.areas());
         let mut group_of_patch: Vec<u32> = (0..count(mesh.n_patches())).collect();
         for level in &hierarchy.levels {

@@ -4,6 +4,7 @@ mod grid;
 mod hash;
 pub mod hierarchy;
 mod patch;
+mod pieces;
 mod planes;
 mod seams;
 mod subdivide;
@@ -11,7 +12,7 @@ mod walls;
 
 pub use hierarchy::{Hierarchy, Prolongation};
 pub use patch::{Patch, PatchId, PatchPoint};
-pub use subdivide::{MeshError, Subdivision};
+pub use subdivide::{MeshError, MeshOptions, Subdivision};
 
 use std::collections::HashMap;
 
@@ -27,8 +28,8 @@ use walls::Walls;
 ///
 /// Vertices are shared between neighbouring patches of the same plane only, and not where a wall stands between them: a value interpolated from them has no
 /// crack inside a flat surface, stays sharp at a crease, and does not leak from one room into another. Two flat faces that share an edge are cut in the same
-/// places along it, whatever the [`Subdivision`]; where a long edge lies beside shorter ones (a T-junction), [interpolation](Self::interpolate)
-/// sees the vertices of both sides.
+/// places along it, whatever the [`Subdivision`]; where a long edge lies beside shorter ones (a T-junction), as beside faces that [end at walls](MeshOptions::cut_at_walls),
+/// [interpolation](Self::interpolate) sees the vertices of both sides.
 #[derive(Clone, Debug)]
 pub struct Mesh {
     /// The patches: the unknowns.
@@ -40,29 +41,29 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// Cuts the faces of `scene` into patches.
+    /// Cuts the faces of `scene` into patches, by a [`Subdivision`] or more [options](MeshOptions).
     ///
     /// # Errors
     /// [`MeshError`] if the subdivision is not a positive number, or makes more patches than 32-bit ids can name.
-    pub fn new(scene: &Scene, subdivision: Subdivision) -> Result<Self, MeshError> {
-        let mut mesh = subdivide::subdivide(scene, subdivision)?;
-        mesh.join(scene);
+    pub fn new(scene: &Scene, options: impl Into<MeshOptions>) -> Result<Self, MeshError> {
+        let walls = Walls::of(scene);
+        let mut mesh = subdivide::subdivide(scene, options.into(), &walls)?;
+        mesh.join(&walls);
         Ok(mesh)
     }
 
     /// Parts vertices where walls stand between patches, and finds where patches meet that do not share all vertices.
-    fn join(&mut self, scene: &Scene) {
-        let walls = Walls::of(scene);
-        walls::part(self, &walls);
-        self.seams = Seams::find(self, &walls);
+    fn join(&mut self, walls: &Walls<'_>) {
+        walls::part(self, walls);
+        self.seams = Seams::find(self, walls);
     }
 
     /// Returns how many patches [`new`](Self::new) makes, without making them.
     ///
     /// # Errors
     /// As for [`new`](Self::new).
-    pub fn count(scene: &Scene, subdivision: Subdivision) -> Result<u64, MeshError> {
-        subdivide::count(scene, subdivision)
+    pub fn count(scene: &Scene, options: impl Into<MeshOptions>) -> Result<u64, MeshError> {
+        subdivide::count(scene, options.into())
     }
 
     /// Returns the patches with their surfaces in a pose, of which `scene` is what the mesh's scene becomes: the same patches in the same order, wherever they go.
@@ -97,7 +98,7 @@ impl Mesh {
                 patch.centroid = pose.point(patch.surface, patch.centroid);
             }
         }
-        posed.join(scene);
+        posed.join(&Walls::of(scene));
         posed
     }
 
@@ -105,6 +106,12 @@ impl Mesh {
     #[must_use]
     pub fn n_patches(&self) -> usize {
         self.patches.len()
+    }
+
+    /// Returns how many faces are cut where walls stand on them: see [`MeshOptions::cut_at_walls`].
+    #[must_use]
+    pub fn n_cut_faces(&self) -> usize {
+        self.grids.iter().filter(|grid| grid.is_in_pieces()).count()
     }
 
     /// Returns the areas A_i in m², in patch order.

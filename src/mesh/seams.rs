@@ -161,10 +161,15 @@ pub(super) fn mean_value_weights(outline: &[DVec3], x: DVec3, mut visit: impl Fn
             return;
         }
     }
-    // tan(α/2) = sin α / (1 + cos α); not on an edge, α < π.
+    // tan(α/2) = sin α / (1 + cos α) = (1 − cos α) / sin α: without a difference of what is nearly equal, as it would be near an edge, where α nears π.
     let half_tangent = |k: usize| {
         let (a, b) = (outline[k % n] - x, outline[(k + 1) % n] - x);
-        a.cross(b).length() / (a.length() * b.length() + a.dot(b))
+        let (sine, cosine, unit) = (a.cross(b).length(), a.dot(b), a.length() * b.length());
+        if cosine >= 0.0 {
+            sine / (unit + cosine)
+        } else {
+            (unit - cosine) / sine
+        }
     };
     let weight = |k: usize| (half_tangent(k + n - 1) + half_tangent(k)) / outline[k].distance(x);
     let total: f64 = (0..n).map(weight).sum();

@@ -1,13 +1,16 @@
 //! Cutting faces into patches so that flat neighbours match along their common edges.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 use glam::DVec3;
 use thiserror::Error;
 
 use super::grid::FaceGrid;
+use super::hierarchy::FaceShape;
+use super::pieces::{Corner, Pieces, comes_first};
 use super::planes::{DisjointSets, FaceEdge, flat_joints};
 use super::seams::Seams;
+use super::walls::Walls;
 use super::{Mesh, Patch};
 use crate::geometry::polygon;
 use crate::scene::{Corners, FaceId, Scene};
@@ -20,6 +23,27 @@ pub enum Subdivision {
     /// Every edge into the fewest equal parts that are not longer than this, in m, and as many as its flat
     /// neighbours and its opposite edge need.
     MaxEdge(f64),
+}
+
+/// How a scene is cut into patches.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MeshOptions {
+    /// How finely faces are cut.
+    pub subdivision: Subdivision,
+    /// Whether faces end where walls stand on them, so that no patch reaches through under a wall: light does not pass to the other side then, and what a thing covers of a floor does not count as lit.
+    /// The lines along which walls meet the front of a face cut it into triangles and convex quads, and these are cut as `subdivision` says:
+    /// [`Uniform`](Subdivision::Uniform) into patches about as long as those of the whole face. Things that stand by themselves and are smaller than an eighth of that are left out.
+    pub cut_at_walls: bool,
+}
+
+impl From<Subdivision> for MeshOptions {
+    /// Faces stay whole where walls stand on them.
+    fn from(subdivision: Subdivision) -> Self {
+        Self {
+            subdivision,
+            cut_at_walls: false,
+        }
+    }
 }
 
 /// Why a scene could not be cut into patches.
@@ -37,27 +61,109 @@ pub enum MeshError {
     TooManyPatches(f64),
 }
 
-pub(super) fn subdivide(scene: &Scene, subdivision: Subdivision) -> Result<Mesh, MeshError> {
+pub(super) fn subdivide(scene: &Scene, options: MeshOptions, walls: &Walls<'_>) -> Result<Mesh, MeshError> {
     let joints = flat_joints(scene);
-    let parts = edge_parts(scene, subdivision, &joints)?;
-    expect_nameable(&parts)?;
+    let parts = edge_parts(scene, options.subdivision, &joints)?;
+    let pieces = pieces(scene, options, walls);
+    expect_nameable(n_patches(&parts, &pieces))?;
     let mut builder = Builder::new(scene, &joints);
     for face in scene.face_ids() {
-        builder.add_face(face, parts[face.0 as usize]);
+        match pieces.get(&face) {
+            Some(own) => builder.add_pieces(face, own),
+            None => builder.add_face(face, parts[face.0 as usize]),
+        }
     }
     Ok(builder.mesh)
 }
 
 /// Returns how many patches [`subdivide`] makes.
-pub(super) fn count(scene: &Scene, subdivision: Subdivision) -> Result<u64, MeshError> {
-    let parts = edge_parts(scene, subdivision, &flat_joints(scene))?;
-    expect_nameable(&parts)?;
-    Ok(parts.iter().map(|p| u64::from(p[0]) * u64::from(p[1])).sum())
+pub(super) fn count(scene: &Scene, options: MeshOptions) -> Result<u64, MeshError> {
+    let parts = edge_parts(scene, options.subdivision, &flat_joints(scene))?;
+    let n_patches = n_patches(&parts, &pieces(scene, options, &Walls::of(scene)));
+    expect_nameable(n_patches)?;
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a whole number up to 2^31"
+    )]
+    Ok(n_patches as u64)
+}
+
+/// What stands on a face and is smaller than this part of a patch's edge is left out: it covers 1/64 of the patch at most.
+const LEAST_THING: f64 = 0.125;
+
+/// The pieces of a face, and how each is cut.
+struct CutFace {
+    pieces: Pieces,
+    shapes: Vec<FaceShape>,
+}
+
+/// Cuts the faces that walls stand on, if that is wanted.
+fn pieces(scene: &Scene, options: MeshOptions, walls: &Walls<'_>) -> BTreeMap<FaceId, CutFace> {
+    if !options.cut_at_walls {
+        return BTreeMap::new();
+    }
+    let longest = |face: FaceId| match options.subdivision {
+        // Of a square with the area of a patch, and of the legs of a triangle.
+        Subdivision::Uniform(n) => {
+            let area = scene.area_vector(face).length();
+            let is_quad = matches!(scene.faces[face.0 as usize].corners, Corners::Quad(_));
+            (if is_quad { area } else { 2.0 * area }).sqrt() / f64::from(n)
+        }
+        Subdivision::MaxEdge(longest) => longest,
+    };
+    let cut = walls.pieces(|face| LEAST_THING * longest(face)).into_iter();
+    let with_shapes = cut.map(|(face, pieces)| {
+        let shape = |outline: &Vec<Corner>| piece_shape(outline, longest(face));
+        let shapes = pieces.outlines.iter().map(shape).collect();
+        (face, CutFace { pieces, shapes })
+    });
+    with_shapes.collect()
+}
+
+/// Returns how a piece is cut into patches whose edges are not longer than `longest`.
+fn piece_shape(outline: &[Corner], longest: f64) -> FaceShape {
+    let parts = |k: usize| n_parts(outline[k].flat.distance(outline[(k + 1) % outline.len()].flat), longest);
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "whole numbers from 1 on; those beyond u32 are more patches than can be named"
+    )]
+    let whole = |a: f64, b: f64| a.max(b) as u32;
+    if outline.len() == 3 {
+        FaceShape::Triangle {
+            n: whole(parts(0).max(parts(1)), parts(2)),
+        }
+    } else {
+        FaceShape::Quad {
+            n_u: whole(parts(0), parts(2)),
+            n_v: whole(parts(1), parts(3)),
+        }
+    }
+}
+
+/// Returns into how many parts an edge is cut; one that is a whole multiple up to rounding is not cut once more.
+fn n_parts(length: f64, longest: f64) -> f64 {
+    (length / longest * (1.0 - 1e-12)).ceil().max(1.0)
+}
+
+fn n_patches(parts: &[[u32; 2]], pieces: &BTreeMap<FaceId, CutFace>) -> f64 {
+    let of_shape = |shape: &FaceShape| match *shape {
+        FaceShape::Triangle { n } => f64::from(n).powi(2),
+        FaceShape::Quad { n_u, n_v } => f64::from(n_u) * f64::from(n_v),
+    };
+    let of_faces = (0..)
+        .map(FaceId)
+        .zip(parts)
+        .map(|(face, &[n_u, n_v])| match pieces.get(&face) {
+            Some(own) => own.shapes.iter().map(of_shape).sum(),
+            None => f64::from(n_u) * f64::from(n_v),
+        });
+    of_faces.sum()
 }
 
 /// Vertices exceed patches by the border of each face only; half the range of u32 holds both.
-fn expect_nameable(parts: &[[u32; 2]]) -> Result<(), MeshError> {
-    let n_patches: f64 = parts.iter().map(|p| f64::from(p[0]) * f64::from(p[1])).sum();
+fn expect_nameable(n_patches: f64) -> Result<(), MeshError> {
     if n_patches > 2f64.powi(31) {
         return Err(MeshError::TooManyPatches(n_patches));
     }
@@ -93,8 +199,7 @@ fn edge_parts(
         for k in 0..corners.len() {
             let length = corners[k].distance(corners[(k + 1) % corners.len()]);
             let class = classes.find(class_of((face, k)));
-            // An edge that is a whole multiple up to rounding is not cut once more.
-            parts[class] = parts[class].max((length / longest * (1.0 - 1e-12)).ceil());
+            parts[class] = parts[class].max(n_parts(length, longest));
         }
     }
     scene
@@ -167,29 +272,104 @@ impl<'a> Builder<'a> {
             Corners::Triangle(v) => {
                 self.mesh.grids.push(FaceGrid::triangle(first_patch, n_u));
                 let vertex = self.triangle_vertices(face, v, n_u);
-                for j in 0..n_u {
-                    for i in 0..n_u - j {
-                        self.add_patch(
-                            face,
-                            Corners::Triangle([vertex(i, j), vertex(i + 1, j), vertex(i, j + 1)]),
-                        );
-                        if i + j + 1 < n_u {
-                            let inverted = [vertex(i + 1, j), vertex(i + 1, j + 1), vertex(i, j + 1)];
-                            self.add_patch(face, Corners::Triangle(inverted));
-                        }
-                    }
-                }
+                self.add_triangles(face, n_u, vertex);
             }
             Corners::Quad(v) => {
                 let corners = v.map(|k| self.scene.vertices[k as usize]);
                 self.mesh.grids.push(FaceGrid::quad(first_patch, n_u, n_v, corners));
                 let vertex = self.quad_vertices(face, v, n_u, n_v);
-                for j in 0..n_v {
-                    for i in 0..n_u {
-                        let quad = [vertex(i, j), vertex(i + 1, j), vertex(i + 1, j + 1), vertex(i, j + 1)];
-                        self.add_patch(face, Corners::Quad(quad));
+                self.add_quads(face, [n_u, n_v], vertex);
+            }
+        }
+    }
+
+    /// Adds the pieces of a face. Each has vertices of its own: along their borders walls may stand, and seams tell where.
+    fn add_pieces(&mut self, face: FaceId, CutFace { pieces, shapes }: &CutFace) {
+        let first_patch = id(self.mesh.patches.len());
+        for (outline, shape) in pieces.outlines.iter().zip(shapes) {
+            // From the end that comes first: pieces on both sides of an edge compute the same bits.
+            let on_edge = |k: usize, step: u32, n: u32| {
+                let (a, b) = (&outline[k], &outline[(k + 1) % outline.len()]);
+                let (a, b, step) = if comes_first(a, b) {
+                    (a, b, step)
+                } else {
+                    (b, a, n - step)
+                };
+                a.place + f64::from(step) / f64::from(n) * (b.place - a.place)
+            };
+            let corner = |k: usize| outline[k].place;
+            match *shape {
+                FaceShape::Triangle { n } => {
+                    let inside = |i: u32, j: u32| match (i, j) {
+                        (0, 0) => corner(0),
+                        (i, 0) if i == n => corner(1),
+                        (0, j) if j == n => corner(2),
+                        (i, 0) => on_edge(0, i, n),
+                        (i, j) if i + j == n => on_edge(1, j, n),
+                        (0, j) => on_edge(2, n - j, n),
+                        (i, j) => {
+                            let (s, t) = (f64::from(i) / f64::from(n), f64::from(j) / f64::from(n));
+                            corner(0) + s * (corner(1) - corner(0)) + t * (corner(2) - corner(0))
+                        }
+                    };
+                    let mut ids = HashMap::new();
+                    for j in 0..=n {
+                        for i in 0..=n - j {
+                            ids.insert((i, j), self.vertex(face, None, || inside(i, j)));
+                        }
                     }
+                    self.add_triangles(face, n, |i, j| ids[&(i, j)]);
                 }
+                FaceShape::Quad { n_u, n_v } => {
+                    let inside = |i: u32, j: u32| match (i, j) {
+                        (0, 0) => corner(0),
+                        (i, 0) if i == n_u => corner(1),
+                        (i, j) if i == n_u && j == n_v => corner(2),
+                        (0, j) if j == n_v => corner(3),
+                        (i, 0) => on_edge(0, i, n_u),
+                        (i, j) if i == n_u => on_edge(1, j, n_v),
+                        (i, j) if j == n_v => on_edge(2, n_u - i, n_u),
+                        (0, j) => on_edge(3, n_v - j, n_v),
+                        (i, j) => {
+                            let (s, t) = (f64::from(i) / f64::from(n_u), f64::from(j) / f64::from(n_v));
+                            corner(0).lerp(corner(1), s).lerp(corner(3).lerp(corner(2), s), t)
+                        }
+                    };
+                    let mut ids = HashMap::new();
+                    for j in 0..=n_v {
+                        for i in 0..=n_u {
+                            ids.insert((i, j), self.vertex(face, None, || inside(i, j)));
+                        }
+                    }
+                    self.add_quads(face, [n_u, n_v], |i, j| ids[&(i, j)]);
+                }
+            }
+        }
+        let grids = pieces.outlines.iter().cloned().zip(shapes.iter().copied());
+        let grid = FaceGrid::pieces(first_patch, &pieces.face, grids, pieces.tree.clone());
+        self.mesh.grids.push(grid);
+    }
+
+    fn add_triangles(&mut self, face: FaceId, n: u32, vertex: impl Fn(u32, u32) -> u32) {
+        for j in 0..n {
+            for i in 0..n - j {
+                self.add_patch(
+                    face,
+                    Corners::Triangle([vertex(i, j), vertex(i + 1, j), vertex(i, j + 1)]),
+                );
+                if i + j + 1 < n {
+                    let inverted = [vertex(i + 1, j), vertex(i + 1, j + 1), vertex(i, j + 1)];
+                    self.add_patch(face, Corners::Triangle(inverted));
+                }
+            }
+        }
+    }
+
+    fn add_quads(&mut self, face: FaceId, [n_u, n_v]: [u32; 2], vertex: impl Fn(u32, u32) -> u32) {
+        for j in 0..n_v {
+            for i in 0..n_u {
+                let quad = [vertex(i, j), vertex(i + 1, j), vertex(i + 1, j + 1), vertex(i, j + 1)];
+                self.add_patch(face, Corners::Quad(quad));
             }
         }
     }

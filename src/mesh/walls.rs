@@ -1,10 +1,11 @@
 //! Where walls stand on the faces of a plane: values on either side have nothing to do with each other.
 
 use std::cell::OnceCell;
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 
 use glam::DVec3;
 
+use super::pieces::Pieces;
 use super::planes::{DisjointSets, FaceEdge, flat_joints};
 use super::{Mesh, Patch, PatchId};
 use crate::geometry::box_pairs::{BoxTree, overlapping_pairs};
@@ -15,9 +16,9 @@ const SLACK: f64 = 1e-9;
 
 /// A line along which a face meets the plane of another one, on whose front it stands.
 #[derive(Clone, Copy, Debug)]
-struct Foot {
-    from: DVec3,
-    to: DVec3,
+pub(super) struct Foot {
+    pub(super) from: DVec3,
+    pub(super) to: DVec3,
 }
 
 /// What stands on the faces of a scene, found when it is first asked for: whole faces of many planes, as a ground in triangles has, do not ask.
@@ -32,6 +33,18 @@ impl<'a> Walls<'a> {
             scene,
             found: OnceCell::new(),
         }
+    }
+
+    /// Returns the faces that walls stand on, not along their border alone, in pieces that end there. Feet that touch no others but small ones are left out, where all of them together are smaller than
+    /// `least` of that face, m.
+    pub(super) fn pieces(&self, least: impl Fn(FaceId) -> f64) -> BTreeMap<FaceId, Pieces> {
+        let feet = self.feet();
+        let cut = feet.on_face.iter().filter_map(|(&face, here)| {
+            let face = FaceId(face);
+            let large = here.larger_than(least(face), feet.slack);
+            Some((face, Pieces::cut(&self.scene.polygon(face), &large, feet.slack)?))
+        });
+        cut.collect()
     }
 
     fn feet(&self) -> &Feet {
@@ -155,6 +168,29 @@ impl FaceFeet {
             boxes: BoxTree::new(boxes.collect()),
             feet,
         }
+    }
+
+    /// Returns the feet that are parts of things of some size: those whose boxes touch belong together.
+    fn larger_than(&self, least: f64, slack: f64) -> Vec<Foot> {
+        let boxes: Vec<(DVec3, DVec3)> = self
+            .feet
+            .iter()
+            .map(|foot| (foot.from.min(foot.to) - slack, foot.from.max(foot.to) + slack))
+            .collect();
+        let mut things = DisjointSets::new(boxes.len());
+        overlapping_pairs(boxes.clone(), |a, b| things.join(a as usize, b as usize));
+        let thing_of: Vec<usize> = (0..boxes.len()).map(|k| things.find(k)).collect();
+        let mut around = boxes.clone();
+        for (&thing, (low, high)) in thing_of.iter().zip(boxes) {
+            let whole = &mut around[thing];
+            *whole = (whole.0.min(low), whole.1.max(high));
+        }
+        let is_large = |thing: usize| around[thing].0.distance(around[thing].1) > least;
+        let with_things = self.feet.iter().zip(&thing_of);
+        with_things
+            .filter(|(_, thing)| is_large(**thing))
+            .map(|(foot, _)| *foot)
+            .collect()
     }
 }
 

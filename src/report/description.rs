@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 use sha2::{Digest as _, Sha256};
 
-use crate::mesh::Subdivision;
+use crate::mesh::{MeshOptions, Subdivision};
 use crate::scene::hash::hexadecimal;
 
 /// The layout of the files; a number that changes when old files cannot be read any more.
@@ -64,14 +64,19 @@ impl Description {
 
     /// Returns how the scene was cut into patches, or `None` where the settings do not tell.
     #[must_use]
-    pub fn subdivision(&self) -> Option<Subdivision> {
+    pub fn mesh_options(&self) -> Option<MeshOptions> {
         let parts = self.settings.get("subdivide").and_then(Value::as_u64);
         let length = self.settings.get("max_edge_m").and_then(Value::as_f64);
-        match (parts, length) {
-            (Some(parts), _) => u32::try_from(parts).ok().map(Subdivision::Uniform),
-            (None, Some(length)) => Some(Subdivision::MaxEdge(length)),
-            (None, None) => None,
-        }
+        let subdivision = match (parts, length) {
+            (Some(parts), _) => Subdivision::Uniform(u32::try_from(parts).ok()?),
+            (None, Some(length)) => Subdivision::MaxEdge(length),
+            (None, None) => return None,
+        };
+        let cut_at_walls = self.settings.get("cut_at_walls").and_then(Value::as_bool);
+        Some(MeshOptions {
+            subdivision,
+            cut_at_walls: cut_at_walls.unwrap_or(false),
+        })
     }
 
     /// Returns the JSON text, with the checksum of all else in it.

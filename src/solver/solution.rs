@@ -145,7 +145,11 @@ impl Solution {
     #[track_caller]
     pub fn error_bound_of_reflected(&self, system: &RadiositySystem) -> Option<f64> {
         let (reflectance, n_channels) = (system.reflectance(), self.irradiance.n_channels());
-        assert_eq!(reflectance.values().len(), self.irradiance.values().len(), "reflectances and irradiances");
+        assert_eq!(
+            reflectance.values().len(),
+            self.irradiance.values().len(),
+            "reflectances and irradiances"
+        );
         let values = self.irradiance.values().iter().zip(reflectance.values());
         let reflected = Block::from_values(values.map(|(h, rho)| rho * h).collect(), n_channels);
         let shares = relative_errors(system.areas(), &reflected, &self.radiosity);

@@ -577,6 +577,26 @@ fn light_that_passes_under_a_wall_is_warned_of() {
         std::fs::write(directory.path().join("scene.obj"), text).unwrap();
         let output = radiosity(directory.path(), &["solve", "scene.obj", "--subdivide", n]);
         assert!(output.status.success(), "{output:?}");
+
+        // What is beyond the wall is dark where faces end at it.
+        let arguments = ["solve", "scene.obj", "--subdivide", n, "--cut-at-walls", "--json"];
+        let cut = radiosity(directory.path(), &arguments);
+        assert!(cut.status.success(), "{cut:?}");
+        assert_eq!(stderr(&cut), "");
+        let cut: Value = serde_json::from_slice(&cut.stdout).unwrap();
+        assert_eq!(cut["settings"]["cut_at_walls"], true);
+        let radiosity = |name: &str| {
+            let surfaces = cut["surfaces"].as_array().unwrap();
+            surfaces.iter().find(|own| own["name"] == name).unwrap()["radiosity"][0]
+                .as_f64()
+                .unwrap()
+        };
+        assert!(
+            ["dark", "wall", "back_dark"]
+                .iter()
+                .all(|name| radiosity(name).to_bits() == 0)
+        );
+        assert!(radiosity("floor") > 0.1);
         stderr(&output).contains("the mesh is too coarse for `")
     };
     assert!(warned([2.9, 3.1], "4") && warned([2.9, 3.1], "12"));

@@ -4,7 +4,7 @@ use glam::{DQuat, DVec3};
 use radiosity::form_factor::registry::{self, METHODS};
 use radiosity::form_factor::{Computed, FormFactorError, FormFactorMethod, Input, MethodSettings};
 use radiosity::matrix::{FormFactors, StorageChoice, SurfaceFormFactors};
-use radiosity::mesh::{Mesh, Subdivision};
+use radiosity::mesh::{Mesh, MeshOptions, Subdivision};
 use radiosity::progress::Silent;
 use radiosity::scene::{Corners, Face, Material, MaterialId, Scene, Surface, SurfaceId, topology};
 use radiosity::visibility::embree::EmbreeVisibility;
@@ -173,7 +173,11 @@ pub(crate) struct Prepared {
 
 impl Prepared {
     pub(crate) fn new(scene: Scene, subdivide: u32) -> Self {
-        let mesh = Mesh::new(&scene, Subdivision::Uniform(subdivide)).expect("a mesh");
+        Self::with(scene, Subdivision::Uniform(subdivide))
+    }
+
+    pub(crate) fn with(scene: Scene, options: impl Into<MeshOptions>) -> Self {
+        let mesh = Mesh::new(&scene, options).expect("a mesh");
         let visibility = EmbreeVisibility::new(&scene).expect("Embree");
         Self {
             scene,

@@ -11,7 +11,7 @@ use super::{AuditArgs, CommonArgs, parse_positive, parse_up_to};
 use crate::cli::storage::parse_byte;
 use crate::form_factor::registry::METHODS;
 use crate::geometry::sampling::Sequence;
-use crate::mesh::Subdivision;
+use crate::mesh::{MeshOptions, Subdivision};
 
 /// How faces are cut into patches.
 #[derive(Args, Clone, Copy, Debug)]
@@ -23,16 +23,23 @@ pub struct MeshArgs {
     /// Cut every edge into parts of at most L metres
     #[arg(long, value_name = "L", value_parser = parse_positive)]
     pub max_edge: Option<f64>,
+    /// End faces where walls stand on them, so that no patch reaches through under a wall, nor under a thing that stands on a floor [default: not done; render: done where it cuts by size]
+    #[arg(long)]
+    pub cut_at_walls: bool,
 }
 
 impl MeshArgs {
-    /// Returns what the flags ask for, or `default`.
+    /// Returns what the flags ask for; `default` is how faces are cut where they do not say how finely.
     #[must_use]
-    pub fn subdivision(self, default: Subdivision) -> Subdivision {
-        match (self.subdivide, self.max_edge) {
-            (Some(n), _) => Subdivision::Uniform(n),
-            (None, Some(length)) => Subdivision::MaxEdge(length),
+    pub fn options(self, default: MeshOptions) -> MeshOptions {
+        let options = match (self.subdivide, self.max_edge) {
+            (Some(n), _) => Subdivision::Uniform(n).into(),
+            (None, Some(length)) => Subdivision::MaxEdge(length).into(),
             (None, None) => default,
+        };
+        MeshOptions {
+            cut_at_walls: options.cut_at_walls || self.cut_at_walls,
+            ..options
         }
     }
 }

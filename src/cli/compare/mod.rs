@@ -20,7 +20,7 @@ use crate::experiment::{
     storage_figures, sweep_by_name,
 };
 use crate::form_factor::{ExactMethod, FormFactorMethod, Input};
-use crate::mesh::Subdivision;
+use crate::mesh::{MeshOptions, Subdivision};
 use crate::report::plot::{ErrorTimePlot, PlotPoint, Ranged, Series};
 use crate::report::{Machine, load_average, png_from_svg};
 use crate::scene::{Scene, builtin};
@@ -163,7 +163,7 @@ fn prepare(run: &mut Run, args: &CompareArgs) -> Result<Prepared, Failure> {
             clippy::cast_sign_loss,
             reason = "between 1 and 15"
         )]
-        Subdivision::Uniform(n as u32)
+        MeshOptions::from(Subdivision::Uniform(n as u32))
     };
     let name = args.scene.to_string_lossy();
     if !args.scene.exists() {

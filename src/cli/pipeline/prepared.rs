@@ -10,7 +10,7 @@ use crate::cli::failure::Failure;
 use crate::cli::storage::limit_byte;
 use crate::form_factor::Input;
 use crate::matrix::operator::Block;
-use crate::mesh::{Mesh, Patch, Subdivision};
+use crate::mesh::{Mesh, MeshOptions, Patch, Subdivision};
 use crate::plan::{Plan, byte_text};
 use crate::report::memory_used_byte;
 use crate::scene::reading::reading_byte;
@@ -45,7 +45,7 @@ impl Run {
         path: &Path,
         mesh_args: MeshArgs,
         memory_limit: Option<u64>,
-        default: impl FnOnce(&Scene) -> Subdivision,
+        default: impl FnOnce(&Scene) -> MeshOptions,
     ) -> Result<Prepared, Failure> {
         let name = path.to_string_lossy();
         if !path.exists() && builtin::names().any(|known| known == name) {
@@ -73,23 +73,35 @@ impl Run {
         scene: Scene,
         mesh_args: MeshArgs,
         memory_limit: Option<u64>,
-        default: impl FnOnce(&Scene) -> Subdivision,
+        default: impl FnOnce(&Scene) -> MeshOptions,
     ) -> Result<Prepared, Failure> {
-        let plan = self.times.time("plan", || Plan::new(&scene));
-        let subdivision = mesh_args.subdivision(default(&scene));
-        match subdivision {
+        let mut plan = self.times.time("plan", || Plan::new(&scene));
+        let options = mesh_args.options(default(&scene));
+        match options.subdivision {
             Subdivision::Uniform(n) => self.set("subdivide", n),
             Subdivision::MaxEdge(length) => self.set("max_edge_m", length),
         }
+        if options.cut_at_walls {
+            self.set("cut_at_walls", true);
+        }
         let refused = |error| Failure::new("mesh", format!("{}: {error}", path.display())).in_file(path);
-        let n_patches = Mesh::count(&scene, subdivision).map_err(refused)?;
+        let n_patches = Mesh::count(&scene, options).map_err(refused)?;
         let what = format!("to cut it into {n_patches} patches");
         let needed = PATCH_BYTE.saturating_mul(n_patches) + FACE_BYTE * scene.faces.len() as u64;
         expect_room(path, &what, needed, memory_limit, "or subdivide less")?;
         let mesh = self
             .times
-            .time("mesh", || Mesh::new(&scene, subdivision))
+            .time("mesh", || Mesh::new(&scene, options))
             .map_err(refused)?;
+        if options.cut_at_walls {
+            match mesh.n_cut_faces() {
+                0 => plan.left_out.push(
+                    "cutting faces where walls stand on them: on none does one that is not small beside its patches"
+                        .into(),
+                ),
+                n => plan.decide("cut faces", n.to_string(), "walls stand on them"),
+            }
+        }
         let visibility = self
             .times
             .time("ray_tracer", || EmbreeVisibility::new(&scene))

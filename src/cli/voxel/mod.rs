@@ -23,7 +23,7 @@ use super::stated::Stated;
 use super::{Outcome, merge, render, solve};
 use crate::audit::{self, Given};
 use crate::matrix::operator::{Block, LinearOperator};
-use crate::mesh::Subdivision;
+use crate::mesh::{MeshOptions, Subdivision};
 use crate::render::{Attributes, DirectMethod, RenderInput, RenderSettings, exr, png};
 use crate::report::voxels::write_vtu;
 use crate::solver::{self, RadiositySystem, SolveOptions, SolverError, SolverSettings, StopReason, Tolerance};
@@ -65,10 +65,13 @@ fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
     files(args, format).check()?;
     let mut prepared = run.prepare(&args.scene, args.mesh, args.memory_limit, |scene| match format {
         // Without a picture the patches play no part.
-        None | Some(Format::Vtu) => Subdivision::Uniform(1),
+        None | Some(Format::Vtu) => Subdivision::Uniform(1).into(),
         Some(Format::Image) => match Grid::new(scene, args.voxels) {
-            Ok(grid) => Subdivision::MaxEdge(PATCH_VOXELS * grid.voxel_size),
-            Err(_) => Subdivision::Uniform(1),
+            Ok(grid) => MeshOptions {
+                subdivision: Subdivision::MaxEdge(PATCH_VOXELS * grid.voxel_size),
+                cut_at_walls: true,
+            },
+            Err(_) => Subdivision::Uniform(1).into(),
         },
     })?;
     memory::expect_voxels(&prepared, args)?;

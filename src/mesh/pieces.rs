@@ -1,0 +1,232 @@
+//! Convex pieces of a face, cut along the feet of the walls that stand on it.
+//!
+//! A patch that reaches through under a wall carries light from one side to the other, and what a thing covers of a patch counts as if it were lit. Where faces end at the feet of walls no patch does
+//! either. Each foot cuts the piece that it stands on, along its whole line, so that pieces stay convex; a tree of these lines finds the piece of a point.
+//!
+//! Source: [`BAUM_1991`](crate::references::BAUM_1991). Departures: lines through whole pieces in the place of a triangulation.
+
+use glam::{DVec2, DVec3};
+
+use super::walls::Foot;
+use crate::geometry::polygon;
+
+/// A piece is not made narrower than this part of its face: far more than rounding, and no light to speak of.
+const LEAST_WIDTH: f64 = 1e-6;
+
+/// So many feet are tried as the next line of a piece.
+const MOST_TRIED: usize = 64;
+
+/// A foot that the line of another one cuts in two counts as much as so many more on one side than on the other.
+const COST_OF_CUT: usize = 8;
+
+/// A corner of a piece, in the plane of the face and in space.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Corner {
+    pub(super) flat: DVec2,
+    pub(super) place: DVec3,
+}
+
+/// A line, and what lies on either side of it: where the cross product of its direction with what leads from its start is not negative, and where it is.
+#[derive(Clone, Debug)]
+enum Node {
+    Line {
+        start: DVec2,
+        along: DVec2,
+        sides: [usize; 2],
+    },
+    /// The number of a piece.
+    Piece(usize),
+}
+
+/// Finds the piece of a point in the plane of a face.
+#[derive(Clone, Debug)]
+pub(super) struct PieceTree {
+    nodes: Vec<Node>,
+}
+
+impl PieceTree {
+    /// Returns the number of the piece that a point of the face lies in.
+    pub(super) fn piece_at(&self, point: DVec2) -> usize {
+        let mut node = 0;
+        loop {
+            match &self.nodes[node] {
+                Node::Line { start, along, sides } => {
+                    node = sides[usize::from(along.perp_dot(point - start) < 0.0)];
+                }
+                Node::Piece(piece) => return *piece,
+            }
+        }
+    }
+}
+
+/// The pieces of a face, each with three or four corners, counter-clockwise, and where they are.
+#[derive(Clone, Debug)]
+pub(super) struct Pieces {
+    /// The face itself.
+    pub(super) face: Vec<Corner>,
+    pub(super) outlines: Vec<Vec<Corner>>,
+    pub(super) tree: PieceTree,
+}
+
+/// A foot in the plane of a face.
+type Segment = [DVec2; 2];
+
+impl Pieces {
+    /// Cuts a convex face along feet in its plane, which need not lie within the face; `None` where none crosses it. No piece is thinner than `slack`.
+    ///
+    /// Work: O(n log n) for n feet, unless lines cross many others.
+    pub(super) fn cut(face: &[DVec3], feet: &[Foot], slack: f64) -> Option<Self> {
+        let (origin, x) = (face[0], (face[1] - face[0]).normalize());
+        let y = polygon::area_vector(face).normalize().cross(x);
+        let flat = |place: DVec3| DVec2::new(x.dot(place - origin), y.dot(place - origin));
+        let face: Vec<Corner> = face
+            .iter()
+            .map(|&place| Corner {
+                flat: flat(place),
+                place,
+            })
+            .collect();
+        let segments: Vec<Segment> = feet.iter().map(|foot| [flat(foot.from), flat(foot.to)]).collect();
+        let size = face.iter().map(|corner| corner.flat.length()).fold(0.0, f64::max);
+        let least = slack.max(LEAST_WIDTH * size);
+        let mut outlines = Vec::new();
+        let mut nodes = vec![Node::Piece(0)];
+        let mut open = vec![(0, face.clone(), segments)];
+        while let Some((node, piece, mut here)) = open.pop() {
+            here.retain(|foot| crosses(&piece, *foot, least).is_some());
+            let Some([start, end]) = best_line(&piece, &here, least).or_else(|| diagonal(&piece)) else {
+                nodes[node] = Node::Piece(outlines.len());
+                outlines.push(piece);
+                continue;
+            };
+            let along = (end - start).normalize();
+            let first = nodes.len();
+            nodes[node] = Node::Line {
+                start,
+                along,
+                sides: [first, first + 1],
+            };
+            nodes.extend([Node::Piece(0), Node::Piece(0)]);
+            open.push((first + 1, part_beside(&piece, start, -along, least), here.clone()));
+            open.push((first, part_beside(&piece, start, along, least), here));
+        }
+        let tree = PieceTree { nodes };
+        (outlines.len() > 1).then_some(Self { face, outlines, tree })
+    }
+}
+
+/// Returns how much of a foot lies inside a convex piece, if its line has some of the piece on both sides and it does not run along the border.
+fn crosses(piece: &[Corner], [start, end]: Segment, least: f64) -> Option<f64> {
+    let along = end - start;
+    let length = along.length();
+    let heights = piece.iter().map(|corner| along.perp_dot(corner.flat - start) / length);
+    let (low, high) = heights.fold((0.0, 0.0), |(low, high): (f64, f64), h| (low.min(h), high.max(h)));
+    if !(low < -least && high > least) {
+        return None;
+    }
+    let inside = |k: usize, point: DVec2| {
+        let (a, b) = (piece[k].flat, piece[(k + 1) % piece.len()].flat);
+        (b - a).perp_dot(point - a) / a.distance(b)
+    };
+    let (mut first, mut last) = (0.0_f64, 1.0_f64);
+    for k in 0..piece.len() {
+        let (h, g) = (inside(k, start), inside(k, end));
+        if h < 0.0 && g < 0.0 {
+            return None;
+        }
+        let t = h / (h - g);
+        if h < 0.0 {
+            first = first.max(t);
+        } else if g < 0.0 {
+            last = last.min(t);
+        }
+    }
+    let part = (last - first) * length;
+    let middle = start.lerp(end, 0.5 * (first + last));
+    let is_inside = part > least && (0..piece.len()).all(|k| inside(k, middle) > least);
+    is_inside.then_some(part)
+}
+
+/// Returns the foot whose line cuts the fewest others in two and leaves about as many on either side; of equals the longest.
+fn best_line(piece: &[Corner], feet: &[Segment], least: f64) -> Option<Segment> {
+    let step = feet.len().div_ceil(MOST_TRIED).max(1);
+    let cost = |foot: &Segment| {
+        let unit = (foot[1] - foot[0]).normalize_or_zero();
+        let (mut left, mut right, mut cut) = (0_usize, 0_usize, 0);
+        for other in feet {
+            let heights = other.map(|end| unit.perp_dot(end - foot[0]));
+            match (heights.iter().any(|h| *h > least), heights.iter().any(|h| *h < -least)) {
+                (true, true) => cut += 1,
+                (true, false) => left += 1,
+                (false, true) => right += 1,
+                (false, false) => {}
+            }
+        }
+        COST_OF_CUT * cut + left.abs_diff(right)
+    };
+    let tried = feet.iter().step_by(step).map(|foot| {
+        let inside = crosses(piece, *foot, least).unwrap_or(0.0);
+        (cost(foot), -inside, *foot)
+    });
+    tried
+        .min_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)))
+        .map(|(_, _, foot)| foot)
+}
+
+/// Returns the line from one corner of a piece with more than four to another that cuts a quad off and leaves the best two parts.
+fn diagonal(piece: &[Corner]) -> Option<Segment> {
+    let n = piece.len();
+    if n <= 4 {
+        return None;
+    }
+    // Area over squared border: 1/16 for a square.
+    let shape = |corners: &[DVec2]| {
+        let m = corners.len();
+        let border: f64 = (0..m).map(|k| corners[k].distance(corners[(k + 1) % m])).sum();
+        let area: f64 = (0..m).map(|k| corners[k].perp_dot(corners[(k + 1) % m])).sum();
+        area / (border * border)
+    };
+    let quality = |k: usize| {
+        let at = |corner: usize| piece[corner % n].flat - piece[0].flat;
+        let quad: Vec<DVec2> = (k..k + 4).map(at).collect();
+        let rest: Vec<DVec2> = (k + 3..=k + n).map(at).collect();
+        shape(&quad).min(shape(&rest))
+    };
+    let best = (0..n).max_by(|&a, &b| quality(a).total_cmp(&quality(b)))?;
+    Some([piece[best].flat, piece[(best + 3) % n].flat])
+}
+
+/// Returns the part of a convex piece that lies to the left of a line; corners within `least` of the line are taken to be on it.
+fn part_beside(piece: &[Corner], start: DVec2, along: DVec2, least: f64) -> Vec<Corner> {
+    let height = |corner: &Corner| {
+        let h = along.perp_dot(corner.flat - start);
+        if h.abs() <= 0.5 * least { 0.0 } else { h }
+    };
+    let mut part = Vec::with_capacity(piece.len() + 1);
+    for (k, corner) in piece.iter().enumerate() {
+        let next = &piece[(k + 1) % piece.len()];
+        let (h, g) = (height(corner), height(next));
+        if h >= 0.0 {
+            part.push(*corner);
+        }
+        if h * g < 0.0 {
+            // From the same end for both sides of the line, and for the piece beyond the edge.
+            let (one, other) = if comes_first(corner, next) {
+                (corner, next)
+            } else {
+                (next, corner)
+            };
+            let t = height(one) / (height(one) - height(other));
+            part.push(Corner {
+                flat: one.flat.lerp(other.flat, t),
+                place: one.place.lerp(other.place, t),
+            });
+        }
+    }
+    part
+}
+
+/// Tells which end of an edge comes first, whichever way it is run along.
+pub(super) fn comes_first(a: &Corner, b: &Corner) -> bool {
+    (a.flat.x, a.flat.y) < (b.flat.x, b.flat.y)
+}
