@@ -133,7 +133,7 @@ fn of_gauss_points(prepared: &Prepared, face: usize, q: usize) -> Vec<f64> {
         }
         let between = |k: &usize| *k != face && *k != target;
         let blocker = |k: usize| Blocker {
-            corners: &polygons[k],
+            corners: polygons[k].as_slice().into(),
             one_sided: false,
         };
         let blockers: Vec<_> = (0..polygons.len()).filter(between).map(blocker).collect();

@@ -131,7 +131,7 @@ pub(crate) fn two_sided(polygons: &[Polygon]) -> Vec<Blocker<'_>> {
     let mut blockers = Vec::new();
     for corners in polygons {
         blockers.push(Blocker {
-            corners,
+            corners: corners.into(),
             one_sided: false,
         });
     }

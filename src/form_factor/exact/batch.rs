@@ -419,7 +419,12 @@ impl Batches<'_> {
         blockers: &[BlockerId],
         accuracy: Accuracy,
     ) -> (Exchange, bool) {
-        let [p, q] = [pair.i, pair.j].map(|k| self.patches.corners[k].as_slice());
+        let ends = [pair.i, pair.j].map(|k| self.patches.corners[k].as_slice());
+        let meeting = index.meeting(ends[0], ends[1]);
+        let [p, q] = meeting
+            .as_ref()
+            .map_or(ends, |meant| meant.each_ref().map(Vec::as_slice));
+        let touched = pair.touched || meeting.is_some() || index.any_stands_on(p, q, blockers);
         let most = self.unoccluded(pair.i, pair.j);
         let smaller_area = self.patches.prepared[pair.i]
             .area()
@@ -450,7 +455,7 @@ impl Batches<'_> {
                 .min(most.area + most.error),
         };
         let reached = found.reached || exchange.error <= accuracy.tolerance * smaller_area;
-        (self.with_rounding([pair.i, pair.j], pair.touched, exchange), reached)
+        (self.with_rounding([pair.i, pair.j], touched, exchange), reached)
     }
 }
 

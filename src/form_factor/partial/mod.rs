@@ -175,7 +175,7 @@ fn first_receives(sides: &[Vec<DVec3>; 2], blockers: &[Blocker<'_>]) -> bool {
     let [p, q] = sides.each_ref().map(|side| {
         let (low, high) = bounds(side);
         let gap = blockers.iter().map(|blocker| {
-            let (l, h) = bounds(blocker.corners);
+            let (l, h) = bounds(&blocker.corners);
             (l - high).max(low - h).max(DVec3::ZERO).length_squared()
         });
         gap.fold(f64::INFINITY, f64::min) / (high - low).length_squared()
@@ -280,7 +280,7 @@ impl<'a> View<'a> {
             clip_to_half_space(p, q.first().copied().unwrap_or_default(), area_q),
             clip_to_half_space(q, p.first().copied().unwrap_or_default(), area_p),
         ];
-        let mut corners = p.iter().chain(q).chain(blockers.iter().flat_map(|b| b.corners));
+        let mut corners = p.iter().chain(q).chain(blockers.iter().flat_map(|b| b.corners.iter()));
         if !corners.all(|v| v.is_finite()) {
             return Err(f64::NAN);
         }
@@ -288,7 +288,7 @@ impl<'a> View<'a> {
         if smaller_area <= 0.0 || sides.iter().any(|side| side.len() < 3) {
             return Err(0.0);
         }
-        let mut blockers: Vec<Blocker<'a>> = blockers.iter().filter(|b| b.corners.len() >= 3).copied().collect();
+        let mut blockers: Vec<Blocker<'a>> = blockers.iter().filter(|b| b.corners.len() >= 3).cloned().collect();
         let mut normals = [area_p.normalize_or_zero(), area_q.normalize_or_zero()];
         if !first_receives(&sides, &blockers) {
             sides.reverse();
@@ -296,7 +296,7 @@ impl<'a> View<'a> {
         }
         let [corners, target] = sides;
         // A side of a solid that is only seen from the back hides nothing that its front sides do not.
-        blockers.retain(|blocker| !blocker.one_sided || is_before(&corners, blocker.corners));
+        blockers.retain(|blocker| !blocker.one_sided || is_before(&corners, &blocker.corners));
         Ok(Self {
             receiver: Receiver::new(corners, normals[0]),
             target,
@@ -322,13 +322,13 @@ impl<'a> View<'a> {
     fn blockers_are_convex(&self) -> bool {
         let slack = 1e-12 * self.size();
         let mut planes = self.blockers.iter().map(|blocker| {
-            let normal = polygon::area_vector(blocker.corners).normalize_or_zero();
+            let normal = polygon::area_vector(&blocker.corners).normalize_or_zero();
             (normal, normal.dot(blocker.corners[0]))
         });
         self.blockers.len() == 1
             || self.blockers.iter().all(|blocker| blocker.one_sided)
                 && planes.all(|(normal, level)| {
-                    let mut corners = self.blockers.iter().flat_map(|other| other.corners);
+                    let mut corners = self.blockers.iter().flat_map(|other| other.corners.iter());
                     corners.all(|&v| normal.dot(v) - level <= slack)
                 })
     }
@@ -382,7 +382,7 @@ impl<'a> View<'a> {
     fn first_look(self, goal: f64, budget: usize) -> Pieces {
         let (low, high) = bounds(&self.receiver.corners);
         let size = self.size();
-        let corners_of_blockers = self.blockers.iter().map(|b| b.corners);
+        let corners_of_blockers = self.blockers.iter().map(|b| &*b.corners);
         let outline = Outline::new(&self.receiver, &self.target, corners_of_blockers, size);
         // A line that is missed by this much changes an integral by its square only.
         let margin = 1e-9 * (high - low).length();

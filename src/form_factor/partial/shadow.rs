@@ -89,7 +89,8 @@ impl Shadows {
         let coplanar = 1e-14 * size;
         let mut casters: Vec<Caster> = blockers
             .iter()
-            .filter_map(|&Blocker { corners, one_sided }| {
+            .filter_map(|blocker| {
+                let (corners, one_sided) = (&*blocker.corners, blocker.one_sided);
                 let normal = polygon::area_vector(corners).normalize_or_zero();
                 let from = receiver.corners.iter().map(|&v| normal.dot(v - corners[0]));
                 if one_sided && from.fold(f64::NEG_INFINITY, f64::max) <= coplanar {
@@ -300,7 +301,7 @@ mod tests {
         let mut list = Vec::new();
         for (corners, one_sided) in blockers {
             list.push(Blocker {
-                corners,
+                corners: corners.into(),
                 one_sided: *one_sided,
             });
         }

@@ -450,7 +450,7 @@ impl Light {
 
 fn as_blockers<'a>(plates: &[&'a Plate]) -> Vec<Blocker<'a>> {
     let blocker = |plate: &&'a Plate| Blocker {
-        corners: &plate.corners,
+        corners: plate.corners.as_slice().into(),
         one_sided: false,
     };
     plates.iter().map(blocker).collect()

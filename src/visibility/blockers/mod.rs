@@ -2,7 +2,10 @@
 
 mod merge;
 mod solids;
+mod touching;
 mod tree;
+
+use std::borrow::Cow;
 
 use glam::DVec3;
 
@@ -16,10 +19,10 @@ use tree::Tree;
 pub struct BlockerId(pub u32);
 
 /// A convex planar polygon that stops light from both sides.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Blocker<'a> {
     /// The corners in order, in m.
-    pub corners: &'a [DVec3],
+    pub corners: Cow<'a, [DVec3]>,
     /// True if light that would meet the back has always met another blocker's front before: the polygon is a side of a closed convex
     /// solid, both patches lie outside, and all sides of the solid that the light may meet are among the blockers.
     pub one_sided: bool,
@@ -258,7 +261,21 @@ impl BlockerIndex {
                 .sum::<usize>()
     }
 
+    /// Returns two patches as they were meant where rounding has parted them, or one from the other's plane: `None` where nothing tells that they were to meet.
+    pub(crate) fn meeting(&self, p: &[DVec3], q: &[DVec3]) -> Option<[Vec<DVec3>; 2]> {
+        touching::meeting(p, q, self.slack)
+    }
+
+    /// Tells whether any of the [`blockers`](Self::blockers) is not where the file has it, because it stands on one of the patches.
+    pub(crate) fn any_stands_on(&self, p: &[DVec3], q: &[DVec3], blockers: &[BlockerId]) -> bool {
+        let mut corners = blockers.iter().map(|&id| self.corners(id));
+        corners.any(|corners| matches!(touching::standing_on([p, q], corners, self.slack), Cow::Owned(_)))
+    }
+
     /// Returns the polygons of the blockers between two patches, as integration wants them.
+    ///
+    /// Where coordinates are rounded, a blocker that stands on one of the patches, no farther from its plane than that explains, reaches through the plane: the slit that rounding has left under it,
+    /// or not, is narrower than what can be known of it, and takes very many evaluations.
     #[must_use]
     pub fn blockers(&self, p: &[DVec3], q: &[DVec3], blockers: &[BlockerId]) -> Vec<Blocker<'_>> {
         let mut outside: Vec<(u32, bool)> = Vec::new();
@@ -277,7 +294,7 @@ impl BlockerIndex {
                     excluded
                 });
                 Blocker {
-                    corners: &entry.corners,
+                    corners: touching::standing_on([p, q], &entry.corners, self.slack),
                     one_sided,
                 }
             })
