@@ -189,7 +189,7 @@ impl Run {
         }
         if let Some(pairs) = result.pairs.filter(|pairs| pairs.n_above_tolerance > 0) {
             self.warn(&format!(
-                "{} pairs of patches spent their budget above the tolerance; the worst error is {:.1e}; give a greater --budget or {}",
+                "{} pairs of patches spent their budget above the tolerance; the worst error of all pairs is {:.1e}; give a greater --budget or {}",
                 pairs.n_above_tolerance,
                 worst_error(&result.factors),
                 fineness.tolerance_flag

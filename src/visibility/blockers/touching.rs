@@ -16,11 +16,14 @@ const PARALLEL: f64 = 1e-3;
 ///
 /// No corner moves by more than a few times `slack`.
 pub(super) fn meeting(p: &[DVec3], q: &[DVec3], slack: f64) -> Option<[Vec<DVec3>; 2]> {
+    if slack <= 0.0 {
+        return None;
+    }
     let ends = [p, q];
     let [one, other] = ends.map(through_middle);
     let along = one.normal.dot(other.normal);
     let sine = 1.0 - along * along;
-    if slack <= 0.0 || sine < PARALLEL {
+    if sine < PARALLEL {
         return None;
     }
     let planes = [one, other];
@@ -71,4 +74,63 @@ pub(super) fn standing_on<'a>(patches: [&[DVec3]; 2], blocker: &'a [DVec3], slac
         }
     }
     corners
+}
+
+#[cfg(test)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+
+    /// A floor and a wall along its border, with corners that are off by up to `off`.
+    fn floor_and_wall(off: f64) -> [Vec<DVec3>; 2] {
+        let floor = [(0.0, 0.0, 0.3), (2.0, 0.0, -1.0), (2.0, 1.0, 0.7), (0.0, 1.0, -0.2)];
+        let wall = [(0.0, 0.4, 0.0), (0.0, -0.8, 2.0), (2.0, 0.1, 2.0), (2.0, 0.9, 0.0)];
+        [
+            floor.map(|(x, y, z)| DVec3::new(x, y, off * z)).to_vec(),
+            wall.map(|(x, y, z)| DVec3::new(x, off * y, z)).to_vec(),
+        ]
+    }
+
+    #[test]
+    fn what_rounding_has_parted_shares_a_line_and_is_flat() {
+        let [floor, wall] = floor_and_wall(1e-6);
+        let meant = meeting(&floor, &wall, 2e-6).unwrap();
+        let planes = meant.each_ref().map(|corners| Plane::of(corners));
+        for (corners, before) in meant.iter().zip([&floor, &wall]) {
+            for (k, corner) in corners.iter().enumerate() {
+                assert!(corner.distance(before[k]) < 4e-6, "{corner}");
+                let own = usize::from(before == &wall);
+                assert!(planes[own].height(*corner).abs() < 1e-15, "{corner}");
+            }
+        }
+        for (k, corners) in [(1, [0, 1]), (0, [0, 3])] {
+            let on_line = corners.map(|corner| planes[k].height(meant[1 - k][corner]).abs());
+            assert!(on_line.iter().all(|height| *height < 1e-15), "{on_line:?}");
+        }
+        assert_eq!(meeting(&floor, &wall, 0.0), None);
+        let away = DVec3::new(0.0, -1e-3, 1e-3);
+        let apart: Vec<DVec3> = wall.iter().map(|corner| *corner + away).collect();
+        assert_eq!(meeting(&floor, &apart, 2e-6), None);
+        let beside: Vec<DVec3> = floor
+            .iter()
+            .map(|corner| *corner + DVec3::new(2.0, 0.0, 1e-6))
+            .collect();
+        assert_eq!(meeting(&floor, &beside, 2e-6), None);
+    }
+
+    #[test]
+    fn what_stands_on_a_patch_reaches_through_its_plane() {
+        let [floor, wall] = floor_and_wall(1e-6);
+        let plate: Vec<DVec3> = wall.iter().map(|v| 0.5 * *v + DVec3::new(0.5, 0.5, 1e-6)).collect();
+        let standing = standing_on([&floor, &wall], &plate, 2e-6);
+        let plane = through_middle(&floor);
+        assert!([0, 3].iter().all(|&k| plane.height(standing[k]) < -1.9e-6));
+        assert!([1, 2].iter().all(|&k| standing[k] == plate[k]));
+        // What hangs over it, lies on it, or is meant as it is stays.
+        let hanging: Vec<DVec3> = plate.iter().map(|v| *v + 1e-3 * DVec3::Z).collect();
+        let lying: Vec<DVec3> = floor.iter().map(|v| 0.5 * *v + DVec3::new(0.5, 0.2, 1e-6)).collect();
+        for (blocker, slack) in [(&hanging, 2e-6), (&lying, 2e-6), (&plate, 0.0)] {
+            assert!(matches!(standing_on([&floor, &wall], blocker, slack), Cow::Borrowed(_)));
+        }
+    }
 }
