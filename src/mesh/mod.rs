@@ -108,6 +108,11 @@ impl Mesh {
         self.patches.len()
     }
 
+    /// Tells whether a face is cut where walls stand on it: the corners of its patches are known no better than those of the walls then.
+    pub(crate) fn is_cut(&self, face: FaceId) -> bool {
+        self.grids[face.0 as usize].is_in_pieces()
+    }
+
     /// Returns how many faces are cut where walls stand on them: see [`MeshOptions::cut_at_walls`].
     #[must_use]
     pub fn n_cut_faces(&self) -> usize {

@@ -32,7 +32,7 @@ pub struct MeshOptions {
     pub subdivision: Subdivision,
     /// Whether faces end where walls stand on them, so that no patch reaches through under a wall: light does not pass to the other side then, and what a thing covers of a floor does not count as lit.
     /// The lines along which walls meet the front of a face cut it into triangles and convex quads, and these are cut as `subdivision` says:
-    /// [`Uniform`](Subdivision::Uniform) into patches about as long as those of the whole face. Things that stand by themselves and are smaller than an eighth of that are left out.
+    /// [`Uniform`](Subdivision::Uniform) into patches about as long as those of the whole face.
     ///
     /// In a room of 4 m × 4 m × 3 m with a wall across it and two blocks on its floor, one of them turned, the greatest relative error of a surface's radiosity, against faces that end at walls and
     /// edges of 0.1 m, and the time of `solve` (two cores, one run each):
@@ -100,9 +100,6 @@ pub(super) fn count(scene: &Scene, options: MeshOptions) -> Result<u64, MeshErro
     Ok(n_patches as u64)
 }
 
-/// What stands on a face and is smaller than this part of a patch's edge is left out: it covers 1/64 of the patch at most.
-const LEAST_THING: f64 = 0.125;
-
 /// The pieces of a face, and how each is cut.
 struct CutFace {
     pieces: Pieces,
@@ -114,22 +111,20 @@ fn pieces(scene: &Scene, options: MeshOptions, walls: &Walls<'_>) -> BTreeMap<Fa
     if !options.cut_at_walls {
         return BTreeMap::new();
     }
-    let longest = |face: FaceId| match options.subdivision {
-        // Of a square with the area of a patch, and of the legs of a triangle.
-        Subdivision::Uniform(n) => {
-            let area = scene.area_vector(face).length();
-            let is_quad = matches!(scene.faces[face.0 as usize].corners, Corners::Quad(_));
-            (if is_quad { area } else { 2.0 * area }).sqrt() / f64::from(n)
-        }
-        Subdivision::MaxEdge(longest) => longest,
-    };
-    let cut = walls.pieces(|face| LEAST_THING * longest(face)).into_iter();
-    let with_shapes = cut.map(|(face, pieces)| {
-        let shape = |outline: &Vec<Corner>| piece_shape(outline, longest(face));
-        let shapes = pieces.outlines.iter().map(shape).collect();
+    let cut = walls.pieces().into_iter().map(|(face, pieces)| {
+        let longest = match options.subdivision {
+            // Of a square with the area of a patch, and of the legs of a triangle.
+            Subdivision::Uniform(n) => {
+                let area = scene.area_vector(face).length();
+                (if pieces.face.len() == 4 { area } else { 2.0 * area }).sqrt() / f64::from(n)
+            }
+            Subdivision::MaxEdge(longest) => longest,
+        };
+        let shapes = pieces.outlines.iter().map(|outline| piece_shape(outline, longest));
+        let shapes = shapes.collect();
         (face, CutFace { pieces, shapes })
     });
-    with_shapes.collect()
+    cut.collect()
 }
 
 /// Returns how a piece is cut into patches whose edges are not longer than `longest`.

@@ -35,14 +35,12 @@ impl<'a> Walls<'a> {
         }
     }
 
-    /// Returns the faces that walls stand on, not along their border alone, in pieces that end there. Feet that touch no others but small ones are left out, where all of them together are smaller than
-    /// `least` of that face, m.
-    pub(super) fn pieces(&self, least: impl Fn(FaceId) -> f64) -> BTreeMap<FaceId, Pieces> {
+    /// Returns the faces that walls stand on, not along their border alone, in pieces that end there.
+    pub(super) fn pieces(&self) -> BTreeMap<FaceId, Pieces> {
         let feet = self.feet();
         let cut = feet.on_face.iter().filter_map(|(&face, here)| {
-            let face = FaceId(face);
-            let large = here.larger_than(least(face), feet.slack);
-            Some((face, Pieces::cut(&self.scene.polygon(face), &large, feet.slack)?))
+            let outline = self.scene.polygon(FaceId(face));
+            Some((FaceId(face), Pieces::cut(&outline, &here.feet, feet.slack)?))
         });
         cut.collect()
     }
@@ -168,29 +166,6 @@ impl FaceFeet {
             boxes: BoxTree::new(boxes.collect()),
             feet,
         }
-    }
-
-    /// Returns the feet that are parts of things of some size: those whose boxes touch belong together.
-    fn larger_than(&self, least: f64, slack: f64) -> Vec<Foot> {
-        let boxes: Vec<(DVec3, DVec3)> = self
-            .feet
-            .iter()
-            .map(|foot| (foot.from.min(foot.to) - slack, foot.from.max(foot.to) + slack))
-            .collect();
-        let mut things = DisjointSets::new(boxes.len());
-        overlapping_pairs(boxes.clone(), |a, b| things.join(a as usize, b as usize));
-        let thing_of: Vec<usize> = (0..boxes.len()).map(|k| things.find(k)).collect();
-        let mut around = boxes.clone();
-        for (&thing, (low, high)) in thing_of.iter().zip(boxes) {
-            let whole = &mut around[thing];
-            *whole = (whole.0.min(low), whole.1.max(high));
-        }
-        let is_large = |thing: usize| around[thing].0.distance(around[thing].1) > least;
-        let with_things = self.feet.iter().zip(&thing_of);
-        with_things
-            .filter(|(_, thing)| is_large(**thing))
-            .map(|(foot, _)| *foot)
-            .collect()
     }
 }
 

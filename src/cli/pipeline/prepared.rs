@@ -95,10 +95,9 @@ impl Run {
             .map_err(refused)?;
         if options.cut_at_walls {
             match mesh.n_cut_faces() {
-                0 => plan.left_out.push(
-                    "cutting faces where walls stand on them: on none does one that is not small beside its patches"
-                        .into(),
-                ),
+                0 => plan
+                    .left_out
+                    .push("cutting faces where walls stand on them: on none does one".into()),
                 n => plan.decide("cut faces", n.to_string(), "walls stand on them"),
             }
         }

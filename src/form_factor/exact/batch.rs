@@ -104,7 +104,10 @@ impl<'a> Batches<'a> {
         progress: &'a dyn Progress,
     ) -> Self {
         let index = (!input.unoccluded).then(|| BlockerIndex::new(input.scene));
-        let patches = Patches::new(input.mesh, index.is_some());
+        let mut patches = Patches::new(input.mesh, index.is_some());
+        if let Some(index) = index.as_ref().filter(|index| index.slack() > 0.0) {
+            patches.loosen_cut_ones(input.mesh, index.slack());
+        }
         let facing = Facing::new(input.mesh);
         Self {
             method,

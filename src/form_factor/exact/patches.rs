@@ -37,7 +37,7 @@ pub(super) struct Patches {
     pub(super) corners: Vec<Vec<DVec3>>,
     /// The same, prepared for the unoccluded kernel.
     pub(super) prepared: Vec<PreparedPolygon>,
-    /// How far the corners of each patch are off its plane, in m; 0 where that is rounding.
+    /// How far the corners of each patch are off its plane, or may be off where they are meant, in m; 0 where that is rounding.
     bent: Vec<f64>,
     /// Faces with their patches, in order: every patch belongs to one.
     pub(super) faces: Vec<FacePatches>,
@@ -72,6 +72,15 @@ impl Patches {
             prepared,
             faces,
             face_of_patch,
+        }
+    }
+
+    /// Takes the corners of patches that end at walls to be off by as much as those of the walls may be, in m.
+    pub(super) fn loosen_cut_ones(&mut self, mesh: &Mesh, slack: f64) {
+        for (bent, patch) in self.bent.iter_mut().zip(&mesh.patches) {
+            if mesh.is_cut(patch.face) {
+                *bent = bent.max(slack);
+            }
         }
     }
 
