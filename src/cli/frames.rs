@@ -14,7 +14,8 @@ use super::lightings::{Stack, greatest_reflectance, with_suffix};
 use super::picture::{image_byte, preview_of, shoot};
 use super::pipeline::{Computed, Fineness, Prepared, Run, posed};
 use super::render::{
-    AnyView, DEFAULT_RAYS, DEFAULT_TOLERANCE, default_mesh, indirect_irradiance, render_settings, view,
+    AnyView, DEFAULT_RAYS, DEFAULT_TOLERANCE, default_mesh, indirect_irradiance, render_settings, tell_whole_faces,
+    view,
 };
 use super::stated::Stated;
 use super::storage::Storage;
@@ -52,7 +53,8 @@ struct Sequence {
 
 pub(super) fn work(args: &RenderArgs, file: &Path, run: &mut Run) -> Result<Outcome, Failure> {
     let wanted = frames::load(file)?;
-    let prepared = run.prepare(&args.scene, args.mesh, args.storage.memory.memory_limit, default_mesh)?;
+    let mut prepared = run.prepare(&args.scene, args.mesh, args.storage.memory.memory_limit, default_mesh)?;
+    tell_whole_faces(run, &mut prepared, args.mesh);
     let all = ready(args, file, wanted, &prepared)?;
     let mut largest = 0;
     for frame in &all.frames {
