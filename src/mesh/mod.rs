@@ -69,7 +69,7 @@ impl Mesh {
     /// Returns the patches with their surfaces in a pose, of which `scene` is what the mesh's scene becomes: the same patches in the same order, wherever they go.
     ///
     /// Patches that do not move keep their corners to the last bit, and all keep their areas: a rigid motion does. Vertices are shared as before, but
-    /// between what moves and what does not.
+    /// between what moves and what does not. Faces stay cut where walls [stood on them](MeshOptions::cut_at_walls) before, and are not cut where these come to.
     #[must_use]
     pub fn posed(&self, pose: &Pose, scene: &Scene) -> Self {
         let mut posed = Self {

@@ -5,6 +5,8 @@
 //!
 //! Source: [`BAUM_1991`](crate::references::BAUM_1991). Departures: lines through whole pieces in the place of a triangulation.
 
+use std::ops::RangeInclusive;
+
 use glam::{DVec2, DVec3};
 
 use super::walls::Foot;
@@ -94,21 +96,31 @@ impl Pieces {
         let mut open = vec![(0, face.clone(), segments)];
         while let Some((node, piece, mut here)) = open.pop() {
             here.retain(|foot| crosses(&piece, *foot, least).is_some());
-            let Some([start, end]) = best_line(&piece, &here, least).or_else(|| diagonal(&piece)) else {
+            let (line, parts) = if let Some([start, end]) = best_line(&piece, &here, least) {
+                let along = (end - start).normalize();
+                let parts = [along, -along].map(|direction| part_beside(&piece, start, direction, least));
+                ((start, along), parts)
+            } else if let Some((from, to)) = diagonal(&piece) {
+                let start = piece[from].flat;
+                let part = |range: RangeInclusive<usize>| range.map(|k| piece[k % piece.len()]).collect();
+                // What lies to the left of the way from one corner to the other comes after the other.
+                let parts = [part(to..=from + piece.len()), part(from..=to)];
+                ((start, piece[to % piece.len()].flat - start), parts)
+            } else {
                 nodes[node] = Node::Piece(outlines.len());
                 outlines.push(piece);
                 continue;
             };
-            let along = (end - start).normalize();
             let first = nodes.len();
             nodes[node] = Node::Line {
-                start,
-                along,
+                start: line.0,
+                along: line.1,
                 sides: [first, first + 1],
             };
             nodes.extend([Node::Piece(0), Node::Piece(0)]);
-            open.push((first + 1, part_beside(&piece, start, -along, least), here.clone()));
-            open.push((first, part_beside(&piece, start, along, least), here));
+            for (k, part) in parts.into_iter().enumerate().rev() {
+                open.push((first + k, part, here.clone()));
+            }
         }
         let tree = PieceTree { nodes };
         (outlines.len() > 1).then_some(Self { face, outlines, tree })
@@ -173,8 +185,8 @@ fn best_line(piece: &[Corner], feet: &[Segment], least: f64) -> Option<Segment> 
         .map(|(_, _, foot)| foot)
 }
 
-/// Returns the line from one corner of a piece with more than four to another that cuts a quad off and leaves the best two parts.
-fn diagonal(piece: &[Corner]) -> Option<Segment> {
+/// Returns the corners of a piece with more than four between which a line cuts a quad off and leaves the best two parts; the second is counted on beyond the last one.
+fn diagonal(piece: &[Corner]) -> Option<(usize, usize)> {
     let n = piece.len();
     if n <= 4 {
         return None;
@@ -193,7 +205,7 @@ fn diagonal(piece: &[Corner]) -> Option<Segment> {
         shape(&quad).min(shape(&rest))
     };
     let best = (0..n).max_by(|&a, &b| quality(a).total_cmp(&quality(b)))?;
-    Some([piece[best].flat, piece[(best + 3) % n].flat])
+    Some((best, best + 3))
 }
 
 /// Returns the part of a convex piece that lies to the left of a line; corners within `least` of the line are taken to be on it.
