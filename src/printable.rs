@@ -10,9 +10,13 @@ fn is_shown(c: char) -> bool {
     !c.is_control() && !matches!(c, '\u{2028}' | '\u{2029}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
-/// Returns a number with the noun that it counts, which gets an s unless there is one of it.
+/// Returns a number with the noun that it counts, which gets an s, or es after an s, unless there is one of it.
 pub(crate) fn counted(n: usize, noun: &str) -> String {
-    let ending = if n == 1 { "" } else { "s" };
+    let ending = match (n, noun.ends_with('s')) {
+        (1, _) => "",
+        (_, true) => "es",
+        (_, false) => "s",
+    };
     format!("{n} {noun}{ending}")
 }
 
@@ -43,6 +47,7 @@ mod tests {
             [0, 1, 2].map(|n| counted(n, "frame")),
             ["0 frames", "1 frame", "2 frames"]
         );
+        assert_eq!([1, 2].map(|n| counted(n, "pass")), ["1 pass", "2 passes"]);
     }
 
     #[test]

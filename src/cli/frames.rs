@@ -24,7 +24,7 @@ use crate::form_factor::{Before, Change};
 use crate::matrix::FormFactors;
 use crate::printable::counted;
 use crate::render::{DirectMethod, GatherReport, RenderInput, RenderSettings};
-use crate::scene::{Lighting, Motion, Pose, frames};
+use crate::scene::{Lighting, Motion, Pose, SurfaceId, frames};
 use crate::solver::{Coarsened, Solution, StopReason};
 
 /// A frame, ready to be rendered.
@@ -56,6 +56,13 @@ pub(super) fn work(args: &RenderArgs, file: &Path, run: &mut Run) -> Result<Outc
     let mut prepared = run.prepare(&args.scene, args.mesh, args.storage.memory.memory_limit, default_mesh)?;
     tell_whole_faces(run, &mut prepared, args.mesh);
     let all = ready(args, file, wanted, &prepared)?;
+    let mut surfaces = (0..).map(SurfaceId).take(prepared.scene.surfaces.len());
+    if prepared.mesh.n_cut_faces() > 0 && surfaces.any(|id| all.poses.iter().any(|pose| pose.moves(id))) {
+        run.warn(&format!(
+            "faces end at walls where these stand in {}; where moved surfaces come to stand, patches may reach through under them",
+            args.scene.display()
+        ));
+    }
     let mut largest = 0;
     for frame in &all.frames {
         largest = largest.max(image_byte(

@@ -25,6 +25,8 @@ pub(super) fn mesh_args(file: &FormFactorFile, given: MeshArgs) -> Result<MeshAr
     };
     if options.cut_at_walls {
         flags += " --cut-at-walls";
+    } else if given.cut_at_walls {
+        flags += " without --cut-at-walls";
     }
     let asked = given.options(options);
     // A flag that is left out asks for nothing.

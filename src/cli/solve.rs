@@ -233,10 +233,10 @@ pub(super) fn solver_line(asked: &str, solution: &Solution, stated: Stated) -> S
         Stated::Untold => String::new(),
     };
     format!(
-        "{}: {} after {} passes, relative residual {:.1e}, bound on the relative error {bound}{with_factors}",
+        "{}: {} after {}, relative residual {:.1e}, bound on the relative error {bound}{with_factors}",
         chosen(asked, solution),
         solution.stop_reason,
-        solution.n_passes,
+        counted(solution.n_passes, "pass"),
         solution.residual_l2
     )
 }

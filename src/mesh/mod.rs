@@ -38,6 +38,8 @@ pub struct Mesh {
     pub vertices: Vec<DVec3>,
     grids: Vec<FaceGrid>,
     seams: Seams,
+    /// [`MeshOptions::cut_at_walls`].
+    ends_at_walls: bool,
 }
 
 impl Mesh {
@@ -46,8 +48,10 @@ impl Mesh {
     /// # Errors
     /// [`MeshError`] if the subdivision is not a positive number, or makes more patches than 32-bit ids can name.
     pub fn new(scene: &Scene, options: impl Into<MeshOptions>) -> Result<Self, MeshError> {
-        let walls = Walls::of(scene);
-        let mut mesh = subdivide::subdivide(scene, options.into(), &walls)?;
+        let options = options.into();
+        let walls = Walls::of(scene, options.cut_at_walls);
+        let mut mesh = subdivide::subdivide(scene, options, &walls)?;
+        mesh.ends_at_walls = options.cut_at_walls;
         mesh.join(&walls);
         Ok(mesh)
     }
@@ -98,7 +102,7 @@ impl Mesh {
                 patch.centroid = pose.point(patch.surface, patch.centroid);
             }
         }
-        posed.join(&Walls::of(scene));
+        posed.join(&Walls::of(scene, self.ends_at_walls));
         posed
     }
 

@@ -90,7 +90,7 @@ pub(super) fn subdivide(scene: &Scene, options: MeshOptions, walls: &Walls<'_>) 
 /// Returns how many patches [`subdivide`] makes.
 pub(super) fn count(scene: &Scene, options: MeshOptions) -> Result<u64, MeshError> {
     let parts = edge_parts(scene, options.subdivision, &flat_joints(scene))?;
-    let n_patches = n_patches(&parts, &pieces(scene, options, &Walls::of(scene)));
+    let n_patches = n_patches(&parts, &pieces(scene, options, &Walls::of(scene, true)));
     expect_nameable(n_patches)?;
     #[expect(
         clippy::cast_possible_truncation,
@@ -268,6 +268,7 @@ impl<'a> Builder<'a> {
                 vertices: Vec::new(),
                 grids: Vec::new(),
                 seams: Seams::default(),
+                ends_at_walls: false,
             },
         }
     }

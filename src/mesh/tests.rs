@@ -715,6 +715,43 @@ fn faces_stay_whole_where_nothing_stands_but_along_their_borders() {
     assert_eq!(cut.vertices, whole.vertices);
 }
 
+/// A wall that rounding has left a little above a floor stands on it all the same, and so does its side beside another wall; one that hangs does not.
+#[test]
+fn faces_end_at_walls_that_rounding_has_left_short() {
+    let floor = [[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [0.0, 2.0]];
+    let wall = |z: f64| [(0.0, z), (2.0, z), (2.0, 1.0), (0.0, 1.0)].map(|(y, z)| DVec3::new(1.3, y, z));
+    let options = MeshOptions {
+        subdivision: Subdivision::Uniform(2),
+        cut_at_walls: true,
+    };
+    let n_cut = |scene: &Scene| Mesh::new(scene, options).unwrap().n_cut_faces();
+    for (height, expected) in [(0.0, 1), (1e-8, 1), (1e-6, 1), (1e-3, 0)] {
+        assert_eq!(n_cut(&floor_with(&[wall(height)], &[floor])), expected, "{height}");
+    }
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("scene.obj");
+    let source = floor_with(&[wall(0.0)], &[floor]);
+    for places in 2..9 {
+        for k in 0..10 {
+            let turn = DQuat::from_euler(glam::EulerRot::XYZ, 0.3 * f64::from(k), 1.1, -2.0);
+            let vertices = source.vertices.iter().map(|v| {
+                let v = turn * *v;
+                format!("v {:.places$} {:.places$} {:.places$}\n", v.x, v.y, v.z)
+            });
+            let text: String = vertices.chain(["f 1 2 3 4\nf 5 6 7 8\n".to_owned()]).collect();
+            std::fs::write(&path, text).unwrap();
+            let mesh = Mesh::new(&crate::scene::load(&path).unwrap().scene, options).unwrap();
+            assert!(mesh.n_cut_faces() > 0, "{places} {k}");
+            let smallest = mesh
+                .patches
+                .iter()
+                .map(|patch| patch.area)
+                .fold(f64::INFINITY, f64::min);
+            assert!(smallest > 0.05, "{places} {k}: {smallest}");
+        }
+    }
+}
+
 #[test]
 fn impossible_subdivisions_are_refused() {
     let source = quad_and_triangles();

@@ -14,6 +14,12 @@ use crate::scene::{Corners, FaceId, Scene};
 /// Lines nearer than this part of the scene's size are one: far more than rounding, far less than a patch.
 const SLACK: f64 = 1e-9;
 
+/// Walls that end so many units of the coordinates' last place above a face stand on it where faces are to end at walls, and so do those that end [nearer than this part](NEAR) of the scene's size, but
+/// not from [this part](FAR) on: a cut that is not needed does no harm.
+const PLACES: f64 = 4.0;
+const NEAR: f64 = 1e-6;
+const FAR: f64 = 1e-3;
+
 /// A line along which a face meets the plane of another one, on whose front it stands.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Foot {
@@ -24,13 +30,17 @@ pub(super) struct Foot {
 /// What stands on the faces of a scene, found when it is first asked for: whole faces of many planes, as a ground in triangles has, do not ask.
 pub(super) struct Walls<'a> {
     scene: &'a Scene,
+    /// Whether faces are to end at walls, so that those count that end a little above a face.
+    ends_faces: bool,
     found: OnceCell<Feet>,
 }
 
 impl<'a> Walls<'a> {
-    pub(super) fn of(scene: &'a Scene) -> Self {
+    /// Takes a scene, and whether its faces are to end at walls.
+    pub(super) fn of(scene: &'a Scene, ends_faces: bool) -> Self {
         Self {
             scene,
+            ends_faces,
             found: OnceCell::new(),
         }
     }
@@ -46,7 +56,7 @@ impl<'a> Walls<'a> {
     }
 
     fn feet(&self) -> &Feet {
-        self.found.get_or_init(|| Feet::find(self.scene))
+        self.found.get_or_init(|| Feet::find(self.scene, self.ends_faces))
     }
 
     /// Tells whether walls on one of the faces or both stand along a line: along the middle half of it at least, without a gap.
@@ -72,13 +82,19 @@ struct Feet {
 }
 
 impl Feet {
-    /// Finds what stands on the faces of a scene, within [`Scene::slack`]. Work: O(n log n) for n faces, and the pairs of faces that touch.
-    fn find(scene: &Scene) -> Self {
+    /// Finds what stands on the faces of a scene, within [`Scene::slack`] or, where faces are to end there, within a few units of its last place. Work: O(n log n) for n faces, and the pairs of faces that touch.
+    fn find(scene: &Scene, ends_faces: bool) -> Self {
         if scene.faces.is_empty() {
             return Self::default();
         }
         let (low, high) = scene.bounding_box();
-        let slack = scene.slack().max(SLACK * (high - low).length());
+        let size = (high - low).length();
+        let slack = scene.slack().max(SLACK * size);
+        let slack = if ends_faces {
+            slack.max((PLACES * scene.last_place()).clamp(NEAR * size, FAR * size))
+        } else {
+            slack
+        };
         let outlines: Vec<Vec<DVec3>> = scene.face_ids().map(|face| scene.polygon(face)).collect();
         let normals: Vec<DVec3> = scene
             .face_ids()

@@ -27,6 +27,15 @@ impl Scene {
         (HEIGHT * self.rounding()).max(2.0 * bent)
     }
 
+    /// Returns one unit of the last place that the file's coordinates have after the point, whether they are meant as they are or not, in m; 0 for whole numbers, and for a scene made in memory.
+    pub(crate) fn last_place(&self) -> f64 {
+        let written = self.written.filter(|written| written.is_rounded(1));
+        let coordinates = self.vertices.iter().flat_map(glam::DVec3::to_array);
+        written.map_or(0.0, |written| {
+            written.unit(coordinates.fold(0.0, |greatest, x| x.abs().max(greatest)))
+        })
+    }
+
     /// Returns by how much a coordinate may have been rounded, in m.
     fn rounding(&self) -> f64 {
         let Some(written) = self.written.filter(|written| written.is_rounded(LEAST_DIGITS)) else {

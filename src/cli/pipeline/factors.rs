@@ -12,6 +12,7 @@ use crate::form_factor::{
     self, Before, ExactMethod, FormFactorError, FormFactorMethod, MethodSettings, PairCounts, Reciprocity,
 };
 use crate::matrix::{BalanceReport, Checks, Closed, FormFactors, Weighting};
+use crate::printable::counted;
 use crate::visibility::blockers::BlockerIndex;
 
 /// Form factors with what was found out about them.
@@ -189,8 +190,8 @@ impl Run {
         }
         if let Some(pairs) = result.pairs.filter(|pairs| pairs.n_above_tolerance > 0) {
             self.warn(&format!(
-                "{} pairs of patches spent their budget above the tolerance; the worst error of all pairs is {:.1e}; give a greater --budget or {}",
-                pairs.n_above_tolerance,
+                "{} of patches spent the budget above the tolerance; the worst error of all pairs is {:.1e}; give a greater --budget or {}",
+                counted(usize::try_from(pairs.n_above_tolerance).unwrap_or(usize::MAX), "pair"),
                 worst_error(&result.factors),
                 fineness.tolerance_flag
             ));
