@@ -265,10 +265,7 @@ pub(super) fn tell_whole_faces(run: &Run, prepared: &mut Prepared, mesh_args: Me
 
 /// Returns H without what comes straight from the emitters: F (B − E).
 pub(super) fn indirect_irradiance(factors: &dyn LinearOperator, exitance: &Block, solution: &Solution) -> Block {
-    let mut reflected = solution.radiosity.clone();
-    for (value, emitted) in reflected.values_mut().iter_mut().zip(exitance.values()) {
-        *value -= emitted;
-    }
+    let reflected = solution.reflected(exitance);
     let mut irradiance = Block::zeros(reflected.n_rows(), reflected.n_channels());
     factors.apply(&reflected, &mut irradiance);
     irradiance

@@ -77,10 +77,7 @@ impl FaceGrid {
                 first_patch: n_patches,
                 shape,
             };
-            n_patches += match shape {
-                FaceShape::Triangle { n } => n * n,
-                FaceShape::Quad { n_u, n_v } => n_u * n_v,
-            };
+            n_patches += PatchId::from_index(shape.n_patches()).0;
             grid
         });
         let shape = Shape::Pieces(Box::new(PieceGrids {

@@ -38,8 +38,6 @@ pub struct Mesh {
     pub vertices: Vec<DVec3>,
     grids: Vec<FaceGrid>,
     seams: Seams,
-    /// [`MeshOptions::cut_at_walls`].
-    ends_at_walls: bool,
 }
 
 impl Mesh {
@@ -51,7 +49,6 @@ impl Mesh {
         let options = options.into();
         let walls = Walls::of(scene, options.cut_at_walls);
         let mut mesh = subdivide::subdivide(scene, options, &walls)?;
-        mesh.ends_at_walls = options.cut_at_walls;
         mesh.join(&walls);
         Ok(mesh)
     }
@@ -102,7 +99,7 @@ impl Mesh {
                 patch.centroid = pose.point(patch.surface, patch.centroid);
             }
         }
-        posed.join(&Walls::of(scene, self.ends_at_walls));
+        posed.join(&Walls::of(scene, self.n_cut_faces() > 0));
         posed
     }
 

@@ -239,6 +239,6 @@ fn part_beside(piece: &[Corner], start: DVec2, along: DVec2, least: f64) -> Vec<
 }
 
 /// Tells which end of an edge comes first, whichever way it is run along.
-pub(super) fn comes_first(a: &Corner, b: &Corner) -> bool {
+fn comes_first(a: &Corner, b: &Corner) -> bool {
     (a.flat.x, a.flat.y) < (b.flat.x, b.flat.y)
 }

@@ -1,5 +1,6 @@
 //! Cutting faces into patches so that flat neighbours match along their common edges.
 
+use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
 
 use glam::DVec3;
@@ -7,7 +8,7 @@ use thiserror::Error;
 
 use super::grid::FaceGrid;
 use super::hierarchy::FaceShape;
-use super::pieces::{Corner, Pieces, comes_first};
+use super::pieces::{Corner, Pieces};
 use super::planes::{DisjointSets, FaceEdge, flat_joints};
 use super::seams::Seams;
 use super::walls::Walls;
@@ -247,7 +248,11 @@ enum Place {
 
 struct Builder<'a> {
     scene: &'a Scene,
+    /// The vertices of the scene, and further corners of pieces.
+    corners: Cow<'a, [DVec3]>,
     plane_of_face: Vec<usize>,
+    /// Planes in use; those of faces are numbered by faces.
+    n_planes: usize,
     /// Vertices on the border of a face, by plane and place.
     shared: HashMap<(usize, Place), u32>,
     mesh: Mesh,
@@ -261,6 +266,8 @@ impl<'a> Builder<'a> {
         }
         Self {
             scene,
+            corners: scene.vertices.as_slice().into(),
+            n_planes: scene.faces.len(),
             plane_of_face: (0..scene.faces.len()).map(|f| planes.find(f)).collect(),
             shared: HashMap::new(),
             mesh: Mesh {
@@ -268,87 +275,56 @@ impl<'a> Builder<'a> {
                 vertices: Vec::new(),
                 grids: Vec::new(),
                 seams: Seams::default(),
-                ends_at_walls: false,
             },
         }
     }
 
     fn add_face(&mut self, face: FaceId, [n_u, n_v]: [u32; 2]) {
         let first_patch = id(self.mesh.patches.len());
+        let plane = self.plane_of_face[face.0 as usize];
         match self.scene.faces[face.0 as usize].corners {
             Corners::Triangle(v) => {
                 self.mesh.grids.push(FaceGrid::triangle(first_patch, n_u));
-                let vertex = self.triangle_vertices(face, v, n_u);
+                let vertex = self.triangle_vertices(plane, v, n_u);
                 self.add_triangles(face, n_u, vertex);
             }
             Corners::Quad(v) => {
                 let corners = v.map(|k| self.scene.vertices[k as usize]);
                 self.mesh.grids.push(FaceGrid::quad(first_patch, n_u, n_v, corners));
-                let vertex = self.quad_vertices(face, v, n_u, n_v);
+                let vertex = self.quad_vertices(plane, v, n_u, n_v);
                 self.add_quads(face, [n_u, n_v], vertex);
             }
         }
     }
 
-    /// Adds the pieces of a face. Each has vertices of its own: along their borders walls may stand, and seams tell where.
+    /// Adds the pieces of a face. Each has vertices of its own, as if it lay in a plane of its own: along their borders walls may stand, and seams tell where.
     fn add_pieces(&mut self, face: FaceId, CutFace { pieces, shapes }: &CutFace) {
         let first_patch = id(self.mesh.patches.len());
+        // A corner of several pieces is one: they compute the same bits along the edges between them.
+        let bits = |place: DVec3| place.to_array().map(f64::to_bits);
+        let own = self.scene.faces[face.0 as usize].corners;
+        let mut known: HashMap<[u64; 3], u32> = HashMap::new();
+        known.extend(own.as_slice().iter().map(|&v| (bits(self.corners[v as usize]), v)));
         for (outline, shape) in pieces.outlines.iter().zip(shapes) {
-            // From the end that comes first: pieces on both sides of an edge compute the same bits.
-            let on_edge = |k: usize, step: u32, n: u32| {
-                let (a, b) = (&outline[k], &outline[(k + 1) % outline.len()]);
-                let (a, b, step) = if comes_first(a, b) {
-                    (a, b, step)
-                } else {
-                    (b, a, n - step)
-                };
-                a.place + f64::from(step) / f64::from(n) * (b.place - a.place)
+            let mut corner = |k: usize| {
+                let place = outline[k].place;
+                *known.entry(bits(place)).or_insert_with(|| {
+                    self.corners.to_mut().push(place);
+                    id(self.corners.len() - 1)
+                })
             };
-            let corner = |k: usize| outline[k].place;
+            let plane = self.n_planes;
+            self.n_planes += 1;
             match *shape {
                 FaceShape::Triangle { n } => {
-                    let inside = |i: u32, j: u32| match (i, j) {
-                        (0, 0) => corner(0),
-                        (i, 0) if i == n => corner(1),
-                        (0, j) if j == n => corner(2),
-                        (i, 0) => on_edge(0, i, n),
-                        (i, j) if i + j == n => on_edge(1, j, n),
-                        (0, j) => on_edge(2, n - j, n),
-                        (i, j) => {
-                            let (s, t) = (f64::from(i) / f64::from(n), f64::from(j) / f64::from(n));
-                            corner(0) + s * (corner(1) - corner(0)) + t * (corner(2) - corner(0))
-                        }
-                    };
-                    let mut ids = HashMap::new();
-                    for j in 0..=n {
-                        for i in 0..=n - j {
-                            ids.insert((i, j), self.vertex(face, None, || inside(i, j)));
-                        }
-                    }
-                    self.add_triangles(face, n, |i, j| ids[&(i, j)]);
+                    let v = std::array::from_fn(&mut corner);
+                    let vertex = self.triangle_vertices(plane, v, n);
+                    self.add_triangles(face, n, vertex);
                 }
                 FaceShape::Quad { n_u, n_v } => {
-                    let inside = |i: u32, j: u32| match (i, j) {
-                        (0, 0) => corner(0),
-                        (i, 0) if i == n_u => corner(1),
-                        (i, j) if i == n_u && j == n_v => corner(2),
-                        (0, j) if j == n_v => corner(3),
-                        (i, 0) => on_edge(0, i, n_u),
-                        (i, j) if i == n_u => on_edge(1, j, n_v),
-                        (i, j) if j == n_v => on_edge(2, n_u - i, n_u),
-                        (0, j) => on_edge(3, n_v - j, n_v),
-                        (i, j) => {
-                            let (s, t) = (f64::from(i) / f64::from(n_u), f64::from(j) / f64::from(n_v));
-                            corner(0).lerp(corner(1), s).lerp(corner(3).lerp(corner(2), s), t)
-                        }
-                    };
-                    let mut ids = HashMap::new();
-                    for j in 0..=n_v {
-                        for i in 0..=n_u {
-                            ids.insert((i, j), self.vertex(face, None, || inside(i, j)));
-                        }
-                    }
-                    self.add_quads(face, [n_u, n_v], |i, j| ids[&(i, j)]);
+                    let v = std::array::from_fn(&mut corner);
+                    let vertex = self.quad_vertices(plane, v, n_u, n_v);
+                    self.add_quads(face, [n_u, n_v], vertex);
                 }
             }
         }
@@ -382,8 +358,8 @@ impl<'a> Builder<'a> {
     }
 
     /// Makes the vertices of a triangle's grid; the closure gives their ids by (i, j) with i + j ≤ n.
-    fn triangle_vertices(&mut self, face: FaceId, v: [u32; 3], n: u32) -> impl Fn(u32, u32) -> u32 + use<> {
-        let [a, b, c] = v.map(|k| self.scene.vertices[k as usize]);
+    fn triangle_vertices(&mut self, plane: usize, v: [u32; 3], n: u32) -> impl Fn(u32, u32) -> u32 + use<> {
+        let [a, b, c] = v.map(|k| self.corners[k as usize]);
         let mut ids = Vec::new();
         for j in 0..=n {
             for i in 0..=n - j {
@@ -397,15 +373,15 @@ impl<'a> Builder<'a> {
                     _ => None,
                 };
                 let (s, t) = (f64::from(i) / f64::from(n), f64::from(j) / f64::from(n));
-                ids.push(self.vertex(face, place, || a + s * (b - a) + t * (c - a)));
+                ids.push(self.vertex(plane, place, || a + s * (b - a) + t * (c - a)));
             }
         }
         move |i, j| ids[(j * (n + 1) - j * j.saturating_sub(1) / 2 + i) as usize]
     }
 
     /// Makes the vertices of a quad's grid; the closure gives their ids by (i, j).
-    fn quad_vertices(&mut self, face: FaceId, v: [u32; 4], n_u: u32, n_v: u32) -> impl Fn(u32, u32) -> u32 + use<> {
-        let [a, b, c, d] = v.map(|k| self.scene.vertices[k as usize]);
+    fn quad_vertices(&mut self, plane: usize, v: [u32; 4], n_u: u32, n_v: u32) -> impl Fn(u32, u32) -> u32 + use<> {
+        let [a, b, c, d] = v.map(|k| self.corners[k as usize]);
         let mut ids = Vec::new();
         for j in 0..=n_v {
             for i in 0..=n_u {
@@ -422,7 +398,7 @@ impl<'a> Builder<'a> {
                     _ => None,
                 };
                 let (s, t) = (f64::from(i) / f64::from(n_u), f64::from(j) / f64::from(n_v));
-                ids.push(self.vertex(face, place, || {
+                ids.push(self.vertex(plane, place, || {
                     let (near, far) = (a + s * (b - a), d + s * (c - d));
                     near + t * (far - near)
                 }));
@@ -432,21 +408,21 @@ impl<'a> Builder<'a> {
     }
 
     /// Returns the id of a vertex: an old one if its place in this plane is known, else a new one.
-    fn vertex(&mut self, face: FaceId, place: Option<Place>, inside: impl FnOnce() -> DVec3) -> u32 {
+    fn vertex(&mut self, plane: usize, place: Option<Place>, inside: impl FnOnce() -> DVec3) -> u32 {
         let new_id = id(self.mesh.vertices.len());
         let position = match place {
             None => inside(),
             Some(place) => {
-                let key = (self.plane_of_face[face.0 as usize], place);
+                let key = (plane, place);
                 if let Some(&known) = self.shared.get(&key) {
                     return known;
                 }
                 self.shared.insert(key, new_id);
                 match place {
-                    Place::Corner(v) => self.scene.vertices[v as usize],
+                    Place::Corner(v) => self.corners[v as usize],
                     Place::Edge { low, high, step, n } => {
                         // From the lower id: both faces, and both planes at a crease, compute the same bits.
-                        let (a, b) = (self.scene.vertices[low as usize], self.scene.vertices[high as usize]);
+                        let (a, b) = (self.corners[low as usize], self.corners[high as usize]);
                         a + f64::from(step) / f64::from(n) * (b - a)
                     }
                 }

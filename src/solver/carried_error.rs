@@ -147,11 +147,7 @@ fn shares_of_next_order(
             .flat_map(|patches| relative_errors_of(patches, factors.areas(), of, all));
         Block::from_values(of_rooms.collect(), n_channels)
     };
-    let mut reflected = rho.clone();
-    for (value, h) in reflected.values_mut().iter_mut().zip(solution.irradiance.values()) {
-        *value *= h;
-    }
-    let of_reflected = shares(error, &reflected);
+    let of_reflected = shares(error, &solution.sent_on(rho));
     let is_small = |share: &f64| *share <= NEGLIGIBLE;
     if of_reflected.values().iter().all(is_small) || !error.values().iter().all(|e| e.is_finite()) {
         return Ok(of_reflected);

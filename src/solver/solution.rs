@@ -135,6 +135,19 @@ impl Solution {
         Block::from_values(values.map(|(b, e)| b - e).collect(), exitance.n_channels())
     }
 
+    /// Returns ρ H, what surfaces reflect of the irradiance, W·m⁻², \[n, c\]: B − E up to the residual. `reflectance`: ρ.
+    #[track_caller]
+    pub(super) fn sent_on(&self, reflectance: &Block) -> Block {
+        let shape = |block: &Block| (block.n_rows(), block.n_channels());
+        assert_eq!(
+            shape(&self.irradiance),
+            shape(reflectance),
+            "irradiances and reflectances"
+        );
+        let values = self.irradiance.values().iter().zip(reflectance.values());
+        Block::from_values(values.map(|(h, rho)| rho * h).collect(), reflectance.n_channels())
+    }
+
     /// Returns the greatest bound on the error of a channel relative to the light that is reflected, ‖B − B*‖ / ‖ρ H‖ with ‖x‖² = Σ A x²: what the [`error_bound`](Self::error_bound) means for a room whose
     /// small, bright lamps have nearly all of the norm of B. It is of the light that these radiosities would send on, ρ H, not of B − E, which is nothing where the solver had met its tolerance before its
     /// first pass. `None` where a bound is not known; 0 where nothing is reflected. `system`: that which was solved. Departures: none.
@@ -144,14 +157,7 @@ impl Solution {
     #[must_use]
     #[track_caller]
     pub fn error_bound_of_reflected(&self, system: &RadiositySystem) -> Option<f64> {
-        let (reflectance, n_channels) = (system.reflectance(), self.irradiance.n_channels());
-        assert_eq!(
-            reflectance.values().len(),
-            self.irradiance.values().len(),
-            "reflectances and irradiances"
-        );
-        let values = self.irradiance.values().iter().zip(reflectance.values());
-        let reflected = Block::from_values(values.map(|(h, rho)| rho * h).collect(), n_channels);
+        let reflected = self.sent_on(system.reflectance());
         let shares = relative_errors(system.areas(), &reflected, &self.radiosity);
         let of_channels = self.channels.iter().zip(shares);
         let mut bounds = of_channels.map(|(own, share)| {

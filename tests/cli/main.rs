@@ -5,6 +5,7 @@
     reason = "each run of a test has its own output, code and result"
 )]
 
+mod at_walls;
 mod form_factors;
 mod input;
 mod pictures;

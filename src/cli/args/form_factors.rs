@@ -23,7 +23,7 @@ pub struct MeshArgs {
     /// Cut every edge into parts of at most L metres
     #[arg(long, value_name = "L", value_parser = parse_positive)]
     pub max_edge: Option<f64>,
-    /// End faces where walls stand on them, so that no patch reaches through under a wall, nor under a thing that stands on a floor [default: not done; render: done where it cuts by size]
+    /// End faces where walls stand on them, so that no patch reaches through under a wall, nor under a thing that stands on a floor [default: not done; render, field and pictures of voxel: done where they cut by size]
     #[arg(long)]
     pub cut_at_walls: bool,
 }
