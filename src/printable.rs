@@ -12,7 +12,7 @@ fn is_shown(c: char) -> bool {
 
 /// Returns a number with the noun that it counts, which gets an s, or es after an s, unless there is one of it.
 pub(crate) fn counted(n: usize, noun: &str) -> String {
-    let ending = match (n, noun.ends_with('s')) {
+    let ending = match (n, noun.ends_with('s') || noun.ends_with("ch")) {
         (1, _) => "",
         (_, true) => "es",
         (_, false) => "s",

@@ -1,8 +1,12 @@
 //! `auto`: the solver that suits a system, and why.
 
+use std::fmt;
 use std::ops::ControlFlow;
 
+use serde::{Serialize, Serializer};
+
 use crate::matrix::operator::Block;
+use crate::printable::counted;
 
 use super::direct::{equal_channels, memory_byte};
 use super::stop::Tolerance;
@@ -33,8 +37,8 @@ use super::{
 /// 0.62, 0.50 to 0.53 and 0.61 of Gauss-Seidel's time at l = 3 to 6, setup included, and `auto` 0.37 to 0.40, 0.41, 0.27 to 0.29 and 0.35 (`cargo bench --bench solvers -- 6`, medians of 9 alternating runs,
 /// the least and the greatest of four such benchmarks, one at l = 6). In cases A to F of Baranoski et al. `auto` took 0.09 to
 /// 0.11, 0.08 to 0.09, 0.04, 0.02, 0.04 and 0.02, and 0.92 to 1.08 of the fastest single solver's.
-/// Over the 46 cases of `radiosity reproduce stability` that it solves it takes 0.83 to 1.24 of the fastest one's, and 1.31 to 1.35 where areas differ by 1e8, 20 µs in all (two runs, each the least of up to
-/// a hundred by turns, with a system of its own). `chebyshev` takes more passes than
+/// Over the 46 cases of `radiosity reproduce stability` that it solves it takes 0.90 to 1.24 of the fastest one's (four runs, each the least of up to
+/// a hundred by turns, with a system of its own), the most where areas differ by 1e8: 19 µs in all. `chebyshev` takes more passes than
 /// conjugate gradients wherever these can be used.
 ///
 /// The choice and its reason are in [`Solution::choice`]. How far it is from the best: `radiosity reproduce stability` prints the ratios of work and time, case by case.
@@ -46,6 +50,90 @@ pub struct Auto {
     pub gmres: Gmres,
     /// What `direct` would be set to.
     pub direct: Direct,
+}
+
+/// Why [`Auto`] took a solver: one sentence, as text and as JSON.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ChoiceReason {
+    /// A sweep of `gauss-seidel` solves one equation.
+    OnePatch,
+    /// There is nothing to iterate.
+    NothingReflects,
+    /// Plain reflections die out as fast as anything.
+    FadesFast {
+        /// A bound of the spectral radius of diag(ρ) F.
+        spectral_radius: f64,
+    },
+    /// Factorisations cost less than passes.
+    FewPatches {
+        /// One for each distinct reflectance of a channel.
+        n_factorisations: usize,
+        /// n.
+        n_patches: usize,
+        /// The channels that they serve.
+        n_channels: usize,
+    },
+    /// Passes may be so many that a factorisation costs less.
+    SpreadEigenvalues {
+        /// An estimate of Σ λ² / n over the eigenvalues of diag(ρ) F.
+        mean_square: f64,
+        /// The passes of conjugate gradients at worst.
+        n_passes_max: f64,
+    },
+    /// Passes are few: by `pcg` where the exchange areas are symmetric, else by `gmres`.
+    Passes {
+        /// Whether they are.
+        symmetric: bool,
+        /// The greatest mean reflectance of a component that emits.
+        mean_reflectance: f64,
+        /// Bounds of the spectral radius of diag(ρ) F.
+        spectral_radius: [f64; 2],
+    },
+}
+
+impl fmt::Display for ChoiceReason {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match self {
+            Self::OnePatch => write!(f, "one patch, whose equation a sweep solves"),
+            Self::NothingReflects => write!(f, "nothing that light meets reflects it"),
+            Self::FadesFast { spectral_radius } => {
+                write!(f, "light fades to {spectral_radius:.3} or less with every reflection")
+            }
+            Self::FewPatches {
+                n_factorisations,
+                n_patches,
+                n_channels,
+            } => write!(
+                f,
+                "{} of {} for {} take less time than passes would",
+                counted(*n_factorisations, "factorisation"),
+                counted(*n_patches, "patch"),
+                counted(*n_channels, "channel"),
+            ),
+            Self::SpreadEigenvalues {
+                mean_square,
+                n_passes_max,
+            } => write!(
+                f,
+                "the eigenvalues do not cluster (their mean square is {mean_square:.2}): passes could be up to {n_passes_max:.0}"
+            ),
+            Self::Passes {
+                symmetric,
+                mean_reflectance,
+                spectral_radius: [low, high],
+            } => write!(
+                f,
+                "the exchange areas are {}symmetric; mean reflectance {mean_reflectance:.3}, spectral radius within {low:.3} to {high:.3}",
+                if *symmetric { "" } else { "not " }
+            ),
+        }
+    }
+}
+
+impl Serialize for ChoiceReason {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
 }
 
 /// Multiplications of a factorisation that take the time of one in a pass: measured, see [`Direct`].
@@ -87,21 +175,17 @@ impl Solver for Auto {
 impl Auto {
     /// Returns the solver for a system, and why.
     #[must_use]
-    pub fn choose(&self, system: &RadiositySystem, options: &SolveOptions) -> (Box<dyn Solver>, String) {
+    pub fn choose(&self, system: &RadiositySystem, options: &SolveOptions) -> (Box<dyn Solver>, ChoiceReason) {
         let has_rows = system.operator().rows().is_some();
         if system.n_patches() == 1 && has_rows {
-            return (
-                Box::new(GaussSeidel),
-                "one patch, whose equation a sweep solves".to_owned(),
-            );
+            return (Box::new(GaussSeidel), ChoiceReason::OnePatch);
         }
         let (low, high) = spectral_radius_bounds(system);
         if high <= 0.0 {
-            return (Box::new(Jacobi), "nothing that light meets reflects it".to_owned());
+            return (Box::new(Jacobi), ChoiceReason::NothingReflects);
         }
         if high <= FADES_FAST {
-            let why = format!("light fades to {high:.3} or less with every reflection");
-            return (Box::new(Jacobi), why);
+            return (Box::new(Jacobi), ChoiceReason::FadesFast { spectral_radius: high });
         }
         let digits = match options.tolerance {
             Tolerance::ResidualL2(value) => -value.log10(),
@@ -113,17 +197,20 @@ impl Auto {
         }
         let symmetric = system.operator().reciprocal_areas().is_some() || options.allow_nonreciprocal;
         let mean = system.greatest_mean_reflectances().iter().copied().fold(0.0, f64::max);
-        let facts = format!("mean reflectance {mean:.3}, spectral radius within {low:.3} to {high:.3}");
+        let why = ChoiceReason::Passes {
+            symmetric,
+            mean_reflectance: mean,
+            spectral_radius: [low, high],
+        };
         if symmetric {
-            let why = format!("the exchange areas are symmetric; {facts}");
-            return (Box::new(self.pcg), why);
+            (Box::new(self.pcg), why)
+        } else {
+            (Box::new(self.gmres), why)
         }
-        let why = format!("the exchange areas are not symmetric; {facts}");
-        (Box::new(self.gmres), why)
     }
 
     /// Tells whether a factorisation takes less time than an iteration, and why.
-    fn direct_pays(&self, system: &RadiositySystem, digits: f64, spectral_radius: f64) -> Option<String> {
+    fn direct_pays(&self, system: &RadiositySystem, digits: f64, spectral_radius: f64) -> Option<ChoiceReason> {
         let n = system.n_patches();
         let groups = equal_channels(system.reflectance()).len();
         let fits = memory_byte(n, groups) <= self.direct.memory_limit_byte && system.operator().rows().is_some();
@@ -142,9 +229,11 @@ impl Auto {
             return None;
         }
         if direct < iteration {
-            return Some(format!(
-                "{groups} factorisation(s) of {n} patches serve {n_channels} channel(s) in less time than passes would take"
-            ));
+            return Some(ChoiceReason::FewPatches {
+                n_factorisations: groups,
+                n_patches: n,
+                n_channels: system.n_channels(),
+            });
         }
         // Conjugate gradients at worst: sqrt(κ) / 2 ln(2 / tolerance), with κ up to 2 / (1 − λ); with the checks, and in the same units as above.
         let condition = 2.0 / (1.0 - spectral_radius).max(f64::EPSILON);
@@ -154,10 +243,9 @@ impl Auto {
             return None;
         }
         let squares = mean_squared_eigenvalue(system);
-        (squares > CLUSTERED_BELOW).then(|| {
-            format!(
-                "the eigenvalues do not cluster (their mean square is {squares:.2}): passes could be up to {passes:.0}"
-            )
+        (squares > CLUSTERED_BELOW).then_some(ChoiceReason::SpreadEigenvalues {
+            mean_square: squares,
+            n_passes_max: passes,
         })
     }
 }

@@ -57,22 +57,26 @@ pub(super) fn first_pass(scaled: &Scaled, radiosity: &Block, deflate: Deflate) -
     let mut groups = equal_channels(reflectance);
     groups.retain(|group| group.iter().any(|&c| channels[c]));
     let mut both = Block::zeros(radiosity.n_rows(), n_channels + groups.len());
-    for i in 0..radiosity.n_rows() {
-        let (own, even) = both.row_mut(i).split_at_mut(n_channels);
-        own.copy_from_slice(radiosity.row(i));
+    let width = both.n_channels();
+    let given = rows(radiosity).zip(rows(reflectance));
+    for (row, (of_radiosity, of_reflectance)) in both.values_mut().chunks_exact_mut(width).zip(given) {
+        let (own, even) = row.split_at_mut(n_channels);
+        own.copy_from_slice(of_radiosity);
         for (value, group) in even.iter_mut().zip(&groups) {
-            *value = reflectance.row(i)[group[0]];
+            *value = of_reflectance[group[0]];
         }
     }
-    let mut image = Block::zeros(both.n_rows(), both.n_channels());
+    let mut image = Block::zeros(both.n_rows(), width);
     scaled.system.operator().apply(&both, &mut image);
     let (mut irradiance, mut of_even) = (scaled.zeros(), scaled.zeros());
-    for i in 0..radiosity.n_rows() {
-        let (own, even) = image.row(i).split_at(n_channels);
-        irradiance.row_mut(i).copy_from_slice(own);
+    let found = irradiance.values_mut().chunks_exact_mut(n_channels);
+    let found = found.zip(of_even.values_mut().chunks_exact_mut(n_channels));
+    for (row, (to_own, to_even)) in rows(&image).zip(found) {
+        let (own, even) = row.split_at(n_channels);
+        to_own.copy_from_slice(own);
         for (value, group) in even.iter().zip(&groups) {
             for &c in group.iter().filter(|c| channels[**c]) {
-                of_even.row_mut(i)[c] = *value;
+                to_even[c] = *value;
             }
         }
     }
@@ -81,6 +85,11 @@ pub(super) fn first_pass(scaled: &Scaled, radiosity: &Block, deflate: Deflate) -
         channels,
     };
     (scaled.residual_of(radiosity, irradiance), Some(sent))
+}
+
+/// Returns the rows of a block.
+fn rows(block: &Block) -> impl Iterator<Item = &[f64]> {
+    block.values().chunks_exact(block.n_channels())
 }
 
 /// Sums and multiples by connected component.

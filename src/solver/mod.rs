@@ -43,7 +43,7 @@ mod vectors;
 
 pub use crate::matrix::operator;
 pub use anderson::Anderson;
-pub use auto::Auto;
+pub use auto::{Auto, ChoiceReason};
 pub use carried_error::carried_error;
 pub(crate) use carried_error::relative_errors;
 pub use cg::ConjugateGradients;

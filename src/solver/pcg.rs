@@ -77,8 +77,11 @@ struct State<'a> {
     x: Block,
     /// g − K x, as the recurrence has it.
     residual: Block,
+    /// The direction of the last step; of the next one where [`restart`](Iteration::restart) has just set it.
     direction: Block,
-    /// ⟨residual, residual⟩ of each channel.
+    /// Whether a step has been taken along the direction: the next one is made when it is needed, which it is not after the last pass.
+    is_spent: bool,
+    /// ⟨residual, residual⟩ of each channel, when the direction was made.
     squared: Vec<f64>,
     /// ρ^½ direction, then K direction.
     scratch: Block,
@@ -102,6 +105,7 @@ impl<'a> State<'a> {
             x,
             residual: scaled.zeros(),
             direction: scaled.zeros(),
+            is_spent: false,
             squared: vec![0.0; scaled.system.n_channels()],
             scratch: scaled.zeros(),
             product: scaled.zeros(),
@@ -115,8 +119,36 @@ impl<'a> State<'a> {
         residual
     }
 
+    /// Makes the direction of the next step from the last one and the residual.
+    fn turn(&mut self, excess: &[f64]) {
+        let squared = inner(&self.weights, &self.residual, &self.residual);
+        let beta = self.ratio_where_it_moves(excess, &squared, &self.squared);
+        combine(&mut self.direction, &beta, &vec![1.0; beta.len()], &self.residual);
+        if let Some(deflation) = &self.deflation {
+            deflation.project(&mut self.direction, &self.residual);
+        }
+        self.squared = squared;
+        self.is_spent = false;
+    }
+
+    /// Tells whether a channel still moves. Even light may have been all that was missing: then nothing is left to do, and K p = 0 says nothing of K.
+    fn moves(&self, excess: &[f64], channel: usize) -> bool {
+        excess[channel] > 1.0 && (self.squared[channel] > 0.0 || self.squared[channel].is_nan())
+    }
+
+    /// Returns `above` / `below` in the channels that move, 0 in the others.
+    fn ratio_where_it_moves(&self, excess: &[f64], above: &[f64], below: &[f64]) -> Vec<f64> {
+        let ratios = above.iter().zip(below).enumerate();
+        ratios
+            .map(|(c, (a, b))| if self.moves(excess, c) { a / b } else { 0.0 })
+            .collect()
+    }
+
     /// Takes one step in the channels that exceed the tolerance; false if K turns out not to be positive definite.
     fn step(&mut self, excess: &[f64]) -> bool {
+        if self.is_spent {
+            self.turn(excess);
+        }
         self.scratch.clone_from(&self.direction);
         scale(&mut self.scratch, &self.root);
         self.scaled.system.operator().apply(&self.scratch, &mut self.product);
@@ -125,31 +157,20 @@ impl<'a> State<'a> {
             *product = p - root * *product;
         }
         let curvature = inner(&self.weights, &self.direction, &self.product);
-        // Even light may have been all that was missing: then nothing is left to do, and K p = 0 says nothing of K.
-        let squared_before = &self.squared;
-        let moves = |c: usize| excess[c] > 1.0 && (squared_before[c] > 0.0 || squared_before[c].is_nan());
-        if (0..curvature.len()).any(|c| moves(c) && (curvature[c] <= 0.0 || curvature[c].is_nan())) {
+        let is_flat = |c: usize| curvature[c] <= 0.0 || curvature[c].is_nan();
+        if (0..curvature.len()).any(|c| self.moves(excess, c) && is_flat(c)) {
             return false;
         }
-        let ratio = |above: &[f64], below: &[f64]| -> Vec<f64> {
-            let ratios = above.iter().zip(below).enumerate();
-            ratios.map(|(c, (a, b))| if moves(c) { a / b } else { 0.0 }).collect()
-        };
-        let alpha = ratio(&self.squared, &curvature);
+        let alpha = self.ratio_where_it_moves(excess, &self.squared, &curvature);
         add_scaled(&mut self.x, &alpha, &self.direction);
         let minus_alpha: Vec<f64> = alpha.iter().map(|a| -a).collect();
         add_scaled(&mut self.residual, &minus_alpha, &self.product);
         if let Some(deflation) = &self.deflation {
             // Nothing but rounding, unless K is not quite symmetric.
-            deflation.solve(&mut self.x, &mut self.residual, moves);
+            let moving: Vec<bool> = (0..alpha.len()).map(|c| self.moves(excess, c)).collect();
+            deflation.solve(&mut self.x, &mut self.residual, |c| moving[c]);
         }
-        let squared = inner(&self.weights, &self.residual, &self.residual);
-        let beta = ratio(&squared, &self.squared);
-        combine(&mut self.direction, &beta, &vec![1.0; beta.len()], &self.residual);
-        if let Some(deflation) = &self.deflation {
-            deflation.project(&mut self.direction, &self.residual);
-        }
-        self.squared = squared;
+        self.is_spent = true;
         true
     }
 }
@@ -196,5 +217,6 @@ impl Iteration for State<'_> {
             deflation.project(&mut self.direction, &self.residual);
         }
         self.squared = inner(&self.weights, &self.residual, &self.residual);
+        self.is_spent = false;
     }
 }

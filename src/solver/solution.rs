@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::auto::ChoiceReason;
 use super::carried_error::relative_errors;
 use super::energy::Energy;
 use super::error_bound;
@@ -88,12 +89,12 @@ impl ChannelQuality {
 }
 
 /// A solver, and why it was chosen.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Choice {
     /// Its name.
     pub solver: &'static str,
-    /// Why, in a sentence.
-    pub why: String,
+    /// Why.
+    pub why: ChoiceReason,
 }
 
 impl Solution {

@@ -272,7 +272,7 @@ impl Run {
             solution.tell_backs_apart(system.areas(), backs);
         }
         if let Some(choice) = &solution.choice {
-            plan.decide("solver", choice.solver, choice.why.clone());
+            plan.decide("solver", choice.solver, choice.why.to_string());
         }
         let is_negative = solution.radiosity.values().iter().any(|b| *b < 0.0);
         if solution.stop_reason == StopReason::Diverged && solution.residual_l2 <= args.tolerance && is_negative {

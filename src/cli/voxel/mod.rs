@@ -392,7 +392,7 @@ fn solve_to_tolerance(
     let found = run.times.time("audit", || audit::solution(&system, &solution, given))?;
     run.audited(found);
     if let Some(choice) = &solution.choice {
-        prepared.plan.decide("solver", choice.solver, choice.why.clone());
+        prepared.plan.decide("solver", choice.solver, choice.why.to_string());
     }
     let converged = solution.stop_reason == StopReason::Converged;
     Ok(Solved {
