@@ -673,6 +673,31 @@ fn textures_are_not_opened() {
 }
 
 #[test]
+fn keywords_of_materials_are_read_in_any_case_and_a_texture_of_light_is_told_as_one() {
+    let directory = tempfile::tempdir().unwrap();
+    let scene = directory.path().join("a.obj");
+    std::fs::write(
+        &scene,
+        "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl paint\nf 1 2 3\n",
+    )
+    .unwrap();
+    let library = "NewMtl paint\nkd 0.25 0.5 0.75\nKE 2\nmap_ke lamp.png\n";
+    std::fs::write(directory.path().join("a.mtl"), library).unwrap();
+    let loaded = load(&scene).unwrap();
+    let paint = &loaded.scene.materials[0];
+    assert_eq!(
+        paint.reflectance.map(f64::to_bits),
+        [0.25_f64, 0.5, 0.75].map(f64::to_bits)
+    );
+    assert_eq!(paint.exitance.map(f64::to_bits), [2.0_f64; 3].map(f64::to_bits));
+    let [told] = warnings(&loaded).try_into().unwrap();
+    assert!(
+        told.ends_with("a.mtl:4: the texture of material `paint` is not read; its `Ke` counts everywhere"),
+        "{told}"
+    );
+}
+
+#[test]
 fn a_face_of_too_many_corners_is_refused() {
     let directory = tempfile::tempdir().unwrap();
     let file: PathBuf = directory.path().join("long.obj");

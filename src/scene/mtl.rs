@@ -23,8 +23,8 @@ pub(super) struct Definition {
     pub(super) reflectance: Option<[f64; 3]>,
     /// `Ke`, or zero.
     pub(super) exitance: [f64; 3],
-    /// The line of the first texture of the diffuse or emitted colour.
-    pub(super) texture_line: Option<u32>,
+    /// The line of the first texture of the diffuse or emitted colour, and the keyword of what counts in its place.
+    pub(super) texture: Option<(u32, &'static str)>,
     /// The line and the keyword of the first statement by which the material would mirror or let light through.
     pub(super) not_diffuse: Option<(u32, &'static str)>,
     /// True if an earlier definition has the same name.
@@ -41,8 +41,8 @@ pub(super) struct Definitions {
 struct Beside {
     /// The line of the `newmtl`.
     line: u32,
-    /// The line of the first texture.
-    texture_line: Option<u32>,
+    /// The line of the first texture, and the keyword of what counts in its place.
+    texture: Option<(u32, &'static str)>,
     /// The first statement by which it would not be diffuse and opaque.
     not_diffuse: Option<(u32, &'static str)>,
 }
@@ -114,7 +114,7 @@ impl Definitions {
                 line: beside.line,
                 reflectance: material.diffuse,
                 exitance: material.emissive.unwrap_or_default(),
-                texture_line: beside.texture_line,
+                texture: beside.texture,
                 not_diffuse: beside.not_diffuse,
                 repeated: false,
             };
@@ -203,10 +203,18 @@ fn lies_beside(library: &Path, scene_file: &Path) -> bool {
     }
 }
 
+/// Returns a keyword as it is written: some programs write `kd`, and nothing else is called so.
+fn spelt(keyword: &str) -> &str {
+    let known = ["newmtl", "Kd", "Ke", "map_Kd", "map_Ke"];
+    let found = known.into_iter().find(|known| known.eq_ignore_ascii_case(keyword));
+    found.unwrap_or(keyword)
+}
+
 fn scan(text: &str, file: &Path) -> Result<Scan, SceneError> {
     let mut scan = Scan::default();
     for_each_statement(text, |s| {
-        match s.keyword {
+        let keyword = spelt(s.keyword);
+        match keyword {
             "newmtl" if s.rest.is_empty() => {
                 return Err(SceneError::MissingName {
                     file: file.to_owned(),
@@ -217,7 +225,7 @@ fn scan(text: &str, file: &Path) -> Result<Scan, SceneError> {
             "newmtl" => {
                 scan.materials.push(Beside {
                     line: s.line,
-                    texture_line: None,
+                    texture: None,
                     not_diffuse: None,
                 });
                 let _ = writeln!(scan.values, "newmtl {}", s.rest);
@@ -246,7 +254,9 @@ fn scan(text: &str, file: &Path) -> Result<Scan, SceneError> {
             }
             "map_Kd" | "map_Ke" => {
                 if let Some(material) = scan.materials.last_mut() {
-                    material.texture_line.get_or_insert(s.line);
+                    material
+                        .texture
+                        .get_or_insert((s.line, if keyword == "map_Kd" { "Kd" } else { "Ke" }));
                 }
             }
             _ => {

@@ -263,10 +263,11 @@ impl Assembly<'_> {
                 name: name(),
             });
         }
-        if let Some(texture_line) = definition.texture_line {
+        if let Some((line, keyword)) = definition.texture {
             self.warnings.push(SceneWarning::IgnoredTexture {
                 file: file.clone(),
-                line: texture_line,
+                line,
+                keyword,
                 name: name(),
             });
         }

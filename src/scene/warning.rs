@@ -74,12 +74,14 @@ pub enum SceneWarning {
         /// The material's name.
         name: String,
     },
-    /// A material in use has a texture, which is not read: its `Kd` counts.
+    /// A material in use has a texture, which is not read: its `Kd` or `Ke` counts.
     IgnoredTexture {
         /// The material file.
         file: PathBuf,
         /// The line of the texture.
         line: u32,
+        /// What counts in its place.
+        keyword: &'static str,
         /// The material's name.
         name: String,
     },
@@ -212,10 +214,10 @@ impl fmt::Display for SceneWarning {
                     printable(name)
                 )
             }
-            Self::IgnoredTexture { name, .. } => {
+            Self::IgnoredTexture { name, keyword, .. } => {
                 write!(
                     f,
-                    ": the texture of material `{}` is not read; its `Kd` counts everywhere",
+                    ": the texture of material `{}` is not read; its `{keyword}` counts everywhere",
                     printable(name)
                 )
             }
