@@ -213,8 +213,7 @@ fn spelt(keyword: &str) -> &str {
 fn scan(text: &str, file: &Path) -> Result<Scan, SceneError> {
     let mut scan = Scan::default();
     for_each_statement(text, |s| {
-        let keyword = spelt(s.keyword);
-        match keyword {
+        match spelt(s.keyword) {
             "newmtl" if s.rest.is_empty() => {
                 return Err(SceneError::MissingName {
                     file: file.to_owned(),
@@ -252,11 +251,11 @@ fn scan(text: &str, file: &Path) -> Result<Scan, SceneError> {
                 }
                 write_rgb(&mut scan.values, "Ke", value);
             }
-            "map_Kd" | "map_Ke" => {
+            map @ ("map_Kd" | "map_Ke") => {
                 if let Some(material) = scan.materials.last_mut() {
                     material
                         .texture
-                        .get_or_insert((s.line, if keyword == "map_Kd" { "Kd" } else { "Ke" }));
+                        .get_or_insert((s.line, if map == "map_Kd" { "Kd" } else { "Ke" }));
                 }
             }
             _ => {

@@ -263,10 +263,10 @@ impl Assembly<'_> {
                 name: name(),
             });
         }
-        if let Some((line, keyword)) = definition.texture {
+        if let Some((texture_line, keyword)) = definition.texture {
             self.warnings.push(SceneWarning::IgnoredTexture {
                 file: file.clone(),
-                line,
+                line: texture_line,
                 keyword,
                 name: name(),
             });
