@@ -446,6 +446,27 @@ fn the_error_covers_the_rule_and_the_shadows_that_few_points_miss() {
     }
 }
 
+/// A row whose only ray is blocked has nothing to be normalised by; what the ray has missed is stated all the same.
+#[test]
+fn an_empty_row_keeps_its_error_when_rows_are_normalised() {
+    let square = |z: f64, side: f64| {
+        let at = |x: f64, y: f64| DVec3::new(0.5 + 0.5 * side * x, 0.5 + 0.5 * side * y, z);
+        [at(-1.0, -1.0), at(1.0, -1.0), at(1.0, 1.0), at(-1.0, 1.0)]
+    };
+    let mut shapes = Shapes::default();
+    shapes.face(&square(0.0, 1.0));
+    let mut above = square(1.0, 1.0);
+    above.reverse();
+    shapes.face(&above);
+    // Its back is towards the lower plate, and nothing of it towards the upper one's centre.
+    shapes.face(&square(0.5, 0.2));
+    let scene = Prepared::new(shapes.scene(), 1);
+    let found = scene.by_surface(&scene.compute(&CentrePoint { normalise: true }));
+    let (value, error) = (found.form_factor[1], found.error[1]);
+    // Without the small square it is 0.1998.
+    assert!(value <= 0.0 && (0.05..=1.0).contains(&error), "{value} ± {error}");
+}
+
 /// A furnished room: what points miss of the shadows in it is seldom more than they say.
 #[test]
 fn few_points_in_a_furnished_room_state_their_errors() {

@@ -11,7 +11,7 @@ use super::failure::Failure;
 use super::file_set::FileSet;
 use super::form_factors::{checks_to_json, describe_checks};
 use super::lightings::{Stack, greatest_reflectance, with_suffix};
-use super::picture::{image_byte, preview_of, shoot};
+use super::picture::{gathered, image_byte, preview_of, shoot};
 use super::pipeline::{Computed, Fineness, Prepared, Run, posed};
 use super::render::{
     AnyView, DEFAULT_RAYS, DEFAULT_TOLERANCE, default_mesh, indirect_irradiance, render_settings, tell_whole_faces,
@@ -23,7 +23,7 @@ use super::{Outcome, merge, solve};
 use crate::form_factor::{Before, Change};
 use crate::matrix::FormFactors;
 use crate::printable::counted;
-use crate::render::{DirectMethod, GatherReport, RenderInput, RenderSettings};
+use crate::render::{DirectMethod, RenderInput, RenderSettings};
 use crate::scene::{Lighting, Motion, Pose, SurfaceId, frames};
 use crate::solver::{Coarsened, Solution, StopReason};
 
@@ -392,7 +392,7 @@ impl Solved<'_> {
         };
         let output = (frame.output.as_path(), frame.preview.as_path());
         let image = shoot(run, &input, &frame.view, frame.settings, args, output)?;
-        let gathered = frame.settings.gather.map(|gather| GatherReport::new(&image, gather));
+        let gather = gathered(run, &image, frame.settings, &frame.output);
         let (width, height) = (image.width(), image.height());
         let (picture, preview) = (frame.output.display(), frame.preview.display());
         let mut document = json!({
@@ -404,7 +404,7 @@ impl Solved<'_> {
             "preview": frame.preview,
             "width": width,
             "height": height,
-            "final_gather": gathered,
+            "final_gather": gather,
             "mesh_error": mesh_error,
             "energy": own.energy,
             "surfaces": prepared.surfaces_with_radiosity(&own),
@@ -414,7 +414,7 @@ impl Solved<'_> {
             frame: number,
             stated,
             line: format!("{}: wrote {picture} ({width} × {height}) and {preview}\n", frame.name),
-            is_noisy: gathered.is_some_and(|report| report.n_above > 0),
+            is_noisy: gather.is_some_and(|report| report.n_above > 0),
             document,
         })
     }

@@ -15,9 +15,11 @@ use super::storage::limit_byte;
 use crate::audit;
 use crate::cli::args::PixelsName;
 use crate::plan::byte_text;
+use crate::printable::{counted, short};
 use crate::render::display::{TevDisplay, Unwatched, Watcher};
 use crate::render::{
-    Attributes, CameraRecord, Image, RenderInput, RenderSettings, View, ViewDescription, exr, png, render_watched,
+    Attributes, CameraRecord, GatherReport, Image, RenderInput, RenderSettings, View, ViewDescription, exr, png,
+    render_watched,
 };
 use crate::report::memory_used_byte;
 
@@ -99,6 +101,21 @@ pub(super) fn shoot(
         kept.keep(run, output, preview);
     }
     Ok(image)
+}
+
+/// Returns what final gather took, and warns of pixels that stay above the noise.
+pub(super) fn gathered(run: &Run, image: &Image, settings: RenderSettings, picture: &Path) -> Option<GatherReport> {
+    let report = GatherReport::new(image, settings.gather?);
+    if report.n_above > 0 {
+        run.warn(&format!(
+            "{}: {} of {} above the noise of {} after as many rays as --gather-rays lets them have; raise that, or --noise",
+            picture.display(),
+            report.n_above,
+            counted(usize::try_from(report.n_pixels).unwrap_or(usize::MAX), "pixel"),
+            short(report.noise)
+        ));
+    }
+    Some(report)
 }
 
 /// Warns if a camera sees no face from its front: backs are black.

@@ -15,7 +15,7 @@ use super::file_set::FileSet;
 use super::form_factors::{checks_to_json, describe_checks};
 use super::mesh_error::MeshError;
 use super::on_the_fly::{self, Request};
-use super::picture::{image_byte, preview_of, shoot};
+use super::picture::{gathered, image_byte, preview_of, shoot};
 use super::pipeline::{Computed, Fineness, Prepared, Run};
 use super::solve;
 use super::storage::Storage;
@@ -24,7 +24,7 @@ use crate::matrix::operator::{Block, LinearOperator};
 use crate::mesh::{Mesh, MeshOptions, Subdivision};
 use crate::printable::{counted, short};
 use crate::render::{
-    CameraRecord, DirectMethod, GatherReport, GatherSettings, RayView, RenderInput, RenderSettings, UnfoldedView, View,
+    CameraRecord, DirectMethod, GatherSettings, RayView, RenderInput, RenderSettings, UnfoldedView, View,
 };
 use crate::scene::{Camera, IMAGE_SIDES, Scene};
 use crate::solver::Solution;
@@ -103,8 +103,8 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
     result["mesh_error"] = json!(solved.mesh_error);
     result["image"] = json!(args.output.display().to_string());
     result["preview"] = json!(preview.display().to_string());
-    let gathered = settings.gather.map(|gather| GatherReport::new(&image, gather));
-    result["final_gather"] = json!(gathered);
+    let gather = gathered(run, &image, settings, &args.output);
+    result["final_gather"] = json!(gather);
     result["width"] = json!(image.width());
     result["height"] = json!(image.height());
     let mut text = run.explanation(&prepared);
@@ -117,7 +117,7 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
     }
     let solver = (solved.solver.as_str(), solved.mesh_error.as_ref());
     solve::describe(&mut text, &prepared, solver, &solved.solution, stated);
-    if let Some(report) = gathered {
+    if let Some(report) = &gather {
         let _ = writeln!(
             text,
             "final gather: {} rays, {} of {} pixels above the noise of {}",
@@ -137,7 +137,7 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
         image.height(),
         preview.display()
     );
-    let is_noisy = gathered.is_some_and(|report| report.n_above > 0);
+    let is_noisy = gather.is_some_and(|report| report.n_above > 0);
     let code = match solve::code(&solved.solution, solved.computed.as_ref(), stated) {
         ExitCode::Done if is_noisy => ExitCode::NotConverged,
         code => code,

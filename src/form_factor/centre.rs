@@ -62,7 +62,7 @@ impl FormFactorMethod for CentrePoint {
     }
 }
 
-/// Returns F_ij / Σ_k F_ik; rows that see nothing stay empty.
+/// Returns F_ij / Σ_k F_ik; rows that see nothing stay as they are, with what the rule states of its zeros.
 fn normalised(factors: &FormFactors, storage: StorageChoice) -> Result<FormFactors, FormFactorError> {
     let rows = (0..factors.n_rows()).map(|i| {
         let alpha = factors.row_sum(i);
@@ -77,6 +77,10 @@ fn normalised(factors: &FormFactors, storage: StorageChoice) -> Result<FormFacto
                 let of_step = error + (scaled - value).abs();
                 let most = scaled.max(1.0 - scaled);
                 entries.push((PatchId::from_index(j).0, scaled, of_both.min(of_step).min(most)));
+            });
+        } else {
+            factors.for_each_in_row(i, |j, value, error| {
+                entries.push((PatchId::from_index(j).0, value, error));
             });
         }
         tile.push_row(&entries, RowTally::default());

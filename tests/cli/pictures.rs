@@ -820,6 +820,12 @@ fn final_gather_says_what_it_took_and_a_missing_viewer_is_a_warning() {
         "{}",
         result["final_gather"]
     );
+    let n_above = &result["final_gather"]["n_above"];
+    let told = result["warnings"].to_string();
+    assert!(
+        told.contains(&format!("g.exr: {n_above} of ")) && told.contains("--gather-rays"),
+        "{told}"
+    );
     // Port 1 is nobody's.
     let output = radiosity(
         directory.path(),
