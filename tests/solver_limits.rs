@@ -380,7 +380,9 @@ fn noise_is_not_called_convergence() {
         deflation: Deflate::Never,
     };
     let solution = run(&plain, &system(&f, &reflectance, &exitance), &options);
-    assert_eq!(solution.stop_reason, StopReason::Stagnated);
+    // The residual falls and rises in long waves: which of them ends it says nothing.
+    let gave_up = [StopReason::Stagnated, StopReason::Diverged].contains(&solution.stop_reason);
+    assert!(gave_up, "{:?} after {}", solution.stop_reason, solution.n_passes);
     assert!(solution.residual_l2 > 1e-11);
     let expected = solve_direct(&dense(&f), &reflectance, &exitance);
     let error = relative_error(f.areas(), &solution.radiosity, &expected);

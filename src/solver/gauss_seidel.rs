@@ -58,6 +58,7 @@ struct Sweeps<'a> {
 
 impl Iteration for Sweeps<'_> {
     const NEEDS_RESIDUAL: bool = false;
+    const DRIFTS: bool = false;
 
     fn pass(&mut self, _excess: &[f64]) -> Estimate {
         sweep(self.scaled, self.rows, &mut self.radiosity, &mut self.before);

@@ -9,8 +9,29 @@ use super::stop::{StopReason, Tolerance, Watch, worst};
 use super::{Solution, SolveOptions, SolverError};
 use crate::matrix::operator::Block;
 
-/// A check of the true residual after which it has not fallen below this share of the one before has gained nothing.
+/// A residual that has not fallen below this share of the one before it has gained nothing, and an estimate below this share of the true residual is wrong.
 const GAIN: f64 = 0.5;
+
+/// What checks of the true residual have said of the estimates that asked for them.
+struct Checks {
+    /// The last true residual, over the tolerance.
+    before: f64,
+    /// By what factor estimates are taken to be too small.
+    factor: f64,
+}
+
+impl Checks {
+    /// Takes in a residual and the estimate of it that met the tolerance, both over the tolerance, and tells whether estimates lead nowhere.
+    ///
+    /// Those that do not drift lag behind: they are to fall by as much more, and that is no standing still. Nor is it where estimates that drift are off by little.
+    fn observe(&mut self, truth: f64, estimate: f64, drifts: bool) -> bool {
+        let leads_nowhere = drifts && truth > GAIN * self.before && estimate < GAIN * truth;
+        let most = if drifts { 1.0 / GAIN } else { f64::INFINITY };
+        self.before = truth;
+        self.factor = (truth / estimate).max(1.0).min(most);
+        leads_nowhere
+    }
+}
 
 /// What an iteration knows of its residual after a pass.
 pub(super) enum Estimate {
@@ -38,6 +59,9 @@ pub(super) trait Iteration {
 
     /// True if no channel's residual, by `Tolerance::ResidualL2`, is ever above what it was a pass before: the last radiosities are then the best.
     const NEVER_RISES: bool = false;
+
+    /// False if estimates come from F in each pass anew, as those of sweeps do: patience alone tells then whether the method stands still.
+    const DRIFTS: bool = true;
 
     /// Returns the residual of the radiosities before the first pass, with one pass over F, through which further vectors may go: that counts as one pass, as any number of channels does.
     fn first_residual(&mut self, scaled: &Scaled) -> TrueResidual {
@@ -86,7 +110,7 @@ pub(super) trait Iteration {
 ///
 /// When the running estimate meets the tolerance, the true residual is calculated with one more pass over F, and the iteration
 /// restarts from it where it does not meet the tolerance; two such checks in a row that differ by less than a factor of 2 end it as
-/// [`StopReason::Stagnated`], unless the method goes by the light under way. Radiosities that meet the tolerance and are negative somewhere, though nothing emits less than nothing, are set to
+/// [`StopReason::Stagnated`], if the estimate is wrong by that factor as well and the method does not go by the light under way. Radiosities that meet the tolerance and are negative somewhere, though nothing emits less than nothing, are set to
 /// E there; if they still meet the tolerance they are the solution, else the iteration goes on, and ends as [`StopReason::Diverged`] if it
 /// does not get far closer: B ≥ 0 with (I − diag(ρ) F) B = E ≥ 0 is what shows that the system is one of light (an M-matrix).
 /// Where rounding decides whether the tolerance is met, the residual is calculated with twice the digits. Where the tolerance is not met, the best radiosities of each channel are returned, not the last.
@@ -105,7 +129,10 @@ pub(super) fn run<I: Iteration>(
     let mut truth = None;
     let (mut n_passes, mut n_checks) = (0, 0);
     let mut gave_up = StopReason::MaxPasses;
-    let mut checked_before = f64::INFINITY;
+    let mut checks = Checks {
+        before: f64::INFINITY,
+        factor: 1.0,
+    };
     let mut best = Best::new(n_channels);
     let mut rejected_before = f64::INFINITY;
     let mut mended = None;
@@ -115,8 +142,8 @@ pub(super) fn run<I: Iteration>(
         let first = scaled.sharpened(tolerance, &iteration.radiosity(), first);
         n_checks += 1;
         excess = tolerance.excess(&first.norms);
-        checked_before = worst(&excess);
-        done = checked_before <= 1.0;
+        checks.before = worst(&excess);
+        done = checks.before <= 1.0;
         if !recorder.note(0, 0.0, &first.norms, false, || iteration.radiosity()) {
             (gave_up, done) = (StopReason::Interrupted, true);
         }
@@ -132,10 +159,14 @@ pub(super) fn run<I: Iteration>(
         truth = None;
         let estimate = iteration.pass(&excess);
         n_passes += 1;
+        let mut factor = checks.factor;
+        let mut plain = 0.0;
         let mut norms = match estimate {
             Estimate::Running(norms) => norms,
             Estimate::True(mut exact) => {
-                if worst(&tolerance.excess(&exact.norms)) <= 1.0 {
+                factor = 1.0;
+                plain = worst(&tolerance.excess(&exact.norms));
+                if plain <= 1.0 {
                     exact = scaled.sharpened(tolerance, &iteration.radiosity(), exact);
                 }
                 truth.insert(exact).norms.clone()
@@ -151,18 +182,16 @@ pub(super) fn run<I: Iteration>(
         let mut stagnated = false;
         if let Some(exact) = truth.take_if(|exact| exact.is_sharp && worst(&tolerance.excess(&exact.norms)) > 1.0) {
             // What looked like the solution was rounding.
-            let checked = worst(&tolerance.excess(&exact.norms));
-            stagnated = checked > GAIN * checked_before;
-            checked_before = checked;
+            stagnated = checks.observe(worst(&tolerance.excess(&exact.norms)), plain, true);
             iteration.restart(&exact, &tolerance.excess(&exact.norms));
             n_checks += 1;
         }
-        let claims = worst(&tolerance.excess(&norms)) <= 1.0;
+        let estimated = worst(&tolerance.excess(&norms));
+        let claims = factor * estimated <= 1.0;
         if truth.is_none() && (claims || options.true_history) {
             let check = || {
                 let radiosity = iteration.radiosity();
-                let plain = scaled.true_residual(&radiosity);
-                scaled.sharpened(tolerance, &radiosity, plain)
+                scaled.sharpened(tolerance, &radiosity, scaled.true_residual(&radiosity))
             };
             let exact = if options.true_history {
                 recorder.off_the_clock(check)
@@ -171,21 +200,28 @@ pub(super) fn run<I: Iteration>(
             };
             n_checks += 1;
             norms = exact.norms.clone();
+            factor = 1.0;
             let checked = worst(&tolerance.excess(&norms));
             if claims {
                 // What goes by the light under way checks radiosities that are a reflection further than that light: the check may stay behind for long.
-                stagnated = checked > GAIN * checked_before && iteration.under_way().is_none();
-                checked_before = checked;
+                stagnated = checks.observe(checked, estimated, I::DRIFTS) && iteration.under_way().is_none();
             }
             goes_on = recorder.note(n_passes, 0.0, &norms, false, || iteration.radiosity()) && goes_on;
             if claims && checked > 1.0 && !stagnated {
                 // The radiosities may change with it: what is true of them is calculated anew at the end.
                 iteration.restart(&exact, &tolerance.excess(&norms));
+                if !I::DRIFTS {
+                    // Estimates stand for more than they did: those before are no measure of them.
+                    watch = Watch::new(options.patience);
+                }
             } else {
                 truth = Some(exact);
             }
         }
         excess = tolerance.excess(&norms);
+        for over in &mut excess {
+            *over *= factor;
+        }
         if !(I::NEVER_RISES && scaled.is_one_room() && matches!(tolerance, Tolerance::ResidualL2(_))) {
             best.observe(&excess, || iteration.radiosity());
         }

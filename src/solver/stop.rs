@@ -93,15 +93,27 @@ pub(super) struct Watch {
     channels: Vec<Course>,
 }
 
+/// The share of its mean rise a pass, in logarithms, below which the last rise of a run is one that slows down.
+const SLOWS: f64 = 0.5;
+
 /// How one channel has gone.
 #[derive(Clone)]
 struct Course {
     limit: Option<f64>,
     best: f64,
     last: f64,
-    passes_since_best: usize,
-    /// Passes in a row, up to the last, each worse than the one before it.
-    n_rises: usize,
+    /// Passes since the least value, or since the last one of a long run in one direction.
+    n_idle: usize,
+    run: Run,
+}
+
+/// Passes in a row that all rise, or all fall.
+#[derive(Clone, Copy)]
+struct Run {
+    n_passes: usize,
+    is_rise: bool,
+    /// The value before the first of them.
+    from: f64,
 }
 
 impl Course {
@@ -109,31 +121,63 @@ impl Course {
         limit: None,
         best: f64::INFINITY,
         last: f64::INFINITY,
-        passes_since_best: 0,
-        n_rises: 0,
+        n_idle: 0,
+        run: Run {
+            n_passes: 0,
+            is_rise: false,
+            from: f64::INFINITY,
+        },
     };
 
     /// Takes in one pass, and tells why to give the channel up, if so.
+    ///
+    /// The residual of a method that converges may first rise, and fall for long before it is below its first value: sweeps near ρ = 1 do. Runs of falls, and of rises that slow down, are
+    /// no standing still; what diverges rises by the same factor again and again.
     fn observe(&mut self, excess: f64, under_way: Option<f64>, patience: usize) -> Option<StopReason> {
         let limit = *self.limit.get_or_insert(DIVERGED_FROM * excess.max(1.0));
         if !excess.is_finite() || excess > limit {
             return Some(StopReason::Diverged);
         }
         let measure = under_way.unwrap_or(excess);
-        if measure < self.best {
-            self.best = measure;
-            self.passes_since_best = 0;
-        } else {
-            self.passes_since_best += 1;
-        }
-        self.n_rises = if measure > self.last { self.n_rises + 1 } else { 0 };
+        self.extend_run(measure);
+        let is_long = 2 * self.run.n_passes >= patience;
+        let gets_somewhere = is_long && (!self.run.is_rise || self.run.slows(self.last, measure));
         self.last = measure;
-        let reason = if 2 * self.n_rises >= patience {
+        if measure < self.best || gets_somewhere {
+            self.n_idle = 0;
+        } else {
+            self.n_idle += 1;
+        }
+        self.best = self.best.min(measure);
+        let reason = if is_long {
             StopReason::Diverged
         } else {
             StopReason::Stagnated
         };
-        (self.passes_since_best >= patience).then_some(reason)
+        (self.n_idle >= patience).then_some(reason)
+    }
+
+    fn extend_run(&mut self, measure: f64) {
+        let is_rise = measure > self.last;
+        #[expect(clippy::float_cmp, reason = "what stands still to the last digit is no run")]
+        if measure == self.last {
+            self.run.n_passes = 0;
+        } else if self.run.n_passes > 0 && self.run.is_rise == is_rise {
+            self.run.n_passes += 1;
+        } else {
+            self.run = Run {
+                n_passes: 1,
+                is_rise,
+                from: self.last,
+            };
+        }
+    }
+}
+
+impl Run {
+    /// Tells whether the rise from `last` to `now`, the newest of the run, is much less than its mean one.
+    fn slows(self, last: f64, now: f64) -> bool {
+        (now / last).ln() * (self.n_passes as f64) < SLOWS * (now / self.from).ln()
     }
 }
 
@@ -209,6 +253,13 @@ mod tests {
         assert_eq!(verdict(10, |_| 1.0), Some((10, StopReason::Stagnated)));
         assert_eq!(verdict(10, |_| f64::NAN), Some((0, StopReason::Diverged)));
         assert_eq!(verdict(0, |_| 1.0), Some((1, StopReason::Stagnated)));
+        // Up first, by less and less, then slowly down: below the first value after some 700 passes.
+        let late = |k: i32| f64::from(1 + k) * 0.99_f64.powi(k);
+        assert_eq!(verdict(10, late), None);
+        assert_eq!(verdict(10, |k| 1.0 - 0.5 * 0.5_f64.powi(k) - 1e-4 * f64::from(k)), None);
+        // Neither up nor down for long enough.
+        let waves = |k: i32| 1.0 + f64::from(k % 8 - 4).abs();
+        assert_eq!(verdict(12, waves), Some((16, StopReason::Stagnated)));
         // The residual's norm rises while light that is under way is used up.
         let mut watch = Watch::new(3);
         assert!((0..100).all(|k| watch.observe(&[2.0 + f64::from(k)], Some(0.9_f64.powi(k))).is_none()));

@@ -1,6 +1,8 @@
 //! The systems that solvers are tried on.
 
 use super::rooms;
+use glam::DVec3;
+
 use crate::experiment::ExperimentError;
 use crate::matrix::operator::{Block, LinearOperator, RowAccess};
 use crate::matrix::{FormFactors, Layout, Precision, StorageChoice, Weighting};
@@ -96,6 +98,7 @@ pub(super) fn all(seed: u64) -> Result<Vec<Case>, ExperimentError> {
     let cube = cube_of(1.0, 1.0, StorageChoice::default())?;
     let small = rooms::form_factors(&rooms::cube(1.0, SMALL_EDGE), 1.0, StorageChoice::default())?;
     let mut cases = stiff(&cube);
+    cases.extend(stiff_and_small()?);
     cases.extend(materials(&cube));
     cases.extend(wrong_row_sums()?);
     cases.extend(noisy(&small, seed)?);
@@ -129,6 +132,21 @@ fn stiff(cube: &FormFactors) -> Vec<Case> {
         uneven,
     ));
     cases
+}
+
+/// Sides of unequal size, one patch each: the residuals of sweeps rise before they fall, and swing.
+fn stiff_and_small() -> Result<Vec<Case>, ExperimentError> {
+    let sides = rooms::cuboid(DVec3::new(1.0, 1.5, 2.0), 1);
+    let room = rooms::form_factors(&sides, 1.0, StorageChoice::default())?;
+    let case = |exponent: i32| {
+        let name = format!("six patches, 1 − ρ = 1e-{exponent}");
+        let dark = 10_f64.powi(-exponent);
+        Case::new(&name, "cuboid of 1 × 1.5 × 2, lit by its top", room.clone(), |_| {
+            1.0 - dark
+        })
+        .lit_by(|i| if i == 5 { 1.0 } else { 0.0 })
+    };
+    Ok([1, 3, 4, 5].map(case).into())
 }
 
 fn materials(cube: &FormFactors) -> Vec<Case> {

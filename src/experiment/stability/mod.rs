@@ -388,6 +388,7 @@ fn summary(case: &Case, cells: &[Cell]) -> CaseSummary {
 mod tests {
     use super::*;
     use crate::progress::Silent;
+    use crate::solver::{GaussSeidel, Sor};
 
     /// The table itself: no cell is wrong, what has no solution is refused by all, and some solver is right wherever there is one.
     #[test]
@@ -408,6 +409,44 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// Residuals of sweeps that rise before they fall, swing for longer than the patience, or lag behind are no standing still.
+    #[test]
+    fn slow_is_not_stagnated() {
+        let cases = cases::all(0).unwrap();
+        let passes = |exponent: i32, solver: &dyn Solver, max_passes: usize| {
+            let name = format!("six patches, 1 − ρ = 1e-{exponent}");
+            let case = cases.iter().find(|case| case.name == name).unwrap();
+            let options = SolveOptions {
+                max_passes,
+                ..SolveOptions::default()
+            };
+            let system = case.system().unwrap();
+            let solution = solver
+                .solve(&system, &options, &mut |_| ControlFlow::Continue(()))
+                .unwrap();
+            (solution.stop_reason, solution.n_passes)
+        };
+        let sor = |omega: f64| Sor { omega: Some(omega) };
+        // The least passes after which the true residual meets the tolerance, counted in a program of a dozen lines; estimates that lag cost a twentieth more.
+        for (exponent, solver, least) in [
+            (1, &sor(1.9) as &dyn Solver, 126),
+            (3, &sor(1.5), 2254),
+            (3, &GaussSeidel, 6462),
+            (4, &sor(1.97), 1021),
+            (4, &Sor::default(), 609),
+            (5, &Sor::default(), 2045),
+        ] {
+            let (reason, n) = passes(exponent, solver, 10_000);
+            assert_eq!(reason, StopReason::Converged, "{} at 1e-{exponent}: {n}", solver.name());
+            assert!(
+                (least..=least + least / 20 + 1).contains(&n),
+                "{} at 1e-{exponent}: {n}",
+                solver.name()
+            );
+        }
+        assert_eq!(passes(5, &GaussSeidel, 1000), (StopReason::MaxPasses, 1000));
     }
 
     /// The oracle tells systems of light from others, as the cases say.

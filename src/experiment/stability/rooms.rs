@@ -18,7 +18,12 @@ fn grid(origin: DVec3, u: DVec3, v: DVec3, n: u32) -> impl Iterator<Item = [DVec
 
 /// Returns the patches of a cube of the given edge, n × n on each side, all facing inwards; the last n² are the ceiling.
 pub(super) fn cube(edge: f64, n: u32) -> Vec<[DVec3; 4]> {
-    let [x, y, z] = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| axis * edge);
+    cuboid(DVec3::splat(edge), n)
+}
+
+/// As [`cube`], with an edge of its own along each axis.
+pub(super) fn cuboid(edges: DVec3, n: u32) -> Vec<[DVec3; 4]> {
+    let [x, y, z] = [DVec3::X * edges.x, DVec3::Y * edges.y, DVec3::Z * edges.z];
     let o = DVec3::ZERO;
     let sides = [(o, y, z), (x, z, y), (o, z, x), (y, x, z), (o, x, y), (z, y, x)];
     sides
