@@ -28,7 +28,12 @@ impl Checks {
         let leads_nowhere = drifts && truth > GAIN * self.before && estimate < GAIN * truth;
         let most = if drifts { 1.0 / GAIN } else { f64::INFINITY };
         self.before = truth;
-        self.factor = (truth / estimate).max(1.0).min(most);
+        // An estimate of nothing left says nothing of the next.
+        self.factor = if estimate > 0.0 {
+            (truth / estimate).clamp(1.0, most)
+        } else {
+            1.0
+        };
         leads_nowhere
     }
 }
@@ -202,6 +207,7 @@ pub(super) fn run<I: Iteration>(
             norms = exact.norms.clone();
             factor = 1.0;
             let checked = worst(&tolerance.excess(&norms));
+            let has_fallen = checked < checks.before;
             if claims {
                 // What goes by the light under way checks radiosities that are a reflection further than that light: the check may stay behind for long.
                 stagnated = checks.observe(checked, estimated, I::DRIFTS) && iteration.under_way().is_none();
@@ -210,7 +216,7 @@ pub(super) fn run<I: Iteration>(
             if claims && checked > 1.0 && !stagnated {
                 // The radiosities may change with it: what is true of them is calculated anew at the end.
                 iteration.restart(&exact, &tolerance.excess(&norms));
-                if !I::DRIFTS {
+                if !I::DRIFTS && has_fallen {
                     // Estimates stand for more than they did: those before are no measure of them.
                     watch = Watch::new(options.patience);
                 }
@@ -343,4 +349,27 @@ fn finish(
     };
     *n_checks += spent;
     (chosen, chosen_truth)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn estimates_that_lag_are_told_from_those_that_are_wrong() {
+        let mut checks = Checks {
+            before: f64::INFINITY,
+            factor: 1.0,
+        };
+        let mut says = |truth, estimate, drifts| (checks.observe(truth, estimate, drifts), checks.factor);
+        assert_eq!(says(8.0, 0.5, false), (false, 16.0));
+        assert_eq!(says(7.0, 0.5, false), (false, 14.0));
+        assert_eq!(says(6.0, 0.5, true), (true, 2.0));
+        assert_eq!(says(2.5, 0.5, true), (false, 2.0));
+        assert_eq!(says(1.5, 1.0, true), (false, 1.5));
+        // Less than was said, or nothing.
+        assert_eq!(says(0.5, 1.0, false), (false, 1.0));
+        assert_eq!(says(1.5, 0.0, false), (false, 1.0));
+        assert_eq!(says(0.0, 0.0, true), (false, 1.0));
+    }
 }
