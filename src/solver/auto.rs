@@ -37,9 +37,9 @@ use super::{
 /// 0.62, 0.50 to 0.53 and 0.61 of Gauss-Seidel's time at l = 3 to 6, setup included, and `auto` 0.37 to 0.40, 0.41, 0.27 to 0.29 and 0.35 (`cargo bench --bench solvers -- 6`, medians of 9 alternating runs,
 /// the least and the greatest of four such benchmarks, one at l = 6). In cases A to F of Baranoski et al. `auto` took 0.09 to
 /// 0.11, 0.08 to 0.09, 0.04, 0.02, 0.04 and 0.02, and 0.92 to 1.08 of the fastest single solver's.
-/// Over the 50 cases of `radiosity reproduce stability` that it solves it takes 0.90 to 1.25 of the fastest one's (six runs, each the least of up to
-/// a hundred by turns, with a system of its own), the most where areas differ by 1e8: 19 µs in all. `chebyshev` takes more passes than
-/// conjugate gradients wherever these can be used.
+/// Over the 50 cases of `radiosity reproduce stability` that it solves it takes 0.90 to 1.27 of the fastest one's (nine runs, each the least of up to
+/// a hundred by turns, with a system of its own), mostly 1.25 at worst, where areas differ by 1e8: 19 µs in all. Once it was 1.38: `direct` on 54 patches takes 26 to 29 or 37 to 40 µs, which of them
+/// changes from system to system, and there it took 29 by itself and 40 by way of `auto`. `chebyshev` takes more passes than conjugate gradients wherever these can be used.
 ///
 /// The choice and its reason are in [`Solution::choice`]. How far it is from the best: `radiosity reproduce stability` prints the ratios of work and time, case by case.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
