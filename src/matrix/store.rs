@@ -19,8 +19,8 @@ use super::{Layout, MatrixError, Precision, RowTile, StorageChoice};
 /// (f32, AVX-512; `cargo bench --bench matrix -- f32 1/2`, with 1536 for a cache).
 pub(super) const DENSE_FROM: f64 = 0.5;
 
-/// Entries in each block of sixteen columns that has any, on average, from which rows are stored in blocks. With four a pass takes 0.7 of the time of one over lists where the matrix is in memory and 1.3 in a cache, three
-/// channels 1.1 and 1.1; with eleven 0.64 and 0.75, and 0.7 and 0.8 (f32, AVX-512; `cargo bench --bench matrix -- "sparse f32 rows"`).
+/// Entries in each block of sixteen columns that has any, on average, from which rows are stored in blocks. With four a pass takes 1.15 of the time of one over lists where the matrix is in memory and 1.4 in a cache, three
+/// channels 1.45 and 1.3; with five 0.7 to 0.85 and 1.0, and 1.0 and 1.0 (f32, AVX-512; `cargo bench --bench matrix -- "sparse f32 rows" 1/4`, with 1536 for a cache).
 const BLOCKS_FROM: usize = 6;
 
 /// A number as it is stored: f32 or f64.
