@@ -24,6 +24,7 @@ mod places;
 mod planes;
 mod prefetch;
 mod regroup;
+mod shared;
 mod sparse;
 mod square;
 mod store;

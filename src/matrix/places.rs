@@ -8,6 +8,7 @@
 use pulp::{Arch, cast};
 
 use super::lanes::LANES;
+use super::shared::Shared;
 use super::square::SIDE;
 
 /// Columns of a strip: what finding its rows takes is shared by two registers' worth of entries.
@@ -19,16 +20,16 @@ const _: () = assert!(STRIP == u16::BITS as usize, "a bit for each column of a s
 /// Places of at most [`SIDE`] by [`SIDE`] that have an entry, in strips of [`STRIP`] columns; entries are counted strip by strip, and row by row in each.
 ///
 /// Memory: 16 bytes for each strip with an entry, and 2 for each of its rows with one.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Places {
     /// Those with entries, in order.
-    strips: Box<[Strip]>,
+    strips: Shared<Strip>,
     /// For each row with entries of each strip in turn, the bits of its columns.
-    masks: Box<[u16]>,
+    masks: Shared<u16>,
 }
 
 /// Some columns of a tile.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Strip {
     /// Bit i is set where row i has an entry.
     rows: u64,
@@ -119,19 +120,31 @@ impl Places {
             );
             *mask |= 1 << (column % STRIP);
         }
+        Self::of(&strips, &masks)
+    }
+
+    fn of(strips: &[Strip], masks: &[u16]) -> Self {
         Self {
-            strips: strips.into(),
-            masks: masks.into(),
+            strips: Shared::copied(strips, 0, Strip::default()),
+            masks: Shared::copied(masks, 0, 0),
         }
+    }
+
+    /// Moves places into one piece of memory, in order.
+    pub(super) fn join<'a>(places: impl Iterator<Item = &'a mut Self>) {
+        let (strips, masks): (Vec<_>, Vec<_>) = places.map(|of| (&mut of.strips, &mut of.masks)).unzip();
+        Shared::join(strips.into_iter(), 0, Strip::default());
+        Shared::join(masks.into_iter(), 0, 0);
     }
 
     /// Returns the strips that have entries.
     #[inline(always)]
     pub(super) fn strips(&self) -> impl Iterator<Item = StripPlaces<'_>> {
+        let masks: &[u16] = &self.masks;
         self.strips.iter().map(|strip| StripPlaces {
             number: strip.number as usize,
             rows: strip.rows,
-            masks: &self.masks[strip.first_mask.into()..],
+            masks: &masks[strip.first_mask.into()..],
             first: strip.first.into(),
         })
     }
@@ -195,7 +208,7 @@ impl Places {
 
     /// Appends the bytes of [`from_bytes`](Self::from_bytes).
     pub(super) fn push_bytes(&self, bytes: &mut Vec<u8>) {
-        for strip in &self.strips {
+        for strip in self.strips.iter() {
             bytes.extend(strip.rows.to_ne_bytes());
             bytes.extend(strip.first.to_ne_bytes());
             bytes.extend(strip.first_mask.to_ne_bytes());
@@ -215,15 +228,8 @@ impl Places {
             first_mask: u16::from_ne_bytes([k, l]),
             number: u32::from_ne_bytes([m, n, o, p]),
         };
-        let places = Self {
-            strips: strips.map(strip).collect(),
-            masks: masks
-                .as_chunks()
-                .0
-                .iter()
-                .map(|mask| u16::from_ne_bytes(*mask))
-                .collect(),
-        };
+        let masks = masks.as_chunks().0.iter().map(|mask| u16::from_ne_bytes(*mask));
+        let places = Self::of(&strips.map(strip).collect::<Vec<_>>(), &masks.collect::<Vec<_>>());
         (places, rest)
     }
 }

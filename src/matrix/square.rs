@@ -4,12 +4,14 @@ mod codec;
 
 pub(super) use codec::Form;
 
-use std::ops::Range;
+use std::ops::{Deref, Range};
 
 use super::aligned::Aligned;
 use super::both::{Meeting, add_both};
 use super::listed::add_both_listed;
 use super::places::{Places, STRIP};
+use super::prefetch::prefetch;
+use super::shared::Shared;
 use super::store::{DENSE_FROM, Scalar, add_dot, rounded};
 use super::tile::is_zero;
 use super::transpose::index;
@@ -32,22 +34,22 @@ pub(super) enum Square<T> {
 
 /// Numbers with their standard errors, the latter empty where every one is zero.
 #[derive(Clone, Debug)]
-struct Values<T> {
-    values: Aligned<T>,
+struct Values<V> {
+    values: V,
     std_errors: Box<[f32]>,
 }
 
 #[derive(Clone, Debug)]
 pub(super) struct Full<T> {
     n_columns: usize,
-    numbers: Values<T>,
+    numbers: Values<Aligned<T>>,
 }
 
-/// Entries in the order of [`Places`].
+/// Entries in the order of [`Places`]; [`STRIP`] numbers or more follow, so that as many as a row of a strip may have can always be read.
 #[derive(Clone, Debug)]
 pub(super) struct List<T> {
     places: Places,
-    numbers: Values<T>,
+    numbers: Values<Shared<T>>,
 }
 
 /// One entry of a tile that is to be stored: row and column in the matrix, number, standard error.
@@ -89,7 +91,7 @@ impl<T: Scalar> Square<T> {
         by_strips.sort_by_key(|entry| place(entry).1 / STRIP);
         let std_errors = by_strips.iter().filter(|_| with_errors).map(|entry| entry.3);
         let numbers = Values {
-            values: Aligned::copied(&by_strips.iter().map(|entry| entry.2).collect::<Vec<_>>()),
+            values: listed(&by_strips.iter().map(|entry| entry.2).collect::<Vec<_>>()),
             std_errors: std_errors.collect(),
         };
         Self::List(Box::new(List {
@@ -105,34 +107,62 @@ impl<T: Scalar> Square<T> {
         n: usize,
         factor: impl Fn(usize, usize) -> f64,
     ) -> Result<Self, MatrixError> {
-        let mut scaled = self.clone();
-        let scale = |row: usize, column: usize, numbers: &mut Values<T>, at: usize| {
+        let scale = |row: usize, column: usize, (value, std_error): (f64, f64)| {
             let factor = factor(row, column);
-            let (value, std_error) = numbers.at(at);
             // A number that was made smaller is not known any better, and it may have been right.
             let error = factor.max(1.0) * std_error + (factor - 1.0).abs() * value;
             let entry: Entry = (index(first.1 + column), factor * value, error);
-            let (new_value, new_error) = rounded::<T>(first.0 + row, entry, n)?;
-            numbers.values[at] = new_value;
-            if let Some(stored) = numbers.std_errors.get_mut(at) {
-                *stored = new_error;
-            }
-            Ok::<(), MatrixError>(())
+            rounded::<T>(first.0 + row, entry, n)
         };
-        match &mut scaled {
-            Self::Empty => {}
+        // A tile without standard errors stays one.
+        let parts = |scaled: Vec<(T, f32)>, with_errors: bool| {
+            let (values, mut std_errors): (Vec<T>, Vec<f32>) = scaled.into_iter().unzip();
+            std_errors.truncate(if with_errors { values.len() } else { 0 });
+            (values, std_errors.into_boxed_slice())
+        };
+        Ok(match self {
+            Self::Empty => Self::Empty,
             Self::Full(full) => {
-                for at in 0..full.numbers.values.len() {
-                    scale(at / full.n_columns, at % full.n_columns, &mut full.numbers, at)?;
-                }
+                let (n_columns, old) = (full.n_columns, &full.numbers);
+                let scaled = (0..old.values.len()).map(|at| scale(at / n_columns, at % n_columns, old.at(at)));
+                let (values, std_errors) = parts(scaled.collect::<Result<_, _>>()?, !old.std_errors.is_empty());
+                let values = Aligned::copied(&values);
+                let numbers = Values { values, std_errors };
+                Self::Full(Box::new(Full { n_columns, numbers }))
             }
             Self::List(list) => {
-                for (at, (row, column)) in list.places.all().enumerate() {
-                    scale(row, column, &mut list.numbers, at)?;
-                }
+                let (places, old) = (list.places.clone(), &list.numbers);
+                let scaled = places
+                    .all()
+                    .enumerate()
+                    .map(|(at, (row, column))| scale(row, column, old.at(at)));
+                let (values, std_errors) = parts(scaled.collect::<Result<_, _>>()?, !old.std_errors.is_empty());
+                let values = listed(&values);
+                let numbers = Values { values, std_errors };
+                Self::List(Box::new(List { places, numbers }))
             }
+        })
+    }
+
+    /// Moves what the lists among tiles have into one piece of memory, in order.
+    pub(super) fn join_lists(tiles: &mut [Self]) {
+        let mut lists: Vec<&mut Box<List<T>>> = tiles
+            .iter_mut()
+            .filter_map(|tile| match tile {
+                Self::List(list) => Some(list),
+                Self::Empty | Self::Full(_) => None,
+            })
+            .collect();
+        Places::join(lists.iter_mut().map(|list| &mut list.places));
+        Shared::join(
+            lists.iter_mut().map(|list| &mut list.numbers.values),
+            STRIP,
+            T::from_f64(0.0),
+        );
+        // What is allocated in a row mostly lies in a row, which it does not while tiles are made.
+        for list in lists {
+            *list = list.clone();
         }
-        Ok(scaled)
     }
 
     /// Calls `visit(column, number, standard error)` in ascending order for the entries of a row in `columns`.
@@ -231,13 +261,21 @@ impl<T: Scalar> Square<T> {
         }
     }
 
+    /// Asks for the memory that tells where the entries of a list are.
+    pub(super) fn ask(&self) {
+        if let Self::List(list) = self {
+            prefetch(std::slice::from_ref(&**list), 0);
+            prefetch(std::slice::from_ref(&**list), 1);
+        }
+    }
+
     /// Adds T `x_columns` and T^T `x_rows` to the sums of each channel, reading the tile once; a list's channels have [`SIDE`] rows and columns,
     /// however many it has itself.
     pub(super) fn add_both<'a>(&self, channels: impl Iterator<Item = Meeting<'a>>) {
         match self {
             Self::Empty => {}
             Self::Full(full) => add_both(&full.numbers.values, channels),
-            Self::List(list) => add_both_listed(&list.places, &list.numbers.values, channels),
+            Self::List(list) => add_both_listed(&list.places, list.numbers.values.with_what_follows(), channels),
         }
     }
 
@@ -251,12 +289,12 @@ impl<T: Scalar> Square<T> {
 
     /// Returns how many numbers are not zero.
     pub(super) fn n_nonzero(&self) -> usize {
-        let numbers = match self {
+        let values: &[T] = match self {
             Self::Empty => return 0,
-            Self::Full(full) => &full.numbers,
-            Self::List(list) => &list.numbers,
+            Self::Full(full) => &full.numbers.values,
+            Self::List(list) => &list.numbers.values,
         };
-        numbers.values.iter().filter(|v| !is_zero(v.to_f64())).count()
+        values.iter().filter(|v| !is_zero(v.to_f64())).count()
     }
 
     /// Returns the memory in use.
@@ -279,7 +317,12 @@ impl<T: Scalar> Square<T> {
     }
 }
 
-impl<T: Scalar> Values<T> {
+/// Returns numbers as a [`List`] has them.
+fn listed<T: Scalar>(values: &[T]) -> Shared<T> {
+    Shared::copied(values, STRIP, T::from_f64(0.0))
+}
+
+impl<T: Scalar, V: Deref<Target = [T]>> Values<V> {
     fn at(&self, at: usize) -> (f64, f64) {
         let std_error = self.std_errors.get(at).map_or(0.0, |&error| f64::from(error));
         (self.values[at].to_f64(), std_error)

@@ -128,7 +128,9 @@ pub(super) fn row_of_tiles<T: Scalar>(
         let first = rows.start + k * SIDE;
         Square::new(entries, &rows, &(first..n.min(first + SIDE)), layout)
     };
-    Ok(tiles.iter().enumerate().map(square).collect())
+    let mut squares: Vec<_> = tiles.iter().enumerate().map(square).collect();
+    Square::join_lists(&mut squares);
+    Ok(squares)
 }
 
 /// The tiles (I, J) with J ≥ I.
@@ -210,6 +212,9 @@ impl<T: Scalar> Tiles<T> {
         match &self.rows {
             Rows::Memory(rows) => {
                 for (k, tile) in rows[row].iter().enumerate() {
+                    if let Some(next) = rows[row].get(k + 1) {
+                        next.ask();
+                    }
                     visit(row + k, tile);
                 }
                 Ok(())
@@ -343,7 +348,9 @@ impl<T: Scalar> Symmetric for Tiles<T> {
                 let first = (i * SIDE, j * SIDE);
                 row.push(tile.scaled(first, self.n, |a, b| d[first.0 + a] * d[first.1 + b]));
             })?;
-            row.into_iter().collect()
+            let mut row = row.into_iter().collect::<Result<Vec<_>, _>>()?;
+            Square::join_lists(&mut row);
+            Ok(row)
         };
         let row_byte = (self.n * SIDE * (size_of::<T>() + size_of::<f32>())) as u64;
         let rows = InOrder::new(n_blocks, row_byte, self.place().waiting_byte(), scale_row);

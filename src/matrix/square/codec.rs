@@ -3,7 +3,7 @@
 use super::super::aligned::Aligned;
 use super::super::places::Places;
 use super::super::store::Scalar;
-use super::{Full, List, Square, Values};
+use super::{Full, List, Square, Values, listed};
 
 /// What must be known of a tile to read its bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,33 +39,32 @@ impl Form {
 
 impl<T: Scalar> Square<T> {
     pub(in super::super) fn form(&self) -> Form {
-        let (entries, numbers) = match self {
+        let (entries, std_errors) = match self {
             Self::Empty => {
                 let (entries, with_errors) = (Entries::None, false);
                 return Form { entries, with_errors };
             }
-            Self::Full(full) => (Entries::All, &full.numbers),
+            Self::Full(full) => (Entries::All, &full.numbers.std_errors),
             Self::List(list) => {
                 let narrow = |n: usize| u16::try_from(n).expect("a tile has at most 4096 places");
                 let (n, places) = (narrow(list.numbers.values.len()), list.places.size().map(narrow));
-                (Entries::Some { n, places }, &list.numbers)
+                (Entries::Some { n, places }, &list.numbers.std_errors)
             }
         };
-        let with_errors = !numbers.std_errors.is_empty();
+        let with_errors = !std_errors.is_empty();
         Form { entries, with_errors }
     }
 
     /// Appends the numbers, and the places where these are listed.
     pub(in super::super) fn push_numbers(&self, bytes: &mut Vec<u8>) {
-        let numbers = match self {
-            Self::Empty => return,
-            Self::Full(full) => &full.numbers,
+        match self {
+            Self::Empty => {}
+            Self::Full(full) => T::push_bytes(&full.numbers.values, bytes),
             Self::List(list) => {
                 list.places.push_bytes(bytes);
-                &list.numbers
+                T::push_bytes(&list.numbers.values, bytes);
             }
-        };
-        T::push_bytes(&numbers.values, bytes);
+        }
     }
 
     /// Appends the standard errors.
@@ -78,23 +77,20 @@ impl<T: Scalar> Square<T> {
     }
 
     /// Returns a tile of `n_columns` columns from its bytes; without those of the errors they read as zero.
-    pub(in super::super) fn from_bytes(form: Form, n_columns: usize, numbers: &[u8], errors: &[u8]) -> Self {
-        let of_values = |bytes| Values {
-            values: Aligned::copied(&T::from_bytes(bytes)),
-            std_errors: f32::from_bytes(errors),
-        };
+    pub(in super::super) fn from_bytes(form: Form, n_columns: usize, of_numbers: &[u8], of_errors: &[u8]) -> Self {
+        let std_errors = f32::from_bytes(of_errors);
         match form.entries {
             Entries::None => Self::Empty,
-            Entries::All => Self::Full(Box::new(Full {
-                n_columns,
-                numbers: of_values(numbers),
-            })),
+            Entries::All => {
+                let values = Aligned::copied(&T::from_bytes(of_numbers));
+                let numbers = Values { values, std_errors };
+                Self::Full(Box::new(Full { n_columns, numbers }))
+            }
             Entries::Some { places, .. } => {
-                let (places, values) = Places::from_bytes(places.map(usize::from), numbers);
-                Self::List(Box::new(List {
-                    places,
-                    numbers: of_values(values),
-                }))
+                let (places, values) = Places::from_bytes(places.map(usize::from), of_numbers);
+                let values = listed(&T::from_bytes(values));
+                let numbers = Values { values, std_errors };
+                Self::List(Box::new(List { places, numbers }))
             }
         }
     }
