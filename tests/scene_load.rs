@@ -642,16 +642,19 @@ fn libraries_outside_the_scenes_folder_need_leave() {
     assert!(load(&scene).is_ok());
 }
 
+/// Returns a directory with a scene `a.obj` of one triangle, whose material `paint` is to be in `a.mtl` beside it.
+fn painted_triangle() -> (tempfile::TempDir, PathBuf) {
+    let directory = tempfile::tempdir().unwrap();
+    let scene = directory.path().join("a.obj");
+    let text = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl paint\nf 1 2 3\n";
+    std::fs::write(&scene, text).unwrap();
+    (directory, scene)
+}
+
 /// Textures are not read, wherever they would be: one that gives bytes without end does not stop the program.
 #[test]
 fn textures_are_not_opened() {
-    let directory = tempfile::tempdir().unwrap();
-    let scene = directory.path().join("a.obj");
-    std::fs::write(
-        &scene,
-        "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl paint\nf 1 2 3\n",
-    )
-    .unwrap();
+    let (directory, scene) = painted_triangle();
     for texture in [
         "/dev/zero",
         "../../etc/passwd",
@@ -674,13 +677,7 @@ fn textures_are_not_opened() {
 
 #[test]
 fn keywords_of_materials_are_read_in_any_case_and_a_texture_of_light_is_told_as_one() {
-    let directory = tempfile::tempdir().unwrap();
-    let scene = directory.path().join("a.obj");
-    std::fs::write(
-        &scene,
-        "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl paint\nf 1 2 3\n",
-    )
-    .unwrap();
+    let (directory, scene) = painted_triangle();
     let library = "NewMtl paint\nkd 0.25 0.5 0.75\nKE 2\nmap_ke lamp.png\n";
     std::fs::write(directory.path().join("a.mtl"), library).unwrap();
     let loaded = load(&scene).unwrap();

@@ -194,6 +194,26 @@ fn pictures_and_grids_are_written() {
 }
 
 #[test]
+fn patches_that_nothing_needs_are_left_out_and_said_to_be() {
+    let directory = with_scene("cube");
+    let run = |more: &[&str]| {
+        let size = ["--voxels", "8", "--radius", "3", "--passes", "1"];
+        let (code, result) = document(directory.path(), &[&size[..], more].concat());
+        assert_eq!(code, 0, "{more:?}");
+        result["left_out"].to_string().contains("cutting faces into patches")
+    };
+    for flags in [&["--subdivide", "2"][..], &["--max-edge", "0.5"], &["--cut-at-walls"]] {
+        assert!(run(flags), "{flags:?}");
+        assert!(run(&[flags, &["-o", "b.vtu"]].concat()), "{flags:?}");
+        assert!(
+            !run(&[flags, &["-o", "a.exr", "--width", "8", "--height", "8"]].concat()),
+            "{flags:?}"
+        );
+    }
+    assert!(!run(&[]));
+}
+
+#[test]
 fn what_makes_no_sense_is_refused_in_one_line() {
     let directory = with_scene("cube");
     for (arguments, code, part) in [

@@ -14,7 +14,7 @@ use crate::geometry::sampling::Sequence;
 use crate::mesh::{MeshOptions, Subdivision};
 
 /// How faces are cut into patches.
-#[derive(Args, Clone, Copy, Debug)]
+#[derive(Args, Clone, Copy, Debug, Default)]
 #[command(next_help_heading = "Patches")]
 pub struct MeshArgs {
     /// Cut every edge into N parts: a quad into N×N patches, a triangle into N² [default: 1; render and voxel: by size; compare: for 200 patches or more]
@@ -29,6 +29,12 @@ pub struct MeshArgs {
 }
 
 impl MeshArgs {
+    /// Tells whether any of the flags is given.
+    #[must_use]
+    pub fn is_given(&self) -> bool {
+        self.subdivide.is_some() || self.max_edge.is_some() || self.cut_at_walls
+    }
+
     /// Returns what the flags ask for; `default` is how faces are cut where they do not say how finely.
     #[must_use]
     pub fn options(self, default: MeshOptions) -> MeshOptions {

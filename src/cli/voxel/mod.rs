@@ -12,7 +12,7 @@ use report::{
     Checked, LinkFigures, describe, describe_surfaces, surfaces, to_json, warn_of_escapes, warn_of_gaps, warn_of_leaks,
 };
 
-use super::args::{LinksName, VoxelArgs};
+use super::args::{LinksName, MeshArgs, VoxelArgs};
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::file_set::FileSet;
@@ -63,8 +63,14 @@ fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let format = args.output.as_deref().map(format_of).transpose()?;
     expect_sensible(args, format)?;
     files(args, format).check()?;
-    let mut prepared = run.prepare(&args.scene, args.mesh, args.memory_limit, |scene| match format {
-        // Without a picture the patches play no part.
+    // Without a picture the patches play no part.
+    let without_patches = format != Some(Format::Image) && args.mesh.is_given();
+    let cut_as = if without_patches {
+        MeshArgs::default()
+    } else {
+        args.mesh
+    };
+    let mut prepared = run.prepare(&args.scene, cut_as, args.memory_limit, |scene| match format {
         None | Some(Format::Vtu) => Subdivision::Uniform(1).into(),
         Some(Format::Image) => match Grid::new(scene, args.voxels) {
             Ok(grid) => MeshOptions {
@@ -74,6 +80,10 @@ fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
             Err(_) => Subdivision::Uniform(1).into(),
         },
     })?;
+    if without_patches {
+        let nothing = "cutting faces into patches: voxels need none, only their picture does";
+        prepared.plan.left_out.push(nothing.into());
+    }
     memory::expect_voxels(&prepared, args)?;
     let voxels = run
         .times
