@@ -378,6 +378,35 @@ fn reflectances_that_differ_within_a_coarse_patch() {
 }
 
 #[test]
+fn patches_that_hardly_reflect_are_not_corrected_by_what_the_others_are() {
+    // Two plates that see nothing but each other. A correction by the mean of the two leaves the dark one as wrong as it makes the other right, cycle after cycle.
+    let mut tile = radiosity::matrix::RowTile::new(0);
+    for row in [[0.0, 1.0], [1.0, 0.0]] {
+        tile.push_row(&support::exact(&row), radiosity::matrix::RowTally::default());
+    }
+    let f = FormFactors::from_tiles(vec![1.0; 2], [tile], StorageChoice::default()).unwrap();
+    let (bright, dark) = (0.999_999, 1e-12);
+    let reflectance = Block::from_values(vec![bright, dark], 1);
+    let system = system(&f, &reflectance, &constant(2, 1.0));
+    for prolongation in [Prolongation::Injection, Prolongation::Bilinear] {
+        let multigrid = Multigrid {
+            prolongation,
+            ..Multigrid::default()
+        };
+        let solution = run(&multigrid, &system, &l2(1e-12));
+        assert_eq!(solution.stop_reason, StopReason::Converged);
+        assert!(solution.n_passes <= 3, "{}", solution.n_passes);
+        // B_1 = 1 + ρ_1 B_2 and B_2 = 1 + ρ_2 B_1.
+        let [b_1, b_2] = [
+            (1.0 + bright) / (1.0 - bright * dark),
+            (1.0 + dark) / (1.0 - bright * dark),
+        ];
+        let expected = Block::from_values(vec![b_1, b_2], 1);
+        assert!(relative_error(f.areas(), &solution.radiosity, &expected) < 1e-11);
+    }
+}
+
+#[test]
 fn hierarchies_of_another_size_are_refused() {
     let f = random_room(10, 0.5, 43);
     let multigrid = Multigrid {

@@ -67,7 +67,9 @@ const COARSEST_MAX: usize = 1024;
 /// u ← Gauss-Seidel(u), d = R u − R K u − R f, v ≈ (I − K')⁻¹ d, u ← u − P v,
 ///
 /// where v comes from two recursive calls: the first begins at 0 and does not smooth, the second goes on from its result (a W-cycle). What d needs of R K on all levels
-/// is calculated beforehand: with d from what the sweep has changed ([`Defect`]) it costs a tenth of a pass, from the radiosities a quarter. Radiosities that end below 0 are set to 0, which brings them
+/// is calculated beforehand: with d from what the sweep has changed ([`Defect`]) it costs a tenth of a pass, from the radiosities a quarter. Patches that a coarse one joins may reflect
+/// anything, 1e-12 beside 0.999999, and v is a mean of them: no patch is corrected by more than ρ_i (max |δ| + max |P v|), as the sweep leaves an error
+/// |e_i| ≤ ρ_i (max |δ| + max |e|) where rows sum to at most 1. Radiosities that end below 0 are set to 0, which brings them
 /// nearer to the solution, unless exitances are negative too.
 ///
 /// The number of cycles does not depend on the number of patches, and with a direct solution of the coarsest level hardly on ρ.
@@ -88,7 +90,7 @@ const COARSEST_MAX: usize = 1024;
 /// [`StopReason::Diverged`](super::StopReason::Diverged).
 ///
 /// Source: [`LEWIS_1992`](crate::references::LEWIS_1992), sections 5 and 6. Departures: the algorithm as his program must have had it, which his figure 2 does not say: u − P v with d the negative residual,
-/// v = 0 before the first recursive call, K of each level; defects from changes, Galerkin K', and a direct solution of the coarsest level, which 20 sweeps do not reach when ρ nears 1; all can be set as he had them.
+/// v = 0 before the first recursive call, K of each level; corrections are bounded; defects from changes, Galerkin K', and a direct solution of the coarsest level, which 20 sweeps do not reach when ρ nears 1; all can be set as he had them.
 #[derive(Clone, Debug, Default)]
 pub struct Multigrid {
     /// The levels; `None`: patches and sets of patches that exchange light.
@@ -190,8 +192,8 @@ struct Cycles<'a> {
     before: Block,
     /// f of each channel.
     exitance: Vec<Vec<f64>>,
-    /// Whether a patch can shine by reflection: it reflects, and light gets to it, \[c\]\[n\]. The others are right after the sweep.
-    corrects: Vec<Vec<bool>>,
+    /// ρ of each patch that light gets to, 0 of the others, \[c\]\[n\]. Where it is 0 the sweep leaves no error.
+    reflects: Vec<Vec<f64>>,
     forecast: Forecast,
 }
 
@@ -206,12 +208,10 @@ impl<'a> Cycles<'a> {
         start: Instant,
     ) -> Self {
         let lit = lit_patches(scaled);
-        let reflects = channels(scaled.system.reflectance());
-        let bright = |(lit, rho): (&f64, &f64)| *lit > 0.0 && *rho > 0.0;
-        let both = lit.iter().zip(&reflects);
-        let corrects = both
-            .map(|(lit, rho)| lit.iter().zip(rho).map(bright).collect())
-            .collect();
+        let mut reflects = channels(scaled.system.reflectance());
+        for (rho, lit) in reflects.iter_mut().flatten().zip(lit.iter().flatten()) {
+            *rho *= lit;
+        }
         let physical = levels.as_ref().is_none_or(|levels| levels.is_physical(&lit));
         let setup = levels.as_ref().map_or_else(Setup::default, |levels| Setup {
             work: levels.setup_multiply_adds / levels.n_of_f.max(1.0),
@@ -228,7 +228,7 @@ impl<'a> Cycles<'a> {
             radiosity: options.start.radiosity(scaled),
             before: scaled.zeros(),
             exitance: channels(&scaled.exitance),
-            corrects,
+            reflects,
             forecast: Forecast::default(),
         }
     }
@@ -247,20 +247,29 @@ impl Iteration for Cycles<'_> {
         };
         let old = self.radiosity.clone();
         gauss_seidel::sweep(self.scaled, self.rows, &mut self.radiosity, &mut self.before);
+        let swept = swept(&self.radiosity, old, &self.before);
         let d = match self.settings.defect {
             Defect::OfRadiosities => levels.defect_of_radiosities(&channels(&self.radiosity), &self.exitance),
-            Defect::OfChanges => levels.defect_of_changes(&swept(&self.radiosity, old, &self.before)),
+            Defect::OfChanges => levels.defect_of_changes(&swept),
         };
         let v = levels.correction(&d);
         let step = &self.hierarchy.levels()[0];
         let n_channels = v.len();
-        for (c, (v, corrects)) in v.iter().zip(&self.corrects).enumerate() {
+        let of_channels = v.iter().zip(&swept).zip(&self.reflects);
+        for (c, ((v, swept), reflects)) in of_channels.enumerate() {
             let corrections = step.prolonged(self.settings.prolongation, v);
+            // What the sweep left wrong on a patch it reflects, from what was changed after its turn or is still wrong elsewhere.
+            let incident = largest(&swept.changes) + largest(&corrections);
             let radiosities = self.radiosity.values_mut().iter_mut().skip(c).step_by(n_channels);
-            for ((b, correction), corrects) in radiosities.zip(corrections).zip(corrects) {
-                if *corrects {
-                    // Not `max`, which would hide what is not a number.
-                    *b -= correction;
+            for ((b, correction), rho) in radiosities.zip(corrections).zip(reflects) {
+                if *rho > 0.0 {
+                    // Neither `clamp` nor `max`, which would hide what is not a number.
+                    let most = rho * incident;
+                    *b -= if correction.abs() > most {
+                        most.copysign(correction)
+                    } else {
+                        correction
+                    };
                     if *b < 0.0 && !self.scaled.system.is_signed() {
                         *b = 0.0;
                     }
@@ -285,6 +294,11 @@ impl Iteration for Cycles<'_> {
         let levels = self.levels.as_ref();
         levels.map_or(0.0, |levels| levels.multiply_adds / levels.n_of_f.max(1.0))
     }
+}
+
+/// Returns the largest absolute value.
+fn largest(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |largest, value| value.abs().max(largest))
 }
 
 /// Returns what a sweep from `old` to `new`, which met the residuals `met`, did in each channel.
