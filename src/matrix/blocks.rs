@@ -260,6 +260,8 @@ impl<T: Scalar, const C: usize> InnerLoop for Rows<'_, T, C> {
 
 impl<T: Scalar, const C: usize> Rows<'_, T, C> {
     /// Every sum is kept in two times [`LANES`] partial sums, over the columns 0, 1, 2, ... mod 16.
+    ///
+    /// x is taken from wherever it is: panels of it that stay in the first-level cache, sixteen rows at a time, took 1.4 to 1.8 times as long with three channels.
     #[inline(always)]
     fn by_rows<S: Simd, const N: usize>(self, simd: S, expander: impl Expander<T>) {
         let Self(tile, first_row, planes, first, y) = self;
