@@ -120,13 +120,13 @@ impl Places {
             );
             *mask |= 1 << (column % STRIP);
         }
-        Self::of(&strips, &masks)
+        Self::of(strips.into_iter(), masks.into_iter())
     }
 
-    fn of(strips: &[Strip], masks: &[u16]) -> Self {
+    fn of(strips: impl Iterator<Item = Strip>, masks: impl Iterator<Item = u16>) -> Self {
         Self {
-            strips: Shared::copied(strips, 0, Strip::default()),
-            masks: Shared::copied(masks, 0, 0),
+            strips: Shared::new(strips, 0, Strip::default()),
+            masks: Shared::new(masks, 0, 0),
         }
     }
 
@@ -229,8 +229,7 @@ impl Places {
             number: u32::from_ne_bytes([m, n, o, p]),
         };
         let masks = masks.as_chunks().0.iter().map(|mask| u16::from_ne_bytes(*mask));
-        let places = Self::of(&strips.map(strip).collect::<Vec<_>>(), &masks.collect::<Vec<_>>());
-        (places, rest)
+        (Self::of(strips.map(strip), masks), rest)
     }
 }
 

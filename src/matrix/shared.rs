@@ -15,14 +15,15 @@ pub(super) struct Shared<T> {
 }
 
 impl<T: Clone> Shared<T> {
-    /// Returns a copy of a slice, with `n_behind` more values behind it.
-    pub(super) fn copied(from: &[T], n_behind: usize, value: T) -> Self {
-        let mut all = from.to_vec();
-        all.resize(from.len() + n_behind, value);
+    /// Returns a slice of values, with `n_behind` more behind it.
+    pub(super) fn new(values: impl Iterator<Item = T>, n_behind: usize, value: T) -> Self {
+        // One allocation, where the length is known.
+        let all: Arc<[T]> = values.chain(std::iter::repeat_n(value, n_behind)).collect();
+        let n_values = all.len() - n_behind;
         Self {
-            all: all.into(),
+            all,
             first: 0,
-            n_values: from.len(),
+            n_values,
         }
     }
 
@@ -80,7 +81,7 @@ mod tests {
 
     #[test]
     fn slices_are_joined_in_order() {
-        let mut slices = [[1, 2, 3].as_slice(), &[], &[4, 5]].map(|from| Shared::copied(from, 1, 9));
+        let mut slices = [[1, 2, 3].as_slice(), &[], &[4, 5]].map(|from| Shared::new(from.iter().copied(), 1, 9));
         assert_eq!(slices[0].with_what_follows(), [1, 2, 3, 9]);
         let before = slices.clone();
         Shared::join(slices.iter_mut(), 2, 0);

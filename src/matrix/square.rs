@@ -91,7 +91,7 @@ impl<T: Scalar> Square<T> {
         by_strips.sort_by_key(|entry| place(entry).1 / STRIP);
         let std_errors = by_strips.iter().filter(|_| with_errors).map(|entry| entry.3);
         let numbers = Values {
-            values: listed(&by_strips.iter().map(|entry| entry.2).collect::<Vec<_>>()),
+            values: listed(by_strips.iter().map(|entry| entry.2)),
             std_errors: std_errors.collect(),
         };
         Self::List(Box::new(List {
@@ -137,7 +137,7 @@ impl<T: Scalar> Square<T> {
                     .enumerate()
                     .map(|(at, (row, column))| scale(row, column, old.at(at)));
                 let (values, std_errors) = parts(scaled.collect::<Result<_, _>>()?, !old.std_errors.is_empty());
-                let values = listed(&values);
+                let values = listed(values.into_iter());
                 let numbers = Values { values, std_errors };
                 Self::List(Box::new(List { places, numbers }))
             }
@@ -318,8 +318,8 @@ impl<T: Scalar> Square<T> {
 }
 
 /// Returns numbers as a [`List`] has them.
-fn listed<T: Scalar>(values: &[T]) -> Shared<T> {
-    Shared::copied(values, STRIP, T::from_f64(0.0))
+fn listed<T: Scalar>(values: impl Iterator<Item = T>) -> Shared<T> {
+    Shared::new(values, STRIP, T::from_f64(0.0))
 }
 
 impl<T: Scalar, V: Deref<Target = [T]>> Values<V> {

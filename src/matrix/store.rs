@@ -34,7 +34,7 @@ pub(super) trait Scalar: Expand + Copy + Send + Sync + Debug + 'static {
     /// Appends numbers as bytes of this machine.
     fn push_bytes(numbers: &[Self], bytes: &mut Vec<u8>);
     /// Returns the numbers that [`push_bytes`](Self::push_bytes) wrote.
-    fn from_bytes(bytes: &[u8]) -> Box<[Self]>;
+    fn from_bytes(bytes: &[u8]) -> impl Iterator<Item = Self>;
 }
 
 impl Scalar for f64 {
@@ -60,9 +60,9 @@ impl Scalar for f64 {
             bytes.extend_from_slice(&number.to_ne_bytes());
         }
     }
-    fn from_bytes(bytes: &[u8]) -> Box<[Self]> {
+    fn from_bytes(bytes: &[u8]) -> impl Iterator<Item = Self> {
         let (numbers, _) = bytes.as_chunks::<8>();
-        numbers.iter().map(|&number| Self::from_ne_bytes(number)).collect()
+        numbers.iter().map(|&number| Self::from_ne_bytes(number))
     }
 }
 
@@ -90,9 +90,9 @@ impl Scalar for f32 {
             bytes.extend_from_slice(&number.to_ne_bytes());
         }
     }
-    fn from_bytes(bytes: &[u8]) -> Box<[Self]> {
+    fn from_bytes(bytes: &[u8]) -> impl Iterator<Item = Self> {
         let (numbers, _) = bytes.as_chunks::<4>();
-        numbers.iter().map(|&number| Self::from_ne_bytes(number)).collect()
+        numbers.iter().map(|&number| Self::from_ne_bytes(number))
     }
 }
 

@@ -78,17 +78,17 @@ impl<T: Scalar> Square<T> {
 
     /// Returns a tile of `n_columns` columns from its bytes; without those of the errors they read as zero.
     pub(in super::super) fn from_bytes(form: Form, n_columns: usize, of_numbers: &[u8], of_errors: &[u8]) -> Self {
-        let std_errors = f32::from_bytes(of_errors);
+        let std_errors = f32::from_bytes(of_errors).collect();
         match form.entries {
             Entries::None => Self::Empty,
             Entries::All => {
-                let values = Aligned::copied(&T::from_bytes(of_numbers));
+                let values = Aligned::copied(&T::from_bytes(of_numbers).collect::<Vec<_>>());
                 let numbers = Values { values, std_errors };
                 Self::Full(Box::new(Full { n_columns, numbers }))
             }
             Entries::Some { places, .. } => {
                 let (places, values) = Places::from_bytes(places.map(usize::from), of_numbers);
-                let values = listed(&T::from_bytes(values));
+                let values = listed(T::from_bytes(values));
                 let numbers = Values { values, std_errors };
                 Self::List(Box::new(List { places, numbers }))
             }
