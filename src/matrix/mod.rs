@@ -482,6 +482,18 @@ const ROWS_PER_TASK: usize = 16;
 /// ones, some six cycles, whether one of them has an entry or all. That is 0.31 to 0.32 ns an entry in runs and 0.69 to 0.75 at random on one thread, 0.18 and 0.38 on two; by rows, where every
 /// entry is stored twice, 0.21 to 0.23 and 0.82 to 0.95, 0.10 to 0.11 and 0.32 to 0.36 for each of the two. Rows in runs are stored as such blocks of sixteen columns too, 4.5 bytes an entry; as lists of 8 bytes an entry they took 1.6 times as long, three channels 1.5 times, and
 /// sweeps by rows 4 times.
+///
+/// A core that reads faster leaves the passes further behind its read. The same on two cores of a Zen 4 server processor with 32 MB of third-level cache, of which one reads
+/// 24 to 30 GB/s and two 34 to 42; the least and the greatest of two runs:
+///
+/// | matrix | one thread: read / pass | three channels / one | two threads: read / pass | three channels / one |
+/// |---|---|---|---|---|
+/// | dense, rows | 0.61 to 0.68 | 1.15 | 0.57 to 0.67 | 1.05 to 1.10 |
+/// | dense, symmetric | 0.44 to 0.49 | 1.16 to 1.17 | 0.67 | 1.14 to 1.15 |
+/// | sparse, rows, in runs | 0.45 to 0.47 | 1.37 to 1.39 | 0.49 to 0.64 | 1.34 to 1.46 |
+/// | sparse, rows, at random | 0.44 to 0.63 | 1.34 | 0.69 to 0.75 | 1.22 to 1.35 |
+/// | sparse, symmetric, in runs | 0.28 to 0.36 | 1.46 to 1.85 | 0.40 to 0.50 | 1.49 to 1.81 |
+/// | sparse, symmetric, at random | 0.13 to 0.16 | 1.25 to 2.41 | 0.20 to 0.22 | 1.22 to 1.60 |
 impl LinearOperator for FormFactors {
     fn n_rows(&self) -> usize {
         self.areas.len()
