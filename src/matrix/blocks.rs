@@ -164,7 +164,7 @@ fn total_of_halves(lanes: &[f64; STRIP]) -> f64 {
 }
 
 /// Bytes between the numbers that are used and those that are asked for.
-const AHEAD_BYTE: usize = 2048;
+const AHEAD_BYTE: usize = 6144;
 
 /// Registers' worth of columns in a block.
 const HALVES: usize = STRIP / LANES;
@@ -252,7 +252,7 @@ impl<T: Scalar, const C: usize> InnerLoop for Rows<'_, T, C> {
         if N == 1
             && let Some(with) = pulp::x86::V4::try_new()
         {
-            return self.by_rows::<S, N>(simd, WithV4(with));
+            return self.by_rows::<S, N>(simd, WithV4::new(with));
         }
         self.by_rows::<S, N>(simd, OneByOne);
     }
@@ -305,7 +305,7 @@ impl<T: Scalar, const C: usize> InnerLoop for Sweep<'_, T, C> {
         if N == 1
             && let Some(with) = pulp::x86::V4::try_new()
         {
-            return self.add(WithV4(with));
+            return self.add(WithV4::new(with));
         }
         self.add(OneByOne);
     }

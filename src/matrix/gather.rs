@@ -50,7 +50,7 @@ pub(super) fn multiply_sparse_rows<T: Scalar>(rows: SparseRows<'_, T>, x: &Plane
 /// Entries between those that are used and those that are asked for: what memory gives while it takes its time. Rows lie one behind the other.
 ///
 /// x is taken from wherever it is. Panels of it that stay in the first-level cache, sixteen rows at a time, took 1.3 to 1.7 times as long: what comes next of each row is asked for too early or too late.
-const AHEAD: usize = 512;
+const AHEAD: usize = 1024;
 
 /// One row of [`SparseRows`], eight entries at a time, and those that do not fill a chunk.
 struct Chunks<'a, T> {

@@ -127,6 +127,7 @@ impl<T: Scalar, const C: usize> InnerLoop for Rows<'_, T, C> {
     fn run<S: Simd, const N: usize>(self, simd: S) {
         // As many rows at once as there are registers for their sums: 32 registers with AVX-512, 16 with the others.
         match (N, C) {
+            (1, 1) => self.by_rows::<S, N, 8>(simd),
             (1, _) | (_, 1) => self.by_rows::<S, N, 4>(simd),
             _ => self.by_rows::<S, N, 1>(simd),
         }
@@ -165,6 +166,9 @@ const FAR_BYTE: usize = 1 << 14;
 /// Bytes between the numbers of a row that are used and those that are asked for.
 const AHEAD_BYTE: usize = 2048;
 
+/// Registers' worth of columns in a step: a cache line of f32. With four the compiler keeps the sums of several channels in memory.
+const STEP: usize = 2;
+
 /// Returns the products of R rows with C channels. The order of the additions depends on the number of columns alone.
 #[inline(always)]
 fn dot<S: Simd, T: Scalar, const N: usize, const R: usize, const C: usize>(
@@ -187,20 +191,34 @@ fn dot_of<S: Simd, T: Scalar, const N: usize, const R: usize, const C: usize, co
     x: [&[f64]; C],
 ) -> [[f64; C]; R] {
     let n_columns = x[0].len();
-    let n_whole = n_columns / LANES;
     let split = rows.map(|row| row[..n_columns].as_chunks::<LANES>());
     let x_split = x.map(|x| x[..n_columns].as_chunks::<LANES>());
-    let (whole, x_whole) = (split.map(|s| &s.0[..n_whole]), x_split.map(|s| &s.0[..n_whole]));
+    let whole = split.map(|s| s.0.as_chunks::<STEP>());
+    let x_whole = x_split.map(|s| s.0.as_chunks::<STEP>());
+    let (n_steps, n_rest) = (x_whole[0].0.len(), x_whole[0].1.len());
+    let (steps, x_steps) = (whole.map(|w| &w.0[..n_steps]), x_whole.map(|w| &w.0[..n_steps]));
     let mut sums = [[Wide::<S, N>::zero(simd); C]; R];
-    for k in 0..n_whole {
-        let x_k = x_whole.map(|plane| Wide::load(&plane[k]));
-        for r in 0..R {
-            if ASKS && (k * LANES * size_of::<T>()).is_multiple_of(LINE_BYTE) {
-                prefetch(&whole[r][k], AHEAD_BYTE / size_of::<T>());
+    for k in 0..n_steps {
+        let (a_k, x_k) = (steps.map(|row| &row[k]), x_steps.map(|plane| &plane[k]));
+        for s in 0..STEP {
+            let x_s = x_k.map(|x| Wide::load(&x[s]));
+            for r in 0..R {
+                if ASKS && (s * LANES * size_of::<T>()).is_multiple_of(LINE_BYTE) {
+                    prefetch(&a_k[r][s], AHEAD_BYTE / size_of::<T>());
+                }
+                let a = Wide::load(&a_k[r][s]);
+                for c in 0..C {
+                    sums[r][c] = sums[r][c].plus_product(simd, a, x_s[c]);
+                }
             }
-            let a = Wide::load(&whole[r][k]);
+        }
+    }
+    for s in 0..n_rest {
+        let x_s = x_whole.map(|plane| Wide::load(&plane.1[s]));
+        for r in 0..R {
+            let a = Wide::load(&whole[r].1[s]);
             for c in 0..C {
-                sums[r][c] = sums[r][c].plus_product(simd, a, x_k[c]);
+                sums[r][c] = sums[r][c].plus_product(simd, a, x_s[c]);
             }
         }
     }

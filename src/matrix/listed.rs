@@ -39,7 +39,7 @@ impl<T: Scalar> ByChannels for Listed<'_, T> {
         if N == 1
             && let Some(with) = pulp::x86::V4::try_new()
         {
-            return by_strips::<S, T, N, C>(simd, places, values, channels, WithV4(with));
+            return by_strips::<S, T, N, C>(simd, places, values, channels, WithV4::new(with));
         }
         by_strips::<S, T, N, C>(simd, places, values, channels, OneByOne);
     }
@@ -64,6 +64,7 @@ fn by_strips<S: Simd, T: Scalar, const N: usize, const C: usize>(
     expander: impl Expander<T>,
 ) {
     let ends = channels.map(Meeting::of_full_size);
+    places.ask_behind();
     let mut rest = values;
     for strip in places.strips() {
         let first = strip.number % (SIDE / STRIP) * HALVES;

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::aligned::Aligned;
+use super::aligned::{Aligned, apart};
 use super::both::Meeting;
 use super::lanes::{LANES, Lanes, total};
 use super::planes::Planes;
@@ -15,14 +15,14 @@ pub(super) struct PassSums {
     n_left: usize,
     /// Of the rows of one row of tiles: partial sums, channel by channel.
     rows: Aligned<f64>,
-    /// Channel by channel, each filled up to a multiple of [`SIDE`].
+    /// Channel by channel, each filled up to a multiple of [`SIDE`] at least.
     columns: Aligned<f64>,
     /// What the transposes of tiles on the diagonal add, channel by channel: it is not needed.
     nowhere: Aligned<f64>,
 }
 
-/// Partial sums of one row of tiles in one channel.
-const ROW_SUMS: usize = SIDE * LANES;
+/// From the partial sums of one row of tiles in one channel to those in the next.
+const ROW_SUMS: usize = apart(SIDE * LANES);
 
 impl PassSums {
     /// Returns sums for the rows from `first` on of a matrix with `n` of them.
@@ -31,13 +31,14 @@ impl PassSums {
             first,
             n_left: n - first,
             rows: Aligned::filled(n_channels * ROW_SUMS, 0.0),
-            columns: Aligned::filled(n_channels * (n - first).next_multiple_of(SIDE), 0.0),
+            columns: Aligned::filled(n_channels * apart((n - first).next_multiple_of(SIDE)), 0.0),
             nowhere: Aligned::filled(n_channels * SIDE, 0.0),
         }
     }
 
-    fn n_padded(&self) -> usize {
-        self.n_left.next_multiple_of(SIDE)
+    /// Returns from one channel of the columns to the next.
+    fn distance(&self) -> usize {
+        apart(self.n_left.next_multiple_of(SIDE))
     }
 
     /// Adds what a tile, which holds `rows` and `columns` of the matrix, and its transpose make of `x`, reading it once for all channels; of a tile on the
@@ -45,11 +46,11 @@ impl PassSums {
     pub(super) fn add<T: Scalar>(&mut self, tile: &Square<T>, x: &Planes, rows: Range<usize>, columns: Range<usize>) {
         let is_diagonal = rows.start == columns.start;
         let (rows, columns) = (tile.gone_by(rows), tile.gone_by(columns));
-        let n_padded = self.n_padded();
+        let distance = self.distance();
         let (y, y_side, y_first) = if is_diagonal {
             (&mut self.nowhere, SIDE, columns.start)
         } else {
-            (&mut self.columns, n_padded, self.first)
+            (&mut self.columns, distance, self.first)
         };
         let sums = self.rows.chunks_exact_mut(ROW_SUMS).zip(y.chunks_exact_mut(y_side));
         tile.add_both(sums.enumerate().map(|(c, (lanes, y_c))| Meeting {
@@ -63,10 +64,10 @@ impl PassSums {
     /// Ends a row of tiles: its rows' sums go to y.
     pub(super) fn end_rows(&mut self, rows: Range<usize>) {
         let own = rows.start - self.first..rows.end - self.first;
-        let n_padded = self.n_padded();
+        let distance = self.distance();
         let sums = self
             .columns
-            .chunks_exact_mut(n_padded)
+            .chunks_exact_mut(distance)
             .zip(self.rows.chunks_exact(ROW_SUMS));
         for (y, of_channel) in sums {
             let partial: &[Lanes] = of_channel.as_chunks().0;
@@ -86,7 +87,7 @@ impl PassSums {
     pub(super) fn finish(self) -> PieceOfY {
         PieceOfY {
             first: self.first,
-            n_padded: self.n_padded(),
+            distance: self.distance(),
             values: self.columns,
         }
     }
@@ -95,8 +96,8 @@ impl PassSums {
 /// What is to be added to y from row `first` on.
 pub(super) struct PieceOfY {
     first: usize,
-    n_padded: usize,
-    /// Channel by channel.
+    /// Channel by channel, so far apart.
+    distance: usize,
     values: Aligned<f64>,
 }
 
@@ -105,7 +106,7 @@ impl PieceOfY {
     pub(super) fn add_to(&self, sums: &mut [f64], rows: &Range<usize>, c: usize) {
         let from = rows.start.max(self.first);
         if from < rows.end {
-            let part = &self.values[c * self.n_padded..][from - self.first..rows.end - self.first];
+            let part = &self.values[c * self.distance..][from - self.first..rows.end - self.first];
             let into = &mut sums[from - rows.start..];
             into.iter_mut().zip(part).for_each(|(sum, y_i)| *sum += y_i);
         }

@@ -7,7 +7,9 @@
 
 use pulp::{Arch, cast};
 
+use super::aligned::LINE_BYTE;
 use super::lanes::LANES;
+use super::prefetch::prefetch;
 use super::shared::Shared;
 use super::square::SIDE;
 
@@ -90,6 +92,9 @@ impl Line {
     }
 }
 
+/// Masks of a tile at the most.
+const N_MASKS: usize = SIDE / STRIP * SIDE;
+
 impl Places {
     /// Takes places (row, column) in the order in which entries are counted.
     pub(super) fn new(places: impl IntoIterator<Item = (usize, usize)>) -> Self {
@@ -147,6 +152,15 @@ impl Places {
             masks: &masks[strip.first_mask.into()..],
             first: strip.first.into(),
         })
+    }
+
+    /// Asks for what is about as far behind these places as a tile's take up, while these are worked on.
+    #[inline(always)]
+    pub(super) fn ask_behind(&self) {
+        prefetch(&self.strips, 2 * SIDE / STRIP);
+        for line in (0..N_MASKS).step_by(LINE_BYTE / size_of::<u16>()) {
+            prefetch(&self.masks, N_MASKS + line);
+        }
     }
 
     /// Returns the columns and the numbers of the entries in a row.

@@ -2,7 +2,7 @@
 
 use std::sync::OnceLock;
 
-use super::aligned::Aligned;
+use super::aligned::{Aligned, apart};
 use super::operator::Block;
 use super::square::SIDE;
 
@@ -21,8 +21,9 @@ pub(super) struct Planes {
 impl Planes {
     pub(super) fn of(x: &Block) -> Self {
         let (n_rows, n_channels) = (x.n_rows(), x.n_channels());
-        let mut values = Aligned::filled(n_rows.next_multiple_of(SIDE) * n_channels, 0.0);
-        let planes = values.chunks_exact_mut(n_rows.next_multiple_of(SIDE));
+        let distance = apart(n_rows.next_multiple_of(SIDE));
+        let mut values = Aligned::filled(distance * n_channels, 0.0);
+        let planes = values.chunks_exact_mut(distance);
         for (c, plane) in planes.enumerate() {
             let channel = x.values().iter().skip(c).step_by(n_channels);
             plane.iter_mut().zip(channel).for_each(|(to, from)| *to = *from);
@@ -31,19 +32,27 @@ impl Planes {
         Self { n_rows, values, fours }
     }
 
+    fn n_padded(&self) -> usize {
+        self.n_rows.next_multiple_of(SIDE)
+    }
+
+    /// Returns from one plane to the next.
+    fn distance(&self) -> usize {
+        apart(self.n_padded())
+    }
+
     /// Returns the number of channels.
     pub(super) fn n_channels(&self) -> usize {
-        self.values.len() / self.n_rows.next_multiple_of(SIDE)
+        self.values.len() / self.distance()
     }
 
     /// Returns the values of channels 0 to 3, 4 to 7 and so on of every row, filled up with zeros as the planes are.
     ///
     /// What gathers rows finds all channels of one in the same cache line.
     pub(super) fn fours(&self) -> impl Iterator<Item = &[[f64; FOUR]]> {
-        let n_padded = self.n_rows.next_multiple_of(SIDE);
         let of_group = |planes: &[f64]| {
-            let mut values = Aligned::filled(n_padded * FOUR, 0.0);
-            for (c, plane) in planes.chunks_exact(n_padded).enumerate() {
+            let mut values = Aligned::filled(self.n_padded() * FOUR, 0.0);
+            for (c, plane) in planes.chunks_exact(self.distance()).enumerate() {
                 for (row, value) in values.as_chunks_mut::<FOUR>().0.iter_mut().zip(plane) {
                     row[c] = *value;
                 }
@@ -52,7 +61,7 @@ impl Planes {
         };
         let groups = self
             .fours
-            .get_or_init(|| self.values.chunks(FOUR * n_padded).map(of_group).collect());
+            .get_or_init(|| self.values.chunks(FOUR * self.distance()).map(of_group).collect());
         groups.iter().map(|group| group.as_chunks::<FOUR>().0)
     }
 
@@ -63,7 +72,6 @@ impl Planes {
 
     /// Returns the values of one channel, filled up with zeros to a multiple of [`SIDE`].
     pub(super) fn padded(&self, c: usize) -> &[f64] {
-        let n_padded = self.n_rows.next_multiple_of(SIDE);
-        &self.values[c * n_padded..(c + 1) * n_padded]
+        &self.values[c * self.distance()..][..self.n_padded()]
     }
 }
