@@ -13,11 +13,13 @@ use std::ops::Range;
 
 use pulp::Simd;
 
+use super::aligned::LINE_BYTE;
 #[cfg(target_arch = "x86_64")]
 use super::expand::WithV4;
 use super::expand::{Expander, OneByOne, Row};
 use super::lanes::{CHANNELS_AT_ONCE, InnerLoop, LANES, Wide, dispatch, total};
 use super::operator::Block;
+use super::panels::Panels;
 use super::places::{STRIP, ones};
 use super::planes::Planes;
 use super::prefetch::prefetch;
@@ -29,10 +31,11 @@ const _: () = assert!(SIDE.is_multiple_of(STRIP), "planes are filled up to whole
 
 /// A tile whose rows are blocks of [`STRIP`] columns: those that have an entry.
 ///
-/// Memory: a number for each entry, and 6 bytes for each block. A block takes the same few instructions, and no branch, whether one of its columns has an entry or all.
+/// Memory: a number for each entry, 6 bytes for each block, and 16 for each row in each of [`Panels`]. A block takes the same few instructions, and no branch, whether one of its columns has an entry or all.
 #[derive(Debug)]
 pub(super) struct BlockTile<T> {
-    /// Where each row begins, and the last one ends.
+    panels: Panels,
+    /// Where each part of a row begins, and the last one ends.
     begins: Vec<Begin>,
     /// The first column of each block, by [`STRIP`].
     blocks: Vec<u32>,
@@ -42,14 +45,14 @@ pub(super) struct BlockTile<T> {
     numbers: Numbers<T>,
 }
 
-/// The number of a row's first block, and of its first entry.
+/// The number of the first block of a part of a row, and of its first entry.
 #[derive(Clone, Copy, Debug, Default)]
 struct Begin {
     block: usize,
     entry: usize,
 }
 
-/// The blocks of one row, or of a part of it.
+/// The blocks of a part of a row.
 #[derive(Clone, Copy)]
 struct Blocks<'a, T> {
     numbers: &'a [u32],
@@ -71,17 +74,23 @@ fn block_of(column: u32) -> u32 {
 
 impl<T: Scalar> BlockTile<T> {
     pub(super) fn new(tile: &RowTile, n: usize) -> Result<Self, MatrixError> {
+        let panels = Panels::new(tile.n_rows(), n, count_blocks(tile), BLOCKS_OF_PART);
+        Self::in_panels(tile, n, panels)
+    }
+
+    fn in_panels(tile: &RowTile, n: usize, panels: Panels) -> Result<Self, MatrixError> {
         let (size, n_blocks) = (tile.n_entries(), count_blocks(tile));
         let mut stored = Self {
-            begins: Vec::with_capacity(tile.n_rows() + 1),
+            panels,
+            begins: Vec::with_capacity(panels.all().len() * tile.n_rows() + 1),
             blocks: Vec::with_capacity(n_blocks),
             masks: Vec::with_capacity(n_blocks),
             numbers: Numbers::with_capacity(size + STRIP),
         };
         stored.begins.push(Begin::default());
-        for k in 0..tile.n_rows() {
+        for (k, part) in panels.parts(tile) {
             let first_block = stored.blocks.len();
-            for &entry in tile.row(k) {
+            for &entry in part {
                 if !stored.numbers.push(tile.first_row() + k, entry, n)? {
                     continue;
                 }
@@ -101,13 +110,29 @@ impl<T: Scalar> BlockTile<T> {
         Ok(stored)
     }
 
-    fn row(&self, row: usize) -> Blocks<'_, T> {
-        let (begin, end) = (self.begins[row], self.begins[row + 1]);
+    /// Returns the part of a row that is in a panel.
+    #[inline(always)]
+    fn part(&self, panel: usize, row: usize) -> Blocks<'_, T> {
+        let place = self.panels.place(panel, row);
+        let (begin, end) = (self.begins[place], self.begins[place + 1]);
         Blocks {
             numbers: &self.blocks[begin.block..end.block],
             masks: &self.masks[begin.block..end.block],
             values: &self.numbers.values[begin.entry..],
         }
+    }
+
+    /// Returns the parts of a row without the block that has a column, and that block, if there is one.
+    fn parts_beside(&self, row: usize, column: usize) -> (impl Iterator<Item = Blocks<'_, T>>, Blocks<'_, T>) {
+        let panel = self.panels.of(column);
+        let [before, beside, behind] = self.part(panel, row).split(column);
+        let first = self.panels.all().take(panel).map(move |panel| self.part(panel, row));
+        let last = self
+            .panels
+            .all()
+            .skip(panel + 1)
+            .map(move |panel| self.part(panel, row));
+        (first.chain([before, behind]).chain(last), beside)
     }
 }
 
@@ -127,14 +152,19 @@ impl<'a, T: Scalar> Blocks<'a, T> {
         columns.zip(first..)
     }
 
-    /// Returns what is before a block, the block, and what is behind it.
-    fn split(self, block: usize) -> [Self; 3] {
+    /// Returns what is before the block that has a column, that block, if there is one, and what is behind it.
+    fn split(self, column: usize) -> [Self; 3] {
+        let (block, _) = self.find(column);
         let part = |range: Range<usize>| Self {
             numbers: &self.numbers[range.clone()],
             masks: &self.masks[range.clone()],
             values: &self.values[count(&self.masks[..range.start])..],
         };
-        let behind = (block + 1).min(self.numbers.len());
+        let is_there = self
+            .numbers
+            .get(block)
+            .is_some_and(|&number| number as usize == column / STRIP);
+        let behind = block + usize::from(is_there);
         [part(0..block), part(block..behind), part(behind..self.numbers.len())]
     }
 
@@ -142,6 +172,10 @@ impl<'a, T: Scalar> Blocks<'a, T> {
     #[inline(always)]
     fn for_each(self, expander: impl Expander<T>, mut add: impl FnMut(usize, Row)) {
         let mut rest = self.values;
+        let ahead = PARTS_AHEAD * self.numbers.len();
+        prefetch(self.numbers, ahead);
+        prefetch(self.numbers, ahead + LINE_BYTE / size_of::<u32>());
+        prefetch(self.masks, ahead);
         for (&number, &mask) in self.numbers.iter().zip(self.masks) {
             prefetch(rest, AHEAD_BYTE / size_of::<T>());
             let row = expander.expand(mask, rest.first_chunk().expect("as many behind the last"));
@@ -163,39 +197,49 @@ fn total_of_halves(lanes: &[f64; STRIP]) -> f64 {
     low + high
 }
 
-/// Bytes between the numbers that are used and those that are asked for.
+/// Bytes between the numbers that are used and those that are asked for: what memory gives while it takes its time.
 const AHEAD_BYTE: usize = 6144;
+
+/// Parts of rows between the one whose blocks are used and those that are asked for.
+const PARTS_AHEAD: usize = 6;
+
+/// The least blocks that a part of a row has on average.
+const BLOCKS_OF_PART: usize = 8;
+
+/// Rows that are taken in turn in each panel.
+const ROWS_AT_ONCE: usize = 16;
 
 /// Registers' worth of columns in a block.
 const HALVES: usize = STRIP / LANES;
 
 impl<T: Scalar> Store for BlockTile<T> {
     fn for_each(&self, row: usize, columns: Range<usize>, visit: &mut dyn FnMut(usize, f64, f64)) {
-        let blocks = self.row(row);
-        for (column, k) in blocks.entries(blocks.find(columns.start)) {
-            if column >= columns.end {
-                break;
-            }
-            if column >= columns.start {
-                let (value, std_error) = self.numbers.at(self.begins[row].entry + k);
-                visit(column, value, std_error);
+        for panel in self.panels.with(&columns) {
+            let (blocks, begin) = (self.part(panel, row), self.begins[self.panels.place(panel, row)]);
+            for (column, k) in blocks.entries(blocks.find(columns.start)) {
+                if column >= columns.end {
+                    break;
+                }
+                if column >= columns.start {
+                    let (value, std_error) = self.numbers.at(begin.entry + k);
+                    visit(column, value, std_error);
+                }
             }
         }
     }
 
     fn dot_off_diagonal(&self, row: usize, diagonal: usize, x: &Block, sum: &mut [f64]) -> f64 {
-        let blocks = self.row(row);
         match sum.len() {
-            1 => dot_of::<T, 1>(blocks, diagonal, x.values(), sum),
-            2 => dot_of::<T, 2>(blocks, diagonal, x.values(), sum),
-            3 => dot_of::<T, 3>(blocks, diagonal, x.values(), sum),
-            4 => dot_of::<T, 4>(blocks, diagonal, x.values(), sum),
+            1 => dot_of::<T, 1>(self, row, diagonal, x.values(), sum),
+            2 => dot_of::<T, 2>(self, row, diagonal, x.values(), sum),
+            3 => dot_of::<T, 3>(self, row, diagonal, x.values(), sum),
+            4 => dot_of::<T, 4>(self, row, diagonal, x.values(), sum),
             _ => {
                 let mut on_diagonal = 0.0;
-                let [before, beside, behind] = blocks.split(blocks.find(diagonal).0);
                 for (c, channel_sum) in sum.iter_mut().enumerate() {
                     let mut lanes = [0.0; STRIP];
-                    for part in [before, behind, beside] {
+                    let (others, beside) = self.parts_beside(row, diagonal);
+                    for part in others.chain([beside]) {
                         for (column, k) in part.entries((0, 0)) {
                             let value = part.values[k].to_f64();
                             if column == diagonal {
@@ -259,44 +303,64 @@ impl<T: Scalar, const C: usize> InnerLoop for Rows<'_, T, C> {
 }
 
 impl<T: Scalar, const C: usize> Rows<'_, T, C> {
-    /// Every sum is kept in two times [`LANES`] partial sums, over the columns 0, 1, 2, ... mod 16.
-    ///
-    /// x is taken from wherever it is: panels of it that stay in the first-level cache, sixteen rows at a time, took 1.4 to 1.8 times as long with three channels.
+    /// Every sum is kept in two times [`LANES`] partial sums, over the columns 0, 1, 2, ... mod 16, in ascending order of the columns.
     #[inline(always)]
     fn by_rows<S: Simd, const N: usize>(self, simd: S, expander: impl Expander<T>) {
         let Self(tile, first_row, planes, first, y) = self;
         let x: [&[[f64; STRIP]]; C] = std::array::from_fn(|c| planes.padded(first + c).as_chunks().0);
-        for (row, y_i) in (first_row..).zip(y.chunks_exact_mut(planes.n_channels())) {
-            let mut sums = [[Wide::<S, N>::zero(simd); HALVES]; C];
-            tile.row(row).for_each(expander, |number, a| {
-                let a = a.map(|half| Wide::load(&half));
-                for c in 0..C {
-                    let x_k = x[c][number].as_chunks::<LANES>().0;
-                    for h in 0..HALVES {
-                        sums[c][h] = sums[c][h].plus_product(simd, a[h], Wide::load(&x_k[h]));
+        let n_channels = planes.n_channels();
+        for (group, y_rows) in y.chunks_mut(ROWS_AT_ONCE * n_channels).enumerate() {
+            let rows = first_row + group * ROWS_AT_ONCE..;
+            let mut partial = [[[[0.0; LANES]; HALVES]; C]; ROWS_AT_ONCE];
+            let partial = &mut partial[..y_rows.len() / n_channels];
+            for panel in tile.panels.all() {
+                for (row, partial) in rows.clone().zip(&mut *partial) {
+                    let mut sums = [[Wide::<S, N>::zero(simd); HALVES]; C];
+                    for c in 0..C {
+                        for h in 0..HALVES {
+                            sums[c][h] = Wide::load(&partial[c][h]);
+                        }
+                    }
+                    tile.part(panel, row).for_each(expander, |number, a| {
+                        let a = a.map(|half| Wide::load(&half));
+                        for c in 0..C {
+                            let x_k = x[c][number].as_chunks::<LANES>().0;
+                            for h in 0..HALVES {
+                                sums[c][h] = sums[c][h].plus_product(simd, a[h], Wide::load(&x_k[h]));
+                            }
+                        }
+                    });
+                    for c in 0..C {
+                        for h in 0..HALVES {
+                            sums[c][h].store(&mut partial[c][h]);
+                        }
                     }
                 }
-            });
-            for c in 0..C {
-                let mut lanes = [0.0; STRIP];
-                for (half, sum) in lanes.as_chunks_mut().0.iter_mut().zip(sums[c]) {
-                    sum.store(half);
+            }
+            for (y_i, partial) in y_rows.chunks_exact_mut(n_channels).zip(partial) {
+                for c in 0..C {
+                    y_i[first + c] = total_of_halves(partial[c].as_flattened().try_into().expect("halves of a strip"));
                 }
-                y_i[first + c] = total_of_halves(&lanes);
             }
         }
     }
 }
 
 /// Adds the products of a row without its entry on the diagonal, and returns that entry.
-fn dot_of<T: Scalar, const C: usize>(blocks: Blocks<'_, T>, diagonal: usize, x: &[f64], sum: &mut [f64]) -> f64 {
+fn dot_of<T: Scalar, const C: usize>(
+    tile: &BlockTile<T>,
+    row: usize,
+    diagonal: usize,
+    x: &[f64],
+    sum: &mut [f64],
+) -> f64 {
     let mut on_diagonal = 0.0;
-    dispatch(Sweep::<T, C>(blocks, diagonal, x, sum, &mut on_diagonal));
+    dispatch(Sweep::<T, C>(tile, row, diagonal, x, sum, &mut on_diagonal));
     on_diagonal
 }
 
-/// The loop of [`dot_of`]: the row, the column of the diagonal, x (row-major, C channels), the sums, and the entry on the diagonal.
-struct Sweep<'a, T, const C: usize>(Blocks<'a, T>, usize, &'a [f64], &'a mut [f64], &'a mut f64);
+/// The loop of [`dot_of`]: the tile, the row, the column of the diagonal, x (row-major, C channels), the sums, and the entry on the diagonal.
+struct Sweep<'a, T, const C: usize>(&'a BlockTile<T>, usize, usize, &'a [f64], &'a mut [f64], &'a mut f64);
 
 impl<T: Scalar, const C: usize> InnerLoop for Sweep<'_, T, C> {
     #[inline(always)]
@@ -315,14 +379,14 @@ impl<T: Scalar, const C: usize> Sweep<'_, T, C> {
     /// Every sum is kept in as many partial sums as in [`Rows`], each channel as if it were alone; what shares a block with the diagonal comes last.
     #[inline(always)]
     fn add(self, expander: impl Expander<T>) {
-        let Self(blocks, diagonal, x, sum, on_diagonal) = self;
+        let Self(tile, row, diagonal, x, sum, on_diagonal) = self;
         let rows = x.as_chunks::<C>().0;
         let (whole, rest) = rows.as_chunks::<STRIP>();
         let mut last = [[0.0; C]; STRIP];
         last[..rest.len()].copy_from_slice(rest);
-        let [before, beside, behind] = blocks.split(blocks.find(diagonal).0);
+        let (others, beside) = tile.parts_beside(row, diagonal);
         let mut lanes = [[0.0; C]; STRIP];
-        for part in [before, behind] {
+        for part in others {
             part.for_each(expander, |number, a| {
                 let x_k = whole.get(number).unwrap_or(&last);
                 for (l, a) in a.as_flattened().iter().enumerate() {
@@ -376,12 +440,12 @@ mod tests {
             .collect()
     }
 
-    fn tile<T: Scalar>(first_row: usize, n_rows: usize) -> BlockTile<T> {
+    fn tile<T: Scalar>(first_row: usize, n_rows: usize, width: usize) -> BlockTile<T> {
         let mut tile = RowTile::new(first_row);
         for i in first_row..first_row + n_rows {
             tile.push_row(&entries(i), RowTally::default());
         }
-        BlockTile::new(&tile, N).expect("sound rows")
+        BlockTile::in_panels(&tile, N, Panels::of_width(n_rows, N, width)).expect("sound rows")
     }
 
     fn by_hand(entries: &[(usize, f64)], x: impl Fn(usize) -> f64) -> f64 {
@@ -393,9 +457,9 @@ mod tests {
         total_of_halves(&lanes)
     }
 
-    fn check_sums<T: Scalar>() {
-        let n_rows = 15;
-        let tile = tile::<T>(0, n_rows);
+    fn check_sums<T: Scalar>(width: usize) {
+        let n_rows = 35;
+        let tile = tile::<T>(0, n_rows, width);
         let row = |i: usize| -> Vec<(usize, f64)> {
             let rounded = |(j, value, _): super::super::Entry| (j as usize, T::from_f64(value).to_f64());
             entries(i).into_iter().map(rounded).collect()
@@ -411,15 +475,12 @@ mod tests {
             }
             for (i, diagonal) in (0..n_rows).flat_map(|i| [0, 37, 38, 100, N - 1].map(|j| (i, j))) {
                 let (mut own, mut last) = (row(i), Vec::new());
-                let beside = own
-                    .iter()
-                    .position(|(j, _)| *j >= diagonal / STRIP * STRIP)
-                    .map(|at| own[at].0 / STRIP);
                 own.retain(|(j, a)| {
-                    if Some(j / STRIP) == beside && *j != diagonal {
+                    let is_beside = j / STRIP == diagonal / STRIP;
+                    if is_beside && *j != diagonal {
                         last.push((*j, *a));
                     }
-                    Some(j / STRIP) != beside
+                    !is_beside
                 });
                 own.extend(last);
                 let mut sum = vec![0.5; n_channels];
@@ -438,13 +499,20 @@ mod tests {
 
     #[test]
     fn rows_are_summed_in_the_order_that_is_promised() {
-        check_sums::<f64>();
-        check_sums::<f32>();
+        for width in [N, 64] {
+            check_sums::<f64>(width);
+            check_sums::<f32>(width);
+        }
     }
 
     #[test]
     fn entries_come_back_whatever_columns_are_asked_for() {
-        let tile = tile::<f64>(3, 9);
+        for width in [N, 64] {
+            check_columns(&tile::<f64>(3, 9, width));
+        }
+    }
+
+    fn check_columns(tile: &BlockTile<f64>) {
         for (row, columns) in (0..9).flat_map(|row| [0..N, 5..6, 17..100, 48..64, 190..N, 7..7].map(|c| (row, c))) {
             let mut found = Vec::new();
             tile.for_each(row, columns.clone(), &mut |j, value, std_error| {

@@ -159,10 +159,6 @@ impl<T: Scalar, const C: usize> Rows<'_, T, C> {
     }
 }
 
-/// Bytes of a row from which the numbers of several rows are asked for: square matrices of shorter ones, up to 64 MB in f32, are in some cache before long, where that takes more time
-/// than it saves (three channels at 36 MB: 1.2 times as long; at 151 MB 0.8 to 0.9). A single row waits for its own sums, and has the time.
-const FAR_BYTE: usize = 1 << 14;
-
 /// Bytes between the numbers of a row that are used and those that are asked for.
 const AHEAD_BYTE: usize = 2048;
 
@@ -172,20 +168,6 @@ const STEP: usize = 2;
 /// Returns the products of R rows with C channels. The order of the additions depends on the number of columns alone.
 #[inline(always)]
 fn dot<S: Simd, T: Scalar, const N: usize, const R: usize, const C: usize>(
-    simd: S,
-    rows: [&[T]; R],
-    x: [&[f64]; C],
-) -> [[f64; C]; R] {
-    if R > 1 && x[0].len() * size_of::<T>() < FAR_BYTE {
-        dot_of::<S, T, N, R, C, false>(simd, rows, x)
-    } else {
-        dot_of::<S, T, N, R, C, true>(simd, rows, x)
-    }
-}
-
-/// Does what [`dot`] does; if ASKS, memory is asked for before it is needed.
-#[inline(always)]
-fn dot_of<S: Simd, T: Scalar, const N: usize, const R: usize, const C: usize, const ASKS: bool>(
     simd: S,
     rows: [&[T]; R],
     x: [&[f64]; C],
@@ -203,7 +185,7 @@ fn dot_of<S: Simd, T: Scalar, const N: usize, const R: usize, const C: usize, co
         for s in 0..STEP {
             let x_s = x_k.map(|x| Wide::load(&x[s]));
             for r in 0..R {
-                if ASKS && (s * LANES * size_of::<T>()).is_multiple_of(LINE_BYTE) {
+                if (s * LANES * size_of::<T>()).is_multiple_of(LINE_BYTE) {
                     prefetch(&a_k[r][s], AHEAD_BYTE / size_of::<T>());
                 }
                 let a = Wide::load(&a_k[r][s]);

@@ -19,6 +19,7 @@ mod gather;
 mod lanes;
 mod listed;
 pub mod operator;
+mod panels;
 mod pass;
 mod places;
 mod planes;

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use super::gather::{SparseRows, multiply_sparse_rows};
 use super::operator::Block;
+use super::panels::Panels;
 use super::planes::Planes;
 use super::store::{Numbers, Scalar, Store, add_dot};
 use super::{MatrixError, RowTile};
@@ -11,7 +12,8 @@ use super::{MatrixError, RowTile};
 /// A tile in compressed sparse rows.
 #[derive(Debug)]
 pub(super) struct SparseTile<T> {
-    /// Row k holds the places `begins[k]..begins[k + 1]`.
+    panels: Panels,
+    /// Part k of a row holds the places `begins[k]..begins[k + 1]`.
     begins: Vec<usize>,
     columns: Vec<u32>,
     numbers: Numbers<T>,
@@ -20,13 +22,16 @@ pub(super) struct SparseTile<T> {
 impl<T: Scalar> SparseTile<T> {
     pub(super) fn new(tile: &RowTile, n: usize) -> Result<Self, MatrixError> {
         let size = tile.n_entries();
+        let panels = Panels::new(tile.n_rows(), n, size, ENTRIES_OF_PART);
         let mut stored = Self {
-            begins: vec![0],
+            panels,
+            begins: Vec::with_capacity(panels.all().len() * tile.n_rows() + 1),
             columns: Vec::with_capacity(size),
             numbers: Numbers::with_capacity(size),
         };
-        for k in 0..tile.n_rows() {
-            for &entry in tile.row(k) {
+        stored.begins.push(0);
+        for (k, part) in panels.parts(tile) {
+            for &entry in part {
                 if stored.numbers.push(tile.first_row() + k, entry, n)? {
                     stored.columns.push(entry.0);
                 }
@@ -36,43 +41,59 @@ impl<T: Scalar> SparseTile<T> {
         Ok(stored)
     }
 
-    /// Returns the places of a row whose columns lie in `columns`.
-    fn places(&self, row: usize, columns: Range<usize>) -> Range<usize> {
-        let begin = self.begins[row];
-        let in_row = &self.columns[begin..self.begins[row + 1]];
-        let first_from = |column: usize| begin + in_row.partition_point(|&c| (c as usize) < column);
+    /// Returns the places of the part of a row in a panel.
+    fn part(&self, panel: usize, row: usize) -> Range<usize> {
+        let part = self.panels.place(panel, row);
+        self.begins[part]..self.begins[part + 1]
+    }
+
+    /// Returns those of some places whose columns lie in `columns`.
+    fn within(&self, places: Range<usize>, columns: Range<usize>) -> Range<usize> {
+        let of_part = &self.columns[places.clone()];
+        let first_from = |column: usize| places.start + of_part.partition_point(|&c| (c as usize) < column);
         first_from(columns.start)..first_from(columns.end)
     }
 }
 
+/// The least entries that a part of a row has on average.
+const ENTRIES_OF_PART: usize = 64;
+
 impl<T: Scalar> Store for SparseTile<T> {
     fn for_each(&self, row: usize, columns: Range<usize>, visit: &mut dyn FnMut(usize, f64, f64)) {
-        for place in self.places(row, columns) {
-            let (value, std_error) = self.numbers.at(place);
-            visit(self.columns[place] as usize, value, std_error);
+        for panel in self.panels.with(&columns) {
+            for place in self.within(self.part(panel, row), columns.clone()) {
+                let (value, std_error) = self.numbers.at(place);
+                visit(self.columns[place] as usize, value, std_error);
+            }
         }
     }
 
     fn dot_off_diagonal(&self, row: usize, diagonal: usize, x: &Block, sum: &mut [f64]) -> f64 {
-        let on = self.places(row, diagonal..diagonal + 1);
-        for part in [self.begins[row]..on.start, on.end..self.begins[row + 1]] {
-            let columns = &self.columns[part.clone()];
-            add_dot(
-                &self.numbers.values[part],
-                |k| columns[k] as usize,
-                1.0,
-                x.values(),
-                sum,
-            );
+        let mut add = |places: Range<usize>| {
+            let columns = &self.columns[places.clone()];
+            let values = &self.numbers.values[places];
+            add_dot(values, |k| columns[k] as usize, 1.0, x.values(), sum);
+        };
+        let (mut on_diagonal, with_diagonal) = (0.0, self.panels.of(diagonal));
+        for panel in self.panels.all() {
+            let part = self.part(panel, row);
+            if panel == with_diagonal {
+                let on = self.within(part.clone(), diagonal..diagonal + 1);
+                add(part.start..on.start);
+                add(on.end..part.end);
+                on_diagonal = on.map(|place| self.numbers.values[place].to_f64()).sum();
+            } else {
+                add(part);
+            }
         }
-        on.map(|place| self.numbers.values[place].to_f64())
-            .next()
-            .unwrap_or(0.0)
+        on_diagonal
     }
 
-    fn apply(&self, row: usize, _: usize, x: &Block, planes: &Planes, y: &mut [f64]) {
+    fn apply(&self, row: usize, _: usize, _: &Block, planes: &Planes, y: &mut [f64]) {
         let rows = SparseRows {
-            begins: &self.begins[row..=row + y.len() / x.n_channels()],
+            panels: self.panels,
+            first_row: row,
+            begins: &self.begins,
             columns: &self.columns,
             values: &self.numbers.values,
         };
