@@ -17,7 +17,7 @@ pub(super) struct Panels {
     n_rows: usize,
     /// Columns of a panel; the last one has those that are left.
     width: usize,
-    n_panels: usize,
+    number: usize,
 }
 
 impl Panels {
@@ -33,18 +33,18 @@ impl Panels {
         Self {
             n_rows,
             width,
-            n_panels: n_columns.div_ceil(width).max(1),
+            number: n_columns.div_ceil(width).max(1),
         }
     }
 
     /// Returns the numbers of the panels.
     pub(super) fn all(&self) -> Range<usize> {
-        0..self.n_panels
+        0..self.number
     }
 
     /// Returns the panel that has a column.
     pub(super) fn of(&self, column: usize) -> usize {
-        (column / self.width).min(self.n_panels - 1)
+        (column / self.width).min(self.number - 1)
     }
 
     /// Returns the numbers of the panels that have some of the columns.
