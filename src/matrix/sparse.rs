@@ -81,7 +81,10 @@ impl<T: Scalar> Store for SparseTile<T> {
                 let on = self.within(part.clone(), diagonal..diagonal + 1);
                 add(part.start..on.start);
                 add(on.end..part.end);
-                on_diagonal = on.map(|place| self.numbers.values[place].to_f64()).sum();
+                on_diagonal = on
+                    .map(|place| self.numbers.values[place].to_f64())
+                    .next()
+                    .unwrap_or(0.0);
             } else {
                 add(part);
             }
