@@ -395,9 +395,10 @@ impl Batches<'_> {
             budget: accuracy.budget,
             progress: self.progress,
         };
-        // Where rounding is to be added there has to be room for it: what adds up to just above the tolerance is not what corners are too coarse for.
+        // Where rounding is to be added there has to be room for it, so that no pair is above the tolerance by its integral's share; where that alone is above it, room would not help.
         let rounding = self.rounding([pair.i, pair.j], touched, most.area);
-        let found = split.exchange_area(p, q, blockers, goal - rounding.min(0.5 * goal), most.area);
+        let room = if rounding < goal { rounding.min(0.5 * goal) } else { 0.0 };
+        let found = split.exchange_area(p, q, blockers, goal - room, most.area);
         // What rounding leaves of a pair that is hidden after all would make a row of noise.
         let is_noise = found.exchange_area <= NOISE * smaller_area;
         // More than without blockers it cannot be, nor be off by more than that.
