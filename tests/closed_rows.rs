@@ -222,6 +222,7 @@ fn rows_beyond_all_error_are_not_scaled_to_1() {
                 mesh: &prepared.mesh,
                 factors: &factors,
                 tolerance_met: true,
+                pairs: None,
                 settings: settings.as_object().unwrap(),
                 surface: None,
             };

@@ -71,6 +71,7 @@ fn write(path: &Path, (scene, mesh): (&Scene, &Mesh), factors: &FormFactors) -> 
         mesh,
         factors,
         tolerance_met: false,
+        pairs: None,
         settings: settings.as_object().unwrap(),
         surface: None,
     };

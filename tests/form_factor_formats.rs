@@ -46,6 +46,7 @@ impl Case {
             mesh: &self.mesh,
             factors: &self.factors,
             tolerance_met: true,
+            pairs: None,
             settings: settings.as_object().unwrap(),
             surface: Some(SurfaceId(5)),
         };

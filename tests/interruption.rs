@@ -18,7 +18,7 @@ use std::time::Duration;
 use glam::{DQuat, DVec3};
 use program::{command, names, radiosity, succeed};
 use radiosity::checkpoint::Checkpoint;
-use radiosity::form_factor::{FormFactorError, FormFactorMethod, Input};
+use radiosity::form_factor::{Computed, ExactMethod, FormFactorError, FormFactorMethod, Input};
 use radiosity::matrix::{FormFactors, StorageChoice};
 use radiosity::mesh::{Mesh, Subdivision};
 use radiosity::progress::{Progress, Silent};
@@ -64,7 +64,8 @@ fn bits(factors: &FormFactors) -> Vec<(usize, usize, u64, u64)> {
     all
 }
 
-fn interrupted_and_resumed(method: &dyn FormFactorMethod, scene: &Scene, subdivide: u32, steps: i64) {
+/// Returns what a run to the end gives, and one that is stopped and goes on gives as well.
+fn interrupted_and_resumed(method: &dyn FormFactorMethod, scene: &Scene, subdivide: u32, steps: i64) -> Computed {
     let mesh = Mesh::new(scene, Subdivision::Uniform(subdivide)).unwrap();
     let visibility = EmbreeVisibility::new(scene).unwrap();
     let input = Input {
@@ -101,6 +102,7 @@ fn interrupted_and_resumed(method: &dyn FormFactorMethod, scene: &Scene, subdivi
         (resumed.pairs, resumed.tolerance_met),
         (whole.pairs, whole.tolerance_met)
     );
+    whole
 }
 
 #[test]
@@ -110,6 +112,29 @@ fn every_method_goes_on_to_the_same_bits() {
     }
     // 2904 patches: 4.2 million pairs, of which this one keeps some 370,000 at a time.
     interrupted_and_resumed(&*quick("exact", 0), &room(false), 22, 2);
+}
+
+/// What is told of pairs above the tolerance is told of those that an earlier run computed, too.
+#[test]
+fn pairs_above_the_tolerance_are_counted_over_all_runs() {
+    let mut shapes = Shapes::default();
+    shapes.cuboid(DVec3::ZERO, DVec3::new(2.0, 1.0, 1.5), DQuat::IDENTITY, true);
+    let (low, high) = (DVec3::new(0.6, 0.3, 0.0), DVec3::new(1.1, 0.6, 0.9));
+    shapes.cuboid(low, high, DQuat::IDENTITY, false);
+    let on_a_map = DVec3::new(500_000.0, 5_600_000.0, 100.0);
+    let turned = rooms::moved(&shapes.scene(), DQuat::from_rotation_z(0.4), 1.0, on_a_map);
+    let scene = rooms::with_decimals(3, &turned);
+    let exact = ExactMethod {
+        tolerance: 1e-4,
+        ..ExactMethod::default()
+    };
+    // 1200 patches: 719,400 pairs, of which half a million make a batch.
+    let whole = interrupted_and_resumed(&exact, &scene, 10, 2);
+    let pairs = whole.pairs.unwrap();
+    assert!(
+        !whole.tolerance_met && pairs.n_above_by_rounding > 1000 && pairs.rounding_error_max > 1e-3,
+        "{pairs:?}"
+    );
 }
 
 fn start(directory: &Path, arguments: &[&str]) -> Child {

@@ -11,7 +11,8 @@ use radiosity::mesh::{Mesh, Subdivision};
 use radiosity::progress::Silent;
 use radiosity::scene::{Motion, Names, Pose, Scene, builtin, topology};
 use radiosity::visibility::embree::EmbreeVisibility;
-use support::rooms::{Shapes, quick};
+use support::rooms::{Shapes, moved, quick, with_decimals};
+use support::{n_above, worst_error};
 
 /// A scene with its patches.
 struct Posed {
@@ -215,6 +216,49 @@ fn kept_numbers_are_those_of_before_and_everything_else_is_looked_at() {
         }
     }
     assert!(n_kept > 20 && n_kept <= updated.pairs.unwrap().kept, "{n_kept}");
+}
+
+/// Pairs that are taken over are above the tolerance still, and told by what makes them so.
+#[test]
+fn kept_pairs_above_the_tolerance_are_counted() {
+    let mut shapes = Shapes::default();
+    shapes.cuboid(DVec3::ZERO, DVec3::new(4.0, 3.0, 2.5), DQuat::IDENTITY, true);
+    // The first stands on the floor, and stays.
+    for (low, high) in [
+        (DVec3::new(2.5, 1.5, 0.0), DVec3::new(3.3, 2.2, 1.0)),
+        (DVec3::new(0.4, 0.5, 0.3), DVec3::new(1.0, 1.2, 0.8)),
+    ] {
+        shapes.cuboid(low, high, DQuat::from_rotation_z(0.2), false);
+    }
+    let turned = moved(&shapes.scene(), DQuat::from_rotation_z(0.4), 1.0, DVec3::ZERO);
+    let sides: Vec<String> = (12..18).map(|k| format!("face{k}")).collect();
+    for (scene, tolerance, budget, is_rounded) in [
+        (with_decimals(6, &turned), 1e-6, ExactMethod::DEFAULT_BUDGET, true),
+        (turned, 1e-9, 200, false),
+    ] {
+        let exact = ExactMethod { tolerance, budget };
+        let mesh = Mesh::new(&scene, Subdivision::Uniform(2)).unwrap();
+        let before = Posed::new(scene, mesh);
+        let known = before.compute(&exact);
+        assert!(!known.tolerance_met);
+        let after = before.moved(&poses(&sides)[0]);
+        let updated = after.update(&exact, &before, &known);
+        let n = n_above(&updated.factors, tolerance);
+        let pairs = updated.pairs.unwrap();
+        let expected = if is_rounded { (n, 0) } else { (0, n) };
+        assert_eq!((pairs.n_above_by_rounding, pairs.n_above_tolerance), expected);
+        assert!(!updated.tolerance_met && pairs.kept > 0);
+        assert_eq!(pairs.rounding_error_max > 0.0, is_rounded);
+        assert!(pairs.rounding_error_max <= worst_error(&updated.factors) * (1.0 + 1e-6));
+        // Some are kept ones: without them there would be fewer.
+        let areas = updated.factors.areas();
+        let is_above = |i: usize, j: usize| {
+            let error = updated.factors.std_error(i, j);
+            let is_same = error.to_bits() == known.factors.std_error(i, j).to_bits();
+            is_same && error * areas[i] > tolerance * areas[i].min(areas[j])
+        };
+        assert!((0..areas.len()).any(|i| (i + 1..areas.len()).any(|j| is_above(i, j))));
+    }
 }
 
 #[test]

@@ -6,7 +6,6 @@ use std::fmt::Write as _;
 use serde_json::{Value, json};
 
 use super::args::FormFactorsArgs;
-use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::file_set::FileSet;
 use super::pipeline::{Computed, Fineness, Prepared, Run};
@@ -68,6 +67,7 @@ fn work(args: &FormFactorsArgs, run: &mut Run) -> Result<Outcome, Failure> {
             mesh: &prepared.mesh,
             factors: &computed.factors,
             tolerance_met: computed.tolerance_met,
+            pairs: computed.pairs,
             settings: &run.settings,
             surface,
         };
@@ -87,7 +87,7 @@ fn work(args: &FormFactorsArgs, run: &mut Run) -> Result<Outcome, Failure> {
     Ok(Outcome {
         text,
         document,
-        code: run.judged(code(&computed), args.audit.strict),
+        code: run.judged(computed.code, args.audit.strict),
     })
 }
 
@@ -99,15 +99,6 @@ fn files(args: &FormFactorsArgs) -> FileSet {
     files.keeps("the checkpoint", args.storage.checkpoint.as_deref());
     files.reads_scene(&args.scene);
     files
-}
-
-/// Returns the exit code that form factors deserve.
-pub(super) fn code(computed: &Computed) -> ExitCode {
-    if computed.tolerance_met {
-        ExitCode::Done
-    } else {
-        ExitCode::NotConverged
-    }
 }
 
 /// Returns the surface of a name; another is a usage error.

@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use super::args::MeshArgs;
 use super::failure::Failure;
-use super::pipeline::{BALANCE_TOLERANCE, Prepared, Promised, Run};
+use super::pipeline::{BALANCE_TOLERANCE, Prepared, Promised, Run, doubted_pairs, spent_budget};
 use super::storage;
 use crate::audit::Repair;
 use crate::form_factor::{Computed, MethodSettings, Reciprocity, registry};
@@ -73,11 +73,15 @@ pub(super) fn form_factors(
         other => other.into(),
     })?;
     let description = file.description();
-    if !description.tolerance_met {
+    let path = file.path().display();
+    let rounded = description.pairs.and_then(doubted_pairs);
+    if !description.tolerance_met && (rounded.is_none() || spent_budget(description.pairs)) {
         run.warn(&format!(
-            "{}: these form factors spent their budget above their tolerance; compute them again with a greater --budget or --tolerance",
-            file.path().display()
+            "{path}: these form factors spent their budget above their tolerance; compute them again with a greater --budget or --tolerance"
         ));
+    }
+    if let Some(rounded) = rounded {
+        run.warn(&format!("{path}: {rounded}"));
     }
     run.set("form_factors", Value::Object(description.settings.clone()));
     prepared
@@ -86,7 +90,7 @@ pub(super) fn form_factors(
         .push("computing form factors: they are read from a file".into());
     Ok(Computed {
         factors,
-        pairs: None,
+        pairs: description.pairs,
         tolerance_met: description.tolerance_met,
     })
 }
@@ -113,5 +117,7 @@ pub(super) fn promised(file: &FormFactorFile) -> Promised {
             (true, true) => Repair::GaveUp,
         },
         by_rule,
+        // The command that uses them has no flag for one.
+        tolerance_asked: false,
     }
 }

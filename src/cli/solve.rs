@@ -8,7 +8,7 @@ use super::args::SolveArgs;
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::file_set::FileSet;
-use super::form_factors::{self, DEFAULT_RAYS, checks_to_json, describe_checks};
+use super::form_factors::{DEFAULT_RAYS, checks_to_json, describe_checks};
 use super::lightings::{Lightings, with_suffix};
 use super::mesh_error::MeshError;
 use super::pipeline::{Computed, Fineness, Prepared, Run, repairs};
@@ -180,7 +180,7 @@ fn finish(
 /// Returns the exit code that a solution, the form factors that it is from, and what they say of its error deserve.
 pub(super) fn code(solution: &Solution, computed: Option<&Computed>, stated: Stated) -> ExitCode {
     if solution.stop_reason == StopReason::Converged && stated != Stated::TooGreat {
-        computed.map_or(ExitCode::Done, form_factors::code)
+        computed.map_or(ExitCode::Done, |computed| computed.code)
     } else {
         ExitCode::NotConverged
     }

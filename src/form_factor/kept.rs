@@ -4,6 +4,9 @@ use super::PairCounts;
 use crate::matrix::{Entry, RayWeights, RowTally, RowTile};
 use crate::progress::Progress;
 
+/// Begins every piece; another number when what follows changes. The first number of pieces before there was one is a count, and smaller.
+const LAYOUT: u64 = u64::from_le_bytes(*b"piece 2\n");
+
 /// What a method computes as one piece.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Piece {
@@ -25,6 +28,7 @@ impl Piece {
     fn encode(&self) -> Vec<u8> {
         let mut bytes = Vec::new();
         let mut number = |n: u64| bytes.extend(n.to_le_bytes());
+        number(LAYOUT);
         let c = self.counts;
         for n in [
             c.not_facing,
@@ -33,6 +37,8 @@ impl Piece {
             c.partial,
             c.n_rays,
             c.n_above_tolerance,
+            c.n_above_by_rounding,
+            c.rounding_error_max.to_bits(),
             c.kept,
         ] {
             number(n);
@@ -67,10 +73,18 @@ impl Piece {
     fn end(&self, part: Part) -> Option<usize> {
         let c = self.counts;
         // Sums over all pieces stay far below 2^64.
-        if [c.not_facing, c.full, c.hidden, c.partial, c.n_rays, c.n_above_tolerance]
-            .iter()
-            .any(|&count| count >> 48 != 0)
-        {
+        let counts = [
+            c.not_facing,
+            c.full,
+            c.hidden,
+            c.partial,
+            c.n_rays,
+            c.n_above_tolerance,
+            c.n_above_by_rounding,
+            c.kept,
+        ];
+        let is_error = c.rounding_error_max.is_finite() && c.rounding_error_max >= 0.0;
+        if !is_error || counts.iter().any(|&count| count >> 48 != 0) {
             return None;
         }
         let mut end = part.first_row;
@@ -100,6 +114,9 @@ impl Piece {
         };
         let mut numbers = numbers.iter().map(|number| u64::from_le_bytes(*number));
         let mut next = || numbers.next();
+        if next()? != LAYOUT {
+            return None;
+        }
         let counts = PairCounts {
             not_facing: next()?,
             full: next()?,
@@ -107,6 +124,8 @@ impl Piece {
             partial: next()?,
             n_rays: next()?,
             n_above_tolerance: next()?,
+            n_above_by_rounding: next()?,
+            rounding_error_max: f64::from_bits(next()?),
             kept: next()?,
         };
         let tolerance_met = next()? == 1;
@@ -198,6 +217,8 @@ mod tests {
             tiles: vec![tile, RowTile::new(18)],
             counts: PairCounts {
                 full: 5,
+                n_above_by_rounding: 2,
+                rounding_error_max: 1.5e-3,
                 ..PairCounts::default()
             },
             tolerance_met: false,
@@ -208,7 +229,7 @@ mod tests {
             assert_eq!(Piece::decode(&bytes[..cut]), None);
         }
         let mut huge = bytes.clone();
-        huge[71] = 255;
+        huge[95] = 255;
         assert_eq!(Piece::decode(&huge), None, "more tiles than there are bytes");
     }
 
@@ -236,6 +257,8 @@ mod tests {
         };
         let mut counted = right.clone();
         counted.counts.full = u64::MAX;
+        let mut doubtful = right.clone();
+        doubtful.counts.rounding_error_max = f64::NAN;
         let mut twice = right.clone();
         twice.tiles.push(twice.tiles[0].clone());
         let mut long = right.clone();
@@ -254,6 +277,7 @@ mod tests {
             with(16, (20, 0.5, -1.0), none),
             with(16, (20, 0.5, 0.0), too_many),
             counted,
+            doubtful,
             twice,
             long,
         ] {

@@ -65,7 +65,7 @@ pub use update::{Before, Change};
 
 use std::ops::Range;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::matrix::{FormFactors, RowTile, StorageChoice};
 use crate::mesh::Mesh;
@@ -94,12 +94,13 @@ pub struct Computed {
     pub factors: FormFactors,
     /// How the pairs of patches were treated; `None` for methods that do not look at pairs.
     pub pairs: Option<PairCounts>,
-    /// False if a budget was spent before the tolerance was met; the entries' errors say what was reached.
+    /// False if the error of a pair is above the tolerance, because a budget was spent before or because corners are rounded too coarsely ([`PairCounts`] tells which); the entries' errors say what was reached.
     pub tolerance_met: bool,
 }
 
 /// How many unordered pairs of patches went which way.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct PairCounts {
     /// Pairs whose fronts do not face each other: exactly 0.
     pub not_facing: u64,
@@ -111,9 +112,13 @@ pub struct PairCounts {
     pub partial: u64,
     /// Rays traced between points of pairs.
     pub n_rays: u64,
-    /// Partial pairs whose error is above the tolerance because their budget was spent.
+    /// Pairs whose integral has an error above the tolerance: the budget was spent, or f64 has no more digits.
     pub n_above_tolerance: u64,
-    /// Pairs that face each other and were taken over from before a change; they count nowhere else.
+    /// Pairs whose error is above the tolerance by what rounded corners add to it: more work does not help, corners with more digits do. Those whose integral is above the tolerance too count in both.
+    pub n_above_by_rounding: u64,
+    /// The most that rounded corners add to the error of one of `n_above_by_rounding`, as a part of A_i F_ij / min(A_i, A_j); 0 without any.
+    pub rounding_error_max: f64,
+    /// Pairs that face each other and were taken over from before a change; they count nowhere else but where they are above the tolerance.
     pub kept: u64,
 }
 
@@ -128,8 +133,16 @@ impl PairCounts {
             partial: self.partial + other.partial,
             n_rays: self.n_rays + other.n_rays,
             n_above_tolerance: self.n_above_tolerance + other.n_above_tolerance,
+            n_above_by_rounding: self.n_above_by_rounding + other.n_above_by_rounding,
+            rounding_error_max: self.rounding_error_max.max(other.rounding_error_max),
             kept: self.kept + other.kept,
         }
+    }
+
+    /// Tells whether the error of every pair is within the tolerance, as far as pairs are counted that are not.
+    #[must_use]
+    pub fn tolerance_met(&self) -> bool {
+        self.n_above_tolerance == 0 && self.n_above_by_rounding == 0
     }
 }
 

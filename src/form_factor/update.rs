@@ -109,7 +109,7 @@ impl Group {
 pub struct Before<'a> {
     /// The form factors, as the same method with the same settings made them of the patches that have been moved since, without repairs.
     pub factors: &'a FormFactors,
-    /// Whether they are within their tolerance.
+    /// Whether they are within their tolerance: if not, pairs that are taken over are looked at again for errors above it.
     pub tolerance_met: bool,
     /// What has changed since.
     pub change: &'a Change,

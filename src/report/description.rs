@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 use sha2::{Digest as _, Sha256};
 
+use crate::form_factor::PairCounts;
 use crate::mesh::{MeshOptions, Subdivision};
 use crate::scene::hash::hexadecimal;
 
@@ -25,8 +26,11 @@ pub struct Description {
     pub geometry_sha256: String,
     /// True if A_i F_ij is symmetric to rounding, because the upper triangle is what was computed or repaired.
     pub symmetric: bool,
-    /// False if a budget was spent before the tolerance was met.
+    /// False if the error of a form factor is above the tolerance: a budget was spent before, or corners are rounded too coarsely; `pairs` tells which.
     pub tolerance_met: bool,
+    /// How the pairs of patches were treated; `None` of methods that do not look at pairs, and in older files.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub pairs: Option<PairCounts>,
     /// How the form factors were computed.
     pub settings: Map<String, Value>,
     /// Length and checksum of the file beside which the description stands, where that cannot hold them itself.
@@ -46,7 +50,7 @@ impl Description {
         n_patches: usize,
         geometry_sha256: String,
         symmetric: bool,
-        tolerance_met: bool,
+        (tolerance_met, pairs): (bool, Option<PairCounts>),
         settings: Map<String, Value>,
     ) -> Self {
         Self {
@@ -57,6 +61,7 @@ impl Description {
             geometry_sha256,
             symmetric,
             tolerance_met,
+            pairs,
             settings,
             file: None,
         }

@@ -25,7 +25,7 @@ use super::npy::{Dtype, Header};
 use super::npz::{NpzWriter, write_numbers};
 use super::vtu::CellData;
 use super::{Description, ReportError, matrix_csv, matrix_exr, mtx, vtu};
-use crate::form_factor::sky_factors;
+use crate::form_factor::{PairCounts, sky_factors};
 use crate::matrix::{FormFactors, Layout, Precision, RowTally};
 use crate::mesh::Mesh;
 use crate::scene::hash::hexadecimal;
@@ -43,8 +43,10 @@ pub struct FormFactorReport<'a> {
     pub mesh: &'a Mesh,
     /// Their form factors.
     pub factors: &'a FormFactors,
-    /// False if a budget was spent before the tolerance was met.
+    /// False if the error of a form factor is above the tolerance.
     pub tolerance_met: bool,
+    /// How the pairs of patches were treated, and how many are above the tolerance for which reason; `None` of methods that do not look at pairs.
+    pub pairs: Option<PairCounts>,
     /// How the form factors were computed: no time, path or number of threads. `subdivide` or `max_edge_m` tells how the scene was
     /// cut into patches.
     pub settings: &'a Map<String, Value>,
@@ -238,7 +240,7 @@ impl FormFactorReport<'_> {
             self.factors.n_rows(),
             self.mesh.geometry_hash(),
             self.factors.is_symmetric(),
-            self.tolerance_met,
+            (self.tolerance_met, self.pairs),
             self.settings.clone(),
         )
     }

@@ -437,3 +437,107 @@ fn a_box_on_the_floor_breaks_no_law() {
         );
     }
 }
+
+/// A room with a box on its floor, 0.4 rad out of the axes, where a map of a country has it, in millimetres.
+fn room_on_a_map() -> String {
+    let mut text = String::new();
+    let mut n_corners = 0;
+    let (sine, cosine) = 0.4_f64.sin_cos();
+    for (name, low, high, inwards) in [
+        ("room", [0.0, 0.0, 0.0], [4.0, 5.0, 3.0], true),
+        ("box", [1.0, 1.5, 0.0], [2.2, 3.0, 1.2], false),
+    ] {
+        let _ = writeln!(text, "o {name}");
+        for corner in 0..8 {
+            let [x, y, z] = [0, 1, 2].map(|k| if corner >> k & 1 == 0 { low[k] } else { high[k] });
+            let (x, y) = (cosine * x - sine * y + 500_000.0, sine * x + cosine * y + 5_600_000.0);
+            let _ = writeln!(text, "v {x:.3} {y:.3} {:.3}", z + 100.0);
+        }
+        for mut side in [
+            [1, 3, 4, 2],
+            [5, 6, 8, 7],
+            [1, 2, 6, 5],
+            [3, 7, 8, 4],
+            [1, 5, 7, 3],
+            [2, 4, 8, 6],
+        ] {
+            if inwards {
+                side.reverse();
+            }
+            let [a, b, c, d] = side.map(|corner| corner + n_corners);
+            let _ = writeln!(text, "f {a} {b} {c} {d}");
+        }
+        n_corners += 8;
+    }
+    text
+}
+
+/// A tolerance that was asked for is met or not; the default asks for nothing that coordinates cannot tell.
+#[test]
+fn coordinates_too_coarse_for_the_tolerance_are_told_of() {
+    let directory = tempfile::tempdir().unwrap();
+    std::fs::write(directory.path().join("scene.obj"), room_on_a_map()).unwrap();
+    let told = |result: &Value| {
+        let warnings = result["warnings"].as_array().unwrap();
+        let of_them = warnings
+            .iter()
+            .filter(|text| text.as_str().unwrap().contains("in doubt above the tolerance"));
+        of_them.count()
+    };
+    for (asked, expected, n_told) in [
+        (&["-o", "F.npz"][..], 0, 1),
+        (&["--tolerance", "1e-6"], 3, 1),
+        (&["--tolerance", "0.1"], 0, 0),
+    ] {
+        let (code, result) = document(directory.path(), &[&["form-factors", "scene.obj"], asked].concat());
+        assert_eq!((code, told(&result)), (expected, n_told), "{asked:?}: {result:#}");
+        assert_eq!(result["tolerance_met"], n_told == 0);
+        let pairs = &result["pairs"];
+        assert_eq!(pairs["n_above_tolerance"], 0);
+        assert_eq!(pairs["n_above_by_rounding"].as_u64().unwrap() > 0, n_told > 0);
+        let most = pairs["rounding_error_max"].as_f64().unwrap();
+        assert_eq!(most > 1e-3, n_told > 0, "{most}");
+    }
+    let output = radiosity(directory.path(), &["form-factors", "scene.obj"]);
+    let lines = stderr(&output);
+    assert!(
+        lines.lines().count() == 1 && lines.contains("more digits or nearer to the origin, or a greater --tolerance"),
+        "{lines}"
+    );
+    // A file of them says so, and whoever uses it.
+    let solve = ["solve", "scene.obj", "--form-factors", "F.npz"];
+    let (code, result) = document(directory.path(), &solve);
+    assert_eq!((code, told(&result)), (0, 1), "{}", result["warnings"]);
+    let of_file = &result["form_factors"];
+    assert_eq!(of_file["tolerance_met"], false);
+    assert!(of_file["pairs"]["n_above_by_rounding"].as_u64().unwrap() > 0);
+    let (code, result) = document(
+        directory.path(),
+        &["solve", "scene.obj", "--form-factor-tolerance", "1e-6"],
+    );
+    assert_eq!((code, told(&result)), (3, 1));
+    // A spent budget is told beside it, and fails without a tolerance that was asked for.
+    let (code, result) = document(
+        directory.path(),
+        &["form-factors", "scene.obj", "--budget", "1", "-o", "F.npz"],
+    );
+    assert_eq!((code, told(&result)), (3, 1));
+    assert!(result["pairs"]["n_above_tolerance"].as_u64().unwrap() > 0);
+    let (code, result) = document(directory.path(), &solve);
+    assert_eq!((code, told(&result)), (3, 1));
+    assert!(result["warnings"].to_string().contains("spent their budget"));
+}
+
+/// The scenes of the repository know their form factors far beyond the default tolerance.
+#[test]
+fn ordinary_scenes_are_told_nothing_of_their_digits() {
+    for name in ["cube", "room-box", "cornell-box", "corridor"] {
+        let directory = with_scene(name);
+        for asked in [&[][..], &["--tolerance", "1e-9"]] {
+            let (code, result) = document(directory.path(), &[&["form-factors", "scene.obj"], asked].concat());
+            assert_eq!(code, 0, "{name} {asked:?}");
+            assert_eq!(result["tolerance_met"], true);
+            assert_eq!(result["warnings"], serde_json::json!([]), "{name} {asked:?}");
+        }
+    }
+}

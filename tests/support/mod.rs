@@ -60,6 +60,25 @@ pub(crate) fn random_room(n: usize, area_min: f64, seed: u64) -> FormFactors {
     room
 }
 
+/// Returns the stated errors of all pairs of patches, of A_i F_ij / min(A_i, A_j).
+fn pair_errors(factors: &FormFactors) -> impl Iterator<Item = f64> + '_ {
+    let areas = factors.areas();
+    let n = areas.len();
+    (0..n).flat_map(move |i| (i + 1..n).map(move |j| factors.std_error(i, j) * areas[i] / areas[i].min(areas[j])))
+}
+
+/// Returns the number of pairs whose stated error is above a tolerance, by more than rounding.
+pub(crate) fn n_above(factors: &FormFactors, tolerance: f64) -> u64 {
+    pair_errors(factors)
+        .filter(|error| *error > tolerance * (1.0 + 1e-12))
+        .count() as u64
+}
+
+/// Returns the greatest stated error of a pair.
+pub(crate) fn worst_error(factors: &FormFactors) -> f64 {
+    pair_errors(factors).fold(0.0, f64::max)
+}
+
 /// Reads a matrix back, entry by entry.
 pub(crate) fn dense(form_factors: &FormFactors) -> Vec<Vec<f64>> {
     let n = form_factors.n_rows();

@@ -164,6 +164,24 @@ pub(crate) fn names() -> impl Iterator<Item = &'static str> {
     METHODS.iter().map(|m| m.name)
 }
 
+/// Returns a scene as it comes back from a file with so many decimals.
+pub(crate) fn with_decimals(places: usize, scene: &Scene) -> Scene {
+    let vertices = scene
+        .vertices
+        .iter()
+        .map(|v| format!("v {:.places$} {:.places$} {:.places$}\n", v.x, v.y, v.z));
+    let faces = scene.faces.iter().enumerate().map(|(k, face)| {
+        let corners: Vec<String> = face.corners.as_slice().iter().map(|&v| (v + 1).to_string()).collect();
+        format!("o face{k}\nf {}\n", corners.join(" "))
+    });
+    let directory = tempfile::tempdir().expect("a directory");
+    let path = directory.path().join("scene.obj");
+    std::fs::write(&path, vertices.chain(faces).collect::<String>()).expect("a file");
+    let loaded = radiosity::scene::load(&path).expect("a scene").scene;
+    assert_eq!(loaded.faces.len(), scene.faces.len());
+    loaded
+}
+
 /// A scene with everything that methods need of it.
 pub(crate) struct Prepared {
     pub(crate) scene: Scene,

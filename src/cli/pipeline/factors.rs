@@ -5,6 +5,7 @@ use serde_json::json;
 use super::{Prepared, Run};
 use crate::audit::{self, Claims, Repair};
 use crate::cli::args::{BalanceName, MethodArgs, StorageName};
+use crate::cli::exit_code::ExitCode;
 use crate::cli::failure::Failure;
 use crate::cli::storage;
 use crate::form_factor::registry::{self, MethodEntry, Setting};
@@ -23,6 +24,8 @@ pub(in crate::cli) struct Computed {
     pub(in crate::cli) closed: bool,
     pub(in crate::cli) pairs: Option<PairCounts>,
     pub(in crate::cli) tolerance_met: bool,
+    /// What the run that uses them is to end with, if all else goes well.
+    pub(in crate::cli) code: ExitCode,
     /// True if the entries have errors.
     pub(in crate::cli) errors_known: bool,
     /// The rows that are known to sum to 1, \[n\].
@@ -45,6 +48,8 @@ pub(in crate::cli) struct Promised {
     pub(in crate::cli) repair: Repair,
     /// True if entries err by a rule.
     pub(in crate::cli) by_rule: bool,
+    /// True if a tolerance was asked for.
+    pub(in crate::cli) tolerance_asked: bool,
 }
 
 /// A method with what is known of its matrix.
@@ -111,6 +116,39 @@ fn worst_error(factors: &FormFactors) -> f64 {
         factors.for_each_in_row(i, |j, _, error| worst = worst.max(error * area / area.min(areas[j])));
     }
     worst
+}
+
+fn counted_pairs(n: u64) -> String {
+    counted(usize::try_from(n).unwrap_or(usize::MAX), "pair")
+}
+
+/// Tells whether form factors that do not meet their tolerance spent a budget before; where nothing is known of their pairs, that is what it was.
+pub(in crate::cli) fn spent_budget(pairs: Option<PairCounts>) -> bool {
+    pairs.is_none_or(|pairs| pairs.n_above_tolerance > 0)
+}
+
+/// Returns the exit code that form factors deserve: that of work which falls short of what was asked for.
+///
+/// What coordinates that are rounded leave open is no failure of a run that asked for no tolerance: files as ordinary as those turned out of the axes with six decimals know form factors to 1e-5, not to
+/// the default of 1e-6. It is told by a warning and by `tolerance_met`. A tolerance that was asked for is met or not, whatever the reason.
+fn code(tolerance_met: bool, pairs: Option<PairCounts>, tolerance_asked: bool) -> ExitCode {
+    if tolerance_met || !(tolerance_asked || spent_budget(pairs)) {
+        ExitCode::Done
+    } else {
+        ExitCode::NotConverged
+    }
+}
+
+/// Says what rounded corners leave open above the tolerance, and what helps, if they do.
+pub(in crate::cli) fn doubted_pairs(pairs: PairCounts) -> Option<String> {
+    (pairs.n_above_by_rounding > 0).then(|| {
+        format!(
+            "the form factors of {} of patches are in doubt above the tolerance, by up to {:.1e}, as coordinates are rounded (or quads bent), and more work does not help; \
+             give coordinates with more digits or nearer to the origin",
+            counted_pairs(pairs.n_above_by_rounding),
+            pairs.rounding_error_max
+        )
+    })
 }
 
 /// Returns the fraction of the light of each patch that black backs take: as its rays tell, nothing in a closed row, and else what is missing from the row and has not escaped.
@@ -188,21 +226,33 @@ impl Run {
         if of_pairs > 0 || result.factors.tallies().iter().any(|tally| tally.n_rays > 0) {
             self.warn_of_narrow_gaps(prepared);
         }
-        if let Some(pairs) = result.pairs.filter(|pairs| pairs.n_above_tolerance > 0) {
-            self.warn(&format!(
-                "{} of patches spent the budget above the tolerance; the worst error of all pairs is {:.1e}; give a greater --budget or {}",
-                counted(usize::try_from(pairs.n_above_tolerance).unwrap_or(usize::MAX), "pair"),
-                worst_error(&result.factors),
-                fineness.tolerance_flag
-            ));
-        }
+        self.warn_above_tolerance(&result, fineness);
         let promised = Promised {
             reciprocity: method.reciprocity(),
             errors_known: true,
             repair: Repair::Not,
             by_rule: method.errs_by_rule(),
+            tolerance_asked: fineness.tolerance.is_some(),
         };
         Ok((result, promised))
+    }
+
+    /// Warns of pairs above the tolerance, by what makes them so.
+    fn warn_above_tolerance(&self, result: &form_factor::Computed, fineness: Fineness) {
+        let Some(pairs) = result.pairs else {
+            return;
+        };
+        if pairs.n_above_tolerance > 0 {
+            self.warn(&format!(
+                "{} of patches spent the budget, or the digits of f64, above the tolerance; the worst error of all pairs is {:.1e}; give a greater --budget or {}",
+                counted_pairs(pairs.n_above_tolerance),
+                worst_error(&result.factors),
+                fineness.tolerance_flag
+            ));
+        }
+        if let Some(rounded) = doubted_pairs(pairs) {
+            self.warn(&format!("{rounded}, or a greater {}", fineness.tolerance_flag));
+        }
     }
 
     /// Warns of rays of rows that are known to sum to 1 which met no front all the same.
@@ -216,6 +266,11 @@ impl Run {
                 "{n_lost} of {n_rays} rays slipped out of a closed scene, or behind its faces where two of them touch; the row sums show what that amounts to"
             ));
         }
+    }
+
+    /// Tells whether a method between pairs may ask rays; form factors from a file have no method among the settings, and ask none.
+    fn may_ask_rays(&self) -> bool {
+        self.settings.get("method").is_some_and(|name| name != "exact")
     }
 
     /// Makes form factors symmetric where that is asked for, and checks them.
@@ -240,8 +295,7 @@ impl Run {
             repair,
             by_rule: promised.by_rule,
         };
-        let may_ask = result.pairs.is_some() && self.settings.get("method") != Some(&json!("exact"));
-        if prepared.plan.convex_and_empty && may_ask {
+        if prepared.plan.convex_and_empty && result.pairs.is_some() && self.may_ask_rays() {
             prepared
                 .plan
                 .left_out
@@ -323,6 +377,7 @@ impl Run {
             closed,
             pairs: result.pairs,
             tolerance_met: result.tolerance_met,
+            code: code(result.tolerance_met, result.pairs, promised.tolerance_asked),
             errors_known: promised.errors_known,
             sky,
             backs,

@@ -18,6 +18,7 @@ use super::faces::FaceTree;
 use super::lattice::Lattice;
 use super::patches::{Patches, ROW_RUN, Run};
 use super::split::Split;
+use super::stated::Stated;
 use crate::form_factor::kept::{self, Part, Piece};
 use crate::form_factor::pairs::{Exchange, Facing};
 use crate::form_factor::partial::Accuracy;
@@ -64,14 +65,14 @@ const NOISE: f64 = 1e-15;
 
 /// All batches in the order of their rows.
 pub(super) struct Batches<'a> {
-    method: &'a ExactMethod,
+    pub(super) method: &'a ExactMethod,
     progress: &'a dyn Progress,
-    patches: Patches,
-    facing: Facing,
+    pub(super) patches: Patches,
+    pub(super) facing: Facing,
     tree: FaceTree,
-    index: Option<BlockerIndex>,
+    pub(super) index: Option<BlockerIndex>,
     /// What is known from before a change.
-    before: Option<Before<'a>>,
+    pub(super) before: Option<Before<'a>>,
     /// The faces of the scene, in the order of `patches.faces`.
     face_ids: Vec<FaceId>,
     lattices: Vec<Option<Lattice>>,
@@ -203,7 +204,7 @@ impl Iterator for Batches<'_> {
         let piece = Piece {
             tiles,
             counts,
-            tolerance_met: counts.n_above_tolerance == 0,
+            tolerance_met: counts.tolerance_met(),
         };
         kept::keep(self.progress, first_row as u64, &piece);
         Some((piece.tiles, counts))
@@ -240,44 +241,6 @@ impl Batches<'_> {
             area: exchange.value,
             error: exchange.error,
         }
-    }
-
-    /// Returns an exchange area, its error with what comes of rounded corners: of those off their patches' planes, and, if something was left out between the two that reaches in between
-    /// by no more than that, of the border of both that this may hide.
-    fn with_rounding(&self, pair: [usize; 2], touched: bool, exchange: Exchange) -> Exchange {
-        let slack = self.index.as_ref().filter(|_| touched).map_or(0.0, BlockerIndex::slack);
-        let [i, j] = pair;
-        let bent = self.patches.border(i) + self.patches.border(j);
-        let hidden = if slack > 0.0 {
-            (self.hidden_border(pair, slack, exchange.area) + self.hidden_border([j, i], slack, exchange.area))
-                .min(exchange.area)
-        } else {
-            0.0
-        };
-        Exchange {
-            error: exchange.error + bent * exchange.area + hidden,
-            ..exchange
-        }
-    }
-
-    /// Returns what of an exchange area the border of patch i may lose, m², if what stands on its plane hides light that passes within `slack` of it.
-    ///
-    /// Light at an angle θ to the normal is hidden in a strip as wide as slack / cos θ, whose share of it is the flux without its cosine: the exchange area times slack L / (A cos θ) with L the perimeter,
-    /// and never more than slack L Ω / π, where Ω ≤ 2π is the solid angle of all that is in front. The angle is that of the other's middle, or half of that of its highest corner where that is more: the middle may
-    /// lie in the plane.
-    fn hidden_border(&self, [i, j]: [usize; 2], slack: f64, exchange: f64) -> f64 {
-        let middle = |k: usize| {
-            let corners = &self.patches.corners[k];
-            corners.iter().sum::<DVec3>() / corners.len() as f64
-        };
-        let (from, normal) = (middle(i), self.facing.normal(i));
-        let cosine = |to: DVec3| (to - from).normalize_or_zero().dot(normal);
-        let corners = self.patches.corners[j].iter();
-        let highest = corners.map(|&corner| cosine(corner)).fold(0.0, f64::max);
-        let cosine = cosine(middle(j)).abs().max(0.5 * highest);
-        let prepared = &self.patches.prepared[i];
-        let strip = slack * prepared.perimeter();
-        (strip * exchange / (prepared.area() * cosine)).min(2.0 * strip)
     }
 
     /// Tells whether any patches of two faces may face each other.
@@ -395,33 +358,29 @@ impl Batches<'_> {
             tolerance: self.method.tolerance,
             budget: self.method.budget,
         };
-        let results: Vec<(Exchange, bool)> = work
+        let results: Vec<Option<Stated>> = work
             .par_iter()
             .with_max_len(16)
             .map(|(strip, pair)| {
                 if self.progress.is_cancelled() {
-                    return Default::default();
+                    return None;
                 }
-                self.partial(index, pair, &strip.blockers[pair.blockers.clone()], accuracy)
+                Some(self.partial(index, pair, &strip.blockers[pair.blockers.clone()], accuracy))
             })
             .collect();
         let mut results = results.into_iter();
         for (strip, n) in strips.iter_mut().zip(n_partial) {
-            for (pair, (exchange, reached)) in strip.partial.iter().zip(results.by_ref().take(n)) {
+            for (pair, stated) in strip.partial.iter().zip(results.by_ref().take(n)) {
+                // Of work that was stopped nothing is used.
+                let Some(stated) = stated else { continue };
                 let entry = &mut strip.rows[pair.i - strip.first_row][pair.place];
-                (entry.1, entry.2) = (exchange.area, exchange.error);
-                strip.counts.n_above_tolerance += u64::from(!reached);
+                (entry.1, entry.2) = (stated.exchange.area, stated.exchange.error);
+                self.count([pair.i, pair.j], stated, &mut strip.counts);
             }
         }
     }
 
-    fn partial(
-        &self,
-        index: &BlockerIndex,
-        pair: &PartialPair,
-        blockers: &[BlockerId],
-        accuracy: Accuracy,
-    ) -> (Exchange, bool) {
+    fn partial(&self, index: &BlockerIndex, pair: &PartialPair, blockers: &[BlockerId], accuracy: Accuracy) -> Stated {
         let ends = [pair.i, pair.j].map(|k| self.patches.corners[k].as_slice());
         let meeting = index.meeting(ends[0], ends[1]);
         let [p, q] = meeting
@@ -429,15 +388,17 @@ impl Batches<'_> {
             .map_or(ends, |meant| meant.each_ref().map(Vec::as_slice));
         let touched = pair.touched || meeting.is_some() || index.any_stands_on(p, q, blockers);
         let most = self.unoccluded(pair.i, pair.j);
-        let smaller_area = self.patches.prepared[pair.i]
-            .area()
-            .min(self.patches.prepared[pair.j].area());
+        let smaller_area = self.smaller_area([pair.i, pair.j]);
+        let goal = accuracy.tolerance * smaller_area;
         let split = Split {
             index,
             budget: accuracy.budget,
             progress: self.progress,
         };
-        let found = split.exchange_area(p, q, blockers, accuracy.tolerance * smaller_area, most.area);
+        // Where rounding is to be added there has to be room for it, so that no pair is above the tolerance by its integral's share; where that alone is above it, room would not help.
+        let rounding = self.rounding([pair.i, pair.j], touched, most.area);
+        let room = if rounding < goal { rounding.min(0.5 * goal) } else { 0.0 };
+        let found = split.exchange_area(p, q, blockers, goal - room, most.area);
         // What rounding leaves of a pair that is hidden after all would make a row of noise.
         let is_noise = found.exchange_area <= NOISE * smaller_area;
         // More than without blockers it cannot be, nor be off by more than that.
@@ -457,8 +418,8 @@ impl Batches<'_> {
                 })
                 .min(most.area + most.error),
         };
-        let reached = found.reached || exchange.error <= accuracy.tolerance * smaller_area;
-        (self.with_rounding([pair.i, pair.j], touched, exchange), reached)
+        let reached = exchange.error <= if found.reached { goal.max(found.error) } else { goal };
+        self.stated([pair.i, pair.j], touched, exchange, reached)
     }
 }
 
@@ -518,8 +479,10 @@ impl Walk<'_> {
         let before = &self.strip.before[i - self.rows.patches.start];
         // What is not stored was 0 for certain, and is.
         if let Ok(place) = before.binary_search_by_key(&column, |entry| entry.0) {
-            let entry = before[place];
-            self.row(i).push(entry);
+            let (_, area, error) = before[place];
+            self.batches
+                .count_kept([i, j], Exchange { area, error }, &mut self.strip.counts);
+            self.push(i, j, Exchange { area, error });
         }
     }
 
@@ -551,7 +514,10 @@ impl Walk<'_> {
         let exchange = self
             .table
             .map_or_else(|| self.batches.kernel(i, j), |table| table.get(i, j));
-        self.push(i, j, self.batches.with_rounding([i, j], touched, exchange));
+        let integrated = exchange.error <= self.batches.goal([i, j]);
+        let stated = self.batches.stated([i, j], touched, exchange, integrated);
+        self.batches.count([i, j], stated, &mut self.strip.counts);
+        self.push(i, j, stated.exchange);
     }
 
     fn push_seen(&mut self, i: usize, j: usize, among: &[BlockerId], touched: bool) {

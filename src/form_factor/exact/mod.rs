@@ -6,6 +6,7 @@ mod faces;
 mod lattice;
 mod patches;
 mod split;
+mod stated;
 
 use super::{Before, Computed, FormFactorError, FormFactorMethod, Input, PairCounts};
 use crate::geometry::polygon_form_factor::Tolerance;
@@ -33,9 +34,10 @@ use batch::Batches;
 /// Nothing here uses rays: pairs nearer than the offset of ray origins, or than f32 can tell, need no special care.
 ///
 /// Accuracy: of full pairs the kernel's own estimate. Of partial pairs |error| of A_i F_ij / min(A_i, A_j) ≤ `tolerance`, and below the entry's own estimate; where the
-/// budget is spent before, the estimate says what was reached and [`Computed::tolerance_met`] is false. A blocker's border of 1e-10 of a pair's diameter is neglected, as
+/// budget is spent before, the estimate says what was reached, the pair is one of [`PairCounts::n_above_tolerance`] and [`Computed::tolerance_met`] is false. A blocker's border of 1e-10 of a pair's diameter is neglected, as
 /// [`BlockerIndex`](crate::visibility::blockers::BlockerIndex) says. Where coordinates were rounded, as those of a file with six decimals, faces that were meant to touch reach into each other or lie apart: what reaches in
-/// between two patches by no more than that explains is left out, and the estimate then has the border of both patches that this may hide; quads that are bent have theirs too. 0 ≤ A_i F_ij ≤ the exchange area without blockers.
+/// between two patches by no more than that explains is left out, and the estimate then has the border of both patches that this may hide; quads that are bent have theirs too. Where that brings the estimate of a pair, full or partial, above
+/// the tolerance, the pair is one of [`PairCounts::n_above_by_rounding`] and [`Computed::tolerance_met`] is false as well: more work does not help there. Below the tolerance, integrals leave room for it, up to half of the tolerance. 0 ≤ A_i F_ij ≤ the exchange area without blockers.
 ///
 /// Speed on one core of an x86-64 machine with AVX-512, all pairs, medians of 10 runs of `cargo bench --bench form_factors`; the error is max_i Σ_j |F_ij − exact|,
 /// with `exact` at 1e-9 for the exact ones:
@@ -157,7 +159,7 @@ impl ExactMethod {
         Ok(Computed {
             factors: factors?,
             pairs: Some(counts),
-            tolerance_met: counts.n_above_tolerance == 0 && before.is_none_or(|before| before.tolerance_met),
+            tolerance_met: counts.tolerance_met(),
         })
     }
 }

@@ -1,0 +1,114 @@
+//! The error that is stated of a pair: what the integral leaves, and what rounded corners add; and how both stand to the tolerance.
+
+use glam::DVec3;
+
+use super::batch::Batches;
+use crate::form_factor::PairCounts;
+use crate::form_factor::pairs::Exchange;
+use crate::visibility::blockers::BlockerIndex;
+
+/// Errors that were stored in f32 are off by less than this part.
+const STORED: f64 = 1e-6;
+
+/// An exchange area with all of its error.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Stated {
+    pub(super) exchange: Exchange,
+    /// What of the error comes of rounded corners, m².
+    rounding: f64,
+    /// True if the error was within the tolerance before that.
+    integrated: bool,
+}
+
+impl Batches<'_> {
+    /// Returns the error that a pair may have, m².
+    pub(super) fn goal(&self, [i, j]: [usize; 2]) -> f64 {
+        self.method.tolerance * self.smaller_area([i, j])
+    }
+
+    pub(super) fn smaller_area(&self, pair: [usize; 2]) -> f64 {
+        let [a, b] = pair.map(|k| self.patches.prepared[k].area());
+        a.min(b)
+    }
+
+    /// Returns an exchange area, its error with what comes of rounded corners; `integrated` tells whether it is within the tolerance without.
+    pub(super) fn stated(&self, pair: [usize; 2], touched: bool, exchange: Exchange, integrated: bool) -> Stated {
+        let rounding = self.rounding(pair, touched, exchange.area);
+        Stated {
+            exchange: Exchange {
+                error: exchange.error + rounding,
+                ..exchange
+            },
+            rounding,
+            integrated,
+        }
+    }
+
+    /// Counts a pair whose error is above the tolerance, by what makes it so.
+    pub(super) fn count(&self, pair: [usize; 2], stated: Stated, counts: &mut PairCounts) {
+        let goal = self.goal(pair);
+        counts.n_above_tolerance += u64::from(!stated.integrated);
+        // Without rounding, an ulp beyond the tolerance is that of a sum.
+        if stated.rounding > 0.0 && stated.exchange.error > goal && (stated.integrated || stated.rounding > goal) {
+            self.count_rounding(pair, stated.rounding, counts);
+        }
+    }
+
+    /// Counts a pair that is taken over from before a change with its error, if that is above the tolerance.
+    ///
+    /// What makes it so is known no more: rounding, if that explains all beyond the tolerance, whether something was left out between the two or not.
+    pub(super) fn count_kept(&self, pair: [usize; 2], kept: Exchange, counts: &mut PairCounts) {
+        if self.before.is_none_or(|before| before.tolerance_met) {
+            return;
+        }
+        let goal = self.goal(pair);
+        if kept.error <= goal * (1.0 + STORED) {
+            return;
+        }
+        let rounding = self.rounding(pair, true, kept.area);
+        if kept.error <= (goal + rounding) * (1.0 + STORED) {
+            self.count_rounding(pair, rounding.min(kept.error), counts);
+        } else {
+            counts.n_above_tolerance += 1;
+        }
+    }
+
+    fn count_rounding(&self, pair: [usize; 2], rounding: f64, counts: &mut PairCounts) {
+        counts.n_above_by_rounding += 1;
+        counts.rounding_error_max = counts.rounding_error_max.max(rounding / self.smaller_area(pair));
+    }
+
+    /// Returns what rounded corners add to the error of an exchange area, m²: those off their patches' planes, and, if something was left out between the two that reaches in between
+    /// by no more than that, the border of both that this may hide.
+    pub(super) fn rounding(&self, pair: [usize; 2], touched: bool, exchange: f64) -> f64 {
+        let slack = self.index.as_ref().filter(|_| touched).map_or(0.0, BlockerIndex::slack);
+        let [i, j] = pair;
+        let bent = self.patches.border(i) + self.patches.border(j);
+        let hidden = if slack > 0.0 {
+            (self.hidden_border(pair, slack, exchange) + self.hidden_border([j, i], slack, exchange)).min(exchange)
+        } else {
+            0.0
+        };
+        bent * exchange + hidden
+    }
+
+    /// Returns what of an exchange area the border of patch i may lose, m², if what stands on its plane hides light that passes within `slack` of it.
+    ///
+    /// Light at an angle θ to the normal is hidden in a strip as wide as slack / cos θ, whose share of it is the flux without its cosine: the exchange area times slack L / (A cos θ) with L the perimeter,
+    /// and never more than slack L Ω / π, where Ω ≤ 2π is the solid angle of all that is in front. The angle is that of the other's middle, or half of that of its highest corner where that is more: the middle may
+    /// lie in the plane.
+    fn hidden_border(&self, [i, j]: [usize; 2], slack: f64, exchange: f64) -> f64 {
+        let middle = |k: usize| {
+            let corners = &self.patches.corners[k];
+            corners.iter().sum::<DVec3>() / corners.len() as f64
+        };
+        let (from, normal) = (middle(i), self.facing.normal(i));
+        let cosine = |to: DVec3| (to - from).normalize_or_zero().dot(normal);
+        let corners = self.patches.corners[j].iter();
+        let highest = corners.map(|&corner| cosine(corner)).fold(0.0, f64::max);
+        let cosine = cosine(middle(j)).abs().max(0.5 * highest);
+        let prepared = &self.patches.prepared[i];
+        let strip = slack * prepared.perimeter();
+        (strip * exchange / (prepared.area() * cosine)).min(2.0 * strip)
+    }
+}
