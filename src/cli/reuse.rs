@@ -117,7 +117,5 @@ pub(super) fn promised(file: &FormFactorFile) -> Promised {
             (true, true) => Repair::GaveUp,
         },
         by_rule,
-        // The command that uses them has no flag for one.
-        tolerance_asked: false,
     }
 }

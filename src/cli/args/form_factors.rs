@@ -197,7 +197,7 @@ pub struct FormFactorsArgs {
     /// A surface by name: with `-o F.vtu`, the form factor from each patch to it
     #[arg(long, value_name = "NAME", requires = "output")]
     pub surface: Option<String>,
-    /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact; where it is asked for and not met, the exit code is 3 [default: 1e-6]
+    /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-6]
     #[arg(long, value_name = "T", value_parser = parse_positive)]
     pub tolerance: Option<f64>,
     #[command(flatten)]

@@ -152,7 +152,7 @@ pub struct SolveArgs {
     /// A file with other exitances and reflectances, by surface or material; give it several times to solve for all at once
     #[arg(long, value_name = "A.toml")]
     pub lighting: Vec<PathBuf>,
-    /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact; where it is asked for and not met, the exit code is 3 [default: 1e-6]
+    /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-6]
     #[arg(long, value_name = "T", value_parser = parse_positive)]
     pub form_factor_tolerance: Option<f64>,
     #[command(flatten)]

@@ -48,8 +48,6 @@ pub(in crate::cli) struct Promised {
     pub(in crate::cli) repair: Repair,
     /// True if entries err by a rule.
     pub(in crate::cli) by_rule: bool,
-    /// True if a tolerance was asked for.
-    pub(in crate::cli) tolerance_asked: bool,
 }
 
 /// A method with what is known of its matrix.
@@ -129,10 +127,10 @@ pub(in crate::cli) fn spent_budget(pairs: Option<PairCounts>) -> bool {
 
 /// Returns the exit code that form factors deserve: that of work which falls short of what was asked for.
 ///
-/// What coordinates that are rounded leave open is no failure of a run that asked for no tolerance: files as ordinary as those turned out of the axes with six decimals know form factors to 1e-5, not to
-/// the default of 1e-6. It is told by a warning and by `tolerance_met`. A tolerance that was asked for is met or not, whatever the reason.
-fn code(tolerance_met: bool, pairs: Option<PairCounts>, tolerance_asked: bool) -> ExitCode {
-    if tolerance_met || !(tolerance_asked || spent_budget(pairs)) {
+/// What coordinates that are rounded leave open is no failure of the run: files as ordinary as those turned out of the axes with six decimals know form factors to 1e-5, not to
+/// the default of 1e-6, and no work changes that. A warning tells it, and `tolerance_met`.
+fn code(tolerance_met: bool, pairs: Option<PairCounts>) -> ExitCode {
+    if tolerance_met || !spent_budget(pairs) {
         ExitCode::Done
     } else {
         ExitCode::NotConverged
@@ -232,7 +230,6 @@ impl Run {
             errors_known: true,
             repair: Repair::Not,
             by_rule: method.errs_by_rule(),
-            tolerance_asked: fineness.tolerance.is_some(),
         };
         Ok((result, promised))
     }
@@ -377,7 +374,7 @@ impl Run {
             closed,
             pairs: result.pairs,
             tolerance_met: result.tolerance_met,
-            code: code(result.tolerance_met, result.pairs, promised.tolerance_asked),
+            code: code(result.tolerance_met, result.pairs),
             errors_known: promised.errors_known,
             sky,
             backs,
