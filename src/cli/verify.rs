@@ -66,6 +66,13 @@ fn describe(report: &VerifyReport) -> String {
         "{} of {} pixels compared with the closed form, {} not checkable",
         report.n_checked, report.n_pixels, report.n_not_checkable
     );
+    if report.n_drawn > 0 {
+        let _ = writeln!(
+            text,
+            "{} of them see a part of an emitter by the picture's own shadow rays, which were drawn again",
+            report.n_drawn
+        );
+    }
     if report.n_background + report.n_backs > 0 {
         let _ = writeln!(
             text,
@@ -144,9 +151,15 @@ fn describe(report: &VerifyReport) -> String {
         );
     }
     let outcome = match report.passed {
-        true => "passed",
-        false if report.n_checked == 0 => "failed: no pixel could be compared, so that nothing is shown to be right",
-        false => "failed",
+        true if report.complete => "passed".to_owned(),
+        true => format!(
+            "passed in part: {} of {} pixels could not be checked, and of these nothing is shown",
+            report.n_not_checkable, report.n_pixels
+        ),
+        false if report.n_checked == 0 => {
+            "failed: no pixel could be compared, so that nothing is shown to be right".to_owned()
+        }
+        false => "failed".to_owned(),
     };
     let _ = writeln!(text, "\n{outcome}");
     text

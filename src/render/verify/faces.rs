@@ -106,7 +106,8 @@ impl<'a> Faces<'a> {
     pub(super) fn region(&self, face: usize) -> &Region<'a> {
         self.regions[face].get_or_init(|| {
             let plate = &self.reference.plates()[face];
-            self.reference.region(&plate.corners, plate.normal)
+            self.reference
+                .region(&plate.corners, plate.normal, vec![&plate.corners])
         })
     }
 

@@ -1,7 +1,7 @@
 //! Pixels of an image against their answers.
 
 use super::limits::Limits;
-use super::points::{PixelAnswer, Reference};
+use super::points::{Drawn, PixelAnswer, Reference};
 use super::sheet::{Centre, Sheet};
 use super::{LayerCheck, LayerReport, Rounding, VerifyError};
 use crate::render::image::{Image, channel_names};
@@ -187,7 +187,29 @@ impl<'a> Layers<'a> {
                 judged.outside |= !judged.is_within(c);
             }
         }
+        if let Some(drawn) = &shown.drawn {
+            self.judge_drawn(&mut judged, index, drawn, reference);
+            judged.outside |= drawn.odds > log_odds;
+        }
         judged
+    }
+
+    /// Judges a pixel whose shadow rays were drawn again: what they find is no chance.
+    fn judge_drawn(&self, judged: &mut Judged, index: usize, drawn: &Drawn, reference: &Reference<'_>) {
+        judged.outside = false;
+        for c in 0..3 {
+            let value = f64::from(self.direct[c][index]);
+            let exact = value - judged.error[c];
+            let [low, high] = [0, 1].map(|side| drawn.range[side][c]);
+            judged.parts[0][c] = (exact - low).max(high - exact).max(0.0);
+            let room = reference.rounding(c, high);
+            judged.parts[2][c] = room;
+            let is_between = low - room <= value && value <= high + room;
+            judged.outside |= !is_between;
+            if let (Some(noise), Some(stated)) = (&self.noise, drawn.error) {
+                judged.inconsistent |= !Rounding::F32.allows(f64::from(noise[c][index]), stated[c], room);
+            }
+        }
     }
 
     /// Counts the pixels beside all sheets that are not background.

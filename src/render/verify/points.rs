@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::clear_view::{Plate, is_clear, misses_region};
+use super::shadow_rays::{Fraction, ShadowRays, Start};
 use super::sheet::Centre;
 use super::size::Size;
 use super::tolerance::{effective_samples, hoeffding};
@@ -15,6 +16,7 @@ use crate::render::DirectMethod;
 use crate::render::attributes::{Attributes, PolygonRecord};
 use crate::render::exr::Pixels;
 use crate::render::renderer::sample_places;
+use crate::render::view::ViewDescription;
 use crate::scene::SurfaceId;
 use crate::visibility::blockers::Blocker;
 
@@ -28,6 +30,8 @@ pub(super) type Lit = ([f64; 3], [f64; 3]);
 pub(super) struct Region<'a> {
     corners: Vec<DVec3>,
     normal: DVec3,
+    /// The faces that it is made of, or cut from.
+    faces: Vec<&'a [DVec3]>,
     /// Per emitter, what may stand between it and some point of the region.
     blockers: Vec<Vec<&'a Plate>>,
 }
@@ -74,13 +78,30 @@ pub(super) struct Shown {
     pub(super) irradiance: Option<Lit>,
     /// Whether something hides a part of an emitter.
     pub(super) shaded: bool,
+    /// What the picture's own shadow rays find, where an emitter is hidden in part and they decide.
+    pub(super) drawn: Option<Drawn>,
     /// Whether a sample shows the front of a face: all others are black, whatever the light.
     pub(super) front: bool,
 }
 
+/// The direct irradiance as the picture's own shadow rays find it, per channel.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Drawn {
+    /// What it is at least and at most, the difference being what rounding decides.
+    pub(super) range: [[f64; 3]; 2],
+    /// The standard error that the picture must state; `None` where rounding decides.
+    pub(super) error: Option<[f64; 3]>,
+    /// The bias, to leading order and without its sign.
+    pub(super) bias: [f64; 3],
+    /// x, if rays find this or worse with a probability of exp(−x) at most.
+    pub(super) odds: f64,
+    /// V (1 − V) summed over all rays, V the true visible fraction: how many can be told from all others.
+    pub(super) n_mixed: f64,
+}
+
 /// What rays may find where an emitter is hidden, as a share of the largest exitance: they see outlines whose corners are rounded to f32,
 /// 6e-8 of the scene's size off, and a shadow's edge moves by a few times that.
-const LEAK: f64 = 1e-6;
+pub(super) const LEAK: f64 = 1e-6;
 
 impl PixelAnswer {
     pub(super) fn on_surface(&self) -> bool {
@@ -110,6 +131,10 @@ impl PixelAnswer {
     pub(super) fn irradiance(&self) -> Option<Lit> {
         self.shown().and_then(|shown| shown.irradiance)
     }
+
+    pub(super) fn drawn(&self) -> Option<&Drawn> {
+        self.shown().and_then(|shown| shown.drawn.as_ref())
+    }
 }
 
 /// The scene of an image, ready for closed forms.
@@ -131,6 +156,8 @@ pub(super) struct Reference<'a> {
     n_effective: f64,
     /// Whether the image's method is right where an emitter is hidden in part.
     knows_penumbras: bool,
+    /// The rays of a method that is not, where these can be drawn again.
+    shadow_rays: Option<ShadowRays>,
     /// How far above the surface the estimate was really made, in m.
     offset: f64,
 }
@@ -141,7 +168,7 @@ impl<'a> Reference<'a> {
         let records = || attributes.surfaces.iter().flat_map(|surface| &surface.polygons);
         let plate = |record: &PolygonRecord| Plate::new(record.corners.clone());
         let emitters: Vec<(Plate, [f64; 3])> = records()
-            .filter(|record| record.exitance.iter().any(|&e| e > 0.0))
+            .filter(|record| record.emits())
             .map(|record| (plate(record), record.exitance))
             .collect();
         if emitters.is_empty() {
@@ -160,6 +187,7 @@ impl<'a> Reference<'a> {
             emitters,
             nothing_reflects: records().all(|record| record.reflectance.iter().all(|&rho| rho <= 0.0)),
             slack: 2e-12 * size.extent + size.rounding(),
+            shadow_rays: ShadowRays::new(attributes, &size),
             size,
             n_rays: n_samples * u64::from(n_rays),
             knows_penumbras: !matches!(attributes.render.direct, DirectMethod::Polygons { .. }),
@@ -264,25 +292,29 @@ impl<'a> Reference<'a> {
     }
 
     /// Prepares a convex region with the given unit normal.
-    pub(super) fn region(&self, corners: &[DVec3], normal: DVec3) -> Region<'_> {
+    pub(super) fn region<'b>(&'b self, corners: &[DVec3], normal: DVec3, faces: Vec<&'b [DVec3]>) -> Region<'b> {
         let between = |(emitter, _): &(Plate, _)| self.between(corners, normal, emitter);
         Region {
             corners: corners.to_vec(),
             normal,
+            faces,
             blockers: self.emitters.iter().map(between).collect(),
         }
     }
 
     /// Returns the answers of all pixels of a tile and what their centres show, row by row.
     pub(super) fn answers(&self, tile: &Tile) -> (Vec<PixelAnswer>, Vec<Centre>) {
-        let region = self.region(&tile.rectangle(), tile.normal());
         let records = self.records(tile);
+        let faces = records.iter().map(|record| record.corners.as_slice()).collect();
+        let region = self.region(&tile.rectangle(), tile.normal(), faces);
         let material = records.first().map(|record| (record.exitance, record.reflectance));
         let uniform = records
             .iter()
             .all(|record| Some((record.exitance, record.reflectance)) == material);
         let n_pixels = tile.width as usize * tile.height as usize;
         let columns = tile.width as usize;
+        let pixel =
+            |k: usize| (tile.top as usize + k / columns) * self.image_width() + tile.left as usize + k % columns;
         (0..n_pixels)
             .into_par_iter()
             .map_init(SeenFrom::default, |seen, k| {
@@ -299,8 +331,9 @@ impl<'a> Reference<'a> {
                     Coverage::Full => {
                         let mut light = Light::default();
                         let share = 1.0 / points.len() as f64;
-                        for &point in &points {
-                            self.add_light(&mut light, share, point, &region, seen);
+                        for (sample, &point) in points.iter().enumerate() {
+                            let stream = self.stream(pixel(k), sample);
+                            self.add_light(&mut light, (share, stream), point, &region, seen);
                         }
                         let common = material.filter(|_| uniform);
                         PixelAnswer::Surface(Shown {
@@ -310,6 +343,7 @@ impl<'a> Reference<'a> {
                             material: common,
                             irradiance: light.irradiance(),
                             shaded: light.shaded,
+                            drawn: light.drawn(),
                             front: true,
                         })
                     }
@@ -317,6 +351,18 @@ impl<'a> Reference<'a> {
                 (answer, self.centre(tile, tile.point(corner.0 + 0.5, corner.1 + 0.5)))
             })
             .unzip()
+    }
+
+    fn image_width(&self) -> usize {
+        match &self.attributes.view {
+            ViewDescription::Unfolded(layout) => layout.width as usize,
+            ViewDescription::Perspective(_) => 0,
+        }
+    }
+
+    /// Returns the number of the random stream of a sample of a pixel, where it is wanted.
+    pub(super) fn stream(&self, pixel: usize, sample: usize) -> u64 {
+        self.shadow_rays.as_ref().map_or(0, |rays| rays.stream(pixel, sample))
     }
 
     /// Returns what is at a point of a tile.
@@ -377,33 +423,64 @@ impl<'a> Reference<'a> {
     pub(super) fn add_light(
         &self,
         light: &mut Light,
-        share: f64,
+        (share, stream): (f64, u64),
         point: DVec3,
         region: &Region<'_>,
         seen: &mut SeenFrom,
     ) {
         let normal = region.normal;
         let over = point + normal * self.offset;
+        let mut n_before = 0;
         for (k, ((emitter, exitance), candidates)) in self.emitters.iter().zip(&region.blockers).enumerate() {
             let form_factor = |at: DVec3| point_form_factor(at, normal, &emitter.corners);
             let (mut here, mut above) = (form_factor(point), form_factor(over));
             if here <= 0.0 && above <= 0.0 {
                 continue;
             }
+            let whole = here;
+            let mut drawn = None;
             if !is_clear(point, normal, emitter, candidates.iter().copied(), self.slack) {
                 light.shaded = true;
-                if !self.knows_penumbras {
+                if candidates.iter().any(|plate| self.touches(plate, point)) {
+                    // Which side of the blocker the point is on, rounding decides.
                     light.unknown = true;
                     return;
                 }
                 let visible = seen.emitter(k, region, emitter);
                 (here, above) = (visible.at(point), visible.at(over));
+                if !self.knows_penumbras {
+                    let Some(rays) = &self.shadow_rays else {
+                        light.unknown = true;
+                        return;
+                    };
+                    let start = Start {
+                        point,
+                        normal,
+                        face: region.face_of(point),
+                        stream,
+                        n_before,
+                    };
+                    let fraction = here / whole;
+                    light.n_mixed += rays.n() * fraction * (1.0 - fraction);
+                    let found = rays.fraction(k, &start, candidates, fraction);
+                    light.n_drawn += 1;
+                    light.odds = light.odds.max(found.odds);
+                    drawn = Some(found);
+                }
             }
+            n_before += 1;
             for (c, e) in exitance.iter().enumerate() {
                 light.exact[c] += share * e * here;
                 light.moved[c] += share * e * above;
+                light.add_drawn(c, share * e * whole, drawn.as_ref());
             }
         }
+    }
+
+    /// Tells whether a point is as near to a plate as rounding to f32 may be off.
+    fn touches(&self, plate: &Plate, point: DVec3) -> bool {
+        let near = 1e-6 * self.size.extent + self.slack;
+        plate.normal.dot(point - plate.corners[0]).abs() <= near && plate.depth(point) >= -near
     }
 
     /// Returns four places around a point of a tile that rounding cannot exceed.
@@ -439,12 +516,51 @@ pub(super) struct Light {
     pub(super) shaded: bool,
     /// Whether the image's method is not exact at a sample.
     unknown: bool,
+    n_drawn: u32,
+    odds: f64,
+    range: [[f64; 3]; 2],
+    variance: [f64; 3],
+    undecided: bool,
+    bias: [f64; 3],
+    n_mixed: f64,
 }
 
 impl Light {
     pub(super) fn irradiance(&self) -> Option<Lit> {
         let change = std::array::from_fn(|c| self.moved[c] - self.exact[c]);
         (!self.unknown).then_some((self.exact, change))
+    }
+
+    /// Adds an emitter to one channel as shadow rays see it: all of it where none were drawn.
+    fn add_drawn(&mut self, c: usize, whole: f64, drawn: Option<&Fraction>) {
+        let [low, high] = drawn.map_or([1.0; 2], |fraction| fraction.range);
+        self.range[0][c] += whole * low;
+        self.range[1][c] += whole * high;
+        if let Some(fraction) = drawn {
+            self.undecided |= fraction.variance.is_none();
+            self.variance[c] += whole * whole * fraction.variance.unwrap_or_default();
+            self.bias[c] += whole * fraction.bias;
+        }
+    }
+
+    pub(super) fn drawn(&self) -> Option<Drawn> {
+        (self.n_drawn > 0 && !self.unknown).then(|| Drawn {
+            range: self.range,
+            error: (!self.undecided).then(|| self.variance.map(f64::sqrt)),
+            bias: self.bias,
+            // Any of them may be the worst.
+            odds: self.odds - f64::from(self.n_drawn).ln(),
+            n_mixed: self.n_mixed,
+        })
+    }
+}
+
+impl Region<'_> {
+    /// Returns the face that a point of the region is on.
+    fn face_of(&self, point: DVec3) -> &[DVec3] {
+        let holds = |face: &&&[DVec3]| contains(face, point, self.normal);
+        let found = self.faces.iter().find(holds).or(self.faces.first());
+        found.copied().unwrap_or(&self.corners)
     }
 }
 
