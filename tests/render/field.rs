@@ -1,7 +1,9 @@
 //! Fields of form factors: right ones pass verification with the known means, wrong ones do not.
 
+use std::fmt::Write as _;
 use std::num::NonZeroU32;
 
+use glam::{DQuat, DVec3};
 use radiosity::geometry::point_form_factor::point_form_factor;
 use radiosity::geometry::sampling::Sequence;
 use radiosity::mesh::{Mesh, Subdivision};
@@ -11,7 +13,7 @@ use radiosity::render::{
     Attributes, DirectMethod, Field, FieldInput, FieldRecord, Image, RayView, RenderSettings, Samples, SurfaceMean,
     UnfoldedView, View, ViewDescription, exr, field,
 };
-use radiosity::scene::{Camera, builtin};
+use radiosity::scene::{Camera, builtin, load};
 use radiosity::scene::{FaceId, Scene, SurfaceId};
 use radiosity::visibility::Visibility;
 use radiosity::visibility::embree::EmbreeVisibility;
@@ -353,4 +355,88 @@ fn means_are_of_samples() {
     // The surface itself is seen, and does not see itself.
     let own = scene.surfaces.iter().position(|surface| surface.name == "z1").unwrap();
     assert_eq!(coarse[own].form_factor, Some(0.0));
+}
+
+/// A room with a block on its floor as a file with six decimals has it, with the block turned, or everything.
+fn turned(all: bool) -> Scene {
+    // Counter-clockwise seen from outside; bits of a corner's number say where it is along x, y and z.
+    const FACES: [[usize; 4]; 6] = [
+        [0, 4, 6, 2],
+        [1, 3, 7, 5],
+        [0, 1, 5, 4],
+        [2, 6, 7, 3],
+        [0, 2, 3, 1],
+        [4, 5, 7, 6],
+    ];
+    let whole = DQuat::from_axis_angle(DVec3::new(1.0, 2.0, 3.0).normalize(), if all { 0.7 } else { 0.0 });
+    let (about, own) = (DVec3::new(1.3, 2.1, 0.0), DQuat::from_rotation_z(0.4));
+    let boxes = [
+        ("room", DVec3::ZERO, DVec3::new(4.0, 5.0, 3.0)),
+        ("block", DVec3::new(0.8, 1.5, 0.0), DVec3::new(1.9, 2.6, 1.2)),
+    ];
+    let mut text = String::new();
+    for (first, (name, low, high)) in [1, 9].into_iter().zip(boxes) {
+        let is_room = name == "room";
+        for k in 0..8 {
+            let pick = |axis: usize| if k >> axis & 1 == 1 { high[axis] } else { low[axis] };
+            let corner = DVec3::new(pick(0), pick(1), pick(2));
+            let v = whole
+                * if is_room {
+                    corner
+                } else {
+                    about + own * (corner - about)
+                };
+            writeln!(text, "v {:.6} {:.6} {:.6}", v.x, v.y, v.z).unwrap();
+        }
+        for (side, mut corners) in ["x0", "x1", "y0", "y1", "z0", "z1"].iter().zip(FACES) {
+            if is_room {
+                corners.reverse();
+            }
+            let [a, b, c, d] = corners.map(|k| k + first);
+            writeln!(text, "o {name}_{side}\nf {a} {b} {c} {d}").unwrap();
+        }
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("turned.obj");
+    std::fs::write(&path, text).unwrap();
+    load(&path).unwrap().scene
+}
+
+/// What rounding to six decimals makes of faces that touch is allowed for, by what it changes at each pixel, and no more.
+#[test]
+fn coordinates_of_six_decimals_pass() {
+    for (all, surface) in [
+        (false, "room_z1"),
+        (false, "room_x0"),
+        (false, "block_z1"),
+        (true, "room_z1"),
+        (true, "block_x1"),
+    ] {
+        for direct in METHODS {
+            let scene = turned(all);
+            let view = UnfoldedView::new(&scene, n(50)).unwrap();
+            let settings = RenderSettings {
+                direct,
+                ..RenderSettings::default()
+            };
+            let mut made = field_of(scene, surface, &view, settings);
+            let report = check(&made);
+            assert!(report.passed, "{all}, {surface}, {direct:?}: {report:#?}");
+            assert!(
+                500 * report.n_not_checkable < report.n_pixels,
+                "{all}, {surface}, {direct:?}: {report:#?}"
+            );
+            if direct != DirectMethod::Exact {
+                continue;
+            }
+            assert!(report.tolerance.max_rounding < 1e-6, "{all}, {surface}: {report:#?}");
+            let n_changed = change(&mut made, "Y", |_, y| if y > 0.0 { y + 1e-6 } else { y });
+            let high = check(&made);
+            assert!(!high.passed && n_changed > 1000, "{high:#?}");
+            assert!(
+                high.n_outside + high.n_not_checkable >= n_changed,
+                "{all}, {surface}: {n_changed}, {high:#?}"
+            );
+        }
+    }
 }

@@ -18,6 +18,11 @@ impl Plate {
         Self { corners, normal }
     }
 
+    /// Tells whether this is the same face.
+    pub(super) fn is(&self, other: &Self) -> bool {
+        self.corners == other.corners
+    }
+
     /// Returns how far inside of its edges a point of its plane is, in m; less than 0 outside.
     pub(super) fn depth(&self, point: DVec3) -> f64 {
         let of_edge = |k: usize| {

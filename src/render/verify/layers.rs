@@ -1,7 +1,8 @@
 //! Pixels of an image against their answers.
 
+use super::light::Drawn;
 use super::limits::Limits;
-use super::points::{Drawn, PixelAnswer, Reference};
+use super::points::{PixelAnswer, Reference};
 use super::sheet::{Centre, Sheet};
 use super::{LayerCheck, LayerReport, Rounding, VerifyError};
 use crate::render::image::{Image, channel_names};
@@ -183,7 +184,7 @@ impl<'a> Layers<'a> {
                 judged.error[c] = value(&self.direct, c) - exact[c];
                 judged.parts[0][c] = reference.statistical(c, exact[c].max(reference.leak(c, answer)), 1.0, log_odds);
                 judged.parts[1][c] = offset[c].abs();
-                judged.parts[2][c] = reference.rounding(c, exact[c]);
+                judged.parts[2][c] = reference.rounding(c, exact[c]) + shown.rounding[c];
                 judged.outside |= !judged.is_within(c);
             }
         }
@@ -202,8 +203,7 @@ impl<'a> Layers<'a> {
             let exact = value - judged.error[c];
             let [low, high] = [0, 1].map(|side| drawn.range[side][c]);
             judged.parts[0][c] = (exact - low).max(high - exact).max(0.0);
-            let room = reference.rounding(c, high);
-            judged.parts[2][c] = room;
+            let room = reference.rounding(c, high) + judged.parts[2][c];
             let is_between = low - room <= value && value <= high + room;
             judged.outside |= !is_between;
             if let (Some(noise), Some(stated)) = (&self.noise, drawn.error) {

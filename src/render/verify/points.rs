@@ -3,12 +3,14 @@
 use rayon::prelude::*;
 
 use super::clear_view::{Plate, is_clear, misses_region};
-use super::shadow_rays::{Fraction, ShadowRays, Start};
+use super::light::{Drawn, Light};
+use super::region::{Between, Region, SeenFrom, as_blockers};
+use super::shadow_rays::{ShadowRays, Start};
 use super::sheet::Centre;
 use super::size::Size;
 use super::tolerance::{effective_samples, hoeffding};
 use super::{DVec3, Rounding, Tile};
-use crate::form_factor::partial::{Accuracy, VisibleFactor, exchange_area};
+use crate::form_factor::partial::{Accuracy, exchange_area};
 use crate::geometry::point_form_factor::point_form_factor;
 use crate::geometry::polygon;
 use crate::geometry::rectangle::rectangle_exchange_area;
@@ -17,40 +19,14 @@ use crate::render::attributes::{Attributes, PolygonRecord};
 use crate::render::exr::Pixels;
 use crate::render::renderer::sample_places;
 use crate::render::view::ViewDescription;
-use crate::scene::SurfaceId;
-use crate::visibility::blockers::Blocker;
+use crate::scene::{SurfaceId, slack_of};
+use crate::visibility::blockers::are_sides_of_a_sheet;
 
 /// Exitance and reflectance.
 pub(super) type Material = ([f64; 3], [f64; 3]);
 
 /// The irradiance at a point, and its change over the rays' offset.
 pub(super) type Lit = ([f64; 3], [f64; 3]);
-
-/// A flat convex region from which emitters are seen.
-pub(super) struct Region<'a> {
-    corners: Vec<DVec3>,
-    normal: DVec3,
-    /// The faces that it is made of, or cut from.
-    faces: Vec<&'a [DVec3]>,
-    /// Per emitter, what may stand between it and some point of the region.
-    blockers: Vec<Vec<&'a Plate>>,
-}
-
-/// The visible parts of emitters as one region's points see them, found when they are first wanted.
-#[derive(Default)]
-pub(super) struct SeenFrom(Vec<Option<VisibleFactor>>);
-
-impl SeenFrom {
-    fn emitter(&mut self, k: usize, region: &Region<'_>, emitter: &Plate) -> &mut VisibleFactor {
-        if self.0.len() <= k {
-            self.0.resize_with(k + 1, || None);
-        }
-        self.0[k].get_or_insert_with(|| {
-            let between = as_blockers(&region.blockers[k]);
-            VisibleFactor::new(&region.corners, region.normal, &emitter.corners, &between)
-        })
-    }
-}
 
 /// What is known about a pixel without looking at it.
 #[derive(Clone, Debug)]
@@ -80,28 +56,18 @@ pub(super) struct Shown {
     pub(super) shaded: bool,
     /// What the picture's own shadow rays find, where an emitter is hidden in part and they decide.
     pub(super) drawn: Option<Drawn>,
+    /// How far the rounding of corners may change the irradiance.
+    pub(super) rounding: [f64; 3],
     /// Whether a sample shows the front of a face: all others are black, whatever the light.
     pub(super) front: bool,
-}
-
-/// The direct irradiance as the picture's own shadow rays find it, per channel.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Drawn {
-    /// What it is at least and at most, the difference being what rounding decides.
-    pub(super) range: [[f64; 3]; 2],
-    /// The standard error that the picture must state; `None` where rounding decides.
-    pub(super) error: Option<[f64; 3]>,
-    /// The bias, to leading order and without its sign.
-    pub(super) bias: [f64; 3],
-    /// x, if rays find this or worse with a probability of exp(−x) at most.
-    pub(super) odds: f64,
-    /// V (1 − V) summed over all rays, V the true visible fraction: how many can be told from all others.
-    pub(super) n_mixed: f64,
 }
 
 /// What rays may find where an emitter is hidden, as a share of the largest exitance: they see outlines whose corners are rounded to f32,
 /// 6e-8 of the scene's size off, and a shadow's edge moves by a few times that.
 pub(super) const LEAK: f64 = 1e-6;
+
+/// The share of an emitter's form factor beyond which nothing is said of a point: so much of it is hidden or not by how the coordinates of corners were rounded.
+const UNTOLD: f64 = 0.01;
 
 impl PixelAnswer {
     pub(super) fn on_surface(&self) -> bool {
@@ -151,6 +117,8 @@ pub(super) struct Reference<'a> {
     size: Size,
     /// Length below which geometry is rounding, in m.
     slack: f64,
+    /// How far faces that were meant to touch may stand out from each other because their corners' coordinates were rounded, in m.
+    touching: f64,
     /// Rays per pixel; 0 where the direct pass has no noise at a clear point.
     n_rays: u64,
     n_effective: f64,
@@ -186,6 +154,7 @@ impl<'a> Reference<'a> {
             total: per_channel(|a, b| a + b),
             emitters,
             nothing_reflects: records().all(|record| record.reflectance.iter().all(|&rho| rho <= 0.0)),
+            touching: slack_of(records().map(|record| record.corners.as_slice())),
             slack: 2e-12 * size.extent + size.rounding(),
             shadow_rays: ShadowRays::new(attributes, &size),
             size,
@@ -291,21 +260,34 @@ impl<'a> Reference<'a> {
         relative * exact + (1e-14 + self.size.relative_rounding()) * self.total[channel] + absolute
     }
 
-    /// Prepares a convex region with the given unit normal.
-    pub(super) fn region<'b>(&'b self, corners: &[DVec3], normal: DVec3, faces: Vec<&'b [DVec3]>) -> Region<'b> {
-        let between = |(emitter, _): &(Plate, _)| self.between(corners, normal, emitter);
+    /// Prepares a convex region with the given unit normal, which the given faces cover.
+    pub(super) fn region<'b>(&'b self, corners: &[DVec3], normal: DVec3, faces: &'b [Plate]) -> Region<'b> {
+        let between = |(emitter, _): &(Plate, _)| {
+            let meant = self.between(corners, normal, emitter, self.slack + self.touching);
+            let mut literal = self.between(corners, normal, emitter, self.slack);
+            // Bent faces hide nothing of themselves.
+            literal.retain(|&plate| !faces.iter().any(|face| face.is(plate)) && !emitter.is(plate));
+            let is_sheet = self.touching > 0.0 && are_sides_of_a_sheet(corners, &emitter.corners, self.touching);
+            Between {
+                meant,
+                literal,
+                is_sheet,
+            }
+        };
         Region {
             corners: corners.to_vec(),
             normal,
             faces,
-            blockers: self.emitters.iter().map(between).collect(),
+            between: self.emitters.iter().map(between).collect(),
+            touching: self.touching,
         }
     }
 
     /// Returns the answers of all pixels of a tile and what their centres show, row by row.
     pub(super) fn answers(&self, tile: &Tile) -> (Vec<PixelAnswer>, Vec<Centre>) {
         let records = self.records(tile);
-        let faces = records.iter().map(|record| record.corners.as_slice()).collect();
+        let first = self.first_face(tile);
+        let faces = &self.plates[first..first + records.len()];
         let region = self.region(&tile.rectangle(), tile.normal(), faces);
         let material = records.first().map(|record| (record.exitance, record.reflectance));
         let uniform = records
@@ -344,6 +326,7 @@ impl<'a> Reference<'a> {
                             irradiance: light.irradiance(),
                             shaded: light.shaded,
                             drawn: light.drawn(),
+                            rounding: light.rounding,
                             front: true,
                         })
                     }
@@ -351,6 +334,16 @@ impl<'a> Reference<'a> {
                 (answer, self.centre(tile, tile.point(corner.0 + 0.5, corner.1 + 0.5)))
             })
             .unzip()
+    }
+
+    /// Returns the number of the first face of a tile's surface.
+    fn first_face(&self, tile: &Tile) -> usize {
+        let before = &self.attributes.surfaces[..tile.surface.0 as usize];
+        before.iter().map(|surface| surface.polygons.len()).sum()
+    }
+
+    fn is_exact(&self) -> bool {
+        self.attributes.render.direct == DirectMethod::Exact
     }
 
     fn image_width(&self) -> usize {
@@ -367,8 +360,7 @@ impl<'a> Reference<'a> {
 
     /// Returns what is at a point of a tile.
     fn centre(&self, tile: &Tile, point: DVec3) -> Centre {
-        let before = &self.attributes.surfaces[..tile.surface.0 as usize];
-        let first: usize = before.iter().map(|surface| surface.polygons.len()).sum();
+        let first = self.first_face(tile);
         let normal = tile.normal();
         let around = self.around(tile, point).map(|place| {
             let holds = |record: &PolygonRecord| contains(&record.corners, place, normal);
@@ -397,7 +389,7 @@ impl<'a> Reference<'a> {
     pub(super) fn exchange_area(&self, tile: &Tile, shaded: bool, emitter: &Plate) -> Option<f64> {
         let rectangle = &tile.rectangle();
         let between = if shaded {
-            self.between(rectangle, tile.normal(), emitter)
+            self.between(rectangle, tile.normal(), emitter, self.slack + self.touching)
         } else {
             Vec::new()
         };
@@ -414,8 +406,9 @@ impl<'a> Reference<'a> {
         found.reached.then_some(found.exchange_area)
     }
 
-    fn between(&self, region: &[DVec3], normal: DVec3, emitter: &Plate) -> Vec<&Plate> {
-        let misses = |plate: &Plate| misses_region(plate, region, normal, emitter, self.slack);
+    /// Returns what reaches in between a region and an emitter by more than `slack`, m.
+    fn between(&self, region: &[DVec3], normal: DVec3, emitter: &Plate, slack: f64) -> Vec<&Plate> {
+        let misses = |plate: &Plate| misses_region(plate, region, normal, emitter, slack);
         self.plates.iter().filter(|plate| !misses(plate)).collect()
     }
 
@@ -428,47 +421,75 @@ impl<'a> Reference<'a> {
         region: &Region<'_>,
         seen: &mut SeenFrom,
     ) {
-        let normal = region.normal;
+        let face = region.face_of(point);
+        let normal = face.normal;
         let over = point + normal * self.offset;
         let mut n_before = 0;
-        for (k, ((emitter, exitance), candidates)) in self.emitters.iter().zip(&region.blockers).enumerate() {
+        for (k, ((emitter, exitance), between)) in self.emitters.iter().zip(&region.between).enumerate() {
             let form_factor = |at: DVec3| point_form_factor(at, normal, &emitter.corners);
             let (mut here, mut above) = (form_factor(point), form_factor(over));
             if here <= 0.0 && above <= 0.0 {
+                if self.touching > 0.0 {
+                    // What rounding lets stand out of the horizon.
+                    light.add_rounding(share * form_factor(point - normal * self.touching), exitance);
+                }
+                continue;
+            }
+            if between.is_sheet {
+                let looks_away = normal.dot(emitter.normal) > 0.0;
+                // Rays start above the surface: on which side of the other one, rounding decides.
+                light.unknown |= !looks_away && !self.is_exact();
+                light.shaded |= !looks_away;
+                if looks_away {
+                    light.add_rounding(share * here, exitance);
+                }
+                n_before += 1;
                 continue;
             }
             let whole = here;
-            let mut drawn = None;
-            if !is_clear(point, normal, emitter, candidates.iter().copied(), self.slack) {
+            let is_clear = |of: &[&Plate]| is_clear(point, normal, emitter, of.iter().copied(), self.slack);
+            if !is_clear(&between.meant) {
                 light.shaded = true;
-                if candidates.iter().any(|plate| self.touches(plate, point)) {
+                if between.meant.iter().any(|plate| self.touches(plate, point)) {
                     // Which side of the blocker the point is on, rounding decides.
                     light.unknown = true;
                     return;
                 }
-                let visible = seen.emitter(k, region, emitter);
+                let visible = seen.meant(k, region, emitter);
                 (here, above) = (visible.at(point), visible.at(over));
-                if !self.knows_penumbras {
-                    let Some(rays) = &self.shadow_rays else {
-                        light.unknown = true;
-                        return;
-                    };
-                    let start = Start {
-                        point,
-                        normal,
-                        face: region.face_of(point),
-                        stream,
-                        n_before,
-                    };
-                    let fraction = here / whole;
-                    light.n_mixed += rays.n() * fraction * (1.0 - fraction);
-                    let found = rays.fraction(k, &start, candidates, fraction);
-                    light.n_drawn += 1;
-                    light.odds = light.odds.max(found.odds);
-                    drawn = Some(found);
+            }
+            let is_literally_clear = is_clear(&between.literal);
+            let mut room = 0.0;
+            if self.touching > 0.0 {
+                room = region.bend(point, face, emitter);
+                if !is_literally_clear {
+                    room += region.slits(point, here, seen.literal(k, region, emitter));
                 }
             }
+            if room > UNTOLD * whole {
+                light.unknown = true;
+                return;
+            }
+            let mut drawn = None;
+            if !is_literally_clear && !self.knows_penumbras {
+                let Some(rays) = &self.shadow_rays else {
+                    light.unknown = true;
+                    return;
+                };
+                let start = Start {
+                    point,
+                    normal,
+                    face: &face.corners,
+                    stream,
+                    n_before,
+                };
+                let fraction = here / whole;
+                let found = rays.fraction(k, &start, &between.literal, fraction);
+                light.count_drawn(&found, rays.n() * fraction * (1.0 - fraction));
+                drawn = Some(found);
+            }
             n_before += 1;
+            light.add_rounding(share * room, exitance);
             for (c, e) in exitance.iter().enumerate() {
                 light.exact[c] += share * e * here;
                 light.moved[c] += share * e * above;
@@ -505,71 +526,6 @@ impl<'a> Reference<'a> {
             _ => Coverage::Partial,
         }
     }
-}
-
-/// The direct light of a pixel, while it is summed.
-#[derive(Default)]
-pub(super) struct Light {
-    exact: [f64; 3],
-    /// The irradiance where the rays start.
-    moved: [f64; 3],
-    pub(super) shaded: bool,
-    /// Whether the image's method is not exact at a sample.
-    unknown: bool,
-    n_drawn: u32,
-    odds: f64,
-    range: [[f64; 3]; 2],
-    variance: [f64; 3],
-    undecided: bool,
-    bias: [f64; 3],
-    n_mixed: f64,
-}
-
-impl Light {
-    pub(super) fn irradiance(&self) -> Option<Lit> {
-        let change = std::array::from_fn(|c| self.moved[c] - self.exact[c]);
-        (!self.unknown).then_some((self.exact, change))
-    }
-
-    /// Adds an emitter to one channel as shadow rays see it: all of it where none were drawn.
-    fn add_drawn(&mut self, c: usize, whole: f64, drawn: Option<&Fraction>) {
-        let [low, high] = drawn.map_or([1.0; 2], |fraction| fraction.range);
-        self.range[0][c] += whole * low;
-        self.range[1][c] += whole * high;
-        if let Some(fraction) = drawn {
-            self.undecided |= fraction.variance.is_none();
-            self.variance[c] += whole * whole * fraction.variance.unwrap_or_default();
-            self.bias[c] += whole * fraction.bias;
-        }
-    }
-
-    pub(super) fn drawn(&self) -> Option<Drawn> {
-        (self.n_drawn > 0 && !self.unknown).then(|| Drawn {
-            range: self.range,
-            error: (!self.undecided).then(|| self.variance.map(f64::sqrt)),
-            bias: self.bias,
-            // Any of them may be the worst.
-            odds: self.odds - f64::from(self.n_drawn).ln(),
-            n_mixed: self.n_mixed,
-        })
-    }
-}
-
-impl Region<'_> {
-    /// Returns the face that a point of the region is on.
-    fn face_of(&self, point: DVec3) -> &[DVec3] {
-        let holds = |face: &&&[DVec3]| contains(face, point, self.normal);
-        let found = self.faces.iter().find(holds).or(self.faces.first());
-        found.copied().unwrap_or(&self.corners)
-    }
-}
-
-fn as_blockers<'a>(plates: &[&'a Plate]) -> Vec<Blocker<'a>> {
-    let blocker = |plate: &&'a Plate| Blocker {
-        corners: plate.corners.as_slice().into(),
-        one_sided: false,
-    };
-    plates.iter().map(blocker).collect()
 }
 
 enum Coverage {

@@ -89,7 +89,7 @@ pub struct Tolerance {
     pub max_statistical: f64,
     /// The largest part due to the rays' start above the surface, in W·m⁻²: the exact change of the answer over 1.1 offsets.
     pub max_offset: f64,
-    /// The largest part due to rounding, in W·m⁻².
+    /// The largest part due to rounding, that of the corners' coordinates among it, in W·m⁻².
     pub max_rounding: f64,
     /// The largest [`VerifyReport::deviation`] that is right.
     pub max_deviation: Option<f64>,

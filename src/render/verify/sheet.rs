@@ -3,7 +3,9 @@
 use rayon::prelude::*;
 
 use super::faces::{Faces, Seen};
-use super::points::{Light, PixelAnswer, Reference, SeenFrom, Shown};
+use super::light::Light;
+use super::points::{PixelAnswer, Reference, Shown};
+use super::region::SeenFrom;
 use super::{DVec3, Tile, VerifyError};
 use crate::render::renderer::sample_places;
 use crate::render::view::CameraRecord;
@@ -194,6 +196,7 @@ impl Eye<'_> {
             irradiance: light.irradiance(),
             shaded: light.shaded,
             drawn: light.drawn(),
+            rounding: light.rounding,
             front: fronts.iter().any(Option::is_some),
         })
     }
