@@ -104,23 +104,7 @@ fn describe(report: &VerifyReport) -> String {
             tolerance.n_comparisons, tolerance.false_alarm
         );
     }
-    if report.n_strips_outside > 0 {
-        let _ = writeln!(
-            text,
-            "{} rows and columns of pixels have means outside their tolerance",
-            report.n_strips_outside
-        );
-    }
-    if !report.scene_intact {
-        let _ = writeln!(text, "the scene in the file is not the one that its hash was made from");
-    }
-    if report.n_misplaced + report.n_inconsistent > 0 {
-        let _ = writeln!(
-            text,
-            "{} pixels do not show what the view puts there (P, N, Z, patch), {} have layers that contradict each other or the scene",
-            report.n_misplaced, report.n_inconsistent
-        );
-    }
+    describe_faults(&mut text, report);
     describe_layers(&mut text, &report.layers);
     let width = name_width(report.walls.iter().map(|wall| wall.name.as_str())).max(4);
     let _ = writeln!(
@@ -163,6 +147,27 @@ fn describe(report: &VerifyReport) -> String {
     };
     let _ = writeln!(text, "\n{outcome}");
     text
+}
+
+/// Says what is wrong beside single pixels and walls.
+fn describe_faults(text: &mut String, report: &VerifyReport) {
+    if report.n_strips_outside > 0 {
+        let _ = writeln!(
+            text,
+            "{} rows and columns of pixels have means outside their tolerance",
+            report.n_strips_outside
+        );
+    }
+    if !report.scene_intact {
+        let _ = writeln!(text, "the scene in the file is not the one that its hash was made from");
+    }
+    if report.n_misplaced + report.n_inconsistent > 0 {
+        let _ = writeln!(
+            text,
+            "{} pixels do not show what the view puts there (P, N, Z, patch), {} have layers that contradict each other or the scene",
+            report.n_misplaced, report.n_inconsistent
+        );
+    }
 }
 
 /// Says of each layer how it was checked.

@@ -223,7 +223,7 @@ fn shadow_rays_are_drawn_again() {
         for every in [1, 7, 1000] {
             let mut half = made();
             let first = (0..errors.len()).find(|&k| is_mixed(k)).unwrap();
-            let is_chosen = |k: usize| is_mixed(k) && (k - first) % every == 0;
+            let is_chosen = |k: usize| is_mixed(k) && (k - first).is_multiple_of(every);
             let n_changed = change(&mut half, "Y", |k, y| if is_chosen(k) { 0.5 * y } else { y });
             let found = check(&half);
             assert!(!found.passed, "{rays}, {every}: {found:#?}");
@@ -260,13 +260,14 @@ fn what_cannot_be_checked_is_told() {
     let zero = vec![0.0; values.len()];
     let radiance: Vec<f32> = values.iter().map(|y| y / std::f32::consts::PI).collect();
     for c in ["R", "G", "B"] {
-        for (layer, values) in [
+        for (layer, channel) in [
             ("direct", &values),
             ("irradiance", &values),
             ("radiosity", &values),
             ("albedo", &zero),
         ] {
-            made.image.insert(&format!("{layer}.{c}"), Samples::F32(values.clone()));
+            made.image
+                .insert(&format!("{layer}.{c}"), Samples::F32(channel.clone()));
         }
         made.image.insert(c, Samples::F32(radiance.clone()));
     }

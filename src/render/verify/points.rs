@@ -36,7 +36,7 @@ pub(super) enum PixelAnswer {
     /// Which samples are on which surface depends on rounding.
     Border,
     /// What all samples see is sure.
-    Surface(Shown),
+    Surface(Box<Shown>),
 }
 
 /// What a pixel shows.
@@ -147,6 +147,7 @@ impl<'a> Reference<'a> {
             [0, 1, 2].map(|c| emitters.iter().map(|(_, exitance)| exitance[c]).fold(0.0, fold))
         };
         let n_samples = u64::from(attributes.render.samples.get()).pow(2);
+        let touching = slack_of(records().map(|record| record.corners.as_slice()));
         Some(Self {
             attributes,
             plates: records().map(plate).collect(),
@@ -154,9 +155,9 @@ impl<'a> Reference<'a> {
             total: per_channel(|a, b| a + b),
             emitters,
             nothing_reflects: records().all(|record| record.reflectance.iter().all(|&rho| rho <= 0.0)),
-            touching: slack_of(records().map(|record| record.corners.as_slice())),
+            touching,
             slack: 2e-12 * size.extent + size.rounding(),
-            shadow_rays: ShadowRays::new(attributes, &size),
+            shadow_rays: ShadowRays::new(attributes, &size, touching),
             size,
             n_rays: n_samples * u64::from(n_rays),
             knows_penumbras: !matches!(attributes.render.direct, DirectMethod::Polygons { .. }),
@@ -267,7 +268,9 @@ impl<'a> Reference<'a> {
             let mut literal = self.between(corners, normal, emitter, self.slack);
             // Bent faces hide nothing of themselves.
             literal.retain(|&plate| !faces.iter().any(|face| face.is(plate)) && !emitter.is(plate));
-            let is_sheet = self.touching > 0.0 && are_sides_of_a_sheet(corners, &emitter.corners, self.touching);
+            let is_own = faces.iter().any(|face| face.is(emitter));
+            let is_sheet =
+                self.touching > 0.0 && (is_own || are_sides_of_a_sheet(corners, &emitter.corners, self.touching));
             Between {
                 meant,
                 literal,
@@ -318,7 +321,7 @@ impl<'a> Reference<'a> {
                             self.add_light(&mut light, (share, stream), point, &region, seen);
                         }
                         let common = material.filter(|_| uniform);
-                        PixelAnswer::Surface(Shown {
+                        PixelAnswer::Surface(Box::new(Shown {
                             albedo: common.map(|(_, reflectance)| reflectance),
                             surface: Some(tile.surface),
                             plane: Some(tile.surface.0),
@@ -328,7 +331,7 @@ impl<'a> Reference<'a> {
                             drawn: light.drawn(),
                             rounding: light.rounding,
                             front: true,
-                        })
+                        }))
                     }
                 };
                 (answer, self.centre(tile, tile.point(corner.0 + 0.5, corner.1 + 0.5)))
@@ -428,22 +431,22 @@ impl<'a> Reference<'a> {
         for (k, ((emitter, exitance), between)) in self.emitters.iter().zip(&region.between).enumerate() {
             let form_factor = |at: DVec3| point_form_factor(at, normal, &emitter.corners);
             let (mut here, mut above) = (form_factor(point), form_factor(over));
-            if here <= 0.0 && above <= 0.0 {
-                if self.touching > 0.0 {
-                    // What rounding lets stand out of the horizon.
-                    light.add_rounding(share * form_factor(point - normal * self.touching), exitance);
-                }
-                continue;
-            }
             if between.is_sheet {
                 let looks_away = normal.dot(emitter.normal) > 0.0;
                 // Rays start above the surface: on which side of the other one, rounding decides.
                 light.unknown |= !looks_away && !self.is_exact();
                 light.shaded |= !looks_away;
-                if looks_away {
+                if looks_away && !self.is_exact() {
                     light.add_rounding(share * here, exitance);
+                    light.unknown |= here > UNTOLD;
                 }
-                n_before += 1;
+                n_before += u64::from(here > 0.0);
+                continue;
+            }
+            if here <= 0.0 && above <= 0.0 {
+                if self.touching > 0.0 {
+                    light.add_rounding(share * region.bend(point, face, emitter), exitance);
+                }
                 continue;
             }
             let whole = here;
@@ -466,7 +469,7 @@ impl<'a> Reference<'a> {
                     room += region.slits(point, here, seen.literal(k, region, emitter));
                 }
             }
-            if room > UNTOLD * whole {
+            if room > UNTOLD * whole.max(UNTOLD) {
                 light.unknown = true;
                 return;
             }

@@ -26,7 +26,7 @@ pub(super) struct Between<'a> {
     pub(super) meant: Vec<&'a Plate>,
     /// What does as the corners are.
     pub(super) literal: Vec<&'a Plate>,
-    /// Whether region and emitter are the two sides of a sheet, which rounding has parted: they see nothing of each other.
+    /// Whether region and emitter are one face, or the two sides of a sheet that rounding has parted: they see nothing of each other.
     pub(super) is_sheet: bool,
 }
 
@@ -82,6 +82,13 @@ impl Region<'_> {
     /// corners, and no part is farther from its plane than its corners are.
     pub(super) fn bend(&self, point: DVec3, face: &Plate, emitter: &Plate) -> f64 {
         let seen = |at: DVec3, normal: DVec3| point_form_factor(at, normal, &emitter.corners);
+        let over_horizon = |&v: &DVec3| face.normal.dot(v - point) > self.touching;
+        if !emitter.corners.iter().any(over_horizon) {
+            // What rounding lets stand out of the horizon is seen from the back as well: of which side it is, rounding decides.
+            let below = point - face.normal * self.touching;
+            let back: Vec<DVec3> = emitter.corners.iter().rev().copied().collect();
+            return seen(below, face.normal) + point_form_factor(below, face.normal, &back);
+        }
         let plane = seen(point, face.normal);
         let n = face.corners.len();
         let at_corner = |k: usize| {

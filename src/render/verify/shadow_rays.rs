@@ -9,7 +9,7 @@ use crate::geometry::clip::clip_to_half_space;
 use crate::geometry::polygon;
 use crate::geometry::sampling::{PointStream, Sequence, UniformOnPolygon};
 use crate::render::DirectMethod;
-use crate::render::attributes::Attributes;
+use crate::render::attributes::{Attributes, PolygonRecord};
 use crate::render::direct::{EDGE_OFFSETS, Inset, edge_distance};
 use crate::render::renderer::sample_grid;
 
@@ -76,11 +76,13 @@ enum Meets {
 
 impl ShadowRays {
     /// Returns `None` if the direct light is not found by such rays, or emitters of several surfaces share a stream: in which order they do, the file does not say.
-    pub(super) fn new(attributes: &Attributes, size: &Size) -> Option<Self> {
+    ///
+    /// Faces may be bent by up to `touching`, m, so that a ray meets them elsewhere.
+    pub(super) fn new(attributes: &Attributes, size: &Size, touching: f64) -> Option<Self> {
         let DirectMethod::Polygons { n } = attributes.render.direct else {
             return None;
         };
-        let emits = |surface: &&SurfaceRecord| surface.polygons.iter().any(|polygon| polygon.emits());
+        let emits = |surface: &&SurfaceRecord| surface.polygons.iter().any(PolygonRecord::emits);
         let mut emitting = attributes.surfaces.iter().filter(emits);
         let (own, None) = (emitting.next()?, emitting.next()) else {
             return None;
@@ -105,7 +107,7 @@ impl ShadowRays {
             sequence: attributes.render.sequence,
             seed: attributes.render.seed,
             offset,
-            margin: SHIFT * size.extent + size.rounding(),
+            margin: SHIFT * size.extent + size.rounding() + touching,
             n_streams: sample_grid(attributes.render.samples.get()).len() as u64,
             targets: faces().map(|face| target(&face.corners)).collect(),
         })

@@ -188,7 +188,7 @@ impl Eye<'_> {
                 .zip(reflectance)
                 .for_each(|(sum, rho)| *sum += share * rho);
         }
-        PixelAnswer::Surface(Shown {
+        PixelAnswer::Surface(Box::new(Shown {
             albedo: Some(albedo),
             surface: common(&fronts, |face| self.faces.surface(face)),
             plane: common(&fronts, |face| self.faces.plane(face)),
@@ -198,7 +198,7 @@ impl Eye<'_> {
             drawn: light.drawn(),
             rounding: light.rounding,
             front: fronts.iter().any(Option::is_some),
-        })
+        }))
     }
 }
 
