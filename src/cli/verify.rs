@@ -66,6 +66,13 @@ fn describe(report: &VerifyReport) -> String {
         "{} of {} pixels compared with the closed form, {} not checkable",
         report.n_checked, report.n_pixels, report.n_not_checkable
     );
+    if report.n_drawn > 0 {
+        let _ = writeln!(
+            text,
+            "{} of them see a part of an emitter by the picture's own shadow rays, which were drawn again",
+            report.n_drawn
+        );
+    }
     if report.n_background + report.n_backs > 0 {
         let _ = writeln!(
             text,
@@ -97,23 +104,7 @@ fn describe(report: &VerifyReport) -> String {
             tolerance.n_comparisons, tolerance.false_alarm
         );
     }
-    if report.n_strips_outside > 0 {
-        let _ = writeln!(
-            text,
-            "{} rows and columns of pixels have means outside their tolerance",
-            report.n_strips_outside
-        );
-    }
-    if !report.scene_intact {
-        let _ = writeln!(text, "the scene in the file is not the one that its hash was made from");
-    }
-    if report.n_misplaced + report.n_inconsistent > 0 {
-        let _ = writeln!(
-            text,
-            "{} pixels do not show what the view puts there (P, N, Z, patch), {} have layers that contradict each other or the scene",
-            report.n_misplaced, report.n_inconsistent
-        );
-    }
+    describe_faults(&mut text, report);
     describe_layers(&mut text, &report.layers);
     let width = name_width(report.walls.iter().map(|wall| wall.name.as_str())).max(4);
     let _ = writeln!(
@@ -144,12 +135,39 @@ fn describe(report: &VerifyReport) -> String {
         );
     }
     let outcome = match report.passed {
-        true => "passed",
-        false if report.n_checked == 0 => "failed: no pixel could be compared, so that nothing is shown to be right",
-        false => "failed",
+        true if report.complete => "passed".to_owned(),
+        true => format!(
+            "passed in part: {} of {} pixels could not be checked, and of these nothing is shown",
+            report.n_not_checkable, report.n_pixels
+        ),
+        false if report.n_checked == 0 => {
+            "failed: no pixel could be compared, so that nothing is shown to be right".to_owned()
+        }
+        false => "failed".to_owned(),
     };
     let _ = writeln!(text, "\n{outcome}");
     text
+}
+
+/// Says what is wrong beside single pixels and walls.
+fn describe_faults(text: &mut String, report: &VerifyReport) {
+    if report.n_strips_outside > 0 {
+        let _ = writeln!(
+            text,
+            "{} rows and columns of pixels have means outside their tolerance",
+            report.n_strips_outside
+        );
+    }
+    if !report.scene_intact {
+        let _ = writeln!(text, "the scene in the file is not the one that its hash was made from");
+    }
+    if report.n_misplaced + report.n_inconsistent > 0 {
+        let _ = writeln!(
+            text,
+            "{} pixels do not show what the view puts there (P, N, Z, patch), {} have layers that contradict each other or the scene",
+            report.n_misplaced, report.n_inconsistent
+        );
+    }
 }
 
 /// Says of each layer how it was checked.

@@ -23,6 +23,12 @@ pub struct PolygonRecord {
     pub reflectance: [f64; 3],
 }
 
+impl PolygonRecord {
+    pub(super) fn emits(&self) -> bool {
+        self.exitance.iter().any(|&e| e > 0.0)
+    }
+}
+
 /// A surface of the scene as the image file describes it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SurfaceRecord {

@@ -68,7 +68,7 @@ pub(super) struct DirectEstimate {
 ///
 /// Points within rounding of an edge may lie behind the neighbouring wall once they are f32, and see nothing.
 #[derive(Clone, Copy, Debug)]
-struct Inset {
+pub(super) struct Inset {
     centroid: DVec3,
     /// Points move to centroid + scale (point − centroid).
     scale: f64,
@@ -76,19 +76,19 @@ struct Inset {
 
 impl Inset {
     /// The map that leaves no point nearer to an edge than `margin`, or half of the way from the centroid in a face that is too narrow for that.
-    fn new(corners: &[DVec3], margin: f64) -> Self {
+    pub(super) fn new(corners: &[DVec3], margin: f64) -> Self {
         let centroid = polygon::centroid(corners);
         let scale = 1.0 - (margin / edge_distance(corners, centroid)).min(0.5);
         Self { centroid, scale }
     }
 
-    fn apply(self, point: DVec3) -> DVec3 {
+    pub(super) fn apply(self, point: DVec3) -> DVec3 {
         self.centroid + (point - self.centroid) * self.scale
     }
 }
 
 /// Returns the distance of a point in a polygon from the nearest edge's line.
-fn edge_distance(corners: &[DVec3], point: DVec3) -> f64 {
+pub(super) fn edge_distance(corners: &[DVec3], point: DVec3) -> f64 {
     (0..corners.len())
         .map(|k| {
             let (a, b) = (corners[k], corners[(k + 1) % corners.len()]);
@@ -129,7 +129,7 @@ pub(super) struct Scratch {
 }
 
 /// How many of the visibility's offsets the ends of rays keep away from the edges of their faces.
-const EDGE_OFFSETS: f64 = 2.0;
+pub(super) const EDGE_OFFSETS: f64 = 2.0;
 
 /// The most rays that are traced at once.
 const BATCH: u32 = 1 << 14;
@@ -251,6 +251,7 @@ impl<'a> DirectPass<'a> {
         }
     }
 
+    /// Verification draws the same points again, from what the picture's attributes say.
     fn by_polygons(&self, at: &DirectPoint, n: u32, scratch: &mut Scratch) -> DirectEstimate {
         let mut stream = self.stream(at);
         let mut estimate = DirectEstimate::default();

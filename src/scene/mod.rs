@@ -40,7 +40,7 @@ pub use lighting::Lighting;
 pub use motion::{Motion, MotionError, Names, Pose};
 pub(crate) use mtl::libraries_of;
 pub use obj::{DEFAULT_REFLECTANCE, LoadOptions, Loaded, load, load_with};
-pub(crate) use rounding::SLACK_PER_CORNER;
+pub(crate) use rounding::{SLACK_PER_CORNER, slack_of};
 pub use warning::SceneWarning;
 pub use write::write_obj;
 pub use written::Written;

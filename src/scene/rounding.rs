@@ -1,6 +1,8 @@
 //! How far the corners of a scene may lie from where they were meant.
 
-use super::Scene;
+use glam::DVec3;
+
+use super::{Corners, Face, MaterialId, Scene, SurfaceId, Written};
 use crate::geometry::polygon;
 
 /// Coordinates of fewer digits are taken as meant: 0.25 is a quarter, 0.333333 a third that was rounded.
@@ -69,16 +71,51 @@ impl Scene {
     }
 }
 
+/// Returns [`Scene::slack`] of faces that a file describes by their corners alone: the digits are those that the coordinates need.
+///
+/// Of a coordinate whose last digits are zeros fewer are needed, but hardly of all in a scene that is turned out of the axes.
+pub(crate) fn slack_of<'a>(faces: impl Iterator<Item = &'a [DVec3]>) -> f64 {
+    let mut scene = Scene::default();
+    let mut written = Written::default();
+    for corners in faces {
+        let first = u32::try_from(scene.vertices.len()).unwrap_or(u32::MAX);
+        let corner = |k: u32| first.saturating_add(k);
+        scene.faces.push(Face {
+            corners: match corners.len() {
+                3 => Corners::Triangle([0, 1, 2].map(corner)),
+                4 => Corners::Quad([0, 1, 2, 3].map(corner)),
+                // No scene has such faces.
+                _ => continue,
+            },
+            surface: SurfaceId(0),
+            material: MaterialId(0),
+            line: 0,
+        });
+        scene.vertices.extend(corners);
+        for x in corners.iter().flat_map(DVec3::to_array) {
+            written.see(&x.to_string());
+        }
+    }
+    scene.written = Some(written);
+    scene.slack()
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::load;
+    use super::slack_of;
 
     /// Returns the slack of a triangle as a file has it.
     fn slack(vertices: &str) -> f64 {
         let directory = tempfile::tempdir().expect("a directory");
         let path = directory.path().join("scene.obj");
         std::fs::write(&path, format!("{vertices}f 1 2 3\n")).expect("a file");
-        load(&path).expect("a scene").scene.slack()
+        let scene = load(&path).expect("a scene").scene;
+        let faces: Vec<_> = scene.face_ids().map(|face| scene.polygon(face)).collect();
+        let again = slack_of(faces.iter().map(Vec::as_slice));
+        let slack = scene.slack();
+        assert!((again - slack).abs() <= 1e-3 * slack, "{vertices}: {again:e}");
+        slack
     }
 
     #[test]

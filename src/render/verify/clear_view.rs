@@ -17,6 +17,26 @@ impl Plate {
         let normal = polygon::area_vector(&corners).normalize_or_zero();
         Self { corners, normal }
     }
+
+    /// Tells whether this is the same face.
+    pub(super) fn is(&self, other: &Self) -> bool {
+        self.corners == other.corners
+    }
+
+    /// Returns how far inside of its edges a point of its plane is, in m; less than 0 outside.
+    pub(super) fn depth(&self, point: DVec3) -> f64 {
+        let of_edge = |k: usize| {
+            let edge = self.corners[(k + 1) % self.corners.len()] - self.corners[k];
+            let height = self.normal.dot(edge.cross(point - self.corners[k]));
+            // Two corners in one place have no edge.
+            if edge == DVec3::ZERO {
+                f64::INFINITY
+            } else {
+                height / edge.length()
+            }
+        };
+        (0..self.corners.len()).map(of_edge).fold(f64::INFINITY, f64::min)
+    }
 }
 
 /// Which side of a plane points lie on; a point within the slack lies on both.

@@ -4,7 +4,8 @@ use std::sync::OnceLock;
 
 use super::DVec3;
 use super::clear_view::Plate;
-use super::points::{Material, Reference, Region, contains};
+use super::points::{Material, Reference, contains};
+use super::region::Region;
 use super::size::Size;
 use crate::scene::SurfaceId;
 
@@ -105,8 +106,8 @@ impl<'a> Faces<'a> {
 
     pub(super) fn region(&self, face: usize) -> &Region<'a> {
         self.regions[face].get_or_init(|| {
-            let plate = &self.reference.plates()[face];
-            self.reference.region(&plate.corners, plate.normal)
+            let own = &self.reference.plates()[face..=face];
+            self.reference.region(&own[0].corners, own[0].normal, own)
         })
     }
 

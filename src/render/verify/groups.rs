@@ -17,6 +17,7 @@ pub(super) struct Tally {
     pub(super) n_background: usize,
     pub(super) n_backs: usize,
     pub(super) n_checked: usize,
+    pub(super) n_drawn: usize,
     pub(super) n_outside: usize,
     pub(super) n_misplaced: usize,
     pub(super) n_inconsistent: usize,
@@ -39,6 +40,7 @@ impl Tally {
         self.n_background += usize::from(!answer.on_surface());
         self.n_backs += usize::from(answer.is_back());
         self.n_checked += usize::from(answer.is_checked());
+        self.n_drawn += usize::from(answer.is_checked() && answer.drawn().is_some());
         self.n_outside += usize::from(pixel.outside);
         self.n_misplaced += usize::from(pixel.misplaced);
         self.n_inconsistent += usize::from(pixel.inconsistent);
@@ -73,6 +75,8 @@ impl GroupMean {
         log_odds: f64,
     ) -> Self {
         let (mut group, mut squares, mut offset, mut rounding) = (Self::default(), 0.0, 0.0, 0.0);
+        // What shadow rays that were drawn again are off by, how many they are, and their bias.
+        let (mut known, mut n_mixed, mut bias) = (0.0, 0.0, 0.0);
         for (answer, judged) in pixels {
             let Some((exact, change)) = answer.irradiance() else {
                 continue;
@@ -83,6 +87,11 @@ impl GroupMean {
             squares += judged.error[channel].powi(2);
             offset += change[channel];
             rounding += judged.parts[2][channel];
+            if let Some(drawn) = answer.drawn() {
+                known += judged.parts[0][channel];
+                n_mixed += drawn.n_mixed;
+                bias += drawn.bias[channel];
+            }
         }
         let m = group.n_checked.max(1) as f64;
         group.expected /= m;
@@ -90,6 +99,16 @@ impl GroupMean {
         group.statistical = reference.statistical(channel, group.expected, m, log_odds);
         if reference.expected_hits(channel, group.expected) * m >= MIN_HITS {
             group.statistical = group.statistical.min(tolerance::self_normalised(squares, m, log_odds));
+        }
+        if known > 0.0 {
+            // That the rays find the truth in the mean is not known from drawing them again.
+            let by_spread = tolerance::self_normalised(squares, m, log_odds) + bias / m;
+            let is_trusted = n_mixed >= MIN_HITS;
+            group.statistical = if is_trusted {
+                by_spread.min(known / m)
+            } else {
+                known / m
+            };
         }
         group.tolerance = group.statistical + (offset / m).abs() + rounding / m;
         group

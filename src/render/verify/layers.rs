@@ -1,5 +1,6 @@
 //! Pixels of an image against their answers.
 
+use super::light::Drawn;
 use super::limits::Limits;
 use super::points::{PixelAnswer, Reference};
 use super::sheet::{Centre, Sheet};
@@ -183,11 +184,32 @@ impl<'a> Layers<'a> {
                 judged.error[c] = value(&self.direct, c) - exact[c];
                 judged.parts[0][c] = reference.statistical(c, exact[c].max(reference.leak(c, answer)), 1.0, log_odds);
                 judged.parts[1][c] = offset[c].abs();
-                judged.parts[2][c] = reference.rounding(c, exact[c]);
+                judged.parts[2][c] = reference.rounding(c, exact[c]) + shown.rounding[c];
                 judged.outside |= !judged.is_within(c);
             }
         }
+        if let Some(drawn) = &shown.drawn {
+            self.judge_drawn(&mut judged, index, drawn, reference);
+            judged.outside |= drawn.odds > log_odds;
+        }
         judged
+    }
+
+    /// Judges a pixel whose shadow rays were drawn again: what they find is no chance.
+    fn judge_drawn(&self, judged: &mut Judged, index: usize, drawn: &Drawn, reference: &Reference<'_>) {
+        judged.outside = false;
+        for c in 0..3 {
+            let value = f64::from(self.direct[c][index]);
+            let exact = value - judged.error[c];
+            let [low, high] = [0, 1].map(|side| drawn.range[side][c]);
+            judged.parts[0][c] = (exact - low).max(high - exact).max(0.0);
+            let room = reference.rounding(c, high) + judged.parts[2][c];
+            let is_between = low - room <= value && value <= high + room;
+            judged.outside |= !is_between;
+            if let (Some(noise), Some(stated)) = (&self.noise, drawn.error) {
+                judged.inconsistent |= !Rounding::F32.allows(f64::from(noise[c][index]), stated[c], room);
+            }
+        }
     }
 
     /// Counts the pixels beside all sheets that are not background.

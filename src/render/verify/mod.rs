@@ -5,11 +5,14 @@ mod faces;
 mod field;
 mod groups;
 mod layers;
+mod light;
 mod limits;
 mod neighbours;
 mod patches;
 mod points;
+mod region;
 mod report;
+mod shadow_rays;
 mod sheet;
 mod size;
 mod spread;
@@ -22,7 +25,7 @@ use rayon::prelude::*;
 use serde::Deserialize as _;
 use thiserror::Error;
 
-use super::attributes::Attributes;
+use super::attributes::{Attributes, SurfaceRecord};
 use super::direct::DirectMethod;
 use super::error::RenderError;
 use super::exr::Pixels;
@@ -110,8 +113,12 @@ pub enum VerifyError {
 ///
 /// In the scene that the file describes, the direct irradiance at a point is Σ_j E_j F(x → j), F Lambert's
 /// [form factor](crate::geometry::point_form_factor::point_form_factor), wherever the point sees every emitter j unhindered; this is proven per pixel in f64. Where it
-/// cannot be, j is [clipped](crate::form_factor::partial::VisibleFactor) against what stands in between, if the image's method is unbiased there (rays, exact); else the pixel
-/// is counted and left out. A [field](super::field()) of form factors is the irradiance in the scene in which its surface alone emits, 1 W·m⁻².
+/// cannot be, j is [clipped](crate::form_factor::partial::VisibleFactor) against what stands in between. Where a pixel then depends on a few shadow rays to points of j, these are drawn again from the
+/// file's settings and seed and traced in f64: the image must show what they find, and state their standard error, but for rays within 1e-6 of the scene's size of an edge; and the visible fraction that they find must
+/// be possible for the true one. Where emitters of several surfaces share the rays' stream, in an order that the file does not tell, the pixel is counted and left out, as is one that touches what
+/// stands in between. Where coordinates were rounded, as in files with six decimals, faces that were meant to touch do not stand in each other's way, by the rule of
+/// [`BlockerIndex`](crate::visibility::blockers::BlockerIndex); a pixel may differ by as much as its answer then differs from that with the corners as they are, and by what bent faces make of it. Where that is
+/// more than a hundredth of the form factor, it is left out: [`VerifyReport::complete`] tells whether any is. A [field](super::field()) of form factors is the irradiance in the scene in which its surface alone emits, 1 W·m⁻².
 ///
 /// What the samples of a perspective image see is found again in f64, without the image: a pixel with a sample nearer to an edge than 1e-6 of the scene's size is counted and left out.
 ///
@@ -120,7 +127,7 @@ pub enum VerifyError {
 /// the view and the scene, radiosity and radiance those that follow from the irradiance, and background 0 in all layers. Light that is interpolated or gathered has no closed form: the irradiance must be
 /// at least the direct one and at most that of a furnace, max E / (1 - ρ), within the stated error. [`VerifyReport::layers`] tells of every layer how far it was checked.
 ///
-/// Tolerances are computed: noise of a direct pass by rays (none for one by polygons) by Hoeffding's bound, at a probability of 1e-6 for any alarm at all in a correct image; for means
+/// Tolerances are computed: noise of a direct pass by rays (none for one by polygons, but in the means over its walls) by Hoeffding's bound, at a probability of 1e-6 for any alarm at all in a correct image; for means
 /// also by the errors' own spread, and for a pixel by that of its 24 neighbours (12 times their root mean square), where these are narrower; the rays' start above the surface; rounding to f32.
 /// All pixels together must not scatter more than the rays that the file tells of allow: see [`VerifyReport::deviation`].
 ///
@@ -211,11 +218,13 @@ pub fn verify_image(image: &Image, attributes: &Attributes) -> Result<VerifyRepo
     Ok(VerifyReport {
         field: attributes.field.as_ref().map(|record| record.surface.clone()),
         passed: right && n_checked > 0,
+        complete: n_checked == tally.n_pixels,
         scene_intact: attributes.scene_intact,
         n_pixels: tally.n_pixels,
         n_background: tally.n_background,
         n_backs: tally.n_backs,
         n_checked,
+        n_drawn: tally.n_drawn,
         n_not_checkable: tally.n_pixels - n_checked,
         n_outside: tally.n_outside,
         n_strips_outside,

@@ -3,11 +3,14 @@
 use rayon::prelude::*;
 
 use super::clear_view::{Plate, is_clear, misses_region};
+use super::light::{Drawn, Light};
+use super::region::{Between, Region, SeenFrom, as_blockers};
+use super::shadow_rays::{ShadowRays, Start};
 use super::sheet::Centre;
 use super::size::Size;
 use super::tolerance::{effective_samples, hoeffding};
 use super::{DVec3, Rounding, Tile};
-use crate::form_factor::partial::{Accuracy, VisibleFactor, exchange_area};
+use crate::form_factor::partial::{Accuracy, exchange_area};
 use crate::geometry::point_form_factor::point_form_factor;
 use crate::geometry::polygon;
 use crate::geometry::rectangle::rectangle_exchange_area;
@@ -15,38 +18,15 @@ use crate::render::DirectMethod;
 use crate::render::attributes::{Attributes, PolygonRecord};
 use crate::render::exr::Pixels;
 use crate::render::renderer::sample_places;
-use crate::scene::SurfaceId;
-use crate::visibility::blockers::Blocker;
+use crate::render::view::ViewDescription;
+use crate::scene::{SurfaceId, slack_of};
+use crate::visibility::blockers::are_sides_of_a_sheet;
 
 /// Exitance and reflectance.
 pub(super) type Material = ([f64; 3], [f64; 3]);
 
 /// The irradiance at a point, and its change over the rays' offset.
 pub(super) type Lit = ([f64; 3], [f64; 3]);
-
-/// A flat convex region from which emitters are seen.
-pub(super) struct Region<'a> {
-    corners: Vec<DVec3>,
-    normal: DVec3,
-    /// Per emitter, what may stand between it and some point of the region.
-    blockers: Vec<Vec<&'a Plate>>,
-}
-
-/// The visible parts of emitters as one region's points see them, found when they are first wanted.
-#[derive(Default)]
-pub(super) struct SeenFrom(Vec<Option<VisibleFactor>>);
-
-impl SeenFrom {
-    fn emitter(&mut self, k: usize, region: &Region<'_>, emitter: &Plate) -> &mut VisibleFactor {
-        if self.0.len() <= k {
-            self.0.resize_with(k + 1, || None);
-        }
-        self.0[k].get_or_insert_with(|| {
-            let between = as_blockers(&region.blockers[k]);
-            VisibleFactor::new(&region.corners, region.normal, &emitter.corners, &between)
-        })
-    }
-}
 
 /// What is known about a pixel without looking at it.
 #[derive(Clone, Debug)]
@@ -56,7 +36,7 @@ pub(super) enum PixelAnswer {
     /// Which samples are on which surface depends on rounding.
     Border,
     /// What all samples see is sure.
-    Surface(Shown),
+    Surface(Box<Shown>),
 }
 
 /// What a pixel shows.
@@ -74,13 +54,20 @@ pub(super) struct Shown {
     pub(super) irradiance: Option<Lit>,
     /// Whether something hides a part of an emitter.
     pub(super) shaded: bool,
+    /// What the picture's own shadow rays find, where an emitter is hidden in part and they decide.
+    pub(super) drawn: Option<Drawn>,
+    /// How far the rounding of corners may change the irradiance.
+    pub(super) rounding: [f64; 3],
     /// Whether a sample shows the front of a face: all others are black, whatever the light.
     pub(super) front: bool,
 }
 
 /// What rays may find where an emitter is hidden, as a share of the largest exitance: they see outlines whose corners are rounded to f32,
 /// 6e-8 of the scene's size off, and a shadow's edge moves by a few times that.
-const LEAK: f64 = 1e-6;
+pub(super) const LEAK: f64 = 1e-6;
+
+/// The share of an emitter's form factor beyond which nothing is said of a point: so much of it is hidden or not by how the coordinates of corners were rounded.
+const UNTOLD: f64 = 0.01;
 
 impl PixelAnswer {
     pub(super) fn on_surface(&self) -> bool {
@@ -110,6 +97,10 @@ impl PixelAnswer {
     pub(super) fn irradiance(&self) -> Option<Lit> {
         self.shown().and_then(|shown| shown.irradiance)
     }
+
+    pub(super) fn drawn(&self) -> Option<&Drawn> {
+        self.shown().and_then(|shown| shown.drawn.as_ref())
+    }
 }
 
 /// The scene of an image, ready for closed forms.
@@ -126,11 +117,15 @@ pub(super) struct Reference<'a> {
     size: Size,
     /// Length below which geometry is rounding, in m.
     slack: f64,
+    /// How far faces that were meant to touch may stand out from each other because their corners' coordinates were rounded, in m.
+    touching: f64,
     /// Rays per pixel; 0 where the direct pass has no noise at a clear point.
     n_rays: u64,
     n_effective: f64,
     /// Whether the image's method is right where an emitter is hidden in part.
     knows_penumbras: bool,
+    /// The rays of a method that is not, where these can be drawn again.
+    shadow_rays: Option<ShadowRays>,
     /// How far above the surface the estimate was really made, in m.
     offset: f64,
 }
@@ -141,7 +136,7 @@ impl<'a> Reference<'a> {
         let records = || attributes.surfaces.iter().flat_map(|surface| &surface.polygons);
         let plate = |record: &PolygonRecord| Plate::new(record.corners.clone());
         let emitters: Vec<(Plate, [f64; 3])> = records()
-            .filter(|record| record.exitance.iter().any(|&e| e > 0.0))
+            .filter(|record| record.emits())
             .map(|record| (plate(record), record.exitance))
             .collect();
         if emitters.is_empty() {
@@ -152,6 +147,7 @@ impl<'a> Reference<'a> {
             [0, 1, 2].map(|c| emitters.iter().map(|(_, exitance)| exitance[c]).fold(0.0, fold))
         };
         let n_samples = u64::from(attributes.render.samples.get()).pow(2);
+        let touching = slack_of(records().map(|record| record.corners.as_slice()));
         Some(Self {
             attributes,
             plates: records().map(plate).collect(),
@@ -159,7 +155,9 @@ impl<'a> Reference<'a> {
             total: per_channel(|a, b| a + b),
             emitters,
             nothing_reflects: records().all(|record| record.reflectance.iter().all(|&rho| rho <= 0.0)),
+            touching,
             slack: 2e-12 * size.extent + size.rounding(),
+            shadow_rays: ShadowRays::new(attributes, &size, touching),
             size,
             n_rays: n_samples * u64::from(n_rays),
             knows_penumbras: !matches!(attributes.render.direct, DirectMethod::Polygons { .. }),
@@ -263,26 +261,45 @@ impl<'a> Reference<'a> {
         relative * exact + (1e-14 + self.size.relative_rounding()) * self.total[channel] + absolute
     }
 
-    /// Prepares a convex region with the given unit normal.
-    pub(super) fn region(&self, corners: &[DVec3], normal: DVec3) -> Region<'_> {
-        let between = |(emitter, _): &(Plate, _)| self.between(corners, normal, emitter);
+    /// Prepares a convex region with the given unit normal, which the given faces cover.
+    pub(super) fn region<'b>(&'b self, corners: &[DVec3], normal: DVec3, faces: &'b [Plate]) -> Region<'b> {
+        let between = |(emitter, _): &(Plate, _)| {
+            let meant = self.between(corners, normal, emitter, self.slack + self.touching);
+            let mut literal = self.between(corners, normal, emitter, self.slack);
+            // Bent faces hide nothing of themselves.
+            literal.retain(|&plate| !faces.iter().any(|face| face.is(plate)) && !emitter.is(plate));
+            let is_own = faces.iter().any(|face| face.is(emitter));
+            let is_sheet =
+                self.touching > 0.0 && (is_own || are_sides_of_a_sheet(corners, &emitter.corners, self.touching));
+            Between {
+                meant,
+                literal,
+                is_sheet,
+            }
+        };
         Region {
             corners: corners.to_vec(),
             normal,
-            blockers: self.emitters.iter().map(between).collect(),
+            faces,
+            between: self.emitters.iter().map(between).collect(),
+            touching: self.touching,
         }
     }
 
     /// Returns the answers of all pixels of a tile and what their centres show, row by row.
     pub(super) fn answers(&self, tile: &Tile) -> (Vec<PixelAnswer>, Vec<Centre>) {
-        let region = self.region(&tile.rectangle(), tile.normal());
         let records = self.records(tile);
+        let first = self.first_face(tile);
+        let faces = &self.plates[first..first + records.len()];
+        let region = self.region(&tile.rectangle(), tile.normal(), faces);
         let material = records.first().map(|record| (record.exitance, record.reflectance));
         let uniform = records
             .iter()
             .all(|record| Some((record.exitance, record.reflectance)) == material);
         let n_pixels = tile.width as usize * tile.height as usize;
         let columns = tile.width as usize;
+        let pixel =
+            |k: usize| (tile.top as usize + k / columns) * self.image_width() + tile.left as usize + k % columns;
         (0..n_pixels)
             .into_par_iter()
             .map_init(SeenFrom::default, |seen, k| {
@@ -299,19 +316,22 @@ impl<'a> Reference<'a> {
                     Coverage::Full => {
                         let mut light = Light::default();
                         let share = 1.0 / points.len() as f64;
-                        for &point in &points {
-                            self.add_light(&mut light, share, point, &region, seen);
+                        for (sample, &point) in points.iter().enumerate() {
+                            let stream = self.stream(pixel(k), sample);
+                            self.add_light(&mut light, (share, stream), point, &region, seen);
                         }
                         let common = material.filter(|_| uniform);
-                        PixelAnswer::Surface(Shown {
+                        PixelAnswer::Surface(Box::new(Shown {
                             albedo: common.map(|(_, reflectance)| reflectance),
                             surface: Some(tile.surface),
                             plane: Some(tile.surface.0),
                             material: common,
                             irradiance: light.irradiance(),
                             shaded: light.shaded,
+                            drawn: light.drawn(),
+                            rounding: light.rounding,
                             front: true,
-                        })
+                        }))
                     }
                 };
                 (answer, self.centre(tile, tile.point(corner.0 + 0.5, corner.1 + 0.5)))
@@ -319,10 +339,31 @@ impl<'a> Reference<'a> {
             .unzip()
     }
 
+    /// Returns the number of the first face of a tile's surface.
+    fn first_face(&self, tile: &Tile) -> usize {
+        let before = &self.attributes.surfaces[..tile.surface.0 as usize];
+        before.iter().map(|surface| surface.polygons.len()).sum()
+    }
+
+    fn is_exact(&self) -> bool {
+        self.attributes.render.direct == DirectMethod::Exact
+    }
+
+    fn image_width(&self) -> usize {
+        match &self.attributes.view {
+            ViewDescription::Unfolded(layout) => layout.width as usize,
+            ViewDescription::Perspective(_) => 0,
+        }
+    }
+
+    /// Returns the number of the random stream of a sample of a pixel, where it is wanted.
+    pub(super) fn stream(&self, pixel: usize, sample: usize) -> u64 {
+        self.shadow_rays.as_ref().map_or(0, |rays| rays.stream(pixel, sample))
+    }
+
     /// Returns what is at a point of a tile.
     fn centre(&self, tile: &Tile, point: DVec3) -> Centre {
-        let before = &self.attributes.surfaces[..tile.surface.0 as usize];
-        let first: usize = before.iter().map(|surface| surface.polygons.len()).sum();
+        let first = self.first_face(tile);
         let normal = tile.normal();
         let around = self.around(tile, point).map(|place| {
             let holds = |record: &PolygonRecord| contains(&record.corners, place, normal);
@@ -351,7 +392,7 @@ impl<'a> Reference<'a> {
     pub(super) fn exchange_area(&self, tile: &Tile, shaded: bool, emitter: &Plate) -> Option<f64> {
         let rectangle = &tile.rectangle();
         let between = if shaded {
-            self.between(rectangle, tile.normal(), emitter)
+            self.between(rectangle, tile.normal(), emitter, self.slack + self.touching)
         } else {
             Vec::new()
         };
@@ -368,8 +409,9 @@ impl<'a> Reference<'a> {
         found.reached.then_some(found.exchange_area)
     }
 
-    fn between(&self, region: &[DVec3], normal: DVec3, emitter: &Plate) -> Vec<&Plate> {
-        let misses = |plate: &Plate| misses_region(plate, region, normal, emitter, self.slack);
+    /// Returns what reaches in between a region and an emitter by more than `slack`, m.
+    fn between(&self, region: &[DVec3], normal: DVec3, emitter: &Plate, slack: f64) -> Vec<&Plate> {
+        let misses = |plate: &Plate| misses_region(plate, region, normal, emitter, slack);
         self.plates.iter().filter(|plate| !misses(plate)).collect()
     }
 
@@ -377,33 +419,92 @@ impl<'a> Reference<'a> {
     pub(super) fn add_light(
         &self,
         light: &mut Light,
-        share: f64,
+        (share, stream): (f64, u64),
         point: DVec3,
         region: &Region<'_>,
         seen: &mut SeenFrom,
     ) {
-        let normal = region.normal;
+        let face = region.face_of(point);
+        let normal = face.normal;
         let over = point + normal * self.offset;
-        for (k, ((emitter, exitance), candidates)) in self.emitters.iter().zip(&region.blockers).enumerate() {
+        let mut n_before = 0;
+        for (k, ((emitter, exitance), between)) in self.emitters.iter().zip(&region.between).enumerate() {
             let form_factor = |at: DVec3| point_form_factor(at, normal, &emitter.corners);
             let (mut here, mut above) = (form_factor(point), form_factor(over));
-            if here <= 0.0 && above <= 0.0 {
+            if between.is_sheet {
+                let looks_away = normal.dot(emitter.normal) > 0.0;
+                // Rays start above the surface: on which side of the other one, rounding decides.
+                light.unknown |= !looks_away && !self.is_exact();
+                light.shaded |= !looks_away;
+                if looks_away && !self.is_exact() {
+                    light.add_rounding(share * here, exitance);
+                    light.unknown |= here > UNTOLD;
+                }
+                n_before += u64::from(here > 0.0);
                 continue;
             }
-            if !is_clear(point, normal, emitter, candidates.iter().copied(), self.slack) {
+            if here <= 0.0 && above <= 0.0 {
+                if self.touching > 0.0 {
+                    light.add_rounding(share * region.bend(point, face, emitter), exitance);
+                }
+                continue;
+            }
+            let whole = here;
+            let is_clear = |of: &[&Plate]| is_clear(point, normal, emitter, of.iter().copied(), self.slack);
+            if !is_clear(&between.meant) {
                 light.shaded = true;
-                if !self.knows_penumbras {
+                if between.meant.iter().any(|plate| self.touches(plate, point)) {
+                    // Which side of the blocker the point is on, rounding decides.
                     light.unknown = true;
                     return;
                 }
-                let visible = seen.emitter(k, region, emitter);
+                let visible = seen.meant(k, region, emitter);
                 (here, above) = (visible.at(point), visible.at(over));
             }
+            let is_literally_clear = is_clear(&between.literal);
+            let mut room = 0.0;
+            if self.touching > 0.0 {
+                room = region.bend(point, face, emitter);
+                if !is_literally_clear {
+                    room += region.slits(point, here, seen.literal(k, region, emitter));
+                }
+            }
+            if room > UNTOLD * whole.max(UNTOLD) {
+                light.unknown = true;
+                return;
+            }
+            let mut drawn = None;
+            if !is_literally_clear && !self.knows_penumbras {
+                let Some(rays) = &self.shadow_rays else {
+                    light.unknown = true;
+                    return;
+                };
+                let start = Start {
+                    point,
+                    normal,
+                    face: &face.corners,
+                    stream,
+                    n_before,
+                };
+                let fraction = here / whole;
+                let found = rays.fraction(k, &start, &between.literal, fraction);
+                light.count_drawn(&found, rays.n() * fraction * (1.0 - fraction));
+                drawn = Some(found);
+            }
+            n_before += 1;
+            light.add_rounding(share * room, exitance);
             for (c, e) in exitance.iter().enumerate() {
                 light.exact[c] += share * e * here;
                 light.moved[c] += share * e * above;
+                light.add_drawn(c, share * e * whole, drawn.as_ref());
             }
         }
+    }
+
+    /// Tells whether a point is as near to a plate as rounding to f32 may be off.
+    fn touches(&self, plate: &Plate, point: DVec3) -> bool {
+        let near = 1e-6 * self.size.extent + self.slack;
+        plate.normal.dot(point - plate.corners[0]).abs() <= near && plate.depth(point) >= -near
     }
 
     /// Returns four places around a point of a tile that rounding cannot exceed.
@@ -428,32 +529,6 @@ impl<'a> Reference<'a> {
             _ => Coverage::Partial,
         }
     }
-}
-
-/// The direct light of a pixel, while it is summed.
-#[derive(Default)]
-pub(super) struct Light {
-    exact: [f64; 3],
-    /// The irradiance where the rays start.
-    moved: [f64; 3],
-    pub(super) shaded: bool,
-    /// Whether the image's method is not exact at a sample.
-    unknown: bool,
-}
-
-impl Light {
-    pub(super) fn irradiance(&self) -> Option<Lit> {
-        let change = std::array::from_fn(|c| self.moved[c] - self.exact[c]);
-        (!self.unknown).then_some((self.exact, change))
-    }
-}
-
-fn as_blockers<'a>(plates: &[&'a Plate]) -> Vec<Blocker<'a>> {
-    let blocker = |plate: &&'a Plate| Blocker {
-        corners: plate.corners.as_slice().into(),
-        one_sided: false,
-    };
-    plates.iter().map(blocker).collect()
 }
 
 enum Coverage {

@@ -9,6 +9,8 @@ pub struct VerifyReport {
     pub field: Option<String>,
     /// Whether everything that could be checked was right, and something could.
     pub passed: bool,
+    /// Whether this says all: no pixel that shows a front was left out.
+    pub complete: bool,
     /// Whether the scene in the file is the one that its hash was made from.
     pub scene_intact: bool,
     /// Pixels that show the front of a face, or may.
@@ -19,7 +21,9 @@ pub struct VerifyReport {
     pub n_backs: usize,
     /// Pixels that were compared with the exact irradiance.
     pub n_checked: usize,
-    /// Pixels with a sample on the border of a surface, or for which a clear view of all emitters could not be proven.
+    /// Those among them whose light depends on shadow rays, which were drawn again.
+    pub n_drawn: usize,
+    /// Pixels with a sample on the border of a surface, or of which the method's own answer is not known: nothing is said of their light.
     pub n_not_checkable: usize,
     /// Checked pixels outside their tolerance.
     pub n_outside: usize,
@@ -77,15 +81,15 @@ pub struct Tolerance {
     pub false_alarm: f64,
     /// The number of comparisons that this probability is shared by.
     pub n_comparisons: usize,
-    /// Rays per pixel whose noise is allowed for; 0 where the image has none.
+    /// Rays per pixel whose noise is allowed for; 0 where the image has none, or where its shadow rays are drawn again.
     pub n_rays: u64,
     /// What these rays are worth in independent samples; 0 where the image has none.
     pub n_effective: f64,
-    /// The largest statistical part of a pixel's tolerance, in W·m⁻²: the bound that is proven, or what its neighbours' errors allow.
+    /// The largest statistical part of a pixel's tolerance, in W·m⁻²: the bound that is proven, or what its neighbours' errors allow; how far from the truth shadow rays are that were drawn again.
     pub max_statistical: f64,
     /// The largest part due to the rays' start above the surface, in W·m⁻²: the exact change of the answer over 1.1 offsets.
     pub max_offset: f64,
-    /// The largest part due to rounding, in W·m⁻².
+    /// The largest part due to rounding, that of the corners' coordinates among it, in W·m⁻².
     pub max_rounding: f64,
     /// The largest [`VerifyReport::deviation`] that is right.
     pub max_deviation: Option<f64>,

@@ -3,7 +3,9 @@
 use rayon::prelude::*;
 
 use super::faces::{Faces, Seen};
-use super::points::{Light, PixelAnswer, Reference, SeenFrom, Shown};
+use super::light::Light;
+use super::points::{PixelAnswer, Reference, Shown};
+use super::region::SeenFrom;
 use super::{DVec3, Tile, VerifyError};
 use crate::render::renderer::sample_places;
 use crate::render::view::CameraRecord;
@@ -94,8 +96,8 @@ impl Sheet {
                     seen: Vec::new(),
                 };
                 (y0..y1)
-                    .flat_map(|y| (x0..x1).map(move |x| (x as f64, y as f64)))
-                    .map(|(x, y)| eye.pixel(|dx, dy| ray(x + dx, y + dy)))
+                    .flat_map(|y| (x0..x1).map(move |x| (x, y)))
+                    .map(|(x, y)| eye.pixel(y * columns + x, |dx, dy| ray(x as f64 + dx, y as f64 + dy)))
                     .collect()
             })
             .collect();
@@ -130,8 +132,8 @@ struct Eye<'a> {
 }
 
 impl Eye<'_> {
-    /// Returns the answer of a pixel and what its centre shows, given the rays through its places in \[0, 1\]².
-    fn pixel(&mut self, ray: impl Fn(f64, f64) -> DVec3) -> (PixelAnswer, Centre) {
+    /// Returns the answer of a pixel of the given number and what its centre shows, given the rays through its places in \[0, 1\]².
+    fn pixel(&mut self, number: usize, ray: impl Fn(f64, f64) -> DVec3) -> (PixelAnswer, Centre) {
         let centre = match self.faces.look(&self.candidates, self.place, ray(0.5, 0.5)) {
             Seen::Unsure => Centre::Unsure,
             Seen::Nothing => Centre::Nothing,
@@ -142,17 +144,17 @@ impl Eye<'_> {
                 slack: self.faces.slack(&hit),
             },
         };
-        (self.answer(ray), centre)
+        (self.answer(number, ray), centre)
     }
 
-    fn answer(&mut self, ray: impl Fn(f64, f64) -> DVec3) -> PixelAnswer {
+    fn answer(&mut self, number: usize, ray: impl Fn(f64, f64) -> DVec3) -> PixelAnswer {
         let n = self.reference.attributes().render.samples.get();
         let share = 1.0 / f64::from(n).powi(2);
         let mut light = Light::default();
         // Of each sample: the face, if one is seen from its front.
         let mut fronts: Vec<Option<usize>> = Vec::new();
         let mut n_faces = 0;
-        for (x, y) in sample_places(n) {
+        for (sample, (x, y)) in sample_places(n).enumerate() {
             let found = match self.faces.look(&self.candidates, self.place, ray(x, y)) {
                 Seen::Unsure => return PixelAnswer::Border,
                 Seen::Nothing => None,
@@ -170,7 +172,9 @@ impl Eye<'_> {
                 });
                 let region = self.faces.region(hit.face);
                 let seen = &mut self.seen[k].1;
-                self.reference.add_light(&mut light, share, hit.point, region, seen);
+                let stream = self.reference.stream(number, sample);
+                self.reference
+                    .add_light(&mut light, (share, stream), hit.point, region, seen);
             }
         }
         if n_faces == 0 {
@@ -184,15 +188,17 @@ impl Eye<'_> {
                 .zip(reflectance)
                 .for_each(|(sum, rho)| *sum += share * rho);
         }
-        PixelAnswer::Surface(Shown {
+        PixelAnswer::Surface(Box::new(Shown {
             albedo: Some(albedo),
             surface: common(&fronts, |face| self.faces.surface(face)),
             plane: common(&fronts, |face| self.faces.plane(face)),
             material: common(&fronts, |face| self.faces.material(face)),
             irradiance: light.irradiance(),
             shaded: light.shaded,
+            drawn: light.drawn(),
+            rounding: light.rounding,
             front: fronts.iter().any(Option::is_some),
-        })
+        }))
     }
 }
 

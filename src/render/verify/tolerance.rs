@@ -22,6 +22,12 @@ pub(super) fn effective_samples(n: u32, sequence: Sequence) -> f64 {
     }
 }
 
+/// Returns KL(q ‖ p) of two probabilities of yes and no.
+pub(super) fn divergence(q: f64, p: f64) -> f64 {
+    let part = |a: f64, b: f64| if a > 0.0 { a * (a / b).ln() } else { 0.0 };
+    part(q, p) + part(1.0 - q, 1.0 - p)
+}
+
 /// Returns how far the mean of n independent numbers in [0, 1] may lie from its expectation p: the larger of both sides.
 ///
 /// The mean leaves [p − d, p + d] with a probability of at most 2 exp(−`log_odds`), because P(mean ≥ q) ≤ exp(−n KL(q ‖ p)), and the same below
@@ -30,10 +36,7 @@ pub(super) fn hoeffding(p: f64, n: f64, log_odds: f64) -> f64 {
     if p <= 0.0 || p >= 1.0 {
         return 0.0;
     }
-    let divergence = |q: f64| {
-        let part = |a: f64, b: f64| if a > 0.0 { a * (a / b).ln() } else { 0.0 };
-        part(q, p) + part(1.0 - q, 1.0 - p)
-    };
+    let divergence = |q: f64| divergence(q, p);
     // The divergence grows from 0 at p to its largest value at `end`.
     let reach = |end: f64| {
         let (mut inside, mut outside) = (p, end);

@@ -12,6 +12,7 @@ use glam::DVec3;
 use super::shaft::{Lean, Plane, Shaft};
 use crate::scene::{FaceId, SLACK_PER_CORNER, Scene};
 use solids::Solid;
+pub(crate) use touching::standing_on;
 use tree::Tree;
 
 /// Index of a blocker in a [`BlockerIndex`].
@@ -164,7 +165,7 @@ impl BlockerIndex {
 
     /// Tells whether two polygons that seem to face each other are two sides of a sheet, which rounded coordinates have parted.
     pub(crate) fn are_sides_of_a_sheet(&self, p: &[DVec3], q: &[DVec3]) -> bool {
-        self.slack > 0.0 && Levels::of(p, q, self.slack) == Levels::Touching
+        self.slack > 0.0 && are_sides_of_a_sheet(p, q, self.slack)
     }
 
     /// Finds which of the blockers `among` stand between two convex polygons.
@@ -344,6 +345,11 @@ impl Levels {
             Self::Touching
         }
     }
+}
+
+/// Tells whether two polygons that seem to face each other are two sides of a sheet, which coordinates rounded by up to `slack`, m, have parted.
+pub(crate) fn are_sides_of_a_sheet(p: &[DVec3], q: &[DVec3], slack: f64) -> bool {
+    Levels::of(p, q, slack) == Levels::Touching
 }
 
 /// Tells whether a polygon is no farther from the plane of another one than rounding explains: by the slack where the other is, and off it by as much more as it is farther away than

@@ -1,0 +1,145 @@
+//! What the points of a flat region see of the emitters.
+
+use super::DVec3;
+use super::clear_view::Plate;
+use super::points::contains;
+use crate::form_factor::partial::VisibleFactor;
+use crate::geometry::point_form_factor::point_form_factor;
+use crate::geometry::polygon;
+use crate::visibility::blockers::{Blocker, standing_on};
+
+/// A flat convex region from which emitters are seen.
+pub(super) struct Region<'a> {
+    pub(super) corners: Vec<DVec3>,
+    pub(super) normal: DVec3,
+    /// The faces that cover it.
+    pub(super) faces: &'a [Plate],
+    /// Per emitter, what may stand between it and some point of the region.
+    pub(super) between: Vec<Between<'a>>,
+    /// How far faces that were meant to touch may stand out from each other, in m.
+    pub(super) touching: f64,
+}
+
+/// What may stand between a region and an emitter.
+pub(super) struct Between<'a> {
+    /// What was meant to, before the coordinates of corners were rounded.
+    pub(super) meant: Vec<&'a Plate>,
+    /// What does as the corners are.
+    pub(super) literal: Vec<&'a Plate>,
+    /// Whether region and emitter are one face, or the two sides of a sheet that rounding has parted: they see nothing of each other.
+    pub(super) is_sheet: bool,
+}
+
+/// The visible parts of emitters as one region's points see them, found when they are first wanted.
+#[derive(Default)]
+pub(super) struct SeenFrom {
+    meant: Vec<Option<VisibleFactor>>,
+    literal: Vec<Option<VisibleFactor>>,
+}
+
+impl SeenFrom {
+    /// Returns emitter `k` behind what was meant to stand before it; what stands on the region or the emitter but for rounding leaves no slit.
+    pub(super) fn meant(&mut self, k: usize, region: &Region<'_>, emitter: &Plate) -> &mut VisibleFactor {
+        let ends = [region.corners.as_slice(), &emitter.corners];
+        let standing = |plate: &&Plate| standing_on(ends, &plate.corners, region.touching).into_owned();
+        let blockers = || {
+            let corners = region.between[k].meant.iter().map(standing);
+            corners.map(|corners| blocker(corners.into())).collect()
+        };
+        kept(&mut self.meant, k, region, emitter, blockers)
+    }
+
+    /// Returns emitter `k` behind what does stand before it as the corners are.
+    pub(super) fn literal(&mut self, k: usize, region: &Region<'_>, emitter: &Plate) -> &mut VisibleFactor {
+        kept(&mut self.literal, k, region, emitter, || {
+            let triangles = region.between[k].literal.iter().flat_map(|plate| flat_parts(plate));
+            triangles.map(|corners| blocker(corners.into())).collect()
+        })
+    }
+}
+
+fn kept<'v, 'b>(
+    known: &'v mut Vec<Option<VisibleFactor>>,
+    k: usize,
+    region: &Region<'_>,
+    emitter: &Plate,
+    blockers: impl FnOnce() -> Vec<Blocker<'b>>,
+) -> &'v mut VisibleFactor {
+    if known.len() <= k {
+        known.resize_with(k + 1, || None);
+    }
+    known[k].get_or_insert_with(|| VisibleFactor::new(&region.corners, region.normal, &emitter.corners, &blockers()))
+}
+
+impl Region<'_> {
+    /// Returns the face that a point of the region is on.
+    pub(super) fn face_of(&self, point: DVec3) -> &Plate {
+        let holds = |face: &&Plate| contains(&face.corners, point, self.normal);
+        self.faces.iter().find(holds).unwrap_or(&self.faces[0])
+    }
+
+    /// Returns how far the form factor of a point may change because rounding has bent the face that it is on, or the emitter: the normal of each part of the face lies between those of its
+    /// corners, and no part is farther from its plane than its corners are.
+    pub(super) fn bend(&self, point: DVec3, face: &Plate, emitter: &Plate) -> f64 {
+        let seen = |at: DVec3, normal: DVec3| point_form_factor(at, normal, &emitter.corners);
+        let over_horizon = |&v: &DVec3| face.normal.dot(v - point) > self.touching;
+        if !emitter.corners.iter().any(over_horizon) {
+            // What rounding lets stand out of the horizon is seen from the back as well: of which side it is, rounding decides.
+            let below = point - face.normal * self.touching;
+            let back: Vec<DVec3> = emitter.corners.iter().rev().copied().collect();
+            return seen(below, face.normal) + point_form_factor(below, face.normal, &back);
+        }
+        let plane = seen(point, face.normal);
+        let n = face.corners.len();
+        let at_corner = |k: usize| {
+            let corners = [k + n - 1, k, k + 1].map(|m| face.corners[m % n]);
+            polygon::area_vector(&corners).normalize_or(face.normal)
+        };
+        let turned = (0..n).map(at_corner).chain([self.normal]);
+        let turn = turned.map(|normal| (seen(point, normal) - plane).abs());
+        let height = (face.corners.iter())
+            .map(|&v| self.normal.dot(v - self.corners[0]).abs())
+            .fold(0.0, f64::max);
+        let shifts = [
+            face.normal * height,
+            emitter.normal * polygon::planarity_error(&emitter.corners),
+        ];
+        let change = |place: DVec3| (seen(place, face.normal) - plane).abs();
+        let shift = shifts.map(|shift| change(point + shift).max(change(point - shift)));
+        // Each may add to the others.
+        turn.fold(0.0, f64::max) + shift.iter().sum::<f64>()
+    }
+}
+
+impl Region<'_> {
+    /// Returns how much the form factor of a point changes by what reaches in between, or lets light through, only because corners were rounded.
+    ///
+    /// Where the view seems to change all at once, one as near as rounding could have put the point tells how much that is.
+    pub(super) fn slits(&self, point: DVec3, meant: f64, literal: &mut VisibleFactor) -> f64 {
+        let (along, across) = self.normal.any_orthonormal_pair();
+        let places = [DVec3::ZERO, along, across, -along - across];
+        let change = places.map(|shift| (literal.at(point + shift * self.touching) - meant).abs());
+        change.into_iter().fold(f64::INFINITY, f64::min)
+    }
+}
+
+/// Returns a face, or two triangles where it is bent: seen along its edge, a bent outline hides no one knows what.
+fn flat_parts(plate: &Plate) -> Vec<Vec<DVec3>> {
+    match *plate.corners.as_slice() {
+        [a, b, c, d] if polygon::planarity_error(&plate.corners) > 0.0 => vec![vec![a, b, c], vec![a, c, d]],
+        _ => vec![plate.corners.clone()],
+    }
+}
+
+/// Returns plates as what stops light.
+pub(super) fn as_blockers<'a>(plates: &[&'a Plate]) -> Vec<Blocker<'a>> {
+    let of_plate = |plate: &&'a Plate| blocker(plate.corners.as_slice().into());
+    plates.iter().map(of_plate).collect()
+}
+
+fn blocker(corners: std::borrow::Cow<'_, [DVec3]>) -> Blocker<'_> {
+    Blocker {
+        corners,
+        one_sided: false,
+    }
+}

@@ -1,0 +1,306 @@
+//! The shadow rays of a picture, drawn again: to which points of an emitter they go follows from the file's settings and seed.
+
+use super::clear_view::Plate;
+use super::points::LEAK;
+use super::size::Size;
+use super::tolerance::{divergence, effective_samples};
+use super::{DVec3, SurfaceRecord};
+use crate::geometry::clip::clip_to_half_space;
+use crate::geometry::polygon;
+use crate::geometry::sampling::{PointStream, Sequence, UniformOnPolygon};
+use crate::render::DirectMethod;
+use crate::render::attributes::{Attributes, PolygonRecord};
+use crate::render::direct::{EDGE_OFFSETS, Inset, edge_distance};
+use crate::render::renderer::sample_grid;
+
+/// How near to a blocker's edge, as a share of the scene's size, a ray in f32 (6e-8) may pass on either side.
+const SHIFT: f64 = 1e-6;
+
+/// What is needed to draw the rays of [`DirectMethod::Polygons`] again.
+pub(super) struct ShadowRays {
+    n: u32,
+    /// How many independent rays these are worth.
+    n_effective: f64,
+    sequence: Sequence,
+    seed: u64,
+    /// How far above their faces rays start and end, in m.
+    offset: f64,
+    /// How far from where it is meant a ray may pass, in m.
+    margin: f64,
+    /// The number of streams of one pixel.
+    n_streams: u64,
+    targets: Vec<Target>,
+}
+
+/// An emitter as its rays see it.
+struct Target {
+    corners: Vec<DVec3>,
+    normal: DVec3,
+    points: UniformOnPolygon,
+}
+
+/// A point that rays start from.
+#[derive(Clone, Copy)]
+pub(super) struct Start<'a> {
+    pub(super) point: DVec3,
+    pub(super) normal: DVec3,
+    /// The face that the point is on.
+    pub(super) face: &'a [DVec3],
+    /// The number of the point's random stream.
+    pub(super) stream: u64,
+    /// To how many emitters rays went before.
+    pub(super) n_before: u64,
+}
+
+/// The visible fraction of an emitter that one point's rays find.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Fraction {
+    /// What it is at least and at most: rays so near to an edge that rounding decides what they meet count as blocked and as not.
+    pub(super) range: [f64; 2],
+    /// The variance that is stated with it; `None` where rounding decides.
+    pub(super) variance: Option<f64>,
+    /// Its bias as a ratio of two means, to leading order, without its sign.
+    pub(super) bias: f64,
+    /// x, if rays to a face of which the true fraction is visible find this or worse with a probability of exp(−x) at most.
+    pub(super) odds: f64,
+}
+
+/// Whether a ray meets a blocker.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Meets {
+    No,
+    /// Rounding decides.
+    Maybe,
+    Yes,
+}
+
+impl ShadowRays {
+    /// Returns `None` if the direct light is not found by such rays, or emitters of several surfaces share a stream: in which order they do, the file does not say.
+    ///
+    /// Faces may be bent by up to `touching`, m, so that a ray meets them elsewhere.
+    pub(super) fn new(attributes: &Attributes, size: &Size, touching: f64) -> Option<Self> {
+        let DirectMethod::Polygons { n } = attributes.render.direct else {
+            return None;
+        };
+        let emits = |surface: &&SurfaceRecord| surface.polygons.iter().any(PolygonRecord::emits);
+        let mut emitting = attributes.surfaces.iter().filter(emits);
+        let (own, None) = (emitting.next()?, emitting.next()) else {
+            return None;
+        };
+        let offset = attributes.ray_offset;
+        let target = |corners: &[DVec3]| {
+            let inset = Inset::new(corners, EDGE_OFFSETS * offset);
+            let inside: Vec<DVec3> = corners.iter().map(|&v| inset.apply(v)).collect();
+            Target {
+                normal: polygon::area_vector(corners).normalize_or_zero(),
+                points: UniformOnPolygon::new(&inside),
+                corners: corners.to_vec(),
+            }
+        };
+        let faces = || own.polygons.iter().filter(|polygon| polygon.emits());
+        if faces().any(|face| !(3..=4).contains(&face.corners.len())) {
+            return None;
+        }
+        Some(Self {
+            n: n.get(),
+            n_effective: effective_samples(n.get(), attributes.render.sequence),
+            sequence: attributes.render.sequence,
+            seed: attributes.render.seed,
+            offset,
+            margin: SHIFT * size.extent + size.rounding() + touching,
+            n_streams: sample_grid(attributes.render.samples.get()).len() as u64,
+            targets: faces().map(|face| target(&face.corners)).collect(),
+        })
+    }
+
+    /// Returns the number of rays to each emitter.
+    pub(super) fn n(&self) -> f64 {
+        f64::from(self.n)
+    }
+
+    /// Returns the number of the stream of a pixel's sample.
+    pub(super) fn stream(&self, pixel: usize, sample: usize) -> u64 {
+        pixel as u64 * self.n_streams + sample as u64
+    }
+
+    /// Returns what fraction of emitter `k` the rays of a point find, given the true one.
+    pub(super) fn fraction(&self, k: usize, start: &Start<'_>, blockers: &[&Plate], exact: f64) -> Fraction {
+        let &Start { point, normal, .. } = start;
+        let target = &self.targets[k];
+        let mut stream = PointStream::new(self.sequence, self.seed, start.stream);
+        stream.skip(start.n_before * u64::from(self.n));
+        let mut foot = point;
+        if edge_distance(start.face, point) < self.offset {
+            foot = Inset::new(start.face, EDGE_OFFSETS * self.offset).apply(point);
+        }
+        // Which of two faces a point on their common edge is on, rounding decides.
+        let margin = self.margin + (foot - point).length();
+        let origin = foot + normal * self.offset;
+        let weight = |to: DVec3| {
+            let r = to - point;
+            normal.dot(r).max(0.0) * -target.normal.dot(r) / r.length_squared().powi(2)
+        };
+        let mut sums = Sums::default();
+        for _ in 0..self.n {
+            let [u, v, ..] = stream.next_point();
+            let to = target.points.point(u, v);
+            let weight = weight(to);
+            if weight > 0.0 {
+                let met = first_met(origin, to + target.normal * self.offset, blockers, margin);
+                sums.add(weight, met, exact);
+            }
+        }
+        if sums.total <= 0.0 {
+            // All points are below the horizon, but a part of the face is not.
+            let above = clip_to_half_space(&target.corners, point, normal);
+            let to = above.iter().sum::<DVec3>() / above.len() as f64;
+            sums.add(
+                1.0,
+                first_met(origin, to + target.normal * self.offset, blockers, margin),
+                exact,
+            );
+        }
+        sums.fraction(exact, self.n_effective)
+    }
+}
+
+/// Sums over the rays to one emitter.
+#[derive(Default)]
+struct Sums {
+    total: f64,
+    greatest: f64,
+    n: f64,
+    arrived: f64,
+    undecided: f64,
+    /// Σ w² v and Σ w².
+    squares: [f64; 2],
+    /// Σ w² (v − V), V the true fraction.
+    skew: f64,
+}
+
+impl Sums {
+    fn add(&mut self, weight: f64, met: Meets, exact: f64) {
+        let arrives = f64::from(u8::from(met == Meets::No));
+        self.total += weight;
+        self.greatest = self.greatest.max(weight);
+        self.n += 1.0;
+        self.arrived += weight * arrives;
+        if met == Meets::Maybe {
+            self.undecided += weight;
+        }
+        self.squares[0] += weight * weight * arrives;
+        self.squares[1] += weight * weight;
+        self.skew += weight * weight * (arrives - exact);
+    }
+
+    /// Returns what the rays find.
+    ///
+    /// With weights w ≤ κ E\[w\] and n independent rays, a fraction Q beyond V means Σ w (v − Q) ≥ 0, where w (v − Q) lies in \[−κ Q, κ (1 − Q)\] E\[w\] and its mean is (V − Q) E\[w\]: the
+    /// probability is exp(−n KL(Q ‖ Q − (Q − V)/κ)) at most ([`HOEFFDING_1963`](crate::references::HOEFFDING_1963), theorem 1), and the same below V.
+    /// Departures: κ is that of the points drawn; n is the [effective](effective_samples) number of rays.
+    fn fraction(&self, exact: f64, n_effective: f64) -> Fraction {
+        let fraction = self.arrived / self.total;
+        let range = [fraction, (self.arrived + self.undecided) / self.total];
+        // Where nothing is hidden, or everything, but for what rounding decides.
+        let truth = exact.clamp(LEAK, 1.0 - LEAK);
+        let nearest = truth.clamp(range[0], range[1]);
+        let evenness = self.total / (self.n * self.greatest);
+        let odds = n_effective * divergence(nearest, nearest - (nearest - truth) * evenness);
+        let squares = self.squares[0] * (1.0 - 2.0 * fraction) + self.squares[1] * fraction * fraction;
+        let of_total = 1.0 / (self.total * self.total);
+        Fraction {
+            range,
+            variance: (self.undecided <= 0.0).then_some(squares.max(0.0) * of_total),
+            bias: self.skew.abs() * of_total,
+            odds,
+        }
+    }
+}
+
+/// Tells whether any of the blockers is met between two points.
+fn first_met(from: DVec3, to: DVec3, blockers: &[&Plate], margin: f64) -> Meets {
+    let mut found = Meets::No;
+    for blocker in blockers {
+        match meets(from, to, blocker, margin) {
+            Meets::Yes => return Meets::Yes,
+            Meets::Maybe => found = Meets::Maybe,
+            Meets::No => {}
+        }
+    }
+    found
+}
+
+fn meets(from: DVec3, to: DVec3, blocker: &Plate, margin: f64) -> Meets {
+    let [a, b] = [from, to].map(|end| blocker.normal.dot(end - blocker.corners[0]));
+    if (a > margin && b > margin) || (a < -margin && b < -margin) {
+        return Meets::No;
+    }
+    // In the plane the place moves by more than the ray does, as much more as the ray is aslant.
+    let aslant = (to - from).length() / (a - b).abs();
+    if !aslant.is_finite() {
+        return Meets::Maybe;
+    }
+    let place = from + (to - from) * (a / (a - b)).clamp(0.0, 1.0);
+    let inside = blocker.depth(place);
+    let room = margin * aslant;
+    if inside < -room {
+        Meets::No
+    } else if inside > room && a.abs() > margin && b.abs() > margin {
+        Meets::Yes
+    } else {
+        Meets::Maybe
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rays_meet_what_they_do_not_graze() {
+        let plate = Plate::new(vec![DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::Y]);
+        let through = |x: f64, z: f64| {
+            let from = DVec3::new(x, 0.5, 1.0);
+            meets(from, DVec3::new(x, 0.5, z), &plate, 1e-6)
+        };
+        for (x, z, expected) in [
+            (0.5, -1.0, Meets::Yes),
+            (1.5, -1.0, Meets::No),
+            (0.5, 0.1, Meets::No),
+            (1.0 - 1e-7, -1.0, Meets::Maybe),
+            (1.0 + 1e-7, -1.0, Meets::Maybe),
+            (1.0 - 1e-5, -1.0, Meets::Yes),
+            (1.0 + 1e-5, -1.0, Meets::No),
+            (0.5, 1e-7, Meets::Maybe),
+        ] {
+            assert_eq!(through(x, z), expected, "{x} {z}");
+        }
+        // Along the plane, inside and beside.
+        let along = |y: f64| meets(DVec3::new(-1.0, y, 0.0), DVec3::new(2.0, y, 0.0), &plate, 1e-6);
+        assert_eq!(along(0.5), Meets::Maybe);
+    }
+
+    #[test]
+    fn sums_give_the_ratio_its_variance_and_its_range() {
+        let mut sums = Sums::default();
+        for (weight, met) in [(1.0, Meets::Yes), (3.0, Meets::No)] {
+            sums.add(weight, met, 0.75);
+        }
+        let found = sums.fraction(0.75, 2.0);
+        assert_eq!(found.range.map(f64::to_bits), [0.75_f64.to_bits(); 2]);
+        // Σ w² (v − 3/4)² / 16 = (9/16 + 9/16) / 16, and Σ w² (v − 3/4) / 16 = (9/4 − 3/4) / 16.
+        let variance = found.variance.unwrap_or_default();
+        assert!((variance - 9.0 / 128.0).abs() < 1e-15 && (found.bias - 1.5 / 16.0).abs() < 1e-15);
+        sums.add(4.0, Meets::Maybe, 0.75);
+        let wider = sums.fraction(0.75, 3.0);
+        assert_eq!(wider.range.map(f64::to_bits), [0.375_f64, 0.875].map(f64::to_bits));
+        assert_eq!(wider.variance, None);
+        // The truth is in the middle of it.
+        assert!(wider.odds.abs() < 1e-15, "{wider:?}");
+        // Equal weights: as many as eight rays that all arrive from where half is seen.
+        let mut all = Sums::default();
+        (0..8).for_each(|_| all.add(2.0, Meets::No, 0.5));
+        let odds = all.fraction(0.5, 8.0).odds;
+        assert!((odds - 8.0 * 2f64.ln()).abs() < 1e-12, "{odds}");
+    }
+}
