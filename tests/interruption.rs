@@ -17,7 +17,7 @@ use std::time::Duration;
 
 use glam::{DQuat, DVec3};
 use program::{command, names, radiosity, succeed};
-use radiosity::checkpoint::Checkpoint;
+use radiosity::checkpoint::{Checkpoint, CheckpointError};
 use radiosity::form_factor::{Computed, ExactMethod, FormFactorError, FormFactorMethod, Input};
 use radiosity::matrix::{FormFactors, StorageChoice};
 use radiosity::mesh::{Mesh, Subdivision};
@@ -64,6 +64,16 @@ fn bits(factors: &FormFactors) -> Vec<(usize, usize, u64, u64)> {
     all
 }
 
+/// Opens a checkpoint that this process has just closed: a process that another test is starting holds all open files, and their locks, until it is the program.
+fn open(path: &Path) -> Checkpoint {
+    loop {
+        match Checkpoint::open(path, &[1; 32]) {
+            Err(CheckpointError::InUse { .. }) => std::thread::sleep(Duration::from_millis(5)),
+            opened => return opened.unwrap(),
+        }
+    }
+}
+
 /// Returns what a run to the end gives, and one that is stopped and goes on gives as well.
 fn interrupted_and_resumed(method: &dyn FormFactorMethod, scene: &Scene, subdivide: u32, steps: i64) -> Computed {
     let mesh = Mesh::new(scene, Subdivision::Uniform(subdivide)).unwrap();
@@ -81,7 +91,7 @@ fn interrupted_and_resumed(method: &dyn FormFactorMethod, scene: &Scene, subdivi
     let run = |left| {
         let progress = Stopper {
             left: AtomicI64::new(left),
-            checkpoint: Some(Checkpoint::open(&path, &[1; 32]).unwrap()),
+            checkpoint: Some(open(&path)),
         };
         let computed = compute(&progress);
         (computed, progress.checkpoint.unwrap().n_pieces())
