@@ -8,7 +8,8 @@ use std::ops::Range;
 use super::square::SIDE;
 use super::{Entry, RowTile};
 
-/// The least columns of a panel: x in them takes 12 kB with three channels, of the 32 kB or more of a first-level cache.
+/// The least columns of a panel: x in them takes 24 kB with three channels, and 32 kB where lists fill them up to four: no more than a first-level cache has. Half as many were no faster, and sweeps by rows,
+/// which begin anew in each panel, took 7.5 ms for 7.0 (Zen 4, 6144 patches, one in 4).
 const LEAST_COLUMNS: usize = 1024;
 
 /// The order of the entries of a tile.
