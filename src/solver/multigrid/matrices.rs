@@ -75,8 +75,7 @@ impl Row {
 
     fn dot(&self, x: &[f64]) -> f64 {
         match &self.columns {
-            &Columns::From(begin) if self.values.len() < SHORT => short_product(&self.values, &x[begin..]),
-            &Columns::From(begin) => product(&self.values, &x[begin..]),
+            &Columns::From(begin) => dense_product(&self.values, &x[begin..]),
             Columns::Listed(columns) => {
                 let terms = columns.iter().zip(self.values.iter());
                 terms.map(|(&j, value)| value * x[j as usize]).sum()
@@ -120,6 +119,15 @@ impl Row {
                 found.map_or(0.0, |place| self.values[place])
             }
         }
+    }
+}
+
+/// Returns Σ a x over all a.
+fn dense_product(a: &[f64], x: &[f64]) -> f64 {
+    if a.len() < SHORT {
+        short_product(a, x)
+    } else {
+        product(a, x)
     }
 }
 
@@ -275,17 +283,18 @@ impl Matrix {
     }
 
     /// Subtracts K x from y, channel by channel.
-    ///
-    /// One row after the other: a sweep of a finer level has left little of K in the caches, and one stream from memory is faster than four.
     pub(super) fn subtract_product(&self, x: &[&[f64]], y: &mut [Vec<f64>]) {
         let mut products = vec![0.0; self.slots.len()];
         threads::for_each_chunk(
             threads::pay(self.n_terms),
             &mut products,
-            self.n_channels,
-            |i, of_row| {
-                for (c, product) in of_row.iter_mut().enumerate() {
-                    *product = self.dot(i, c, x[c]);
+            AT_ONCE * self.n_channels,
+            |k, of_rows| {
+                for (c, x) in x.iter().enumerate() {
+                    let products = self.dots(AT_ONCE * k, c, x);
+                    for (of_row, product) in of_rows.chunks_exact_mut(self.n_channels).zip(products) {
+                        of_row[c] = product;
+                    }
                 }
             },
         );
@@ -297,13 +306,10 @@ impl Matrix {
 
     /// Subtracts K x of channel c from y.
     pub(super) fn subtract_channel(&self, c: usize, x: &[f64], y: &mut [f64]) {
-        threads::for_each_chunk(threads::pay(self.n_terms / self.n_channels), y, 1, |i, y| {
-            y[0] -= self.dot(i, c, x);
+        threads::for_each_chunk(threads::pay(self.n_terms / self.n_channels), y, AT_ONCE, |k, y| {
+            let products = self.dots(AT_ONCE * k, c, x);
+            y.iter_mut().zip(products).for_each(|(y, product)| *y -= product);
         });
-    }
-
-    fn dot(&self, i: usize, c: usize, x: &[f64]) -> f64 {
-        self.slot(i, c).factor * self.row(i, c).dot(x)
     }
 
     /// Returns (K x)_i in channel c for the rows from `first` on, as many as there are.
@@ -315,7 +321,7 @@ impl Matrix {
                 let (begins, all) = ([a, b, c, d], a.max(b).max(c).max(d));
                 let mut sums = products(std::array::from_fn(|k| &rows[k].values[all - begins[k]..]), &x[all..]);
                 for k in 0..AT_ONCE {
-                    sums[k] += short_product(&rows[k].values[..all - begins[k]], &x[begins[k]..all]);
+                    sums[k] += dense_product(&rows[k].values[..all - begins[k]], &x[begins[k]..all]);
                 }
                 sums
             }

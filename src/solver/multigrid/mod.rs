@@ -298,7 +298,16 @@ impl Iteration for Cycles<'_> {
 
 /// Returns the largest absolute value.
 fn largest(values: &[f64]) -> f64 {
-    values.iter().fold(0.0, |largest, value| value.abs().max(largest))
+    // Several at a time, which do not wait for one another.
+    let (chunks, rest) = values.as_chunks::<8>();
+    let mut greatest = [0.0_f64; 8];
+    for chunk in chunks {
+        for (greatest, value) in greatest.iter_mut().zip(chunk) {
+            *greatest = value.abs().max(*greatest);
+        }
+    }
+    let all = greatest.iter().chain(rest);
+    all.fold(0.0, |largest, value| value.abs().max(largest))
 }
 
 /// Returns what a sweep from `old` to `new`, which met the residuals `met`, did in each channel.
