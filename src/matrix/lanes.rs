@@ -275,6 +275,14 @@ pub(crate) fn products(rows: [&[f64]; 4], x: &[f64]) -> [f64; 4] {
     sums
 }
 
+/// Asks for what [`products`] of a row reads before it asks for anything itself.
+pub(crate) fn announce(row: &[f64]) {
+    let n_values = row.len().min(ahead_byte(4) / size_of::<f64>());
+    for place in (0..n_values).step_by(LINE_BYTE / size_of::<f64>()) {
+        prefetch(row, place);
+    }
+}
+
 /// The loop of [`products`].
 struct Four<'a>([&'a [f64]; 4], &'a [f64], &'a mut [f64; 4]);
 

@@ -46,7 +46,7 @@ use std::sync::Arc;
 pub(crate) use aligned::Aligned;
 pub(crate) use components::connected;
 use disk::General;
-pub(crate) use lanes::{product, products, weighted_products};
+pub(crate) use lanes::{announce, product, products, weighted_products};
 use operator::{Block, Components, LinearOperator, RowAccess};
 use planes::Planes;
 use regroup::Regrouped;

@@ -6,7 +6,7 @@
 )]
 
 use crate::matrix::operator::{Block, RowAccess};
-use crate::matrix::{Aligned, product, products};
+use crate::matrix::{Aligned, announce, product, products};
 use crate::mesh::hierarchy::Coarsening;
 use crate::threads;
 
@@ -316,6 +316,9 @@ impl Matrix {
     fn dots(&self, first: usize, c: usize, x: &[f64]) -> [f64; AT_ONCE] {
         let place = |k: usize| (first + k).min(self.n_rows() - 1);
         let rows = std::array::from_fn(|k| self.row(place(k), c));
+        for next in first + AT_ONCE..self.n_rows().min(first + 2 * AT_ONCE) {
+            announce(&self.row(next, c).values);
+        }
         let products = match rows.map(Row::begin_of_many) {
             [Some(a), Some(b), Some(c), Some(d)] => {
                 let (begins, all) = ([a, b, c, d], a.max(b).max(c).max(d));
