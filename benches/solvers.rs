@@ -3,7 +3,7 @@
 //! Every line is a level or a case; runs alternate, and the ratio of medians counts. The room of Lewis: from u = f to max |r| < 2.5e-5 W·m⁻², with one check of the true
 //! residual. The cases: from B = E to a relative residual of 1e-6, times by that of `gauss-seidel`; setup is part of the time. "auto / best" is the time of `auto` by that of the
 //! fastest other solver of the line.
-//! `cargo bench --bench solvers -- 5` goes up to level 5, which is what happens without a number.
+//! `cargo bench --bench solvers -- 5` goes up to level 5, which is what happens without a number; `-- 5 lewis` leaves out the cases.
 #![expect(clippy::print_stdout, reason = "a benchmark prints its figures")]
 
 use std::ops::ControlFlow;
@@ -47,7 +47,9 @@ fn measure() {
     for level in 1..=level_max {
         lewis(level);
     }
-    cases();
+    if !std::env::args().any(|argument| argument == "lewis") {
+        cases();
+    }
 }
 
 fn run(solver: &dyn Solver, system: &RadiositySystem, options: &SolveOptions) -> Solution {

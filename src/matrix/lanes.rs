@@ -163,7 +163,7 @@ impl<T: Scalar, const C: usize> Rows<'_, T, C> {
 ///
 /// A row by itself, as in sweeps, is followed by the next: what is asked for lies mostly there. With 2048 bytes, sweeps over a matrix of 19 MB, which the third-level cache holds for the
 /// most part, took 1.1 to 1.2 of the time on Zen 4, as some of it comes from memory after all; more than 8192 gain nothing.
-const fn ahead_byte(n_rows: usize) -> usize {
+pub(super) const fn ahead_byte(n_rows: usize) -> usize {
     if n_rows == 1 { 8192 } else { 2048 }
 }
 
@@ -188,7 +188,7 @@ macro_rules! unrolled {
 
 /// Returns the products of R rows with C channels. The order of the additions depends on the number of columns alone.
 #[inline(always)]
-fn dot<S: Simd, T: Scalar, const N: usize, const R: usize, const C: usize>(
+pub(super) fn dot<S: Simd, T: Scalar, const N: usize, const R: usize, const C: usize>(
     simd: S,
     rows: [&[T]; R],
     x: [&[f64]; C],
@@ -258,38 +258,6 @@ pub(super) fn add_row<T: Scalar>(values: &[T], x: &[f64], sum: &mut [f64]) {
                 *channel_sum += total(&lanes);
             }
         }
-    }
-}
-
-/// Returns Σ a x, in the order of additions of [`add_row`].
-pub(crate) fn product(a: &[f64], x: &[f64]) -> f64 {
-    let mut sum = [0.0];
-    add_row(a, x, &mut sum);
-    sum[0]
-}
-
-/// Returns [`product`] of each of four rows with x, in less time than one by one.
-pub(crate) fn products(rows: [&[f64]; 4], x: &[f64]) -> [f64; 4] {
-    let mut sums = [0.0; 4];
-    dispatch(Four(rows, x, &mut sums));
-    sums
-}
-
-/// Asks for what [`products`] of a row reads before it asks for anything itself.
-pub(crate) fn announce(row: &[f64]) {
-    let n_values = row.len().min(ahead_byte(4) / size_of::<f64>());
-    for place in (0..n_values).step_by(LINE_BYTE / size_of::<f64>()) {
-        prefetch(row, place);
-    }
-}
-
-/// The loop of [`products`].
-struct Four<'a>([&'a [f64]; 4], &'a [f64], &'a mut [f64; 4]);
-
-impl InnerLoop for Four<'_> {
-    #[inline(always)]
-    fn run<S: Simd, const N: usize>(self, simd: S) {
-        *self.2 = dot::<S, f64, N, 4, 1>(simd, self.0, [self.1]).map(|[sum]| sum);
     }
 }
 
@@ -435,20 +403,8 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn products_are_the_same_bytes_however_many_there_are() {
+    fn weighted_products_are_the_same_bytes_however_many_there_are() {
         for n in [1, 7, 8, 65, 130] {
-            let (rows, x) = (numbers(4 * n, 1), numbers(n, 2));
-            let rows: [&[f64]; 4] = std::array::from_fn(|r| &rows[r * n..(r + 1) * n]);
-            assert_eq!(
-                bits(&products(rows, &x)),
-                bits(&rows.map(|row| by_hand(row, &x))),
-                "{n}"
-            );
-            assert_eq!(
-                bits(&products(rows, &x)),
-                bits(&rows.map(|row| product(row, &x))),
-                "{n}"
-            );
             for n_channels in 1..=5 {
                 let (w, u, v) = (numbers(n, 3), numbers(n * n_channels, 4), numbers(n * n_channels, 5));
                 let of_channel = |c: usize| {

@@ -9,6 +9,7 @@ mod blocks;
 mod both;
 mod checks;
 mod closure;
+mod coefficients;
 mod components;
 mod dense;
 mod disk;
@@ -43,10 +44,10 @@ pub use tile::{Entry, RayWeights, RowTally, RowTile};
 
 use std::sync::Arc;
 
-pub(crate) use aligned::Aligned;
+pub(crate) use coefficients::{Coefficients, ROWS_AT_ONCE, products};
 pub(crate) use components::connected;
 use disk::General;
-pub(crate) use lanes::{announce, product, products, weighted_products};
+pub(crate) use lanes::weighted_products;
 use operator::{Block, Components, LinearOperator, RowAccess};
 use planes::Planes;
 use regroup::Regrouped;
