@@ -250,14 +250,15 @@ fn both_defects_make_the_same_cycles() {
             });
             let greatest = changes.radiosity.values().iter().copied().fold(0.0, f64::max);
             for (a, b) in changes.radiosity.values().iter().zip(radiosities.radiosity.values()) {
-                // Four cycles leave residuals of about 1e-5: they agree because the cycles do. What rounding adds, no cycle makes larger.
-                assert!((a - b).abs() < 1e-13 * greatest, "{a:e} {b:e}");
+                // Four cycles leave residuals of about 1e-5: they agree because the cycles do. What is wrong is 6e-8 (f32) of the last correction, which is of the size of the
+                // residual before it, 1e-4 of the greatest radiosity.
+                assert!((a - b).abs() < 1e-11 * greatest, "{a:e} {b:e}");
             }
             let residuals = changes.history.iter().zip(&radiosities.history);
             assert!(
                 residuals
                     .clone()
-                    .all(|(a, b)| (a.residual_max / b.residual_max - 1.0).abs() < 1e-9)
+                    .all(|(a, b)| (a.residual_max / b.residual_max - 1.0).abs() < 1e-6)
             );
             assert_eq!(residuals.count(), 4);
             let work = |solution: &Solution| solution.history.last().unwrap().work - solution.setup_work;

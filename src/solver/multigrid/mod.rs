@@ -48,10 +48,11 @@ pub enum Coarsest {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Defect {
     /// From the changes δ that the sweep just made. When patch i has had its turn its residual is 0, and what comes after it changes that by what later patches
-    /// send: d = −R U δ, where U is K above its diagonal. That takes half of R K or less, and nothing at all in a recursive call that begins at 0 and does not sweep.
+    /// send: d = −R U δ, where U is K above its diagonal. That takes half of R K or less, and nothing at all in a recursive call that begins at 0 and does not sweep. R U is kept in f32: what
+    /// that leaves wrong is 6e-8 of a correction, and goes with it.
     #[default]
     OfChanges,
-    /// From the radiosities, with all of R K, as Lewis has it: the same numbers but for rounding.
+    /// From the radiosities, with all of R K in f64, as Lewis has it: the same numbers but for rounding.
     OfRadiosities,
 }
 
@@ -75,13 +76,13 @@ const COARSEST_MAX: usize = 1024;
 /// The number of cycles does not depend on the number of patches, and with a direct solution of the coarsest level hardly on ρ.
 ///
 /// In the room of Lewis it takes 4 cycles where Gauss-Seidel takes 11 or 12 sweeps, and as he has it 1.364, 0.602, 0.507 and 0.454 as many multiplications at l = 1 to 4
-/// (counted, `radiosity reproduce lewis --level 4`). The ratio of times, setup left out, is 0.56, 0.53 to 0.55, 0.51 to 0.53, 0.48 to 0.54 and 0.38 to 0.43 at l = 1 to 5
-/// (`cargo bench --bench solvers -- 5`, a Zen 4 processor with two threads and 32 MB of third-level cache that others share, the least and the greatest of three runs or more; Lewis: .500 and .429 at
-/// l = 3 and 4). At l = 4 it depends on what else that cache is used for: F is 19 MB, what a cycle reads besides is 3 MB, and sweeps between which that is read take 1.15 to 1.2 times as long as those of
-/// `gauss-seidel`. Earlier figures, on idle cores of a machine that was not noted and of an earlier form: 0.45 to 0.46 at l = 4, 0.44 at l = 6 and, from the radiosities, 0.55 to 0.61, 0.50 to 0.55 and 0.44 at l = 3 to 5.
+/// (counted, `radiosity reproduce lewis --level 4`). The ratio of times, setup left out, is 0.56 to 0.58, 0.49 to 0.56, 0.49 to 0.53 and 0.46 to 0.57 at l = 1 to 4, the medians 0.57, 0.55, 0.52
+/// and 0.52 (`cargo bench --bench solvers -- 4 lewis`, a Zen 4 processor with two threads and 32 MB of third-level cache that others share, three runs, 22 at l = 4; Lewis: .500 and .429 at
+/// l = 3 and 4). At l = 4 it depends on what else that cache is used for: F is 19 MB, what a cycle reads besides is 2 MB, and sweeps between which that is read take 1.1 to 1.2 times as long as those of
+/// `gauss-seidel`; where these took least, 5.9 ms in all, it was 0.47. With R U in f64 it was 0.55 (the median of six runs by turns, in which it is now 0.50).
 ///
 /// Work of a cycle: 1.2 passes over F in the room of Lewis (1.36 from the radiosities), of which 1 is the serial sweep. Setup: F once, and a third of that; it is part of
-/// [`Solution::setup_work`] and of the first entry of the history. Memory: R U takes at most an eighth of F in f64 where four patches make one, a tenth in the room of Lewis (R K: a quarter), the coarser levels a tenth.
+/// [`Solution::setup_work`] and of the first entry of the history. Memory: R U takes at most a sixteenth of F in f64 where four patches make one, a twentieth in the room of Lewis (R K: a quarter), the coarser levels a tenth.
 ///
 /// The history estimates the residual: what the sweep meets is the residual that the cycle before left; times the factor by which that fell, less a quarter, as a check that comes too early costs less than a cycle. When it meets the tolerance,
 /// the true residual is calculated. With [`true_residuals`](Self::true_residuals) that is done after every cycle, at one more pass each.
