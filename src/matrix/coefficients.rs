@@ -1,5 +1,10 @@
 //! The numbers of a row of a matrix that a solver makes for itself, in f64 or rounded to f32.
 
+#![expect(
+    clippy::shadow_unrelated,
+    reason = "inner scopes reuse the letters of the formulas and the names of what they look at"
+)]
+
 use std::ops::Range;
 
 use pulp::Simd;
