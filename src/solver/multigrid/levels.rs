@@ -12,7 +12,7 @@ use super::{CoarseMatrices, Coarsest, Defect, Multigrid};
 use crate::matrix::operator::{Block, LinearOperator, RowAccess};
 use crate::mesh::Hierarchy;
 use crate::mesh::hierarchy::Coarsening;
-use crate::solver::SolverError;
+use crate::solver::{RadiositySystem, SolverError};
 
 /// A coarse level with more below it.
 struct Level {
@@ -53,8 +53,9 @@ impl<'a> Levels<'a> {
         settings: &'a Multigrid,
         hierarchy: &'a Hierarchy,
         rows: &dyn RowAccess,
-        reflectance: &Block,
+        system: &RadiositySystem,
     ) -> Result<Self, SolverError> {
+        let reflectance = system.reflectance();
         let steps = hierarchy.levels();
         let mut total = 0.0;
         let mut counted = |made: Restricted| {
@@ -63,6 +64,8 @@ impl<'a> Levels<'a> {
         };
         let wanted = Wanted {
             upper: settings.defect == Defect::OfChanges,
+            // Exitances of both signs can balance, so that nothing is left of the mode that hardly loses light: in a white room what rounding left of it would count without end.
+            rounded: settings.defect == Defect::OfChanges && !system.is_signed(),
             merged: matches!(settings.coarse_matrices, CoarseMatrices::Galerkin),
         };
         let finest = Matrix::restrict_form_factors(rows, reflectance, &steps[0], wanted);

@@ -35,10 +35,15 @@ impl Row {
         Self::from(0, values, Coefficients::exact)
     }
 
-    /// Returns a row of numbers that are 0 up to the diagonal, and perhaps beyond it, rounded to f32.
-    fn above_diagonal(values: &[f64]) -> Self {
+    /// Returns a row of numbers that are 0 up to the diagonal, and perhaps beyond it.
+    fn above_diagonal(values: &[f64], rounded: bool) -> Self {
         let n_zeros = values.iter().take_while(|value| value.abs() <= 0.0).count();
-        Self::from(n_zeros / LINE * LINE, values, Coefficients::rounded)
+        let kept = if rounded {
+            Coefficients::rounded
+        } else {
+            Coefficients::exact
+        };
+        Self::from(n_zeros / LINE * LINE, values, kept)
     }
 
     fn from(begin: usize, values: &[f64], kept: impl Fn(&[f64]) -> Coefficients) -> Self {
@@ -126,6 +131,8 @@ pub(super) struct Matrix {
 pub(super) struct Wanted {
     /// Whether only R U is kept, where U is K above its diagonal.
     pub(super) upper: bool,
+    /// Whether that is kept in f32.
+    pub(super) rounded: bool,
     /// Whether R K P is wanted too.
     pub(super) merged: bool,
 }
@@ -388,7 +395,7 @@ fn restrict(
             Row::new(&merged)
         });
         let row = if wanted.upper {
-            Row::above_diagonal(&upper)
+            Row::above_diagonal(&upper, wanted.rounded)
         } else {
             Row::new(&sum)
         };
@@ -506,8 +513,12 @@ mod tests {
         let hierarchy = Hierarchy::of_faces(&shapes, &areas);
         let step = &hierarchy.levels()[0];
         let k = small_matrix(20);
-        for upper in [false, true] {
-            let wanted = Wanted { upper, merged: true };
+        for (upper, rounded) in [(false, false), (true, false), (true, true)] {
+            let wanted = Wanted {
+                upper,
+                rounded,
+                merged: true,
+            };
             let Restricted { rows, merged, .. } = k.restricted(step, wanted);
             let merged = merged.expect("wanted");
             for coarse in 0..step.n_coarse() {
@@ -517,9 +528,8 @@ mod tests {
                     children.filter(|&i| !above || j > i).map(of_child).sum()
                 };
                 for j in 0..20 {
-                    // What is above the diagonal alone is rounded to f32.
                     let (found, expected) = (rows.at(coarse, j, 0), mean(j, upper));
-                    let tolerance = if upper { 6e-8 * expected } else { 0.0 };
+                    let tolerance = if rounded { 6e-8 * expected } else { 0.0 };
                     assert!((found - expected).abs() < tolerance + 1e-16, "{coarse} {j}");
                 }
                 for parent in 0..step.n_coarse() {

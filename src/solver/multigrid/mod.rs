@@ -48,8 +48,8 @@ pub enum Coarsest {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Defect {
     /// From the changes δ that the sweep just made. When patch i has had its turn its residual is 0, and what comes after it changes that by what later patches
-    /// send: d = −R U δ, where U is K above its diagonal. That takes half of R K or less, and nothing at all in a recursive call that begins at 0 and does not sweep. R U is kept in f32: what
-    /// that leaves wrong is 6e-8 of a correction, and goes with it.
+    /// send: d = −R U δ, where U is K above its diagonal. That takes half of R K or less, and nothing at all in a recursive call that begins at 0 and does not sweep. R U is kept in f32 where exitances
+    /// have one sign: what that leaves wrong is 6e-8 of a correction, and goes with it.
     #[default]
     OfChanges,
     /// From the radiosities, with all of R K in f64, as Lewis has it: the same numbers but for rounding.
@@ -173,7 +173,7 @@ impl Solver for Multigrid {
         let levels = if dark {
             None
         } else {
-            Some(Levels::new(self, &hierarchy, rows, system.reflectance())?)
+            Some(Levels::new(self, &hierarchy, rows, system)?)
         };
         let cycles = Cycles::new(self, &scaled, rows, &hierarchy, levels, options, start);
         iteration::run(&scaled, options, monitor, cycles)
