@@ -65,7 +65,7 @@ impl<'a> Levels<'a> {
         let wanted = Wanted {
             upper: settings.defect == Defect::OfChanges,
             // Exitances of both signs can balance, so that nothing is left of the mode that hardly loses light: in a white room what rounding left of it would count without end.
-            rounded: settings.defect == Defect::OfChanges && !system.is_signed(),
+            rounded: !system.is_signed(),
             merged: matches!(settings.coarse_matrices, CoarseMatrices::Galerkin),
         };
         let finest = Matrix::restrict_form_factors(rows, reflectance, &steps[0], wanted);

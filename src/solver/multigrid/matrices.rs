@@ -131,7 +131,7 @@ pub(super) struct Matrix {
 pub(super) struct Wanted {
     /// Whether only R U is kept, where U is K above its diagonal.
     pub(super) upper: bool,
-    /// Whether that is kept in f32.
+    /// Whether R U is kept in f32.
     pub(super) rounded: bool,
     /// Whether R K P is wanted too.
     pub(super) merged: bool,
