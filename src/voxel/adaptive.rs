@@ -177,16 +177,9 @@ fn is_uneven(cells: &Cells, cell: usize, exitance: &Block, tolerance: f64) -> bo
 
 /// Calls `work` with all surfels in the 26 voxels around a surfel and in its own, itself left out.
 fn each_around(voxels: &VoxelScene, surfel: usize, mut work: impl FnMut(usize)) {
-    let [x, y, z] = voxels.surfels[surfel].voxel();
-    for k in -1..=1 {
-        for j in -1..=1 {
-            for i in -1..=1 {
-                if let Some(rank) = voxels.octree.rank([x + i, y + j, z + k]) {
-                    voxels.surfels_of(rank).filter(|&s| s != surfel).for_each(&mut work);
-                }
-            }
-        }
-    }
+    voxels.each_rank_around(voxels.surfels[surfel].voxel(), |rank| {
+        voxels.surfels_of(rank).filter(|&s| s != surfel).for_each(&mut work);
+    });
 }
 
 /// Tells for each cell whether it touches another surface, another material (so all emitters' borders) or an edge.
@@ -218,7 +211,7 @@ fn neighbours(voxels: &VoxelScene, scene: &Scene, cells: &Cells) -> Vec<Vec<u32>
             each_around(voxels, s, |t| {
                 let other = cells.cell_of(t);
                 let alike = voxels.normal(t).unit.dot(voxels.normal(s).unit) > ALIKE;
-                if other != cell && alike && surface(t) == surface(s) {
+                if other != cell && alike && surface(t) == surface(s) && !voxels.are_parted(s, t) {
                     found.push(u32::try_from(other).expect("fewer cells than surfels"));
                 }
             });

@@ -16,7 +16,8 @@ const ALIKE: f64 = 0.9;
 /// How far from the plane of its first surfel a cell of side 1 reaches, in voxels, and how much farther for each voxel of its side: a bulge of an eighth.
 const THICKNESS: (f64, f64) = (1.5, 0.125);
 
-/// A partition of the surfels into cells: cubes of 2ˡ voxels a side, at multiples of their side, that hold surfels of one surface, one material, and one plane or nearly so.
+/// A partition of the surfels into cells: cubes of 2ˡ voxels a side, at multiples of their side, that hold surfels of one surface, one material, and one plane or nearly so,
+/// which no closed surface parts.
 ///
 /// Who sees whom is still decided on the voxels; a cell has one radiosity, and gathers light at one of its surfels, the one nearest to its middle.
 /// Cells are numbered by their first surfels.
@@ -34,7 +35,7 @@ pub struct Cells {
 }
 
 /// What surfels of one cell have in common.
-type Key = (Voxel, SurfaceId, MaterialId);
+type Key = (Voxel, SurfaceId, MaterialId, Option<u32>);
 
 impl Cells {
     /// Puts the surfels of each cube of 2^`level` voxels together.
@@ -164,7 +165,11 @@ fn grouped(voxels: &VoxelScene, scene: &Scene, surfels: &[u32], level: u8) -> Ve
     let key = |s: u32| -> Key {
         let surfel = &voxels.surfels[s as usize];
         let face = &scene.faces[surfel.face.0 as usize];
-        (surfel.voxel().map(|c| c >> level), face.surface, face.material)
+        let region = voxels
+            .regions
+            .as_ref()
+            .and_then(|regions| regions.of_surfel(s as usize));
+        (surfel.voxel().map(|c| c >> level), face.surface, face.material, region)
     };
     let mut keyed: Vec<(Key, u32)> = surfels.iter().map(|&s| (key(s), s)).collect();
     keyed.par_sort_unstable();

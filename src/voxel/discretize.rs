@@ -8,15 +8,17 @@ use rayon::prelude::*;
 use super::VoxelError;
 use super::grid::{Grid, Voxel, nearest};
 use super::octree::{Built, Octree};
+use super::regions::Regions;
+use super::thin::{self, ALL_NODES, Part, Sides, THIN, ThinWall};
 use crate::geometry::polygon;
 use crate::scene::{FaceId, MaterialId, Scene, SurfaceId};
 
 /// Normals are kept as integers of this scale, 2³⁰: heights over a lattice of 4096 voxels are then off by less than 6e-6 voxels.
 const NORMAL_SCALE: f64 = 1_073_741_824.0;
 
-/// A half, or what is one but for rounding, goes to the voxel on the face's front, whichever axis it is met along: all voxels
-/// of a plane then have heights in (−1, 1) over one another.
-const HALF_SLACK: f64 = 1e-7;
+/// A half, or what is nearly one, goes to the voxel on the face's front, whichever axis it is met along: all voxels
+/// of a plane then have heights in (−1, 1) over one another. More than the lattice is shifted by, so that a lamp and the ceiling just above it share a voxel.
+const HALF_SLACK: f64 = 4e-3;
 
 /// Faces of one surface and material whose normals differ by less than 30° are one smooth surface where they meet in a voxel.
 pub(super) const SMOOTH: f64 = 0.866_025_403_784_438_6;
@@ -60,7 +62,7 @@ impl Normal {
 
 /// What one surface has in one voxel: an unknown of the discrete radiosity system.
 ///
-/// A voxel where surfaces meet, or a wall thinner than a voxel, has several.
+/// A voxel where surfaces meet, or a wall thinner than a voxel, has several. Near [thin walls](VoxelScene::thin_walls) a surface that a wall stands on has one for each side of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Surfel {
     /// The voxel's place.
@@ -109,10 +111,17 @@ pub struct VoxelScene {
     pub surfels: Vec<Surfel>,
     /// The distinct normals.
     pub normals: Vec<Normal>,
+    /// The walls thinner than two voxels, the thinnest first.
+    pub thin_walls: Vec<ThinWall>,
     /// The first surfel of each rank, and the number of surfels at the end.
     pub(super) first_surfel: Vec<u32>,
     /// [`Surfel::normal`] once more, side by side: every line looks one up somewhere else, and eight times as many stay in the cache.
+    /// The highest bit is set near thin walls.
     pub(super) normal_of: Vec<u32>,
+    /// By surfel; empty if no wall is thin.
+    sides: Vec<Facts>,
+    /// The closed-off regions of air, if surfaces look into several.
+    pub(super) regions: Option<Regions>,
 }
 
 impl VoxelScene {
@@ -123,6 +132,7 @@ impl VoxelScene {
     /// rounded, over the pixels of the axis that suits its normal; at the border the two other axes add what separation needs.
     /// A face that is too small to meet any cross gets the voxel of its centroid.
     /// A face's area is shared out evenly over its voxels: areas of surfaces are exact in sum.
+    /// In the voxels of walls thinner than two voxels, and those around them, surfels of different sides are kept apart: see [`ThinWall`].
     ///
     /// Hausdorff distance to the scene: below 1 inside of faces, since every surface voxel holds a point of the scene in its cube; up to 1.5 where three faces meet in the
     /// corner of a room, because none of them takes the pixels on its low border.
@@ -135,55 +145,87 @@ impl VoxelScene {
     pub fn new(scene: &Scene, n: u32) -> Result<Self, VoxelError> {
         let grid = Grid::new(scene, n)?;
         let faces: Vec<FaceId> = scene.face_ids().collect();
-        let mut pieces: Vec<(Voxel, FaceId, f64)> = faces
+        let all: Vec<Piece> = faces
             .par_iter()
             .map(|&face| {
                 let voxels = voxels_of_face(&grid, &scene.polygon(face));
-                let share = scene.area_vector(face).length() / voxels.len() as f64;
-                let piece = move |voxel| (voxel, face, share);
+                let area = scene.area_vector(face).length() / voxels.len() as f64;
+                let piece = move |voxel| Piece { voxel, face, area };
                 voxels.into_iter().map(piece).collect::<Vec<_>>()
             })
             .flatten_iter()
             .collect();
-        if u32::try_from(pieces.len()).is_err() {
-            return Err(VoxelError::TooMany {
-                n_surfels: pieces.len(),
-            });
+        if u32::try_from(all.len()).is_err() {
+            return Err(VoxelError::TooMany { n_surfels: all.len() });
         }
-        let voxels: Vec<Voxel> = pieces.iter().map(|piece| piece.0).collect();
+        let voxels: Vec<Voxel> = all.iter().map(|piece| piece.voxel).collect();
         let Built { octree, ranks } = Octree::build(grid.n_voxels, &voxels);
         drop(voxels);
         let mut order: Vec<(u32, usize)> = ranks.into_iter().zip(0..).collect();
         order.par_sort_unstable();
-        let units: Vec<DVec3> = faces
-            .iter()
-            .map(|&face| scene.area_vector(face).normalize_or_zero())
+        let pieces = Pieces { all, order };
+        let mut made = Self {
+            grid,
+            octree,
+            surfels: Vec::new(),
+            normals: Vec::new(),
+            thin_walls: Vec::new(),
+            first_surfel: Vec::new(),
+            normal_of: Vec::new(),
+            sides: Vec::new(),
+            regions: None,
+        };
+        made.put_surfels(scene, &pieces, None);
+        let found = thin::find(scene, &made);
+        if !found.walls.is_empty() {
+            let sides = Sides::new(scene, &made, &found.near, &pieces);
+            made.put_surfels(scene, &pieces, Some(&sides));
+            made.thin_walls = found.walls;
+        }
+        drop(pieces);
+        made.regions = Regions::new(&made);
+        Ok(made)
+    }
+
+    /// Makes the surfels of all pieces, where `sides` are known one for each side.
+    fn put_surfels(&mut self, scene: &Scene, pieces: &Pieces, sides: Option<&Sides>) {
+        let units: Vec<DVec3> = scene
+            .face_ids()
+            .map(|face| scene.area_vector(face).normalize_or_zero())
             .collect();
         let mut maker = Maker {
             scene,
-            grid: &grid,
+            grid: &self.grid,
             units: &units,
             normals: Vec::new(),
             normal_of: HashMap::new(),
+            surfels: Vec::with_capacity(pieces.order.len()),
+            sides: Vec::new(),
         };
-        let mut surfels = Vec::with_capacity(order.len());
-        let mut first_surfel = Vec::with_capacity(octree.n_voxels() + 1);
-        for of_voxel in order.chunk_by(|a, b| a.0 == b.0) {
-            first_surfel.push(to_u32(surfels.len()));
-            let pieces_here: Vec<_> = of_voxel.iter().map(|&(_, k)| pieces[k]).collect();
-            maker.push_voxel(&pieces_here, &mut surfels);
+        let mut first_surfel = Vec::with_capacity(self.octree.n_voxels() + 1);
+        let mut thin = Vec::new();
+        let (mut next, mut parts) = (0, Vec::new());
+        for (rank, of_voxel) in pieces.by_voxel() {
+            let first = maker.surfels.len();
+            first_surfel.push(to_u32(first));
+            parts.clear();
+            let known = sides.map(|sides| (sides.parts_of(rank, &mut next), sides.crossed(rank)));
+            if let Some((known, crossed)) = known.filter(|(known, _)| !known.is_empty()) {
+                parts.extend(known.iter().map(|(_, part)| *part));
+                maker.push_voxel(pieces.voxel(of_voxel), &parts, crossed);
+                thin.push(first..maker.surfels.len());
+            } else {
+                let part = |&(_, k): &(u32, usize)| pieces.all[k].everywhere();
+                parts.extend(of_voxel.iter().map(part));
+                maker.push_voxel(pieces.voxel(of_voxel), &parts, 0);
+            }
         }
-        pieces.clear();
-        first_surfel.push(to_u32(surfels.len()));
-        surfels.shrink_to_fit();
-        Ok(Self {
-            grid,
-            normals: maker.normals,
-            normal_of: surfels.iter().map(|s| s.normal).collect(),
-            octree,
-            surfels,
-            first_surfel,
-        })
+        first_surfel.push(to_u32(maker.surfels.len()));
+        maker.surfels.shrink_to_fit();
+        self.normal_of = maker.surfels.iter().map(|s| s.normal).collect();
+        thin.into_iter().flatten().for_each(|s| self.normal_of[s] |= THIN);
+        self.sides = if sides.is_some() { maker.sides } else { Vec::new() };
+        (self.surfels, self.normals, self.first_surfel) = (maker.surfels, maker.normals, first_surfel);
     }
 
     /// Returns the number of surfels: the unknowns.
@@ -218,7 +260,92 @@ impl VoxelScene {
             + self.surfels.len() * size_of::<Surfel>()
             + self.normals.len() * size_of::<Normal>()
             + 4 * (self.first_surfel.len() + self.normal_of.len())
+            + size_of::<Facts>() * self.sides.len()
+            + self.regions.as_ref().map_or(0, Regions::n_bytes)
     }
+
+    /// Calls `work` with the ranks of the surface voxels among a voxel and the 26 around it.
+    pub(super) fn each_rank_around(&self, [x, y, z]: Voxel, mut work: impl FnMut(u32)) {
+        for k in -1..=1 {
+            for j in -1..=1 {
+                for i in -1..=1 {
+                    if let Some(rank) = self.octree.rank([x + i, y + j, z + k]) {
+                        work(rank);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Tells whether the sides of a surfel's voxel are known, as those of thin walls and around them are.
+    pub(super) fn is_thin(&self, surfel: usize) -> bool {
+        self.normal_of[surfel] & THIN != 0
+    }
+
+    /// Returns the nodes that a surfel looks to; all where they are not known.
+    pub(super) fn nodes(&self, surfel: usize) -> u8 {
+        if self.is_thin(surfel) {
+            self.sides[surfel].nodes
+        } else {
+            ALL_NODES
+        }
+    }
+
+    /// Returns towards which sides faces lie between the centre of a surfel's voxel and the voxel's border; none where that is not known.
+    pub(super) fn crossed(&self, surfel: usize) -> u8 {
+        if self.is_thin(surfel) {
+            self.sides[surfel].crossed
+        } else {
+            0
+        }
+    }
+}
+
+/// What a face has in a voxel.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Piece {
+    pub(super) voxel: Voxel,
+    pub(super) face: FaceId,
+    /// Its share of the face's area, m².
+    pub(super) area: f64,
+}
+
+impl Piece {
+    fn everywhere(self) -> Part {
+        let Self { face, area, .. } = self;
+        Part {
+            face,
+            area,
+            nodes: ALL_NODES,
+        }
+    }
+}
+
+/// What all faces have in all voxels.
+pub(super) struct Pieces {
+    pub(super) all: Vec<Piece>,
+    /// The rank of each piece's voxel and the piece's place in `all`, sorted.
+    order: Vec<(u32, usize)>,
+}
+
+impl Pieces {
+    /// Returns the pieces of each surface voxel, as ranks and places in `all`, by rank.
+    pub(super) fn by_voxel(&self) -> impl Iterator<Item = (u32, &[(u32, usize)])> {
+        self.order.chunk_by(|a, b| a.0 == b.0).map(|list| (list[0].0, list))
+    }
+
+    fn voxel(&self, of_voxel: &[(u32, usize)]) -> Voxel {
+        self.all[of_voxel[0].1].voxel
+    }
+}
+
+/// What is known of a surfel near a thin wall.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Facts {
+    /// The nodes that it looks to.
+    nodes: u8,
+    /// Towards which sides any face lies between the centre of its voxel and the voxel's border.
+    crossed: u8,
 }
 
 /// Makes surfels voxel by voxel.
@@ -228,11 +355,14 @@ struct Maker<'a> {
     units: &'a [DVec3],
     normals: Vec<Normal>,
     normal_of: HashMap<[u64; 3], u32>,
+    surfels: Vec<Surfel>,
+    sides: Vec<Facts>,
 }
 
 /// A surfel in the making.
 struct Draft {
     key: (SurfaceId, MaterialId),
+    nodes: u8,
     faces: Vec<FaceId>,
     /// Σ area × normal.
     sum: DVec3,
@@ -240,29 +370,32 @@ struct Draft {
 }
 
 impl Maker<'_> {
-    fn push_voxel(&mut self, pieces: &[(Voxel, FaceId, f64)], surfels: &mut Vec<Surfel>) {
+    fn push_voxel(&mut self, voxel: Voxel, parts: &[Part], crossed: u8) {
         let mut drafts: Vec<Draft> = Vec::new();
-        for &(_, face, area) in pieces {
+        for &Part { face, area, nodes } in parts {
             let f = &self.scene.faces[face.0 as usize];
             let key = (f.surface, f.material);
             let unit = self.units[face.0 as usize];
-            let same = |d: &&mut Draft| d.key == key && d.sum.normalize_or_zero().dot(unit) > SMOOTH;
+            let same = |d: &&mut Draft| {
+                let is_on_one_side = d.nodes & nodes != 0 || d.nodes == nodes;
+                d.key == key && is_on_one_side && d.sum.normalize_or_zero().dot(unit) > SMOOTH
+            };
             if let Some(draft) = drafts.iter_mut().find(same) {
                 draft.faces.push(face);
+                draft.nodes |= nodes;
                 draft.sum += area * unit;
                 draft.area += area;
             } else {
                 drafts.push(Draft {
                     key,
+                    nodes,
                     faces: vec![face],
                     sum: area * unit,
                     area,
                 });
             }
         }
-        let voxel = pieces[0]
-            .0
-            .map(|c| u16::try_from(c).expect("a lattice has at most 4096 voxels a side"));
+        let voxel = voxel.map(|c| u16::try_from(c).expect("a lattice has at most 4096 voxels a side"));
         let faced = self.facing(&drafts);
         for (draft, facing) in drafts.into_iter().zip(faced) {
             let of_face = |f: &FaceId| self.units[f.0 as usize];
@@ -270,12 +403,17 @@ impl Maker<'_> {
             // A surfel of one plane keeps that plane's very normal.
             let flat = draft.faces.iter().all(|f| of_face(f) == first);
             let unit = if flat { first } else { draft.sum.normalize_or_zero() };
-            surfels.push(Surfel {
+            let normal = self.normal(unit);
+            self.surfels.push(Surfel {
                 voxel,
                 facing,
-                normal: self.normal(unit),
+                normal,
                 face: draft.faces[0],
                 area: draft.area,
+            });
+            self.sides.push(Facts {
+                nodes: draft.nodes,
+                crossed,
             });
         }
     }
@@ -301,27 +439,49 @@ impl Maker<'_> {
             corners.map(|v| n.dot(v - base)).fold(f64::NEG_INFINITY, f64::max) > RISE * self.grid.voxel_size
         };
         let bits = |k: usize| {
-            let faced = (0..drafts.len().min(MAX_FACING))
-                .filter(|&j| j != k && rises(&drafts[k], &drafts[j]) && rises(&drafts[j], &drafts[k]));
+            let is_on_one_side = |j: usize| drafts[k].nodes & drafts[j].nodes != 0;
+            let faced = (0..drafts.len().min(MAX_FACING)).filter(|&j| {
+                j != k && is_on_one_side(j) && rises(&drafts[k], &drafts[j]) && rises(&drafts[j], &drafts[k])
+            });
             faced.fold(0_u8, |bits, j| bits | 1 << j)
         };
         (0..drafts.len()).map(bits).collect()
     }
 }
 
-/// Returns the voxels of a convex face, each once; at least one.
-fn voxels_of_face(grid: &Grid, polygon: &[DVec3]) -> Vec<Voxel> {
+/// Where a face crosses a line through the centres of voxels along an axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Crossing {
+    /// The surface voxel that the crossing makes.
+    pub(super) voxel: Voxel,
+    /// The axis of the line.
+    pub(super) axis: usize,
+    /// Where it lies along the axis, in lattice coordinates.
+    pub(super) at: f64,
+    /// Whether the face's front looks along the axis, not against it.
+    pub(super) looks_up: bool,
+}
+
+/// Calls `work` with all crossings of a convex face with the lines through the centres of voxels.
+pub(super) fn each_crossing(grid: &Grid, polygon: &[DVec3], mut work: impl FnMut(Crossing)) {
     let corners: Vec<DVec3> = polygon.iter().map(|&v| grid.to_lattice(v)).collect();
     let normal = polygon::area_vector(&corners).normalize_or_zero();
-    let mut voxels = Vec::new();
     for axis in 0..3 {
         // Seen along an axis in its own plane a face has no area.
         if normal[axis].abs() > 1e-9 {
-            fill(&corners, normal, axis, &mut voxels);
+            fill(&corners, normal, axis, |crossing| {
+                if (0..3).all(|a| (0..grid.n_voxels[a]).contains(&crossing.voxel[a])) {
+                    work(crossing);
+                }
+            });
         }
     }
-    let on_lattice = |v: &Voxel| (0..3).all(|a| (0..grid.n_voxels[a]).contains(&v[a]));
-    voxels.retain(on_lattice);
+}
+
+/// Returns the voxels of a convex face, each once; at least one.
+fn voxels_of_face(grid: &Grid, polygon: &[DVec3]) -> Vec<Voxel> {
+    let mut voxels = Vec::new();
+    each_crossing(grid, polygon, |crossing| voxels.push(crossing.voxel));
     voxels.sort_unstable();
     voxels.dedup();
     if voxels.is_empty() {
@@ -332,11 +492,11 @@ fn voxels_of_face(grid: &Grid, polygon: &[DVec3]) -> Vec<Voxel> {
     voxels
 }
 
-/// Adds the voxels over the pixels that a convex polygon covers when seen along `axis`.
+/// Calls `work` with the crossings over the pixels that a convex polygon covers when seen along `axis`.
 ///
 /// A pixel belongs to the polygon that its centre lies in. On an edge both neighbours must decide alike: an edge is always evaluated from its
 /// lower end, and of a span the low end is left out, the high one taken.
-fn fill(corners: &[DVec3], normal: DVec3, axis: usize, voxels: &mut Vec<Voxel>) {
+fn fill(corners: &[DVec3], normal: DVec3, axis: usize, mut work: impl FnMut(Crossing)) {
     let (b, c) = ((axis + 1) % 3, (axis + 2) % 3);
     let low = corners.iter().map(|v| v[c]).fold(f64::INFINITY, f64::min);
     let high = corners.iter().map(|v| v[c]).fold(f64::NEG_INFINITY, f64::max);
@@ -363,24 +523,30 @@ fn fill(corners: &[DVec3], normal: DVec3, axis: usize, voxels: &mut Vec<Voxel>) 
         for column in above(left)..above(right) {
             let x = f64::from(column);
             let offset = normal[b] * (x - anchor[b]) + normal[c] * (y - anchor[c]);
+            let at = anchor[axis] - offset / normal[axis];
             let mut voxel = [0; 3];
-            voxel[axis] = nearest(anchor[axis] - offset / normal[axis] + HALF_SLACK.copysign(normal[axis]));
+            voxel[axis] = nearest(at + HALF_SLACK.copysign(normal[axis]));
             voxel[b] = column;
             voxel[c] = row;
-            voxels.push(voxel);
+            work(Crossing {
+                voxel,
+                axis,
+                at,
+                looks_up: normal[axis] > 0.0,
+            });
         }
     }
 }
 
-/// Returns the least integer above x, with a little slack: a corner that is an integer but for rounding counts as one.
+/// Returns the least integer above x.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "lattice coordinates are at most MAX_VOXELS"
 )]
 fn above(x: f64) -> i32 {
-    (x + 1e-9).floor() as i32 + 1
+    x.floor() as i32 + 1
 }
 
 fn to_u32(n: usize) -> u32 {
-    u32::try_from(n).expect("the number of surfels is checked")
+    u32::try_from(n).expect("the number of pieces is checked")
 }

@@ -11,13 +11,19 @@ pub const MAX_VOXELS: u32 = 4096;
 /// The least number of voxels along the longest axis.
 pub const MIN_VOXELS: u32 = 4;
 
+/// How far the scene lies beyond the lattice's first centre, in voxels.
+///
+/// Walls like to lie at whole coordinates, and there every rounding error would decide anew on which side of a wall a voxel's centre is. By an amount
+/// with irrational ratios, no plane of small integers passes through a centre. Above what coordinates of six digits are rounded by, below all that counts.
+const SHIFT: DVec3 = DVec3::new(1e-3, std::f64::consts::SQRT_2 * 1e-3, 1.732_050_807_568_877_2e-3);
+
 /// The place of a voxel: the integer coordinates of its centre.
 pub type Voxel = [i32; 3];
 
 /// A lattice over a scene. A voxel (i, j, k) is the cube of side h around `origin` + h (i, j, k).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grid {
-    /// The centre of voxel (0, 0, 0), in m: the least corner of the scene.
+    /// The centre of voxel (0, 0, 0), in m: the least corner of the scene, less about a thousandth of a voxel.
     pub origin: DVec3,
     /// h, the side of a voxel, in m.
     pub voxel_size: f64,
@@ -26,7 +32,8 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// Lays `n` voxels along the longest axis of a scene, with the first and the last centred on its ends: h = extent / (n − 1).
+    /// Lays `n` voxels along the longest axis of a scene, with the first and the last centred on its ends but for about a thousandth of a
+    /// voxel: h = extent / (n − 1).
     ///
     /// Along the other axes the far end lies anywhere in the last voxel.
     ///
@@ -40,9 +47,9 @@ impl Grid {
         let extent = high - low;
         let voxel_size = extent.max_element() / f64::from(n - 1);
         Ok(Self {
-            origin: low,
+            origin: low - voxel_size * SHIFT,
             voxel_size,
-            n_voxels: (extent / voxel_size).to_array().map(|x| nearest(x) + 1),
+            n_voxels: (extent / voxel_size + SHIFT).to_array().map(|x| nearest(x) + 1),
         })
     }
 

@@ -85,6 +85,15 @@ impl Direction {
         first(t)
     }
 
+    /// Returns the axis along which a line came to the voxel that it reached after `counts` crossings of each axis, of which those up to `at_least` were taken
+    /// before it began; `None` where it begins.
+    pub(super) fn last_axis(&self, counts: [u32; 3], at_least: [u32; 3]) -> Option<usize> {
+        let is_crossed = |&a: &usize| counts[a] > at_least[a];
+        // Of equal times the last axis: the first one was crossed before it.
+        let time = |&a: &usize| (u64::from(2 * counts[a] - 1) * self.step[a], a);
+        (0..3).filter(is_crossed).max_by_key(time)
+    }
+
     /// Returns the voxel `counts` crossings away from `origin`.
     #[must_use]
     pub fn voxel(&self, origin: Voxel, counts: [u32; 3]) -> Voxel {
@@ -308,9 +317,13 @@ mod tests {
         fn steps_follow_the_definition(vector in vectors()) {
             let direction = Direction::new(vector);
             let mut counts = [0; 3];
+            let mut last = None;
             for expected in by_sorting(vector, 200) {
                 prop_assert_eq!(direction.voxel([0; 3], counts), expected);
-                counts[direction.next_axis(counts)] += 1;
+                prop_assert_eq!(direction.last_axis(counts, [0; 3]), last);
+                let axis = direction.next_axis(counts);
+                counts[axis] += 1;
+                last = Some(axis);
             }
         }
 

@@ -286,9 +286,12 @@ fn head(scene: &VoxelScene, directions: &[Direction]) -> Vec<u8> {
     let mut hash = Sha256::new();
     let mut add = |numbers: &[i32]| numbers.iter().for_each(|n| hash.update(n.to_le_bytes()));
     add(&scene.grid.n_voxels);
-    for surfel in &scene.surfels {
+    for (k, surfel) in scene.surfels.iter().enumerate() {
         add(&surfel.voxel());
         add(&[i32::from(surfel.facing_bits()), surfel.normal.cast_signed()]);
+        if scene.is_thin(k) {
+            add(&[i32::from(scene.nodes(k)), i32::from(scene.crossed(k))]);
+        }
     }
     for normal in &scene.normals {
         add(&normal.integer);

@@ -69,8 +69,13 @@ impl VoxelScene {
         exitance: impl Fn(&Surfel) -> [f64; 3] + Copy + 'a,
     ) -> impl Iterator<Item = [f64; 3]> + 'a {
         let normal = |s: &Surfel| self.normals[s.normal as usize].unit;
-        let sent = move |s: &'a Surfel, in_voxel: &'a [Surfel]| {
-            let alike = in_voxel.iter().filter(|t| normal(s).dot(normal(t)) > SMOOTH);
+        let sent = move |k: usize, in_voxel: std::ops::Range<usize>| {
+            let s = &self.surfels[k];
+            // Near a thin wall, those that look to the same side.
+            let is_alike = |&t: &usize| {
+                normal(s).dot(normal(&self.surfels[t])) > SMOOTH && (t == k || self.nodes(k) & self.nodes(t) != 0)
+            };
+            let alike = in_voxel.filter(is_alike).map(|t| &self.surfels[t]);
             let size = self.grid.voxel_size.powi(2) / normal(s).abs().max_element();
             alike.fold([0.0; 3], |sum, t| {
                 let e = exitance(t);
@@ -78,8 +83,8 @@ impl VoxelScene {
             })
         };
         self.first_surfel.windows(2).flat_map(move |ends| {
-            let in_voxel = &self.surfels[ends[0] as usize..ends[1] as usize];
-            in_voxel.iter().map(move |s| sent(s, in_voxel))
+            let in_voxel = ends[0] as usize..ends[1] as usize;
+            in_voxel.clone().map(move |s| sent(s, in_voxel.clone()))
         })
     }
 }

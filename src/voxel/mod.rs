@@ -58,9 +58,11 @@ mod octree;
 mod operator;
 mod picture;
 mod radiosity;
+mod regions;
 mod sight;
 mod sights;
 mod sphere;
+mod thin;
 mod weights;
 
 pub use adaptive::{Adaptive, AdaptiveSettings, solve_adaptively};
@@ -79,4 +81,5 @@ pub use picture::picture;
 pub use radiosity::{Form, Propagation, propagate};
 pub use sight::Sight;
 pub use sphere::{DiscreteSphere, MAX_RADIUS, SolidAngle, SphereDirection};
+pub use thin::ThinWall;
 pub use weights::RowWeights;

@@ -3,6 +3,7 @@
 use super::discretize::{Normal, VoxelScene};
 use super::grid::Voxel;
 use super::line::{Direction, Place, first_surface};
+use super::thin::{AT_CENTRE, Side, THIN};
 
 /// What lies at the end of a discrete line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,19 +38,29 @@ impl VoxelScene {
     /// a silhouette meet the voxels just behind it, because surfaces are one voxel thick, and see the object, not darkness.
     ///
     /// Source: [`MALGOUYRES_2002`](crate::references::MALGOUYRES_2002), section 4.1, step 1 to 4; the choice of the first voxel ("a bit tricky") is ours.
+    /// Near [thin walls](Self::thin_walls) the path keeps to voxels whose centres are in the air that x looks into, and of a voxel's surfels only those count that look
+    /// to where it comes from: so no line passes a closed surface, however thin.
     #[must_use]
     pub fn sight(&self, surfel: usize, direction: &Direction) -> Sight {
         match self.start(surfel, direction) {
             Start::Own(seen) => seen,
-            Start::Seen(rank) => self.front(rank, direction),
-            Start::Free(place) => {
-                let voxel = self.surfels[surfel].voxel();
-                match first_surface(&self.octree, voxel, direction, place) {
-                    Some(rank) => self.front(rank, direction),
-                    None => Sight::Escaped,
-                }
-            }
+            Start::Seen(rank, side) => self.front(rank, direction, || side),
+            Start::Free(place) => self.sight_from(surfel, direction, place),
         }
+    }
+
+    /// Returns what the line of surfel `surfel` sees from `place` on.
+    pub(super) fn sight_from(&self, surfel: usize, direction: &Direction, mut place: Place) -> Sight {
+        let voxel = self.surfels[surfel].voxel();
+        while let Some(rank) = first_surface(&self.octree, voxel, direction, place) {
+            let way = || self.way_through(rank, voxel, direction, place.at_least);
+            if !self.lets_pass(rank, direction, false, way) {
+                return self.front(rank, direction, || way().0);
+            }
+            place.counts = self.counts_to(rank, voxel);
+            place.counts[direction.next_axis(place.counts)] += 1;
+        }
+        Sight::Escaped
     }
 
     /// Returns how the line of surfel `surfel` along `direction` begins.
@@ -59,11 +70,36 @@ impl VoxelScene {
         }
         let x = &self.surfels[surfel];
         let normal = &self.normals[x.normal as usize];
+        let up = side(normal.axis, normal.integer[normal.axis] > 0);
+        if self.nodes(surfel) >> up & 1 == 0 {
+            return self.start_beside(surfel, direction);
+        }
         if normal.is_axis_aligned() {
             self.leave_surfaces(x.voxel(), direction, start_from_axis(normal))
         } else {
             self.start_from_slope(x.voxel(), normal, direction)
         }
+    }
+
+    /// The start near a thin wall, where x does not look to the voxel above it: from its own voxel's centre or, if it does not look there, from a neighbour's towards which the line goes.
+    fn start_beside(&self, surfel: usize, direction: &Direction) -> Start {
+        let nodes = self.nodes(surfel);
+        let mut counts = [0; 3];
+        if nodes >> AT_CENTRE & 1 == 0 {
+            let normal = self.normal(surfel);
+            let v = direction.vector();
+            let towards = |&a: &usize| v[a] != 0 && nodes >> side(a, v[a] > 0) & 1 == 1;
+            let out = |a: &usize| normal.integer[*a] * v[*a].signum();
+            match (0..3).filter(towards).max_by_key(out) {
+                Some(a) => counts[a] = 1,
+                None => return Start::Own(Sight::Back),
+            }
+        }
+        let place = Place {
+            counts,
+            at_least: counts,
+        };
+        self.leave_surfaces(self.surfels[surfel].voxel(), direction, place)
     }
 
     /// Returns the surfel of the voxel itself that the line sees before it begins.
@@ -78,18 +114,26 @@ impl VoxelScene {
         self.most_facing(faced, direction).map(Sight::Surfel)
     }
 
-    /// Returns what a line sees of the surface voxel of a rank.
-    pub(super) fn front(&self, rank: u32, direction: &Direction) -> Sight {
+    /// Returns what a line sees of the surface voxel of a rank that it enters from `side`.
+    pub(super) fn front(&self, rank: u32, direction: &Direction, side: impl FnOnce() -> Side) -> Sight {
         let range = self.surfels_of(rank);
         // Where several surfels face the line alike, the first.
         let (mut dot, mut surfel) = (i64::MAX, range.start);
-        for s in range {
-            let towards = self.normals[self.normal_of[s] as usize].dot(direction.vector());
+        let mut see = |s: usize, normal: u32| {
+            let towards = self.normals[normal as usize].dot(direction.vector());
             if towards < dot {
                 (dot, surfel) = (towards, s);
             }
+        };
+        if self.normal_of[range.start] & THIN == 0 {
+            range.for_each(|s| see(s, self.normal_of[s]));
+        } else {
+            let side = side();
+            range
+                .filter(|&s| self.nodes(s) >> side & 1 == 1)
+                .for_each(|s| see(s, self.normal_of[s] & !THIN));
         }
-        if dot < 0 || is_grazing(dot, direction) {
+        if dot < 0 || dot < i64::MAX && is_grazing(dot, direction) {
             Sight::Surfel(id(surfel))
         } else {
             Sight::Back
@@ -102,17 +146,60 @@ impl VoxelScene {
         seen.map(|(_, s)| id(s))
     }
 
-    /// Tells whether the line leaves the surface voxel of a rank behind it: all of its surfels face away.
-    pub(super) fn is_left_behind(&self, rank: u32, direction: &Direction) -> bool {
-        self.surfels_of(rank)
-            .all(|s| self.normal(s).dot(direction.vector()) >= 0)
+    /// Tells whether the line goes on through the surface voxel of a rank, which it enters and leaves as `way` tells.
+    ///
+    /// It does so while it is `leaving` the surface that it begins in, if all of the voxel's surfels face away. Near thin walls it does so wherever no face is in its way
+    /// and all surfels that look to where it comes from face away: it passes in front of them.
+    pub(super) fn lets_pass(
+        &self,
+        rank: u32,
+        direction: &Direction,
+        leaving: bool,
+        way: impl FnOnce() -> (Side, Side),
+    ) -> bool {
+        let mut range = self.surfels_of(rank);
+        let first = range.start;
+        let faces_away = |s: usize| self.normal(s).dot(direction.vector()) >= 0;
+        if self.normal_of[first] & THIN == 0 {
+            return leaving && range.all(faces_away);
+        }
+        let (from, to) = way();
+        let crossed = self.crossed(first);
+        crossed >> from & 1 == 0
+            && crossed >> to & 1 == 0
+            && range.all(|s| self.nodes(s) >> from & 1 == 0 || faces_away(s))
+    }
+
+    /// Returns the numbers of crossings after which a line from `origin` is in the voxel of a rank.
+    fn counts_to(&self, rank: u32, origin: Voxel) -> [u32; 3] {
+        let voxel = self.surfels[self.surfels_of(rank).start].voxel();
+        std::array::from_fn(|a| (voxel[a] - origin[a]).unsigned_abs())
+    }
+
+    /// Returns by which sides the line from `origin` enters and leaves the voxel of a rank, which it meets.
+    pub(super) fn way_through(
+        &self,
+        rank: u32,
+        origin: Voxel,
+        direction: &Direction,
+        at_least: [u32; 3],
+    ) -> (Side, Side) {
+        let counts = self.counts_to(rank, origin);
+        let goes_up = |a: usize| direction.vector()[a] > 0;
+        let next = direction.next_axis(counts);
+        let entered = direction.last_axis(counts, at_least);
+        (
+            entered.map_or(AT_CENTRE, |a| side(a, !goes_up(a))),
+            side(next, goes_up(next)),
+        )
     }
 
     /// Goes on until the line is in a free voxel or sees a front.
     fn leave_surfaces(&self, voxel: Voxel, direction: &Direction, mut place: Place) -> Start {
         while let Some(rank) = self.octree.rank(direction.voxel(voxel, place.counts)) {
-            if !self.is_left_behind(rank, direction) {
-                return Start::Seen(rank);
+            let way = || self.way_through(rank, voxel, direction, place.at_least);
+            if !self.lets_pass(rank, direction, true, way) {
+                return Start::Seen(rank, way().0);
             }
             place.counts[direction.next_axis(place.counts)] += 1;
         }
@@ -137,23 +224,36 @@ impl VoxelScene {
         let mut lift = 1;
         let mut previous = voxel;
         let mut met_free = false;
+        let mut looked_at: Option<Voxel> = None;
+        // Returns the surface voxel that ends the path, and the side that it is entered from.
         let mut look = |place: Voxel| {
+            let before = looked_at.replace(place);
             let rank = self.octree.rank(place);
+            let from = before.map_or(AT_CENTRE, |before| side_towards(place, before));
+            if let Some(before) = before
+                && let Some(left) = self.octree.rank(before)
+                && self.crossed(self.surfels_of(left).start) >> side_towards(before, place) & 1 == 1
+            {
+                return Some((left, AT_CENTRE));
+            }
             match rank {
                 None => {
                     met_free = true;
                     None
                 }
-                Some(rank) if met_free || !self.is_left_behind(rank, direction) => Some(rank),
-                Some(_) => None,
+                // Where the path leaves this voxel is known at the next one.
+                Some(rank) => {
+                    let passes = self.lets_pass(rank, direction, !met_free, || (from, AT_CENTRE));
+                    (!passes).then_some((rank, from))
+                }
             }
         };
         let lifted = |mut place: Voxel, by: i32| {
             place[axis] += up * by;
             place
         };
-        if let Some(rank) = look(lifted(voxel, lift)) {
-            return Start::Seen(rank);
+        if let Some((rank, side)) = look(lifted(voxel, lift)) {
+            return Start::Seen(rank, side);
         }
         loop {
             let step = direction.next_axis(counts);
@@ -169,8 +269,8 @@ impl VoxelScene {
                 .filter(|&k| step != axis || k == next)
                 .map(|k| lifted(at, k));
             let mut path = rising.chain(falling).filter(|&v| v != seen_last);
-            if let Some(rank) = path.find_map(&mut look) {
-                return Start::Seen(rank);
+            if let Some((rank, side)) = path.find_map(&mut look) {
+                return Start::Seen(rank, side);
             }
             previous = at;
             lift = next;
@@ -211,6 +311,17 @@ pub(super) fn start_from_axis(normal: &Normal) -> Place {
     }
 }
 
+/// Returns the side of a voxel along an axis.
+fn side(axis: usize, upper: bool) -> Side {
+    2 * u32::try_from(axis).expect("an axis") + u32::from(upper)
+}
+
+/// Returns the side of a voxel that a neighbour of it touches.
+fn side_towards(voxel: Voxel, neighbour: Voxel) -> Side {
+    let axis = (0..3).find(|&a| voxel[a] != neighbour[a]);
+    axis.map_or(AT_CENTRE, |a| side(a, neighbour[a] > voxel[a]))
+}
+
 /// Tells whether n · v (n in units of 2⁻³⁰) is less than 0.3 |v|.
 fn is_grazing(dot: i64, direction: &Direction) -> bool {
     // The upper 14 bits of n: squares of both sides then fit into 64 bits.
@@ -226,8 +337,8 @@ fn id(surfel: usize) -> u32 {
 pub(super) enum Start {
     /// It ends in the voxel that it comes from.
     Own(Sight),
-    /// It sees a surface voxel at once, by rank.
-    Seen(u32),
+    /// It sees a surface voxel at once, by rank, from a side of it.
+    Seen(u32, Side),
     /// It goes on from here.
     Free(Place),
 }

@@ -60,7 +60,7 @@ pub(super) struct Watch<'a> {
 /// Surfels with one normal.
 struct Group {
     normal: u32,
-    /// The surfels that begin alike, whatever the direction: bits of their voxels. None of a slope.
+    /// The surfels that begin alike, whatever the direction: bits of their voxels. None of a slope or near a thin wall.
     alike: u64,
     /// The number of the surfel, among those of the brick, of each bit of `alike`.
     surfel_of: [u16; 64],
@@ -86,7 +86,8 @@ impl<'a> Watch<'a> {
             });
             let group = &mut groups[at];
             let bit = octree::bit(x.voxel().map(i32::cast_unsigned));
-            if !normal.is_axis_aligned() || x.faces_any() || group.alike >> bit & 1 == 1 {
+            let begins_alike = normal.is_axis_aligned() && !x.faces_any() && !scene.is_thin(surfel);
+            if !begins_alike || group.alike >> bit & 1 == 1 {
                 group.single.push(k);
             } else {
                 group.alike |= 1 << bit;
@@ -117,54 +118,67 @@ impl<'a> Watch<'a> {
             return;
         }
         for (d, direction) in directions.iter().enumerate() {
-            let mut slope = Bundle::new();
-            let mut slope_surfels = [0; 64];
+            let mut slope = Late::new();
             for group in &self.groups {
                 let normal = &self.scene.normals[group.normal as usize];
                 if !is_in_front(normal, direction.vector()) {
                     continue;
                 }
-                if normal.is_axis_aligned() {
-                    let mut lines = group.alike;
-                    let mut surfel_of = group.surfel_of;
+                let mut see = |k: u16, sight: Sight| sights[usize::from(k) * n + d] = Some(sight);
+                if !normal.is_axis_aligned() {
                     for &k in &group.single {
-                        let surfel = self.surfels.start + usize::from(k);
-                        let bit = self.bit(k);
-                        let seen = if let Some(seen) = self.scene.seen_in_own_voxel(surfel, direction) {
-                            seen
-                        } else if lines >> bit & 1 == 0 {
-                            lines |= 1 << bit;
-                            surfel_of[bit as usize] = k;
-                            continue;
-                        } else {
-                            self.scene.sight(surfel, direction)
-                        };
-                        sights[usize::from(k) * n + d] = Some(seen);
+                        if let Some(seen) = self.begin(k, direction, &mut slope) {
+                            see(k, seen);
+                        }
                     }
-                    let bundle = Bundle::together(lines, start_from_axis(normal));
-                    self.walk(bundle, direction, |bit, sight| {
-                        sights[usize::from(surfel_of[bit as usize]) * n + d] = Some(sight);
-                    });
                     continue;
                 }
+                let mut lines = group.alike;
+                let mut surfel_of = group.surfel_of;
+                let mut thin = Late::new();
                 for &k in &group.single {
                     let surfel = self.surfels.start + usize::from(k);
                     let bit = self.bit(k);
-                    let seen = match self.scene.start(surfel, direction) {
-                        Start::Own(seen) => seen,
-                        Start::Seen(rank) => self.scene.front(rank, direction),
-                        Start::Free(place) if slope.add(bit, place) => {
-                            slope_surfels[bit as usize] = k;
-                            continue;
+                    if self.scene.is_thin(surfel) {
+                        if let Some(seen) = self.begin(k, direction, &mut thin) {
+                            see(k, seen);
                         }
-                        Start::Free(_) => self.scene.sight(surfel, direction),
-                    };
-                    sights[usize::from(k) * n + d] = Some(seen);
+                    } else if let Some(seen) = self.scene.seen_in_own_voxel(surfel, direction) {
+                        see(k, seen);
+                    } else if lines >> bit & 1 == 0 {
+                        lines |= 1 << bit;
+                        surfel_of[bit as usize] = k;
+                    } else {
+                        see(k, self.scene.sight(surfel, direction));
+                    }
                 }
+                let at_least = start_from_axis(normal).at_least;
+                let bundle = Bundle::together(lines, start_from_axis(normal));
+                self.walk(bundle, direction, at_least, |bit, sight| {
+                    see(surfel_of[bit as usize], sight)
+                });
+                self.walk(thin.bundle, direction, thin.at_least, |bit, sight| {
+                    see(thin.surfel_of[bit as usize], sight);
+                });
             }
-            self.walk(slope, direction, |bit, sight| {
-                sights[usize::from(slope_surfels[bit as usize]) * n + d] = Some(sight);
+            self.walk(slope.bundle, direction, slope.at_least, |bit, sight| {
+                sights[usize::from(slope.surfel_of[bit as usize]) * n + d] = Some(sight);
             });
+        }
+    }
+
+    /// Begins the line of the `k`-th surfel and adds it to `late`, or returns what it sees.
+    fn begin(&self, k: u16, direction: &Direction, late: &mut Late) -> Option<Sight> {
+        let surfel = self.surfels.start + usize::from(k);
+        match self.scene.start(surfel, direction) {
+            Start::Own(seen) => Some(seen),
+            Start::Seen(rank, side) => Some(self.scene.front(rank, direction, || side)),
+            Start::Free(place) if late.bundle.add(self.bit(k), place) => {
+                late.surfel_of[self.bit(k) as usize] = k;
+                late.at_least = place.at_least;
+                None
+            }
+            Start::Free(place) => Some(self.scene.sight_from(surfel, direction, place)),
         }
     }
 
@@ -176,19 +190,42 @@ impl<'a> Watch<'a> {
 
     /// Walks a bundle, and tells of each line what it sees.
     #[inline]
-    fn walk(&self, bundle: Bundle, direction: &Direction, mut sees: impl FnMut(u32, Sight)) {
+    fn walk(&self, bundle: Bundle, direction: &Direction, at_least: [u32; 3], mut sees: impl FnMut(u32, Sight)) {
         let mut left = bundle.lines();
         bundle.walk(&self.scene.octree, self.brick, direction, |bit, rank, leaving| {
-            if leaving && self.scene.is_left_behind(rank, direction) {
+            let way = || {
+                let local = [bit & 3, bit >> 2 & 3, bit >> 4];
+                let origin = std::array::from_fn(|a| (4 * self.brick[a] + local[a]).cast_signed());
+                self.scene.way_through(rank, origin, direction, at_least)
+            };
+            if self.scene.lets_pass(rank, direction, leaving, way) {
                 return false;
             }
             left &= !(1 << bit);
-            sees(bit, self.scene.front(rank, direction));
+            sees(bit, self.scene.front(rank, direction, || way().0));
             true
         });
         while left != 0 {
             sees(left.trailing_zeros(), Sight::Escaped);
             left &= left - 1;
+        }
+    }
+}
+
+/// Lines that begin one by one and are walked together.
+struct Late {
+    bundle: Bundle,
+    at_least: [u32; 3],
+    /// The number of the surfel of each line, among those of the brick.
+    surfel_of: [u16; 64],
+}
+
+impl Late {
+    fn new() -> Self {
+        Self {
+            bundle: Bundle::new(),
+            at_least: [0; 3],
+            surfel_of: [0; 64],
         }
     }
 }

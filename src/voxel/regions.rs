@@ -1,0 +1,195 @@
+//! The regions of air that surfaces close off from each other.
+
+use super::discretize::VoxelScene;
+use super::grid::Voxel;
+use super::octree::{self, EMPTY};
+use super::thin::{AT_CENTRE, Side};
+
+/// No region is known: a surfel without air in front of it, or a voxel's centre that is none.
+const UNKNOWN: u32 = u32::MAX;
+
+/// The regions of air of a scene in which surfaces close off several from each other, as the two sides of a sealed room's walls.
+///
+/// A region is a set of voxels between which there are 6-paths of free voxels or, near [thin walls](VoxelScene::thin_walls), of voxels whose centres no face parts.
+/// It is found without any line, and so light that passes from one to the other shows that lines leak.
+#[derive(Clone, Debug)]
+pub(super) struct Regions {
+    bricks: Bricks,
+    /// By node.
+    region: Vec<u32>,
+    /// By surfel: the region that it looks into.
+    of_surfel: Vec<u32>,
+}
+
+/// Numbers voxels so that all of an empty brick share one: the nodes. Node 0 is what lies beyond the lattice.
+#[derive(Clone, Debug)]
+struct Bricks {
+    n: [usize; 3],
+    /// By brick, x fastest: its first node, and whether each of its voxels has one of its own.
+    first: Vec<(u32, bool)>,
+    n_nodes: usize,
+}
+
+impl Bricks {
+    fn new(voxels: &VoxelScene) -> Self {
+        let n = voxels.octree.n_bricks();
+        let mut n_nodes = 1;
+        let first = (0..n.iter().product()).map(|place| {
+            let is_full = voxels.octree.brick_at(place) != EMPTY;
+            let first = n_nodes;
+            n_nodes += if is_full { 64 } else { 1 };
+            (to_u32(first), is_full)
+        });
+        Self {
+            n,
+            first: first.collect(),
+            n_nodes,
+        }
+    }
+
+    /// Calls `work` with each brick's coordinates, and whether its voxels have nodes of their own.
+    fn each(&self, mut work: impl FnMut(Voxel, bool)) {
+        let [nx, ny, nz] = self
+            .n
+            .map(|n| i32::try_from(n).expect("a lattice has at most 1024 bricks a side"));
+        let at = (0..nz).flat_map(|z| (0..ny).flat_map(move |y| (0..nx).map(move |x| [x, y, z])));
+        for (at, &(_, is_full)) in at.zip(&self.first) {
+            work(at, is_full);
+        }
+    }
+
+    fn node(&self, voxel: Voxel) -> usize {
+        let v = voxel.map(i32::cast_unsigned);
+        let at = v.map(|c| (c >> 2) as usize);
+        if (0..3).any(|a| at[a] >= self.n[a]) {
+            return 0;
+        }
+        let (first, is_full) = self.first[(at[2] * self.n[1] + at[1]) * self.n[0] + at[0]];
+        first as usize + if is_full { octree::bit(v) as usize } else { 0 }
+    }
+}
+
+impl Regions {
+    /// Finds the regions; `None` if all surfels look into one.
+    pub(super) fn new(voxels: &VoxelScene) -> Option<Self> {
+        let bricks = Bricks::new(voxels);
+        let mut sets = Sets((0..to_u32(bricks.n_nodes)).collect());
+        let mut join = |from: Voxel, axis: usize| {
+            let mut to = from;
+            to[axis] += 1;
+            let [a, b] = [from, to].map(|voxel| bricks.node(voxel));
+            let side = 2 * u32::try_from(axis).expect("an axis");
+            if a != b && is_open(voxels, from, side + 1) && is_open(voxels, to, side) {
+                sets.join(a, b);
+            }
+        };
+        bricks.each(|at, is_full| {
+            for axis in 0..3 {
+                let whole = |k: i32| is_full || k == 3;
+                for k in (0..64).filter(|k| whole(k >> (2 * axis) & 3)) {
+                    let local = [k & 3, k >> 2 & 3, k >> 4];
+                    join(std::array::from_fn(|a| 4 * at[a] + local[a]), axis);
+                }
+                for k in (0..64).filter(|k| at[axis] == 0 && k >> (2 * axis) & 3 == 0) {
+                    let local = [k & 3, k >> 2 & 3, k >> 4];
+                    join(
+                        std::array::from_fn(|a| 4 * at[a] + local[a] - i32::from(a == axis)),
+                        axis,
+                    );
+                }
+            }
+        });
+        let of_surfel: Vec<u32> = (0..voxels.n_surfels())
+            .map(|s| {
+                voxels
+                    .looks_into(s)
+                    .map_or(UNKNOWN, |node| sets.root(bricks.node(node)))
+            })
+            .collect();
+        let mut known = of_surfel.iter().filter(|&&region| region != UNKNOWN);
+        let first = known.next()?;
+        if known.all(|region| region == first) {
+            return None;
+        }
+        let region = (0..bricks.n_nodes).map(|node| sets.root(node)).collect();
+        Some(Self {
+            bricks,
+            region,
+            of_surfel,
+        })
+    }
+
+    /// Returns the memory that they take.
+    pub(super) fn n_bytes(&self) -> usize {
+        size_of::<(u32, bool)>() * self.bricks.first.len() + 4 * (self.region.len() + self.of_surfel.len())
+    }
+
+    /// Returns the region that a surfel looks into, if that is known.
+    pub(super) fn of_surfel(&self, surfel: usize) -> Option<u32> {
+        Some(self.of_surfel[surfel]).filter(|&region| region != UNKNOWN)
+    }
+
+    /// Returns the region of a free voxel.
+    pub(super) fn of_voxel(&self, voxel: Voxel) -> u32 {
+        self.region[self.bricks.node(voxel)]
+    }
+
+    /// Tells whether two surfels are known to look into different regions.
+    pub(super) fn part(&self, a: usize, b: usize) -> bool {
+        matches!((self.of_surfel(a), self.of_surfel(b)), (Some(a), Some(b)) if a != b)
+    }
+}
+
+impl VoxelScene {
+    /// Tells whether surfaces close the air in front of one surfel off from that in front of another.
+    pub(super) fn are_parted(&self, a: usize, b: usize) -> bool {
+        self.regions.as_ref().is_some_and(|regions| regions.part(a, b))
+    }
+
+    /// Returns a voxel whose centre is in the air that a surfel looks into, if one is known.
+    fn looks_into(&self, surfel: usize) -> Option<Voxel> {
+        if !self.is_thin(surfel) {
+            let front = self.in_front(surfel, 1);
+            return self.octree.rank(front).is_none().then_some(front);
+        }
+        let side = self.nodes(surfel).trailing_zeros();
+        let mut voxel = self.surfels[surfel].voxel();
+        match side {
+            0..AT_CENTRE => voxel[side as usize / 2] += if side % 2 == 1 { 1 } else { -1 },
+            AT_CENTRE => {}
+            _ => return None,
+        }
+        Some(voxel)
+    }
+}
+
+/// Tells whether no face is known to lie between a voxel's centre and that side of it.
+fn is_open(voxels: &VoxelScene, voxel: Voxel, side: Side) -> bool {
+    voxels.octree.rank(voxel).is_none_or(|rank| {
+        let first = voxels.surfels_of(rank).start;
+        voxels.is_thin(first) && voxels.crossed(first) >> side & 1 == 0
+    })
+}
+
+/// Disjoint sets of nodes, by a node that stands for each.
+struct Sets(Vec<u32>);
+
+impl Sets {
+    fn root(&mut self, node: usize) -> u32 {
+        let mut at = node;
+        while self.0[at] as usize != at {
+            self.0[at] = self.0[self.0[at] as usize];
+            at = self.0[at] as usize;
+        }
+        to_u32(at)
+    }
+
+    fn join(&mut self, a: usize, b: usize) {
+        let [a, b] = [a, b].map(|node| self.root(node));
+        self.0[a.max(b) as usize] = a.min(b);
+    }
+}
+
+fn to_u32(n: usize) -> u32 {
+    u32::try_from(n).expect("nodes are counted in 32 bits")
+}

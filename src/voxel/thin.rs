@@ -1,0 +1,471 @@
+//! Walls thinner than two voxels: where they are, and how their sides stay apart.
+//!
+//! Voxels that hold both sides of a wall, or lie beside voxels that hold the other side, say too little by their normals: at the edge of a sheet, the outside of one wall faces lines
+//! that come from inside, along the other. There the lattice's own topology decides. The centres of the voxels are *nodes*, each in a definite place in the air (or inside a
+//! solid), and two neighbouring nodes are joined unless a face crosses the segment between them. A surfel *looks to* the nodes that its front reaches:
+//! the end of the segment that its face crosses, if no other face crosses between, and all nodes that are joined to that one within the 27 around the voxel.
+//! Lines leave only by these nodes, go on only between joined nodes, and see a surfel only from a node that it looks to. So light passes no closed surface, however thin.
+//!
+//! Source: the segments are those of S. Laine, "A Topological Approach to Voxelization", 2013. Departures from Malgouyres 2002: he keeps one normal a voxel.
+
+use std::collections::{BTreeMap, HashMap};
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::discretize::{Piece, Pieces, VoxelScene, each_crossing};
+use super::grid::Voxel;
+use crate::geometry::polygon;
+use crate::scene::{FaceId, Scene, SurfaceId};
+
+/// A wall thinner than two voxels: two surfaces, back to back in one voxel or in neighbouring ones.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ThinWall {
+    /// The surfaces of the two sides, the lower id first; equal where one surface is both.
+    pub surfaces: [SurfaceId; 2],
+    /// The least distance between the planes of its sides, m.
+    pub thickness: f64,
+    /// The number of surfels that have the other side beside or behind them.
+    pub n_surfels: usize,
+}
+
+/// Cosine beyond which two faces are sides of one wall.
+const OPPOSED: f64 = -0.5;
+
+/// How far a face may rise above another's plane and be behind it, in voxels.
+const RISE: f64 = 1e-6;
+
+/// Crossings of one segment that are nearer to each other than this, in voxels, are those of a sheet: each side looks away from the other.
+const COINCIDENT: f64 = 1e-6;
+
+/// The side of a voxel from which a line enters: 2 a from the lower neighbour along axis a, 2 a + 1 from the upper one.
+pub(super) type Side = u32;
+
+/// The line begins in the voxel's centre.
+pub(super) const AT_CENTRE: Side = 6;
+
+/// The bits of all nodes: the six neighbours, by [`Side`], and the centre.
+pub(super) const ALL_NODES: u8 = 0x7f;
+
+/// Marks in [`VoxelScene::normal_of`](super::discretize::VoxelScene) the surfels of voxels whose sides are known.
+pub(super) const THIN: u32 = 1 << 31;
+
+/// A part of a face in a voxel that looks to certain nodes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Part {
+    pub(super) face: FaceId,
+    /// m².
+    pub(super) area: f64,
+    /// The nodes that it looks to.
+    pub(super) nodes: u8,
+}
+
+/// The thin walls of a scene.
+pub(super) struct Found {
+    pub(super) walls: Vec<ThinWall>,
+    /// By rank: the voxels of thin walls, and those around them.
+    pub(super) near: Vec<bool>,
+}
+
+/// Finds all pairs of surfels that look away from each other, each behind the other, in one voxel or in two that touch.
+pub(super) fn find(scene: &Scene, voxels: &VoxelScene) -> Found {
+    let planes: Vec<(DVec3, f64)> = scene.face_ids().map(|face| plane(voxels, scene, face)).collect();
+    let plane_of = |s: usize| planes[voxels.surfels[s].face.0 as usize];
+    let surface = |s: usize| scene.faces[voxels.surfels[s].face.0 as usize].surface;
+    let n_ranks = voxels.octree.n_voxels();
+    // The thickness of the wall between two surfels, in voxels.
+    let thickness = |s: usize, t: usize| {
+        if voxels.normal(s).unit.dot(voxels.normal(t).unit) > OPPOSED {
+            return None;
+        }
+        let ((n_s, level_s), (n_t, level_t)) = (plane_of(s), plane_of(t));
+        let foot = |v: usize, n: DVec3, level: f64| {
+            let centre = DVec3::from_array(voxels.surfels[v].voxel().map(f64::from));
+            centre - (n.dot(centre) - level) * n
+        };
+        let heights = [
+            n_s.dot(foot(t, n_t, level_t)) - level_s,
+            n_t.dot(foot(s, n_s, level_s)) - level_t,
+        ];
+        heights
+            .iter()
+            .all(|&h| h <= RISE)
+            .then(|| (-0.5 * (heights[0] + heights[1])).max(0.0))
+    };
+    type Pairs = BTreeMap<[SurfaceId; 2], (f64, usize)>;
+    let add = |pairs: &mut Pairs, key: [SurfaceId; 2], (least, n): (f64, usize)| {
+        let known = pairs.entry(key).or_insert((f64::INFINITY, 0));
+        *known = (known.0.min(least), known.1 + n);
+    };
+    let of_rank = |rank: usize| {
+        let mut pairs = Pairs::new();
+        for s in voxels.surfels_of(to_u32(rank)) {
+            let mut of_surfel = Pairs::new();
+            voxels.each_rank_around(voxels.surfels[s].voxel(), |other| {
+                for t in voxels.surfels_of(other).filter(|&t| t != s) {
+                    if let Some(thickness) = thickness(s, t) {
+                        let mut key = [surface(s), surface(t)];
+                        key.sort_unstable();
+                        let known = of_surfel.entry(key).or_insert((thickness, 1));
+                        known.0 = known.0.min(thickness);
+                    }
+                }
+            });
+            of_surfel
+                .into_iter()
+                .for_each(|(key, found)| add(&mut pairs, key, found));
+        }
+        pairs
+    };
+    let found: Vec<(usize, Pairs)> = (0..n_ranks)
+        .into_par_iter()
+        .map(|rank| (rank, of_rank(rank)))
+        .filter(|(_, pairs)| !pairs.is_empty())
+        .collect();
+    let mut pairs = Pairs::new();
+    let mut core = vec![false; if found.is_empty() { 0 } else { n_ranks }];
+    for (rank, of_rank) in found {
+        core[rank] = true;
+        of_rank.into_iter().for_each(|(key, found)| add(&mut pairs, key, found));
+    }
+    let wall = |(surfaces, (least, n_surfels))| ThinWall {
+        surfaces,
+        thickness: least * voxels.grid.voxel_size,
+        n_surfels,
+    };
+    let mut walls: Vec<ThinWall> = pairs.into_iter().map(wall).collect();
+    walls.sort_by(|a, b| a.thickness.total_cmp(&b.thickness));
+    Found {
+        walls,
+        near: dilated(voxels, &core),
+    }
+}
+
+/// Returns the ranks whose voxel is marked or touches one that is.
+fn dilated(voxels: &VoxelScene, marked: &[bool]) -> Vec<bool> {
+    let touches = |rank: usize| {
+        let mut found = false;
+        let first = voxels.surfels_of(to_u32(rank)).start;
+        voxels.each_rank_around(voxels.surfels[first].voxel(), |other| found |= marked[other as usize]);
+        found
+    };
+    (0..marked.len()).into_par_iter().map(touches).collect()
+}
+
+fn plane(voxels: &VoxelScene, scene: &Scene, face: FaceId) -> (DVec3, f64) {
+    let normal = scene.area_vector(face).normalize_or_zero();
+    (normal, normal.dot(voxels.grid.to_lattice(scene.polygon(face)[0])))
+}
+
+/// What the voxels of thin walls, and those around them, know of their sides.
+pub(super) struct Sides {
+    /// By rank: on which of the six segments to the neighbours faces cross the half that is the voxel's own.
+    crossed: Vec<u8>,
+    /// The parts of the faces in each of these voxels, by rank.
+    parts: Vec<(u32, Part)>,
+}
+
+/// A face crosses the segment from a node to the next one along an axis.
+struct OnSegment {
+    axis: usize,
+    lower: Voxel,
+    at: f64,
+    looks_up: bool,
+    rank: u32,
+    face: FaceId,
+}
+
+/// A crossing of a face that makes a voxel surface, and the node that its front reaches.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Sample {
+    rank: u32,
+    face: FaceId,
+    node: Option<Side>,
+}
+
+impl Sides {
+    /// Sorts out the sides in the voxels `near` thin walls.
+    pub(super) fn new(scene: &Scene, voxels: &VoxelScene, near: &[bool], pieces: &Pieces) -> Self {
+        let (crossed, samples) = samples(scene, voxels, &dilated(voxels, near), pieces);
+        let of_voxels: Vec<(u32, &[(u32, usize)])> =
+            pieces.by_voxel().filter(|(rank, _)| near[*rank as usize]).collect();
+        let samples_of = |rank: u32, face: FaceId| {
+            let start = samples.partition_point(|s| (s.rank, s.face) < (rank, face));
+            let n = samples[start..].partition_point(|s| (s.rank, s.face) == (rank, face));
+            &samples[start..start + n]
+        };
+        let without_crossing: Vec<(Voxel, FaceId)> = of_voxels
+            .iter()
+            .flat_map(|(rank, list)| list.iter().map(|&(_, k)| (*rank, pieces.all[k])))
+            .filter(|(rank, piece)| samples_of(*rank, piece.face).is_empty())
+            .map(|(_, piece)| (piece.voxel, piece.face))
+            .collect();
+        let nearby = Nearby::new(scene, voxels, &without_crossing);
+        let parts_of = |&(rank, list): &(u32, &[(u32, usize)])| -> Vec<(u32, Part)> {
+            let nodes = Nodes::new(voxels, &crossed, pieces.all[list[0].1].voxel);
+            let mut parts = Vec::new();
+            for &(_, k) in list {
+                let Piece { voxel, face, area } = pieces.all[k];
+                let found = samples_of(rank, face);
+                if found.is_empty() {
+                    let nodes = nodes.joined(nearby.reached(scene, voxels, voxel, face));
+                    parts.push((rank, Part { face, area, nodes }));
+                    continue;
+                }
+                let share = area / found.len() as f64;
+                let first = parts.len();
+                for sample in found {
+                    let nodes = sample.node.map_or(0, |side| nodes.joined(1 << place_of_side(side)));
+                    match parts[first..].iter_mut().find(|(_, part)| part.nodes == nodes) {
+                        Some((_, part)) => part.area += share,
+                        None => parts.push((
+                            rank,
+                            Part {
+                                face,
+                                area: share,
+                                nodes,
+                            },
+                        )),
+                    }
+                }
+            }
+            parts
+        };
+        let parts = of_voxels.par_iter().flat_map_iter(parts_of).collect();
+        Self { crossed, parts }
+    }
+
+    /// Returns the parts in the voxel of a rank, if its sides are known, given where they begin at the earliest.
+    pub(super) fn parts_of(&self, rank: u32, from: &mut usize) -> &[(u32, Part)] {
+        let n = self.parts[*from..].iter().take_while(|(of, _)| *of == rank).count();
+        let found = &self.parts[*from..*from + n];
+        *from += n;
+        found
+    }
+
+    /// Returns on which of the segments from the voxel of a rank to its neighbours faces cross the voxel's own half.
+    pub(super) fn crossed(&self, rank: u32) -> u8 {
+        self.crossed[rank as usize]
+    }
+}
+
+/// Returns by rank the halves of segments that are crossed, and the crossings that make the voxels of `wide` ranks surface, sorted.
+fn samples(scene: &Scene, voxels: &VoxelScene, wide: &[bool], pieces: &Pieces) -> (Vec<u8>, Vec<Sample>) {
+    let mut faces: Vec<FaceId> = pieces
+        .by_voxel()
+        .filter(|(rank, _)| wide[*rank as usize])
+        .flat_map(|(_, list)| list.iter().map(|&(_, k)| pieces.all[k].face))
+        .collect();
+    faces.par_sort_unstable();
+    faces.dedup();
+    let of_face = |&face: &FaceId| {
+        let mut found = Vec::new();
+        each_crossing(&voxels.grid, &scene.polygon(face), |c| {
+            let Some(rank) = voxels.octree.rank(c.voxel).filter(|&rank| wide[rank as usize]) else {
+                return;
+            };
+            let mut lower = c.voxel;
+            // A crossing below the centre is on the segment from the lower neighbour.
+            lower[c.axis] -= i32::from(c.at < f64::from(c.voxel[c.axis]));
+            found.push(OnSegment {
+                axis: c.axis,
+                lower,
+                at: c.at,
+                looks_up: c.looks_up,
+                rank,
+                face,
+            });
+        });
+        found
+    };
+    let mut crossings: Vec<OnSegment> = faces.par_iter().flat_map_iter(of_face).collect();
+    let segment = |c: &OnSegment| (c.axis, c.lower);
+    crossings.par_sort_by(|a, b| {
+        segment(a)
+            .cmp(&segment(b))
+            .then(a.at.total_cmp(&b.at))
+            .then(a.face.cmp(&b.face))
+    });
+    let mut crossed = vec![0; wide.len()];
+    let mut samples = Vec::with_capacity(crossings.len());
+    for on_segment in crossings.chunk_by_mut(|a, b| segment(a) == segment(b)) {
+        for sheet in on_segment.chunk_by_mut(|a, b| b.at - a.at < COINCIDENT) {
+            sheet.sort_by_key(|c| c.looks_up);
+        }
+        let (axis, lower) = segment(&on_segment[0]);
+        let side = 2 * to_side(axis);
+        let last = on_segment.len() - 1;
+        for (k, c) in on_segment.iter().enumerate() {
+            let is_of_lower = voxels.octree.rank(lower) == Some(c.rank);
+            crossed[c.rank as usize] |= 1 << if is_of_lower { side + 1 } else { side };
+            let node = match (c.looks_up, k) {
+                (false, 0) => Some(if is_of_lower { AT_CENTRE } else { side }),
+                (true, k) if k == last => Some(if is_of_lower { side + 1 } else { AT_CENTRE }),
+                _ => None,
+            };
+            samples.push(Sample {
+                rank: c.rank,
+                face: c.face,
+                node,
+            });
+        }
+    }
+    samples.par_sort_unstable();
+    (crossed, samples)
+}
+
+/// The number of the node in the centre of 27.
+const CENTRE: usize = 13;
+
+/// How far along each axis the k-th of 27 nodes lies from the one in their centre.
+fn step(k: usize) -> Voxel {
+    [k % 3, k / 3 % 3, k / 9].map(|c| i32::try_from(c).expect("0 to 2") - 1)
+}
+
+/// Returns which of 27 nodes is meant.
+fn place_of_side(side: Side) -> usize {
+    match side {
+        0..6 => {
+            let stride = [1, 3, 9][(side / 2) as usize];
+            if side % 2 == 1 {
+                CENTRE + stride
+            } else {
+                CENTRE - stride
+            }
+        }
+        _ => CENTRE,
+    }
+}
+
+/// The 27 nodes around a voxel: which of them are joined.
+struct Nodes {
+    label: [usize; 27],
+}
+
+impl Nodes {
+    fn new(voxels: &VoxelScene, crossed: &[u8], voxel: Voxel) -> Self {
+        let crossed_at: [u8; 27] = std::array::from_fn(|k| {
+            let at = std::array::from_fn(|a| voxel[a] + step(k)[a]);
+            voxels.octree.rank(at).map_or(0, |rank| crossed[rank as usize])
+        });
+        let mut label: [usize; 27] = std::array::from_fn(|k| k);
+        for k in 0..27 {
+            for (axis, stride) in [1, 3, 9].into_iter().enumerate() {
+                let is_crossed =
+                    |next: usize| crossed_at[k] >> (2 * axis + 1) & 1 == 1 || crossed_at[next] >> (2 * axis) & 1 == 1;
+                if step(k)[axis] < 1 && !is_crossed(k + stride) {
+                    let (a, b) = (label[k], label[k + stride]);
+                    label.iter_mut().filter(|l| **l == b).for_each(|l| *l = a);
+                }
+            }
+        }
+        Self { label }
+    }
+
+    /// Returns which of the six neighbours and the centre are joined to any of some of the 27 nodes.
+    fn joined(&self, to: u32) -> u8 {
+        let is_joined = |side: Side| {
+            let label = self.label[place_of_side(side)];
+            (0..27).any(|k| to >> k & 1 == 1 && self.label[k] == label)
+        };
+        (0..=AT_CENTRE)
+            .filter(|&side| is_joined(side))
+            .fold(0, |bits, side| bits | 1 << side)
+    }
+}
+
+/// The faces around voxels with faces that are too small to cross any segment, by bricks of 4 × 4 × 4.
+struct Nearby {
+    faces: HashMap<Voxel, Vec<FaceId>>,
+}
+
+impl Nearby {
+    fn new(scene: &Scene, voxels: &VoxelScene, small: &[(Voxel, FaceId)]) -> Self {
+        let mut faces: HashMap<Voxel, Vec<FaceId>> =
+            small.iter().map(|(voxel, _)| (brick(*voxel), Vec::new())).collect();
+        if faces.is_empty() {
+            return Self { faces };
+        }
+        // Segments begin in a voxel of the brick and end in the centre of one that touches it.
+        let reach = DVec3::splat(1.5);
+        for face in scene.face_ids() {
+            let corners: Vec<DVec3> = scene.polygon(face).iter().map(|&v| voxels.grid.to_lattice(v)).collect();
+            let low = corners.iter().copied().fold(DVec3::INFINITY, DVec3::min) - reach;
+            let high = corners.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max) + reach;
+            let normal = polygon::area_vector(&corners).normalize_or_zero();
+            let meets = |at: &Voxel| {
+                let first = DVec3::from_array(at.map(|c| f64::from(4 * c)));
+                let (middle, half) = (first + 1.5, DVec3::splat(1.5) + reach);
+                let is_beside = (first + 3.0).cmplt(low).any() || first.cmpgt(high).any();
+                !is_beside && normal.dot(middle - corners[0]).abs() <= normal.abs().dot(half)
+            };
+            let [from, to] = [low, high].map(|v| brick(v.to_array().map(super::grid::nearest)));
+            let n_in_box: i64 = (0..3).map(|a| i64::from(to[a] - from[a]) + 1).product();
+            if n_in_box > i64::try_from(faces.len()).unwrap_or(i64::MAX) {
+                faces
+                    .iter_mut()
+                    .filter(|(at, _)| meets(at))
+                    .for_each(|(_, list)| list.push(face));
+                continue;
+            }
+            for z in from[2]..=to[2] {
+                for y in from[1]..=to[1] {
+                    for x in from[0]..=to[0] {
+                        if let Some(list) = faces.get_mut(&[x, y, z]).filter(|_| meets(&[x, y, z])) {
+                            list.push(face);
+                        }
+                    }
+                }
+            }
+        }
+        Self { faces }
+    }
+
+    /// Returns which of the 27 nodes around a voxel the middle of a face in it looks to without another face between.
+    fn reached(&self, scene: &Scene, voxels: &VoxelScene, voxel: Voxel, face: FaceId) -> u32 {
+        let to_lattice =
+            |face: FaceId| -> Vec<DVec3> { scene.polygon(face).iter().map(|&v| voxels.grid.to_lattice(v)).collect() };
+        let corners = to_lattice(face);
+        let from = corners.iter().sum::<DVec3>() / corners.len() as f64;
+        let normal = scene.area_vector(face).normalize_or_zero();
+        let around: Vec<Vec<DVec3>> = self
+            .faces
+            .get(&brick(voxel))
+            .into_iter()
+            .flatten()
+            .map(|&f| to_lattice(f))
+            .collect();
+        let is_reached = |k: &usize| {
+            let to = DVec3::from_array(std::array::from_fn(|a| f64::from(voxel[a] + step(*k)[a])));
+            normal.dot(to - from) > RISE && !around.iter().any(|face| crosses(face, from, to))
+        };
+        (0..27).filter(is_reached).fold(0, |bits, k| bits | 1 << k)
+    }
+}
+
+fn brick(voxel: Voxel) -> Voxel {
+    voxel.map(|c| c.div_euclid(4))
+}
+
+/// Tells whether a convex face crosses a segment, its beginning left out.
+fn crosses(corners: &[DVec3], from: DVec3, to: DVec3) -> bool {
+    let normal = polygon::area_vector(corners).normalize_or_zero();
+    let [before, after] = [from, to].map(|p| normal.dot(p - corners[0]));
+    if before.abs() < COINCIDENT || before * after > 0.0 {
+        return false;
+    }
+    let at = from.lerp(to, before / (before - after));
+    let edges = (0..corners.len()).map(|k| (corners[k], corners[(k + 1) % corners.len()]));
+    // A hair beyond its border too: two faces that share an edge leave nothing open.
+    edges
+        .into_iter()
+        .all(|(a, b)| (b - a).cross(at - a).dot(normal) >= -RISE * (b - a).length())
+}
+
+fn to_side(axis: usize) -> Side {
+    u32::try_from(axis).expect("an axis")
+}
+
+fn to_u32(n: usize) -> u32 {
+    u32::try_from(n).expect("ranks are counted in 32 bits")
+}
