@@ -202,7 +202,7 @@ fn patches_that_nothing_needs_are_left_out_and_said_to_be() {
         assert_eq!(code, 0, "{more:?}");
         result["left_out"].to_string().contains("cutting faces into patches")
     };
-    for flags in [&["--subdivide", "2"][..], &["--max-edge", "0.5"], &["--cut-at-walls"]] {
+    for flags in [&["--subdivide", "2"][..], &["--max-edge", "0.5"], &["--no-cut"]] {
         assert!(run(flags), "{flags:?}");
         assert!(run(&[flags, &["-o", "b.vtu"]].concat()), "{flags:?}");
         assert!(

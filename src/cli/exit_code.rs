@@ -10,7 +10,7 @@ pub enum ExitCode {
     Error = 1,
     /// A usage error.
     Usage = 2,
-    /// Not converged, a budget spent above the tolerance, or form factors not exact enough to state an error.
+    /// Not converged, a budget spent above the tolerance, form factors not exact enough to state an error, or too much light leaks.
     NotConverged = 3,
     /// A check outside its tolerance.
     CheckFailed = 4,

@@ -41,7 +41,7 @@ fn work(args: &FormFactorsArgs, run: &mut Run) -> Result<Outcome, Failure> {
         ..Storage::default()
     };
     let mut prepared = run.prepare(&args.scene, args.mesh, args.storage.memory.memory_limit, |_| {
-        Subdivision::Uniform(1).into()
+        Subdivision::Uniform(1)
     })?;
     let surface = args
         .surface
@@ -57,6 +57,7 @@ fn work(args: &FormFactorsArgs, run: &mut Run) -> Result<Outcome, Failure> {
         };
         run.form_factors(&mut prepared, &args.method, fineness, false)?
     };
+    run.judge_leaking_exchange();
     let table = run
         .times
         .time("surfaces", || SurfaceTable::of(&mut prepared, &computed, args));

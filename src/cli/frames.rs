@@ -14,8 +14,7 @@ use super::lightings::{Stack, greatest_reflectance, with_suffix};
 use super::picture::{gathered, image_byte, preview_of, shoot};
 use super::pipeline::{Computed, Fineness, Prepared, Run, posed};
 use super::render::{
-    AnyView, DEFAULT_RAYS, DEFAULT_TOLERANCE, default_mesh, indirect_irradiance, render_settings, tell_whole_faces,
-    view,
+    AnyView, DEFAULT_RAYS, DEFAULT_TOLERANCE, default_mesh, indirect_irradiance, render_settings, view,
 };
 use super::stated::Stated;
 use super::storage::Storage;
@@ -24,7 +23,7 @@ use crate::form_factor::{Before, Change};
 use crate::matrix::FormFactors;
 use crate::printable::counted;
 use crate::render::{DirectMethod, RenderInput, RenderSettings};
-use crate::scene::{Lighting, Motion, Pose, SurfaceId, frames};
+use crate::scene::{Lighting, Motion, Pose, frames};
 use crate::solver::{Coarsened, Solution, StopReason};
 
 /// A frame, ready to be rendered.
@@ -53,16 +52,8 @@ struct Sequence {
 
 pub(super) fn work(args: &RenderArgs, file: &Path, run: &mut Run) -> Result<Outcome, Failure> {
     let wanted = frames::load(file)?;
-    let mut prepared = run.prepare(&args.scene, args.mesh, args.storage.memory.memory_limit, default_mesh)?;
-    tell_whole_faces(run, &mut prepared, args.mesh);
+    let prepared = run.prepare(&args.scene, args.mesh, args.storage.memory.memory_limit, default_mesh)?;
     let all = ready(args, file, wanted, &prepared)?;
-    let mut surfaces = (0..).map(SurfaceId).take(prepared.scene.surfaces.len());
-    if prepared.mesh.n_cut_faces() > 0 && surfaces.any(|id| all.poses.iter().any(|pose| pose.moves(id))) {
-        run.warn(&format!(
-            "faces end at walls where these stand in {}; where moved surfaces come to stand, patches may reach through under them",
-            args.scene.display()
-        ));
-    }
     let mut largest = 0;
     for frame in &all.frames {
         largest = largest.max(image_byte(
@@ -205,7 +196,11 @@ impl Sequence {
             tolerance_flag: "--form-factor-tolerance",
         };
         let change = first.map(|first| Change::between(&first.prepared.scene, &prepared.scene));
-        let before = first.zip(change.as_ref()).map(|(first, change)| Before {
+        // Patches that are others than before have no form factors yet.
+        let before = first
+            .zip(change.as_ref())
+            .filter(|(first, _)| !first.prepared.is_cut_anew);
+        let before = before.filter(|_| !prepared.is_cut_anew).map(|(first, change)| Before {
             factors: &first.raw,
             tolerance_met: first.tolerance_met,
             change,

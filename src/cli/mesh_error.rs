@@ -86,13 +86,8 @@ impl Run {
     ) -> Option<MeshError> {
         let found = MeshError::of(prepared, coarse?, exitance, solution)?;
         if found.surface_mean_max >= MUCH {
-            let remedy = if self.settings.contains_key("cut_at_walls") {
-                "subdivide more"
-            } else {
-                "subdivide more, or give --cut-at-walls, so that no patch reaches from one side of a wall to the other"
-            };
             self.warn_once(&format!(
-                "the mesh is too coarse for `{}`: a quarter of the patches would change its mean radiosity by {:.1e} of itself; {remedy}",
+                "the mesh is too coarse for `{}`: a quarter of the patches would change its mean radiosity by {:.1e} of itself; subdivide more",
                 printable(&found.surface),
                 found.surface_mean_max
             ));

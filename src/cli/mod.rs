@@ -9,6 +9,7 @@ mod file_set;
 mod form_factors;
 mod frames;
 mod interrupt;
+mod leaks;
 mod lightings;
 mod mesh_error;
 mod on_the_fly;

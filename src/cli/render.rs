@@ -8,7 +8,7 @@ use glam::DVec3;
 use serde_json::{Value, json};
 
 use super::Outcome;
-use super::args::{DirectName, GatherArgs, MeshArgs, RenderArgs, ViewArgs};
+use super::args::{DirectName, GatherArgs, RenderArgs, ViewArgs};
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::file_set::FileSet;
@@ -21,7 +21,7 @@ use super::solve;
 use super::storage::Storage;
 use crate::geometry::sampling::Sequence;
 use crate::matrix::operator::{Block, LinearOperator};
-use crate::mesh::{Mesh, MeshOptions, Subdivision};
+use crate::mesh::Subdivision;
 use crate::printable::{counted, short};
 use crate::render::{
     CameraRecord, DirectMethod, GatherSettings, RayView, RenderInput, RenderSettings, UnfoldedView, View,
@@ -63,7 +63,6 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
     files.reads_scene(&args.scene);
     files.reads("the camera", args.image.view.camera_file()).check()?;
     let mut prepared = run.prepare(&args.scene, args.mesh, args.storage.memory.memory_limit, default_mesh)?;
-    tell_whole_faces(run, &mut prepared, args.mesh);
     let view = view(&args.image.view, &args.scene, &prepared.scene)?;
     run.storage = Storage {
         args: args.storage.clone(),
@@ -234,33 +233,10 @@ fn solve_scene(
     })
 }
 
-/// Faces end at walls if that makes no more than so many times the patches.
-const MOST_CUTTING: f64 = 1.5;
-
-/// Returns patches of about equal size, [`DEFAULT_PATCHES`] in all and a few more where walls stand, which would throw their shadows and their light to both sides else.
-pub(super) fn default_mesh(scene: &Scene) -> MeshOptions {
+/// Returns patches of about equal size, [`DEFAULT_PATCHES`] in all, and a few more where contact edges cut faces.
+pub(super) fn default_mesh(scene: &Scene) -> Subdivision {
     let area: f64 = scene.face_ids().map(|face| scene.area_vector(face).length()).sum();
-    let whole = MeshOptions::from(Subdivision::MaxEdge((area / DEFAULT_PATCHES).sqrt()));
-    let cut = MeshOptions {
-        cut_at_walls: true,
-        ..whole
-    };
-    // What cannot be cut at all is refused later.
-    let [n_whole, n_cut] = [whole, cut].map(|options| Mesh::count(scene, options).unwrap_or(u64::MAX));
-    if n_cut as f64 <= MOST_CUTTING * n_whole as f64 {
-        cut
-    } else {
-        whole
-    }
-}
-
-/// Says so where faces are left whole that walls stand on, though nothing was said about patches.
-pub(super) fn tell_whole_faces(run: &Run, prepared: &mut Prepared, mesh_args: MeshArgs) {
-    let is_default = mesh_args.subdivide.is_none() && mesh_args.max_edge.is_none();
-    if is_default && !run.settings.contains_key("cut_at_walls") {
-        let left_out = "cutting faces where walls stand on them: that would make more than half as many patches again; give --cut-at-walls to have it";
-        prepared.plan.left_out.push(left_out.into());
-    }
+    Subdivision::MaxEdge((area / DEFAULT_PATCHES).sqrt())
 }
 
 /// Returns H without what comes straight from the emitters: F (B − E).

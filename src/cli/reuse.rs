@@ -19,26 +19,23 @@ pub(super) fn mesh_args(file: &FormFactorFile, given: MeshArgs) -> Result<MeshAr
     let Some(options) = file.description().mesh_options() else {
         return Ok(given);
     };
-    let (in_file, mut flags) = match options.subdivision {
+    let (in_file, flags) = match options.subdivision {
         Subdivision::Uniform(n) => ((Some(n), None), format!("--subdivide {n}")),
         Subdivision::MaxEdge(length) => ((None, Some(length)), format!("--max-edge {length:?}")),
     };
-    if options.cut_at_walls {
-        flags += " --cut-at-walls";
-    } else if given.cut_at_walls {
-        flags += " without --cut-at-walls";
-    }
-    let asked = given.options(options);
     // A flag that is left out asks for nothing.
-    if asked.subdivision == options.subdivision && (options.cut_at_walls || !given.cut_at_walls) {
+    let asked = given.options(options.subdivision);
+    if asked.subdivision == options.subdivision && !(given.no_cut && options.cut_at_walls) {
         return Ok(MeshArgs {
             subdivide: in_file.0,
             max_edge: in_file.1,
-            cut_at_walls: options.cut_at_walls,
+            no_cut: !options.cut_at_walls,
+            cut_at_walls: false,
         });
     }
+    let without = if given.no_cut { " without --no-cut" } else { "" };
     Err(Failure::usage(format!(
-        "{} is for {flags}; leave the flags out, or compute other form factors",
+        "{} is for {flags}{without}; leave the flags out, or compute other form factors",
         file.path().display()
     )))
 }

@@ -48,7 +48,7 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
         ..Storage::default()
     };
     let mut prepared = run.prepare(&args.scene, mesh_args, args.storage.memory.memory_limit, |_| {
-        Subdivision::Uniform(1).into()
+        Subdivision::Uniform(1)
     })?;
     // Before the work: a mistake in them is found at once, and their reflectances count in how form factors are stored.
     let loaded = Lightings::load(args, &prepared.scene)?;

@@ -71,6 +71,7 @@ pub(super) fn times_visible(
         sample: |segments: &mut Segments<'_>, owner: usize, pair: [usize; 2]| {
             if !segments.is_known(owner) {
                 sampled::join_all(segments, input.mesh, &points, owner, pair);
+                sampled::join_parts_in_front(segments, input.mesh, owner, pair);
             }
         },
         exchange: |pair: [usize; 2], sums: PairSums, visible: VisibleFraction| {

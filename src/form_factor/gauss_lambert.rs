@@ -93,6 +93,7 @@ impl FormFactorMethod for GaussLambert {
                         0.0
                     }
                 });
+                sampled::join_parts_in_front(segments, input.mesh, owner, pair);
             },
             exchange: |pair: [usize; 2], sums: PairSums, visible: VisibleFraction| {
                 let [outer, inner] = outer_first(pair);

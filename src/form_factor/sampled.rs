@@ -4,6 +4,8 @@ use super::pairs::{self, Exchange, PairWorker};
 use super::segments::{Independence, PairSums, Segments, VisibleFraction, kernel};
 use super::sight::Sights;
 use super::{Computed, FormFactorError, Input, PairCounts};
+use crate::geometry::clip::clip_to_half_space;
+use crate::geometry::polygon;
 use crate::geometry::polygon_form_factor::{PreparedPolygon, Tolerance, exchange_area};
 use crate::geometry::quadrature::WeightedPoint;
 use crate::geometry::sampling::{PointStream, Sequence, UniformOnPolygon};
@@ -122,6 +124,45 @@ pub(super) fn join_all(
         weights.extend(by_kernel((from, x), (to, &points[j])));
         1.0
     });
+}
+
+/// Points along each side of a triangle of the part of a patch in front of another one's plane.
+const POINTS_OF_PART: usize = 2;
+
+/// Adds segments between the parts of two patches that lie in front of each other's planes, to a pair that has no segment yet: of a sliver above the horizon the patches' own points may hold none, and
+/// without a ray it would count as half visible.
+pub(super) fn join_parts_in_front(segments: &mut Segments<'_>, mesh: &Mesh, owner: usize, [i, j]: [usize; 2]) {
+    if segments.has_segment(owner) {
+        return;
+    }
+    let (from, to) = (&mesh.patches[i], &mesh.patches[j]);
+    let points = [(i, to), (j, from)].map(|(own, other)| {
+        let corners = mesh.polygon(PatchId::from_index(own));
+        let part = clip_to_half_space(&corners, other.centroid, other.normal);
+        points_of_part(&part, mesh.patches[own].area)
+    });
+    segments.join(owner, (i, &points[0]), (j, &points[1]), |x, weights| {
+        weights.extend(by_kernel((from, x), (to, &points[1])));
+        1.0
+    });
+}
+
+/// Returns points on a convex part of a patch, each with its part of the patch's area.
+fn points_of_part(part: &[glam::DVec3], area: f64) -> Vec<WeightedPoint> {
+    let cell = 1.0 / POINTS_OF_PART as f64;
+    let triangles = (2..part.len()).map(|k| [part[0], part[k - 1], part[k]]);
+    let on_triangle = |corners: [glam::DVec3; 3]| {
+        let map = UniformOnPolygon::new(&corners);
+        let weight = polygon::area_vector(&corners).length() / area * cell * cell;
+        (0..POINTS_OF_PART * POINTS_OF_PART).map(move |k| WeightedPoint {
+            position: map.point(
+                ((k % POINTS_OF_PART) as f64 + 0.5) * cell,
+                ((k / POINTS_OF_PART) as f64 + 0.5) * cell,
+            ),
+            weight,
+        })
+    };
+    triangles.flat_map(on_triangle).collect()
 }
 
 /// Computes Σ w V over all segments between given points: a quadrature rule for the whole integral.

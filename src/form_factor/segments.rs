@@ -155,6 +155,11 @@ impl<'a> Segments<'a> {
         self.sights[owner] != Sight::Unknown
     }
 
+    /// Tells whether the pair numbered `owner` has a segment with a weight.
+    pub(super) fn has_segment(&self, owner: usize) -> bool {
+        self.sums[owner].all > 0.0
+    }
+
     /// Forgets the last row and makes room for the next: patch `i` with each of `others`.
     pub(super) fn begin(&mut self, i: usize, others: &[usize]) {
         self.known.row(i, others, &mut self.sights);

@@ -1,5 +1,6 @@
 //! Patches: the faces of a scene, subdivided, with the vertices that carry interpolated values.
 
+mod contact_edges;
 mod grid;
 mod hash;
 pub mod hierarchy;
@@ -8,8 +9,8 @@ mod pieces;
 mod planes;
 mod seams;
 mod subdivide;
-mod walls;
 
+pub use contact_edges::{ContactEdges, CrossedPatch};
 pub use hierarchy::{Hierarchy, Prolongation};
 pub use patch::{Patch, PatchId, PatchPoint};
 pub use subdivide::{MeshError, MeshOptions, Subdivision};
@@ -22,13 +23,12 @@ use crate::matrix::operator::Block;
 use crate::scene::{Corners, FaceId, Pose, Scene};
 use grid::FaceGrid;
 use seams::Seams;
-use walls::Walls;
 
 /// All patches of a scene, contiguous per face and in the order of the faces.
 ///
-/// Vertices are shared between neighbouring patches of the same plane only, and not where a wall stands between them: a value interpolated from them has no
+/// Vertices are shared between neighbouring patches of the same plane only, and not where a contact edge runs between them: a value interpolated from them has no
 /// crack inside a flat surface, stays sharp at a crease, and does not leak from one room into another. Two flat faces that share an edge are cut in the same
-/// places along it, whatever the [`Subdivision`]; where a long edge lies beside shorter ones (a T-junction), as beside faces that [end at walls](MeshOptions::cut_at_walls),
+/// places along it, whatever the [`Subdivision`]; where a long edge lies beside shorter ones (a T-junction), as beside faces that [end at contact edges](MeshOptions::cut_at_walls),
 /// [interpolation](Self::interpolate) sees the vertices of both sides.
 #[derive(Clone, Debug)]
 pub struct Mesh {
@@ -46,31 +46,41 @@ impl Mesh {
     /// # Errors
     /// [`MeshError`] if the subdivision is not a positive number, or makes more patches than 32-bit ids can name.
     pub fn new(scene: &Scene, options: impl Into<MeshOptions>) -> Result<Self, MeshError> {
-        let options = options.into();
-        let walls = Walls::of(scene, options.cut_at_walls);
-        let mut mesh = subdivide::subdivide(scene, options, &walls)?;
-        mesh.join(&walls);
-        Ok(mesh)
+        Self::at_contact_edges(&ContactEdges::of(scene), options)
     }
 
-    /// Parts vertices where walls stand between patches, and finds where patches meet that do not share all vertices.
-    fn join(&mut self, walls: &Walls<'_>) {
-        walls::part(self, walls);
-        self.seams = Seams::find(self, walls);
-    }
-
-    /// Returns how many patches [`new`](Self::new) makes, without making them.
+    /// Cuts the faces of a scene whose contact edges are at hand into patches, as [`new`](Self::new) does.
     ///
     /// # Errors
     /// As for [`new`](Self::new).
-    pub fn count(scene: &Scene, options: impl Into<MeshOptions>) -> Result<u64, MeshError> {
-        subdivide::count(scene, options.into())
+    pub fn at_contact_edges(
+        contact_edges: &ContactEdges<'_>,
+        options: impl Into<MeshOptions>,
+    ) -> Result<Self, MeshError> {
+        let mut mesh = subdivide::subdivide(options.into(), contact_edges)?;
+        mesh.join(contact_edges);
+        Ok(mesh)
+    }
+
+    /// Parts vertices where contact edges run between patches, and finds where patches meet that do not share all vertices.
+    fn join(&mut self, contact_edges: &ContactEdges<'_>) {
+        contact_edges::part(self, contact_edges);
+        self.seams = Seams::find(self, contact_edges);
+    }
+
+    /// Returns how many patches [`at_contact_edges`](Self::at_contact_edges) makes, without making them.
+    ///
+    /// # Errors
+    /// As for [`new`](Self::new).
+    pub fn count(contact_edges: &ContactEdges<'_>, options: impl Into<MeshOptions>) -> Result<u64, MeshError> {
+        subdivide::count(options.into(), contact_edges)
     }
 
     /// Returns the patches with their surfaces in a pose, of which `scene` is what the mesh's scene becomes: the same patches in the same order, wherever they go.
     ///
     /// Patches that do not move keep their corners to the last bit, and all keep their areas: a rigid motion does. Vertices are shared as before, but
-    /// between what moves and what does not. Faces stay cut where walls [stood on them](MeshOptions::cut_at_walls) before, and are not cut where these come to.
+    /// between what moves and what does not. Faces stay cut where contact edges [crossed them](MeshOptions::cut_at_walls) before, and are
+    /// not cut where these come to: [`ContactEdges::crossed_patches`] finds those.
     #[must_use]
     pub fn posed(&self, pose: &Pose, scene: &Scene) -> Self {
         let mut posed = Self {
@@ -99,7 +109,7 @@ impl Mesh {
                 patch.centroid = pose.point(patch.surface, patch.centroid);
             }
         }
-        posed.join(&Walls::of(scene, self.n_cut_faces() > 0));
+        posed.join(&ContactEdges::of(scene));
         posed
     }
 
@@ -109,12 +119,12 @@ impl Mesh {
         self.patches.len()
     }
 
-    /// Tells whether a face is cut where walls stand on it: the corners of its patches are known no better than those of the walls then.
+    /// Tells whether a face is cut at contact edges: the corners of its patches are known no better than those of the faces that stand on it then.
     pub(crate) fn is_cut(&self, face: FaceId) -> bool {
         self.grids[face.0 as usize].is_in_pieces()
     }
 
-    /// Returns how many faces are cut where walls stand on them: see [`MeshOptions::cut_at_walls`].
+    /// Returns how many faces are cut at contact edges: see [`MeshOptions::cut_at_walls`].
     #[must_use]
     pub fn n_cut_faces(&self) -> usize {
         self.grids.iter().filter(|grid| grid.is_in_pieces()).count()

@@ -1,7 +1,7 @@
-//! Convex pieces of a face, cut along the feet of the walls that stand on it.
+//! Convex pieces of a face, cut along the contact edges on it.
 //!
-//! A patch that reaches through under a wall carries light from one side to the other, and what a thing covers of a patch counts as if it were lit. Where faces end at the feet of walls no patch does
-//! either. Each foot cuts the piece that it stands on, along its whole line, so that pieces stay convex; a tree of these lines finds the piece of a point.
+//! A patch that runs on under a wall carries light from one side to the other (a light leak), and what an object covers of a patch counts as if it were lit. Where faces end at contact edges no patch
+//! does either. Each contact edge cuts the piece that it lies on, along its whole line, so that pieces stay convex; a tree of these lines finds the piece of a point.
 //!
 //! Source: [`BAUM_1991`](crate::references::BAUM_1991). Departures: lines through whole pieces in the place of a triangulation.
 
@@ -9,16 +9,13 @@ use std::ops::RangeInclusive;
 
 use glam::{DVec2, DVec3};
 
-use super::walls::Foot;
+use super::contact_edges::ContactEdge;
 use crate::geometry::polygon;
 
-/// A piece is not made narrower than this part of its face: far more than rounding, and no light to speak of.
-const LEAST_WIDTH: f64 = 1e-6;
+/// So many contact edges are tried as the next line of a piece.
+const MAX_TRIED: usize = 64;
 
-/// So many feet are tried as the next line of a piece.
-const MOST_TRIED: usize = 64;
-
-/// A foot that the line of another one cuts in two counts as much as so many more on one side than on the other.
+/// A contact edge that the line of another one cuts in two counts as much as so many more on one side than on the other.
 const COST_OF_CUT: usize = 8;
 
 /// A corner of a piece, in the plane of the face and in space.
@@ -70,14 +67,19 @@ pub(super) struct Pieces {
     pub(super) tree: PieceTree,
 }
 
-/// A foot in the plane of a face.
-type Segment = [DVec2; 2];
+/// A contact edge in the plane of a face.
+#[derive(Clone, Copy, Debug)]
+struct Segment {
+    ends: [DVec2; 2],
+    /// No piece beside it is thinner than this, in m: its tolerance.
+    least: f64,
+}
 
 impl Pieces {
-    /// Cuts a convex face along feet in its plane, which need not lie within the face; `None` where none crosses it. No piece is thinner than `slack`.
+    /// Cuts a convex face along contact edges in its plane, which need not lie within the face; `None` where none crosses it.
     ///
-    /// Work: O(n log n) for n feet, unless lines cross many others.
-    pub(super) fn cut(face: &[DVec3], feet: &[Foot], slack: f64) -> Option<Self> {
+    /// Work: O(n log n) for n contact edges, unless lines cross many others.
+    pub(super) fn cut(face: &[DVec3], contact_edges: &[ContactEdge]) -> Option<Self> {
         let (origin, x) = (face[0], (face[1] - face[0]).normalize());
         let y = polygon::area_vector(face).normalize().cross(x);
         let flat = |place: DVec3| DVec2::new(x.dot(place - origin), y.dot(place - origin));
@@ -88,15 +90,21 @@ impl Pieces {
                 place,
             })
             .collect();
-        let segments: Vec<Segment> = feet.iter().map(|foot| [flat(foot.from), flat(foot.to)]).collect();
-        let size = face.iter().map(|corner| corner.flat.length()).fold(0.0, f64::max);
-        let least = slack.max(LEAST_WIDTH * size);
+        let segments = contact_edges.iter().map(|edge| Segment {
+            ends: [flat(edge.from), flat(edge.to)],
+            least: edge.tolerance,
+        });
+        let segments: Vec<Segment> = segments.collect();
         let mut outlines = Vec::new();
         let mut nodes = vec![Node::Piece(0)];
         let mut open = vec![(0, face.clone(), segments)];
         while let Some((node, piece, mut here)) = open.pop() {
-            here.retain(|foot| crosses(&piece, *foot, least).is_some());
-            let (line, parts) = if let Some([start, end]) = best_line(&piece, &here, least) {
+            here.retain(|edge| crosses(&piece, *edge).is_some());
+            let (line, parts) = if let Some(Segment {
+                ends: [start, end],
+                least,
+            }) = best_line(&piece, &here)
+            {
                 let along = (end - start).normalize();
                 let parts = [along, -along].map(|direction| part_beside(&piece, start, direction, least));
                 ((start, along), parts)
@@ -127,8 +135,14 @@ impl Pieces {
     }
 }
 
-/// Returns how much of a foot lies inside a convex piece, if its line has some of the piece on both sides and it does not run along the border.
-fn crosses(piece: &[Corner], [start, end]: Segment, least: f64) -> Option<f64> {
+/// Returns how much of a contact edge lies inside a convex piece, if its line has some of the piece on both sides and it does not run along the border.
+fn crosses(
+    piece: &[Corner],
+    Segment {
+        ends: [start, end],
+        least,
+    }: Segment,
+) -> Option<f64> {
     let along = end - start;
     let length = along.length();
     let heights = piece.iter().map(|corner| along.perp_dot(corner.flat - start) / length);
@@ -159,15 +173,18 @@ fn crosses(piece: &[Corner], [start, end]: Segment, least: f64) -> Option<f64> {
     is_inside.then_some(part)
 }
 
-/// Returns the foot whose line cuts the fewest others in two and leaves about as many on either side; of equals the longest.
-fn best_line(piece: &[Corner], feet: &[Segment], least: f64) -> Option<Segment> {
-    let step = feet.len().div_ceil(MOST_TRIED).max(1);
-    let cost = |foot: &Segment| {
-        let unit = (foot[1] - foot[0]).normalize_or_zero();
+/// Returns the contact edge whose line cuts the fewest others in two and leaves about as many on either side; of equals the longest.
+fn best_line(piece: &[Corner], contact_edges: &[Segment]) -> Option<Segment> {
+    let step = contact_edges.len().div_ceil(MAX_TRIED).max(1);
+    let cost = |edge: &Segment| {
+        let unit = (edge.ends[1] - edge.ends[0]).normalize_or_zero();
         let (mut left, mut right, mut cut) = (0_usize, 0_usize, 0);
-        for other in feet {
-            let heights = other.map(|end| unit.perp_dot(end - foot[0]));
-            match (heights.iter().any(|h| *h > least), heights.iter().any(|h| *h < -least)) {
+        for other in contact_edges {
+            let heights = other.ends.map(|end| unit.perp_dot(end - edge.ends[0]));
+            match (
+                heights.iter().any(|h| *h > edge.least),
+                heights.iter().any(|h| *h < -edge.least),
+            ) {
                 (true, true) => cut += 1,
                 (true, false) => left += 1,
                 (false, true) => right += 1,
@@ -176,13 +193,13 @@ fn best_line(piece: &[Corner], feet: &[Segment], least: f64) -> Option<Segment> 
         }
         COST_OF_CUT * cut + left.abs_diff(right)
     };
-    let tried = feet.iter().step_by(step).map(|foot| {
-        let inside = crosses(piece, *foot, least).unwrap_or(0.0);
-        (cost(foot), -inside, *foot)
+    let tried = contact_edges.iter().step_by(step).map(|edge| {
+        let inside = crosses(piece, *edge).unwrap_or(0.0);
+        (cost(edge), -inside, *edge)
     });
     tried
         .min_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)))
-        .map(|(_, _, foot)| foot)
+        .map(|(_, _, edge)| edge)
 }
 
 /// Returns the corners of a piece with more than four between which a line cuts a quad off and leaves the best two parts; the second is counted on beyond the last one.

@@ -8,8 +8,8 @@ use std::collections::{BTreeMap, HashMap};
 
 use glam::DVec3;
 
+use super::contact_edges::ContactEdges;
 use super::planes::DisjointSets;
-use super::walls::Walls;
 use super::{Mesh, PatchId};
 use crate::geometry::box_pairs::overlapping_pairs;
 
@@ -37,7 +37,7 @@ struct Edge {
 }
 
 impl Seams {
-    pub(super) fn find(mesh: &Mesh, walls: &Walls<'_>) -> Self {
+    pub(super) fn find(mesh: &Mesh, contact_edges: &ContactEdges<'_>) -> Self {
         let edges = free_edges(mesh);
         let place = |vertex: u32| mesh.vertices[vertex as usize];
         let boxes = edges.iter().map(|edge| {
@@ -68,7 +68,7 @@ impl Seams {
                 let faces = [one, other].map(|edge| mesh.patches[edge.patch].face.0);
                 let common = [other.to, other.from].map(|vertex| unit.dot(place(vertex) - start).clamp(0.0, length));
                 let [first, last] = common.map(|t| start + t * unit);
-                if walls.stand_between(faces, first, last) {
+                if contact_edges.stand_between(faces, first, last) {
                     continue;
                 }
                 for vertex in [other.from, other.to] {

@@ -6,12 +6,12 @@ use std::collections::{BTreeMap, HashMap};
 use glam::DVec3;
 use thiserror::Error;
 
+use super::contact_edges::ContactEdges;
 use super::grid::FaceGrid;
 use super::hierarchy::FaceShape;
 use super::pieces::{Corner, Pieces};
 use super::planes::{DisjointSets, FaceEdge, flat_joints};
 use super::seams::Seams;
-use super::walls::Walls;
 use super::{Mesh, Patch};
 use crate::geometry::polygon;
 use crate::scene::{Corners, FaceId, Scene};
@@ -31,25 +31,24 @@ pub enum Subdivision {
 pub struct MeshOptions {
     /// How finely faces are cut.
     pub subdivision: Subdivision,
-    /// Whether faces end where walls stand on them, so that no patch reaches through under a wall: light does not pass to the other side then, and what a thing covers of a floor does not count as lit.
-    /// The lines along which walls meet the front of a face cut it into triangles and convex quads, and these are cut as `subdivision` says:
-    /// [`Uniform`](Subdivision::Uniform) into patches about as long as those of the whole face.
+    /// Whether faces end at the [contact edges](ContactEdges) on them, so that no patch runs on under a wall: no light leaks to the other side, and what an object covers of a floor does not count as lit.
+    /// Contact edges cut a face into triangles and convex quads, and these are cut as `subdivision` says: [`Uniform`](Subdivision::Uniform) into patches about as long as those of the whole face.
+    /// Faces without contact edges, or with some along their borders alone, are cut as if this were false.
     ///
-    /// In a room of 4 m × 4 m × 3 m with a wall across it and two blocks on its floor, one of them turned, the greatest relative error of a surface's radiosity, against faces that end at walls and
-    /// edges of 0.1 m, and the time of `solve` (two cores, one run each):
+    /// In a room of 4 m × 4 m × 3 m with a wall across it and two blocks on its floor, one of them turned, the greatest relative error of a surface's radiosity, against cut faces with edges of 0.1 m:
     ///
-    /// | longest edge | faces whole | they end at walls |
+    /// | longest edge | faces whole | cut |
     /// |---|---|---|
-    /// | 0.8 m | 15 %, 188 patches, 0.9 s | 2.1 %, 241 patches, 0.6 s |
-    /// | 0.4 m | 13 %, 737 patches, 2.5 s | 0.51 %, 862 patches, 2.1 s |
-    /// | 0.2 m | 2.5 %, 2774 patches, 10.3 s | 0.13 %, 3010 patches, 9.5 s |
+    /// | 0.8 m | 15 %, 188 patches | 2.1 %, 241 patches |
+    /// | 0.4 m | 13 %, 737 patches | 0.51 %, 862 patches |
+    /// | 0.2 m | 2.5 %, 2774 patches | 0.13 %, 3010 patches |
     ///
-    /// Behind the wall it is dark then; else what passes under it is up to 4 % of the light on this side.
+    /// Behind the wall it is dark then; else the light that leaks under it is up to 4 % of that on this side.
     pub cut_at_walls: bool,
 }
 
 impl From<Subdivision> for MeshOptions {
-    /// Faces stay whole where walls stand on them.
+    /// Faces stay whole at contact edges.
     fn from(subdivision: Subdivision) -> Self {
         Self {
             subdivision,
@@ -73,10 +72,11 @@ pub enum MeshError {
     TooManyPatches(f64),
 }
 
-pub(super) fn subdivide(scene: &Scene, options: MeshOptions, walls: &Walls<'_>) -> Result<Mesh, MeshError> {
+pub(super) fn subdivide(options: MeshOptions, contact_edges: &ContactEdges<'_>) -> Result<Mesh, MeshError> {
+    let scene = contact_edges.scene;
     let joints = flat_joints(scene);
     let parts = edge_parts(scene, options.subdivision, &joints)?;
-    let pieces = pieces(scene, options, walls);
+    let pieces = pieces(options, contact_edges);
     expect_nameable(n_patches(&parts, &pieces))?;
     let mut builder = Builder::new(scene, &joints);
     for face in scene.face_ids() {
@@ -89,9 +89,10 @@ pub(super) fn subdivide(scene: &Scene, options: MeshOptions, walls: &Walls<'_>) 
 }
 
 /// Returns how many patches [`subdivide`] makes.
-pub(super) fn count(scene: &Scene, options: MeshOptions) -> Result<u64, MeshError> {
+pub(super) fn count(options: MeshOptions, contact_edges: &ContactEdges<'_>) -> Result<u64, MeshError> {
+    let scene = contact_edges.scene;
     let parts = edge_parts(scene, options.subdivision, &flat_joints(scene))?;
-    let n_patches = n_patches(&parts, &pieces(scene, options, &Walls::of(scene, true)));
+    let n_patches = n_patches(&parts, &pieces(options, contact_edges));
     expect_nameable(n_patches)?;
     #[expect(
         clippy::cast_possible_truncation,
@@ -102,21 +103,21 @@ pub(super) fn count(scene: &Scene, options: MeshOptions) -> Result<u64, MeshErro
 }
 
 /// The pieces of a face, and how each is cut.
-struct CutFace {
-    pieces: Pieces,
+struct CutFace<'a> {
+    pieces: &'a Pieces,
     shapes: Vec<FaceShape>,
 }
 
-/// Cuts the faces that walls stand on, if that is wanted.
-fn pieces(scene: &Scene, options: MeshOptions, walls: &Walls<'_>) -> BTreeMap<FaceId, CutFace> {
+/// Cuts the faces that contact edges cross, if that is wanted.
+fn pieces<'a>(options: MeshOptions, contact_edges: &'a ContactEdges<'_>) -> BTreeMap<FaceId, CutFace<'a>> {
     if !options.cut_at_walls {
         return BTreeMap::new();
     }
-    let cut = walls.pieces().into_iter().map(|(face, pieces)| {
+    let cut = contact_edges.pieces().iter().map(|(&face, pieces)| {
         let longest = match options.subdivision {
             // Of a square with the area of a patch, and of the legs of a triangle.
             Subdivision::Uniform(n) => {
-                let area = scene.area_vector(face).length();
+                let area = contact_edges.scene.area_vector(face).length();
                 (if pieces.face.len() == 4 { area } else { 2.0 * area }).sqrt() / f64::from(n)
             }
             Subdivision::MaxEdge(longest) => longest,
@@ -154,7 +155,7 @@ fn n_parts(length: f64, longest: f64) -> f64 {
     (length / longest * (1.0 - 1e-12)).ceil().max(1.0)
 }
 
-fn n_patches(parts: &[[u32; 2]], pieces: &BTreeMap<FaceId, CutFace>) -> f64 {
+fn n_patches(parts: &[[u32; 2]], pieces: &BTreeMap<FaceId, CutFace<'_>>) -> f64 {
     let of_shape = |shape: &FaceShape| match *shape {
         FaceShape::Triangle { n } => f64::from(n).powi(2),
         FaceShape::Quad { n_u, n_v } => f64::from(n_u) * f64::from(n_v),
@@ -297,8 +298,8 @@ impl<'a> Builder<'a> {
         }
     }
 
-    /// Adds the pieces of a face. Each has vertices of its own, as if it lay in a plane of its own: along their borders walls may stand, and seams tell where.
-    fn add_pieces(&mut self, face: FaceId, CutFace { pieces, shapes }: &CutFace) {
+    /// Adds the pieces of a face. Each has vertices of its own, as if it lay in a plane of its own: contact edges may run along their borders, and seams tell where.
+    fn add_pieces(&mut self, face: FaceId, CutFace { pieces, shapes }: &CutFace<'_>) {
         let first_patch = id(self.mesh.patches.len());
         // A corner of several pieces is one: they compute the same bits along the edges between them.
         let bits = |place: DVec3| place.to_array().map(f64::to_bits);

@@ -67,7 +67,7 @@ impl Description {
         }
     }
 
-    /// Returns how the scene was cut into patches, or `None` where the settings do not tell.
+    /// Returns how the scene was cut into patches, or `None` where the settings do not tell. Files of older programs do not say whether faces were cut at contact edges: they were whole.
     #[must_use]
     pub fn mesh_options(&self) -> Option<MeshOptions> {
         let parts = self.settings.get("subdivide").and_then(Value::as_u64);
@@ -107,4 +107,29 @@ const CHECKSUM: &str = "description_sha256";
 /// Returns the SHA-256 of the compact JSON text, members in the order of their names.
 fn checksum(value: &Value) -> String {
     hexadecimal(&Sha256::digest(value.to_string().as_bytes()))
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn files_that_do_not_say_whether_faces_were_cut_are_for_whole_ones() {
+        for (said, expected) in [
+            (json!({}), false),
+            (json!({"cut_at_walls": false}), false),
+            (json!({"cut_at_walls": true}), true),
+        ] {
+            let mut settings = said.as_object().cloned().unwrap_or_default();
+            settings.insert("subdivide".into(), 3.into());
+            let description = Description::new(1, String::new(), true, (true, None), settings);
+            let expected = MeshOptions {
+                subdivision: Subdivision::Uniform(3),
+                cut_at_walls: expected,
+            };
+            assert_eq!(description.mesh_options(), Some(expected), "{said}");
+        }
+    }
 }

@@ -7,6 +7,7 @@ use crate::scene::{Corners, FaceId, Scene};
 
 use super::flat_polygon::FlatPolygon;
 use super::frame::Frame;
+use super::seals::{self, Seal};
 use super::sheets::Sheets;
 use super::{Coherence, HitBatch, RayBatch, Visibility, to_f32};
 
@@ -26,6 +27,8 @@ const EXTENTS: std::ops::RangeInclusive<f64> = 1e-8..=1e11;
 /// Two faces of opposite winding that coincide, even in part, are a two-sided sheet: the one that faces the ray's origin is reported,
 /// whichever of them Embree finds. Their distance may be up to 2⁻²² L, which is what f32 cannot resolve. Scenes without sheets pay nothing for this.
 ///
+/// Where a vertex lies on an edge of another face (a T-junction), triangles fill the slit between the edge and the vertices: rays that aim at it hit that face. Scenes without T-junctions pay nothing for this.
+///
 /// Rays with coordinates that are not finite hit nothing. Which of two faces wins on their common edge may depend on the
 /// ray's neighbours in the batch; equal batches give equal answers, on any number of threads.
 #[derive(Debug)]
@@ -33,6 +36,8 @@ pub struct EmbreeVisibility {
     scene: CommittedScene,
     frame: Frame,
     sheets: Option<Sheets>,
+    n_faces: usize,
+    seals: Vec<Seal>,
     vanished: Vec<FaceId>,
 }
 
@@ -78,7 +83,13 @@ impl EmbreeVisibility {
                 Corners::Quad(corners) => builder.quad(corners, face.0)?,
             }
         }
+        let seals = seals::find(scene, &frame);
+        for (number, seal) in (scene.faces.len()..).zip(&seals) {
+            builder.triangle(seal.corners, u32::try_from(number).unwrap_or(u32::MAX))?;
+        }
         Ok(Self {
+            n_faces: scene.faces.len(),
+            seals,
             scene: builder.commit(device)?,
             frame,
             sheets: Sheets::find(&frame, frame.polygons(scene)),
@@ -113,6 +124,7 @@ impl Visibility for EmbreeVisibility {
 
     fn closest_hits(&self, rays: &RayBatch, coherence: Coherence, hits: &mut HitBatch) {
         self.scene.closest_hits(rays, coherence, hits);
+        seals::replace(&self.seals, self.n_faces, rays, hits);
         let Some(sheets) = &self.sheets else { return };
         for k in 0..hits.face_and_side.len() {
             let Some(hit) = hits.face(k).filter(|hit| hit.back) else {

@@ -7,6 +7,8 @@ pub mod facing;
 mod flat_polygon;
 mod frame;
 pub mod gaps;
+pub mod leaks;
+mod seals;
 pub(crate) mod shaft;
 mod sheets;
 

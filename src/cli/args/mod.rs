@@ -29,7 +29,7 @@ pub use voxel::{FormName, LinksName, VoxelArgs};
 #[command(name = "radiosity", version, about, propagate_version = true, max_term_width = 110)]
 #[command(
     after_help = "Exit codes: 0 done, 1 error in the input or at run time, 2 usage, 3 not converged, a budget \
-                        spent above the tolerance, or form factors not exact enough to state an error, 4 a check outside its tolerance, 130 and 143 ended by SIGINT or SIGTERM."
+                        spent above the tolerance, form factors not exact enough to state an error, or light leaks by more than 1e-3 of what is emitted, 4 a check outside its tolerance, 130 and 143 ended by SIGINT or SIGTERM."
 )]
 pub struct Cli {
     /// What to do.

@@ -20,7 +20,7 @@ use crate::experiment::{
     storage_figures, sweep_by_name,
 };
 use crate::form_factor::{ExactMethod, FormFactorMethod, Input};
-use crate::mesh::{MeshOptions, Subdivision};
+use crate::mesh::Subdivision;
 use crate::report::plot::{ErrorTimePlot, PlotPoint, Ranged, Series};
 use crate::report::{Machine, load_average, png_from_svg};
 use crate::scene::{Scene, builtin};
@@ -118,6 +118,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
         machine: Machine::here(),
         load_before,
     };
+    run.judge_leaking_exchange();
     let report = subject.report(&parts, &storage);
     let mut document = run.document_of(&prepared, subject.to_json(&parts, &storage));
     let mut files = vec![
@@ -133,7 +134,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
     Ok(Outcome {
         text: format!("{}{report}\n{written}\n", run.explanation(&prepared)),
         document,
-        code: ExitCode::Done,
+        code: run.judged(ExitCode::Done, false),
     })
 }
 
@@ -163,7 +164,7 @@ fn prepare(run: &mut Run, args: &CompareArgs) -> Result<Prepared, Failure> {
             clippy::cast_sign_loss,
             reason = "between 1 and 15"
         )]
-        MeshOptions::from(Subdivision::Uniform(n as u32))
+        Subdivision::Uniform(n as u32)
     };
     let name = args.scene.to_string_lossy();
     if !args.scene.exists() {

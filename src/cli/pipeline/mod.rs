@@ -24,6 +24,7 @@ use super::{Outcome, SCHEMA_VERSION, merge, warn};
 use crate::audit::Audit;
 use crate::printable::printable;
 use crate::report::{StageTimes, memory_peak_byte};
+use crate::visibility::leaks::LightLeaks;
 
 /// A run of one command: settings, clock, progress.
 pub(super) struct Run {
@@ -42,6 +43,12 @@ pub(super) struct Run {
     surface_names: Vec<String>,
     /// The file of the lighting that each channel belongs to; none where the materials are the scene's own.
     pub(super) lighting_files: Vec<Option<PathBuf>>,
+    /// The light leaks of the patches at hand, where contact edges cross some.
+    pub(super) leaks: Option<LightLeaks>,
+    /// What the document says of them: null where no patch is crossed.
+    pub(super) light_leak: Value,
+    /// Whether more leaks than results may have.
+    pub(super) leaks_too_much: bool,
     interrupt: Interrupt,
     has_looked_at_gaps: bool,
 }
@@ -63,6 +70,9 @@ impl Run {
             scene_file: PathBuf::new(),
             surface_names: Vec::new(),
             lighting_files: Vec::new(),
+            leaks: None,
+            light_leak: Value::Null,
+            leaks_too_much: false,
             has_looked_at_gaps: false,
         }
     }
@@ -137,12 +147,12 @@ impl Run {
         self.audit.extend(found);
     }
 
-    /// Returns the exit code of a run that is to end with `code`: a broken law counts if the run is strict.
+    /// Returns the exit code of a run that is to end with `code`: a broken law counts if the run is strict, and light that leaks.
     pub(super) fn judged(&self, code: ExitCode, strict: bool) -> ExitCode {
-        if strict && !self.audit.passed() {
-            ExitCode::CheckFailed
-        } else {
-            code
+        match code {
+            _ if strict && !self.audit.passed() => ExitCode::CheckFailed,
+            ExitCode::Done if self.leaks_too_much => ExitCode::NotConverged,
+            code => code,
         }
     }
 
@@ -218,6 +228,8 @@ impl Run {
     pub(super) fn document_of(&self, prepared: &Prepared, result: Value) -> Value {
         let mut document = self.document(result);
         document["left_out"] = json!(prepared.plan.left_out);
+        document["n_cut_faces"] = json!(prepared.mesh.n_cut_faces());
+        document["light_leak"] = self.light_leak.clone();
         document["audit"] = json!({
             "passed": self.audit.passed(),
             "checks": self.audit.checks,

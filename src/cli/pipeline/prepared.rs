@@ -10,7 +10,7 @@ use crate::cli::failure::Failure;
 use crate::cli::storage::limit_byte;
 use crate::form_factor::Input;
 use crate::matrix::operator::Block;
-use crate::mesh::{Mesh, MeshOptions, Patch, Subdivision};
+use crate::mesh::{ContactEdges, Mesh, MeshOptions, Patch, Subdivision};
 use crate::plan::{Plan, byte_text};
 use crate::report::memory_used_byte;
 use crate::scene::reading::reading_byte;
@@ -25,7 +25,11 @@ use crate::visibility::gaps::narrowest_gap;
 pub(in crate::cli) struct Prepared {
     pub(in crate::cli) scene: Scene,
     pub(in crate::cli) plan: Plan,
+    /// How its faces are cut.
+    pub(in crate::cli) options: MeshOptions,
     pub(in crate::cli) mesh: Mesh,
+    /// Whether the patches are others than those of the scene as it was loaded: surfaces that moved have come to stand on them.
+    pub(in crate::cli) is_cut_anew: bool,
     pub(in crate::cli) visibility: EmbreeVisibility,
 }
 
@@ -39,13 +43,13 @@ const MOST_TURNED: usize = 5;
 const FACE_BYTE: u64 = 256;
 
 impl Run {
-    /// Reads a scene, if that stays below the limit of memory, cuts it into patches and builds the ray tracer's tree.
+    /// Reads a scene, if that stays below the limit of memory, cuts it into patches and builds the ray tracer's tree. Without arguments for patches these play no part.
     pub(in crate::cli) fn prepare(
         &mut self,
         path: &Path,
-        mesh_args: MeshArgs,
+        mesh_args: impl Into<Option<MeshArgs>>,
         memory_limit: Option<u64>,
-        default: impl FnOnce(&Scene) -> MeshOptions,
+        default: impl FnOnce(&Scene) -> Subdivision,
     ) -> Result<Prepared, Failure> {
         let name = path.to_string_lossy();
         if !path.exists() && builtin::names().any(|known| known == name) {
@@ -71,36 +75,34 @@ impl Run {
         &mut self,
         path: &Path,
         scene: Scene,
-        mesh_args: MeshArgs,
+        mesh_args: impl Into<Option<MeshArgs>>,
         memory_limit: Option<u64>,
-        default: impl FnOnce(&Scene) -> MeshOptions,
+        default: impl FnOnce(&Scene) -> Subdivision,
     ) -> Result<Prepared, Failure> {
-        let mut plan = self.times.time("plan", || Plan::new(&scene));
-        let options = mesh_args.options(default(&scene));
+        let plan = self.times.time("plan", || Plan::new(&scene));
+        let mesh_args = mesh_args.into();
+        let default = default(&scene);
+        let options = mesh_args.map_or_else(|| default.into(), |args| args.options(default));
         match options.subdivision {
             Subdivision::Uniform(n) => self.set("subdivide", n),
             Subdivision::MaxEdge(length) => self.set("max_edge_m", length),
         }
-        if options.cut_at_walls {
-            self.set("cut_at_walls", true);
+        if mesh_args.is_some() {
+            self.set("cut_at_walls", options.cut_at_walls);
         }
         let refused = |error| Failure::new("mesh", format!("{}: {error}", path.display())).in_file(path);
-        let n_patches = Mesh::count(&scene, options).map_err(refused)?;
+        let contact_edges = ContactEdges::of(&scene);
+        if options.cut_at_walls {
+            self.times.time("contact_edges", || contact_edges.n_crossed_faces());
+        }
+        let n_patches = Mesh::count(&contact_edges, options).map_err(refused)?;
         let what = format!("to cut it into {n_patches} patches");
         let needed = PATCH_BYTE.saturating_mul(n_patches) + FACE_BYTE * scene.faces.len() as u64;
         expect_room(path, &what, needed, memory_limit, "or subdivide less")?;
         let mesh = self
             .times
-            .time("mesh", || Mesh::new(&scene, options))
+            .time("mesh", || Mesh::at_contact_edges(&contact_edges, options))
             .map_err(refused)?;
-        if options.cut_at_walls {
-            match mesh.n_cut_faces() {
-                0 => plan
-                    .left_out
-                    .push("cutting faces where walls stand on them: on none does one".into()),
-                n => plan.decide("cut faces", n.to_string(), "walls stand on them"),
-            }
-        }
         let visibility = self
             .times
             .time("ray_tracer", || EmbreeVisibility::new(&scene))
@@ -127,12 +129,19 @@ impl Run {
         }
         path.clone_into(&mut self.scene_file);
         self.surface_names = scene.surfaces.iter().map(|surface| surface.name.clone()).collect();
-        Ok(Prepared {
+        let mut prepared = Prepared {
             scene,
             plan,
+            options,
             mesh,
+            is_cut_anew: false,
             visibility,
-        })
+        };
+        if mesh_args.is_some() {
+            self.tell_cut_faces(&mut prepared);
+            self.find_leaks(&prepared);
+        }
+        Ok(prepared)
     }
 
     /// Warns of faces that see nothing, as faces do that are wound the wrong way.
@@ -165,11 +174,20 @@ impl Run {
         }
     }
 
-    /// Moves the surfaces of a scene, and its patches with them.
+    /// Moves the surfaces of a scene, and its patches with them; where contact edges come to cross these, the faces are cut anew.
     pub(in crate::cli) fn posed(&mut self, prepared: &Prepared, pose: &Pose) -> Result<Prepared, Failure> {
         let scene = posed(&prepared.scene, pose)?;
         let plan = self.times.time("plan", || Plan::new(&scene));
+        let options = prepared.options;
         let mesh = self.times.time("mesh", || prepared.mesh.posed(pose, &scene));
+        let cut_anew = self.times.time("contact_edges", || {
+            let contact_edges = ContactEdges::of(&scene);
+            let is_crossed = options.cut_at_walls && !contact_edges.crossed_patches(&mesh).is_empty();
+            is_crossed.then(|| Mesh::at_contact_edges(&contact_edges, options))
+        });
+        let cut_anew = cut_anew
+            .transpose()
+            .map_err(|error| Failure::new("mesh", error.to_string()))?;
         let visibility = self
             .times
             .time("ray_tracer", || EmbreeVisibility::new(&scene))
@@ -177,12 +195,17 @@ impl Run {
                 let file = &self.scene_file;
                 Failure::new("embree", format!("{}: {error}", file.display())).in_file(file)
             })?;
-        Ok(Prepared {
+        let mut prepared = Prepared {
             scene,
             plan,
-            mesh,
+            options,
+            is_cut_anew: cut_anew.is_some(),
+            mesh: cut_anew.unwrap_or(mesh),
             visibility,
-        })
+        };
+        self.tell_cut_faces(&mut prepared);
+        self.find_leaks(&prepared);
+        Ok(prepared)
     }
 
     /// Warns if rays start too far off the faces to see what lies in the narrowest gap.

@@ -215,6 +215,7 @@ impl Run {
             let surface = |patch: usize| mesh.patches.get(patch).map(|patch| patch.surface);
             run.refused(error, surface)
         };
+        let materials = (reflectance.clone(), exitance.clone());
         let system = RadiositySystem::new(factors, areas, reflectance, exitance)
             .and_then(|system| match known.closed_rows {
                 Some(rows) => system.with_closed_rows(rows),
@@ -265,6 +266,7 @@ impl Run {
             .times
             .time("audit", || audit::solution(&system, &solution, known.given))?;
         self.audited(audit);
+        self.judge_leaking_power((&materials.0, &materials.1), &solution.radiosity);
         if args.display_ambient {
             solution = solution.displayed(&system)?;
         }

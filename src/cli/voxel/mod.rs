@@ -12,7 +12,7 @@ use report::{
     Checked, LinkFigures, describe, describe_surfaces, surfaces, to_json, warn_of_escapes, warn_of_gaps, warn_of_leaks,
 };
 
-use super::args::{LinksName, MeshArgs, VoxelArgs};
+use super::args::{LinksName, VoxelArgs};
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::file_set::FileSet;
@@ -23,7 +23,7 @@ use super::stated::Stated;
 use super::{Outcome, merge, render, solve};
 use crate::audit::{self, Given};
 use crate::matrix::operator::{Block, LinearOperator};
-use crate::mesh::{MeshOptions, Subdivision};
+use crate::mesh::Subdivision;
 use crate::render::{Attributes, DirectMethod, RenderInput, RenderSettings, exr, png};
 use crate::report::voxels::write_vtu;
 use crate::solver::{self, RadiositySystem, SolveOptions, SolverError, SolverSettings, StopReason, Tolerance};
@@ -65,20 +65,12 @@ fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
     files(args, format).check()?;
     // Without a picture the patches play no part.
     let without_patches = format != Some(Format::Image) && args.mesh.is_given();
-    let cut_as = if without_patches {
-        MeshArgs::default()
-    } else {
-        args.mesh
-    };
+    let cut_as = (format == Some(Format::Image)).then_some(args.mesh);
     let mut prepared = run.prepare(&args.scene, cut_as, args.memory_limit, |scene| match format {
-        None | Some(Format::Vtu) => Subdivision::Uniform(1).into(),
-        Some(Format::Image) => match Grid::new(scene, args.voxels) {
-            Ok(grid) => MeshOptions {
-                subdivision: Subdivision::MaxEdge(PATCH_VOXELS * grid.voxel_size),
-                cut_at_walls: true,
-            },
-            Err(_) => Subdivision::Uniform(1).into(),
-        },
+        None | Some(Format::Vtu) => Subdivision::Uniform(1),
+        Some(Format::Image) => Grid::new(scene, args.voxels).map_or(Subdivision::Uniform(1), |grid| {
+            Subdivision::MaxEdge(PATCH_VOXELS * grid.voxel_size)
+        }),
     })?;
     if without_patches {
         let nothing = "cutting faces into patches: voxels need none, only their picture does";
@@ -485,11 +477,12 @@ fn write(
             onto_patches(voxels, &prepared.scene.faces, &prepared.mesh, &solved.irradiance)
         });
         let (reflectance, exitance) = prepared.materials();
-        let mut radiosity = exitance;
+        let mut radiosity = exitance.clone();
         let terms = reflectance.values().iter().zip(irradiance.values());
         for (b, (rho, h)) in radiosity.values_mut().iter_mut().zip(terms) {
             *b += rho * h;
         }
+        run.judge_leaking_power((&reflectance, &exitance), &radiosity);
         let input = RenderInput {
             scene: &prepared.scene,
             mesh: &prepared.mesh,

@@ -63,6 +63,9 @@ pub(super) fn batch_byte(n: usize) -> u64 {
 /// A partial pair's A_i F_ij / min(A_i, A_j) up to this is 0: a few roundings of the clipped corners.
 const NOISE: f64 = 1e-15;
 
+/// So is what is up to this part of the exchange area without occluders: a crack between these that rounding leaves.
+const CRACK: f64 = 1e-12;
+
 /// All batches in the order of their rows.
 pub(super) struct Batches<'a> {
     pub(super) method: &'a ExactMethod,
@@ -400,7 +403,7 @@ impl Batches<'_> {
         let room = if rounding < goal { rounding.min(0.5 * goal) } else { 0.0 };
         let found = split.exchange_area(p, q, blockers, goal - room, most.area);
         // What rounding leaves of a pair that is hidden after all would make a row of noise.
-        let is_noise = found.exchange_area <= NOISE * smaller_area;
+        let is_noise = found.exchange_area <= (NOISE * smaller_area).max(CRACK * most.area);
         // More than without blockers it cannot be, nor be off by more than that.
         let exchange = Exchange {
             area: if is_noise {

@@ -75,7 +75,7 @@ impl Patches {
         }
     }
 
-    /// Takes the corners of patches that end at walls to be off by as much as those of the walls may be, in m.
+    /// Takes the corners of patches that end at contact edges to be off by as much as those of the faces that stand there may be, in m.
     pub(super) fn loosen_cut_ones(&mut self, mesh: &Mesh, slack: f64) {
         for (bent, patch) in self.bent.iter_mut().zip(&mesh.patches) {
             if mesh.is_cut(patch.face) {

@@ -1,10 +1,11 @@
-//! Faces that end where walls stand on them.
+//! Faces that are cut at contact edges.
 
 use glam::DQuat;
 
 use super::{floor_with, scene};
+use crate::geometry::polygon;
 use crate::matrix::operator::Block;
-use crate::mesh::{Mesh, MeshOptions, Patch, Subdivision};
+use crate::mesh::{ContactEdges, Mesh, MeshOptions, Patch, Subdivision};
 use crate::scene::{Corners, FaceId, Scene};
 use glam::DVec3;
 
@@ -98,7 +99,24 @@ fn faces_end_where_walls_stand() {
         ] {
             let options = cut(subdivision);
             let mesh = Mesh::new(&source, options).unwrap();
-            assert_eq!(Mesh::count(&source, options).unwrap(), mesh.n_patches() as u64);
+            assert_eq!(ContactEdges::of(&source).crossed_patches(&mesh), []);
+            let whole = Mesh::new(&source, subdivision).unwrap();
+            for crossed in ContactEdges::of(&source).crossed_patches(&whole) {
+                let parts: f64 = crossed
+                    .pieces
+                    .iter()
+                    .map(|piece| polygon::area_vector(piece).length())
+                    .sum();
+                let area = whole.patches[crossed.patch.0 as usize].area;
+                assert!(
+                    crossed.pieces.len() > 1 && (parts - area).abs() < 1e-12,
+                    "{parts} {area}"
+                );
+            }
+            assert_eq!(
+                Mesh::count(&ContactEdges::of(&source), options).unwrap(),
+                mesh.n_patches() as u64
+            );
             // And the sides of the box that stands through the floor, at the floor.
             assert_eq!(mesh.n_cut_faces(), 5);
             for face in source.face_ids() {
@@ -274,4 +292,56 @@ fn faces_end_at_walls_that_rounding_has_left_short() {
             assert!(smallest > 0.05, "{places} {k}: {smallest}");
         }
     }
+}
+
+/// What counts as touching goes by the faces that touch: a small house on a wide ground below a far sun is cut off from it, thin walls and all.
+#[test]
+fn a_small_house_on_a_wide_ground_ends_its_patches() {
+    let house = |t: f64| ([0.1, 0.2], [2.0 + t, 1.5 + t], 0.3, [1e-9, 3.0]);
+    for (wide, far) in [(10.0, 20.0), (1e4, 1e7), (1e6, 1e9)] {
+        for thickness in [0.0, 1e-3, 0.3] {
+            let boxes: &[Block3] = &[house(0.0), house(thickness)];
+            let mut walls = sides_of(if thickness > 0.0 { boxes } else { &boxes[..1] });
+            let sun = [[0.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, 0.0]].map(|[x, y]| DVec3::new(x, y, far));
+            walls.push(sun);
+            let ground = [[-wide, -wide], [wide, -wide], [wide, wide], [-wide, wide]];
+            let source = floor_with(&walls, &[ground]);
+            let mesh = Mesh::new(&source, cut(Subdivision::Uniform(1))).unwrap();
+            assert_eq!(mesh.n_cut_faces(), 1);
+            let turn = DQuat::from_rotation_z(-0.3);
+            let is_inside = |point: DVec3, t: f64| {
+                let local = turn * (point - DVec3::new(0.1, 0.2, 0.0));
+                local.x.abs() < 2.0 + t && local.y.abs() < 1.5 + t
+            };
+            let on_ground = || mesh.patches.iter().filter(|patch| patch.face == FaceId(0));
+            let area = |within: f64, beyond: f64| -> f64 {
+                let own =
+                    on_ground().filter(|patch| is_inside(patch.centroid, within) && !is_inside(patch.centroid, beyond));
+                own.map(|patch| patch.area).sum()
+            };
+            let expected = |t: f64| 4.0 * (2.0 + t) * (1.5 + t);
+            // A centroid in the walls lies in neither.
+            let inside = area(0.0, -2.0);
+            assert!((inside - expected(0.0)).abs() < 1e-6, "{wide} {thickness}: {inside}");
+            let in_walls = area(thickness, 0.0);
+            assert!(
+                (in_walls - expected(thickness) + expected(0.0)).abs() < 1e-5,
+                "{wide} {thickness}: {in_walls}"
+            );
+        }
+    }
+}
+
+/// A corner on the straight lower edge of a wall, where another face ends, is no reason to overlook it.
+#[test]
+fn a_wall_with_a_straight_corner_stands_on_the_floor() {
+    let floor = [[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [0.0, 2.0]];
+    let wall = [(0.0, 0.0), (0.7, 0.0), (2.0, 0.0), (1.0, 1.0)].map(|(y, z)| DVec3::new(1.3, y, z));
+    let mesh = Mesh::new(&floor_with(&[wall], &[floor]), cut(Subdivision::Uniform(1))).unwrap();
+    assert_eq!(mesh.n_cut_faces(), 1);
+    let areas: Vec<f64> = mesh.patches.iter().map(|patch| patch.area).collect();
+    assert!(
+        areas.len() == 3 && areas[..2].iter().any(|area| (area - 2.6).abs() < 1e-12),
+        "{areas:?}"
+    );
 }

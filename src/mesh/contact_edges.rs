@@ -1,0 +1,392 @@
+//! Where faces stand on others or pierce them: contact edges, across which light is discontinuous (D0 discontinuities).
+
+use std::cell::OnceCell;
+use std::collections::{BTreeMap, HashMap, HashSet};
+
+use glam::DVec3;
+
+use super::pieces::Pieces;
+use super::planes::{DisjointSets, FaceEdge, flat_joints};
+use super::{Mesh, Patch, PatchId};
+use crate::geometry::box_pairs::{BoxTree, overlapping_pairs};
+use crate::scene::{Corners, FaceId, Scene};
+
+/// A face that ends within this part of the smaller one's size of another stands on it: a cut that is not needed does no harm.
+const NEAR: f64 = 1e-6;
+
+/// So do faces that end within a few units of the file's last decimal place, up to this part of the smaller one's size.
+const PLACES: f64 = 4.0;
+const FAR: f64 = 1e-3;
+
+/// Rounding of a coordinate, of the heights and of the meeting points that are made of it.
+const ROUNDING: f64 = 32.0 * f64::EPSILON;
+
+/// A segment along which a face meets the plane of another one, in front of which it stands or which it pierces.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ContactEdge {
+    pub(super) from: DVec3,
+    pub(super) to: DVec3,
+    /// Up to this distance, in m, a point lies on it.
+    pub(super) tolerance: f64,
+}
+
+/// The contact edges of a scene: they are found once, when they are first used.
+///
+/// A contact edge is where a face that rises in front of another meets that one's plane: the bottom of a wall on a floor, or the line in which it passes through it. The two sides of it see different light.
+/// Faces meet that were meant to: up to the rounding of the scene's file, and up to a millionth of the smaller one's size.
+///
+/// Work: O(n log n) for n faces, and the pairs of faces whose boxes overlap. Source: [`BAUM_1991`](crate::references::BAUM_1991). Departures: none.
+#[derive(Debug)]
+pub struct ContactEdges<'a> {
+    pub(super) scene: &'a Scene,
+    found: OnceCell<Found>,
+    pieces: OnceCell<BTreeMap<FaceId, Pieces>>,
+}
+
+impl<'a> ContactEdges<'a> {
+    /// Takes a scene, whose contact edges are found when they are first used.
+    #[must_use]
+    pub fn of(scene: &'a Scene) -> Self {
+        Self {
+            scene,
+            found: OnceCell::new(),
+            pieces: OnceCell::new(),
+        }
+    }
+
+    /// Returns how many faces contact edges cross, elsewhere than along their borders.
+    #[must_use]
+    pub fn n_crossed_faces(&self) -> usize {
+        self.pieces().len()
+    }
+
+    /// Returns the faces that contact edges cross, in pieces that end there.
+    pub(super) fn pieces(&self) -> &BTreeMap<FaceId, Pieces> {
+        self.pieces.get_or_init(|| {
+            let found = self.found();
+            let cut = found.on_face.iter().filter_map(|(&face, here)| {
+                let outline = self.scene.polygon(FaceId(face));
+                Some((FaceId(face), Pieces::cut(&outline, &here.edges)?))
+            });
+            cut.collect()
+        })
+    }
+
+    fn found(&self) -> &Found {
+        self.found.get_or_init(|| Found::of(self.scene))
+    }
+
+    /// Returns the patches of a mesh of the scene that contact edges cross, in pieces that end there.
+    ///
+    /// No patch of a mesh that is [cut](super::MeshOptions::cut_at_walls) is crossed, unless faces have moved since.
+    #[must_use]
+    pub fn crossed_patches(&self, mesh: &Mesh) -> Vec<CrossedPatch> {
+        if mesh.patches.is_empty() || self.pieces().is_empty() {
+            return Vec::new();
+        }
+        let crossed = mesh.patches.iter().enumerate().filter_map(|(i, patch)| {
+            let here = self.found().on_face.get(&patch.face.0)?;
+            let id = PatchId::from_index(i);
+            let outline = mesh.polygon(id);
+            let near = here.near(&outline);
+            let pieces = Pieces::cut(&outline, &near)?;
+            let place = |piece: &Vec<super::pieces::Corner>| piece.iter().map(|corner| corner.place).collect();
+            Some(CrossedPatch {
+                patch: id,
+                pieces: pieces.outlines.iter().map(place).collect(),
+            })
+        });
+        crossed.collect()
+    }
+
+    /// Tells whether faces on one of two faces or both stand along a line: along the middle half of it at least, without a gap.
+    pub(super) fn stand_between(&self, faces: [u32; 2], from: DVec3, to: DVec3) -> bool {
+        self.found().stand_between(faces, from, to)
+    }
+}
+
+/// A patch that contact edges cross: what it collects on one side of them it gives on the other, a light leak.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CrossedPatch {
+    /// The patch.
+    pub patch: PatchId,
+    /// Its pieces between the contact edges and the lines that extend them: triangles and convex quads, counter-clockwise, in m.
+    pub pieces: Vec<Vec<DVec3>>,
+}
+
+/// The contact edges on one face, to find those near a line: a ground has many, and many patches.
+#[derive(Clone, Debug)]
+struct OnFace {
+    edges: Vec<ContactEdge>,
+    boxes: BoxTree,
+}
+
+/// The contact edges by the face that they lie on.
+#[derive(Clone, Debug, Default)]
+struct Found {
+    on_face: HashMap<u32, OnFace>,
+    /// The faces that have a contact edge elsewhere than along a border that no face of the plane continues.
+    parted: HashSet<u32>,
+}
+
+impl Found {
+    /// Finds the contact edges of a scene.
+    fn of(scene: &Scene) -> Self {
+        let outlines: Vec<Vec<DVec3>> = scene.face_ids().map(|face| scene.polygon(face)).collect();
+        let normals: Vec<DVec3> = scene
+            .face_ids()
+            .map(|face| scene.area_vector(face).normalize_or_zero())
+            .collect();
+        let tolerances = tolerances(scene, &outlines);
+        let boxes = outlines.iter().zip(&tolerances).map(|(outline, &tolerance)| {
+            let (least, greatest) = bounding_box(outline);
+            (least - tolerance, greatest + tolerance)
+        });
+        let mut on_face: HashMap<u32, Vec<ContactEdge>> = HashMap::new();
+        overlapping_pairs(boxes.collect(), |a, b| {
+            let tolerance = tolerances[a as usize].min(tolerances[b as usize]);
+            for (ground, wall) in [(a, b), (b, a)] {
+                let plane = (outlines[ground as usize][0], normals[ground as usize]);
+                if let Some(edge) = contact_edge(plane, &outlines[wall as usize], tolerance) {
+                    on_face.entry(ground).or_default().push(edge);
+                }
+            }
+        });
+        let on_face: HashMap<u32, OnFace> = on_face
+            .into_iter()
+            .map(|(face, edges)| (face, OnFace::new(edges)))
+            .collect();
+        let parted = parted(scene, &outlines, &on_face);
+        Self { on_face, parted }
+    }
+
+    /// Tells whether faces on one of two faces or both stand along a line: along the middle half of it at least, without a gap.
+    fn stand_between(&self, faces: [u32; 2], from: DVec3, to: DVec3) -> bool {
+        let middle = [from.lerp(to, 0.25), from.lerp(to, 0.75)];
+        let mut is_one = false;
+        // Where several faces stand, as distances from the middle half's start.
+        let mut parts: Vec<[f64; 2]> = Vec::new();
+        let mut tolerance = 0.0_f64;
+        for here in faces.iter().filter_map(|face| self.on_face.get(face)) {
+            for edge in here.near(&middle) {
+                is_one |= middle.iter().all(|&end| edge.distance(end) <= edge.tolerance);
+                if !is_one && let Some(part) = edge.part_along(middle) {
+                    parts.push(part);
+                    tolerance = tolerance.max(edge.tolerance);
+                }
+            }
+        }
+        is_one || cover(parts, middle[0].distance(middle[1]), tolerance)
+    }
+}
+
+/// Returns up to which distance each face touches others of its size or more.
+fn tolerances(scene: &Scene, outlines: &[Vec<DVec3>]) -> Vec<f64> {
+    let (slack, of_places) = (scene.slack(), PLACES * scene.last_place());
+    let largest = |outline: &Vec<DVec3>| outline.iter().map(|v| v.abs().max_element()).fold(0.0, f64::max);
+    let rounding = ROUNDING * outlines.iter().map(largest).fold(0.0, f64::max);
+    let of_face = |outline: &Vec<DVec3>| {
+        let (least, greatest) = bounding_box(outline);
+        let size = (greatest - least).length();
+        of_places.clamp(NEAR * size, FAR * size).max(slack).max(rounding)
+    };
+    outlines.iter().map(of_face).collect()
+}
+
+fn bounding_box(outline: &[DVec3]) -> (DVec3, DVec3) {
+    let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let grown = |(least, greatest): (DVec3, DVec3), &corner: &DVec3| (least.min(corner), greatest.max(corner));
+    outline.iter().fold(empty, grown)
+}
+
+/// Returns the faces that have a contact edge elsewhere than along a border that no face of the plane continues.
+fn parted(scene: &Scene, outlines: &[Vec<DVec3>], on_face: &HashMap<u32, OnFace>) -> HashSet<u32> {
+    let beside: HashMap<FaceEdge, FaceId> = flat_joints(scene)
+        .into_iter()
+        .flat_map(|(one, other)| [(one, other.0), (other, one.0)])
+        .collect();
+    let mut parted = HashSet::new();
+    for (&face, here) in on_face {
+        let outline = &outlines[face as usize];
+        for edge in &here.edges {
+            let border = (0..outline.len()).find(|&k| {
+                let (start, end) = (outline[k], outline[(k + 1) % outline.len()]);
+                let is_near = |point: DVec3| (point - start).reject_from(end - start).length() <= edge.tolerance;
+                is_near(edge.from) && is_near(edge.to)
+            });
+            match border.map(|k| beside.get(&(FaceId(face), k))) {
+                None => parted.extend([face]),
+                Some(Some(other)) => parted.extend([face, other.0]),
+                Some(None) => {}
+            }
+        }
+    }
+    parted
+}
+
+/// Tells whether parts of a line cover it from 0 to its length; those that were meant to touch do.
+fn cover(mut parts: Vec<[f64; 2]>, length: f64, tolerance: f64) -> bool {
+    parts.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let without_gap = parts.iter().try_fold(0.0_f64, |reached, &[start, end]| {
+        (start <= reached + tolerance).then_some(reached.max(end))
+    });
+    !parts.is_empty() && without_gap.is_some_and(|reached| reached >= length - tolerance)
+}
+
+impl OnFace {
+    fn new(edges: Vec<ContactEdge>) -> Self {
+        let boxes = edges.iter().map(|edge| {
+            let (least, greatest) = bounding_box(&[edge.from, edge.to]);
+            (least - edge.tolerance, greatest + edge.tolerance)
+        });
+        Self {
+            boxes: BoxTree::new(boxes.collect()),
+            edges,
+        }
+    }
+
+    /// Returns the contact edges whose boxes overlap that of some points, in their order.
+    fn near(&self, points: &[DVec3]) -> Vec<ContactEdge> {
+        let mut near = Vec::new();
+        self.boxes.overlapping(bounding_box(points), &mut |k| near.push(k));
+        near.sort_unstable();
+        near.into_iter().map(|k| self.edges[k as usize]).collect()
+    }
+}
+
+impl ContactEdge {
+    fn distance(&self, point: DVec3) -> f64 {
+        let along = self.to - self.from;
+        let t = ((point - self.from).dot(along) / along.length_squared()).clamp(0.0, 1.0);
+        point.distance(self.from + t * along)
+    }
+
+    /// Returns from where to where on a line, in m from its start, the contact edge runs, if all of it that is beside the line lies on it.
+    fn part_along(&self, [start, end]: [DVec3; 2]) -> Option<[f64; 2]> {
+        let length = start.distance(end);
+        let unit = (end - start).try_normalize()?;
+        let [a, b] = [self.from, self.to].map(|point| unit.dot(point - start));
+        let part = [a.min(b).max(0.0), a.max(b).min(length)];
+        let lies_on = |t: &f64| self.distance(start + t * unit) <= self.tolerance;
+        (part[0] <= part[1] && part.iter().all(lies_on)).then_some(part)
+    }
+}
+
+/// Returns where a convex polygon that reaches in front of a plane, given by a point and its normal, meets the plane, if that is a line.
+fn contact_edge((origin, normal): (DVec3, DVec3), wall: &[DVec3], tolerance: f64) -> Option<ContactEdge> {
+    let height = |k: usize| normal.dot(wall[k % wall.len()] - origin);
+    if !(0..wall.len()).any(|k| height(k) > tolerance) {
+        return None;
+    }
+    let mut points = Vec::new();
+    for k in 0..wall.len() {
+        let (h, next) = (height(k), height(k + 1));
+        if h.abs() <= tolerance {
+            points.push(wall[k]);
+        } else if next.abs() > tolerance && (h < 0.0) != (next < 0.0) {
+            points.push(wall[k].lerp(wall[(k + 1) % wall.len()], h / (h - next)));
+        }
+    }
+    // A corner on a straight edge is a third point.
+    let from = *points.first()?;
+    let farthest = |from: DVec3| {
+        let by_distance = |a: &&DVec3, b: &&DVec3| from.distance(**a).total_cmp(&from.distance(**b));
+        points.iter().max_by(by_distance).copied()
+    };
+    let to = farthest(from)?;
+    let from = farthest(to)?;
+    (from.distance(to) > tolerance).then_some(ContactEdge { from, to, tolerance })
+}
+
+/// Gives patches of one plane vertices of their own where a contact edge runs between them.
+pub(super) fn part(mesh: &mut Mesh, contact_edges: &ContactEdges<'_>) {
+    // Faces that are patches, none of which continues another.
+    if mesh.n_patches() == contact_edges.scene.faces.len() && flat_joints(contact_edges.scene).is_empty() {
+        return;
+    }
+    let found = contact_edges.found();
+    if found.parted.is_empty() {
+        return;
+    }
+    let all = mesh.patches.iter().enumerate();
+    let patches: Vec<(usize, &Patch)> = all.filter(|patch| found.parted.contains(&patch.1.face.0)).collect();
+    let mut patch_beside: HashMap<(u32, u32), usize> = HashMap::new();
+    for (patch, of_patch) in &patches {
+        patch_beside.extend(edges(of_patch.corners).map(|edge| (edge, *patch)));
+    }
+    let neighbour = |(from, to): (u32, u32)| patch_beside.get(&(to, from)).copied();
+    let place = |vertex: u32| mesh.vertices[vertex as usize];
+    let mut parted: HashSet<(u32, u32)> = HashSet::new();
+    for &(patch, of_patch) in &patches {
+        for (from, to) in edges(of_patch.corners) {
+            let Some(other) = neighbour((from, to)).filter(|&other| patch < other) else {
+                continue;
+            };
+            let faces = [of_patch.face.0, mesh.patches[other].face.0];
+            if found.stand_between(faces, place(from), place(to)) {
+                parted.extend([(from, to), (to, from)]);
+            }
+        }
+    }
+    if parted.is_empty() {
+        return;
+    }
+    // Patches stay together at a vertex where a way from one to the other leads around it: at the end of a contact edge.
+    let ends: HashSet<u32> = parted.iter().map(|edge| edge.0).collect();
+    let mut around: HashMap<u32, Vec<usize>> = HashMap::new();
+    for (patch, of_patch) in patches {
+        for &corner in of_patch.corners.as_slice() {
+            if ends.contains(&corner) {
+                around.entry(corner).or_default().push(patch);
+            }
+        }
+    }
+    let mut new_corners: Vec<(usize, u32, u32)> = Vec::new();
+    let mut new_vertices: Vec<DVec3> = Vec::new();
+    let mut ends: Vec<u32> = ends.into_iter().collect();
+    ends.sort_unstable();
+    for vertex in ends {
+        let here = &around[&vertex];
+        let mut together = DisjointSets::new(here.len());
+        for (k, &patch) in here.iter().enumerate() {
+            for edge in edges(mesh.patches[patch].corners) {
+                let is_own = edge.0 == vertex || edge.1 == vertex;
+                let beside = neighbour(edge).filter(|_| is_own && !parted.contains(&edge));
+                if let Some(other) = beside.and_then(|other| here.iter().position(|&one| one == other)) {
+                    together.join(k, other);
+                }
+            }
+        }
+        // The first keeps the old one: a set is known by its least member.
+        let mut own: HashMap<usize, u32> = HashMap::from([(0, vertex)]);
+        for (k, &patch) in here.iter().enumerate() {
+            let corner = *own.entry(together.find(k)).or_insert_with(|| {
+                new_vertices.push(place(vertex));
+                PatchId::from_index(mesh.vertices.len() + new_vertices.len() - 1).0
+            });
+            if corner != vertex {
+                new_corners.push((patch, vertex, corner));
+            }
+        }
+    }
+    for (patch, old, new) in new_corners {
+        let corners: &mut [u32] = match &mut mesh.patches[patch].corners {
+            Corners::Triangle(corners) => corners,
+            Corners::Quad(corners) => corners,
+        };
+        corners
+            .iter_mut()
+            .filter(|corner| **corner == old)
+            .for_each(|corner| *corner = new);
+    }
+    mesh.vertices.extend(new_vertices);
+}
+
+/// Returns the edges of a patch, counter-clockwise.
+fn edges(corners: Corners) -> impl Iterator<Item = (u32, u32)> {
+    let n = corners.as_slice().len();
+    (0..n).map(move |k| {
+        let corners = corners.as_slice();
+        (corners[k], corners[(k + 1) % n])
+    })
+}
