@@ -22,7 +22,7 @@ use super::progress::Bars;
 use super::storage::Storage;
 use super::{Outcome, SCHEMA_VERSION, merge, warn};
 use crate::audit::Audit;
-use crate::printable::printable;
+use crate::printable::printable_message;
 use crate::report::{StageTimes, memory_peak_byte};
 
 /// A run of one command: settings, clock, progress.
@@ -42,6 +42,10 @@ pub(super) struct Run {
     surface_names: Vec<String>,
     /// The file of the lighting that each channel belongs to; none where the materials are the scene's own.
     pub(super) lighting_files: Vec<Option<PathBuf>>,
+    /// True if lightings follow once the scene is read, in which it may emit light although it does not by itself.
+    pub(super) has_lightings: bool,
+    /// What is to be said if it does not.
+    dark: Option<String>,
     interrupt: Interrupt,
     has_looked_at_gaps: bool,
 }
@@ -63,12 +67,14 @@ impl Run {
             scene_file: PathBuf::new(),
             surface_names: Vec::new(),
             lighting_files: Vec::new(),
+            has_lightings: false,
+            dark: None,
             has_looked_at_gaps: false,
         }
     }
 
     pub(super) fn warn(&self, message: &str) {
-        self.warnings.borrow_mut().push(printable(message));
+        self.warnings.borrow_mut().push(printable_message(message));
         if !self.common.quiet {
             self.progress.finish();
             warn(message);
@@ -77,7 +83,7 @@ impl Run {
 
     /// Warns unless the same has been said.
     pub(super) fn warn_once(&self, message: &str) {
-        let is_said = self.warnings.borrow().contains(&printable(message));
+        let is_said = self.warnings.borrow().contains(&printable_message(message));
         if !is_said {
             self.warn(message);
         }
