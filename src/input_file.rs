@@ -29,6 +29,22 @@ pub(crate) fn open(path: &Path) -> io::Result<File> {
     Ok(file)
 }
 
+/// Refuses what is no plain file, before it is opened: a pipe that nobody writes to would be waited for. For files that the user did not name, but a scene, a list of frames or another file.
+///
+/// # Errors
+/// Those of the file system, with their remedy; all but a plain file.
+pub(crate) fn expect_plain(path: &Path) -> io::Result<()> {
+    let found = std::fs::metadata(path).map_err(|error| told(&error))?;
+    if found.is_file() {
+        return Ok(());
+    }
+    if found.is_dir() {
+        return Err(told(&io::ErrorKind::IsADirectory.into()));
+    }
+    let reason = "is a pipe, a socket or a device; name a plain file";
+    Err(io::Error::new(io::ErrorKind::InvalidInput, reason))
+}
+
 /// Opens a file to look into before it is read. What is no plain file is `None`, and left to who reads it: what a pipe has given is gone, and so is who writes
 /// to it once it is closed.
 ///
@@ -97,6 +113,15 @@ mod tests {
         #[cfg(unix)]
         assert!(refused(Path::new("/dev/zero"), u64::MAX).starts_with("is a device"));
         assert!(open_to_look(&file).unwrap().is_some());
+        let not_plain = |path: &Path| expect_plain(path).unwrap_err().to_string();
+        assert!(expect_plain(&file).is_ok());
+        assert_eq!(not_plain(directory.path()), "is a directory; name the file in it");
+        assert_eq!(not_plain(&file.with_extension("no")), "no such file; check the path");
+        #[cfg(unix)]
+        assert_eq!(
+            not_plain(Path::new("/dev/zero")),
+            "is a pipe, a socket or a device; name a plain file"
+        );
         #[cfg(unix)]
         assert!(open_to_look(Path::new("/dev/zero")).unwrap().is_none());
     }

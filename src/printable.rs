@@ -6,6 +6,30 @@ pub(crate) fn printable(text: &str) -> String {
     text.chars().map(shown).collect()
 }
 
+/// The most characters of a piece of input that a message quotes.
+const MAX_QUOTED: usize = 60;
+
+/// Returns a piece of input as a message quotes it: as [`printable`] does, and cut after 60 characters.
+pub(crate) fn quoted(text: &str) -> String {
+    let mut characters = text.chars();
+    let mut start: String = characters.by_ref().take(MAX_QUOTED).collect();
+    if characters.next().is_some() {
+        start.push('…');
+    }
+    printable(&start)
+}
+
+/// Returns a message as [`printable`] does, with all that it has in backticks cut as by [`quoted`].
+pub(crate) fn printable_message(message: &str) -> String {
+    let mut parts: Vec<String> = message.split('`').map(printable).collect();
+    let n = parts.len();
+    // Between an opening backtick and its end, which must be there.
+    for part in parts.iter_mut().take(n.saturating_sub(1)).skip(1).step_by(2) {
+        *part = quoted(part);
+    }
+    parts.join("`")
+}
+
 fn is_shown(c: char) -> bool {
     !c.is_control() && !matches!(c, '\u{2028}' | '\u{2029}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
@@ -48,6 +72,19 @@ mod tests {
             ["0 frames", "1 frame", "2 frames"]
         );
         assert_eq!([1, 2].map(|n| counted(n, "pass")), ["1 pass", "2 passes"]);
+    }
+
+    #[test]
+    fn quoted_input_is_cut() {
+        let long = "ä".repeat(61);
+        let cut = format!("{}…", "ä".repeat(60));
+        assert_eq!((quoted(&long), quoted(&long[2..])), (cut.clone(), long[2..].to_owned()));
+        assert_eq!(
+            printable_message(&format!("{long} `{long}` {long} `b`")),
+            format!("{long} `{cut}` {long} `b`")
+        );
+        assert_eq!(printable_message(&format!("it`s {long}")), format!("it`s {long}"));
+        assert_eq!(quoted("a\nb"), "a\u{fffd}b");
     }
 
     #[test]

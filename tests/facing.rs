@@ -1,6 +1,7 @@
 //! Faces that are wound the wrong way: which are found, and which scenes have none.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use radiosity::scene::{Corners, Scene, SurfaceId, builtin, load};
@@ -177,4 +178,86 @@ fn a_mesh_of_many_faces_is_looked_at_by_its_surfaces() {
         .collect();
     turn(&mut scene, emitters.into_iter());
     assert!(facing(&scene).no_emitter_sees || !facing(&scene).turned.is_empty());
+}
+
+/// A bowl of a sphere of 1 m, 12 by 4 faces, open at the top; seen from above it is concave. Coordinates have nine digits, as files have.
+fn bowl(opens_up: bool) -> String {
+    let (n, m) = (12, 4);
+    let mut text = String::new();
+    for ring in 0..=m {
+        let polar = 0.2 + 0.9 * f64::from(ring) / f64::from(m);
+        for k in 0..n {
+            let azimuth = 0.1 + std::f64::consts::TAU * f64::from(k) / f64::from(n);
+            let (radius, height) = (polar.sin(), -polar.cos());
+            writeln!(
+                text,
+                "v {:.9} {:.9} {height:.9}",
+                radius * azimuth.cos(),
+                radius * azimuth.sin()
+            )
+            .unwrap();
+        }
+    }
+    text += "o bowl\nusemtl grey\n";
+    for ring in 0..m {
+        for k in 0..n {
+            let at = |ring: i32, k: i32| ring * n + (k % n) + 1;
+            let mut corners = [at(ring, k), at(ring, k + 1), at(ring + 1, k + 1), at(ring + 1, k)];
+            if opens_up {
+                corners.reverse();
+            }
+            let [a, b, c, d] = corners;
+            writeln!(text, "f {a} {b} {c} {d}").unwrap();
+        }
+    }
+    text
+}
+
+/// High above the bowl, where its faces do not see them from either side: two plates that face each other, and a solid that looks outwards.
+const OTHERS: &str = "v 0 0 20\nv 1 0 20\nv 1 1 20\nv 0 1 20\nv 0 0 21\nv 0 1 21\nv 1 1 21\nv 1 0 21\n\
+    o below\nusemtl grey\nf -8 -7 -6 -5\no above\nusemtl lamp\nf -4 -3 -2 -1\n\
+    v 3 0 20\nv 4 0 20\nv 4 1 20\nv 3 1 20\nv 3 0 21\nv 4 0 21\nv 4 1 21\nv 3 1 21\no solid\nusemtl grey\n\
+    f -8 -5 -6 -7\nf -4 -3 -2 -1\nf -8 -7 -3 -4\nf -7 -6 -2 -3\nf -6 -5 -1 -2\nf -5 -8 -4 -1\n";
+
+#[test]
+fn a_surface_that_is_concave_from_behind_alone_is_found() {
+    for (opens_up, is_alone) in [(true, true), (false, true), (true, false), (false, false)] {
+        let scene = scene_of(&(bowl(opens_up) + if is_alone { "" } else { OTHERS }));
+        let found = facing(&scene);
+        let inside_out: Vec<&str> = found
+            .inside_out
+            .iter()
+            .map(|id| scene.surfaces[id.0 as usize].name.as_str())
+            .collect();
+        assert_eq!(found.none_sees, !opens_up && is_alone, "{opens_up} {is_alone}");
+        let expected: &[&str] = if opens_up || is_alone { &[] } else { &["bowl"] };
+        assert_eq!(inside_out, expected, "{opens_up} {is_alone}");
+    }
+}
+
+#[test]
+fn faces_that_see_only_backs_are_counted() {
+    let mut text = String::from("usemtl grey\n");
+    // A ground of 3 by 3 faces below a ceiling of 2 by 2, which looks up or down.
+    for looks_down in [false, true] {
+        for (n, z) in [(3, 0.0), (2, 1.0)] {
+            writeln!(text, "o s{n}").unwrap();
+            for (x, y) in (0..n).flat_map(|x| (0..n).map(move |y| (x, y))) {
+                let at = |k: i32| 3.0 * f64::from(k) / f64::from(n);
+                let (x, y) = ([at(x), at(x + 1)], [at(y), at(y + 1)]);
+                for (x, y) in [(x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1])] {
+                    writeln!(text, "v {x} {y} {z}").unwrap();
+                }
+                let is_reversed = n == 2 && looks_down;
+                text += if is_reversed {
+                    "f -1 -2 -3 -4\n"
+                } else {
+                    "f -4 -3 -2 -1\n"
+                };
+            }
+        }
+        let found = facing(&scene_of(&text));
+        assert_eq!(found.n_see_only_backs, if looks_down { 0 } else { 9 });
+        text.clear();
+    }
 }

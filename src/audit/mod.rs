@@ -195,17 +195,13 @@ impl Audit {
 
 /// Checks a picture: what shows light is finite and not negative.
 ///
-/// Looks at the layers `R`, `G`, `B`, `irradiance.*`, `radiosity.*` and `direct.*`. Departures: none.
+/// Looks at the layers that are light ([`Layer::is_light`](crate::render::Layer::is_light)). Departures: none.
 #[must_use]
 pub fn picture(image: &Image) -> Audit {
     let mut worst = Worst::default();
     for layer in image.layers() {
-        let is_light = ["irradiance.", "radiosity.", "direct."]
-            .iter()
-            .any(|start| layer.name.starts_with(start))
-            || ["R", "G", "B"].contains(&layer.name.as_str());
         let Samples::F32(values) = &layer.samples else { continue };
-        for (pixel, value) in values.iter().enumerate().filter(|_| is_light) {
+        for (pixel, value) in values.iter().enumerate().filter(|_| layer.is_light()) {
             let deviation = if value.is_finite() {
                 f64::from(-value.min(0.0))
             } else {

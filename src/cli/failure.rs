@@ -9,6 +9,7 @@ use crate::checkpoint::CheckpointError;
 use crate::experiment::ExperimentError;
 use crate::form_factor::FormFactorError;
 use crate::matrix::{DiskError, MatrixError};
+use crate::printable::printable_message;
 use crate::render::RenderError;
 use crate::report::plot::PlotError;
 use crate::report::{RasterError, ReportError};
@@ -36,7 +37,7 @@ impl Failure {
     pub(super) fn new(kind: &'static str, message: impl Into<String>) -> Self {
         Self {
             kind,
-            message: message.into(),
+            message: printable_message(&message.into()),
             file: None,
             line: None,
             code: ExitCode::Error,
@@ -85,9 +86,10 @@ impl From<SceneError> for Failure {
     fn from(error: SceneError) -> Self {
         let code = match error {
             // These name a flag's or an argument's value, and no file.
-            SceneError::UnknownBuiltin { .. } | SceneError::NoLevels { .. } | SceneError::LevelTooHigh { .. } => {
-                ExitCode::Usage
-            }
+            SceneError::UnknownBuiltin { .. }
+            | SceneError::NoLevels { .. }
+            | SceneError::LevelTooHigh { .. }
+            | SceneError::UnknownSurface { .. } => ExitCode::Usage,
             _ => ExitCode::Error,
         };
         Self {

@@ -22,6 +22,7 @@ use super::{Outcome, merge, solve};
 use crate::form_factor::{Before, Change};
 use crate::matrix::FormFactors;
 use crate::printable::counted;
+use crate::render::MAX_PICTURE_EXITANCE;
 use crate::render::{DirectMethod, RenderInput, RenderSettings};
 use crate::scene::{Lighting, Motion, Pose, frames};
 use crate::solver::{Coarsened, Solution, StopReason};
@@ -52,8 +53,12 @@ struct Sequence {
 
 pub(super) fn work(args: &RenderArgs, file: &Path, run: &mut Run) -> Result<Outcome, Failure> {
     let wanted = frames::load(file)?;
+    run.has_lightings = true;
     let prepared = run.prepare(&args.scene, args.mesh, args.storage.memory.memory_limit, default_mesh)?;
     let all = ready(args, file, wanted, &prepared)?;
+    let files = all.lighting_files.iter().map(Option::as_deref);
+    let lightings: Vec<_> = files.zip(all.lightings.iter().map(Option::as_ref)).collect();
+    run.warn_of_darkness(&prepared.scene, &lightings);
     let mut largest = 0;
     for frame in &all.frames {
         largest = largest.max(image_byte(
@@ -445,7 +450,9 @@ fn ready(args: &RenderArgs, file: &Path, wanted: Vec<frames::Frame>, prepared: &
         let lighting = if let Some(k) = known {
             k
         } else {
-            let loaded = lighting_file.as_ref().map(|path| Lighting::load(path, &prepared.scene));
+            let loaded = lighting_file
+                .as_ref()
+                .map(|path| Lighting::load_up_to(path, &prepared.scene, MAX_PICTURE_EXITANCE));
             lightings.push(loaded.transpose().map_err(|error| in_list(error.into()))?);
             lighting_files.push(lighting_file.clone());
             lighting_files.len() - 1

@@ -38,6 +38,13 @@ impl Lightings {
         Ok(Self { names, outputs, all })
     }
 
+    /// Warns of lightings in which no face emits light; `files` are theirs.
+    pub(super) fn warn_of_darkness(&self, run: &mut Run, scene: &Scene, files: &[PathBuf]) {
+        let files = files.iter().map(|file| Some(file.as_path()));
+        let lightings: Vec<_> = files.zip(self.all.iter().map(Option::as_ref)).collect();
+        run.warn_of_darkness(scene, &lightings);
+    }
+
     pub(super) fn reflectance_max(&self) -> f64 {
         greatest_reflectance(self.all.iter().flatten())
     }

@@ -31,14 +31,14 @@ use std::ffi::OsString;
 use std::io::{self, BufWriter, Write};
 use std::panic::{AssertUnwindSafe, PanicHookInfo};
 
-use clap::Parser;
+use clap::{CommandFactory as _, FromArgMatches as _};
 use serde_json::Value;
 
 use args::{Cli, Command, CommonArgs};
 pub use exit_code::ExitCode;
 use failure::Failure;
 
-use crate::printable::printable;
+use crate::printable::{printable_message, quoted};
 
 /// The version of the JSON documents.
 pub const SCHEMA_VERSION: u32 = 1;
@@ -54,7 +54,7 @@ struct Outcome {
 #[must_use]
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let arguments: Vec<OsString> = arguments.into_iter().collect();
-    let cli = match Cli::try_parse_from(&arguments) {
+    let cli = match parse(&arguments) {
         Ok(cli) => cli,
         Err(error) => return usage(&error, &arguments),
     };
@@ -101,7 +101,25 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     }
 }
 
+/// Parses the arguments. A value may begin with a minus and a digit: what is wrong with a number, its flag knows best.
+fn parse(arguments: &[OsString]) -> Result<Cli, clap::Error> {
+    let command = Cli::command().mut_subcommands(|command| {
+        command.mut_args(|argument| {
+            let is_flag_with_value = !argument.is_positional() && argument.get_action().takes_values();
+            argument.allow_negative_numbers(is_flag_with_value)
+        })
+    });
+    let mut matches = command.try_get_matches_from(arguments)?;
+    Cli::from_arg_matches_mut(&mut matches)
+}
+
 fn run(command: &Command, common: &CommonArgs) -> Result<Outcome, Failure> {
+    let reads_scene = !matches!(command, Command::Scene(_) | Command::Verify(_) | Command::Reproduce(_));
+    if !reads_scene && !common.flip.is_empty() {
+        return Err(Failure::usage(
+            "--flip reverses faces of a scene that is read, and this command reads none",
+        ));
+    }
     let threads = common.threads.map_or(0, std::num::NonZeroUsize::get);
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
@@ -141,7 +159,13 @@ fn usage(error: &clap::Error, arguments: &[OsString]) -> ExitCode {
         let _ = error.print();
         return ExitCode::Usage;
     }
-    let line = usage_line(&error.render().to_string());
+    let mut line = usage_line(&error.render().to_string());
+    for argument in arguments.iter().map(|argument| argument.to_string_lossy()) {
+        let cut = quoted(&argument);
+        if cut.len() < argument.len() {
+            line = line.replace(&*argument, &cut);
+        }
+    }
     complain(&line);
     if arguments.iter().any(|a| a == "--json") {
         print_document(&Failure::new("usage", line).to_json());
@@ -238,12 +262,12 @@ fn one_line(defect: &PanicHookInfo<'_>) -> String {
 
 /// Writes one line to stderr.
 fn complain(message: &str) {
-    let _ = writeln!(io::stderr(), "radiosity: {}", printable(message));
+    let _ = writeln!(io::stderr(), "radiosity: {}", printable_message(message));
 }
 
 /// Writes a warning to stderr.
 fn warn(message: &str) {
-    let _ = writeln!(io::stderr(), "radiosity: warning: {}", printable(message));
+    let _ = writeln!(io::stderr(), "radiosity: warning: {}", printable_message(message));
 }
 
 #[cfg(test)]

@@ -415,12 +415,12 @@ pub(super) fn view(args: &ViewArgs, scene_file: &Path, scene: &Scene) -> Result<
         let n_pixels = NonZeroU32::new(args.width.unwrap_or(64)).ok_or(Failure::usage("--width starts at 1"))?;
         return Ok(AnyView::Unfolded(UnfoldedView::new(scene, n_pixels)?));
     }
-    let beside = || Camera::file_beside(scene_file);
-    let file = args.camera.clone().or_else(beside);
-    let mut camera = match &file {
-        Some(file) => Camera::load(file)?,
-        None => Camera::default_view(scene),
+    let given = match &args.camera {
+        Some(file) => Some(Camera::load(file)?),
+        None => Camera::load_beside(scene_file)?,
     };
+    let file = args.camera.clone().or_else(|| Camera::file_beside(scene_file));
+    let mut camera = given.unwrap_or_else(|| Camera::default_view(scene));
     let mut chosen_up = None;
     if flags {
         let eye = args.eye.map_or(camera.eye(), DVec3::from_array);

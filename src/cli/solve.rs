@@ -47,12 +47,14 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
         tolerance: Some(args.solver.tolerance),
         ..Storage::default()
     };
+    run.has_lightings = !args.lighting.is_empty();
     let mut prepared = run.prepare(&args.scene, mesh_args, args.storage.memory.memory_limit, |_| {
         Subdivision::Uniform(1)
     })?;
     // Before the work: a mistake in them is found at once, and their reflectances count in how form factors are stored.
     let loaded = Lightings::load(args, &prepared.scene)?;
     run.storage.reflectance_max = loaded.reflectance_max();
+    loaded.warn_of_darkness(run, &prepared.scene, &args.lighting);
     if args.on_the_fly {
         let request = super::on_the_fly::Request {
             method: &args.method,

@@ -29,7 +29,9 @@ pub enum EmbreeError {
         message: String,
     },
     /// There is not enough memory for the scene.
-    #[error("Embree is out of memory: {message}")]
+    #[error(
+        "the ray tracer (Embree) is out of memory: {message}; raise the limit of the process (`ulimit -v`), free memory, or split the scene into fewer faces at a time"
+    )]
     OutOfMemory {
         /// Embree's words.
         message: String,
@@ -149,6 +151,8 @@ mod tests {
         assert!(
             matches!(from_c(4, "too large").check(), Err(EmbreeError::OutOfMemory { message }) if message == "too large")
         );
+        let remedy = from_c(4, "too large").check().expect_err("out of memory").to_string();
+        assert!(remedy.contains("too large") && remedy.contains("ulimit -v"), "{remedy}");
         assert!(
             matches!(from_c(5, "no SSE2").check(), Err(EmbreeError::UnsupportedCpu { message }) if message == "no SSE2")
         );

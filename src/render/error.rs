@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use crate::printable::printable;
+use crate::printable::{printable_message, quoted};
 
 /// An image cannot be rendered, written or read.
 #[derive(Debug, Error)]
@@ -35,7 +35,7 @@ pub enum RenderError {
         source: std::io::Error,
     },
     /// The file is no OpenEXR file, or a damaged one.
-    #[error("{path} is not a readable OpenEXR file: {}", printable(.reason))]
+    #[error("{path} is not a readable OpenEXR file: {}", printable_message(.reason))]
     NotExr {
         /// The file.
         path: PathBuf,
@@ -51,7 +51,7 @@ pub enum RenderError {
         name: &'static str,
     },
     /// An attribute cannot be understood.
-    #[error("{path}: the attribute \"{name}\" is damaged: {}", printable(.reason))]
+    #[error("{path}: the attribute \"{name}\" is damaged: {}", printable_message(.reason))]
     BadAttribute {
         /// The file.
         path: PathBuf,
@@ -61,7 +61,7 @@ pub enum RenderError {
         reason: String,
     },
     /// The attributes were written by a version whose layout this one does not know.
-    #[error("{path} has attributes of format {}, this program reads format {expected}", printable(.found))]
+    #[error("{path} has attributes of format {}, this program reads format {expected}", quoted(.found))]
     WrongFormat {
         /// The file.
         path: PathBuf,
@@ -69,6 +69,14 @@ pub enum RenderError {
         found: String,
         /// The format that is understood.
         expected: u32,
+    },
+    /// A pixel is not a finite number: the light leaves the range of f32.
+    #[error("pixel {pixel} of the layer \"{layer}\" overflows f32; lower the exitances (`Ke`) of the scene")]
+    Overflow {
+        /// The layer.
+        layer: String,
+        /// The pixel, counted along the rows from the upper left one.
+        pixel: usize,
     },
     /// The caller asked to stop.
     #[error("the rendering was interrupted")]

@@ -54,7 +54,7 @@ pub fn write(path: &Path, image: &Image, attributes: &Attributes) -> Result<(), 
 /// With several parts the attributes are those of the first. Equal arguments give equal bytes.
 ///
 /// # Errors
-/// [`RenderError::Io`], [`RenderError::Encode`].
+/// [`RenderError::Io`], [`RenderError::Encode`]; [`RenderError::Overflow`] for light that is no finite number.
 pub fn write_parts(path: &Path, image: &Image, attributes: &Attributes, parts: Parts) -> Result<(), RenderError> {
     let bytes = encode(image, attributes, parts)?;
     whole_file::write(path, |writer| writer.write_all(&bytes)).map_err(|source| RenderError::Io {
@@ -86,6 +86,12 @@ fn encode(image: &Image, attributes: &Attributes, parts: Parts) -> Result<Vec<u8
     }
     let mut groups: BTreeMap<&str, Vec<AnyChannel<FlatSamples>>> = BTreeMap::new();
     for layer in image.layers() {
+        if let Samples::F32(values) = &layer.samples
+            && let Some(pixel) = values.iter().position(|value| layer.is_light() && !value.is_finite())
+        {
+            let layer = layer.name.clone();
+            return Err(RenderError::Overflow { layer, pixel });
+        }
         let group = match parts {
             Parts::Single => PICTURE,
             Parts::Multi => part_of(&layer.name),

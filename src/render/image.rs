@@ -29,6 +29,15 @@ pub struct Layer {
     pub samples: Samples,
 }
 
+impl Layer {
+    /// Tells whether the layer shows light: `R`, `G`, `B`, `irradiance.*`, `radiosity.*` or `direct.*`.
+    #[must_use]
+    pub fn is_light(&self) -> bool {
+        let starts = ["irradiance.", "radiosity.", "direct."];
+        ["R", "G", "B"].contains(&self.name.as_str()) || starts.iter().any(|start| self.name.starts_with(start))
+    }
+}
+
 /// Named layers of width × height samples, in the order of their names' bytes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {

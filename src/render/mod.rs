@@ -43,6 +43,9 @@ use crate::visibility::Visibility;
 use direct::DirectPass;
 use display::{Unwatched, Watcher};
 use gather::Gatherer;
+/// The greatest exitance, in W·m⁻², of a scene for a picture: a thirtieth of what f32 holds, as reflected light comes on top.
+pub const MAX_PICTURE_EXITANCE: f64 = 1e37;
+
 pub use gather::{GatherReport, GatherSettings};
 use renderer::{Renderer, SurfaceSums, sample_grid};
 use shade::Shader;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 use crate::matrix::{DiskError, MatrixError};
-use crate::printable::printable;
+use crate::printable::{printable_message, quoted};
 
 /// Why a report could not be written, or a file of form factors not be read.
 #[derive(Debug, Error)]
@@ -47,7 +47,7 @@ pub enum ReportError {
         what: String,
     },
     /// A later layout of the file than this program knows.
-    #[error("{}: holds \"{}\", and this program reads \"{expected}\"", .path.display(), printable(.found))]
+    #[error("{}: holds \"{}\", and this program reads \"{expected}\"", .path.display(), quoted(.found))]
     Version {
         /// The file.
         path: PathBuf,
@@ -57,7 +57,7 @@ pub enum ReportError {
         expected: &'static str,
     },
     /// The file is cut off, changed, or contradicts itself.
-    #[error("{}: damaged: {}; write it again with `radiosity form-factors`", .path.display(), printable(.reason))]
+    #[error("{}: damaged: {}; write it again with `radiosity form-factors`", .path.display(), printable_message(.reason))]
     Damaged {
         /// The file.
         path: PathBuf,

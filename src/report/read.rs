@@ -51,7 +51,7 @@ impl FormFactorFile {
             }
             _ => {
                 let path = beside(path);
-                match input_file::read(&path, DESCRIPTION_LIMIT) {
+                match input_file::expect_plain(&path).and_then(|()| input_file::read(&path, DESCRIPTION_LIMIT)) {
                     Ok(text) => description(&path, &text)?,
                     Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
                         return Err(missing(format!("{} beside it", path.display())));

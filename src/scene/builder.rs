@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
-use super::overlap;
+use super::cut_out::{CutOut, Refused, cut_out};
 use super::split::{Outline, split};
 use super::{
     Corners, Face, MAX_CORNERS, MAX_FACES, Material, MaterialId, Scene, SceneError, Surface, SurfaceId, Written,
@@ -76,7 +76,8 @@ impl Builder {
         material: MaterialId,
         line: u32,
     ) -> Result<Added, SceneError> {
-        let corners = without_repeats(corners);
+        let mut corners = corners.to_vec();
+        without_repeats(&mut corners);
         self.below(corners.len().saturating_sub(1), MAX_CORNERS, "corners in one face")?;
         let faces = match split(&corners) {
             Outline::ZeroArea => return Ok(Added::ZeroArea),
@@ -113,11 +114,11 @@ impl Builder {
         Ok(if is_bent(&corners) { Added::Bent } else { Added::Faces })
     }
 
-    /// Ends the scene: surfaces and materials without faces are dropped, materials take the order of their first use.
+    /// Ends the scene: what is drawn on larger faces is cut out of them, surfaces and materials without faces are dropped, materials take the order of their first use.
     ///
     /// # Errors
-    /// No face, or faces of one winding that overlap in one plane.
-    pub(super) fn finish(self) -> Result<Scene, SceneError> {
+    /// No face, or faces of one winding that coincide.
+    pub(super) fn finish(self) -> Result<(Scene, Option<CutOut>), SceneError> {
         let Self {
             file,
             mut scene,
@@ -129,10 +130,17 @@ impl Builder {
         if scene.faces.is_empty() {
             return Err(SceneError::NoFaces { file });
         }
-        if let Some(faces) = overlap::find(&scene) {
-            let [line, first_line] = faces.map(|face| scene.faces[face.0 as usize].line);
-            return Err(SceneError::OverlappingFaces { file, line, first_line });
-        }
+        let cut = cut_out(&mut scene).map_err(|refused| match refused {
+            Refused::Coincident(faces) => {
+                let [line, first_line] = faces.map(|face| scene.faces[face.0 as usize].line);
+                SceneError::OverlappingFaces { file, line, first_line }
+            }
+            Refused::TooMany(what) => SceneError::TooMany {
+                file,
+                what,
+                limit: MAX_FACES,
+            },
+        })?;
         let mut surface_in_use = vec![false; scene.surfaces.len()];
         for face in &scene.faces {
             surface_in_use[face.surface.0 as usize] = true;
@@ -157,7 +165,7 @@ impl Builder {
         }
         scene.surfaces = surfaces;
         scene.materials = materials;
-        Ok(scene)
+        Ok((scene, cut))
     }
 
     fn vertex(&mut self, position: DVec3) -> Result<u32, SceneError> {
@@ -197,13 +205,11 @@ fn self_len<T>(things: &[T]) -> u32 {
 }
 
 /// Removes corners that repeat their predecessor, the last before the first among them.
-fn without_repeats(corners: &[DVec3]) -> Vec<DVec3> {
-    let mut kept: Vec<DVec3> = corners.to_vec();
-    kept.dedup();
-    while kept.len() > 1 && kept.first() == kept.last() {
-        kept.pop();
+pub(super) fn without_repeats(corners: &mut Vec<DVec3>) {
+    corners.dedup();
+    while corners.len() > 1 && corners.first() == corners.last() {
+        corners.pop();
     }
-    kept
 }
 
 /// Tells whether a corner is further than [`BENT`] of the size of an outline from its plane.

@@ -10,7 +10,7 @@ use super::lines::{line_after, read_text};
 use super::table::{three, three_if_given};
 use super::write::write_whole;
 use super::{SceneError, default_view};
-use crate::input_file::DESCRIPTION_LIMIT;
+use crate::input_file::{self, DESCRIPTION_LIMIT};
 use crate::scene::Scene;
 
 /// A pinhole camera with square pixels.
@@ -145,7 +145,14 @@ impl Camera {
     /// # Errors
     /// As [`Camera::load`].
     pub fn load_beside(scene_file: impl AsRef<Path>) -> Result<Option<Self>, SceneError> {
-        Self::file_beside(scene_file).map(Self::load).transpose()
+        let Some(file) = Self::file_beside(scene_file) else {
+            return Ok(None);
+        };
+        input_file::expect_plain(&file).map_err(|source| SceneError::Unreadable {
+            file: file.clone(),
+            source,
+        })?;
+        Self::load(file).map(Some)
     }
 
     /// Returns the `camera.toml` in the directory of a scene file, if there is one.

@@ -5,7 +5,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::builtin;
-use crate::printable::printable;
+use crate::printable::{printable_message, quoted};
 
 /// A reason why a scene cannot be read, built or written.
 ///
@@ -57,7 +57,7 @@ pub enum SceneError {
     },
     /// A coordinate that is no finite number of a sensible size.
     #[error("{}:{line}: coordinate `{}` is not a finite number within ±{limit:e}; correct it",
-        .file.display(), printable(.token), limit = super::MAX_COORDINATE)]
+        .file.display(), quoted(.token), limit = super::MAX_COORDINATE)]
     BadCoordinate {
         /// The scene file.
         file: PathBuf,
@@ -67,7 +67,7 @@ pub enum SceneError {
         token: String,
     },
     /// A vertex index that is no integer.
-    #[error("{}:{line}: `{}` is not a vertex index; correct the face", .file.display(), printable(.token))]
+    #[error("{}:{line}: `{}` is not a vertex index; correct the face", .file.display(), quoted(.token))]
     BadIndex {
         /// The scene file.
         file: PathBuf,
@@ -118,9 +118,9 @@ pub enum SceneError {
         /// The line of the first face.
         first_line: u32,
     },
-    /// Two faces that share a part of their plane, with the same winding.
+    /// Two faces, or two flat parts of surfaces, that coincide with the same winding, so that neither is drawn on the other.
     #[error("{}:{line}: the face overlaps the one of line {first_line} in one plane, with the same winding, and light would count twice there; \
-         cut the shared part out of one, move one out of the plane, or reverse one for a two-sided sheet",
+         remove one, move one out of the plane, or reverse one for a two-sided sheet",
         .file.display())]
     OverlappingFaces {
         /// The scene file.
@@ -141,7 +141,7 @@ pub enum SceneError {
         keyword: &'static str,
     },
     /// A material library that is not in the scene's folder or below it.
-    #[error("{}:{line}: the library `{}` lies outside the scene's folder; move it there, or say --allow-outside", .file.display(), printable(.name))]
+    #[error("{}:{line}: the library `{}` lies outside the scene's folder; move it there, or say --allow-outside", .file.display(), quoted(.name))]
     OutsideFolder {
         /// The scene file.
         file: PathBuf,
@@ -161,7 +161,7 @@ pub enum SceneError {
         keyword: &'static str,
     },
     /// A `Kd` or `Ke` that is neither one nor three numbers.
-    #[error("{}:{line}: `{keyword} {}` is neither one nor three numbers; give red, green and blue", .file.display(), printable(.value))]
+    #[error("{}:{line}: `{keyword} {}` is neither one nor three numbers; give red, green and blue", .file.display(), quoted(.value))]
     BadMaterialValue {
         /// The material file.
         file: PathBuf,
@@ -192,8 +192,30 @@ pub enum SceneError {
         /// The first value out of range.
         value: f64,
     },
+    /// An exitance so great that the light leaves the range of numbers.
+    #[error("{}:{line}: exitance `Ke` {value:e} is above {limit:.1e} W/m², beyond which light overflows here; lower it", .file.display())]
+    TooBright {
+        /// The material file.
+        file: PathBuf,
+        /// The line.
+        line: u32,
+        /// The exitance, in W·m⁻².
+        value: f64,
+        /// The greatest one that is possible, in W·m⁻².
+        limit: f64,
+    },
+    /// A surface was named that the scene does not have.
+    #[error("{}: there is no surface `{}`; the first ones are `{}`", .file.display(), quoted(.name), printable_message(.known))]
+    UnknownSurface {
+        /// The scene file.
+        file: PathBuf,
+        /// The name.
+        name: String,
+        /// Names that the scene has.
+        known: String,
+    },
     /// The parser refused a text that had been checked: a defect of this crate, told instead of hidden.
-    #[error("{}: the parser disagrees with the check before it ({}); please report the file", .file.display(), printable(.message))]
+    #[error("{}: the parser disagrees with the check before it ({}); please report the file", .file.display(), printable_message(.message))]
     Parser {
         /// The scene or material file.
         file: PathBuf,
@@ -201,7 +223,7 @@ pub enum SceneError {
         message: String,
     },
     /// A camera file that cannot be understood or makes no camera.
-    #[error("{}{}: {}", .file.as_deref().unwrap_or(Path::new("camera")).display(), colon_line(*.line), printable(.message))]
+    #[error("{}{}: {}", .file.as_deref().unwrap_or(Path::new("camera")).display(), colon_line(*.line), printable_message(.message))]
     BadCamera {
         /// The camera file; none for a camera made in memory.
         file: Option<PathBuf>,
@@ -211,7 +233,7 @@ pub enum SceneError {
         message: String,
     },
     /// A lighting file that cannot be understood, or names what the scene does not have.
-    #[error("{}{}: {}", .file.display(), colon_line(*.line), printable(.message))]
+    #[error("{}{}: {}", .file.display(), colon_line(*.line), printable_message(.message))]
     BadLighting {
         /// The lighting file.
         file: PathBuf,
@@ -221,7 +243,7 @@ pub enum SceneError {
         message: String,
     },
     /// A list of frames that cannot be understood.
-    #[error("{}{}: {}", .file.display(), colon_line(*.line), printable(.message))]
+    #[error("{}{}: {}", .file.display(), colon_line(*.line), printable_message(.message))]
     BadFrames {
         /// The list's file.
         file: PathBuf,
@@ -301,6 +323,8 @@ impl SceneError {
             Self::BadMaterialValue { .. } => "bad_material_value",
             Self::ReflectanceOutOfRange { .. } => "reflectance_out_of_range",
             Self::ExitanceOutOfRange { .. } => "exitance_out_of_range",
+            Self::TooBright { .. } => "too_bright",
+            Self::UnknownSurface { .. } => "unknown_surface",
             Self::Parser { .. } => "parser",
             Self::BadCamera { .. } => "bad_camera",
             Self::BadLighting { .. } => "bad_lighting",
@@ -336,6 +360,8 @@ impl SceneError {
             | Self::BadMaterialValue { file, .. }
             | Self::ReflectanceOutOfRange { file, .. }
             | Self::ExitanceOutOfRange { file, .. }
+            | Self::TooBright { file, .. }
+            | Self::UnknownSurface { file, .. }
             | Self::BadLighting { file, .. }
             | Self::BadFrames { file, .. }
             | Self::Parser { file, .. }
@@ -367,7 +393,8 @@ impl SceneError {
             | Self::OutsideMaterial { line, .. }
             | Self::BadMaterialValue { line, .. }
             | Self::ReflectanceOutOfRange { line, .. }
-            | Self::ExitanceOutOfRange { line, .. } => Some(*line),
+            | Self::ExitanceOutOfRange { line, .. }
+            | Self::TooBright { line, .. } => Some(*line),
             Self::BadCamera { line, .. } | Self::BadLighting { line, .. } | Self::BadFrames { line, .. } => *line,
             _ => None,
         }

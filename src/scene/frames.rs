@@ -1,5 +1,6 @@
 //! A list of frames: lightings, cameras and places of objects for one scene, in the order in which they are shown.
 
+use std::io;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
@@ -8,7 +9,7 @@ use toml::Spanned;
 use super::lines::{line_after, read_text};
 use super::table::{Content, Table};
 use super::{Motion, MotionError, Pose, Scene, SceneError};
-use crate::input_file::DESCRIPTION_LIMIT;
+use crate::input_file::{self, DESCRIPTION_LIMIT};
 
 /// One frame as its file names it.
 #[derive(Clone, Debug, PartialEq)]
@@ -143,6 +144,10 @@ pub fn load(file: impl AsRef<Path>) -> Result<Vec<Frame>, SceneError> {
             let message = format!("two frames are called `{}`; rename one", frame.name);
             return Err(bad(Some(start), message));
         }
+        let cameras = frame.camera.iter().filter(|path| *path != Path::new("unfolded"));
+        for named in frame.lighting.iter().chain(cameras) {
+            expect_plain(file, named).map_err(|message| bad(Some(start), message))?;
+        }
         let line_of = |motion: &Spanned<Table<Motion>>| line_after(text.get(..motion.span().start).unwrap_or(&text));
         frames.push(Frame {
             name: frame.name,
@@ -157,6 +162,14 @@ pub fn load(file: impl AsRef<Path>) -> Result<Vec<Frame>, SceneError> {
         });
     }
     Ok(frames)
+}
+
+/// Refuses a pipe or a device that a list names; what is not there, its reader reports.
+fn expect_plain(list: &Path, named: &Path) -> Result<(), String> {
+    match input_file::expect_plain(&list.parent().unwrap_or(Path::new("")).join(named)) {
+        Err(error) if error.kind() == io::ErrorKind::InvalidInput => Err(format!("`{}`: {error}", named.display())),
+        _ => Ok(()),
+    }
 }
 
 #[cfg(test)]

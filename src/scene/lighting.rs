@@ -6,10 +6,12 @@ use std::path::Path;
 use serde::Deserialize;
 use toml::Spanned;
 
+use super::bright::exitance_limit;
 use super::lines::{line_after, read_text};
 use super::table::{Content, Table};
-use super::{Material, MaterialId, Scene, SceneError, SurfaceId};
+use super::{MAX_EXITANCE, Material, MaterialId, Scene, SceneError, SurfaceId};
 use crate::input_file::DESCRIPTION_LIMIT;
+use crate::printable::quoted;
 
 /// What one lighting changes of a scene's materials.
 ///
@@ -75,8 +77,16 @@ impl Lighting {
     ///
     /// # Errors
     /// A file that cannot be read; [`SceneError::BadLighting`], with the line, for what is no such TOML, a name that the scene does not have, a reflectance
-    /// outside \[0, 1\], or an exitance that is negative or not finite.
+    /// outside \[0, 1\], or an exitance that is negative, above [`MAX_EXITANCE`], or overflows with the area that emits it.
     pub fn load(file: impl AsRef<Path>, scene: &Scene) -> Result<Self, SceneError> {
+        Self::load_up_to(file, scene, MAX_EXITANCE)
+    }
+
+    /// Reads a lighting as [`load`](Self::load) does, with another limit of exitances, in W·m⁻².
+    ///
+    /// # Errors
+    /// As [`load`](Self::load).
+    pub fn load_up_to(file: impl AsRef<Path>, scene: &Scene, max_exitance: f64) -> Result<Self, SceneError> {
         let file = file.as_ref();
         let text = read_text(file, DESCRIPTION_LIMIT)?;
         let bad = |start: Option<usize>, message: String| SceneError::BadLighting {
@@ -93,17 +103,28 @@ impl Lighting {
         })?;
         let surfaces: Vec<&str> = scene.surfaces.iter().map(|s| s.name.as_str()).collect();
         let materials: Vec<&str> = scene.materials.iter().map(|m| m.name.as_str()).collect();
-        let read = |kind: &str, known: &[&str], changes: BTreeMap<String, Spanned<Table<ChangeInFile>>>| {
+        let areas = areas_of(scene);
+        let changes = parsed.surface.values().chain(parsed.material.values());
+        let reflectances = changes.filter_map(|change| change.get_ref().0.reflectance.as_ref());
+        let reflectance_max = reflectances
+            .flat_map(|given| given.get_ref().rgb())
+            .fold(scene.reflectance_max(), f64::max);
+        let read = |kind: &str,
+                    known: &[&str],
+                    areas: &[f64],
+                    changes: BTreeMap<String, Spanned<Table<ChangeInFile>>>| {
             let mut found = BTreeMap::new();
             for (name, change) in changes {
                 let Some(id) = (0_u32..).zip(known).find(|(_, known)| **known == name) else {
                     let message = format!(
-                        "{kind}.{name}: the scene has no {kind} of that name; it has {}",
-                        known.join(", ")
+                        "{kind}.{}: the scene has no {kind} of that name; it has {}",
+                        quoted(&name),
+                        first_names(known)
                     );
                     return Err(bad(Some(change.span().start), message));
                 };
                 let Table(change) = change.into_inner();
+                let limit = max_exitance.min(exitance_limit(areas[id.0 as usize], reflectance_max));
                 let value = |key: &str, given: Option<Spanned<Channels>>, legal: fn(f64) -> bool, rule: &str| {
                     given
                         .map(|given| {
@@ -117,6 +138,7 @@ impl Lighting {
                         })
                         .transpose()
                 };
+                let exitance_start = change.exitance.as_ref().map(|given| given.span().start);
                 let exitance = value(
                     "exitance",
                     change.exitance,
@@ -129,13 +151,21 @@ impl Lighting {
                     |r| (0.0..=1.0).contains(&r),
                     "outside of [0, 1]",
                 )?;
+                if let Some(greatest) = exitance.map(|rgb| rgb.into_iter().fold(0.0, f64::max))
+                    && greatest > limit
+                {
+                    let message = format!(
+                        "{kind}.{name}.exitance: {greatest:e} is above {limit:.1e} W/m², beyond which light overflows here; lower it"
+                    );
+                    return Err(bad(exitance_start, message));
+                }
                 found.insert(id.0, Change { exitance, reflectance });
             }
             Ok(found)
         };
         Ok(Self {
-            by_surface: read("surface", &surfaces, parsed.surface)?,
-            by_material: read("material", &materials, parsed.material)?,
+            by_surface: read("surface", &surfaces, &areas[0], parsed.surface)?,
+            by_material: read("material", &materials, &areas[1], parsed.material)?,
         })
     }
 
@@ -145,6 +175,16 @@ impl Lighting {
         let changes = self.by_surface.values().chain(self.by_material.values());
         let reflectances = changes.filter_map(|change| change.reflectance).flatten();
         reflectances.fold(0.0, f64::max)
+    }
+
+    /// Tells whether any face of a scene emits light in this lighting.
+    #[must_use]
+    pub fn is_emitting(&self, scene: &Scene) -> bool {
+        let mut exitances = scene
+            .faces
+            .iter()
+            .map(|face| self.of(scene, face.surface, face.material).1);
+        exitances.any(|exitance| exitance.iter().any(|&e| e > 0.0))
     }
 
     /// Returns the scene as this lighting shows it: each face with a material of its own surface and old material.
@@ -184,4 +224,25 @@ impl Lighting {
             first(|change| change.exitance).unwrap_or(plain.exitance),
         )
     }
+}
+
+/// Returns the first of many names, as a message lists them.
+fn first_names(names: &[&str]) -> String {
+    const SHOWN: usize = 12;
+    let mut shown: Vec<String> = names.iter().take(SHOWN).map(|name| quoted(name)).collect();
+    if names.len() > SHOWN {
+        shown.push(format!("{} more", names.len() - SHOWN));
+    }
+    shown.join(", ")
+}
+
+/// Returns the areas of the surfaces of a scene, then those of its materials, in m².
+fn areas_of(scene: &Scene) -> [Vec<f64>; 2] {
+    let mut areas = [vec![0.0; scene.surfaces.len()], vec![0.0; scene.materials.len()]];
+    for (id, face) in scene.face_ids().zip(&scene.faces) {
+        let area = scene.area_vector(id).length();
+        areas[0][face.surface.0 as usize] += area;
+        areas[1][face.material.0 as usize] += area;
+    }
+    areas
 }

@@ -40,6 +40,15 @@ pub(super) fn read_text(file: &Path, limit: u64) -> Result<String, SceneError> {
     })
 }
 
+/// Reads a file as [`read_text`] does that not the user names, but another file: it must be a plain one.
+pub(super) fn read_named_text(file: &Path, limit: u64) -> Result<String, SceneError> {
+    input_file::expect_plain(file).map_err(|source| SceneError::Unreadable {
+        file: file.to_owned(),
+        source,
+    })?;
+    read_text(file, limit)
+}
+
 /// Calls `visit` with every statement of `text` in turn, until one fails.
 ///
 /// Lines end in LF, CRLF or CR; a byte order mark is skipped; a line that ends in `\` goes on in the next one,

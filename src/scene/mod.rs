@@ -12,9 +12,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::geometry::polygon;
 
+mod bright;
 mod builder;
 pub mod builtin;
 mod camera;
+mod cut_out;
 mod default_view;
 mod error;
 pub mod frames;
@@ -34,12 +36,13 @@ mod warning;
 mod write;
 mod written;
 
+pub use bright::MAX_EXITANCE;
 pub use camera::{Camera, IMAGE_SIDES};
 pub use error::SceneError;
 pub use lighting::Lighting;
 pub use motion::{Motion, MotionError, Names, Pose};
 pub(crate) use mtl::libraries_of;
-pub use obj::{DEFAULT_REFLECTANCE, LoadOptions, Loaded, load, load_with};
+pub use obj::{DEFAULT_REFLECTANCE, Flip, LoadOptions, Loaded, load, load_with};
 pub(crate) use rounding::{SLACK_PER_CORNER, slack_of};
 pub use warning::SceneWarning;
 pub use write::write_obj;
@@ -220,6 +223,13 @@ impl Scene {
     pub fn is_reflecting(&self) -> bool {
         self.materials_in_use()
             .any(|m| m.reflectance.iter().any(|&rho| rho > 0.0))
+    }
+
+    /// Returns the greatest reflectance of all faces and channels.
+    #[must_use]
+    pub fn reflectance_max(&self) -> f64 {
+        let reflectances = self.materials_in_use().flat_map(|m| m.reflectance);
+        reflectances.fold(0.0, f64::max)
     }
 
     /// Returns how many channels a solution needs: 1 if every material in use is grey in both ρ and E, otherwise 3.

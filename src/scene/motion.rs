@@ -8,7 +8,7 @@ use thiserror::Error;
 
 use super::table::three_if_given;
 use super::{Corners, MAX_COORDINATE, Scene, SurfaceId, overlap};
-use crate::printable::printable;
+use crate::printable::{printable_message, quoted};
 
 /// A rigid motion: a rotation about a point, then a translation.
 ///
@@ -104,7 +104,7 @@ impl Names {
 #[non_exhaustive]
 pub enum MotionError {
     /// No surface has that name.
-    #[error("the scene has no surface `{}`; it has {}", printable(.name), printable(.known))]
+    #[error("the scene has no surface `{}`; it has {}", quoted(.name), printable_message(.known))]
     UnknownSurface {
         /// The name.
         name: String,
@@ -131,14 +131,14 @@ pub enum MotionError {
         wanted: &'static str,
     },
     /// A corner goes where no corner may be.
-    #[error("`{}` is moved beyond {MAX_COORDINATE:e} m; move it less far", printable(.surface))]
+    #[error("`{}` is moved beyond {MAX_COORDINATE:e} m; move it less far", quoted(.surface))]
     TooFar {
         /// The surface.
         surface: String,
     },
     /// A face comes to lie on another in one plane.
     #[error("a face of `{}` comes to lie on one of `{}` in one plane, both facing the same way, and light would count twice there; move it elsewhere, or out of the plane",
-        printable(.surface), printable(.other))]
+        quoted(.surface), quoted(.other))]
     Coincident {
         /// The surface that the face belongs to, one that moves.
         surface: String,

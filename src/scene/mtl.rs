@@ -7,7 +7,7 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
-use super::lines::{Statement, for_each_statement, read_text};
+use super::lines::{Statement, for_each_statement, read_named_text};
 use super::obj_lines::NamedLine;
 use super::{LoadOptions, SceneError, SceneWarning};
 use crate::input_file::DESCRIPTION_LIMIT;
@@ -23,6 +23,8 @@ pub(super) struct Definition {
     pub(super) reflectance: Option<[f64; 3]>,
     /// `Ke`, or zero.
     pub(super) exitance: [f64; 3],
+    /// The line of the `Ke`, or of the `newmtl` without one.
+    pub(super) exitance_line: u32,
     /// The line of the first texture of the diffuse or emitted colour, and the keyword of what counts in its place.
     pub(super) texture: Option<(u32, &'static str)>,
     /// The line and the keyword of the first statement by which the material would mirror or let light through.
@@ -41,6 +43,8 @@ pub(super) struct Definitions {
 struct Beside {
     /// The line of the `newmtl`.
     line: u32,
+    /// The line of the last `Ke`, or of the `newmtl`.
+    exitance_line: u32,
     /// The line of the first texture, and the keyword of what counts in its place.
     texture: Option<(u32, &'static str)>,
     /// The first statement by which it would not be diffuse and opaque.
@@ -57,32 +61,42 @@ struct Scan {
 }
 
 impl Definitions {
-    /// Reads the libraries that a scene file names, beside the scene file; one that does not exist is a warning.
+    /// Reads the libraries that a scene file names, beside the scene file; one that does not exist, or stands elsewhere, is a warning.
     pub(super) fn read_all(
         libraries: &[NamedLine],
         scene_file: &Path,
-        options: LoadOptions,
+        options: &LoadOptions,
         warnings: &mut Vec<SceneWarning>,
     ) -> Result<Self, SceneError> {
         let mut definitions = Self::default();
         for library in libraries {
-            for (name, file) in files_of(&library.name, scene_file) {
-                let Some(file) = file else {
-                    warnings.push(SceneWarning::MissingLibrary {
-                        file: scene_file.to_owned(),
-                        line: library.line,
-                        name: name.to_owned(),
-                    });
-                    continue;
+            for Library { name, file } in files_of(&library.name, scene_file) {
+                let may_read = |file: &PathBuf| options.allow_outside || lies_beside(file, scene_file);
+                let (line, name) = (library.line, name.to_owned());
+                let file = match file {
+                    Some(file) if may_read(&file) => file,
+                    named => match by_file_name(&name, scene_file).filter(may_read) {
+                        Some(found) => {
+                            let used = found.file_name().unwrap_or_default().to_string_lossy().into_owned();
+                            let file = scene_file.to_owned();
+                            warnings.push(SceneWarning::LibraryElsewhere { file, line, name, used });
+                            found
+                        }
+                        None if named.is_some() => {
+                            return Err(SceneError::OutsideFolder {
+                                file: scene_file.to_owned(),
+                                line,
+                                name: library.name.clone(),
+                            });
+                        }
+                        None => {
+                            let file = scene_file.to_owned();
+                            warnings.push(SceneWarning::MissingLibrary { file, line, name });
+                            continue;
+                        }
+                    },
                 };
-                if !options.allow_outside && !lies_beside(&file, scene_file) {
-                    return Err(SceneError::OutsideFolder {
-                        file: scene_file.to_owned(),
-                        line: library.line,
-                        name: library.name.clone(),
-                    });
-                }
-                definitions.read(&file)?;
+                definitions.read(&file, options.max_exitance)?;
             }
         }
         Ok(definitions)
@@ -93,8 +107,8 @@ impl Definitions {
         self.by_name.get(name)
     }
 
-    fn read(&mut self, file: &Path) -> Result<(), SceneError> {
-        let scan = scan(&read_text(file, DESCRIPTION_LIMIT)?, file)?;
+    fn read(&mut self, file: &Path, max_exitance: f64) -> Result<(), SceneError> {
+        let scan = scan(&read_named_text(file, DESCRIPTION_LIMIT)?, file, max_exitance)?;
         let disagree = |message: String| SceneError::Parser {
             file: file.to_owned(),
             message,
@@ -114,6 +128,7 @@ impl Definitions {
                 line: beside.line,
                 reflectance: material.diffuse,
                 exitance: material.emissive.unwrap_or_default(),
+                exitance_line: beside.exitance_line,
                 texture: beside.texture,
                 not_diffuse: beside.not_diffuse,
                 repeated: false,
@@ -134,24 +149,82 @@ impl Definitions {
     }
 }
 
-/// Returns the libraries of one `mtllib` by their names, each with its file if that exists: one, blanks and all, unless there is a file for every word, or for some and all look like libraries. Separators of Windows
+/// A library that a scene names.
+struct Library<'a> {
+    /// Its name there, without quotes.
+    name: &'a str,
+    /// The file of that name, if it exists.
+    file: Option<PathBuf>,
+}
+
+/// Returns the libraries of one `mtllib`: one, blanks and all, unless there is a file for every word, or for some and all look like libraries. Separators of Windows
 /// are taken for the system's where that helps.
-fn files_of<'a>(name: &'a str, scene_file: &Path) -> Vec<(&'a str, Option<PathBuf>)> {
-    let directory = scene_file.parent().unwrap_or(Path::new(""));
-    let existing = |part: &str| {
-        let spellings = [part.to_owned(), part.replace('\\', "/")];
-        let mut files = spellings.into_iter().map(|spelling| directory.join(spelling));
-        files.find(|file| file.exists())
+fn files_of<'a>(text: &'a str, scene_file: &Path) -> Vec<Library<'a>> {
+    let existing = |name: &'a str| {
+        let spellings = [name.to_owned(), name.replace('\\', "/")];
+        let mut files = spellings
+            .into_iter()
+            .map(|spelling| folder_of(scene_file).join(spelling));
+        let file = files.find(|file| file.exists());
+        Library { name, file }
     };
-    if let Some(whole) = existing(name) {
-        return vec![(name, Some(whole))];
+    let whole = existing(text);
+    if whole.file.is_some() {
+        return vec![whole];
     }
-    let words: Vec<_> = name.split_whitespace().map(|word| (word, existing(word))).collect();
-    let is_there = |(_, file): &(&str, Option<PathBuf>)| file.is_some();
-    if words.iter().any(is_there) && (words.iter().all(is_there) || words.iter().all(|(word, _)| is_library(word))) {
+    let words: Vec<Library> = words_of(text).into_iter().map(existing).collect();
+    let is_there = |library: &Library| library.file.is_some();
+    let is_beside = |library: &Library| is_there(library) || by_file_name(library.name, scene_file).is_some();
+    let are_libraries = words.iter().all(|library| is_library(library.name));
+    let is_quoted = !words_of(text).into_iter().eq(text.split_whitespace());
+    let whole_is_beside = by_file_name(text, scene_file).is_some();
+    let some_are_there = words.iter().any(is_there) || (!whole_is_beside && words.iter().any(is_beside));
+    if is_quoted || words.iter().all(is_there) || (some_are_there && are_libraries) {
         words
     } else {
-        vec![(name, None)]
+        vec![whole]
+    }
+}
+
+/// Returns the words of a text; what stands in quotes is one word, without them.
+fn words_of(text: &str) -> Vec<&str> {
+    let mut words = Vec::new();
+    let mut rest = text.trim_start();
+    while let Some(first) = rest.chars().next() {
+        let quoted = rest.strip_prefix(['"', '\'']).and_then(|inner| inner.split_once(first));
+        let (word, tail) = match quoted {
+            Some(parts) => parts,
+            None => rest.split_at(rest.find(char::is_whitespace).unwrap_or(rest.len())),
+        };
+        words.push(word);
+        rest = tail.trim_start();
+    }
+    words.retain(|word| !word.is_empty());
+    words
+}
+
+/// Returns the file beside a scene that has the file name of a path of any system, whatever its case: the same case first, else the first in order.
+fn by_file_name(path: &str, scene_file: &Path) -> Option<PathBuf> {
+    let wanted = path.rsplit(['/', '\\']).next().filter(|name| !name.is_empty())?;
+    let entries = std::fs::read_dir(plain_folder_of(scene_file)).ok()?;
+    let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
+    let alike = names.filter(|name| name.to_lowercase() == wanted.to_lowercase());
+    let best = alike.min_by_key(|name| (name != wanted, name.clone()))?;
+    Some(folder_of(scene_file).join(best))
+}
+
+/// Returns the folder of a file, as the file's path has it.
+fn folder_of(file: &Path) -> &Path {
+    file.parent().unwrap_or(Path::new(""))
+}
+
+/// Returns the folder of a file by a name that the system has for it.
+fn plain_folder_of(file: &Path) -> &Path {
+    let folder = folder_of(file);
+    if folder.as_os_str().is_empty() {
+        Path::new(".")
+    } else {
+        folder
     }
 }
 
@@ -172,12 +245,11 @@ pub(crate) fn libraries_of(scene_file: &Path) -> Vec<PathBuf> {
         .read_until(b'\n', &mut line)
         .is_ok_and(|n_read| n_read > 0)
     {
-        let rest = line
-            .trim_ascii()
-            .strip_prefix(b"mtllib")
-            .filter(|rest| rest.starts_with(b" ") || rest.starts_with(b"\t"));
-        if let Some(name) = rest.and_then(|name| std::str::from_utf8(name.trim_ascii()).ok()) {
-            found.extend(files_of(name, scene_file).into_iter().filter_map(|library| library.1));
+        let (keyword, rest) = line.trim_ascii().split_at_checked(6).unwrap_or_default();
+        let is_named = keyword.eq_ignore_ascii_case(b"mtllib") && matches!(rest.first(), Some(b' ' | b'\t'));
+        if let Some(name) = is_named.then(|| std::str::from_utf8(rest.trim_ascii()).ok()).flatten() {
+            let named = files_of(name, scene_file).into_iter();
+            found.extend(named.filter_map(|library| library.file.or_else(|| by_file_name(library.name, scene_file))));
         }
         line.clear();
     }
@@ -193,11 +265,7 @@ fn is_library(name: &str) -> bool {
 
 /// Returns whether a file is in the folder of the scene file or below it, links followed.
 fn lies_beside(library: &Path, scene_file: &Path) -> bool {
-    let folder = match scene_file.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    };
-    match (folder.canonicalize(), library.canonicalize()) {
+    match (plain_folder_of(scene_file).canonicalize(), library.canonicalize()) {
         (Ok(folder), Ok(library)) => library.starts_with(folder),
         _ => false,
     }
@@ -210,7 +278,7 @@ fn spelt(keyword: &str) -> &str {
     found.unwrap_or(keyword)
 }
 
-fn scan(text: &str, file: &Path) -> Result<Scan, SceneError> {
+fn scan(text: &str, file: &Path, max_exitance: f64) -> Result<Scan, SceneError> {
     let mut scan = Scan::default();
     for_each_statement(text, |s| {
         match spelt(s.keyword) {
@@ -224,6 +292,7 @@ fn scan(text: &str, file: &Path) -> Result<Scan, SceneError> {
             "newmtl" => {
                 scan.materials.push(Beside {
                     line: s.line,
+                    exitance_line: s.line,
                     texture: None,
                     not_diffuse: None,
                 });
@@ -248,6 +317,17 @@ fn scan(text: &str, file: &Path) -> Result<Scan, SceneError> {
                         line: s.line,
                         value,
                     });
+                }
+                if let Some(value) = value.into_iter().find(|x| *x > max_exitance) {
+                    return Err(SceneError::TooBright {
+                        file: file.to_owned(),
+                        line: s.line,
+                        value,
+                        limit: max_exitance,
+                    });
+                }
+                if let Some(material) = scan.materials.last_mut() {
+                    material.exitance_line = s.line;
                 }
                 write_rgb(&mut scan.values, "Ke", value);
             }

@@ -6,10 +6,12 @@ use std::path::Path;
 
 use glam::DVec3;
 
+use super::bright::{MAX_EXITANCE, expect_no_overflow};
 use super::builder::{Added, Builder};
+use super::cut_out::CutOut;
 use super::lines::read_text;
 use super::mtl::{Definition, Definitions};
-use super::obj_lines::{ObjIndex, scan};
+use super::obj_lines::{ObjIndex, Unread, scan};
 use super::{Material, MaterialId, Scene, SceneError, SceneWarning};
 
 /// A scene from a file, and what was doubtful about it.
@@ -22,19 +24,57 @@ pub struct Loaded {
 }
 
 /// How a scene file is read.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct LoadOptions {
     /// True if the material libraries that a file names may lie outside the file's folder. A scene from elsewhere should not make
     /// the program read whatever its author knows the path of, so that this is off by default.
     pub allow_outside: bool,
+    /// The faces whose winding is reversed: their normals were inverted.
+    pub flip: Flip,
+    /// The greatest exitance that a material may have, in W·m⁻²: [`MAX_EXITANCE`], or less for what is to be stored with less range.
+    pub max_exitance: f64,
+}
+
+/// Faces whose winding is reversed while a scene is read, before anything else is made of them.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum Flip {
+    /// None.
+    #[default]
+    Nothing,
+    /// All faces.
+    All,
+    /// The faces of surfaces, by their names.
+    Surfaces(Vec<String>),
+}
+
+impl Default for LoadOptions {
+    fn default() -> Self {
+        Self {
+            allow_outside: false,
+            flip: Flip::Nothing,
+            max_exitance: MAX_EXITANCE,
+        }
+    }
 }
 
 impl LoadOptions {
     /// Returns the options with libraries outside the scene's folder allowed, or not.
     #[must_use]
     pub fn allow_outside(self, allow_outside: bool) -> Self {
-        Self { allow_outside }
+        Self { allow_outside, ..self }
+    }
+
+    /// Returns the options with the winding of faces reversed.
+    #[must_use]
+    pub fn flip(self, flip: Flip) -> Self {
+        Self { flip, ..self }
+    }
+
+    /// Returns the options with another limit of exitances, in W·m⁻².
+    #[must_use]
+    pub fn max_exitance(self, max_exitance: f64) -> Self {
+        Self { max_exitance, ..self }
     }
 }
 
@@ -53,18 +93,21 @@ pub const DEFAULT_REFLECTANCE: f64 = 0.5;
 /// - `Kd` is the reflectance ρ, `Ke` the exitance E in W·m⁻²; one number stands for all three channels. Without `Kd`, without a
 ///   material, or if the library is missing, ρ is [`DEFAULT_REFLECTANCE`], with a warning. Textures are not read, with a warning.
 /// - Faces without an area are skipped, with a warning. Faces of opposite winding may coincide.
-/// - Faces of the same winding may share edges and corners, but no area of one plane: light would count twice there. What is narrower than the rounding of
-///   the coordinates as they are written is no area, nor is what is narrower than that of six digits of the scene's size.
-/// - Texture coordinates, normals, `l` and `p` elements and all else are ignored.
+/// - Where faces of the same winding overlap in one plane, as a door that is drawn on its wall, the smaller one is cut out of the larger one, with a warning: flat parts of one surface and
+///   material count as a whole, and of equal ones the later stays whole. Faces of which one equals the other are an error. What is narrower than the rounding of
+///   the coordinates as they are written is no overlap, nor is what is narrower than that of six digits of the scene's size.
+/// - `fo` is read as `f`, and keywords in capitals as in small letters, with a warning. Texture coordinates, normals and attributes are ignored; lines, points, free-form curves and
+///   surfaces, calls and unknown statements are skipped, with a warning of each kind.
+/// - A library that is not where `mtllib` says is looked for by its file name beside the scene file, whatever its case, with a warning.
 ///
 /// Accuracy: coordinates, reflectance and exitance are the nearest f64 to the text.
 ///
 /// # Errors
 /// [`SceneError`], with file, line and remedy: files that cannot be read, coordinates or indices that are none, faces with fewer than three
-/// corners, outlines that cross themselves, faces of the same winding that coincide or overlap, `Kd` outside \[0, 1\], negative `Ke`,
-/// libraries outside the scene's folder, and scenes without a usable face.
+/// corners, outlines that cross themselves, faces of the same winding that coincide, `Kd` outside \[0, 1\], `Ke` that is negative or above [`MAX_EXITANCE`],
+/// power beyond the range of f64, libraries outside the scene's folder, and scenes without a usable face.
 ///
-/// Source: Wavefront's OBJ and MTL formats. Departures: only polygons; a vertex must stand above the faces that use it; the weight of a vertex is ignored.
+/// Source: Wavefront's OBJ and MTL formats. Departures: only polygons; capitals; a vertex must stand above the faces that use it; the weight of a vertex is ignored.
 pub fn load(path: impl AsRef<Path>) -> Result<Loaded, SceneError> {
     load_with(path, LoadOptions::default())
 }
@@ -77,20 +120,63 @@ pub fn load_with(path: impl AsRef<Path>, options: LoadOptions) -> Result<Loaded,
     let file = path.as_ref();
     let index = scan(&read_text(file, u64::MAX)?, file)?;
     let mut warnings = Vec::new();
-    let definitions = Definitions::read_all(&index.libraries, file, options, &mut warnings)?;
+    for (what, &(line, count)) in &index.unread {
+        warnings.push(unread(file, *what, line, count));
+    }
+    let definitions = Definitions::read_all(&index.libraries, file, &options, &mut warnings)?;
     let outlines = Outlines::parse(&index, file)?;
     let scene = Assembly {
         file,
         index: &index,
         definitions: &definitions,
+        flipped: flipped(&index, file, &options.flip)?,
         builder: Builder::new(file),
         warnings: &mut warnings,
     }
     .assemble(&outlines)?;
+    expect_no_overflow(&scene, &definitions)?;
     if !scene.is_emitting() {
         warnings.push(SceneWarning::NoEmission { file: file.to_owned() });
     }
     Ok(Loaded { scene, warnings })
+}
+
+/// Returns whether the faces of each group of a file are to be reversed.
+fn flipped(index: &ObjIndex, file: &Path, flip: &Flip) -> Result<Vec<bool>, SceneError> {
+    let names = match flip {
+        Flip::Nothing => return Ok(vec![false; index.groups.len()]),
+        Flip::All => return Ok(vec![true; index.groups.len()]),
+        Flip::Surfaces(names) => names,
+    };
+    if let Some(name) = names.iter().find(|name| !index.groups.contains(name)) {
+        const SHOWN: usize = 12;
+        let known: Vec<&str> = index.groups.iter().map(String::as_str).take(SHOWN).collect();
+        return Err(SceneError::UnknownSurface {
+            file: file.to_owned(),
+            name: name.clone(),
+            known: known.join("`, `"),
+        });
+    }
+    Ok(index.groups.iter().map(|group| names.contains(group)).collect())
+}
+
+/// Returns the warning about statements that were not read, or not as they are written.
+fn unread(file: &Path, what: Unread, line: u32, count: usize) -> SceneWarning {
+    let file = file.to_owned();
+    let skipped = |what| SceneWarning::SkippedStatements {
+        file: file.clone(),
+        line,
+        count,
+        what,
+    };
+    match what {
+        Unread::NamelessLibrary => SceneWarning::NamelessLibrary { file, line },
+        Unread::Capitals => SceneWarning::Capitals { file, line, count },
+        Unread::LinesAndPoints => skipped("lines or points"),
+        Unread::FreeForm => skipped("free-form curves or surfaces"),
+        Unread::Calls => skipped("calls of other files or programs"),
+        Unread::Unknown => skipped("unknown keywords"),
+    }
 }
 
 /// The corners of all faces of a file, in file order.
@@ -152,6 +238,8 @@ struct Assembly<'a> {
     file: &'a Path,
     index: &'a ObjIndex,
     definitions: &'a Definitions,
+    /// Whether the faces of each group are reversed.
+    flipped: Vec<bool>,
     builder: Builder,
     warnings: &'a mut Vec<SceneWarning>,
 }
@@ -174,6 +262,13 @@ impl Assembly<'_> {
             let material = match materials.entry(face.material) {
                 Entry::Occupied(known) => *known.get(),
                 Entry::Vacant(free) => *free.insert(self.material(face.material)?),
+            };
+            let reversed: Vec<DVec3>;
+            let corners = if self.flipped[face.group] {
+                reversed = corners.iter().rev().copied().collect();
+                &reversed
+            } else {
+                corners
             };
             match self.builder.face(corners, surfaces[face.group], material, face.line)? {
                 Added::Faces => {}
@@ -211,7 +306,29 @@ impl Assembly<'_> {
                 count,
             });
         }
-        self.builder.finish()
+        let (scene, cut) = self.builder.finish()?;
+        if let Some(CutOut {
+            line,
+            count,
+            area,
+            covered,
+        }) = cut
+        {
+            let file = || self.file.to_owned();
+            self.warnings.push(SceneWarning::CutFaces {
+                file: file(),
+                line,
+                count,
+                area,
+            });
+            let of_covered = covered.map(|(line, count)| SceneWarning::CoveredFaces {
+                file: file(),
+                line,
+                count,
+            });
+            self.warnings.extend(of_covered);
+        }
+        Ok(scene)
     }
 
     fn material(&mut self, material: Option<usize>) -> Result<MaterialId, SceneError> {

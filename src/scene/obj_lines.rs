@@ -4,7 +4,8 @@
 //! nor byte order marks nor comments after numbers. So every number is checked here, where the line is known, and the
 //! parser gets a copy of the `v` and `f` lines that it cannot misread.
 
-use std::collections::HashMap;
+use std::borrow::Cow;
+use std::collections::{BTreeMap, HashMap};
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -44,7 +45,78 @@ pub(super) struct ObjIndex {
     pub(super) geometry: String,
     /// The digits of the coordinates.
     pub(super) written: Written,
+    /// What was not read, or not as it is written, with the first line and the number of each kind.
+    pub(super) unread: BTreeMap<Unread, (u32, usize)>,
 }
+
+/// A kind of statement that a diffuse scene has no use for, or that is not written as the format wants it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Unread {
+    /// `mtllib` without a name.
+    NamelessLibrary,
+    /// A keyword in capitals, read as if it were in small letters.
+    Capitals,
+    /// `l` and `p`.
+    LinesAndPoints,
+    /// Free-form curves and surfaces.
+    FreeForm,
+    /// `call` and `csh`, which stand for statements of another file or program.
+    Calls,
+    /// No keyword of the format.
+    Unknown,
+}
+
+impl Unread {
+    /// Returns what a statement is that makes neither vertices nor faces; `None` for what says nothing about a diffuse face.
+    fn of(keyword: &str) -> Option<Self> {
+        match keyword {
+            "v" | "f" | "fo" | "o" | "g" | "usemtl" | "mtllib" => None,
+            "l" | "p" => Some(Self::LinesAndPoints),
+            // The elements; their attributes (`cstype`, `deg`, `parm`, ...) make no light without them.
+            "curv" | "curv2" | "surf" | "bsp" | "bzp" | "cdc" | "cdp" => Some(Self::FreeForm),
+            "call" | "csh" => Some(Self::Calls),
+            _ if SILENT.contains(&keyword) => None,
+            _ => Some(Self::Unknown),
+        }
+    }
+}
+
+/// Keywords that a diffuse scene has no use for: normals and texture coordinates, smoothing, display, and the attributes of free-form elements.
+const SILENT: [&str; 33] = [
+    "vt",
+    "vn",
+    "vp",
+    "s",
+    "mg",
+    "bevel",
+    "c_interp",
+    "d_interp",
+    "lod",
+    "maplib",
+    "usemap",
+    "shadow_obj",
+    "trace_obj",
+    "ctech",
+    "stech",
+    "cstype",
+    "deg",
+    "bmat",
+    "step",
+    "parm",
+    "trim",
+    "hole",
+    "scrv",
+    "sp",
+    "end",
+    "con",
+    "res",
+    "part",
+    "tex",
+    "vc",
+    "vw",
+    "usemat",
+    "g_interp",
+];
 
 /// The surface of faces above the first `o` or `g`, or below one without a name.
 const DEFAULT_GROUP: &str = "default";
@@ -73,26 +145,49 @@ pub(super) fn scan(text: &str, file: &Path) -> Result<ObjIndex, SceneError> {
     scan.index.geometry.reserve(text.len());
     let mut has_groups = false;
     for_each_statement::<SceneError>(text, |s| {
-        has_groups |= matches!(s.keyword, "o" | "g");
+        has_groups |= matches!(s.keyword, "o" | "g" | "O" | "G");
         Ok(())
     })?;
-    for_each_statement(text, |s| match s.keyword {
-        "v" => scan.vertex(&s),
-        "f" => scan.face(&s, has_groups),
-        "o" | "g" => {
-            let name = if s.rest.is_empty() { DEFAULT_GROUP } else { s.rest };
-            scan.group = Some(scan.intern_group(name));
-            Ok(())
+    for_each_statement(text, |s| {
+        let has_capitals = s.keyword.bytes().any(|byte| byte.is_ascii_uppercase());
+        let small = if has_capitals {
+            Cow::Owned(s.keyword.to_ascii_lowercase())
+        } else {
+            Cow::Borrowed(s.keyword)
+        };
+        if has_capitals && !matches!(Unread::of(&small), Some(Unread::Unknown)) {
+            scan.unread(Unread::Capitals, s.line);
         }
-        "usemtl" => scan.use_material(&s),
-        "mtllib" => scan.library(&s),
-        // Texture coordinates, normals, lines, points, curves and smoothing say nothing about a diffuse face.
-        _ => Ok(()),
+        match &*small {
+            "v" => scan.vertex(&s),
+            // `fo` is what faces were called before version 2.11 of the format.
+            "f" | "fo" => scan.face(&s, has_groups),
+            "o" | "g" => {
+                let name = if s.rest.is_empty() { DEFAULT_GROUP } else { s.rest };
+                scan.group = Some(scan.intern_group(name));
+                Ok(())
+            }
+            "usemtl" => scan.use_material(&s),
+            "mtllib" => {
+                scan.library(&s);
+                Ok(())
+            }
+            other => {
+                if let Some(unread) = Unread::of(other) {
+                    scan.unread(unread, s.line);
+                }
+                Ok(())
+            }
+        }
     })?;
     Ok(scan.index)
 }
 
 impl Scan<'_> {
+    fn unread(&mut self, what: Unread, line: u32) {
+        self.index.unread.entry(what).or_insert((line, 0)).1 += 1;
+    }
+
     fn vertex(&mut self, s: &Statement) -> Result<(), SceneError> {
         // What follows the third coordinate is a weight for curves, or a colour.
         let tokens: Vec<&str> = s.words().take(3).collect();
@@ -200,12 +295,14 @@ impl Scan<'_> {
         Ok(())
     }
 
-    fn library(&mut self, s: &Statement) -> Result<(), SceneError> {
-        let name = self.name_of(s, "mtllib")?;
-        if self.index.libraries.iter().all(|known| known.name != name) {
-            self.index.libraries.push(NamedLine { line: s.line, name });
+    fn library(&mut self, s: &Statement) {
+        let name = s.rest;
+        if name.is_empty() {
+            self.unread(Unread::NamelessLibrary, s.line);
+        } else if self.index.libraries.iter().all(|known| known.name != name) {
+            let (line, name) = (s.line, name.to_owned());
+            self.index.libraries.push(NamedLine { line, name });
         }
-        Ok(())
     }
 
     fn name_of(&self, s: &Statement, keyword: &'static str) -> Result<String, SceneError> {

@@ -1,4 +1,4 @@
-//! Faces of one winding that lie on one another in one plane: whatever they share would see, and be seen, twice.
+//! Faces of one winding that overlap in one plane: the area in common would count twice.
 
 use glam::DVec3;
 
@@ -25,42 +25,82 @@ const ULPS: f64 = 8.0 * f64::EPSILON;
 /// The least cosine between the normals of two faces in one plane: a narrow face does not tell its normal better.
 const PARALLEL: f64 = 0.99;
 
+/// At most so many overlaps are listed: more than any model has where faces are drawn on others, and 400 MB.
+pub(super) const MAX_OVERLAPS: usize = 1 << 24;
+
+/// Two faces that overlap in one plane with the same winding.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Overlap {
+    /// The faces, the one of the greater line first.
+    pub(super) faces: [FaceId; 2],
+    /// The area in common, in m².
+    pub(super) area: f64,
+}
+
 /// Returns two faces that overlap in one plane with the same winding, the one of the greater line first: of all such pairs the first by their lines.
 ///
-/// Two faces lie in one plane where no corner of the smaller is further than [`PLANARITY`] of its diameter, and what rounding does to the larger, from the larger's plane. They overlap
-/// where the part that they share is wider (twice its area over its outline's length) than rounding makes it, which goes by the digits of the file ([`Written`](super::Written)), but is
-/// no less than six digits of the scene's size and no more than six digits of the coordinates. Faces that one outline was split into do not overlap.
+/// Two faces lie in one plane where no corner of the smaller is further from the larger's plane than [`PLANARITY`] of its diameter and the rounding of the coordinates
+/// ([`Scene::slack`]). They overlap where the common part is wider (twice its area over its outline's length) than rounding makes it, which goes by the digits of the file
+/// ([`Written`](super::Written)), but is no less than six digits of the scene's size and no more than six digits of the coordinates. Faces that one outline was split into do not overlap.
 ///
 /// Work: O(n log n) for n faces of similar size, and the pairs whose boxes meet.
 pub(super) fn find(scene: &Scene) -> Option<[FaceId; 2]> {
+    let mut first: Option<[(u32, u32); 2]> = None;
+    search(scene, |pair, common_area| {
+        if first.is_none_or(|first| pair < first) && common_area().is_some() {
+            first = Some(pair);
+        }
+    });
+    first.map(|pair| pair.map(|(_, face)| FaceId(face)))
+}
+
+/// Returns the pairs that [`find`] chooses from, ordered by their lines: all of them, or [`MAX_OVERLAPS`] if there are more.
+pub(super) fn all(scene: &Scene) -> Vec<Overlap> {
+    let mut found = Vec::new();
+    search(scene, |pair, common_area| {
+        if found.len() < MAX_OVERLAPS
+            && let Some(area) = common_area()
+        {
+            found.push((pair, area));
+        }
+    });
+    found.sort_unstable_by_key(|(pair, _)| *pair);
+    let overlaps = found.into_iter().map(|(pair, area)| Overlap {
+        faces: pair.map(|(_, face)| FaceId(face)),
+        area,
+    });
+    overlaps.collect()
+}
+
+/// Calls `visit` for all pairs of faces with nearly the same normal whose boxes meet: with the lines and numbers of both, the greater first, and what computes their common area.
+fn search(scene: &Scene, mut visit: impl FnMut([(u32, u32); 2], &dyn Fn() -> Option<f64>)) {
     let (scene_low, scene_high) = scene.bounding_box();
     let size = scene_low.distance(scene_high);
+    let slack = scene.slack();
     let measured: Vec<Measures> = scene.faces.iter().map(|face| Measures::of(scene, face, size)).collect();
     let boxes = scene.faces.iter().zip(&measured).map(|(face, measures)| {
         let (low, high) = scene.positions(face).bounding_box();
-        let margin = PLANARITY * measures.diameter + ULPS * measures.greatest;
+        let margin = PLANARITY * measures.diameter + ULPS * measures.greatest + 0.5 * slack;
         (low - margin, high + margin)
     });
-    let mut first: Option<[(u32, u32); 2]> = None;
     overlapping_pairs(boxes.collect(), |a, b| {
         let [of_a, of_b] = [a, b].map(|face| &measured[face as usize]);
         let places = [a, b].map(|face| (scene.faces[face as usize].line, face));
         let pair = [places[0].max(places[1]), places[0].min(places[1])];
         // Built-in scenes have no lines.
         let is_one_outline = pair[0].0 == pair[1].0 && pair[0].0 != 0;
-        if is_one_outline || of_a.normal.dot(of_b.normal) < PARALLEL || first.is_some_and(|first| first <= pair) {
+        if is_one_outline || of_a.normal.dot(of_b.normal) < PARALLEL {
             return;
         }
-        let outlines = [a, b].map(|face| scene.positions(&scene.faces[face as usize]));
-        let mut larger_first = [(&*outlines[0], of_a), (&*outlines[1], of_b)];
-        if of_a.area < of_b.area {
-            larger_first.reverse();
-        }
-        if overlap(larger_first) {
-            first = Some(pair);
-        }
+        visit(pair, &|| {
+            let outlines = [a, b].map(|face| scene.positions(&scene.faces[face as usize]));
+            let mut larger_first = [(&*outlines[0], of_a), (&*outlines[1], of_b)];
+            if of_a.area < of_b.area {
+                larger_first.reverse();
+            }
+            common_area(larger_first, slack)
+        });
     });
-    first.map(|pair| pair.map(|(_, face)| FaceId(face)))
 }
 
 /// What is asked of a face again and again.
@@ -101,8 +141,8 @@ impl Measures {
     }
 }
 
-/// Tells whether two faces with nearly the same normal, the larger first, lie in one plane and share more there than rounding explains.
-fn overlap([(large, measures), (small, of_small)]: [(&[DVec3], &Measures); 2]) -> bool {
+/// Returns the area in common of two faces with nearly the same normal, the larger first, where they lie in one plane and share more there than rounding explains.
+fn common_area([(large, measures), (small, of_small)]: [(&[DVec3], &Measures); 2], slack: f64) -> Option<f64> {
     let normal = measures.normal;
     let strip = measures.strip.max(of_small.strip);
     let least = COVERED * strip;
@@ -117,13 +157,17 @@ fn overlap([(large, measures), (small, of_small)]: [(&[DVec3], &Measures); 2]) -
         })
     };
     if apart(large, small) || apart(small, large) {
-        return false;
+        return None;
     }
-    let off = measures.bend + measures.off.max(of_small.off);
+    let off = measures.off.max(of_small.off);
     let ulps = ULPS * measures.greatest.max(of_small.greatest);
-    let gap = PLANARITY * of_small.diameter + off.min(PLANARITY * measures.diameter) + ulps;
+    // Digits of a file count in full where they show that it was rounded, which is where there is slack.
+    let rounding = (measures.bend + off)
+        .min(PLANARITY * measures.diameter)
+        .max(slack.min(off));
+    let gap = PLANARITY * of_small.diameter + rounding + ulps;
     if small.iter().any(|&v| normal.dot(v - large[0]).abs() > gap) {
-        return false;
+        return None;
     }
     let mut shared = small.to_vec();
     for k in 0..large.len() {
@@ -133,7 +177,7 @@ fn overlap([(large, measures), (small, of_small)]: [(&[DVec3], &Measures); 2]) -
     let area = polygon::area_vector(&shared).length();
     let edges = (0..shared.len()).map(|k| shared[k].distance(shared[(k + 1) % shared.len()]));
     let width = 2.0 * area / edges.sum::<f64>().max(f64::MIN_POSITIVE);
-    width > strip || (width > least && area > 0.5 * of_small.area)
+    (width > strip || (width > least && area > 0.5 * of_small.area)).then_some(area)
 }
 
 #[cfg(test)]

@@ -40,9 +40,9 @@ pub(crate) fn reading_byte(path: &Path) -> io::Result<u64> {
                 match keyword {
                     None => {
                         keyword = Some(byte);
-                        n_vertices += u64::from(byte == b'v');
+                        n_vertices += u64::from(matches!(byte, b'v' | b'V'));
                     }
-                    Some(b'f') => n_corners += 1,
+                    Some(b'f' | b'F') => n_corners += 1,
                     Some(_) => {}
                 }
             }

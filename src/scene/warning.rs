@@ -3,12 +3,12 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use crate::printable::printable;
+use crate::printable::{counted, quoted, short};
 
 /// A doubt about a scene that was loaded.
 ///
 /// Each kind is told once per cause, with the first line and a count, not once per face.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum SceneWarning {
     /// Faces without an area were skipped.
@@ -28,6 +28,64 @@ pub enum SceneWarning {
         line: u32,
         /// How many there are.
         count: usize,
+    },
+    /// Faces are drawn on larger ones in their plane, as doors on a wall, and were cut out of these.
+    CutFaces {
+        /// The scene file.
+        file: PathBuf,
+        /// The line of the first face that is drawn on another.
+        line: u32,
+        /// How many are.
+        count: usize,
+        /// The area that the larger faces lost, in m².
+        area: f64,
+    },
+    /// Faces were cut away as a whole: smaller ones in their plane cover them.
+    CoveredFaces {
+        /// The scene file.
+        file: PathBuf,
+        /// The line of the first one.
+        line: u32,
+        /// How many there are.
+        count: usize,
+    },
+    /// Statements of one kind were skipped.
+    SkippedStatements {
+        /// The scene file.
+        file: PathBuf,
+        /// The line of the first one.
+        line: u32,
+        /// How many there are.
+        count: usize,
+        /// What they are, in the plural.
+        what: &'static str,
+    },
+    /// Keywords in capitals were read as if they were in small letters.
+    Capitals {
+        /// The scene file.
+        file: PathBuf,
+        /// The line of the first one.
+        line: u32,
+        /// How many there are.
+        count: usize,
+    },
+    /// A `mtllib` names no library.
+    NamelessLibrary {
+        /// The scene file.
+        file: PathBuf,
+        /// The line of the first `mtllib` without a name.
+        line: u32,
+    },
+    /// A material library is not where the scene file says: a file of its name beside the scene was read.
+    LibraryElsewhere {
+        /// The scene file.
+        file: PathBuf,
+        /// The line of the `mtllib`.
+        line: u32,
+        /// The name in the file.
+        name: String,
+        /// The name of the file that was read.
+        used: String,
     },
     /// A material library does not exist.
     MissingLibrary {
@@ -110,6 +168,12 @@ impl SceneWarning {
         match self {
             Self::ZeroAreaFaces { .. } => "zero_area_faces",
             Self::BentFaces { .. } => "bent_faces",
+            Self::CutFaces { .. } => "cut_faces",
+            Self::CoveredFaces { .. } => "covered_faces",
+            Self::SkippedStatements { .. } => "skipped_statements",
+            Self::Capitals { .. } => "capitals",
+            Self::NamelessLibrary { .. } => "nameless_library",
+            Self::LibraryElsewhere { .. } => "library_elsewhere",
             Self::MissingLibrary { .. } => "missing_library",
             Self::UnknownMaterial { .. } => "unknown_material",
             Self::NoMaterial { .. } => "no_material",
@@ -124,7 +188,15 @@ impl SceneWarning {
     /// Tells whether the warning is about light and materials alone: of no interest where only the geometry counts.
     #[must_use]
     pub fn is_about_light(&self) -> bool {
-        !matches!(self, Self::ZeroAreaFaces { .. } | Self::BentFaces { .. })
+        !matches!(
+            self,
+            Self::ZeroAreaFaces { .. }
+                | Self::BentFaces { .. }
+                | Self::CutFaces { .. }
+                | Self::CoveredFaces { .. }
+                | Self::SkippedStatements { .. }
+                | Self::Capitals { .. }
+        )
     }
 
     /// Returns the file that the warning is about.
@@ -133,6 +205,12 @@ impl SceneWarning {
         match self {
             Self::ZeroAreaFaces { file, .. }
             | Self::BentFaces { file, .. }
+            | Self::CutFaces { file, .. }
+            | Self::CoveredFaces { file, .. }
+            | Self::SkippedStatements { file, .. }
+            | Self::Capitals { file, .. }
+            | Self::NamelessLibrary { file, .. }
+            | Self::LibraryElsewhere { file, .. }
             | Self::MissingLibrary { file, .. }
             | Self::UnknownMaterial { file, .. }
             | Self::NoMaterial { file, .. }
@@ -150,6 +228,12 @@ impl SceneWarning {
         match self {
             Self::ZeroAreaFaces { line, .. }
             | Self::BentFaces { line, .. }
+            | Self::CutFaces { line, .. }
+            | Self::CoveredFaces { line, .. }
+            | Self::SkippedStatements { line, .. }
+            | Self::Capitals { line, .. }
+            | Self::NamelessLibrary { line, .. }
+            | Self::LibraryElsewhere { line, .. }
             | Self::MissingLibrary { line, .. }
             | Self::UnknownMaterial { line, .. }
             | Self::NoMaterial { line, .. }
@@ -185,18 +269,57 @@ impl fmt::Display for SceneWarning {
                     ": {count} faces are not flat, this is the first; they are cut into triangles, which may not be those that were meant"
                 )
             }
+            Self::CutFaces { count: 1, area, .. } => {
+                write!(
+                    f,
+                    ": a face lies on larger ones in its plane and is cut out of them, {} m² in all",
+                    short_area(*area)
+                )
+            }
+            Self::CutFaces { count, area, .. } => write!(
+                f,
+                ": {count} faces lie on larger ones in their plane, this is the first; they are cut out of these, {} m² in all",
+                short_area(*area)
+            ),
+            Self::CoveredFaces { count: 1, .. } => {
+                write!(f, ": smaller faces in its plane cover this face, which is left out")
+            }
+            Self::CoveredFaces { count, .. } => write!(
+                f,
+                ": smaller faces in their plane cover {count} faces, which are left out; this is the first"
+            ),
+            Self::SkippedStatements { count, what, .. } => write!(
+                f,
+                ": {} skipped, of which this is the first: {what} are not read; export them as faces (`f`)",
+                counted(*count, "statement")
+            ),
+            Self::Capitals { count, .. } => write!(
+                f,
+                ": {} in capitals, of which this is the first, read as in small letters",
+                counted(*count, "keyword")
+            ),
+            Self::NamelessLibrary { .. } => {
+                write!(
+                    f,
+                    ": `mtllib` without a name is skipped; materials that no library defines reflect 0.5"
+                )
+            }
+            Self::LibraryElsewhere { name, used, .. } => write!(
+                f,
+                ": material library `{}` is not there; `{}` beside the scene is read in its place",
+                quoted(name),
+                quoted(used)
+            ),
             Self::MissingLibrary { name, .. } => {
                 write!(
                     f,
                     ": material library `{}` is not there; its materials reflect 0.5",
-                    printable(name)
+                    quoted(name)
                 )
             }
-            Self::UnknownMaterial { name, .. } => write!(
-                f,
-                ": no library defines material `{}`; it reflects 0.5",
-                printable(name)
-            ),
+            Self::UnknownMaterial { name, .. } => {
+                write!(f, ": no library defines material `{}`; it reflects 0.5", quoted(name))
+            }
             Self::NoMaterial { count: 1, .. } => write!(f, ": a face has no material; it reflects 0.5"),
             Self::NoMaterial { count, .. } => {
                 write!(
@@ -205,20 +328,20 @@ impl fmt::Display for SceneWarning {
                 )
             }
             Self::MissingReflectance { name, .. } => {
-                write!(f, ": material `{}` has no `Kd`; it reflects 0.5", printable(name))
+                write!(f, ": material `{}` has no `Kd`; it reflects 0.5", quoted(name))
             }
             Self::RepeatedMaterial { name, .. } => {
                 write!(
                     f,
                     ": material `{}` is defined again; this definition counts",
-                    printable(name)
+                    quoted(name)
                 )
             }
             Self::IgnoredTexture { name, keyword, .. } => {
                 write!(
                     f,
                     ": the texture of material `{}` is not read; its `{keyword}` counts everywhere",
-                    printable(name)
+                    quoted(name)
                 )
             }
             Self::NotDiffuse { keyword, count: 1, .. } => {
@@ -233,4 +356,10 @@ impl fmt::Display for SceneWarning {
             Self::NoEmission { .. } => write!(f, ": no face emits light; give a material an exitance `Ke`"),
         }
     }
+}
+
+/// Returns an area with six digits.
+fn short_area(area: f64) -> String {
+    let rounded = format!("{area:.5e}").parse().unwrap_or(area);
+    short(rounded)
 }

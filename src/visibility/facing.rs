@@ -23,6 +23,9 @@ const SEEN: u32 = 2;
 const PAIRS: usize = 20_000_000;
 const SEGMENTS: usize = 4096;
 
+/// The height above a plane that counts as in it, by the size of the scene.
+const FLAT: f64 = 1e-12;
+
 /// What looks as if faces had the wrong winding.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Turned {
@@ -34,7 +37,7 @@ pub struct Turned {
     pub line: u32,
 }
 
-/// Who sees nothing in a scene.
+/// Which faces see nothing, or nothing but the backs of others.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Facing {
     /// True if no face sees another, although not all lie in one plane.
@@ -43,6 +46,10 @@ pub struct Facing {
     pub no_emitter_sees: bool,
     /// Faces that see no other face and whose back is seen, by surface; empty where no face sees another.
     pub turned: Vec<Turned>,
+    /// Surfaces that are concave from behind alone: their faces see no other and are not seen, but see each other's backs from their own. Surfaces around a solid are none.
+    pub inside_out: Vec<SurfaceId>,
+    /// How many faces see only the backs of others (for a scene of very many: all faces of such surfaces).
+    pub n_see_only_backs: usize,
 }
 
 /// Finds faces that see none although others see their back, as a wall of a room does that is wound the wrong way.
@@ -76,7 +83,8 @@ pub fn look(scene: &Scene, visibility: &dyn Visibility) -> Facing {
         return Facing {
             none_sees: true,
             no_emitter_sees: scene.is_emitting(),
-            turned: Vec::new(),
+            n_see_only_backs: found.n_see_only_backs(scene, &groups),
+            ..Facing::default()
         };
     }
     if !emitter_sees && scene.is_emitting() {
@@ -101,7 +109,48 @@ pub fn look(scene: &Scene, visibility: &dyn Visibility) -> Facing {
         none_sees: false,
         no_emitter_sees: scene.is_emitting() && !emitter_sees,
         turned,
+        inside_out: inside_out(scene, visibility, &groups, &found),
+        n_see_only_backs: found.n_see_only_backs(scene, &groups),
     }
+}
+
+/// Returns the surfaces whose faces see nothing and are not seen, while rays from their backs meet more of their own backs than of all others.
+///
+/// Of a surface around a solid no ray from a back escapes, or it meets the backs of the solid's other sides.
+fn inside_out(scene: &Scene, visibility: &dyn Visibility, groups: &Groups, found: &Found) -> Vec<SurfaceId> {
+    let mut faces: Vec<Vec<FaceId>> = vec![Vec::new(); scene.surfaces.len()];
+    for (id, face) in scene.face_ids().zip(&scene.faces) {
+        faces[face.surface.0 as usize].push(id);
+    }
+    let is_apart = |face: &FaceId| {
+        let group = groups.of_face(*face);
+        !found.sees[group] && !found.front_is_seen[group]
+    };
+    let n_rays = (RAYS / scene.surfaces.len()).clamp(LEAST_RAYS, MOST_RAYS);
+    let mut hits = HitBatch::default();
+    let mut result = Vec::new();
+    for (surface, faces) in (0..).map(SurfaceId).zip(&faces) {
+        if faces.len() < 2 || !faces.iter().all(is_apart) {
+            continue;
+        }
+        let mut rays = RayBatch::default();
+        push_rays(scene, visibility, faces, n_rays, true, surface.0.into(), &mut rays);
+        visibility.closest_hits(&rays, Coherence::Incoherent, &mut hits);
+        let (mut n_own, mut n_others, mut n_escaped) = (0, 0, 0);
+        for hit in (0..rays.len()).map(|k| hits.face(k)) {
+            match hit {
+                None => n_escaped += 1,
+                Some(hit) if !hit.back => {}
+                Some(hit) if scene.faces[hit.face.0 as usize].surface == surface => n_own += 1,
+                Some(_) => n_others += 1,
+            }
+        }
+        // A few rays slip through the joints of a surface around a solid.
+        if n_own >= SEEN && n_own > n_others && 100 * n_escaped > rays.len() {
+            result.push(surface);
+        }
+    }
+    result
 }
 
 /// Returns the faces that see nothing, are seen from behind, and are not wound like a neighbour that sees.
@@ -169,13 +218,27 @@ impl Groups {
 struct Found {
     /// Whether a ray from the group met the front of a face.
     sees: Vec<bool>,
+    /// How many rays from the group met backs.
+    backs_seen: Vec<u32>,
     front_is_seen: Vec<bool>,
     back_hits: Vec<u32>,
+}
+
+impl Found {
+    /// Counts the faces that see the backs of others alone.
+    fn n_see_only_backs(&self, scene: &Scene, groups: &Groups) -> usize {
+        let sees_only_backs = |face: &FaceId| {
+            let group = groups.of_face(*face);
+            !self.sees[group] && self.backs_seen[group] >= SEEN
+        };
+        scene.face_ids().filter(sees_only_backs).count()
+    }
 }
 
 fn trace(scene: &Scene, visibility: &dyn Visibility, groups: &Groups) -> Found {
     let mut found = Found {
         sees: vec![false; groups.n],
+        backs_seen: vec![0; groups.n],
         front_is_seen: vec![false; groups.n],
         back_hits: vec![0; groups.n],
     };
@@ -187,32 +250,13 @@ fn trace(scene: &Scene, visibility: &dyn Visibility, groups: &Groups) -> Found {
     let (mut rays, mut hits) = (RayBatch::default(), HitBatch::default());
     for (group, faces) in members.iter().enumerate() {
         rays.clear();
-        let mut points = PointStream::new(Sequence::Sobol, 0, group as u64);
-        // A share of the rays for each face by its area, and every face has a chance.
-        let areas: Vec<f64> = faces.iter().map(|&face| scene.area_vector(face).length()).collect();
-        let per_ray = areas.iter().sum::<f64>() / n_rays as f64;
-        let mut next = 0.5 * per_ray;
-        let mut passed = 0.0;
-        for (&face, area) in faces.iter().zip(&areas) {
-            passed += area;
-            if next >= passed {
-                continue;
-            }
-            let corners = scene.polygon(face);
-            let normal = polygon::area_vector(&corners).normalize_or_zero();
-            let (frame, place) = (Frame::from_normal(normal), UniformOnPolygon::new(&corners));
-            let start = normal * visibility.offset() - visibility.frame_origin();
-            while next < passed {
-                let [u, v, s, t] = points.next_point();
-                rays.push_ray(place.point(u, v) + start, frame.to_world(cosine_direction(s, t)));
-                next += per_ray;
-            }
-        }
+        push_rays(scene, visibility, faces, n_rays, false, group as u64, &mut rays);
         visibility.closest_hits(&rays, Coherence::Incoherent, &mut hits);
         for hit in (0..rays.len()).filter_map(|k| hits.face(k)) {
             let seen = groups.of_face(hit.face);
             if hit.back {
                 found.back_hits[seen] += 1;
+                found.backs_seen[group] += 1;
             } else {
                 found.sees[group] = true;
                 found.front_is_seen[seen] = true;
@@ -222,9 +266,45 @@ fn trace(scene: &Scene, visibility: &dyn Visibility, groups: &Groups) -> Found {
     found
 }
 
+/// Adds about `n_rays` cosine-distributed rays from the fronts of faces, or their backs: of each a share by its area.
+fn push_rays(
+    scene: &Scene,
+    visibility: &dyn Visibility,
+    faces: &[FaceId],
+    n_rays: usize,
+    from_backs: bool,
+    stream: u64,
+    rays: &mut RayBatch,
+) {
+    let mut points = PointStream::new(Sequence::Sobol, 0, stream);
+    let areas: Vec<f64> = faces.iter().map(|&face| scene.area_vector(face).length()).collect();
+    let per_ray = areas.iter().sum::<f64>() / n_rays as f64;
+    let mut next = 0.5 * per_ray;
+    let mut passed = 0.0;
+    for (&face, area) in faces.iter().zip(&areas) {
+        passed += area;
+        if next >= passed {
+            continue;
+        }
+        let corners = scene.polygon(face);
+        let front = polygon::area_vector(&corners).normalize_or_zero();
+        let normal = if from_backs { -front } else { front };
+        let (frame, place) = (Frame::from_normal(normal), UniformOnPolygon::new(&corners));
+        let start = normal * visibility.offset() - visibility.frame_origin();
+        while next < passed {
+            let [u, v, s, t] = points.next_point();
+            rays.push_ray(place.point(u, v) + start, frame.to_world(cosine_direction(s, t)));
+            next += per_ray;
+        }
+    }
+}
+
 /// Tells whether one of the faces sees any other face of the scene, as far as segments between their middles tell.
 fn reaches(scene: &Scene, visibility: &dyn Visibility, from: &[FaceId]) -> bool {
-    let in_front = |of: &[DVec3], normal: DVec3, other: &[DVec3]| other.iter().any(|&v| normal.dot(v - of[0]) > 0.0);
+    // What rounding alone lifts above the plane of another sees nothing of it.
+    let (low, high) = scene.bounding_box();
+    let least = scene.slack().max(FLAT * low.distance(high));
+    let in_front = |of: &[DVec3], normal: DVec3, other: &[DVec3]| other.iter().any(|&v| normal.dot(v - of[0]) > least);
     let polygons: Vec<(Vec<DVec3>, DVec3)> = scene
         .face_ids()
         .map(|face| {

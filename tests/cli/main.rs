@@ -6,6 +6,7 @@
 )]
 
 mod at_walls;
+mod exchange;
 mod form_factors;
 mod input;
 mod pictures;

@@ -13,6 +13,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 
 use super::storage::parse_byte;
+use crate::scene::Flip;
 
 pub use experiments::{CompareArgs, PaperName, ReproduceArgs, VisibilityName};
 pub use field::{FieldArgs, FieldMethodName};
@@ -81,6 +82,23 @@ pub struct CommonArgs {
     /// Read material libraries that lie outside the scene's folder
     #[arg(long)]
     pub allow_outside: bool,
+    /// Reverse the winding of all faces of the scene, whose normals are inverted; with =NAME, of the faces of one surface [may be repeated]
+    #[arg(long, value_name = "NAME", num_args = 0..=1, require_equals = true, default_missing_value = "")]
+    pub flip: Vec<String>,
+}
+
+impl CommonArgs {
+    /// Returns the faces whose winding is to be reversed.
+    #[must_use]
+    pub fn flip(&self) -> Flip {
+        if self.flip.is_empty() {
+            Flip::Nothing
+        } else if self.flip.iter().any(String::is_empty) {
+            Flip::All
+        } else {
+            Flip::Surfaces(self.flip.clone())
+        }
+    }
 }
 
 /// What is done about broken laws.

@@ -22,7 +22,7 @@ use super::progress::Bars;
 use super::storage::Storage;
 use super::{Outcome, SCHEMA_VERSION, merge, warn};
 use crate::audit::Audit;
-use crate::printable::printable;
+use crate::printable::printable_message;
 use crate::report::{StageTimes, memory_peak_byte};
 use crate::visibility::leaks::LightLeaks;
 
@@ -49,6 +49,10 @@ pub(super) struct Run {
     pub(super) light_leak: Value,
     /// Whether more leaks than results may have.
     pub(super) leaks_too_much: bool,
+    /// True if lightings follow once the scene is read, in which it may emit light although it does not by itself.
+    pub(super) has_lightings: bool,
+    /// What is to be said if it does not.
+    dark: Option<String>,
     interrupt: Interrupt,
     has_looked_at_gaps: bool,
 }
@@ -73,12 +77,14 @@ impl Run {
             leaks: None,
             light_leak: Value::Null,
             leaks_too_much: false,
+            has_lightings: false,
+            dark: None,
             has_looked_at_gaps: false,
         }
     }
 
     pub(super) fn warn(&self, message: &str) {
-        self.warnings.borrow_mut().push(printable(message));
+        self.warnings.borrow_mut().push(printable_message(message));
         if !self.common.quiet {
             self.progress.finish();
             warn(message);
@@ -87,7 +93,7 @@ impl Run {
 
     /// Warns unless the same has been said.
     pub(super) fn warn_once(&self, message: &str) {
-        let is_said = self.warnings.borrow().contains(&printable(message));
+        let is_said = self.warnings.borrow().contains(&printable_message(message));
         if !is_said {
             self.warn(message);
         }

@@ -12,9 +12,10 @@ use crate::form_factor::Input;
 use crate::matrix::operator::Block;
 use crate::mesh::{ContactEdges, Mesh, MeshOptions, Patch, Subdivision};
 use crate::plan::{Plan, byte_text};
+use crate::render::MAX_PICTURE_EXITANCE;
 use crate::report::memory_used_byte;
 use crate::scene::reading::reading_byte;
-use crate::scene::{LoadOptions, Material, Pose, Scene, Surface, builtin, load_with};
+use crate::scene::{Lighting, LoadOptions, Material, Pose, Scene, SceneWarning, Surface, builtin, load_with};
 use crate::solver::{Solution, power_of_two_below};
 use crate::visibility::Visibility as _;
 use crate::visibility::embree::EmbreeVisibility;
@@ -59,15 +60,43 @@ impl Run {
             return Err(Failure::new("unreadable", message).in_file(path));
         }
         expect_readable(path, memory_limit)?;
-        let options = LoadOptions::default().allow_outside(self.common.allow_outside);
+        let mut options = LoadOptions::default()
+            .allow_outside(self.common.allow_outside)
+            .flip(self.common.flip());
+        if self.command == "render" {
+            options = options.max_exitance(MAX_PICTURE_EXITANCE);
+        }
+        if !self.common.flip.is_empty() {
+            self.set("flip", self.common.flip.clone());
+        }
         let loaded = self.times.time("scene", || load_with(path, options))?;
         let wants_light = !matches!(self.command, "form-factors" | "field" | "compare");
         for warning in &loaded.warnings {
-            if wants_light || !warning.is_about_light() {
+            if matches!(warning, SceneWarning::NoEmission { .. }) && self.has_lightings {
+                self.dark = Some(warning.to_string());
+            } else if wants_light || !warning.is_about_light() {
                 self.warn(&warning.to_string());
             }
         }
         self.prepare_scene(path, loaded.scene, mesh_args, memory_limit, default)
+    }
+
+    /// Warns of lightings in which no face emits light, each with its file; without a file it is the scene's own.
+    pub(in crate::cli) fn warn_of_darkness(&mut self, scene: &Scene, lightings: &[(Option<&Path>, Option<&Lighting>)]) {
+        for (file, lighting) in lightings {
+            match (file, lighting) {
+                (Some(file), Some(lighting)) if !lighting.is_emitting(scene) => self.warn(&format!(
+                    "{}: no face emits light in this lighting; give a surface an `exitance`",
+                    file.display()
+                )),
+                (_, None) => {
+                    if let Some(message) = self.dark.take() {
+                        self.warn(&message);
+                    }
+                }
+                _ => {}
+            }
+        }
     }
 
     /// Cuts a scene into patches and builds the ray tracer's tree; `path` is what messages call it.
@@ -121,7 +150,7 @@ impl Run {
         for &face in plan.turned.iter().take(MOST_TURNED) {
             let face = &scene.faces[face.0 as usize];
             self.warn(&format!(
-                "{}:{}: `{}`: the closed surface that this face is part of stands inside of another and faces inwards, so that what is around it meets its black backs; reverse its winding",
+                "{}:{}: `{}`: the closed surface that this face is part of stands inside of another and faces inwards, so that what is around it meets its black backs; reverse its winding, that of a whole surface with --flip=NAME",
                 path.display(),
                 face.line,
                 scene.surfaces[face.surface.0 as usize].name
@@ -146,16 +175,30 @@ impl Run {
 
     /// Warns of faces that see nothing, as faces do that are wound the wrong way.
     fn warn_of_turned_faces(&mut self, path: &Path, scene: &Scene, visibility: &EmbreeVisibility) {
-        const HOW: &str = "faces see on the side from which their corners run counter-clockwise";
         let facing = self.times.time("checks", || look(scene, visibility));
         let file = path.display();
         if facing.none_sees {
-            self.warn(&format!("{file}: no face sees another: {HOW}; turn them"));
+            self.warn(&format!(
+                "{file}: no face sees another, so none receives light from another: the normals are probably inverted; reverse all with --flip, or a surface's with --flip=NAME"
+            ));
             return;
         }
         if facing.no_emitter_sees {
             self.warn(&format!(
-                "{file}: no face that emits light sees another: {HOW}; turn them"
+                "{file}: no face that emits light sees another: the normals are probably inverted; reverse all with --flip, or a surface's with --flip=NAME"
+            ));
+        }
+        let n = scene.faces.len();
+        if 2 * facing.n_see_only_backs > n {
+            self.warn(&format!(
+                "{file}: {} of {n} faces see only black backs of others: normals are probably inverted; reverse all with --flip, or a surface's with --flip=NAME",
+                facing.n_see_only_backs
+            ));
+        }
+        for surface in facing.inside_out.iter().take(MOST_TURNED) {
+            let name = &scene.surfaces[surface.0 as usize].name;
+            self.warn(&format!(
+                "{file}: no face of `{name}` sees another, but from behind they would: its normals are probably inverted; reverse them with --flip={name}"
             ));
         }
         for turned in facing.turned.iter().take(MOST_TURNED) {
@@ -165,7 +208,7 @@ impl Run {
                 n => format!("this face and {} more see no other", n - 1),
             };
             self.warn(&format!(
-                "{file}:{}: `{name}`: {what}, and others see the back: {HOW}; turn what is meant to be seen",
+                "{file}:{}: `{name}`: {what}, and others see the back; reverse what is meant to be seen, a whole surface with --flip={name}",
                 turned.line
             ));
         }

@@ -32,7 +32,7 @@ use super::exr::Pixels;
 use super::image::Image;
 use super::unfolded::{Tile, Unfolded};
 use super::view::{CameraRecord, ViewDescription};
-use crate::printable::printable;
+use crate::printable::quoted;
 use crate::scene::SurfaceId;
 use groups::{Tally, count_wrong_strips, part_report, tile_report};
 use layers::{Judged, Layers};
@@ -90,19 +90,19 @@ pub enum VerifyError {
     )]
     NoDirectPass,
     /// The image does not say which camera made it.
-    #[error("the image's description of its camera cannot be used: {}", printable(.0))]
+    #[error("the image's description of its camera cannot be used: {}", quoted(.0))]
     BadCamera(String),
     /// A layer is missing.
-    #[error("the image has no layer \"{}\"", printable(.0))]
+    #[error("the image has no layer \"{}\"", quoted(.0))]
     MissingLayer(String),
     /// The description of the tiles does not fit the image or the scene.
-    #[error("the image's description of its tiles does not fit it: {}", printable(.0))]
+    #[error("the image's description of its tiles does not fit it: {}", quoted(.0))]
     BadLayout(String),
     /// The description of the scene is none.
-    #[error("the image's description of its scene cannot be used: {}", printable(.0))]
+    #[error("the image's description of its scene cannot be used: {}", quoted(.0))]
     BadScene(String),
     /// The surface of a field is none of the scene's.
-    #[error("the form factors are to \"{}\", which is no surface of the image's scene", printable(.0))]
+    #[error("the form factors are to \"{}\", which is no surface of the image's scene", quoted(.0))]
     NoSuchSurface(String),
     /// No surface has an exitance.
     #[error("no surface of the image's scene emits light: there is nothing to verify")]

@@ -123,7 +123,7 @@ pub fn build(name: &str, level: Option<u32>) -> Result<Builtin, SceneError> {
         builder: Builder::new(Path::new(name)),
     };
     let camera = (entry.build)(&mut assembly, level)?;
-    let scene = assembly.builder.finish()?;
+    let (scene, _) = assembly.builder.finish()?;
     Ok(Builtin { scene, camera })
 }
 

@@ -1,0 +1,46 @@
+//! How bright light may be, so that nothing that is computed of it leaves the range of f64.
+
+use super::mtl::Definitions;
+use super::{Scene, SceneError};
+
+/// The greatest exitance, in W·m⁻²: what is computed from more of it leaves the range of f64.
+pub const MAX_EXITANCE: f64 = 1e300;
+
+/// The greatest power, in W, and the greatest radiosity, in W·m⁻², that reflection may make of what one material or surface emits.
+const MAX_LIGHT: f64 = 1e305;
+
+/// Returns the greatest exitance of a surface, in W·m⁻².
+///
+/// Light that is reflected again and again adds up to E / (1 − ρ) at most, and its power to E A / (1 − ρ). `area`: A, in m²; `reflectance_max`: the greatest ρ of the scene.
+pub(super) fn exitance_limit(area: f64, reflectance_max: f64) -> f64 {
+    // A room that reflects everything has a solution where it is open, and f64 knows no ρ nearer to 1.
+    let absorbed = (1.0 - reflectance_max).max(f64::EPSILON / 2.0);
+    MAX_EXITANCE.min(MAX_LIGHT * absorbed / area.max(1.0))
+}
+
+/// Refuses materials whose faces emit too much light.
+///
+/// # Errors
+/// [`SceneError::TooBright`].
+pub(super) fn expect_no_overflow(scene: &Scene, definitions: &Definitions) -> Result<(), SceneError> {
+    let mut areas = vec![0.0; scene.materials.len()];
+    for (id, face) in scene.face_ids().zip(&scene.faces) {
+        areas[face.material.0 as usize] += scene.area_vector(id).length();
+    }
+    let reflectance_max = scene.reflectance_max();
+    for (material, area) in scene.materials.iter().zip(areas) {
+        let value = material.exitance.into_iter().fold(0.0, f64::max);
+        let limit = exitance_limit(area, reflectance_max);
+        if let Some(definition) = definitions.get(&material.name)
+            && value > limit
+        {
+            return Err(SceneError::TooBright {
+                file: definition.file.clone(),
+                line: definition.exitance_line,
+                value,
+                limit,
+            });
+        }
+    }
+    Ok(())
+}
