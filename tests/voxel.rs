@@ -1,15 +1,19 @@
 //! Discrete radiosity against what it must fulfil and against the patch solution.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use glam::DVec3;
+#[path = "support/sealed_room.rs"]
+mod sealed_room;
+
+use glam::{DMat3, DVec3};
 use radiosity::geometry::sampling::Sequence;
 use radiosity::matrix::operator::{Block, LinearOperator as _};
 use radiosity::progress::Silent;
 use radiosity::scene::{Scene, builtin};
 use radiosity::voxel::{
-    Adaptive, AdaptiveSettings, Direction, DiscreteSphere, Form, LinkOperator, Links, RowWeights, Sight, SolidAngle,
-    VoxelScene, propagate, solve_adaptively,
+    Adaptive, AdaptiveSettings, Direction, DiscreteSphere, Form, LinkOperator, Links, Materials, RowWeights, Sight,
+    SolidAngle, VoxelScene, propagate, solve_adaptively,
 };
+use sealed_room::SealedRoom;
 
 fn scene(name: &str) -> Scene {
     builtin::build(name, None).unwrap().scene
@@ -17,10 +21,14 @@ fn scene(name: &str) -> Scene {
 
 /// A scene from the text of an OBJ file, all in one material.
 fn from_obj(text: &str) -> Scene {
+    from_files(&format!("mtllib m.mtl\nusemtl m\n{text}"), "newmtl m\nKd 0.5 0.5 0.5\n")
+}
+
+fn from_files(obj: &str, mtl: &str) -> Scene {
     let directory = tempfile::tempdir().unwrap();
     let write = |name: &str, content: &str| std::fs::write(directory.path().join(name), content).unwrap();
-    write("scene.mtl", "newmtl m\nKd 0.5 0.5 0.5\n");
-    write("scene.obj", &format!("mtllib scene.mtl\nusemtl m\n{text}"));
+    write("m.mtl", mtl);
+    write("scene.obj", obj);
     radiosity::scene::load(directory.path().join("scene.obj"))
         .unwrap()
         .scene
@@ -146,13 +154,24 @@ fn bundles_see_what_lines_see_one_by_one() {
     let sphere = DiscreteSphere::new(5, SolidAngle::Centre).unwrap();
     let directions: Vec<Direction> = sphere.directions().iter().map(|d| Direction::new(d.vector)).collect();
     // Walls across the axes, slopes, thin sheets, several surfels in a voxel; an open scene.
-    for (name, n) in [
-        ("living-room", 61),
-        ("cornell-box", 30),
-        ("sphere-room-r2", 26),
-        ("corridor", 27),
+    let turned = SealedRoom {
+        thickness: 0.02,
+        turned: tilted(),
+        ..SealedRoom::default()
+    };
+    for (name, scene, n) in [
+        ("living-room", scene("living-room"), 61),
+        ("cornell-box", scene("cornell-box"), 30),
+        ("sphere-room-r2", scene("sphere-room-r2"), 26),
+        ("corridor", scene("corridor"), 27),
+        (
+            "a sheet",
+            from_files(&SealedRoom::default().obj(), SealedRoom::mtl()),
+            28,
+        ),
+        ("turned", from_files(&turned.obj(), SealedRoom::mtl()), 25),
     ] {
-        let voxels = VoxelScene::new(&scene(name), n).unwrap();
+        let voxels = VoxelScene::new(&scene, n).unwrap();
         // Begins and ends inside bricks.
         let surfels = 3..voxels.n_surfels() - 5;
         let sights = voxels.sights(surfels.clone(), &directions);
@@ -208,6 +227,150 @@ fn two_sides_of_a_sheet_stay_apart() {
         }
     }
     assert!(n[0] > 30 && n[0] == n[1], "{n:?}");
+}
+
+/// Turned about no axis of the lattice.
+fn tilted() -> DMat3 {
+    DMat3::from_axis_angle(DVec3::new(1.0, 2.0, 3.0).normalize(), 0.73)
+}
+
+/// Whether a point is in the inner room, `margin` away from the outside of its walls.
+fn is_inside(room: &SealedRoom, point: DVec3, margin: f64) -> bool {
+    let p = room.turned.transpose() * point;
+    let low = if room.on_floor {
+        DVec3::new(SealedRoom::LOW.x, SealedRoom::LOW.y, -9.0)
+    } else {
+        SealedRoom::LOW
+    };
+    (0..3).all(|a| p[a] > low[a] + margin && p[a] < SealedRoom::HIGH[a] - margin)
+}
+
+/// No line joins the two sides of a wall, however thin it is, however it is turned, cut, named and resolved.
+#[test]
+fn no_line_passes_a_thin_wall() {
+    let sphere = DiscreteSphere::new(4, SolidAngle::Centre).unwrap();
+    let directions: Vec<Direction> = sphere.directions().iter().map(|d| Direction::new(d.vector)).collect();
+    let about_z = DMat3::from_rotation_z(0.48);
+    let diagonal = DMat3::from_rotation_z(std::f64::consts::FRAC_PI_4);
+    let mut rooms = Vec::new();
+    for (k, thickness) in [0.0, 0.01, 0.02, 0.05, 0.1, 0.3].into_iter().enumerate() {
+        for (j, turned) in [DMat3::IDENTITY, about_z, diagonal, tilted()].into_iter().enumerate() {
+            rooms.push(SealedRoom {
+                thickness,
+                turned,
+                on_floor: (k + j) % 3 == 1,
+                is_one_surface: (k + j) % 2 == 1,
+                n_parts: [1, 1, 19][(k + 2 * j) % 3],
+            });
+        }
+    }
+    for (k, room) in rooms.iter().enumerate() {
+        let scene = from_files(&room.obj(), SealedRoom::mtl());
+        let inside_from = room.inside_from();
+        let n = [21, 30, 44][k % 3];
+        let voxels = VoxelScene::new(&scene, n).unwrap();
+        assert!(room.thickness > 0.1 || voxels.thin_walls.len() == 1, "{room:?}");
+        let h = voxels.grid.voxel_size;
+        // A surfel's side of the walls; beside and under them that of the floor is not known here.
+        let side = |s: usize| {
+            let at = voxels.grid.centre(voxels.surfels[s].voxel());
+            match scene.faces[voxels.surfels[s].face.0 as usize].line {
+                line if line > inside_from => Some(true),
+                // The floor of the outer room, which may be that of the inner one too.
+                SealedRoom::FLOOR_LINE if room.on_floor && is_inside(room, at, room.thickness + h) => Some(true),
+                SealedRoom::FLOOR_LINE if room.on_floor && is_inside(room, at, -h) => None,
+                _ => Some(false),
+            }
+        };
+        let (mut n_seen, mut n_inside) = ([0_usize; 2], 0);
+        let sights = voxels.sights(0..voxels.n_surfels(), &directions);
+        for (s, row) in sights.chunks(directions.len()).enumerate() {
+            let Some(own) = side(s) else { continue };
+            n_inside += usize::from(own);
+            for seen in row.iter().flatten() {
+                match *seen {
+                    Sight::Surfel(t) => {
+                        let other = side(t as usize);
+                        assert!(other.is_none_or(|other| other == own), "{room:?} at {n}: {s} sees {t}");
+                        n_seen[usize::from(own)] += 1;
+                    }
+                    Sight::Escaped => assert!(!own, "{room:?} at {n}: {s} sees out of the scene"),
+                    Sight::Back => {}
+                }
+            }
+        }
+        // Both sides do see what is on their own.
+        assert!(
+            n_seen[0] > 20 * voxels.n_surfels() && n_seen[1] > 20 * n_inside && n_inside > 50,
+            "{room:?} at {n}: {n_seen:?}, {n_inside} of {}",
+            voxels.n_surfels()
+        );
+    }
+}
+
+/// A leak breaks a law; none does not.
+#[test]
+fn a_leak_is_no_light_that_holds_its_laws() {
+    use radiosity::audit::{Law, sides};
+    for (power, holds) in [(0.0, true), (1e-12, false), (f64::NAN, false)] {
+        let found = sides(&[0.0, power]);
+        assert_eq!((found.passed(), found.checks[0].law), (holds, Law::Sides));
+    }
+}
+
+/// The mean radiosity of each surface, with emitters that send the power of their true areas.
+fn solve_with_whole_power(scene: &Scene, n: u32, radius: u32, passes: usize) -> Vec<f64> {
+    let voxels = VoxelScene::new(scene, n).unwrap();
+    let sphere = DiscreteSphere::new(radius, SolidAngle::Centre).unwrap();
+    let links = Links::in_memory(&voxels, &sphere, &Silent);
+    let operator = LinkOperator::new(&voxels, &sphere, &links, RowWeights::Normalised);
+    let materials = Materials::new(scene, &voxels, 1);
+    let (rho, e) = (&materials.reflectance, &materials.emission);
+    let irradiance = propagate(&operator, rho, e, Form::InPlace, passes, &Silent).irradiance;
+    let radiosity = materials.radiosity(&irradiance);
+    let (mut sums, mut areas) = (vec![0.0; scene.surfaces.len()], vec![0.0; scene.surfaces.len()]);
+    for (s, surfel) in voxels.surfels.iter().enumerate() {
+        let k = surface_of(scene, &voxels, s);
+        sums[k] += surfel.area * radiosity.row(s)[0];
+        areas[k] += surfel.area;
+    }
+    sums.iter().zip(&areas).map(|(s, a)| s / a).collect()
+}
+
+/// What a wall's sides are spared, the rest of the room does not pay for.
+#[test]
+fn a_thin_wall_is_lit_as_patches_say() {
+    for thickness in [0.0, 0.03] {
+        let room = SealedRoom {
+            thickness,
+            ..SealedRoom::default()
+        };
+        let scene = from_files(&room.obj(), SealedRoom::mtl());
+        let patches = by_patches(&scene, 6);
+        let voxels = solve_with_whole_power(&scene, 45, 12, 15);
+        eprintln!("{thickness}: {voxels:.4?}, patches {patches:.4?}");
+        // The walls of the outer room and the outside of the inner one: of first order in the voxel's side, 3 % of the size of the lamp's outline.
+        for k in [0, 2] {
+            assert!(
+                (voxels[k] / patches[k] - 1.0).abs() < 0.04,
+                "{thickness}: {voxels:?} {patches:?}"
+            );
+        }
+        assert_eq!(voxels[3].to_bits(), 0.0_f64.to_bits());
+    }
+}
+
+/// Both sides of a sheet that ends in the room stay apart, and the light goes round its border.
+#[test]
+fn a_sheet_in_a_room_hides_what_is_behind() {
+    let scene = scene("corridor");
+    for n in [40, 53] {
+        let voxels = VoxelScene::new(&scene, n).unwrap();
+        assert!(!voxels.thin_walls.is_empty());
+        let sphere = DiscreteSphere::new(7, SolidAngle::Centre).unwrap();
+        let links = Links::in_memory(&voxels, &sphere, &Silent);
+        assert_eq!(links.n_backs(), Some(0));
+    }
 }
 
 struct Solved {

@@ -7,6 +7,8 @@
 
 #[path = "support/program.rs"]
 mod program;
+#[path = "support/sealed_room.rs"]
+mod sealed_room;
 
 use std::path::Path;
 
@@ -323,6 +325,56 @@ fn walls_that_are_too_near_are_named() {
     );
     let (_, told) = document(directory.path(), &["--voxels", "11", "--radius", "4", "--quiet"]);
     assert_eq!(told["thin_gaps"][0]["surfaces"], serde_json::json!(["low", "high"]));
+}
+
+/// By voxels and by cells, from memory and from the disk: no light in a sealed room whose walls are sheets or thinner than a voxel.
+#[test]
+fn a_sealed_room_stays_dark() {
+    use sealed_room::SealedRoom;
+    let directory = tempfile::tempdir().unwrap();
+    std::fs::write(directory.path().join("m.mtl"), SealedRoom::mtl()).unwrap();
+    for (thickness, on_floor) in [(0.0, false), (0.05, true)] {
+        let room = SealedRoom {
+            thickness,
+            on_floor,
+            turned: glam::DMat3::from_rotation_z(if on_floor { 0.3 } else { 0.0 }),
+            ..SealedRoom::default()
+        };
+        std::fs::write(directory.path().join("scene.obj"), room.obj()).unwrap();
+        let size = ["--voxels", "30", "--radius", "5"];
+        for more in [
+            &["--passes", "8"][..],
+            &["--solver", "gmres"],
+            &["--passes", "8", "--links", "recompute"],
+            &["--passes", "8", "--adaptive", "0.2"],
+        ] {
+            let (code, result) = document(directory.path(), &[&size[..], more].concat());
+            assert_eq!(code, 0, "{more:?}");
+            let of = |name: &str| {
+                let mut surfaces = result["surfaces"].as_array().unwrap().iter();
+                surfaces.find(|s| s["name"] == name).unwrap()["radiosity"][0]
+                    .as_f64()
+                    .unwrap()
+            };
+            assert_eq!(of("shell_in").to_bits(), 0.0_f64.to_bits(), "{more:?}");
+            assert!(of("shell_out") > 1.0 && of("outer") > 1.0, "{more:?}");
+            assert_eq!(
+                (&result["n_thin_walls"], &result["leak_power_w"]),
+                (&1.into(), &0.0.into())
+            );
+            assert!((result["thin_wall_min_m"].as_f64().unwrap() - thickness).abs() < 1e-9);
+            assert_eq!(
+                result["thin_walls"][0]["surfaces"],
+                serde_json::json!(["shell_out", "shell_in"])
+            );
+            let checks = result["audit"]["checks"].as_array().unwrap();
+            assert!(
+                checks
+                    .iter()
+                    .any(|check| check["law"] == "sides" && check["passed"] == true)
+            );
+        }
+    }
 }
 
 /// A limit on the size of files stands for a full disk.

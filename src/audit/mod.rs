@@ -17,6 +17,7 @@
 //! | [`Law::Residual`]: r is what the solver says | solutions | rounding |
 //! | [`Law::Energy`]: emitted = absorbed + escaped | solutions | what the stated residual allows |
 //! | [`Law::LeastRadiosity`], [`Law::GreatestRadiosity`] | solutions | what the stated residual allows |
+//! | [`Law::Sides`]: no light passes a closed surface | links of voxels | 0 |
 //! | [`Law::Picture`]: pixels are finite and not negative | pictures | 0 |
 
 mod form_factors;
@@ -28,7 +29,7 @@ use serde::Serialize;
 
 use crate::render::{Image, Samples};
 pub use form_factors::{Claims, FormFactorAudit, Repair, doubted_rows, form_factors};
-pub use solution::{Given, propagation, solution};
+pub use solution::{Given, propagation, sides, solution};
 
 /// A law that a result has to obey.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -57,6 +58,8 @@ pub enum Law {
     LeastRadiosity,
     /// B is at most max_i E_i / (1 − ρ_i Σ_j F_ij): the brightest furnace; deviations in W·m⁻².
     GreatestRadiosity,
+    /// No light passes between regions of air that surfaces close off from each other; deviations in W.
+    Sides,
     /// Radiances, radiosities and irradiances of all pixels are finite and not negative.
     Picture,
 }
@@ -77,6 +80,7 @@ impl Law {
             Self::Energy => "what is emitted is absorbed or escapes",
             Self::LeastRadiosity => "no patch is darker than the darkest furnace",
             Self::GreatestRadiosity => "no patch is brighter than the brightest furnace",
+            Self::Sides => "no light passes closed surfaces",
             Self::Picture => "pixels are finite and not negative",
         }
     }
@@ -85,7 +89,7 @@ impl Law {
         match self {
             Self::Exchange | Self::Reciprocity => " m²",
             Self::Finite | Self::Irradiance | Self::LeastRadiosity | Self::GreatestRadiosity => " W/m²",
-            Self::Energy => " W",
+            Self::Energy | Self::Sides => " W",
             Self::Sign | Self::Closure | Self::RowSum | Self::Residual | Self::Picture => "",
         }
     }

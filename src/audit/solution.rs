@@ -132,6 +132,21 @@ pub fn propagation(
     audit
 }
 
+/// Checks that no light passes between regions of air that surfaces close off from each other.
+///
+/// `leak_power`: what passes, W, \[c\].
+#[must_use]
+pub fn sides(leak_power: &[f64]) -> Audit {
+    let mut worst = Worst::default();
+    for (c, power) in leak_power.iter().enumerate() {
+        worst.see(*power, 0.0, At::default().channel(c));
+    }
+    Audit {
+        checks: vec![worst.check(Law::Sides)],
+        not_checked: Vec::new(),
+    }
+}
+
 /// What decides how bright a furnace is; light in its units.
 struct Reflecting<'a> {
     reflectance: &'a Block,

@@ -48,6 +48,9 @@ pub struct Adaptive {
     pub n_escaped: u64,
     /// The memory that they take.
     pub link_byte: u64,
+    /// The power that links carry between regions of air that surfaces close off from each other, W, \[c\]; see
+    /// [`LinkOperator::leak_power`](super::LinkOperator::leak_power).
+    pub leak_power: Vec<f64>,
     /// The changes of the last propagations; see [`Propagation::changes`](super::Propagation::changes).
     pub changes: Vec<f64>,
 }
@@ -124,6 +127,7 @@ pub fn solve_adaptively(
             n_backs: links.tally.n_backs,
             n_escaped: links.tally.n_escaped,
             link_byte: links.n_bytes(),
+            leak_power: operator.leak_power(&solved.radiosity),
             changes: solved.changes,
             cells,
         };

@@ -6,7 +6,7 @@ use super::cells::Cells;
 use super::discretize::VoxelScene;
 use super::line::Direction;
 use super::links::{Row, Tally, for_each_seen, prepared};
-use super::operator::{Gather, gather_row};
+use super::operator::{Gather, add_leak, gather_row, summed};
 use super::sphere::DiscreteSphere;
 use super::weights::{RowWeights, Weights};
 use crate::matrix::operator::{Block, LinearOperator, RowAccess};
@@ -63,6 +63,7 @@ impl CellLinks {
 
 /// F of the discrete equation, one row and column for each cell.
 pub(super) struct CellOperator<'a> {
+    voxels: &'a VoxelScene,
     cells: &'a Cells,
     links: &'a CellLinks,
     weights: Weights<'a>,
@@ -79,8 +80,30 @@ impl<'a> CellOperator<'a> {
         Self {
             cells,
             links,
+            voxels,
             weights: Weights::new(voxels, sphere, row_weights),
         }
+    }
+
+    /// Returns the power that links carry between regions of air that surfaces close off from each other, W, \[c\]: as
+    /// [`LinkOperator::leak_power`](super::LinkOperator::leak_power), of cells.
+    pub(super) fn leak_power(&self, radiosity: &Block) -> Vec<f64> {
+        let n_channels = radiosity.n_channels();
+        let n = if self.voxels.regions.is_some() {
+            self.cells.n_cells()
+        } else {
+            0
+        };
+        let of_cell = |cell: usize| {
+            let mut power = vec![0.0; n_channels];
+            let surfel = self.cells.representative(cell);
+            let (area, row) = (self.cells.areas()[cell], &self.links.rows[surfel]);
+            let of_seen = |seen: usize| radiosity.row(self.cells.cell_of(seen));
+            add_leak(self.voxels, &self.weights, surfel, row, area, of_seen, &mut power);
+            power
+        };
+        let of_cells: Vec<Vec<f64>> = (0..n).into_par_iter().map(of_cell).collect();
+        summed(&of_cells, n_channels)
     }
 }
 

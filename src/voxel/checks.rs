@@ -175,7 +175,7 @@ impl VoxelScene {
     }
 
     /// Returns the voxel `distance` voxels in front of a surfel, along the axis of its normal's largest component.
-    pub(super) fn in_front(&self, surfel: usize, distance: i32) -> Voxel {
+    fn in_front(&self, surfel: usize, distance: i32) -> Voxel {
         let normal = self.normal(surfel);
         let mut voxel = self.surfels[surfel].voxel();
         voxel[normal.axis] += distance * normal.integer[normal.axis].signum();

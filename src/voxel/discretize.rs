@@ -120,7 +120,7 @@ pub struct VoxelScene {
     pub(super) normal_of: Vec<u32>,
     /// By surfel; empty if no wall is thin.
     sides: Vec<Facts>,
-    /// The closed-off regions of air, if surfaces look into several.
+    /// The closed-off regions of air, if there are thin walls and surfaces look into several.
     pub(super) regions: Option<Regions>,
 }
 
@@ -181,9 +181,9 @@ impl VoxelScene {
             let sides = Sides::new(scene, &made, &found.near, &pieces);
             made.put_surfels(scene, &pieces, Some(&sides));
             made.thin_walls = found.walls;
+            drop(pieces);
+            made.regions = Regions::new(&made, &sides);
         }
-        drop(pieces);
-        made.regions = Regions::new(&made);
         Ok(made)
     }
 

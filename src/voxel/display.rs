@@ -20,7 +20,7 @@ const FAR: i32 = 6;
 ///
 /// Each is the mean over the surfels of the same surface within two voxels whose normals are like the patch's, weighted by area and a hat
 /// function of the distance, max(0, 1 − d/2): a constant stays that constant; second order inside a flat surface. A patch without any takes
-/// the mean of those at the least distance, of any surface, up to 6 voxels away, and 0 beyond.
+/// the mean of those at the least distance, of any surface, up to 6 voxels away, and 0 beyond. Surfels that closed surfaces part from the air in front of the patch do not count.
 ///
 /// Shapes: \[n_surfels, c\] to \[n_patches, c\].
 ///
@@ -35,9 +35,10 @@ pub fn onto_patches(voxels: &VoxelScene, faces: &[crate::scene::Face], mesh: &Me
         let at = voxels.grid.to_lattice(patch.centroid);
         let home = voxels.grid.voxel_at(patch.centroid);
         let mut mean = Mean::new(n_channels);
+        let is_beyond = |surfel: usize| voxels.is_parted_from(surfel, patch.centroid, patch.normal);
         each_surfel_within(voxels, home, 2, |surfel, voxel| {
             let same = faces[voxels.surfels[surfel].face.0 as usize].surface == patch.surface;
-            if same && voxels.normal(surfel).unit.dot(patch.normal) > ALIKE {
+            if same && !is_beyond(surfel) && voxels.normal(surfel).unit.dot(patch.normal) > ALIKE {
                 let distance = at.distance(glam::DVec3::from_array(voxel.map(f64::from)));
                 let weight = (1.0 - distance / REACH).max(0.0) * voxels.surfels[surfel].area;
                 mean.add(weight, values.row(surfel));
@@ -46,7 +47,7 @@ pub fn onto_patches(voxels: &VoxelScene, faces: &[crate::scene::Face], mesh: &Me
         let mut reach = 1;
         while mean.weight <= 0.0 && reach <= FAR {
             each_surfel_within(voxels, home, reach, |surfel, _| {
-                if voxels.normal(surfel).unit.dot(patch.normal) > ALIKE {
+                if !is_beyond(surfel) && voxels.normal(surfel).unit.dot(patch.normal) > ALIKE {
                     mean.add(voxels.surfels[surfel].area, values.row(surfel));
                 }
             });

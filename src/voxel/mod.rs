@@ -81,5 +81,5 @@ pub use picture::picture;
 pub use radiosity::{Form, Propagation, propagate};
 pub use sight::Sight;
 pub use sphere::{DiscreteSphere, MAX_RADIUS, SolidAngle, SphereDirection};
-pub use thin::ThinWall;
+pub use thin::{Leak, ThinWall};
 pub use weights::RowWeights;

@@ -44,11 +44,84 @@ impl<'a> LinkOperator<'a> {
         }
     }
 
+    /// Returns the power that links carry between regions of air that surfaces close off from each other, W, \[c\].
+    ///
+    /// Σ_x A_x Σ_v B(I(x, v)) cos θ(x, v) A(v) over the links whose ends look into different regions, exactly: 0 unless lines leak. The regions are found without lines.
+    /// Links that end in a sub-voxel gap, which has no region, are not counted. Not numbers where links cannot be read; see [`Links::failure`].
+    ///
+    /// `radiosity`: B, W·m⁻², \[n, c\].
+    #[must_use]
+    pub fn leak_power(&self, radiosity: &Block) -> Vec<f64> {
+        let n_channels = radiosity.n_channels();
+        let n = self.scene.n_surfels();
+        let n_chunks = if self.scene.regions.is_some() {
+            n.div_ceil(ROWS_PER_CHUNK)
+        } else {
+            0
+        };
+        let of_chunk = |k: usize| {
+            let mut power = vec![0.0; n_channels];
+            let rows = k * ROWS_PER_CHUNK..((k + 1) * ROWS_PER_CHUNK).min(n);
+            let done = self.links.with_chunk(self.scene, k, |chunk| {
+                for surfel in rows {
+                    let (area, row) = (self.scene.surfels[surfel].area, chunk.row(surfel % ROWS_PER_CHUNK));
+                    add_leak(
+                        self.scene,
+                        &self.weights,
+                        surfel,
+                        row,
+                        area,
+                        |seen| radiosity.row(seen),
+                        &mut power,
+                    );
+                }
+            });
+            if done.is_none() {
+                power.fill(f64::NAN);
+            }
+            power
+        };
+        let of_chunks: Vec<Vec<f64>> = (0..n_chunks).into_par_iter().map(of_chunk).collect();
+        summed(&of_chunks, n_channels)
+    }
+
     /// Returns the scene.
     #[must_use]
     pub fn scene(&self) -> &'a VoxelScene {
         self.scene
     }
+}
+
+/// Adds to `power` what the links of a surfel of an area bring from other regions of air.
+pub(super) fn add_leak<'b>(
+    scene: &VoxelScene,
+    weights: &Weights<'_>,
+    surfel: usize,
+    row: &[u8],
+    area: f64,
+    radiosity: impl Fn(usize) -> &'b [f64],
+    power: &mut [f64],
+) {
+    weights.with(surfel, |of_link| {
+        for_each_seen(row, surfel, |k, seen| {
+            if scene.are_parted(surfel, seen) {
+                for (sum, b) in power.iter_mut().zip(radiosity(seen)) {
+                    *sum += area * of_link[k] * b;
+                }
+            }
+        });
+    });
+}
+
+/// Adds up powers in their order, so that the sum does not depend on the threads.
+pub(super) fn summed(powers: &[Vec<f64>], n_channels: usize) -> Vec<f64> {
+    let mut sums = vec![0.0; n_channels];
+    for power in powers {
+        for (sum, p) in sums.iter_mut().zip(power) {
+            *sum += p;
+        }
+    }
+    sums
 }
 
 /// Adds Σ_v B(I(x, v)) cos θ A of a surfel's links to `sums`, one per channel; `unknown` tells which row of `x` a surfel's radiosity is.
@@ -188,5 +261,83 @@ impl RowAccess for LinkOperator<'_> {
         for same in entries.chunk_by(|a, b| a.0 == b.0) {
             visit(same[0].0, same.iter().map(|entry| entry.1).sum());
         }
+    }
+}
+
+#[cfg(test)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::super::sphere::SolidAngle;
+    use super::super::thin::{Leak, THIN};
+    use super::super::{Form, propagate};
+    use super::*;
+    use crate::progress::Silent;
+    use crate::scene::{Corners, Face, Scene, builtin};
+
+    /// A lit cube around a dark one, both sides of whose walls are drawn.
+    fn cube_in_cube() -> Scene {
+        let mut scene = builtin::build("cube", None).unwrap().scene;
+        let n = u32::try_from(scene.vertices.len()).unwrap();
+        let (low, high) = scene.bounding_box();
+        let smaller: Vec<_> = scene
+            .vertices
+            .iter()
+            .map(|&v| low + (high - low) * 0.37 + (v - low) * 0.31)
+            .collect();
+        scene.vertices.extend(smaller);
+        let inner: Vec<_> = scene.faces.clone();
+        for face in inner {
+            for is_outside in [true, false] {
+                let Corners::Quad(mut corners) = face.corners else {
+                    continue;
+                };
+                if is_outside {
+                    corners.reverse();
+                }
+                let corners = Corners::Quad(corners.map(|v| v + n));
+                scene.faces.push(Face { corners, ..face });
+            }
+        }
+        scene
+    }
+
+    /// The same light once with the sides of walls apart and once as by normals alone: what leaks is counted.
+    #[test]
+    fn a_leak_is_seen() {
+        let scene = cube_in_cube();
+        let mut voxels = VoxelScene::new(&scene, 24).unwrap();
+        assert!(!voxels.thin_walls.is_empty() && voxels.regions.is_some());
+        let sphere = DiscreteSphere::new(6, SolidAngle::Centre).unwrap();
+        let leak_of = |voxels: &VoxelScene| {
+            let links = Links::in_memory(voxels, &sphere, &Silent);
+            let operator = LinkOperator::new(voxels, &sphere, &links, RowWeights::Normalised);
+            let n = voxels.n_surfels();
+            // Only what is outside of the inner cube emits, 1 W/m².
+            let emits = |s: usize| voxels.surfels[s].face.0 < 6;
+            let e = Block::from_values((0..n).map(|s| f64::from(u8::from(emits(s)))).collect(), 1);
+            let rho = Block::from_values(vec![0.5; n], 1);
+            let radiosity = propagate(&operator, &rho, &e, Form::InPlace, 12, &Silent).radiosity;
+            let power = operator.leak_power(&radiosity);
+            // By hand: row by row, with the operator's own weights.
+            let mut by_hand = 0.0;
+            for s in 0..n {
+                let mut sum = 0.0;
+                operator.visit_row(s, &mut |t, f| {
+                    sum += if voxels.are_parted(s, t) {
+                        f * radiosity.row(t)[0]
+                    } else {
+                        0.0
+                    };
+                });
+                by_hand += voxels.surfels[s].area * sum;
+            }
+            assert!((power[0] - by_hand).abs() <= 1e-12 * by_hand);
+            Leak::new(&power, voxels, &e)
+        };
+        let tight = leak_of(&voxels);
+        assert!(tight.power.to_bits() == 0 && !tight.is_too_much(), "{tight:?}");
+        voxels.normal_of.iter_mut().for_each(|normal| *normal &= !THIN);
+        let leaky = leak_of(&voxels);
+        assert!(leaky.share > 0.01 && leaky.is_too_much(), "{leaky:?}");
     }
 }

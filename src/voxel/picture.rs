@@ -107,7 +107,11 @@ fn trace(voxels: &VoxelScene, origin: DVec3, direction: DVec3, depth_axis: DVec3
         if let Some(rank) = voxels.octree.rank(voxel) {
             let range = voxels.surfels_of(rank);
             let towards = |s: &usize| voxels.normal(*s).unit.dot(direction);
-            let surfel = range.min_by(|a, b| towards(a).total_cmp(&towards(b)))?;
+            // Near a thin wall, of the surfels on the side that the ray comes from.
+            let from = 2 * side + usize::from(step[side] < 0.0);
+            let looks_back = |s: &usize| voxels.nodes(*s) >> from & 1 == 1;
+            let order = |a: &usize, b: &usize| towards(a).total_cmp(&towards(b));
+            let surfel = range.clone().filter(looks_back).min_by(order).or(range.min_by(order))?;
             let mut normal = DVec3::ZERO;
             normal[side] = -step[side].signum();
             let facing = voxels.normal(surfel).unit;

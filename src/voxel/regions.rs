@@ -1,16 +1,18 @@
 //! The regions of air that surfaces close off from each other.
 
+use glam::DVec3;
+
 use super::discretize::VoxelScene;
 use super::grid::Voxel;
 use super::octree::{self, EMPTY};
-use super::thin::{AT_CENTRE, Side};
+use super::thin::{AT_CENTRE, Side, Sides};
 
 /// No region is known: a surfel without air in front of it, or a voxel's centre that is none.
 const UNKNOWN: u32 = u32::MAX;
 
 /// The regions of air of a scene in which surfaces close off several from each other, as the two sides of a sealed room's walls.
 ///
-/// A region is a set of voxels between which there are 6-paths of free voxels or, near [thin walls](VoxelScene::thin_walls), of voxels whose centres no face parts.
+/// A region is a set of voxels between which there are 6-paths whose steps, from centre to centre, no face crosses.
 /// It is found without any line, and so light that passes from one to the other shows that lines leak.
 #[derive(Clone, Debug)]
 pub(super) struct Regions {
@@ -71,7 +73,7 @@ impl Bricks {
 
 impl Regions {
     /// Finds the regions; `None` if all surfels look into one.
-    pub(super) fn new(voxels: &VoxelScene) -> Option<Self> {
+    pub(super) fn new(voxels: &VoxelScene, sides: &Sides) -> Option<Self> {
         let bricks = Bricks::new(voxels);
         let mut sets = Sets((0..to_u32(bricks.n_nodes)).collect());
         let mut join = |from: Voxel, axis: usize| {
@@ -79,7 +81,7 @@ impl Regions {
             to[axis] += 1;
             let [a, b] = [from, to].map(|voxel| bricks.node(voxel));
             let side = 2 * u32::try_from(axis).expect("an axis");
-            if a != b && is_open(voxels, from, side + 1) && is_open(voxels, to, side) {
+            if a != b && is_open(voxels, sides, from, side + 1) && is_open(voxels, sides, to, side) {
                 sets.join(a, b);
             }
         };
@@ -99,13 +101,13 @@ impl Regions {
                 }
             }
         });
-        let of_surfel: Vec<u32> = (0..voxels.n_surfels())
-            .map(|s| {
-                voxels
-                    .looks_into(s)
-                    .map_or(UNKNOWN, |node| sets.root(bricks.node(node)))
-            })
-            .collect();
+        let mut of_surfel = Vec::with_capacity(voxels.n_surfels());
+        for rank in 0..to_u32(voxels.octree.n_voxels()) {
+            for s in voxels.surfels_of(rank) {
+                let node = voxels.looks_into(s, rank, sides);
+                of_surfel.push(node.map_or(UNKNOWN, |node| sets.root(bricks.node(node))));
+            }
+        }
         let mut known = of_surfel.iter().filter(|&&region| region != UNKNOWN);
         let first = known.next()?;
         if known.all(|region| region == first) {
@@ -146,29 +148,39 @@ impl VoxelScene {
         self.regions.as_ref().is_some_and(|regions| regions.part(a, b))
     }
 
+    /// Tells whether surfaces close the air in front of a surfel off from the voxel in front of a point of a surface.
+    pub(super) fn is_parted_from(&self, surfel: usize, point: DVec3, normal: DVec3) -> bool {
+        let Some(regions) = &self.regions else {
+            return false;
+        };
+        let ahead = self.grid.voxel_at(point + self.grid.voxel_size * normal);
+        self.octree.rank(ahead).is_none()
+            && regions
+                .of_surfel(surfel)
+                .is_some_and(|region| region != regions.of_voxel(ahead))
+    }
+
     /// Returns a voxel whose centre is in the air that a surfel looks into, if one is known.
-    fn looks_into(&self, surfel: usize) -> Option<Voxel> {
-        if !self.is_thin(surfel) {
-            let front = self.in_front(surfel, 1);
-            return self.octree.rank(front).is_none().then_some(front);
-        }
-        let side = self.nodes(surfel).trailing_zeros();
+    fn looks_into(&self, surfel: usize, rank: u32, sides: &Sides) -> Option<Voxel> {
+        let side = if self.is_thin(surfel) {
+            Some(self.nodes(surfel).trailing_zeros()).filter(|&side| side <= AT_CENTRE)
+        } else {
+            sides.node_of(rank, self.surfels[surfel].face)
+        }?;
         let mut voxel = self.surfels[surfel].voxel();
-        match side {
-            0..AT_CENTRE => voxel[side as usize / 2] += if side % 2 == 1 { 1 } else { -1 },
-            AT_CENTRE => {}
-            _ => return None,
+        if side < AT_CENTRE {
+            voxel[side as usize / 2] += if side % 2 == 1 { 1 } else { -1 };
         }
         Some(voxel)
     }
 }
 
-/// Tells whether no face is known to lie between a voxel's centre and that side of it.
-fn is_open(voxels: &VoxelScene, voxel: Voxel, side: Side) -> bool {
-    voxels.octree.rank(voxel).is_none_or(|rank| {
-        let first = voxels.surfels_of(rank).start;
-        voxels.is_thin(first) && voxels.crossed(first) >> side & 1 == 0
-    })
+/// Tells whether no face lies between a voxel's centre and that side of it.
+fn is_open(voxels: &VoxelScene, sides: &Sides, voxel: Voxel, side: Side) -> bool {
+    voxels
+        .octree
+        .rank(voxel)
+        .is_none_or(|rank| sides.crossed(rank) >> side & 1 == 0)
 }
 
 /// Disjoint sets of nodes, by a node that stands for each.

@@ -13,9 +13,10 @@ use std::collections::{BTreeMap, HashMap};
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::discretize::{Piece, Pieces, VoxelScene, each_crossing};
-use super::grid::Voxel;
+use super::discretize::{Piece, Pieces, Surfel, VoxelScene, each_crossing};
+use super::grid::{MAX_VOXELS, Voxel};
 use crate::geometry::polygon;
+use crate::matrix::operator::Block;
 use crate::scene::{FaceId, Scene, SurfaceId};
 
 /// A wall thinner than two voxels: two surfaces, back to back in one voxel or in neighbouring ones.
@@ -27,6 +28,57 @@ pub struct ThinWall {
     pub thickness: f64,
     /// The number of surfels that have the other side beside or behind them.
     pub n_surfels: usize,
+}
+
+/// Light that passes between regions of air that surfaces close off from each other.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Leak {
+    /// The power that passes, W, in the channel where it is the greatest share.
+    pub power: f64,
+    /// That power as a share of what is emitted in the channel.
+    pub share: f64,
+}
+
+/// The share of what is emitted from which on a leak makes a result wrong.
+const MAX_LEAK: f64 = 1e-3;
+
+impl Leak {
+    /// Compares the power that leaks with what the surfels emit, both by channel.
+    ///
+    /// `power`: W, \[c\], as [`LinkOperator::leak_power`](super::LinkOperator::leak_power) returns it; `exitance`: E, W·m⁻², \[n, c\].
+    #[must_use]
+    pub fn new(power: &[f64], voxels: &VoxelScene, exitance: &Block) -> Self {
+        let of_channel = |(c, &power): (usize, &f64)| {
+            let emitted = |(k, s): (usize, &Surfel)| s.area * exitance.row(k)[c];
+            let emitted: f64 = voxels.surfels.iter().enumerate().map(emitted).sum();
+            let share = if power > 0.0 { power / emitted } else { power };
+            Self { power, share }
+        };
+        let all = power.iter().enumerate().map(of_channel);
+        all.max_by(|a, b| a.share.total_cmp(&b.share))
+            .unwrap_or(Self { power: 0.0, share: 0.0 })
+    }
+
+    /// Tells whether more leaks than a thousandth of what is emitted.
+    #[must_use]
+    pub fn is_too_much(&self) -> bool {
+        self.share.is_nan() || self.share > MAX_LEAK
+    }
+}
+
+impl VoxelScene {
+    /// Returns how many voxels along the longest axis make a wall two voxels thick, if so many are possible.
+    #[must_use]
+    pub fn n_voxels_for(&self, wall: &ThinWall) -> Option<u32> {
+        let extent = self.grid.voxel_size * f64::from(self.grid.n_voxels.into_iter().max()? - 1);
+        let n = (2.0 * extent / wall.thickness).ceil() + 1.0;
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "at most MAX_VOXELS, and positive"
+        )]
+        (n <= f64::from(MAX_VOXELS)).then_some(n as u32)
+    }
 }
 
 /// Cosine beyond which two faces are sides of one wall.
@@ -157,11 +209,13 @@ fn plane(voxels: &VoxelScene, scene: &Scene, face: FaceId) -> (DVec3, f64) {
     (normal, normal.dot(voxels.grid.to_lattice(scene.polygon(face)[0])))
 }
 
-/// What the voxels of thin walls, and those around them, know of their sides.
+/// Which nodes faces look to, in a scene with thin walls.
 pub(super) struct Sides {
+    /// The crossings that make voxels surface, by rank and face.
+    samples: Vec<Sample>,
     /// By rank: on which of the six segments to the neighbours faces cross the half that is the voxel's own.
     crossed: Vec<u8>,
-    /// The parts of the faces in each of these voxels, by rank.
+    /// The parts of the faces in the voxels of thin walls and in those around them, by rank.
     parts: Vec<(u32, Part)>,
 }
 
@@ -186,14 +240,10 @@ struct Sample {
 impl Sides {
     /// Sorts out the sides in the voxels `near` thin walls.
     pub(super) fn new(scene: &Scene, voxels: &VoxelScene, near: &[bool], pieces: &Pieces) -> Self {
-        let (crossed, samples) = samples(scene, voxels, &dilated(voxels, near), pieces);
+        let (crossed, samples) = samples(scene, voxels);
         let of_voxels: Vec<(u32, &[(u32, usize)])> =
             pieces.by_voxel().filter(|(rank, _)| near[*rank as usize]).collect();
-        let samples_of = |rank: u32, face: FaceId| {
-            let start = samples.partition_point(|s| (s.rank, s.face) < (rank, face));
-            let n = samples[start..].partition_point(|s| (s.rank, s.face) == (rank, face));
-            &samples[start..start + n]
-        };
+        let samples_of = |rank, face| samples_of(&samples, rank, face);
         let without_crossing: Vec<(Voxel, FaceId)> = of_voxels
             .iter()
             .flat_map(|(rank, list)| list.iter().map(|&(_, k)| (*rank, pieces.all[k])))
@@ -212,10 +262,15 @@ impl Sides {
                     parts.push((rank, Part { face, area, nodes }));
                     continue;
                 }
-                let share = area / found.len() as f64;
+                // What other faces hide at one crossing is seen beside another: only a face that is hidden at all of them is hidden.
+                let seen: Vec<Side> = found.iter().filter_map(|sample| sample.node).collect();
+                if seen.is_empty() {
+                    parts.push((rank, Part { face, area, nodes: 0 }));
+                }
+                let share = area / seen.len() as f64;
                 let first = parts.len();
-                for sample in found {
-                    let nodes = sample.node.map_or(0, |side| nodes.joined(1 << place_of_side(side)));
+                for side in seen {
+                    let nodes = nodes.joined(1 << place_of_side(side));
                     match parts[first..].iter_mut().find(|(_, part)| part.nodes == nodes) {
                         Some((_, part)) => part.area += share,
                         None => parts.push((
@@ -232,7 +287,18 @@ impl Sides {
             parts
         };
         let parts = of_voxels.par_iter().flat_map_iter(parts_of).collect();
-        Self { crossed, parts }
+        Self {
+            samples,
+            crossed,
+            parts,
+        }
+    }
+
+    /// Returns a node that a face looks to from the voxel of a rank, if it crosses a segment there.
+    pub(super) fn node_of(&self, rank: u32, face: FaceId) -> Option<Side> {
+        samples_of(&self.samples, rank, face)
+            .iter()
+            .find_map(|sample| sample.node)
     }
 
     /// Returns the parts in the voxel of a rank, if its sides are known, given where they begin at the earliest.
@@ -249,19 +315,20 @@ impl Sides {
     }
 }
 
-/// Returns by rank the halves of segments that are crossed, and the crossings that make the voxels of `wide` ranks surface, sorted.
-fn samples(scene: &Scene, voxels: &VoxelScene, wide: &[bool], pieces: &Pieces) -> (Vec<u8>, Vec<Sample>) {
-    let mut faces: Vec<FaceId> = pieces
-        .by_voxel()
-        .filter(|(rank, _)| wide[*rank as usize])
-        .flat_map(|(_, list)| list.iter().map(|&(_, k)| pieces.all[k].face))
-        .collect();
-    faces.par_sort_unstable();
-    faces.dedup();
+/// Returns the crossings of a face that make the voxel of a rank surface.
+fn samples_of(samples: &[Sample], rank: u32, face: FaceId) -> &[Sample] {
+    let start = samples.partition_point(|s| (s.rank, s.face) < (rank, face));
+    let n = samples[start..].partition_point(|s| (s.rank, s.face) == (rank, face));
+    &samples[start..start + n]
+}
+
+/// Returns by rank the halves of segments that are crossed, and all crossings that make voxels surface, sorted.
+fn samples(scene: &Scene, voxels: &VoxelScene) -> (Vec<u8>, Vec<Sample>) {
+    let faces: Vec<FaceId> = scene.face_ids().collect();
     let of_face = |&face: &FaceId| {
         let mut found = Vec::new();
         each_crossing(&voxels.grid, &scene.polygon(face), |c| {
-            let Some(rank) = voxels.octree.rank(c.voxel).filter(|&rank| wide[rank as usize]) else {
+            let Some(rank) = voxels.octree.rank(c.voxel) else {
                 return;
             };
             let mut lower = c.voxel;
@@ -286,7 +353,7 @@ fn samples(scene: &Scene, voxels: &VoxelScene, wide: &[bool], pieces: &Pieces) -
             .then(a.at.total_cmp(&b.at))
             .then(a.face.cmp(&b.face))
     });
-    let mut crossed = vec![0; wide.len()];
+    let mut crossed = vec![0; voxels.octree.n_voxels()];
     let mut samples = Vec::with_capacity(crossings.len());
     for on_segment in crossings.chunk_by_mut(|a, b| segment(a) == segment(b)) {
         for sheet in on_segment.chunk_by_mut(|a, b| b.at - a.at < COINCIDENT) {

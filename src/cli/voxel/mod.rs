@@ -9,7 +9,8 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use report::{
-    Checked, LinkFigures, describe, describe_surfaces, surfaces, to_json, warn_of_escapes, warn_of_gaps, warn_of_leaks,
+    Checked, LinkFigures, describe, describe_surfaces, describe_walls, surfaces, to_json, warn_of_escapes,
+    warn_of_gaps, warn_of_leak, warn_of_leaks,
 };
 
 use super::args::{LinksName, VoxelArgs};
@@ -28,8 +29,8 @@ use crate::render::{Attributes, DirectMethod, RenderInput, RenderSettings, exr, 
 use crate::report::voxels::write_vtu;
 use crate::solver::{self, RadiositySystem, SolveOptions, SolverError, SolverSettings, StopReason, Tolerance};
 use crate::voxel::{
-    AdaptiveSettings, DiscreteSphere, Form, Grid, LinkOperator, Links, Materials, RowWeights, SolidAngle, VoxelScene,
-    onto_patches, picture, propagate, solve_adaptively,
+    AdaptiveSettings, DiscreteSphere, Form, Grid, Leak, LinkOperator, Links, Materials, RowWeights, SolidAngle,
+    VoxelScene, onto_patches, picture, propagate, solve_adaptively,
 };
 
 /// Patches of the display, in voxels: fine enough to show what the voxels resolve.
@@ -50,6 +51,8 @@ struct Solved {
     document: Value,
     /// How it is told to people.
     line: String,
+    /// What passes closed surfaces, W, by channel.
+    leak_power: Vec<f64>,
     code: ExitCode,
 }
 
@@ -110,10 +113,24 @@ fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
         None => solve_on_voxels(run, &mut prepared, &voxels, &sphere, kept, args)?,
     };
     warn_of_escapes(run, &links, prepared.plan.watertight);
+    run.audited(audit::sides(&solved.leak_power));
+    let materials = Materials::new(&prepared.scene, &voxels, prepared.plan.n_channels);
+    let leak = Leak::new(&solved.leak_power, &voxels, &materials.exitance);
+    warn_of_leak(run, &voxels, &leak);
     let view = write(run, &mut prepared, &voxels, &solved, args, format)?;
     run.progress.finish();
 
-    let checked = Checked { gaps, leaks, hausdorff };
+    let code = if leak.is_too_much() {
+        ExitCode::NotConverged
+    } else {
+        solved.code
+    };
+    let checked = Checked {
+        gaps,
+        leaks,
+        leak,
+        hausdorff,
+    };
     let mut result = to_json(&prepared.scene, &voxels, &sphere, &links, &checked);
     result["surfaces"] = surfaces(&prepared.scene, &voxels, &solved.radiosity);
     merge(&mut result, solved.document);
@@ -122,6 +139,7 @@ fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
     }
     let mut text = run.explanation(&prepared);
     describe(&mut text, &voxels, &sphere, &links);
+    describe_walls(&mut text, &voxels);
     let _ = writeln!(text, "{}", solved.line);
     describe_surfaces(&mut text, &prepared.scene, &voxels, &solved.radiosity);
     run.describe_audit(&mut text);
@@ -135,7 +153,7 @@ fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
     Ok(Outcome {
         text,
         document: run.document_of(&prepared, result),
-        code: run.judged(solved.code, args.audit.strict),
+        code: run.judged(code, args.audit.strict),
     })
 }
 
@@ -246,6 +264,7 @@ fn solve_on_cells(
         ),
         radiosity: materials.radiosity(&result.irradiance),
         irradiance: result.irradiance,
+        leak_power: result.leak_power,
         code: ExitCode::Done,
     };
     Ok((solved, figures))
@@ -358,6 +377,7 @@ fn solve_to_tolerance(
             ));
         }
         return Ok(Solved {
+            leak_power: operator.leak_power(b),
             radiosity: materials.radiosity(&result.irradiance),
             irradiance: result.irradiance,
             document: json!({"form": form, "n_passes": args.passes, "changes": result.changes}),
@@ -409,6 +429,7 @@ fn solve_to_tolerance(
             "history": solution.history,
         }),
         line: solve::solver_line(name, &solution, Stated::Untold),
+        leak_power: operator.leak_power(&solution.radiosity),
         radiosity: materials.radiosity(&solution.irradiance),
         irradiance: solution.irradiance,
         code: if converged {

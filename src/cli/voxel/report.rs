@@ -9,13 +9,15 @@ use crate::cli::{cell, name_width};
 use crate::matrix::operator::Block;
 use crate::printable::printable;
 use crate::scene::Scene;
-use crate::voxel::{DiscreteSphere, ThinGap, VoxelScene};
+use crate::voxel::{DiscreteSphere, Leak, ThinGap, ThinWall, VoxelScene};
 
 /// What the checks of the discretisation found.
 pub(super) struct Checked {
     pub(super) gaps: Vec<ThinGap>,
     /// Surfels that are reached from outside.
     pub(super) leaks: Vec<u32>,
+    /// Light that passes closed surfaces.
+    pub(super) leak: Leak,
     /// The Hausdorff distance from the scene, in voxels.
     pub(super) hausdorff: Option<f64>,
 }
@@ -52,6 +54,11 @@ pub(super) fn to_json(
         "n_leaks": checked.leaks.len(),
         "hausdorff_distance_voxel": checked.hausdorff,
         "thin_gaps": gaps_to_json(scene, &checked.gaps),
+        "n_thin_walls": voxels.thin_walls.len(),
+        "thin_wall_min_m": voxels.thin_walls.first().map(|wall| wall.thickness),
+        "thin_walls": walls_to_json(scene, &voxels.thin_walls),
+        "leak_power_w": checked.leak.power,
+        "leak_share": checked.leak.share,
     })
 }
 
@@ -143,6 +150,46 @@ fn gaps_to_json(scene: &Scene, gaps: &[ThinGap]) -> Value {
     gaps.iter()
         .map(|gap| json!({"surfaces": gap.surfaces.map(name), "n_surfels": gap.n_surfels}))
         .collect()
+}
+
+fn walls_to_json(scene: &Scene, walls: &[ThinWall]) -> Value {
+    let name = |id: crate::scene::SurfaceId| scene.surfaces[id.0 as usize].name.as_str();
+    let wall = |wall: &ThinWall| json!({"surfaces": wall.surfaces.map(name), "thickness_m": wall.thickness, "n_surfels": wall.n_surfels});
+    walls.iter().map(wall).collect()
+}
+
+/// Says how thin walls are, if any are thinner than two voxels.
+pub(super) fn describe_walls(text: &mut String, voxels: &VoxelScene) {
+    if let Some(wall) = voxels.thin_walls.first() {
+        let _ = writeln!(
+            text,
+            "{} thin walls (pairs of surfaces), the thinnest {:.2e} m, {:.2} voxels; their sides exchange no light",
+            voxels.thin_walls.len(),
+            wall.thickness,
+            wall.thickness / voxels.grid.voxel_size
+        );
+    }
+}
+
+/// Warns of light that passes closed surfaces.
+pub(super) fn warn_of_leak(run: &Run, voxels: &VoxelScene, leak: &Leak) {
+    if leak.power <= 0.0 {
+        return;
+    }
+    let (wall, remedy) = match voxels.thin_walls.first() {
+        Some(wall) => {
+            let n = voxels.n_voxels_for(wall);
+            (
+                format!(" walls as thin as {:.1e} m", wall.thickness),
+                n.map_or_else(|| "larger".to_owned(), |n| n.to_string()),
+            )
+        }
+        None => (" closed surfaces".to_owned(), "larger".to_owned()),
+    };
+    run.warn(&format!(
+        "{:.1e} W, {:.1e} of what is emitted, passes{wall}; surfaces behind them are too bright; give --voxels {remedy}",
+        leak.power, leak.share
+    ));
 }
 
 /// Returns name, area, number of surfels and mean radiosity of each surface.
