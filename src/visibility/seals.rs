@@ -231,16 +231,16 @@ mod tests {
     fn no_ray_slips_through_a_t_junction() {
         let device = Device::new().unwrap();
         let (mut n_sealed, mut n_slipped) = (0, 0);
-        for k in 0..12 {
-            let turn = DQuat::from_euler(EulerRot::XYZ, 0.3 + f64::from(k), 1.1 * f64::from(k), -2.0);
-            let away = DVec3::new(0.3, -7.0, 0.1) * f64::from(k);
-            let (scene, seams) = boxed(turn, away, k % 2 == 1);
+        for room in 0..12 {
+            let turn = DQuat::from_euler(EulerRot::XYZ, 0.3 + f64::from(room), 1.1 * f64::from(room), -2.0);
+            let away = DVec3::new(0.3, -7.0, 0.1) * f64::from(room);
+            let (scene, seams) = boxed(turn, away, room % 2 == 1);
             let middle = turn * DVec3::new(1.5, 1.0, 0.5) + away;
             let mut hits = HitBatch::default();
             let leaky = EmbreeVisibility::with_seals(&device, &scene, Vec::new()).unwrap();
             let (rays, aims) = aimed(&leaky, middle, &seams);
             leaky.closest_hits(&rays, Coherence::Incoherent, &mut hits);
-            n_slipped += (0..aims.len()).filter(|&k| hits.face(k).is_none()).count();
+            n_slipped += (0..aims.len()).filter(|&ray| hits.face(ray).is_none()).count();
 
             let visibility = EmbreeVisibility::on_device(&device, &scene).unwrap();
             n_sealed += find(&scene, &Frame::of(&scene)).len();
