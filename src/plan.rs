@@ -102,6 +102,22 @@ impl Plan {
         }
     }
 
+    /// Notes how many faces of a mesh are cut at contact edges, and whether they were to be.
+    pub fn note_cut_faces(&mut self, n_cut_faces: usize, wanted: bool) {
+        let left_out = "cutting faces at contact edges";
+        match n_cut_faces {
+            0 if wanted => self.left_out.push(format!("{left_out}: none crosses a face")),
+            0 => self
+                .left_out
+                .push(format!("{left_out}: by --no-cut, or as in the file of form factors")),
+            n => self.decide(
+                "cut faces",
+                n.to_string(),
+                "contact edges cross them, where light would leak",
+            ),
+        }
+    }
+
     /// Replaces the decision on a subject, or adds it.
     pub fn revise(&mut self, subject: &'static str, choice: impl Into<String>, reason: impl Into<String>) {
         let (choice, reason) = (choice.into(), reason.into());

@@ -202,13 +202,12 @@ impl Sequence {
         };
         let change = first.map(|first| Change::between(&first.prepared.scene, &prepared.scene));
         // Patches that are others than before have no form factors yet.
-        let before = first
-            .zip(change.as_ref())
-            .filter(|(first, _)| !first.prepared.is_cut_anew);
-        let before = before.filter(|_| !prepared.is_cut_anew).map(|(first, change)| Before {
-            factors: &first.raw,
-            tolerance_met: first.tolerance_met,
-            change,
+        let has_same_patches = !prepared.is_cut_anew && first.is_none_or(|first| !first.prepared.is_cut_anew);
+        let known = first.zip(change.as_ref()).filter(|_| has_same_patches);
+        let before = known.map(|(known, since)| Before {
+            factors: &known.raw,
+            tolerance_met: known.tolerance_met,
+            change: since,
         });
         run.storage.part = u32::try_from(number).unwrap_or(u32::MAX);
         let (raw, promised) = run.raw_form_factors(&mut prepared, &args.method, fineness, needs_symmetry, before)?;

@@ -31,7 +31,7 @@ impl Run {
     pub(super) fn judge_leaking_power(&mut self, (reflectance, exitance): (&Block, &Block), radiosity: &Block) {
         if let Some(leaks) = &self.leaks {
             let power = leaks.power(reflectance, exitance, radiosity);
-            self.judge_leak(power, ["power_w", "W"], "of what is emitted");
+            self.judge_leak(power, ["power_w", "power_error_w", "W"], "of what is emitted");
         }
     }
 
@@ -39,11 +39,15 @@ impl Run {
     pub(super) fn judge_leaking_exchange(&mut self) {
         if let Some(leaks) = &self.leaks {
             let area = leaks.exchange_area();
-            self.judge_leak(area, ["exchange_area_m2", "m2"], "of the area of all patches");
+            self.judge_leak(
+                area,
+                ["exchange_area_m2", "exchange_area_error_m2", "m2"],
+                "of the area of all patches",
+            );
         }
     }
 
-    fn judge_leak(&mut self, leak: Leakage, [name, unit]: [&str; 2], whole: &str) {
+    fn judge_leak(&mut self, leak: Leakage, [name, of_error, unit]: [&str; 3], whole: &str) {
         let n_patches = self.leaks.as_ref().map_or(0, LightLeaks::n_patches);
         self.leaks_too_much |= leak.is_too_great();
         let before = self.light_leak["relative"].as_f64().unwrap_or(-1.0);
@@ -51,7 +55,7 @@ impl Run {
             self.light_leak = json!({
                 "n_patches": n_patches,
                 name: leak.value,
-                format!("{name}_error"): leak.error,
+                of_error: leak.error,
                 "relative": leak.relative,
             });
         }
@@ -68,25 +72,6 @@ impl Run {
                 leak.error,
                 leak.relative,
             ));
-        }
-    }
-
-    /// Says how many faces are cut at contact edges, or why none is.
-    pub(super) fn tell_cut_faces(&self, prepared: &mut Prepared) {
-        let plan = &mut prepared.plan;
-        match prepared.mesh.n_cut_faces() {
-            0 if prepared.options.cut_at_walls => {
-                plan.left_out
-                    .push("cutting faces at contact edges: none crosses a face".into());
-            }
-            0 => plan
-                .left_out
-                .push("cutting faces at contact edges: by --no-cut, or as in the file of form factors".into()),
-            n => plan.decide(
-                "cut faces",
-                n.to_string(),
-                "contact edges cross them, where light would leak",
-            ),
         }
     }
 }

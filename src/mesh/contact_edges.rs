@@ -28,6 +28,8 @@ pub(super) struct ContactEdge {
     pub(super) to: DVec3,
     /// Up to this distance, in m, a point lies on it.
     pub(super) tolerance: f64,
+    /// How far its ends are off the plane, in m.
+    pub(super) misfit: f64,
 }
 
 /// The contact edges of a scene: they are found once, when they are first used.
@@ -288,14 +290,19 @@ fn contact_edge((origin, normal): (DVec3, DVec3), wall: &[DVec3], tolerance: f64
         }
     }
     // A corner on a straight edge is a third point.
-    let from = *points.first()?;
-    let farthest = |from: DVec3| {
-        let by_distance = |a: &&DVec3, b: &&DVec3| from.distance(**a).total_cmp(&from.distance(**b));
+    let farthest = |other: DVec3| {
+        let by_distance = |a: &&DVec3, b: &&DVec3| other.distance(**a).total_cmp(&other.distance(**b));
         points.iter().max_by(by_distance).copied()
     };
-    let to = farthest(from)?;
+    let to = farthest(*points.first()?)?;
     let from = farthest(to)?;
-    (from.distance(to) > tolerance).then_some(ContactEdge { from, to, tolerance })
+    let off_plane = |end: DVec3| normal.dot(end - origin).abs();
+    (from.distance(to) > tolerance).then(|| ContactEdge {
+        from,
+        to,
+        tolerance,
+        misfit: off_plane(from).max(off_plane(to)),
+    })
 }
 
 /// Gives patches of one plane vertices of their own where a contact edge runs between them.

@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 
 use super::hierarchy::FaceShape;
 use super::patch::{PatchId, PatchPoint};
-use super::pieces::{Corner, PieceTree};
+use super::pieces::{Corner, PieceTree, Pieces};
 
 /// The regular subdivision of one face, or of its pieces.
 #[derive(Clone, Debug)]
@@ -32,6 +32,8 @@ struct PieceGrids {
     outline: FlatOutline,
     tree: PieceTree,
     grids: Vec<PieceGrid>,
+    /// How far the contact edges that cut it are off its plane, in m.
+    misfit: f64,
 }
 
 #[derive(Clone, Debug)]
@@ -63,17 +65,12 @@ impl FaceGrid {
         Self { first_patch, shape }
     }
 
-    /// Takes the outline of a face, its pieces, and how these are cut, in their order.
-    pub(super) fn pieces(
-        first_patch: u32,
-        face: &[Corner],
-        pieces: impl Iterator<Item = (Vec<Corner>, FaceShape)>,
-        tree: PieceTree,
-    ) -> Self {
+    /// Takes the pieces of a face, and how these are cut, in their order.
+    pub(super) fn pieces(first_patch: u32, pieces: &Pieces, shapes: &[FaceShape]) -> Self {
         let mut n_patches = 0;
-        let grids = pieces.map(|(outline, shape)| {
+        let grids = pieces.outlines.iter().zip(shapes).map(|(outline, &shape)| {
             let grid = PieceGrid {
-                outline: FlatOutline::new(&outline),
+                outline: FlatOutline::new(outline),
                 first_patch: n_patches,
                 shape,
             };
@@ -81,15 +78,20 @@ impl FaceGrid {
             grid
         });
         let shape = Shape::Pieces(Box::new(PieceGrids {
-            outline: FlatOutline::new(face),
+            outline: FlatOutline::new(&pieces.face),
             grids: grids.collect(),
-            tree,
+            tree: pieces.tree.clone(),
+            misfit: pieces.misfit,
         }));
         Self { first_patch, shape }
     }
 
-    pub(super) fn is_in_pieces(&self) -> bool {
-        matches!(self.shape, Shape::Pieces(_))
+    /// Returns how far the contact edges that cut the face are off its plane, in m; `None` of a face that is not cut.
+    pub(super) fn misfit(&self) -> Option<f64> {
+        match &self.shape {
+            Shape::Pieces(pieces) => Some(pieces.misfit),
+            _ => None,
+        }
     }
 
     /// Returns how the face, or each of its pieces, is cut, in the order of the patches.

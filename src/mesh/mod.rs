@@ -119,15 +119,16 @@ impl Mesh {
         self.patches.len()
     }
 
-    /// Tells whether a face is cut at contact edges: the corners of its patches are known no better than those of the faces that stand on it then.
-    pub(crate) fn is_cut(&self, face: FaceId) -> bool {
-        self.grids[face.0 as usize].is_in_pieces()
+    /// Returns how far the contact edges at which a face is cut are off its plane, in m, or `None` of a face that is not cut: the corners of its patches are known no better than that, nor than those of the
+    /// faces that stand on it.
+    pub(crate) fn misfit(&self, face: FaceId) -> Option<f64> {
+        self.grids[face.0 as usize].misfit()
     }
 
     /// Returns how many faces are cut at contact edges: see [`MeshOptions::cut_at_walls`].
     #[must_use]
     pub fn n_cut_faces(&self) -> usize {
-        self.grids.iter().filter(|grid| grid.is_in_pieces()).count()
+        self.grids.iter().filter(|grid| grid.misfit().is_some()).count()
     }
 
     /// Returns the areas A_i in m², in patch order.

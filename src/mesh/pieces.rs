@@ -65,6 +65,8 @@ pub(super) struct Pieces {
     pub(super) face: Vec<Corner>,
     pub(super) outlines: Vec<Vec<Corner>>,
     pub(super) tree: PieceTree,
+    /// How far the contact edges are off the plane, in m.
+    pub(super) misfit: f64,
 }
 
 /// A contact edge in the plane of a face.
@@ -95,6 +97,9 @@ impl Pieces {
             least: edge.tolerance,
         });
         let segments: Vec<Segment> = segments.collect();
+        let crossing = segments.iter().zip(contact_edges);
+        let crossing = crossing.filter(|(segment, _)| crosses(&face, **segment).is_some());
+        let misfit = crossing.map(|(_, edge)| edge.misfit).fold(0.0, f64::max);
         let mut outlines = Vec::new();
         let mut nodes = vec![Node::Piece(0)];
         let mut open = vec![(0, face.clone(), segments)];
@@ -131,7 +136,12 @@ impl Pieces {
             }
         }
         let tree = PieceTree { nodes };
-        (outlines.len() > 1).then_some(Self { face, outlines, tree })
+        (outlines.len() > 1).then_some(Self {
+            face,
+            outlines,
+            tree,
+            misfit,
+        })
     }
 }
 

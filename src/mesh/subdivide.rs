@@ -329,9 +329,7 @@ impl<'a> Builder<'a> {
                 }
             }
         }
-        let grids = pieces.outlines.iter().cloned().zip(shapes.iter().copied());
-        let grid = FaceGrid::pieces(first_patch, &pieces.face, grids, pieces.tree.clone());
-        self.mesh.grids.push(grid);
+        self.mesh.grids.push(FaceGrid::pieces(first_patch, pieces, shapes));
     }
 
     fn add_triangles(&mut self, face: FaceId, n: u32, vertex: impl Fn(u32, u32) -> u32) {

@@ -63,6 +63,11 @@ impl EmbreeVisibility {
     ///
     /// As [`EmbreeVisibility::new`].
     pub fn on_device(device: &Device, scene: &Scene) -> Result<Self, EmbreeError> {
+        Self::with_seals(device, scene, seals::find(scene, &Frame::of(scene)))
+    }
+
+    /// Builds the scene with triangles in the slits of its T-junctions.
+    pub(super) fn with_seals(device: &Device, scene: &Scene, seals: Vec<Seal>) -> Result<Self, EmbreeError> {
         let frame = Frame::of(scene);
         if !scene.faces.is_empty() && !EXTENTS.contains(&frame.largest) {
             return Err(EmbreeError::ExtentOutOfRange { largest: frame.largest });
@@ -83,7 +88,6 @@ impl EmbreeVisibility {
                 Corners::Quad(corners) => builder.quad(corners, face.0)?,
             }
         }
-        let seals = seals::find(scene, &frame);
         for (number, seal) in (scene.faces.len()..).zip(&seals) {
             builder.triangle(seal.corners, u32::try_from(number).unwrap_or(u32::MAX))?;
         }

@@ -144,6 +144,7 @@ mod tests {
     use glam::{DQuat, EulerRot};
 
     use super::*;
+    use crate::embree::Device;
     use crate::scene::{Corners, Face, Material, MaterialId, Surface, SurfaceId};
     use crate::visibility::embree::EmbreeVisibility;
     use crate::visibility::{Coherence, Visibility as _};
@@ -211,28 +212,38 @@ mod tests {
         (scene, seams)
     }
 
-    /// Rays that aim at the edges along which faces meet in T-junctions all hit a face from within, near where they aim.
+    /// Rays from within a box to points of some lines.
+    fn aimed(visibility: &EmbreeVisibility, middle: DVec3, seams: &[[DVec3; 2]]) -> (RayBatch, Vec<DVec3>) {
+        let (mut rays, mut aims) = (RayBatch::default(), Vec::new());
+        for [from, to] in seams {
+            for step in 0..20_000 {
+                let at = from.lerp(*to, (f64::from(step) + 0.5) / 20_000.0);
+                let eye = middle + 0.3 * (at - middle).cross(DVec3::new(0.3, 0.2, 0.1)).normalize();
+                rays.push_ray(eye - visibility.frame_origin(), at - eye);
+                aims.push(at);
+            }
+        }
+        (rays, aims)
+    }
+
+    /// Rays that aim at the edges along which faces meet in T-junctions all hit a face from within, near where they aim; some escape where nothing fills the slits.
     #[test]
     fn no_ray_slips_through_a_t_junction() {
-        let mut n_sealed = 0;
-        for k in 0..12 {
-            let turn = DQuat::from_euler(EulerRot::XYZ, 0.3 + f64::from(k), 1.1 * f64::from(k), -2.0);
-            let away = DVec3::new(0.3, -7.0, 0.1) * f64::from(k);
-            let (scene, seams) = boxed(turn, away, k % 2 == 1);
-            let visibility = EmbreeVisibility::new(&scene).unwrap();
-            n_sealed += find(&scene, &Frame::of(&scene)).len();
+        let device = Device::new().unwrap();
+        let (mut n_sealed, mut n_slipped) = (0, 0);
+        for room in 0..12 {
+            let turn = DQuat::from_euler(EulerRot::XYZ, 0.3 + f64::from(room), 1.1 * f64::from(room), -2.0);
+            let away = DVec3::new(0.3, -7.0, 0.1) * f64::from(room);
+            let (scene, seams) = boxed(turn, away, room % 2 == 1);
             let middle = turn * DVec3::new(1.5, 1.0, 0.5) + away;
-            let mut rays = RayBatch::default();
-            let mut aims = Vec::new();
-            for [from, to] in &seams {
-                for step in 0..20_000 {
-                    let at = from.lerp(*to, (f64::from(step) + 0.5) / 20_000.0);
-                    let eye = middle + 0.3 * (at - middle).cross(DVec3::new(0.3, 0.2, 0.1)).normalize();
-                    rays.push_ray(eye - visibility.frame_origin(), at - eye);
-                    aims.push(at);
-                }
-            }
             let mut hits = HitBatch::default();
+            let leaky = EmbreeVisibility::with_seals(&device, &scene, Vec::new()).unwrap();
+            let (rays, aims) = aimed(&leaky, middle, &seams);
+            leaky.closest_hits(&rays, Coherence::Incoherent, &mut hits);
+            n_slipped += (0..aims.len()).filter(|&ray| hits.face(ray).is_none()).count();
+
+            let visibility = EmbreeVisibility::on_device(&device, &scene).unwrap();
+            n_sealed += find(&scene, &Frame::of(&scene)).len();
             visibility.closest_hits(&rays, Coherence::Incoherent, &mut hits);
             for (k, aim) in aims.iter().enumerate() {
                 let hit = hits.face(k).unwrap_or_else(|| panic!("a ray to {aim} escapes"));
@@ -244,7 +255,7 @@ mod tests {
                 assert!(place.distance(*aim) < 1e-5, "{place} {aim}");
             }
         }
-        assert!(n_sealed > 12 * 8, "{n_sealed}");
+        assert!(n_sealed >= 12 * 8 && n_slipped > 100, "{n_sealed} {n_slipped}");
     }
 
     #[test]

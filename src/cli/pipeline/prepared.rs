@@ -167,7 +167,7 @@ impl Run {
             visibility,
         };
         if mesh_args.is_some() {
-            self.tell_cut_faces(&mut prepared);
+            prepared.note_cut_faces();
             self.find_leaks(&prepared);
         }
         Ok(prepared)
@@ -238,7 +238,7 @@ impl Run {
                 let file = &self.scene_file;
                 Failure::new("embree", format!("{}: {error}", file.display())).in_file(file)
             })?;
-        let mut prepared = Prepared {
+        let mut moved = Prepared {
             scene,
             plan,
             options,
@@ -246,9 +246,9 @@ impl Run {
             mesh: cut_anew.unwrap_or(mesh),
             visibility,
         };
-        self.tell_cut_faces(&mut prepared);
-        self.find_leaks(&prepared);
-        Ok(prepared)
+        moved.note_cut_faces();
+        self.find_leaks(&moved);
+        Ok(moved)
     }
 
     /// Warns if rays start too far off the faces to see what lies in the narrowest gap.
@@ -323,6 +323,11 @@ pub(in crate::cli) fn posed(scene: &Scene, pose: &Pose) -> Result<Scene, Failure
 }
 
 impl Prepared {
+    fn note_cut_faces(&mut self) {
+        self.plan
+            .note_cut_faces(self.mesh.n_cut_faces(), self.options.cut_at_walls);
+    }
+
     /// Returns what form-factor methods look at.
     pub(in crate::cli) fn input(&self) -> Input<'_> {
         Input {

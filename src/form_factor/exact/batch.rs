@@ -109,9 +109,7 @@ impl<'a> Batches<'a> {
     ) -> Self {
         let index = (!input.unoccluded).then(|| BlockerIndex::new(input.scene));
         let mut patches = Patches::new(input.mesh, index.is_some());
-        if let Some(index) = index.as_ref().filter(|index| index.slack() > 0.0) {
-            patches.loosen_cut_ones(input.mesh, index.slack());
-        }
+        patches.loosen_cut_ones(input.mesh, index.as_ref().map_or(0.0, BlockerIndex::slack));
         let facing = Facing::new(input.mesh);
         Self {
             method,

@@ -78,8 +78,8 @@ impl Patches {
     /// Takes the corners of patches that end at contact edges to be off by as much as those of the faces that stand there may be, in m.
     pub(super) fn loosen_cut_ones(&mut self, mesh: &Mesh, slack: f64) {
         for (bent, patch) in self.bent.iter_mut().zip(&mesh.patches) {
-            if mesh.is_cut(patch.face) {
-                *bent = bent.max(slack);
+            if let Some(misfit) = mesh.misfit(patch.face) {
+                *bent = bent.max(slack).max(misfit);
             }
         }
     }

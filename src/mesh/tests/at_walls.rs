@@ -50,6 +50,25 @@ fn sides_of(boxes: &[Block3]) -> Vec<[DVec3; 4]> {
     sides.collect()
 }
 
+/// No patch of a mesh that is cut is crossed by a contact edge, and those of a whole one that are consist of their pieces.
+#[track_caller]
+fn expect_crossed_patches(source: &Scene, subdivision: Subdivision, cut: &Mesh) {
+    let contact_edges = ContactEdges::of(source);
+    assert_eq!(contact_edges.crossed_patches(cut), []);
+    let whole = Mesh::new(source, subdivision).unwrap();
+    let crossed = contact_edges.crossed_patches(&whole);
+    assert!(!crossed.is_empty());
+    for patch in crossed {
+        let parts: f64 = patch
+            .pieces
+            .iter()
+            .map(|piece| polygon::area_vector(piece).length())
+            .sum();
+        let area = whole.patches[patch.patch.0 as usize].area;
+        assert!(patch.pieces.len() > 1 && (parts - area).abs() < 1e-12, "{parts} {area}");
+    }
+}
+
 /// Every point of a face lies in the patch that it is found in, patches on both sides of a foot are not the same, and all fill the face.
 #[test]
 fn faces_end_where_walls_stand() {
@@ -99,20 +118,7 @@ fn faces_end_where_walls_stand() {
         ] {
             let options = cut(subdivision);
             let mesh = Mesh::new(&source, options).unwrap();
-            assert_eq!(ContactEdges::of(&source).crossed_patches(&mesh), []);
-            let whole = Mesh::new(&source, subdivision).unwrap();
-            for crossed in ContactEdges::of(&source).crossed_patches(&whole) {
-                let parts: f64 = crossed
-                    .pieces
-                    .iter()
-                    .map(|piece| polygon::area_vector(piece).length())
-                    .sum();
-                let area = whole.patches[crossed.patch.0 as usize].area;
-                assert!(
-                    crossed.pieces.len() > 1 && (parts - area).abs() < 1e-12,
-                    "{parts} {area}"
-                );
-            }
+            expect_crossed_patches(&source, subdivision, &mesh);
             assert_eq!(
                 Mesh::count(&ContactEdges::of(&source), options).unwrap(),
                 mesh.n_patches() as u64
