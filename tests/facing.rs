@@ -201,7 +201,7 @@ fn bowl(opens_up: bool) -> String {
     text += "o bowl\nusemtl grey\n";
     for ring in 0..m {
         for k in 0..n {
-            let at = |ring: i32, k: i32| ring * n + (k % n) + 1;
+            let at = |i: i32, j: i32| i * n + (j % n) + 1;
             let mut corners = [at(ring, k), at(ring, k + 1), at(ring + 1, k + 1), at(ring + 1, k)];
             if opens_up {
                 corners.reverse();
@@ -245,8 +245,8 @@ fn faces_that_see_only_backs_are_counted() {
             for (x, y) in (0..n).flat_map(|x| (0..n).map(move |y| (x, y))) {
                 let at = |k: i32| 3.0 * f64::from(k) / f64::from(n);
                 let (x, y) = ([at(x), at(x + 1)], [at(y), at(y + 1)]);
-                for (x, y) in [(x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1])] {
-                    writeln!(text, "v {x} {y} {z}").unwrap();
+                for (i, j) in [(0, 0), (1, 0), (1, 1), (0, 1)] {
+                    writeln!(text, "v {} {} {z}", x[i], y[j]).unwrap();
                 }
                 let is_reversed = n == 2 && looks_down;
                 text += if is_reversed {

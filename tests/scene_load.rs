@@ -622,7 +622,7 @@ fn libraries_outside_the_scenes_folder_need_leave() {
             )
         );
         let leave = LoadOptions::default().allow_outside(true);
-        let allowed = load_with(&scene, leave).unwrap().scene;
+        let allowed = load_with(&scene, &leave).unwrap().scene;
         assert_eq!(allowed.materials[0].reflectance.map(f64::to_bits), quarter);
     }
     for name in [

@@ -128,7 +128,7 @@ pub(super) fn warn_if_blank(run: &Run, image: &Image, view: &AnyView) {
     };
     if !image.shows_a_front(record.eye) {
         run.warn(&format!(
-            "no pixel shows the front of a face: move the camera (--eye, --look-at; it is {}), or turn the faces (they see on the side from which their \
+            "no pixel shows the front of a face: move the camera (--eye, --look-at; it is {}), or turn the faces with --flip (they see on the side from which their \
              corners run counter-clockwise)",
             origin.describe()
         ));

@@ -69,9 +69,10 @@ pub(super) fn cut_out(scene: &mut Scene) -> Result<Option<CutOut>, Refused> {
         let plane = &planes[&face];
         let pieces = plane.subtract(Piece::new(&corners), &cutters);
         let outlines: Vec<Vec<DVec3>> = pieces.iter().flat_map(|piece| convex_faces(piece.corners())).collect();
-        let area = |outline: &[DVec3]| polygon::area_vector(outline).length();
-        report.area += area(&corners) - outlines.iter().map(|outline| area(outline)).sum::<f64>();
         let faces = vertices.faces(scene, scene.faces[face.0 as usize], &outlines)?;
+        let area = |outline: &[DVec3]| polygon::area_vector(outline).length();
+        let left = faces.iter().map(|left| area(&scene.positions(left)));
+        report.area += area(&corners) - left.sum::<f64>();
         if faces.is_empty() {
             let (_, n) = report.covered.get_or_insert((scene.faces[face.0 as usize].line, 0));
             *n += 1;
@@ -102,8 +103,11 @@ fn tolerance(scene: &Scene) -> f64 {
     // What is turned within a plane along the axes is rounded too, although nothing stands out of the plane.
     let written = scene.written.filter(|written| written.is_rounded(ROUNDED_DIGITS));
     let of_digits = written.map_or(0.0, |written| UNITS * written.unit(greatest));
-    scene.slack().max(of_digits).max(64.0 * f64::EPSILON * greatest)
+    scene.slack().max(of_digits).max(ULPS * f64::EPSILON * greatest)
 }
+
+/// Lines that were meant to be one part by so many units of the last place of f64 where short edges are extended across a wall.
+const ULPS: f64 = 512.0;
 
 /// Coordinates of fewer digits are meant as they are.
 const ROUNDED_DIGITS: i32 = 6;
@@ -184,9 +188,9 @@ impl Groups {
             let [a, b] = pair.map(|face| groups.root(face));
             groups.0.insert(a.max(b), a.min(b));
         }
-        let mut faces: Vec<FaceId> = groups.0.keys().copied().collect();
-        faces.sort_unstable();
-        for face in faces {
+        let mut all: Vec<FaceId> = groups.0.keys().copied().collect();
+        all.sort_unstable();
+        for face in all {
             groups.root(face);
         }
         groups
@@ -214,7 +218,7 @@ impl Groups {
 /// The vertices of a scene by their positions.
 struct Vertices {
     ids: HashMap<[u64; 3], u32>,
-    /// The vertices in cubes of twice the tolerance.
+    /// The vertices in cubes of four times the tolerance: what is within the tolerance of a point lies in two of them along each axis at most.
     cells: HashMap<[i64; 3], Vec<DVec3>>,
     tolerance: f64,
 }
@@ -239,7 +243,7 @@ impl Vertices {
 
     fn cell(&self, position: DVec3) -> [i64; 3] {
         #[expect(clippy::cast_possible_truncation, reason = "coordinates are at most 2^53 tolerances")]
-        let index = |x: f64| (x / (2.0 * self.tolerance)).floor() as i64;
+        let index = |x: f64| (x / (4.0 * self.tolerance)).floor() as i64;
         position.to_array().map(index)
     }
 
@@ -265,6 +269,24 @@ impl Vertices {
         near.copied().unwrap_or(position)
     }
 
+    /// Returns an outline of vertices that stand, and new ones that are not nearer to one another than the tolerance; empty if it is no wider.
+    fn joined_outline(&self, corners: &[DVec3]) -> Vec<DVec3> {
+        let mut outline: Vec<DVec3> = Vec::with_capacity(corners.len());
+        for &corner in corners {
+            let corner = self.joined(corner);
+            let known = outline.iter().find(|known| known.distance(corner) <= self.tolerance);
+            outline.push(known.copied().unwrap_or(corner));
+        }
+        without_repeats(&mut outline);
+        let length: f64 = (0..outline.len())
+            .map(|k| outline[k].distance(outline[(k + 1) % outline.len()]))
+            .sum();
+        if 2.0 * polygon::area_vector(&outline).length() <= self.tolerance * length {
+            outline.clear();
+        }
+        outline
+    }
+
     fn id(&mut self, scene: &mut Scene, position: DVec3) -> Result<u32, Refused> {
         if let Some(&known) = self.ids.get(&key(position)) {
             return Ok(known);
@@ -280,8 +302,7 @@ impl Vertices {
     fn faces(&mut self, scene: &mut Scene, face: Face, outlines: &[Vec<DVec3>]) -> Result<Vec<Face>, Refused> {
         let mut faces = Vec::new();
         for outline in outlines {
-            let mut outline: Vec<DVec3> = outline.iter().map(|&v| self.joined(v)).collect();
-            without_repeats(&mut outline);
+            let outline = self.joined_outline(outline);
             let Outline::Faces(parts) = split(&outline) else {
                 continue;
             };

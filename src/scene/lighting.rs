@@ -103,9 +103,9 @@ impl Lighting {
         })?;
         let surfaces: Vec<&str> = scene.surfaces.iter().map(|s| s.name.as_str()).collect();
         let materials: Vec<&str> = scene.materials.iter().map(|m| m.name.as_str()).collect();
-        let areas = areas_of(scene);
-        let changes = parsed.surface.values().chain(parsed.material.values());
-        let reflectances = changes.filter_map(|change| change.get_ref().0.reflectance.as_ref());
+        let [surface_areas, material_areas] = areas_of(scene);
+        let all = parsed.surface.values().chain(parsed.material.values());
+        let reflectances = all.filter_map(|change| change.get_ref().0.reflectance.as_ref());
         let reflectance_max = reflectances
             .flat_map(|given| given.get_ref().rgb())
             .fold(scene.reflectance_max(), f64::max);
@@ -164,8 +164,8 @@ impl Lighting {
             Ok(found)
         };
         Ok(Self {
-            by_surface: read("surface", &surfaces, &areas[0], parsed.surface)?,
-            by_material: read("material", &materials, &areas[1], parsed.material)?,
+            by_surface: read("surface", &surfaces, &surface_areas, parsed.surface)?,
+            by_material: read("material", &materials, &material_areas, parsed.material)?,
         })
     }
 

@@ -70,31 +70,36 @@ impl Definitions {
     ) -> Result<Self, SceneError> {
         let mut definitions = Self::default();
         for library in libraries {
-            for Library { name, file } in files_of(&library.name, scene_file) {
+            let line = library.line;
+            for Library { name, file: named } in files_of(&library.name, scene_file) {
                 let may_read = |file: &PathBuf| options.allow_outside || lies_beside(file, scene_file);
-                let (line, name) = (library.line, name.to_owned());
-                let file = match file {
-                    Some(file) if may_read(&file) => file,
-                    named => match by_file_name(&name, scene_file).filter(may_read) {
-                        Some(found) => {
-                            let used = found.file_name().unwrap_or_default().to_string_lossy().into_owned();
-                            let file = scene_file.to_owned();
-                            warnings.push(SceneWarning::LibraryElsewhere { file, line, name, used });
-                            found
-                        }
-                        None if named.is_some() => {
-                            return Err(SceneError::OutsideFolder {
-                                file: scene_file.to_owned(),
-                                line,
-                                name: library.name.clone(),
-                            });
-                        }
-                        None => {
-                            let file = scene_file.to_owned();
-                            warnings.push(SceneWarning::MissingLibrary { file, line, name });
-                            continue;
-                        }
-                    },
+                let is_there = named.is_some();
+                let beside = || by_file_name(name, scene_file).filter(may_read);
+                let (own, name_there) = (scene_file.to_owned(), name.to_owned());
+                let file = if let Some(file) = named.filter(may_read) {
+                    file
+                } else if let Some(found) = beside() {
+                    let used = found.file_name().unwrap_or_default().to_string_lossy().into_owned();
+                    warnings.push(SceneWarning::LibraryElsewhere {
+                        file: own,
+                        line,
+                        name: name_there,
+                        used,
+                    });
+                    found
+                } else if is_there {
+                    return Err(SceneError::OutsideFolder {
+                        file: own,
+                        line,
+                        name: library.name.clone(),
+                    });
+                } else {
+                    warnings.push(SceneWarning::MissingLibrary {
+                        file: own,
+                        line,
+                        name: name_there,
+                    });
+                    continue;
                 };
                 definitions.read(&file, options.max_exitance)?;
             }

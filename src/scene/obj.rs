@@ -8,7 +8,6 @@ use glam::DVec3;
 
 use super::bright::{MAX_EXITANCE, expect_no_overflow};
 use super::builder::{Added, Builder};
-use super::cut_out::CutOut;
 use super::lines::read_text;
 use super::mtl::{Definition, Definitions};
 use super::obj_lines::{ObjIndex, Unread, scan};
@@ -109,21 +108,21 @@ pub const DEFAULT_REFLECTANCE: f64 = 0.5;
 ///
 /// Source: Wavefront's OBJ and MTL formats. Departures: only polygons; capitals; a vertex must stand above the faces that use it; the weight of a vertex is ignored.
 pub fn load(path: impl AsRef<Path>) -> Result<Loaded, SceneError> {
-    load_with(path, LoadOptions::default())
+    load_with(path, &LoadOptions::default())
 }
 
 /// Loads a scene as [`load`] does, with options.
 ///
 /// # Errors
 /// As [`load`].
-pub fn load_with(path: impl AsRef<Path>, options: LoadOptions) -> Result<Loaded, SceneError> {
+pub fn load_with(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Loaded, SceneError> {
     let file = path.as_ref();
     let index = scan(&read_text(file, u64::MAX)?, file)?;
     let mut warnings = Vec::new();
     for (what, &(line, count)) in &index.unread {
         warnings.push(unread(file, *what, line, count));
     }
-    let definitions = Definitions::read_all(&index.libraries, file, &options, &mut warnings)?;
+    let definitions = Definitions::read_all(&index.libraries, file, options, &mut warnings)?;
     let outlines = Outlines::parse(&index, file)?;
     let scene = Assembly {
         file,
@@ -163,11 +162,11 @@ fn flipped(index: &ObjIndex, file: &Path, flip: &Flip) -> Result<Vec<bool>, Scen
 /// Returns the warning about statements that were not read, or not as they are written.
 fn unread(file: &Path, what: Unread, line: u32, count: usize) -> SceneWarning {
     let file = file.to_owned();
-    let skipped = |what| SceneWarning::SkippedStatements {
+    let skipped = |in_words| SceneWarning::SkippedStatements {
         file: file.clone(),
         line,
         count,
-        what,
+        what: in_words,
     };
     match what {
         Unread::NamelessLibrary => SceneWarning::NamelessLibrary { file, line },
@@ -307,26 +306,20 @@ impl Assembly<'_> {
             });
         }
         let (scene, cut) = self.builder.finish()?;
-        if let Some(CutOut {
-            line,
-            count,
-            area,
-            covered,
-        }) = cut
-        {
-            let file = || self.file.to_owned();
+        if let Some(cut) = cut {
             self.warnings.push(SceneWarning::CutFaces {
-                file: file(),
-                line,
-                count,
-                area,
+                file: self.file.to_owned(),
+                line: cut.line,
+                count: cut.count,
+                area: cut.area,
             });
-            let of_covered = covered.map(|(line, count)| SceneWarning::CoveredFaces {
-                file: file(),
-                line,
-                count,
-            });
-            self.warnings.extend(of_covered);
+            if let Some((line, count)) = cut.covered {
+                self.warnings.push(SceneWarning::CoveredFaces {
+                    file: self.file.to_owned(),
+                    line,
+                    count,
+                });
+            }
         }
         Ok(scene)
     }

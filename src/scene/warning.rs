@@ -246,12 +246,9 @@ impl SceneWarning {
     }
 }
 
-impl fmt::Display for SceneWarning {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}", self.file().display())?;
-        if let Some(line) = self.line() {
-            write!(f, ":{line}")?;
-        }
+impl SceneWarning {
+    /// Writes what is not about light and materials, without its place.
+    fn fmt_of_geometry(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::ZeroAreaFaces { count: 1, .. } => write!(f, ": a face without an area is skipped"),
             Self::ZeroAreaFaces { count, .. } => {
@@ -298,6 +295,24 @@ impl fmt::Display for SceneWarning {
                 ": {} in capitals, of which this is the first, read as in small letters",
                 counted(*count, "keyword")
             ),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl fmt::Display for SceneWarning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.file().display())?;
+        if let Some(line) = self.line() {
+            write!(f, ":{line}")?;
+        }
+        match self {
+            Self::ZeroAreaFaces { .. }
+            | Self::BentFaces { .. }
+            | Self::CutFaces { .. }
+            | Self::CoveredFaces { .. }
+            | Self::SkippedStatements { .. }
+            | Self::Capitals { .. } => self.fmt_of_geometry(f),
             Self::NamelessLibrary { .. } => {
                 write!(
                     f,

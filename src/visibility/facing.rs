@@ -118,9 +118,9 @@ pub fn look(scene: &Scene, visibility: &dyn Visibility) -> Facing {
 ///
 /// Of a surface around a solid no ray from a back escapes, or it meets the backs of the solid's other sides.
 fn inside_out(scene: &Scene, visibility: &dyn Visibility, groups: &Groups, found: &Found) -> Vec<SurfaceId> {
-    let mut faces: Vec<Vec<FaceId>> = vec![Vec::new(); scene.surfaces.len()];
+    let mut of_surfaces: Vec<Vec<FaceId>> = vec![Vec::new(); scene.surfaces.len()];
     for (id, face) in scene.face_ids().zip(&scene.faces) {
-        faces[face.surface.0 as usize].push(id);
+        of_surfaces[face.surface.0 as usize].push(id);
     }
     let is_apart = |face: &FaceId| {
         let group = groups.of_face(*face);
@@ -129,7 +129,7 @@ fn inside_out(scene: &Scene, visibility: &dyn Visibility, groups: &Groups, found
     let n_rays = (RAYS / scene.surfaces.len()).clamp(LEAST_RAYS, MOST_RAYS);
     let mut hits = HitBatch::default();
     let mut result = Vec::new();
-    for (surface, faces) in (0..).map(SurfaceId).zip(&faces) {
+    for (surface, faces) in (0..).map(SurfaceId).zip(&of_surfaces) {
         if faces.len() < 2 || !faces.iter().all(is_apart) {
             continue;
         }

@@ -57,9 +57,8 @@ fn a_door_and_a_window_that_are_drawn_on_a_wall_are_cut_out_of_it() {
     for (name, area) in areas(&found) {
         let right = match name.as_str() {
             "floor" | "ceiling" => 20.0,
-            "south" => 12.0,
             "north" => 15.0,
-            "east" | "west" => 12.0,
+            "south" | "east" | "west" => 12.0,
             "door" => 2.0,
             _ => 1.0,
         };

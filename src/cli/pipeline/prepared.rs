@@ -69,7 +69,7 @@ impl Run {
         if !self.common.flip.is_empty() {
             self.set("flip", self.common.flip.clone());
         }
-        let loaded = self.times.time("scene", || load_with(path, options))?;
+        let loaded = self.times.time("scene", || load_with(path, &options))?;
         let wants_light = !matches!(self.command, "form-factors" | "field" | "compare");
         for warning in &loaded.warnings {
             if matches!(warning, SceneWarning::NoEmission { .. }) && self.has_lightings {
@@ -178,8 +178,12 @@ impl Run {
         let facing = self.times.time("checks", || look(scene, visibility));
         let file = path.display();
         if facing.none_sees {
+            let of_surface = match &scene.surfaces[..] {
+                [only] => format!(" of `{}`", only.name),
+                _ => String::new(),
+            };
             self.warn(&format!(
-                "{file}: no face sees another, so none receives light from another: the normals are probably inverted; reverse all with --flip, or a surface's with --flip=NAME"
+                "{file}: no face{of_surface} sees another, so none receives light from another: the normals are probably inverted; reverse all with --flip, or a surface's with --flip=NAME"
             ));
             return;
         }
@@ -188,10 +192,10 @@ impl Run {
                 "{file}: no face that emits light sees another: the normals are probably inverted; reverse all with --flip, or a surface's with --flip=NAME"
             ));
         }
-        let n = scene.faces.len();
-        if 2 * facing.n_see_only_backs > n {
+        let n_faces = scene.faces.len();
+        if 2 * facing.n_see_only_backs > n_faces {
             self.warn(&format!(
-                "{file}: {} of {n} faces see only black backs of others: normals are probably inverted; reverse all with --flip, or a surface's with --flip=NAME",
+                "{file}: {} of {n_faces} faces see only black backs of others: normals are probably inverted; reverse all with --flip, or a surface's with --flip=NAME",
                 facing.n_see_only_backs
             ));
         }

@@ -43,6 +43,16 @@ fn roundness(corners: &[DVec3]) -> f64 {
     polygon::area_vector(corners).length() / (length * length).max(f64::MIN_POSITIVE)
 }
 
+/// Returns which part of the way through an outline a line runs along the edge that it goes through: the less, the more rounding turns it aside at its ends.
+fn support(corners: &[DVec3], [a, b]: Line) -> f64 {
+    let along = (b - a).normalize_or_zero();
+    let places = corners.iter().map(|&v| along.dot(v - a));
+    let (low, high) = places.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
+        (low.min(x), high.max(x))
+    });
+    (a.distance(b) / (high - low).max(f64::MIN_POSITIVE)).min(1.0)
+}
+
 /// The plane in which faces are cut.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Plane {
@@ -59,7 +69,7 @@ impl Plane {
     /// Returns the convex pieces that are left of a face without the convex `cutters`.
     ///
     /// A piece is cut along the edges of one cutter, one after the other, from border to border: a wall becomes rectangles around an upright door, not slivers that run to its corners.
-    /// Of the cutters in a piece the one nearest to its middle comes first, which halves what is left; of its edges the one that leaves the roundest pieces.
+    /// Of the cutters in a piece the one nearest to its middle comes first, which halves what is left; of its edges the one that leaves the roundest pieces and is not much shorter than the cut.
     pub(super) fn subtract(&self, face: Piece, cutters: &[Vec<DVec3>]) -> Vec<Piece> {
         let middles: Vec<DVec3> = cutters.iter().map(|cutter| polygon::centroid(cutter)).collect();
         let mut work = vec![(face, (0..cutters.len()).collect::<Vec<_>>())];
@@ -75,7 +85,7 @@ impl Plane {
             };
             let cutter = &cutters[within.remove(nearest)];
             let outside = self.around(piece, cutter);
-            work.extend(outside.into_iter().map(|piece| (piece, within.clone())));
+            work.extend(outside.into_iter().map(|part| (part, within.clone())));
         }
         left
     }
@@ -94,8 +104,9 @@ impl Plane {
                 }
                 let of_both = [&outside, &inside].into_iter().flatten();
                 let worst = of_both.map(|part| roundness(&part.corners)).fold(1.0, f64::min);
-                if best.as_ref().is_none_or(|(most, ..)| worst > *most) {
-                    best = Some((worst, k, [outside, inside]));
+                let score = worst * support(&rest.corners, edge);
+                if best.as_ref().is_none_or(|(most, ..)| score > *most) {
+                    best = Some((score, k, [outside, inside]));
                 }
             }
             let Some((_, k, [outside, inside])) = best else {

@@ -80,9 +80,9 @@ impl Ranks {
         );
         let own_class = classes(faces.iter().map(|&face| (face, own[&face])), tolerance);
         let rank = |face| {
-            let part = groups.of_face(face);
+            let of_face = groups.of_face(face);
             let reverse = std::cmp::Reverse;
-            (part_class[&part], reverse(part), own_class[&face], reverse(face))
+            (part_class[&of_face], reverse(of_face), own_class[&face], reverse(face))
         };
         Ok(Self(faces.iter().map(|&face| (face, rank(face))).collect()))
     }

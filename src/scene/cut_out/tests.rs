@@ -48,7 +48,9 @@ fn rounded(mut scene: Scene, places: usize) -> Scene {
     let mut written = Written::default();
     for v in &mut scene.vertices {
         let text = v.to_array().map(|x| format!("{x:.places$}"));
-        text.iter().for_each(|token| written.see(token));
+        for token in &text {
+            written.see(token);
+        }
         *v = DVec3::from_array(text.map(|token| token.parse().expect("a number")));
     }
     scene.written = Some(written);
