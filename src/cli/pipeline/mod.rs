@@ -7,6 +7,7 @@ mod solution;
 use std::cell::RefCell;
 use std::fmt::Write as _;
 use std::path::PathBuf;
+use std::time::Instant;
 
 use serde_json::{Value, json};
 
@@ -42,8 +43,9 @@ pub(super) struct Run {
     surface_names: Vec<String>,
     /// The file of the lighting that each channel belongs to; none where the materials are the scene's own.
     pub(super) lighting_files: Vec<Option<PathBuf>>,
-    interrupt: Interrupt,
+    pub(super) interrupt: Interrupt,
     has_looked_at_gaps: bool,
+    begun: Instant,
 }
 
 impl Run {
@@ -64,6 +66,7 @@ impl Run {
             surface_names: Vec::new(),
             lighting_files: Vec::new(),
             has_looked_at_gaps: false,
+            begun: Instant::now(),
         }
     }
 
@@ -73,6 +76,11 @@ impl Run {
             self.progress.finish();
             warn(message);
         }
+    }
+
+    /// Takes in warnings that have been written already.
+    fn note_warnings(&self, warnings: Vec<String>) {
+        self.warnings.borrow_mut().extend(warnings);
     }
 
     /// Warns unless the same has been said.
