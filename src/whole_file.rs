@@ -3,6 +3,7 @@
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use tempfile::TempPath;
 
@@ -18,10 +19,42 @@ pub(crate) fn write(path: &Path, content: impl FnOnce(&mut BufWriter<&mut File>)
     prepare(path, content)?.put()
 }
 
+/// The temporary files that this process is writing.
+static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+fn unfinished() -> MutexGuard<'static, Vec<PathBuf>> {
+    UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Removes all temporary files, before the process ends without dropping what it has.
+pub(crate) fn abandon() {
+    for path in unfinished().drain(..) {
+        // A file that has just got its name is no longer there.
+        let _ = std::fs::remove_file(path);
+    }
+}
+
+/// A temporary file that is on the list while this is.
+struct Listed(PathBuf);
+
+impl Listed {
+    fn new(path: &Path) -> Self {
+        unfinished().push(path.to_owned());
+        Self(path.to_owned())
+    }
+}
+
+impl Drop for Listed {
+    fn drop(&mut self) {
+        unfinished().retain(|path| *path != self.0);
+    }
+}
+
 /// A file that is all on the disk, under a temporary name in its directory; it vanishes unless it is [`put`](Self::put).
 pub(crate) struct Prepared {
     temporary: TempPath,
     target: PathBuf,
+    _listed: Listed,
 }
 
 impl Prepared {
@@ -61,6 +94,7 @@ pub(crate) fn prepare(
     }
     let directory = directory_of(&target);
     let mut temporary = builder.prefix(".radiosity-").tempfile_in(directory)?;
+    let listed = Listed::new(temporary.path());
     let mut writer = BufWriter::new(temporary.as_file_mut());
     content(&mut writer)?;
     writer.flush()?;
@@ -70,6 +104,7 @@ pub(crate) fn prepare(
     Ok(Prepared {
         temporary: temporary.into_temp_path(),
         target,
+        _listed: listed,
     })
 }
 

@@ -1,20 +1,25 @@
 //! Signals that ask the program to end.
 
-use std::sync::Arc;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, OnceLock};
 
 use super::exit_code::ExitCode;
 use super::failure::Failure;
+use crate::whole_file;
 
-/// Hears SIGINT and SIGTERM. The first one is for the work to see, and after ten seconds ends the program; the next one ends it at once.
+/// Hears SIGINT and SIGTERM. The first one is for the work to see, and ends the program within a second; the next one ends it at once.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Interrupt {
     /// The signal that came, or 0.
     signal: Arc<AtomicUsize>,
+    /// The checkpoint, once there is one.
+    checkpoint: Arc<OnceLock<PathBuf>>,
 }
 
-/// How long work may take to reach a safe point after the first signal. A step that takes longer, such as a factorisation, is given up.
-const GRACE: std::time::Duration = std::time::Duration::from_secs(10);
+/// How long work may take to reach a safe point after the first signal. A longer step, such as a factorisation or one pair of patches, is given up:
+/// a checkpoint has what was finished before.
+const GRACE: std::time::Duration = std::time::Duration::from_millis(800);
 
 /// The name and exit code of a signal.
 fn named(signal: usize) -> Option<(&'static str, ExitCode)> {
@@ -45,14 +50,20 @@ impl Interrupt {
             use signal_hook::consts::{SIGINT, SIGTERM};
             use signal_hook::iterator::Signals;
             let signal = Arc::clone(&interrupt.signal);
+            let checkpoint = Arc::clone(&interrupt.checkpoint);
             if let Ok(mut signals) = Signals::new([SIGINT, SIGTERM]) {
                 std::thread::spawn(move || {
                     for number in signals.forever() {
                         let number = usize::try_from(number).unwrap_or(0);
                         let is_first = signal.swap(number, Ordering::Relaxed) == 0;
                         let Some((name, code)) = named(number) else { continue };
+                        let checkpoint = Arc::clone(&checkpoint);
                         let end = move |when: &str| {
-                            super::complain(&format!("ended {when} by {name}; no file is half-written"));
+                            let kept = checkpoint.get().map_or_else(String::new, |path| {
+                                format!("; the same command goes on from {}", path.display())
+                            });
+                            super::complain(&format!("ended {when} by {name}; no file is half-written{kept}"));
+                            whole_file::abandon();
                             std::process::exit(code as i32);
                         };
                         if is_first && is_asked {
@@ -68,6 +79,12 @@ impl Interrupt {
             }
         }
         interrupt
+    }
+
+    /// Notes where finished work is kept.
+    pub(super) fn note_checkpoint(&self, path: &Path) {
+        // Of several it is the first: a run has one.
+        let _ = self.checkpoint.set(path.to_owned());
     }
 
     /// Tells whether a signal came.

@@ -37,6 +37,11 @@ pub(super) fn solve(
             "--storage and --precision are for form factors that are stored: leave them out, or --on-the-fly",
         ));
     }
+    if request.method.time_limit.is_some() {
+        return Err(Failure::usage(
+            "--time-limit chooses how form factors are stored and computed: leave it out, or --on-the-fly",
+        ));
+    }
     let method = run.method(request.method, request.fineness)?.method;
     run.set("on_the_fly", true);
     let input = Input {

@@ -204,6 +204,7 @@ pub(super) fn open_checkpoint(run: &mut Run, prepared: &Prepared) -> Result<(), 
         key.update(format!("{name}={value};"));
     }
     run.progress.checkpoint = Some(Checkpoint::open(path, &key.finalize().into())?);
+    run.interrupt.note_checkpoint(path);
     Ok(())
 }
 

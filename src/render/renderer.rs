@@ -231,12 +231,15 @@ impl Renderer<'_> {
                 state
             })
             .collect();
+        let mut n_rounds = 0;
         loop {
             go_on(progress)?;
             let n_open = states.iter().filter(|state| state.is_open()).count();
-            if n_open == 0 {
+            // After the deadline pixels keep the noise of their rounds, which is stated.
+            if n_open == 0 || n_rounds > 0 && progress.is_late() {
                 break;
             }
+            n_rounds += 1;
             progress.begin("gather", n_open as u64);
             let open = states.par_iter_mut().zip(blocks).enumerate();
             open.filter(|(_, (state, _))| state.is_open())

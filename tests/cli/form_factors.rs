@@ -547,3 +547,27 @@ fn ordinary_scenes_are_told_nothing_of_their_digits() {
         }
     }
 }
+
+/// A limit of time chooses the method, and says which it chose; the result is as that of the method.
+#[test]
+fn a_limit_of_time_chooses_a_method() {
+    let directory = with_scene("room-box");
+    let run = |limit: &str| document(directory.path(), &["form-factors", "scene.obj", "--time-limit", limit]);
+    let (code, result) = run("10m");
+    assert_eq!(code, 0);
+    assert_eq!(result["settings"]["method"], "exact");
+    assert_eq!(result["settings"]["time_limit_s"], 600.0);
+    assert_eq!(result["settings"]["tolerance"], 1e-6);
+    let (_, plain) = document(directory.path(), &["form-factors", "scene.obj"]);
+    assert_eq!(result["surface_form_factor"], plain["surface_form_factor"]);
+    // Nothing fits: the fewest rays, and errors that say so.
+    let (code, result) = run("0.001s");
+    assert_eq!((code, &result["settings"]["method"]), (0, &Value::from("sr")));
+    assert_eq!(result["settings"]["rays"], 64);
+    for wrong in ["0", "-1s", "5d", "soon"] {
+        let output = radiosity(directory.path(), &["form-factors", "scene.obj", "--time-limit", wrong]);
+        assert_eq!(output.status.code(), Some(2), "{wrong}");
+    }
+    let both = ["form-factors", "scene.obj", "--time-limit", "1m", "--method", "sr"];
+    assert_eq!(radiosity(directory.path(), &both).status.code(), Some(2));
+}

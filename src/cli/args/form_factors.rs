@@ -2,12 +2,13 @@
 
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
+use std::time::Duration;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 
-use super::{AuditArgs, CommonArgs, parse_positive, parse_up_to};
+use super::{AuditArgs, CommonArgs, parse_positive, parse_time, parse_up_to};
 use crate::cli::storage::parse_byte;
 use crate::form_factor::registry::METHODS;
 use crate::geometry::sampling::Sequence;
@@ -119,6 +120,9 @@ pub struct MethodArgs {
     /// Evaluations for one pair of patches after which exact goes on to the next [default: 10000000]
     #[arg(long, value_name = "N")]
     pub budget: Option<NonZeroUsize>,
+    /// Choose the method and its tolerance so that all is done within this time, as in 90s, 10m or 2h; results then depend on the machine
+    #[arg(long, value_name = "TIME", value_parser = parse_time, conflicts_with_all = ["method", "rays", "points", "resolution", "budget"])]
+    pub time_limit: Option<Duration>,
     /// Seed of all numbers
     #[arg(long, value_name = "S", default_value_t = 0)]
     pub seed: u64,

@@ -1,5 +1,7 @@
 //! Form factors: method, computation, repair, checks.
 
+use std::time::{Duration, Instant};
+
 use serde_json::json;
 
 use super::{Prepared, Run};
@@ -159,6 +161,9 @@ fn taken_by_backs(factors: &FormFactors, sky: &[Option<f64>], closed_rows: &[boo
     (0..factors.n_rows()).map(of_row).collect()
 }
 
+/// The share of a limited time that form factors get, where something follows that takes as long.
+const FORM_FACTORS_OF_TIME: [(&str, f64); 3] = [("form-factors", 0.9), ("solve", 0.7), ("render", 0.4)];
+
 /// Row sums are restored to far below the noise, or as far as so many passes go.
 pub(in crate::cli) const BALANCE_TOLERANCE: f64 = 1e-10;
 const BALANCE_PASSES: usize = 200;
@@ -186,6 +191,14 @@ impl Run {
         needs_symmetry: bool,
         before: Option<Before<'_>>,
     ) -> Result<(form_factor::Computed, Promised), Failure> {
+        let chosen_for_time;
+        let (args, fineness) = match args.time_limit {
+            Some(limit) => {
+                chosen_for_time = self.chosen_for_time(prepared, args, fineness, limit);
+                (&chosen_for_time.0, chosen_for_time.1)
+            }
+            None => (args, fineness),
+        };
         let Chosen {
             method,
             by_rows,
@@ -212,6 +225,8 @@ impl Run {
             Some(before) => method.update(input, before, chosen.choice(), &self.progress),
             None => method.compute(input, chosen.choice(), &self.progress),
         })?;
+        self.note_warnings(self.progress.warnings());
+        self.progress.deadline = args.time_limit.map(|limit| self.begun + limit);
         if let Some(checkpoint) = &self.progress.checkpoint
             && let Some(reason) = checkpoint.failure()
         {
@@ -232,6 +247,45 @@ impl Run {
             by_rule: method.errs_by_rule(),
         };
         Ok((result, promised))
+    }
+
+    /// Chooses method and tolerance for a limit of the whole run's time, of which form factors get a share.
+    fn chosen_for_time(
+        &mut self,
+        prepared: &mut Prepared,
+        args: &MethodArgs,
+        fineness: Fineness,
+        limit: Duration,
+    ) -> (MethodArgs, Fineness) {
+        let share = FORM_FACTORS_OF_TIME
+            .iter()
+            .find(|(command, _)| *command == self.command);
+        let share = share.map_or(1.0, |(_, share)| *share);
+        let left = limit.saturating_sub(self.begun.elapsed()).mul_f64(share);
+        let end = Instant::now() + left;
+        let tolerance = fineness.tolerance.unwrap_or(fineness.default_tolerance);
+        let choice = self.times.time("forecast", || {
+            form_factor::within(prepared.input(), tolerance, left, &self.progress)
+        });
+        self.progress.deadline = Some(end);
+        self.set("time_limit_s", limit.as_secs_f64());
+        prepared.plan.decide(
+            "method",
+            choice.method,
+            format!(
+                "expected to take {:.1} of {:.1} s",
+                choice.expected_s,
+                left.as_secs_f64()
+            ),
+        );
+        let args = MethodArgs {
+            method: choice.method.to_owned(),
+            rays: choice.rays,
+            sequence: args.sequence.filter(|_| choice.rays.is_some()),
+            ..args.clone()
+        };
+        let tolerance = choice.tolerance;
+        (args, Fineness { tolerance, ..fineness })
     }
 
     /// Warns of pairs above the tolerance, by what makes them so.

@@ -7,6 +7,7 @@ mod solution;
 use std::cell::RefCell;
 use std::fmt::Write as _;
 use std::path::PathBuf;
+use std::time::Instant;
 
 use serde_json::{Value, json};
 
@@ -53,8 +54,9 @@ pub(super) struct Run {
     pub(super) has_lightings: bool,
     /// What is to be said if it does not.
     dark: Option<String>,
-    interrupt: Interrupt,
+    pub(super) interrupt: Interrupt,
     has_looked_at_gaps: bool,
+    begun: Instant,
 }
 
 impl Run {
@@ -80,6 +82,7 @@ impl Run {
             has_lightings: false,
             dark: None,
             has_looked_at_gaps: false,
+            begun: Instant::now(),
         }
     }
 
@@ -89,6 +92,11 @@ impl Run {
             self.progress.finish();
             warn(message);
         }
+    }
+
+    /// Takes in warnings that have been written already.
+    fn note_warnings(&self, warnings: Vec<String>) {
+        self.warnings.borrow_mut().extend(warnings);
     }
 
     /// Warns unless the same has been said.

@@ -9,6 +9,7 @@ mod tables;
 
 use std::collections::HashMap;
 use std::ops::Range;
+use std::time::Instant;
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -19,6 +20,7 @@ use super::lattice::Lattice;
 use super::patches::{Patches, ROW_RUN, Run};
 use super::split::Split;
 use super::stated::Stated;
+use crate::form_factor::journal::Journal;
 use crate::form_factor::kept::{self, Part, Piece};
 use crate::form_factor::pairs::{Exchange, Facing};
 use crate::form_factor::partial::Accuracy;
@@ -27,7 +29,7 @@ use crate::form_factor::{Before, Input, PairCounts};
 use crate::geometry::polygon_form_factor::exchange_area;
 use crate::matrix::{Entry, RowTally, RowTile};
 use crate::mesh::PatchId;
-use crate::progress::Progress;
+use crate::progress::{Portions, Progress};
 use crate::scene::FaceId;
 use crate::visibility::blockers::{Between, BlockerId, BlockerIndex, PairVisibility};
 use tables::{LEAST_PAIRS, Table};
@@ -82,10 +84,11 @@ pub(super) struct Batches<'a> {
     /// The pairs of two faces that are computed together, of the faces whose rows are being computed.
     tables: HashMap<[usize; 2], Table>,
     next_row: usize,
+    journal: Journal<'a>,
 }
 
 /// A later face that some patches of a face may see.
-struct FaceView {
+pub(super) struct FaceView {
     face: usize,
     known: Known,
     /// Of the patches of both, which are in front of all of the other's; `None` where pairs are looked at one by one.
@@ -132,6 +135,7 @@ impl<'a> Batches<'a> {
             patches,
             tables: HashMap::new(),
             next_row: 0,
+            journal: Journal::new(progress),
         }
     }
 
@@ -181,14 +185,24 @@ impl Iterator for Batches<'_> {
         }
         let faces = self.patches.face_of_patch[self.next_row]..self.patches.face_of_patch[row - 1] + 1;
         self.next_row = row;
-        let views: Vec<Vec<FaceView>> = faces.clone().into_par_iter().map(|f| self.views_of(f)).collect();
+        self.journal.begin(first_row as u64);
+        // How the work is shared between the stages differs from scene to scene; a half each keeps the display moving.
+        let n_steps = n_pairs as u64;
+        let seen = Portions::new(self.progress, n_steps / 4, faces.len());
+        let views: Vec<Vec<FaceView>> = faces
+            .clone()
+            .into_par_iter()
+            .map(|f| self.views_of(f))
+            .inspect(|_| seen.part_done())
+            .collect();
         self.find_tables(&faces, &(first_row..row), &views);
+        let classified = Portions::new(self.progress, n_steps / 4, runs.len());
         let mut strips: Vec<Strip> = runs
             .par_iter()
             .map(|&(f, run)| self.classify(f, &self.patches.faces[f].runs[run], &views[f - faces.start]))
+            .inspect(|_| classified.part_done())
             .collect();
-        self.integrate(&mut strips);
-        self.progress.advance(n_pairs as u64);
+        self.integrate(&mut strips, n_steps - 2 * (n_steps / 4));
         let counts = strips
             .iter()
             .fold(PairCounts::default(), |sum, strip| sum.plus(strip.counts));
@@ -213,25 +227,25 @@ impl Iterator for Batches<'_> {
 }
 
 /// Consecutive rows.
-struct Strip {
+pub(super) struct Strip {
     first_row: usize,
     rows: Vec<Vec<(u32, f64, f64)>>,
-    partial: Vec<PartialPair>,
+    pub(super) partial: Vec<PartialPair>,
     /// The blockers of all partial pairs, one after the other.
-    blockers: Vec<BlockerId>,
+    pub(super) blockers: Vec<BlockerId>,
     counts: PairCounts,
     /// What these rows were before a change; none without one.
     before: Vec<Vec<Entry>>,
 }
 
 /// A pair that something may stand between, whose entry is not computed yet.
-struct PartialPair {
+pub(super) struct PartialPair {
     i: usize,
     j: usize,
     /// Its place in the row of i.
     place: usize,
     touched: bool,
-    blockers: Range<usize>,
+    pub(super) blockers: Range<usize>,
 }
 
 impl Batches<'_> {
@@ -278,6 +292,10 @@ impl Batches<'_> {
         let Some(index) = &self.index else {
             return Between::certain(PairVisibility::Full);
         };
+        if self.progress.is_late() {
+            // Nobody is going to look at the occluders.
+            return Between::certain(PairVisibility::Partial(Vec::new()));
+        }
         let found = among.map_or_else(|| index.between(p, q), |among| index.between_among(p, q, among));
         Between {
             visibility: whole_where_grazing(index, found.visibility, p, q),
@@ -286,7 +304,7 @@ impl Batches<'_> {
     }
 
     /// Looks at a face and all later ones that it faces.
-    fn views_of(&self, f: usize) -> Vec<FaceView> {
+    pub(super) fn views_of(&self, f: usize) -> Vec<FaceView> {
         if self.progress.is_cancelled() {
             return Vec::new();
         }
@@ -312,7 +330,7 @@ impl Batches<'_> {
     }
 
     /// Decides what becomes of all pairs of a run of rows, and computes those that see each other whole.
-    fn classify(&self, f: usize, rows: &Run, views: &[FaceView]) -> Strip {
+    pub(super) fn classify(&self, f: usize, rows: &Run, views: &[FaceView]) -> Strip {
         let mut strip = Strip {
             first_row: rows.patches.start,
             rows: vec![Vec::new(); rows.patches.len()],
@@ -345,9 +363,10 @@ impl Batches<'_> {
         strip
     }
 
-    /// Integrates the partial pairs of all strips, each a piece of work of its own: their cost differs by orders of magnitude.
-    fn integrate(&self, strips: &mut [Strip]) {
+    /// Integrates the partial pairs of all strips, each a piece of work of its own: their cost differs by orders of magnitude. They stand for `n_steps` of progress.
+    fn integrate(&self, strips: &mut [Strip], n_steps: u64) {
         let Some(index) = &self.index else {
+            self.progress.advance(n_steps);
             return;
         };
         let n_partial: Vec<usize> = strips.iter().map(|strip| strip.partial.len()).collect();
@@ -359,15 +378,27 @@ impl Batches<'_> {
             tolerance: self.method.tolerance,
             budget: self.method.budget,
         };
+        let integrated = Portions::new(self.progress, n_steps, work.len());
         let results: Vec<Option<Stated>> = work
             .par_iter()
             .with_max_len(16)
-            .map(|(strip, pair)| {
+            .enumerate()
+            .map(|(place, (strip, pair))| {
                 if self.progress.is_cancelled() {
                     return None;
                 }
-                Some(self.partial(index, pair, &strip.blockers[pair.blockers.clone()], accuracy))
+                if let Some(stated) = self.journal.get(place).and_then(Stated::from_record) {
+                    return Some(stated);
+                }
+                let begun = Instant::now();
+                let stated = self.partial(index, pair, &strip.blockers[pair.blockers.clone()], accuracy);
+                // Of an integral that was stopped nothing is kept.
+                if !self.progress.is_cancelled() {
+                    self.journal.keep(place, stated.to_record(), begun.elapsed());
+                }
+                Some(stated)
             })
+            .inspect(|_| integrated.part_done())
             .collect();
         let mut results = results.into_iter();
         for (strip, n) in strips.iter_mut().zip(n_partial) {
@@ -381,7 +412,13 @@ impl Batches<'_> {
         }
     }
 
-    fn partial(&self, index: &BlockerIndex, pair: &PartialPair, blockers: &[BlockerId], accuracy: Accuracy) -> Stated {
+    pub(super) fn partial(
+        &self,
+        index: &BlockerIndex,
+        pair: &PartialPair,
+        blockers: &[BlockerId],
+        accuracy: Accuracy,
+    ) -> Stated {
         let ends = [pair.i, pair.j].map(|k| self.patches.corners[k].as_slice());
         let meeting = index.meeting(ends[0], ends[1]);
         let [p, q] = meeting
@@ -389,6 +426,9 @@ impl Batches<'_> {
             .map_or(ends, |meant| meant.each_ref().map(Vec::as_slice));
         let touched = pair.touched || meeting.is_some() || index.any_stands_on(p, q, blockers);
         let most = self.unoccluded(pair.i, pair.j);
+        if self.progress.is_late() {
+            return self.bounded(pair, most);
+        }
         let smaller_area = self.smaller_area([pair.i, pair.j]);
         let goal = accuracy.tolerance * smaller_area;
         let split = Split {
@@ -421,6 +461,19 @@ impl Batches<'_> {
         };
         let reached = exchange.error <= if found.reached { goal.max(found.error) } else { goal };
         self.stated([pair.i, pair.j], touched, exchange, reached)
+    }
+}
+
+impl Batches<'_> {
+    /// Returns what is known of a pair without a look at its occluders: from nothing to all of the exchange area without them.
+    fn bounded(&self, pair: &PartialPair, most: Exchange) -> Stated {
+        let half = 0.5 * most.area;
+        let exchange = Exchange {
+            area: half,
+            error: half + most.error,
+        };
+        let ends = [pair.i, pair.j];
+        self.stated(ends, pair.touched, exchange, exchange.error <= self.goal(ends))
     }
 }
 

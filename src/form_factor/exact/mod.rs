@@ -5,13 +5,14 @@ mod corners;
 mod faces;
 mod lattice;
 mod patches;
+mod sample;
 mod split;
 mod stated;
 
 use super::{Before, Computed, FormFactorError, FormFactorMethod, Input, PairCounts};
 use crate::geometry::polygon_form_factor::Tolerance;
 use crate::matrix::{FormFactors, StorageChoice};
-use crate::progress::Progress;
+use crate::progress::{Forecast, Progress};
 use batch::Batches;
 
 /// Exact exchange areas: the kernel of unoccluded polygons where two patches see each other whole, clipping against the blockers where they do not.
@@ -131,6 +132,11 @@ impl FormFactorMethod for ExactMethod {
 }
 
 impl ExactMethod {
+    /// Returns what form factors are going to take, from a sample of at most some seconds; `None` for a mesh without patches.
+    pub(super) fn forecast(&self, input: Input<'_>, progress: &dyn Progress) -> Option<Forecast> {
+        Batches::new(self, input, None, progress).forecast(input, true)
+    }
+
     fn compute_from(
         &self,
         input: Input<'_>,
@@ -142,7 +148,11 @@ impl ExactMethod {
         progress.begin("form factors", n * n.saturating_sub(1) / 2);
         let mut counts = PairCounts::default();
         // Batch by batch into the matrix: only one batch's entries are held beside it.
-        let upper = Batches::new(self, input, before, progress).flat_map(|(tiles, of_batch)| {
+        let batches = Batches::new(self, input, before, progress);
+        if let Some(forecast) = batches.forecast(input, false) {
+            progress.forecast(&forecast);
+        }
+        let upper = batches.flat_map(|(tiles, of_batch)| {
             counts = counts.plus(of_batch);
             tiles
         });

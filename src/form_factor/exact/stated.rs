@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use super::batch::Batches;
 use crate::form_factor::PairCounts;
+use crate::form_factor::journal::Record;
 use crate::form_factor::pairs::Exchange;
 use crate::visibility::blockers::BlockerIndex;
 
@@ -18,6 +19,26 @@ pub(super) struct Stated {
     rounding: f64,
     /// True if the error was within the tolerance before that.
     integrated: bool,
+}
+
+impl Stated {
+    /// Returns it as a journal keeps it; the sign of the rounding, which is not negative, stands for `integrated`.
+    pub(super) fn to_record(self) -> Record {
+        let sign = if self.integrated { 1.0_f64 } else { -1.0 };
+        let Exchange { area, error } = self.exchange;
+        [area, error, self.rounding.copysign(sign)].map(f64::to_bits)
+    }
+
+    /// Reads what [`to_record`](Self::to_record) wrote; `None` for what cannot be that.
+    pub(super) fn from_record(record: Record) -> Option<Self> {
+        let [area, error, rounding] = record.map(f64::from_bits);
+        let is_right = [area, error, rounding].iter().all(|x| x.is_finite()) && area >= 0.0 && error >= 0.0;
+        is_right.then_some(Self {
+            exchange: Exchange { area, error },
+            rounding: rounding.abs(),
+            integrated: rounding.is_sign_positive(),
+        })
+    }
 }
 
 impl Batches<'_> {
@@ -110,5 +131,31 @@ impl Batches<'_> {
         let prepared = &self.patches.prepared[i];
         let strip = slack * prepared.perimeter();
         (strip * exchange / (prepared.area() * cosine)).min(2.0 * strip)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_record_is_read_as_it_was_written() {
+        for (rounding, integrated) in [(0.0, true), (0.0, false), (1e-7, true), (2e-3, false)] {
+            let stated = Stated {
+                exchange: Exchange {
+                    area: 0.25,
+                    error: 1e-9,
+                },
+                rounding,
+                integrated,
+            };
+            let read = Stated::from_record(stated.to_record()).expect("it is a record");
+            assert_eq!(read.exchange, stated.exchange);
+            assert_eq!(read.integrated, integrated);
+            assert_eq!(read.rounding.to_bits(), rounding.to_bits());
+        }
+        for wrong in [f64::NAN, -1.0, f64::INFINITY] {
+            assert!(Stated::from_record([wrong, 0.0, 0.0].map(f64::to_bits)).is_none());
+        }
     }
 }

@@ -1,0 +1,134 @@
+//! What form factors are going to take, from a sample of the work.
+
+use std::time::{Duration, Instant};
+
+use rayon::prelude::*;
+
+use super::{ExactMethod, FormFactorMethod, Input, RandomShooting};
+use crate::geometry::sampling::Sequence;
+use crate::progress::{Forecast, Progress};
+
+/// Rays for each patch that a forecast of shooting is for.
+pub(super) const RAYS: u64 = 4096;
+
+/// Returns the seconds that `time` takes for one of `n` parts in the mean, from those in the order of a golden section of all until `most` is over; `None` without a part.
+pub(super) fn mean_s(n: usize, n_samples: usize, most: Duration, time: impl Fn(usize) -> f64 + Sync) -> Option<f64> {
+    let begun = Instant::now();
+    let (mut sum, mut n_done) = (0.0, 0_usize);
+    let order: Vec<usize> = golden_section(n).take(n_samples.min(n)).collect();
+    for turn in order.chunks(rayon::current_num_threads()) {
+        if begun.elapsed() > most {
+            break;
+        }
+        sum += turn.par_iter().map(|&k| time(k)).sum::<f64>();
+        n_done += turn.len();
+    }
+    (n_done > 0).then(|| sum / n_done as f64)
+}
+
+/// Returns places among `n` that are spread evenly however many are taken.
+pub(super) fn golden_section(n: usize) -> impl Iterator<Item = usize> {
+    const STEP: f64 = 0.618_033_988_749_894_9;
+    (1_u32..).map(move |k| {
+        let place = (f64::from(k) * STEP).fract() * n as f64;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 0 and n")]
+        let place = place as usize;
+        place.min(n.saturating_sub(1))
+    })
+}
+
+/// Returns the seconds that shooting so many rays from each patch takes on all threads together.
+pub(super) fn shooting_s(input: Input<'_>, rays: u64) -> Option<f64> {
+    let method = RandomShooting {
+        rays,
+        sequence: Sequence::Sobol,
+        seed: 0,
+    };
+    let rows = method.rows(input)?;
+    let n = input.mesh.n_patches();
+    let mean = mean_s(n, 256, Duration::from_millis(200), |i| {
+        let begun = Instant::now();
+        rows(i..i + 1);
+        begun.elapsed().as_secs_f64()
+    })?;
+    Some(mean * n as f64 / rayon::current_num_threads() as f64)
+}
+
+/// A method and its setting, chosen for the time that they are expected to take.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Choice {
+    /// The name of the method: `exact` or `sr`.
+    pub method: &'static str,
+    /// The tolerance of `exact`.
+    pub tolerance: Option<f64>,
+    /// The rays for each patch of `sr`.
+    pub rays: Option<u64>,
+    /// The wall time in s that it is expected to take.
+    pub expected_s: f64,
+}
+
+/// Shooting takes this many rays for each patch at least, whatever time that takes, and no more than the most.
+const RAYS_RANGE: (u64, u64) = (64, 1 << 20);
+
+/// A forecast may be too low by its inverse.
+const MARGIN: f64 = 0.6;
+
+/// Returns the most accurate method of those whose form factors are expected within `limit`: [`ExactMethod`] at `tolerance` or up to 1000 times it (0.1 at most), or [`RandomShooting`] with as
+/// many rays as there is time for, by the tolerance or the greatest standard error of an entry. Shooting with 64 rays for each patch is returned where nothing fits.
+///
+/// The choice is a matter of the machine and of what else it does. Work: up to 5 s for the samples, less where all work is short.
+#[must_use]
+pub fn within(input: Input<'_>, tolerance: f64, limit: Duration, progress: &dyn Progress) -> Choice {
+    let limit_s = MARGIN * limit.as_secs_f64();
+    let exact = ExactMethod {
+        tolerance,
+        ..ExactMethod::default()
+    };
+    let forecast = exact.forecast(input, progress);
+    let all = forecast
+        .iter()
+        .flat_map(|found| std::iter::once(&found.asked).chain(&found.looser));
+    let fitting = all
+        .filter(|(_, seconds)| *seconds <= limit_s)
+        .min_by(|a, b| a.0.total_cmp(&b.0));
+    let (rays, seconds) = forecast
+        .as_ref()
+        .and_then(|found| found.shooting)
+        .unwrap_or((RAYS_RANGE.0, 0.0));
+    let per_ray = seconds / rays as f64;
+    let mut rays = RAYS_RANGE.1;
+    while rays > RAYS_RANGE.0 && rays as f64 * per_ray > limit_s {
+        rays /= 2;
+    }
+    match fitting {
+        Some(&(tolerance, expected_s)) if tolerance <= Forecast::error_of_rays(rays) => Choice {
+            method: "exact",
+            tolerance: Some(tolerance),
+            rays: None,
+            expected_s,
+        },
+        _ => Choice {
+            method: "sr",
+            tolerance: None,
+            rays: Some(rays),
+            expected_s: rays as f64 * per_ray,
+        },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_are_spread_over_all_parts() {
+        let places: Vec<usize> = golden_section(1000).take(100).collect();
+        let mut sorted = places.clone();
+        sorted.sort_unstable();
+        assert!(sorted.windows(2).all(|pair| (1..=30).contains(&(pair[1] - pair[0]))));
+        assert!(golden_section(1).take(10).all(|place| place == 0));
+        let mean = mean_s(7, 1000, Duration::from_secs(9), |_| 2.0);
+        assert!(mean.is_some_and(|mean| (mean - 2.0).abs() < 1e-12));
+        assert_eq!(mean_s(0, 10, Duration::from_secs(9), |_| 1.0), None);
+    }
+}

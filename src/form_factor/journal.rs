@@ -1,0 +1,172 @@
+//! Results inside of a piece of work, kept one by one: a piece may take hours.
+
+use std::collections::HashMap;
+use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
+
+use crate::checkpoint::Checkpoint;
+use crate::progress::Progress;
+
+/// Numbers of a journal's records begin here, above those of all pieces.
+const FIRST: u64 = 1 << 39;
+
+/// Results that took longer are kept at once.
+const DEAR: Duration = Duration::from_millis(1);
+
+/// Others when there are so many of them: together a quarter of a second of work.
+const CHEAP_AT_ONCE: usize = 256;
+
+/// Begins every record.
+const LAYOUT: u64 = u64::from_le_bytes(*b"journal1");
+
+/// Numbers of one result: its place in the piece, then three of its own.
+const NUMBERS: usize = 4;
+
+/// Three numbers that a result is made of.
+pub(super) type Record = [u64; NUMBERS - 1];
+
+/// The results of the piece that is being worked on, in the checkpoint behind all pieces that are done.
+pub(super) struct Journal<'a> {
+    checkpoint: Option<&'a Checkpoint>,
+    piece: u64,
+    /// False before the first piece.
+    begun: bool,
+    /// What an earlier run left of the piece.
+    found: HashMap<u64, Record>,
+    /// The number of the next record, and what is to be in it.
+    pending: Mutex<(u64, Vec<(u64, Record)>)>,
+}
+
+impl<'a> Journal<'a> {
+    /// Returns a journal of no piece; it keeps nothing without a checkpoint.
+    pub(super) fn new(progress: &'a dyn Progress) -> Self {
+        Self {
+            checkpoint: progress.checkpoint(),
+            piece: 0,
+            begun: false,
+            found: HashMap::new(),
+            pending: Mutex::default(),
+        }
+    }
+
+    /// Goes over to a piece. Pieces are worked on one after the other, so that an earlier run can have left results of the first one alone.
+    pub(super) fn begin(&mut self, piece: u64) {
+        self.piece = piece;
+        self.found.clear();
+        let pending = self.pending.get_mut().unwrap_or_else(PoisonError::into_inner);
+        pending.1.clear();
+        if std::mem::replace(&mut self.begun, true) {
+            return;
+        }
+        let mut next = FIRST;
+        while let Some(bytes) = self.checkpoint.and_then(|kept| kept.piece(next)) {
+            next += 1;
+            self.found.extend(decode(&bytes, piece).into_iter().flatten());
+        }
+        pending.0 = next;
+    }
+
+    /// Returns the result at a place of the piece, if an earlier run kept it.
+    pub(super) fn get(&self, place: usize) -> Option<Record> {
+        self.found.get(&(place as u64)).copied()
+    }
+
+    /// Keeps a result that took `took`.
+    pub(super) fn keep(&self, place: usize, record: Record, took: Duration) {
+        let Some(checkpoint) = self.checkpoint else { return };
+        let mut pending = self.pending.lock().unwrap_or_else(PoisonError::into_inner);
+        let (next, results) = &mut *pending;
+        results.push((place as u64, record));
+        if took < DEAR && results.len() < CHEAP_AT_ONCE {
+            return;
+        }
+        let mut bytes = Vec::with_capacity(8 * (2 + NUMBERS * results.len()));
+        let mut number = |n: u64| bytes.extend(n.to_le_bytes());
+        number(LAYOUT);
+        number(self.piece);
+        for (place, record) in results.drain(..) {
+            number(place);
+            record.into_iter().for_each(&mut number);
+        }
+        checkpoint.keep(*next, &bytes);
+        *next += 1;
+    }
+}
+
+/// Returns the results in a record that belong to a piece; none of a record that is something else.
+fn decode(bytes: &[u8], piece: u64) -> Option<Vec<(u64, Record)>> {
+    let (numbers, []) = bytes.as_chunks::<8>() else {
+        return None;
+    };
+    let numbers: Vec<u64> = numbers.iter().map(|&number| u64::from_le_bytes(number)).collect();
+    let [LAYOUT, of_piece, results @ ..] = numbers.as_slice() else {
+        return None;
+    };
+    let (results, []) = results.as_chunks::<NUMBERS>() else {
+        return None;
+    };
+    (*of_piece == piece).then(|| {
+        let results = results.iter();
+        results.map(|&[place, a, b, c]| (place, [a, b, c])).collect()
+    })
+}
+
+#[cfg(test)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+
+    struct Kept(Checkpoint);
+
+    impl Progress for Kept {
+        fn begin(&self, _stage: &str, _total: u64) {}
+        fn advance(&self, _steps: u64) {}
+        fn checkpoint(&self) -> Option<&Checkpoint> {
+            Some(&self.0)
+        }
+    }
+
+    #[test]
+    fn results_of_the_piece_come_back_and_no_others() {
+        let directory = tempfile::tempdir().unwrap();
+        let open = || Kept(Checkpoint::open(&directory.path().join("c"), &[3; 32]).unwrap());
+        let kept = open();
+        let mut journal = Journal::new(&kept);
+        journal.begin(5);
+        journal.keep(0, [1, 2, 3], DEAR);
+        for place in 1..=CHEAP_AT_ONCE + 1 {
+            journal.keep(place, [place as u64; 3], Duration::ZERO);
+        }
+        // It is another piece's, and what was not written of the last one is gone.
+        journal.begin(6);
+        journal.keep(7, [7; 3], DEAR);
+        drop(journal);
+        drop(kept);
+        let again = open();
+        let mut journal = Journal::new(&again);
+        journal.begin(5);
+        assert_eq!(journal.get(0), Some([1, 2, 3]));
+        let of = |journal: &Journal<'_>| (0..=CHEAP_AT_ONCE + 1).filter(|&k| journal.get(k).is_some()).count();
+        assert_eq!(of(&journal), 1 + CHEAP_AT_ONCE);
+        journal.keep(9999, [9; 3], DEAR);
+        journal.begin(6);
+        assert_eq!(of(&journal), 0, "only the piece that was left unfinished is looked for");
+        drop(journal);
+        drop(again);
+        let last = open();
+        let mut journal = Journal::new(&last);
+        journal.begin(5);
+        assert_eq!((of(&journal), journal.get(9999)), (1 + CHEAP_AT_ONCE, Some([9; 3])));
+    }
+
+    #[test]
+    fn what_is_no_record_is_left() {
+        let record: Vec<u8> = [LAYOUT, 5, 1, 2, 3, 4].iter().flat_map(|n| n.to_le_bytes()).collect();
+        assert_eq!(decode(&record, 5), Some(vec![(1, [2, 3, 4])]));
+        assert_eq!(decode(&record, 6), None);
+        for cut in 17..record.len() {
+            assert_eq!(decode(&record[..cut], 5), None, "{cut}");
+        }
+        assert_eq!(decode(&record[8..], 5), None);
+    }
+}
