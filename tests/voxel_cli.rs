@@ -356,7 +356,9 @@ fn a_sealed_room_stays_dark() {
                     .as_f64()
                     .unwrap()
             };
-            assert_eq!(of("shell_in").to_bits(), 0.0_f64.to_bits(), "{more:?}");
+            // A solver leaves its tolerance of 1e-6 of the light everywhere; passes leave nothing.
+            let most = if more.contains(&"--solver") { 1e-6 } else { 0.0 };
+            assert!((0.0..=most).contains(&of("shell_in")), "{more:?}: {:e}", of("shell_in"));
             assert!(of("shell_out") > 1.0 && of("outer") > 1.0, "{more:?}");
             assert_eq!(
                 (&result["n_thin_walls"], &result["leak_power_w"]),

@@ -1,5 +1,10 @@
 //! What form factors are going to take, from a sample of the work.
 
+#![expect(
+    clippy::shadow_unrelated,
+    reason = "inner scopes reuse the names of what they look at"
+)]
+
 use std::time::{Duration, Instant};
 
 use rayon::prelude::*;

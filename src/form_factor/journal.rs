@@ -1,5 +1,10 @@
 //! Results inside of a piece of work, kept one by one: a piece may take hours.
 
+#![expect(
+    clippy::shadow_unrelated,
+    reason = "inner scopes reuse the names of what they look at"
+)]
+
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;

@@ -16,7 +16,7 @@ const NEAR: f64 = 1e-6;
 
 /// So do faces that end within a few units of the file's last decimal place, up to this part of the smaller one's size.
 const PLACES: f64 = 4.0;
-const FAR: f64 = 1e-3;
+const FAR: f64 = 2e-3;
 
 /// Rounding of a coordinate, of the heights and of the meeting points that are made of it.
 const ROUNDING: f64 = 32.0 * f64::EPSILON;

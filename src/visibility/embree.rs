@@ -7,7 +7,6 @@ use crate::scene::{Corners, FaceId, Scene};
 
 use super::flat_polygon::FlatPolygon;
 use super::frame::Frame;
-use super::seals::{self, Seal};
 use super::sheets::Sheets;
 use super::{Coherence, HitBatch, RayBatch, Visibility, to_f32};
 
@@ -27,8 +26,6 @@ const EXTENTS: std::ops::RangeInclusive<f64> = 1e-8..=1e11;
 /// Two faces of opposite winding that coincide, even in part, are a two-sided sheet: the one that faces the ray's origin is reported,
 /// whichever of them Embree finds. Their distance may be up to 2⁻²² L, which is what f32 cannot resolve. Scenes without sheets pay nothing for this.
 ///
-/// Where a vertex lies on an edge of another face (a T-junction), triangles fill the slit between the edge and the vertices: rays that aim at it hit that face. Scenes without T-junctions pay nothing for this.
-///
 /// Rays with coordinates that are not finite hit nothing. Which of two faces wins on their common edge may depend on the
 /// ray's neighbours in the batch; equal batches give equal answers, on any number of threads.
 #[derive(Debug)]
@@ -36,8 +33,6 @@ pub struct EmbreeVisibility {
     scene: CommittedScene,
     frame: Frame,
     sheets: Option<Sheets>,
-    n_faces: usize,
-    seals: Vec<Seal>,
     vanished: Vec<FaceId>,
 }
 
@@ -63,11 +58,6 @@ impl EmbreeVisibility {
     ///
     /// As [`EmbreeVisibility::new`].
     pub fn on_device(device: &Device, scene: &Scene) -> Result<Self, EmbreeError> {
-        Self::with_seals(device, scene, seals::find(scene, &Frame::of(scene)))
-    }
-
-    /// Builds the scene with triangles in the slits of its T-junctions.
-    pub(super) fn with_seals(device: &Device, scene: &Scene, seals: Vec<Seal>) -> Result<Self, EmbreeError> {
         let frame = Frame::of(scene);
         if !scene.faces.is_empty() && !EXTENTS.contains(&frame.largest) {
             return Err(EmbreeError::ExtentOutOfRange { largest: frame.largest });
@@ -88,12 +78,7 @@ impl EmbreeVisibility {
                 Corners::Quad(corners) => builder.quad(corners, face.0)?,
             }
         }
-        for (number, seal) in (scene.faces.len()..).zip(&seals) {
-            builder.triangle(seal.corners, u32::try_from(number).unwrap_or(u32::MAX))?;
-        }
         Ok(Self {
-            n_faces: scene.faces.len(),
-            seals,
             scene: builder.commit(device)?,
             frame,
             sheets: Sheets::find(&frame, frame.polygons(scene)),
@@ -128,7 +113,6 @@ impl Visibility for EmbreeVisibility {
 
     fn closest_hits(&self, rays: &RayBatch, coherence: Coherence, hits: &mut HitBatch) {
         self.scene.closest_hits(rays, coherence, hits);
-        seals::replace(&self.seals, self.n_faces, rays, hits);
         let Some(sheets) = &self.sheets else { return };
         for k in 0..hits.face_and_side.len() {
             let Some(hit) = hits.face(k).filter(|hit| hit.back) else {

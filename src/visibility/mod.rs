@@ -8,7 +8,6 @@ mod flat_polygon;
 mod frame;
 pub mod gaps;
 pub mod leaks;
-mod seals;
 pub(crate) mod shaft;
 mod sheets;
 

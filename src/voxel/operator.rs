@@ -308,12 +308,12 @@ mod tests {
         let mut voxels = VoxelScene::new(&scene, 24).unwrap();
         assert!(!voxels.thin_walls.is_empty() && voxels.regions.is_some());
         let sphere = DiscreteSphere::new(6, SolidAngle::Centre).unwrap();
-        let leak_of = |voxels: &VoxelScene| {
-            let links = Links::in_memory(voxels, &sphere, &Silent);
-            let operator = LinkOperator::new(voxels, &sphere, &links, RowWeights::Normalised);
-            let n = voxels.n_surfels();
+        let leak_of = |kept: &VoxelScene| {
+            let links = Links::in_memory(kept, &sphere, &Silent);
+            let operator = LinkOperator::new(kept, &sphere, &links, RowWeights::Normalised);
+            let n = kept.n_surfels();
             // Only what is outside of the inner cube emits, 1 W/m².
-            let emits = |s: usize| voxels.surfels[s].face.0 < 6;
+            let emits = |s: usize| kept.surfels[s].face.0 < 6;
             let e = Block::from_values((0..n).map(|s| f64::from(u8::from(emits(s)))).collect(), 1);
             let rho = Block::from_values(vec![0.5; n], 1);
             let radiosity = propagate(&operator, &rho, &e, Form::InPlace, 12, &Silent).radiosity;
@@ -323,16 +323,16 @@ mod tests {
             for s in 0..n {
                 let mut sum = 0.0;
                 operator.visit_row(s, &mut |t, f| {
-                    sum += if voxels.are_parted(s, t) {
+                    sum += if kept.are_parted(s, t) {
                         f * radiosity.row(t)[0]
                     } else {
                         0.0
                     };
                 });
-                by_hand += voxels.surfels[s].area * sum;
+                by_hand += kept.surfels[s].area * sum;
             }
             assert!((power[0] - by_hand).abs() <= 1e-12 * by_hand);
-            Leak::new(&power, voxels, &e)
+            Leak::new(&power, kept, &e)
         };
         let tight = leak_of(&voxels);
         assert!(tight.power.to_bits() == 0 && !tight.is_too_much(), "{tight:?}");

@@ -1,5 +1,10 @@
 //! The regions of air that surfaces close off from each other.
 
+#![expect(
+    clippy::shadow_unrelated,
+    reason = "inner scopes reuse the names of what they look at"
+)]
+
 use glam::DVec3;
 
 use super::discretize::VoxelScene;
@@ -92,7 +97,7 @@ impl Regions {
                     let local = [k & 3, k >> 2 & 3, k >> 4];
                     join(std::array::from_fn(|a| 4 * at[a] + local[a]), axis);
                 }
-                for k in (0..64).filter(|k| at[axis] == 0 && k >> (2 * axis) & 3 == 0) {
+                for k in (0..64).filter(|k| at[axis] == 0 && (k >> (2 * axis)) % 4 == 0) {
                     let local = [k & 3, k >> 2 & 3, k >> 4];
                     join(
                         std::array::from_fn(|a| 4 * at[a] + local[a] - i32::from(a == axis)),

@@ -155,7 +155,7 @@ impl<'a> Watch<'a> {
                 let at_least = start_from_axis(normal).at_least;
                 let bundle = Bundle::together(lines, start_from_axis(normal));
                 self.walk(bundle, direction, at_least, |bit, sight| {
-                    see(surfel_of[bit as usize], sight)
+                    see(surfel_of[bit as usize], sight);
                 });
                 self.walk(thin.bundle, direction, thin.at_least, |bit, sight| {
                     see(thin.surfel_of[bit as usize], sight);

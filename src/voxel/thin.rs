@@ -19,6 +19,9 @@ use crate::geometry::polygon;
 use crate::matrix::operator::Block;
 use crate::scene::{FaceId, Scene, SurfaceId};
 
+/// Pairs of surfaces with the least thickness between their surfels, in voxels, and the number of these.
+type Pairs = BTreeMap<[SurfaceId; 2], (f64, usize)>;
+
 /// A wall thinner than two voxels: two surfaces, back to back in one voxel or in neighbouring ones.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThinWall {
@@ -48,11 +51,11 @@ impl Leak {
     /// `power`: W, \[c\], as [`LinkOperator::leak_power`](super::LinkOperator::leak_power) returns it; `exitance`: E, W·m⁻², \[n, c\].
     #[must_use]
     pub fn new(power: &[f64], voxels: &VoxelScene, exitance: &Block) -> Self {
-        let of_channel = |(c, &power): (usize, &f64)| {
+        let of_channel = |(c, &leaking): (usize, &f64)| {
             let emitted = |(k, s): (usize, &Surfel)| s.area * exitance.row(k)[c];
             let emitted: f64 = voxels.surfels.iter().enumerate().map(emitted).sum();
-            let share = if power > 0.0 { power / emitted } else { power };
-            Self { power, share }
+            let share = if leaking > 0.0 { leaking / emitted } else { leaking };
+            Self { power: leaking, share }
         };
         let all = power.iter().enumerate().map(of_channel);
         all.max_by(|a, b| a.share.total_cmp(&b.share))
@@ -144,7 +147,6 @@ pub(super) fn find(scene: &Scene, voxels: &VoxelScene) -> Found {
             .all(|&h| h <= RISE)
             .then(|| (-0.5 * (heights[0] + heights[1])).max(0.0))
     };
-    type Pairs = BTreeMap<[SurfaceId; 2], (f64, usize)>;
     let add = |pairs: &mut Pairs, key: [SurfaceId; 2], (least, n): (f64, usize)| {
         let known = pairs.entry(key).or_insert((f64::INFINITY, 0));
         *known = (known.0.min(least), known.1 + n);
@@ -163,9 +165,9 @@ pub(super) fn find(scene: &Scene, voxels: &VoxelScene) -> Found {
                     }
                 }
             });
-            of_surfel
-                .into_iter()
-                .for_each(|(key, found)| add(&mut pairs, key, found));
+            for (key, one) in of_surfel {
+                add(&mut pairs, key, one);
+            }
         }
         pairs
     };
@@ -176,9 +178,11 @@ pub(super) fn find(scene: &Scene, voxels: &VoxelScene) -> Found {
         .collect();
     let mut pairs = Pairs::new();
     let mut core = vec![false; if found.is_empty() { 0 } else { n_ranks }];
-    for (rank, of_rank) in found {
+    for (rank, here) in found {
         core[rank] = true;
-        of_rank.into_iter().for_each(|(key, found)| add(&mut pairs, key, found));
+        for (key, one) in here {
+            add(&mut pairs, key, one);
+        }
     }
     let wall = |(surfaces, (least, n_surfels))| ThinWall {
         surfaces,
@@ -491,7 +495,7 @@ impl Nearby {
     /// Returns which of the 27 nodes around a voxel the middle of a face in it looks to without another face between.
     fn reached(&self, scene: &Scene, voxels: &VoxelScene, voxel: Voxel, face: FaceId) -> u32 {
         let to_lattice =
-            |face: FaceId| -> Vec<DVec3> { scene.polygon(face).iter().map(|&v| voxels.grid.to_lattice(v)).collect() };
+            |of: FaceId| -> Vec<DVec3> { scene.polygon(of).iter().map(|&v| voxels.grid.to_lattice(v)).collect() };
         let corners = to_lattice(face);
         let from = corners.iter().sum::<DVec3>() / corners.len() as f64;
         let normal = scene.area_vector(face).normalize_or_zero();
@@ -504,7 +508,7 @@ impl Nearby {
             .collect();
         let is_reached = |k: &usize| {
             let to = DVec3::from_array(std::array::from_fn(|a| f64::from(voxel[a] + step(*k)[a])));
-            normal.dot(to - from) > RISE && !around.iter().any(|face| crosses(face, from, to))
+            normal.dot(to - from) > RISE && !around.iter().any(|other| crosses(other, from, to))
         };
         (0..27).filter(is_reached).fold(0, |bits, k| bits | 1 << k)
     }

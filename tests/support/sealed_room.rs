@@ -2,6 +2,8 @@
 
 #![allow(dead_code, reason = "each test binary uses another part")]
 
+use std::fmt::Write as _;
+
 use glam::{DMat3, DVec3};
 
 /// A box between two corners, whose faces look outwards or inwards.
@@ -79,13 +81,13 @@ impl SealedRoom {
         let mut text = String::from("mtllib m.mtl\n");
         let mut n = 0;
         let mut add = |name: &str, material: &str, list: Vec<[DVec3; 4]>| {
-            text += &format!("o {name}\nusemtl {material}\n");
+            let _ = writeln!(text, "o {name}\nusemtl {material}");
             for face in list {
                 for corner in face {
                     let v = self.turned * corner;
-                    text += &format!("v {} {} {}\n", v.x, v.y, v.z);
+                    let _ = writeln!(text, "v {} {} {}", v.x, v.y, v.z);
                 }
-                text += &format!("f {} {} {} {}\n", n + 1, n + 2, n + 3, n + 4);
+                let _ = writeln!(text, "f {} {} {} {}", n + 1, n + 2, n + 3, n + 4);
                 n += 4;
             }
         };

@@ -1,5 +1,10 @@
 //! Form factors: method, computation, repair, checks.
 
+#![expect(
+    clippy::shadow_unrelated,
+    reason = "inner scopes reuse the names of what they look at"
+)]
+
 use std::time::{Duration, Instant};
 
 use serde_json::json;

@@ -1,5 +1,10 @@
 //! What the exact method is going to take, from some runs of its rows.
 
+#![expect(
+    clippy::shadow_unrelated,
+    reason = "inner scopes reuse the names of what they look at"
+)]
+
 use std::time::{Duration, Instant};
 
 use super::batch::Batches;
