@@ -103,13 +103,13 @@ impl SealedRoom {
         let is_wall = |face: &[DVec3; 4]| !self.on_floor || face.iter().any(|v| v.z > 0.0);
         let cut = |list: Vec<[DVec3; 4]>| -> Vec<[DVec3; 4]> {
             let parts = |[a, b, c, d]: [DVec3; 4]| {
-                let n = self.n_parts;
+                let parts = self.n_parts;
                 let at = move |i: usize, j: usize| {
-                    let (u, v) = (i as f64 / n as f64, j as f64 / n as f64);
+                    let (u, v) = (i as f64 / parts as f64, j as f64 / parts as f64);
                     a.lerp(b, u).lerp(d.lerp(c, u), v)
                 };
-                (0..n * n).map(move |k| {
-                    let (i, j) = (k % n, k / n);
+                (0..parts * parts).map(move |k| {
+                    let (i, j) = (k % parts, k / parts);
                     [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)]
                 })
             };
