@@ -21,7 +21,6 @@ use super::split::Split;
 use super::stated::Stated;
 use crate::form_factor::kept::{self, Part, Piece};
 use crate::form_factor::pairs::{Exchange, Facing};
-use crate::form_factor::partial::Accuracy;
 use crate::form_factor::sight::whole_where_grazing;
 use crate::form_factor::{Before, Input, PairCounts};
 use crate::geometry::polygon_form_factor::exchange_area;
@@ -60,8 +59,11 @@ pub(super) fn batch_byte(n: usize) -> u64 {
     PAIR_BYTE * pairs.min((pairs_per_batch(n) + ROW_RUN * n) as u64)
 }
 
-/// A partial pair's A_i F_ij / min(A_i, A_j) up to this is 0: a few roundings of the clipped corners.
-const NOISE: f64 = 1e-15;
+/// What of a partial pair's exchange area without occluders roundings of the clipped corners may make; up to this it is 0.
+const NOISE: f64 = 1e-14;
+
+/// The same of what is seen of a pair, as an error: some roundings at each point.
+const ROUNDING: f64 = 1e-13;
 
 /// All batches in the order of their rows.
 pub(super) struct Batches<'a> {
@@ -354,10 +356,6 @@ impl Batches<'_> {
             .iter()
             .flat_map(|strip| strip.partial.iter().map(move |pair| (strip, pair)))
             .collect();
-        let accuracy = Accuracy {
-            tolerance: self.method.tolerance,
-            budget: self.method.budget,
-        };
         let results: Vec<Option<Stated>> = work
             .par_iter()
             .with_max_len(16)
@@ -365,7 +363,7 @@ impl Batches<'_> {
                 if self.progress.is_cancelled() {
                     return None;
                 }
-                Some(self.partial(index, pair, &strip.blockers[pair.blockers.clone()], accuracy))
+                Some(self.partial(index, pair, &strip.blockers[pair.blockers.clone()]))
             })
             .collect();
         let mut results = results.into_iter();
@@ -380,7 +378,7 @@ impl Batches<'_> {
         }
     }
 
-    fn partial(&self, index: &BlockerIndex, pair: &PartialPair, blockers: &[BlockerId], accuracy: Accuracy) -> Stated {
+    fn partial(&self, index: &BlockerIndex, pair: &PartialPair, blockers: &[BlockerId]) -> Stated {
         let ends = [pair.i, pair.j].map(|k| self.patches.corners[k].as_slice());
         let meeting = index.meeting(ends[0], ends[1]);
         let [p, q] = meeting
@@ -388,19 +386,21 @@ impl Batches<'_> {
             .map_or(ends, |meant| meant.each_ref().map(Vec::as_slice));
         let touched = pair.touched || meeting.is_some() || index.any_stands_on(p, q, blockers);
         let most = self.unoccluded(pair.i, pair.j);
-        let smaller_area = self.smaller_area([pair.i, pair.j]);
-        let goal = accuracy.tolerance * smaller_area;
+        let goal = self.goal([pair.i, pair.j]);
         let split = Split {
             index,
-            budget: accuracy.budget,
+            budget: self.method.budget,
+            relative: self.method.relative_tolerance(),
             progress: self.progress,
         };
         // Where rounding is to be added there has to be room for it, so that no pair is above the tolerance by its integral's share; where that alone is above it, room would not help.
         let rounding = self.rounding([pair.i, pair.j], touched, most.area);
-        let room = if rounding < goal { rounding.min(0.5 * goal) } else { 0.0 };
+        let clipping = ROUNDING * most.area;
+        let room = if rounding < goal { rounding } else { 0.0 } + clipping;
+        let room = room.min(0.5 * goal);
         let found = split.exchange_area(p, q, blockers, goal - room, most.area);
         // What rounding leaves of a pair that is hidden after all would make a row of noise.
-        let is_noise = found.exchange_area <= NOISE * smaller_area;
+        let is_noise = found.exchange_area <= NOISE * most.area;
         // More than without blockers it cannot be, nor be off by more than that.
         let exchange = Exchange {
             area: if is_noise {
@@ -408,8 +408,7 @@ impl Batches<'_> {
             } else {
                 found.exchange_area.min(most.area)
             },
-            error: found
-                .error
+            error: (found.error + clipping)
                 .max(if is_noise { found.exchange_area } else { 0.0 })
                 .max(if found.exchange_area > most.area {
                     most.error
@@ -418,7 +417,12 @@ impl Batches<'_> {
                 })
                 .min(most.area + most.error),
         };
-        let reached = exchange.error <= if found.reached { goal.max(found.error) } else { goal };
+        let reached = exchange.error
+            <= if found.reached {
+                goal.max(found.error + clipping)
+            } else {
+                goal
+            };
         self.stated([pair.i, pair.j], touched, exchange, reached)
     }
 }
