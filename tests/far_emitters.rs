@@ -61,8 +61,10 @@ fn polygon_at(random: &mut Uniform, centre: DVec3, turn: DQuat, size: f64) -> Ve
 fn occluder(random: &mut Uniform, patch: &[DVec3], to: DVec3) -> Vec<DVec3> {
     let from = patch[0].lerp(patch[2], random.next());
     let height = random.between(0.3, 0.8);
-    let middle = from + to * (height / to.z.max(0.5));
     let size = random.scale(0.05, 0.25);
+    let middle = from + to * (height / to.z.max(0.5));
+    // All of it stands over the patch's plane.
+    let middle = middle.with_z(middle.z.max(1.3 * size));
     let turn = random.turn();
     if random.next() < 0.5 {
         polygon_at(random, middle, turn, size)
@@ -154,49 +156,28 @@ impl Case {
     /// Returns the factors from a point of the emitter to the patch, and to the part of it in the shadow.
     fn seen_from(&self, y: DVec3, normal: DVec3) -> [f64; 2] {
         let all = point_form_factor(y, normal, &self.patch);
-        // Only what is lower than the point throws a shadow, and over the patch; what is just below the point throws it very far.
+        // Light that a convex occluder stops would have left it on a side that looks away from its source. Only what is lower than that throws a shadow, very far from just below.
         let level = y * (1.0 - 1e-6);
-        let sides = self.sides();
-        let between = sides.iter().flat_map(|side| {
-            let lower = clip_to_half_space(side, level, -DVec3::Z);
-            clip_to_half_space(&lower, DVec3::ZERO, DVec3::Z)
-        });
-        let on_patch: Vec<DVec3> = between.map(|o| o - (y - o) * (o.z / (y.z - o.z))).collect();
-        let mut shadow = if on_patch.is_empty() {
-            Vec::new()
-        } else {
-            self.patch.clone()
-        };
-        if !shadow.is_empty() {
-            for side in hull(&on_patch).windows(2) {
-                shadow = clip_to_half_space(&shadow, side[0], DVec3::Z.cross(side[1] - side[0]));
+        let away = self
+            .sides()
+            .into_iter()
+            .filter(|side| polygon::area_vector(side).dot(y - side[0]) < 0.0);
+        let shadows = away.map(|side| {
+            let lower = clip_to_half_space(&side, level, -DVec3::Z);
+            let shadow: Vec<DVec3> = lower.iter().map(|&o| o - (y - o) * (o.z / (y.z - o.z))).collect();
+            let mut hidden = self.patch.clone();
+            for (k, &a) in shadow.iter().enumerate() {
+                // Clockwise, as it is seen from behind.
+                hidden = clip_to_half_space(&hidden, a, (shadow[(k + 1) % shadow.len()] - a).cross(DVec3::Z));
             }
-        }
-        let hidden = if shadow.len() < 3 {
-            0.0
-        } else {
-            point_form_factor(y, normal, &shadow)
-        };
+            if shadow.is_empty() || hidden.len() < 3 {
+                0.0
+            } else {
+                point_form_factor(y, normal, &hidden)
+            }
+        });
+        let hidden: f64 = shadows.sum();
         [all, hidden]
-    }
-}
-
-/// Returns the convex hull of points at z = 0, counter-clockwise, its first corner again at the end; of points that differ by rounding there is one.
-fn hull(points: &[DVec3]) -> Vec<DVec3> {
-    let are_one = |a: DVec3, b: DVec3| a.distance(b) <= 1e-9 * (1.0 + a.length());
-    let first = points.iter().copied().min_by(|a, b| a.x.total_cmp(&b.x)).unwrap();
-    let mut hull = vec![first];
-    loop {
-        let from = hull[hull.len() - 1];
-        let others = points.iter().copied().filter(|&v| !are_one(from, v));
-        let next = others.reduce(|best, v| if (best - from).cross(v - from).z < 0.0 { v } else { best });
-        let Some(next) = next else { return hull };
-        if are_one(first, next) {
-            hull.push(first);
-            return hull;
-        }
-        hull.push(next);
-        assert!(hull.len() <= points.len(), "a hull closes");
     }
 }
 
