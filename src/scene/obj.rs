@@ -57,7 +57,7 @@ pub const DEFAULT_REFLECTANCE: f64 = 0.5;
 ///   the coordinates as they are written is no area, nor is what is narrower than that of six digits of the scene's size.
 /// - Texture coordinates, normals, `l` and `p` elements and all else are ignored.
 ///
-/// Accuracy: coordinates, reflectance and exitance are the nearest f64 to the text.
+/// Accuracy: coordinates, reflectance and exitance are the nearest f64 to the text. How far the text may be off what was meant, by its digits, is in [`Scene::written`], and is part of the errors of form factors.
 ///
 /// # Errors
 /// [`SceneError`], with file, line and remedy: files that cannot be read, coordinates or indices that are none, faces with fewer than three

@@ -18,10 +18,11 @@ use super::faces::FaceTree;
 use super::lattice::Lattice;
 use super::patches::{Patches, ROW_RUN, Run};
 use super::split::Split;
-use super::stated::Stated;
+use super::stated::{Seen, Stated};
 use crate::form_factor::kept::{self, Part, Piece};
 use crate::form_factor::pairs::{Exchange, Facing};
 use crate::form_factor::partial::Accuracy;
+use crate::form_factor::rounded::Rounded;
 use crate::form_factor::sight::whole_where_grazing;
 use crate::form_factor::{Before, Input, PairCounts};
 use crate::geometry::polygon_form_factor::exchange_area;
@@ -71,6 +72,8 @@ pub(super) struct Batches<'a> {
     pub(super) facing: Facing,
     tree: FaceTree,
     pub(super) index: Option<BlockerIndex>,
+    /// The patches of a file whose coordinates are rounded.
+    pub(super) rounded: Option<Rounded>,
     /// What is known from before a change.
     pub(super) before: Option<Before<'a>>,
     /// The faces of the scene, in the order of `patches.faces`.
@@ -121,6 +124,7 @@ impl<'a> Batches<'a> {
                 .map(|face| Lattice::find(&patches.corners, face.range()))
                 .collect(),
             index,
+            rounded: Rounded::new(input),
             before,
             face_ids: input
                 .mesh
@@ -273,7 +277,7 @@ impl Batches<'_> {
     }
 
     /// Finds what stands between two polygons, `among` some blockers or all.
-    fn between(&self, p: &[DVec3], q: &[DVec3], among: Option<&[BlockerId]>) -> Between {
+    pub(super) fn between(&self, p: &[DVec3], q: &[DVec3], among: Option<&[BlockerId]>) -> Between {
         let Some(index) = &self.index else {
             return Between::certain(PairVisibility::Full);
         };
@@ -381,7 +385,8 @@ impl Batches<'_> {
     }
 
     fn partial(&self, index: &BlockerIndex, pair: &PartialPair, blockers: &[BlockerId], accuracy: Accuracy) -> Stated {
-        let ends = [pair.i, pair.j].map(|k| self.patches.corners[k].as_slice());
+        let flat = [pair.i, pair.j].map(|k| self.patches.flat_corners(k));
+        let ends = flat.each_ref().map(|corners| corners.as_ref());
         let meeting = index.meeting(ends[0], ends[1]);
         let [p, q] = meeting
             .as_ref()
@@ -396,7 +401,13 @@ impl Batches<'_> {
             progress: self.progress,
         };
         // Where rounding is to be added there has to be room for it, so that no pair is above the tolerance by its integral's share; where that alone is above it, room would not help.
-        let rounding = self.rounding([pair.i, pair.j], touched, most.area);
+        let seen = |exchange: f64| Seen {
+            exchange,
+            visible: if most.area > 0.0 { exchange / most.area } else { 1.0 },
+            touched,
+            occluders: blockers,
+        };
+        let rounding = self.rounding([pair.i, pair.j], seen(most.area));
         let room = if rounding < goal { rounding.min(0.5 * goal) } else { 0.0 };
         let found = split.exchange_area(p, q, blockers, goal - room, most.area);
         // What rounding leaves of a pair that is hidden after all would make a row of noise.
@@ -419,7 +430,7 @@ impl Batches<'_> {
                 .min(most.area + most.error),
         };
         let reached = exchange.error <= if found.reached { goal.max(found.error) } else { goal };
-        self.stated([pair.i, pair.j], touched, exchange, reached)
+        self.stated([pair.i, pair.j], seen(exchange.area), exchange, reached)
     }
 }
 
@@ -515,7 +526,8 @@ impl Walk<'_> {
             .table
             .map_or_else(|| self.batches.kernel(i, j), |table| table.get(i, j));
         let integrated = exchange.error <= self.batches.goal([i, j]);
-        let stated = self.batches.stated([i, j], touched, exchange, integrated);
+        let seen = Seen::whole(exchange.area, touched);
+        let stated = self.batches.stated([i, j], seen, exchange, integrated);
         self.batches.count([i, j], stated, &mut self.strip.counts);
         self.push(i, j, stated.exchange);
     }
