@@ -214,10 +214,10 @@ impl Rounded {
             .fold(0.0, f64::max);
         // As much again for what is beyond the first order where patches are hardly wider than a unit.
         let beyond = 1.0 + (ends[0].border() + ends[1].border()).min(1.0);
-        let (grazing, may_be_none) = grazing(ends);
+        let (of_tilt, may_be_none) = grazing(ends);
         let smaller = ends[0].area.min(ends[1].area);
         let nothing = if may_be_none { exchange } else { 0.0 };
-        (beyond * first_order + grazing)
+        (beyond * first_order + of_tilt)
             .max(nothing)
             .min(exchange.max(smaller - exchange).max(0.0))
     }
@@ -281,20 +281,26 @@ impl Rounded {
     }
 }
 
-/// Returns what two ends that are hardly in front of each other's planes may exchange by the tilt of both planes, m², and whether either may be behind the other's plane altogether.
+/// Returns what two ends may exchange by the tilt of their planes, m², where one is hardly in front of the other's, and whether it may be behind that altogether.
 ///
 /// A_i F_ij is about A_i A_j h_i h_j / (π r⁴) with h their heights over the planes: of the second order in how far these are off.
 fn grazing(ends: [&End; 2]) -> (f64, bool) {
-    let way = ends[1].middle - ends[0].middle;
-    let square = way.length_squared();
+    let distance = ends[0].middle.distance(ends[1].middle);
     let off = ends[0].off + ends[1].off;
-    let lifted = |end: &End| off + 2.0 * end.off * square.sqrt() * end.radius / end.area;
-    let highest = |end: &End, over: &End| {
-        let heights = end.corners.iter().map(|v| over.normal.dot(*v - over.middle));
-        heights.fold(f64::NEG_INFINITY, f64::max)
-    };
-    let may_be_none = highest(ends[0], ends[1]).min(highest(ends[1], ends[0])) <= 2.0 * off;
-    let exchange = ends[0].area * ends[1].area * lifted(ends[0]) * lifted(ends[1]) / (PI * square * square);
+    // The height of one end over the other's plane, and how far that is off there.
+    let heights = [0, 1].map(|k| {
+        let (end, over) = (ends[k], ends[1 - k]);
+        let of_corners = end.corners.iter().map(|v| over.normal.dot(*v - over.middle));
+        let lifted = off + 2.0 * over.off * distance * over.radius / over.area;
+        (of_corners.fold(0.0, f64::max), lifted)
+    });
+    if heights.iter().all(|(height, lifted)| height > lifted) {
+        return (0.0, false);
+    }
+    let cosine = |(height, lifted): (f64, f64)| ((height + lifted) / distance).min(1.0);
+    let areas = ends[0].area * ends[1].area;
+    let exchange = areas * cosine(heights[0]) * cosine(heights[1]) / (PI * distance * distance);
+    let may_be_none = heights.iter().any(|(height, _)| *height <= 2.0 * off);
     (exchange, may_be_none)
 }
 

@@ -132,6 +132,8 @@ fn has_vertex_beside_edge(scene: &Scene, written: &Written) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use std::fmt::Write as _;
+
     use glam::{DQuat, DVec3};
 
     use super::super::load;
@@ -140,13 +142,13 @@ mod tests {
     fn shows_rounding(outlines: &[&[DVec3]], number: impl Fn(f64) -> String) -> bool {
         let directory = tempfile::tempdir().expect("a directory");
         let path = directory.path().join("scene.obj");
-        let (mut text, mut n) = (String::new(), 0);
+        let vertices = outlines.iter().copied().flatten();
+        let lines = vertices.map(|v| format!("v {} {} {}\n", number(v.x), number(v.y), number(v.z)));
+        let mut text: String = lines.collect();
+        let mut n = 0;
         for outline in outlines {
-            for v in *outline {
-                text += &format!("v {} {} {}\n", number(v.x), number(v.y), number(v.z));
-            }
             let corners: Vec<String> = (1..=outline.len()).map(|k| (n + k).to_string()).collect();
-            text += &format!("f {}\n", corners.join(" "));
+            let _ = writeln!(text, "f {}", corners.join(" "));
             n += outline.len();
         }
         std::fs::write(&path, text).expect("a file");

@@ -177,9 +177,14 @@ pub(crate) fn with_digits(digits: usize, x: f64) -> String {
     let (mantissa, exponent) = long.split_once('e').expect("an exponent");
     let exponent: i32 = exponent.parse().expect("a number");
     let n = i32::try_from(digits).expect("few digits");
-    let trimmed = |text: &str| match text.contains('.') {
-        true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
-        false => text.to_owned(),
+    let trimmed = |text: &str| {
+        let is_fraction = text.contains('.');
+        let short = if is_fraction {
+            text.trim_end_matches('0').trim_end_matches('.')
+        } else {
+            text
+        };
+        short.to_owned()
     };
     if (-4..n).contains(&exponent) {
         let places = usize::try_from(n - 1 - exponent).expect("no less than none");
