@@ -263,7 +263,7 @@ mod tests {
                 2.0,
                 2.0_f64.powi(-22),
             ),
-            ("eighths are no f32", &["500000.125", "5400001.5"], 5.4e6, 1e-3),
+            ("eighths are no f32", &["100000.125", "200001.25"], 2e5, 1e-3),
         ] {
             let mut written = Written::new();
             for token in tokens {
