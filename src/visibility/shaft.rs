@@ -118,8 +118,15 @@ impl<'a> Shaft<'a> {
         let (all_low, all_high) = bounds(p.iter().chain(q));
         let largest = all_low.abs().max(all_high.abs()).max_element();
         let rounding = 16.0 * f64::EPSILON * largest;
-        let tolerance = RELATIVE_TOLERANCE * (all_high - all_low).length() + rounding;
-        let ends = [in_front(p, &planes[1], tolerance)?, in_front(q, &planes[0], tolerance)?];
+        let diameter = (all_high - all_low).length();
+        let tolerance = RELATIVE_TOLERANCE * diameter + rounding;
+        // Face to face, they see all of each other through the narrowest gap.
+        let least = if planes[0].normal.distance_squared(-planes[1].normal) < SAME_PLANE * SAME_PLANE {
+            SEEN * diameter + rounding
+        } else {
+            tolerance
+        };
+        let ends = [in_front(p, &planes[1], least)?, in_front(q, &planes[0], least)?];
         let (low, high) = bounds(ends[0].iter().chain(ends[1].iter()));
         Some(Self {
             ends,

@@ -21,7 +21,7 @@ use super::split::Split;
 use super::stated::Stated;
 use crate::form_factor::kept::{self, Part, Piece};
 use crate::form_factor::pairs::{Exchange, Facing};
-use crate::form_factor::partial::Accuracy;
+use crate::form_factor::partial::{Accuracy, Whole};
 use crate::form_factor::sight::whole_where_grazing;
 use crate::form_factor::{Before, Input, PairCounts};
 use crate::geometry::polygon_form_factor::exchange_area;
@@ -398,7 +398,15 @@ impl Batches<'_> {
         // Where rounding is to be added there has to be room for it, so that no pair is above the tolerance by its integral's share; where that alone is above it, room would not help.
         let rounding = self.rounding([pair.i, pair.j], touched, most.area);
         let room = if rounding < goal { rounding.min(0.5 * goal) } else { 0.0 };
-        let found = split.exchange_area(p, q, blockers, goal - room, most.area);
+        let whole = if meeting.is_some() {
+            Whole::of(p, q, 1e-3 * goal)
+        } else {
+            Whole {
+                area: most.area,
+                error: most.error,
+            }
+        };
+        let found = split.exchange_area(p, q, blockers, goal - room, whole);
         // What rounding leaves of a pair that is hidden after all would make a row of noise.
         let is_noise = found.exchange_area <= NOISE * smaller_area;
         // More than without blockers it cannot be, nor be off by more than that.

@@ -227,7 +227,7 @@ impl<'a> Outline<'a> {
     }
 
     /// Returns the part of a blocker in front of the receiver's and the target's plane.
-    fn between(&self, corners: &[DVec3]) -> Vec<DVec3> {
+    pub(super) fn between(&self, corners: &[DVec3]) -> Vec<DVec3> {
         let snapped = |height: f64| if height.abs() <= self.tolerance { 0.0 } else { height };
         let mut part = Vec::new();
         clip_contour(

@@ -10,6 +10,7 @@ use crate::geometry::polygon;
 use crate::visibility::blockers::Blocker;
 
 use super::receiver::Receiver;
+use super::rule::Parts;
 
 /// A convex planar blocker.
 #[derive(Clone, Debug)]
@@ -54,6 +55,7 @@ pub(super) struct Shadows {
     coplanar: f64,
     fragments: Fragments,
     next: Fragments,
+    hidden: Fragments,
     piece: Vec<DVec3>,
     rest: Vec<DVec3>,
     half_spaces: Vec<HalfSpace>,
@@ -125,44 +127,54 @@ impl Shadows {
             coplanar,
             fragments: Fragments::default(),
             next: Fragments::default(),
+            hidden: Fragments::default(),
             piece: Vec::new(),
             rest: Vec::new(),
             half_spaces: Vec::new(),
         }
     }
 
-    /// Returns the form factor from a point of the receiver to the part of the target that it sees.
-    pub(super) fn visible_factor(&mut self, point: DVec3) -> f64 {
+    /// Returns the form factors from a point of the receiver to the visible and to the hidden part of the target.
+    ///
+    /// A part is 0 only if there is nothing of it: of what rounding leaves nothing, there is the least positive number.
+    pub(super) fn visible_and_hidden(&mut self, point: DVec3) -> Parts {
         self.fragments.clear();
         self.rest.clear();
         self.rest.extend(self.target.iter().map(|&v| v - point));
         self.fragments.push(&self.rest);
+        let whole = contour_vector(&self.rest);
+        self.hidden.clear();
         for k in 0..self.casters.len() {
             if !self.prepare_half_spaces(k, point) {
                 continue;
             }
             self.next.clear();
             for fragment in self.fragments.iter() {
-                subtract(
+                if subtract(
                     fragment,
                     &self.half_spaces,
                     &mut self.next,
                     &mut self.rest,
                     &mut self.piece,
-                );
+                ) {
+                    self.hidden.push(&self.rest);
+                }
             }
             std::mem::swap(&mut self.fragments, &mut self.next);
             if self.fragments.ends.is_empty() {
-                return 0.0;
+                break;
             }
         }
-        let sum: f64 = self
-            .fragments
-            .iter()
-            .map(contour_vector)
-            .sum::<DVec3>()
-            .dot(self.receiver_normal);
-        (-sum / TAU).clamp(0.0, 1.0)
+        let factor = |contour: DVec3| (-contour.dot(self.receiver_normal) / TAU).clamp(0.0, 1.0);
+        let whole = factor(whole);
+        if self.hidden.ends.is_empty() {
+            [whole, 0.0]
+        } else if self.fragments.ends.is_empty() {
+            [0.0, whole]
+        } else {
+            let hidden = factor(self.hidden.iter().map(contour_vector).sum()).min(whole);
+            [whole - hidden, hidden].map(|part| part.max(f64::MIN_POSITIVE))
+        }
     }
 
     /// Sets the half-spaces whose intersection is the space that caster `k` hides from the point; false if there is none.
@@ -205,14 +217,14 @@ impl Shadows {
     }
 }
 
-/// Adds to `out` the convex pieces of a convex fragment that lie outside of at least one half-space.
+/// Adds to `out` the convex pieces of a convex fragment that lie outside of at least one half-space; returns false if that is all of it, and else leaves the other part in `rest`.
 fn subtract(
     fragment: &[DVec3],
     half_spaces: &[HalfSpace],
     out: &mut Fragments,
     rest: &mut Vec<DVec3>,
     piece: &mut Vec<DVec3>,
-) {
+) -> bool {
     let reach = fragment.iter().map(|r| r.abs().element_sum()).fold(0.0, f64::max);
     let mut cutting = 0_u64;
     for (k, half_space) in half_spaces.iter().enumerate() {
@@ -226,7 +238,7 @@ fn subtract(
         let slack = half_space.slack * reach;
         if high <= slack {
             out.push(fragment);
-            return;
+            return false;
         }
         if low < -slack {
             cutting |= 1 << (k & 63);
@@ -244,9 +256,10 @@ fn subtract(
             out.push(piece);
         }
         if rest.len() < 3 {
-            return;
+            return false;
         }
     }
+    true
 }
 
 /// Splits a convex polygon: `inside` keeps what lies inside the half-space, the rest goes to `outside`.
@@ -305,7 +318,7 @@ mod tests {
                 one_sided: *one_sided,
             });
         }
-        Shadows::new(&receiver, &ceiling(), &list, 2.0).visible_factor(point)
+        Shadows::new(&receiver, &ceiling(), &list, 2.0).visible_and_hidden(point)[0]
     }
 
     const POINT: DVec3 = DVec3::new(0.25, 0.5, 0.0);
