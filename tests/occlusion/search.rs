@@ -218,7 +218,7 @@ fn climbing_from_a_few_scenes_finds_no_error_above_what_is_stated() {
 }
 
 #[test]
-#[ignore = "MINUTES: as the test above, from 1,000 scenes"]
+#[ignore = "two minutes: as the test above, from 1,000 scenes"]
 fn climbing_from_many_scenes_finds_no_error_above_what_is_stated() {
     let found = climb(1000, 1000, 8, 1e-4);
     let above: Vec<_> = found.iter().filter(|(excess, ..)| *excess > 1.0).collect();
