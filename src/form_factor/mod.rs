@@ -20,9 +20,10 @@
 //! With blockers the methods between pairs add the standard error of the visible fraction, which rays between the two patches give, but
 //! for [`ExactMethod`], which traces no ray at all and keeps to a tolerance. The others trace none where nothing can block.
 
+mod backs;
 mod centre;
 mod closed_form;
-mod closed_rows;
+mod closure;
 mod contour;
 mod error;
 mod exact;
@@ -34,6 +35,7 @@ mod pairs;
 pub mod partial;
 mod pdm;
 mod point_errors;
+mod probe;
 mod qmc;
 pub mod registry;
 mod rows;
@@ -48,7 +50,7 @@ mod update;
 
 pub use centre::CentrePoint;
 pub use closed_form::ClosedForm;
-pub use closed_rows::closed_rows;
+pub use closure::{Closure, Enclosed, Leak, MAX_ESCAPED, closed_rows, enclosed};
 pub use contour::ContourIntegral;
 pub use error::FormFactorError;
 pub use exact::ExactMethod;
@@ -59,7 +61,7 @@ pub use pdm::ParametricDifferential;
 pub use qmc::QuasiMonteCarlo;
 pub use registry::{MethodSettings, method};
 pub use sg::GaussShooting;
-pub use sky::{sky_factors, sky_of_surfaces};
+pub use sky::{Fraction, SkyFactors, sky_factors};
 pub use sr::RandomShooting;
 pub use update::{Before, Change};
 

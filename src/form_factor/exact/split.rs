@@ -36,11 +36,11 @@ const WORTH: f64 = 1.9;
 const HALF: usize = 8;
 
 /// Integrates pairs, in parts or as a whole.
-pub(super) struct Split<'a> {
-    pub(super) index: &'a BlockerIndex,
+pub(in crate::form_factor) struct Split<'a> {
+    pub(in crate::form_factor) index: &'a BlockerIndex,
     /// Evaluations of the inner factor after which no more are begun.
-    pub(super) budget: usize,
-    pub(super) progress: &'a dyn Progress,
+    pub(in crate::form_factor) budget: usize,
+    pub(in crate::form_factor) progress: &'a dyn Progress,
 }
 
 /// A part of a pair that is integrated by itself.
@@ -72,7 +72,14 @@ impl Split<'_> {
     /// Returns the exchange area of two polygons to within `goal`, m², where `among` are the blockers that may stand between them and `most` is the exchange area without these.
     ///
     /// Parts first get shares of the goal and of the budget as their work is estimated; what these have left of both then goes where the error is greatest.
-    pub(super) fn exchange_area(&self, p: &[DVec3], q: &[DVec3], among: &[BlockerId], goal: f64, most: f64) -> Partial {
+    pub(in crate::form_factor) fn exchange_area(
+        &self,
+        p: &[DVec3],
+        q: &[DVec3],
+        among: &[BlockerId],
+        goal: f64,
+        most: f64,
+    ) -> Partial {
         let blockers = self.index.blockers(p, q, among);
         if self.index.count(among) < LEAST_BLOCKERS {
             let mut whole = Integration::begin([p, q], &blockers, goal, self.budget, most);
