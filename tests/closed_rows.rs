@@ -330,6 +330,17 @@ fn with_turned(scene: &Scene, face: usize) -> Scene {
     other
 }
 
+/// Returns the scene with a gap of about a millionth of its size around a face.
+fn with_a_gap(scene: &Scene, face: usize) -> Scene {
+    let mut gaping = scene.clone();
+    let corners = scene.polygon(FaceId(u32::try_from(face).unwrap()));
+    let middle = corners.iter().sum::<DVec3>() / corners.len() as f64;
+    let first = u32::try_from(gaping.vertices.len()).unwrap();
+    gaping.vertices.extend(corners.iter().map(|v| v.lerp(middle, 1e-6)));
+    gaping.faces[face].corners = Corners::Quad([0, 1, 2, 3].map(|corner| first + corner));
+    gaping
+}
+
 fn all_closed(scene: Scene) -> bool {
     let prepared = Prepared::new(scene, 2);
     let rows = closed_rows(prepared.input());
@@ -354,12 +365,7 @@ fn rooms_whose_faces_meet_in_t_junctions_are_closed() {
             "{seed}"
         );
         // A gap around a tile that is wider than rounding opens the room.
-        let mut gaping = room.clone();
-        let corners = room.polygon(FaceId(u32::try_from(k).unwrap()));
-        let middle = corners.iter().sum::<DVec3>() / 4.0;
-        let first = u32::try_from(gaping.vertices.len()).unwrap();
-        gaping.vertices.extend(corners.iter().map(|v| v.lerp(middle, 1e-6)));
-        gaping.faces[k].corners = Corners::Quad([0, 1, 2, 3].map(|corner| first + corner));
+        let gaping = with_a_gap(&room, k);
         assert!(!is_watertight(&gaping), "{seed}: a gap");
     }
 }
@@ -473,8 +479,7 @@ fn a_user_may_say_that_a_room_is_closed_or_open() {
         "{message}"
     );
     // A gap far below what is refused.
-    let mut gaping = room.clone();
-    gaping.vertices[3] += DVec3::splat(1e-6);
+    let gaping = with_a_gap(&room, k);
     write_obj(&gaping, directory.path().join("gap.obj")).unwrap();
     let (_, detected) = run("gap.obj", &[]);
     assert_eq!(detected["closed"], false);
