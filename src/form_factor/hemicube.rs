@@ -7,6 +7,7 @@ use glam::DVec3;
 
 use super::on_the_fly::Rows;
 use super::point_errors::{Found, PointErrors};
+use super::rows::Missing;
 use super::{Computed, FormFactorError, FormFactorMethod, Input, Reciprocity, rows};
 use crate::geometry::point_form_factor::point_form_factor;
 use crate::geometry::quadrature::{GaussProduct, WeightedPoint};
@@ -97,7 +98,9 @@ impl FormFactorMethod for Hemicube {
     ) -> Result<Computed, FormFactorError> {
         let cells = cells(self.resolution.get());
         let errors = PointErrors::new(input);
-        rows::by_rows(input, storage, progress, |rows| self.tile(input, rows, &cells, &errors))
+        rows::by_rows(input, storage, progress, Missing::Nothing, |rows| {
+            self.tile(input, rows, &cells, &errors)
+        })
     }
 
     fn rows<'a>(&'a self, input: Input<'a>) -> Option<Rows<'a>> {

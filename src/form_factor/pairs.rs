@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use super::kept::{self, Part, Piece};
 use super::{Computed, FormFactorError, Input, PairCounts};
+use crate::geometry::polygon_form_factor::PreparedPolygon;
 use crate::in_order::InOrder;
 use crate::matrix::{Entry, FormFactors, RowTally, RowTile, StorageChoice};
 use crate::mesh::{Mesh, PatchId};
@@ -127,6 +128,7 @@ fn tile(rows: Range<usize>, facing: &Facing, worker: &mut impl PairWorker) -> Re
 }
 
 /// The planes of all patches and their corners, for the test that goes first.
+#[derive(Debug)]
 pub(super) struct Facing {
     corners: Vec<Vec<glam::DVec3>>,
     normals: Vec<glam::DVec3>,
@@ -151,6 +153,14 @@ impl Facing {
 
     fn len(&self) -> usize {
         self.corners.len()
+    }
+
+    /// Returns the patches for the closed forms.
+    pub(super) fn polygons(&self) -> Vec<PreparedPolygon> {
+        self.corners
+            .iter()
+            .map(|corners| PreparedPolygon::new(corners))
+            .collect()
     }
 
     /// Tells whether part of each patch lies in front of the other's plane.

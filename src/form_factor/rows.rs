@@ -1,9 +1,10 @@
 //! Methods that compute whole rows: tiles of rows are the unit of parallel work.
 
+use std::num::NonZeroUsize;
 use std::ops::Range;
 
 use super::kept::{self, Part, Piece};
-use super::{Computed, FormFactorError, Input};
+use super::{Computed, FormFactorError, Input, upper_bounds};
 use crate::in_order::InOrder;
 use crate::matrix::{Entry, FormFactors, RowTile, StorageChoice};
 use crate::progress::Progress;
@@ -11,11 +12,21 @@ use crate::progress::Progress;
 /// The number of rows that are computed as one piece of parallel work.
 const ROWS_PER_TILE: usize = 16;
 
+/// What a row says of the patches that it has no entry for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Missing {
+    /// They are 0 for certain.
+    Nothing,
+    /// No ray hit them; rays start at q × q Gauss points, if any.
+    Unhit(Option<NonZeroUsize>),
+}
+
 /// Computes all rows, tile by tile in parallel, and stores them in order.
 pub(super) fn by_rows(
     input: Input<'_>,
     storage: StorageChoice,
     progress: &dyn Progress,
+    missing: Missing,
     tile: impl Fn(Range<usize>) -> RowTile + Sync,
 ) -> Result<Computed, FormFactorError> {
     let n = input.mesh.n_patches();
@@ -47,8 +58,12 @@ pub(super) fn by_rows(
     if progress.is_cancelled() {
         return Err(FormFactorError::Interrupted);
     }
+    let factors = factors?;
     Ok(Computed {
-        factors: factors?,
+        factors: match missing {
+            Missing::Nothing => factors,
+            Missing::Unhit(points) => factors.with_bounds(upper_bounds(input.mesh, points)),
+        },
         pairs: None,
         tolerance_met: true,
     })

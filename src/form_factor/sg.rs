@@ -5,7 +5,8 @@ use std::ops::Range;
 
 use super::on_the_fly::Rows;
 use super::point_errors::{Found, PointErrors};
-use super::shooting::{Shooter, Shot};
+use super::rows::Missing;
+use super::shooting::{Shooter, Shot, Starts};
 use super::{Computed, FormFactorError, FormFactorMethod, Input, Reciprocity, rows};
 use crate::geometry::quadrature::{GaussProduct, WeightedPoint};
 use crate::geometry::sampling::{PointStream, Sequence};
@@ -19,7 +20,8 @@ use crate::progress::Progress;
 /// Biased by the Gauss rule's own error, which does not fall with the number of rays: the inner integral has a kink or a jump
 /// where j touches or is hidden from a part of i.
 /// Error of an entry: the noise, without the gain of stratification, plus an estimate of the rule's own error. From 3 points a side on that is how far the rules through
-/// every other line of points (along either side of the patch) are from it, less twice the noise of that; it tells nothing of what all points miss. From 1 and 2, where there is
+/// every other line of points (along either side of the patch) are from it, less twice the noise of that; it tells nothing of what all points miss. An entry that no ray
+/// hit states, up to the factor without occluders, 1.5 / N and what the points see too little of that, with sqrt(2/((n + 2)(n + 3))) of it for the part that n = q² points may all miss. From 1 and 2, where there is
 /// no such rule: that of [`Hemicube`](super::Hemicube), of patches that no ray hit too, for the price of a closed form for each pair.
 /// Source: Baranoski, Bramley and Shirley 1995, appendix A. Departures: the directions come from a Sobol sequence by default;
 /// rays are rounded up to a whole number for each point.
@@ -58,7 +60,14 @@ impl FormFactorMethod for GaussShooting {
         progress: &dyn Progress,
     ) -> Result<Computed, FormFactorError> {
         let errors = self.point_errors(input);
-        rows::by_rows(input, storage, progress, |rows| self.tile(input, rows, errors.as_ref()))
+        let missing = if errors.is_some() {
+            Missing::Nothing
+        } else {
+            Missing::Unhit(Some(self.points))
+        };
+        rows::by_rows(input, storage, progress, missing, |rows| {
+            self.tile(input, rows, errors.as_ref())
+        })
     }
 
     fn rows<'a>(&'a self, input: Input<'a>) -> Option<Rows<'a>> {
@@ -78,7 +87,7 @@ impl GaussShooting {
         let mut tile = RowTile::new(rows.start);
         let rule = GaussProduct::new(self.points);
         let changes = rule.coarser();
-        let mut shooter = Shooter::new(input, changes.is_some());
+        let mut shooter = Shooter::new(input, Starts::at_points(changes.is_some()));
         let q = self.points.get();
         let rays_per_point = self.rays_per_point();
         for i in rows {

@@ -5,7 +5,7 @@
 use glam::DVec3;
 
 use super::Input;
-use crate::geometry::sampling::{Frame, cosine_direction};
+use crate::geometry::sampling::{Frame, Sequence, cosine_direction};
 use crate::matrix::{Entry, RayWeights, RowTally};
 use crate::mesh::{Patch, PatchId};
 use crate::visibility::{Coherence, HitBatch, RayBatch};
@@ -22,12 +22,39 @@ pub(super) struct Shot {
     pub(super) coarser: [f64; 2],
 }
 
+/// Where the rays of a patch start, and from which numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Starts {
+    /// Anywhere on it, by independent numbers.
+    Random,
+    /// Anywhere on it, by the points of one net in four dimensions.
+    Net,
+    /// At the points of a rule, which has no coarser one.
+    FewPoints,
+    /// At the points of a rule, and shots differ in [`Shot::coarser`].
+    Points,
+}
+
+impl Starts {
+    pub(super) fn by_area(sequence: Sequence) -> Self {
+        match sequence {
+            Sequence::Random => Self::Random,
+            Sequence::Sobol => Self::Net,
+        }
+    }
+
+    pub(super) fn at_points(has_coarser: bool) -> Self {
+        if has_coarser { Self::Points } else { Self::FewPoints }
+    }
+}
+
 /// Rays that are traced at once: enough to hide the call, few enough to stay in the first cache.
 const BATCH: usize = 512;
 
 /// The buffers of one thread, and the tally of one row at a time.
 pub(super) struct Shooter<'a> {
     input: Input<'a>,
+    starts: Starts,
     rays: RayBatch,
     weights: Vec<f64>,
     coarser: Vec<[f64; 2]>,
@@ -41,17 +68,17 @@ pub(super) struct Shooter<'a> {
 }
 
 impl<'a> Shooter<'a> {
-    /// `by_rule` tells whether shots differ in [`Shot::coarser`].
-    pub(super) fn new(input: Input<'a>, by_rule: bool) -> Self {
+    pub(super) fn new(input: Input<'a>, starts: Starts) -> Self {
         let n = input.mesh.n_patches();
         Self {
             input,
+            starts,
             rays: RayBatch::default(),
             weights: Vec::new(),
             coarser: Vec::new(),
             hits: HitBatch::default(),
             sums: vec![0.0; n],
-            changes: vec![<[[f64; 2]; 2]>::default(); if by_rule { n } else { 0 }],
+            changes: vec![<[[f64; 2]; 2]>::default(); if starts == Starts::Points { n } else { 0 }],
             touched: Vec::new(),
             entries: Vec::new(),
         }
@@ -60,8 +87,8 @@ impl<'a> Shooter<'a> {
     /// Shoots `shots` from a patch and returns its row: sorted entries (j, F_ij, standard error), and what did not land on a front.
     ///
     /// With weights scaled to a sum of 1, F_ij = Σ w over the rays that hit j from the front. The standard error is that of
-    /// independent rays, sqrt(F (1 − F) Σ_all w²), for equal weights the binomial sqrt(F (1 − F) / N), and by Laplace's rule where most rays hit j; for stratified
-    /// points and directions it errs on the safe side. To it comes, for each coarser rule, what is left of its distance |Σ w c| beyond twice the noise of that, sqrt(Σ (w c)²).
+    /// independent rays, sqrt(F (1 − F) Σ_all w²), for equal weights the binomial sqrt(F (1 − F) / N), and by Laplace's rule where most rays hit j; points of
+    /// a net have (N F)^(−1/8) of it. To it comes, for each coarser rule, what is left of its distance |Σ w c| beyond twice the noise of that, sqrt(Σ (w c)²).
     pub(super) fn row(&mut self, patch: &Patch, shots: impl Iterator<Item = Shot>) -> (&[Entry], RowTally) {
         let visibility = self.input.visibility;
         let frame = Frame::from_normal(patch.normal);
@@ -94,7 +121,10 @@ impl<'a> Shooter<'a> {
         self.entries.clear();
         for &j in &self.touched {
             let factor = std::mem::take(&mut self.sums[j as usize]) / total;
-            let noise = tally.noise_of(factor);
+            let noise = match self.starts {
+                Starts::Net => tally.noise_of_net(factor),
+                _ => tally.noise_of(factor),
+            };
             let changes = self.changes.get_mut(j as usize).map(std::mem::take).unwrap_or_default();
             let bias = |[change, squared]: [f64; 2]| (change.abs() - 2.0 * squared.sqrt()).max(0.0) / total;
             self.entries

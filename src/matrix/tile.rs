@@ -67,6 +67,13 @@ impl RowTally {
         (p * (1.0 - p) * squared).max(0.0).sqrt()
     }
 
+    /// Returns the standard error of a form factor that is the share F of N rays that are points of one net in four dimensions: the k = N F cells of the net that make it up have about
+    /// k^(3/4) at their border, which alone are in doubt, so that it is k^(−1/8) of [`noise_of`](Self::noise_of).
+    pub(crate) fn noise_of_net(&self, factor: f64) -> f64 {
+        let hits = self.effective_rays().map_or(1.0, |n| (n * factor).max(1.0));
+        self.noise_of(factor) * hits.powf(-0.125)
+    }
+
     /// Returns the standard error of a form factor that none of the row's N rays has hit and that the rays of the other patch say is `factor`: that of a count, sqrt(F / N). Rays that are not
     /// independent count as if they were. 0 without rays.
     pub(crate) fn noise_of_missed(&self, factor: f64) -> f64 {

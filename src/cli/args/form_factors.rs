@@ -82,9 +82,9 @@ impl From<SequenceName> for Sequence {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum BalanceName {
-    /// Where the solver needs a symmetric system
+    /// For light, the repair with the least error that the solver allows: rows of low-discrepancy rays are averaged with their reverse by their variances and keep their sums; other rays get closure
     Auto,
-    /// Always
+    /// Always: each pair averaged with its reverse, rows rescaled symmetrically
     On,
     /// Always, but each entry is moved by its own error variance instead (least squares): what is known stays
     Closure,
@@ -120,7 +120,7 @@ pub struct MethodArgs {
     /// Seed of all numbers
     #[arg(long, value_name = "S", default_value_t = 0)]
     pub seed: u64,
-    /// Average each pair with its reverse and rebalance the rows (symmetric Sinkhorn scaling)
+    /// Average each pair with its reverse, and restore the sums of the rows
     #[arg(long, value_enum, default_value_t = BalanceName::Auto)]
     pub balance: BalanceName,
 }

@@ -10,7 +10,7 @@ use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
-pub(super) use factors::{BALANCE_TOLERANCE, Computed, Fineness, Promised, doubted_pairs, repairs, spent_budget};
+pub(super) use factors::{BALANCE_TOLERANCE, Computed, Fineness, Promised, doubted_pairs, repair, spent_budget};
 pub(super) use prepared::{Prepared, expect_room, posed};
 pub(super) use solution::{Known, go_on};
 
