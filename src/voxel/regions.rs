@@ -101,13 +101,27 @@ impl Regions {
                 }
             }
         });
-        let mut of_surfel = Vec::with_capacity(voxels.n_surfels());
-        for rank in 0..to_u32(voxels.octree.n_voxels()) {
-            for s in voxels.surfels_of(rank) {
-                let node = voxels.looks_into(s, rank, sides);
-                of_surfel.push(node.map_or(UNKNOWN, |node| sets.root(bricks.node(node))));
-            }
+        let looks_to: Vec<Vec<usize>> = (0..to_u32(voxels.octree.n_voxels()))
+            .flat_map(|rank| voxels.surfels_of(rank).map(move |s| (rank, s)))
+            .map(|(rank, s)| {
+                let nodes = voxels.nodes_in_front(s, rank, sides);
+                nodes.into_iter().map(|node| bricks.node(node)).collect()
+            })
+            .collect();
+        // Near thin walls all nodes that a surfel looks to are in the same air, though no line of the lattice may join them.
+        for (_, nodes) in looks_to.iter().enumerate().filter(|(s, _)| voxels.is_thin(*s)) {
+            nodes.windows(2).for_each(|pair| sets.join(pair[0], pair[1]));
         }
+        // Elsewhere a surface may run on under a wall: then its side is not known.
+        let mut region_of = |nodes: &Vec<usize>| {
+            let mut regions = nodes.iter().map(|&node| sets.root(node));
+            let first = regions.next()?;
+            regions.all(|region| region == first).then_some(first)
+        };
+        let of_surfel: Vec<u32> = looks_to
+            .iter()
+            .map(|nodes| region_of(nodes).unwrap_or(UNKNOWN))
+            .collect();
         let mut known = of_surfel.iter().filter(|&&region| region != UNKNOWN);
         let first = known.next()?;
         if known.all(|region| region == first) {
@@ -160,18 +174,25 @@ impl VoxelScene {
                 .is_some_and(|region| region != regions.of_voxel(ahead))
     }
 
-    /// Returns a voxel whose centre is in the air that a surfel looks into, if one is known.
-    fn looks_into(&self, surfel: usize, rank: u32, sides: &Sides) -> Option<Voxel> {
-        let side = if self.is_thin(surfel) {
-            Some(self.nodes(surfel).trailing_zeros()).filter(|&side| side <= AT_CENTRE)
+    /// Returns the voxels whose centres a surfel is known to look to.
+    fn nodes_in_front(&self, surfel: usize, rank: u32, sides: &Sides) -> Vec<Voxel> {
+        let nodes = if self.is_thin(surfel) {
+            self.nodes(surfel)
         } else {
-            sides.node_of(rank, self.surfels[surfel].face)
-        }?;
-        let mut voxel = self.surfels[surfel].voxel();
-        if side < AT_CENTRE {
-            voxel[side as usize / 2] += if side % 2 == 1 { 1 } else { -1 };
-        }
-        Some(voxel)
+            sides.nodes_of(rank, self.surfels[surfel].face)
+        };
+        let voxel = self.surfels[surfel].voxel();
+        let node = |side: Side| {
+            let mut node = voxel;
+            if side < AT_CENTRE {
+                node[side as usize / 2] += if side % 2 == 1 { 1 } else { -1 };
+            }
+            node
+        };
+        (0..=AT_CENTRE)
+            .filter(|side| nodes >> side & 1 == 1)
+            .map(node)
+            .collect()
     }
 }
 

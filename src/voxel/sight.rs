@@ -35,7 +35,8 @@ impl VoxelScene {
     ///
     /// So a plane never hides from itself, and a line from the inside of a 6-separating surface does not get out.
     /// Of several surfels in the voxel seen, the one counts that faces the line most. If all face away, it is a back, unless one does so by less than 17.5°, cos = 0.3: lines that graze
-    /// a silhouette meet the voxels just behind it, because surfaces are one voxel thick, and see the object, not darkness.
+    /// a silhouette meet the voxels just behind it, because surfaces are one voxel thick, and see the object, not darkness. In a scene with thin walls, that is so only if no closed surface
+    /// parts the air in front of both, as it does where a line grazes the inside of a box that stands on its surface.
     ///
     /// Source: [`MALGOUYRES_2002`](crate::references::MALGOUYRES_2002), section 4.1, step 1 to 4; the choice of the first voxel ("a bit tricky") is ours.
     /// Near [thin walls](Self::thin_walls) the path keeps to voxels whose centres are in the air that x looks into, and of a voxel's surfels only those count that look
@@ -44,7 +45,7 @@ impl VoxelScene {
     pub fn sight(&self, surfel: usize, direction: &Direction) -> Sight {
         match self.start(surfel, direction) {
             Start::Own(seen) => seen,
-            Start::Seen(rank, side) => self.front(rank, direction, || side),
+            Start::Seen(rank, side) => self.front(surfel, rank, direction, || side),
             Start::Free(place) => self.sight_from(surfel, direction, place),
         }
     }
@@ -55,7 +56,7 @@ impl VoxelScene {
         while let Some(rank) = first_surface(&self.octree, voxel, direction, place) {
             let way = || self.way_through(rank, voxel, direction, place.at_least);
             if !self.lets_pass(rank, direction, false, way) {
-                return self.front(rank, direction, || way().0);
+                return self.front(surfel, rank, direction, || way().0);
             }
             place.counts = self.counts_to(rank, voxel);
             place.counts[direction.next_axis(place.counts)] += 1;
@@ -114,8 +115,14 @@ impl VoxelScene {
         self.most_facing(faced, direction).map(Sight::Surfel)
     }
 
-    /// Returns what a line sees of the surface voxel of a rank that it enters from `side`.
-    pub(super) fn front(&self, rank: u32, direction: &Direction, side: impl FnOnce() -> Side) -> Sight {
+    /// Returns what a line of surfel `from` sees of the surface voxel of a rank that it enters from `side`.
+    pub(super) fn front(
+        &self,
+        from: usize,
+        rank: u32,
+        direction: &Direction,
+        side: impl FnOnce() -> Side,
+    ) -> Sight {
         let range = self.surfels_of(rank);
         // Where several surfels face the line alike, the first.
         let (mut dot, mut surfel) = (i64::MAX, range.start);
@@ -133,7 +140,8 @@ impl VoxelScene {
                 .filter(|&s| self.nodes(s) >> side & 1 == 1)
                 .for_each(|s| see(s, self.normal_of[s] & !THIN));
         }
-        if dot < 0 || dot < i64::MAX && is_grazing(dot, direction) {
+        let is_silhouette = || dot < i64::MAX && is_grazing(dot, direction) && !self.are_parted(from, surfel);
+        if dot < 0 || is_silhouette() {
             Sight::Surfel(id(surfel))
         } else {
             Sight::Back

@@ -118,7 +118,7 @@ impl<'a> Watch<'a> {
             return;
         }
         for (d, direction) in directions.iter().enumerate() {
-            let mut slope = Late::new();
+            let mut slope = Lines::new();
             for group in &self.groups {
                 let normal = &self.scene.normals[group.normal as usize];
                 if !is_in_front(normal, direction.vector()) {
@@ -135,7 +135,7 @@ impl<'a> Watch<'a> {
                 }
                 let mut lines = group.alike;
                 let mut surfel_of = group.surfel_of;
-                let mut thin = Late::new();
+                let mut thin = Lines::new();
                 for &k in &group.single {
                     let surfel = self.surfels.start + usize::from(k);
                     let bit = self.bit(k);
@@ -152,30 +152,28 @@ impl<'a> Watch<'a> {
                         see(k, self.scene.sight(surfel, direction));
                     }
                 }
-                let at_least = start_from_axis(normal).at_least;
-                let bundle = Bundle::together(lines, start_from_axis(normal));
-                self.walk(bundle, direction, at_least, |bit, sight| {
-                    see(surfel_of[bit as usize], sight)
-                });
-                self.walk(thin.bundle, direction, thin.at_least, |bit, sight| {
-                    see(thin.surfel_of[bit as usize], sight);
-                });
+                let first = start_from_axis(normal);
+                let together = Lines {
+                    bundle: Bundle::together(lines, first),
+                    at_least: first.at_least,
+                    surfel_of,
+                };
+                self.walk(together, direction, &mut see);
+                self.walk(thin, direction, &mut see);
             }
-            self.walk(slope.bundle, direction, slope.at_least, |bit, sight| {
-                sights[usize::from(slope.surfel_of[bit as usize]) * n + d] = Some(sight);
-            });
+            self.walk(slope, direction, |k, sight| sights[usize::from(k) * n + d] = Some(sight));
         }
     }
 
-    /// Begins the line of the `k`-th surfel and adds it to `late`, or returns what it sees.
-    fn begin(&self, k: u16, direction: &Direction, late: &mut Late) -> Option<Sight> {
+    /// Begins the line of the `k`-th surfel and adds it to `lines`, or returns what it sees.
+    fn begin(&self, k: u16, direction: &Direction, lines: &mut Lines) -> Option<Sight> {
         let surfel = self.surfels.start + usize::from(k);
         match self.scene.start(surfel, direction) {
             Start::Own(seen) => Some(seen),
-            Start::Seen(rank, side) => Some(self.scene.front(rank, direction, || side)),
-            Start::Free(place) if late.bundle.add(self.bit(k), place) => {
-                late.surfel_of[self.bit(k) as usize] = k;
-                late.at_least = place.at_least;
+            Start::Seen(rank, side) => Some(self.scene.front(surfel, rank, direction, || side)),
+            Start::Free(place) if lines.bundle.add(self.bit(k), place) => {
+                lines.surfel_of[self.bit(k) as usize] = k;
+                lines.at_least = place.at_least;
                 None
             }
             Start::Free(place) => Some(self.scene.sight_from(surfel, direction, place)),
@@ -188,9 +186,14 @@ impl<'a> Watch<'a> {
         octree::bit(surfel.voxel().map(i32::cast_unsigned))
     }
 
-    /// Walks a bundle, and tells of each line what it sees.
+    /// Walks lines together, and tells of each by the number of its surfel what it sees.
     #[inline]
-    fn walk(&self, bundle: Bundle, direction: &Direction, at_least: [u32; 3], mut sees: impl FnMut(u32, Sight)) {
+    fn walk(&self, walked: Lines, direction: &Direction, mut sees: impl FnMut(u16, Sight)) {
+        let Lines {
+            bundle,
+            at_least,
+            surfel_of,
+        } = walked;
         let mut left = bundle.lines();
         bundle.walk(&self.scene.octree, self.brick, direction, |bit, rank, leaving| {
             let way = || {
@@ -202,25 +205,27 @@ impl<'a> Watch<'a> {
                 return false;
             }
             left &= !(1 << bit);
-            sees(bit, self.scene.front(rank, direction, || way().0));
+            let k = surfel_of[bit as usize];
+            let surfel = self.surfels.start + usize::from(k);
+            sees(k, self.scene.front(surfel, rank, direction, || way().0));
             true
         });
         while left != 0 {
-            sees(left.trailing_zeros(), Sight::Escaped);
+            sees(surfel_of[left.trailing_zeros() as usize], Sight::Escaped);
             left &= left - 1;
         }
     }
 }
 
-/// Lines that begin one by one and are walked together.
-struct Late {
+/// Lines that are walked together, and whose they are.
+struct Lines {
     bundle: Bundle,
     at_least: [u32; 3],
     /// The number of the surfel of each line, among those of the brick.
     surfel_of: [u16; 64],
 }
 
-impl Late {
+impl Lines {
     fn new() -> Self {
         Self {
             bundle: Bundle::new(),

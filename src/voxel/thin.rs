@@ -294,11 +294,12 @@ impl Sides {
         }
     }
 
-    /// Returns a node that a face looks to from the voxel of a rank, if it crosses a segment there.
-    pub(super) fn node_of(&self, rank: u32, face: FaceId) -> Option<Side> {
-        samples_of(&self.samples, rank, face)
+    /// Returns the nodes at the ends of the segments that a face crosses in the voxel of a rank, where its front reaches them.
+    pub(super) fn nodes_of(&self, rank: u32, face: FaceId) -> u8 {
+        let nodes = samples_of(&self.samples, rank, face)
             .iter()
-            .find_map(|sample| sample.node)
+            .filter_map(|sample| sample.node);
+        nodes.fold(0, |bits, side| bits | 1 << side)
     }
 
     /// Returns the parts in the voxel of a rank, if its sides are known, given where they begin at the earliest.
