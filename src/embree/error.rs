@@ -74,7 +74,7 @@ pub enum EmbreeError {
     },
     /// The scene is so small or so large that products of its coordinates leave the range of f32.
     #[error(
-        "the largest distance of a vertex from the scene's centre, along an axis, is {largest:e} m, and rays need 1e-8 m to 1e11 m; scale the scene, or move what lies far out"
+        "the largest distance of a vertex from the scene's centre, along an axis, is {largest:e} m, and rays need 1e-30 m to 1e30 m; scale the scene, or move what lies far out"
     )]
     ExtentOutOfRange {
         /// The largest absolute coordinate after centring, in m.

@@ -156,7 +156,7 @@ impl Facing {
     /// Tells whether part of each patch lies in front of the other's plane.
     ///
     /// A corner counts as in front from 1e-14 of its distance and the patch's size on: below that, rounding decides the sign, and
-    /// patches of one plane must be told from patches that meet at an edge.
+    /// patches of one plane must be told from patches that meet at an edge. A billionth of the size of the patch that it is a corner of is enough, however large the other is.
     pub(super) fn pair(&self, i: usize, j: usize) -> bool {
         self.sees(i, j) && self.sees(j, i)
     }
@@ -200,9 +200,11 @@ impl Facing {
 
     fn sees(&self, i: usize, j: usize) -> bool {
         let (origin, normal) = (self.corners[i][0], self.normals[i]);
+        let enough = 1e-9 * self.sizes[j];
         self.corners[j].iter().any(|&v| {
             let to = v - origin;
-            normal.dot(to) > 1e-14 * (to.length() + self.sizes[i])
+            let height = normal.dot(to);
+            height > 1e-14 * (to.length() + self.sizes[i]) || height > enough
         })
     }
 }

@@ -158,7 +158,7 @@ pub(super) fn angle_over_tangent(x_squared: f64) -> f64 {
 ///
 /// With r = c + d and θ/|r_a × r_b| = (1 + δ)/c², the term is ((1 + δ) c × (b − a) + (1 + δ) a × b)/c². Around the closed contour
 /// Σ c × (b − a) vanishes, so that only δ c × (b − a) is kept: what is left is of the order of the polygon's solid angle.
-fn far_term(c: DVec3, a: DVec3, b: DVec3) -> DVec3 {
+pub(crate) fn far_term(c: DVec3, a: DVec3, b: DVec3) -> DVec3 {
     let edge = b - a;
     let c_squared = c.length_squared();
     let (ra, rb) = (c + a, c + b);

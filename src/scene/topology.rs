@@ -12,13 +12,14 @@ use crate::geometry::polygon;
 /// Tells whether no face can stand between two others: a convex room without anything in it, or a part of one.
 ///
 /// True if every vertex lies in front of, or on, the plane of every face. All faces then lie on the boundary of one convex set,
-/// and a segment between two of them stays inside it. Conservative: a scene that is convex but for rounding above 1e-12 of its size counts as not convex,
+/// and a segment between two of them stays inside it. Conservative: a scene that is convex but for rounding above 1e-12 of its size, or 1e-9 of its smallest face, counts as not convex,
 /// and so does one that is no higher over a face than rounded coordinates explain: a sheet, whose sides rounding may have parted.
 /// Work: planes × vertices at worst, with a stop at the first vertex behind a plane.
 #[must_use]
 pub fn is_convex_and_empty(scene: &Scene) -> bool {
     let (low, high) = scene.bounding_box();
-    let tolerance = 1e-12 * (high - low).length();
+    // What is far off, and makes a scene large, must not make small things vanish.
+    let tolerance = (1e-12 * (high - low).length()).min(1e-9 * smallest_face(scene));
     let slack = scene.slack();
     let mut used: Vec<u32> = scene.faces.iter().flat_map(|f| f.corners.as_slice().to_vec()).collect();
     used.sort_unstable();
@@ -216,10 +217,20 @@ pub(crate) fn see_fronts_alone(places: &[Option<Sides>]) -> Vec<bool> {
         .collect()
 }
 
-/// Returns how near two pieces are that count as touching, in m: less than f32 resolves in a scene of this size.
+/// Returns the diameter of the smallest face, in m.
+fn smallest_face(scene: &Scene) -> f64 {
+    let sizes = scene.faces.iter().map(|face| {
+        let (low, high) = scene.positions(face).bounding_box();
+        low.distance(high)
+    });
+    sizes.fold(f64::INFINITY, f64::min)
+}
+
+/// Returns how near two pieces are that count as touching, in m: less than f32 resolves in a scene of this size, and than a thousandth of its smallest face.
 pub(crate) fn touching(scene: &Scene) -> f64 {
     let (low, high) = scene.bounding_box();
-    1e-7 * low.distance(high) + 8.0 * f64::EPSILON * low.abs().max(high.abs()).max_element()
+    (1e-7 * low.distance(high)).min(1e-3 * smallest_face(scene))
+        + 8.0 * f64::EPSILON * low.abs().max(high.abs()).max_element()
 }
 
 /// Adds up the winding numbers of each piece.

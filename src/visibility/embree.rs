@@ -1,5 +1,7 @@
 //! Visibility through Embree.
 
+use std::borrow::Cow;
+
 use glam::DVec3;
 
 use crate::embree::{CommittedScene, Device, EmbreeError, SceneBuilder};
@@ -12,6 +14,9 @@ use super::{Coherence, HitBatch, RayBatch, Visibility, to_f32};
 
 /// The extents for which products of three coordinates, and of far smaller edges, stay within the range of f32.
 const EXTENTS: std::ops::RangeInclusive<f64> = 1e-8..=1e11;
+
+/// The extents of scenes that are scaled to 1 for the tracer: rays themselves stay within the range of f32.
+const SCALED_EXTENTS: std::ops::RangeInclusive<f64> = 1e-30..=1e30;
 
 /// Traces the rays of a scene with Embree, in f32.
 ///
@@ -26,6 +31,8 @@ const EXTENTS: std::ops::RangeInclusive<f64> = 1e-8..=1e11;
 /// Two faces of opposite winding that coincide, even in part, are a two-sided sheet: the one that faces the ray's origin is reported,
 /// whichever of them Embree finds. Their distance may be up to 2⁻²² L, which is what f32 cannot resolve. Scenes without sheets pay nothing for this.
 ///
+/// A scene whose L is outside 1e-8 m to 1e11 m is traced at a scale, by a power of two, at which it is within: products of coordinates stay in the range of f32.
+///
 /// Rays with coordinates that are not finite hit nothing. Which of two faces wins on their common edge may depend on the
 /// ray's neighbours in the batch; equal batches give equal answers, on any number of threads.
 #[derive(Debug)]
@@ -34,6 +41,8 @@ pub struct EmbreeVisibility {
     frame: Frame,
     sheets: Option<Sheets>,
     vanished: Vec<FaceId>,
+    /// What coordinates are multiplied by for Embree; `None` where they stay as they are.
+    scale: Option<f32>,
 }
 
 /// Returns L, the largest absolute coordinate of a vertex in use after the scene's box is centred, in m; 0 for a scene without faces.
@@ -47,7 +56,7 @@ impl EmbreeVisibility {
     ///
     /// # Errors
     ///
-    /// [`EmbreeError::ExtentOutOfRange`] where L is outside 1e-8 m to 1e11 m, and all that [`Device::new`] and [`SceneBuilder`] report.
+    /// [`EmbreeError::ExtentOutOfRange`] where L is outside 1e-30 m to 1e30 m, and all that [`Device::new`] and [`SceneBuilder`] report.
     pub fn new(scene: &Scene) -> Result<Self, EmbreeError> {
         Self::on_device(&Device::new()?, scene)
     }
@@ -59,13 +68,19 @@ impl EmbreeVisibility {
     /// As [`EmbreeVisibility::new`].
     pub fn on_device(device: &Device, scene: &Scene) -> Result<Self, EmbreeError> {
         let frame = Frame::of(scene);
-        if !scene.faces.is_empty() && !EXTENTS.contains(&frame.largest) {
+        let is_within = scene.faces.is_empty() || EXTENTS.contains(&frame.largest);
+        if !is_within && !SCALED_EXTENTS.contains(&frame.largest) {
             return Err(EmbreeError::ExtentOutOfRange { largest: frame.largest });
         }
+        let scale = (!is_within).then(|| to_f32((-frame.largest.log2().round()).exp2()));
         let vertices: Vec<[f32; 3]> = scene
             .vertices
             .iter()
-            .map(|&v| (v - frame.origin).as_vec3().to_array())
+            .map(|&v| {
+                ((v - frame.origin) * f64::from(scale.unwrap_or(1.0)))
+                    .as_vec3()
+                    .to_array()
+            })
             .collect();
         let vanished = scene
             .face_ids()
@@ -83,6 +98,20 @@ impl EmbreeVisibility {
             frame,
             sheets: Sheets::find(&frame, frame.polygons(scene)),
             vanished,
+            scale,
+        })
+    }
+
+    /// Returns rays as Embree is to trace them. Distances in units of a ray's direction stay the same.
+    fn scaled<'r>(&self, rays: &'r RayBatch) -> Cow<'r, RayBatch> {
+        let Some(scale) = self.scale else {
+            return Cow::Borrowed(rays);
+        };
+        let scaled = |axes: &[Vec<f32>; 3]| axes.each_ref().map(|axis| axis.iter().map(|x| x * scale).collect());
+        Cow::Owned(RayBatch {
+            origin: scaled(&rays.origin),
+            direction: scaled(&rays.direction),
+            t_far: rays.t_far.clone(),
         })
     }
 
@@ -112,7 +141,7 @@ impl Visibility for EmbreeVisibility {
     }
 
     fn closest_hits(&self, rays: &RayBatch, coherence: Coherence, hits: &mut HitBatch) {
-        self.scene.closest_hits(rays, coherence, hits);
+        self.scene.closest_hits(&self.scaled(rays), coherence, hits);
         let Some(sheets) = &self.sheets else { return };
         for k in 0..hits.face_and_side.len() {
             let Some(hit) = hits.face(k).filter(|hit| hit.back) else {
@@ -127,6 +156,6 @@ impl Visibility for EmbreeVisibility {
     }
 
     fn occluded(&self, rays: &RayBatch, coherence: Coherence, blocked: &mut Vec<bool>) {
-        self.scene.occluded(rays, coherence, blocked);
+        self.scene.occluded(&self.scaled(rays), coherence, blocked);
     }
 }

@@ -37,40 +37,45 @@ impl Plane {
 /// What of each polygon lies behind the other's plane is cut off first, because light does not go there. The hull is the set of all
 /// points on segments between the two, so that a face that does not meet its interior cannot block any light between them.
 ///
-/// Lengths below 1e-10 of the diameter of both polygons (and 16 ulps of the largest coordinate) count as zero beside the hull: a face that reaches less deep into it from there does not meet its interior.
-/// Walls that share an edge with one of the polygons thus stay outside in spite of rounding. What is neglected is a
-/// blocker's border of that width: for patches of size s at the distance D it changes F by less than about 1e-10 s/D.
+/// A face counts as outside if it reaches into the hull by less than 1e-10 of the hull's width *there*, or by less than 16 ulps of the coordinates of the three corners
+/// that a side of the hull goes through explain there. Walls that share an edge with one of the polygons thus stay outside in spite of rounding. What is neglected is an
+/// occluder's border of that width, some 1e-10 of F. Neither grows with the distance of the other polygon: the width beside a small patch is that patch's, however far off
+/// or large the other is, and a far corner's rounding moves a side only as much as the side is near to it.
 /// In front of either polygon only what rounding to 16 ulps explains counts as zero, as far as it turns the polygon's plane: a thin gap may part two faces, one of which hides all from the other.
 /// Where the corners themselves were rounded, `slack` is added to both ([`Scene::slack`](crate::scene::Scene::slack)).
 #[derive(Debug)]
 pub(crate) struct Shaft<'a> {
-    ends: [Cow<'a, [DVec3]>; 2],
-    planes: [Plane; 2],
-    sides: OnceCell<Vec<Side>>,
+    ends: [End<'a>; 2],
+    sides: OnceCell<Vec<Plane>>,
     low: DVec3,
     high: DVec3,
-    tolerance: f64,
-    /// 16 ulps of the largest coordinate.
-    rounding: f64,
-    polygons: [&'a [DVec3]; 2],
-    leans: OnceCell<[Lean; 2]>,
-    /// The part of the tolerance that is due to rounded corners.
+    /// Of the smaller end.
+    smaller: Lean,
+    /// What reaches in by less is due to rounded corners.
     slack: f64,
 }
 
-/// A plane with both ends on its upper side.
-#[derive(Clone, Copy, Debug)]
-struct Side {
+/// One of the two polygons.
+#[derive(Debug)]
+struct End<'a> {
+    /// The part in front of the other's plane.
+    part: Cow<'a, [DVec3]>,
     plane: Plane,
-    /// True if it is the plane of an end, where nothing is a mere border.
-    is_end: bool,
+    /// 16 ulps of the largest coordinate.
+    rounding: f64,
+    /// The height over its plane up to which all counts as in it.
+    least_height: f64,
+    lean: Lean,
 }
 
-/// The tolerance of a shaft in units of its diameter.
+/// The width of a shaft's neglected border in units of its own width.
 const RELATIVE_TOLERANCE: f64 = 1e-10;
 
 /// A height counts as seen from this part of the distance and the size of a polygon on: from about where two patches count as facing each other.
 const SEEN: f64 = 2e-14;
+
+/// A height of more than this part of the smaller polygon's size, and of the distance from it, is one, whatever the coordinates of the larger.
+const LEAST_HEIGHT: f64 = 1e-9;
 
 /// Normals of one plane differ by less: ends that touch each other's plane may cross it by a tolerance.
 const SAME_PLANE: f64 = 1e-8;
@@ -111,26 +116,38 @@ impl Lean {
     }
 }
 
+/// Returns 16 ulps of the largest coordinate.
+pub(crate) fn rounding(corners: &[DVec3]) -> f64 {
+    16.0 * f64::EPSILON * corners.iter().fold(0.0, |m, &v| largest(v).max(m))
+}
+
 impl<'a> Shaft<'a> {
     /// Returns the shaft, or `None` if no point of one polygon's front sees the other's front. What reaches into it by less than `slack`, m, counts as touching.
     pub(crate) fn new(p: &'a [DVec3], q: &'a [DVec3], slack: f64) -> Option<Self> {
-        let planes = [Plane::of(p), Plane::of(q)];
-        let (all_low, all_high) = bounds(p.iter().chain(q));
-        let largest = all_low.abs().max(all_high.abs()).max_element();
-        let rounding = 16.0 * f64::EPSILON * largest;
-        let tolerance = RELATIVE_TOLERANCE * (all_high - all_low).length() + rounding;
-        let ends = [in_front(p, &planes[1], tolerance)?, in_front(q, &planes[0], tolerance)?];
-        let (low, high) = bounds(ends[0].iter().chain(ends[1].iter()));
+        let leans = [p, q].map(Lean::of);
+        let smaller = if leans[0].reach <= leans[1].reach {
+            leans[0]
+        } else {
+            leans[1]
+        };
+        let mut ends = [(p, leans[0]), (q, leans[1])].map(|(polygon, lean)| End {
+            part: Cow::Borrowed(polygon),
+            plane: Plane::of(polygon),
+            rounding: rounding(polygon),
+            least_height: rounding(polygon).min(LEAST_HEIGHT * smaller.reach),
+            lean,
+        });
+        let parts = [in_front(p, &ends[1], &smaller)?, in_front(q, &ends[0], &smaller)?];
+        for (end, part) in ends.iter_mut().zip(parts) {
+            end.part = part;
+        }
+        let (low, high) = bounds(ends[0].part.iter().chain(ends[1].part.iter()));
         Some(Self {
             ends,
-            planes,
             sides: OnceCell::new(),
             low,
             high,
-            tolerance: tolerance + slack,
-            rounding,
-            polygons: [p, q],
-            leans: OnceCell::new(),
+            smaller,
             slack,
         })
     }
@@ -142,11 +159,8 @@ impl<'a> Shaft<'a> {
         }
         let (middle, reach) = (low.midpoint(high), (high - low) * 0.5);
         let highest = |plane: &Plane| plane.height(middle) + plane.normal.abs().dot(reach);
-        self.planes.iter().all(|plane| highest(plane) > self.rounding)
-            && self
-                .sides()
-                .iter()
-                .all(|side| highest(&side.plane) > self.tolerance_of(side))
+        self.ends.iter().all(|end| highest(&end.plane) > end.least_height)
+            && self.sides().iter().all(|side| highest(side) > 0.0)
     }
 
     /// Tells whether a convex polygon meets the hull's interior. May err on the side of true.
@@ -159,29 +173,19 @@ impl<'a> Shaft<'a> {
         self.slack > 0.0 && self.meets_beyond(corners, 0.0)
     }
 
-    /// Returns how far a face may reach in from a side, rounded corners aside.
-    fn tolerance_of(&self, side: &Side) -> f64 {
-        if side.is_end {
-            self.rounding
-        } else {
-            self.tolerance - self.slack
-        }
-    }
-
     /// Tells whether a convex polygon meets the hull's interior deeper than rounding explains, and by `slack` more.
     fn meets_beyond(&self, corners: &[DVec3], slack: f64) -> bool {
-        let reaches = |plane: &Plane, tolerance: f64| corners.iter().any(|&v| plane.height(v) > tolerance + slack);
-        let is_beside = |side: &Side| !reaches(&side.plane, self.tolerance_of(side));
-        if !self.planes.iter().all(|plane| reaches(plane, self.rounding)) || self.sides().iter().any(is_beside) {
+        let of_ends = || self.ends.iter().map(|end| (&end.plane, end.least_height + slack));
+        let of_sides = || self.sides().iter().map(|side| (side, slack));
+        let reaches = |(plane, level): (&Plane, f64)| corners.iter().any(|&v| plane.height(v) > level);
+        if !of_ends().all(reaches) || !of_sides().all(reaches) {
             return false;
         }
         // No single plane parts them: cut the polygon down to what is inside.
         let mut inside = corners.to_vec();
         let mut part = Vec::with_capacity(2 * corners.len() + 4);
-        let of_ends = self.planes.iter().map(|plane| (plane, self.rounding));
-        let of_sides = self.sides().iter().map(|side| (&side.plane, self.tolerance_of(side)));
-        for (plane, tolerance) in of_ends.chain(of_sides) {
-            let height = |v: DVec3| plane.height(v) - tolerance - slack;
+        for (plane, level) in of_ends().chain(of_sides()) {
+            let height = |v: DVec3| plane.height(v) - level;
             if inside.iter().any(|&v| height(v) < 0.0) {
                 part.clear();
                 clip_contour(inside.len(), |k| inside[k], height, |v| part.push(v));
@@ -192,102 +196,105 @@ impl<'a> Shaft<'a> {
             }
         }
         // The nearer it is to an end, the less has rounding to do with its height.
-        let leans = self.leans.get_or_init(|| self.polygons.map(Lean::of));
-        self.planes.iter().zip(leans).all(|(plane, lean)| {
-            let mut heights = inside.iter().map(|&v| (v, plane.height(v) - slack));
-            heights.any(|(v, height)| {
-                height
-                    > lean
-                        .height(self.rounding, v)
-                        .max(SEEN * (lean.reach + lean.distance(v)))
-            })
+        self.ends.iter().all(|end| {
+            let mut heights = inside.iter().map(|&v| (v, end.plane.height(v) - slack));
+            heights.any(|(v, height)| height > end.least_height_at(v, &self.smaller))
         })
     }
 
     /// Tells whether one convex polygon stops all light: whether every segment between the two ends crosses it.
     pub(crate) fn is_closed_by(&self, corners: &[DVec3], plane: &Plane) -> bool {
-        let tolerance_squared = self.tolerance * self.tolerance;
-        self.section_lies_in(plane, |point| {
+        self.section_lies_in(plane, rounding(corners), |point, tolerance| {
             (0..corners.len()).all(|k| {
                 let (a, b) = (corners[k], corners[(k + 1) % corners.len()]);
                 let inward = plane.normal.cross(b - a);
                 let height = inward.dot(point - a);
-                height >= 0.0 || height * height <= tolerance_squared * inward.length_squared()
+                height >= 0.0 || height * height <= tolerance * tolerance * inward.length_squared()
             })
         })
     }
 
-    /// Tells whether every segment between the two ends goes through the inside of a convex solid.
+    /// Tells whether every segment between the two ends goes through the inside of a convex solid, whose corners are known to `rounding`, m.
     ///
     /// Looks at one section of the shaft, through `middle` and across the line between the ends' centres; errs on the side of false.
-    pub(crate) fn is_closed_by_solid(&self, middle: DVec3, planes: &[Plane]) -> bool {
+    pub(crate) fn is_closed_by_solid(&self, middle: DVec3, planes: &[Plane], rounding: f64) -> bool {
         let [from, to] = self
             .ends
             .each_ref()
-            .map(|end| end.iter().sum::<DVec3>() / end.len() as f64);
+            .map(|end| end.part.iter().sum::<DVec3>() / end.part.len() as f64);
         let normal = (to - from).normalize_or_zero();
         let across = Plane {
             normal,
             level: normal.dot(middle),
         };
-        self.section_lies_in(&across, |point| {
-            planes.iter().all(|plane| plane.height(point) < -self.tolerance)
+        self.section_lies_in(&across, rounding, |point, tolerance| {
+            planes.iter().all(|plane| plane.height(point) < -tolerance)
         })
     }
 
     /// Tells whether a plane parts the two ends, and its section with the hull lies in a convex set.
     ///
-    /// The section is the convex hull of the points in which the segments between corners cross the plane.
-    fn section_lies_in(&self, plane: &Plane, contains: impl Fn(DVec3) -> bool) -> bool {
-        let on_side = |k: usize, sign: f64| {
-            let mut heights = self.ends[k].iter().map(|&v| plane.height(v) * sign);
-            heights.all(|height| height >= -self.tolerance)
+    /// The section is the convex hull of the points in which the segments between corners cross the plane, which is known to `rounding`, m, where its polygon is.
+    /// `contains` is given each with what is neglected there: 1e-10 of the shaft's width, and rounding, each as the point is nearer to one or the other end.
+    fn section_lies_in(&self, plane: &Plane, rounding: f64, contains: impl Fn(DVec3, f64) -> bool) -> bool {
+        let tolerances = self.ends.each_ref().map(|end| {
+            let width = match &end.part {
+                Cow::Borrowed(_) => end.lean.width,
+                Cow::Owned(part) => Lean::of(part).width,
+            };
+            RELATIVE_TOLERANCE * width + end.rounding + self.slack
+        });
+        let [near, far] = tolerances.map(|tolerance| tolerance + rounding);
+        let on_side = |k: usize, sign: f64, tolerance: f64| {
+            let mut heights = self.ends[k].part.iter().map(|&v| plane.height(v) * sign);
+            heights.all(|height| height >= -tolerance)
         };
-        if !(on_side(0, 1.0) && on_side(1, -1.0) || on_side(0, -1.0) && on_side(1, 1.0)) {
+        let parts = |sign: f64| on_side(0, sign, near) && on_side(1, -sign, far);
+        if !(parts(1.0) || parts(-1.0)) {
             return false;
         }
-        self.ends[0].iter().all(|&a| {
+        self.ends[0].part.iter().all(|&a| {
             let height_a = plane.height(a);
-            self.ends[1].iter().all(|&b| {
-                let drop = height_a - plane.height(b);
-                drop.abs() > 2.0 * self.tolerance && contains(a + (b - a) * (height_a / drop))
+            self.ends[1].part.iter().all(|&b| {
+                let height_b = plane.height(b);
+                let drop = height_a - height_b;
+                if drop.abs() <= near + far {
+                    return false;
+                }
+                // From the end that is nearer to the plane, for the sake of the digits.
+                let shares = [-height_b / drop, height_a / drop];
+                let point = if shares[1] <= 0.5 {
+                    a + (b - a) * shares[1]
+                } else {
+                    b + (a - b) * shares[0]
+                };
+                let [own, other] = shares.map(|share| share.clamp(0.0, 1.0));
+                contains(point, tolerances[0] * own + tolerances[1] * other + rounding)
             })
         })
     }
 
-    /// Tells whether a plane is that of an end but for a tolerance: an end that stands on the plane of the other has that plane for a side.
-    fn is_plane_of_an_end(&self, plane: &Plane) -> bool {
-        let mut ends = self.planes.iter();
-        ends.any(|end| end.normal.distance_squared(plane.normal) < SAME_PLANE * SAME_PLANE)
+    /// Tells whether a side with such a normal is the plane of an end but for a tolerance: an end that stands on the plane of the other has that plane for a side.
+    fn is_plane_of_an_end(&self, normal: DVec3) -> bool {
+        let mut ends = self.ends.iter();
+        ends.any(|end| end.plane.normal.distance_squared(normal) < SAME_PLANE * SAME_PLANE)
     }
 
-    /// Returns the planes through an edge of one end and a corner of the other that have all of both on their upper side.
+    /// Returns the planes through an edge of one end and a corner of the other that have all of both on their upper side, each raised by what is neglected beside it.
     ///
     /// Seen along an edge, its own end lies to one side in one line, and the other end above that line: the corner that is
     /// farthest round from the one side gives the only such plane besides that of the end itself.
-    fn sides(&self) -> &[Side] {
+    fn sides(&self) -> &[Plane] {
         self.sides.get_or_init(|| {
-            let mut sides = Vec::with_capacity(self.ends[0].len() + self.ends[1].len());
+            let mut sides = Vec::with_capacity(self.ends[0].part.len() + self.ends[1].part.len());
             for k in 0..2 {
-                let (near, far, up) = (&self.ends[k], &self.ends[1 - k], self.planes[k].normal);
+                let (near, far, up) = (&self.ends[k].part, &self.ends[1 - k].part, self.ends[k].plane.normal);
                 let mut a = near[near.len() - 1];
                 for &b in near.iter() {
                     let (start, edge) = (a, b - a);
                     a = b;
                     let (inward, scale_squared) = (up.cross(edge), edge.length_squared());
                     let scale = scale_squared.sqrt();
-                    let plane_to = |c: DVec3| {
-                        let normal = edge.cross(c - start);
-                        // A plane through three corners nearly on a line says nothing.
-                        (normal.length_squared() > ON_LINE * scale_squared * (c - start).length_squared())
-                            .then(|| normal.normalize())
-                            .and_then(|normal| {
-                                self.turned_inwards(Plane {
-                                    normal,
-                                    level: normal.dot(start),
-                                })
-                            })
-                    };
                     let mut farthest: Option<(DVec3, f64, f64)> = None;
                     for &c in far.iter() {
                         let across = c - start;
@@ -297,41 +304,82 @@ impl<'a> Shaft<'a> {
                             farthest = Some((c, x, y));
                         }
                     }
-                    let found = farthest.and_then(|(c, ..)| plane_to(c));
+                    let found = farthest.and_then(|(c, ..)| self.side(k, start, edge, c));
                     // Rounding may have chosen a corner that is too near to the edge to tell.
-                    let side = found.or_else(|| far.iter().find_map(|&c| plane_to(c)));
-                    sides.extend(side.map(|plane| Side {
-                        plane,
-                        is_end: self.is_plane_of_an_end(&plane),
-                    }));
+                    sides.extend(found.or_else(|| far.iter().find_map(|&c| self.side(k, start, edge, c))));
                 }
             }
             sides
         })
     }
 
-    /// Returns the plane with both ends on its upper side, if they are on one side.
-    fn turned_inwards(&self, plane: Plane) -> Option<Plane> {
-        let slack = 0.5 * self.tolerance;
-        let (mut below, mut above) = (false, false);
-        for end in &self.ends {
-            for &v in end.iter() {
-                let height = plane.height(v);
-                below |= height < -slack;
-                above |= height > slack;
-            }
-        }
-        if above == below {
+    /// Returns the plane through an edge of end `k` and a corner `c` of the other, raised, if both ends are on one side of it.
+    ///
+    /// What is neglected changes from the edge to the other end in proportion, so that the raised plane leans a little.
+    fn side(&self, k: usize, start: DVec3, edge: DVec3, c: DVec3) -> Option<Plane> {
+        let normal = edge.cross(c - start);
+        // A plane through three corners nearly on a line says nothing.
+        if normal.length_squared() <= ON_LINE * edge.length_squared() * (c - start).length_squared() {
             return None;
         }
-        Some(if above {
-            plane
+        let normal = normal.normalize();
+        // Heights from the point with the smaller coordinates, so that they keep their digits where one end is far off.
+        let from_edge = largest(start) <= largest(c);
+        let origin = if from_edge { start } else { c };
+        let range = |end: &End<'_>| {
+            let heights = end.part.iter().map(|&v| normal.dot(v - origin));
+            heights.fold((0.0_f64, 0.0_f64), |(low, high), h| (low.min(h), high.max(h)))
+        };
+        let (mut below, mut above) = (false, false);
+        let mut borders = [k, 1 - k].map(|end| {
+            let end = &self.ends[end];
+            let (low, high) = range(end);
+            let border = RELATIVE_TOLERANCE * high.max(-low) + end.rounding;
+            below |= low < -0.5 * (border + self.slack);
+            above |= high > 0.5 * (border + self.slack);
+            border
+        });
+        if below == above {
+            return None;
+        }
+        let normal = if above { normal } else { -normal };
+        if self.is_plane_of_an_end(normal) {
+            // Nothing is a mere border there.
+            borders = [k, 1 - k].map(|end| self.ends[end].rounding);
+        }
+        let [at_edge, at_corner] = borders;
+        // In proportion to the distance from the edge, as far as the ends reach: a corner beside the edge tells nothing of what is neglected beyond it.
+        let across = normal.cross(edge).normalize();
+        let distance = |v: DVec3| across.dot(v - start);
+        let corners = self.ends.iter().flat_map(|end| end.part.iter());
+        let reach = corners.map(|&v| distance(v).abs()).fold(0.0, f64::max);
+        let slope = (at_corner - at_edge) / reach;
+        let to_corner = distance(c);
+        let leaning = normal - across * (slope * to_corner.signum());
+        let raised = if from_edge {
+            at_edge
         } else {
-            Plane {
-                normal: -plane.normal,
-                level: -plane.level,
-            }
+            at_edge + slope * to_corner.abs()
+        };
+        Some(Plane {
+            normal: leaning,
+            level: leaning.dot(origin) + raised,
         })
+    }
+}
+
+/// Returns the largest coordinate of a point.
+fn largest(v: DVec3) -> f64 {
+    v.abs().max_element()
+}
+
+impl End<'_> {
+    /// Returns the height over the end's plane up to which a point may lie in it, given the smaller of the two ends.
+    fn least_height_at(&self, point: DVec3, smaller: &Lean) -> f64 {
+        let rounded = self.lean.height(self.rounding, point);
+        rounded
+            .max(SEEN * (self.lean.reach + self.lean.distance(point)))
+            .min(LEAST_HEIGHT * (smaller.reach + smaller.distance(point)))
     }
 }
 
@@ -340,27 +388,30 @@ fn bounds<'v>(corners: impl Iterator<Item = &'v DVec3>) -> (DVec3, DVec3) {
     corners.fold(none, |(low, high), &v| (low.min(v), high.max(v)))
 }
 
-/// Returns the part of a polygon in front of a plane; `None` if there is none.
-fn in_front<'a>(corners: &'a [DVec3], plane: &Plane, tolerance: f64) -> Option<Cow<'a, [DVec3]>> {
+/// Returns the part of a polygon in front of an end's plane; `None` if there is none.
+fn in_front<'a>(polygon: &'a [DVec3], of: &End<'_>, smaller: &Lean) -> Option<Cow<'a, [DVec3]>> {
     let (mut above, mut below) = (false, false);
-    for &v in corners {
-        let height = plane.height(v);
+    for &v in polygon {
+        let height = of.plane.height(v);
+        let tolerance = of.least_height_at(v, smaller);
         above |= height > tolerance;
         below |= height < -tolerance;
     }
     match (above, below) {
         (false, _) => None,
-        (true, false) => Some(Cow::Borrowed(corners)),
+        (true, false) => Some(Cow::Borrowed(polygon)),
         (true, true) => Some(Cow::Owned(clip_to_half_space(
-            corners,
-            plane.normal * plane.level,
-            plane.normal,
+            polygon,
+            of.plane.normal * of.plane.level,
+            of.plane.normal,
         ))),
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use glam::DQuat;
+
     use super::*;
 
     fn rectangle(c: DVec3, a: DVec3, b: DVec3) -> Vec<DVec3> {
@@ -417,6 +468,26 @@ mod tests {
     }
 
     #[test]
+    fn a_corner_beside_an_edge_does_not_tilt_the_plane_through_both() {
+        // A wall and a ceiling that share an edge but for a rounding of every size, and a box below.
+        let wall = rectangle(DVec3::ZERO, DVec3::Z * 2.0, DVec3::X * 4.0);
+        let top = rectangle(DVec3::new(1.0, 0.7, 1.0), DVec3::X, DVec3::Y);
+        for k in 0..40 {
+            let miss = 10.0_f64.powf(-4.0 - 0.3 * f64::from(k));
+            for shift in [DVec3::Y * miss, DVec3::Z * miss, DVec3::new(miss, -miss, miss)] {
+                let mut ceiling = rectangle(DVec3::Z * 2.0, DVec3::Y * 3.0, DVec3::X * 4.0);
+                ceiling[0] += shift;
+                for shaft in [Shaft::new(&wall, &ceiling, 0.0), Shaft::new(&ceiling, &wall, 0.0)] {
+                    let shaft = shaft.expect("they face each other");
+                    assert!(shaft.meets(&top), "{shift:?}");
+                    let lengths = shaft.sides().iter().map(|side| side.normal.length());
+                    assert!(lengths.fold(0.0, f64::max) < 1.0 + 1e-9, "{shift:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
     fn a_shaft_is_closed_by_a_face_that_covers_its_section() {
         let [p, q] = facing_squares();
         let shaft = Shaft::new(&p, &q, 0.0).expect("they face each other");
@@ -427,6 +498,60 @@ mod tests {
         assert!(!closed_by(&rectangle(DVec3::Z * 0.5, DVec3::X * 0.999, DVec3::Y)));
         let slanted = rectangle(DVec3::new(-1.0, -1.0, 0.2), DVec3::new(3.0, 0.0, 0.5), DVec3::Y * 3.0);
         assert!(closed_by(&slanted));
+    }
+
+    #[test]
+    fn tolerances_beside_one_end_do_not_grow_with_the_distance_or_the_size_of_the_other() {
+        let turn = DQuat::from_rotation_y(0.7) * DQuat::from_rotation_x(0.4);
+        let placed = |face: &[DVec3]| {
+            face.iter()
+                .map(|&v| turn * v + DVec3::new(0.3, 0.2, 0.1))
+                .collect::<Vec<_>>()
+        };
+        for (distance, is_wide) in (0..15).flat_map(|k| [(10.0_f64.powi(k), false), (10.0_f64.powi(k), true)]) {
+            let width = if is_wide { distance } else { 1.0 };
+            let p = placed(&rectangle(DVec3::ZERO, DVec3::X, DVec3::Y));
+            let q = placed(&rectangle(DVec3::Z * distance, DVec3::Y * width, DVec3::X * width));
+            let section = 1.0 + 0.5 * (width - 1.0) / distance;
+            for shaft in [Shaft::new(&p, &q, 0.0), Shaft::new(&q, &p, 0.0)] {
+                let shaft = shaft.expect("they face each other");
+                for (reach, meets) in [(-1e-6, false), (-1e-12, false), (0.0, false), (1e-7, true)] {
+                    let wall = placed(&rectangle(DVec3::X * reach, DVec3::Y, DVec3::Z * 0.5));
+                    assert_eq!(shaft.meets(&wall), meets, "{distance:e} {width:e} {reach:e}");
+                    let edge = section + reach;
+                    let plate = placed(&rectangle(
+                        DVec3::new(-1.0, -1.0, 0.5),
+                        DVec3::X * (1.0 + edge),
+                        DVec3::Y * 4.0,
+                    ));
+                    let is_closed = reach > -1e-8;
+                    let plane = Plane::of(&plate);
+                    assert_eq!(
+                        shaft.is_closed_by(&plate, &plane),
+                        is_closed,
+                        "{distance:e} {width:e} {reach:e}"
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_thin_thing_over_something_very_large_is_no_part_of_it() {
+        let small = rectangle(DVec3::Z * 0.5, DVec3::X, DVec3::Y)
+            .into_iter()
+            .rev()
+            .collect::<Vec<_>>();
+        let plate = rectangle(DVec3::new(-1.0, -1.0, 0.1), DVec3::X * 1.5, DVec3::Y * 3.0);
+        for size in (0..13).map(|k| 10.0_f64.powi(k)) {
+            let ground = rectangle(DVec3::new(-0.5, -0.5, 0.0) * size, DVec3::X * size, DVec3::Y * size);
+            let shaft = Shaft::new(&small, &ground, 0.0).expect("they face each other");
+            assert!(
+                shaft.meets(&plate) && !shaft.is_closed_by(&plate, &Plane::of(&plate)),
+                "{size:e}"
+            );
+            assert!(!shaft.meets(&ground) && !shaft.meets(&small), "{size:e}");
+        }
     }
 
     #[test]

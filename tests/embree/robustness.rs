@@ -147,13 +147,13 @@ fn one_thread_and_two_give_the_same_bytes() {
 }
 
 #[test]
-fn sizes_from_nanometres_to_beyond_planets_work_and_others_are_errors() {
+fn sizes_from_far_below_nanometres_to_beyond_galaxies_work_and_others_are_errors() {
     let scaled = |size: f64| {
         let mut scene = Motion::NONE.scene(room(2));
         scene.vertices.iter_mut().for_each(|v| *v *= size);
         EmbreeVisibility::new(&scene)
     };
-    for size in [3e-8, 1e-3, 1.0, 1e6, 1e11] {
+    for size in [1e-29, 1e-9, 3e-8, 1e-3, 1.0, 1e6, 1e11, 1e13, 1e29] {
         let visibility = scaled(size).unwrap();
         let mut random = Random::new(16);
         let mut rays = RayBatch::default();
@@ -165,7 +165,7 @@ fn sizes_from_nanometres_to_beyond_planets_work_and_others_are_errors() {
         visibility.occluded(&rays, Coherence::Incoherent, &mut blocked);
         assert!(blocked.iter().all(|&blocked| blocked), "size {size}");
     }
-    for size in [1e-9, 1e13, f64::INFINITY] {
+    for size in [1e-31, 1e31, f64::INFINITY] {
         let error = scaled(size).unwrap_err();
         assert!(matches!(error, EmbreeError::ExtentOutOfRange { .. }), "{error:?}");
     }

@@ -23,7 +23,6 @@ use super::stated::Stated;
 use crate::form_factor::journal::Journal;
 use crate::form_factor::kept::{self, Part, Piece};
 use crate::form_factor::pairs::{Exchange, Facing};
-use crate::form_factor::partial::Accuracy;
 use crate::form_factor::sight::whole_where_grazing;
 use crate::form_factor::{Before, Input, PairCounts};
 use crate::geometry::polygon_form_factor::exchange_area;
@@ -62,11 +61,11 @@ pub(super) fn batch_byte(n: usize) -> u64 {
     PAIR_BYTE * pairs.min((pairs_per_batch(n) + ROW_RUN * n) as u64)
 }
 
-/// A partial pair's A_i F_ij / min(A_i, A_j) up to this is 0: a few roundings of the clipped corners.
-const NOISE: f64 = 1e-15;
+/// Up to this part of the exchange area without occluders a partial pair's is 0: what rounding leaves of clipped corners, and of cracks between occluders.
+const NOISE: f64 = 1e-12;
 
-/// So is what is up to this part of the exchange area without occluders: a crack between these that rounding leaves.
-const CRACK: f64 = 1e-12;
+/// The same of what is seen of a pair, as an error: some roundings at each point.
+const ROUNDING: f64 = 1e-13;
 
 /// All batches in the order of their rows.
 pub(super) struct Batches<'a> {
@@ -374,10 +373,6 @@ impl Batches<'_> {
             .iter()
             .flat_map(|strip| strip.partial.iter().map(move |pair| (strip, pair)))
             .collect();
-        let accuracy = Accuracy {
-            tolerance: self.method.tolerance,
-            budget: self.method.budget,
-        };
         let integrated = Portions::new(self.progress, n_steps, work.len());
         let results: Vec<Option<Stated>> = work
             .par_iter()
@@ -391,7 +386,7 @@ impl Batches<'_> {
                     return Some(stated);
                 }
                 let begun = Instant::now();
-                let stated = self.partial(index, pair, &strip.blockers[pair.blockers.clone()], accuracy);
+                let stated = self.partial(index, pair, &strip.blockers[pair.blockers.clone()], self.method);
                 // Of an integral that was stopped nothing is kept.
                 if !self.progress.is_cancelled() {
                     self.journal.keep(place, stated.to_record(), begun.elapsed());
@@ -412,12 +407,13 @@ impl Batches<'_> {
         }
     }
 
+    /// Integrates a partial pair by a method, which need not be the one asked for.
     pub(super) fn partial(
         &self,
         index: &BlockerIndex,
         pair: &PartialPair,
         blockers: &[BlockerId],
-        accuracy: Accuracy,
+        method: &ExactMethod,
     ) -> Stated {
         let ends = [pair.i, pair.j].map(|k| self.patches.corners[k].as_slice());
         let meeting = index.meeting(ends[0], ends[1]);
@@ -429,19 +425,21 @@ impl Batches<'_> {
         if self.progress.is_late() {
             return self.bounded(pair, most);
         }
-        let smaller_area = self.smaller_area([pair.i, pair.j]);
-        let goal = accuracy.tolerance * smaller_area;
+        let goal = method.tolerance * self.smaller_area([pair.i, pair.j]);
         let split = Split {
             index,
-            budget: accuracy.budget,
+            budget: method.budget,
+            relative: method.relative_tolerance(),
             progress: self.progress,
         };
         // Where rounding is to be added there has to be room for it, so that no pair is above the tolerance by its integral's share; where that alone is above it, room would not help.
         let rounding = self.rounding([pair.i, pair.j], touched, most.area);
-        let room = if rounding < goal { rounding.min(0.5 * goal) } else { 0.0 };
+        let clipping = ROUNDING * most.area;
+        let room = if rounding < goal { rounding } else { 0.0 } + clipping;
+        let room = room.min(0.5 * goal);
         let found = split.exchange_area(p, q, blockers, goal - room, most.area);
         // What rounding leaves of a pair that is hidden after all would make a row of noise.
-        let is_noise = found.exchange_area <= (NOISE * smaller_area).max(CRACK * most.area);
+        let is_noise = found.exchange_area <= NOISE * most.area;
         // More than without blockers it cannot be, nor be off by more than that.
         let exchange = Exchange {
             area: if is_noise {
@@ -449,8 +447,7 @@ impl Batches<'_> {
             } else {
                 found.exchange_area.min(most.area)
             },
-            error: found
-                .error
+            error: (found.error + clipping)
                 .max(if is_noise { found.exchange_area } else { 0.0 })
                 .max(if found.exchange_area > most.area {
                     most.error
@@ -459,7 +456,12 @@ impl Batches<'_> {
                 })
                 .min(most.area + most.error),
         };
-        let reached = exchange.error <= if found.reached { goal.max(found.error) } else { goal };
+        let reached = exchange.error
+            <= if found.reached {
+                goal.max(found.error + clipping)
+            } else {
+                goal
+            };
         self.stated([pair.i, pair.j], touched, exchange, reached)
     }
 }

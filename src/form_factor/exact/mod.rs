@@ -35,7 +35,9 @@ use batch::Batches;
 /// Nothing here uses rays: pairs nearer than the offset of ray origins, or than f32 can tell, need no special care.
 ///
 /// Accuracy: of full pairs the kernel's own estimate. Of partial pairs |error| of A_i F_ij / min(A_i, A_j) ≤ `tolerance`, and below the entry's own estimate; where the
-/// budget is spent before, the estimate says what was reached, the pair is one of [`PairCounts::n_above_tolerance`] and [`Computed::tolerance_met`] is false. A blocker's border of 1e-10 of a pair's diameter is neglected, as
+/// budget is spent before, the estimate says what was reached, the pair is one of [`PairCounts::n_above_tolerance`] and [`Computed::tolerance_met`] is false. Where less than five occluders stand between two patches,
+/// or one patch is 1e4 times as large as the other, the error is also to be below 10³ `tolerance` (up to a `tolerance` of 1e-5) of the exchange area without occluders, as far as a hundredth of the budget goes: small and far
+/// emitters keep their shadows. An occluder's border of 1e-10 of the width of the space between the two patches there is neglected, as
 /// [`BlockerIndex`](crate::visibility::blockers::BlockerIndex) says. Where coordinates were rounded, as those of a file with six decimals, faces that were meant to touch reach into each other or lie apart: what reaches in
 /// between two patches by no more than that explains is left out, and the estimate then has the border of both patches that this may hide; quads that are bent have theirs too. Where that brings the estimate of a pair, full or partial, above
 /// the tolerance, the pair is one of [`PairCounts::n_above_by_rounding`] and [`Computed::tolerance_met`] is false as well: more work does not help there. Below the tolerance, integrals leave room for it, up to half of the tolerance. 0 ≤ A_i F_ij ≤ the exchange area without blockers.
@@ -69,11 +71,25 @@ pub struct ExactMethod {
 /// Up to this tolerance pairs without blockers keep their relative digits, however small they are.
 const FULL_IS_RELATIVE: f64 = 1e-6;
 
+/// Up to this tolerance partial pairs keep some relative digits.
+const PARTIAL_IS_RELATIVE: f64 = 1e-5;
+
 impl ExactMethod {
     /// The tolerance unless another is asked for.
     pub const DEFAULT_TOLERANCE: f64 = 1e-6;
     /// The budget unless another is asked for: some seconds for one pair.
     pub const DEFAULT_BUDGET: usize = 10_000_000;
+
+    /// Returns the part of an exchange area without occluders that the error of a partial pair is to be below as well: a sun whose form factor is as small as the tolerance casts shadows all the same.
+    ///
+    /// Where that would be loose, it is not asked for.
+    fn relative_tolerance(&self) -> f64 {
+        if self.tolerance <= PARTIAL_IS_RELATIVE {
+            1e3 * self.tolerance
+        } else {
+            f64::INFINITY
+        }
+    }
 
     /// Returns what pairs without blockers are computed to.
     fn full_tolerance(&self, smaller_area: f64) -> Tolerance {

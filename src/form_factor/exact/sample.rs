@@ -7,10 +7,10 @@
 
 use std::time::{Duration, Instant};
 
+use super::ExactMethod;
 use super::batch::Batches;
 use crate::form_factor::Input;
 use crate::form_factor::forecast::{RAYS, golden_section, mean_s, shooting_s};
-use crate::form_factor::partial::Accuracy;
 use crate::progress::Forecast;
 
 /// The sample of one tolerance takes about this long at most.
@@ -76,7 +76,7 @@ impl Batches<'_> {
         let Some(index) = self.index.as_ref().filter(|_| n_partial > 0) else {
             return of_face + of_run;
         };
-        let accuracy = Accuracy {
+        let method = ExactMethod {
             tolerance,
             budget: self.method.budget.min(BUDGET),
         };
@@ -84,7 +84,7 @@ impl Batches<'_> {
         let begun = Instant::now();
         for k in golden_section(n_partial).take(n_integrated) {
             let pair = &strip.partial[k];
-            self.partial(index, pair, &strip.blockers[pair.blockers.clone()], accuracy);
+            self.partial(index, pair, &strip.blockers[pair.blockers.clone()], &method);
         }
         let of_pairs = begun.elapsed().as_secs_f64() * n_partial as f64 / n_integrated as f64;
         of_face + of_run + of_pairs

@@ -17,9 +17,10 @@ use rayon::prelude::*;
 use crate::form_factor::partial::{self, Integration, Partial};
 use crate::form_factor::sight::whole_where_grazing;
 use crate::geometry::clip::clip_to_half_space;
+use crate::geometry::polygon;
 use crate::geometry::polygon_form_factor::{PreparedPolygon, Tolerance, exchange_area};
 use crate::progress::Progress;
-use crate::visibility::blockers::{BlockerId, BlockerIndex, PairVisibility};
+use crate::visibility::blockers::{Blocker, BlockerId, BlockerIndex, PairVisibility};
 
 /// A pair with fewer blockers is not taken apart; of a convex solid no more than three sides count, as the view of one changes little.
 const LEAST_BLOCKERS: usize = 5;
@@ -32,6 +33,12 @@ const MOST_HALVINGS: u32 = 12;
 /// The halves of an integral with as many blockers take about as long as the whole.
 const WORTH: f64 = 1.9;
 
+/// The relative error of a pair is sought with this part of the budget.
+const EXTRA: usize = 100;
+
+/// Areas of which one is so many times the other are those of a patch and a sun: there are few such pairs, and each stands for much light.
+const UNLIKE: f64 = 1e4;
+
 /// What a half takes besides, in squares of blockers.
 const HALF: usize = 8;
 
@@ -40,6 +47,8 @@ pub(super) struct Split<'a> {
     pub(super) index: &'a BlockerIndex,
     /// Evaluations of the inner factor after which no more are begun.
     pub(super) budget: usize,
+    /// The part of an exchange area without occluders that its error is to be below, as far as a share of the budget goes.
+    pub(super) relative: f64,
     pub(super) progress: &'a dyn Progress,
 }
 
@@ -71,15 +80,38 @@ struct Half {
 impl Split<'_> {
     /// Returns the exchange area of two polygons to within `goal`, m², where `among` are the blockers that may stand between them and `most` is the exchange area without these.
     ///
-    /// Parts first get shares of the goal and of the budget as their work is estimated; what these have left of both then goes where the error is greatest.
+    /// Small pairs with few blockers, or of a patch and something far larger, are computed to a part of `most` as well, as far as [`EXTRA`] of the budget goes.
     pub(super) fn exchange_area(&self, p: &[DVec3], q: &[DVec3], among: &[BlockerId], goal: f64, most: f64) -> Partial {
         let blockers = self.index.blockers(p, q, among);
+        let closer = goal.min(self.relative * most);
+        let extra = self.budget / EXTRA;
         if self.index.count(among) < LEAST_BLOCKERS {
-            let mut whole = Integration::begin([p, q], &blockers, goal, self.budget, most);
+            let mut whole = Integration::begin([p, q], &blockers, closer, self.budget, most);
             whole.refine(goal, self.budget);
+            whole.refine(closer, extra);
             return whole.result(goal);
         }
-        if let Some(found) = partial::uncut([p, q], &blockers, goal, most) {
+        if closer < goal && are_unlike(p, q) {
+            let found = self.among_many([p, q], among, &blockers, [closer, most], extra);
+            if found.error <= goal {
+                return Partial { reached: true, ..found };
+            }
+        }
+        self.among_many([p, q], among, &blockers, [goal, most], self.budget)
+    }
+
+    /// Integrates a pair with many blockers.
+    ///
+    /// Parts first get shares of the goal and of the budget as their work is estimated; what these have left of both then goes where the error is greatest.
+    fn among_many(
+        &self,
+        [p, q]: [&[DVec3]; 2],
+        among: &[BlockerId],
+        blockers: &[Blocker<'_>],
+        [goal, most]: [f64; 2],
+        budget: usize,
+    ) -> Partial {
+        if let Some(found) = partial::uncut([p, q], blockers, goal, most) {
             return found;
         }
         let Parts { leaves, full } = self.parts(p, q, among, goal, most);
@@ -90,10 +122,10 @@ impl Split<'_> {
             .with_max_len(1)
             .map(|leaf| {
                 let share = leaf.cost as f64 / cost as f64;
-                self.begin(leaf, share * rest, self.budget.saturating_mul(leaf.cost) / cost)
+                self.begin(leaf, share * rest, budget.saturating_mul(leaf.cost) / cost)
             })
             .collect();
-        let found = self.finish(begun, rest);
+        let found = self.finish(begun, rest, budget);
         Partial {
             exchange_area: full[0] + found.exchange_area,
             error: full[1] + found.error,
@@ -162,15 +194,15 @@ impl Split<'_> {
         integration
     }
 
-    /// Puts what is left of the budget into the parts with the greatest errors, until all of them are within the goal together.
-    fn finish(&self, mut parts: Vec<Integration>, goal: f64) -> Partial {
+    /// Puts what `most` evaluations leave into the parts with the greatest errors, until all of them are within the goal together.
+    fn finish(&self, mut parts: Vec<Integration>, goal: f64, most: usize) -> Partial {
         loop {
             let error: f64 = parts.iter().map(Integration::error).sum();
             let n_evaluations: usize = parts.iter().map(Integration::n_evaluations).sum();
             let open = parts.iter_mut().filter(|part| part.is_open());
             let more = match open.max_by(|a, b| a.error().total_cmp(&b.error())) {
                 Some(worst) if error > goal && !self.progress.is_cancelled() => {
-                    let budget = worst.n_evaluations() + self.budget.saturating_sub(n_evaluations);
+                    let budget = worst.n_evaluations() + most.saturating_sub(n_evaluations);
                     let enough = worst.error() - (error - goal);
                     worst.refine(enough.max(0.5 * worst.error()), budget)
                 }
@@ -211,6 +243,12 @@ impl Split<'_> {
         let best = if cost(&of_q) < cost(&of_p) { of_q } else { of_p };
         (cost(&best) as f64 <= WORTH * (self.index.count(among) as f64).powi(2)).then_some(best)
     }
+}
+
+/// Tells whether one polygon is far larger than the other.
+fn are_unlike(p: &[DVec3], q: &[DVec3]) -> bool {
+    let [a, b] = [p, q].map(|side| polygon::area_vector(side).length());
+    a.max(b) > UNLIKE * a.min(b)
 }
 
 /// Cuts a polygon across its longest edge, through the middle of it.
@@ -272,6 +310,7 @@ mod tests {
         let split = Split {
             index: &index,
             budget: 10_000_000,
+            relative: f64::INFINITY,
             progress: &Silent,
         };
         // A sixteenth of the ceiling, and the whole floor: each sees the other past most of the leaves.
@@ -333,6 +372,7 @@ mod tests {
         let with = |budget: usize| Split {
             index: &index,
             budget,
+            relative: f64::INFINITY,
             progress: &Silent,
         };
         let n_parts = with(0).parts(&p, &q, &among, 1e-5, f64::INFINITY).leaves.len();

@@ -9,9 +9,12 @@ use std::collections::HashMap;
 
 use glam::{DVec2, DVec3};
 
+use super::flat::{Flat, crossing};
 use super::receiver::Receiver;
 use crate::geometry::clip::clip_contour;
-use crate::geometry::polygon;
+
+/// Heights and lengths below this share of those around them are zero.
+const FLAT: f64 = 1e-12;
 
 /// A segment in the receiver's plane where the view changes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,7 +43,7 @@ struct Edge {
     g: [f64; 2],
     /// For an edge that two blockers share: their planes, each turned so that its sign tells on which side of the edge, seen from a point,
     /// the blocker lies. The edge is an outline only where the signs agree.
-    planes: Option<[(DVec3, f64); 2]>,
+    planes: Option<[Flat; 2]>,
     of_target: bool,
 }
 
@@ -48,36 +51,38 @@ struct Edge {
 struct Screen {
     /// Each corner with the unit vector that points inwards from the edge that begins there.
     corners: Vec<(DVec3, DVec3)>,
-    /// The unit normal and the level of the plane.
-    plane: (DVec3, f64),
+    plane: Flat,
 }
 
 impl Screen {
-    fn new(corners: &[DVec3], plane: (DVec3, f64)) -> Self {
+    fn new(corners: &[DVec3], plane: Flat) -> Self {
         Self {
-            corners: inward_normals(corners, plane.0)
+            corners: inward_normals(corners, plane.normal)
                 .map(|(corner, inward)| (corner, inward.normalize_or_zero()))
                 .collect(),
             plane,
         }
     }
 
-    /// Tells where the segment from x through v to y crosses the screen, deeper inside than `tolerance`: before v or behind it.
-    fn place_on(&self, x: DVec3, v: DVec3, y: DVec3, tolerance: f64) -> Option<Ordering> {
-        let (normal, level) = self.plane;
-        let (height_x, height_y) = (normal.dot(x) - level, normal.dot(y) - level);
-        if height_x * height_y >= 0.0 || height_x.abs().min(height_y.abs()) <= tolerance {
+    /// Tells where the segment from x through v to y crosses the screen, deeper inside than a tolerance: before v or behind it.
+    fn place_on(&self, x: DVec3, v: DVec3, y: DVec3) -> Option<Ordering> {
+        let [height_x, height_y] = [x, y].map(|p| self.plane.snapped_height(p, FLAT));
+        if height_x * height_y >= 0.0 {
             return None;
         }
-        let crossing = x + (y - x) * (height_x / (height_x - height_y));
-        if !self
-            .corners
-            .iter()
-            .all(|&(corner, inward)| inward.dot(crossing - corner) > tolerance)
-        {
+        // From the nearer end, whose digits count.
+        let crossing = if height_x.abs() <= height_y.abs() {
+            x + (y - x) * (height_x / (height_x - height_y))
+        } else {
+            y + (x - y) * (height_y / (height_y - height_x))
+        };
+        let tolerance = self.plane.tolerance(crossing, FLAT);
+        let is_inside = |&(corner, inward): &(DVec3, DVec3)| inward.dot(crossing - corner) > tolerance;
+        if !self.corners.iter().all(is_inside) {
             return None;
         }
         let beyond = (crossing - v).dot(y - x);
+        let tolerance = self.plane.tolerance(v, FLAT);
         (beyond.abs() > tolerance * (y - x).length()).then_some(beyond.total_cmp(&0.0))
     }
 
@@ -153,14 +158,13 @@ impl Known {
 pub(super) struct Outline<'a> {
     receiver: &'a Receiver,
     target: &'a [DVec3],
-    target_plane: (DVec3, f64),
+    /// The planes of the receiver and of the target.
+    planes: [Flat; 2],
     /// The half-planes that the receiver and the target are made of: inward normals and levels.
     sides: [Vec<(DVec3, f64)>; 2],
     vertices: Vec<Vertex>,
     edges: Vec<Edge>,
     screens: Vec<Screen>,
-    /// Heights and lengths below this are zero.
-    tolerance: f64,
 }
 
 impl<'a> Outline<'a> {
@@ -169,32 +173,29 @@ impl<'a> Outline<'a> {
         receiver: &'a Receiver,
         target: &'a [DVec3],
         blockers: impl Iterator<Item = &'b [DVec3]>,
-        size: f64,
     ) -> Self {
-        let normal = polygon::area_vector(target).normalize_or_zero();
+        let planes = [Flat::with_normal(&receiver.corners, receiver.normal), Flat::of(target)];
         let mut outline = Self {
             receiver,
             target,
-            target_plane: (normal, normal.dot(target[0])),
-            sides: [(receiver.corners.as_slice(), receiver.normal), (target, normal)].map(|(corners, normal)| {
-                let sides = inward_normals(corners, normal);
+            planes,
+            sides: [(receiver.corners.as_slice(), planes[0]), (target, planes[1])].map(|(corners, plane)| {
+                let sides = inward_normals(corners, plane.normal);
                 sides.map(|(point, inward)| (inward, inward.dot(point))).collect()
             }),
             vertices: Vec::new(),
             edges: Vec::new(),
             screens: Vec::new(),
-            tolerance: 1e-12 * size,
         };
         for (k, &corner) in target.iter().enumerate() {
             outline.push_vertex(corner, true);
             outline.push_edge([corner, target[(k + 1) % target.len()]], true);
         }
         let n_of_target = target.len();
-        let mut planes_of_edge: Vec<Vec<(DVec3, f64)>> = Vec::new();
+        let mut planes_of_edge: Vec<Vec<Flat>> = Vec::new();
         let mut known = Known::default();
         for corners in blockers {
-            let plane_normal = polygon::area_vector(corners).normalize_or_zero();
-            let plane = (plane_normal, plane_normal.dot(corners[0]));
+            let plane = Flat::of(corners);
             outline.screens.push(Screen::new(corners, plane));
             let part = outline.between(corners);
             for (k, &a) in part.iter().enumerate() {
@@ -206,7 +207,7 @@ impl<'a> Outline<'a> {
                 let (edge, forward) = known.edge(from, to, || outline.push_edge([a, b], false));
                 planes_of_edge.resize(outline.edges.len() - n_of_target, Vec::new());
                 // The sign of the plane is that of the run from the lesser to the greater number.
-                planes_of_edge[edge - n_of_target].push(if forward { plane } else { (-plane.0, -plane.1) });
+                planes_of_edge[edge - n_of_target].push(if forward { plane } else { plane.turned() });
                 for vertex in [from, to] {
                     if !outline.vertices[vertex].edges.contains(&edge) {
                         outline.vertices[vertex].edges.push(edge);
@@ -222,35 +223,26 @@ impl<'a> Outline<'a> {
         outline
     }
 
-    fn target_height(&self, p: DVec3) -> f64 {
-        self.target_plane.0.dot(p) - self.target_plane.1
-    }
-
     /// Returns the part of a blocker in front of the receiver's and the target's plane.
     fn between(&self, corners: &[DVec3]) -> Vec<DVec3> {
-        let snapped = |height: f64| if height.abs() <= self.tolerance { 0.0 } else { height };
-        let mut part = Vec::new();
-        clip_contour(
-            corners.len(),
-            |k| corners[k],
-            |v| snapped(self.receiver.height(v)),
-            |v| part.push(v),
-        );
-        let mut both = Vec::new();
-        clip_contour(
-            part.len(),
-            |k| part[k],
-            |v| snapped(self.target_height(v)),
-            |v| both.push(v),
-        );
-        both
+        let mut part = corners.to_vec();
+        for plane in &self.planes {
+            let whole = std::mem::take(&mut part);
+            clip_contour(
+                whole.len(),
+                |k| whole[k],
+                |v| plane.snapped_height(v, FLAT),
+                |v| part.push(v),
+            );
+        }
+        part
     }
 
     fn push_vertex(&mut self, position: DVec3, of_target: bool) -> usize {
         self.vertices.push(Vertex {
             position,
-            h: self.receiver.height(position).max(0.0),
-            g: self.target_height(position).max(0.0),
+            h: self.planes[0].height(position).max(0.0),
+            g: self.planes[1].height(position).max(0.0),
             edges: Vec::new(),
             of_target,
         });
@@ -260,8 +252,8 @@ impl<'a> Outline<'a> {
     fn push_edge(&mut self, ends: [DVec3; 2], of_target: bool) -> usize {
         self.edges.push(Edge {
             ends,
-            h: ends.map(|p| self.receiver.height(p).max(0.0)),
-            g: ends.map(|p| self.target_height(p).max(0.0)),
+            h: ends.map(|p| self.planes[0].height(p).max(0.0)),
+            g: ends.map(|p| self.planes[1].height(p).max(0.0)),
             planes: None,
             of_target,
         });
@@ -278,7 +270,7 @@ impl<'a> Outline<'a> {
         let mut events: Vec<Event> = self
             .screens
             .iter()
-            .filter_map(|screen| self.edge_on(screen.plane))
+            .filter_map(|screen| self.edge_on(&screen.plane))
             .collect();
         events.extend(self.on_the_horizon());
         events.retain(|event| event.from.distance(event.to) > shortest);
@@ -304,7 +296,7 @@ impl<'a> Outline<'a> {
     ///
     /// From the receiver they are on the horizon, where the target is seen only if it reaches down to the plane too.
     fn on_the_horizon(&self) -> Vec<Event> {
-        let is_low = |vertex: &&Vertex| vertex.h <= self.tolerance;
+        let is_low = |vertex: &&Vertex| vertex.h <= self.planes[0].tolerance(vertex.position, FLAT);
         let [of_target, of_blockers] = [true, false].map(|of_target| {
             let low = self.vertices.iter().filter(is_low);
             low.filter(|vertex| vertex.of_target == of_target)
@@ -317,7 +309,7 @@ impl<'a> Outline<'a> {
         for &near in &of_blockers {
             let reach = corners.iter().map(|&corner| corner.distance(near)).fold(0.0, f64::max);
             let mut from_behind = |far: DVec2| {
-                if far.distance(near) > self.tolerance {
+                if far.distance(near) > FLAT * (reach + far.length()) {
                     events.push(Event {
                         from: near,
                         to: near + (near - far).normalize() * reach,
@@ -343,10 +335,15 @@ impl<'a> Outline<'a> {
     }
 
     /// Returns from where a blocker is seen edge on, if that makes a difference: if its plane cuts the receiver and the target.
-    fn edge_on(&self, (normal, level): (DVec3, f64)) -> Option<Event> {
-        let height = |v: DVec3| normal.dot(v) - level;
-        let target = self.target.iter().map(|&v| height(v));
-        if target.clone().all(|x| x < self.tolerance) || target.clone().all(|x| x > -self.tolerance) {
+    fn edge_on(&self, plane: &Flat) -> Option<Event> {
+        let height = |v: DVec3| plane.height(v);
+        let mut sides = [false; 2];
+        for &v in self.target {
+            let (height, tolerance) = (height(v), plane.tolerance(v, FLAT));
+            sides[0] |= height <= -tolerance;
+            sides[1] |= height >= tolerance;
+        }
+        if sides != [true; 2] {
             return None;
         }
         let corners = &self.receiver.corners;
@@ -372,16 +369,22 @@ impl<'a> Outline<'a> {
         let side = if far_edge { 1.0 } else { -1.0 };
         let mut range = Range { low: 0.0, high: 1.0 };
         // With z on the edge, x = (h_v z − h_z v) / (h_v − h_z): both are affine along the edge.
-        range.keep(edge.h.map(|h| side * (h - vertex.h)))?;
-        let numerator = [0, 1].map(|i| edge.ends[i] * vertex.h - v * edge.h[i]);
-        let denominator = edge.h.map(|h| vertex.h - h);
+        let [of_receiver, of_target] = &self.planes;
+        let h = [0, 1].map(|i| (edge.ends[i], edge.h[i]));
+        let denominator = h.map(|z| of_receiver.rise((v, vertex.h), z));
+        range.keep(denominator.map(|rise| -side * rise))?;
+        let numerator = [0, 1].map(|i| crossing((v, vertex.h), h[i], denominator[i]));
         for &(inward, level) in &self.sides[0] {
             range.keep([0, 1].map(|i| -side * (inward.dot(numerator[i]) - denominator[i] * level)))?;
         }
         if !vertex.of_target && !edge.of_target {
             // The line must go on to the target, which it meets at y = (g_v z − g_z v) / (g_v − g_z).
-            range.keep(edge.g.map(|g| side * (vertex.g - g)))?;
-            let [y, z] = [0, 1].map(|i| (edge.ends[i] * vertex.g - v * edge.g[i], vertex.g - edge.g[i]));
+            let [y, z] = [0, 1].map(|i| {
+                let z = (edge.ends[i], edge.g[i]);
+                let rise = of_target.rise((v, vertex.g), z);
+                (crossing((v, vertex.g), z, rise), rise)
+            });
+            range.keep([y.1, z.1].map(|rise| side * rise))?;
             for &(inward, level) in &self.sides[1] {
                 range.keep([y, z].map(|(y, w)| side * (inward.dot(y) - w * level)))?;
             }
@@ -401,11 +404,12 @@ impl<'a> Outline<'a> {
                 z
             } else {
                 let g = edge.g[0] + (edge.g[1] - edge.g[0]) * t;
-                (z * vertex.g - v * g) / (vertex.g - g)
+                let rise = of_target.rise((v, vertex.g), (z, g));
+                crossing((v, vertex.g), (z, g), rise) / rise
             }
         });
         let is_screened = |screen: &Screen| {
-            let [first, last] = [0, 1].map(|i| screen.place_on(ends[i], v, seen[i], self.tolerance));
+            let [first, last] = [0, 1].map(|i| screen.place_on(ends[i], v, seen[i]));
             // Both lines of sight cross it on one side of v, and so do all between them.
             first.is_some() && first == last && !screen.touches(vertex, edge)
         };
@@ -428,11 +432,11 @@ impl<'a> Outline<'a> {
         let Some(planes) = edge.planes else {
             return false;
         };
-        let [first, second] = planes.map(|(normal, level)| {
-            let [a, b] = ends.map(|x| normal.dot(x) - level);
-            if a > self.tolerance && b > self.tolerance {
+        let [first, second] = planes.map(|plane| {
+            let [a, b] = ends.map(|x| plane.snapped_height(x, FLAT));
+            if a > 0.0 && b > 0.0 {
                 1
-            } else if a < -self.tolerance && b < -self.tolerance {
+            } else if a < 0.0 && b < 0.0 {
                 -1
             } else {
                 0
@@ -486,7 +490,7 @@ mod tests {
     }
 
     fn world_events(receiver: &Receiver, target: &[DVec3], blockers: &[Vec<DVec3>]) -> Vec<[DVec3; 2]> {
-        let outline = Outline::new(receiver, target, blockers.iter().map(Vec::as_slice), 4.0);
+        let outline = Outline::new(receiver, target, blockers.iter().map(Vec::as_slice));
         let events = outline.events(1e-9);
         events
             .iter()

@@ -13,6 +13,7 @@
 mod cells;
 mod events;
 mod few;
+mod flat;
 mod point;
 mod quad;
 mod receiver;
@@ -30,6 +31,7 @@ use crate::geometry::polygon;
 use crate::visibility::blockers::Blocker;
 use cells::{Cells, Shape};
 use events::Outline;
+use flat::Flat;
 pub use point::VisibleFactor;
 use receiver::Receiver;
 use rule::Estimate;
@@ -304,13 +306,6 @@ impl<'a> View<'a> {
         })
     }
 
-    /// Returns the diameter of receiver and target together.
-    fn size(&self) -> f64 {
-        let (low, high) = bounds(&self.receiver.corners);
-        let (target_low, target_high) = bounds(&self.target);
-        (high.max(target_high) - low.min(target_low)).length()
-    }
-
     /// Returns the exchange area without blockers, roughly.
     fn without_blockers(&self) -> f64 {
         let corners = &self.receiver.corners;
@@ -320,17 +315,11 @@ impl<'a> View<'a> {
 
     /// Tells whether all blockers are sides of one convex body, seen from outside: three of its edges never cross in a view.
     fn blockers_are_convex(&self) -> bool {
-        let slack = 1e-12 * self.size();
-        let mut planes = self.blockers.iter().map(|blocker| {
-            let normal = polygon::area_vector(&blocker.corners).normalize_or_zero();
-            (normal, normal.dot(blocker.corners[0]))
-        });
+        let corners = || self.blockers.iter().flat_map(|blocker| blocker.corners.iter());
+        let mut planes = self.blockers.iter().map(|blocker| Flat::of(&blocker.corners));
         self.blockers.len() == 1
             || self.blockers.iter().all(|blocker| blocker.one_sided)
-                && planes.all(|(normal, level)| {
-                    let mut corners = self.blockers.iter().flat_map(|other| other.corners.iter());
-                    corners.all(|&v| normal.dot(v) - level <= slack)
-                })
+                && planes.all(|plane| corners().all(|&v| plane.height(v) <= plane.tolerance(v, 1e-12)))
     }
 
     fn outer(&self) -> Vec<DVec2> {
@@ -359,7 +348,7 @@ impl<'a> View<'a> {
             unseen *= 0.5;
         }
         let enough = (goal - unseen) / area;
-        let mut shadows = Shadows::new(&self.receiver, &self.target, &self.blockers, self.size());
+        let mut shadows = Shadows::new(&self.receiver, &self.target, &self.blockers);
         let (mut value, mut error, mut n_evaluations) = (0.0, unseen, 0);
         for triangle in triangles {
             let look = rule::integrate(triangle, enough, |x| shadows.visible_factor(self.receiver.to_world(x)));
@@ -381,9 +370,8 @@ impl<'a> View<'a> {
     /// Cuts the receiver along the lines of change, and looks at all cells.
     fn first_look(self, goal: f64, budget: usize) -> Pieces {
         let (low, high) = bounds(&self.receiver.corners);
-        let size = self.size();
         let corners_of_blockers = self.blockers.iter().map(|b| &*b.corners);
-        let outline = Outline::new(&self.receiver, &self.target, corners_of_blockers, size);
+        let outline = Outline::new(&self.receiver, &self.target, corners_of_blockers);
         // A line that is missed by this much changes an integral by its square only.
         let margin = 1e-9 * (high - low).length();
         let is_listed = outline.n_pairs() <= MOST_EVENT_PAIRS;
@@ -397,7 +385,7 @@ impl<'a> View<'a> {
             MOST_CELLS.min(budget / (2 * rule::MOST_EVALUATIONS)),
         );
 
-        let mut shadows = Shadows::new(&self.receiver, &self.target, &self.blockers, size);
+        let mut shadows = Shadows::new(&self.receiver, &self.target, &self.blockers);
         let whole = self.without_blockers();
         let is_loose = cells.are_whole() && is_listed && goal >= LOOSE * whole;
         let is_looser = is_loose && goal >= whole && self.blockers_are_convex();

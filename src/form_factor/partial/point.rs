@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 
+use super::Blocker;
 use super::receiver::Receiver;
 use super::shadow::Shadows;
-use super::{Blocker, bounds};
 use crate::geometry::clip::clip_to_half_space;
 
 /// A convex polygon as the points of a flat convex region see it behind blockers.
@@ -30,11 +30,9 @@ impl VisibleFactor {
         if above.len() < 3 {
             return Self { shadows: None };
         }
-        let ((low, high), (target_low, target_high)) = (bounds(region), bounds(target));
-        let size = (high.max(target_high) - low.min(target_low)).length();
         let receiver = Receiver::new(region.to_vec(), normal);
         Self {
-            shadows: Some(Shadows::new(&receiver, &above, blockers, size)),
+            shadows: Some(Shadows::new(&receiver, &above, blockers)),
         }
     }
 

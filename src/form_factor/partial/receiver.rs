@@ -41,9 +41,4 @@ impl Receiver {
         let r = p - self.origin;
         DVec2::new(self.x.dot(r), self.y.dot(r))
     }
-
-    /// Returns how far a point lies in front of the plane.
-    pub(super) fn height(&self, p: DVec3) -> f64 {
-        self.normal.dot(p - self.origin)
-    }
 }

@@ -5,38 +5,57 @@ use std::f64::consts::TAU;
 
 use glam::DVec3;
 
-use crate::geometry::point_form_factor::near_term;
+use crate::geometry::point_form_factor::{far_term, near_term};
 use crate::geometry::polygon;
 use crate::visibility::blockers::Blocker;
 
+use super::flat::Flat;
 use super::receiver::Receiver;
+
+/// A point counts as in a caster's plane up to this share of its distance: the caster is seen edge on.
+const EDGE_ON: f64 = 1e-14;
+
+/// A target that is smaller seen from a point than this, in radii by distance squared, is summed about its own middle: the plain sum would lose more than two digits there.
+const SMALL: f64 = 1e-4;
 
 /// A convex planar blocker.
 #[derive(Clone, Debug)]
 struct Caster {
-    corners: Vec<DVec3>,
-    /// The unit normal.
-    normal: DVec3,
+    edges: Vec<Side>,
+    plane: Flat,
+    /// From the caster to the middle of the target.
+    to_target: DVec3,
     /// Where the target lies: wholly in front of the caster's plane, wholly behind, or on both sides.
-    target: Side,
+    target: Place,
     /// True if only a point in front of the caster needs to look at it.
     one_sided: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Side {
+enum Place {
     Front,
     Back,
     Both,
 }
 
-/// A half-space n · r + c > 0 of the vectors r from the point of view.
+/// An edge of a caster.
+#[derive(Clone, Copy, Debug)]
+struct Side {
+    from: DVec3,
+    along: DVec3,
+    /// The sum of its components without their signs.
+    length: f64,
+    /// From its beginning to the middle of the target.
+    to_target: DVec3,
+}
+
+/// A half-space n · r + c > 0 of the vectors r from the target's middle.
 #[derive(Clone, Copy, Debug)]
 struct HalfSpace {
     normal: DVec3,
     offset: f64,
-    /// Values up to this count as on the plane.
-    slack: f64,
+    /// Values up to this count as on the plane: so much, and so much for each metre of r.
+    slack: [f64; 2],
 }
 
 impl HalfSpace {
@@ -47,11 +66,13 @@ impl HalfSpace {
 
 /// A target and the casters in front of it; buffers included, so that evaluations allocate nothing.
 pub(super) struct Shadows {
+    /// From its middle: what is small and far off keeps its digits.
     target: Vec<DVec3>,
+    middle: DVec3,
+    /// The square of the distance of the farthest corner from the middle.
+    radius_squared: f64,
     receiver_normal: DVec3,
     casters: Vec<Caster>,
-    /// A caster's plane that is nearer than this to the point counts as seen edge on.
-    coplanar: f64,
     fragments: Fragments,
     next: Fragments,
     piece: Vec<DVec3>,
@@ -85,44 +106,59 @@ impl Fragments {
 
 impl Shadows {
     /// Prepares the casters for a target that lies in front of the receiver's plane.
-    pub(super) fn new(receiver: &Receiver, target: &[DVec3], blockers: &[Blocker<'_>], size: f64) -> Self {
-        let coplanar = 1e-14 * size;
-        let mut casters: Vec<Caster> = blockers
+    pub(super) fn new(receiver: &Receiver, target: &[DVec3], blockers: &[Blocker<'_>]) -> Self {
+        let middle = target[0] + target.iter().map(|&v| v - target[0]).sum::<DVec3>() / target.len() as f64;
+        let mut casters: Vec<(&[DVec3], Caster)> = blockers
             .iter()
             .filter_map(|blocker| {
                 let (corners, one_sided) = (&*blocker.corners, blocker.one_sided);
-                let normal = polygon::area_vector(corners).normalize_or_zero();
-                let from = receiver.corners.iter().map(|&v| normal.dot(v - corners[0]));
-                if one_sided && from.fold(f64::NEG_INFINITY, f64::max) <= coplanar {
+                let plane = Flat::of(corners);
+                if one_sided
+                    && receiver
+                        .corners
+                        .iter()
+                        .all(|&v| plane.snapped_height(v, EDGE_ON) <= 0.0)
+                {
                     return None;
                 }
-                let heights = target.iter().map(|&v| normal.dot(v - corners[0]));
+                let heights = target.iter().map(|&v| plane.snapped_height(v, EDGE_ON));
                 let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
-                let target_side = match (low >= -coplanar, high <= coplanar) {
-                    (true, _) => Side::Front,
-                    (_, true) => Side::Back,
-                    _ => Side::Both,
+                let place = match (low >= 0.0, high <= 0.0) {
+                    (true, _) => Place::Front,
+                    (_, true) => Place::Back,
+                    _ => Place::Both,
                 };
-                Some(Caster {
-                    corners: corners.to_vec(),
-                    normal,
-                    target: target_side,
+                let starts = std::iter::once(&corners[corners.len() - 1]).chain(corners);
+                let edges = starts.zip(corners).map(|(&from, &to)| Side {
+                    from,
+                    along: to - from,
+                    length: (to - from).abs().element_sum(),
+                    to_target: middle - from,
+                });
+                let caster = Caster {
+                    edges: edges.collect(),
+                    plane,
+                    to_target: middle - corners[0],
+                    target: place,
                     one_sided,
-                })
+                };
+                Some((corners, caster))
             })
             .collect();
         // What hides most comes first, so that little is left for the others to cut.
         let eye = polygon::centroid(&receiver.corners);
-        casters.sort_by_cached_key(|caster| {
-            let r = polygon::centroid(&caster.corners) - eye;
-            let facing = polygon::area_vector(&caster.corners).dot(r).abs();
+        casters.sort_by_cached_key(|(corners, _)| {
+            let r = polygon::centroid(corners) - eye;
+            let facing = polygon::area_vector(corners).dot(r).abs();
             Reverse((facing / r.length().powi(3)).to_bits())
         });
+        let target: Vec<DVec3> = target.iter().map(|&v| v - middle).collect();
         Self {
-            target: target.to_vec(),
+            radius_squared: target.iter().map(|v| v.length_squared()).fold(0.0, f64::max),
+            target,
+            middle,
             receiver_normal: receiver.normal,
-            casters,
-            coplanar,
+            casters: casters.into_iter().map(|(_, caster)| caster).collect(),
             fragments: Fragments::default(),
             next: Fragments::default(),
             piece: Vec::new(),
@@ -134,9 +170,7 @@ impl Shadows {
     /// Returns the form factor from a point of the receiver to the part of the target that it sees.
     pub(super) fn visible_factor(&mut self, point: DVec3) -> f64 {
         self.fragments.clear();
-        self.rest.clear();
-        self.rest.extend(self.target.iter().map(|&v| v - point));
-        self.fragments.push(&self.rest);
+        self.fragments.push(&self.target);
         for k in 0..self.casters.len() {
             if !self.prepare_half_spaces(k, point) {
                 continue;
@@ -156,49 +190,52 @@ impl Shadows {
                 return 0.0;
             }
         }
-        let sum: f64 = self
-            .fragments
-            .iter()
-            .map(contour_vector)
-            .sum::<DVec3>()
-            .dot(self.receiver_normal);
-        (-sum / TAU).clamp(0.0, 1.0)
+        let centre = self.middle - point;
+        let contours = self.fragments.iter();
+        let sum: DVec3 = if self.radius_squared < SMALL * centre.length_squared() {
+            contours
+                .map(|part| contour_vector(part, |a, b| far_term(centre, a, b)))
+                .sum()
+        } else {
+            contours
+                .map(|part| contour_vector(part, |a, b| near_term(centre + a, centre + b)))
+                .sum()
+        };
+        (-sum.dot(self.receiver_normal) / TAU).clamp(0.0, 1.0)
     }
 
     /// Sets the half-spaces whose intersection is the space that caster `k` hides from the point; false if there is none.
     fn prepare_half_spaces(&mut self, k: usize, point: DVec3) -> bool {
         let caster = &self.casters[k];
-        let height = caster.normal.dot(point - caster.corners[0]);
+        let height = caster.plane.snapped_height(point, EDGE_ON);
         let (front, hidden) = match caster.target {
-            _ if height.abs() <= self.coplanar => return false,
-            Side::Both => (height > 0.0, true),
-            Side::Front => (height > 0.0, height < 0.0),
-            Side::Back => (height > 0.0, height > 0.0),
+            _ if height == 0.0 => return false,
+            Place::Both => (height > 0.0, true),
+            Place::Front => (height > 0.0, height < 0.0),
+            Place::Back => (height > 0.0, height > 0.0),
         };
         if !hidden || (caster.one_sided && !front) {
             return false;
         }
         self.half_spaces.clear();
         let sign = if front { 1.0 } else { -1.0 };
-        let n = caster.corners.len();
-        let mut a = caster.corners[n - 1] - point;
-        let mut size_a = a.abs().element_sum();
-        for &corner in &caster.corners {
-            let b = corner - point;
-            let size_b = b.abs().element_sum();
-            // Seen from the front the contour runs counter-clockwise, and a × b points out of the cone's right side: inwards is the reverse.
+        for side in &caster.edges {
+            let r = side.from - point;
+            // Seen from the front the contour runs counter-clockwise, and r × edge points out of the cone's right side: inwards is the reverse.
+            let normal = r.cross(side.along) * -sign;
+            let slack = 1e-15 * r.abs().element_sum() * side.length;
             self.half_spaces.push(HalfSpace {
-                normal: a.cross(b) * -sign,
-                offset: 0.0,
-                slack: 1e-15 * size_a * size_b,
+                normal,
+                offset: normal.dot(side.to_target),
+                slack: [slack * side.to_target.abs().element_sum(), slack],
             });
-            (a, size_a) = (b, size_b);
         }
-        if caster.target == Side::Both {
+        if caster.target == Place::Both {
+            let normal = caster.plane.normal * -sign;
             self.half_spaces.push(HalfSpace {
-                normal: caster.normal * -sign,
-                offset: height * -sign,
-                slack: 0.0,
+                normal,
+                offset: normal.dot(caster.to_target),
+                slack: [0.0; 2],
             });
         }
         true
@@ -223,7 +260,7 @@ fn subtract(
             low = if value < low { value } else { low };
             high = if value > high { value } else { high };
         }
-        let slack = half_space.slack * reach;
+        let slack = half_space.slack[0] + half_space.slack[1] * reach;
         if high <= slack {
             out.push(fragment);
             return;
@@ -272,12 +309,12 @@ fn split(inside: &mut Vec<DVec3>, half_space: &HalfSpace, outside: &mut Vec<DVec
     inside.drain(..n);
 }
 
-/// Returns Σ (r_k × r_{k+1}) θ_k / |r_k × r_{k+1}| around a polygon.
-fn contour_vector(corners: &[DVec3]) -> DVec3 {
+/// Returns the sum of the terms of all edges of a polygon.
+fn contour_vector(corners: &[DVec3], term: impl Fn(DVec3, DVec3) -> DVec3) -> DVec3 {
     let mut a = corners[corners.len() - 1];
     let mut sum = DVec3::ZERO;
     for &b in corners {
-        sum += near_term(a, b);
+        sum += term(a, b);
         a = b;
     }
     sum
@@ -305,7 +342,7 @@ mod tests {
                 one_sided: *one_sided,
             });
         }
-        Shadows::new(&receiver, &ceiling(), &list, 2.0).visible_factor(point)
+        Shadows::new(&receiver, &ceiling(), &list).visible_factor(point)
     }
 
     const POINT: DVec3 = DVec3::new(0.25, 0.5, 0.0);

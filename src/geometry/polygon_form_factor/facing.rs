@@ -6,6 +6,9 @@ use glam::DVec3;
 
 use super::prepared::PreparedPolygon;
 
+/// A height of more than this part of a polygon's radius is one, whatever the other polygon's coordinates.
+const LEAST_HEIGHT: f64 = 1e-9;
+
 /// The parts of two polygons in front of each other's planes, both not empty.
 pub(super) struct FacingPair<'a> {
     pub(super) first: Part<'a>,
@@ -40,15 +43,17 @@ impl Deref for WholeOrCut<'_> {
 impl<'a> FacingPair<'a> {
     /// Returns `None` if no point of either front sees one of the other.
     ///
-    /// A corner within 8 ulps (of the largest coordinate) of the other's plane counts as in it, and is neither cut off nor seen.
+    /// A corner within 8 ulps (of the largest coordinate) of the other's plane counts as in it, and is neither cut off nor seen; but not where that is more than
+    /// a billionth of the polygon that it is a corner of: what stands on something very large is seen by it.
     pub(super) fn new(first: &'a PreparedPolygon, second: &'a PreparedPolygon) -> Option<Self> {
         let has_area = |polygon: &PreparedPolygon| polygon.area() > 0.0 && polygon.area().is_finite();
         if !has_area(first) || !has_area(second) {
             return None;
         }
-        let tolerance = 8.0 * f64::EPSILON * (first.extent() + second.extent());
-        let first_heights = Heights::new(first, second, tolerance)?;
-        let second_heights = Heights::new(second, first, tolerance)?;
+        let ulps = 8.0 * f64::EPSILON * (first.extent() + second.extent());
+        let tolerance = |of: &PreparedPolygon| ulps.min(LEAST_HEIGHT * of.radius());
+        let first_heights = Heights::new(first, second, tolerance(first))?;
+        let second_heights = Heights::new(second, first, tolerance(second))?;
         let first_part = Part::new(first, first_heights, second);
         let second_part = Part::new(second, second_heights, first);
         let shift = first_part.polygon.to_first_corner_of(&second_part.polygon);

@@ -72,8 +72,8 @@ struct Entry {
 /// Flat neighbouring faces with a convex union are joined, and coincident faces count once, so that a triangulated or finely cut wall is
 /// one blocker. Queries run in f64 through a tree of boxes.
 ///
-/// A query is conservative: [`PairVisibility::Full`] and [`PairVisibility::None`] are proven, up to a tolerance of 1e-10 of
-/// the pair's diameter (and 16 ulps of the largest coordinate), below which a face does not count as reaching in between. Where the scene's coordinates were rounded, as those of a file with six
+/// A query is conservative: [`PairVisibility::Full`] and [`PairVisibility::None`] are proven, up to a tolerance of 1e-10 of the width that the hull of the two polygons
+/// has there (and 16 ulps of the coordinates that matter there), below which a face does not count as reaching in between. The tolerance beside a small patch does not grow with the size or the distance of the other. Where the scene's coordinates were rounded, as those of a file with six
 /// decimals, two units of their last digit are added (see the source of `Scene::slack`): faces that were meant to touch do not stand in each other's way, and the two sides of a sheet that
 /// rounding has parted do not see each other.
 /// Faces that only touch the convex hull of the two polygons (neighbours, walls that they stand on or lie in) are not blockers.
@@ -230,7 +230,7 @@ impl BlockerIndex {
                     && last_solid != Some(solid)
                 {
                     last_solid = Some(solid);
-                    closed |= self.solids[solid as usize].closes(&shaft, p, q, rounding(p, q) + self.slack);
+                    closed |= self.solids[solid as usize].closes(&shaft, p, q, self.slack);
                 }
             }
             !closed
@@ -280,7 +280,6 @@ impl BlockerIndex {
     #[must_use]
     pub fn blockers(&self, p: &[DVec3], q: &[DVec3], blockers: &[BlockerId]) -> Vec<Blocker<'_>> {
         let mut outside: Vec<(u32, bool)> = Vec::new();
-        let tolerance = rounding(p, q) + self.slack;
         blockers
             .iter()
             .map(|&id| {
@@ -290,7 +289,7 @@ impl BlockerIndex {
                         return known.1;
                     }
                     let solid = &self.solids[index as usize];
-                    let excluded = solid.excludes(p, tolerance) && solid.excludes(q, tolerance);
+                    let excluded = solid.excludes(p, self.slack) && solid.excludes(q, self.slack);
                     outside.push((index, excluded));
                     excluded
                 });
@@ -362,10 +361,4 @@ fn is_level(p: &[DVec3], q: &[DVec3], slack: f64) -> bool {
 /// Tells whether a polygon is so small that rounding may have turned it any way.
 fn is_small(corners: &[DVec3], slack: f64) -> bool {
     corners.iter().all(|v| v.distance(corners[0]) < LEAST_SLACKS * slack)
-}
-
-/// Returns 16 ulps of the largest coordinate.
-fn rounding(p: &[DVec3], q: &[DVec3]) -> f64 {
-    let largest = p.iter().chain(q).fold(0.0_f64, |m, v| m.max(v.abs().max_element()));
-    16.0 * f64::EPSILON * largest
 }

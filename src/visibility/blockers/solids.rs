@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
-use super::super::shaft::{Lean, Plane, Shaft};
+use super::super::shaft::{Lean, Plane, Shaft, rounding};
 use crate::scene::{FaceId, Scene, topology};
 
 /// No solid has fewer polygons than a tetrahedron.
@@ -21,13 +21,17 @@ pub(super) struct Solid {
     leans: Vec<Lean>,
     /// A point inside.
     middle: DVec3,
+    /// 16 ulps of the largest coordinate.
+    rounding: f64,
 }
 
 impl Solid {
     /// Tells whether the inside of a polygon lies strictly outside of the solid: whether it is in front of one of the solid's planes, and not in it.
     ///
     /// A polygon in the plane of a side may lie behind that side, which then hides nothing from it: it counts as outside only if another plane tells.
-    pub(super) fn excludes(&self, corners: &[DVec3], tolerance: f64) -> bool {
+    /// What lies within `slack`, m, and rounding of a plane counts as in it.
+    pub(super) fn excludes(&self, corners: &[DVec3], slack: f64) -> bool {
+        let tolerance = slack + rounding(corners).max(self.rounding);
         self.planes.iter().zip(&self.leans).any(|(plane, lean)| {
             let heights = || corners.iter().map(|&v| (plane.height(v), lean.height(tolerance, v)));
             heights().all(|(h, _)| h >= -tolerance) && heights().any(|(h, rounded)| h > rounded)
@@ -37,10 +41,10 @@ impl Solid {
 
 impl Solid {
     /// Tells whether the solid alone stops all light between two polygons. Errs on the side of false.
-    pub(super) fn closes(&self, shaft: &Shaft<'_>, p: &[DVec3], q: &[DVec3], tolerance: f64) -> bool {
+    pub(super) fn closes(&self, shaft: &Shaft<'_>, p: &[DVec3], q: &[DVec3], slack: f64) -> bool {
         // From inside of the solid to its inside nothing is in the way.
-        shaft.is_closed_by_solid(self.middle, &self.planes)
-            && (self.excludes(p, tolerance) || self.excludes(q, tolerance))
+        shaft.is_closed_by_solid(self.middle, &self.planes, self.rounding)
+            && (self.excludes(p, slack) || self.excludes(q, slack))
     }
 }
 
@@ -80,8 +84,8 @@ pub(super) fn find(
         let corners = || sides.iter().flat_map(|&k| polygons[k].0.iter().copied());
         let all = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         let (low, high) = corners().fold(all, |(l, h), v| (l.min(v), h.max(v)));
-        let slack =
-            slack + 1e-12 * (high - low).length() + 16.0 * f64::EPSILON * low.abs().max(high.abs()).max_element();
+        let rounding = rounding(&[low, high]);
+        let slack = slack + 1e-12 * (high - low).length() + rounding;
         if planes.iter().all(|plane| corners().all(|v| plane.height(v) <= slack)) {
             let index = u32::try_from(solids.len()).ok();
             for &k in &sides {
@@ -91,6 +95,7 @@ pub(super) fn find(
                 planes,
                 leans: sides.iter().map(|&k| Lean::of(&polygons[k].0)).collect(),
                 middle: low.midpoint(high),
+                rounding,
             });
         }
     }
