@@ -79,7 +79,6 @@ fn where_the_tolerance_is_above_everything_the_error_is_still_told_and_small() {
                 )
             };
             let tight = at(1e-3 * whole / area(p).min(area(q)));
-            // 1.05: what is taken for the exchange area without blockers is that from the middle of a patch.
             for factor in [1.05, 3.0, 30.0] {
                 let loose = at(factor * whole / area(p).min(area(q)));
                 let off = (loose.exchange_area - tight.exchange_area).abs();

@@ -7,6 +7,9 @@
 )]
 mod scenes;
 
+#[path = "../support/mod.rs"]
+mod support;
+
 mod blocker_index;
 mod certified;
 mod closed_rooms;
@@ -15,4 +18,5 @@ mod independent;
 mod invariants;
 mod monte_carlo;
 mod piercing;
+mod search;
 mod shapes;

@@ -23,6 +23,7 @@ use super::stated::Stated;
 use crate::form_factor::journal::Journal;
 use crate::form_factor::kept::{self, Part, Piece};
 use crate::form_factor::pairs::{Exchange, Facing};
+use crate::form_factor::partial::Whole;
 use crate::form_factor::sight::whole_where_grazing;
 use crate::form_factor::{Before, Input, PairCounts};
 use crate::geometry::polygon_form_factor::exchange_area;
@@ -437,7 +438,15 @@ impl Batches<'_> {
         let clipping = ROUNDING * most.area;
         let room = if rounding < goal { rounding } else { 0.0 } + clipping;
         let room = room.min(0.5 * goal);
-        let found = split.exchange_area(p, q, blockers, goal - room, most.area);
+        let whole = if meeting.is_some() {
+            Whole::of(p, q, 1e-3 * goal)
+        } else {
+            Whole {
+                area: most.area,
+                error: most.error,
+            }
+        };
+        let found = split.exchange_area(p, q, blockers, goal - room, whole);
         // What rounding leaves of a pair that is hidden after all would make a row of noise.
         let is_noise = found.exchange_area <= NOISE * most.area;
         // More than without blockers it cannot be, nor be off by more than that.

@@ -29,8 +29,8 @@ use batch::Batches;
 ///   regular grids with a common step, pairs with the same step between them are computed once; where they are grids of rectangles with parallel edges, whatever
 ///   their steps, and the absolute error is enough, all pairs are differences of one closed form at the grids' corners.
 /// - Hidden pairs are exactly 0.
-/// - Partial pairs: [`partial::exchange_area`](super::partial::exchange_area), which follows the edges of the shadows. Where many blockers stand between two patches these are halved as long as
-///   that leaves fewer between the halves.
+/// - Partial pairs: [`partial::exchange_area`](super::partial::exchange_area), which follows the edges of the shadows, and subtracts what is hidden from the exchange area without occluders. Where many blockers
+///   stand between two patches these are halved as long as that leaves fewer between the halves; where a wall stands in a narrow gap, both are cut along it.
 ///
 /// Nothing here uses rays: pairs nearer than the offset of ray origins, or than f32 can tell, need no special care.
 ///

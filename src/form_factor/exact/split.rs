@@ -14,11 +14,10 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::form_factor::partial::{self, Integration, Partial};
+use crate::form_factor::partial::{self, Integration, Partial, Whole};
 use crate::form_factor::sight::whole_where_grazing;
 use crate::geometry::clip::clip_to_half_space;
 use crate::geometry::polygon;
-use crate::geometry::polygon_form_factor::{PreparedPolygon, Tolerance, exchange_area};
 use crate::progress::Progress;
 use crate::visibility::blockers::{Blocker, BlockerId, BlockerIndex, PairVisibility};
 
@@ -42,6 +41,12 @@ const UNLIKE: f64 = 1e4;
 /// What a half takes besides, in squares of blockers.
 const HALF: usize = 8;
 
+/// A gap is narrow if one polygon is no higher over the other's plane than this part of the smaller one's size.
+const NARROW: f64 = 0.1;
+
+/// Parts of a polygon beyond a plane up to this part of the smaller one's size are rounding.
+const NARROWEST: f64 = 1e-9;
+
 /// Integrates pairs, in parts or as a whole.
 pub(super) struct Split<'a> {
     pub(super) index: &'a BlockerIndex,
@@ -56,8 +61,8 @@ pub(super) struct Split<'a> {
 struct Leaf {
     polygons: [Vec<DVec3>; 2],
     among: Vec<BlockerId>,
-    /// Its exchange area without blockers, m².
-    most: f64,
+    /// Its exchange area without occluders.
+    whole: Whole,
     /// What it takes, in squares of blockers.
     cost: usize,
 }
@@ -78,26 +83,38 @@ struct Half {
 }
 
 impl Split<'_> {
-    /// Returns the exchange area of two polygons to within `goal`, m², where `among` are the blockers that may stand between them and `most` is the exchange area without these.
+    /// Returns the exchange area of two polygons to within `goal`, m², where `among` are the blockers that may stand between them and `without` is the exchange area without these.
     ///
-    /// Small pairs with few blockers, or of a patch and something far larger, are computed to a part of `most` as well, as far as [`EXTRA`] of the budget goes.
-    pub(super) fn exchange_area(&self, p: &[DVec3], q: &[DVec3], among: &[BlockerId], goal: f64, most: f64) -> Partial {
+    /// Small pairs with few blockers, or of a patch and something far larger, are computed to a part of `without` as well, as far as [`EXTRA`] of the budget goes.
+    pub(super) fn exchange_area(
+        &self,
+        p: &[DVec3],
+        q: &[DVec3],
+        among: &[BlockerId],
+        goal: f64,
+        without: Whole,
+    ) -> Partial {
+        if self.index.count(among) < LEAST_BLOCKERS
+            && let Some((point, normal)) = self.wall_in_a_gap(p, q, among)
+        {
+            return self.on_both_sides([p, q], (point, normal), among, goal);
+        }
         let blockers = self.index.blockers(p, q, among);
-        let closer = goal.min(self.relative * most);
+        let closer = goal.min(self.relative * without.area);
         let extra = self.budget / EXTRA;
         if self.index.count(among) < LEAST_BLOCKERS {
-            let mut whole = Integration::begin([p, q], &blockers, closer, self.budget, most);
+            let mut whole = Integration::begin([p, q], &blockers, closer, self.budget, without);
             whole.refine(goal, self.budget);
             whole.refine(closer, extra);
             return whole.result(goal);
         }
         if closer < goal && are_unlike(p, q) {
-            let found = self.among_many([p, q], among, &blockers, [closer, most], extra);
+            let found = self.among_many([p, q], among, &blockers, closer, without, extra);
             if found.error <= goal {
                 return Partial { reached: true, ..found };
             }
         }
-        self.among_many([p, q], among, &blockers, [goal, most], self.budget)
+        self.among_many([p, q], among, &blockers, goal, without, self.budget)
     }
 
     /// Integrates a pair with many blockers.
@@ -108,13 +125,14 @@ impl Split<'_> {
         [p, q]: [&[DVec3]; 2],
         among: &[BlockerId],
         blockers: &[Blocker<'_>],
-        [goal, most]: [f64; 2],
+        goal: f64,
+        without: Whole,
         budget: usize,
     ) -> Partial {
-        if let Some(found) = partial::uncut([p, q], blockers, goal, most) {
+        if let Some(found) = partial::uncut([p, q], blockers, goal, without) {
             return found;
         }
-        let Parts { leaves, full } = self.parts(p, q, among, goal, most);
+        let Parts { leaves, full } = self.parts(p, q, among, goal, without);
         let cost: usize = leaves.iter().map(|leaf| leaf.cost).sum();
         let rest = goal - full[1];
         let begun: Vec<Integration> = leaves
@@ -133,8 +151,76 @@ impl Split<'_> {
         }
     }
 
+    /// Returns a point and the normal of an occluder whose plane cuts both polygons, where these have but a narrow gap between them.
+    ///
+    /// What such a wall hides lies in strips as wide as the gap, which take very many evaluations; on either side of it, it hides nothing.
+    fn wall_in_a_gap(&self, p: &[DVec3], q: &[DVec3], among: &[BlockerId]) -> Option<(DVec3, DVec3)> {
+        let area_vectors = [p, q].map(polygon::area_vector);
+        let size = area_vectors[0].length().min(area_vectors[1].length()).sqrt();
+        let height = |of: &[DVec3], over: &[DVec3], area_vector: DVec3| {
+            let normal = area_vector.normalize_or_zero();
+            of.iter().map(|&v| normal.dot(v - over[0])).fold(0.0, f64::max)
+        };
+        if height(q, p, area_vectors[0]).min(height(p, q, area_vectors[1])) > NARROW * size {
+            return None;
+        }
+        among.iter().find_map(|&id| {
+            let corners = self.index.corners(id);
+            let (point, normal) = (corners[0], polygon::area_vector(corners).normalize_or_zero());
+            let is_cut = |side: &[DVec3]| {
+                let heights = side.iter().map(|&v| normal.dot(v - point));
+                let (low, high) = heights.fold((0.0_f64, 0.0_f64), |(l, h), x| (l.min(x), h.max(x)));
+                low < -NARROWEST * size && high > NARROWEST * size
+            };
+            (is_cut(p) && is_cut(q)).then_some((point, normal))
+        })
+    }
+
+    /// Returns the exchange area of two polygons as that of their parts on both sides of a plane.
+    fn on_both_sides(
+        &self,
+        sides: [&[DVec3]; 2],
+        (point, normal): (DVec3, DVec3),
+        among: &[BlockerId],
+        goal: f64,
+    ) -> Partial {
+        let parts = Split {
+            budget: self.budget / 4,
+            ..*self
+        };
+        let goal_of_part = 0.25 * goal;
+        let mut sum = Partial {
+            exchange_area: 0.0,
+            error: 0.0,
+            n_evaluations: 0,
+            reached: true,
+        };
+        let [of_p, of_q] = sides.map(|side| [normal, -normal].map(|up| clip_to_half_space(side, point, up)));
+        for p in &of_p {
+            for q in &of_q {
+                let whole = Whole::of(p, q, 1e-3 * goal_of_part);
+                let found = self.index.classify_cut(p, q, among);
+                match whole_where_grazing(self.index, found, p, q) {
+                    PairVisibility::None => {}
+                    PairVisibility::Full => {
+                        sum.exchange_area += whole.area;
+                        sum.error += whole.error;
+                    }
+                    PairVisibility::Partial(among) => {
+                        let part = parts.exchange_area(p, q, &among, goal_of_part, whole);
+                        sum.exchange_area += part.exchange_area;
+                        sum.error += part.error;
+                        sum.n_evaluations += part.n_evaluations;
+                    }
+                }
+            }
+        }
+        sum.reached = sum.error <= goal;
+        sum
+    }
+
     /// Takes a pair apart.
-    fn parts(&self, p: &[DVec3], q: &[DVec3], among: &[BlockerId], goal: f64, most: f64) -> Parts {
+    fn parts(&self, p: &[DVec3], q: &[DVec3], among: &[BlockerId], goal: f64, without: Whole) -> Parts {
         let mut parts = Parts {
             leaves: Vec::new(),
             full: [0.0; 2],
@@ -142,7 +228,7 @@ impl Split<'_> {
         let whole = Leaf {
             polygons: [p.to_vec(), q.to_vec()],
             among: among.to_vec(),
-            most,
+            whole: without,
             cost: 1,
         };
         self.take_apart(whole, goal, MOST_HALVINGS, &mut parts);
@@ -164,22 +250,17 @@ impl Split<'_> {
             if view == PairVisibility::None {
                 continue;
             }
-            let [own, other] = polygons.each_ref().map(|side| PreparedPolygon::new(side));
-            let tolerance = Tolerance {
-                rel: 1e-12,
-                abs: 1e-3 * goal,
-            };
-            let whole = exchange_area(&own, &other, tolerance);
+            let whole = Whole::of(&polygons[0], &polygons[1], 1e-3 * goal);
             if let PairVisibility::Partial(among) = view {
                 let half = Leaf {
                     polygons,
                     among,
-                    most: whole.value,
+                    whole,
                     cost,
                 };
                 self.take_apart(half, 0.5 * goal, n_halvings - 1, parts);
             } else {
-                parts.full[0] += whole.value;
+                parts.full[0] += whole.area;
                 parts.full[1] += whole.error;
             }
         }
@@ -189,7 +270,7 @@ impl Split<'_> {
     fn begin(&self, leaf: &Leaf, goal: f64, budget: usize) -> Integration {
         let [p, q] = leaf.polygons.each_ref().map(Vec::as_slice);
         let blockers = self.index.blockers(p, q, &leaf.among);
-        let mut integration = Integration::begin([p, q], &blockers, goal, budget, leaf.most);
+        let mut integration = Integration::begin([p, q], &blockers, goal, budget, leaf.whole);
         integration.refine(goal, budget / 2);
         integration
     }
@@ -329,18 +410,14 @@ mod tests {
             let PairVisibility::Partial(among) = index.classify(&part, &floor) else {
                 panic!("leaves stand in between");
             };
-            let most = exchange_area(
-                &PreparedPolygon::new(&part),
-                &PreparedPolygon::new(&floor),
-                Tolerance { rel: 1e-12, abs: 0.0 },
-            );
-            let found = |goal: f64| split.exchange_area(&part, &floor, &among, goal, most.value);
+            let most = Whole::of(&part, &floor, 0.0);
+            let found = |goal: f64| split.exchange_area(&part, &floor, &among, goal, most);
             let reference = found(1e-5);
             assert!(reference.reached, "{reference:?}");
             let blockers = index.blockers(&part, &floor, &among);
             for share in [2.0, 0.3, 0.1, 0.03] {
-                let goal = share * most.value;
-                let uncut = partial::uncut([&part, &floor], &blockers, goal, most.value);
+                let goal = share * most.area;
+                let uncut = partial::uncut([&part, &floor], &blockers, goal, most);
                 let loose = found(goal);
                 assert_eq!(uncut.unwrap(), loose, "{share}");
                 assert!(
@@ -350,7 +427,7 @@ mod tests {
                 let off = (loose.exchange_area - reference.exchange_area).abs();
                 assert!(off <= loose.error + reference.error, "{share} {off:e} {loose:?}");
             }
-            assert_eq!(partial::uncut([&part, &floor], &blockers, 1e-5, most.value), None);
+            assert_eq!(partial::uncut([&part, &floor], &blockers, 1e-5, most), None);
         }
     }
 
@@ -375,11 +452,12 @@ mod tests {
             relative: f64::INFINITY,
             progress: &Silent,
         };
-        let n_parts = with(0).parts(&p, &q, &among, 1e-5, f64::INFINITY).leaves.len();
+        let whole = Whole::of(&p, &q, 0.0);
+        let n_parts = with(0).parts(&p, &q, &among, 1e-5, whole).leaves.len();
         assert!(n_parts >= 3, "{n_parts}");
         let split = |goal: f64, budget: usize| {
             let split = with(budget);
-            let found = split.exchange_area(&p, &q, &among, goal, f64::INFINITY);
+            let found = split.exchange_area(&p, &q, &among, goal, whole);
             let difference = (found.exchange_area - reference.exchange_area).abs();
             assert!(difference <= found.error + reference.error, "{found:?} {reference:?}");
             assert_eq!(found.reached, found.error <= goal);

@@ -32,6 +32,13 @@ impl Shape {
         0.5 * twice.abs()
     }
 
+    pub(super) fn corners(&self) -> &[DVec2] {
+        match self {
+            Self::Triangle(corners) => corners,
+            Self::Quad(corners) => corners,
+        }
+    }
+
     /// Returns the triangles that it is made of.
     pub(super) fn triangles(self) -> impl Iterator<Item = [DVec2; 3]> {
         let (first, second) = match self {

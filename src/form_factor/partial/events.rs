@@ -224,7 +224,7 @@ impl<'a> Outline<'a> {
     }
 
     /// Returns the part of a blocker in front of the receiver's and the target's plane.
-    fn between(&self, corners: &[DVec3]) -> Vec<DVec3> {
+    pub(super) fn between(&self, corners: &[DVec3]) -> Vec<DVec3> {
         let mut part = corners.to_vec();
         for plane in &self.planes {
             let whole = std::mem::take(&mut part);

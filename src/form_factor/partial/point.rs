@@ -41,6 +41,6 @@ impl VisibleFactor {
     pub fn at(&mut self, point: DVec3) -> f64 {
         self.shadows
             .as_mut()
-            .map_or(0.0, |shadows| shadows.visible_factor(point))
+            .map_or(0.0, |shadows| shadows.visible_and_hidden(point)[0])
     }
 }

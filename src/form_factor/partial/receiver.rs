@@ -34,11 +34,26 @@ impl Receiver {
     }
 
     pub(super) fn to_world(&self, p: DVec2) -> DVec3 {
-        self.origin + self.x * p.x + self.y * p.y
+        self.origin + self.offset(p)
+    }
+
+    /// Returns where a point of the plane lies, seen from the frame's origin.
+    pub(super) fn offset(&self, p: DVec2) -> DVec3 {
+        self.x * p.x + self.y * p.y
+    }
+
+    /// Returns a point as seen from the frame's origin.
+    pub(super) fn from_origin(&self, p: DVec3) -> DVec3 {
+        p - self.origin
     }
 
     pub(super) fn to_plane(&self, p: DVec3) -> DVec2 {
         let r = p - self.origin;
         DVec2::new(self.x.dot(r), self.y.dot(r))
+    }
+
+    /// Returns a point in the frame, its height over the plane last.
+    pub(super) fn in_frame(&self, p: DVec3) -> DVec3 {
+        self.to_plane(p).extend(self.normal.dot(p - self.origin))
     }
 }

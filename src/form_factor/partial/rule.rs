@@ -9,15 +9,53 @@ use std::sync::LazyLock;
 
 use glam::DVec2;
 
-/// The integral over one triangle and what its error may be.
+/// The two parts of a function that are integrated from the same points: of the form factor, what is visible and what is hidden.
+pub(super) type Parts = [f64; 2];
+
+/// The integrals over one cell and what their errors may be.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Estimate {
-    /// The value of degree 5 or 8, in units of f times m².
-    pub(super) integral: f64,
-    /// The estimate of its absolute error.
-    pub(super) error: f64,
+    /// The integral of each part, in units of f times m².
+    pub(super) integral: Parts,
+    /// The estimates of their absolute errors.
+    pub(super) error: Parts,
     /// The number of points that f was looked at.
     pub(super) n_evaluations: usize,
+}
+
+impl Estimate {
+    /// Applies `rule`, which returns an integral and its error, to the values of each part; a part that is 0 everywhere is known.
+    pub(super) fn of_parts<const N: usize>(
+        values: &[Parts; N],
+        mut rule: impl FnMut(usize, &[f64; N]) -> [f64; 2],
+    ) -> Self {
+        let [visible, hidden] = [0, 1].map(|part| {
+            let own = values.map(|parts| parts[part]);
+            if own == [0.0; N] { [0.0; 2] } else { rule(part, &own) }
+        });
+        Self {
+            integral: [visible[0], hidden[0]],
+            error: [visible[1], hidden[1]],
+            n_evaluations: N,
+        }
+    }
+
+    /// Counts the points on the border, and what they show of a part that is 0 on all others.
+    fn with_border(mut self, border: &[Parts; N_BORDER], area: f64) -> Self {
+        self.n_evaluations += N_BORDER;
+        for part in 0..2 {
+            let most = border.iter().map(|parts| parts[part]).fold(0.0, f64::max);
+            if most > 0.0 && self.error[part] == 0.0 {
+                self.error[part] = area * UNSEEN_STRIP * most;
+            }
+        }
+        self
+    }
+
+    /// Returns the error of the part that is known better: where the sum of both has a closed form, one is enough.
+    pub(super) fn least_error(&self) -> f64 {
+        self.error[0].min(self.error[1])
+    }
 }
 
 /// The number of points of the rule.
@@ -79,8 +117,11 @@ pub(super) const SAFETY: f64 = 1.5;
 /// Points a thousandth within the corners of the triangle and the middles of its sides, in the second and the third barycentric coordinate: beyond all points of the rule.
 ///
 /// On the border itself a view may be degenerate: a point there lies in the plane of a blocker, or on an edge that it shares with the target.
-const BORDER: [[f64; 2]; N_BORDER] = {
-    let (near, far, half, low) = (INSET / 3.0, 1.0 - INSET * 2.0 / 3.0, 0.5 - INSET / 6.0, INSET / 3.0);
+const BORDER: [[f64; 2]; N_BORDER] = border(INSET);
+
+/// Returns points so far within the border of a triangle, as a part of its heights.
+pub(super) const fn border(inset: f64) -> [[f64; 2]; N_BORDER] {
+    let (near, far, half, low) = (inset / 3.0, 1.0 - inset * 2.0 / 3.0, 0.5 - inset / 6.0, inset / 3.0);
     [
         [near, near],
         [far, near],
@@ -89,12 +130,12 @@ const BORDER: [[f64; 2]; N_BORDER] = {
         [half, half],
         [low, half],
     ]
-};
+}
 
 /// How far within the border a point on it lies, as a part of the height.
 pub(super) const INSET: f64 = 1e-3;
 
-const N_BORDER: usize = 6;
+pub(super) const N_BORDER: usize = 6;
 
 /// How far, in units of the parts beyond it, a smooth function may be from its polynomial on the border.
 ///
@@ -232,13 +273,13 @@ impl<const N: usize> Nodes<N> {
         }
     }
 
-    /// Returns how far f is from its polynomial on the border, the most.
-    fn miss(&self, values: &[f64; N], mut f: impl FnMut([f64; 2]) -> f64) -> f64 {
+    /// Returns how far `border`, the values there, is from the polynomial through `values`, the most.
+    fn miss(&self, values: &[f64; N], border: &[f64; N_BORDER]) -> f64 {
         let expected = |row: &[f64; N]| row.iter().zip(values).map(|(x, y)| x * y).sum::<f64>();
-        let misses = BORDER
+        let misses = border
             .iter()
             .zip(&self.border)
-            .map(|(&point, row)| (f(point) - expected(row)).abs());
+            .map(|(at, row)| (at - expected(row)).abs());
         misses.fold(0.0, f64::max)
     }
 
@@ -264,54 +305,66 @@ impl<const N: usize> Nodes<N> {
 ///
 /// Seven of the points are Radon's rule of degree 5, looked at first. Its error is taken as area · (e₂ + e₃), the parts that it integrates exactly where the function is
 /// smooth: seven points see too little of the spectrum to tell smooth functions from others.
-pub(super) fn integrate(corners: [DVec2; 3], enough: f64, mut f: impl FnMut(DVec2) -> f64) -> Estimate {
+///
+/// Both parts of f are integrated; the seven points are enough where they are for one of the two.
+pub(super) fn integrate(corners: [DVec2; 3], enough: f64, mut f: impl FnMut(DVec2) -> Parts) -> Estimate {
     let rule = &*RULE;
     let (a, e, g) = (corners[0], corners[1] - corners[0], corners[2] - corners[0]);
     let area = 0.5 * e.perp_dot(g).abs();
     let mut at = |[x, y]: [f64; 2]| f(a + e * x + g * y);
-    let first: [f64; N_FIRST] = std::array::from_fn(|k| at(rule.all.points[k]));
-    let (mean, [_, second, third]) = rule.first.analyse(&first);
-    let error = second + third;
-    if error <= enough {
-        let beyond = rule.first.miss(&first, &mut at) - SMOOTH_ON_BORDER * error;
-        if UNSEEN_STRIP * beyond <= enough - error {
-            return Estimate {
-                integral: area * mean,
-                error: area * (error + UNSEEN_STRIP * beyond.max(0.0) + rounding(&first)),
-                n_evaluations: N_FIRST + N_BORDER,
-            };
+    let first: [Parts; N_FIRST] = std::array::from_fn(|k| at(rule.all.points[k]));
+    let by_points = Estimate::of_parts(&first, |_, values| {
+        let (mean, [_, second, third]) = rule.first.analyse(values);
+        [mean, second + third]
+    });
+    let mut border = None;
+    if by_points.least_error() <= enough {
+        let border = *border.insert(BORDER.map(&mut at));
+        let estimate = Estimate::of_parts(&first, |part, values| {
+            let error = by_points.error[part];
+            let beyond = rule.first.miss(values, &border.map(|parts| parts[part])) - SMOOTH_ON_BORDER * error;
+            [
+                area * by_points.integral[part],
+                area * (error + UNSEEN_STRIP * beyond.max(0.0) + rounding(values)),
+            ]
+        })
+        .with_border(&border, area);
+        if estimate.least_error() <= enough * area {
+            return estimate;
         }
     }
-    let values: [f64; N_POINTS] = std::array::from_fn(|k| if k < N_FIRST { first[k] } else { at(rule.all.points[k]) });
-    let (mean, [third, fourth, beyond]) = rule.all.analyse(&values);
-    let ratio = (fourth / third).max(beyond / fourth);
-    let gain = if ratio < 0.25 {
-        (4.0 * ratio).powi(4).max(0.01)
-    } else {
-        1.0
-    };
-    let unseen = rule.all.miss(&values, &mut at) - SMOOTH_ON_BORDER * beyond;
-    Estimate {
-        integral: area * mean,
-        error: area * (beyond * gain + UNSEEN_STRIP * unseen.max(0.0) + rounding(&values)),
-        n_evaluations: N_POINTS + N_BORDER,
-    }
+    let values: [Parts; N_POINTS] =
+        std::array::from_fn(|k| if k < N_FIRST { first[k] } else { at(rule.all.points[k]) });
+    let border = border.unwrap_or_else(|| BORDER.map(&mut at));
+    Estimate::of_parts(&values, |part, values| {
+        let (mean, [third, fourth, beyond]) = rule.all.analyse(values);
+        let ratio = (fourth / third).max(beyond / fourth);
+        let gain = if ratio < 0.25 {
+            (4.0 * ratio).powi(4).max(0.01)
+        } else {
+            1.0
+        };
+        let unseen = rule.all.miss(values, &border.map(|parts| parts[part])) - SMOOTH_ON_BORDER * beyond;
+        [
+            area * mean,
+            area * (beyond * gain + UNSEEN_STRIP * unseen.max(0.0) + rounding(values)),
+        ]
+    })
+    .with_border(&border, area)
 }
 
 /// Integrates f over a triangle by a rule of degree 3 whose points lie on the border and at the centroid; for functions whose kinks are sides of the triangle.
 ///
 /// The error is taken as 3/2 area · (e₂ + e₃), the parts that the rule integrates exactly where the function is smooth, as for [`quad::integrate`](super::quad::integrate).
-pub(super) fn integrate_loosely(corners: [DVec2; 3], mut f: impl FnMut(DVec2) -> f64) -> Estimate {
+pub(super) fn integrate_loosely(corners: [DVec2; 3], mut f: impl FnMut(DVec2) -> Parts) -> Estimate {
     let nodes = &RULE.loose;
     let (a, e, g) = (corners[0], corners[1] - corners[0], corners[2] - corners[0]);
     let area = 0.5 * e.perp_dot(g).abs();
     let values = nodes.points.map(|[x, y]| f(a + e * x + g * y));
-    let (mean, [_, second, third]) = nodes.analyse(&values);
-    Estimate {
-        integral: area * mean,
-        error: area * (SAFETY * (second + third) + rounding(&values)),
-        n_evaluations: N_LOOSE,
-    }
+    Estimate::of_parts(&values, |_, values| {
+        let (mean, [_, second, third]) = nodes.analyse(values);
+        [area * mean, area * (SAFETY * (second + third) + rounding(values))]
+    })
 }
 
 /// Returns 4 ulps of the largest value.
@@ -322,6 +375,32 @@ fn rounding(values: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// An integral of one function, which stands for both parts.
+    #[derive(Debug)]
+    struct One {
+        integral: f64,
+        error: f64,
+        n_evaluations: usize,
+    }
+
+    impl One {
+        fn of(estimate: Estimate) -> Self {
+            Self {
+                integral: estimate.integral[0],
+                error: estimate.error[0],
+                n_evaluations: estimate.n_evaluations,
+            }
+        }
+    }
+
+    fn integrate(corners: [DVec2; 3], enough: f64, f: impl Fn(DVec2) -> f64) -> One {
+        One::of(super::integrate(corners, enough, |p| [f(p); 2]))
+    }
+
+    fn integrate_loosely(corners: [DVec2; 3], f: impl Fn(DVec2) -> f64) -> One {
+        One::of(super::integrate_loosely(corners, |p| [f(p); 2]))
+    }
 
     #[test]
     fn the_loose_rule_is_exact_up_to_degree_3_and_covers_kinks_and_jumps() {

@@ -11,6 +11,7 @@ use crate::visibility::blockers::Blocker;
 
 use super::flat::Flat;
 use super::receiver::Receiver;
+use super::rule::Parts;
 
 /// A point counts as in a caster's plane up to this share of its distance: the caster is seen edge on.
 const EDGE_ON: f64 = 1e-14;
@@ -167,41 +168,55 @@ impl Shadows {
         }
     }
 
-    /// Returns the form factor from a point of the receiver to the part of the target that it sees.
-    pub(super) fn visible_factor(&mut self, point: DVec3) -> f64 {
+    /// Returns the form factors from a point of the receiver to the visible and to the hidden part of the target.
+    ///
+    /// A part is 0 only if there is nothing of it: of what rounding leaves nothing, there is the least positive number.
+    pub(super) fn visible_and_hidden(&mut self, point: DVec3) -> Parts {
         self.fragments.clear();
         self.fragments.push(&self.target);
+        let centre = self.middle - point;
+        let is_small = self.radius_squared < SMALL * centre.length_squared();
+        let contour = |corners: &[DVec3]| {
+            if is_small {
+                contour_vector(corners, |a, b| far_term(centre, a, b))
+            } else {
+                contour_vector(corners, |a, b| near_term(centre + a, centre + b))
+            }
+        };
+        let (mut hidden, mut is_cut) = (DVec3::ZERO, false);
         for k in 0..self.casters.len() {
             if !self.prepare_half_spaces(k, point) {
                 continue;
             }
             self.next.clear();
             for fragment in self.fragments.iter() {
-                subtract(
+                if subtract(
                     fragment,
                     &self.half_spaces,
                     &mut self.next,
                     &mut self.rest,
                     &mut self.piece,
-                );
+                ) {
+                    hidden += contour(&self.rest);
+                    is_cut = true;
+                }
             }
             std::mem::swap(&mut self.fragments, &mut self.next);
             if self.fragments.ends.is_empty() {
-                return 0.0;
+                break;
             }
         }
-        let centre = self.middle - point;
-        let contours = self.fragments.iter();
-        let sum: DVec3 = if self.radius_squared < SMALL * centre.length_squared() {
-            contours
-                .map(|part| contour_vector(part, |a, b| far_term(centre, a, b)))
-                .sum()
+        let factor = |contour: DVec3| (-contour.dot(self.receiver_normal) / TAU).clamp(0.0, 1.0);
+        let hidden = factor(hidden);
+        if is_cut && self.fragments.ends.is_empty() {
+            return [0.0, hidden];
+        }
+        let whole = factor(contour(&self.target));
+        if is_cut {
+            [whole - hidden, hidden].map(|part| part.max(f64::MIN_POSITIVE))
         } else {
-            contours
-                .map(|part| contour_vector(part, |a, b| near_term(centre + a, centre + b)))
-                .sum()
-        };
-        (-sum.dot(self.receiver_normal) / TAU).clamp(0.0, 1.0)
+            [whole, 0.0]
+        }
     }
 
     /// Sets the half-spaces whose intersection is the space that caster `k` hides from the point; false if there is none.
@@ -242,14 +257,14 @@ impl Shadows {
     }
 }
 
-/// Adds to `out` the convex pieces of a convex fragment that lie outside of at least one half-space.
+/// Adds to `out` the convex pieces of a convex fragment that lie outside of at least one half-space; returns false if that is all of it, and else leaves the other part in `rest`.
 fn subtract(
     fragment: &[DVec3],
     half_spaces: &[HalfSpace],
     out: &mut Fragments,
     rest: &mut Vec<DVec3>,
     piece: &mut Vec<DVec3>,
-) {
+) -> bool {
     let reach = fragment.iter().map(|r| r.abs().element_sum()).fold(0.0, f64::max);
     let mut cutting = 0_u64;
     for (k, half_space) in half_spaces.iter().enumerate() {
@@ -263,7 +278,7 @@ fn subtract(
         let slack = half_space.slack[0] + half_space.slack[1] * reach;
         if high <= slack {
             out.push(fragment);
-            return;
+            return false;
         }
         if low < -slack {
             cutting |= 1 << (k & 63);
@@ -281,9 +296,10 @@ fn subtract(
             out.push(piece);
         }
         if rest.len() < 3 {
-            return;
+            return false;
         }
     }
+    true
 }
 
 /// Splits a convex polygon: `inside` keeps what lies inside the half-space, the rest goes to `outside`.
@@ -342,7 +358,7 @@ mod tests {
                 one_sided: *one_sided,
             });
         }
-        Shadows::new(&receiver, &ceiling(), &list).visible_factor(point)
+        Shadows::new(&receiver, &ceiling(), &list).visible_and_hidden(point)[0]
     }
 
     const POINT: DVec3 = DVec3::new(0.25, 0.5, 0.0);

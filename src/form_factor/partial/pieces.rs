@@ -1,0 +1,385 @@
+//! The cells of a receiver with their integrals: of what is visible or of what is hidden, whichever is known better.
+//!
+//! Both add up to the exchange area without occluders, ∫ F₀ dA = ∫ V dA + ∫ H dA with 0 ≤ V, H ≤ F₀, whose exact value
+//! [`polygon_form_factor`](crate::geometry::polygon_form_factor) has for the whole receiver and, where it is wanted, for one cell. The
+//! points of a rule that miss a peak of the kernel thus cannot lose it where nothing is hidden.
+
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+
+use glam::{DVec2, DVec3};
+
+use super::cells::Shape;
+use super::flat::Flat;
+use super::layers::LowEdges;
+use super::receiver::Receiver;
+use super::rule::{self, Estimate, Parts};
+use super::shadow::Shadows;
+use super::{Partial, Whole};
+use crate::geometry::polygon;
+use crate::geometry::polygon_form_factor::{PreparedPolygon, Tolerance};
+use crate::visibility::blockers::Blocker;
+
+/// The places of the parts in [`Parts`].
+const VISIBLE: usize = 0;
+const HIDDEN: usize = 1;
+
+/// A cell is near the target up to so many of its radii from its middle: beyond, F₀ has no peak that the points of a rule could miss.
+const NEAR: f64 = 3.0;
+
+/// How many times more than the largest share of F₀ on the points a part may have of what the points miss.
+const MORE_THAN_SEEN: f64 = 4.0;
+
+/// A closed form costs as much as some evaluations: the other part is taken where its error is this many times smaller.
+const BETTER: f64 = 0.5;
+
+/// Edges up to this part of the receiver's size above it run in its plane.
+const IN_PLANE: f64 = 1e-13;
+
+/// What a receiver sees of its target from its points.
+pub(super) struct Sight {
+    pub(super) receiver: Receiver,
+    /// The target, its plane, and the half-planes that it is made of: seen from the origin of the receiver's frame.
+    target: Vec<DVec3>,
+    target_plane: (DVec3, f64),
+    target_sides: Vec<(DVec3, f64)>,
+    shadows: Shadows,
+    low_edges: LowEdges,
+    /// True if no line of change crosses a cell: what a point of it does not hide, none does.
+    pub(super) is_whole: bool,
+}
+
+impl Sight {
+    /// Prepares what `shadows` sees.
+    pub(super) fn new(receiver: Receiver, target: &[DVec3], blockers: &[Blocker<'_>], shadows: Shadows) -> Self {
+        let outer: Vec<DVec2> = receiver.corners.iter().map(|&v| receiver.to_plane(v)).collect();
+        let outlines = blockers.iter().map(|b| &*b.corners).chain(std::iter::once(target));
+        let edges = outlines.flat_map(|corners| {
+            let next = corners.iter().cycle().skip(1);
+            corners
+                .iter()
+                .zip(next)
+                .map(|(&a, &b)| [receiver.in_frame(a), receiver.in_frame(b)])
+        });
+        let plane = Flat::with_normal(&receiver.corners, receiver.normal);
+        let low_edges = LowEdges::new(edges, &outer, plane.tolerance(receiver.corners[0], IN_PLANE));
+        // Small numbers keep the digits that narrow cells need.
+        let moved: Vec<DVec3> = target.iter().map(|&v| receiver.from_origin(v)).collect();
+        let normal = polygon::area_vector(&moved).normalize_or_zero();
+        let next = moved.iter().cycle().skip(1);
+        let sides = moved.iter().zip(next).map(|(&a, &b)| {
+            let inward = normal.cross(b - a).normalize_or_zero();
+            (inward, inward.dot(a))
+        });
+        Self {
+            target_plane: (normal, normal.dot(moved[0])),
+            target_sides: sides.collect(),
+            target: moved,
+            receiver,
+            shadows,
+            low_edges,
+            is_whole: false,
+        }
+    }
+
+    /// Returns the form factors to the visible and to the hidden part of the target, and keeps their largest shares of both in `shares`.
+    fn at(&mut self, point: DVec2, shares: &mut Option<Parts>) -> Parts {
+        let parts = self.shadows.visible_and_hidden(self.receiver.to_world(point));
+        let whole = parts[VISIBLE] + parts[HIDDEN];
+        if let Some(shares) = shares
+            && whole > 0.0
+        {
+            *shares = [0, 1].map(|part| shares[part].max(parts[part] / whole));
+        }
+        parts
+    }
+
+    /// Returns the error that lines of change leave which are missed by `margin`: its square, unless the view changes within as little.
+    pub(super) fn error_within(&self, margin: f64) -> f64 {
+        if self.low_edges.lowest() > margin {
+            return 0.0;
+        }
+        let next = self.receiver.corners.iter().cycle().skip(1);
+        let perimeter: f64 = self
+            .receiver
+            .corners
+            .iter()
+            .zip(next)
+            .map(|(a, b)| a.distance(*b))
+            .sum();
+        margin * perimeter
+    }
+
+    /// Looks at a cell from the points of a rule.
+    pub(super) fn look(&mut self, shape: Shape, rule: impl FnOnce(&mut dyn FnMut(DVec2) -> Parts) -> Estimate) -> Look {
+        let mut shares = self.is_near(shape).then_some([0.0; 2]);
+        let mut estimate = rule(&mut |point| self.at(point, &mut shares));
+        if !self.low_edges.is_empty() {
+            let low_edges = std::mem::take(&mut self.low_edges);
+            for corners in shape.triangles() {
+                let (error, n_evaluations) = low_edges.error(corners, |point| self.at(point, &mut shares));
+                estimate.error = [0, 1].map(|part| estimate.error[part] + error[part]);
+                estimate.n_evaluations += n_evaluations;
+            }
+            self.low_edges = low_edges;
+        }
+        Look {
+            shape,
+            estimate,
+            shares,
+        }
+    }
+
+    pub(super) fn look_at_triangle(&mut self, corners: [DVec2; 3], enough: f64) -> Look {
+        self.look(Shape::Triangle(corners), |f| rule::integrate(corners, enough, f))
+    }
+
+    /// Returns a lower bound of the distance of the target from a point of the receiver.
+    fn distance(&self, point: DVec2) -> f64 {
+        let point = self.receiver.offset(point);
+        let (normal, level) = self.target_plane;
+        let outside = self
+            .target_sides
+            .iter()
+            .map(|(inward, level)| level - inward.dot(point));
+        outside.fold(0.0, f64::max).hypot(normal.dot(point) - level)
+    }
+
+    fn is_near(&self, shape: Shape) -> bool {
+        let corners = shape.corners();
+        let middle = corners.iter().sum::<DVec2>() / corners.len() as f64;
+        let radius = corners.iter().map(|v| v.distance(middle)).fold(0.0, f64::max);
+        self.distance(middle) < NEAR * radius
+    }
+
+    /// Returns the exchange area of a cell without occluders, to within `error` or rounding.
+    fn without_occluders(&self, shape: Shape, error: f64) -> Whole {
+        let corners: Vec<DVec3> = shape.corners().iter().map(|&v| self.receiver.offset(v)).collect();
+        let [cell, target] = [&corners, &self.target].map(|side| PreparedPolygon::new(side));
+        let tolerance = Tolerance {
+            rel: Whole::REL,
+            abs: error.max(8.0 * f64::EPSILON * cell.perimeter() * target.perimeter()),
+        };
+        Whole::between(&cell, &target, tolerance)
+    }
+
+    /// Decides which part of a cell counts, and what its error may be; `base` is the part that is summed, `enough` the error allowed.
+    ///
+    /// In a near cell the same points integrate F₀ too, whose integral is known: what they miss of that, or may miss of the other part, they can miss
+    /// of this one, as far as it has a share of F₀.
+    fn settle(&self, look: Look, base: usize, enough: f64) -> Piece {
+        let Look {
+            shape,
+            estimate,
+            shares,
+        } = look;
+        let other = 1 - base;
+        let is_other = estimate.error[base] > enough && estimate.error[other] < BETTER * estimate.error[base];
+        let part = if is_other { other } else { base };
+        let (mut integral, mut error) = (estimate.integral[part], estimate.error[part]);
+        let is_certain = integral.max(error) <= 0.0 && self.is_whole;
+        let shares = shares.filter(|_| !is_certain);
+        if is_other || shares.is_some() {
+            let whole = self.without_occluders(shape, 0.01 * enough);
+            if let Some(shares) = shares {
+                let missed = estimate.integral[VISIBLE] + estimate.integral[HIDDEN] - whole.area;
+                let share = if self.is_whole {
+                    (MORE_THAN_SEEN * shares[part]).min(1.0)
+                } else {
+                    1.0
+                };
+                error += share * missed.abs().max(estimate.error[1 - part]);
+            }
+            integral = integral.min(whole.area);
+            error = whole.bounded(integral, error);
+            if is_other {
+                integral = whole.area - integral;
+                error += whole.error;
+            }
+        }
+        Piece { shape, integral, error }
+    }
+}
+
+/// A part of the receiver with its integral.
+pub(super) struct Piece {
+    shape: Shape,
+    /// Of what is visible or of what is hidden: of the part that all pieces of a receiver are summed of, m².
+    integral: f64,
+    error: f64,
+}
+
+impl PartialEq for Piece {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Piece {}
+
+impl PartialOrd for Piece {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Piece {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.error.total_cmp(&other.error)
+    }
+}
+
+/// What the points of a rule have shown of a cell.
+pub(super) struct Look {
+    shape: Shape,
+    pub(super) estimate: Estimate,
+    /// In a near cell, the largest shares of F₀ that the parts have on these points.
+    shares: Option<Parts>,
+}
+
+impl Look {
+    /// States at least this error of a part, but for one of which nothing is hidden: that something is needs a line of change.
+    pub(super) fn with_least_error(mut self, least: f64) -> Self {
+        let Estimate { integral, error, .. } = &mut self.estimate;
+        error[VISIBLE] = error[VISIBLE].max(least);
+        if integral[HIDDEN] > 0.0 {
+            error[HIDDEN] = error[HIDDEN].max(least);
+        }
+        self
+    }
+}
+
+/// A receiver in pieces, all of which have been looked at.
+pub(super) struct Pieces {
+    sight: Sight,
+    /// The exchange area without occluders.
+    whole: Whole,
+    /// The part that is summed.
+    base: usize,
+    /// The error allowed, by area of the receiver.
+    enough: f64,
+    /// The error of what no piece shows.
+    unlisted: f64,
+    queue: BinaryHeap<Piece>,
+    integral: f64,
+    error: f64,
+    n_evaluations: usize,
+}
+
+impl Pieces {
+    /// Sums the smaller of the two parts; `enough` is the error allowed, by area of the receiver, and `unlisted` the error of what no look shows.
+    pub(super) fn new(sight: Sight, whole: Whole, looks: Vec<Look>, enough: f64, unlisted: f64) -> Self {
+        let sum = |part: usize| looks.iter().map(|look| look.estimate.integral[part]).sum::<f64>();
+        let base = if sum(VISIBLE) < sum(HIDDEN) { VISIBLE } else { HIDDEN };
+        let n_evaluations = looks.iter().map(|look| look.estimate.n_evaluations).sum();
+        let settled = looks.into_iter().map(|look| {
+            let allowed = enough * look.shape.area();
+            sight.settle(look, base, allowed)
+        });
+        let queue: BinaryHeap<Piece> = settled.collect();
+        Self {
+            whole,
+            base,
+            enough,
+            unlisted,
+            integral: queue.iter().map(|piece| piece.integral).sum(),
+            error: queue.iter().map(|piece| piece.error).sum(),
+            queue,
+            n_evaluations,
+            sight,
+        }
+    }
+
+    pub(super) fn n_evaluations(&self) -> usize {
+        self.n_evaluations
+    }
+
+    /// Returns the estimate of the error so far, m².
+    pub(super) fn error(&self) -> f64 {
+        self.exchange_area(self.integral, self.error).error
+    }
+
+    /// Cuts pieces in two, the one with the greatest error first.
+    pub(super) fn refine(&mut self, goal: f64, budget: usize) -> bool {
+        let n_before = self.n_evaluations;
+        // Below the errors that no look takes away, nothing is gained by more.
+        let least = 0.1 * self.exchange_area(self.integral, 0.0).error;
+        while self.error() > goal && self.error > least && self.n_evaluations < budget {
+            let Some(worst) = self.queue.pop() else {
+                break;
+            };
+            let mut parts = worst.shape.halves().map(|corners| {
+                let look = self.sight.look_at_triangle(corners, self.enough);
+                self.n_evaluations += look.estimate.n_evaluations;
+                let allowed = self.enough * look.shape.area();
+                self.sight.settle(look, self.base, allowed)
+            });
+            // Where the estimate has just been seen to fail, its successors are not trusted either.
+            let change = parts.iter().map(|part| part.integral).sum::<f64>() - worst.integral;
+            let excess = change.abs() / worst.error;
+            self.integral += change;
+            self.error -= worst.error;
+            for part in &mut parts {
+                let own = &mut part.error;
+                *own = own.max((*own * excess).min(0.5 * change.abs()));
+                self.error += *own;
+            }
+            self.queue.extend(parts);
+        }
+        self.n_evaluations > n_before
+    }
+
+    /// Returns the exchange area of a sum of all pieces, between 0 and that without occluders.
+    fn exchange_area(&self, integral: f64, error: f64) -> Whole {
+        let (area, error) = if self.base == HIDDEN {
+            (self.whole.area - integral, error + self.unlisted + self.whole.error)
+        } else {
+            (integral, error + self.unlisted)
+        };
+        let area = area.clamp(0.0, self.whole.area);
+        Whole {
+            area,
+            error: self.whole.bounded(area, error),
+        }
+    }
+
+    pub(super) fn result(self, goal: f64) -> Partial {
+        let mut pieces: Vec<&Piece> = self.queue.iter().collect();
+        pieces.sort_unstable(); // the small ones first, for the sake of the sums
+        let integral = pieces.iter().map(|piece| piece.integral).sum();
+        let found = self.exchange_area(integral, pieces.iter().map(|piece| piece.error).sum());
+        Partial {
+            exchange_area: found.area,
+            error: found.error,
+            n_evaluations: self.n_evaluations,
+            reached: found.error <= goal,
+        }
+    }
+}
+
+/// Sums the smaller part of triangles between which no line of change was looked for: `unseen` is what a shadow between all points may hide, m².
+pub(super) fn sum_uncut(looks: impl Iterator<Item = Look>, whole: Whole, unseen: f64) -> Partial {
+    let (mut integrals, mut errors, mut n_evaluations) = ([0.0; 2], [unseen; 2], 0);
+    for look in looks {
+        for part in [VISIBLE, HIDDEN] {
+            integrals[part] += look.estimate.integral[part];
+            errors[part] += look.estimate.error[part];
+        }
+        n_evaluations += look.estimate.n_evaluations;
+    }
+    let missed = (integrals[VISIBLE] + integrals[HIDDEN] - whole.area).abs();
+    let is_hidden = integrals[HIDDEN] < integrals[VISIBLE];
+    let (value, error) = if is_hidden {
+        (whole.area - integrals[HIDDEN], errors[HIDDEN] + whole.error)
+    } else {
+        (integrals[VISIBLE], errors[VISIBLE])
+    };
+    let value = value.clamp(0.0, whole.area);
+    let error = whole.bounded(value, error + missed);
+    Partial {
+        exchange_area: value,
+        error,
+        n_evaluations,
+        reached: true,
+    }
+}
