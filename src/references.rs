@@ -59,6 +59,9 @@ pub const COHEN_GREENBERG_1985: &str = "Cohen and Greenberg 1985";
 /// D. Lischinski, F. Tampieri, D. P. Greenberg, "Combining Hierarchical Radiosity and Discontinuity Meshing", SIGGRAPH 1993: a local pass that gathers at every pixel.
 pub const LISCHINSKI_1993: &str = "Lischinski, Tampieri and Greenberg 1993";
 
+/// J. Arvo, "The Irradiance Jacobian for Partially Occluded Polyhedral Sources", SIGGRAPH 1994: how irradiance changes as vertices of sources and occluders move.
+pub const ARVO_1994: &str = "Arvo 1994";
+
 /// M. S. Floater, "Mean value coordinates", Computer Aided Geometric Design 20(1), 2003.
 pub const FLOATER_2003: &str = "Floater 2003";
 

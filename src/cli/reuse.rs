@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use super::args::MeshArgs;
 use super::failure::Failure;
-use super::pipeline::{BALANCE_TOLERANCE, Prepared, Promised, Run, doubted_pairs, spent_budget};
+use super::pipeline::{BALANCE_TOLERANCE, Prepared, Promised, Run, spent_budget};
 use super::storage;
 use crate::audit::Repair;
 use crate::form_factor::{Computed, MethodSettings, Reciprocity, registry};
@@ -71,7 +71,7 @@ pub(super) fn form_factors(
     })?;
     let description = file.description();
     let path = file.path().display();
-    let rounded = description.pairs.and_then(doubted_pairs);
+    let rounded = description.pairs.and_then(|pairs| pairs.doubted(&prepared.scene));
     if !description.tolerance_met && (rounded.is_none() || spent_budget(description.pairs)) {
         run.warn(&format!(
             "{path}: these form factors spent their budget above their tolerance; compute them again with a greater --budget or --tolerance"

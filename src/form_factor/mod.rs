@@ -19,6 +19,9 @@
 //!
 //! With blockers the methods between pairs add the standard error of the visible fraction, which rays between the two patches give, but
 //! for [`ExactMethod`], which traces no ray at all and keeps to a tolerance. The others trace none where nothing can block.
+//!
+//! Where a file [shows that its coordinates were rounded](crate::scene::Written::shows_rounding), all methods but [`OnTheFly`] add to the error of an entry what half a unit of the last place leaves open:
+//! how far F_ij changes to the first order where the vertices of both patches, and of what stands between them, move. Whole numbers and short decimals of a mesh that fits are what is meant.
 
 mod centre;
 mod closed_form;
@@ -38,6 +41,7 @@ mod pdm;
 mod point_errors;
 mod qmc;
 pub mod registry;
+mod rounded;
 mod rows;
 mod sampled;
 mod segments;
@@ -72,6 +76,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::matrix::{FormFactors, RowTile, StorageChoice};
 use crate::mesh::Mesh;
+use crate::printable::counted;
 use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::visibility::Visibility;
@@ -140,6 +145,23 @@ impl PairCounts {
             rounding_error_max: self.rounding_error_max.max(other.rounding_error_max),
             kept: self.kept + other.kept,
         }
+    }
+
+    /// Returns a warning where rounded coordinates leave pairs in doubt above the tolerance: how many digits the file of the scene has, what the error is, and what helps.
+    #[must_use]
+    pub fn doubted(self, scene: &Scene) -> Option<String> {
+        let n = usize::try_from(self.n_above_by_rounding).unwrap_or(usize::MAX);
+        let cause = match scene.rounded() {
+            Some(written) => format!("coordinates are rounded {written}"),
+            None => "quads are not flat, or faces miss each other".to_owned(),
+        };
+        (n > 0).then(|| {
+            format!(
+                "{} are in doubt above the tolerance, by up to {:.1e}, as {cause}; give more digits or nearer to the origin",
+                counted(n, "pair"),
+                self.rounding_error_max
+            )
+        })
     }
 
     /// Tells whether the error of every pair is within the tolerance, as far as pairs are counted that are not.

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::kept::{self, Part, Piece};
+use super::rounded::RoundedRows;
 use super::{Computed, FormFactorError, Input, PairCounts};
 use crate::in_order::InOrder;
 use crate::matrix::{Entry, FormFactors, RowTally, RowTile, StorageChoice};
@@ -49,6 +50,7 @@ pub(super) fn by_pairs<W: PairWorker>(
     let n = input.mesh.n_patches();
     progress.begin("form factors", (n as u64 * (n as u64).saturating_sub(1)) / 2);
     let facing = Facing::new(input.mesh);
+    let rounded = RoundedRows::new(input);
     let tile_byte = (ROWS_PER_TILE * n * size_of::<Entry>()) as u64;
     let results = InOrder::new(
         n.div_ceil(ROWS_PER_TILE),
@@ -65,7 +67,8 @@ pub(super) fn by_pairs<W: PairWorker>(
             let result = match kept::take(progress, k as u64, part, |end| end == rows.end) {
                 Some(piece) => Ok(piece),
                 None if progress.is_cancelled() => Err(FormFactorError::Interrupted),
-                None => tile(rows, &facing, &mut worker()).inspect(|piece| kept::keep(progress, k as u64, piece)),
+                None => tile(rows, &facing, rounded.as_ref(), &mut worker())
+                    .inspect(|piece| kept::keep(progress, k as u64, piece)),
             };
             progress.advance(n_pairs as u64);
             result
@@ -97,7 +100,12 @@ pub(super) fn by_pairs<W: PairWorker>(
     })
 }
 
-fn tile(rows: Range<usize>, facing: &Facing, worker: &mut impl PairWorker) -> Result<Piece, FormFactorError> {
+fn tile(
+    rows: Range<usize>,
+    facing: &Facing,
+    rounded: Option<&RoundedRows<'_>>,
+    worker: &mut impl PairWorker,
+) -> Result<Piece, FormFactorError> {
     let mut tile = RowTile::new(rows.start);
     let mut not_facing = 0;
     let (mut others, mut entries) = (Vec::new(), Vec::new());
@@ -113,6 +121,9 @@ fn tile(rows: Range<usize>, facing: &Facing, worker: &mut impl PairWorker) -> Re
             }
         })?;
         assert_eq!(entries.len(), others.len(), "one exchange area for each pair");
+        if let Some(rounded) = rounded {
+            rounded.add(i, 1.0, &mut entries);
+        }
         tile.push_row(&entries, RowTally::default());
     }
     let counts = PairCounts {

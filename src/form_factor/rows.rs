@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::kept::{self, Part, Piece};
+use super::rounded::RoundedRows;
 use super::{Computed, FormFactorError, Input};
 use crate::in_order::InOrder;
 use crate::matrix::{Entry, FormFactors, RowTile, StorageChoice};
@@ -20,6 +21,7 @@ pub(super) fn by_rows(
 ) -> Result<Computed, FormFactorError> {
     let n = input.mesh.n_patches();
     progress.begin("form factors", n as u64);
+    let rounded = RoundedRows::new(input);
     let tile_byte = (ROWS_PER_TILE * n * size_of::<Entry>()) as u64;
     let tiles = InOrder::new(
         n.div_ceil(ROWS_PER_TILE),
@@ -35,7 +37,15 @@ pub(super) fn by_rows(
             };
             let piece = kept::take(progress, k as u64, part, |end| end == rows.end).unwrap_or_else(|| {
                 let empty = RowTile::new(rows.start);
-                let piece = Piece::of_rows(if progress.is_cancelled() { empty } else { tile(rows) });
+                let piece = Piece::of_rows(if progress.is_cancelled() {
+                    empty
+                } else {
+                    let exact = tile(rows);
+                    match &rounded {
+                        Some(rounded) => with_rounding(&exact, input, rounded),
+                        None => exact,
+                    }
+                });
                 kept::keep(progress, k as u64, &piece);
                 piece
             });
@@ -52,4 +62,16 @@ pub(super) fn by_rows(
         pairs: None,
         tolerance_met: true,
     })
+}
+
+/// Returns rows with what rounded coordinates add to their errors.
+fn with_rounding(rows: &RowTile, input: Input<'_>, rounded: &RoundedRows<'_>) -> RowTile {
+    let mut tile = RowTile::new(rows.first_row());
+    for (k, &tally) in rows.tallies().iter().enumerate() {
+        let i = rows.first_row() + k;
+        let mut entries = rows.row(k).to_vec();
+        rounded.add(i, input.mesh.patches[i].area, &mut entries);
+        tile.push_row(&entries, tally);
+    }
+    tile
 }

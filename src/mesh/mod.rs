@@ -23,6 +23,7 @@ use crate::matrix::operator::Block;
 use crate::scene::{Corners, FaceId, Pose, Scene};
 use grid::FaceGrid;
 use seams::Seams;
+pub(crate) use seams::mean_value_weights;
 
 /// All patches of a scene, contiguous per face and in the order of the faces.
 ///

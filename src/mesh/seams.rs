@@ -148,7 +148,7 @@ fn free_edges(mesh: &Mesh) -> Vec<Edge> {
 /// edges, and exact for linear functions. On an edge, and within 1e-9 of the polygon's size of it, the weights are those of the edge.
 ///
 /// Source: [`FLOATER_2003`](crate::references::FLOATER_2003), Proposition 1. Departures: the tangents from sines and cosines, the limit on edges.
-pub(super) fn mean_value_weights(outline: &[DVec3], x: DVec3, mut visit: impl FnMut(usize, f64)) {
+pub(crate) fn mean_value_weights(outline: &[DVec3], x: DVec3, mut visit: impl FnMut(usize, f64)) {
     let n = outline.len();
     let size = outline.iter().map(|v| v.distance(outline[0])).fold(0.0, f64::max);
     for k in 0..n {

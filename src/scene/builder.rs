@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 
 use super::cut_out::{CutOut, Refused, cut_out};
+use super::misses::Misses;
 use super::split::{Outline, split};
 use super::{
     Corners, Face, MAX_CORNERS, MAX_FACES, Material, MaterialId, Scene, SceneError, Surface, SurfaceId, Written,
@@ -20,6 +21,7 @@ const BENT: f64 = 1e-3;
 pub(super) struct Builder {
     file: PathBuf,
     scene: Scene,
+    misses: Misses,
     vertex_of_position: HashMap<[u64; 3], u32>,
     line_of_outline: HashMap<Vec<u32>, u32>,
 }
@@ -41,6 +43,7 @@ impl Builder {
         Self {
             file: file.to_owned(),
             scene: Scene::default(),
+            misses: Misses::default(),
             vertex_of_position: HashMap::new(),
             line_of_outline: HashMap::new(),
         }
@@ -79,6 +82,9 @@ impl Builder {
         let mut corners = corners.to_vec();
         without_repeats(&mut corners);
         self.below(corners.len().saturating_sub(1), MAX_CORNERS, "corners in one face")?;
+        if let Some(written) = &self.scene.written {
+            self.misses.see(&corners, written);
+        }
         let faces = match split(&corners) {
             Outline::ZeroArea => return Ok(Added::ZeroArea),
             Outline::SelfIntersecting => {
@@ -122,6 +128,7 @@ impl Builder {
         let Self {
             file,
             mut scene,
+            misses,
             vertex_of_position,
             line_of_outline,
         } = self;
@@ -162,6 +169,11 @@ impl Builder {
                 materials.push(scene.materials[face.material.0 as usize].clone());
                 id
             });
+        }
+        // Where the digits show it there is nothing to look for.
+        if let Some(mut written) = scene.written.filter(|written| !written.shows_rounding()) {
+            written.misses = misses.show_rounding(&scene, &written);
+            scene.written = Some(written);
         }
         scene.surfaces = surfaces;
         scene.materials = materials;

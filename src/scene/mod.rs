@@ -23,6 +23,7 @@ pub mod frames;
 pub(crate) mod hash;
 mod lighting;
 mod lines;
+mod misses;
 mod motion;
 mod mtl;
 mod obj;

@@ -99,7 +99,7 @@ pub const DEFAULT_REFLECTANCE: f64 = 0.5;
 ///   surfaces, calls and unknown statements are skipped, with a warning of each kind.
 /// - A library that is not where `mtllib` says is looked for by its file name beside the scene file, whatever its case, with a warning.
 ///
-/// Accuracy: coordinates, reflectance and exitance are the nearest f64 to the text.
+/// Accuracy: coordinates, reflectance and exitance are the nearest f64 to the text. How far the text may be off what was meant, by its digits, is in [`Scene::written`], and is part of the errors of form factors.
 ///
 /// # Errors
 /// [`SceneError`], with file, line and remedy: files that cannot be read, coordinates or indices that are none, faces with fewer than three

@@ -135,7 +135,10 @@ struct Scan<'a> {
 pub(super) fn scan(text: &str, file: &Path) -> Result<ObjIndex, SceneError> {
     let mut scan = Scan {
         file,
-        index: ObjIndex::default(),
+        index: ObjIndex {
+            written: Written::new(),
+            ..ObjIndex::default()
+        },
         n_vertices: 0,
         group: None,
         group_of_name: HashMap::new(),

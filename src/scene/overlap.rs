@@ -219,7 +219,7 @@ mod tests {
     /// Upright faces of a scene, shifted far and written with some places after the point.
     fn written(faces: &[&[[f64; 3]]], shift: DVec3, places: usize) -> Scene {
         let mut scene = scene(faces);
-        let mut written = Written::default();
+        let mut written = Written::new();
         let turn = DQuat::from_rotation_z(0.3);
         for (v, corner) in scene.vertices.iter_mut().zip(faces.iter().copied().flatten()) {
             let text = (turn * DVec3::from_array(*corner) + shift)
@@ -327,7 +327,7 @@ mod tests {
         let sign = rectangle([10.0, 10.2], [1.0, 1.1], 0.0);
         let wall = rectangle([0.0, 50.0], [0.0, 3.0], 0.0);
         let mut slanted = scene(&[&wall, &sign]);
-        let mut digits = Written::default();
+        let mut digits = Written::new();
         for v in &mut slanted.vertices {
             let text = v.to_array().map(|x| format!("{x:.6}"));
             for token in &text {

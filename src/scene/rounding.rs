@@ -38,6 +38,16 @@ impl Scene {
         })
     }
 
+    /// Returns how the coordinates are written if they were rounded ([`Written::shows_rounding`]): each may then be off by half of its [unit](Written::unit).
+    ///
+    /// Half a unit of no more than the rounding of f64 is none.
+    pub(crate) fn rounded(&self) -> Option<Written> {
+        let written = self.written.filter(Written::shows_rounding)?;
+        let is_known = |x: f64| written.unit(x.abs()) <= 4.0 * f64::EPSILON * x.abs();
+        let mut coordinates = self.vertices.iter().flat_map(DVec3::to_array);
+        (!coordinates.all(|x| x.abs() <= 0.0 || is_known(x))).then_some(written)
+    }
+
     /// Returns by how much a coordinate may have been rounded, in m.
     fn rounding(&self) -> f64 {
         let Some(written) = self.written.filter(|written| written.is_rounded(LEAST_DIGITS)) else {
@@ -54,20 +64,9 @@ impl Scene {
         if self.face_ids().all(is_along_axis) {
             return 0.0;
         }
-        let coordinates = || self.vertices.iter().flat_map(glam::DVec3::to_array);
-        let greatest = coordinates().fold(0.0_f64, |greatest, x| greatest.max(x.abs()));
-        let of_digits = 0.5 * written.unit(greatest);
-        #[expect(
-            clippy::cast_possible_truncation,
-            reason = "it is asked whether numbers come from f32"
-        )]
-        let single = |x: f64| x as f32;
-        let come_from_f32 = coordinates().all(|x| (f64::from(single(x)) - x).abs() <= of_digits * (1.0 + 1e-6));
-        if come_from_f32 {
-            of_digits.max(0.5 * f64::from(single(greatest).next_up() - single(greatest)))
-        } else {
-            of_digits
-        }
+        let coordinates = self.vertices.iter().flat_map(glam::DVec3::to_array);
+        let greatest = coordinates.fold(0.0_f64, |greatest, x| greatest.max(x.abs()));
+        0.5 * written.unit(greatest)
     }
 }
 
@@ -76,7 +75,7 @@ impl Scene {
 /// Of a coordinate whose last digits are zeros fewer are needed, but hardly of all in a scene that is turned out of the axes.
 pub(crate) fn slack_of<'a>(faces: impl Iterator<Item = &'a [DVec3]>) -> f64 {
     let mut scene = Scene::default();
-    let mut written = Written::default();
+    let mut written = Written::new();
     for corners in faces {
         let first = u32::try_from(scene.vertices.len()).unwrap_or(u32::MAX);
         let corner = |k: u32| first.saturating_add(k);

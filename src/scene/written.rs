@@ -1,53 +1,212 @@
 //! How finely the coordinates of a file are written.
 
+use std::cmp::Ordering;
+use std::fmt;
+
+/// Numbers whose digits need an f32 to explain them weigh so many bits together, in hundredths, before a file counts as written from f32.
+const SINGLE_BITS: u32 = 400;
+
+/// Places after the point that people and surveys write: multiples of 1/8 need no f32 to explain them.
+const SHORT_PLACES: i32 = 3;
+
 /// What the digits of a file's coordinates tell about their rounding.
 ///
-/// Programs write either so many places after the point, or so many digits in all; both leave trailing zeros out at times, so that the longest number counts.
+/// Programs write either so many places after the point (`%.3f`), or so many digits in all (`%.6g`, `%e`), and some leave trailing zeros out. Zeros after the point, or else the counts of the
+/// numbers that have the most of either, tell which; exponents without such zeros are those of a number of digits. Numbers that are all near an f32, with more digits than that needs, come from f32.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Written {
-    /// The most places after the point; negative for whole tens.
-    places: Option<i32>,
-    /// The most digits in all.
-    digits: i32,
+    /// The most places after the point, negative for whole tens, and how many numbers have them.
+    places: Option<(i32, u32)>,
+    /// The most digits in all, and how many numbers with places or an exponent have them.
+    digits: (i32, u32),
+    /// The most digits of such a number without the zeros at its end.
+    needed: i32,
     /// True if a number without an exponent ends in a zero after its point: its places were counted, not its digits.
     by_places: bool,
+    /// True if a number has an exponent.
+    has_exponent: bool,
+    /// What speaks for f32, in hundredths of a bit; `None` if a number is no f32.
+    single: Option<u32>,
+    /// True if faces or vertices miss each other by no more than rounding explains.
+    pub(super) misses: bool,
 }
 
 impl Written {
+    /// The digits of a fractional number from which on it was rounded: 0.25 is a quarter, 0.333333 a third.
+    const LEAST_DIGITS: i32 = 6;
+
+    /// Returns what is known before any number.
+    pub(super) fn new() -> Self {
+        Self {
+            single: Some(0),
+            ..Self::default()
+        }
+    }
+
     /// Takes note of a decimal number that is valid.
     pub(super) fn see(&mut self, token: &str) {
         let (number, exponent) = token.split_once(['e', 'E']).unwrap_or((token, ""));
         let (whole, fraction) = number.split_once('.').unwrap_or((number, ""));
         let length = |text: &str| i32::try_from(text.len()).unwrap_or(i32::MAX);
-        let places = length(fraction).saturating_sub(exponent.parse().unwrap_or(0));
-        self.places = Some(self.places.map_or(places, |most| most.max(places)));
+        let power = exponent.parse().unwrap_or(0);
+        let places = length(fraction).saturating_sub(power);
+        let of_places = self.places.get_or_insert((places, 0));
+        count(of_places, places);
         let whole = whole.trim_start_matches(['+', '-', '0']);
-        let leading = if whole.is_empty() {
+        let is_below_one = whole.is_empty();
+        let leading = if is_below_one {
             fraction.trim_start_matches('0')
         } else {
             fraction
         };
-        self.digits = self.digits.max(length(whole).saturating_add(length(leading)));
+        let digits = length(whole).saturating_add(length(leading));
+        self.has_exponent |= !exponent.is_empty();
         self.by_places |= exponent.is_empty() && fraction.ends_with('0');
+        let short = leading.trim_end_matches('0');
+        let needed = if short.is_empty() && !exponent.is_empty() {
+            length(whole.trim_end_matches('0'))
+        } else if short.is_empty() {
+            0
+        } else {
+            length(whole).saturating_add(length(short))
+        };
+        self.needed = self.needed.max(needed);
+        if fraction.is_empty() && exponent.is_empty() {
+            self.digits.0 = self.digits.0.max(digits);
+        } else {
+            count(&mut self.digits, digits);
+        }
+        if let (Some(bits), Ok(value)) = (self.single, token.parse::<f64>()) {
+            let short_places = length(fraction.trim_end_matches('0')).saturating_sub(power);
+            self.single = single_bits(value, places, short_places).map(|more| bits.saturating_add(more));
+        }
+    }
+
+    /// Tells whether the coordinates were rounded: some need [`LEAST_DIGITS`](Self::LEAST_DIGITS), or the mesh misses itself by what rounding explains. Whole numbers and short decimals are what is meant.
+    #[must_use]
+    pub fn shows_rounding(&self) -> bool {
+        self.needed >= Self::LEAST_DIGITS || self.misses
     }
 
     /// Tells whether numbers look rounded: with places after the point, and at least so many digits.
     pub(super) fn is_rounded(&self, least_digits: i32) -> bool {
-        self.digits >= least_digits && self.places > Some(0)
+        self.digits.0 >= least_digits && self.places.is_some_and(|places| places.0 > 0)
     }
 
-    /// Returns one unit in the last place of coordinates of a magnitude: twice what one may be off by rounding. 0 if none was seen.
+    /// Returns one unit in the last place of a coordinate of a magnitude: twice what it may be off by rounding. 0 if none was seen.
+    ///
+    /// 10^−p with p the most places after the point, or 10^(⌊log10 |x|⌋ + 1 − d) with d the most digits in all, by what the file counts; no less than the step of f32 at x, 24 bits, where the numbers come
+    /// from f32. Where nothing tells which of both is counted, the larger one.
     #[must_use]
     pub fn unit(&self, magnitude: f64) -> f64 {
-        let Some(places) = self.places else {
+        let Some((places, _)) = self.places else {
             return 0.0;
         };
         let by_places = 10_f64.powi(places.saturating_neg());
-        if self.by_places || magnitude <= 0.0 {
-            return by_places;
+        let by_digits = if magnitude > 0.0 {
+            10_f64.powf(magnitude.log10().floor() + 1.0 - f64::from(self.digits.0))
+        } else {
+            0.0
+        };
+        let unit = match self.counts() {
+            Counts::Places => by_places,
+            Counts::Digits | Counts::Either if magnitude <= 0.0 => by_places,
+            Counts::Digits => by_digits,
+            Counts::Either => by_places.max(by_digits),
+        };
+        if self.is_single() {
+            unit.max(step_of_single(magnitude))
+        } else {
+            unit
         }
-        by_places.max(10_f64.powf(magnitude.log10().floor() + 1.0 - f64::from(self.digits)))
     }
+
+    /// Tells whether the numbers come from f32.
+    fn is_single(&self) -> bool {
+        self.single.is_some_and(|bits| bits >= SINGLE_BITS)
+    }
+
+    /// Returns what the file counts.
+    fn counts(&self) -> Counts {
+        let n_with_places = self.places.map_or(0, |places| places.1);
+        if self.by_places {
+            Counts::Places
+        } else if self.has_exponent {
+            Counts::Digits
+        } else {
+            match n_with_places.cmp(&self.digits.1) {
+                Ordering::Greater => Counts::Places,
+                Ordering::Equal => Counts::Either,
+                Ordering::Less => Counts::Digits,
+            }
+        }
+    }
+}
+
+impl fmt::Display for Written {
+    /// Writes how the coordinates are rounded: "to 6 digits", "to 2 decimals", "to f32".
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let places = self.places.map_or(0, |places| places.0);
+        match self.counts() {
+            _ if self.is_single() => write!(f, "to f32"),
+            Counts::Places if places > 0 => write!(f, "to {places} decimals"),
+            Counts::Places => write!(f, "to whole numbers"),
+            Counts::Digits | Counts::Either => write!(f, "to {} digits", self.digits.0),
+        }
+    }
+}
+
+/// What a file has the same number of in all its coordinates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Counts {
+    /// Places after the point.
+    Places,
+    /// Digits in all.
+    Digits,
+    /// One of both.
+    Either,
+}
+
+/// Counts a number among those that have the most.
+fn count(most: &mut (i32, u32), of_number: i32) {
+    if of_number > most.0 {
+        *most = (of_number, 1);
+    } else if of_number == most.0 {
+        most.1 = most.1.saturating_add(1);
+    }
+}
+
+/// Returns the distance of an f32 of a magnitude from the next.
+fn step_of_single(magnitude: f64) -> f64 {
+    let single = nearest_single(magnitude).abs();
+    f64::from(single.next_up()) - f64::from(single)
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "it is asked whether numbers come from f32"
+)]
+fn nearest_single(x: f64) -> f32 {
+    x as f32
+}
+
+/// Returns how much a number that is written with so many places speaks for f32, in hundredths of a bit: the logarithm of how many such numbers there are for each f32. `None` if it is no f32.
+fn single_bits(value: f64, places: i32, short_places: i32) -> Option<u32> {
+    let own = 10_f64.powi(places.saturating_neg());
+    let off = (f64::from(nearest_single(value)) - value).abs();
+    if off > 0.5 * own * (1.0 + 1e-6) {
+        return None;
+    }
+    if short_places <= SHORT_PLACES || own <= 0.0 {
+        return Some(0);
+    }
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "clamped to a small range"
+    )]
+    let bits = (100.0 * (step_of_single(value.abs()) / own).log2()).clamp(0.0, 1e6) as u32;
+    Some(bits)
 }
 
 #[cfg(test)]
@@ -71,22 +230,85 @@ mod tests {
             ("whole", &["5", "-12", "0"], 12.0, 1.0),
             ("tens", &["1.2e4"], 12000.0, 1e3),
             ("nothing", &[], 1.0, 0.0),
+            // A map with six digits: each axis has a unit of its own.
+            ("northing", &["461256", "5.30115e+06", "512"], 5.30115e6, 10.0),
+            ("easting", &["461256", "5.30115e+06", "512"], 461_256.0, 1.0),
+            ("height", &["461256", "5.30115e+06", "512"], 512.0, 1e-3),
+            ("%.7g", &["461256.3", "5301152", "12.34567", "512.25"], 5_301_152.0, 1.0),
+            (
+                "places, though a northing is whole",
+                &["461256.5", "5301152", "512.5", "12.5"],
+                5_301_152.0,
+                0.1,
+            ),
+            ("Python's round", &["1e-06", "3.0", "12.345678"], 0.5, 1e-6),
+            ("f32, nine digits", &["0.333333343", "0.5"], 0.333, 2.0_f64.powi(-25)),
+            (
+                "f32, as short as can be",
+                &[
+                    "2.2687285",
+                    "3.6948674",
+                    "3.5275493",
+                    "2.510138",
+                    "2.9908702",
+                    "0.1",
+                    "0.33333334",
+                ],
+                2.6,
+                2.0_f64.powi(-22),
+            ),
+            (
+                "f32 in f64, Python",
+                &["0.30000001192092896", "-4.371138828673793e-08", "2.0"],
+                2.0,
+                2.0_f64.powi(-22),
+            ),
+            ("eighths are no f32", &["100000.125", "200001.25"], 2e5, 1e-3),
         ] {
-            let mut written = Written::default();
+            let mut written = Written::new();
             for token in tokens {
                 written.see(token);
             }
             let unit = written.unit(magnitude);
             assert!((unit - expected).abs() <= 1e-12 * expected, "{name}: {unit:e}");
+            let told = written.to_string();
+            let is_right = match name {
+                "%.3f" => told == "to 3 decimals",
+                "northing" => told == "to 6 digits",
+                "f32, nine digits" => told == "to f32",
+                "whole" => told == "to whole numbers" || told == "to 2 digits",
+                _ => true,
+            };
+            assert!(is_right, "{name}: {told}");
         }
     }
 
     #[test]
     fn absurd_exponents_do_no_harm() {
-        let mut written = Written::default();
+        let mut written = Written::new();
         for token in ["0e99999999999", "1e-400", "0e2147483647", "0e-2147483648"] {
             written.see(token);
             assert!(written.unit(1.0).is_finite());
+        }
+    }
+
+    #[test]
+    fn short_decimals_and_whole_numbers_are_meant() {
+        for (tokens, expected) in [
+            (&["0.25", "3.125", "-1000"] as &[_], false),
+            (&["461256", "5301152", "512.5"], false),
+            (&["1.000000", "0.500000", "-3.100000"], false),
+            (&["0.333333"], true),
+            (&["12.3456", "1"], true),
+            (&["5.30115e+06", "512"], true),
+            (&["1e-05", "1.5e3"], false),
+            (&["1.000000e+00", "2.500000e-01"], false),
+        ] {
+            let mut written = Written::new();
+            for token in tokens {
+                written.see(token);
+            }
+            assert_eq!(written.shows_rounding(), expected, "{tokens:?}");
         }
     }
 }

@@ -166,10 +166,41 @@ pub(crate) fn names() -> impl Iterator<Item = &'static str> {
 
 /// Returns a scene as it comes back from a file with so many decimals.
 pub(crate) fn with_decimals(places: usize, scene: &Scene) -> Scene {
+    let loaded = written_as(|x| format!("{x:.places$}"), scene);
+    assert_eq!(loaded.faces.len(), scene.faces.len());
+    loaded
+}
+
+/// Returns a number as `%.6g` writes it, with so many digits.
+pub(crate) fn with_digits(digits: usize, x: f64) -> String {
+    let long = format!("{x:.*e}", digits - 1);
+    let (mantissa, exponent) = long.split_once('e').expect("an exponent");
+    let exponent: i32 = exponent.parse().expect("a number");
+    let n = i32::try_from(digits).expect("few digits");
+    let trimmed = |text: &str| {
+        let is_fraction = text.contains('.');
+        let short = if is_fraction {
+            text.trim_end_matches('0').trim_end_matches('.')
+        } else {
+            text
+        };
+        short.to_owned()
+    };
+    if (-4..n).contains(&exponent) {
+        let places = usize::try_from(n - 1 - exponent).expect("no less than none");
+        trimmed(&format!("{x:.places$}"))
+    } else {
+        let sign = if exponent < 0 { '-' } else { '+' };
+        format!("{}e{sign}{:02}", trimmed(mantissa), exponent.abs())
+    }
+}
+
+/// Returns a scene as a file has it whose coordinates are written by `number`; surface k is face k.
+pub(crate) fn written_as(number: impl Fn(f64) -> String, scene: &Scene) -> Scene {
     let vertices = scene
         .vertices
         .iter()
-        .map(|v| format!("v {:.places$} {:.places$} {:.places$}\n", v.x, v.y, v.z));
+        .map(|v| format!("v {} {} {}\n", number(v.x), number(v.y), number(v.z)));
     let faces = scene.faces.iter().enumerate().map(|(k, face)| {
         let corners: Vec<String> = face.corners.as_slice().iter().map(|&v| (v + 1).to_string()).collect();
         format!("o face{k}\nf {}\n", corners.join(" "))
@@ -177,9 +208,7 @@ pub(crate) fn with_decimals(places: usize, scene: &Scene) -> Scene {
     let directory = tempfile::tempdir().expect("a directory");
     let path = directory.path().join("scene.obj");
     std::fs::write(&path, vertices.chain(faces).collect::<String>()).expect("a file");
-    let loaded = radiosity::scene::load(&path).expect("a scene").scene;
-    assert_eq!(loaded.faces.len(), scene.faces.len());
-    loaded
+    radiosity::scene::load(&path).expect("a scene").scene
 }
 
 /// A scene with everything that methods need of it.

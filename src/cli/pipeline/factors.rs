@@ -21,6 +21,7 @@ use crate::form_factor::{
 };
 use crate::matrix::{BalanceReport, Checks, Closed, FormFactors, Weighting};
 use crate::printable::counted;
+use crate::scene::Scene;
 use crate::visibility::blockers::BlockerIndex;
 
 /// Form factors with what was found out about them.
@@ -144,18 +145,6 @@ fn code(tolerance_met: bool, pairs: Option<PairCounts>) -> ExitCode {
     }
 }
 
-/// Says what rounded corners leave open above the tolerance, and what helps, if they do.
-pub(in crate::cli) fn doubted_pairs(pairs: PairCounts) -> Option<String> {
-    (pairs.n_above_by_rounding > 0).then(|| {
-        format!(
-            "the form factors of {} of patches are in doubt above the tolerance, by up to {:.1e}, as coordinates are rounded (or quads bent), and more work does not help; \
-             give coordinates with more digits or nearer to the origin",
-            counted_pairs(pairs.n_above_by_rounding),
-            pairs.rounding_error_max
-        )
-    })
-}
-
 /// Returns the fraction of the light of each patch that black backs take: as its rays tell, nothing in a closed row, and else what is missing from the row and has not escaped.
 fn taken_by_backs(factors: &FormFactors, sky: &[Option<f64>], closed_rows: &[bool]) -> Option<Vec<f64>> {
     let of_row = |i: usize| {
@@ -244,7 +233,7 @@ impl Run {
         if of_pairs > 0 || result.factors.tallies().iter().any(|tally| tally.n_rays > 0) {
             self.warn_of_narrow_gaps(prepared);
         }
-        self.warn_above_tolerance(&result, fineness);
+        self.warn_above_tolerance(&prepared.scene, &result, fineness);
         let promised = Promised {
             reciprocity: method.reciprocity(),
             errors_known: true,
@@ -294,7 +283,7 @@ impl Run {
     }
 
     /// Warns of pairs above the tolerance, by what makes them so.
-    fn warn_above_tolerance(&self, result: &form_factor::Computed, fineness: Fineness) {
+    fn warn_above_tolerance(&self, scene: &Scene, result: &form_factor::Computed, fineness: Fineness) {
         let Some(pairs) = result.pairs else {
             return;
         };
@@ -306,7 +295,7 @@ impl Run {
                 fineness.tolerance_flag
             ));
         }
-        if let Some(rounded) = doubted_pairs(pairs) {
+        if let Some(rounded) = pairs.doubted(scene) {
             self.warn(&format!("{rounded}, or a greater {}", fineness.tolerance_flag));
         }
     }

@@ -7,6 +7,7 @@
 
 mod tables;
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::ops::Range;
 use std::time::Instant;
@@ -19,11 +20,12 @@ use super::faces::FaceTree;
 use super::lattice::Lattice;
 use super::patches::{Patches, ROW_RUN, Run};
 use super::split::Split;
-use super::stated::Stated;
+use super::stated::{Seen, Stated};
 use crate::form_factor::journal::Journal;
 use crate::form_factor::kept::{self, Part, Piece};
 use crate::form_factor::pairs::{Exchange, Facing};
 use crate::form_factor::partial::Whole;
+use crate::form_factor::rounded::Rounded;
 use crate::form_factor::sight::whole_where_grazing;
 use crate::form_factor::{Before, Input, PairCounts};
 use crate::geometry::polygon_form_factor::exchange_area;
@@ -76,6 +78,8 @@ pub(super) struct Batches<'a> {
     pub(super) facing: Facing,
     tree: FaceTree,
     pub(super) index: Option<BlockerIndex>,
+    /// The patches of a file whose coordinates are rounded.
+    pub(super) rounded: Option<Rounded>,
     /// What is known from before a change.
     pub(super) before: Option<Before<'a>>,
     /// The faces of the scene, in the order of `patches.faces`.
@@ -125,6 +129,7 @@ impl<'a> Batches<'a> {
                 .map(|face| Lattice::find(&patches.corners, face.range()))
                 .collect(),
             index,
+            rounded: Rounded::new(input),
             before,
             face_ids: input
                 .mesh
@@ -288,7 +293,7 @@ impl Batches<'_> {
     }
 
     /// Finds what stands between two polygons, `among` some blockers or all.
-    fn between(&self, p: &[DVec3], q: &[DVec3], among: Option<&[BlockerId]>) -> Between {
+    pub(super) fn between(&self, p: &[DVec3], q: &[DVec3], among: Option<&[BlockerId]>) -> Between {
         let Some(index) = &self.index else {
             return Between::certain(PairVisibility::Full);
         };
@@ -416,7 +421,8 @@ impl Batches<'_> {
         blockers: &[BlockerId],
         method: &ExactMethod,
     ) -> Stated {
-        let ends = [pair.i, pair.j].map(|k| self.patches.corners[k].as_slice());
+        let flat = [pair.i, pair.j].map(|k| self.patches.flat_corners(k));
+        let ends = flat.each_ref().map(|corners| corners.as_ref());
         let meeting = index.meeting(ends[0], ends[1]);
         let [p, q] = meeting
             .as_ref()
@@ -434,17 +440,24 @@ impl Batches<'_> {
             progress: self.progress,
         };
         // Where rounding is to be added there has to be room for it, so that no pair is above the tolerance by its integral's share; where that alone is above it, room would not help.
-        let rounding = self.rounding([pair.i, pair.j], touched, most.area);
+        let seen = |exchange: f64| Seen {
+            exchange,
+            visible: if most.area > 0.0 { exchange / most.area } else { 1.0 },
+            touched,
+            occluders: blockers,
+        };
+        let rounding = self.rounding([pair.i, pair.j], seen(most.area));
         let clipping = ROUNDING * most.area;
         let room = if rounding < goal { rounding } else { 0.0 } + clipping;
         let room = room.min(0.5 * goal);
-        let whole = if meeting.is_some() {
-            Whole::of(p, q, 1e-3 * goal)
-        } else {
+        let is_as_written = meeting.is_none() && flat.iter().all(|corners| matches!(corners, Cow::Borrowed(_)));
+        let whole = if is_as_written {
             Whole {
                 area: most.area,
                 error: most.error,
             }
+        } else {
+            Whole::of(p, q, 1e-3 * goal)
         };
         let found = split.exchange_area(p, q, blockers, goal - room, whole);
         // What rounding leaves of a pair that is hidden after all would make a row of noise.
@@ -471,7 +484,7 @@ impl Batches<'_> {
             } else {
                 goal
             };
-        self.stated([pair.i, pair.j], touched, exchange, reached)
+        self.stated([pair.i, pair.j], seen(exchange.area), exchange, reached)
     }
 }
 
@@ -484,7 +497,12 @@ impl Batches<'_> {
             error: half + most.error,
         };
         let ends = [pair.i, pair.j];
-        self.stated(ends, pair.touched, exchange, exchange.error <= self.goal(ends))
+        self.stated(
+            ends,
+            Seen::whole(most.area, pair.touched),
+            exchange,
+            exchange.error <= self.goal(ends),
+        )
     }
 }
 
@@ -580,7 +598,8 @@ impl Walk<'_> {
             .table
             .map_or_else(|| self.batches.kernel(i, j), |table| table.get(i, j));
         let integrated = exchange.error <= self.batches.goal([i, j]);
-        let stated = self.batches.stated([i, j], touched, exchange, integrated);
+        let seen = Seen::whole(exchange.area, touched);
+        let stated = self.batches.stated([i, j], seen, exchange, integrated);
         self.batches.count([i, j], stated, &mut self.strip.counts);
         self.push(i, j, stated.exchange);
     }

@@ -1,5 +1,6 @@
 //! The patches of a mesh, face by face, in nested runs with the convex hull of each.
 
+use std::borrow::Cow;
 use std::ops::Range;
 
 use glam::{DVec2, DVec3};
@@ -88,6 +89,17 @@ impl Patches {
     pub(super) fn border(&self, patch: usize) -> f64 {
         let prepared = &self.prepared[patch];
         self.bent[patch] * prepared.perimeter() / prepared.area()
+    }
+
+    /// Returns the corners of a patch, those of a bent one in its mean plane: integrals put points there, and no tolerance is met where corners are elsewhere.
+    pub(super) fn flat_corners(&self, patch: usize) -> Cow<'_, [DVec3]> {
+        let corners = &self.corners[patch];
+        if self.bent[patch] <= 0.0 {
+            return Cow::Borrowed(corners);
+        }
+        let normal = self.prepared[patch].normal();
+        let middle = corners.iter().sum::<DVec3>() / corners.len() as f64;
+        corners.iter().map(|&v| v - normal.dot(v - middle) * normal).collect()
     }
 
     /// Returns the number of patches.

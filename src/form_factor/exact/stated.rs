@@ -6,10 +6,41 @@ use super::batch::Batches;
 use crate::form_factor::PairCounts;
 use crate::form_factor::journal::Record;
 use crate::form_factor::pairs::Exchange;
-use crate::visibility::blockers::BlockerIndex;
+use crate::visibility::blockers::{BlockerId, BlockerIndex, PairVisibility};
 
 /// Errors that were stored in f32 are off by less than this part.
 const STORED: f64 = 1e-6;
+
+/// What rounding adds is not looked at any closer where it is below this part of the tolerance.
+const NEGLIGIBLE: f64 = 1e-3;
+
+/// What rounded corners reach in between patches that they were meant to touch, in units of the slack for which that is left out: the standard deviation of their heights.
+const REACH: f64 = 0.25;
+
+/// What two patches see of each other, as far as rounding has to do with it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Seen<'a> {
+    /// A_i F_ij, m².
+    pub(super) exchange: f64,
+    /// The part that it is of the exchange area without occluders.
+    pub(super) visible: f64,
+    /// True if something was left out between the two that reaches in between by no more than rounding explains.
+    pub(super) touched: bool,
+    /// What stands between them.
+    pub(super) occluders: &'a [BlockerId],
+}
+
+impl Seen<'_> {
+    /// Returns a view that nothing stands in.
+    pub(super) fn whole(exchange: f64, touched: bool) -> Self {
+        Self {
+            exchange,
+            visible: 1.0,
+            touched,
+            occluders: &[],
+        }
+    }
+}
 
 /// An exchange area with all of its error.
 #[derive(Clone, Copy, Debug)]
@@ -53,8 +84,8 @@ impl Batches<'_> {
     }
 
     /// Returns an exchange area, its error with what comes of rounded corners; `integrated` tells whether it is within the tolerance without.
-    pub(super) fn stated(&self, pair: [usize; 2], touched: bool, exchange: Exchange, integrated: bool) -> Stated {
-        let rounding = self.rounding(pair, touched, exchange.area);
+    pub(super) fn stated(&self, pair: [usize; 2], seen: Seen<'_>, exchange: Exchange, integrated: bool) -> Stated {
+        let rounding = self.rounding(pair, seen);
         Stated {
             exchange: Exchange {
                 error: exchange.error + rounding,
@@ -69,8 +100,11 @@ impl Batches<'_> {
     pub(super) fn count(&self, pair: [usize; 2], stated: Stated, counts: &mut PairCounts) {
         let goal = self.goal(pair);
         counts.n_above_tolerance += u64::from(!stated.integrated);
-        // Without rounding, an ulp beyond the tolerance is that of a sum.
-        if stated.rounding > 0.0 && stated.exchange.error > goal && (stated.integrated || stated.rounding > goal) {
+        // An ulp beyond the tolerance is that of a sum.
+        if stated.rounding > 0.0
+            && stated.exchange.error > goal * (1.0 + STORED)
+            && (stated.integrated || stated.rounding > goal)
+        {
             self.count_rounding(pair, stated.rounding, counts);
         }
     }
@@ -86,7 +120,16 @@ impl Batches<'_> {
         if kept.error <= goal * (1.0 + STORED) {
             return;
         }
-        let rounding = self.rounding(pair, true, kept.area);
+        let [p, q] = pair.map(|k| self.patches.corners[k].as_slice());
+        let occluders = match self.between(p, q, None).visibility {
+            PairVisibility::Partial(occluders) => occluders,
+            PairVisibility::Full | PairVisibility::None => Vec::new(),
+        };
+        let seen = Seen {
+            occluders: &occluders,
+            ..Seen::whole(kept.area, true)
+        };
+        let rounding = self.rounding(pair, seen);
         if kept.error <= (goal + rounding) * (1.0 + STORED) {
             self.count_rounding(pair, rounding.min(kept.error), counts);
         } else {
@@ -99,18 +142,40 @@ impl Batches<'_> {
         counts.rounding_error_max = counts.rounding_error_max.max(rounding / self.smaller_area(pair));
     }
 
-    /// Returns what rounded corners add to the error of an exchange area, m²: those off their patches' planes, and, if something was left out between the two that reaches in between
-    /// by no more than that, the border of both that this may hide.
-    pub(super) fn rounding(&self, pair: [usize; 2], touched: bool, exchange: f64) -> f64 {
-        let slack = self.index.as_ref().filter(|_| touched).map_or(0.0, BlockerIndex::slack);
+    /// Returns what rounded corners add to the error of an exchange area, m²: by how corners and occluders move ([`Rounded::error`](crate::form_factor::rounded::Rounded::error)), no less than the border of corners
+    /// off their patches' planes; and, if something was left out between the two that reaches in between by no more than that, the border of both that this may hide.
+    pub(super) fn rounding(&self, pair: [usize; 2], seen: Seen<'_>) -> f64 {
+        let slack = self
+            .index
+            .as_ref()
+            .filter(|_| seen.touched)
+            .map_or(0.0, BlockerIndex::slack);
+        // What is left out was meant to touch, and reaches in by what rounding does to it, hardly ever by all that it is left out for.
+        let slack = if self.rounded.is_some() { REACH * slack } else { slack };
         let [i, j] = pair;
-        let bent = self.patches.border(i) + self.patches.border(j);
+        let bent = (self.patches.border(i) + self.patches.border(j)) * seen.exchange;
         let hidden = if slack > 0.0 {
-            (self.hidden_border(pair, slack, exchange) + self.hidden_border([j, i], slack, exchange)).min(exchange)
+            let of_both =
+                self.hidden_border(pair, slack, seen.exchange) + self.hidden_border([j, i], slack, seen.exchange);
+            of_both.min(seen.exchange)
         } else {
             0.0
         };
-        bent * exchange + hidden
+        bent.max(self.moved(pair, seen)) + hidden
+    }
+
+    /// Returns what the moves of corners that are rounded in the file add.
+    fn moved(&self, pair: [usize; 2], seen: Seen<'_>) -> f64 {
+        let Some(rounded) = &self.rounded else {
+            return 0.0;
+        };
+        let rough = rounded.rough(pair, seen.exchange, seen.occluders.len());
+        if rough <= NEGLIGIBLE * self.goal(pair) {
+            return rough;
+        }
+        let index = self.index.iter();
+        let occluders = index.flat_map(|index| seen.occluders.iter().map(|&id| index.corners(id)));
+        rounded.error(pair, seen.exchange, seen.visible, occluders)
     }
 
     /// Returns what of an exchange area the border of patch i may lose, m², if what stands on its plane hides light that passes within `slack` of it.

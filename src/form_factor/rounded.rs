@@ -1,0 +1,461 @@
+//! What rounded coordinates leave open of exchange areas and form factors: one place for all methods.
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+
+use super::{Input, sampled};
+use crate::geometry::clip::clip_to_half_space;
+use crate::geometry::point_form_factor::point_form_factor_vector;
+use crate::geometry::polygon;
+use crate::geometry::polygon_form_factor::{PreparedPolygon, Tolerance, exchange_area};
+use crate::matrix::Entry;
+use crate::mesh::{Mesh, PatchId, mean_value_weights};
+use crate::scene::{Scene, Written};
+use crate::visibility::blockers::{BlockerId, BlockerIndex, PairVisibility};
+use crate::visibility::shaft::Shaft;
+
+/// So many standard deviations are stated, as far as all coordinates off by half a unit the worst way do not make less.
+const DEVIATIONS: f64 = 3.0;
+
+/// From this many sums of radii on, another patch is a point.
+const FAR: f64 = 5.0;
+
+/// Points on an edge lie this part of the way to the middle inside of it: fields have no direction on an edge that two patches share.
+const INSIDE: f64 = 1e-3;
+
+/// Three points of Gauss's rule on \[0, 1\], and their weights.
+const RULE: [(f64, f64); 3] = [
+    (0.112_701_665_379_258_3, 5.0 / 18.0),
+    (0.5, 4.0 / 9.0),
+    (0.887_298_334_620_741_7, 5.0 / 18.0),
+];
+
+/// A vertex of the scene and how far each of its coordinates may be off, in m.
+#[derive(Clone, Copy, Debug)]
+struct Vertex {
+    position: DVec3,
+    half: DVec3,
+}
+
+impl Vertex {
+    fn new(position: DVec3, written: &Written) -> Self {
+        let half = position.to_array().map(|x| 0.5 * written.unit(x.abs()));
+        Self {
+            position,
+            half: DVec3::from_array(half),
+        }
+    }
+}
+
+/// A patch and the vertices of its face, which its corners move with.
+#[derive(Clone, Debug)]
+struct End {
+    corners: Vec<DVec3>,
+    normal: DVec3,
+    middle: DVec3,
+    radius: f64,
+    area: f64,
+    perimeter: f64,
+    vertices: Vec<Vertex>,
+    /// The greatest distance by which a vertex may be off, in m.
+    off: f64,
+    /// What part of the way of each vertex a corner goes.
+    shares: Vec<[f64; 4]>,
+}
+
+impl End {
+    fn new(scene: &Scene, mesh: &Mesh, patch: PatchId, written: &Written) -> Self {
+        let corners = mesh.polygon(patch);
+        let own = &mesh.patches[patch.0 as usize];
+        let outline = scene.polygon(own.face);
+        let share = |corner: &DVec3| {
+            let mut shares = [0.0; 4];
+            mean_value_weights(&outline, *corner, |k, weight| shares[k] += weight);
+            shares
+        };
+        let vertices: Vec<Vertex> = outline.iter().map(|&v| Vertex::new(v, written)).collect();
+        let n = corners.len();
+        let middle = corners.iter().sum::<DVec3>() / n as f64;
+        Self {
+            normal: own.normal,
+            middle,
+            radius: corners.iter().map(|v| v.distance(middle)).fold(0.0, f64::max),
+            area: own.area,
+            perimeter: (0..n).map(|k| corners[k].distance(corners[(k + 1) % n])).sum(),
+            shares: corners.iter().map(share).collect(),
+            off: vertices.iter().map(|v| v.half.length()).fold(0.0, f64::max),
+            vertices,
+            corners,
+        }
+    }
+
+    /// Returns the share of the area in a border as wide as the corners may be off.
+    fn border(&self) -> f64 {
+        self.off * self.perimeter / self.area
+    }
+}
+
+/// What the form factors of two patches change by where a vertex moves, per m.
+#[derive(Clone, Copy, Debug)]
+struct Term {
+    vertex: Vertex,
+    /// That of A_i F_ij.
+    of_exchange: DVec3,
+    /// Those of both areas.
+    of_areas: [DVec3; 2],
+}
+
+/// The terms of all vertices that a pair depends on.
+#[derive(Debug, Default)]
+struct Terms(Vec<Term>);
+
+impl Terms {
+    fn at(&mut self, vertex: Vertex) -> &mut Term {
+        let found = self.0.iter().position(|term| term.vertex.position == vertex.position);
+        let k = found.unwrap_or_else(|| {
+            self.0.push(Term {
+                vertex,
+                of_exchange: DVec3::ZERO,
+                of_areas: [DVec3::ZERO; 2],
+            });
+            self.0.len() - 1
+        });
+        &mut self.0[k]
+    }
+
+    /// Returns how far A_i F_ij may be off, m², where A_i is off as well: `k` is the place of i, `factor` F_ij.
+    ///
+    /// Coordinates are off by anything up to half a unit, each by itself, or all that have the same value in one direction alike, as those of a wall along an axis: whatever is more.
+    fn error(&self, k: usize, factor: f64) -> f64 {
+        let (mut most, mut square) = (0.0, 0.0);
+        let mut alike: Vec<(usize, f64, f64)> = Vec::with_capacity(3 * self.0.len());
+        for term in &self.0 {
+            let off = (term.of_exchange - factor * term.of_areas[k]) * term.vertex.half;
+            most += off.abs().element_sum();
+            square += off.length_squared();
+            for (axis, (x, off)) in term
+                .vertex
+                .position
+                .to_array()
+                .into_iter()
+                .zip(off.to_array())
+                .enumerate()
+            {
+                match alike
+                    .iter_mut()
+                    .find(|known| known.0 == axis && known.1.to_bits() == x.to_bits())
+                {
+                    Some(known) => known.2 += off,
+                    None => alike.push((axis, x, off)),
+                }
+            }
+        }
+        let square_alike: f64 = alike.iter().map(|known| known.2 * known.2).sum();
+        // The variance of what is equally likely up to x is x² / 3.
+        (DEVIATIONS * (square.max(square_alike) / 3.0).sqrt()).min(most)
+    }
+}
+
+/// Patches whose corners were rounded in the file.
+pub(super) struct Rounded {
+    written: Written,
+    ends: Vec<End>,
+}
+
+impl Rounded {
+    /// Returns the patches of a scene whose file [shows that it was rounded](Written::shows_rounding); `None` of any other.
+    pub(super) fn new(input: Input<'_>) -> Option<Self> {
+        let written = input.scene.rounded()?;
+        let patches = (0..input.mesh.n_patches()).map(PatchId::from_index);
+        Some(Self {
+            ends: patches
+                .map(|patch| End::new(input.scene, input.mesh, patch, &written))
+                .collect(),
+            written,
+        })
+    }
+
+    /// Returns the most that rounding can leave open of an exchange area, m², to the first order and with so many occluders about as long as the patches, for where that is next to nothing.
+    ///
+    /// The irradiance vector of a patch at a distance r is A / (π r²) at most, and 1.
+    pub(super) fn rough(&self, [i, j]: [usize; 2], exchange: f64, n_occluders: usize) -> f64 {
+        let [from, to] = [i, j].map(|k| &self.ends[k]);
+        let nearest = (from.middle.distance(to.middle) - from.radius - to.radius).max(0.0);
+        let most = |end: &End| (end.area / (PI * nearest * nearest)).min(1.0);
+        let swept = from.off * from.perimeter * most(to) + to.off * to.perimeter * most(from);
+        swept * (1 + n_occluders) as f64 + (from.border() + to.border()) * exchange
+    }
+
+    /// Returns how far A_i F_ij of two patches may be off by the rounding of coordinates, m², so that F_ij and F_ji are off by no more than that over A_i and A_j.
+    ///
+    /// With Φ the irradiance vector of patch j, A_i F_ij is its flux through patch i. Where a corner of i moves, it changes by the flux through what the two edges at the corner sweep, ∮ Φ · (δx × dx), and so it does for j
+    /// and for edges of occluders, where only light counts that goes from one patch to the other. The sums go by vertices of the scene: a vertex that several of them share moves them all.
+    ///
+    /// `exchange` is A_i F_ij, m²; `visible` what is seen of the exchange area without occluders.
+    ///
+    /// Accuracy: of the first order in half a unit over the size of the patches, some 10 % off where these touch. In partly visible pairs the light at the borders of patches is `visible`^½ of that without occluders, which is between none and all.
+    /// Source: [`ARVO_1994`](crate::references::ARVO_1994), which follows vertices in the same way at a point. Departures: the flux through what edges sweep, for two patches.
+    pub(super) fn error<'a>(
+        &self,
+        pair: [usize; 2],
+        exchange: f64,
+        visible: f64,
+        occluders: impl IntoIterator<Item = &'a [DVec3]>,
+    ) -> f64 {
+        let ends = pair.map(|k| &self.ends[k]);
+        let mut terms = Terms(Vec::with_capacity(8));
+        for k in 0..2 {
+            border_terms([ends[k], ends[1 - k]], k, visible.clamp(0.0, 1.0).sqrt(), &mut terms);
+        }
+        self.occluder_terms(ends, occluders, &mut terms);
+        let first_order = (0..2)
+            .map(|k| terms.error(k, exchange / ends[k].area))
+            .fold(0.0, f64::max);
+        // As much again for what is beyond the first order where patches are hardly wider than a unit.
+        let beyond = 1.0 + (ends[0].border() + ends[1].border()).min(1.0);
+        let (of_tilt, may_be_none) = grazing(ends);
+        let smaller = ends[0].area.min(ends[1].area);
+        let nothing = if may_be_none { exchange } else { 0.0 };
+        (beyond * first_order + of_tilt)
+            .max(nothing)
+            .min(exchange.max(smaller - exchange).max(0.0))
+    }
+
+    fn occluder_terms<'a>(
+        &self,
+        [from, to]: [&End; 2],
+        occluders: impl IntoIterator<Item = &'a [DVec3]>,
+        terms: &mut Terms,
+    ) {
+        // Each edge once, with the normals of the faces on its sides, those that run along it the other way turned round.
+        let mut edges: Vec<([DVec3; 2], Vec<DVec3>)> = Vec::new();
+        for corners in occluders {
+            let normal = polygon::area_vector(corners);
+            for (k, &a) in corners.iter().enumerate() {
+                let b = corners[(k + 1) % corners.len()];
+                if let Some(known) = edges.iter_mut().find(|known| known.0 == [b, a]) {
+                    known.1.push(-normal);
+                } else if let Some(known) = edges.iter_mut().find(|known| known.0 == [a, b]) {
+                    known.1.push(normal);
+                } else {
+                    edges.push(([a, b], vec![normal]));
+                }
+            }
+        }
+        if edges.is_empty() {
+            return;
+        }
+        let Some(shaft) = Shaft::new(&from.corners, &to.corners, 0.0) else {
+            return;
+        };
+        for ([a, b], normals) in edges {
+            let vertices = [a, b].map(|v| Vertex::new(v, &self.written));
+            let off = vertices[0].half.length().max(vertices[1].half.length());
+            let Some([start, end]) = shaft.part_within(a, b, off) else {
+                continue;
+            };
+            let across = normals[0].cross(b - a).normalize_or_zero();
+            for (s, weight) in RULE {
+                let t = start + s * (end - start);
+                let x = a + t * (b - a);
+                // What barely hides all, or nothing, may let by or hide what passes within the width that the edge may be off.
+                let beside = [DVec3::ZERO, off * across, -off * across].map(|step| flux_through(x + step, from, to));
+                let flux = beside.into_iter().fold(DVec3::ZERO, |most, flux| {
+                    if flux.length_squared() > most.length_squared() {
+                        flux
+                    } else {
+                        most
+                    }
+                });
+                // On one side of both faces light passes by the edge inside of the one or the other, and meets one of them anyway.
+                let sign = normals[0].dot(flux).signum();
+                if normals.len() > 1 && normals.iter().any(|normal| normal.dot(flux) * sign < 0.0) {
+                    continue;
+                }
+                let swept = -sign * weight * (end - start) * (b - a).cross(flux);
+                terms.at(vertices[0]).of_exchange += (1.0 - t) * swept;
+                terms.at(vertices[1]).of_exchange += t * swept;
+            }
+        }
+    }
+}
+
+/// Returns what two ends may exchange by the tilt of their planes, m², where one is hardly in front of the other's, and whether it may be behind that altogether.
+///
+/// A_i F_ij is about A_i A_j h_i h_j / (π r⁴) with h their heights over the planes: of the second order in how far these are off.
+fn grazing(ends: [&End; 2]) -> (f64, bool) {
+    let distance = ends[0].middle.distance(ends[1].middle);
+    let off = ends[0].off + ends[1].off;
+    // The height of one end over the other's plane, and how far that is off there.
+    let heights = [0, 1].map(|k| {
+        let (end, over) = (ends[k], ends[1 - k]);
+        let of_corners = end.corners.iter().map(|v| over.normal.dot(*v - over.middle));
+        let lifted = off + 2.0 * over.off * distance * over.radius / over.area;
+        (of_corners.fold(0.0, f64::max), lifted)
+    });
+    if heights.iter().all(|(height, lifted)| height > lifted) {
+        return (0.0, false);
+    }
+    let cosine = |(height, lifted): (f64, f64)| ((height + lifted) / distance).min(1.0);
+    let areas = ends[0].area * ends[1].area;
+    let exchange = areas * cosine(heights[0]) * cosine(heights[1]) / (PI * distance * distance);
+    let may_be_none = heights.iter().any(|(height, _)| *height <= 2.0 * off);
+    (exchange, may_be_none)
+}
+
+/// Adds what the border of an end, number `k` of its pair, sweeps of the light that comes from the other, a part `lit` of it, and of its own area.
+fn border_terms([end, other]: [&End; 2], k: usize, lit: f64, terms: &mut Terms) {
+    let n = end.corners.len();
+    let height = |v: &DVec3| end.normal.dot(*v - end.middle);
+    let is_far = end.middle.distance(other.middle) > FAR * (end.radius + other.radius);
+    let in_front;
+    let source: &[DVec3] = if other.corners.iter().all(|v| height(v) >= 0.0) {
+        &other.corners
+    } else {
+        in_front = clip_to_half_space(&other.corners, end.middle, end.normal);
+        &in_front
+    };
+    let towards = |x: DVec3| {
+        if is_far && source.len() == other.corners.len() {
+            let way = other.middle - x;
+            let square = way.length_squared();
+            (-other.normal.dot(way)).max(0.0) * other.area / (PI * square * square) * way
+        } else {
+            let inside = x + INSIDE * (end.middle - x);
+            // In a strip that is hardly in front of the other's plane, that may be behind it.
+            let is_in_front = other.normal.dot(inside - other.middle) > 0.0;
+            point_form_factor_vector(if is_in_front { inside } else { x }, source)
+        }
+    };
+    let mut of_corners = [(DVec3::ZERO, DVec3::ZERO); 4];
+    for c in 0..n {
+        let (a, b) = (end.corners[c], end.corners[(c + 1) % n]);
+        let edge = b - a;
+        let of_area = 0.5 * edge.cross(end.normal);
+        of_corners[c].1 += of_area;
+        of_corners[(c + 1) % n].1 += of_area;
+        // The part of the edge in front of the other's plane.
+        let [high, low] = [a, b].map(|v| other.normal.dot(v - other.middle));
+        if (high <= 0.0 && low <= 0.0) || source.len() < 3 {
+            continue;
+        }
+        let cut = if (high < 0.0) == (low < 0.0) {
+            0.0
+        } else {
+            high / (high - low)
+        };
+        let [start, length] = if high < 0.0 {
+            [cut, 1.0 - cut]
+        } else if low < 0.0 {
+            [0.0, cut]
+        } else {
+            [0.0, 1.0]
+        };
+        for (s, weight) in RULE {
+            let t = start + s * length;
+            let swept = lit * weight * length * edge.cross(towards(a + t * edge));
+            of_corners[c].0 += (1.0 - t) * swept;
+            of_corners[(c + 1) % n].0 += t * swept;
+        }
+    }
+    for (shares, (of_exchange, of_area)) in end.shares.iter().zip(of_corners) {
+        for (vertex, share) in end.vertices.iter().zip(shares).filter(|(_, share)| share.abs() > 0.0) {
+            let term = terms.at(*vertex);
+            term.of_exchange += *share * of_exchange;
+            term.of_areas[k] += *share * of_area;
+        }
+    }
+}
+
+/// Returns the irradiance vector at a point between two ends of the light that comes from one and goes on to the other.
+fn flux_through(x: DVec3, from: &End, to: &End) -> DVec3 {
+    let mut seen = to.corners.clone();
+    let n = from.corners.len();
+    for k in 0..n {
+        let inward = (from.corners[k] - x).cross(from.corners[(k + 1) % n] - x);
+        let sign = inward.dot(from.middle - x).signum();
+        seen = clip_to_half_space(&seen, x, -sign * inward);
+        if seen.len() < 3 {
+            return DVec3::ZERO;
+        }
+    }
+    point_form_factor_vector(x, &seen)
+}
+
+/// What rounding adds to the errors of methods that know nothing of it.
+pub(super) struct RoundedRows<'a> {
+    input: Input<'a>,
+    rounded: Rounded,
+    /// `None` where nothing blocks.
+    index: Option<BlockerIndex>,
+    polygons: Vec<PreparedPolygon>,
+}
+
+/// What rounding adds is not looked at any closer where about so much of it is below this part of the error without it.
+const NEGLIGIBLE: f64 = 0.05;
+
+/// Occluders that are taken for granted where it is.
+const FEW: usize = 3;
+
+impl<'a> RoundedRows<'a> {
+    /// Returns `None` for a scene whose coordinates are what is meant.
+    pub(super) fn new(input: Input<'a>) -> Option<Self> {
+        Some(Self {
+            input,
+            rounded: Rounded::new(input)?,
+            index: (!input.unoccluded).then(|| BlockerIndex::new(input.scene)),
+            polygons: sampled::prepared(input.mesh),
+        })
+    }
+
+    /// Adds what rounding leaves open to the errors of entries of row i, which are in units of 1 / `scale` m²: 1 for exchange areas, A_i for form factors.
+    ///
+    /// Work: a look for what stands between the patch and each face whose patches have rounding to be looked at, and some µs for each of these.
+    pub(super) fn add(&self, i: usize, scale: f64, entries: &mut [Entry]) {
+        let mesh = self.input.mesh;
+        let face = |entry: &Entry| mesh.patches[entry.0 as usize].face;
+        let n_rough = if self.index.is_some() { FEW } else { 0 };
+        for of_face in entries.chunk_by_mut(|one, other| face(one) == face(other)) {
+            let mut between: Option<Vec<BlockerId>> = None;
+            for entry in of_face {
+                let j = entry.0 as usize;
+                let exchange = scale * entry.1;
+                let rough = self.rounded.rough([i, j], exchange, n_rough);
+                if j == i || rough <= NEGLIGIBLE * scale * entry.2 {
+                    entry.2 += rough / scale;
+                    continue;
+                }
+                let occluders = between.get_or_insert_with(|| self.between(i, j));
+                entry.2 += self.closely([i, j], exchange, occluders) / scale;
+            }
+        }
+    }
+
+    /// Returns what stands between patch i and the face of patch j.
+    fn between(&self, i: usize, j: usize) -> Vec<BlockerId> {
+        let Some(index) = &self.index else {
+            return Vec::new();
+        };
+        let face = self.input.scene.polygon(self.input.mesh.patches[j].face);
+        match index.classify(self.polygons[i].corners(), &face) {
+            PairVisibility::Partial(occluders) => occluders,
+            PairVisibility::Full | PairVisibility::None => Vec::new(),
+        }
+    }
+
+    fn closely(&self, [i, j]: [usize; 2], exchange: f64, occluders: &[BlockerId]) -> f64 {
+        let visible = if occluders.is_empty() {
+            1.0
+        } else {
+            let tolerance = Tolerance { rel: 1e-2, abs: 0.0 };
+            let whole = exchange_area(&self.polygons[i], &self.polygons[j], tolerance).value;
+            if whole > 0.0 { exchange / whole } else { 1.0 }
+        };
+        let standing = self
+            .index
+            .iter()
+            .flat_map(|index| occluders.iter().map(|&id| index.corners(id)));
+        self.rounded.error([i, j], exchange, visible, standing)
+    }
+}

@@ -1,0 +1,221 @@
+//! What shows that short decimals were rounded: outlines that are nearly flat or nearly square, and vertices that nearly lie on an edge.
+
+use glam::DVec3;
+
+use super::{Scene, Written};
+use crate::geometry::box_pairs::overlapping_pairs;
+use crate::geometry::polygon;
+
+/// Outlines and edges that are shorter than so many units tell nothing: a unit is a part of their shape.
+const LEAST_UNITS: f64 = 100.0;
+
+/// The same of a turned rectangle, whose four corners are to be right angles to 6 degrees or better.
+const LEAST_SIDE: f64 = 30.0;
+
+/// What f64 leaves of heights and cosines that are 0.
+const NOISE: f64 = 1e-12;
+
+/// What the outlines of a file show.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Misses {
+    /// Outlines that are bent by no more than a unit.
+    n_nearly_flat: usize,
+    /// Outlines that are bent by more, as they were meant.
+    n_bent: usize,
+    /// Turned rectangles whose corners miss a right angle.
+    n_nearly_square: usize,
+}
+
+impl Misses {
+    /// Looks at an outline as the file has it.
+    pub(super) fn see(&mut self, corners: &[DVec3], written: &Written) {
+        if corners.len() < 4 {
+            return;
+        }
+        let (low, high) = bounds(corners);
+        let unit = written.unit(low.abs().max(high.abs()).max_element());
+        let size = low.distance(high);
+        let bend = polygon::planarity_error(corners);
+        if size >= LEAST_UNITS * unit && bend > NOISE * size.max(high.abs().max_element()) {
+            if bend <= unit {
+                self.n_nearly_flat += 1;
+            } else {
+                self.n_bent += 1;
+            }
+        }
+        if let [a, b, c, d] = *corners {
+            self.n_nearly_square += usize::from(is_nearly_square([b - a, c - b, d - c, a - d], unit));
+        }
+    }
+
+    /// Tells whether the faces of a file, which were seen, or its vertices miss each other by no more than a unit. Work: O(n log n) for n faces, unless boxes around edges meet many vertices.
+    pub(super) fn show_rounding(self, scene: &Scene, written: &Written) -> bool {
+        self.n_nearly_flat > self.n_bent || self.n_nearly_square > 0 || has_vertex_beside_edge(scene, written)
+    }
+}
+
+fn bounds(corners: &[DVec3]) -> (DVec3, DVec3) {
+    let one = (corners[0], corners[0]);
+    corners.iter().fold(one, |(low, high), &v| (low.min(v), high.max(v)))
+}
+
+fn is_along_axis(edge: DVec3) -> bool {
+    edge.to_array().iter().filter(|x| x.abs() > 0.0).count() < 2
+}
+
+/// Tells whether the corners between four edges, none of which is along an axis, are right angles but for what ends that are off by a unit explain.
+fn is_nearly_square(edges: [DVec3; 4], unit: f64) -> bool {
+    if edges.iter().any(|&edge| is_along_axis(edge)) {
+        return false;
+    }
+    let off = |k: usize| {
+        let (one, next) = (edges[k], edges[(k + 1) % 4]);
+        let (a, b) = (one.length(), next.length());
+        let is_near = one.dot(next).abs() <= 1.5 * unit * (a + b);
+        (is_near && a.min(b) >= LEAST_SIDE * unit).then(|| one.dot(next).abs() / (a * b))
+    };
+    let cosines = [off(0), off(1), off(2), off(3)];
+    cosines.iter().all(Option::is_some) && cosines.iter().flatten().any(|&cosine| cosine > NOISE)
+}
+
+/// Tells whether a vertex is off an edge of a face that is not its own by less than a unit.
+///
+/// Vertices are a unit apart at least, as are gaps that are meant: these show nothing.
+fn has_vertex_beside_edge(scene: &Scene, written: &Written) -> bool {
+    let (low, high) = scene.bounding_box();
+    let unit = written.unit(low.abs().max(high.abs()).max_element());
+    let mut edges: Vec<[u32; 2]> = Vec::new();
+    let mut faces: Vec<&[u32]> = Vec::new();
+    for face in &scene.faces {
+        let corners = face.corners.as_slice();
+        for (k, &a) in corners.iter().enumerate() {
+            let edge = [a, corners[(k + 1) % corners.len()]];
+            let [from, to] = edge.map(|v| scene.vertices[v as usize]);
+            // Of an edge along an axis, whatever is off it is so by a unit or more.
+            if from.distance(to) >= 2.0 * LEAST_UNITS * unit && !is_along_axis(to - from) {
+                edges.push(edge);
+                faces.push(corners);
+            }
+        }
+    }
+    if edges.is_empty() {
+        return false;
+    }
+    let n_edges = u32::try_from(edges.len()).unwrap_or(u32::MAX);
+    let margin = DVec3::splat(unit);
+    let at = |v: u32| scene.vertices[v as usize];
+    let of_edges = edges.iter().map(|edge| {
+        let (from, to) = (at(edge[0]), at(edge[1]));
+        (from.min(to) - margin, from.max(to) + margin)
+    });
+    let of_vertices = scene.vertices.iter().map(|&v| (v, v));
+    let mut is_found = false;
+    overlapping_pairs(of_edges.chain(of_vertices).collect(), |one, other| {
+        let (edge, vertex) = (one.min(other), one.max(other));
+        if is_found || edge >= n_edges || vertex < n_edges {
+            return;
+        }
+        let vertex = vertex - n_edges;
+        if faces[edge as usize].contains(&vertex) {
+            return;
+        }
+        let [from, to] = edges[edge as usize].map(at);
+        let length = from.distance(to);
+        let along = (to - from) / length;
+        let t = along.dot(at(vertex) - from);
+        let off = along.cross(at(vertex) - from).length();
+        let is_inside = t > LEAST_UNITS * unit && t < length - LEAST_UNITS * unit;
+        is_found = is_inside && off < unit && off > NOISE * length.max(at(vertex).abs().max_element());
+    });
+    is_found
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fmt::Write as _;
+
+    use glam::{DQuat, DVec3};
+
+    use super::super::load;
+
+    /// Tells whether a file with these outlines shows that it was rounded.
+    fn shows_rounding(outlines: &[&[DVec3]], number: impl Fn(f64) -> String) -> bool {
+        let directory = tempfile::tempdir().expect("a directory");
+        let path = directory.path().join("scene.obj");
+        let vertices = outlines.iter().copied().flatten();
+        let lines = vertices.map(|v| format!("v {} {} {}\n", number(v.x), number(v.y), number(v.z)));
+        let mut text: String = lines.collect();
+        let mut n = 0;
+        for outline in outlines {
+            let corners: Vec<String> = (1..=outline.len()).map(|k| (n + k).to_string()).collect();
+            let _ = writeln!(text, "f {}", corners.join(" "));
+            n += outline.len();
+        }
+        std::fs::write(&path, text).expect("a file");
+        let scene = load(&path).expect("a scene").scene;
+        scene.written.expect("digits").shows_rounding()
+    }
+
+    fn turned(outline: &[[f64; 3]], turn: DQuat) -> Vec<DVec3> {
+        outline.iter().map(|&v| turn * DVec3::from_array(v)).collect()
+    }
+
+    const FLOOR: [[f64; 3]; 4] = [[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [4.0, 3.0, 0.0], [0.0, 3.0, 0.0]];
+
+    #[test]
+    fn outlines_that_are_nearly_flat_or_square_show_it() {
+        let tilted = DQuat::from_axis_angle(DVec3::new(2.0, 1.0, 2.0) / 3.0, 0.9);
+        for (turn, places, expected) in [
+            (DQuat::IDENTITY, 2, false),
+            (DQuat::IDENTITY, 4, false),
+            (DQuat::from_rotation_z(0.4), 2, true),
+            (DQuat::from_rotation_z(0.4), 3, true),
+            (tilted, 2, true),
+            (tilted, 4, true),
+            // With so few places a unit is a part of the shape.
+            (tilted, 0, false),
+        ] {
+            let found = shows_rounding(&[&turned(&FLOOR, turn)], |x| format!("{x:.places$}"));
+            assert_eq!(found, expected, "{turn} {places}");
+        }
+        // Millimetres, which are whole numbers.
+        let of_metres = turned(&FLOOR, tilted);
+        assert!(shows_rounding(&[&of_metres], |x| format!("{:.0}", 1000.0 * x)));
+        // A rectangle through no axis whose corners are whole numbers, and outlines that are bent on purpose.
+        let square = [
+            [0.0, 0.0, 0.0],
+            [300.0, 400.0, 0.0],
+            [-100.0, 700.0, 0.0],
+            [-400.0, 300.0, 0.0],
+        ];
+        assert!(!shows_rounding(&[&turned(&square, DQuat::IDENTITY)], |x| format!(
+            "{x:.0}"
+        )));
+        let bent = FLOOR.map(|[x, y, _]| [x, y, 0.1 * x * y]);
+        assert!(!shows_rounding(&[&turned(&bent, DQuat::IDENTITY)], |x| format!(
+            "{x:.2}"
+        )));
+    }
+
+    #[test]
+    fn vertices_beside_an_edge_show_it() {
+        let beside = |t: f64, off: f64| {
+            // Two triangles on one side of an edge, and one on the other with a corner in the middle of it.
+            let (from, to) = (DVec3::new(0.0, 0.0, 1.0), DVec3::new(5.0, 3.0, 2.0));
+            let middle = from + t * (to - from) + off * DVec3::Z;
+            let (left, right) = (DVec3::new(0.0, 4.0, 1.0), DVec3::new(4.0, 0.0, 2.0));
+            [vec![from, to, left], vec![from, right, middle], vec![right, to, middle]]
+        };
+        for (t, off, places, expected) in [
+            (0.5, 0.0, 2, false),
+            (0.371, 0.0, 2, true),
+            (0.371, 0.0, 3, false),
+            (0.5, 0.2, 2, false),
+            (0.371, 0.2, 2, false),
+        ] {
+            let outlines = beside(t, off);
+            let found = shows_rounding(&outlines.each_ref().map(Vec::as_slice), |x| format!("{x:.places$}"));
+            assert_eq!(found, expected, "{t} {off} {places}");
+        }
+    }
+}
