@@ -115,6 +115,7 @@ fn settings(args: &FieldArgs) -> Result<RenderSettings, Failure> {
     let n_or = |default| NonZeroU32::new(args.rays.unwrap_or(default)).ok_or(Failure::usage("--rays starts at 1"));
     Ok(RenderSettings {
         samples: samples(&args.view)?,
+        adaptive: true,
         direct: match args.method {
             FieldMethodName::Exact => DirectMethod::Exact,
             FieldMethodName::Sr => DirectMethod::CosineRays { n: n_or(SHOT_RAYS)? },

@@ -277,6 +277,7 @@ pub(super) fn render_settings(args: &RenderArgs, view: &ViewArgs) -> Result<Rend
     Ok(RenderSettings {
         flat: image.flat,
         samples: samples(view)?,
+        adaptive: true,
         gather: gather_settings(args.gather)?,
         direct,
         sequence: args.method.sequence.map_or_else(Sequence::default, Into::into),

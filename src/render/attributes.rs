@@ -5,12 +5,16 @@ use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use sha2::{Digest, Sha256};
 
 use super::exr::Pixels;
+use super::samples::PixelSamples;
 use super::view::ViewDescription;
 use super::{FieldRecord, RenderSettings};
 use crate::scene::Scene;
 
-/// The layout of the attributes; it changes when an older reader would misread them.
-pub(super) const FORMAT: u32 = 1;
+/// The newest layout of the attributes; it changes when an older reader would misread them.
+pub(super) const FORMAT: u32 = 2;
+
+/// The layout without adaptive samples, which older readers can read as well.
+const GRID_FORMAT: u32 = 1;
 
 /// A face of the scene as the image file describes it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -129,9 +133,11 @@ impl Attributes {
             pixels: self.pixels,
             solution: self.solution.clone(),
         };
+        let is_adaptive = PixelSamples::new(&self.render, &self.view).is_adaptive();
+        let format = if is_adaptive { FORMAT } else { GRID_FORMAT };
         let mut texts = vec![
             ("camera", ascii_json(&self.view)?),
-            ("radiosity_format", FORMAT.to_string()),
+            ("radiosity_format", format.to_string()),
             ("radiosity_version", self.version.clone()),
             ("scene_sha256", sha256(&surfaces)),
             ("seed", self.render.seed.to_string()),
@@ -148,7 +154,7 @@ impl Attributes {
     pub(super) fn from_texts(text: impl Fn(&'static str) -> Option<String>) -> Result<Self, AttributeError> {
         let get = |name| text(name).ok_or(AttributeError::Missing(name));
         let format = get("radiosity_format")?;
-        if format != FORMAT.to_string() {
+        if ![GRID_FORMAT, FORMAT].map(|known| known.to_string()).contains(&format) {
             return Err(AttributeError::Format(format));
         }
         let surfaces = get("surfaces")?;

@@ -75,7 +75,7 @@ pub fn field(
     let renamed = |name: &str| match name {
         "direct.R" => Some("Y".to_owned()),
         "direct_error.R" => Some("error".to_owned()),
-        _ => (["Z", "patch"].contains(&name) || name.starts_with("N.") || name.starts_with("P."))
+        _ => (["Z", "patch", "pixel_samples"].contains(&name) || name.starts_with("N.") || name.starts_with("P."))
             .then(|| name.to_owned()),
     };
     for layer in lit_image.into_layers() {
@@ -113,8 +113,8 @@ pub struct Field {
 
 /// The mean of a field over what an image shows of the front of one surface.
 ///
-/// It is the mean over the samples of all pixels, each of which is on one surface alone, so that no other surface has a part in it; in an unfolded view it is the area mean, the form
-/// factor from the surface. Samples lie on a regular grid, as for the midpoint rule: with h its spacing on the surface, the mean is off by O(h²) where F is smooth and the surface's edges run along
+/// It is the mean over the samples of all pixels, each by its share of its pixel and each on one surface alone, so that no other surface has a part in it; in an unfolded view it is the area mean, the form
+/// factor from the surface. There samples lie on a regular grid, as for the midpoint rule: with h its spacing on the surface, the mean is off by O(h²) where F is smooth and the surface's edges run along
 /// the grid, and by (F at the edge − its mean) · perimeter · h / (2 area) at most where they do not, mostly by much less.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SurfaceMean {
@@ -142,7 +142,7 @@ fn surface_means(image: &Image, input: &FieldInput<'_>, sums: &SurfaceSums) -> V
             SurfaceMean {
                 n_pixels,
                 n_samples: sum.n_samples,
-                form_factor: (sum.n_samples > 0).then(|| sum.irradiance / sum.n_samples as f64),
+                form_factor: (sum.n_samples > 0).then(|| sum.irradiance / sum.share),
             }
         })
         .collect()

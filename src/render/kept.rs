@@ -41,7 +41,7 @@ impl<'a> KeptRounds<'a> {
         let mut bytes = Vec::new();
         rare.encode(&mut bytes);
         for (before, after) in state.gathered.iter().zip(next) {
-            if !before.finished {
+            if !before.is_finished() {
                 after.encode(&mut bytes);
             }
         }
@@ -55,7 +55,7 @@ fn decoded(piece: &[u8], before: &[Gathered]) -> Option<(Vec<Gathered>, RareLigh
     let (open, rest) = pixels.as_chunks::<{ Gathered::N_BYTE }>();
     let mut open = open.iter();
     let mut next = before.to_vec();
-    for pixel in next.iter_mut().filter(|pixel| !pixel.finished) {
+    for pixel in next.iter_mut().filter(|pixel| !pixel.is_finished()) {
         *pixel = Gathered::decode(open.next()?)?;
     }
     let is_whole = rest.is_empty() && open.next().is_none();

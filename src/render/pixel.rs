@@ -15,6 +15,8 @@ pub(super) struct Pixel {
     /// The variance of the irradiance, and the rays that it was gathered by.
     pub(super) variance: [f64; 3],
     pub(super) n_rays: u32,
+    /// Its samples.
+    pub(super) n_samples: u32,
     /// The estimated error of the solution.
     pub(super) error: [f64; 3],
     /// What is seen at the pixel's centre.
@@ -76,6 +78,8 @@ pub(super) struct Kinds {
     pub(super) direct: bool,
     pub(super) gathered: bool,
     pub(super) error: bool,
+    /// Whether pixels have different numbers of samples.
+    pub(super) adaptive: bool,
 }
 
 /// Three layers while they are filled.
@@ -94,6 +98,7 @@ pub(super) struct Canvas {
     depth: Vec<f32>,
     patch: Vec<u32>,
     samples: Option<Vec<u32>>,
+    pixel_samples: Option<Vec<u32>>,
 }
 
 impl Canvas {
@@ -121,6 +126,7 @@ impl Canvas {
             depth: vec![0.0; n],
             patch: vec![u32::MAX; n],
             samples: kinds.gathered.then(|| vec![0; n]),
+            pixel_samples: kinds.adaptive.then(|| vec![0; n]),
         }
     }
 
@@ -141,6 +147,9 @@ impl Canvas {
         if let Some(samples) = &mut self.samples {
             samples[k] = pixel.n_rays;
         }
+        if let Some(pixel_samples) = &mut self.pixel_samples {
+            pixel_samples[k] = pixel.n_samples;
+        }
         if let Some(at) = &pixel.centre {
             self.depth[k] = single(at.depth);
             self.patch[k] = at.patch.patch.0;
@@ -158,6 +167,9 @@ impl Canvas {
         image.insert("Z", Samples::F32(self.depth));
         if let Some(samples) = self.samples {
             image.insert("samples", Samples::U32(samples));
+        }
+        if let Some(pixel_samples) = self.pixel_samples {
+            image.insert("pixel_samples", Samples::U32(pixel_samples));
         }
         image.insert("patch", Samples::U32(self.patch));
         image

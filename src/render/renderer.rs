@@ -11,6 +11,7 @@ use super::image::Image;
 use super::kept::KeptRounds;
 use super::pixel::{Canvas, Kinds, Pixel};
 use super::rare::{LightPool, RareLight};
+use super::samples::{FirstLook, PixelSamples};
 use super::shade::{self, Shader, SurfacePoint};
 use super::view::View;
 use super::{RenderError, RenderInput, RenderSettings};
@@ -23,46 +24,6 @@ const BLOCK_SIDE: u32 = 32;
 
 /// How many blocks are rendered before their pixels are stored.
 const BLOCKS_AT_A_TIME: usize = 256;
-
-/// A place inside a pixel and its share of the pixel's colour.
-#[derive(Clone, Copy)]
-pub(super) struct Sample {
-    x: f64,
-    y: f64,
-    share: f64,
-    /// Whether this is the pixel's centre.
-    central: bool,
-}
-
-/// The places of the s × s samples inside a pixel, row by row; verification computes the same points.
-pub(super) fn sample_places(s: u32) -> impl Iterator<Item = (f64, f64)> {
-    let place = move |i: u32| (f64::from(i) + 0.5) / f64::from(s);
-    (0..s).flat_map(move |j| (0..s).map(move |i| (place(i), place(j))))
-}
-
-/// The samples of a pixel: the grid, and the centre where no sample of the grid is there.
-pub(super) fn sample_grid(s: u32) -> Vec<Sample> {
-    let share = 1.0 / (f64::from(s) * f64::from(s));
-    let centre = (s * s / 2) as usize;
-    let mut samples: Vec<Sample> = sample_places(s)
-        .enumerate()
-        .map(|(k, (x, y))| Sample {
-            x,
-            y,
-            share,
-            central: s % 2 == 1 && k == centre,
-        })
-        .collect();
-    if s.is_multiple_of(2) {
-        samples.push(Sample {
-            x: 0.5,
-            y: 0.5,
-            share: 0.0,
-            central: true,
-        });
-    }
-    samples
-}
 
 /// The corners of a block: left, top, right, bottom.
 type Block = [u32; 4];
@@ -85,6 +46,8 @@ fn go_on(progress: &dyn Progress) -> Result<(), RenderError> {
 struct Seen {
     /// What is seen at the pixels' centres.
     centres: Vec<Option<SurfacePoint>>,
+    /// How many samples the pixels have.
+    n_samples: Vec<u32>,
     /// The front-facing parts of all pixels, pixel by pixel.
     parts: Vec<PixelPart>,
 }
@@ -93,7 +56,9 @@ struct Seen {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct SurfaceSum {
     pub(super) n_samples: u64,
-    /// Σ of the first channel of the irradiance.
+    /// Σ of the samples' shares of their pixels.
+    pub(super) share: f64,
+    /// Σ of the first channel of the irradiance, times the share.
     pub(super) irradiance: f64,
 }
 
@@ -113,7 +78,7 @@ pub(super) struct BlockState {
 
 impl BlockState {
     fn is_open(&self) -> bool {
-        self.gathered.iter().any(|pixel| !pixel.finished)
+        self.gathered.iter().any(|pixel| !pixel.is_finished())
     }
 
     /// Takes over what a round made.
@@ -141,7 +106,7 @@ pub(super) struct Renderer<'a> {
     pub(super) shader: Shader<'a>,
     pub(super) direct: Option<DirectPass<'a>>,
     pub(super) gatherer: Option<Gatherer<'a>>,
-    pub(super) samples: Vec<Sample>,
+    pub(super) samples: PixelSamples,
     pub(super) size: (u32, u32),
     pub(super) watcher: &'a dyn Watcher,
 }
@@ -161,6 +126,7 @@ impl Renderer<'_> {
             direct: self.direct.is_some(),
             gathered: self.gatherer.is_some(),
             error: self.input.error.is_some(),
+            adaptive: self.samples.is_adaptive(),
         };
         let mut canvas = Canvas::new(width as usize, height as usize, kinds);
         if let Some(gatherer) = &self.gatherer {
@@ -189,6 +155,7 @@ impl Renderer<'_> {
                 for (&surface, of_block) in own {
                     let sum = sums.entry(surface).or_default();
                     sum.n_samples += of_block.n_samples;
+                    sum.share += of_block.share;
                     sum.irradiance += of_block.irradiance;
                 }
             }
@@ -196,7 +163,7 @@ impl Renderer<'_> {
         Ok((canvas.into_image(), sums))
     }
 
-    /// Renders with final gather: rounds over the whole image, each twice as long as all before it together.
+    /// Renders with final gather: rounds of pilot rays over the whole image, each twice as long as all before it together, and for each pixel one of the rays of the mean.
     fn gather_all(
         &self,
         gatherer: &Gatherer<'_>,
@@ -292,15 +259,15 @@ impl Renderer<'_> {
             let n_own = rest.iter().take_while(|part| part.pixel == k).count();
             let (own, others) = rest.split_at(n_own);
             rest = others;
-            if !gathered.finished {
+            if !gathered.is_finished() {
                 gatherer.continue_with(own, n_first, gathered, &mut scratch);
             }
         }
         let rare = state
             .rare
             .unwrap_or_else(|| scratch.pool.unwrap_or_default().rare_light());
-        for (pixel, gathered) in state.pixels.iter().zip(&mut next) {
-            if !gathered.finished {
+        for ((pixel, before), gathered) in state.pixels.iter().zip(&state.gathered).zip(&mut next) {
+            if !before.is_finished() && gathered.n_rays() > 0 {
                 gatherer.judge(pixel.shade.irradiance, &rare, gathered);
             }
         }
@@ -309,51 +276,110 @@ impl Renderer<'_> {
 
     /// Finds what the samples of a block's pixels see.
     fn look(&self, block: Block) -> Seen {
+        let (first, n_samples) = self.first_look(block);
+        let n_first = self.samples.n_first();
+        let wanted = || positions(block).zip(&n_samples);
+        let more = wanted().flat_map(|(pixel, &n)| self.places(pixel, n_first, n));
+        let mut more = self.trace(more).into_iter();
+        let centres = match self.samples.centre() {
+            Some(centre) => {
+                let of_pixels = first.chunks_exact(n_first as usize);
+                of_pixels.map(|of_pixel| of_pixel[centre]).collect()
+            }
+            None => self.trace(positions(block).map(|(x, y)| (f64::from(x) + 0.5, f64::from(y) + 0.5))),
+        };
+        let mut parts = Vec::new();
+        for (pixel, ((position, &n), of_pixel)) in wanted().zip(first.chunks_exact(n_first as usize)).enumerate() {
+            let found = of_pixel
+                .iter()
+                .copied()
+                .chain(more.by_ref().take((n - n_first) as usize));
+            let first_stream = self.number(position) * self.samples.n_streams();
+            for (stream, point) in (first_stream..).zip(found) {
+                if let Some(point) = point.filter(|point| !point.back) {
+                    parts.push(PixelPart {
+                        pixel,
+                        point,
+                        share: 1.0 / f64::from(n),
+                        stream,
+                    });
+                }
+            }
+        }
+        Seen {
+            centres,
+            n_samples,
+            parts,
+        }
+    }
+
+    /// Returns what the first samples of a block's pixels see, and how many samples each pixel needs.
+    fn first_look(&self, block: Block) -> (Vec<Option<SurfacePoint>>, Vec<u32>) {
+        let n_first = self.samples.n_first();
+        let places = |at: Block| positions(at).flat_map(|pixel| self.places(pixel, 0, n_first));
+        let [x0, y0, x1, y1] = block;
+        if !self.samples.is_adaptive() {
+            return (self.trace(places(block)), vec![n_first; positions(block).count()]);
+        }
+        let corner = (x0.saturating_sub(1), y0.saturating_sub(1));
+        let around = [corner.0, corner.1, (x1 + 1).min(self.size.0), (y1 + 1).min(self.size.1)];
+        let places: Vec<(f64, f64)> = places(around).collect();
+        let found = self.trace(places.iter().copied());
+        let (n_first, width) = (n_first as usize, (around[2] - corner.0) as usize);
+        let first_look = FirstLook {
+            scene: self.input.scene,
+            places: &places,
+            found: &found,
+            width,
+            n_first,
+            corner,
+        };
+        let numbers = self.samples.numbers();
+        let n_samples = positions(block).map(|pixel| numbers[first_look.edge_level(pixel)]);
+        let of_pixel = |(x, y): (u32, u32)| {
+            let pixel = (y - corner.1) as usize * width + (x - corner.0) as usize;
+            &found[pixel * n_first..][..n_first]
+        };
+        (
+            positions(block).flat_map(of_pixel).copied().collect(),
+            n_samples.collect(),
+        )
+    }
+
+    /// Returns the number of a pixel, along the rows of the image.
+    fn number(&self, (x, y): (u32, u32)) -> u64 {
+        u64::from(y) * u64::from(self.size.0) + u64::from(x)
+    }
+
+    /// Returns the places of samples of a pixel in the image.
+    fn places(&self, pixel: (u32, u32), from: u32, to: u32) -> impl Iterator<Item = (f64, f64)> {
+        let (x, y) = (f64::from(pixel.0), f64::from(pixel.1));
+        let inside = self.samples.places(self.number(pixel), from, to);
+        inside.map(move |(dx, dy)| (x + dx, y + dy))
+    }
+
+    /// Finds what is seen at places of the image.
+    fn trace(&self, places: impl Iterator<Item = (f64, f64)>) -> Vec<Option<SurfacePoint>> {
         let mut rays = RayBatch::default();
         let mut sights = Vec::new();
-        for (x, y) in positions(block) {
-            for sample in &self.samples {
-                let sight = self.view.sight(f64::from(x) + sample.x, f64::from(y) + sample.y);
-                if let Some(sight) = &sight {
-                    shade::push_sight(&mut rays, sight, self.input.visibility);
-                }
-                sights.push(sight);
+        for (x, y) in places {
+            let sight = self.view.sight(x, y);
+            if let Some(sight) = &sight {
+                shade::push_sight(&mut rays, sight, self.input.visibility);
             }
+            sights.push(sight);
         }
         let mut hits = HitBatch::default();
         self.input
             .visibility
             .closest_hits(&rays, Coherence::Coherent, &mut hits);
-        let mut seen = Seen {
-            centres: Vec::new(),
-            parts: Vec::new(),
-        };
         let mut ray = 0;
-        let mut sights = sights.into_iter();
-        for (pixel, (x, y)) in positions(block).enumerate() {
-            let mut centre = None;
-            for (k, sample) in (0_u64..).zip(&self.samples) {
-                // The iterator holds one entry per position and sample.
-                let Some(Some(sight)) = sights.next() else { continue };
-                let found = self.shader.locate(&sight, &hits, ray);
-                ray += 1;
-                if sample.central {
-                    centre = found;
-                }
-                let Some(point) = found.filter(|point| !point.back && sample.share > 0.0) else {
-                    continue;
-                };
-                let index = u64::from(y) * u64::from(self.size.0) + u64::from(x);
-                seen.parts.push(PixelPart {
-                    pixel,
-                    point,
-                    share: sample.share,
-                    stream: index * self.samples.len() as u64 + k,
-                });
-            }
-            seen.centres.push(centre);
-        }
-        seen
+        let found = sights.iter().map(|sight| {
+            let sight = sight.as_ref()?;
+            ray += 1;
+            self.shader.locate(sight, &hits, ray - 1)
+        });
+        found.collect()
     }
 
     fn block(&self, block: Block) -> (Vec<Pixel>, SurfaceSums) {
@@ -361,8 +387,10 @@ impl Renderer<'_> {
         let mut pixels: Vec<Pixel> = seen
             .centres
             .into_iter()
-            .map(|centre| Pixel {
+            .zip(seen.n_samples)
+            .map(|(centre, n_samples)| Pixel {
                 centre,
+                n_samples,
                 ..Pixel::default()
             })
             .collect();
@@ -373,7 +401,8 @@ impl Renderer<'_> {
             let surface = self.input.mesh.patches[part.point.patch.patch.0 as usize].surface;
             let sum = sums.entry(surface).or_default();
             sum.n_samples += 1;
-            sum.irradiance += irradiance;
+            sum.share += part.share;
+            sum.irradiance += part.share * irradiance;
         }
         (pixels, sums)
     }

@@ -806,12 +806,14 @@ fn final_gather_says_what_it_took_and_a_missing_viewer_is_a_warning() {
             "{layer}"
         );
     }
-    // Eight nets of one ray for each of a pixel's four samples are the least, and are told.
+    // Sixteen nets of one ray for each of a pixel's 4, 16 or 64 samples are the least, and are told.
     let least = ["--noise", "0.1", "--gather-rays", "1"];
     let (_, result) = document(directory.path(), &[&common[..], &least].concat());
     let (image, _) = radiosity::render::exr::read(&directory.path().join("g.exr")).unwrap();
     let samples = image.u32("samples").unwrap();
-    assert!(samples.iter().all(|n| n % 8 == 0 && *n <= 32) && samples.contains(&32));
+    let n_samples = image.u32("pixel_samples").unwrap();
+    assert!(samples.iter().zip(n_samples).all(|(rays, n)| *rays == 16 * n));
+    assert!(n_samples.contains(&4) && n_samples.contains(&64));
     let total: u64 = samples.iter().map(|&n| u64::from(n)).sum();
     assert_eq!(result["final_gather"]["n_rays"], total);
     // A noise beyond all means is told in a few digits.

@@ -82,10 +82,10 @@ pub struct GatherArgs {
     /// Gather the light between surfaces at each pixel by rays, in place of interpolating it between patches
     #[arg(long)]
     pub final_gather: bool,
-    /// The standard error at which a pixel is finished, relative to its irradiance, with --final-gather [default: 0.02]
+    /// The standard error that a pixel may have, relative to its irradiance, with --final-gather [default: 0.02]
     #[arg(long, value_name = "T", value_parser = parse_positive, requires = "final_gather")]
     pub noise: Option<f64>,
-    /// The most rays to gather for one pixel; 8 for each of its samples that sees a surface (32 with --samples 2) are taken all the same [default: 16384]
+    /// The most rays to gather for one pixel; 16 for each of its samples that sees a surface are taken all the same [default: 16384]
     #[arg(long, value_name = "N", requires = "final_gather", value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
     pub gather_rays: Option<u32>,
 }
@@ -190,7 +190,7 @@ pub struct ViewArgs {
     /// Height in pixels [default: in proportion to --width as the camera file says, else as wide]
     #[arg(long, value_name = "PIXELS", value_parser = image_side())]
     pub height: Option<u32>,
-    /// Samples along each side of a pixel, averaged in the colour layers [default: 2; unfolded: 1]
+    /// N² samples for each pixel, averaged in the colour layers; from 2 on four times as many at edges, and 16 times at edges of emitters, but in unfolded views a regular grid [default: 2; unfolded: 1]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16))]
     pub samples: Option<u32>,
 }

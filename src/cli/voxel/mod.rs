@@ -455,6 +455,7 @@ fn render_settings(args: &VoxelArgs) -> RenderSettings {
     RenderSettings {
         flat: args.image.flat,
         samples: std::num::NonZeroU32::new(args.image.view.samples.unwrap_or(2)).unwrap_or(std::num::NonZeroU32::MIN),
+        adaptive: true,
         direct: DirectMethod::Off,
         ..RenderSettings::default()
     }

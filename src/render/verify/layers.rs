@@ -32,6 +32,7 @@ pub(super) struct Layers<'a> {
     errors: Vec<Triple<'a>>,
     /// The number of gathered rays.
     samples: Option<&'a [u32]>,
+    has_pixel_samples: bool,
     pub(super) reports: Vec<LayerReport>,
 }
 
@@ -90,6 +91,7 @@ impl<'a> Layers<'a> {
             noise,
             errors: error.into_iter().chain(variance).collect(),
             samples: image.u32("samples"),
+            has_pixel_samples: image.u32("pixel_samples").is_some(),
             reports: Vec::new(),
         };
         layers.reports = layers.how_checked(reference, (error.is_some(), variance.is_some()));
@@ -127,6 +129,7 @@ impl<'a> Layers<'a> {
             ("error", error),
             ("variance", variance),
             ("samples", self.samples.is_some()),
+            ("pixel_samples", self.has_pixel_samples),
         ];
         let more = more.into_iter().filter(|(_, is_given)| *is_given);
         rows.extend(more.map(|(name, _)| (name, LayerCheck::Bounds)));

@@ -30,6 +30,7 @@ use super::direct::DirectMethod;
 use super::error::RenderError;
 use super::exr::Pixels;
 use super::image::Image;
+use super::samples::PixelSamples;
 use super::unfolded::{Tile, Unfolded};
 use super::view::{CameraRecord, ViewDescription};
 use crate::printable::quoted;
@@ -95,6 +96,12 @@ pub enum VerifyError {
     /// A layer is missing.
     #[error("the image has no layer \"{}\"", quoted(.0))]
     MissingLayer(String),
+    /// A pixel has another number of samples than the settings allow.
+    #[error("the layer \"pixel_samples\" has a wrong number for pixel {pixel}: the image is damaged")]
+    BadSamples {
+        /// The pixel, counted along the rows from the upper left one.
+        pixel: usize,
+    },
     /// The description of the tiles does not fit the image or the scene.
     #[error("the image's description of its tiles does not fit it: {}", quoted(.0))]
     BadLayout(String),
@@ -257,7 +264,23 @@ fn perspective_sheet(
     let record = CameraRecord::deserialize(parameters).map_err(|error| bad(error.to_string()))?;
     let side = |n: usize| u32::try_from(n).map_err(|error| bad(error.to_string()));
     let size = (side(image.width())?, side(image.height())?);
-    Sheet::of_camera(&record, size, reference)
+    Sheet::of_camera(&record, size, n_samples(image, reference)?, reference)
+}
+
+/// Returns how many samples each pixel of a perspective image has, where they differ.
+fn n_samples<'a>(image: &'a Image, reference: &Reference<'_>) -> Result<Option<&'a [u32]>, VerifyError> {
+    const LAYER: &str = "pixel_samples";
+    let attributes = reference.attributes();
+    let samples = PixelSamples::new(&attributes.render, &attributes.view);
+    if !samples.is_adaptive() {
+        return Ok(None);
+    }
+    let missing = || VerifyError::MissingLayer(LAYER.to_owned());
+    let n_samples = image.u32(LAYER).ok_or_else(missing)?;
+    match n_samples.iter().position(|n| !samples.numbers().contains(n)) {
+        Some(pixel) => Err(VerifyError::BadSamples { pixel }),
+        None => Ok(Some(n_samples)),
+    }
 }
 
 fn check_polygons(attributes: &Attributes) -> Result<(), VerifyError> {

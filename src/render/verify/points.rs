@@ -17,7 +17,7 @@ use crate::geometry::rectangle::rectangle_exchange_area;
 use crate::render::DirectMethod;
 use crate::render::attributes::{Attributes, PolygonRecord};
 use crate::render::exr::Pixels;
-use crate::render::renderer::sample_places;
+use crate::render::samples::PixelSamples;
 use crate::render::view::ViewDescription;
 use crate::scene::{SurfaceId, slack_of};
 use crate::visibility::blockers::are_sides_of_a_sheet;
@@ -298,6 +298,7 @@ impl<'a> Reference<'a> {
             .all(|record| Some((record.exitance, record.reflectance)) == material);
         let n_pixels = tile.width as usize * tile.height as usize;
         let columns = tile.width as usize;
+        let samples = PixelSamples::new(&self.attributes.render, &self.attributes.view);
         let pixel =
             |k: usize| (tile.top as usize + k / columns) * self.image_width() + tile.left as usize + k % columns;
         (0..n_pixels)
@@ -307,7 +308,8 @@ impl<'a> Reference<'a> {
                     f64::from(tile.left) + (k % columns) as f64,
                     f64::from(tile.top) + (k / columns) as f64,
                 );
-                let points: Vec<DVec3> = sample_places(self.attributes.render.samples.get())
+                let points: Vec<DVec3> = samples
+                    .places(0, 0, samples.n_first())
                     .map(|(x, y)| tile.point(corner.0 + x, corner.1 + y))
                     .collect();
                 let answer = match self.coverage(tile, &points) {

@@ -11,7 +11,7 @@ use crate::geometry::sampling::{PointStream, Sequence, UniformOnPolygon};
 use crate::render::DirectMethod;
 use crate::render::attributes::{Attributes, PolygonRecord};
 use crate::render::direct::{EDGE_OFFSETS, Inset, edge_distance};
-use crate::render::renderer::sample_grid;
+use crate::render::samples::PixelSamples;
 
 /// How near to a blocker's edge, as a share of the scene's size, a ray in f32 (6e-8) may pass on either side.
 const SHIFT: f64 = 1e-6;
@@ -108,7 +108,7 @@ impl ShadowRays {
             seed: attributes.render.seed,
             offset,
             margin: SHIFT * size.extent + size.rounding() + touching,
-            n_streams: sample_grid(attributes.render.samples.get()).len() as u64,
+            n_streams: PixelSamples::new(&attributes.render, &attributes.view).n_streams(),
             targets: faces().map(|face| target(&face.corners)).collect(),
         })
     }

@@ -7,7 +7,7 @@ use super::light::Light;
 use super::points::{PixelAnswer, Reference, Shown};
 use super::region::SeenFrom;
 use super::{DVec3, Tile, VerifyError};
-use crate::render::renderer::sample_places;
+use crate::render::samples::PixelSamples;
 use crate::render::view::CameraRecord;
 
 /// Side of the square blocks of pixels for which candidates are looked up together.
@@ -69,6 +69,7 @@ impl Sheet {
     pub(super) fn of_camera(
         record: &CameraRecord,
         (width, height): (u32, u32),
+        n_samples: Option<&[u32]>,
         reference: &Reference<'_>,
     ) -> Result<Self, VerifyError> {
         let camera = record
@@ -76,6 +77,8 @@ impl Sheet {
             .map_err(|error| VerifyError::BadCamera(error.to_string()))?;
         let (columns, rows) = (width as usize, height as usize);
         let faces = Faces::new(reference, camera.eye());
+        let attributes = reference.attributes();
+        let samples = PixelSamples::new(&attributes.render, &attributes.view);
         let ray = |x: f64, y: f64| camera.primary_ray(x, y, width, height).1;
         let blocks: Vec<[usize; 2]> = (0..rows.div_ceil(BLOCK_SIDE))
             .flat_map(|j| (0..columns.div_ceil(BLOCK_SIDE)).map(move |i| [i * BLOCK_SIDE, j * BLOCK_SIDE]))
@@ -93,6 +96,8 @@ impl Sheet {
                     faces: &faces,
                     place: camera.eye(),
                     candidates: faces.inside(camera.eye(), edges, middle),
+                    samples,
+                    n_samples,
                     seen: Vec::new(),
                 };
                 (y0..y1)
@@ -127,6 +132,9 @@ struct Eye<'a> {
     faces: &'a Faces<'a>,
     place: DVec3,
     candidates: Vec<usize>,
+    samples: PixelSamples,
+    /// Of each pixel, where they differ.
+    n_samples: Option<&'a [u32]>,
     /// What was found out about the faces that were seen.
     seen: Vec<(usize, SeenFrom)>,
 }
@@ -148,13 +156,13 @@ impl Eye<'_> {
     }
 
     fn answer(&mut self, number: usize, ray: impl Fn(f64, f64) -> DVec3) -> PixelAnswer {
-        let n = self.reference.attributes().render.samples.get();
-        let share = 1.0 / f64::from(n).powi(2);
+        let n = self.n_samples.map_or(self.samples.n_first(), |numbers| numbers[number]);
+        let share = 1.0 / f64::from(n);
         let mut light = Light::default();
         // Of each sample: the face, if one is seen from its front.
         let mut fronts: Vec<Option<usize>> = Vec::new();
         let mut n_faces = 0;
-        for (sample, (x, y)) in sample_places(n).enumerate() {
+        for (sample, (x, y)) in self.samples.places(number as u64, 0, n).enumerate() {
             let found = match self.faces.look(&self.candidates, self.place, ray(x, y)) {
                 Seen::Unsure => return PixelAnswer::Border,
                 Seen::Nothing => None,
