@@ -14,8 +14,8 @@ use radiosity::form_factor::{ExactMethod, FormFactorMethod as _, closed_rows};
 use radiosity::matrix::{Closed, FormFactors, RowTile, StorageChoice};
 use radiosity::report::form_factors::FormFactorReport;
 use radiosity::scene::topology::{Enclosure, is_watertight};
-use radiosity::scene::{FaceId, Scene, builtin, write_obj};
-use support::rooms::{Prepared, Shapes, moved};
+use radiosity::scene::{Corners, FaceId, Scene, builtin, write_obj};
+use support::rooms::{Prepared, Shapes, moved, with_decimals};
 
 /// A room of 4 m × 4 m × 3 m: faces 0 to 5.
 fn room() -> Shapes {
@@ -223,6 +223,7 @@ fn rows_beyond_all_error_are_not_scaled_to_1() {
                 factors: &factors,
                 tolerance_met: true,
                 pairs: None,
+                sky: None,
                 settings: settings.as_object().unwrap(),
                 surface: None,
             };
@@ -267,6 +268,249 @@ fn a_closed_white_room_is_refused_however_inexact_its_form_factors_are() {
         assert!(
             code == 1 && message.contains("no finite solution"),
             "{more:?}: {document}"
+        );
+    }
+}
+
+/// Appends a flat rectangle, cut at random into smaller ones whose edges do not meet end to end.
+fn tiles(shapes: &mut Shapes, [corner, u, v]: [DVec3; 3], depth: u32, random: &mut impl FnMut() -> f64) {
+    if depth == 0 {
+        return shapes.face(&[corner, corner + u, corner + u + v, corner + v]);
+    }
+    let part = 0.25 + 0.5 * random();
+    let halves = if random() < 0.5 {
+        [[corner, part * u, v], [corner + part * u, (1.0 - part) * u, v]]
+    } else {
+        [[corner, u, part * v], [corner + part * v, u, (1.0 - part) * v]]
+    };
+    for half in halves {
+        tiles(shapes, half, depth - 1, random);
+    }
+}
+
+/// A room of 4 m × 3 m × 2 m whose walls are cut each in its own way, so that faces meet in T-junctions and corners are off each other by rounding.
+fn tiled_room(seed: u64) -> Scene {
+    let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
+    let mut random = || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    let [x, y, z] = [4.0 * DVec3::X, 3.0 * DVec3::Y, 2.0 * DVec3::Z];
+    let all = x + y + z;
+    let mut shapes = Shapes::default();
+    for wall in [
+        [DVec3::ZERO, x, y],
+        [DVec3::ZERO, y, z],
+        [DVec3::ZERO, z, x],
+        [all, -y, -x],
+        [all, -z, -y],
+        [all, -x, -z],
+    ] {
+        tiles(&mut shapes, wall, 3, &mut random);
+    }
+    shapes.scene()
+}
+
+/// Returns the scene without a face.
+fn without(scene: &Scene, face: usize) -> Scene {
+    let mut less = scene.clone();
+    less.faces.remove(face);
+    less
+}
+
+/// Returns the scene with a face wound the other way.
+fn with_turned(scene: &Scene, face: usize) -> Scene {
+    let mut other = scene.clone();
+    other.faces[face].corners = match other.faces[face].corners {
+        Corners::Triangle([a, b, c]) => Corners::Triangle([a, c, b]),
+        Corners::Quad([a, b, c, d]) => Corners::Quad([a, d, c, b]),
+    };
+    other
+}
+
+/// Returns the scene with a gap of about a millionth of its size around a face.
+fn with_a_gap(scene: &Scene, face: usize) -> Scene {
+    let mut gaping = scene.clone();
+    let corners = scene.polygon(FaceId(u32::try_from(face).unwrap()));
+    let middle = corners.iter().sum::<DVec3>() / corners.len() as f64;
+    let first = u32::try_from(gaping.vertices.len()).unwrap();
+    gaping.vertices.extend(corners.iter().map(|v| v.lerp(middle, 1e-6)));
+    gaping.faces[face].corners = Corners::Quad([0, 1, 2, 3].map(|corner| first + corner));
+    gaping
+}
+
+fn all_closed(scene: Scene) -> bool {
+    let prepared = Prepared::new(scene, 2);
+    let rows = closed_rows(prepared.input());
+    let is_closed = is_watertight(&prepared.scene);
+    assert!(is_closed || !rows.contains(&true));
+    is_closed && !rows.contains(&false)
+}
+
+#[test]
+fn rooms_whose_faces_meet_in_t_junctions_are_closed() {
+    for seed in 1..20 {
+        let room = tiled_room(seed);
+        for (place, scene) in places(&room).into_iter().enumerate() {
+            assert!(all_closed(scene), "{seed} {place}");
+        }
+        let turn = DQuat::from_axis_angle(DVec3::new(2.0, 1.0, 2.0) / 3.0, 0.1 + seed as f64);
+        let rounded = with_decimals(6, &moved(&room, turn, 1.0, DVec3::new(20.0, 3.0, -7.0)));
+        assert!(all_closed(rounded), "{seed}: with six decimals");
+        let k = usize::try_from(seed).unwrap() % room.faces.len();
+        assert!(
+            !is_watertight(&without(&room, k)) && !is_watertight(&with_turned(&room, k)),
+            "{seed}"
+        );
+        // A gap around a tile that is wider than rounding opens the room.
+        let gaping = with_a_gap(&room, k);
+        assert!(!is_watertight(&gaping), "{seed}: a gap");
+    }
+}
+
+#[test]
+fn edges_of_more_than_two_faces_do_not_open_a_room() {
+    // Two blocks along one edge, and two at a corner.
+    let mut shapes = room();
+    cube(&mut shapes, [0.5; 3], [1.5; 3], false);
+    cube(&mut shapes, [1.5, 1.5, 0.5], [2.5, 2.5, 1.5], false);
+    cube(&mut shapes, [2.5, 2.5, 1.5], [3.0, 3.0, 2.0], false);
+    assert!(all_closed(shapes.scene()));
+    // Half-rooms whose floors, walls and ceilings end at a partition of two sides, or of one.
+    let at = |x: f64, y: f64, z: f64| DVec3::new(x, y, z);
+    let partition = [
+        at(2.0, 0.0, 0.0),
+        at(2.0, 3.0, 0.0),
+        at(2.0, 3.0, 2.5),
+        at(2.0, 0.0, 2.5),
+    ];
+    let half_rooms = || {
+        let mut shapes = Shapes::default();
+        for (low, skipped) in [(0.0, 1), (2.0, 0)] {
+            let mut whole = Shapes::default();
+            whole.cuboid(at(low, 0.0, 0.0), at(low + 2.0, 3.0, 2.5), DQuat::IDENTITY, true);
+            let whole = whole.scene();
+            for face in whole.face_ids().filter(|face| face.0 != skipped) {
+                shapes.face(&whole.polygon(face));
+            }
+        }
+        shapes
+    };
+    assert!(all_closed(half_rooms().scene()));
+    let mut two_sided = half_rooms();
+    two_sided.face(&partition);
+    two_sided.face(&[partition[3], partition[2], partition[1], partition[0]]);
+    assert!(all_closed(two_sided.scene()));
+    let mut one_sided = half_rooms();
+    one_sided.face(&partition);
+    let prepared = Prepared::new(one_sided.scene(), 2);
+    assert!(is_watertight(&prepared.scene));
+    // It faces to higher x: what lies there sees its front, and the other half its back.
+    let closed = closed_rows(prepared.input());
+    for (patch, closed) in prepared.mesh.patches.iter().zip(closed) {
+        assert!(
+            !(closed && patch.centroid.x < 2.0),
+            "a back is seen from {}",
+            patch.centroid
+        );
+    }
+}
+
+/// A block as wide as the room covers a part of its floor and of three walls, with edges in common: what lies under it sees its inside.
+#[test]
+fn a_block_that_shares_edges_with_the_room_does_not_close_what_it_covers() {
+    let mut shapes = room();
+    cube(&mut shapes, [0.0; 3], [4.0, 1.0, 1.0], false);
+    let scene = shapes.scene();
+    assert!(is_watertight(&scene));
+    let prepared = Prepared::new(scene, 1);
+    let factors = prepared.compute(&ExactMethod::default());
+    for (i, closed) in closed_rows(prepared.input()).into_iter().enumerate() {
+        assert!(
+            !closed || (factors.row_sum(i) - 1.0).abs() < 1e-5,
+            "{i}: {}",
+            factors.row_sum(i)
+        );
+    }
+}
+
+#[test]
+fn sheets_in_a_room_do_not_open_it_and_their_backs_count() {
+    let mut shapes = room();
+    shapes.face(&[[1.0, 1.0, 1.0], [3.0, 1.0, 1.0], [3.0, 3.0, 1.5], [1.0, 3.0, 1.5]].map(DVec3::from));
+    for (place, scene) in places(&shapes.scene()).into_iter().enumerate() {
+        assert!(is_watertight(&scene), "{place}");
+        assert!(!closed_rows(Prepared::new(scene, 2).input()).contains(&true), "{place}");
+    }
+    // One that pierces a wall lets no light out, and shows its back on either side.
+    let mut shapes = room();
+    shapes.face(&[[3.0, 1.0, 1.0], [5.0, 1.0, 1.0], [5.0, 3.0, 1.0], [3.0, 3.0, 1.0]].map(DVec3::from));
+    let scene = shapes.scene();
+    assert!(!is_watertight(&scene), "light leaves it outside");
+    assert!(!closed_rows(Prepared::new(scene, 2).input()).contains(&true));
+}
+
+/// A T-junction room in a file, and what flags say of it, and of one with a hole.
+#[test]
+fn a_user_may_say_that_a_room_is_closed_or_open() {
+    let directory = tempfile::tempdir().unwrap();
+    let room = tiled_room(5);
+    write_obj(&room, directory.path().join("room.obj")).unwrap();
+    let k = 11;
+    write_obj(&without(&room, k), directory.path().join("hole.obj")).unwrap();
+    let run = |scene: &str, more: &[&str]| document(directory.path(), &[&["form-factors", scene], more].concat());
+    let (code, detected) = run("room.obj", &["--balance", "closure"]);
+    assert!(code == 0 && detected["closed"] == true, "{detected}");
+    assert!(detected["closure_error_max"].as_f64().unwrap() < 1e-9);
+    let (code, open) = run("room.obj", &["--open"]);
+    assert!(
+        code == 0 && open["closed"] == false && open["closure_error_max"].is_null(),
+        "{open}"
+    );
+    let (code, refused) = run("hole.obj", &["--closed"]);
+    let message = refused["error"]["message"].as_str().unwrap();
+    assert!(
+        code == 1
+            && message.contains("hole.obj: `face")
+            && message.contains("(line ")
+            && message.contains("leaves the scene"),
+        "{message}"
+    );
+    // A gap far below what is refused.
+    let gaping = with_a_gap(&room, k);
+    write_obj(&gaping, directory.path().join("gap.obj")).unwrap();
+    let (_, detected) = run("gap.obj", &[]);
+    assert_eq!(detected["closed"], false);
+    let (code, stated) = run("gap.obj", &["--closed", "--balance", "closure"]);
+    assert!(code == 0 && stated["closed"] == true, "{stated}");
+    // What the gap loses is beyond the errors of exact entries, and so is stated, not spread.
+    let closure = stated["closure_error_max"].as_f64().unwrap();
+    assert!(closure > 1e-9 && closure < 1e-4, "{closure:e}");
+    // Nor are blocks in it whose bottoms lie on the floor, and see nothing.
+    let mut shapes = Shapes::default();
+    for face in gaping.face_ids() {
+        shapes.face(&gaping.polygon(face));
+    }
+    cube(&mut shapes, [1.0, 1.0, 0.0], [2.0, 2.0, 1.0], false);
+    write_obj(&shapes.scene(), directory.path().join("block.obj")).unwrap();
+    let (code, stated) = run("block.obj", &["--closed", "--method", "centre"]);
+    assert!(code == 0 && stated["closed"] == true, "{stated}");
+    let white = room.surfaces.iter().map(|surface| {
+        let name = &surface.name;
+        format!("[surface.{name}]\nreflectance = 1.0\nexitance = 1.0\n")
+    });
+    std::fs::write(directory.path().join("white.toml"), white.collect::<String>()).unwrap();
+    for (scene, more) in [("room.obj", &[][..]), ("gap.obj", &["--closed"])] {
+        let (code, result) = document(
+            directory.path(),
+            &[&["solve", scene, "--lighting", "white.toml"], more].concat(),
+        );
+        let message = result["error"]["message"].as_str().unwrap_or_default();
+        assert!(
+            code == 1 && message.contains("no finite solution"),
+            "{scene} {more:?} {result}"
         );
     }
 }

@@ -72,6 +72,7 @@ fn write(path: &Path, (scene, mesh): (&Scene, &Mesh), factors: &FormFactors) -> 
         factors,
         tolerance_met: false,
         pairs: None,
+        sky: None,
         settings: settings.as_object().unwrap(),
         surface: None,
     };

@@ -47,6 +47,7 @@ impl Case {
             factors: &self.factors,
             tolerance_met: true,
             pairs: None,
+            sky: None,
             settings: settings.as_object().unwrap(),
             surface: Some(SurfaceId(5)),
         };

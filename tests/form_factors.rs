@@ -7,7 +7,8 @@ use std::num::NonZeroUsize;
 
 use glam::{DQuat, DVec3};
 use radiosity::form_factor::{
-    CentrePoint, ExactMethod, FormFactorMethod, GaussShooting, Input, RandomShooting, sky_factors, sky_of_surfaces,
+    CentrePoint, Closure, ExactMethod, FormFactorMethod, Fraction, GaussShooting, Input, RandomShooting, SkyFactors,
+    enclosed, sky_factors,
 };
 use radiosity::geometry::sampling::Sequence;
 use radiosity::matrix::{FormFactors, StorageChoice, SurfaceFormFactors};
@@ -172,7 +173,8 @@ fn no_number_of_rays_is_certain() {
 #[test]
 fn occluded_scenes_meet_their_certified_factors() {
     let scene = builtin::build("corridor", None).unwrap().scene;
-    let (mesh, factors) = compute(&scene, 1, &sr(400_000, Sequence::Sobol, 1));
+    let method = sr(400_000, Sequence::Sobol, 1);
+    let (mesh, factors) = compute(&scene, 1, &method);
     let surfaces = by_surface(&scene, &mesh, &factors);
     let n = surfaces.n_surfaces;
     // A to B beneath the partition, A to the partition: tests/data/reference/occluded.json.
@@ -186,18 +188,36 @@ fn occluded_scenes_meet_their_certified_factors() {
     // B sees the other side of the partition, and A never does.
     assert!((surfaces.form_factor[n + 3] - 0.193_191_244_633_067_53).abs() < 3.0 * surfaces.error[n + 3]);
     assert!(surfaces.form_factor[3].abs() < 1e-15 && surfaces.form_factor[n + 2].abs() < 1e-15);
-    let sky = sky_of_surfaces(&sky_factors(&scene, &mesh, &factors), &mesh, n);
+    let sky = sky_of(&scene, &mesh, &factors, &method).of_surfaces(&mesh, n).sky;
     let lost = 1.0 - surfaces.form_factor[1] - surfaces.form_factor[2];
-    assert!((sky[0].unwrap() - lost).abs() < 1e-12 && (surfaces.lost_factor[0] - lost).abs() < 1e-12);
+    assert!((sky[0].value - lost).abs() < 1e-12 && (surfaces.lost_factor[0] - lost).abs() < 1e-12);
 }
 
-/// What is missing from a row has escaped where no back can be seen; where one can, nobody knows without rays.
+fn sky_of(scene: &Scene, mesh: &Mesh, factors: &FormFactors, method: &dyn FormFactorMethod) -> SkyFactors {
+    let visibility = EmbreeVisibility::new(scene).unwrap();
+    let input = Input {
+        scene,
+        mesh,
+        visibility: &visibility,
+        unoccluded: false,
+    };
+    let found = enclosed(
+        input,
+        topology::is_watertight(scene),
+        factors.tallies(),
+        Closure::Detect,
+    )
+    .unwrap();
+    sky_factors(input, factors, method.reciprocity(), &found)
+}
+
+/// What is missing from a row has escaped, but for what backs take.
 #[test]
 fn the_sky_is_what_escapes() {
     let sky = |scene: &Scene, method: &dyn FormFactorMethod| {
         let (mesh, factors) = compute(scene, 2, method);
         let surfaces = by_surface(scene, &mesh, &factors);
-        let sky = sky_of_surfaces(&sky_factors(scene, &mesh, &factors), &mesh, surfaces.n_surfaces);
+        let sky = sky_of(scene, &mesh, &factors, method).of_surfaces(&mesh, surfaces.n_surfaces);
         (sky, surfaces.lost_factor)
     };
     let built = |name: &str| builtin::build(name, None).unwrap().scene;
@@ -207,23 +227,31 @@ fn the_sky_is_what_escapes() {
     let corridor = built("corridor");
     let (known, counted) = (sky(&corridor, &exact), sky(&corridor, &rays));
     for (k, lost) in known.1.iter().enumerate() {
-        let [by_rows, by_rays] = [&known, &counted].map(|(of_surfaces, _)| of_surfaces[k].unwrap());
+        let [by_rows, by_rays] = [&known, &counted].map(|(of_surfaces, _)| of_surfaces.sky[k].value);
         assert!((by_rows - lost).abs() < 1e-12 && (by_rows - by_rays).abs() < 1e-2);
+        assert_eq!(known.0.back[k], Fraction::default());
     }
     // Closed: nothing escapes, whatever the rows miss.
     let centre = CentrePoint { normalise: false };
-    assert_eq!(sky(&built("room-box"), &centre).0, vec![Some(0.0); 12]);
+    assert_eq!(sky(&built("room-box"), &centre).0.sky, vec![Fraction::default(); 12]);
     // Blocks without a bottom stand on the floor, which sees their insides.
     let cornell = built("cornell-box");
     let floor = cornell.surfaces.iter().position(|s| s.name == "floor").unwrap();
-    let (unknown, missing) = sky(&cornell, &exact);
-    assert_eq!(unknown[floor], None);
+    let ((found, missing), by_rays) = (sky(&cornell, &exact), sky(&cornell, &rays).0);
     assert!((missing[floor] - 0.301).abs() < 1e-3, "{}", missing[floor]);
-    let by_rays = sky(&cornell, &rays).0[floor].unwrap();
-    assert!((by_rays - 0.121).abs() < 1e-2, "{by_rays}");
+    for (own, of_rays) in [
+        (found.sky[floor], by_rays.sky[floor]),
+        (found.back[floor], by_rays.back[floor]),
+    ] {
+        assert!(
+            (own.value - of_rays.value).abs() < 1e-2 && own.error() < 1e-3,
+            "{own:?} {of_rays:?}"
+        );
+    }
+    assert!((found.sky[floor].value - 0.121).abs() < 3e-3, "{:?}", found.sky[floor]);
 }
 
-/// A block that is closed all around hides its backs from what is clear of it; one that stands on the floor does not from the floor.
+/// A block that is closed all around hides its backs from what is clear of it; one that stands on the floor does not from the floor under it.
 #[test]
 fn blocks_hide_their_backs() {
     let room = |height: f64| {
@@ -232,11 +260,17 @@ fn blocks_hide_their_backs() {
         shapes.face(&[[0.0, 0.0], [0.0, 2.5], [3.0, 2.5], [3.0, 0.0]].map(|[y, z]| DVec3::new(4.0, y, z)));
         let (low, high) = (DVec3::new(1.0, 1.0, height), DVec3::new(2.0, 2.0, height + 1.0));
         shapes.cuboid(low, high, DQuat::IDENTITY, false);
-        topology::may_see_backs(&shapes.scene())
+        let scene = shapes.scene();
+        let (mesh, factors) = compute(&scene, 1, &ExactMethod::default());
+        sky_of(&scene, &mesh, &factors, &ExactMethod::default()).back
     };
-    assert_eq!(room(0.5), [false; 8]);
+    assert_eq!(room(0.5), [Fraction::default(); 8]);
     let standing = room(0.0);
-    assert!(standing[0] && !standing[1..].contains(&true), "{standing:?}");
+    assert!(
+        (standing[0].value - 1.0 / 12.0).abs() < 1e-6 + standing[0].error(),
+        "{standing:?}"
+    );
+    assert_eq!(standing[1..], [Fraction::default(); 7]);
 }
 
 #[test]

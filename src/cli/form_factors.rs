@@ -11,7 +11,7 @@ use super::file_set::FileSet;
 use super::pipeline::{Computed, Fineness, Prepared, Run};
 use super::storage::{Storage, limit_byte};
 use super::{Outcome, merge, name_width};
-use crate::form_factor::{ExactMethod, sky_of_surfaces};
+use crate::form_factor::{ExactMethod, Fraction};
 use crate::matrix::{Layout, Place, Precision, StorageChoice, SurfaceRow};
 use crate::mesh::Subdivision;
 use crate::plan::byte_text;
@@ -69,6 +69,7 @@ fn work(args: &FormFactorsArgs, run: &mut Run) -> Result<Outcome, Failure> {
             factors: &computed.factors,
             tolerance_met: computed.tolerance_met,
             pairs: computed.pairs,
+            sky: Some(&computed.sky),
             settings: &run.settings,
             surface,
         };
@@ -204,11 +205,21 @@ impl SurfaceTable {
 fn to_json(prepared: &Prepared, computed: &Computed, table: &SurfaceTable) -> Value {
     let n = prepared.scene.surfaces.len();
     let mut result = checks_to_json(computed);
+    let sky = computed.sky.of_surfaces(&prepared.mesh, n);
+    let values = |of: &[Fraction]| -> Vec<f64> { of.iter().map(|fraction| fraction.value).collect() };
+    let errors = |of: &[Fraction]| -> Option<Vec<f64>> {
+        computed
+            .errors_known
+            .then(|| of.iter().map(|fraction| fraction.error()).collect())
+    };
     let more = json!({
         "n_patches": prepared.mesh.n_patches(),
         "n_surfaces": n,
         "surfaces": prepared.surfaces_to_json(),
-        "sky_factor": sky_of_surfaces(&computed.sky, &prepared.mesh, n),
+        "sky_factor": values(&sky.sky),
+        "sky_factor_error": errors(&sky.sky),
+        "back_factor": values(&sky.back),
+        "back_factor_error": errors(&sky.back),
     });
     merge(&mut result, more);
     // Put in here, because what stands in `json!` is copied.
@@ -255,21 +266,20 @@ fn describe(text: &mut String, prepared: &Prepared, computed: &Computed, table: 
         let _ = write!(text, " {:>column$}", shortened(name, column));
     }
     let _ = writeln!(text, " {:>9} {:>9} {:>9}", "lost", "sky", "error");
-    let sky_of_each = sky_of_surfaces(&computed.sky, &prepared.mesh, n);
+    let sky_of_each = computed.sky.of_surfaces(&prepared.mesh, n).sky;
     for ((row, name), sky) in rows.iter().zip(names).zip(sky_of_each) {
         let _ = write!(text, "{name:width$}");
         for value in &row.form_factor {
             let _ = write!(text, " {value:>column$.6}");
         }
         let error = row.error.iter().copied().fold(0.0, f64::max);
-        let escaped = sky.map_or("-".to_owned(), |sky| format!("{sky:.6}"));
         // A row that is complete may be so but for rounding of either sign.
         let lost = if row.lost_factor.abs() < 5e-7 {
             0.0
         } else {
             row.lost_factor
         };
-        let _ = writeln!(text, " {lost:>9.6} {escaped:>9} {error:>9.1e}");
+        let _ = writeln!(text, " {lost:>9.6} {:>9.6} {error:>9.1e}", sky.value);
     }
     let _ = writeln!(text);
 }

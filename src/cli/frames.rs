@@ -212,7 +212,7 @@ impl Sequence {
         run.storage.part = u32::try_from(number).unwrap_or(u32::MAX);
         let (raw, promised) = run.raw_form_factors(&mut prepared, &args.method, fineness, needs_symmetry, before)?;
         let (factors, tolerance_met) = (raw.factors.clone(), raw.tolerance_met);
-        let computed = run.repaired(&mut prepared, raw, args.method.balance, needs_symmetry, promised)?;
+        let computed = run.repaired(&mut prepared, raw, &args.method, needs_symmetry, promised)?;
         // Those of the lightings that this pose is seen in.
         let mut numbers: Vec<usize> = own.iter().map(|(_, frame)| frame.lighting).collect();
         numbers.sort_unstable();

@@ -6,7 +6,7 @@ use super::pipeline::{Fineness, Known, Prepared, Run};
 use super::render::indirect_irradiance;
 use crate::audit::Given;
 use crate::form_factor::registry::METHODS;
-use crate::form_factor::{Input, OnTheFly, closed_rows};
+use crate::form_factor::{Input, OnTheFly};
 use crate::matrix::operator::Block;
 use crate::solver::Solution;
 
@@ -44,6 +44,8 @@ pub(super) fn solve(
     }
     let method = run.method(request.method, request.fineness)?.method;
     run.set("on_the_fly", true);
+    // There are no tallies: every pass counts its own rays.
+    let closed_rows = run.enclosed(prepared, &[], request.method.closure())?.rows;
     let input = Input {
         scene: &prepared.scene,
         unoccluded: prepared.plan.convex_and_empty,
@@ -68,7 +70,6 @@ pub(super) fn solve(
         .push("storing form factors: every pass computes them again".into());
     let (reflectance, exitance) = prepared.materials();
     let areas = prepared.mesh.areas();
-    let closed_rows = closed_rows(input);
     let solution = run.solve_system(
         (&mut prepared.plan, &prepared.mesh),
         (&operator, areas),

@@ -73,7 +73,7 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
             let repaired = repairs(args.method.balance, needs_symmetry && !file.description().symmetric);
             let result = reuse::form_factors(run, &mut prepared, file, &args.scene, repaired)?;
             let promised = reuse::promised(file);
-            run.repaired(&mut prepared, result, args.method.balance, needs_symmetry, promised)?
+            run.repaired(&mut prepared, result, &args.method, needs_symmetry, promised)?
         }
     };
     if !args.lighting.is_empty() {

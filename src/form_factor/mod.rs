@@ -23,9 +23,10 @@
 //! Where a file [shows that its coordinates were rounded](crate::scene::Written::shows_rounding), all methods but [`OnTheFly`] add to the error of an entry what half a unit of the last place leaves open:
 //! how far F_ij changes to the first order where the vertices of both patches, and of what stands between them, move. Whole numbers and short decimals of a mesh that fits are what is meant.
 
+mod backs;
 mod centre;
 mod closed_form;
-mod closed_rows;
+mod closure;
 mod contour;
 mod error;
 mod exact;
@@ -39,6 +40,7 @@ mod pairs;
 pub mod partial;
 mod pdm;
 mod point_errors;
+mod probe;
 mod qmc;
 pub mod registry;
 mod rounded;
@@ -54,7 +56,7 @@ mod update;
 
 pub use centre::CentrePoint;
 pub use closed_form::ClosedForm;
-pub use closed_rows::closed_rows;
+pub use closure::{Closure, Enclosed, Leak, MAX_ESCAPED, closed_rows, enclosed};
 pub use contour::ContourIntegral;
 pub use error::FormFactorError;
 pub use exact::ExactMethod;
@@ -66,7 +68,7 @@ pub use pdm::ParametricDifferential;
 pub use qmc::QuasiMonteCarlo;
 pub use registry::{MethodSettings, method};
 pub use sg::GaussShooting;
-pub use sky::{sky_factors, sky_of_surfaces};
+pub use sky::{Fraction, SkyFactors, sky_factors};
 pub use sr::RandomShooting;
 pub use update::{Before, Change};
 

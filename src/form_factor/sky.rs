@@ -1,58 +1,129 @@
-//! How much of the light of each patch escapes, as far as that is known.
+//! How much of the light of each patch escapes, and how much black backs take.
 
 use rayon::prelude::*;
 
-use crate::matrix::FormFactors;
+use super::backs::back_factors;
+use super::{Enclosed, Input, Reciprocity};
+use crate::matrix::{FormFactors, RowTally};
 use crate::mesh::Mesh;
-use crate::scene::{Scene, topology};
 
-/// Returns of each patch the fraction of its light that escapes, \[n\]; `None` where nobody knows.
-///
-/// Rays that leave a patch are counted: the fraction is that of those that hit nothing. Without rays it is 0 in a watertight scene, and 1 − Σ_j F_ij, or 0 if that is negative, where
-/// the patch cannot see any back (see [`may_see_backs`](topology::may_see_backs)), up to the error of the row. Elsewhere what is missing from a row may have met a back, which is
-/// black, and so is not known to have escaped.
-///
-/// Work: a pass over the rows without rays, and at worst the square of the number of faces.
-///
-/// # Panics
-/// If the mesh has not one patch for every row, or is not that of the scene.
-#[must_use]
-#[track_caller]
-pub fn sky_factors(scene: &Scene, mesh: &Mesh, factors: &FormFactors) -> Vec<Option<f64>> {
-    let tallies = factors.tallies();
-    assert_eq!(mesh.n_patches(), tallies.len(), "one patch per row");
-    let all_counted = tallies.iter().all(|tally| tally.escaped().is_some());
-    let is_watertight = !all_counted && topology::is_watertight(scene);
-    let sees_backs = if all_counted || is_watertight {
-        Vec::new()
-    } else {
-        topology::may_see_backs(scene)
-    };
-    let without_rays = |i: usize| {
-        if is_watertight {
-            return Some(0.0);
-        }
-        let face = mesh.patches[i].face.0 as usize;
-        (!sees_backs[face]).then(|| (1.0 - factors.row_sum(i)).max(0.0))
-    };
-    let rows = tallies.par_iter().enumerate();
-    rows.map(|(i, tally)| tally.escaped().or_else(|| without_rays(i)))
-        .collect()
+/// A fraction of the light of a patch, or of a surface, with its error.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Fraction {
+    /// The fraction.
+    pub value: f64,
+    /// What it may be off by as its neighbours are too, in the same direction: errors of form factors.
+    pub common: f64,
+    /// The variance of what it is off by independently of others: that of rays.
+    pub variance: f64,
 }
 
-/// Returns the area means of such fractions over each surface, \[n_surfaces\]; `None` where one of its patches has none, 0 of a surface without patches.
+impl Fraction {
+    /// Returns an estimate of the absolute error.
+    #[must_use]
+    pub fn error(self) -> f64 {
+        self.common + self.variance.sqrt()
+    }
+}
+
+/// The fractions of the light of patches, or of surfaces, that no front receives.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SkyFactors {
+    /// What escapes.
+    pub sky: Vec<Fraction>,
+    /// What black backs take.
+    pub back: Vec<Fraction>,
+}
+
+/// Returns of each patch the fractions of its light that escape and that backs take, \[n\]: the sky factor and the back factor.
+///
+/// sky = 1 − Σ_j F_ij − back. In a scene that is closed for certain nothing escapes, and backs take what is missing from a row. Rays that leave a patch all over are counted, where the
+/// method has such ([`Reciprocity::ToNoise`]). Else back is 0 where faces hide all backs, as the outsides of solids do, or the sum of the form factors to the backs of the faces that may be seen from
+/// behind, each computed like one between two fronts, to 1e-5, or for patches that see backs past many faces the share of rays that meet them: 2^18 rays from each, or 2^24 in all.
+///
+/// Errors: of counted rays sqrt(p (1 − p) / N), with p = (N f + 1) / (N + 2) of a fraction f of N rays; else the sum of what the entries of the row state (of rays from a rule's points: beyond
+/// their noise, and that of the row), and that of back. They are zero where nothing can be seen.
+///
+/// Work: a pass over the rows, O(n log n), and where backs may be seen the pairs of patches and faces at worst.
+///
+/// # Panics
+/// If the mesh has not one patch for every row.
 #[must_use]
-pub fn sky_of_surfaces(sky: &[Option<f64>], mesh: &Mesh, n_surfaces: usize) -> Vec<Option<f64>> {
-    let mut areas = vec![0.0; n_surfaces];
-    for patch in &mesh.patches {
-        areas[patch.surface.0 as usize] += patch.area;
+#[track_caller]
+pub fn sky_factors(
+    input: Input<'_>,
+    factors: &FormFactors,
+    reciprocity: Reciprocity,
+    enclosed: &Enclosed,
+) -> SkyFactors {
+    let tallies = factors.tallies();
+    let n = input.mesh.n_patches();
+    assert_eq!(n, tallies.len(), "one patch per row");
+    let is_known = enclosed.closed && enclosed.certain;
+    // Points that stand for a patch may miss what the rest of it sees.
+    let counts = |tally: &RowTally| tally.n_rays > 0 && reciprocity == Reciprocity::ToNoise;
+    let wanted: Vec<bool> = tallies.iter().map(|tally| !is_known && !counts(tally)).collect();
+    let backs = back_factors(input, &wanted);
+    let of_row = |i: usize| {
+        let tally = &tallies[i];
+        let counted = |value: Option<f64>| Fraction {
+            value: value.unwrap_or(0.0),
+            common: 0.0,
+            variance: tally.variance_of(value.unwrap_or(0.0)),
+        };
+        let left_by = |back: Fraction| {
+            let (mut sum, mut errors) = (0.0, 0.0);
+            factors.for_each_in_row(i, |_, value, error| {
+                sum += value;
+                // Errors are stored in f32.
+                errors += (error - tally.noise_of(value) * (1.0 + 1e-6)).max(0.0);
+            });
+            let noise = if tally.n_rays > 0 { tally.variance_of(sum) } else { 0.0 };
+            Fraction {
+                value: (1.0 - sum - back.value).clamp(0.0, 1.0),
+                common: errors + back.common,
+                variance: noise + back.variance,
+            }
+        };
+        let nothing = Fraction::default();
+        match (is_known, counts(tally)) {
+            (true, _) if enclosed.rows[i] => (nothing, nothing),
+            (true, true) => (nothing, counted(tally.absorbed())),
+            (true, false) => (nothing, left_by(nothing)),
+            (false, true) => (counted(tally.escaped()), counted(tally.absorbed())),
+            (false, false) => (left_by(backs[i]), backs[i]),
+        }
+    };
+    let (sky, back) = (0..n).into_par_iter().map(of_row).unzip();
+    SkyFactors { sky, back }
+}
+
+impl SkyFactors {
+    /// Returns the area means over each surface, \[n_surfaces\]; 0 of a surface without patches.
+    #[must_use]
+    pub fn of_surfaces(&self, mesh: &Mesh, n_surfaces: usize) -> Self {
+        let mut areas = vec![0.0; n_surfaces];
+        for patch in &mesh.patches {
+            areas[patch.surface.0 as usize] += patch.area;
+        }
+        let means = |of_patches: &[Fraction]| {
+            let mut means = vec![Fraction::default(); n_surfaces];
+            for (patch, own) in mesh.patches.iter().zip(of_patches) {
+                let k = patch.surface.0 as usize;
+                let weight = patch.area / areas[k];
+                means[k].value += weight * own.value;
+                means[k].common += weight * own.common;
+                means[k].variance += weight * weight * own.variance;
+            }
+            for mean in &mut means {
+                // A sum of weights may be above 1 by rounding.
+                mean.value = mean.value.min(1.0);
+            }
+            means
+        };
+        Self {
+            sky: means(&self.sky),
+            back: means(&self.back),
+        }
     }
-    let mut means = vec![Some(0.0); n_surfaces];
-    for (patch, of_patch) in mesh.patches.iter().zip(sky) {
-        let k = patch.surface.0 as usize;
-        means[k] = means[k]
-            .zip(*of_patch)
-            .map(|(sum, own)| sum + patch.area / areas[k] * own);
-    }
-    means
 }

@@ -48,7 +48,12 @@ impl BoxTree {
     ///
     /// Work: O(log n) and the number of boxes found, for boxes that are small beside the space that they fill.
     pub(crate) fn overlapping(&self, other: (DVec3, DVec3), visit: &mut impl FnMut(u32)) {
-        self.boxes.overlapping(&self.root, other, visit);
+        self.meeting(&|own| overlap(own, other), visit);
+    }
+
+    /// Calls `visit` once for each of the boxes that meets something, by its place in the list: `meets` tells it of a box, and of each box around several.
+    pub(crate) fn meeting(&self, meets: &impl Fn((DVec3, DVec3)) -> bool, visit: &mut impl FnMut(u32)) {
+        self.boxes.meeting(&self.root, meets, visit);
     }
 }
 
@@ -114,17 +119,17 @@ impl Boxes {
         }
     }
 
-    /// Visits the faces of a group whose boxes overlap a box.
-    fn overlapping(&self, group: &Group, other: (DVec3, DVec3), visit: &mut impl FnMut(u32)) {
-        if !overlap((group.low, group.high), other) {
+    /// Visits the faces of a group whose boxes meet something.
+    fn meeting(&self, group: &Group, meets: &impl Fn((DVec3, DVec3)) -> bool, visit: &mut impl FnMut(u32)) {
+        if !meets((group.low, group.high)) {
             return;
         }
         match &group.content {
             Content::Faces(faces) => {
-                let found = faces.iter().filter(|&&face| overlap(self.0[face as usize], other));
+                let found = faces.iter().filter(|&&face| meets(self.0[face as usize]));
                 found.for_each(|&face| visit(face));
             }
-            Content::Halves(halves) => halves.iter().for_each(|half| self.overlapping(half, other, visit)),
+            Content::Halves(halves) => halves.iter().for_each(|half| self.meeting(half, meets, visit)),
         }
     }
 

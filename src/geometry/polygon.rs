@@ -16,6 +16,13 @@ pub fn area_vector(corners: &[DVec3]) -> DVec3 {
     rest.windows(2).map(|w| (w[0] - c).cross(w[1] - c)).sum::<DVec3>() * 0.5
 }
 
+/// Returns the length of the border of a polygon, in m.
+#[must_use]
+pub fn perimeter(corners: &[DVec3]) -> f64 {
+    let next = corners.iter().cycle().skip(1);
+    corners.iter().zip(next).map(|(a, b)| a.distance(*b)).sum()
+}
+
 /// Returns the centroid of a planar polygon with a non-zero area.
 ///
 /// c = v_0 + Σ a_k (v_k + v_{k+1} − 2 v_0) / (3 Σ a_k), with a_k the signed areas of the fan's triangles.

@@ -2,15 +2,15 @@
 //!
 //! | ending | content | for |
 //! |---|---|---|
-//! | `.npz` | dense: `F`, `area`, `error`; sparse (under a third not zero, or as `--storage` says): what `scipy.sparse.load_npz` reads, with `area` and `error` | this program, NumPy, SciPy |
+//! | `.npz` | dense: `F`, `area`, `error`; sparse (under a third not zero, or as `--storage` says): what `scipy.sparse.load_npz` reads, with `area` and `error`; sky and back factors of the patches | this program, NumPy, SciPy |
 //! | `.npy` | F in full; the description stands in a file of the same name with `.json` after it | this program, NumPy |
 //! | `.mtx` | F as coordinates | this program, Matrix Market readers: SciPy, MATLAB, Julia |
-//! | `.csv` | form factors between surfaces, with their errors | tables |
+//! | `.csv` | form factors between surfaces, with their errors, and the sky and back factors of the surface that light comes from | tables |
 //! | `.exr` | F as an image: row i downwards, column j to the right | viewers |
-//! | `.vtu` | patches with row sum, error, sky factor if it is known of all, and the form factor to a chosen surface | ParaView, PyVista |
+//! | `.vtu` | patches with row sum, error, sky and back factor with their errors, and the form factor to a chosen surface | ParaView, PyVista |
 //!
 //! F\[i, j\] is the fraction of the light leaving patch i that reaches patch j, `area` is in m², `error` the standard error of
-//! each form factor. Every file says so itself, together with the hash of the patches' geometry and the settings; it holds no
+//! each form factor, `sky_factor` the fraction of the light of a patch that escapes, `back_factor` what black backs take. Every file says so itself, together with the hash of the patches' geometry and the settings; it holds no
 //! time, path or number of threads, and equal content gives equal bytes.
 
 use std::io::{self, BufWriter, Write};
@@ -25,7 +25,7 @@ use super::npy::{Dtype, Header};
 use super::npz::{NpzWriter, write_numbers};
 use super::vtu::CellData;
 use super::{Description, ReportError, matrix_csv, matrix_exr, mtx, vtu};
-use crate::form_factor::{PairCounts, sky_factors};
+use crate::form_factor::{Fraction, PairCounts, SkyFactors};
 use crate::matrix::{FormFactors, Layout, Precision, RowTally};
 use crate::mesh::Mesh;
 use crate::scene::hash::hexadecimal;
@@ -47,6 +47,8 @@ pub struct FormFactorReport<'a> {
     pub tolerance_met: bool,
     /// How the pairs of patches were treated, and how many are above the tolerance for which reason; `None` of methods that do not look at pairs.
     pub pairs: Option<PairCounts>,
+    /// What escapes of the light of each patch, and what backs take; files then have it with its errors.
+    pub sky: Option<&'a SkyFactors>,
     /// How the form factors were computed: no time, path or number of threads. `subdivide` or `max_edge_m` tells how the scene was
     /// cut into patches.
     pub settings: &'a Map<String, Value>,
@@ -148,7 +150,11 @@ impl FormFactorReport<'_> {
             Format::Csv => whole_file::write(path, |writer| {
                 let patch_surfaces = self.patch_surfaces();
                 let surfaces = factors.surface_rows(&patch_surfaces, self.scene.surfaces.len());
-                matrix_csv::write(writer, self.scene, &surfaces, &self.description())?;
+                let sky = self
+                    .sky
+                    .map(|sky| sky.of_surfaces(self.mesh, self.scene.surfaces.len()));
+                let columns = sky.as_ref().map(sky_columns);
+                matrix_csv::write(writer, self.scene, &surfaces, columns.as_ref(), &self.description())?;
                 readable()
             }),
             Format::Exr => whole_file::write(path, |writer| {
@@ -198,9 +204,8 @@ impl FormFactorReport<'_> {
             ]
         };
         let mut data = Vec::from(columns("row_sum", &|_| true));
-        let sky = sky_factors(self.scene, self.mesh, self.factors);
-        if let Some(sky) = sky.into_iter().collect() {
-            data.push(CellData::new("sky_factor", 1, sky));
+        for (name, values) in self.sky.map(sky_columns).into_iter().flatten() {
+            data.push(CellData::new(name, 1, values));
         }
         if let Some(surface) = self.surface {
             let name = format!("form_factor_to_{}", self.scene.surfaces[surface.0 as usize].name);
@@ -269,6 +274,9 @@ impl FormFactorReport<'_> {
         let n = self.factors.n_rows();
         npz.numbers("area", &[n], self.factors.areas())?;
         add_tallies(&mut npz, self.factors.tallies())?;
+        for (name, values) in self.sky.map(sky_columns).into_iter().flatten() {
+            npz.numbers(name, &[n], &values)?;
+        }
         npz.finish()
     }
 
@@ -349,6 +357,21 @@ impl FormFactorReport<'_> {
         })
     }
 }
+
+/// Returns the names and values of the numbers that files have of sky and back factors.
+pub(super) fn sky_columns(sky: &SkyFactors) -> SkyColumns {
+    let values = |of: &[Fraction]| of.iter().map(|fraction| fraction.value).collect();
+    let errors = |of: &[Fraction]| of.iter().map(|fraction| fraction.error()).collect();
+    [
+        ("sky_factor", values(&sky.sky)),
+        ("sky_factor_error", errors(&sky.sky)),
+        ("back_factor", values(&sky.back)),
+        ("back_factor_error", errors(&sky.back)),
+    ]
+}
+
+/// Four numbers for each patch or surface, with their names.
+pub(super) type SkyColumns = [(&'static str, Vec<f64>); 4];
 
 /// Returns the files that form factors are written to at `path`: the file itself, and the description beside it where that stands in a file of its own.
 #[must_use]

@@ -10,6 +10,7 @@ use serde::Serialize;
 
 use super::{AuditArgs, CommonArgs, parse_positive, parse_time, parse_up_to};
 use crate::cli::storage::parse_byte;
+use crate::form_factor::Closure;
 use crate::form_factor::registry::METHODS;
 use crate::geometry::sampling::Sequence;
 use crate::mesh::{MeshOptions, Subdivision};
@@ -129,6 +130,24 @@ pub struct MethodArgs {
     /// Average each pair with its reverse and rebalance the rows (symmetric Sinkhorn scaling)
     #[arg(long, value_enum, default_value_t = BalanceName::Auto)]
     pub balance: BalanceName,
+    /// The scene is closed: its rows sum to 1 where no back is seen; refused where more than 1e-3 of the rays of a patch leave [default: by the shape of the scene, and by rays that are counted]
+    #[arg(long, conflicts_with = "open")]
+    pub closed: bool,
+    /// The scene is open: no row has to sum to 1
+    #[arg(long)]
+    pub open: bool,
+}
+
+impl MethodArgs {
+    /// Returns what is said about whether the scene is closed.
+    #[must_use]
+    pub fn closure(&self) -> Closure {
+        match (self.closed, self.open) {
+            (true, _) => Closure::Closed,
+            (_, true) => Closure::Open,
+            _ => Closure::Detect,
+        }
+    }
 }
 
 /// How form factors are laid out, and where.

@@ -15,11 +15,13 @@ use crate::cli::args::{BalanceName, MethodArgs, StorageName};
 use crate::cli::exit_code::ExitCode;
 use crate::cli::failure::Failure;
 use crate::cli::storage;
+use crate::form_factor::MAX_ESCAPED;
 use crate::form_factor::registry::{self, MethodEntry, Setting};
 use crate::form_factor::{
-    self, Before, ExactMethod, FormFactorError, FormFactorMethod, MethodSettings, PairCounts, Reciprocity,
+    self, Before, Closure, Enclosed, ExactMethod, FormFactorError, FormFactorMethod, MethodSettings, PairCounts,
+    Reciprocity, SkyFactors,
 };
-use crate::matrix::{BalanceReport, Checks, Closed, FormFactors, Weighting};
+use crate::matrix::{BalanceReport, Checks, Closed, FormFactors, RowTally, Weighting};
 use crate::printable::counted;
 use crate::scene::Scene;
 use crate::visibility::blockers::BlockerIndex;
@@ -40,10 +42,8 @@ pub(in crate::cli) struct Computed {
     pub(in crate::cli) closed_rows: Vec<bool>,
     /// The power that form factors without reciprocity make, m², \[n\].
     pub(in crate::cli) gain: Vec<f64>,
-    /// The fraction of the light of each patch that escapes, where it is known, \[n\].
-    pub(in crate::cli) sky: Vec<Option<f64>>,
-    /// The fraction of the light of each patch that black backs take, \[n\]; `None` unless it is known of all.
-    pub(in crate::cli) backs: Option<Vec<f64>>,
+    /// The fractions of the light of each patch that escape and that black backs take, \[n\].
+    pub(in crate::cli) sky: SkyFactors,
 }
 
 /// What is promised of form factors beside what they say themselves.
@@ -145,16 +145,6 @@ fn code(tolerance_met: bool, pairs: Option<PairCounts>) -> ExitCode {
     }
 }
 
-/// Returns the fraction of the light of each patch that black backs take: as its rays tell, nothing in a closed row, and else what is missing from the row and has not escaped.
-fn taken_by_backs(factors: &FormFactors, sky: &[Option<f64>], closed_rows: &[bool]) -> Option<Vec<f64>> {
-    let of_row = |i: usize| {
-        let missing = |escaped: f64| (1.0 - factors.row_sum(i) - escaped).max(0.0);
-        let without_rays = || if closed_rows[i] { Some(0.0) } else { sky[i].map(missing) };
-        factors.tallies()[i].absorbed().or_else(without_rays)
-    };
-    (0..factors.n_rows()).map(of_row).collect()
-}
-
 /// The share of a limited time that form factors get, where something follows that takes as long.
 const FORM_FACTORS_OF_TIME: [(&str, f64); 3] = [("form-factors", 0.9), ("solve", 0.7), ("render", 0.4)];
 
@@ -173,7 +163,7 @@ impl Run {
     ) -> Result<Computed, Failure> {
         let needs_symmetry = self.wants_symmetry(args.balance)? || needs_symmetry;
         let (result, promised) = self.raw_form_factors(prepared, args, fineness, needs_symmetry, None)?;
-        self.repaired(prepared, result, args.balance, needs_symmetry, promised)
+        self.repaired(prepared, result, args, needs_symmetry, promised)
     }
 
     /// Computes form factors, with those from `before` a change as far as they stay the same.
@@ -323,18 +313,19 @@ impl Run {
         &mut self,
         prepared: &mut Prepared,
         result: form_factor::Computed,
-        asked: BalanceName,
+        args: &MethodArgs,
         needs_symmetry: bool,
         promised: Promised,
     ) -> Result<Computed, Failure> {
-        let raw = result.factors;
-        let (closed, closed_rows) = self.closed_rows(prepared, &raw);
-        self.warn_of_slipped_rays(&raw, &closed_rows);
+        let (raw, asked) = (result.factors, args.balance);
+        let enclosed = self.enclosed(prepared, raw.tallies(), args.closure())?;
+        let closed_rows = &enclosed.rows;
+        self.warn_of_slipped_rays(&raw, closed_rows);
         let wanted = repairs(asked, needs_symmetry && !raw.is_symmetric());
         let by_variance = asked == BalanceName::Closure;
         self.set("balance", if by_variance { json!("closure") } else { json!(wanted) });
         let claims = |repair| Claims {
-            closed: Closed::Where(&closed_rows),
+            closed: Closed::Where(closed_rows),
             reciprocity: promised.reciprocity,
             errors_known: promised.errors_known,
             repair,
@@ -348,7 +339,7 @@ impl Run {
         }
         if by_variance && !closed_rows.contains(&true) && raw.tallies().iter().all(|tally| tally.n_rays == 0) {
             self.warn(
-                "--balance closure changes nothing: the scene is open, and without rays that count what leaves it nobody knows what its rows should sum to",
+                "--balance closure changes nothing: no row is known to sum to 1, as the scene is not known to be closed; state it with --closed",
             );
         }
         // What states no error has nothing else that could tell of it.
@@ -358,7 +349,7 @@ impl Run {
             Vec::new()
         };
         let (factors, balance) = if wanted {
-            let mut targets = raw.row_targets(&*closed_rows);
+            let mut targets = raw.row_targets(closed_rows.as_slice());
             for i in doubted {
                 targets.keep(i, raw.row_sum(i));
             }
@@ -398,11 +389,9 @@ impl Run {
                 report.row_error_max, report.n_passes
             ));
         }
-        let checks = self.times.time("checks", || factors.checks(&*closed_rows));
-        let (sky, backs) = self.times.time("checks", || {
-            let sky = form_factor::sky_factors(&prepared.scene, &prepared.mesh, &factors);
-            let backs = taken_by_backs(&factors, &sky, &closed_rows);
-            (sky, backs)
+        let checks = self.times.time("checks", || factors.checks(closed_rows.as_slice()));
+        let sky = self.times.time("sky", || {
+            form_factor::sky_factors(prepared.input(), &factors, promised.reciprocity, &enclosed)
         });
         factors.if_readable(())?;
         let repair = match balance {
@@ -419,14 +408,13 @@ impl Run {
             factors,
             checks,
             balance,
-            closed,
+            closed: enclosed.closed,
             pairs: result.pairs,
             tolerance_met: result.tolerance_met,
             code: code(result.tolerance_met, result.pairs),
             errors_known: promised.errors_known,
             sky,
-            backs,
-            closed_rows,
+            closed_rows: enclosed.rows,
         })
     }
 
@@ -452,28 +440,48 @@ impl Run {
         Ok(doubted)
     }
 
-    /// Tells whether no light leaves the scene, and which rows sum to 1.
-    fn closed_rows(&mut self, prepared: &mut Prepared, raw: &FormFactors) -> (bool, Vec<bool>) {
-        let tallies = raw.tallies();
-        let mut rows = self.times.time("checks", || form_factor::closed_rows(prepared.input()));
-        let n_closed = rows.iter().filter(|closed| **closed).count();
-        if n_closed < rows.len() && (n_closed > 0 || prepared.plan.watertight) {
+    /// Decides whether light leaves the scene, and which rows sum to 1.
+    pub(in crate::cli) fn enclosed(
+        &mut self,
+        prepared: &mut Prepared,
+        tallies: &[RowTally],
+        closure: Closure,
+    ) -> Result<Enclosed, Failure> {
+        let watertight = prepared.plan.watertight;
+        let found = self.times.time("checks", || {
+            form_factor::enclosed(prepared.input(), watertight, tallies, closure)
+        });
+        let enclosed = found.map_err(|leak| {
+            let file = &self.scene_file;
+            let message = format!(
+                "{}: {leak}, and --closed allows {MAX_ESCAPED:e}: close the gap, or leave --closed out",
+                file.display()
+            );
+            Failure::new("not_closed", message).in_file(file)
+        })?;
+        match closure {
+            Closure::Detect => {}
+            Closure::Closed => {
+                self.set("closure", "closed");
+                prepared.plan.revise("closure", "closed", "as asked for");
+            }
+            Closure::Open => {
+                self.set("closure", "open");
+                prepared.plan.revise("closure", "open", "as asked for");
+            }
+        }
+        let (n, n_closed) = (
+            enclosed.rows.len(),
+            enclosed.rows.iter().filter(|closed| **closed).count(),
+        );
+        if n_closed < n && (n_closed > 0 || enclosed.closed) {
             prepared.plan.decide(
                 "row sums",
-                format!("1 for {n_closed} of {} patches", rows.len()),
-                "the others touch another piece of the scene, or lie where backs can be seen or light escapes",
+                format!("1 for {n_closed} of {n} patches"),
+                "the others are reached by another piece of the scene, or lie where backs can be seen or light escapes",
             );
         }
-        if prepared.plan.watertight {
-            return (true, rows);
-        }
-        // A scene that no light leaves is closed, whether its faces show it or not; a patch that meets backs may lie under a block without a bottom.
-        let n_rays: u64 = tallies.iter().map(|tally| tally.n_rays).sum();
-        let closed = n_rays > 0 && tallies.iter().all(|tally| tally.n_escaped == 0);
-        for (row, tally) in rows.iter_mut().zip(tallies) {
-            *row |= closed && tally.n_absorbed == 0;
-        }
-        (closed, rows)
+        Ok(enclosed)
     }
 
     /// Tells whether the storage asked for is that of symmetric form factors.

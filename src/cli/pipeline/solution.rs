@@ -9,6 +9,7 @@ use super::{Computed, Prepared, Run};
 use crate::audit::{self, Given};
 use crate::cli::args::SolverArgs;
 use crate::cli::failure::Failure;
+use crate::form_factor::Fraction;
 use crate::matrix::Precision;
 use crate::matrix::operator::{Block, LinearOperator};
 use crate::mesh::{Hierarchy, Mesh};
@@ -47,7 +48,7 @@ impl Computed {
                 gain: Some(&self.gain),
                 costly: false,
             },
-            backs: self.backs.as_deref(),
+            backs: Some(&self.sky.back),
             closed_rows: Some(&self.closed_rows),
         }
     }
@@ -59,7 +60,7 @@ pub(in crate::cli) struct Known<'a> {
     /// To those who audit a solution.
     pub(in crate::cli) given: Given<'a>,
     /// The fraction of the light of each patch that black backs take, \[n\].
-    pub(in crate::cli) backs: Option<&'a [f64]>,
+    pub(in crate::cli) backs: Option<&'a [Fraction]>,
     /// The rows that are known to sum to 1, \[n\].
     pub(in crate::cli) closed_rows: Option<&'a [bool]>,
 }
@@ -271,7 +272,8 @@ impl Run {
             solution = solution.displayed(&system)?;
         }
         if let Some(backs) = known.backs {
-            solution.tell_backs_apart(system.areas(), backs);
+            let backs: Vec<f64> = backs.iter().map(|back| back.value).collect();
+            solution.tell_backs_apart(system.areas(), &backs);
         }
         if let Some(choice) = &solution.choice {
             plan.decide("solver", choice.solver, choice.why.to_string());

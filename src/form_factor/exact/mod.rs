@@ -14,6 +14,7 @@ use crate::geometry::polygon_form_factor::Tolerance;
 use crate::matrix::{FormFactors, StorageChoice};
 use crate::progress::{Forecast, Progress};
 use batch::Batches;
+pub(super) use split::Split;
 
 /// Exact exchange areas: the kernel of unoccluded polygons where two patches see each other whole, clipping against the blockers where they do not.
 ///

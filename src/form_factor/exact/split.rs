@@ -48,13 +48,13 @@ const NARROW: f64 = 0.1;
 const NARROWEST: f64 = 1e-9;
 
 /// Integrates pairs, in parts or as a whole.
-pub(super) struct Split<'a> {
-    pub(super) index: &'a BlockerIndex,
+pub(in crate::form_factor) struct Split<'a> {
+    pub(in crate::form_factor) index: &'a BlockerIndex,
     /// Evaluations of the inner factor after which no more are begun.
-    pub(super) budget: usize,
+    pub(in crate::form_factor) budget: usize,
     /// The part of an exchange area without occluders that its error is to be below, as far as a share of the budget goes.
-    pub(super) relative: f64,
-    pub(super) progress: &'a dyn Progress,
+    pub(in crate::form_factor) relative: f64,
+    pub(in crate::form_factor) progress: &'a dyn Progress,
 }
 
 /// A part of a pair that is integrated by itself.
@@ -86,7 +86,7 @@ impl Split<'_> {
     /// Returns the exchange area of two polygons to within `goal`, m², where `among` are the blockers that may stand between them and `without` is the exchange area without these.
     ///
     /// Small pairs with few blockers, or of a patch and something far larger, are computed to a part of `without` as well, as far as [`EXTRA`] of the budget goes.
-    pub(super) fn exchange_area(
+    pub(in crate::form_factor) fn exchange_area(
         &self,
         p: &[DVec3],
         q: &[DVec3],

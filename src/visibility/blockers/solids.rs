@@ -5,7 +5,8 @@ use std::collections::HashMap;
 use glam::DVec3;
 
 use super::super::shaft::{Lean, Plane, Shaft, rounding};
-use crate::scene::{FaceId, Scene, topology};
+use crate::scene::topology::Pieces;
+use crate::scene::{FaceId, Scene};
 
 /// No solid has fewer polygons than a tetrahedron.
 const LEAST_POLYGONS: usize = 4;
@@ -56,7 +57,8 @@ pub(super) fn find(
     polygons: &[(Vec<DVec3>, Vec<FaceId>)],
     slack: f64,
 ) -> (Vec<Solid>, Vec<Option<u32>>) {
-    let piece_of_face = topology::closed_pieces(scene);
+    let connected = Pieces::of(scene);
+    let piece_of_face: Vec<Option<u32>> = scene.face_ids().map(|face| connected.closed_by_itself(face)).collect();
     let mut polygons_of_piece: HashMap<u32, Vec<usize>> = HashMap::new();
     for (k, (_, faces)) in polygons.iter().enumerate() {
         // A polygon that stands for two coincident faces is no side of a solid: light may come from either.

@@ -1,0 +1,200 @@
+//! How much of the light of a patch black backs take.
+
+mod candidates;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::exact::Split;
+use super::partial::Whole;
+use super::probe::Probe;
+use super::sight::whole_where_grazing;
+use super::{Fraction, Input};
+use crate::geometry::polygon;
+use crate::geometry::polygon_form_factor::{PreparedPolygon, Tolerance, exchange_area};
+use crate::mesh::PatchId;
+use crate::progress::Silent;
+use crate::visibility::blockers::{BlockerId, BlockerIndex, PairVisibility};
+use candidates::Candidates;
+pub(super) use candidates::{Outline, Sheets};
+
+/// Pairs of patches and backs that are looked at, for all patches together: more are left to rays.
+const MAX_PAIRS: usize = 1 << 18;
+
+/// Work on the partly hidden pairs of one patch, and of all, in squares of blockers: more is left to rays.
+const MAX_WORK: usize = 1 << 11;
+const MAX_WORK_IN_ALL: usize = 1 << 18;
+
+/// The error of the exchange area of a partly hidden pair, as a part of the smaller area, and the evaluations after which it is left as it is.
+const TOLERANCE: f64 = 1e-5;
+const BUDGET: usize = 20_000;
+
+/// What rounding leaves of a pair that is hidden after all, as a part of the smaller area.
+const NOISE: f64 = 1e-15;
+
+/// Rays that take the place of pairs, for all patches together, and the least and the most for each.
+const RAYS: usize = 1 << 24;
+const MIN_RAYS: usize = 256;
+const MAX_RAYS: usize = 1 << 18;
+
+/// Returns the fraction of the light of patches that backs take, \[n\]; 0 of patches that are not `wanted`.
+///
+/// Pairs of patches and backs are computed where that is little work for a patch, and else rays are counted.
+pub(super) fn back_factors(input: Input<'_>, wanted: &[bool]) -> Vec<Fraction> {
+    let n = input.mesh.n_patches();
+    let mut found = vec![Fraction::default(); n];
+    if input.unoccluded || !wanted.contains(&true) {
+        return found;
+    }
+    let views = Candidates::of(input, wanted);
+    let open: Vec<(usize, &Candidates)> = views
+        .iter()
+        .filter(|view| !view.backs.is_empty())
+        .flat_map(|view| view.patches.iter().map(move |&patch| (patch, view)))
+        .collect();
+    if open.is_empty() {
+        return found;
+    }
+    let pairs = Pairs {
+        input,
+        index: BlockerIndex::new(input.scene),
+        n_patches: open.len(),
+    };
+    let computed: Vec<Option<Fraction>> = open
+        .par_iter()
+        .with_max_len(1)
+        .map(|&(patch, view)| pairs.factor(patch, &view.backs))
+        .collect();
+    let n_left = computed.iter().filter(|fraction| fraction.is_none()).count();
+    let n_rays = (RAYS / n_left.max(1)).clamp(MIN_RAYS, MAX_RAYS);
+    let fractions: Vec<Fraction> = open
+        .par_iter()
+        .zip(&computed)
+        .map_init(Probe::buffers, |buffers, (&(patch, _), computed)| {
+            computed.unwrap_or_else(|| counted(&Probe::shoot(input, patch, n_rays, buffers)))
+        })
+        .collect();
+    for ((patch, _), fraction) in open.into_iter().zip(fractions) {
+        found[patch] = fraction;
+    }
+    found
+}
+
+/// Returns the share of rays that met backs.
+fn counted(probe: &Probe) -> Fraction {
+    let n = probe.n_rays as f64;
+    // Laplace's rule: no count proves that there is nothing.
+    let p = (probe.n_absorbed as f64 + 1.0) / (n + 2.0);
+    Fraction {
+        value: probe.n_absorbed as f64 / n,
+        common: 0.0,
+        variance: p * (1.0 - p) / n,
+    }
+}
+
+/// A patch and a back that something stands between, or nothing.
+struct Pair<'a> {
+    patch: usize,
+    back: &'a [DVec3],
+    most: f64,
+    error: f64,
+    among: Vec<BlockerId>,
+    touched: bool,
+}
+
+/// Exchange areas of patches and backs.
+struct Pairs<'a> {
+    input: Input<'a>,
+    index: BlockerIndex,
+    /// The number of patches that share the work.
+    n_patches: usize,
+}
+
+impl Pairs<'_> {
+    /// Returns the form factor from a patch to backs; `None` if that is more work than its share.
+    fn factor(&self, patch: usize, backs: &[Vec<DVec3>]) -> Option<Fraction> {
+        if backs.len() > MAX_PAIRS / self.n_patches {
+            return None;
+        }
+        let corners = self.input.mesh.polygon(PatchId::from_index(patch));
+        let mut work = 0;
+        let mut pairs = Vec::new();
+        for pair in backs.iter().filter_map(|back| self.looked_at(patch, &corners, back)) {
+            work += self.index.count(&pair.among).pow(2);
+            if work > MAX_WORK.min(MAX_WORK_IN_ALL / self.n_patches) {
+                return None;
+            }
+            pairs.push(pair);
+        }
+        let area = self.input.mesh.patches[patch].area;
+        let (mut value, mut error) = (0.0, 0.0);
+        for pair in &pairs {
+            let (own, own_error) = self.exchange(pair);
+            value += own;
+            error += own_error;
+        }
+        Some(Fraction {
+            value: (value / area).clamp(0.0, 1.0),
+            common: error / area,
+            variance: 0.0,
+        })
+    }
+
+    /// Classifies a pair; `None` if it exchanges nothing.
+    fn looked_at<'b>(&self, patch: usize, corners: &[DVec3], back: &'b [DVec3]) -> Option<Pair<'b>> {
+        let [own, other] = [corners, back].map(PreparedPolygon::new);
+        let tolerance = Tolerance { rel: 1e-9, abs: 0.0 };
+        let most = exchange_area(&own, &other, tolerance);
+        if most.value <= 0.0 {
+            return None;
+        }
+        let found = self.index.between(corners, back);
+        let among = match whole_where_grazing(&self.index, found.visibility, corners, back) {
+            PairVisibility::None => return None,
+            PairVisibility::Full => Vec::new(),
+            PairVisibility::Partial(among) => among,
+        };
+        Some(Pair {
+            patch,
+            back,
+            most: most.value,
+            error: most.error,
+            among,
+            touched: found.touched,
+        })
+    }
+
+    /// Returns the exchange area of a pair and its error, m².
+    fn exchange(&self, pair: &Pair<'_>) -> (f64, f64) {
+        let corners = self.input.mesh.polygon(PatchId::from_index(pair.patch));
+        let area = |polygon: &[DVec3]| polygon::area_vector(polygon).length();
+        // Light that passes the border within the rounding of corners may be hidden: it is at most all that a strip sends out.
+        let rounding = if pair.touched || !pair.among.is_empty() {
+            (2.0 * self.index.slack() * (polygon::perimeter(&corners) + polygon::perimeter(pair.back))).min(pair.most)
+        } else {
+            0.0
+        };
+        if pair.among.is_empty() {
+            return (pair.most, pair.error + rounding);
+        }
+        let split = Split {
+            index: &self.index,
+            budget: BUDGET,
+            relative: f64::INFINITY,
+            progress: &Silent,
+        };
+        let goal = TOLERANCE * area(&corners).min(area(pair.back));
+        let without = Whole {
+            area: pair.most,
+            error: pair.error,
+        };
+        let found = split.exchange_area(&corners, pair.back, &pair.among, goal, without);
+        let is_noise = found.exchange_area <= NOISE * area(&corners).min(area(pair.back));
+        let value = if is_noise {
+            0.0
+        } else {
+            found.exchange_area.min(pair.most)
+        };
+        (value, (found.error + rounding).min(pair.most + pair.error))
+    }
+}

@@ -1,0 +1,164 @@
+//! Whether light leaves a scene, and which rows of form factors sum to 1.
+
+use glam::DVec3;
+use rayon::prelude::*;
+use thiserror::Error;
+
+use super::Input;
+use super::backs::{Outline, Sheets};
+use super::probe::Probe;
+use crate::matrix::RowTally;
+use crate::mesh::PatchId;
+use crate::printable::printable;
+use crate::scene::topology::{Backs, Pieces, Place, places};
+
+/// How it is decided whether a scene is closed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Closure {
+    /// By the shape of the scene, and by the rays of the form factors where there are any.
+    #[default]
+    Detect,
+    /// It is closed: refused where rays show otherwise.
+    Closed,
+    /// It is open: no row has to sum to 1.
+    Open,
+}
+
+/// Whether light leaves a scene, and which rows of its form factors sum to 1.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Enclosed {
+    /// True if no light leaves the scene.
+    pub closed: bool,
+    /// True if that follows from the shape of the scene or was stated, and not from rays that were counted.
+    pub certain: bool,
+    /// The rows that sum to 1, as all light of their patches arrives at fronts, \[n\].
+    pub rows: Vec<bool>,
+}
+
+/// Light leaves a scene that was stated to be closed.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[error(
+    "`{surface}` (line {line}): {escaped:.1e} of the light of its patch at ({:.6}, {:.6}, {:.6}) leaves the scene, first near ({:.6}, {:.6}, {:.6})",
+    from.x, from.y, from.z, exit.x, exit.y, exit.z
+)]
+#[non_exhaustive]
+pub struct Leak {
+    /// The name of the surface.
+    pub surface: String,
+    /// The line of its face in the scene file; 0 for a face made in memory.
+    pub line: u32,
+    /// The middle of the patch, m.
+    pub from: DVec3,
+    /// Where one of its rays leaves the box around the scene, m.
+    pub exit: DVec3,
+    /// The fraction of its rays that leave.
+    pub escaped: f64,
+}
+
+/// The fraction of the light of a patch that may leave a scene that is stated to be closed.
+pub const MAX_ESCAPED: f64 = 1e-3;
+
+/// Rays that test whether a scene is closed, for all patches together, and the least and the most for each.
+const RAYS: usize = 1 << 24;
+const MIN_RAYS: usize = 256;
+const MAX_RAYS: usize = 4096;
+
+/// No fewer rays show that light leaves: single ones may slip through the joint between two faces.
+const MIN_ESCAPED: u64 = 3;
+
+/// Decides whether light leaves a scene, and which of its rows sum to 1.
+///
+/// `watertight`: see [`is_watertight`](crate::scene::topology::is_watertight). `tallies`: of the rows of form factors, \[n\]. Rows sum to 1 by the shape of the scene
+/// ([`closed_rows`]); in a closed scene those too of whose rays none met a back. Rays are traced for [`Closure::Closed`] alone, where the shape does not show it.
+///
+/// # Errors
+/// [`Leak`] for [`Closure::Closed`], if more than [`MAX_ESCAPED`] of the rays of a patch hit nothing; of a scene of up to 4096 patches 4096 are traced from each.
+pub fn enclosed(input: Input<'_>, watertight: bool, tallies: &[RowTally], closure: Closure) -> Result<Enclosed, Leak> {
+    if closure == Closure::Open {
+        return Ok(Enclosed {
+            closed: false,
+            certain: false,
+            rows: vec![false; input.mesh.n_patches()],
+        });
+    }
+    let mut rows = closed_rows(input);
+    let has_rays = tallies.iter().any(|tally| tally.n_rays > 0);
+    let by_rays = has_rays && tallies.iter().all(|tally| tally.n_escaped == 0);
+    let certain = watertight || closure == Closure::Closed;
+    let closed = certain || by_rays;
+    if !watertight && closure == Closure::Closed {
+        let probes = probed(input)?;
+        for (row, probe) in rows.iter_mut().zip(probes) {
+            *row |= probe.n_absorbed == 0 && share(&probe) <= MAX_ESCAPED;
+        }
+    }
+    for (row, tally) in rows.iter_mut().zip(tallies) {
+        // A patch that meets backs may lie under a block without a bottom.
+        *row |= closed && tally.n_rays > 0 && tally.n_absorbed + tally.n_escaped == 0;
+    }
+    Ok(Enclosed { closed, certain, rows })
+}
+
+/// Returns the fraction of rays that hit nothing.
+fn share(probe: &Probe) -> f64 {
+    probe.n_escaped as f64 / probe.n_rays as f64
+}
+
+/// Shoots rays from all patches, and refuses a scene that more than [`MAX_ESCAPED`] of those of a patch leave: the one that loses the most is named.
+fn probed(input: Input<'_>) -> Result<Vec<Probe>, Leak> {
+    let n = input.mesh.n_patches();
+    let n_rays = (RAYS / n.max(1)).clamp(MIN_RAYS, MAX_RAYS);
+    let probes: Vec<Probe> = (0..n)
+        .into_par_iter()
+        .map_init(Probe::buffers, |buffers, i| Probe::shoot(input, i, n_rays, buffers))
+        .collect();
+    let outlines: Vec<Outline> = input
+        .scene
+        .face_ids()
+        .map(|face| Outline::new(input.scene.polygon(face)))
+        .collect();
+    let sheets = Sheets::new(input.scene, &outlines);
+    // What lies flat on something, such as the bottom of a block, sees nothing: its rays begin beyond that.
+    let lies_on_another = |i: usize| sheets.uncovered(input.mesh.patches[i].face.0 as usize).is_empty();
+    let leaks = |i: usize, probe: &Probe| {
+        let is_leak = probe.n_escaped >= MIN_ESCAPED && share(probe) > MAX_ESCAPED;
+        is_leak && !(probe.n_escaped == probe.n_rays && lies_on_another(i))
+    };
+    let leaking = probes.iter().enumerate().filter(|&(i, probe)| leaks(i, probe));
+    let Some((i, probe)) = leaking.max_by(|a, b| share(a.1).total_cmp(&share(b.1)).then(b.0.cmp(&a.0))) else {
+        return Ok(probes);
+    };
+    let patch = &input.mesh.patches[i];
+    Err(Leak {
+        surface: printable(&input.scene.surfaces[patch.surface.0 as usize].name),
+        line: input.scene.faces[patch.face.0 as usize].line,
+        from: patch.centroid,
+        exit: probe.exit,
+        escaped: share(probe),
+    })
+}
+
+/// Tells of each patch whether all of its light arrives at fronts, so that its row sums to 1, \[n\].
+///
+/// Its front is to lie in a region that closed pieces of surface bound, as their winding numbers around it tell, and where no patch has its back: a room, but not
+/// the open space around it, nor one with a block in it that is wound inwards. Where faces of other pieces reach a patch inside of its border, such as a wall that stands on it, the winding numbers of these
+/// pieces are not known for all of it: its row may sum to something from 0 to 1.
+///
+/// Work: O(n log n).
+#[must_use]
+pub fn closed_rows(input: Input<'_>) -> Vec<bool> {
+    let pieces = Pieces::of(input.scene);
+    let of_patches = places_of_patches(input, &pieces);
+    let backs = Backs::of(&of_patches);
+    let is_closed = |place: &Place| place.front.is_enclosed() && backs.are_hidden_from(&place.front);
+    of_patches.par_iter().map(is_closed).collect()
+}
+
+/// Finds where the patches lie among closed pieces of surface.
+pub(super) fn places_of_patches(input: Input<'_>, pieces: &Pieces) -> Vec<Place> {
+    let patches = input.mesh.patches.iter().enumerate();
+    let parts: Vec<_> = patches
+        .map(|(i, patch)| (patch.face, input.mesh.polygon(PatchId::from_index(i))))
+        .collect();
+    places(input.scene, pieces, &parts)
+}

@@ -1,0 +1,400 @@
+//! The connected pieces of a scene's surface, and which of them are closed.
+//!
+//! A piece is closed if its boundary vanishes: every edge, or every part of one where faces meet in T-junctions, is run along as often in one sense as in the other. Closed pieces
+//! have a winding number around every point, which is constant wherever no face of the piece is crossed.
+
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+
+use glam::DVec3;
+
+use super::caps::caps;
+use super::{edge_runs, edges};
+use crate::geometry::box_pairs::{BoxTree, overlapping_pairs};
+use crate::geometry::polygon;
+use crate::scene::{FaceId, Scene};
+
+/// The connected pieces of a scene's surface.
+#[derive(Clone, Debug)]
+pub(crate) struct Pieces {
+    /// The piece of each face, numbered from 0 in the order of their first faces.
+    of_face: Vec<u32>,
+    is_closed: Vec<bool>,
+    /// The corners of faces whose edges run along those of others only in part, or within rounding: with the corners of those others in between, to the last bit.
+    outlines: HashMap<u32, Vec<DVec3>>,
+    /// The edges, or parts of edges, along which open pieces end, in the sense of their faces: the piece, and the vertices at both ends.
+    rims: Vec<(u32, [u32; 2])>,
+    /// What closes pieces that stand on others: see [`caps`].
+    caps: Vec<(u32, Vec<DVec3>)>,
+    is_capped: Vec<bool>,
+    /// Of closed pieces, whether they have no inside: all of their faces lie in one plane.
+    is_flat: Vec<bool>,
+}
+
+impl Pieces {
+    /// Finds the pieces of a scene.
+    ///
+    /// Edges of two faces that run along each other in opposite senses join them, by their vertices or, where these differ, by their positions: vertices within the rounding
+    /// of the coordinates ([`joint`]) are one, and vertices on an edge part it. Where more faces meet, a piece is closed if its own faces cancel there; of what
+    /// is left, faces that end in the open or at a side where nothing continues them are set aside, the smallest first, until the rest cancels.
+    ///
+    /// Work: O(n log n).
+    pub(crate) fn of(scene: &Scene) -> Self {
+        let runs = edge_runs(scene);
+        let mut sets = Sets::new(scene.faces.len());
+        let mut open = Vec::new();
+        for face in scene.face_ids() {
+            for (a, b) in edges(scene, face) {
+                let once = runs.get(&(a, b)).is_some_and(|run| run.1);
+                match runs.get(&(b, a)) {
+                    Some(&(neighbour, true)) if once => sets.join(face.0, neighbour),
+                    _ => open.push((face.0, [a, b])),
+                }
+            }
+        }
+        let parted = Parted::new(scene, &open);
+        let mut joints = parted.joints();
+        for joint in &joints {
+            if let [(a, of_a), (b, of_b)] = *joint.runs
+                && of_a + of_b == 0
+            {
+                sets.join(a, b);
+            }
+        }
+        for joint in &mut joints {
+            joint.by_set(&mut sets);
+        }
+        joints.retain(|joint| !joint.runs.is_empty());
+        let is_open = open_sets(scene, &joints, &mut sets);
+        for joint in &joints {
+            let mut closed = joint.runs.iter().filter(|run| !is_open[run.0 as usize]);
+            if let Some(first) = closed.next() {
+                closed.for_each(|run| sets.join(first.0, run.0));
+            }
+        }
+        let mut number: HashMap<u32, u32> = HashMap::new();
+        let mut is_closed = Vec::new();
+        let of_face: Vec<u32> = (0..)
+            .take(scene.faces.len())
+            .map(|face| {
+                let set = sets.of(face);
+                *number.entry(set).or_insert_with(|| {
+                    is_closed.push(!is_open[set as usize]);
+                    super::index(is_closed.len() - 1)
+                })
+            })
+            .collect();
+        let rims = joints.iter().flat_map(|joint| {
+            let ends = joint.ends;
+            let of_open = joint.runs.iter().filter(|run| is_open[run.0 as usize]);
+            of_open.map(move |&(set, n)| (set, if n > 0 { ends } else { [ends[1], ends[0]] }))
+        });
+        let rims = rims.map(|(set, ends)| (of_face[set as usize], ends)).collect();
+        let n = is_closed.len();
+        let mut pieces = Self {
+            outlines: parted.outlines(scene),
+            is_flat: flat_ones(scene, &of_face, n),
+            of_face,
+            is_closed,
+            rims,
+            caps: Vec::new(),
+            is_capped: vec![false; n],
+        };
+        let caps = caps(scene, &pieces, joint(scene));
+        for (piece, _) in &caps {
+            pieces.is_capped[*piece as usize] = true;
+        }
+        pieces.rims.retain(|rim| !pieces.is_capped[rim.0 as usize]);
+        pieces.caps = caps;
+        pieces
+    }
+
+    /// Returns the piece of a face.
+    pub(crate) fn of_face(&self, face: FaceId) -> u32 {
+        self.of_face[face.0 as usize]
+    }
+
+    /// Returns the piece of a face if it is closed, by itself or by what it stands on.
+    pub(crate) fn closed(&self, face: FaceId) -> Option<u32> {
+        let piece = self.of_face(face);
+        (self.is_closed[piece as usize] || self.is_capped[piece as usize]).then_some(piece)
+    }
+
+    /// Returns the piece of a face if it is closed by itself.
+    pub(crate) fn closed_by_itself(&self, face: FaceId) -> Option<u32> {
+        let piece = self.of_face(face);
+        self.is_closed[piece as usize].then_some(piece)
+    }
+
+    /// Returns what closes pieces that stand on others: the piece, and the corners of the face that is missing.
+    pub(crate) fn caps(&self) -> &[(u32, Vec<DVec3>)] {
+        &self.caps
+    }
+
+    /// Tells whether a piece is closed and has no inside, like the two sides of a sheet.
+    pub(crate) fn is_sheet(&self, piece: u32) -> bool {
+        self.is_closed[piece as usize] && self.is_flat[piece as usize]
+    }
+
+    /// Returns the number of pieces.
+    pub(crate) fn len(&self) -> usize {
+        self.is_closed.len()
+    }
+
+    /// Returns the corners of a face such that edges along which closed pieces hang together are the same to the last bit.
+    pub(crate) fn outline(&self, scene: &Scene, face: FaceId) -> Vec<DVec3> {
+        let parted = self.outlines.get(&face.0).cloned();
+        parted.unwrap_or_else(|| scene.polygon(face))
+    }
+
+    /// Returns the parts of edges along which open pieces end, in the sense of their faces, with the numbers of the pieces: vertices at their ends.
+    pub(crate) fn rims(&self) -> &[(u32, [u32; 2])] {
+        &self.rims
+    }
+}
+
+/// Tells of each piece whether all of it lies in one plane.
+fn flat_ones(scene: &Scene, of_face: &[u32], n: usize) -> Vec<bool> {
+    let tolerance = joint(scene);
+    let mut planes: Vec<Option<(DVec3, DVec3)>> = vec![None; n];
+    let mut is_flat = vec![true; n];
+    for (face, &piece) in scene.face_ids().zip(of_face) {
+        let corners = scene.polygon(face);
+        let plane = planes[piece as usize];
+        let (origin, normal) =
+            plane.unwrap_or_else(|| (corners[0], polygon::area_vector(&corners).normalize_or_zero()));
+        planes[piece as usize] = Some((origin, normal));
+        is_flat[piece as usize] &= corners.iter().all(|&v| normal.dot(v - origin).abs() <= tolerance);
+    }
+    is_flat
+}
+
+/// Files with fewer digits are taken as meant, as in [`Scene::slack`].
+const ROUNDED_DIGITS: i32 = 6;
+
+/// Returns how far apart vertices may be that are one, and a vertex off an edge that it lies on, in m: as far as the rounding of coordinates explains, whatever way the faces look, and some ulps.
+pub(crate) fn joint(scene: &Scene) -> f64 {
+    let coordinates = scene.vertices.iter().map(|v| v.abs().max_element());
+    let greatest = coordinates.fold(0.0, f64::max);
+    let written = scene.written.filter(|written| written.is_rounded(ROUNDED_DIGITS));
+    let of_digits = written.map_or(0.0, |written| 2.0 * written.unit(greatest));
+    64.0 * f64::EPSILON * greatest + scene.slack().max(of_digits)
+}
+
+/// Sets of faces that only grow together.
+struct Sets(Vec<u32>);
+
+impl Sets {
+    fn new(n: usize) -> Self {
+        Self((0..).take(n).collect())
+    }
+
+    /// Returns what stands for a set: its first face.
+    fn of(&mut self, mut face: u32) -> u32 {
+        while self.0[face as usize] != face {
+            let above = self.0[face as usize];
+            self.0[face as usize] = self.0[above as usize];
+            face = above;
+        }
+        face
+    }
+
+    fn join(&mut self, a: u32, b: u32) {
+        let (a, b) = (self.of(a), self.of(b));
+        self.0[a.max(b) as usize] = a.min(b);
+    }
+}
+
+/// A part of an edge between two vertices, with the faces, then the sets of faces, that run along it: how often in the sense of `ends`, less how often in the other.
+struct Joint {
+    ends: [u32; 2],
+    runs: Vec<(u32, i32)>,
+}
+
+impl Joint {
+    /// Adds up what each set runs along; sets that cancel have no part in it.
+    fn by_set(&mut self, sets: &mut Sets) {
+        let mut sums: BTreeMap<u32, i32> = BTreeMap::new();
+        for &(face, sense) in &self.runs {
+            *sums.entry(sets.of(face)).or_default() += sense;
+        }
+        self.runs = sums.into_iter().filter(|run| run.1 != 0).collect();
+    }
+}
+
+/// Edges that no single other one matches, parted at each other's vertices.
+struct Parted {
+    edges: Vec<(u32, [u32; 2], Vec<u32>)>,
+    /// Vertices that count as another one.
+    welded: HashMap<u32, u32>,
+}
+
+impl Parted {
+    fn new(scene: &Scene, open: &[(u32, [u32; 2])]) -> Self {
+        let tolerance = joint(scene);
+        let mut vertices: Vec<u32> = open.iter().flat_map(|edge| edge.1).collect();
+        vertices.sort_unstable();
+        vertices.dedup();
+        let at = |v: u32| scene.vertices[v as usize];
+        let around = |v: &u32| (at(*v) - 0.5 * tolerance, at(*v) + 0.5 * tolerance);
+        let mut sets = Sets::new(vertices.len());
+        // The faces around each set of vertices: two vertices of one face are two, however small it is.
+        let mut around_set: Vec<BTreeSet<u32>> = vec![BTreeSet::new(); vertices.len()];
+        for (face, ends) in open {
+            for k in ends.iter().filter_map(|v| vertices.binary_search(v).ok()) {
+                around_set[k].insert(*face);
+            }
+        }
+        overlapping_pairs(vertices.iter().map(around).collect(), |a, b| {
+            let (one, other) = (sets.of(a), sets.of(b));
+            let is_near = at(vertices[a as usize]).distance(at(vertices[b as usize])) <= tolerance;
+            if is_near && one != other && around_set[one as usize].is_disjoint(&around_set[other as usize]) {
+                let both = [one, other].map(|set| std::mem::take(&mut around_set[set as usize]));
+                sets.join(one, other);
+                around_set[one.min(other) as usize] = both.into_iter().flatten().collect();
+            }
+        });
+        let mut welded = HashMap::new();
+        for (k, &v) in (0..).zip(&vertices) {
+            let one = vertices[sets.of(k) as usize];
+            if one != v {
+                welded.insert(v, one);
+            }
+        }
+        vertices.retain(|v| !welded.contains_key(v));
+        let tree = BoxTree::new(vertices.iter().map(|&v| (at(v), at(v))).collect());
+        let one = |v: u32| welded.get(&v).copied().unwrap_or(v);
+        let edges = open.iter().map(|&(face, ends)| {
+            let ends = ends.map(one);
+            let [from, to] = ends.map(at);
+            let along = (to - from).normalize_or_zero();
+            let mut on_it: Vec<(f64, u32)> = Vec::new();
+            let near = (from.min(to) - tolerance, from.max(to) + tolerance);
+            tree.overlapping(near, &mut |k| {
+                let v = vertices[k as usize];
+                let r = at(v) - from;
+                let place = along.dot(r);
+                let is_between = place > 0.0 && place < from.distance(to) && !ends.contains(&v);
+                if is_between && (r - place * along).length() <= tolerance {
+                    on_it.push((place, v));
+                }
+            });
+            on_it.sort_by(|a, b| a.0.total_cmp(&b.0));
+            (face, ends, on_it.into_iter().map(|(_, v)| v).collect())
+        });
+        Self {
+            edges: edges.collect(),
+            welded,
+        }
+    }
+
+    /// Returns the parts of all edges, with the faces that run along each.
+    fn joints(&self) -> Vec<Joint> {
+        let mut runs: BTreeMap<[u32; 2], Vec<(u32, i32)>> = BTreeMap::new();
+        for (face, [from, to], between) in &self.edges {
+            let stops: Vec<u32> = [*from]
+                .into_iter()
+                .chain(between.iter().copied())
+                .chain([*to])
+                .collect();
+            for part in stops.windows(2).filter(|part| part[0] != part[1]) {
+                let ends = [part[0].min(part[1]), part[0].max(part[1])];
+                let sense = if part[0] < part[1] { 1 } else { -1 };
+                runs.entry(ends).or_default().push((*face, sense));
+            }
+        }
+        runs.into_iter().map(|(ends, runs)| Joint { ends, runs }).collect()
+    }
+
+    /// Returns the outlines of faces that have other corners than in the scene.
+    fn outlines(&self, scene: &Scene) -> HashMap<u32, Vec<DVec3>> {
+        let between: HashMap<(u32, [u32; 2]), &Vec<u32>> = self
+            .edges
+            .iter()
+            .filter(|edge| !edge.2.is_empty())
+            .map(|(face, ends, between)| ((*face, *ends), between))
+            .collect();
+        let one = |v: u32| self.welded.get(&v).copied().unwrap_or(v);
+        let outline = |face: FaceId| {
+            let own: Vec<[u32; 2]> = edges(scene, face).map(|(a, b)| [a, b]).collect();
+            let meant: Vec<u32> = own
+                .iter()
+                .flat_map(|ends| {
+                    let ends = ends.map(one);
+                    let on_it = between
+                        .get(&(face.0, ends))
+                        .into_iter()
+                        .flat_map(|on_it| on_it.iter().copied());
+                    [ends[0]].into_iter().chain(on_it)
+                })
+                .collect();
+            let is_same = own.iter().map(|ends| ends[0]).eq(meant.iter().copied());
+            (!is_same).then(|| (face.0, meant.iter().map(|&v| scene.vertices[v as usize]).collect()))
+        };
+        if between.is_empty() && self.welded.is_empty() {
+            return HashMap::new();
+        }
+        scene.face_ids().filter_map(outline).collect()
+    }
+}
+
+/// After so many sets were set aside one by one, all that do not cancel are.
+const MAX_ROUNDS: usize = 1000;
+
+/// Tells of each set, by its first face, whether it is part of no closed surface.
+fn open_sets(scene: &Scene, joints: &[Joint], sets: &mut Sets) -> Vec<bool> {
+    let mut is_open = vec![false; scene.faces.len()];
+    let mut joints_of: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
+    for (k, joint) in joints.iter().enumerate() {
+        for run in &joint.runs {
+            joints_of.entry(run.0).or_default().push(k);
+        }
+    }
+    let mut areas: HashMap<u32, f64> = HashMap::new();
+    for face in scene.face_ids() {
+        *areas.entry(sets.of(face.0)).or_default() += polygon::area_vector(&scene.polygon(face)).length();
+    }
+    let mut smallest_first: Vec<u32> = joints_of.keys().copied().collect();
+    smallest_first.sort_by(|a, b| areas[a].total_cmp(&areas[b]));
+    let mut to_look_at: Vec<usize> = (0..joints.len()).collect();
+    for round in 0.. {
+        // Where all run in one sense nothing can ever cancel.
+        while let Some(k) = to_look_at.pop() {
+            let left: Vec<(u32, i32)> = joints[k]
+                .runs
+                .iter()
+                .copied()
+                .filter(|run| !is_open[run.0 as usize])
+                .collect();
+            if left.iter().all(|run| run.1 > 0) || left.iter().all(|run| run.1 < 0) {
+                for (set, _) in left {
+                    is_open[set as usize] = true;
+                    to_look_at.extend(&joints_of[&set]);
+                }
+            }
+        }
+        let sum = |k: usize| {
+            let left = joints[k].runs.iter().filter(|run| !is_open[run.0 as usize]);
+            left.map(|run| run.1).sum::<i32>()
+        };
+        let own = |set: u32, k: usize| joints[k].runs.iter().find(|run| run.0 == set).map_or(0, |run| run.1);
+        let is_too_much = |set: u32| joints_of[&set].iter().all(|&k| sum(k) * own(set, k) > 0);
+        let is_unbalanced = |set: u32| joints_of[&set].iter().any(|&k| sum(k) != 0);
+        let left = || smallest_first.iter().copied().filter(|&set| !is_open[set as usize]);
+        let Some(next) = left()
+            .find(|&set| is_too_much(set))
+            .or_else(|| left().find(|&set| is_unbalanced(set)))
+        else {
+            break;
+        };
+        let also: Vec<u32> = if round < MAX_ROUNDS {
+            vec![next]
+        } else {
+            left().filter(|&set| is_unbalanced(set)).collect()
+        };
+        for set in also {
+            is_open[set as usize] = true;
+            to_look_at.extend(&joints_of[&set]);
+        }
+    }
+    is_open
+}
