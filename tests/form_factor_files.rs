@@ -12,7 +12,7 @@ use std::io::{Read as _, Write as _};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
-use radiosity::form_factor::registry::METHODS;
+use radiosity::form_factor::registry::{METHODS, method};
 use radiosity::form_factor::{Input, MethodSettings};
 use radiosity::matrix::{
     FormFactors, Layout, MatrixError, Precision, RayWeights, RowTally, RowTile, StorageChoice, Weighting,
@@ -446,4 +446,71 @@ fn storage_is_chosen_again_when_read() {
     let factors = random(&mesh, 0.9, Precision::F64);
     write(&path, (&scene, &mesh), &factors).unwrap();
     assert_eq!(read(&path, &mesh).unwrap().storage(), StorageChoice::default());
+}
+
+/// What no ray hit is stated in the file, and comes back with it; and the sum over a row counts it once.
+#[test]
+fn entries_that_no_ray_hit_are_written_with_their_errors() {
+    let (scene, mesh) = cube(4);
+    let visibility = EmbreeVisibility::new(&scene).unwrap();
+    let input = Input {
+        scene: &scene,
+        mesh: &mesh,
+        visibility: &visibility,
+        unoccluded: true,
+    };
+    let directory = tempfile::tempdir().unwrap();
+    for (name, layout) in [("sr", Layout::Sparse), ("sg5", Layout::Sparse), ("sr", Layout::Dense)] {
+        let rays = Some(100);
+        let method = method(
+            name,
+            &MethodSettings {
+                rays,
+                ..MethodSettings::default()
+            },
+        )
+        .unwrap();
+        let storage = StorageChoice {
+            layout,
+            ..StorageChoice::default()
+        };
+        let factors = method.compute(input, storage, &Silent).unwrap().factors;
+        let mut settings = serde_json::Map::new();
+        settings.insert("method".into(), name.into());
+        let report = FormFactorReport {
+            scene: &scene,
+            mesh: &mesh,
+            factors: &factors,
+            tolerance_met: true,
+            pairs: None,
+            settings: &settings,
+            surface: None,
+        };
+        let path = directory.path().join("F.npz");
+        report.write(&path).unwrap();
+        let back = FormFactorFile::open(&path).unwrap().read(&mesh).unwrap();
+        let n = mesh.n_patches();
+        let mut n_unhit = 0;
+        for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
+            let face = |k: usize| mesh.patches[k].face;
+            let (value, error) = (factors.get(i, j), factors.std_error(i, j));
+            assert_eq!(error > 0.0, face(i) != face(j), "{name} {i} {j}");
+            assert!((back.std_error(i, j) - error).abs() <= 1e-7 * error, "{name} {i} {j}");
+            n_unhit += usize::from(value <= 0.0 && error > 0.0);
+            let mut visited = 0.0;
+            factors.for_each_error_in_row(i, |k, _, e| {
+                if k == j {
+                    visited = e;
+                }
+            });
+            assert!((visited - error).abs() <= 0.0);
+        }
+        assert!(n_unhit > n, "{name}");
+        assert_eq!(
+            back.density().to_bits(),
+            factors.density().to_bits(),
+            "only hits are kept"
+        );
+        assert!((factors.open_error(0) * factors.tallies()[0].effective_rays().unwrap() - 1.5).abs() < 1e-9);
+    }
 }

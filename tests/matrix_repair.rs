@@ -446,3 +446,42 @@ fn closure_stops_at_zero_and_says_what_it_cannot_do() {
         MatrixError::NotSymmetric
     );
 }
+
+/// Rows keep their sums, small patches are found by their own rays, and patches of equal size mostly by their own.
+#[test]
+fn pooled_rows_keep_their_sums_and_borrow_where_the_reverse_is_better() {
+    let mut uniform = Uniform(77);
+    let lewis = LewisRoom::new(1);
+    let n = lewis.areas.len();
+    // One patch is a hundredth of the others.
+    let mut areas = lewis.areas.clone();
+    areas[0] *= 0.01;
+    let rows: Vec<Vec<f64>> = (0..n)
+        .map(|i| {
+            (0..n)
+                .map(|j| lewis.rows[i][j] * if j == 0 { 0.01 } else { 1.0 })
+                .collect()
+        })
+        .collect();
+    let room = matrix(&areas, &rows).symmetrised(Weighting::Plain).unwrap();
+    let (room, _) = room.balanced(&vec![1.0; n], 1e-13, 1000).unwrap();
+    let (mut to_small, mut equal) = ([0.0; 2], [0.0; 2]);
+    for _ in 0..20 {
+        let raw = shoot(&dense(&room), &areas, 500, &mut uniform);
+        let pooled = raw.pooled().unwrap();
+        assert!(!pooled.is_symmetric());
+        for i in 0..n {
+            assert!((pooled.row_sum(i) - raw.row_sum(i)).abs() < 1e-12, "{i}");
+            for (k, f) in [&raw, &pooled].into_iter().enumerate() {
+                f.for_each_in_row(i, |_, value, error| assert!(value >= 0.0 && error > 0.0, "{i}"));
+                let off = |j: usize| (f.get(i, j) - room.get(i, j)).powi(2);
+                to_small[k] += off(0);
+                equal[k] += (1..n).filter(|_| i > 0).map(off).sum::<f64>();
+            }
+        }
+    }
+    // Of independent rays all are better known; the small one nearly as its own rays know it, to a hundredth of the variance.
+    assert!(to_small[1] < 0.05 * to_small[0], "{to_small:?}");
+    assert!(equal[1] < 0.8 * equal[0], "{equal:?}");
+    assert!(room.pooled().unwrap().is_symmetric());
+}

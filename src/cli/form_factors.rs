@@ -12,7 +12,7 @@ use super::pipeline::{Computed, Fineness, Prepared, Run};
 use super::storage::{Storage, limit_byte};
 use super::{Outcome, merge, name_width};
 use crate::form_factor::{ExactMethod, Fraction};
-use crate::matrix::{Layout, Place, Precision, StorageChoice, SurfaceRow};
+use crate::matrix::{Layout, Need, Place, Precision, StorageChoice, SurfaceRow};
 use crate::mesh::Subdivision;
 use crate::plan::byte_text;
 use crate::printable::{counted, printable};
@@ -55,7 +55,7 @@ fn work(args: &FormFactorsArgs, run: &mut Run) -> Result<Outcome, Failure> {
             default_tolerance: ExactMethod::DEFAULT_TOLERANCE,
             tolerance_flag: "--tolerance",
         };
-        run.form_factors(&mut prepared, &args.method, fineness, false)?
+        run.form_factors(&mut prepared, &args.method, fineness, Need::AsTheyAre)?
     };
     run.judge_leaking_exchange();
     let table = run

@@ -192,8 +192,7 @@ impl Sequence {
             .filter(|(_, f)| f.pose == number)
             .collect();
         let mut prepared = run.posed(as_loaded, &self.poses[number])?;
-        let gains = run.gains_by_reciprocity(&args.solver)?;
-        let needs_symmetry = run.wants_symmetry(args.method.balance)? || gains;
+        let need = run.or_symmetry(args.method.balance, run.need(&args.solver)?)?;
         let fineness = Fineness {
             default_rays: DEFAULT_RAYS,
             tolerance: args.form_factor_tolerance,
@@ -210,9 +209,9 @@ impl Sequence {
             change: since,
         });
         run.storage.part = u32::try_from(number).unwrap_or(u32::MAX);
-        let (raw, promised) = run.raw_form_factors(&mut prepared, &args.method, fineness, needs_symmetry, before)?;
+        let (raw, promised) = run.raw_form_factors(&mut prepared, &args.method, fineness, need, before)?;
         let (factors, tolerance_met) = (raw.factors.clone(), raw.tolerance_met);
-        let computed = run.repaired(&mut prepared, raw, &args.method, needs_symmetry, promised)?;
+        let computed = run.repaired(&mut prepared, raw, &args.method, need, promised)?;
         // Those of the lightings that this pose is seen in.
         let mut numbers: Vec<usize> = own.iter().map(|(_, frame)| frame.lighting).collect();
         numbers.sort_unstable();

@@ -185,7 +185,7 @@ fn solve_scene(
             mesh_error: None,
         });
     }
-    let needs_symmetry = run.gains_by_reciprocity(&args.solver)?;
+    let need = run.need(&args.solver)?;
     let fineness = Fineness {
         default_rays: DEFAULT_RAYS,
         tolerance: args.form_factor_tolerance,
@@ -211,7 +211,7 @@ fn solve_scene(
             mesh_error: None,
         });
     }
-    let computed = run.form_factors(prepared, &args.method, fineness, needs_symmetry)?;
+    let computed = run.form_factors(prepared, &args.method, fineness, need)?;
     let solution = run.solve(prepared, &computed, &args.solver)?;
     let indirect_irradiance = with_direct.then(|| {
         run.times.time("solve", || {

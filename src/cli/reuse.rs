@@ -10,6 +10,7 @@ use super::pipeline::{BALANCE_TOLERANCE, Prepared, Promised, Run, spent_budget};
 use super::storage;
 use crate::audit::Repair;
 use crate::form_factor::{Computed, MethodSettings, Reciprocity, registry};
+use crate::matrix::RepairKind;
 use crate::mesh::Subdivision;
 use crate::report::ReportError;
 use crate::report::form_factors::FormFactorFile;
@@ -40,19 +41,19 @@ pub(super) fn mesh_args(file: &FormFactorFile, given: MeshArgs) -> Result<MeshAr
     )))
 }
 
-/// Reads the form factors of a scene's patches; `repaired` tells whether they are made symmetric then.
+/// Reads the form factors of a scene's patches, for a repair of a kind.
 pub(super) fn form_factors(
     run: &mut Run,
     prepared: &mut Prepared,
     file: &FormFactorFile,
     scene: &Path,
-    repaired: bool,
+    kind: RepairKind,
 ) -> Result<Computed, Failure> {
     let matrix = storage::Matrix {
         by_rows: !file.description().symmetric,
-        repaired,
+        repaired: matches!(kind, RepairKind::Closed | RepairKind::Rescaled),
         n_entries: u64::MAX,
-        n_beside: 0,
+        n_beside: u32::from(kind == RepairKind::Pooled),
         working_byte: 0,
     };
     let chosen = storage::choose(run, prepared, matrix)?;
@@ -105,6 +106,7 @@ pub(super) fn promised(file: &FormFactorFile) -> Promised {
         registry::method(name, &given).ok()
     });
     let by_rule = method.as_ref().is_some_and(|method| method.errs_by_rule());
+    let noisy_pairs = file.has_errors() && method.as_ref().is_some_and(|method| method.has_noisy_pairs());
     Promised {
         reciprocity: method.map_or(Reciprocity::NotPromised, |method| method.reciprocity()),
         errors_known: file.has_errors(),
@@ -114,5 +116,6 @@ pub(super) fn promised(file: &FormFactorFile) -> Promised {
             (true, true) => Repair::GaveUp,
         },
         by_rule,
+        noisy_pairs,
     }
 }

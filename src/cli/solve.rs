@@ -11,11 +11,12 @@ use super::file_set::FileSet;
 use super::form_factors::{DEFAULT_RAYS, checks_to_json, describe_checks};
 use super::lightings::{Lightings, with_suffix};
 use super::mesh_error::MeshError;
-use super::pipeline::{Computed, Fineness, Prepared, Run, repairs};
+use super::pipeline::{Computed, Fineness, Prepared, Run, repair};
 use super::stated::Stated;
 use super::storage::Storage;
 use super::{Outcome, cell, lightings, merge, name_width, reuse};
 use crate::form_factor::ExactMethod;
+use crate::matrix::Sampling;
 use crate::mesh::Subdivision;
 use crate::printable::{counted, printable};
 use crate::report::form_factors::{FormFactorFile, files_of};
@@ -65,15 +66,21 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
         let (solution, _) = super::on_the_fly::solve(run, &mut prepared, &request)?;
         return finish(args, run, &prepared, None, &solution);
     }
-    let needs_symmetry = run.gains_by_reciprocity(&args.solver)?;
+    let need = run.need(&args.solver)?;
     let computed = match &file {
-        None => run.form_factors(&mut prepared, &args.method, fineness(args), needs_symmetry)?,
+        None => run.form_factors(&mut prepared, &args.method, fineness(args), need)?,
         Some(file) => {
-            let needs_symmetry = run.wants_symmetry(args.method.balance)? || needs_symmetry;
-            let repaired = repairs(args.method.balance, needs_symmetry && !file.description().symmetric);
-            let result = reuse::form_factors(run, &mut prepared, file, &args.scene, repaired)?;
+            let need = run.or_symmetry(args.method.balance, need)?;
             let promised = reuse::promised(file);
-            run.repaired(&mut prepared, result, &args.method, needs_symmetry, promised)?
+            let sequence = file.description().settings.get("sequence");
+            let sampling = if file.description().symmetric {
+                Sampling::of_pairs(promised.noisy_pairs)
+            } else {
+                Sampling::of_rows(sequence.is_some(), sequence.is_some_and(|name| name == "sobol"))
+            };
+            let kind = repair(args.method.balance, need, sampling);
+            let result = reuse::form_factors(run, &mut prepared, file, &args.scene, kind)?;
+            run.repaired(&mut prepared, result, &args.method, need, promised)?
         }
     };
     if !args.lighting.is_empty() {

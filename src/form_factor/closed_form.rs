@@ -33,6 +33,10 @@ impl FormFactorMethod for ClosedForm {
         "closed-form"
     }
 
+    fn has_noisy_pairs(&self) -> bool {
+        true
+    }
+
     fn compute(
         &self,
         input: Input<'_>,

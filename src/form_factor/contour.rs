@@ -16,7 +16,7 @@ use crate::progress::Progress;
 /// cells of equal area, and k the integrand cos θ cos θ / r² of each ray.
 ///
 /// Accuracy without blockers: rounding, which the sum of the contours loses to cancellation (see
-/// [`contour`](polygon_form_factor::contour)). With blockers v is biased by O(1/q²), as a ratio of sums is, and has the standard error that each entry states: that of N^(5/4) independent rays
+/// [`contour`](polygon_form_factor::contour)). With blockers v is biased by O(1/q²), as a ratio of sums is, and has the standard error that each entry states: that of N^(7/4) independent rays
 /// if N points of a patch see all of the exchange, and more where the kernel at the points misses some of it; at the border of
 /// a shadow about q^(−3/2) of the entry. 0 ≤ A_i F_ij ≤ the exchange area without blockers.
 ///
@@ -32,6 +32,10 @@ pub struct ContourIntegral {
 impl FormFactorMethod for ContourIntegral {
     fn name(&self) -> &'static str {
         "contour"
+    }
+
+    fn has_noisy_pairs(&self) -> bool {
+        true
     }
 
     fn compute(
@@ -67,7 +71,7 @@ pub(super) fn times_visible(
         sampled::stratified(input.mesh, points.get(), seed)
     };
     let method = Sampled {
-        independence: Independence::SharedEnds,
+        independence: Independence::SharedStrata,
         sample: |segments: &mut Segments<'_>, owner: usize, pair: [usize; 2]| {
             if !segments.is_known(owner) {
                 sampled::join_all(segments, input.mesh, &points, owner, pair);

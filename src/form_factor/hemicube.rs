@@ -97,7 +97,9 @@ impl FormFactorMethod for Hemicube {
     ) -> Result<Computed, FormFactorError> {
         let cells = cells(self.resolution.get());
         let errors = PointErrors::new(input);
-        rows::by_rows(input, storage, progress, |rows| self.tile(input, rows, &cells, &errors))
+        rows::by_rows(input, storage, progress, None, |rows| {
+            self.tile(input, rows, &cells, &errors)
+        })
     }
 
     fn rows<'a>(&'a self, input: Input<'a>) -> Option<Rows<'a>> {

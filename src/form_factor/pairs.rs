@@ -5,6 +5,7 @@ use std::ops::Range;
 use super::kept::{self, Part, Piece};
 use super::rounded::RoundedRows;
 use super::{Computed, FormFactorError, Input, PairCounts};
+use crate::geometry::polygon_form_factor::PreparedPolygon;
 use crate::in_order::InOrder;
 use crate::matrix::{Entry, FormFactors, RowTally, RowTile, StorageChoice};
 use crate::mesh::{Mesh, PatchId};
@@ -138,6 +139,7 @@ fn tile(
 }
 
 /// The planes of all patches and their corners, for the test that goes first.
+#[derive(Debug)]
 pub(super) struct Facing {
     corners: Vec<Vec<glam::DVec3>>,
     normals: Vec<glam::DVec3>,
@@ -162,6 +164,14 @@ impl Facing {
 
     fn len(&self) -> usize {
         self.corners.len()
+    }
+
+    /// Returns the patches for the closed forms.
+    pub(super) fn polygons(&self) -> Vec<PreparedPolygon> {
+        self.corners
+            .iter()
+            .map(|corners| PreparedPolygon::new(corners))
+            .collect()
     }
 
     /// Tells whether part of each patch lies in front of the other's plane.
@@ -207,6 +217,13 @@ impl Facing {
             (before || behind).then_some(before)
         });
         sides.collect()
+    }
+
+    /// Tells whether all of patch j lies in front of the plane of patch i, or on it.
+    pub(super) fn is_in_front(&self, i: usize, j: usize) -> bool {
+        let (origin, normal) = (self.corners[i][0], self.normals[i]);
+        let slack = 1e-9 * self.sizes[j];
+        self.corners[j].iter().all(|&v| normal.dot(v - origin) >= -slack)
     }
 
     fn sees(&self, i: usize, j: usize) -> bool {

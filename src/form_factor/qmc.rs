@@ -15,8 +15,8 @@ use crate::progress::Progress;
 /// cos θ cos θ / r² of each ray. A pair that sees each other whole has no noise, and the ratio has a bounded variance although k
 /// has none where patches touch. A sequence of its own for each pair.
 ///
-/// Bias: O(1/N) of the entry, that of a ratio of sums. Error of an entry: the standard error of that ratio for independent rays, which the scrambled
-/// sequence stays below, with 2/((N + 2)(N + 3)) in its square for what all rays may have missed. 0 ≤ A_i F_ij ≤ X.
+/// Bias: O(1/N) of the entry, that of a ratio of sums. Error of an entry: the standard error of that ratio for N^(5/4) independent rays, as many as N points of a net in four
+/// dimensions are worth, with 2/((M + 2)(M + 3)), M = N^(9/8), in its square for what all rays may have missed. 0 ≤ A_i F_ij ≤ X.
 ///
 /// Source: [`OWEN_1997`](crate::references::OWEN_1997) for the points; the ratio estimator is textbook statistics
 /// (Cochran, *Sampling Techniques*, chapter 6). Departures: none.
@@ -33,6 +33,10 @@ impl FormFactorMethod for QuasiMonteCarlo {
         "qmc"
     }
 
+    fn has_noisy_pairs(&self) -> bool {
+        true
+    }
+
     fn compute(
         &self,
         input: Input<'_>,
@@ -43,7 +47,7 @@ impl FormFactorMethod for QuasiMonteCarlo {
         let polygons = sampled::prepared(input.mesh);
         let maps = sampled::polygons(input.mesh, UniformOnPolygon::new);
         let method = Sampled {
-            independence: Independence::Independent,
+            independence: Independence::Net,
             sample: |segments: &mut Segments<'_>, owner: usize, [i, j]: [usize; 2]| {
                 if segments.is_known(owner) {
                     return;

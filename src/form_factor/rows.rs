@@ -1,22 +1,26 @@
 //! Methods that compute whole rows: tiles of rows are the unit of parallel work.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use super::kept::{self, Part, Piece};
 use super::rounded::RoundedRows;
 use super::{Computed, FormFactorError, Input};
 use crate::in_order::InOrder;
-use crate::matrix::{Entry, FormFactors, RowTile, StorageChoice};
+use crate::matrix::{Entry, FormFactors, RowTile, StorageChoice, UpperBounds};
 use crate::progress::Progress;
 
 /// The number of rows that are computed as one piece of parallel work.
 const ROWS_PER_TILE: usize = 16;
 
 /// Computes all rows, tile by tile in parallel, and stores them in order.
+///
+/// Patches that a row has no entry for were hit by no ray, and are no more than `bounds` allow; without these they are 0 for certain.
 pub(super) fn by_rows(
     input: Input<'_>,
     storage: StorageChoice,
     progress: &dyn Progress,
+    bounds: Option<Arc<dyn UpperBounds>>,
     tile: impl Fn(Range<usize>) -> RowTile + Sync,
 ) -> Result<Computed, FormFactorError> {
     let n = input.mesh.n_patches();
@@ -57,8 +61,12 @@ pub(super) fn by_rows(
     if progress.is_cancelled() {
         return Err(FormFactorError::Interrupted);
     }
+    let factors = factors?;
     Ok(Computed {
-        factors: factors?,
+        factors: match bounds {
+            None => factors,
+            Some(bounds) => factors.with_bounds(bounds),
+        },
         pairs: None,
         tolerance_met: true,
     })

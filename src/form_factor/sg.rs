@@ -2,11 +2,13 @@
 
 use std::num::NonZeroUsize;
 use std::ops::Range;
+use std::sync::Arc;
 
+use super::bounds::Unoccluded;
 use super::on_the_fly::Rows;
 use super::point_errors::{Found, PointErrors};
-use super::shooting::{Shooter, Shot};
-use super::{Computed, FormFactorError, FormFactorMethod, Input, Reciprocity, rows};
+use super::shooting::{Shooter, Shot, n_nets};
+use super::{Computed, FormFactorError, FormFactorMethod, Input, Reciprocity, rows, upper_bounds};
 use crate::geometry::quadrature::{GaussProduct, WeightedPoint};
 use crate::geometry::sampling::{PointStream, Sequence};
 use crate::matrix::{Entry, RowTally, RowTile, StorageChoice};
@@ -18,8 +20,10 @@ use crate::progress::Progress;
 /// F_ij ≈ Σ_p w_p (rays from point p whose first hit is the front of j) / m, with the same number m of rays for every point.
 /// Biased by the Gauss rule's own error, which does not fall with the number of rays: the inner integral has a kink or a jump
 /// where j touches or is hidden from a part of i.
-/// Error of an entry: the noise, without the gain of stratification, plus an estimate of the rule's own error. From 3 points a side on that is how far the rules through
-/// every other line of points (along either side of the patch) are from it, less twice the noise of that; it tells nothing of what all points miss. From 1 and 2, where there is
+/// Error of an entry: the noise, by Laplace's rule as points differ in weight, with k^(−1/8) for the k hits of a point's rays where these are of a sequence, plus an estimate of the rule's own error. From 3 points a side on that is how far the rules through
+/// every other line of points (along either side of the patch) are from it, less twice the noise of that; of patches near each other or behind each other's planes also how far the rule is from the factor without occluders, as far as they
+/// are visible: where the points miss an edge between them, that alone tells it. An entry that no ray
+/// hit states, up to the factor without occluders, 1.5 / N and what the points see too little of that, with sqrt(2/((n + 2)(n + 3))) of it for the part that n = q² points may all miss. From 1 and 2, where there is
 /// no such rule: that of [`Hemicube`](super::Hemicube), of patches that no ray hit too, for the price of a closed form for each pair.
 /// Source: Baranoski, Bramley and Shirley 1995, appendix A. Departures: the directions come from a Sobol sequence by default;
 /// rays are rounded up to a whole number for each point.
@@ -57,29 +61,30 @@ impl FormFactorMethod for GaussShooting {
         storage: StorageChoice,
         progress: &dyn Progress,
     ) -> Result<Computed, FormFactorError> {
-        let errors = self.point_errors(input);
-        rows::by_rows(input, storage, progress, |rows| self.tile(input, rows, errors.as_ref()))
+        if GaussProduct::new(self.points).coarser().is_none() {
+            let errors = RuleErrors::OfFew(PointErrors::new(input));
+            return rows::by_rows(input, storage, progress, None, |rows| self.tile(input, rows, &errors));
+        }
+        let bounds = upper_bounds(input.mesh, Some(self.points));
+        let errors = RuleErrors::OfNear(&bounds);
+        rows::by_rows(input, storage, progress, Some(Arc::clone(&bounds) as _), |rows| {
+            self.tile(input, rows, &errors)
+        })
     }
 
     fn rows<'a>(&'a self, input: Input<'a>) -> Option<Rows<'a>> {
         // Nobody asks for the errors of rows that are not stored.
-        Some(Box::new(move |rows| self.tile(input, rows, None)))
+        Some(Box::new(move |rows| self.tile(input, rows, &RuleErrors::Unasked)))
     }
 }
 
 impl GaussShooting {
-    /// Returns what tells the error of a rule that is too coarse to tell it by itself.
-    fn point_errors<'a>(&self, input: Input<'a>) -> Option<PointErrors<'a>> {
-        let rule = GaussProduct::new(self.points);
-        rule.coarser().is_none().then(|| PointErrors::new(input))
-    }
-
-    fn tile(&self, input: Input<'_>, rows: Range<usize>, errors: Option<&PointErrors<'_>>) -> RowTile {
+    fn tile(&self, input: Input<'_>, rows: Range<usize>, errors: &RuleErrors<'_>) -> RowTile {
         let mut tile = RowTile::new(rows.start);
         let rule = GaussProduct::new(self.points);
         let changes = rule.coarser();
-        let mut shooter = Shooter::new(input, changes.is_some());
         let q = self.points.get();
+        let mut shooter = Shooter::new(input, n_nets(self.sequence, q * q), changes.is_some());
         let rays_per_point = self.rays_per_point();
         for i in rows {
             let patch = &input.mesh.patches[i];
@@ -101,8 +106,14 @@ impl GaussShooting {
             });
             let (entries, tally) = shooter.row(patch, shots);
             match errors {
-                None => tile.push_row(entries, tally),
-                Some(errors) => {
+                RuleErrors::Unasked => tile.push_row(entries, tally),
+                RuleErrors::OfNear(bounds) => {
+                    for (j, factor, error) in &mut *entries {
+                        *error += bounds.rule_error(i, *j as usize, &points, *factor);
+                    }
+                    tile.push_row(entries, tally);
+                }
+                RuleErrors::OfFew(errors) => {
                     let entries = with_errors(entries, &tally, |found| errors.of_row(i, &points, found), input);
                     tile.push_row(&entries, tally);
                 }
@@ -110,6 +121,16 @@ impl GaussShooting {
         }
         tile
     }
+}
+
+/// What tells the errors of the rule that rays start from, beside the rules through every other line.
+enum RuleErrors<'a> {
+    /// Rows are not stored.
+    Unasked,
+    /// Of patches near each other: the closed form at the points.
+    OfNear(&'a Unoccluded),
+    /// The rule has no coarser one.
+    OfFew(PointErrors<'a>),
 }
 
 /// Adds the errors that `errors_of` tells to the noise of a row's entries, and those of patches that no ray hit.

@@ -5,7 +5,7 @@
 use glam::DVec3;
 
 use super::Input;
-use crate::geometry::sampling::{Frame, cosine_direction};
+use crate::geometry::sampling::{Frame, Sequence, cosine_direction};
 use crate::matrix::{Entry, RayWeights, RowTally};
 use crate::mesh::{Patch, PatchId};
 use crate::visibility::{Coherence, HitBatch, RayBatch};
@@ -22,12 +22,21 @@ pub(super) struct Shot {
     pub(super) coarser: [f64; 2],
 }
 
+/// Returns how many nets of low-discrepancy points the rays of a patch come from, if its points have each one of their own.
+pub(super) fn n_nets(sequence: Sequence, n_points: usize) -> Option<usize> {
+    match sequence {
+        Sequence::Random => None,
+        Sequence::Sobol => Some(n_points),
+    }
+}
+
 /// Rays that are traced at once: enough to hide the call, few enough to stay in the first cache.
 const BATCH: usize = 512;
 
 /// The buffers of one thread, and the tally of one row at a time.
 pub(super) struct Shooter<'a> {
     input: Input<'a>,
+    n_nets: Option<usize>,
     rays: RayBatch,
     weights: Vec<f64>,
     coarser: Vec<[f64; 2]>,
@@ -41,11 +50,12 @@ pub(super) struct Shooter<'a> {
 }
 
 impl<'a> Shooter<'a> {
-    /// `by_rule` tells whether shots differ in [`Shot::coarser`].
-    pub(super) fn new(input: Input<'a>, by_rule: bool) -> Self {
+    /// `n_nets` as [`n_nets`] returns it; `by_rule` tells whether shots differ in [`Shot::coarser`].
+    pub(super) fn new(input: Input<'a>, n_nets: Option<usize>, by_rule: bool) -> Self {
         let n = input.mesh.n_patches();
         Self {
             input,
+            n_nets,
             rays: RayBatch::default(),
             weights: Vec::new(),
             coarser: Vec::new(),
@@ -60,9 +70,9 @@ impl<'a> Shooter<'a> {
     /// Shoots `shots` from a patch and returns its row: sorted entries (j, F_ij, standard error), and what did not land on a front.
     ///
     /// With weights scaled to a sum of 1, F_ij = Σ w over the rays that hit j from the front. The standard error is that of
-    /// independent rays, sqrt(F (1 − F) Σ_all w²), for equal weights the binomial sqrt(F (1 − F) / N), and by Laplace's rule where most rays hit j; for stratified
-    /// points and directions it errs on the safe side. To it comes, for each coarser rule, what is left of its distance |Σ w c| beyond twice the noise of that, sqrt(Σ (w c)²).
-    pub(super) fn row(&mut self, patch: &Patch, shots: impl Iterator<Item = Shot>) -> (&[Entry], RowTally) {
+    /// independent rays, sqrt(F (1 − F) Σ_all w²), for equal weights the binomial sqrt(F (1 − F) / N), and by Laplace's rule where most rays hit j; points of
+    /// M nets have (N F / M)^(−1/8) of it. To it comes, for each coarser rule, what is left of its distance |Σ w c| beyond twice the noise of that, sqrt(Σ (w c)²).
+    pub(super) fn row(&mut self, patch: &Patch, shots: impl Iterator<Item = Shot>) -> (&mut [Entry], RowTally) {
         let visibility = self.input.visibility;
         let frame = Frame::from_normal(patch.normal);
         let lift = patch.normal * visibility.offset() - visibility.frame_origin();
@@ -94,14 +104,17 @@ impl<'a> Shooter<'a> {
         self.entries.clear();
         for &j in &self.touched {
             let factor = std::mem::take(&mut self.sums[j as usize]) / total;
-            let noise = tally.noise_of(factor);
+            let noise = match self.n_nets {
+                Some(n_nets) => tally.noise_of_nets(factor, n_nets),
+                None => tally.noise_of(factor),
+            };
             let changes = self.changes.get_mut(j as usize).map(std::mem::take).unwrap_or_default();
             let bias = |[change, squared]: [f64; 2]| (change.abs() - 2.0 * squared.sqrt()).max(0.0) / total;
             self.entries
                 .push((j, factor, noise + changes.into_iter().map(bias).sum::<f64>()));
         }
         self.touched.clear();
-        (&self.entries, tally)
+        (&mut self.entries, tally)
     }
 
     fn trace(&mut self, tally: &mut RowTally, sums: &mut RayWeights) {

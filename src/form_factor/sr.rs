@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use super::on_the_fly::Rows;
-use super::shooting::{Shooter, Shot};
-use super::{Computed, FormFactorError, FormFactorMethod, Input, Reciprocity, rows};
+use super::shooting::{Shooter, Shot, n_nets};
+use super::{Computed, FormFactorError, FormFactorMethod, Input, Reciprocity, rows, upper_bounds};
 use crate::geometry::sampling::{PointStream, Sequence, UniformOnPolygon};
 use crate::matrix::{RowTile, StorageChoice};
 use crate::mesh::PatchId;
@@ -14,7 +14,9 @@ use crate::progress::Progress;
 ///
 /// F_ij ≈ (rays from i whose first hit is the front of j) / N; the points are uniform on the patch, the directions have the density cos θ / π.
 /// Unbiased but for the lift of the starting points (see [`Visibility::offset`](crate::visibility::Visibility::offset));
-/// standard error sqrt(F (1 − F) / N) with [`Sequence::Random`], less with [`Sequence::Sobol`].
+/// standard error sqrt(F (1 − F) / N) with [`Sequence::Random`], and (N F)^(−1/8) of that with [`Sequence::Sobol`] from one hit on: of k cells of a net in four dimensions, the border of
+/// a patch passes through about k^(3/4), and these alone are in doubt. The mean square of the true error is 0.3 to 1.0 of that (1,024 to 16,384 rays, one to 8,000 hits, six scenes).
+/// An entry that no ray hit states 1.5 / N, or the factor without occluders where that is less.
 /// Reciprocity holds to the noise only; rows sum to 1 less what escaped or met a back.
 /// Source: Baranoski, Bramley and Shirley 1995, appendix A. Departures: the Sobol sequence is the default.
 #[derive(Clone, Copy, Debug)]
@@ -42,7 +44,8 @@ impl FormFactorMethod for RandomShooting {
         storage: StorageChoice,
         progress: &dyn Progress,
     ) -> Result<Computed, FormFactorError> {
-        rows::by_rows(input, storage, progress, |rows| self.tile(input, rows))
+        let bounds = upper_bounds(input.mesh, None);
+        rows::by_rows(input, storage, progress, Some(bounds), |rows| self.tile(input, rows))
     }
 
     fn rows<'a>(&'a self, input: Input<'a>) -> Option<Rows<'a>> {
@@ -53,7 +56,7 @@ impl FormFactorMethod for RandomShooting {
 impl RandomShooting {
     fn tile(&self, input: Input<'_>, rows: Range<usize>) -> RowTile {
         let mut tile = RowTile::new(rows.start);
-        let mut shooter = Shooter::new(input, false);
+        let mut shooter = Shooter::new(input, n_nets(self.sequence, 1), false);
         for i in rows {
             let patch = &input.mesh.patches[i];
             let map = UniformOnPolygon::new(&input.mesh.polygon(PatchId::from_index(i)));

@@ -210,6 +210,9 @@ impl FormFactors {
 
     /// Returns form factors of other exchange areas between the same patches.
     pub(super) fn with_exchange(&self, exchange: Arc<dyn Symmetric>) -> Self {
-        Self::from_symmetric(self.areas.clone(), exchange, self.tallies.clone(), self.storage())
+        Self {
+            open: self.open.as_ref().map(super::Open::pooled),
+            ..Self::from_symmetric(self.areas.clone(), exchange, self.tallies.clone(), self.storage())
+        }
     }
 }

@@ -19,11 +19,14 @@ mod expand;
 mod gather;
 mod lanes;
 mod listed;
+mod need;
+mod open;
 pub mod operator;
 mod panels;
 mod pass;
 mod places;
 mod planes;
+mod pooled;
 mod prefetch;
 mod regroup;
 mod shared;
@@ -39,6 +42,7 @@ pub use balance::{BalanceReport, Weighting};
 pub use checks::{Checks, Closed, MinMax, RowTargets};
 pub use disk::{DiskError, Place, Scratch};
 pub use error::MatrixError;
+pub use need::{Need, RepairKind, Sampling};
 pub use surfaces::{SurfaceFormFactors, SurfaceRow, SurfaceRows};
 pub use tile::{Entry, RayWeights, RowTally, RowTile};
 
@@ -48,6 +52,8 @@ pub(crate) use coefficients::{Coefficients, ROWS_AT_ONCE, products};
 pub(crate) use components::connected;
 use disk::General;
 pub(crate) use lanes::weighted_products;
+use open::Open;
+pub(crate) use open::UpperBounds;
 use operator::{Block, Components, LinearOperator, RowAccess};
 use planes::Planes;
 use regroup::Regrouped;
@@ -114,6 +120,8 @@ pub struct FormFactors {
     tallies: Vec<RowTally>,
     layout: Layout,
     precision: Precision,
+    /// What rays leave open of entries that are not stored; `None` if these are 0 for certain.
+    open: Option<Open>,
 }
 
 #[derive(Clone, Debug)]
@@ -178,6 +186,7 @@ impl FormFactors {
             tallies,
             layout: storage.layout,
             precision: storage.precision,
+            open: None,
         })
     }
 
@@ -207,6 +216,7 @@ impl FormFactors {
             tallies,
             layout: storage.layout,
             precision: storage.precision,
+            open: None,
         })
     }
 
@@ -255,6 +265,7 @@ impl FormFactors {
             tallies,
             layout: storage.layout,
             precision: storage.precision,
+            open: None,
         }
     }
 
@@ -319,33 +330,36 @@ impl FormFactors {
     #[must_use]
     #[track_caller]
     pub fn get(&self, i: usize, j: usize) -> f64 {
-        self.entry(i, j).0
+        self.stored(i, j).map_or(0.0, |entry| entry.0)
     }
 
     /// Returns the standard error of F_ij; 0 where it is exact or unknown.
     ///
-    /// Accuracy: rounded to f32. An entry that no ray hit has none: 0 is not its uncertainty.
+    /// An entry that none of a row's N rays hit is off by up to 1.5 / N, or by the factor without occluders where that is less; 0 states that the
+    /// patches do not face each other, or are proved to be hidden.
+    /// Accuracy: rounded to f32 where it is stored.
     ///
     /// # Panics
     /// If i or j is not less than n.
     #[must_use]
     #[track_caller]
     pub fn std_error(&self, i: usize, j: usize) -> f64 {
-        self.entry(i, j).1
+        self.stored(i, j).map_or_else(|| self.open_entry(i, j), |entry| entry.1)
     }
 
     #[track_caller]
-    fn entry(&self, i: usize, j: usize) -> (f64, f64) {
+    fn stored(&self, i: usize, j: usize) -> Option<(f64, f64)> {
         assert!(i < self.n_rows() && j < self.n_rows(), "a place inside the matrix");
-        let mut found = (0.0, 0.0);
+        let mut found = None;
         let factor = self.row_factor(i);
         self.for_each_stored(i, j..j + 1, &mut |_, value, std_error| {
-            found = (factor * value, factor * std_error);
+            found = Some((factor * value, factor * std_error));
         });
         found
     }
 
-    /// Calls `visit(j, F_ij, standard error)` in ascending order of j for all entries of row i where one of the two is not zero.
+    /// Calls `visit(j, F_ij, standard error)` in ascending order of j for all entries of row i that are stored: where one of the two is not zero, but for those that
+    /// no ray hit, which [`open_error`](Self::open_error) counts together and [`for_each_error_in_row`](Self::for_each_error_in_row) visits too.
     ///
     /// # Panics
     /// If i is not less than n.

@@ -56,7 +56,7 @@ impl FormFactors {
     /// hit T; N is [`effective_rays`](super::RowTally::effective_rays). Stratified rays err less than this. Rows are
     /// independent: error² = Σ (A_i / A_S)² variance_i. Rows without rays, and all rows of a symmetrised or balanced
     /// matrix, where each number comes from two rows, contribute the sum of their entries' standard errors,
-    /// Σ (A_i / A_S) Σ_j, as if all were off in the same direction; where no ray has met T they are as before. So does what an entry of a row of rays states beyond its noise: the bias of a rule.
+    /// Σ (A_i / A_S) Σ_j, as if all were off in the same direction, beside the error of a row that no ray of which has met T, for the patches that none has. So does what an entry of a row of rays states beyond its noise: the bias of a rule.
     /// Source: sums of multinomial counts. Departures: none.
     ///
     /// Memory: 16 n_surfaces² bytes, and as much again while they are put together; [`surface_rows`](Self::surface_rows) does without.
@@ -146,12 +146,13 @@ impl SurfaceRows<'_> {
                 };
             });
             let weight = factors.areas[i] / area;
-            // No count proves that there is nothing, whatever became of the counts afterwards.
+            // No count proves that there is nothing, whatever became of the counts afterwards: where errors are added up, what no ray hit is one more cell.
             let counted = factors.tallies[i].effective_rays();
             for t in 0..n_surfaces {
                 form_factor[t] += weight * sums[t];
-                if let Some(n) = n_rays.or(counted.filter(|_| sums[t] <= 0.0)) {
-                    let p = laplace(n, sums[t]).clamp(0.0, 1.0);
+                if let Some(n) = counted {
+                    let seen = n_rays.map_or(0.0, |_| sums[t]);
+                    let p = laplace(n, seen).clamp(0.0, 1.0);
                     variance[t] += weight * weight * p * (1.0 - p) / n;
                 }
                 common[t] += weight * errors[t];

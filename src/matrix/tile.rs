@@ -59,12 +59,27 @@ impl RowTally {
     /// Returns the standard error of a form factor that is the share F of the row's independent rays, sqrt(p (1 − p) Σ w²): 0 without such rays.
     ///
     /// p is F; above one half it is the lower (N F + 1) / (N + 2) of Laplace's rule, as no number of rays that all hit one patch proves that no light goes elsewhere.
+    /// Where rays differ in weight p is always that of the rule: a few rays of little weight prove nothing of those that would have had more.
     pub(crate) fn noise_of(&self, factor: f64) -> f64 {
         let Some(squared) = self.squared() else {
             return 0.0;
         };
-        let p = factor.min(laplace(squared.recip(), factor));
+        let by_laplace = laplace(squared.recip(), factor);
+        let has_equal_weights = squared * self.n_rays as f64 <= 1.0 + 1e-9;
+        let p = if has_equal_weights {
+            factor.min(by_laplace)
+        } else {
+            by_laplace
+        };
         (p * (1.0 - p) * squared).max(0.0).sqrt()
+    }
+
+    /// Returns the standard error of a form factor that is the share F of N rays that are points of `n_nets` low-discrepancy nets: k^(−1/8) of [`noise_of`](Self::noise_of), with
+    /// k = N F / `n_nets` the cells of a net that make it up. Of a net in four dimensions about k^(3/4) cells are at their border, and these alone are in doubt; in two, k^(1/2), and
+    /// this is above it.
+    pub(crate) fn noise_of_nets(&self, factor: f64, n_nets: usize) -> f64 {
+        let hits = (self.n_rays as f64 / n_nets as f64 * factor).max(1.0);
+        self.noise_of(factor) * hits.powf(-0.125)
     }
 
     /// Returns the standard error of a form factor that none of the row's N rays has hit and that the rays of the other patch say is `factor`: that of a count, sqrt(F / N). Rays that are not

@@ -10,10 +10,13 @@
 //! | `.vtu` | patches with row sum, error, sky and back factor with their errors, and the form factor to a chosen surface | ParaView, PyVista |
 //!
 //! F\[i, j\] is the fraction of the light leaving patch i that reaches patch j, `area` is in m², `error` the standard error of
-//! each form factor, `sky_factor` the fraction of the light of a patch that escapes, `back_factor` what black backs take. Every file says so itself, together with the hash of the patches' geometry and the settings; it holds no
+//! each form factor, `sky_factor` the fraction of the light of a patch that escapes, `back_factor` what black backs take. Entries that no ray hit have the error that their number of rays leaves open. Sparse rows list them, too, with a form factor of 0, but
+//! where they are more than eight times as many as the others: then `open_error`, one number for each row, is the error of every entry that is not listed and whose patches face each other, or
+//! their factor without occluders where that is less; `points` is the number of points along each side of a patch that its rays start from, 0 if they start anywhere. Every file says so itself, together with the hash of the patches' geometry and the settings; it holds no
 //! time, path or number of threads, and equal content gives equal bytes.
 
 use std::io::{self, BufWriter, Write};
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
@@ -86,6 +89,9 @@ const FORMATS: [(&str, Format, bool); 6] = [
 
 /// From this share of non-zero entries on a matrix is written dense, unless its storage was asked to be dense or sparse.
 const DENSE_FROM: f64 = 1.0 / 3.0;
+
+/// How many entries that no ray hit a sparse matrix lists at most for each of the others.
+const MAX_OPEN: usize = 8;
 
 impl Format {
     /// Returns the format that a file's ending names.
@@ -188,6 +194,7 @@ impl FormFactorReport<'_> {
         let n = self.factors.n_rows();
         let sum_to = |i: usize, counts: &dyn Fn(usize) -> bool| {
             let mut sums = (0.0, 0.0);
+            sums.1 = self.factors.open_error(i);
             self.factors.for_each_in_row(i, |j, value, error| {
                 if counts(j) {
                     sums = (sums.0 + value, sums.1 + error);
@@ -274,6 +281,12 @@ impl FormFactorReport<'_> {
         let n = self.factors.n_rows();
         npz.numbers("area", &[n], self.factors.areas())?;
         add_tallies(&mut npz, self.factors.tallies())?;
+        let open: Vec<f64> = (0..n).map(|i| self.factors.open_error(i)).collect();
+        if open.iter().any(|error| *error > 0.0) {
+            npz.numbers("open_error", &[n], &open)?;
+            let points = self.factors.points().map_or(0, NonZeroUsize::get);
+            npz.numbers("points", &[1], &[points as u64])?;
+        }
         for (name, values) in self.sky.map(sky_columns).into_iter().flatten() {
             npz.numbers(name, &[n], &values)?;
         }
@@ -302,31 +315,54 @@ impl FormFactorReport<'_> {
         for i in 0..row.len() {
             row.fill(0.0);
             self.factors
-                .for_each_in_row(i, |j, value, error| row[j] = pick(value, error));
+                .for_each_error_in_row(i, |j, value, error| row[j] = pick(value, error));
             write_reals(writer, dtype, &row)?;
         }
         Ok(())
     }
 
     /// Calls `write` with the entries of each row: column, form factor, standard error.
-    fn for_each_row(&self, mut write: impl FnMut(&[(usize, f64, f64)]) -> io::Result<()>) -> io::Result<()> {
+    fn for_each_row(
+        &self,
+        lists_open: bool,
+        mut write: impl FnMut(&[(usize, f64, f64)]) -> io::Result<()>,
+    ) -> io::Result<()> {
         let mut row = Vec::new();
         for i in 0..self.factors.n_rows() {
             row.clear();
-            self.factors
-                .for_each_in_row(i, |j, value, error| row.push((j, value, error)));
+            let add = |j, value, error| row.push((j, value, error));
+            if lists_open {
+                self.factors.for_each_error_in_row(i, add);
+            } else {
+                self.factors.for_each_in_row(i, add);
+            }
             write(&row)?;
         }
         Ok(())
     }
 
+    /// Tells whether sparse rows list entries that no ray hit.
+    fn lists_open(&self) -> bool {
+        let counts = (0..self.factors.n_rows()).into_par_iter().map(|i| {
+            let mut n_stored = 0;
+            self.factors.for_each_in_row(i, |_, _, _| n_stored += 1);
+            (n_stored, self.factors.n_open(i))
+        });
+        let (n_stored, n_open) = counts.reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
+        n_open <= MAX_OPEN * n_stored
+    }
+
     /// Adds compressed sparse rows as `scipy.sparse.save_npz` does, and the errors of the same entries.
     fn add_sparse<W: Write + io::Seek>(&self, npz: &mut NpzWriter<W>) -> io::Result<()> {
         let n = self.factors.n_rows();
+        let lists_open = self.lists_open();
         let mut begins = vec![0_i64];
         let mut n_entries = 0_i64;
         for i in 0..n {
             self.factors.for_each_in_row(i, |_, _, _| n_entries += 1);
+            if lists_open {
+                n_entries += i64::try_from(self.factors.n_open(i)).unwrap_or(i64::MAX);
+            }
             begins.push(n_entries);
         }
         let size = n_entries.unsigned_abs();
@@ -341,7 +377,7 @@ impl FormFactorReport<'_> {
             None => npz.numbers("indptr", &[n + 1], &begins)?,
         }
         npz.array("indices", &Header::new(index, &[size]), |writer| {
-            self.for_each_row(|row| {
+            self.for_each_row(lists_open, |row| {
                 let byte = if index == Dtype::I32 { 4 } else { 8 };
                 let columns = row
                     .iter()
@@ -350,10 +386,14 @@ impl FormFactorReport<'_> {
             })
         })?;
         npz.array("data", &Header::new(self.dtype(), &[size]), |writer| {
-            self.for_each_row(|row| write_reals(writer, self.dtype(), &row.iter().map(|e| e.1).collect::<Vec<_>>()))
+            self.for_each_row(lists_open, |row| {
+                write_reals(writer, self.dtype(), &row.iter().map(|e| e.1).collect::<Vec<_>>())
+            })
         })?;
         npz.array("error", &Header::new(Dtype::F32, &[size]), |writer| {
-            self.for_each_row(|row| write_reals(writer, Dtype::F32, &row.iter().map(|e| e.2).collect::<Vec<_>>()))
+            self.for_each_row(lists_open, |row| {
+                write_reals(writer, Dtype::F32, &row.iter().map(|e| e.2).collect::<Vec<_>>())
+            })
         })
     }
 }

@@ -1,5 +1,6 @@
 //! Form factors read back from a file, for the patches that they belong to.
 
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
 use super::description::FORMAT;
@@ -8,6 +9,7 @@ use super::mtx::{self, MtxRows};
 use super::npy::Dtype;
 use super::npz::{Archive, Array};
 use super::{Description, ReportError};
+use crate::form_factor::upper_bounds;
 use crate::input_file::{self, DESCRIPTION_LIMIT};
 use crate::matrix::{
     Entry, FormFactors, MatrixError, Precision, RayWeights, RowTally, RowTile, StorageChoice, UPPER_ROWS,
@@ -116,6 +118,15 @@ impl FormFactorFile {
             (mesh.areas(), vec![RowTally::default(); n])
         };
         let mut rows = self.rows(n)?;
+        let points = self.points(rows.skips_open)?;
+        let has_open = rows.skips_open;
+        let with_bounds = |factors: FormFactors| {
+            if has_open {
+                factors.with_bounds(upper_bounds(mesh, points))
+            } else {
+                factors
+            }
+        };
         let storage = StorageChoice {
             precision: match rows.precision() {
                 Precision::F32 => Precision::F32,
@@ -139,7 +150,7 @@ impl FormFactorFile {
             // Where they were not taken in, the rest of the file has not been read.
             let factors = factors.map_err(|error| in_file(error.into()))?;
             rows.finish()?;
-            return Ok(factors);
+            return Ok(with_bounds(factors));
         }
         let upper = (0..n).step_by(UPPER_ROWS).map(|first| {
             let end = n.min(first + UPPER_ROWS);
@@ -149,8 +160,26 @@ impl FormFactorFile {
         rows.finish()?;
         self.expect_symmetric(self.rows(n)?, &factors)?;
         factors
-            .if_readable(factors.clone())
+            .if_readable(with_bounds(factors.clone()))
             .map_err(|error| in_file(MatrixError::from(error).into()))
+    }
+
+    /// Reads the number of points along each side of a patch that its rays start from, if there is any.
+    fn points(&self, has_open: bool) -> Result<Option<NonZeroUsize>, ReportError> {
+        if !has_open {
+            return Ok(None);
+        }
+        let mut array = Archive::open(&self.path)?.array("points")?;
+        array.expect_shape(&[1])?;
+        let mut found = Vec::new();
+        array.next_counts(1, &mut found)?;
+        array.finish()?;
+        // More than a method takes would be a rule without end.
+        match found[..] {
+            [0] => Ok(None),
+            [q] if q <= 256 => Ok(usize::try_from(q).ok().and_then(NonZeroUsize::new)),
+            _ => Err(array_error(&self.path, "`points` is no number of points along a side")),
+        }
     }
 
     /// Opens the rows of F at the first.
@@ -163,10 +192,18 @@ impl FormFactorFile {
                     n,
                     buffer: Default::default(),
                     columns: Vec::new(),
+                    skips_open: false,
                 })
             }
             Some(check) => Rows::in_full(Array::open_npy(&self.path, check)?, None, n),
-            None => Rows::open(&mut Archive::open(&self.path)?, n),
+            None => {
+                let mut archive = Archive::open(&self.path)?;
+                let skips_open = archive.has("open_error");
+                Ok(Rows {
+                    skips_open,
+                    ..Rows::open(&mut archive, n)?
+                })
+            }
         }
     }
 
@@ -277,6 +314,13 @@ impl FormFactorFile {
     }
 }
 
+fn array_error(path: &Path, reason: &str) -> ReportError {
+    ReportError::Damaged {
+        path: path.to_owned(),
+        reason: reason.to_owned(),
+    }
+}
+
 fn description(path: &Path, text: &[u8]) -> Result<Description, ReportError> {
     let damaged = |reason: String| ReportError::Damaged {
         path: path.to_owned(),
@@ -319,6 +363,8 @@ struct Rows {
     n: usize,
     buffer: [Vec<f64>; 2],
     columns: Vec<u64>,
+    /// True if entries of 0 are those that no ray hit: their errors are known without being stored.
+    skips_open: bool,
 }
 
 /// Where rows come from.
@@ -340,6 +386,7 @@ impl Rows {
             n,
             buffer: Default::default(),
             columns: Vec::new(),
+            skips_open: false,
         }
     }
 
@@ -413,7 +460,8 @@ impl Rows {
                     .columns
                     .get(k)
                     .map_or(k, |&j| usize::try_from(j).unwrap_or(usize::MAX));
-                if keep(i, column) {
+                let is_open = self.skips_open && self.buffer[0][k].abs() <= 0.0;
+                if keep(i, column) && !is_open {
                     let column = u32::try_from(column).unwrap_or(u32::MAX);
                     let value = self.buffer[0][k];
                     if value < 0.0 {

@@ -86,9 +86,9 @@ impl From<SequenceName> for Sequence {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum BalanceName {
-    /// Where the solver needs a symmetric system
+    /// For light: rows of low-discrepancy rays are averaged with their reverse and keep their sums, random rays and noisy pairs get closure, other rows only what the solver needs
     Auto,
-    /// Always
+    /// Always: each pair averaged with its reverse, rows rescaled symmetrically
     On,
     /// Always, but each entry is moved by its own error variance instead (least squares): what is known stays
     Closure,
@@ -127,7 +127,7 @@ pub struct MethodArgs {
     /// Seed of all numbers
     #[arg(long, value_name = "S", default_value_t = 0)]
     pub seed: u64,
-    /// Average each pair with its reverse and rebalance the rows (symmetric Sinkhorn scaling)
+    /// Average each pair with its reverse, and restore the sums of the rows
     #[arg(long, value_enum, default_value_t = BalanceName::Auto)]
     pub balance: BalanceName,
     /// The scene is closed: its rows sum to 1 where no back is seen; refused where more than 1e-3 of the rays of a patch leave [default: by the shape of the scene, and by rays that are counted]

@@ -21,7 +21,7 @@ use crate::form_factor::{
     self, Before, Closure, Enclosed, ExactMethod, FormFactorError, FormFactorMethod, MethodSettings, PairCounts,
     Reciprocity, SkyFactors,
 };
-use crate::matrix::{BalanceReport, Checks, Closed, FormFactors, RowTally, Weighting};
+use crate::matrix::{BalanceReport, Checks, Closed, FormFactors, Need, RepairKind, RowTally, Sampling};
 use crate::printable::counted;
 use crate::scene::Scene;
 use crate::visibility::blockers::BlockerIndex;
@@ -56,6 +56,8 @@ pub(in crate::cli) struct Promised {
     pub(in crate::cli) repair: Repair,
     /// True if entries err by a rule.
     pub(in crate::cli) by_rule: bool,
+    /// True if they are symmetric, with noise that is known of each.
+    pub(in crate::cli) noisy_pairs: bool,
 }
 
 /// A method with what is known of its matrix.
@@ -159,11 +161,11 @@ impl Run {
         prepared: &mut Prepared,
         args: &MethodArgs,
         fineness: Fineness,
-        needs_symmetry: bool,
+        need: Need,
     ) -> Result<Computed, Failure> {
-        let needs_symmetry = self.wants_symmetry(args.balance)? || needs_symmetry;
-        let (result, promised) = self.raw_form_factors(prepared, args, fineness, needs_symmetry, None)?;
-        self.repaired(prepared, result, args, needs_symmetry, promised)
+        let need = self.or_symmetry(args.balance, need)?;
+        let (result, promised) = self.raw_form_factors(prepared, args, fineness, need, None)?;
+        self.repaired(prepared, result, args, need, promised)
     }
 
     /// Computes form factors, with those from `before` a change as far as they stay the same.
@@ -172,7 +174,7 @@ impl Run {
         prepared: &mut Prepared,
         args: &MethodArgs,
         fineness: Fineness,
-        needs_symmetry: bool,
+        need: Need,
         before: Option<Before<'_>>,
     ) -> Result<(form_factor::Computed, Promised), Failure> {
         let chosen_for_time;
@@ -195,11 +197,17 @@ impl Run {
             let nothing = "rays between patches: nothing here is sampled".into();
             prepared.plan.left_out.push(nothing);
         }
+        let sampling = if by_rows {
+            Sampling::of_rows(n_entries.is_some(), self.is_net())
+        } else {
+            Sampling::of_pairs(method.has_noisy_pairs())
+        };
+        let kind = repair(args.balance, need, sampling);
         let matrix = storage::Matrix {
             by_rows,
-            repaired: repairs(args.balance, needs_symmetry && by_rows),
+            repaired: matches!(kind, RepairKind::Closed | RepairKind::Rescaled),
             n_entries: n_entries.unwrap_or(u64::MAX),
-            n_beside: 0,
+            n_beside: u32::from(kind == RepairKind::Pooled),
             working_byte: method.working_byte(prepared.mesh.n_patches()),
         };
         let chosen = storage::choose(self, prepared, matrix)?;
@@ -229,6 +237,7 @@ impl Run {
             errors_known: true,
             repair: Repair::Not,
             by_rule: method.errs_by_rule(),
+            noisy_pairs: method.has_noisy_pairs(),
         };
         Ok((result, promised))
     }
@@ -314,16 +323,28 @@ impl Run {
         prepared: &mut Prepared,
         result: form_factor::Computed,
         args: &MethodArgs,
-        needs_symmetry: bool,
+        need: Need,
         promised: Promised,
     ) -> Result<Computed, Failure> {
         let (raw, asked) = (result.factors, args.balance);
         let enclosed = self.enclosed(prepared, raw.tallies(), args.closure())?;
         let closed_rows = &enclosed.rows;
         self.warn_of_slipped_rays(&raw, closed_rows);
-        let wanted = repairs(asked, needs_symmetry && !raw.is_symmetric());
-        let by_variance = asked == BalanceName::Closure;
-        self.set("balance", if by_variance { json!("closure") } else { json!(wanted) });
+        let sampling = if raw.is_symmetric() {
+            Sampling::of_pairs(promised.noisy_pairs && !raw.has_rays() && closed_rows.contains(&true))
+        } else {
+            Sampling::of_rows(raw.has_rays(), self.is_net())
+        };
+        let kind = repair(asked, need, sampling);
+        let wanted = matches!(kind, RepairKind::Closed | RepairKind::Rescaled);
+        self.set(
+            "balance",
+            match kind {
+                RepairKind::Closed => json!("closure"),
+                RepairKind::Pooled => json!("pooled"),
+                RepairKind::Rescaled | RepairKind::Nothing => json!(wanted),
+            },
+        );
         let claims = |repair| Claims {
             closed: Closed::Where(closed_rows),
             reciprocity: promised.reciprocity,
@@ -337,7 +358,10 @@ impl Run {
                 .left_out
                 .push("rays between patches: nothing can block".into());
         }
-        if by_variance && !closed_rows.contains(&true) && raw.tallies().iter().all(|tally| tally.n_rays == 0) {
+        if asked == BalanceName::Closure
+            && !closed_rows.contains(&true)
+            && raw.tallies().iter().all(|tally| tally.n_rays == 0)
+        {
             self.warn(
                 "--balance closure changes nothing: no row is known to sum to 1, as the scene is not known to be closed; state it with --closed",
             );
@@ -348,40 +372,7 @@ impl Run {
         } else {
             Vec::new()
         };
-        let (factors, balance) = if wanted {
-            let mut targets = raw.row_targets(closed_rows.as_slice());
-            for i in doubted {
-                targets.keep(i, raw.row_sum(i));
-            }
-            let (factors, report) = self.times.time("balance", || {
-                let symmetric = raw.symmetrised(Weighting::default())?;
-                if by_variance {
-                    symmetric.closed(&targets, BALANCE_TOLERANCE, BALANCE_PASSES)
-                } else {
-                    symmetric.balanced(&targets, BALANCE_TOLERANCE, BALANCE_PASSES)
-                }
-            })?;
-            let how = if by_variance {
-                "the defect of the row sums spread by the entries' variances"
-            } else {
-                "rows rescaled symmetrically"
-            };
-            let n_passes = report.n_passes;
-            let why = format!("each pair averaged with its reverse, {how} in {n_passes} passes");
-            prepared.plan.decide("reciprocity", "restored", why);
-            (factors, Some(report))
-        } else {
-            let reason = if raw.is_symmetric() && asked == BalanceName::Auto {
-                "they are symmetric as they are"
-            } else {
-                "no symmetric system is needed"
-            };
-            prepared
-                .plan
-                .left_out
-                .push(format!("balancing of the form factors: {reason}"));
-            (raw, None)
-        };
+        let (factors, balance) = self.mended(prepared, raw, kind, asked, (closed_rows, &doubted))?;
         if let Some(report) = balance.filter(|report| !report.converged) {
             self.set("balance_converged", false);
             self.warn(&format!(
@@ -416,6 +407,50 @@ impl Run {
             sky,
             closed_rows: enclosed.rows,
         })
+    }
+
+    /// Repairs form factors, and says what was done and why.
+    fn mended(
+        &mut self,
+        prepared: &mut Prepared,
+        raw: FormFactors,
+        kind: RepairKind,
+        asked: BalanceName,
+        (closed_rows, doubted): (&[bool], &[usize]),
+    ) -> Result<(FormFactors, Option<BalanceReport>), Failure> {
+        let how = match kind {
+            RepairKind::Nothing => {
+                let reason = if raw.is_symmetric() && asked == BalanceName::Auto {
+                    "they are symmetric as they are"
+                } else {
+                    "no symmetric system is needed"
+                };
+                let left_out = format!("balancing of the form factors: {reason}");
+                prepared.plan.left_out.push(left_out);
+                return Ok((raw, None));
+            }
+            RepairKind::Pooled => "by their variances; rows keep the sums that their rays count",
+            RepairKind::Closed => "the defect of the row sums spread by the entries' variances",
+            RepairKind::Rescaled => "rows rescaled symmetrically",
+        };
+        let is_symmetric = raw.is_symmetric();
+        let (factors, report) = self.times.time("balance", || {
+            let mut targets = raw.row_targets(closed_rows);
+            for &i in doubted {
+                targets.keep(i, raw.row_sum(i));
+            }
+            raw.repaired(kind, &targets, BALANCE_TOLERANCE, BALANCE_PASSES)
+        })?;
+        let passes = report.map_or_else(String::new, |report| format!(" in {} passes", report.n_passes));
+        let average = if is_symmetric {
+            ""
+        } else {
+            "each pair averaged with its reverse, "
+        };
+        let why = format!("{average}{how}{passes}");
+        let result = if report.is_some() { "restored" } else { "to the noise" };
+        prepared.plan.decide("reciprocity", result, why);
+        Ok((factors, report))
     }
 
     /// Returns the numbers of rows that ought to sum to 1 and do not, and warns of them.
@@ -484,15 +519,22 @@ impl Run {
         Ok(enclosed)
     }
 
-    /// Tells whether the storage asked for is that of symmetric form factors.
-    pub(in crate::cli) fn wants_symmetry(&self, balance: BalanceName) -> Result<bool, Failure> {
+    /// Tells whether rows are shot by low-discrepancy points.
+    fn is_net(&self) -> bool {
+        let of_file = || self.settings.get("form_factors")?.get("sequence");
+        let sequence = self.settings.get("sequence");
+        sequence.or_else(of_file).is_some_and(|name| name == "sobol")
+    }
+
+    /// Returns the need, or that of symmetric form factors if the storage asked for is theirs.
+    pub(in crate::cli) fn or_symmetry(&self, balance: BalanceName, need: Need) -> Result<Need, Failure> {
         let wanted = self.storage.args.memory.storage == StorageName::Symmetric;
         if wanted && balance == BalanceName::Off {
             return Err(Failure::usage(
                 "--storage symmetric makes form factors symmetric, and --balance off keeps them as they are; leave one of them out",
             ));
         }
-        Ok(wanted)
+        Ok(if wanted { Need::Symmetry } else { need })
     }
 
     pub(in crate::cli) fn method(&mut self, args: &MethodArgs, fineness: Fineness) -> Result<Chosen, Failure> {
@@ -557,11 +599,12 @@ impl Run {
     }
 }
 
-/// Tells whether form factors are made symmetric and balanced.
-pub(in crate::cli) fn repairs(asked: BalanceName, needed: bool) -> bool {
+/// Returns how form factors are repaired.
+pub(in crate::cli) fn repair(asked: BalanceName, need: Need, sampling: Sampling) -> RepairKind {
     match asked {
-        BalanceName::On | BalanceName::Closure => true,
-        BalanceName::Off => false,
-        BalanceName::Auto => needed,
+        BalanceName::On => RepairKind::Rescaled,
+        BalanceName::Closure => RepairKind::Closed,
+        BalanceName::Off => RepairKind::Nothing,
+        BalanceName::Auto => need.repair(sampling),
     }
 }

@@ -11,7 +11,7 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 
-pub(super) use factors::{BALANCE_TOLERANCE, Computed, Fineness, Promised, repairs, spent_budget};
+pub(super) use factors::{BALANCE_TOLERANCE, Computed, Fineness, Promised, repair, spent_budget};
 pub(super) use prepared::{Prepared, expect_room, posed};
 pub(super) use solution::{Known, go_on};
 

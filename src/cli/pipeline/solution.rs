@@ -10,8 +10,8 @@ use crate::audit::{self, Given};
 use crate::cli::args::SolverArgs;
 use crate::cli::failure::Failure;
 use crate::form_factor::Fraction;
-use crate::matrix::Precision;
 use crate::matrix::operator::{Block, LinearOperator};
+use crate::matrix::{Need, Precision};
 use crate::mesh::{Hierarchy, Mesh};
 use crate::plan::Plan;
 use crate::progress::Progress;
@@ -73,10 +73,15 @@ impl Run {
         Ok(entry)
     }
 
-    /// Tells whether the solver, as it is set, needs symmetric exchange areas, or is better off with them.
-    pub(in crate::cli) fn gains_by_reciprocity(&self, args: &SolverArgs) -> Result<bool, Failure> {
+    /// Returns what the solver, as it is set, needs of form factors.
+    pub(in crate::cli) fn need(&self, args: &SolverArgs) -> Result<Need, Failure> {
         let entry = self.solver_entry(args)?;
-        Ok(entry.gains_by_reciprocity(&self.solver_settings(args, entry)))
+        let gains = entry.gains_by_reciprocity(&self.solver_settings(args, entry));
+        Ok(if gains && entry.name != "auto" {
+            Need::Symmetry
+        } else {
+            Need::Light { gains }
+        })
     }
 
     /// Returns the settings that the flags give a solver.

@@ -195,7 +195,7 @@ impl PreparedPolygon {
     }
 
     /// The sphere's centre, from the first corner.
-    pub(super) fn centre(&self) -> DVec3 {
+    pub(crate) fn centre(&self) -> DVec3 {
         self.centre
     }
 

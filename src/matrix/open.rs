@@ -1,0 +1,133 @@
+//! What rays leave open of entries that none of them hit.
+
+use std::fmt::Debug;
+use std::num::NonZeroUsize;
+use std::sync::Arc;
+
+use super::FormFactors;
+
+/// Hits that an entry may have deserved without getting one: of entries with F = 1.5 / N, rays miss 22 %.
+const MISSED_HITS: f64 = 1.5;
+
+/// What form factors may be that no ray of a row has hit.
+pub(crate) trait UpperBounds: Debug + Send + Sync {
+    /// Tells whether part of each patch lies in front of the other's plane; else F_ij is 0.
+    fn are_facing(&self, i: usize, j: usize) -> bool;
+
+    /// Returns what F_ij may be, above 0 for patches that face each other, if the number of rays allows `by_count`.
+    fn missed(&self, i: usize, j: usize, by_count: f64) -> f64;
+
+    /// Returns the number of points along each side of a patch that its rays start from, if they start from points.
+    fn points(&self) -> Option<NonZeroUsize>;
+}
+
+/// How much the entries that are not stored may be.
+#[derive(Clone, Debug)]
+pub(super) struct Open {
+    bounds: Arc<dyn UpperBounds>,
+    /// True if an entry stands for the rays of both patches.
+    is_pooled: bool,
+}
+
+impl Open {
+    /// Returns the same of entries that stand for the rays of both patches.
+    pub(super) fn pooled(&self) -> Self {
+        Self {
+            is_pooled: true,
+            ..self.clone()
+        }
+    }
+}
+
+impl FormFactors {
+    /// States that entries that are not stored were hit by no ray, and are no more than `bounds` allow.
+    pub(crate) fn with_bounds(mut self, bounds: Arc<dyn UpperBounds>) -> Self {
+        let is_pooled = self.is_symmetric();
+        self.open = Some(Open { bounds, is_pooled });
+        self
+    }
+
+    /// Returns what the rays of row i leave open of all entries together that none of them hit, 1.5 / N: 0 where every error is stored.
+    ///
+    /// A count sees each ray once, so that in a sum over the row all such entries are one cell of a multinomial distribution. N is
+    /// [`effective_rays`](super::RowTally::effective_rays). A single entry may be off by as much, but by no more than its upper bound: see [`std_error`](Self::std_error).
+    ///
+    /// # Panics
+    /// If i is not less than n.
+    #[must_use]
+    #[track_caller]
+    pub fn open_error(&self, i: usize) -> f64 {
+        let rays = self.open.as_ref().and(self.tallies[i].effective_rays());
+        rays.map_or(0.0, |n| MISSED_HITS / n)
+    }
+
+    /// Returns the number of points along each side of a patch that its rays start from, if they start from points.
+    pub(crate) fn points(&self) -> Option<NonZeroUsize> {
+        self.open.as_ref()?.bounds.points()
+    }
+
+    /// Calls `visit(j, F_ij, standard error)` in ascending order of j for all entries of row i where one of the two is not zero, those that no ray hit
+    /// included (see [`std_error`](Self::std_error)).
+    ///
+    /// Work: up to one closed form for each of these.
+    ///
+    /// # Panics
+    /// If i is not less than n.
+    #[track_caller]
+    pub fn for_each_error_in_row(&self, i: usize, mut visit: impl FnMut(usize, f64, f64)) {
+        let mut next = 0;
+        self.for_each_in_row(i, |j, value, error| {
+            self.for_each_open(i, next..j, &mut visit);
+            visit(j, value, error);
+            next = j + 1;
+        });
+        self.for_each_open(i, next..self.n_rows(), &mut visit);
+    }
+
+    /// Returns how many entries of row i no ray hit although the patches face each other.
+    pub(crate) fn n_open(&self, i: usize) -> usize {
+        let Some(open) = &self.open else { return 0 };
+        let (mut next, mut n_open) = (0, 0);
+        let mut count = |columns: std::ops::Range<usize>| {
+            n_open += columns.filter(|&j| open.bounds.are_facing(i, j)).count();
+        };
+        self.for_each_in_row(i, |j, _, _| {
+            count(next..j);
+            next = j + 1;
+        });
+        count(next..self.n_rows());
+        n_open
+    }
+
+    fn for_each_open(&self, i: usize, columns: std::ops::Range<usize>, visit: &mut impl FnMut(usize, f64, f64)) {
+        if self.open.is_none() {
+            return;
+        }
+        for j in columns {
+            let error = self.open_entry(i, j);
+            if error > 0.0 {
+                visit(j, 0.0, error);
+            }
+        }
+    }
+
+    /// Returns the error of an entry that is not stored.
+    pub(super) fn open_entry(&self, i: usize, j: usize) -> f64 {
+        let Some(open) = self.open.as_ref().filter(|open| open.bounds.are_facing(i, j)) else {
+            return 0.0;
+        };
+        let rays = |k: usize| self.tallies[k].effective_rays().unwrap_or(0.0);
+        // A ray of j tells as much of A_i F_ij as A_i / A_j rays of i.
+        let of_reverse = if open.is_pooled {
+            rays(j) * self.areas[i] / self.areas[j]
+        } else {
+            0.0
+        };
+        let n = rays(i) + of_reverse;
+        if n > 0.0 {
+            open.bounds.missed(i, j, MISSED_HITS / n)
+        } else {
+            0.0
+        }
+    }
+}
