@@ -174,7 +174,7 @@ fn the_default_repair_does_not_raise_the_error() {
 
 /// Prints the table of `docs/stated-errors.md`.
 #[test]
-#[ignore = "two minutes"]
+#[ignore = "four minutes"]
 fn table() {
     println!("| scene | method | F: none | rescaled | closure | pooled | B: none | rescaled | closure | pooled |");
     println!("|---|---|---|---|---|---|---|---|---|---|");

@@ -4,7 +4,6 @@
 //! Lambert's formula. All lengths there are those of the patch, however far off the emitter is.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-#![expect(clippy::shadow_unrelated, reason = "a shape in its place is still that shape")]
 
 mod support;
 
@@ -234,7 +233,7 @@ fn expect_shadow_at_every_distance(seed: u64, angular_size: f64, elevation: f64)
     let place = |v: DVec3| turn * v + shift;
     let what = format!("seed {seed}, size {angular_size:e}, elevation {elevation:.3}");
     let values: Vec<(f64, f64)> = (0..13)
-        .step_by(if seed % 4 == 0 { 1 } else { 3 })
+        .step_by(if seed.is_multiple_of(4) { 1 } else { 3 })
         .map(|k| 4.0 * 10.0_f64.powi(k))
         .map(|distance| (distance, expect_truth(&case, distance, &place, &what)))
         .collect();

@@ -483,6 +483,7 @@ fn entries_that_no_ray_hit_are_written_with_their_errors() {
             factors: &factors,
             tolerance_met: true,
             pairs: None,
+            sky: None,
             settings: &settings,
             surface: None,
         };

@@ -285,7 +285,8 @@ fn what_rounding_takes_is_stated() {
                 "{case}"
             );
             let median = of_kind.median();
-            assert!((1.0..40.0).contains(&median), "{case}: {median}");
+            // Streets of six digits have a unit of a metre or more: there all that may touch is in doubt.
+            assert!((1.0..64.0).contains(&median), "{case}: {median}");
             all.n += of_kind.n;
             all.above_one += of_kind.above_one;
             all.ratios.extend(of_kind.ratios);
@@ -293,7 +294,7 @@ fn what_rounding_takes_is_stated() {
     }
     assert!(200 * all.above_one <= all.n, "{} of {}", all.above_one, all.n);
     let median = all.median();
-    assert!(median < 14.0, "{median}");
+    assert!(median < 18.0, "{median}");
 }
 
 /// The rounding of a file is a part of the errors of all methods.

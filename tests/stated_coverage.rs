@@ -162,7 +162,7 @@ fn scenes() -> Vec<(&'static str, Scene, u32)> {
             quad(s, at + DVec3::new(0.25, 0.0, -0.4), DVec3::new(0.25, 0.0, 0.4), 2.0 * y);
         }), 3),
         ("tube", shapes(|s| for k in 0..12 {
-            let at = |k: i32| DVec3::new((TAU * f64::from(k) / 12.0).cos(), (TAU * f64::from(k) / 12.0).sin(), 0.0);
+            let at = |corner: i32| DVec3::new((TAU * f64::from(corner) / 12.0).cos(), (TAU * f64::from(corner) / 12.0).sin(), 0.0);
             for level in 0..3 {
                 let low = at(k) + f64::from(level) * 1.5 * z;
                 s.face(&[low, low + 1.5 * z, at(k + 1) + f64::from(level + 1) * 1.5 * z, at(k + 1) + f64::from(level) * 1.5 * z]);

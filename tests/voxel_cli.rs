@@ -10,6 +10,7 @@ mod program;
 #[path = "support/sealed_room.rs"]
 mod sealed_room;
 
+use std::fmt::Write as _;
 use std::path::Path;
 
 use program::{command, limited, names, radiosity, with_scene};
@@ -328,6 +329,48 @@ fn walls_that_are_too_near_are_named() {
 }
 
 /// By voxels and by cells, from memory and from the disk: no light in a sealed room whose walls are sheets or thinner than a voxel.
+/// A plate and its shadow, far from a lamp: the lamp makes voxels as large as it is far off.
+#[test]
+fn what_is_smaller_than_a_voxel_is_named() {
+    let directory = tempfile::tempdir().unwrap();
+    let scene = |far: f64| {
+        let mut text = String::from("mtllib m.mtl\n");
+        for (name, material, z, down) in [
+            ("floor", "grey", 0.0, false),
+            ("plate", "grey", 0.5, true),
+            ("lamp", "lamp", far, true),
+        ] {
+            for (x, y) in [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)] {
+                let side = if name == "lamp" { far } else { 1.0 };
+                writeln!(text, "v {} {} {z}", x * side, y * side).unwrap();
+            }
+            let outline = if down { "-1 -2 -3 -4" } else { "-4 -3 -2 -1" };
+            writeln!(text, "o {name}\nusemtl {material}\nf {outline}").unwrap();
+        }
+        std::fs::write(directory.path().join("scene.obj"), text).unwrap();
+        let materials = "newmtl grey\nKd 0.5 0.5 0.5\nnewmtl lamp\nKd 0 0 0\nKe 1 1 1\n";
+        std::fs::write(directory.path().join("m.mtl"), materials).unwrap();
+        document(directory.path(), &["--voxels", "40", "--radius", "6"]).1
+    };
+    let warned = |result: &Value| {
+        let warnings = result["warnings"].as_array().unwrap();
+        warnings
+            .iter()
+            .filter(|w| w.as_str().unwrap().contains("smaller than two voxels"))
+            .count()
+    };
+    let near = scene(4.0);
+    assert_eq!((&near["n_small_surfaces"], warned(&near)), (&Value::from(0), 0));
+    for far in [1e2, 1e4, 1e7] {
+        let result = scene(far);
+        assert_eq!(
+            (&result["n_small_surfaces"], warned(&result)),
+            (&Value::from(2), 1),
+            "{far}"
+        );
+    }
+}
+
 #[test]
 fn a_sealed_room_stays_dark() {
     use sealed_room::SealedRoom;

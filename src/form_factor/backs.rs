@@ -39,8 +39,8 @@ const MAX_RAYS: usize = 1 << 18;
 
 /// Returns the fraction of the light of patches that backs take, \[n\]; 0 of patches that are not `wanted`.
 ///
-/// Pairs of patches and backs are computed where that is little work for a patch, and else rays are counted.
-pub(super) fn back_factors(input: Input<'_>, wanted: &[bool]) -> Vec<Fraction> {
+/// `n_rays` rays are counted from each that may see backs. Without a number pairs of patches and backs are computed where that is little work for a patch, and else rays are counted.
+pub(super) fn back_factors(input: Input<'_>, wanted: &[bool], n_rays: Option<usize>) -> Vec<Fraction> {
     let n = input.mesh.n_patches();
     let mut found = vec![Fraction::default(); n];
     if input.unoccluded || !wanted.contains(&true) {
@@ -55,18 +55,21 @@ pub(super) fn back_factors(input: Input<'_>, wanted: &[bool]) -> Vec<Fraction> {
     if open.is_empty() {
         return found;
     }
-    let pairs = Pairs {
-        input,
-        index: BlockerIndex::new(input.scene),
-        n_patches: open.len(),
+    let computed: Vec<Option<Fraction>> = if n_rays.is_some() {
+        vec![None; open.len()]
+    } else {
+        let pairs = Pairs {
+            input,
+            index: BlockerIndex::new(input.scene),
+            n_patches: open.len(),
+        };
+        let pairs_of = open.par_iter().with_max_len(1);
+        pairs_of
+            .map(|&(patch, view)| pairs.factor(patch, &view.backs))
+            .collect()
     };
-    let computed: Vec<Option<Fraction>> = open
-        .par_iter()
-        .with_max_len(1)
-        .map(|&(patch, view)| pairs.factor(patch, &view.backs))
-        .collect();
     let n_left = computed.iter().filter(|fraction| fraction.is_none()).count();
-    let n_rays = (RAYS / n_left.max(1)).clamp(MIN_RAYS, MAX_RAYS);
+    let n_rays = n_rays.unwrap_or(RAYS / n_left.max(1)).clamp(MIN_RAYS, MAX_RAYS);
     let fractions: Vec<Fraction> = open
         .par_iter()
         .zip(&computed)
@@ -181,6 +184,7 @@ impl Pairs<'_> {
             index: &self.index,
             budget: BUDGET,
             relative: f64::INFINITY,
+            unlike_of_few: 1.0,
             progress: &Silent,
         };
         let goal = TOLERANCE * area(&corners).min(area(pair.back));

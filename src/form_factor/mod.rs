@@ -164,7 +164,7 @@ impl PairCounts {
         };
         (n > 0).then(|| {
             format!(
-                "{} are in doubt above the tolerance, by up to {:.1e}, as {cause}; give more digits or nearer to the origin",
+                "{} are in doubt above the tolerance, by up to {:.1e}, as {cause}; give coordinates with more digits or nearer to the origin",
                 counted(n, "pair"),
                 self.rounding_error_max
             )

@@ -134,7 +134,7 @@ impl Terms {
             let off = (term.of_exchange - factor * term.of_areas[k]) * term.vertex.half;
             most += off.abs().element_sum();
             square += off.length_squared();
-            for (axis, (x, off)) in term
+            for (axis, (x, off_by)) in term
                 .vertex
                 .position
                 .to_array()
@@ -146,8 +146,8 @@ impl Terms {
                     .iter_mut()
                     .find(|known| known.0 == axis && known.1.to_bits() == x.to_bits())
                 {
-                    Some(known) => known.2 += off,
-                    None => alike.push((axis, x, off)),
+                    Some(known) => known.2 += off_by,
+                    None => alike.push((axis, x, off_by)),
                 }
             }
         }

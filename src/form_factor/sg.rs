@@ -62,7 +62,8 @@ impl FormFactorMethod for GaussShooting {
         progress: &dyn Progress,
     ) -> Result<Computed, FormFactorError> {
         if GaussProduct::new(self.points).coarser().is_none() {
-            let errors = RuleErrors::OfFew(PointErrors::new(input));
+            let errors = PointErrors::new(input);
+            let errors = RuleErrors::OfFew(&errors);
             return rows::by_rows(input, storage, progress, None, |rows| self.tile(input, rows, &errors));
         }
         let bounds = upper_bounds(input.mesh, Some(self.points));
@@ -130,7 +131,7 @@ enum RuleErrors<'a> {
     /// Of patches near each other: the closed form at the points.
     OfNear(&'a Unoccluded),
     /// The rule has no coarser one.
-    OfFew(PointErrors<'a>),
+    OfFew(&'a PointErrors<'a>),
 }
 
 /// Adds the errors that `errors_of` tells to the noise of a row's entries, and those of patches that no ray hit.

@@ -39,7 +39,8 @@ pub struct SkyFactors {
 ///
 /// sky = 1 − Σ_j F_ij − back. In a scene that is closed for certain nothing escapes, and backs take what is missing from a row. Rays that leave a patch all over are counted, where the
 /// method has such ([`Reciprocity::ToNoise`]). Else back is 0 where faces hide all backs, as the outsides of solids do, or the sum of the form factors to the backs of the faces that may be seen from
-/// behind, each computed like one between two fronts, to 1e-5, or for patches that see backs past many faces the share of rays that meet them: 2^18 rays from each, or 2^24 in all.
+/// behind, each computed like one between two fronts, to 1e-5. For patches that see backs past many faces it is the share of rays that meet them: 2^18 rays from each, or 2^24 in all; where
+/// the method shoots rays from a rule's points, as many as it shoots.
 ///
 /// Errors: of counted rays sqrt(p (1 − p) / N), with p = (N f + 1) / (N + 2) of a fraction f of N rays; else the sum of what the entries of the row state (of rays from a rule's points: beyond
 /// their noise, and that of the row), and that of back. They are zero where nothing can be seen.
@@ -63,7 +64,9 @@ pub fn sky_factors(
     // Points that stand for a patch may miss what the rest of it sees.
     let counts = |tally: &RowTally| tally.n_rays > 0 && reciprocity == Reciprocity::ToNoise;
     let wanted: Vec<bool> = tallies.iter().map(|tally| !is_known && !counts(tally)).collect();
-    let backs = back_factors(input, &wanted);
+    let n_rays = tallies.iter().map(|tally| tally.n_rays).max().filter(|most| *most > 0);
+    let n_rays = n_rays.map(|most| usize::try_from(most).unwrap_or(usize::MAX));
+    let backs = back_factors(input, &wanted, n_rays);
     let of_row = |i: usize| {
         let tally = &tallies[i];
         let counted = |value: Option<f64>| Fraction {
@@ -75,13 +78,12 @@ pub fn sky_factors(
             let (mut sum, mut errors) = (0.0, 0.0);
             factors.for_each_in_row(i, |_, value, error| {
                 sum += value;
-                // Errors are stored in f32.
-                errors += (error - tally.noise_of(value) * (1.0 + 1e-6)).max(0.0);
+                errors += factors.beyond_noise(i, value, error);
             });
             let noise = if tally.n_rays > 0 { tally.variance_of(sum) } else { 0.0 };
             Fraction {
                 value: (1.0 - sum - back.value).clamp(0.0, 1.0),
-                common: errors + back.common,
+                common: f64::min(errors + back.common, 1.0),
                 variance: noise + back.variance,
             }
         };

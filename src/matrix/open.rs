@@ -66,6 +66,17 @@ impl FormFactors {
         self.open.as_ref()?.bounds.points()
     }
 
+    /// Returns what of the standard error of an entry is not the noise of its row's rays: that of rays from points as low as low-discrepancy nets have it.
+    pub(crate) fn beyond_noise(&self, i: usize, factor: f64, std_error: f64) -> f64 {
+        let tally = &self.tallies[i];
+        let noise = match self.points() {
+            Some(n) => tally.noise_of_nets(factor, n.get() * n.get()),
+            None => tally.noise_of(factor),
+        };
+        // Standard errors are stored in f32.
+        (std_error - noise * (1.0 + 1e-6)).max(0.0)
+    }
+
     /// Calls `visit(j, F_ij, standard error)` in ascending order of j for all entries of row i where one of the two is not zero, those that no ray hit
     /// included (see [`std_error`](Self::std_error)).
     ///

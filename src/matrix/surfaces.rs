@@ -141,8 +141,7 @@ impl SurfaceRows<'_> {
                 sums[to] += value;
                 errors[to] += match n_rays {
                     None => std_error,
-                    // Standard errors are stored in f32.
-                    Some(_) => (std_error - factors.tallies[i].noise_of(value) * (1.0 + 1e-6)).max(0.0),
+                    Some(_) => factors.beyond_noise(i, value, std_error),
                 };
             });
             let weight = factors.areas[i] / area;

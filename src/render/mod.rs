@@ -158,7 +158,14 @@ pub struct RenderInput<'a> {
 ///
 /// Against independent rays over the same solution, in points that are uniform over all surfaces (`tests/render/gathered_points.rs`); "beyond" are values that are off by more than three stated errors:
 ///
-/// GATHER_TABLE
+/// | scene | places | rays a place | mean deviation, of the mean irradiance | beyond |
+/// |---|---|---|---|---|
+/// | `cornell-box`, patches of 0.2 m | 600 | 1050 | −3e-4 | 0.2 % |
+/// | the same, patches of 0.1 m, the lowest 2.8 cm of `short_block` | 400 | 1519 | 3e-4 | 0.4 % |
+/// | `room-box`, patches of 1.5 m | 600 | 535 | 2e-4 | 0.3 % |
+/// | `living-room`, patches of 1 m | 600 | 4184 | 1e-3 | 0.2 % |
+///
+/// Places of independent errors of 2 % leave 8e-4 of chance in the mean of 600.
 ///
 /// Source: the local pass of [`LISCHINSKI_1993`](crate::references::LISCHINSKI_1993). Departures: rays in randomised nets, with an error estimate.
 ///

@@ -73,6 +73,10 @@ const VARIANCE: (&str, [char; 3], Value) = ("variance", RGB, |pixel| pixel.varia
 const ERROR: (&str, [char; 3], Value) = ("error", RGB, |pixel| pixel.error);
 
 /// Which layers an image has beside those of every image.
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "any of these groups of layers goes with any other"
+)]
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Kinds {
     pub(super) direct: bool,

@@ -389,8 +389,8 @@ impl Renderer<'_> {
             .into_iter()
             .zip(seen.n_samples)
             .map(|(centre, n_samples)| Pixel {
-                centre,
                 n_samples,
+                centre,
                 ..Pixel::default()
             })
             .collect();

@@ -109,26 +109,29 @@ pub(super) struct FirstLook<'a> {
 
 impl FirstLook<'_> {
     /// Returns 1 if an edge is in a pixel or within half a pixel of it, 2 if there is an edge of an emitter in it or in a pixel beside it, else 0.
-    pub(super) fn edge_level(&self, (x, y): (u32, u32)) -> usize {
-        let (column, row) = ((x - self.corner.0) as usize, (y - self.corner.1) as usize);
+    pub(super) fn edge_level(&self, pixel: (u32, u32)) -> usize {
+        let column = (pixel.0 - self.corner.0) as usize;
+        let row = (pixel.1 - self.corner.1) as usize;
         let height = self.found.len() / (self.width * self.n_first);
         let own = self.found[(row * self.width + column) * self.n_first].as_ref();
         let own_emits = self.emits(own);
-        let middle = (f64::from(x) + 0.5, f64::from(y) + 0.5);
+        let middle = (f64::from(pixel.0) + 0.5, f64::from(pixel.1) + 0.5);
         let mut level = 0;
-        for row in row.saturating_sub(1)..(row + 2).min(height) {
-            for column in column.saturating_sub(1)..(column + 2).min(self.width) {
-                let first = (row * self.width + column) * self.n_first;
-                for k in first..first + self.n_first {
-                    let found = self.found[k].as_ref();
+        for y in row.saturating_sub(1)..(row + 2).min(height) {
+            for x in column.saturating_sub(1)..(column + 2).min(self.width) {
+                let first = (y * self.width + x) * self.n_first;
+                for (place, found) in self.places[first..]
+                    .iter()
+                    .zip(&self.found[first..first + self.n_first])
+                {
+                    let found = found.as_ref();
                     if !self.differ(own, found) {
                         continue;
                     }
                     if self.emits(found) != own_emits {
                         return 2;
                     }
-                    let (x, y) = self.places[k];
-                    if (x - middle.0).abs() <= 1.0 && (y - middle.1).abs() <= 1.0 {
+                    if (place.0 - middle.0).abs() <= 1.0 && (place.1 - middle.1).abs() <= 1.0 {
                         level = 1;
                     }
                 }
@@ -142,8 +145,10 @@ impl FirstLook<'_> {
     }
 
     fn emits(&self, point: Option<&SurfacePoint>) -> bool {
-        let exitance = |point: &SurfacePoint| self.scene.materials[self.material(point).0 as usize].exitance;
-        point.is_some_and(|point| !point.back && exitance(point).iter().any(|&e| e > 0.0))
+        point.filter(|point| !point.back).is_some_and(|front| {
+            let material = &self.scene.materials[self.material(front).0 as usize];
+            material.exitance.iter().any(|&e| e > 0.0)
+        })
     }
 
     /// Tells whether an edge is between what two samples see.

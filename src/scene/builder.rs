@@ -137,6 +137,11 @@ impl Builder {
         if scene.faces.is_empty() {
             return Err(SceneError::NoFaces { file });
         }
+        // Where the digits show it there is nothing to look for; what is cut out of others misses them no more.
+        if let Some(mut written) = scene.written.filter(|written| !written.shows_rounding()) {
+            written.misses = misses.show_rounding(&scene, &written);
+            scene.written = Some(written);
+        }
         let cut = cut_out(&mut scene).map_err(|refused| match refused {
             Refused::Coincident(faces) => {
                 let [line, first_line] = faces.map(|face| scene.faces[face.0 as usize].line);
@@ -169,11 +174,6 @@ impl Builder {
                 materials.push(scene.materials[face.material.0 as usize].clone());
                 id
             });
-        }
-        // Where the digits show it there is nothing to look for.
-        if let Some(mut written) = scene.written.filter(|written| !written.shows_rounding()) {
-            written.misses = misses.show_rounding(&scene, &written);
-            scene.written = Some(written);
         }
         scene.surfaces = surfaces;
         scene.materials = materials;

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use glam::DVec3;
 
+use super::Written;
 use super::builder::without_repeats;
 use super::overlap::{self, MAX_OVERLAPS, Overlap};
 use super::split::{Outline, split};
@@ -101,16 +102,13 @@ fn tolerance(scene: &Scene) -> f64 {
     let (low, high) = scene.bounding_box();
     let greatest = low.abs().max(high.abs()).max_element();
     // What is turned within a plane along the axes is rounded too, although nothing stands out of the plane.
-    let written = scene.written.filter(|written| written.is_rounded(ROUNDED_DIGITS));
+    let written = scene.written.filter(Written::may_part_points);
     let of_digits = written.map_or(0.0, |written| UNITS * written.unit(greatest));
     scene.slack().max(of_digits).max(ULPS * f64::EPSILON * greatest)
 }
 
 /// Lines that were meant to be one part by so many units of the last place of f64 where short edges are extended across a wall.
 const ULPS: f64 = 512.0;
-
-/// Coordinates of fewer digits are meant as they are.
-const ROUNDED_DIGITS: i32 = 6;
 
 /// The distance of points that were meant to be one, in units of the last digit.
 const UNITS: f64 = 2.0;

@@ -82,10 +82,15 @@ impl Written {
         }
     }
 
-    /// Tells whether the coordinates were rounded: some need [`LEAST_DIGITS`](Self::LEAST_DIGITS), or the mesh misses itself by what rounding explains. Whole numbers and short decimals are what is meant.
+    /// Tells whether the coordinates were rounded: some need six digits, or the mesh misses itself by what rounding explains. Whole numbers and short decimals are what is meant.
     #[must_use]
     pub fn shows_rounding(&self) -> bool {
         self.needed >= Self::LEAST_DIGITS || self.misses
+    }
+
+    /// Tells whether points that nearly meet may be one: the coordinates [were rounded](Self::shows_rounding), or look it, whatever they need.
+    pub(super) fn may_part_points(&self) -> bool {
+        self.shows_rounding() || self.is_rounded(Self::LEAST_DIGITS)
     }
 
     /// Tells whether numbers look rounded: with places after the point, and at least so many digits.

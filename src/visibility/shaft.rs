@@ -204,19 +204,19 @@ impl<'a> Shaft<'a> {
 
     /// Returns the part of a segment within the hull, or less than `off`, m, outside, as its begin and end in units of the segment; `None` if there is none.
     pub(crate) fn part_within(&self, a: DVec3, b: DVec3, off: f64) -> Option<[f64; 2]> {
-        let [mut start, mut end] = [0.0_f64, 1.0_f64];
+        let [mut first, mut last] = [0.0_f64, 1.0_f64];
         for plane in self.ends.iter().map(|end| &end.plane).chain(self.sides()) {
             let [at_a, at_b] = [a, b].map(|v| plane.height(v) + off);
             if at_a < 0.0 && at_b < 0.0 {
                 return None;
             }
             if at_a < 0.0 {
-                start = start.max(at_a / (at_a - at_b));
+                first = first.max(at_a / (at_a - at_b));
             } else if at_b < 0.0 {
-                end = end.min(at_a / (at_a - at_b));
+                last = last.min(at_a / (at_a - at_b));
             }
         }
-        (start < end).then_some([start, end])
+        (first < last).then_some([first, last])
     }
 
     /// Tells whether one convex polygon stops all light: whether every segment between the two ends crosses it.

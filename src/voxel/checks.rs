@@ -98,6 +98,23 @@ impl VoxelScene {
         gaps
     }
 
+    /// Returns the surfaces that are smaller than two voxels, each with the longest side of its box, m, the smallest first: neither their shadows nor what they exchange are resolved.
+    #[must_use]
+    pub fn small_surfaces(&self, scene: &Scene) -> Vec<(SurfaceId, f64)> {
+        let mut boxes: BTreeMap<SurfaceId, (DVec3, DVec3)> = BTreeMap::new();
+        for face in &scene.faces {
+            let (low, high) = scene.positions(face).bounding_box();
+            let bounds = boxes.entry(face.surface).or_insert((low, high));
+            *bounds = (bounds.0.min(low), bounds.1.max(high));
+        }
+        let sides = boxes
+            .into_iter()
+            .map(|(surface, (low, high))| (surface, (high - low).max_element()));
+        let mut small: Vec<_> = sides.filter(|&(_, side)| side < 2.0 * self.grid.voxel_size).collect();
+        small.sort_by(|a, b| a.1.total_cmp(&b.1));
+        small
+    }
+
     /// Returns the Hausdorff distance between the scene and the centres of the surface voxels, in voxels.
     ///
     /// From voxels to the scene exactly, to the face that each surfel belongs to (an upper bound); from the scene to voxels at points of its faces half a voxel apart, so up to half a voxel's

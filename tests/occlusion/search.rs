@@ -133,10 +133,12 @@ fn begin(kind: Kind, random: &mut Random) -> Vec<Outline> {
 /// Returns how many times its stated error an entry at a tolerance is off, the most, against those at 1e-9; `None` where these take too long.
 fn excess(scene: &Scene, tolerance: f64, budget: usize) -> Option<f64> {
     let prepared = Prepared::new(scene.clone(), 1);
-    let at = |tolerance: f64| {
-        prepared
-            .try_compute(&ExactMethod { tolerance, budget })
-            .expect("a valid scene")
+    let at = |asked: f64| {
+        let method = ExactMethod {
+            tolerance: asked,
+            budget,
+        };
+        prepared.try_compute(&method).expect("a valid scene")
     };
     let tight = at(1e-9);
     tight
@@ -263,7 +265,7 @@ fn a_peak_above_a_corner_is_not_lost() {
         let alone = exchange_area(
             &p,
             &q,
-            &two_sided(&[sheet.clone()]),
+            &two_sided(std::slice::from_ref(&sheet)),
             Accuracy {
                 tolerance,
                 budget: BUDGET,
@@ -418,8 +420,8 @@ fn a_wall_between_the_halves_of_two_near_squares_hides_what_it_does() {
                     .collect()
             };
             for tolerance in [1e-4, 1e-8] {
-                let found = |wall: [DVec3; 4]| {
-                    let polygons: Vec<Polygon> = squares_with_a_wall(gap, wall).iter().map(place).collect();
+                let found = |stands: [DVec3; 4]| {
+                    let polygons: Vec<Polygon> = squares_with_a_wall(gap, stands).iter().map(place).collect();
                     let factors = Prepared::new(scene_of(&polygons), 1).compute(&ExactMethod {
                         tolerance,
                         budget: 4_000,
@@ -440,10 +442,10 @@ fn a_wall_between_the_halves_of_two_near_squares_hides_what_it_does() {
                     "{gap:e} {tolerance:e} {turned}: {off:e} {stated:e}"
                 );
                 // Half a wall hides no more than a whole one.
-                let (value, stated) = found(wall([0.25, 0.75]));
+                let (of_half, stated_of_half) = found(wall([0.25, 0.75]));
                 assert!(
-                    value >= exact - stated - ROUNDING && value <= whole + stated + ROUNDING,
-                    "{gap:e} {tolerance:e} {turned}: {value} {stated:e}"
+                    of_half >= exact - stated_of_half - ROUNDING && of_half <= whole + stated_of_half + ROUNDING,
+                    "{gap:e} {tolerance:e} {turned}: {of_half} {stated_of_half:e}"
                 );
             }
         }

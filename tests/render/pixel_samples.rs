@@ -99,7 +99,7 @@ fn a_lamp_has_the_area_of_its_polygon() {
     {
         let [width, height, skew] = shape;
         let area = height * (width - skew);
-        for (j, angle) in [0.0, 0.003, 0.05, 0.4, 0.785, 1.5707].into_iter().enumerate() {
+        for (j, angle) in [0.0, 0.003, 0.05, 0.4, 0.785, 1.57].into_iter().enumerate() {
             let x = (6 * k + j) as f64;
             let centre = [0.37 * x - 4.0, 3.0 - 0.29 * x];
             let scene = lamp_and_wall(lamp(N, centre, shape, angle));

@@ -197,10 +197,12 @@ impl Run {
             let nothing = "rays between patches: nothing here is sampled".into();
             prepared.plan.left_out.push(nothing);
         }
+        // No ray is traced between patches that nothing can stand between.
+        let has_noisy_pairs = method.has_noisy_pairs() && !prepared.input().unoccluded;
         let sampling = if by_rows {
             Sampling::of_rows(n_entries.is_some(), self.is_net())
         } else {
-            Sampling::of_pairs(method.has_noisy_pairs())
+            Sampling::of_pairs(has_noisy_pairs)
         };
         let kind = repair(args.balance, need, sampling);
         let matrix = storage::Matrix {
@@ -237,7 +239,7 @@ impl Run {
             errors_known: true,
             repair: Repair::Not,
             by_rule: method.errs_by_rule(),
-            noisy_pairs: method.has_noisy_pairs(),
+            noisy_pairs: has_noisy_pairs,
         };
         Ok((result, promised))
     }

@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 
 use report::{
     Checked, LinkFigures, describe, describe_surfaces, describe_walls, surfaces, to_json, warn_of_escapes,
-    warn_of_gaps, warn_of_leak, warn_of_leaks,
+    warn_of_gaps, warn_of_leak, warn_of_leaks, warn_of_small_surfaces,
 };
 
 use super::args::{LinksName, VoxelArgs};
@@ -95,6 +95,8 @@ fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
     run.set("exact_solid_angles", args.exact_solid_angles);
     run.set("unnormalised", args.unnormalised);
     run.set("plain_emission", args.plain_emission);
+    let small = run.times.time("checks", || voxels.small_surfaces(&prepared.scene));
+    warn_of_small_surfaces(run, &prepared.scene, &small, &voxels);
     let gaps = run.times.time("checks", || voxels.thin_gaps(&prepared.scene));
     warn_of_gaps(run, &prepared.scene, &gaps, args.voxels);
     let leaks = if prepared.plan.watertight {
@@ -126,6 +128,7 @@ fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
         solved.code
     };
     let checked = Checked {
+        small,
         gaps,
         leaks,
         leak,

@@ -8,11 +8,13 @@ use crate::cli::pipeline::Run;
 use crate::cli::{cell, name_width};
 use crate::matrix::operator::Block;
 use crate::printable::printable;
-use crate::scene::Scene;
-use crate::voxel::{DiscreteSphere, Leak, ThinGap, ThinWall, VoxelScene};
+use crate::scene::{Scene, SurfaceId};
+use crate::voxel::{DiscreteSphere, Leak, MAX_VOXELS, ThinGap, ThinWall, VoxelScene};
 
 /// What the checks of the discretisation found.
 pub(super) struct Checked {
+    /// Surfaces smaller than two voxels, and how large they are, m.
+    pub(super) small: Vec<(SurfaceId, f64)>,
     pub(super) gaps: Vec<ThinGap>,
     /// Surfels that are reached from outside.
     pub(super) leaks: Vec<u32>,
@@ -53,6 +55,7 @@ pub(super) fn to_json(
         "surfel_byte": voxels.n_bytes() - voxels.octree.n_bytes(),
         "n_leaks": checked.leaks.len(),
         "hausdorff_distance_voxel": checked.hausdorff,
+        "n_small_surfaces": checked.small.len(),
         "thin_gaps": gaps_to_json(scene, &checked.gaps),
         "n_thin_walls": voxels.thin_walls.len(),
         "thin_wall_min_m": voxels.thin_walls.first().map(|wall| wall.thickness),
@@ -92,12 +95,30 @@ pub(super) fn describe(text: &mut String, voxels: &VoxelScene, sphere: &Discrete
     text.push('\n');
 }
 
+pub(super) fn warn_of_small_surfaces(run: &Run, scene: &Scene, small: &[(SurfaceId, f64)], voxels: &VoxelScene) {
+    if let Some(&(surface, side)) = small.first() {
+        let size = voxels.grid.voxel_size;
+        let [x, y, z] = voxels.grid.n_voxels;
+        let enough = (2.0 * size / side * f64::from(x.max(y).max(z))).ceil();
+        let remedy = if enough <= f64::from(MAX_VOXELS) {
+            format!("give --voxels {enough:.0}")
+        } else {
+            "use `solve`".to_owned()
+        };
+        run.warn(&format!(
+            "{} surfaces are smaller than two voxels of {size:.2e} m, as {} of {side:.2e} m: their light and shadows are not resolved; {remedy}",
+            small.len(),
+            scene.surfaces[surface.0 as usize].name
+        ));
+    }
+}
+
 /// Names of the surfaces of at most three gaps: a line is for reading.
 pub(super) fn warn_of_gaps(run: &Run, scene: &Scene, gaps: &[ThinGap], n: u32) {
     if gaps.is_empty() {
         return;
     }
-    let name = |id: crate::scene::SurfaceId| scene.surfaces[id.0 as usize].name.as_str();
+    let name = |id: SurfaceId| scene.surfaces[id.0 as usize].name.as_str();
     let pair = |gap: &ThinGap| format!("{} and {}", name(gap.surfaces[0]), name(gap.surfaces[1]));
     let named: Vec<String> = gaps.iter().take(3).map(pair).collect();
     let more = gaps.len().saturating_sub(3);
@@ -146,14 +167,14 @@ pub(super) fn warn_of_escapes(run: &Run, links: &LinkFigures, watertight: bool) 
 }
 
 fn gaps_to_json(scene: &Scene, gaps: &[ThinGap]) -> Value {
-    let name = |id: crate::scene::SurfaceId| scene.surfaces[id.0 as usize].name.as_str();
+    let name = |id: SurfaceId| scene.surfaces[id.0 as usize].name.as_str();
     gaps.iter()
         .map(|gap| json!({"surfaces": gap.surfaces.map(name), "n_surfels": gap.n_surfels}))
         .collect()
 }
 
 fn walls_to_json(scene: &Scene, walls: &[ThinWall]) -> Value {
-    let name = |id: crate::scene::SurfaceId| scene.surfaces[id.0 as usize].name.as_str();
+    let name = |id: SurfaceId| scene.surfaces[id.0 as usize].name.as_str();
     let wall = |wall: &ThinWall| json!({"surfaces": wall.surfaces.map(name), "thickness_m": wall.thickness, "n_surfels": wall.n_surfels});
     walls.iter().map(wall).collect()
 }

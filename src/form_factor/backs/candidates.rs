@@ -25,13 +25,18 @@ impl Candidates {
     pub(super) fn of(input: Input<'_>, wanted: &[bool]) -> Vec<Self> {
         let scene = input.scene;
         let pieces = Pieces::of(scene);
-        let of_patches = places_of_patches(input, &pieces);
         let outlines: Vec<Outline> = scene.face_ids().map(|face| Outline::new(scene.polygon(face))).collect();
         let parts: Vec<_> = scene
             .face_ids()
             .map(|face| (face, outlines[face.0 as usize].corners.clone()))
             .collect();
         let of_faces = places(scene, &pieces, &parts);
+        let hides_own = hiding_own(scene, &pieces, &of_faces);
+        if hides_own == [true] {
+            // A terrain, mostly: there are no backs but its own.
+            return Vec::new();
+        }
+        let of_patches = places_of_patches(input, &pieces);
         let backs = Backs::of(&of_faces);
         let mut views: Vec<(FaceId, Vec<usize>)> = Vec::new();
         for i in (0..of_patches.len()).filter(|&i| wanted[i] && !backs.are_hidden_from(&of_patches[i].front)) {
@@ -46,7 +51,7 @@ impl Candidates {
         }
         let sheets = Sheets::new(scene, &outlines);
         let search = Search {
-            hides_own: hiding_own(scene, &pieces, &of_faces),
+            hides_own,
             sheets: &sheets,
             pieces,
             of_faces: &of_faces,
@@ -109,11 +114,11 @@ impl Search<'_> {
             tolerance,
         } = *self.sheets;
         let here = &outlines[front.0 as usize];
-        let is_hidden = |back: u32| {
-            let piece = self.pieces.of_face(FaceId(back));
+        let own = self.pieces.of_face(front);
+        let is_hidden_by_own = |back: u32| self.hides_own[own as usize] && self.pieces.of_face(FaceId(back)) == own;
+        let may_be_met = |back: u32| {
             let place = &self.of_faces[back as usize];
-            piece == self.pieces.of_face(front) && self.hides_own[piece as usize]
-                || views.iter().all(|view| !view.may_meet(&place.back))
+            views.iter().any(|view| view.may_meet(&place.back))
         };
         let faces = |back: u32| {
             let there = &outlines[back as usize];
@@ -126,7 +131,7 @@ impl Search<'_> {
         };
         let mut seen = Vec::new();
         tree.meeting(&may_be_above, &mut |back| {
-            if back != front.0 && faces(back) && !is_hidden(back) {
+            if back != front.0 && !is_hidden_by_own(back) && faces(back) && may_be_met(back) {
                 seen.push(back as usize);
             }
         });

@@ -422,7 +422,7 @@ impl Batches<'_> {
         method: &ExactMethod,
     ) -> Stated {
         let flat = [pair.i, pair.j].map(|k| self.patches.flat_corners(k));
-        let ends = flat.each_ref().map(|corners| corners.as_ref());
+        let ends = flat.each_ref().map(AsRef::as_ref);
         let meeting = index.meeting(ends[0], ends[1]);
         let [p, q] = meeting
             .as_ref()
@@ -437,6 +437,7 @@ impl Batches<'_> {
             index,
             budget: method.budget,
             relative: method.relative_tolerance(),
+            unlike_of_few: method.unlike_of_few(),
             progress: self.progress,
         };
         // Where rounding is to be added there has to be room for it, so that no pair is above the tolerance by its integral's share; where that alone is above it, room would not help.

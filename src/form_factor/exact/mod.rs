@@ -36,7 +36,7 @@ pub(super) use split::Split;
 /// Nothing here uses rays: pairs nearer than the offset of ray origins, or than f32 can tell, need no special care.
 ///
 /// Accuracy: of full pairs the kernel's own estimate. Of partial pairs |error| of A_i F_ij / min(A_i, A_j) ≤ `tolerance`, and below the entry's own estimate; where the
-/// budget is spent before, the estimate says what was reached, the pair is one of [`PairCounts::n_above_tolerance`] and [`Computed::tolerance_met`] is false. Where less than five occluders stand between two patches,
+/// budget is spent before, the estimate says what was reached, the pair is one of [`PairCounts::n_above_tolerance`] and [`Computed::tolerance_met`] is false. Where less than five occluders stand between two patches (above a `tolerance` of 1e-6: and one is 25 times as large as the other),
 /// or one patch is 1e4 times as large as the other, the error is also to be below 10³ `tolerance` (up to a `tolerance` of 1e-5) of the exchange area without occluders, as far as a hundredth of the budget goes: small and far
 /// emitters keep their shadows. An occluder's border of 1e-10 of the width of the space between the two patches there is neglected, as
 /// [`BlockerIndex`](crate::visibility::blockers::BlockerIndex) says. Where coordinates were rounded, as those of a file with six decimals, faces that were meant to touch reach into each other or lie apart: what reaches in
@@ -90,6 +90,15 @@ impl ExactMethod {
             1e3 * self.tolerance
         } else {
             f64::INFINITY
+        }
+    }
+
+    /// Returns how many times as large one patch is as the other, at least, where the error of a pair with few occluders is to be relative too.
+    fn unlike_of_few(&self) -> f64 {
+        if self.tolerance <= Self::DEFAULT_TOLERANCE {
+            1.0
+        } else {
+            25.0
         }
     }
 

@@ -54,6 +54,8 @@ pub(in crate::form_factor) struct Split<'a> {
     pub(in crate::form_factor) budget: usize,
     /// The part of an exchange area without occluders that its error is to be below, as far as a share of the budget goes.
     pub(in crate::form_factor) relative: f64,
+    /// Pairs with few occluders whose areas are less unlike than this are not computed to a part of themselves.
+    pub(in crate::form_factor) unlike_of_few: f64,
     pub(in crate::form_factor) progress: &'a dyn Progress,
 }
 
@@ -85,7 +87,7 @@ struct Half {
 impl Split<'_> {
     /// Returns the exchange area of two polygons to within `goal`, m², where `among` are the blockers that may stand between them and `without` is the exchange area without these.
     ///
-    /// Small pairs with few blockers, or of a patch and something far larger, are computed to a part of `without` as well, as far as [`EXTRA`] of the budget goes.
+    /// Pairs of a patch and something far larger or smaller are computed to a part of `without` as well, as far as [`EXTRA`] of the budget goes.
     pub(in crate::form_factor) fn exchange_area(
         &self,
         p: &[DVec3],
@@ -100,15 +102,20 @@ impl Split<'_> {
             return self.on_both_sides([p, q], (point, normal), among, goal);
         }
         let blockers = self.index.blockers(p, q, among);
-        let closer = goal.min(self.relative * without.area);
+        let has_few = self.index.count(among) < LEAST_BLOCKERS;
+        let closer = if are_unlike(p, q, if has_few { self.unlike_of_few } else { UNLIKE }) {
+            goal.min(self.relative * without.area)
+        } else {
+            goal
+        };
         let extra = self.budget / EXTRA;
-        if self.index.count(among) < LEAST_BLOCKERS {
+        if has_few {
             let mut whole = Integration::begin([p, q], &blockers, closer, self.budget, without);
             whole.refine(goal, self.budget);
             whole.refine(closer, extra);
             return whole.result(goal);
         }
-        if closer < goal && are_unlike(p, q) {
+        if closer < goal {
             let found = self.among_many([p, q], among, &blockers, closer, without, extra);
             if found.error <= goal {
                 return Partial { reached: true, ..found };
@@ -326,10 +333,10 @@ impl Split<'_> {
     }
 }
 
-/// Tells whether one polygon is far larger than the other.
-fn are_unlike(p: &[DVec3], q: &[DVec3]) -> bool {
+/// Tells whether one polygon is `times` as large as the other, or more.
+fn are_unlike(p: &[DVec3], q: &[DVec3], times: f64) -> bool {
     let [a, b] = [p, q].map(|side| polygon::area_vector(side).length());
-    a.max(b) > UNLIKE * a.min(b)
+    a.max(b) >= times * a.min(b)
 }
 
 /// Cuts a polygon across its longest edge, through the middle of it.
@@ -392,6 +399,7 @@ mod tests {
             index: &index,
             budget: 10_000_000,
             relative: f64::INFINITY,
+            unlike_of_few: 1.0,
             progress: &Silent,
         };
         // A sixteenth of the ceiling, and the whole floor: each sees the other past most of the leaves.
@@ -450,6 +458,7 @@ mod tests {
             index: &index,
             budget,
             relative: f64::INFINITY,
+            unlike_of_few: 1.0,
             progress: &Silent,
         };
         let whole = Whole::of(&p, &q, 0.0);

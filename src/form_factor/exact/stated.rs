@@ -14,8 +14,8 @@ const STORED: f64 = 1e-6;
 /// What rounding adds is not looked at any closer where it is below this part of the tolerance.
 const NEGLIGIBLE: f64 = 1e-3;
 
-/// What rounded corners reach in between patches that they were meant to touch, in units of the slack for which that is left out: the standard deviation of their heights.
-const REACH: f64 = 0.25;
+/// What rounded corners reach in between patches that they were meant to touch, in units of the slack for which that is left out: half a unit of the last place for each of two.
+const REACH: f64 = 0.5;
 
 /// What two patches see of each other, as far as rounding has to do with it.
 #[derive(Clone, Copy, Debug)]
@@ -150,7 +150,7 @@ impl Batches<'_> {
             .as_ref()
             .filter(|_| seen.touched)
             .map_or(0.0, BlockerIndex::slack);
-        // What is left out was meant to touch, and reaches in by what rounding does to it, hardly ever by all that it is left out for.
+        // What is left out was meant to touch, and reaches in by what rounding does to it, not by all that it is left out for.
         let slack = if self.rounded.is_some() { REACH * slack } else { slack };
         let [i, j] = pair;
         let bent = (self.patches.border(i) + self.patches.border(j)) * seen.exchange;

@@ -424,11 +424,11 @@ impl<'a> Outline<'a> {
 
     /// Tells whether, seen from everywhere between the two ends, the edge or the vertex lies inside its blockers' outline.
     fn is_hidden(&self, vertex: &Vertex, edge: &Edge, ends: [DVec3; 2]) -> bool {
-        self.is_inner(edge, ends)
-            || (!vertex.edges.is_empty() && vertex.edges.iter().all(|&e| self.is_inner(&self.edges[e], ends)))
+        Self::is_inner(edge, ends)
+            || (!vertex.edges.is_empty() && vertex.edges.iter().all(|&e| Self::is_inner(&self.edges[e], ends)))
     }
 
-    fn is_inner(&self, edge: &Edge, ends: [DVec3; 2]) -> bool {
+    fn is_inner(edge: &Edge, ends: [DVec3; 2]) -> bool {
         let Some(planes) = edge.planes else {
             return false;
         };

@@ -64,7 +64,7 @@ impl Sight {
         let plane = Flat::with_normal(&receiver.corners, receiver.normal);
         let low_edges = LowEdges::new(edges, &outer, plane.tolerance(receiver.corners[0], IN_PLANE));
         // Small numbers keep the digits that narrow cells need.
-        let moved: Vec<DVec3> = target.iter().map(|&v| receiver.from_origin(v)).collect();
+        let moved: Vec<DVec3> = target.iter().map(|&v| receiver.seen_from_origin(v)).collect();
         let normal = polygon::area_vector(&moved).normalize_or_zero();
         let next = moved.iter().cycle().skip(1);
         let sides = moved.iter().zip(next).map(|(&a, &b)| {
@@ -167,10 +167,10 @@ impl Sight {
     ///
     /// In a near cell the same points integrate F₀ too, whose integral is known: what they miss of that, or may miss of the other part, they can miss
     /// of this one, as far as it has a share of F₀.
-    fn settle(&self, look: Look, base: usize, enough: f64) -> Piece {
-        let Look {
+    fn settle(&self, look: &Look, base: usize, enough: f64) -> Piece {
+        let &Look {
             shape,
-            estimate,
+            ref estimate,
             shares,
         } = look;
         let other = 1 - base;
@@ -274,7 +274,7 @@ impl Pieces {
         let n_evaluations = looks.iter().map(|look| look.estimate.n_evaluations).sum();
         let settled = looks.into_iter().map(|look| {
             let allowed = enough * look.shape.area();
-            sight.settle(look, base, allowed)
+            sight.settle(&look, base, allowed)
         });
         let queue: BinaryHeap<Piece> = settled.collect();
         Self {
@@ -312,7 +312,7 @@ impl Pieces {
                 let look = self.sight.look_at_triangle(corners, self.enough);
                 self.n_evaluations += look.estimate.n_evaluations;
                 let allowed = self.enough * look.shape.area();
-                self.sight.settle(look, self.base, allowed)
+                self.sight.settle(&look, self.base, allowed)
             });
             // Where the estimate has just been seen to fail, its successors are not trusted either.
             let change = parts.iter().map(|part| part.integral).sum::<f64>() - worst.integral;

@@ -43,7 +43,7 @@ impl Receiver {
     }
 
     /// Returns a point as seen from the frame's origin.
-    pub(super) fn from_origin(&self, p: DVec3) -> DVec3 {
+    pub(super) fn seen_from_origin(&self, p: DVec3) -> DVec3 {
         p - self.origin
     }
 

@@ -11,7 +11,7 @@ use super::caps::caps;
 use super::{edge_runs, edges};
 use crate::geometry::box_pairs::{BoxTree, overlapping_pairs};
 use crate::geometry::polygon;
-use crate::scene::{FaceId, Scene};
+use crate::scene::{FaceId, Scene, Written};
 
 /// The connected pieces of a scene's surface.
 #[derive(Clone, Debug)]
@@ -168,14 +168,11 @@ fn flat_ones(scene: &Scene, of_face: &[u32], n: usize) -> Vec<bool> {
     is_flat
 }
 
-/// Files with fewer digits are taken as meant, as in [`Scene::slack`].
-const ROUNDED_DIGITS: i32 = 6;
-
 /// Returns how far apart vertices may be that are one, and a vertex off an edge that it lies on, in m: as far as the rounding of coordinates explains, whatever way the faces look, and some ulps.
 pub(crate) fn joint(scene: &Scene) -> f64 {
     let coordinates = scene.vertices.iter().map(|v| v.abs().max_element());
     let greatest = coordinates.fold(0.0, f64::max);
-    let written = scene.written.filter(|written| written.is_rounded(ROUNDED_DIGITS));
+    let written = scene.written.filter(Written::may_part_points);
     let of_digits = written.map_or(0.0, |written| 2.0 * written.unit(greatest));
     64.0 * f64::EPSILON * greatest + scene.slack().max(of_digits)
 }
