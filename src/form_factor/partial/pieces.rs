@@ -15,7 +15,7 @@ use super::layers::LowEdges;
 use super::receiver::Receiver;
 use super::rule::{self, Estimate, Parts};
 use super::shadow::Shadows;
-use super::{Partial, Whole};
+use super::{LEAST_SHARE, Partial, UNSEEN_SHARE_OF_TRIANGLES, Whole};
 use crate::geometry::polygon;
 use crate::geometry::polygon_form_factor::{PreparedPolygon, Tolerance};
 use crate::visibility::blockers::Blocker;
@@ -47,6 +47,10 @@ pub(super) struct Sight {
     low_edges: LowEdges,
     /// True if no line of change crosses a cell: what a point of it does not hide, none does.
     pub(super) is_whole: bool,
+    /// True if hidden parts are looked at in cells near the target alone: elsewhere F₀ has no peak, and where the tolerance is loose what is visible is enough.
+    pub(super) is_loose: bool,
+    /// True if three edges of different polygons may open or close something between the points of a cell.
+    pub(super) may_open: bool,
 }
 
 impl Sight {
@@ -79,12 +83,18 @@ impl Sight {
             shadows,
             low_edges,
             is_whole: false,
+            is_loose: false,
+            may_open: false,
         }
     }
 
     /// Returns the form factors to the visible and to the hidden part of the target, and keeps their largest shares of both in `shares`.
     fn at(&mut self, point: DVec2, shares: &mut Option<Parts>) -> Parts {
-        let parts = self.shadows.visible_and_hidden(self.receiver.to_world(point));
+        let place = self.receiver.to_world(point);
+        if self.is_loose && shares.is_none() {
+            return self.shadows.visible(place);
+        }
+        let parts = self.shadows.visible_and_hidden(place);
         let whole = parts[VISIBLE] + parts[HIDDEN];
         if let Some(shares) = shares
             && whole > 0.0
@@ -131,7 +141,29 @@ impl Sight {
     }
 
     pub(super) fn look_at_triangle(&mut self, corners: [DVec2; 3], enough: f64) -> Look {
-        self.look(Shape::Triangle(corners), |f| rule::integrate(corners, enough, f))
+        let shape = Shape::Triangle(corners);
+        let look = self.look(shape, |f| rule::integrate(corners, enough, f));
+        if self.is_loose {
+            let share = if self.may_open {
+                UNSEEN_SHARE_OF_TRIANGLES
+            } else {
+                LEAST_SHARE
+            };
+            self.with_least_error(look, share * enough * shape.area())
+        } else {
+            look
+        }
+    }
+
+    /// States at least this error of a part, but for one of which there is nothing: something of it needs a line of change, or edges that open it between points.
+    pub(super) fn with_least_error(&self, mut look: Look, least: f64) -> Look {
+        let Estimate { integral, error, .. } = &mut look.estimate;
+        for part in [VISIBLE, HIDDEN] {
+            if integral[part] > 0.0 || (part == VISIBLE && self.may_open) {
+                error[part] = error[part].max(least);
+            }
+        }
+        look
     }
 
     /// Returns a lower bound of the distance of the target from a point of the receiver.
@@ -237,18 +269,6 @@ pub(super) struct Look {
     shares: Option<Parts>,
 }
 
-impl Look {
-    /// States at least this error of a part, but for one of which nothing is hidden: that something is needs a line of change.
-    pub(super) fn with_least_error(mut self, least: f64) -> Self {
-        let Estimate { integral, error, .. } = &mut self.estimate;
-        error[VISIBLE] = error[VISIBLE].max(least);
-        if integral[HIDDEN] > 0.0 {
-            error[HIDDEN] = error[HIDDEN].max(least);
-        }
-        self
-    }
-}
-
 /// A receiver in pieces, all of which have been looked at.
 pub(super) struct Pieces {
     sight: Sight,
@@ -270,7 +290,11 @@ impl Pieces {
     /// Sums the smaller of the two parts; `enough` is the error allowed, by area of the receiver, and `unlisted` the error of what no look shows.
     pub(super) fn new(sight: Sight, whole: Whole, looks: Vec<Look>, enough: f64, unlisted: f64) -> Self {
         let sum = |part: usize| looks.iter().map(|look| look.estimate.integral[part]).sum::<f64>();
-        let base = if sum(VISIBLE) < sum(HIDDEN) { VISIBLE } else { HIDDEN };
+        let base = if sight.is_loose || sum(VISIBLE) < sum(HIDDEN) {
+            VISIBLE
+        } else {
+            HIDDEN
+        };
         let n_evaluations = looks.iter().map(|look| look.estimate.n_evaluations).sum();
         let settled = looks.into_iter().map(|look| {
             let allowed = enough * look.shape.area();

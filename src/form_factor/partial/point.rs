@@ -39,8 +39,6 @@ impl VisibleFactor {
     /// Returns the form factor from a point of the region to the part of the target that it sees, in \[0, 1\].
     #[must_use]
     pub fn at(&mut self, point: DVec3) -> f64 {
-        self.shadows
-            .as_mut()
-            .map_or(0.0, |shadows| shadows.visible_and_hidden(point)[0])
+        self.shadows.as_mut().map_or(0.0, |shadows| shadows.visible(point)[0])
     }
 }

@@ -10,7 +10,7 @@ pub(super) type Parts = [f64; 2];
 /// The integrals over one cell and what their errors may be.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Estimate {
-    /// The integral of each part, in units of f times m².
+    /// The integral of each part, in units of f times m²; NaN of one that was not looked at, and so is its error.
     pub(super) integral: Parts,
     /// The estimates of their absolute errors.
     pub(super) error: Parts,

@@ -172,6 +172,15 @@ impl Shadows {
     ///
     /// A part is 0 only if there is nothing of it: of what rounding leaves nothing, there is the least positive number.
     pub(super) fn visible_and_hidden(&mut self, point: DVec3) -> Parts {
+        self.look(point, true)
+    }
+
+    /// Returns the form factor to the visible part alone, which takes less; that to the hidden part is NaN.
+    pub(super) fn visible(&mut self, point: DVec3) -> Parts {
+        self.look(point, false)
+    }
+
+    fn look(&mut self, point: DVec3, with_hidden: bool) -> Parts {
         self.fragments.clear();
         self.fragments.push(&self.target);
         let centre = self.middle - point;
@@ -197,8 +206,10 @@ impl Shadows {
                     &mut self.rest,
                     &mut self.piece,
                 ) {
-                    hidden += contour(&self.rest);
                     is_cut = true;
+                    if with_hidden {
+                        hidden += contour(&self.rest);
+                    }
                 }
             }
             std::mem::swap(&mut self.fragments, &mut self.next);
@@ -207,6 +218,11 @@ impl Shadows {
             }
         }
         let factor = |contour: DVec3| (-contour.dot(self.receiver_normal) / TAU).clamp(0.0, 1.0);
+        if !with_hidden {
+            let visible = factor(self.fragments.iter().map(contour).sum());
+            let is_any = !self.fragments.ends.is_empty();
+            return [if is_any { visible.max(f64::MIN_POSITIVE) } else { 0.0 }, f64::NAN];
+        }
         let hidden = factor(hidden);
         if is_cut && self.fragments.ends.is_empty() {
             return [0.0, hidden];
