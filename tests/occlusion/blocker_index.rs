@@ -1,4 +1,4 @@
-//! Which faces stand between two patches.
+//! Which faces occlude two patches from each other.
 
 use std::f64::consts::TAU;
 
@@ -73,7 +73,7 @@ fn flat_neighbours_are_joined_and_sheets_count_once() {
     let sheet = rectangle(DVec3::ZERO, DVec3::X, DVec3::Y);
     let back: Polygon = sheet.iter().rev().copied().collect();
     assert_eq!(BlockerIndex::new(&scene_of(&[sheet, back])).n_blockers(), 1);
-    // An L is not convex: two blockers.
+    // An L is not convex: two occluders.
     let corner = [
         rectangle(DVec3::ZERO, DVec3::X, DVec3::Y),
         rectangle(DVec3::X, DVec3::X, DVec3::Y),
@@ -93,7 +93,7 @@ fn only_sides_of_convex_solids_seen_from_outside_are_one_sided() {
     let index = BlockerIndex::new(&scene_of(&faces));
     assert_eq!(index.n_blockers(), 13);
     let PairVisibility::Partial(ids) = index.classify(&room[4], &room[5]) else {
-        panic!("solid and plate stand between floor and ceiling");
+        panic!("solid and plate occlude floor and ceiling");
     };
     let blockers = index.blockers(&room[4], &room[5], &ids);
     assert_eq!(blockers.len(), 7);

@@ -1,4 +1,4 @@
-//! Form factors behind blockers: against certified values, closed rooms, brute force and themselves.
+//! Form factors behind occluders: against certified values, closed rooms, brute force and themselves.
 
 #[path = "../embree/scenes.rs"]
 #[allow(

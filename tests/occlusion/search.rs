@@ -278,7 +278,7 @@ fn a_peak_above_a_corner_is_not_lost() {
     }
 }
 
-/// Cases that a search has found, in which what is hidden has a peak between all points: a sheet close above a corner where both polygons are near each other, and one that pierces a narrow gap.
+/// Cases that a search has found, in which what is hidden has a peak between all points: a sheet close above a corner where both polygons are near each other, one that pierces a narrow gap, and two beside a gap.
 #[test]
 fn what_is_hidden_at_a_peak_is_stated() {
     let near_corner = [
@@ -315,11 +315,34 @@ fn what_is_hidden_at_a_peak_is_stated() {
             [-0.076_045, 0.051_904, -0.301_134],
         ],
     ];
-    for (outlines, has_four) in [(near_corner, true), (gap, false)] {
-        let polygons: Vec<Polygon> = (0..3)
-            .map(|k| {
-                let corners = [0, 1, 2].map(|corner| DVec3::from_array(outlines[k][corner]));
-                let has_four = has_four && k < 2;
+    let two_occluders = [
+        [
+            [-0.469_066_550_489, 0.144_711_037_726, -0.034_166_003_301],
+            [-0.781_160_825_067, 0.041_397_585_472, -0.274_876_758_994],
+            [-0.396_933_357_405, -0.302_169_872_906, -0.319_394_283_584],
+        ],
+        [
+            [-0.087_739_630_589, -0.203_007_150_613, -0.072_838_786_149],
+            [-0.400_572_667_190, -0.305_871_436_568, -0.313_000_313_902],
+            [-0.784_227_428_209, 0.037_379_191_761, -0.269_256_290_812],
+        ],
+        [
+            [-0.444_184_692_066, 0.765_927_224_729, 0.434_680_382_161],
+            [-0.447_594_022_053, 0.644_983_769_774, 0.344_782_627_632],
+            [-0.467_045_979_884, 0.054_965_034_423, -0.085_295_872_094],
+        ],
+        [
+            [-0.939_911_660_072, -0.422_653_836_959, -0.196_331_362_074],
+            [-0.965_876_683_995, -0.487_947_059_140, -0.070_618_006_859],
+            [-0.867_428_013_156, -0.412_371_461_626, -0.890_027_469_533],
+        ],
+    ];
+    for (outlines, n_of_four) in [(&near_corner[..], 2), (&gap, 0), (&two_occluders, 3)] {
+        let polygons: Vec<Polygon> = outlines
+            .iter()
+            .enumerate()
+            .map(|(k, corners)| {
+                let (corners, has_four) = (corners.map(DVec3::from_array), k < n_of_four);
                 Outline { corners, has_four }.polygon()
             })
             .collect();

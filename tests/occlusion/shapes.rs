@@ -150,7 +150,7 @@ pub(crate) fn exchange(p: &[DVec3], q: &[DVec3], blockers: &[Polygon], tolerance
     result
 }
 
-/// Returns the exchange areas of all pairs of faces, with the blockers that the index finds.
+/// Returns the exchange areas of all pairs of faces, with the occluders that the index finds.
 pub(crate) fn all_pairs(faces: &[Polygon], tolerance: f64) -> Vec<Vec<f64>> {
     let index = BlockerIndex::new(&scene_of(faces));
     let mut areas = vec![vec![0.0; faces.len()]; faces.len()];

@@ -181,16 +181,20 @@ impl Ord for Cell {
     }
 }
 
-/// Returns the length of the part of an event that lies more than `margin` inside of a convex polygon, wound counter-clockwise.
+/// Returns the length of the part of an event that lies more than `margin` inside of a convex polygon, wound counter-clockwise; 0 in one that is no larger than `margin`.
 fn length_inside(event: &Event, corners: &[DVec2], margin: f64) -> f64 {
-    let (mut low, mut high) = (0.0_f64, 1.0_f64);
-    let mut a = corners[corners.len() - 1];
+    let (mut low, mut high, mut is_speck) = (0.0_f64, 1.0_f64, true);
+    let Some(&last) = corners.last() else {
+        return 0.0;
+    };
+    let mut a = last;
     for &b in corners {
         let edge = b - a;
         // Cuts through one point leave edges of rounding's length, whose direction means nothing.
         if edge.length_squared() <= margin * margin {
             continue;
         }
+        is_speck = false;
         let inward = edge.perp().normalize();
         let at_0 = inward.dot(event.from - a) - margin;
         let at_1 = inward.dot(event.to - a) - margin;
@@ -206,6 +210,9 @@ fn length_inside(event: &Event, corners: &[DVec2], margin: f64) -> f64 {
         if low >= high {
             return 0.0;
         }
+    }
+    if is_speck {
+        return 0.0;
     }
     (high - low) * event.from.distance(event.to)
 }
@@ -293,6 +300,16 @@ mod tests {
             corners.rotate_left(turn);
             assert!(length_inside(&across, &corners, 1e-9) > 1.0);
         }
+    }
+
+    #[test]
+    fn a_speck_of_a_cell_is_not_cut() {
+        let across = [event((-1.0, -1.0), (1.0, 1.0))];
+        for size in [0.0, 1e-10, 0.9e-9] {
+            let speck: Vec<DVec2> = SQUARE.iter().map(|&v| size * v).collect();
+            assert_eq!(Cells::cut(speck, &across, 1e-9, 1000).corners.len(), 1, "{size:e}");
+        }
+        assert!(length_inside(&across[0], &[], 1e-9) <= 0.0);
     }
 
     #[test]

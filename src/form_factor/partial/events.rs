@@ -25,29 +25,29 @@ pub(super) struct Event {
     pub(super) to: DVec2,
 }
 
-/// A corner of the target or of a blocker.
+/// A corner of the target or of an occluder.
 struct Vertex {
     position: DVec3,
     /// Height over the receiver's plane, and over the target's.
     h: f64,
     g: f64,
-    /// The blocker edges that meet here; empty for a corner of the target.
+    /// The occluder edges that meet here; empty for a corner of the target.
     edges: Vec<usize>,
     of_target: bool,
 }
 
-/// An edge of the target or of a blocker.
+/// An edge of the target or of an occluder.
 struct Edge {
     ends: [DVec3; 2],
     h: [f64; 2],
     g: [f64; 2],
-    /// For an edge that two blockers share: their planes, each turned so that its sign tells on which side of the edge, seen from a point,
-    /// the blocker lies. The edge is an outline only where the signs agree.
+    /// For an edge that two occluders share: their planes, each turned so that its sign tells on which side of the edge, seen from a point,
+    /// the occluder lies. The edge is an outline only where the signs agree.
     planes: Option<[Flat; 2]>,
     of_target: bool,
 }
 
-/// A blocker as something that may stop a line of sight.
+/// An occluder as something that may stop a line of sight.
 struct Screen {
     /// Each corner with the unit vector that points inwards from the edge that begins there.
     corners: Vec<(DVec3, DVec3)>,
@@ -93,7 +93,7 @@ impl Screen {
     }
 }
 
-/// Vertices and edges of blockers that have been met: looked up in a list while there are few, which takes less time than hashing.
+/// Vertices and edges of occluders that have been met: looked up in a list while there are few, which takes less time than hashing.
 #[derive(Default)]
 struct Known {
     vertices: Vec<(DVec3, usize)>,
@@ -168,7 +168,7 @@ pub(super) struct Outline<'a> {
 }
 
 impl<'a> Outline<'a> {
-    /// Gathers the corners and edges of a target and of the parts of blockers between it and the receiver.
+    /// Gathers the corners and edges of a target and of the parts of occluders between it and the receiver.
     pub(super) fn new<'b>(
         receiver: &'a Receiver,
         target: &'a [DVec3],
@@ -223,7 +223,7 @@ impl<'a> Outline<'a> {
         outline
     }
 
-    /// Returns the part of a blocker in front of the receiver's and the target's plane.
+    /// Returns the part of an occluder in front of the receiver's and the target's plane.
     pub(super) fn between(&self, corners: &[DVec3]) -> Vec<DVec3> {
         let mut part = corners.to_vec();
         for plane in &self.planes {
@@ -291,7 +291,7 @@ impl<'a> Outline<'a> {
         events
     }
 
-    /// Returns from where two points in the receiver's plane lie behind each other: corners of blockers that stand on or pierce the plane,
+    /// Returns from where two points in the receiver's plane lie behind each other: corners of occluders that stand on or pierce the plane,
     /// and those of the target.
     ///
     /// From the receiver they are on the horizon, where the target is seen only if it reaches down to the plane too.
@@ -334,7 +334,7 @@ impl<'a> Outline<'a> {
         events
     }
 
-    /// Returns from where a blocker is seen edge on, if that makes a difference: if its plane cuts the receiver and the target.
+    /// Returns from where an occluder is seen edge on, if that makes a difference: if its plane cuts the receiver and the target.
     fn edge_on(&self, plane: &Flat) -> Option<Event> {
         let height = |v: DVec3| plane.height(v);
         let mut sides = [false; 2];
@@ -362,7 +362,7 @@ impl<'a> Outline<'a> {
     /// Returns where, seen from the receiver, the vertex lies on the edge; `far_edge` tells which of them is behind the other.
     fn event(&self, vertex: &Vertex, edge: &Edge, far_edge: bool) -> Option<Event> {
         let v = vertex.position;
-        // A corner of the target lies behind any blocker, an edge of the target too.
+        // A corner of the target lies behind any occluder, an edge of the target too.
         if (vertex.of_target && far_edge) || (edge.of_target && !far_edge) || edge.ends.contains(&v) {
             return None;
         }
@@ -422,7 +422,7 @@ impl<'a> Outline<'a> {
         })
     }
 
-    /// Tells whether, seen from everywhere between the two ends, the edge or the vertex lies inside its blockers' outline.
+    /// Tells whether, seen from everywhere between the two ends, the edge or the vertex lies inside its occluders' outline.
     fn is_hidden(&self, vertex: &Vertex, edge: &Edge, ends: [DVec3; 2]) -> bool {
         Self::is_inner(edge, ends)
             || (!vertex.edges.is_empty() && vertex.edges.iter().all(|&e| Self::is_inner(&self.edges[e], ends)))

@@ -1,4 +1,4 @@
-//! The exchange area of two polygons with blockers between them, to a given tolerance.
+//! The exchange area of two polygons with occluders between them, to a given tolerance.
 //!
 //! A_P F_PQ = ∫_P F₀(x) dA − ∫_P F(x → hidden part of Q) dA. The first integral is the exchange area without occluders, which has a closed form. The inner factor of the second is exact:
 //! Q is clipped against the shadow of every occluder as seen from x, and the pieces that are left are summed by Lambert's formula. As a function of x it is analytic but for the lines on which
@@ -63,7 +63,7 @@ pub struct Partial {
     pub reached: bool,
 }
 
-/// Returns the exchange area of two convex planar polygons, of which blockers may hide any part from the other.
+/// Returns the exchange area of two convex planar polygons, of which occluders may hide any part from the other.
 ///
 /// A_P F_PQ = ∫_P ∫_Q V cos θ_P cos θ_Q / (π r²) dA dA in m². Corners run counter-clockwise seen from the front; what lies behind the other
 /// polygon's plane does not count. `blockers` must hold all polygons that reach in between, such as
@@ -77,13 +77,14 @@ pub struct Partial {
 /// Against runs with a far smaller tolerance it held in all of several hundred random cases with up to three intersecting boxes and plates, and in a thousand climbs towards scenes where it would not;
 /// the true error is mostly more than ten times smaller. Tolerances down to 1e-12 are reached. What is left of Q within 1e-15 of
 /// the distances involved may count as hidden, and the result is exactly 0 where nothing else is seen.
-/// Where the tolerance is above all of the exchange area without blockers, and these are sides of one convex body, each cell is looked at from 3 or 4 points inside,
+/// Where the tolerance is above all of the exchange area without occluders, and these are sides of one convex body, each cell is looked at from 3 or 4 points inside,
 /// and at least a tenth of the tolerance is stated as error: the true one is far smaller, as such a view is analytic in a cell.
-/// Where the tolerance is above a hundredth of the exchange area without blockers, cells are first looked at from 7 or 9 points on their border and in the middle, with which most are
-/// done; what three edges of different blockers open between these points is not seen there, and at least a tenth of the tolerance is then stated as error.
+/// Where the tolerance is above a hundredth of the exchange area without occluders, cells are first looked at from 7 or 9 points on their border and in the middle, with which most are
+/// done; what three edges of different occluders open between these points is not seen there, and at least a quarter of the tolerance, by the area of the cells that something is hidden from, is then stated as error.
+/// Cells from which several bodies hide something are looked at from 13 or 25 points a triangle in any case.
 /// More than 4096 cells or a million pairs of vertices and edges are left to plain subdivision, which finds their lines with more evaluations.
 /// A polygon without area, or with less than three corners, exchanges nothing; coordinates that are not finite give NaN.
-/// Cost: for each cell 3 or 4, 7 or 9, or for each triangle of it 13 or 25 evaluations of 0.3 µs (one blocker) to 3 µs (eighteen); P has as many cells as lines of change cut it into.
+/// Cost: for each cell 3 or 4, 7 or 9, or for each triangle of it 13 or 25 evaluations of 0.3 µs (one occluder) to 3 µs (eighteen); P has as many cells as lines of change cut it into.
 ///
 /// Source: Lambert's formula as in [`point_form_factor`](crate::geometry::point_form_factor::point_form_factor); the lines of change are the
 /// EV events of Gigus and Malik, "Computing the Aspect Graph for Line Drawings of Polyhedral Objects", IEEE PAMI 12(2), 1990, as discontinuity meshing of shadows
@@ -227,15 +228,15 @@ impl Integration {
     }
 }
 
-/// Integrates a pair with many blockers without looking for lines of change, of which there are more than there would be points; `None` if that does not reach the goal. See [`Integration::begin`] for the arguments.
+/// Integrates a pair with many occluders without looking for lines of change, of which there are more than there would be points; `None` if that does not reach the goal. See [`Integration::begin`] for the arguments.
 ///
-/// Where the exchange area without blockers is up to [`SMALL_AMONG_MANY`] times the goal; what a shadow between all points may hide is stated as error.
+/// Where the exchange area without occluders is up to [`SMALL_AMONG_MANY`] times the goal; what a shadow between all points may hide is stated as error.
 pub(super) fn uncut(sides: [&[DVec3]; 2], blockers: &[Blocker<'_>], goal: f64, whole: Whole) -> Option<Partial> {
     let mut view = View::new(sides, blockers, whole).ok()?;
     view.uncut(goal, SMALL_AMONG_MANY)
 }
 
-/// Decides which polygon is integrated over: the one that is farther from all blockers in units of its own size, because shadows are softer there.
+/// Decides which polygon is integrated over: the one that is farther from all occluders in units of its own size, because shadows are softer there.
 fn first_receives(sides: &[Vec<DVec3>; 2], blockers: &[Blocker<'_>]) -> bool {
     let [p, q] = sides.each_ref().map(|side| {
         let (low, high) = bounds(side);
@@ -275,35 +276,33 @@ const MOST_CELLS: usize = 4096;
 /// The most pairs of a vertex and an edge that are looked at for lines of change.
 const MOST_EVENT_PAIRS: usize = 1 << 20;
 
-/// A pair whose exchange area without blockers is less than this part of what the tolerance allows is not cut.
+/// A pair whose exchange area without occluders is less than this part of what the tolerance allows is not cut.
 ///
 /// The cut costs no more than it saves, and makes the true error far smaller than the tolerance; for pairs as small as this that does not matter any more.
 const SMALL: f64 = 0.1;
 
-/// The same for a pair with many blockers, as [`uncut`] has it: a cut costs far more there, and many small shadows make something smooth together.
+/// The same for a pair with many occluders, as [`uncut`] has it: a cut costs far more there, and many small shadows make something smooth together.
 ///
 /// A hundred houses on a ground of a hundred squares, 600 patches with 38,503 partly hidden pairs, take 1.6, 2.4, 6.9, 25.7 and 44.5 s of CPU time at tolerances of 1e-2 to 1e-6, and 21, 25, 30, 37 and 45 s
 /// if all are cut (two runs each, the same to 2 per cent); no error there is beyond what is stated that was not before.
 const SMALL_AMONG_MANY: f64 = 40.0;
 
-/// What of the exchange area without blockers the uncut receiver's triangles may miss: a shadow that lies between all of their seven points.
+/// What of the exchange area without occluders the uncut receiver's triangles may miss: a shadow that lies between all of their seven points.
 const UNSEEN: f64 = 0.15;
 
-/// The least part of the error allowed that a loose rule states where several blockers stand.
-///
-/// Among 180 random views through three crossing edges the greatest error that the points did not tell was 0.06 of it.
-const UNSEEN_SHARE: f64 = 0.2;
+/// The least part of the error allowed that is stated of three or four points in a cell.
+const FEW_SHARE: f64 = 0.2;
 
-/// The same of the rule of more points on triangles where the loose one has failed.
-const UNSEEN_SHARE_OF_TRIANGLES: f64 = 0.05;
+/// The same of other points, where the occluders are no convex body.
+const UNSEEN_SHARE: f64 = 0.5;
 
-/// The same where one occluder stands: what the points tell of so few of them was half of the true error, a thousandth of the tolerance, in one of a thousand searches for worse.
+/// The same where they are one: in one of a thousand climbs the estimate was half of the true error, which was a thousandth of the tolerance.
 const LEAST_SHARE: f64 = 0.005;
 
-/// A tolerance is loose from this part of the exchange area without blockers on: nine points on a cell are then mostly enough.
+/// A tolerance is loose from this part of the exchange area without occluders on: nine points on a cell are then mostly enough.
 const LOOSE: f64 = 0.01;
 
-/// A receiver, what it looks at, and what may stand in between.
+/// A receiver, its target and their occluders.
 struct View<'a> {
     sight: Sight,
     target: Vec<DVec3>,
@@ -346,7 +345,7 @@ impl<'a> View<'a> {
         })
     }
 
-    /// Tells whether all blockers are sides of one convex body, seen from outside: three of its edges never cross in a view.
+    /// Tells whether all occluders are sides of one convex body, seen from outside: three of its edges never cross in a view.
     fn blockers_are_convex(&self) -> bool {
         let corners = || self.blockers.iter().flat_map(|blocker| blocker.corners.iter());
         let mut planes = self.blockers.iter().map(|blocker| Flat::of(&blocker.corners));
@@ -416,20 +415,24 @@ impl<'a> View<'a> {
         let whole = self.whole.area;
         let is_whole = cells.are_whole() && is_listed;
         let is_loose = is_whole && goal >= LOOSE * whole;
-        let is_looser = is_loose && goal >= whole && self.blockers_are_convex();
-        // What three edges of different polygons open between points may be smaller than all that the points tell.
-        let may_open = self.blockers.len() > 1;
+        let is_convex = is_loose && self.blockers_are_convex();
+        let is_looser = is_convex && goal >= whole;
+        // Three edges of different bodies may open something between the points.
+        let may_open = !is_convex;
         let mut sight = self.sight;
         sight.is_whole = is_whole;
         sight.is_loose = is_loose;
         sight.may_open = may_open;
+        if may_open {
+            sight.find_bodies();
+        }
         let mut looks = Vec::new();
         for shape in cells.shapes() {
             let allowed = enough * shape.area();
             if is_looser {
                 let look = sight.look(shape, |f| few::integrate(shape, f));
                 if look.estimate.least_error() <= allowed {
-                    looks.push(sight.with_least_error(look, UNSEEN_SHARE * allowed));
+                    looks.push(sight.with_least_error(look, FEW_SHARE * allowed));
                     continue;
                 }
             }
@@ -438,7 +441,7 @@ impl<'a> View<'a> {
                     Shape::Triangle(corners) => rule::integrate_loosely(corners, f),
                     Shape::Quad(corners) => quad::integrate(corners, f),
                 });
-                if look.estimate.least_error() <= allowed {
+                if look.estimate.least_error() <= allowed && !look.has_curves {
                     let least = if may_open { UNSEEN_SHARE } else { LEAST_SHARE } * allowed;
                     looks.push(sight.with_least_error(look, least));
                     continue;

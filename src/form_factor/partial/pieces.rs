@@ -15,7 +15,7 @@ use super::layers::LowEdges;
 use super::receiver::Receiver;
 use super::rule::{self, Estimate, Parts};
 use super::shadow::Shadows;
-use super::{LEAST_SHARE, Partial, UNSEEN_SHARE_OF_TRIANGLES, Whole};
+use super::{LEAST_SHARE, Partial, UNSEEN_SHARE, Whole};
 use crate::geometry::polygon;
 use crate::geometry::polygon_form_factor::{PreparedPolygon, Tolerance};
 use crate::visibility::blockers::Blocker;
@@ -88,6 +88,10 @@ impl Sight {
         }
     }
 
+    pub(super) fn find_bodies(&mut self) {
+        self.shadows.find_bodies();
+    }
+
     /// Returns the form factors to the visible and to the hidden part of the target, and keeps their largest shares of both in `shares`.
     fn at(&mut self, point: DVec2, shares: &mut Option<Parts>) -> Parts {
         let place = self.receiver.to_world(point);
@@ -123,7 +127,14 @@ impl Sight {
     /// Looks at a cell from the points of a rule.
     pub(super) fn look(&mut self, shape: Shape, rule: impl FnOnce(&mut dyn FnMut(DVec2) -> Parts) -> Estimate) -> Look {
         let mut shares = self.is_near(shape).then_some([0.0; 2]);
-        let mut estimate = rule(&mut |point| self.at(point, &mut shares));
+        self.shadows.forget();
+        let mut is_any_visible = false;
+        let mut estimate = rule(&mut |point| {
+            let parts = self.at(point, &mut shares);
+            is_any_visible |= parts[VISIBLE] > 0.0;
+            parts
+        });
+        let has_curves = self.may_open && is_any_visible && self.shadows.several_hide();
         if !self.low_edges.is_empty() {
             let low_edges = std::mem::take(&mut self.low_edges);
             for corners in shape.triangles() {
@@ -137,6 +148,7 @@ impl Sight {
             shape,
             estimate,
             shares,
+            has_curves,
         }
     }
 
@@ -144,11 +156,7 @@ impl Sight {
         let shape = Shape::Triangle(corners);
         let look = self.look(shape, |f| rule::integrate(corners, enough, f));
         if self.is_loose {
-            let share = if self.may_open {
-                UNSEEN_SHARE_OF_TRIANGLES
-            } else {
-                LEAST_SHARE
-            };
+            let share = if self.may_open { UNSEEN_SHARE } else { LEAST_SHARE };
             self.with_least_error(look, share * enough * shape.area())
         } else {
             look
@@ -204,6 +212,7 @@ impl Sight {
             shape,
             ref estimate,
             shares,
+            ..
         } = look;
         let other = 1 - base;
         let is_other = estimate.error[base] > enough && estimate.error[other] < BETTER * estimate.error[base];
@@ -267,6 +276,8 @@ pub(super) struct Look {
     pub(super) estimate: Estimate,
     /// In a near cell, the largest shares of F₀ that the parts have on these points.
     shares: Option<Parts>,
+    /// Whether the points see a part of the target, and several bodies before the rest of it, whose edges may cross in views.
+    pub(super) has_curves: bool,
 }
 
 /// A receiver in pieces, all of which have been looked at.

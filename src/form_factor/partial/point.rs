@@ -7,9 +7,9 @@ use super::receiver::Receiver;
 use super::shadow::Shadows;
 use crate::geometry::clip::clip_to_half_space;
 
-/// A convex polygon as the points of a flat convex region see it behind blockers.
+/// A convex polygon as the points of a flat convex region see it behind occluders.
 ///
-/// F(x → visible part of Q): Q is cut at the region's horizon and clipped against the shadow of every blocker as seen from x; the pieces that are left are
+/// F(x → visible part of Q): Q is cut at the region's horizon and clipped against the shadow of every occluder as seen from x; the pieces that are left are
 /// summed by Lambert's formula. Accuracy: an absolute error of some 1e-15; what is left of Q within 1e-15 of the distances involved may count as hidden.
 /// Source: [`LAMBERT_1760`](crate::references::LAMBERT_1760). Departures: the clipping.
 pub struct VisibleFactor {
@@ -17,7 +17,7 @@ pub struct VisibleFactor {
 }
 
 impl VisibleFactor {
-    /// Prepares the blockers for the points of `region`, a polygon with the unit normal `normal`.
+    /// Prepares the occluders for the points of `region`, a polygon with the unit normal `normal`.
     ///
     /// `blockers` must hold all polygons that reach in between, such as [`BlockerIndex`](crate::visibility::blockers::BlockerIndex) finds for
     /// region and target; more do no harm.

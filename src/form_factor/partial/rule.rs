@@ -115,7 +115,7 @@ pub(super) const SAFETY: f64 = 1.5;
 
 /// Points a thousandth within the corners of the triangle and the middles of its sides, in the second and the third barycentric coordinate: beyond all points of the rule.
 ///
-/// On the border itself a view may be degenerate: a point there lies in the plane of a blocker, or on an edge that it shares with the target.
+/// On the border itself a view may be degenerate: a point there lies in the plane of an occluder, or on an edge that it shares with the target.
 const BORDER: [[f64; 2]; N_BORDER] = border(INSET);
 
 /// Returns points so far within the border of a triangle, as a part of its heights.

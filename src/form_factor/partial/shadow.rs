@@ -1,4 +1,4 @@
-//! What a point sees of a convex polygon behind convex blockers, by exact clipping.
+//! What a point sees of a convex polygon behind convex occluders, by exact clipping.
 
 use std::cmp::Reverse;
 use std::f64::consts::TAU;
@@ -19,7 +19,10 @@ const EDGE_ON: f64 = 1e-14;
 /// A target that is smaller seen from a point than this, in radii by distance squared, is summed about its own middle: the plain sum would lose more than two digits there.
 const SMALL: f64 = 1e-4;
 
-/// A convex planar blocker.
+/// Sides of bodies are looked for among so many casters at most.
+const MOST_GROUPED: usize = 62;
+
+/// A convex planar occluder.
 #[derive(Clone, Debug)]
 struct Caster {
     edges: Vec<Side>,
@@ -30,6 +33,8 @@ struct Caster {
     target: Place,
     /// True if only a point in front of the caster needs to look at it.
     one_sided: bool,
+    /// The bit of the body that it is a part of.
+    body: u64,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -79,6 +84,8 @@ pub(super) struct Shadows {
     piece: Vec<DVec3>,
     rest: Vec<DVec3>,
     half_spaces: Vec<HalfSpace>,
+    /// The bodies that have hidden anything.
+    hiding: u64,
 }
 
 /// Convex polygons, one after the other.
@@ -142,6 +149,7 @@ impl Shadows {
                     to_target: middle - corners[0],
                     target: place,
                     one_sided,
+                    body: 0,
                 };
                 Some((corners, caster))
             })
@@ -165,6 +173,7 @@ impl Shadows {
             piece: Vec::new(),
             rest: Vec::new(),
             half_spaces: Vec::new(),
+            hiding: 0,
         }
     }
 
@@ -178,6 +187,40 @@ impl Shadows {
     /// Returns the form factor to the visible part alone, which takes less; that to the hidden part is NaN.
     pub(super) fn visible(&mut self, point: DVec3) -> Parts {
         self.look(point, false)
+    }
+
+    /// Finds the bodies that casters are parts of: sides that lie on one convex body, seen from outside, whose edges never cross in a view.
+    pub(super) fn find_bodies(&mut self) {
+        let mut bodies: Vec<Vec<usize>> = Vec::new();
+        for k in 0..self.casters.len() {
+            let is_of = |body: &Vec<usize>| body.iter().all(|&other| self.are_of_one_body(k, other));
+            // Where there are many, each is a body of its own.
+            let found = bodies.iter().position(is_of).filter(|_| k < MOST_GROUPED);
+            let body = found.unwrap_or_else(|| {
+                bodies.push(Vec::new());
+                bodies.len() - 1
+            });
+            bodies[body].push(k);
+            self.casters[k].body = 1 << body.min(63);
+        }
+    }
+
+    fn are_of_one_body(&self, a: usize, b: usize) -> bool {
+        let [a, b] = [a, b].map(|k| &self.casters[k]);
+        let is_behind = |plane: &Flat, edges: &[Side]| {
+            let mut corners = edges.iter().map(|edge| edge.from);
+            corners.all(|v| plane.height(v) <= plane.tolerance(v, 1e-12))
+        };
+        a.one_sided && b.one_sided && is_behind(&a.plane, &b.edges) && is_behind(&b.plane, &a.edges)
+    }
+
+    /// Tells whether several bodies have hidden something since [`forget`](Self::forget).
+    pub(super) fn several_hide(&self) -> bool {
+        self.hiding.count_ones() > 1
+    }
+
+    pub(super) fn forget(&mut self) {
+        self.hiding = 0;
     }
 
     fn look(&mut self, point: DVec3, with_hidden: bool) -> Parts {
@@ -207,6 +250,7 @@ impl Shadows {
                     &mut self.piece,
                 ) {
                     is_cut = true;
+                    self.hiding |= self.casters[k].body;
                     if with_hidden {
                         hidden += contour(&self.rest);
                     }
