@@ -1,4 +1,4 @@
-//! Form factors behind blockers: a closed room with a floating box, all pairs of patches.
+//! Form factors behind occluders: a closed room with a floating box, all pairs of patches.
 
 use std::hint::black_box;
 
@@ -16,7 +16,7 @@ mod scenes;
 #[allow(dead_code, reason = "made for tests")]
 mod shapes;
 
-/// The pairs of patches that blockers may stand between.
+/// The pairs of patches that occluders may stand between.
 type Pairs = Vec<(Polygon, Polygon, Vec<BlockerId>)>;
 
 /// Classifies all pairs of patches, those of faces first.

@@ -87,6 +87,7 @@
 pub mod audit;
 pub mod checkpoint;
 pub mod cli;
+mod disjoint_sets;
 pub mod embree;
 pub mod experiment;
 pub mod form_factor;

@@ -543,7 +543,7 @@ fn twenty_thousand_faces_of_a_ball_see_the_floor_as_the_sphere_does() {
     let n = 20_481_u64;
     assert_eq!(computed.factors.n_rows() as u64, n);
     let pairs = computed.pairs.unwrap();
-    // All triangles that have a corner of the floor before them; nothing else stands in between.
+    // All triangles that have a corner of the floor before them; nothing else occludes.
     let floor = prepared.mesh.polygon(radiosity::mesh::PatchId(0));
     let sees_floor =
         |patch: &&radiosity::mesh::Patch| floor.iter().any(|&v| patch.normal.dot(v - patch.centroid) > 0.0);

@@ -286,7 +286,7 @@ fn the_stated_noise_of_low_discrepancy_rays_covers_the_true_one() {
             }
         }
     }
-    // Scrambled points err less than the independent ones whose error is stated, and pairs without a blocker not at all.
+    // Scrambled points err less than the independent ones whose error is stated, and pairs without an occluder not at all.
     let mean = z_squared / f64::from(count);
     assert!((0.02..0.5).contains(&mean), "mean z² {mean}");
     assert!(

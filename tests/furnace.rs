@@ -126,7 +126,7 @@ fn uniform_light_stays_uniform_with_every_method() {
                 continue;
             }
             let raw = room.compute(&*quick(method, 1));
-            // Without blockers these have no error but rounding, and need no repair.
+            // Without occluders these have no error but rounding, and need no repair.
             if name == "cube" && ["contour", "closed-form", "qmc"].contains(&method) {
                 let worst = worst_radiosity(&raw, &["gauss-seidel", "pcg"]);
                 assert!(worst < 1e-11, "{name}, {method}: {worst:e}");

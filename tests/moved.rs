@@ -123,7 +123,7 @@ fn compared(a: &FormFactors, b: &FormFactors) -> (f64, usize) {
     for i in 0..n {
         for j in 0..n {
             let off = (a.get(i, j) - b.get(i, j)).abs();
-            // 1e-9: the neglected borders of blockers, which depend on the level that a pair is classified on.
+            // 1e-9: the neglected borders of occluders, which depend on the level that a pair is classified on.
             let known = 1.000_001 * (a.std_error(i, j) + b.std_error(i, j)) + 1e-9;
             worst = worst.max(off / known);
             n_same += usize::from(a.get(i, j).to_bits() == b.get(i, j).to_bits());

@@ -1,4 +1,4 @@
-//! Methods between pairs where patches are near each other, or a blocker is near them: their errors against what they state.
+//! Methods between pairs where patches are near each other, or an occluder is near them: their errors against what they state.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 

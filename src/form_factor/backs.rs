@@ -21,7 +21,7 @@ pub(super) use candidates::{Outline, Sheets};
 /// Pairs of patches and backs that are looked at, for all patches together: more are left to rays.
 const MAX_PAIRS: usize = 1 << 18;
 
-/// Work on the partly hidden pairs of one patch, and of all, in squares of blockers: more is left to rays.
+/// The most work on the partially visible pairs of one patch, and of all, in squared counts of occluders; rays do the rest.
 const MAX_WORK: usize = 1 << 11;
 const MAX_WORK_IN_ALL: usize = 1 << 18;
 
@@ -95,7 +95,7 @@ fn counted(probe: &Probe) -> Fraction {
     }
 }
 
-/// A patch and a back that something stands between, or nothing.
+/// A patch and a back, with their occluders.
 struct Pair<'a> {
     patch: usize,
     back: &'a [DVec3],

@@ -6,6 +6,7 @@ use std::sync::{Arc, OnceLock};
 use super::pairs::Facing;
 use super::segments::unseen_square;
 use crate::geometry::point_form_factor::point_form_factor;
+use crate::geometry::polygon;
 use crate::geometry::polygon_form_factor::{self, PreparedPolygon, Tolerance, exchange_area};
 use crate::geometry::quadrature::{GaussProduct, WeightedPoint};
 use crate::matrix::UpperBounds;
@@ -54,8 +55,8 @@ impl Unoccluded {
     /// Work: none, and an error of 0, where the rule is good to 1e-3 of F_ij: i lies in front of j's plane, and j is farther away than 3 / q of the radius of i.
     pub(super) fn rule_error(&self, i: usize, j: usize, points: &[WeightedPoint], found: f64) -> f64 {
         let [own, other] = [i, j].map(|k| &self.polygons()[k]);
-        let [from, to] = [own, other].map(|polygon| polygon.corners()[0] + polygon.centre());
-        let gap = from.distance(to) - own.radius() - other.radius();
+        let centre = own.corners()[0] + own.centre();
+        let gap = polygon::distance(centre, other.corners()) - own.radius();
         let q = (points.len() as f64).sqrt();
         if gap > 3.0 / q * own.radius() && self.facing.is_in_front(j, i) {
             return 0.0;

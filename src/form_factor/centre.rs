@@ -13,7 +13,7 @@ use crate::progress::Progress;
 ///
 /// Order: second in the patches' size over their distance; first in the distance where patches touch. Bias: the error of the rule, positive between patches
 /// that touch (0.318 instead of 0.200 for two unit squares at right angles); nothing keeps A_i F_ij below the smaller area, or row sums below 1.
-/// Error of an entry: its distance from the exact form factor without blockers (two digits of it), plus 0.41 of that where something may block, as one
+/// Error of an entry: its distance from the exact form factor without occluders (two digits of it), plus 0.41 of that where something may block, as one
 /// ray says so little. With `normalise`, the least of three: that, and its part of the row's sum of errors, divided by α_i; that, and the step from the entry
 /// as it was; and the step from the entry to the farther end of [0, 1].
 ///

@@ -12,8 +12,8 @@ use crate::progress::Progress;
 
 /// The closed form between rectangles with parallel edges, times the fraction of it that is visible.
 ///
-/// Accuracy without blockers: 3e-15 of the squared diameter of the pair, absolute; see
-/// [`rectangle_exchange_area`]. With blockers as [`ContourIntegral`](super::ContourIntegral), whose visible fraction this is.
+/// Accuracy without occluders: 3e-15 of the squared diameter of the pair, absolute; see
+/// [`rectangle_exchange_area`]. With occluders as [`ContourIntegral`](super::ContourIntegral), whose visible fraction this is.
 /// A pair that faces each other and is not of this kind is a [`FormFactorError::NotApplicable`].
 ///
 /// Source: as [`rectangle_exchange_area`]. Departures: the visible fraction.

@@ -15,10 +15,10 @@ use crate::progress::Progress;
 /// A_i F_ij = v / (2π) ∮∮ ln r dr_i · dr_j, with v = Σ k V / Σ k over the rays between q × q points on both patches, one at random in each of q × q
 /// cells of equal area, and k the integrand cos θ cos θ / r² of each ray.
 ///
-/// Accuracy without blockers: rounding, which the sum of the contours loses to cancellation (see
-/// [`contour`](polygon_form_factor::contour)). With blockers v is biased by O(1/q²), as a ratio of sums is, and has the standard error that each entry states: that of N^(7/4) independent rays
+/// Accuracy without occluders: rounding, which the sum of the contours loses to cancellation (see
+/// [`contour`](polygon_form_factor::contour)). With occluders v is biased by O(1/q²), as a ratio of sums is, and has the standard error that each entry states: that of N^(7/4) independent rays
 /// if N points of a patch see all of the exchange, and more where the kernel at the points misses some of it; at the border of
-/// a shadow about q^(−3/2) of the entry. 0 ≤ A_i F_ij ≤ the exchange area without blockers.
+/// a shadow about q^(−3/2) of the entry. 0 ≤ A_i F_ij ≤ the exchange area without occluders.
 ///
 /// Source: [`SPARROW_1963`](crate::references::SPARROW_1963), equation (8). Departures: the visible fraction.
 #[derive(Clone, Copy, Debug)]

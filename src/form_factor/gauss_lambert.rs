@@ -37,7 +37,7 @@ const MOST_POINTS: usize = 4096;
 /// Order: 2q between patches apart from each other; where they touch still high, as the exact inner integral leaves no singularity but a weak one
 /// of higher derivatives (3e-8 in a cube of 216 patches with q = 5). Bias: that of the rule, seldom above 0.001 of the entry as the patch is cut then; and about
 /// q^(−3/2) of the entry at the border of a shadow. 0 ≤ A_i F_ij ≤ the smaller patch's area.
-/// Error of an entry: how far the rule is from the exact exchange area without blockers, as far as the pair is visible, plus the error of the visible
+/// Error of an entry: how far the rule is from the exact exchange area without occluders, as far as the pair is visible, plus the error of the visible
 /// fraction and 1e-14 of the smaller area for rounding.
 ///
 /// Source: [`LAMBERT_1760`](crate::references::LAMBERT_1760); the combination is folklore. Departures: none.

@@ -25,7 +25,7 @@ use crate::visibility::{Coherence, HitBatch, RayBatch};
 /// Rays are traced in every scene, as they are what finds the patches. Bias: what patch i sees is what its points see, wrong by some
 /// per cent to tens of per cent where patches touch and q = 1; aliasing at the cells, of the order 1/√m of an entry made of m cells.
 /// Not symmetric; A_i F_ij may exceed the smaller area.
-/// Error of an entry: its distance from the exact form factor without blockers (two digits of it) where nothing blocks. Where something may, plus
+/// Error of an entry: its distance from the exact form factor without occluders (two digits of it) where nothing blocks. Where something may, plus
 /// sqrt(2/((q² + 2)(q² + 3))) of that, for what is hidden from parts of i between the points, which more cells do not tell. Where a fraction v < 1 − 1/√m is visible from the
 /// points, by m rays: the points' distance from the exact form factor, plus sqrt(v(1 − v)/q² + 2/((q² + 2)(q² + 3))) of it, plus 1/√m of the entry. Patches that are certain
 /// not to see each other have none. It covers the rule on i, the cells and the shadows; summed over patches that err to both sides it is much more than their error.

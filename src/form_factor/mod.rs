@@ -2,7 +2,7 @@
 //!
 //! F_ij = 1/A_i ∫_{A_i} ∫_{A_j} V cos θ_i cos θ_j / (π r²) dA_j dA_i, dimensionless, in \[0, 1\].
 //!
-//! Each method is one file behind [`FormFactorMethod`], and one line in the [`registry`]. What each of them promises without a blocker:
+//! Each method is one file behind [`FormFactorMethod`], and one line in the [`registry`]. What each of them promises without an occluder:
 //!
 //! | method | A_i F_ij symmetric | A_i F_ij ≤ min(A_i, A_j) | rows sum to 1 if closed | error of an entry from |
 //! |---|---|---|---|---|
@@ -20,11 +20,11 @@
 //! How many entries lie within these errors, in twenty scenes, is in `docs/stated-errors.md`, with the command that measures it, and so is which repair of rows leaves
 //! the smaller error ([`Need`](crate::matrix::Need)). An entry that no ray of a row hit states what that leaves open ([`std_error`](crate::matrix::FormFactors::std_error)).
 //!
-//! With blockers the methods between pairs add the standard error of the visible fraction, which rays between the two patches give, but
+//! With occluders the methods between pairs add the standard error of the visible fraction, which rays between the two patches give, but
 //! for [`ExactMethod`], which traces no ray at all and keeps to a tolerance. The others trace none where nothing can block.
 //!
 //! Where a file [shows that its coordinates were rounded](crate::scene::Written::shows_rounding), all methods but [`OnTheFly`] add to the error of an entry what half a unit of the last place leaves open:
-//! how far F_ij changes to the first order where the vertices of both patches, and of what stands between them, move. Whole numbers and short decimals of a mesh that fits are what is meant.
+//! how far F_ij changes to the first order where the vertices of both patches and of their occluders move. Whole numbers and short decimals of a mesh that fits are what is meant.
 
 mod backs;
 mod bounds;
@@ -123,7 +123,7 @@ pub struct PairCounts {
     pub full: u64,
     /// Pairs that do not see each other at all, as far as the method can tell.
     pub hidden: u64,
-    /// Pairs that something stands between, or may.
+    /// Pairs that are occluded, or may be.
     pub partial: u64,
     /// Rays traced between points of pairs.
     pub n_rays: u64,

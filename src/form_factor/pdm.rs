@@ -14,7 +14,7 @@ use crate::progress::Progress;
 /// Order: 2q between patches apart from each other, with an error that falls like (size / distance)^(2q); about 1 / q where patches touch, because
 /// of the integrand's singularity there. Bias: the error of the rule, positive where patches touch, so that A_i F_ij may exceed the smaller area and row sums exceed 1;
 /// at the border of a shadow about q^(−3/2) of the entry.
-/// Error of an entry: the rule's distance from the exact form factor without blockers (two digits of it), plus the error of the visible fraction.
+/// Error of an entry: the rule's distance from the exact form factor without occluders (two digits of it), plus the error of the visible fraction.
 ///
 /// Source: [`BARANOSKI_1995`](crate::references::BARANOSKI_1995), appendix A, equation (29). Departures: the analytic treatment of the
 /// singularity that the paper mentions is not described there, and not done; row sums are 1.051 where the paper prints 1.014 (cube of 216 patches).

@@ -9,7 +9,7 @@ use crate::geometry::sampling::{PointStream, Sequence, UniformOnPolygon};
 use crate::matrix::StorageChoice;
 use crate::progress::Progress;
 
-/// The exact exchange area without blockers, times the visible fraction of N rays between points of a scrambled Sobol sequence.
+/// The exact exchange area without occluders, times the visible fraction of N rays between points of a scrambled Sobol sequence.
 ///
 /// A_i F_ij = X Σ k V / Σ k, with X the exact exchange area, the 4 coordinates of each Sobol point on both patches, uniform by area, and k the integrand
 /// cos θ cos θ / r² of each ray. A pair that sees each other whole has no noise, and the ratio has a bounded variance although k

@@ -411,7 +411,7 @@ impl<'a> RoundedRows<'a> {
 
     /// Adds what rounding leaves open to the errors of entries of row i, which are in units of 1 / `scale` m²: 1 for exchange areas, A_i for form factors.
     ///
-    /// Work: a look for what stands between the patch and each face whose patches have rounding to be looked at, and some µs for each of these.
+    /// Work: a search for occluders between the patch and each face whose patches have rounding to be looked at, and some µs for each of these.
     pub(super) fn add(&self, i: usize, scale: f64, entries: &mut [Entry]) {
         let mesh = self.input.mesh;
         let face = |entry: &Entry| mesh.patches[entry.0 as usize].face;
@@ -432,7 +432,7 @@ impl<'a> RoundedRows<'a> {
         }
     }
 
-    /// Returns what stands between patch i and the face of patch j.
+    /// Returns the occluders between patch i and the face of patch j.
     fn between(&self, i: usize, j: usize) -> Vec<BlockerId> {
         let Some(index) = &self.index else {
             return Vec::new();

@@ -167,7 +167,7 @@ fn points_of_part(part: &[glam::DVec3], area: f64) -> Vec<WeightedPoint> {
 
 /// Computes Σ w V over all segments between given points: a quadrature rule for the whole integral.
 ///
-/// Error: how far the rule is from the exact exchange area without blockers, as far as it is visible, plus the error of the visible fraction.
+/// Error: how far the rule is from the exact exchange area without occluders, as far as it is visible, plus the error of the visible fraction.
 pub(super) fn quadrature(
     points: &[Vec<WeightedPoint>],
     input: Input<'_>,
@@ -206,7 +206,7 @@ fn to_two_digits_of(rule: f64, [from, to]: [&PreparedPolygon; 2]) -> polygon_for
 }
 
 impl Exchange {
-    /// Returns an exchange area without blockers times the visible fraction, with both errors.
+    /// Returns an exchange area without occluders times the visible fraction, with both errors.
     pub(super) fn times(self, visible: VisibleFraction) -> Self {
         Self {
             area: self.area * visible.fraction,

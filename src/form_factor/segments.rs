@@ -34,10 +34,10 @@ pub(super) enum Independence {
     /// Every point of one patch is joined with every point of the other: the rays tell as much as N^(5/4) independent ones, with N = (Σ w)² / Σ_p (Σ_s w_ps)² the
     /// number of equal points, on the patch where it is less.
     ///
-    /// The shadow of a blocker close to a patch is the same from all points of the other, so that rays tell no more of it than the points of that patch do; and where
+    /// The shadow of an occluder close to a patch is the same from all points of the other, so that rays tell no more of it than the points of that patch do; and where
     /// the patches are near each other, most of what they exchange may pass through few points of the larger one. Beside the border of a shadow
     /// neighbouring points see the same, which makes N points of a grid worth up to N^(3/2) random ones, but where the border runs along their rows, N.
-    /// With 5/4, 0.1 % of the errors were above three stated ones in 4000 random triples of two patches and a blocker near one of them or in between (5 × 5 points), 1 to 2 % with 3/2;
+    /// With 5/4, 0.1 % of the errors were above three stated ones in 4000 random triples of two patches and an occluder near one of them or in between (5 × 5 points), 1 to 2 % with 3/2;
     /// the median was 0.1 to 0.3 of what is stated.
     SharedEnds,
     /// As [`SharedEnds`](Self::SharedEnds), with one point at random in each cell of a grid: N points are worth N^(7/4), as no row of them runs along the border of a

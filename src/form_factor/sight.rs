@@ -1,4 +1,4 @@
-//! Which pairs of patches need rays: those that something stands between.
+//! Which pairs of patches need rays: those that may be occluded.
 
 use glam::DVec3;
 
@@ -10,15 +10,15 @@ use crate::visibility::shaft::Shaft;
 /// What is known of a pair before any ray is traced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Sight {
-    /// Nothing stands in between.
+    /// No occluder.
     Whole,
-    /// One polygon or one convex solid closes the way.
+    /// One polygon or one convex solid hides all.
     Hidden,
-    /// Some blockers reach in between.
+    /// Some occluders reach in between.
     Unknown,
 }
 
-/// The faces of a scene as blockers, asked row by row.
+/// The faces of a scene as occluders, asked row by row.
 pub(super) struct Sights<'a> {
     input: Input<'a>,
     /// `None` where nothing blocks.

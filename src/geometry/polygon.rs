@@ -54,6 +54,24 @@ pub fn distance_from_edges(point: DVec3, corners: &[DVec3]) -> f64 {
         .fold(f64::INFINITY, f64::min) // ignores NaN, from edges of no length
 }
 
+/// Returns the distance of a point from a convex polygon, in m.
+#[must_use]
+pub fn distance(point: DVec3, corners: &[DVec3]) -> f64 {
+    let normal = area_vector(corners).normalize_or_zero();
+    let n = corners.len();
+    let is_over = |k: usize| {
+        (corners[(k + 1) % n] - corners[k])
+            .cross(point - corners[k])
+            .dot(normal)
+            >= 0.0
+    };
+    if (0..n).all(is_over) {
+        (point - corners[0]).dot(normal).abs()
+    } else {
+        distance_from_edges(point, corners)
+    }
+}
+
 /// Returns the largest distance of a corner from the plane through the corners' mean with the polygon's own normal, in m.
 #[must_use]
 pub fn planarity_error(corners: &[DVec3]) -> f64 {

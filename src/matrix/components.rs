@@ -1,11 +1,13 @@
 //! Which patches can exchange light at all, however many reflections it takes.
 
+use crate::disjoint_sets::DisjointSets;
+
 use super::operator::{Block, Components, LinearOperator, RowAccess};
 
 /// Returns the connected components of the graph with an edge wherever F_ij is not zero.
 pub(crate) fn connected(operator: &dyn LinearOperator, rows: &dyn RowAccess) -> Components {
     let n = operator.n_rows();
-    let mut parents: Vec<usize> = (0..n).collect();
+    let mut sets = DisjointSets::new(n);
     let mut n_components = n;
     let mut n_alone = 0;
     for i in 0..n {
@@ -16,10 +18,7 @@ pub(crate) fn connected(operator: &dyn LinearOperator, rows: &dyn RowAccess) -> 
             n_alone = count_alone(operator);
         }
         rows.visit_row(i, &mut |j, value| {
-            let (a, b) = (root(&mut parents, i), root(&mut parents, j));
-            if value > 0.0 && a != b {
-                // The smaller number is the root, so roots come in the order of first patches.
-                parents[a.max(b)] = a.min(b);
+            if value > 0.0 && sets.join(i, j) {
                 n_components -= 1;
             }
         });
@@ -27,12 +26,12 @@ pub(crate) fn connected(operator: &dyn LinearOperator, rows: &dyn RowAccess) -> 
     let mut labels = vec![0; n];
     let mut next = 0;
     for i in 0..n {
-        let root = root(&mut parents, i);
-        if root == i {
+        let first = sets.find(i);
+        if first == i {
             labels[i] = next;
             next += 1;
         } else {
-            labels[i] = labels[root];
+            labels[i] = labels[first];
         }
     }
     Components { labels, n_components }
@@ -48,12 +47,4 @@ fn count_alone(operator: &dyn LinearOperator) -> usize {
     let mut row_sums = Block::zeros(operator.n_rows(), 1);
     operator.apply(&ones, &mut row_sums);
     row_sums.values().iter().filter(|sum| sum.abs() <= 0.0).count()
-}
-
-fn root(parents: &mut [usize], mut i: usize) -> usize {
-    while parents[i] != i {
-        parents[i] = parents[parents[i]]; // Halves the path for the next time.
-        i = parents[i];
-    }
-    i
 }

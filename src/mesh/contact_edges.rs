@@ -6,8 +6,9 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use glam::DVec3;
 
 use super::pieces::Pieces;
-use super::planes::{DisjointSets, FaceEdge, flat_joints};
+use super::planes::{FaceEdge, flat_joints};
 use super::{Mesh, Patch, PatchId};
+use crate::disjoint_sets::DisjointSets;
 use crate::geometry::box_pairs::{BoxTree, overlapping_pairs};
 use crate::scene::{Corners, FaceId, Scene};
 

@@ -6,33 +6,6 @@ use glam::DVec3;
 
 use crate::scene::{FaceId, Scene};
 
-/// Union of disjoint sets with path halving; the least member stands for its set.
-#[derive(Clone, Debug)]
-pub(super) struct DisjointSets {
-    parent: Vec<usize>,
-}
-
-impl DisjointSets {
-    pub(super) fn new(n: usize) -> Self {
-        Self {
-            parent: (0..n).collect(),
-        }
-    }
-
-    pub(super) fn find(&mut self, mut x: usize) -> usize {
-        while self.parent[x] != x {
-            self.parent[x] = self.parent[self.parent[x]];
-            x = self.parent[x];
-        }
-        x
-    }
-
-    pub(super) fn join(&mut self, a: usize, b: usize) {
-        let (a, b) = (self.find(a), self.find(b));
-        self.parent[a.max(b)] = a.min(b);
-    }
-}
-
 /// One edge of one face: the face and the place of the edge's first corner.
 pub(super) type FaceEdge = (FaceId, usize);
 

@@ -9,8 +9,8 @@ use std::collections::{BTreeMap, HashMap};
 use glam::DVec3;
 
 use super::contact_edges::ContactEdges;
-use super::planes::DisjointSets;
 use super::{Mesh, PatchId};
+use crate::disjoint_sets::DisjointSets;
 use crate::geometry::box_pairs::overlapping_pairs;
 
 /// Points nearer than this part of the longer of two edges are one, and so are lines: far more than rounding, far less than a patch.

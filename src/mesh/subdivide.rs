@@ -10,9 +10,10 @@ use super::contact_edges::ContactEdges;
 use super::grid::FaceGrid;
 use super::hierarchy::FaceShape;
 use super::pieces::{Corner, Pieces};
-use super::planes::{DisjointSets, FaceEdge, flat_joints};
+use super::planes::{FaceEdge, flat_joints};
 use super::seams::Seams;
 use super::{Mesh, Patch};
+use crate::disjoint_sets::DisjointSets;
 use crate::geometry::polygon;
 use crate::scene::{Corners, FaceId, Scene};
 

@@ -39,8 +39,8 @@ pub enum DirectMethod {
     },
     /// By the exact form factor to the visible part of every emitting face: H = Σ_j E_j F(x → visible part of j), in f64 and without rays.
     ///
-    /// Each face is clipped against what stands between it and the point's patch (see [`VisibleFactor`](crate::form_factor::partial::VisibleFactor)).
-    /// No noise; the error is that of rounding. The time grows with pixels × emitting faces × blockers in between.
+    /// Each face is clipped against the occluders between it and the point's patch (see [`VisibleFactor`](crate::form_factor::partial::VisibleFactor)).
+    /// No noise; the error is that of rounding. The time grows with pixels × emitting faces × occluders in between.
     Exact,
 }
 
@@ -114,7 +114,7 @@ pub(super) struct DirectPass<'a> {
     emitters: Vec<Emitter>,
     /// E of every face.
     exitance: Vec<[f64; 3]>,
-    /// What stands in between, where that is wanted exactly.
+    /// The occluders, where they are wanted exactly.
     clear: Option<ClearParts<'a>>,
 }
 

@@ -14,7 +14,7 @@ pub(crate) use pieces::{Pieces, joint};
 use regions::Sides;
 pub(crate) use regions::{Backs, Place, View, places};
 
-/// Tells whether no face can stand between two others: a convex room without anything in it, or a part of one.
+/// Tells whether no face can occlude one from another: a convex room without anything in it, or a part of one.
 ///
 /// True if every vertex lies in front of, or on, the plane of every face. All faces then lie on the boundary of one convex set,
 /// and a segment between two of them stays inside it. Conservative: a scene that is convex but for rounding above 1e-12 of its size, or 1e-9 of its smallest face, counts as not convex,

@@ -127,7 +127,7 @@ impl VoxelScene {
             .surfels
             .par_iter()
             .map(|s| {
-                distance_to_polygon(
+                polygon::distance(
                     DVec3::from_array(s.voxel().map(f64::from)),
                     &to_lattice(scene.polygon(s.face)),
                 )
@@ -198,18 +198,4 @@ impl VoxelScene {
         voxel[normal.axis] += distance * normal.integer[normal.axis].signum();
         voxel
     }
-}
-
-/// Returns the distance from a point to a convex polygon.
-fn distance_to_polygon(point: DVec3, corners: &[DVec3]) -> f64 {
-    let normal = polygon::area_vector(corners).normalize_or_zero();
-    let edges = || (0..corners.len()).map(|k| (corners[k], corners[(k + 1) % corners.len()]));
-    if edges().all(|(a, b)| (b - a).cross(point - a).dot(normal) >= 0.0) {
-        return (point - corners[0]).dot(normal).abs();
-    }
-    let to_edge = |(a, b): (DVec3, DVec3)| {
-        let t = (point - a).dot(b - a) / (b - a).length_squared();
-        point.distance(a.lerp(b, t.clamp(0.0, 1.0)))
-    };
-    edges().map(to_edge).fold(f64::INFINITY, f64::min)
 }

@@ -11,6 +11,7 @@ use super::discretize::VoxelScene;
 use super::grid::Voxel;
 use super::octree::{self, EMPTY};
 use super::thin::{AT_CENTRE, Side, Sides};
+use crate::disjoint_sets::DisjointSets;
 
 /// No region is known: a surfel without air in front of it, or a voxel's centre that is none.
 const UNKNOWN: u32 = u32::MAX;
@@ -80,7 +81,7 @@ impl Regions {
     /// Finds the regions; `None` if all surfels look into one.
     pub(super) fn new(voxels: &VoxelScene, sides: &Sides) -> Option<Self> {
         let bricks = Bricks::new(voxels);
-        let mut sets = Sets((0..to_u32(bricks.n_nodes)).collect());
+        let mut sets = DisjointSets::new(bricks.n_nodes);
         let mut join = |from: Voxel, axis: usize| {
             let mut to = from;
             to[axis] += 1;
@@ -110,7 +111,7 @@ impl Regions {
         for rank in 0..to_u32(voxels.octree.n_voxels()) {
             for s in voxels.surfels_of(rank) {
                 let node = voxels.looks_into(s, rank, sides);
-                of_surfel.push(node.map_or(UNKNOWN, |node| sets.root(bricks.node(node))));
+                of_surfel.push(node.map_or(UNKNOWN, |node| to_u32(sets.find(bricks.node(node)))));
             }
         }
         let mut known = of_surfel.iter().filter(|&&region| region != UNKNOWN);
@@ -118,7 +119,7 @@ impl Regions {
         if known.all(|region| region == first) {
             return None;
         }
-        let region = (0..bricks.n_nodes).map(|node| sets.root(node)).collect();
+        let region = (0..bricks.n_nodes).map(|node| to_u32(sets.find(node))).collect();
         Some(Self {
             bricks,
             region,
@@ -186,25 +187,6 @@ fn is_open(voxels: &VoxelScene, sides: &Sides, voxel: Voxel, side: Side) -> bool
         .octree
         .rank(voxel)
         .is_none_or(|rank| sides.crossed(rank) >> side & 1 == 0)
-}
-
-/// Disjoint sets of nodes, by a node that stands for each.
-struct Sets(Vec<u32>);
-
-impl Sets {
-    fn root(&mut self, node: usize) -> u32 {
-        let mut at = node;
-        while self.0[at] as usize != at {
-            self.0[at] = self.0[self.0[at] as usize];
-            at = self.0[at] as usize;
-        }
-        to_u32(at)
-    }
-
-    fn join(&mut self, a: usize, b: usize) {
-        let [a, b] = [a, b].map(|node| self.root(node));
-        self.0[a.max(b) as usize] = a.min(b);
-    }
 }
 
 fn to_u32(n: usize) -> u32 {

@@ -645,7 +645,7 @@ fn frames_with_a_moved_object_equal_pictures_of_the_moved_scene() {
         let (shared, single) = (layers(&format!("f-{name}.exr")), layers(&format!("alone-{name}.exr")));
         for layer in ["R", "direct.G", "irradiance.B"] {
             for (a, b) in shared.f32(layer).unwrap().iter().zip(single.f32(layer).unwrap()) {
-                // Ten times the tolerance of the form factors, beside 1 W·m⁻² or less; the same but for pairs on the border of blockers.
+                // Ten times the tolerance of the form factors, beside 1 W·m⁻² or less; the same but for pairs on the border of occluders.
                 assert!((a - b).abs() <= 1e-4 * b.abs().max(1e-2), "{name} {layer}: {a} {b}");
             }
         }

@@ -122,7 +122,7 @@ fn segments_that_graze_an_edge_are_blocked_on_its_inner_side_only() {
     let mut random = Random::new(6);
     for motion in motions(&mut random) {
         let visibility = EmbreeVisibility::new(&motion.scene(room_and_sphere())).unwrap();
-        // Outside the room, across its edge x = y = 0: the room is the blocker.
+        // Outside the room, across its edge x = y = 0: the room is the occluder.
         let mut rays = RayBatch::default();
         let mut inside = Vec::new();
         for i in 0..100_000 {

@@ -9,19 +9,18 @@ use std::time::{Duration, Instant};
 
 use serde_json::json;
 
+use super::repair::repair;
 use super::{Prepared, Run};
-use crate::audit::{self, Claims, Repair};
+use crate::audit::Repair;
 use crate::cli::args::{BalanceName, MethodArgs, StorageName};
 use crate::cli::exit_code::ExitCode;
 use crate::cli::failure::Failure;
 use crate::cli::storage;
-use crate::form_factor::MAX_ESCAPED;
 use crate::form_factor::registry::{self, MethodEntry, Setting};
 use crate::form_factor::{
-    self, Before, Closure, Enclosed, ExactMethod, FormFactorError, FormFactorMethod, MethodSettings, PairCounts,
-    Reciprocity, SkyFactors,
+    self, Before, ExactMethod, FormFactorError, FormFactorMethod, MethodSettings, PairCounts, Reciprocity, SkyFactors,
 };
-use crate::matrix::{BalanceReport, Checks, Closed, FormFactors, Need, RepairKind, RowTally, Sampling};
+use crate::matrix::{BalanceReport, Checks, FormFactors, Need, RepairKind, Sampling};
 use crate::printable::counted;
 use crate::scene::Scene;
 use crate::visibility::blockers::BlockerIndex;
@@ -102,8 +101,8 @@ fn explain_exact(prepared: &mut Prepared, fineness: Fineness) {
         let n = BlockerIndex::new(&prepared.scene).n_blockers();
         plan.revise(
             "visibility",
-            format!("exact clipping against {n} blockers"),
-            "a vertex lies behind the plane of a face: something may block; flat neighbours count as one blocker",
+            format!("exact clipping against {n} occluders"),
+            "a vertex lies behind the plane of a face: something may block; flat neighbours count as one occluder",
         );
         let reason = if fineness.tolerance.is_some() {
             "as asked for"
@@ -139,7 +138,7 @@ pub(in crate::cli) fn spent_budget(pairs: Option<PairCounts>) -> bool {
 ///
 /// What coordinates that are rounded leave open is no failure of the run: files as ordinary as those turned out of the axes with six decimals know form factors to 1e-5, not to
 /// the default of 1e-6, and no work changes that. A warning tells it, and `tolerance_met`.
-fn code(tolerance_met: bool, pairs: Option<PairCounts>) -> ExitCode {
+pub(super) fn code(tolerance_met: bool, pairs: Option<PairCounts>) -> ExitCode {
     if tolerance_met || !spent_budget(pairs) {
         ExitCode::Done
     } else {
@@ -149,10 +148,6 @@ fn code(tolerance_met: bool, pairs: Option<PairCounts>) -> ExitCode {
 
 /// The share of a limited time that form factors get, where something follows that takes as long.
 const FORM_FACTORS_OF_TIME: [(&str, f64); 3] = [("form-factors", 0.9), ("solve", 0.7), ("render", 0.4)];
-
-/// Row sums are restored to far below the noise, or as far as so many passes go.
-pub(in crate::cli) const BALANCE_TOLERANCE: f64 = 1e-10;
-const BALANCE_PASSES: usize = 200;
 
 impl Run {
     /// Computes form factors, makes them symmetric where that is asked for, and checks them.
@@ -197,7 +192,7 @@ impl Run {
             let nothing = "rays between patches: nothing here is sampled".into();
             prepared.plan.left_out.push(nothing);
         }
-        // No ray is traced between patches that nothing can stand between.
+        // Pairs without occluders need no rays.
         let has_noisy_pairs = method.has_noisy_pairs() && !prepared.input().unoccluded;
         let sampling = if by_rows {
             Sampling::of_rows(n_entries.is_some(), self.is_net())
@@ -301,233 +296,6 @@ impl Run {
         }
     }
 
-    /// Warns of rays of rows that are known to sum to 1 which met no front all the same.
-    fn warn_of_slipped_rays(&mut self, raw: &FormFactors, closed_rows: &[bool]) {
-        let n_rays: u64 = raw.tallies().iter().map(|tally| tally.n_rays).sum();
-        let tallies = raw.tallies().iter().zip(closed_rows);
-        let of_closed = tallies.filter(|(_, is_closed)| **is_closed);
-        let n_lost: u64 = of_closed.map(|(tally, _)| tally.n_escaped + tally.n_absorbed).sum();
-        if n_lost > 0 {
-            self.warn(&format!(
-                "{n_lost} of {n_rays} rays slipped out of a closed scene, or behind its faces where two of them touch; the row sums show what that amounts to"
-            ));
-        }
-    }
-
-    /// Tells whether a method between pairs may ask rays; form factors from a file have no method among the settings, and ask none.
-    fn may_ask_rays(&self) -> bool {
-        self.settings.get("method").is_some_and(|name| name != "exact")
-    }
-
-    /// Makes form factors symmetric where that is asked for, and checks them.
-    pub(in crate::cli) fn repaired(
-        &mut self,
-        prepared: &mut Prepared,
-        result: form_factor::Computed,
-        args: &MethodArgs,
-        need: Need,
-        promised: Promised,
-    ) -> Result<Computed, Failure> {
-        let (raw, asked) = (result.factors, args.balance);
-        let enclosed = self.enclosed(prepared, raw.tallies(), args.closure())?;
-        let closed_rows = &enclosed.rows;
-        self.warn_of_slipped_rays(&raw, closed_rows);
-        let sampling = if raw.is_symmetric() {
-            Sampling::of_pairs(promised.noisy_pairs && !raw.has_rays() && closed_rows.contains(&true))
-        } else {
-            Sampling::of_rows(raw.has_rays(), self.is_net())
-        };
-        let kind = repair(asked, need, sampling);
-        let wanted = matches!(kind, RepairKind::Closed | RepairKind::Rescaled);
-        self.set(
-            "balance",
-            match kind {
-                RepairKind::Closed => json!("closure"),
-                RepairKind::Pooled => json!("pooled"),
-                RepairKind::Rescaled | RepairKind::Nothing => json!(wanted),
-            },
-        );
-        let claims = |repair| Claims {
-            closed: Closed::Where(closed_rows),
-            reciprocity: promised.reciprocity,
-            errors_known: promised.errors_known,
-            repair,
-            by_rule: promised.by_rule,
-        };
-        if prepared.plan.convex_and_empty && result.pairs.is_some() && self.may_ask_rays() {
-            prepared
-                .plan
-                .left_out
-                .push("rays between patches: nothing can block".into());
-        }
-        if asked == BalanceName::Closure
-            && !closed_rows.contains(&true)
-            && raw.tallies().iter().all(|tally| tally.n_rays == 0)
-        {
-            self.warn(
-                "--balance closure changes nothing: no row is known to sum to 1, as the scene is not known to be closed; state it with --closed",
-            );
-        }
-        // What states no error has nothing else that could tell of it.
-        let doubted = if wanted || !promised.errors_known {
-            self.doubted_rows(prepared, &raw, claims(Repair::Not))?
-        } else {
-            Vec::new()
-        };
-        let (factors, balance) = self.mended(prepared, raw, kind, asked, (closed_rows, &doubted))?;
-        if let Some(report) = balance.filter(|report| !report.converged) {
-            self.set("balance_converged", false);
-            self.warn(&format!(
-                "rebalancing left row sums off by up to {:.1e} after {} passes",
-                report.row_error_max, report.n_passes
-            ));
-        }
-        let checks = self.times.time("checks", || factors.checks(closed_rows.as_slice()));
-        let sky = self.times.time("sky", || {
-            form_factor::sky_factors(prepared.input(), &factors, promised.reciprocity, &enclosed)
-        });
-        factors.if_readable(())?;
-        let repair = match balance {
-            Some(report) if report.converged => Repair::Within(BALANCE_TOLERANCE),
-            Some(_) => Repair::GaveUp,
-            None => promised.repair,
-        };
-        let audit::FormFactorAudit { audit, gain } = self
-            .times
-            .time("audit", || audit::form_factors(&factors, claims(repair)))?;
-        self.audited(audit);
-        Ok(Computed {
-            gain,
-            factors,
-            checks,
-            balance,
-            closed: enclosed.closed,
-            pairs: result.pairs,
-            tolerance_met: result.tolerance_met,
-            code: code(result.tolerance_met, result.pairs),
-            errors_known: promised.errors_known,
-            sky,
-            closed_rows: enclosed.rows,
-        })
-    }
-
-    /// Repairs form factors, and says what was done and why.
-    fn mended(
-        &mut self,
-        prepared: &mut Prepared,
-        raw: FormFactors,
-        kind: RepairKind,
-        asked: BalanceName,
-        (closed_rows, doubted): (&[bool], &[usize]),
-    ) -> Result<(FormFactors, Option<BalanceReport>), Failure> {
-        let how = match kind {
-            RepairKind::Nothing => {
-                let reason = if raw.is_symmetric() && asked == BalanceName::Auto {
-                    "they are symmetric as they are"
-                } else {
-                    "no symmetric system is needed"
-                };
-                let left_out = format!("balancing of the form factors: {reason}");
-                prepared.plan.left_out.push(left_out);
-                return Ok((raw, None));
-            }
-            RepairKind::Pooled => "by their variances; rows keep the sums that their rays count",
-            RepairKind::Closed => "the defect of the row sums spread by the entries' variances",
-            RepairKind::Rescaled => "rows rescaled symmetrically",
-        };
-        let is_symmetric = raw.is_symmetric();
-        let (factors, report) = self.times.time("balance", || {
-            let mut targets = raw.row_targets(closed_rows);
-            for &i in doubted {
-                targets.keep(i, raw.row_sum(i));
-            }
-            raw.repaired(kind, &targets, BALANCE_TOLERANCE, BALANCE_PASSES)
-        })?;
-        let passes = report.map_or_else(String::new, |report| format!(" in {} passes", report.n_passes));
-        let average = if is_symmetric {
-            ""
-        } else {
-            "each pair averaged with its reverse, "
-        };
-        let why = format!("{average}{how}{passes}");
-        let result = if report.is_some() { "restored" } else { "to the noise" };
-        prepared.plan.decide("reciprocity", result, why);
-        Ok((factors, report))
-    }
-
-    /// Returns the numbers of rows that ought to sum to 1 and do not, and warns of them.
-    fn doubted_rows(
-        &mut self,
-        prepared: &Prepared,
-        raw: &FormFactors,
-        claims: Claims<'_>,
-    ) -> Result<Vec<usize>, Failure> {
-        let is_doubted = self.times.time("checks", || audit::doubted_rows(raw, claims))?;
-        let doubted: Vec<usize> = (0..raw.n_rows()).filter(|&i| is_doubted[i]).collect();
-        let n = doubted.len();
-        if let Some(&first) = doubted.first() {
-            let face = &prepared.scene.faces[prepared.mesh.patches[first].face.0 as usize];
-            self.warn(&format!(
-                "{}:{}: the rows of {n} patches, first of `{}`, are off 1 by more than the error that they state (0.1 where they state none), and are left as they are; look for gaps and faces that are wound the wrong way",
-                self.scene_file.display(),
-                face.line,
-                prepared.scene.surfaces[face.surface.0 as usize].name
-            ));
-        }
-        Ok(doubted)
-    }
-
-    /// Decides whether light leaves the scene, and which rows sum to 1.
-    pub(in crate::cli) fn enclosed(
-        &mut self,
-        prepared: &mut Prepared,
-        tallies: &[RowTally],
-        closure: Closure,
-    ) -> Result<Enclosed, Failure> {
-        let watertight = prepared.plan.watertight;
-        let found = self.times.time("checks", || {
-            form_factor::enclosed(prepared.input(), watertight, tallies, closure)
-        });
-        let enclosed = found.map_err(|leak| {
-            let file = &self.scene_file;
-            let message = format!(
-                "{}: {leak}, and --closed allows {MAX_ESCAPED:e}: close the gap, or leave --closed out",
-                file.display()
-            );
-            Failure::new("not_closed", message).in_file(file)
-        })?;
-        match closure {
-            Closure::Detect => {}
-            Closure::Closed => {
-                self.set("closure", "closed");
-                prepared.plan.revise("closure", "closed", "as asked for");
-            }
-            Closure::Open => {
-                self.set("closure", "open");
-                prepared.plan.revise("closure", "open", "as asked for");
-            }
-        }
-        let (n, n_closed) = (
-            enclosed.rows.len(),
-            enclosed.rows.iter().filter(|closed| **closed).count(),
-        );
-        if n_closed < n && (n_closed > 0 || enclosed.closed) {
-            prepared.plan.decide(
-                "row sums",
-                format!("1 for {n_closed} of {n} patches"),
-                "the others are reached by another piece of the scene, or lie where backs can be seen or light escapes",
-            );
-        }
-        Ok(enclosed)
-    }
-
-    /// Tells whether rows are shot by low-discrepancy points.
-    fn is_net(&self) -> bool {
-        let of_file = || self.settings.get("form_factors")?.get("sequence");
-        let sequence = self.settings.get("sequence");
-        sequence.or_else(of_file).is_some_and(|name| name == "sobol")
-    }
-
     /// Returns the need, or that of symmetric form factors if the storage asked for is theirs.
     pub(in crate::cli) fn or_symmetry(&self, balance: BalanceName, need: Need) -> Result<Need, Failure> {
         let wanted = self.storage.args.memory.storage == StorageName::Symmetric;
@@ -598,15 +366,5 @@ impl Run {
             by_rows,
             n_entries,
         })
-    }
-}
-
-/// Returns how form factors are repaired.
-pub(in crate::cli) fn repair(asked: BalanceName, need: Need, sampling: Sampling) -> RepairKind {
-    match asked {
-        BalanceName::On => RepairKind::Rescaled,
-        BalanceName::Closure => RepairKind::Closed,
-        BalanceName::Off => RepairKind::Nothing,
-        BalanceName::Auto => need.repair(sampling),
     }
 }

@@ -2,6 +2,7 @@
 
 mod factors;
 mod prepared;
+mod repair;
 mod solution;
 
 use std::cell::RefCell;
@@ -11,8 +12,9 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 
-pub(super) use factors::{BALANCE_TOLERANCE, Computed, Fineness, Promised, repair, spent_budget};
+pub(super) use factors::{Computed, Fineness, Promised, spent_budget};
 pub(super) use prepared::{Prepared, expect_room, posed};
+pub(super) use repair::{BALANCE_TOLERANCE, repair};
 pub(super) use solution::{Known, go_on};
 
 use super::args::CommonArgs;

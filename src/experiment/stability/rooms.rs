@@ -38,7 +38,7 @@ pub(super) fn plates(gap: f64, n: u32) -> Vec<[DVec3; 4]> {
     low.chain(grid(DVec3::Z * gap, DVec3::Y, DVec3::X, n)).collect()
 }
 
-/// Returns the form factors of rectangles that nothing stands between; each factor is multiplied by `factor`.
+/// Returns the form factors of rectangles without occluders; each factor is multiplied by `factor`.
 pub(super) fn form_factors(
     patches: &[[DVec3; 4]],
     factor: f64,

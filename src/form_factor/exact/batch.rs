@@ -6,6 +6,7 @@
 )]
 
 mod tables;
+mod walk;
 
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -30,11 +31,11 @@ use crate::form_factor::sight::whole_where_grazing;
 use crate::form_factor::{Before, Input, PairCounts};
 use crate::geometry::polygon_form_factor::exchange_area;
 use crate::matrix::{Entry, RowTally, RowTile};
-use crate::mesh::PatchId;
 use crate::progress::{Portions, Progress};
 use crate::scene::FaceId;
 use crate::visibility::blockers::{Between, BlockerId, BlockerIndex, PairVisibility};
 use tables::{LEAST_PAIRS, Table};
+use walk::Walk;
 
 /// A batch ends with the first rows that bring it to so many pairs: enough work for some threads even where rows are short.
 const LEAST_PAIRS_PER_BATCH: usize = 1 << 18;
@@ -103,7 +104,7 @@ pub(super) struct FaceView {
 enum Known {
     /// All exchange areas between them are as before a change.
     Kept,
-    /// What stands between them.
+    /// Their occluders.
     Seen(Between),
 }
 
@@ -236,14 +237,14 @@ pub(super) struct Strip {
     first_row: usize,
     rows: Vec<Vec<(u32, f64, f64)>>,
     pub(super) partial: Vec<PartialPair>,
-    /// The blockers of all partial pairs, one after the other.
+    /// The occluders of all partial pairs, one after the other.
     pub(super) blockers: Vec<BlockerId>,
     counts: PairCounts,
     /// What these rows were before a change; none without one.
     before: Vec<Vec<Entry>>,
 }
 
-/// A pair that something may stand between, whose entry is not computed yet.
+/// A pair that may be occluded, whose entry is not computed yet.
 pub(super) struct PartialPair {
     i: usize,
     j: usize,
@@ -292,7 +293,7 @@ impl Batches<'_> {
         })
     }
 
-    /// Finds what stands between two polygons, `among` some blockers or all.
+    /// Finds the occluders between two polygons, `among` some or all.
     pub(super) fn between(&self, p: &[DVec3], q: &[DVec3], among: Option<&[BlockerId]>) -> Between {
         let Some(index) = &self.index else {
             return Between::certain(PairVisibility::Full);
@@ -463,7 +464,7 @@ impl Batches<'_> {
         let found = split.exchange_area(p, q, blockers, goal - room, whole);
         // What rounding leaves of a pair that is hidden after all would make a row of noise.
         let is_noise = found.exchange_area <= NOISE * most.area;
-        // More than without blockers it cannot be, nor be off by more than that.
+        // More than without occluders it cannot be, nor be off by more than that.
         let exchange = Exchange {
             area: if is_noise {
                 0.0
@@ -504,144 +505,5 @@ impl Batches<'_> {
             exchange,
             exchange.error <= self.goal(ends),
         )
-    }
-}
-
-/// The way through the runs of one face, seen from some rows.
-struct Walk<'a> {
-    batches: &'a Batches<'a>,
-    table: Option<&'a Table>,
-    fronts: Option<&'a [Vec<Option<bool>>; 2]>,
-    /// The first patches of both faces.
-    starts: [usize; 2],
-    /// True if both faces stayed where they were before a change.
-    may_keep: bool,
-    rows: &'a Run,
-    runs: &'a [Run],
-    strip: &'a mut Strip,
-}
-
-impl Walk<'_> {
-    /// Deals with a run of columns whose visibility is known; `of_faces` is true if it is that of the rows' whole face.
-    fn settle(&mut self, columns: &Run, seen: &Between, of_faces: bool) {
-        let touched = seen.touched;
-        match &seen.visibility {
-            PairVisibility::Full => self.each_facing_pair(columns, |walk, i, j| walk.push_full(i, j, touched)),
-            PairVisibility::None => self.each_facing_pair(columns, |walk, _, _| walk.strip.counts.hidden += 1),
-            PairVisibility::Partial(among) if of_faces => self.look(columns, among, touched),
-            PairVisibility::Partial(among) => match columns.halves {
-                Some(halves) => {
-                    for k in halves {
-                        self.look(&self.runs[k], among, touched);
-                    }
-                }
-                None => self.each_facing_pair(columns, |walk, i, j| walk.push_seen(i, j, among, touched)),
-            },
-        }
-    }
-
-    /// Classifies the rows against a run of columns, of larger ones that are `touched` or not.
-    fn look(&mut self, columns: &Run, among: &[BlockerId], touched: bool) {
-        if self.may_keep && self.batches.is_kept(&self.rows.hull, &columns.hull) {
-            self.keep(columns);
-            return;
-        }
-        let mut seen = self.batches.between(&self.rows.hull, &columns.hull, Some(among));
-        // What was left out between the larger ones is asked for no more.
-        seen.touched |= touched;
-        self.settle(columns, &seen, false);
-    }
-
-    /// Takes over all exchange areas with a run of columns.
-    fn keep(&mut self, columns: &Run) {
-        self.each_facing_pair(columns, Walk::push_kept);
-    }
-
-    fn push_kept(&mut self, i: usize, j: usize) {
-        self.strip.counts.kept += 1;
-        let column = PatchId::from_index(j).0;
-        let before = &self.strip.before[i - self.rows.patches.start];
-        // What is not stored was 0 for certain, and is.
-        if let Ok(place) = before.binary_search_by_key(&column, |entry| entry.0) {
-            let (_, area, error) = before[place];
-            self.batches
-                .count_kept([i, j], Exchange { area, error }, &mut self.strip.counts);
-            self.push(i, j, Exchange { area, error });
-        }
-    }
-
-    fn each_facing_pair(&mut self, columns: &Run, mut act: impl FnMut(&mut Self, usize, usize)) {
-        for i in self.rows.patches.clone() {
-            for j in columns.patches.clone() {
-                if self.is_facing(i, j) {
-                    act(self, i, j);
-                } else {
-                    self.strip.counts.not_facing += 1;
-                }
-            }
-        }
-    }
-
-    fn is_facing(&self, i: usize, j: usize) -> bool {
-        let sides = self
-            .fronts
-            .map(|[rows, columns]| (rows[i - self.starts[0]], columns[j - self.starts[1]]));
-        match sides {
-            Some((Some(false), _) | (_, Some(false))) => false,
-            Some((Some(true), Some(true))) => true,
-            _ => self.batches.facing.pair(i, j),
-        }
-    }
-
-    fn push_full(&mut self, i: usize, j: usize, touched: bool) {
-        self.strip.counts.full += 1;
-        let exchange = self
-            .table
-            .map_or_else(|| self.batches.kernel(i, j), |table| table.get(i, j));
-        let integrated = exchange.error <= self.batches.goal([i, j]);
-        let seen = Seen::whole(exchange.area, touched);
-        let stated = self.batches.stated([i, j], seen, exchange, integrated);
-        self.batches.count([i, j], stated, &mut self.strip.counts);
-        self.push(i, j, stated.exchange);
-    }
-
-    fn push_seen(&mut self, i: usize, j: usize, among: &[BlockerId], touched: bool) {
-        let mut seen = if self.rows.patches.len() > 1 {
-            let [p, q] = [i, j].map(|k| self.batches.patches.corners[k].as_slice());
-            if self.may_keep && self.batches.is_kept(p, q) {
-                self.push_kept(i, j);
-                return;
-            }
-            self.batches.between(p, q, Some(among))
-        } else {
-            Between::certain(PairVisibility::Partial(among.to_vec()))
-        };
-        seen.touched |= touched;
-        match seen.visibility {
-            PairVisibility::Full => self.push_full(i, j, seen.touched),
-            PairVisibility::None => self.strip.counts.hidden += 1,
-            PairVisibility::Partial(blockers) => {
-                self.strip.counts.partial += 1;
-                let (begin, place) = (self.strip.blockers.len(), self.row(i).len());
-                self.strip.blockers.extend(blockers);
-                self.strip.partial.push(PartialPair {
-                    i,
-                    j,
-                    place,
-                    touched: seen.touched,
-                    blockers: begin..self.strip.blockers.len(),
-                });
-                self.push(i, j, Exchange::default());
-            }
-        }
-    }
-
-    fn row(&mut self, i: usize) -> &mut Vec<(u32, f64, f64)> {
-        &mut self.strip.rows[i - self.rows.patches.start]
-    }
-
-    fn push(&mut self, i: usize, j: usize, exchange: Exchange) {
-        self.row(i)
-            .push((PatchId::from_index(j).0, exchange.area, exchange.error));
     }
 }

@@ -91,7 +91,7 @@ impl PatchGrid {
     }
 }
 
-/// The exchange areas without blockers of all patches of some rows with all of another face.
+/// The exchange areas without occluders of all patches of some rows with all of another face.
 pub(super) struct CornerSums {
     rows: Range<usize>,
     columns: Range<usize>,

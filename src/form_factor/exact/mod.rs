@@ -16,7 +16,7 @@ use crate::progress::{Forecast, Progress};
 use batch::Batches;
 pub(super) use split::Split;
 
-/// Exact exchange areas: the kernel of unoccluded polygons where two patches see each other whole, clipping against the blockers where they do not.
+/// Exact exchange areas: the kernel of unoccluded polygons where two patches see each other whole, clipping against the occluders where they do not.
 ///
 /// A_i F_ij = ∫_{A_i} ∫_{A_j} V cos θ_i cos θ_j / (π r²) dA_j dA_i in m², computed once for each pair and stored symmetric. What
 /// of a patch lies behind the other's plane takes no part; patches of one plane or back to back exchange exactly 0. A face sees on the side of its normal and
@@ -30,19 +30,19 @@ pub(super) use split::Split;
 ///   regular grids with a common step, pairs with the same step between them are computed once; where they are grids of rectangles with parallel edges, whatever
 ///   their steps, and the absolute error is enough, all pairs are differences of one closed form at the grids' corners.
 /// - Hidden pairs are exactly 0.
-/// - Partial pairs: [`partial::exchange_area`](super::partial::exchange_area), which follows the edges of the shadows, and subtracts what is hidden from the exchange area without occluders. Where many blockers
-///   stand between two patches these are halved as long as that leaves fewer between the halves; where a wall stands in a narrow gap, both are cut along it.
+/// - Partial pairs: [`partial::exchange_area`](super::partial::exchange_area), which follows the edges of the shadows, and subtracts what is hidden from the exchange area without occluders. Two patches with
+///   many occluders are halved as long as that leaves fewer between the halves; where a wall stands in a narrow gap, both are cut along it.
 ///
 /// Nothing here uses rays: pairs nearer than the offset of ray origins, or than f32 can tell, need no special care.
 ///
 /// Accuracy: of full pairs the kernel's own estimate. Of partial pairs |error| of A_i F_ij / min(A_i, A_j) ≤ `tolerance`, and below the entry's own estimate; where the
-/// budget is spent before, the estimate says what was reached, the pair is one of [`PairCounts::n_above_tolerance`] and [`Computed::tolerance_met`] is false. Where less than five occluders stand between two patches (above a `tolerance` of 1e-6: and one is 25 times as large as the other),
+/// budget is spent before, the estimate says what was reached, the pair is one of [`PairCounts::n_above_tolerance`] and [`Computed::tolerance_met`] is false. Where two patches have less than five occluders (above a `tolerance` of 1e-6: and one is 25 times as large as the other),
 /// or one patch is 1e4 times as large as the other, the error is also to be below 10³ `tolerance` (up to a `tolerance` of 1e-5) of the exchange area without occluders, as far as a hundredth of the budget goes: small and far
 /// emitters keep their shadows. An occluder's border of 1e-10 of the width of the space between the two patches there is neglected, as
 /// [`BlockerIndex`](crate::visibility::blockers::BlockerIndex) says. Where coordinates were rounded, as those of a file with six decimals, faces that were meant to touch reach into each other or lie apart: what reaches in
 /// between two patches by no more than that explains is left out, and the estimate then has the border of both patches that this may hide; quads that are bent have theirs too. Where the file [shows that it was rounded](crate::scene::Written::shows_rounding),
-/// the estimate has what its last digits leave open, too: how far A_i F_ij and the areas change where corners and the edges of blockers move by half a unit. Where that brings the estimate of a pair, full or partial, above
-/// the tolerance, the pair is one of [`PairCounts::n_above_by_rounding`] and [`Computed::tolerance_met`] is false as well: more work does not help there. Below the tolerance, integrals leave room for it, up to half of the tolerance. 0 ≤ A_i F_ij ≤ the exchange area without blockers.
+/// the estimate has what its last digits leave open, too: how far A_i F_ij and the areas change where corners and the edges of occluders move by half a unit. Where that brings the estimate of a pair, full or partial, above
+/// the tolerance, the pair is one of [`PairCounts::n_above_by_rounding`] and [`Computed::tolerance_met`] is false as well: more work does not help there. Below the tolerance, integrals leave room for it, up to half of the tolerance. 0 ≤ A_i F_ij ≤ the exchange area without occluders.
 ///
 /// Speed on one core of an x86-64 machine with AVX-512, all pairs, medians of 10 runs of `cargo bench --bench form_factors`; the error is max_i Σ_j |F_ij − exact|,
 /// with `exact` at 1e-9 for the exact ones:
@@ -70,7 +70,7 @@ pub struct ExactMethod {
     pub budget: usize,
 }
 
-/// Up to this tolerance pairs without blockers keep their relative digits, however small they are.
+/// Up to this tolerance pairs without occluders keep their relative digits, however small they are.
 const FULL_IS_RELATIVE: f64 = 1e-6;
 
 /// Up to this tolerance partial pairs keep some relative digits.
@@ -102,7 +102,7 @@ impl ExactMethod {
         }
     }
 
-    /// Returns what pairs without blockers are computed to.
+    /// Returns what pairs without occluders are computed to.
     fn full_tolerance(&self, smaller_area: f64) -> Tolerance {
         Tolerance {
             rel: (1e-5 * self.tolerance).clamp(1e-12, 1e-9),
@@ -145,7 +145,7 @@ impl FormFactorMethod for ExactMethod {
     /// Keeps the exchange areas of pairs that the change cannot reach (see [`Change`](super::Change)), and computes the others as [`compute`](Self::compute) does.
     ///
     /// A kept entry is the stored one to the last bit; one that is computed anew differs from what `compute` gives by no more than the
-    /// neglected border of blockers, since it may be classified on another level. All are computed anew if `before` is not symmetric, as after a repair.
+    /// neglected border of occluders, since it may be classified on another level. All are computed anew if `before` is not symmetric, as after a repair.
     fn update(
         &self,
         input: Input<'_>,

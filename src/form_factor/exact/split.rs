@@ -1,6 +1,6 @@
 //! Pairs with something between them, taken apart where there is less between the parts.
 //!
-//! What an integral with m blockers costs grows faster than m², as lines of change are those of pairs of edges. Halves of a patch mostly have fewer blockers before them, and some see all or nothing.
+//! What an integral with m occluders costs grows faster than m², as lines of change are those of pairs of edges. Halves of a patch mostly have fewer occluders before them, and some see all or nothing.
 //! Nine houses on a ground, twelve tetrahedra in a room, ten baffles in a corridor and a hundred leaves over a floor take a fifth to a seventh of the time that they took whole, the baffles a fourth
 //! (1.2 s of CPU time for 6.2 s, 1.5 for 11, 2.2 for 9 and 1.4 for 7.9; one run each, at 1e-6).
 //!
@@ -21,15 +21,15 @@ use crate::geometry::polygon;
 use crate::progress::Progress;
 use crate::visibility::blockers::{Blocker, BlockerId, BlockerIndex, PairVisibility};
 
-/// A pair with fewer blockers is not taken apart; of a convex solid no more than three sides count, as the view of one changes little.
+/// A pair with fewer occluders is not taken apart; of a convex solid no more than three sides count, as the view of one changes little.
 const LEAST_BLOCKERS: usize = 5;
 
 /// Times that a pair is halved, at most.
 const MOST_HALVINGS: u32 = 12;
 
-/// Halves are worth while if the squares of their numbers of blockers add up to no more than so many times that of the whole.
+/// Halves are worth while if the squares of their numbers of occluders add up to no more than so many times that of the whole.
 ///
-/// The halves of an integral with as many blockers take about as long as the whole.
+/// The halves of an integral with as many occluders take about as long as the whole.
 const WORTH: f64 = 1.9;
 
 /// The relative error of a pair is sought with this part of the budget.
@@ -38,7 +38,7 @@ const EXTRA: usize = 100;
 /// Areas of which one is so many times the other are those of a patch and a sun: there are few such pairs, and each stands for much light.
 const UNLIKE: f64 = 1e4;
 
-/// What a half takes besides, in squares of blockers.
+/// The further cost of a half, in squared counts of occluders.
 const HALF: usize = 8;
 
 /// A gap is narrow if one polygon is no higher over the other's plane than this part of the smaller one's size.
@@ -65,7 +65,7 @@ struct Leaf {
     among: Vec<BlockerId>,
     /// Its exchange area without occluders.
     whole: Whole,
-    /// What it takes, in squares of blockers.
+    /// Its cost, in squared counts of occluders.
     cost: usize,
 }
 
@@ -80,12 +80,12 @@ struct Parts {
 struct Half {
     polygons: [Vec<DVec3>; 2],
     view: PairVisibility,
-    /// What it takes, in squares of blockers.
+    /// Its cost, in squared counts of occluders.
     cost: usize,
 }
 
 impl Split<'_> {
-    /// Returns the exchange area of two polygons to within `goal`, m², where `among` are the blockers that may stand between them and `without` is the exchange area without these.
+    /// Returns the exchange area of two polygons to within `goal`, m², where `among` are their possible occluders and `without` is the exchange area without these.
     ///
     /// Pairs of a patch and something far larger or smaller are computed to a part of `without` as well, as far as [`EXTRA`] of the budget goes.
     pub(in crate::form_factor) fn exchange_area(
@@ -124,7 +124,7 @@ impl Split<'_> {
         self.among_many([p, q], among, &blockers, goal, without, self.budget)
     }
 
-    /// Integrates a pair with many blockers.
+    /// Integrates a pair with many occluders.
     ///
     /// Parts first get shares of the goal and of the budget as their work is estimated; what these have left of both then goes where the error is greatest.
     fn among_many(

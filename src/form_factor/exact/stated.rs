@@ -26,7 +26,7 @@ pub(super) struct Seen<'a> {
     pub(super) visible: f64,
     /// True if something was left out between the two that reaches in between by no more than rounding explains.
     pub(super) touched: bool,
-    /// What stands between them.
+    /// Their occluders.
     pub(super) occluders: &'a [BlockerId],
 }
 

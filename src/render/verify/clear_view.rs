@@ -1,4 +1,4 @@
-//! A proof, in f64, that nothing stands between a point and a polygon.
+//! A proof, in f64, that no occluder is between a point and a polygon.
 
 use glam::DVec3;
 
@@ -44,7 +44,7 @@ fn none_above(points: &[DVec3], origin: DVec3, normal: DVec3, slack: f64) -> boo
     points.iter().all(|&v| normal.dot(v - origin) <= slack)
 }
 
-/// Returns true if the blocker is sure to hide no part of the emitter from any point of a flat region with the given normal.
+/// Returns true if the occluder is sure to hide no part of the emitter from any point of a flat region with the given normal.
 ///
 /// It lies behind the region's plane, or behind the emitter's, or region and emitter lie on one side of it. What sticks out by less
 /// than `slack` counts as not there. False means that it may or may not.
@@ -59,10 +59,10 @@ pub(super) fn misses_region(blocker: &Plate, region: &[DVec3], normal: DVec3, em
         || same_side(-1.0)
 }
 
-/// Returns true if none of the convex blockers hides any part of the emitter that lies above the point's horizon.
+/// Returns true if none of the convex occluders hides any part of the emitter that lies above the point's horizon.
 ///
 /// For each one a plane is sought between it and the pyramid of point and emitter: those of [`misses_region`], the pyramid's sides,
-/// and the planes of the point and one of the blocker's edges. These are complete but for blockers that cross the horizon or the emitter's plane.
+/// and the planes of the point and one of the occluder's edges. These are complete but for occluders that cross the horizon or the emitter's plane.
 pub(super) fn is_clear<'a>(
     point: DVec3,
     normal: DVec3,

@@ -456,7 +456,7 @@ impl<'a> Reference<'a> {
             if !is_clear(&between.meant) {
                 light.shaded = true;
                 if between.meant.iter().any(|plate| self.touches(plate, point)) {
-                    // Which side of the blocker the point is on, rounding decides.
+                    // Which side of the occluder the point is on, rounding decides.
                     light.unknown = true;
                     return;
                 }

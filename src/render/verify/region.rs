@@ -14,13 +14,13 @@ pub(super) struct Region<'a> {
     pub(super) normal: DVec3,
     /// The faces that cover it.
     pub(super) faces: &'a [Plate],
-    /// Per emitter, what may stand between it and some point of the region.
+    /// Per emitter, the occluders between it and any point of the region.
     pub(super) between: Vec<Between<'a>>,
     /// How far faces that were meant to touch may stand out from each other, in m.
     pub(super) touching: f64,
 }
 
-/// What may stand between a region and an emitter.
+/// The occluders between a region and an emitter.
 pub(super) struct Between<'a> {
     /// What was meant to, before the coordinates of corners were rounded.
     pub(super) meant: Vec<&'a Plate>,

@@ -13,7 +13,7 @@ use crate::render::attributes::{Attributes, PolygonRecord};
 use crate::render::direct::{EDGE_OFFSETS, Inset, edge_distance};
 use crate::render::samples::PixelSamples;
 
-/// How near to a blocker's edge, as a share of the scene's size, a ray in f32 (6e-8) may pass on either side.
+/// How near to an occluder's edge, as a share of the scene's size, a ray in f32 (6e-8) may pass on either side.
 const SHIFT: f64 = 1e-6;
 
 /// What is needed to draw the rays of [`DirectMethod::Polygons`] again.
@@ -65,7 +65,7 @@ pub(super) struct Fraction {
     pub(super) odds: f64,
 }
 
-/// Whether a ray meets a blocker.
+/// Whether a ray meets an occluder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Meets {
     No,
@@ -217,7 +217,7 @@ impl Sums {
     }
 }
 
-/// Tells whether any of the blockers is met between two points.
+/// Tells whether any of the occluders is met between two points.
 fn first_met(from: DVec3, to: DVec3, blockers: &[&Plate], margin: f64) -> Meets {
     let mut found = Meets::No;
     for blocker in blockers {

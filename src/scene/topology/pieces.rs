@@ -9,6 +9,7 @@ use glam::DVec3;
 
 use super::caps::caps;
 use super::{edge_runs, edges};
+use crate::disjoint_sets::DisjointSets;
 use crate::geometry::box_pairs::{BoxTree, overlapping_pairs};
 use crate::geometry::polygon;
 use crate::scene::{FaceId, Scene, Written};
@@ -40,13 +41,15 @@ impl Pieces {
     /// Work: O(n log n).
     pub(crate) fn of(scene: &Scene) -> Self {
         let runs = edge_runs(scene);
-        let mut sets = Sets::new(scene.faces.len());
+        let mut sets = DisjointSets::new(scene.faces.len());
         let mut open = Vec::new();
         for face in scene.face_ids() {
             for (a, b) in edges(scene, face) {
                 let once = runs.get(&(a, b)).is_some_and(|run| run.1);
                 match runs.get(&(b, a)) {
-                    Some(&(neighbour, true)) if once => sets.join(face.0, neighbour),
+                    Some(&(neighbour, true)) if once => {
+                        sets.join(face.0 as usize, neighbour as usize);
+                    }
                     _ => open.push((face.0, [a, b])),
                 }
             }
@@ -57,7 +60,7 @@ impl Pieces {
             if let [(a, of_a), (b, of_b)] = *joint.runs
                 && of_a + of_b == 0
             {
-                sets.join(a, b);
+                sets.join(a as usize, b as usize);
             }
         }
         for joint in &mut joints {
@@ -68,17 +71,18 @@ impl Pieces {
         for joint in &joints {
             let mut closed = joint.runs.iter().filter(|run| !is_open[run.0 as usize]);
             if let Some(first) = closed.next() {
-                closed.for_each(|run| sets.join(first.0, run.0));
+                for run in closed {
+                    sets.join(first.0 as usize, run.0 as usize);
+                }
             }
         }
-        let mut number: HashMap<u32, u32> = HashMap::new();
+        let mut number: HashMap<usize, u32> = HashMap::new();
         let mut is_closed = Vec::new();
-        let of_face: Vec<u32> = (0..)
-            .take(scene.faces.len())
+        let of_face: Vec<u32> = (0..scene.faces.len())
             .map(|face| {
-                let set = sets.of(face);
+                let set = sets.find(face);
                 *number.entry(set).or_insert_with(|| {
-                    is_closed.push(!is_open[set as usize]);
+                    is_closed.push(!is_open[set]);
                     super::index(is_closed.len() - 1)
                 })
             })
@@ -177,30 +181,6 @@ pub(crate) fn joint(scene: &Scene) -> f64 {
     64.0 * f64::EPSILON * greatest + scene.slack().max(of_digits)
 }
 
-/// Sets of faces that only grow together.
-struct Sets(Vec<u32>);
-
-impl Sets {
-    fn new(n: usize) -> Self {
-        Self((0..).take(n).collect())
-    }
-
-    /// Returns what stands for a set: its first face.
-    fn of(&mut self, mut face: u32) -> u32 {
-        while self.0[face as usize] != face {
-            let above = self.0[face as usize];
-            self.0[face as usize] = self.0[above as usize];
-            face = above;
-        }
-        face
-    }
-
-    fn join(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.of(a), self.of(b));
-        self.0[a.max(b) as usize] = a.min(b);
-    }
-}
-
 /// A part of an edge between two vertices, with the faces, then the sets of faces, that run along it: how often in the sense of `ends`, less how often in the other.
 struct Joint {
     ends: [u32; 2],
@@ -209,10 +189,10 @@ struct Joint {
 
 impl Joint {
     /// Adds up what each set runs along; sets that cancel have no part in it.
-    fn by_set(&mut self, sets: &mut Sets) {
+    fn by_set(&mut self, sets: &mut DisjointSets) {
         let mut sums: BTreeMap<u32, i32> = BTreeMap::new();
         for &(face, sense) in &self.runs {
-            *sums.entry(sets.of(face)).or_default() += sense;
+            *sums.entry(super::index(sets.find(face as usize))).or_default() += sense;
         }
         self.runs = sums.into_iter().filter(|run| run.1 != 0).collect();
     }
@@ -233,7 +213,7 @@ impl Parted {
         vertices.dedup();
         let at = |v: u32| scene.vertices[v as usize];
         let around = |v: &u32| (at(*v) - 0.5 * tolerance, at(*v) + 0.5 * tolerance);
-        let mut sets = Sets::new(vertices.len());
+        let mut sets = DisjointSets::new(vertices.len());
         // The faces around each set of vertices: two vertices of one face are two, however small it is.
         let mut around_set: Vec<BTreeSet<u32>> = vec![BTreeSet::new(); vertices.len()];
         for (face, ends) in open {
@@ -242,17 +222,17 @@ impl Parted {
             }
         }
         overlapping_pairs(vertices.iter().map(around).collect(), |a, b| {
-            let (one, other) = (sets.of(a), sets.of(b));
+            let [one, other] = [a, b].map(|k| sets.find(k as usize));
             let is_near = at(vertices[a as usize]).distance(at(vertices[b as usize])) <= tolerance;
-            if is_near && one != other && around_set[one as usize].is_disjoint(&around_set[other as usize]) {
-                let both = [one, other].map(|set| std::mem::take(&mut around_set[set as usize]));
+            if is_near && one != other && around_set[one].is_disjoint(&around_set[other]) {
+                let both = [one, other].map(|set| std::mem::take(&mut around_set[set]));
                 sets.join(one, other);
-                around_set[one.min(other) as usize] = both.into_iter().flatten().collect();
+                around_set[one.min(other)] = both.into_iter().flatten().collect();
             }
         });
         let mut welded = HashMap::new();
-        for (k, &v) in (0..).zip(&vertices) {
-            let one = vertices[sets.of(k) as usize];
+        for (k, &v) in vertices.iter().enumerate() {
+            let one = vertices[sets.find(k)];
             if one != v {
                 welded.insert(v, one);
             }
@@ -338,7 +318,7 @@ impl Parted {
 const MAX_ROUNDS: usize = 1000;
 
 /// Tells of each set, by its first face, whether it is part of no closed surface.
-fn open_sets(scene: &Scene, joints: &[Joint], sets: &mut Sets) -> Vec<bool> {
+fn open_sets(scene: &Scene, joints: &[Joint], sets: &mut DisjointSets) -> Vec<bool> {
     let mut is_open = vec![false; scene.faces.len()];
     let mut joints_of: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
     for (k, joint) in joints.iter().enumerate() {
@@ -348,7 +328,8 @@ fn open_sets(scene: &Scene, joints: &[Joint], sets: &mut Sets) -> Vec<bool> {
     }
     let mut areas: HashMap<u32, f64> = HashMap::new();
     for face in scene.face_ids() {
-        *areas.entry(sets.of(face.0)).or_default() += polygon::area_vector(&scene.polygon(face)).length();
+        *areas.entry(super::index(sets.find(face.0 as usize))).or_default() +=
+            polygon::area_vector(&scene.polygon(face)).length();
     }
     let mut smallest_first: Vec<u32> = joints_of.keys().copied().collect();
     smallest_first.sort_by(|a, b| areas[a].total_cmp(&areas[b]));

@@ -177,7 +177,7 @@ impl View {
         self.unsure.contains(&piece)
     }
 
-    /// Tells whether the winding numbers of all pieces may be the same somewhere on two views: if not, a face of some piece stands between any two points of them.
+    /// Tells whether the winding numbers of all pieces may be the same somewhere on two views: if not, a face of some piece occludes any two points of them from each other.
     pub(crate) fn may_meet(&self, other: &Self) -> bool {
         let (here, there) = (&self.region, &other.region);
         let turns = |region: &Region, piece: u32| {
@@ -301,7 +301,7 @@ impl Backs {
         }
     }
 
-    /// Tells whether no back can be seen from a view, as faces stand in between wherever it is.
+    /// Tells whether no back can be seen from a view, as faces occlude all of them wherever it is.
     pub(crate) fn are_hidden_from(&self, view: &View) -> bool {
         let may_be_sure = if view.unsure.is_empty() {
             self.sure.contains(view)

@@ -1,4 +1,4 @@
-//! Which faces may stand between two patches, decided in f64 and before any ray is traced.
+//! Which faces may occlude two patches from each other, decided in f64 and before any ray is traced.
 
 mod merge;
 mod solids;
@@ -15,7 +15,7 @@ use solids::Solid;
 pub(crate) use touching::standing_on;
 use tree::Tree;
 
-/// Index of a blocker in a [`BlockerIndex`].
+/// Index of an occluder in a [`BlockerIndex`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct BlockerId(pub u32);
 
@@ -24,23 +24,23 @@ pub struct BlockerId(pub u32);
 pub struct Blocker<'a> {
     /// The corners in order, in m.
     pub corners: Cow<'a, [DVec3]>,
-    /// True if light that would meet the back has always met another blocker's front before: the polygon is a side of a closed convex
-    /// solid, both patches lie outside, and all sides of the solid that the light may meet are among the blockers.
+    /// True if light that would meet the back has always met another occluder's front before: the polygon is a side of a closed convex
+    /// solid, both patches lie outside, and all sides of the solid that the light may meet are among the occluders.
     pub one_sided: bool,
 }
 
 /// How much two patches see of each other.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum PairVisibility {
-    /// Everything in front of each other's planes: no face stands in between.
+    /// Everything in front of each other's planes: no occluder.
     Full,
-    /// Nothing: their fronts do not face each other, or one polygon or one convex solid closes the way.
+    /// Nothing: their fronts do not face each other, or one polygon or one convex solid hides all.
     None,
-    /// Perhaps a part: these blockers reach into the space between them. There may be nothing left, which integration then finds.
+    /// Perhaps a part: these occluders reach into the space between them. There may be nothing left, which integration then finds.
     Partial(Vec<BlockerId>),
 }
 
-/// What stands between two polygons, and whether that is for certain.
+/// The occluders between two polygons, and whether they are certain.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Between {
     pub(crate) visibility: PairVisibility,
@@ -67,16 +67,16 @@ struct Entry {
     solid: Option<u32>,
 }
 
-/// The faces of a scene, ready to be asked which of them stand between two convex polygons.
+/// The faces of a scene, prepared for queries which of them occlude two convex polygons from each other.
 ///
 /// Flat neighbouring faces with a convex union are joined, and coincident faces count once, so that a triangulated or finely cut wall is
-/// one blocker. Queries run in f64 through a tree of boxes.
+/// one occluder. Queries run in f64 through a tree of boxes.
 ///
 /// A query is conservative: [`PairVisibility::Full`] and [`PairVisibility::None`] are proven, up to a tolerance of 1e-10 of the width that the hull of the two polygons
 /// has there (and 16 ulps of the coordinates that matter there), below which a face does not count as reaching in between. The tolerance beside a small patch does not grow with the size or the distance of the other. Where the scene's coordinates were rounded, as those of a file with six
 /// decimals, two units of their last digit are added (see the source of `Scene::slack`): faces that were meant to touch do not stand in each other's way, and the two sides of a sheet that
 /// rounding has parted do not see each other.
-/// Faces that only touch the convex hull of the two polygons (neighbours, walls that they stand on or lie in) are not blockers.
+/// Faces that only touch the convex hull of the two polygons (neighbours, walls that they stand on or lie in) are not occluders.
 ///
 /// Source: the shaft of E. A. Haines and J. R. Wallace, "Shaft Culling for Efficient Ray-Traced Radiosity", 1991.
 /// Departures: the hull of the two polygons itself, not of their boxes.
@@ -129,25 +129,25 @@ impl BlockerIndex {
         self.slack
     }
 
-    /// Returns the number of blockers: of faces that were left after joining.
+    /// Returns the number of occluders: of faces that were left after joining.
     #[must_use]
     pub fn n_blockers(&self) -> usize {
         self.entries.len()
     }
 
-    /// Returns the corners of a blocker.
+    /// Returns the corners of an occluder.
     #[must_use]
     pub fn corners(&self, blocker: BlockerId) -> &[DVec3] {
         &self.entries[blocker.0 as usize].corners
     }
 
-    /// Returns the faces that a blocker is made of.
+    /// Returns the faces that an occluder is made of.
     #[must_use]
     pub fn faces(&self, blocker: BlockerId) -> &[FaceId] {
         &self.entries[blocker.0 as usize].faces
     }
 
-    /// Finds what stands between two convex planar polygons, wound counter-clockwise seen from their fronts.
+    /// Finds the occluders between two convex planar polygons, wound counter-clockwise seen from their fronts.
     ///
     /// The answer holds for all parts of the polygons too, as far as it says [`Full`](PairVisibility::Full) or [`None`](PairVisibility::None);
     /// else ask [`classify_among`](Self::classify_among) for the parts.
@@ -168,9 +168,9 @@ impl BlockerIndex {
         self.slack > 0.0 && are_sides_of_a_sheet(p, q, self.slack)
     }
 
-    /// Finds which of the blockers `among` stand between two convex polygons.
+    /// Finds which of the polygons `among` occlude two convex polygons from each other.
     ///
-    /// For parts of two larger polygons, whose own blockers are all that can stand between the parts.
+    /// For parts of two larger polygons, whose own occluders are all that the parts can have.
     #[must_use]
     pub fn classify_among(&self, p: &[DVec3], q: &[DVec3], among: &[BlockerId]) -> PairVisibility {
         self.between_among(p, q, among).visibility
@@ -181,12 +181,12 @@ impl BlockerIndex {
         self.classify_with(p, q, self.slack, each_of(among))
     }
 
-    /// Finds which of the blockers `among` of a pair stand between two parts of it that no corners of the scene bound: nothing was meant to touch these, and nothing is left out for rounding.
+    /// Finds which of the occluders `among` of a pair occlude two parts of it that no corners of the scene bound: nothing was meant to touch these, and nothing is left out for rounding.
     pub(crate) fn classify_cut(&self, p: &[DVec3], q: &[DVec3], among: &[BlockerId]) -> PairVisibility {
         self.classify_with(p, q, 0.0, each_of(among)).visibility
     }
 
-    /// Looks at blockers until one closes the way; what reaches in between by less than `slack`, m, is left out.
+    /// Looks at occluders until one hides all; what reaches in between by less than `slack`, m, is left out.
     fn classify_with(
         &self,
         p: &[DVec3],
@@ -247,7 +247,7 @@ impl BlockerIndex {
         Between { visibility, touched }
     }
 
-    /// Returns how many blockers these are, counting no more than three of one convex solid: as many sides does a box show.
+    /// Returns how many occluders these are, counting no more than three of one convex solid: as many sides does a box show.
     pub(crate) fn count(&self, blockers: &[BlockerId]) -> usize {
         let mut solids: Vec<u32> = blockers
             .iter()
@@ -273,9 +273,9 @@ impl BlockerIndex {
         corners.any(|corners| matches!(touching::standing_on([p, q], corners, self.slack), Cow::Owned(_)))
     }
 
-    /// Returns the polygons of the blockers between two patches, as integration wants them.
+    /// Returns the polygons of the occluders between two patches, as integration wants them.
     ///
-    /// Where coordinates are rounded, a blocker that stands on one of the patches, no farther from its plane than that explains, reaches through the plane: the slit that rounding has left under it,
+    /// Where coordinates are rounded, an occluder that stands on one of the patches, no farther from its plane than that explains, reaches through the plane: the slit that rounding has left under it,
     /// or not, is narrower than what can be known of it, and takes very many evaluations.
     #[must_use]
     pub fn blockers(&self, p: &[DVec3], q: &[DVec3], blockers: &[BlockerId]) -> Vec<Blocker<'_>> {
@@ -302,7 +302,7 @@ impl BlockerIndex {
     }
 }
 
-/// Returns what looks at some blockers, one after the other.
+/// Returns what looks at some occluders, one after the other.
 fn each_of(among: &[BlockerId]) -> impl FnOnce(&mut dyn FnMut(BlockerId) -> bool, &Shaft<'_>) {
     |look_at, _| {
         among.iter().all(|&k| look_at(k));

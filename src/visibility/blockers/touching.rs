@@ -56,7 +56,7 @@ fn through_middle(corners: &[DVec3]) -> Plane {
     }
 }
 
-/// Returns the corners of a blocker, those that are within `slack`, m, of the plane of a patch on whose front it stands moved behind that by as much: nothing shines through under it.
+/// Returns the corners of an occluder, those that are within `slack`, m, of the plane of a patch on whose front it stands moved behind that by as much: nothing shines through under it.
 pub(crate) fn standing_on<'a>(patches: [&[DVec3]; 2], blocker: &'a [DVec3], slack: f64) -> Cow<'a, [DVec3]> {
     let mut corners = Cow::Borrowed(blocker);
     if slack <= 0.0 {

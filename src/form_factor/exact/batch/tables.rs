@@ -37,7 +37,7 @@ impl Table {
 }
 
 impl Batches<'_> {
-    /// Returns the exchange area of a pair without blockers, from the table of its faces if there is one.
+    /// Returns the exchange area of a pair without occluders, from the table of its faces if there is one.
     pub(super) fn unoccluded(&self, i: usize, j: usize) -> Exchange {
         let faces = [i, j].map(|k| self.patches.face_of_patch[k]);
         let table = self.tables.get(&faces);
