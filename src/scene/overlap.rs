@@ -222,14 +222,22 @@ fn common_area([(large, measures), (small, of_small)]: [(&[DVec3], &Measures); 2
     }
     // Faces of one plane across an axis have the same coordinate along it, rounded or not.
     let is_across_axis = is_along_axis(normal) && is_along_axis(of_small.normal);
-    let off_plane = if is_across_axis { 0.0 } else { normal.abs().dot(half_units) };
+    let off_plane = if is_across_axis {
+        0.0
+    } else {
+        normal.abs().dot(half_units)
+    };
     let bends = 2.0 * (measures.bend + of_small.bend);
     if !in_plane && !is_level(&shared, off_plane + bends + ulps) {
         return None;
     }
     let area = polygon::area_vector(&shared).length();
     let width = 2.0 * area / polygon::perimeter(&shared).max(f64::MIN_POSITIVE);
-    let covered = if is_rounded && strip <= off { COVERED_IF_ROUNDED } else { 0.5 };
+    let covered = if is_rounded && strip <= off {
+        COVERED_IF_ROUNDED
+    } else {
+        0.5
+    };
     (width > strip || (width > least && area > covered * of_small.area)).then_some(area)
 }
 

@@ -165,6 +165,7 @@ fn in_one_plane(scene: &Scene, face: FaceId, other: FaceId, tolerance: f64) -> b
     let size = corners[0].distance(corners[1]).max(others[0].distance(others[1]));
     // Beyond a face its plane is off by as much more as the other one is larger.
     let off = |k: usize| tolerance * (1.0 + areas[1 - k] / areas[k].max(f64::MIN_POSITIVE)) + PLANARITY * size;
-    let is_level = |k: usize, from: &[DVec3], of: &[DVec3]| of.iter().all(|&v| normals[k].dot(v - from[0]).abs() <= off(k));
+    let is_level =
+        |k: usize, from: &[DVec3], of: &[DVec3]| of.iter().all(|&v| normals[k].dot(v - from[0]).abs() <= off(k));
     normals[0].dot(normals[1]) > 0.0 && is_level(0, corners, others) && is_level(1, others, corners)
 }
