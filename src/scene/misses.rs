@@ -107,8 +107,10 @@ fn has_nearly_square_halves(scene: &Scene, written: &Written) -> bool {
         };
         if let Some(&other) = apex_of.get(&[to, from]) {
             let [a, b, c, d] = [from, other, to, apex].map(at);
-            n_pairs += 1;
-            n_nearly_square += u32::from(is_nearly_square([b - a, c - b, d - c, a - d], unit));
+            let edges = [b - a, c - b, d - c, a - d];
+            // Upright walls tell nothing.
+            n_pairs += u32::from(!edges.into_iter().any(is_along_axis));
+            n_nearly_square += u32::from(is_nearly_square(edges, unit));
         }
         apex_of.insert([from, to], apex);
     }

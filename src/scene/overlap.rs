@@ -175,13 +175,15 @@ fn is_along_axis(vector: DVec3) -> bool {
     vector.to_array().iter().filter(|x| x.abs() > 0.0).count() < 2
 }
 
-/// Tells whether edges along axes end in all corners, as those of rectangles and of their halves do.
+/// Tells whether all edges of an outline are along axes, but for the diagonal in half of a rectangle.
 fn is_along_axes(corners: &[DVec3]) -> bool {
-    let n = corners.len();
-    let along: Vec<bool> = (0..n)
-        .map(|k| is_along_axis(corners[(k + 1) % n] - corners[k]))
-        .collect();
-    (0..n).all(|k| along[k] || along[(k + n - 1) % n])
+    let next = corners.iter().cycle().skip(1);
+    let n_along = corners
+        .iter()
+        .zip(next)
+        .filter(|&(&a, &b)| is_along_axis(b - a))
+        .count();
+    n_along + usize::from(corners.len() == 3) >= corners.len()
 }
 
 /// Returns the area in common of two faces with nearly the same normal, the larger first, where they lie in one plane and share more there than rounding explains.
