@@ -1,8 +1,10 @@
-//! What shows that short decimals were rounded: outlines that are nearly flat or nearly square, and vertices that nearly lie on an edge.
+//! What shows that short decimals were rounded: outlines that are nearly flat or nearly square, their halves, and vertices that nearly lie on an edge.
+
+use std::collections::HashMap;
 
 use glam::DVec3;
 
-use super::{Scene, Written};
+use super::{Corners, Scene, Written};
 use crate::geometry::box_pairs::overlapping_pairs;
 use crate::geometry::polygon;
 
@@ -11,6 +13,9 @@ const LEAST_UNITS: f64 = 100.0;
 
 /// The same of a turned rectangle, whose four corners are to be right angles to 6 degrees or better.
 const LEAST_SIDE: f64 = 30.0;
+
+/// The least share of rectangles that miss a right angle among pairs of triangles that make a quadrilateral: of an irregular mesh some do by chance.
+const LEAST_SHARE: f64 = 0.25;
 
 /// What f64 leaves of heights and cosines that are 0.
 const NOISE: f64 = 1e-12;
@@ -51,7 +56,10 @@ impl Misses {
 
     /// Tells whether the faces of a file, which were seen, or its vertices miss each other by no more than a unit. Work: O(n log n) for n faces, unless boxes around edges meet many vertices.
     pub(super) fn show_rounding(self, scene: &Scene, written: &Written) -> bool {
-        self.n_nearly_flat > self.n_bent || self.n_nearly_square > 0 || has_vertex_beside_edge(scene, written)
+        self.n_nearly_flat > self.n_bent
+            || self.n_nearly_square > 0
+            || has_nearly_square_halves(scene, written)
+            || has_vertex_beside_edge(scene, written)
     }
 }
 
@@ -77,6 +85,36 @@ fn is_nearly_square(edges: [DVec3; 4], unit: f64) -> bool {
     };
     let cosines = [off(0), off(1), off(2), off(3)];
     cosines.iter().all(Option::is_some) && cosines.iter().flatten().any(|&cosine| cosine > NOISE)
+}
+
+/// Tells whether of the triangles that have their longest edge in common many are the halves of a turned rectangle whose corners miss a right angle.
+fn has_nearly_square_halves(scene: &Scene, written: &Written) -> bool {
+    let (low, high) = scene.bounding_box();
+    let unit = written.unit(low.abs().max(high.abs()).max_element());
+    let at = |v: u32| scene.vertices[v as usize];
+    // The corner opposite of the longest edge, by that edge.
+    let mut apex_of: HashMap<[u32; 2], u32> = HashMap::new();
+    let (mut n_pairs, mut n_nearly_square) = (0_u32, 0_u32);
+    for face in &scene.faces {
+        let Corners::Triangle(corners) = face.corners else {
+            continue;
+        };
+        let turned = [0, 1, 2].map(|k| [corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]]);
+        let length = |[from, to, _]: &[u32; 3]| at(*from).distance_squared(at(*to));
+        let longest = turned.into_iter().max_by(|a, b| length(a).total_cmp(&length(b)));
+        let Some([from, to, apex]) = longest else {
+            continue;
+        };
+        if let Some(&other) = apex_of.get(&[to, from]) {
+            let [a, b, c, d] = [from, other, to, apex].map(at);
+            let edges = [b - a, c - b, d - c, a - d];
+            // Upright walls tell nothing.
+            n_pairs += u32::from(!edges.into_iter().any(is_along_axis));
+            n_nearly_square += u32::from(is_nearly_square(edges, unit));
+        }
+        apex_of.insert([from, to], apex);
+    }
+    n_nearly_square > 0 && f64::from(n_nearly_square) >= LEAST_SHARE * f64::from(n_pairs)
 }
 
 /// Tells whether a vertex is off an edge of a face that is not its own by less than a unit.
@@ -182,6 +220,20 @@ mod tests {
         // Millimetres, which are whole numbers.
         let of_metres = turned(&FLOOR, tilted);
         assert!(shows_rounding(&[&of_metres], |x| format!("{:.0}", 1000.0 * x)));
+        // Both halves of it alone.
+        for (turn, places, expected) in [
+            (DQuat::IDENTITY, 2, false),
+            (DQuat::from_rotation_z(0.4), 2, true),
+            (tilted, 4, true),
+        ] {
+            let corners = turned(&FLOOR, turn);
+            let halves = [
+                vec![corners[0], corners[1], corners[2]],
+                vec![corners[2], corners[3], corners[0]],
+            ];
+            let found = shows_rounding(&halves.each_ref().map(Vec::as_slice), |x| format!("{x:.places$}"));
+            assert_eq!(found, expected, "halves, {turn} {places}");
+        }
         // A rectangle through no axis whose corners are whole numbers, and outlines that are bent on purpose.
         let square = [
             [0.0, 0.0, 0.0],

@@ -94,7 +94,8 @@ pub const DEFAULT_REFLECTANCE: f64 = 0.5;
 /// - Faces without an area are skipped, with a warning. Faces of opposite winding may coincide.
 /// - Where faces of the same winding overlap in one plane, as a door that is drawn on its wall, the smaller one is cut out of the larger one, with a warning: flat parts of one surface and
 ///   material count as a whole, and of equal ones the later stays whole. Faces of which one equals the other are an error. What is narrower than the rounding of
-///   the coordinates as they are written is no overlap, nor is what is narrower than that of six digits of the scene's size.
+///   the coordinates as they are written is no overlap, nor is what is narrower than that of six digits of the scene's size. Where the file [shows that it was rounded](super::Written::shows_rounding),
+///   faces that are not along the axes may stand out of the larger one by a unit of each coordinate's last place.
 /// - `fo` is read as `f`, and keywords in capitals as in small letters, with a warning. Texture coordinates, normals and attributes are ignored; lines, points, free-form curves and
 ///   surfaces, calls and unknown statements are skipped, with a warning of each kind.
 /// - A library that is not where `mtllib` says is looked for by its file name beside the scene file, whatever its case, with a warning.

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::split::PLANARITY;
-use super::{Face, FaceId, Scene};
+use super::{Face, FaceId, Scene, Written};
 use crate::geometry::box_pairs::overlapping_pairs;
 use crate::geometry::clip::clip_to_half_space;
 use crate::geometry::polygon;
@@ -22,8 +22,14 @@ const COVERED: f64 = 0.05;
 /// What f64 leaves uncertain of a distance between planes, in units of the greatest |coordinate|.
 const ULPS: f64 = 8.0 * f64::EPSILON;
 
-/// The least cosine between the normals of two faces in one plane: a narrow face does not tell its normal better.
-const PARALLEL: f64 = 0.99;
+/// The greatest angle between the normals of two faces in one plane, in rad: a narrow face does not tell its normal better.
+const PARALLEL: f64 = 0.14;
+
+/// The same, at most, of faces so small that the rounding of their corners turns them. Faces that meet at 45 degrees or more are never in one plane.
+const PARALLEL_IF_ROUNDED: f64 = 0.6;
+
+/// How much of a face that is hardly wider than what rounding makes has to lie on another one: neighbours whose corners are rounded lie on each other in part.
+const COVERED_IF_ROUNDED: f64 = 0.9;
 
 /// At most so many overlaps are listed: more than any model has where faces are drawn on others, and 400 MB.
 pub(super) const MAX_OVERLAPS: usize = 1 << 24;
@@ -42,6 +48,10 @@ pub(super) struct Overlap {
 /// Two faces lie in one plane where no corner of the smaller is further from the larger's plane than [`PLANARITY`] of its diameter and the rounding of the coordinates
 /// ([`Scene::slack`]). They overlap where the common part is wider (twice its area over its outline's length) than rounding makes it, which goes by the digits of the file
 /// ([`Written`](super::Written)), but is no less than six digits of the scene's size and no more than six digits of the coordinates. Faces that one outline was split into do not overlap.
+///
+/// Where the file shows that it was rounded, faces that are not along the axes are off their plane by half a [unit](super::Written::unit) u of each coordinate. They then lie in one plane where, over all
+/// of the common part, their distance is at most g = Σ u |n|, summed over the axes, with n the larger's normal: g ≤ √3 u. Faces wider than 3 u that were meant to be in one plane are always found, those that
+/// were meant to be 2 g apart never. The common part then has to be wider than 2 u, or be 9/10 of a face that is as narrow.
 ///
 /// Work: O(n log n) for n faces of similar size, and the pairs whose boxes meet.
 pub(super) fn find(scene: &Scene) -> Option<[FaceId; 2]> {
@@ -80,7 +90,8 @@ fn search(scene: &Scene, mut visit: impl FnMut([(u32, u32); 2], &dyn Fn() -> Opt
     let measured: Vec<Measures> = scene.faces.iter().map(|face| Measures::of(scene, face, size)).collect();
     let boxes = scene.faces.iter().zip(&measured).map(|(face, measures)| {
         let (low, high) = scene.positions(face).bounding_box();
-        let margin = PLANARITY * measures.diameter + ULPS * measures.greatest + 0.5 * slack;
+        let of_digits = (0.5 * slack).max(measures.half_unit.length());
+        let margin = PLANARITY * measures.diameter + ULPS * measures.greatest + of_digits;
         (low - margin, high + margin)
     });
     overlapping_pairs(boxes.collect(), |a, b| {
@@ -89,7 +100,7 @@ fn search(scene: &Scene, mut visit: impl FnMut([(u32, u32); 2], &dyn Fn() -> Opt
         let pair = [places[0].max(places[1]), places[0].min(places[1])];
         // Built-in scenes have no lines.
         let is_one_outline = pair[0].0 == pair[1].0 && pair[0].0 != 0;
-        if is_one_outline || of_a.normal.dot(of_b.normal) < PARALLEL {
+        if is_one_outline || !of_a.is_parallel_to(of_b) {
             return;
         }
         visit(pair, &|| {
@@ -117,6 +128,8 @@ struct Measures {
     off: f64,
     /// The width of the strip that it may share with another face whose coordinates are no greater.
     strip: f64,
+    /// How far its corners may be off along each axis, where the file shows that it was rounded and the face is not along the axes; else 0.
+    half_unit: DVec3,
 }
 
 impl Measures {
@@ -125,10 +138,14 @@ impl Measures {
         let corners = scene.positions(face);
         let (low, high) = corners.bounding_box();
         let vector = polygon::area_vector(&corners);
-        let greatest = low.abs().max(high.abs()).max_element();
+        let reach = low.abs().max(high.abs());
+        let greatest = reach.max_element();
         let off = UNITS * scene.written.map_or(0.0, |written| written.unit(greatest));
         let most = SIX_DIGITS * greatest;
         let least = (SIX_DIGITS * size).max(ULPS * greatest).min(most);
+        let rounded = scene.written.filter(Written::may_part_points);
+        // What was meant to be along the axes is so after rounding, and meets what it met.
+        let rounded = rounded.filter(|_| !is_along_axes(&corners));
         Self {
             normal: vector.normalize_or_zero(),
             area: vector.length(),
@@ -136,16 +153,47 @@ impl Measures {
             bend: polygon::planarity_error(&corners),
             greatest,
             off,
-            strip: off.clamp(least, most),
+            strip: off.clamp(least, if rounded.is_some() { most.max(off) } else { most }),
+            half_unit: rounded.map_or(DVec3::ZERO, |written| reach.map(|x| 0.5 * written.unit(x))),
         }
     }
+
+    /// Tells whether the normal is that of another face, as far as both are known.
+    fn is_parallel_to(&self, other: &Self) -> bool {
+        let angle = PARALLEL + self.lean() + other.lean();
+        self.normal.distance(other.normal) <= angle.min(PARALLEL_IF_ROUNDED)
+    }
+
+    /// Returns the angle, in rad, by which rounding may turn the normal.
+    fn lean(&self) -> f64 {
+        2.0 * self.half_unit.length() * self.diameter / self.area.max(f64::MIN_POSITIVE)
+    }
+}
+
+/// Tells whether a vector has one component at most.
+fn is_along_axis(vector: DVec3) -> bool {
+    vector.to_array().iter().filter(|x| x.abs() > 0.0).count() < 2
+}
+
+/// Tells whether all edges of an outline are along axes, but for the diagonal in half of a rectangle.
+fn is_along_axes(corners: &[DVec3]) -> bool {
+    let next = corners.iter().cycle().skip(1);
+    let n_along = corners
+        .iter()
+        .zip(next)
+        .filter(|&(&a, &b)| is_along_axis(b - a))
+        .count();
+    n_along + usize::from(corners.len() == 3) >= corners.len()
 }
 
 /// Returns the area in common of two faces with nearly the same normal, the larger first, where they lie in one plane and share more there than rounding explains.
 fn common_area([(large, measures), (small, of_small)]: [(&[DVec3], &Measures); 2], slack: f64) -> Option<f64> {
     let normal = measures.normal;
     let strip = measures.strip.max(of_small.strip);
-    let least = COVERED * strip;
+    let off = measures.off.max(of_small.off);
+    let half_units = measures.half_unit + of_small.half_unit;
+    let is_rounded = half_units.max_element() > 0.0;
+    let least = (COVERED * strip).max(if is_rounded { 0.5 * off } else { 0.0 });
     // What two faces share is no wider than it is across an edge of either.
     let apart = |by: &[DVec3], other: &[DVec3]| {
         let mut last = by[by.len() - 1];
@@ -159,14 +207,14 @@ fn common_area([(large, measures), (small, of_small)]: [(&[DVec3], &Measures); 2
     if apart(large, small) || apart(small, large) {
         return None;
     }
-    let off = measures.off.max(of_small.off);
+    let is_level = |corners: &[DVec3], gap: f64| corners.iter().all(|&v| normal.dot(v - large[0]).abs() <= gap);
     let ulps = ULPS * measures.greatest.max(of_small.greatest);
     // Digits of a file count in full where they show that it was rounded, which is where there is slack.
     let rounding = (measures.bend + off)
         .min(PLANARITY * measures.diameter)
         .max(slack.min(off));
-    let gap = PLANARITY * of_small.diameter + rounding + ulps;
-    if small.iter().any(|&v| normal.dot(v - large[0]).abs() > gap) {
+    let in_plane = is_level(small, PLANARITY * of_small.diameter + rounding + ulps);
+    if !in_plane && !is_rounded {
         return None;
     }
     let mut shared = small.to_vec();
@@ -174,10 +222,25 @@ fn common_area([(large, measures), (small, of_small)]: [(&[DVec3], &Measures); 2
         let inward = normal.cross(large[(k + 1) % large.len()] - large[k]);
         shared = clip_to_half_space(&shared, large[k], inward);
     }
+    // Faces of one plane across an axis have the same coordinate along it, rounded or not.
+    let is_across_axis = is_along_axis(normal) && is_along_axis(of_small.normal);
+    let off_plane = if is_across_axis {
+        0.0
+    } else {
+        normal.abs().dot(half_units)
+    };
+    let bends = 2.0 * (measures.bend + of_small.bend);
+    if !in_plane && !is_level(&shared, off_plane + bends + ulps) {
+        return None;
+    }
     let area = polygon::area_vector(&shared).length();
-    let edges = (0..shared.len()).map(|k| shared[k].distance(shared[(k + 1) % shared.len()]));
-    let width = 2.0 * area / edges.sum::<f64>().max(f64::MIN_POSITIVE);
-    (width > strip || (width > least && area > 0.5 * of_small.area)).then_some(area)
+    let width = 2.0 * area / polygon::perimeter(&shared).max(f64::MIN_POSITIVE);
+    let covered = if is_rounded && strip <= off {
+        COVERED_IF_ROUNDED
+    } else {
+        0.5
+    };
+    (width > strip || (width > least && area > covered * of_small.area)).then_some(area)
 }
 
 #[cfg(test)]

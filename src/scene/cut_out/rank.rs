@@ -2,6 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
+use glam::DVec3;
+
 use super::{FaceId, Groups, Overlap, Refused, Scene, edges, polygon};
 use crate::scene::split::PLANARITY;
 use crate::scene::{MaterialId, SurfaceId};
@@ -152,14 +154,18 @@ fn kind(scene: &Scene, face: FaceId) -> (SurfaceId, MaterialId) {
 
 /// Tells whether two faces with an edge in common look the same way from one plane.
 fn in_one_plane(scene: &Scene, face: FaceId, other: FaceId, tolerance: f64) -> bool {
-    let [(corners, normal), (others, other_normal)] = [face, other].map(|face| {
+    let measured = [face, other].map(|face| {
         let corners = scene.polygon(face);
-        let normal = polygon::area_vector(&corners).normalize_or_zero();
-        (corners, normal)
+        let vector = polygon::area_vector(&corners);
+        (corners, vector)
     });
+    let [(corners, vector), (others, other_vector)] = &measured;
+    let normals = [vector, other_vector].map(|vector| vector.normalize_or_zero());
+    let areas = [vector, other_vector].map(|vector| vector.length());
     let size = corners[0].distance(corners[1]).max(others[0].distance(others[1]));
-    let gap = tolerance + PLANARITY * size;
-    normal.dot(other_normal) > 0.0
-        && others.iter().all(|&v| normal.dot(v - corners[0]).abs() <= gap)
-        && corners.iter().all(|&v| other_normal.dot(v - others[0]).abs() <= gap)
+    // Beyond a face its plane is off by as much more as the other one is larger.
+    let off = |k: usize| tolerance * (1.0 + areas[1 - k] / areas[k].max(f64::MIN_POSITIVE)) + PLANARITY * size;
+    let is_level =
+        |k: usize, from: &[DVec3], of: &[DVec3]| of.iter().all(|&v| normals[k].dot(v - from[0]).abs() <= off(k));
+    normals[0].dot(normals[1]) > 0.0 && is_level(0, corners, others) && is_level(1, others, corners)
 }

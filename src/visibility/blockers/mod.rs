@@ -9,7 +9,7 @@ use std::borrow::Cow;
 
 use glam::DVec3;
 
-use super::shaft::{Lean, Plane, Shaft};
+use super::shaft::{Lean, Plane, Shaft, rounding};
 use crate::scene::{FaceId, SLACK_PER_CORNER, Scene};
 use solids::Solid;
 pub(crate) use touching::standing_on;
@@ -64,7 +64,23 @@ struct Entry {
     corners: Vec<DVec3>,
     plane: Plane,
     faces: Vec<FaceId>,
+    /// The corners of these faces, where they are several and rounding may have them stand out of the polygon.
+    parts: Vec<Vec<DVec3>>,
     solid: Option<u32>,
+}
+
+impl Entry {
+    /// Returns how the polygon, as its faces are, lies to the end of a shaft.
+    fn levels(&self, end: &[DVec3], slack: f64) -> Levels {
+        let found = Levels::of(end, &self.corners, slack);
+        // A face in the middle of the polygon that rounding has put beside its plane, by as much at all corners, has no gap to the polygon that it is a part of.
+        let touches = |part: &Vec<DVec3>| Levels::of(end, part, slack) == Levels::Touching;
+        if found == Levels::Gap && self.parts.iter().any(touches) {
+            Levels::Touching
+        } else {
+            found
+        }
+    }
 }
 
 /// The faces of a scene, prepared for queries which of them occlude two convex polygons from each other.
@@ -112,6 +128,11 @@ impl BlockerIndex {
             .zip(solid_of_polygon)
             .map(|((corners, faces), solid)| Entry {
                 plane: Plane::of(&corners),
+                parts: if slack > 0.0 && faces.len() > 1 {
+                    faces.iter().map(|&face| scene.polygon(face)).collect()
+                } else {
+                    Vec::new()
+                },
                 corners,
                 faces,
                 solid,
@@ -201,7 +222,6 @@ impl BlockerIndex {
             return Between::certain(PairVisibility::None);
         };
         // What lies in the plane of a patch hides nothing from it; what is a gap off, which was meant, hides it, however narrow that is.
-        let levels = |blocker: &[DVec3]| [p, q].map(|end| Levels::of(end, blocker, slack));
         let mut found = Vec::new();
         let mut closed = false;
         let mut touched = false;
@@ -211,7 +231,7 @@ impl BlockerIndex {
             let is_met = if slack > 0.0 {
                 let is_touched = shaft.is_touched_by(&entry.corners);
                 let levels = if is_touched {
-                    levels(&entry.corners)
+                    [p, q].map(|end| entry.levels(end, slack))
                 } else {
                     [Levels::Apart; 2]
                 };
@@ -332,11 +352,12 @@ impl Levels {
         if is_small || !is_level(p, q, slack) || !is_level(q, p, slack) {
             return Self::Apart;
         }
+        let noise = rounding(p).max(rounding(q));
         let are_parallel = |of: &[DVec3], over: &[DVec3]| {
             let plane = Plane::of(over);
             let heights = of.iter().map(|&v| plane.height(v).abs());
             let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
-            high - low <= PARALLEL * high
+            high > noise && high - low <= PARALLEL * high
         };
         if are_parallel(p, q) || are_parallel(q, p) {
             Self::Gap
