@@ -23,6 +23,7 @@ use crate::form_factor::{
 };
 use crate::matrix::{BalanceReport, Checks, Closed, FormFactors, Need, RepairKind, RowTally, Sampling};
 use crate::printable::counted;
+use crate::progress::Progress as _;
 use crate::scene::Scene;
 use crate::visibility::blockers::BlockerIndex;
 
@@ -220,6 +221,7 @@ impl Run {
             None => method.compute(input, chosen.choice(), &self.progress),
         })?;
         self.note_warnings(self.progress.warnings());
+        self.progress.begin("checks", 0);
         self.progress.deadline = args.time_limit.map(|limit| self.begun + limit);
         if let Some(checkpoint) = &self.progress.checkpoint
             && let Some(reason) = checkpoint.failure()
