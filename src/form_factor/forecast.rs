@@ -82,6 +82,9 @@ const RAYS_RANGE: (u64, u64) = (64, 1 << 20);
 /// A forecast may be too low by its inverse.
 const MARGIN: f64 = 0.6;
 
+/// The part of a time that shooting gets of it: checks, repairs and errors then pass over all rows, each with their transpose, and take about as long again.
+const SHOOTING: f64 = 0.6;
+
 /// Returns the most accurate method of those whose form factors are expected within `limit`: [`ExactMethod`] at `tolerance` or up to 1000 times it (0.1 at most), or [`RandomShooting`] with as
 /// many rays as there is time for, by the tolerance or the greatest standard error of an entry. Shooting with 64 rays for each patch is returned where nothing fits.
 ///
@@ -106,7 +109,7 @@ pub fn within(input: Input<'_>, tolerance: f64, limit: Duration, progress: &dyn 
         .unwrap_or((RAYS_RANGE.0, 0.0));
     let per_ray = seconds / rays as f64;
     let mut rays = RAYS_RANGE.1;
-    while rays > RAYS_RANGE.0 && rays as f64 * per_ray > limit_s {
+    while rays > RAYS_RANGE.0 && rays as f64 * per_ray > SHOOTING * limit_s {
         rays /= 2;
     }
     match fitting {
