@@ -7,7 +7,7 @@ use crate::checkpoint::Checkpoint;
 
 /// Receives the progress of one stage after another; called from many threads.
 pub trait Progress: Sync {
-    /// A stage of `total` steps begins; it ends when the next one begins or all work is done.
+    /// A stage of `total` steps begins, 0 where their number is not known; it ends when the next one begins or all work is done.
     fn begin(&self, stage: &str, total: u64);
     /// `steps` more steps of the current stage are done.
     fn advance(&self, steps: u64);

@@ -19,7 +19,7 @@ pub(super) struct Interrupt {
 
 /// How long work may take to reach a safe point after the first signal. A longer step, such as a factorisation or one pair of patches, is given up:
 /// a checkpoint has what was finished before.
-const GRACE: std::time::Duration = std::time::Duration::from_millis(800);
+const GRACE: std::time::Duration = std::time::Duration::from_millis(600);
 
 /// The name and exit code of a signal.
 fn named(signal: usize) -> Option<(&'static str, ExitCode)> {

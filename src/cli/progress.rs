@@ -46,8 +46,7 @@ impl Bars {
     pub(super) fn new(quiet: bool, interrupt: Interrupt) -> Self {
         let is_terminal = !quiet && std::io::stderr().is_terminal();
         let bar = if is_terminal {
-            let style = style("{msg:<16} {spinner} {elapsed:>5}");
-            ticking(ProgressBar::new_spinner().with_style(style).with_message("preparing"))
+            spinner("preparing")
         } else {
             ProgressBar::hidden()
         };
@@ -94,6 +93,16 @@ fn style(template: &str) -> ProgressStyle {
     ProgressStyle::with_template(template)
         .unwrap_or_else(|_| ProgressStyle::default_bar())
         .progress_chars("=> ")
+}
+
+/// Returns the display of a stage of which it is not known how much there is to do.
+fn spinner(name: &str) -> ProgressBar {
+    let style = style("{msg:<16} {spinner} {elapsed:>5}");
+    ticking(
+        ProgressBar::new_spinner()
+            .with_style(style)
+            .with_message(name.to_owned()),
+    )
 }
 
 fn ticking(bar: ProgressBar) -> ProgressBar {
@@ -149,14 +158,18 @@ impl Progress for Bars {
     fn begin(&self, name: &str, total: u64) {
         let mut stage = locked(&self.stage);
         stage.bar.finish_and_clear();
-        stage.bar = if self.is_terminal {
+        stage.bar = if self.is_terminal && total == 0 {
+            spinner(name)
+        } else if self.is_terminal {
             let style = style("{msg:<16} [{bar:32}] {percent_precise:>7} % in {elapsed:>5}, {eta:>6} left");
             ticking(ProgressBar::new(total).with_style(style).with_message(name.to_owned()))
         } else {
             // It counts, and draws nothing.
             ProgressBar::hidden()
         };
-        stage.bar.set_length(total);
+        if total > 0 {
+            stage.bar.set_length(total);
+        }
         name.clone_into(&mut stage.name);
         stage.begun = Instant::now();
     }

@@ -16,19 +16,23 @@ use crate::progress::{Forecast, Progress};
 /// Rays for each patch that a forecast of shooting is for.
 pub(super) const RAYS: u64 = 4096;
 
-/// Returns the seconds that `time` takes for one of `n` parts in the mean, from those in the order of a golden section of all until `most` is over; `None` without a part.
-pub(super) fn mean_s(n: usize, n_samples: usize, most: Duration, time: impl Fn(usize) -> f64 + Sync) -> Option<f64> {
+/// Returns the results of `work` for some of `n` parts, in the order of a golden section of all until `most` is over, but for one turn of all threads.
+pub(super) fn sampled<T: Send>(n: usize, n_samples: usize, most: Duration, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
     let begun = Instant::now();
-    let (mut sum, mut n_done) = (0.0, 0_usize);
     let order: Vec<usize> = golden_section(n).take(n_samples.min(n)).collect();
+    let mut results = Vec::new();
     for turn in order.chunks(rayon::current_num_threads()) {
         if begun.elapsed() > most {
             break;
         }
-        sum += turn.par_iter().map(|&k| time(k)).sum::<f64>();
-        n_done += turn.len();
+        results.par_extend(turn.par_iter().map(|&k| work(k)));
     }
-    (n_done > 0).then(|| sum / n_done as f64)
+    results
+}
+
+/// Returns the mean of some times; `None` without one.
+pub(super) fn mean(times: &[f64]) -> Option<f64> {
+    (!times.is_empty()).then(|| times.iter().sum::<f64>() / times.len() as f64)
 }
 
 /// Returns places among `n` that are spread evenly however many are taken.
@@ -51,12 +55,12 @@ pub(super) fn shooting_s(input: Input<'_>, rays: u64) -> Option<f64> {
     };
     let rows = method.rows(input)?;
     let n = input.mesh.n_patches();
-    let mean = mean_s(n, 256, Duration::from_millis(200), |i| {
+    let times = sampled(n, 256, Duration::from_millis(200), |i| {
         let begun = Instant::now();
         rows(i..i + 1);
         begun.elapsed().as_secs_f64()
-    })?;
-    Some(mean * n as f64 / rayon::current_num_threads() as f64)
+    });
+    Some(mean(&times)? * n as f64 / rayon::current_num_threads() as f64)
 }
 
 /// A method and its setting, chosen for the time that they are expected to take.
@@ -77,6 +81,9 @@ const RAYS_RANGE: (u64, u64) = (64, 1 << 20);
 
 /// A forecast may be too low by its inverse.
 const MARGIN: f64 = 0.6;
+
+/// The part of a time that shooting gets of it: checks, repairs and errors then pass over all rows, each with their transpose, and take about as long again.
+const SHOOTING: f64 = 0.6;
 
 /// Returns the most accurate method of those whose form factors are expected within `limit`: [`ExactMethod`] at `tolerance` or up to 1000 times it (0.1 at most), or [`RandomShooting`] with as
 /// many rays as there is time for, by the tolerance or the greatest standard error of an entry. Shooting with 64 rays for each patch is returned where nothing fits.
@@ -102,7 +109,7 @@ pub fn within(input: Input<'_>, tolerance: f64, limit: Duration, progress: &dyn 
         .unwrap_or((RAYS_RANGE.0, 0.0));
     let per_ray = seconds / rays as f64;
     let mut rays = RAYS_RANGE.1;
-    while rays > RAYS_RANGE.0 && rays as f64 * per_ray > limit_s {
+    while rays > RAYS_RANGE.0 && rays as f64 * per_ray > SHOOTING * limit_s {
         rays /= 2;
     }
     match fitting {
@@ -132,8 +139,10 @@ mod tests {
         sorted.sort_unstable();
         assert!(sorted.windows(2).all(|pair| (1..=30).contains(&(pair[1] - pair[0]))));
         assert!(golden_section(1).take(10).all(|place| place == 0));
-        let mean = mean_s(7, 1000, Duration::from_secs(9), |_| 2.0);
-        assert!(mean.is_some_and(|mean| (mean - 2.0).abs() < 1e-12));
-        assert_eq!(mean_s(0, 10, Duration::from_secs(9), |_| 1.0), None);
+        let mut parts = sampled(7, 1000, Duration::from_secs(9), |k| k);
+        parts.sort_unstable();
+        assert_eq!(parts.len(), 7);
+        assert_eq!(mean(&[1.0, 3.0]), Some(2.0));
+        assert_eq!(mean(&sampled(0, 10, Duration::from_secs(9), |_| 1.0)), None);
     }
 }

@@ -13,8 +13,8 @@ use super::{Entry, FormFactors, MatrixError, RowTile};
 /// come from as many other rows, do not. 0.3 gave the least error of B of 1, 0.3, 0.1, 0.03 and 0.01 over seven scenes.
 const OWN_VARIANCE: f64 = 0.3;
 
-/// Blocks of rows that are made at the same time.
-const AT_ONCE: usize = 64;
+/// Rows that are made at the same time, and no fewer blocks of them than there are threads.
+const AT_ONCE: usize = 2048;
 
 impl FormFactors {
     /// Returns form factors whose entries are means with their reverse ones, weighted by inverse variances, and whose rows keep their sums.
@@ -35,7 +35,8 @@ impl FormFactors {
             return Ok(self.clone());
         }
         let blocks = self.row_blocks();
-        let tiles = blocks.chunks(AT_ONCE).flat_map(|some| {
+        let n_at_once = (AT_ONCE / blocks[0].len()).max(rayon::current_num_threads());
+        let tiles = blocks.chunks(n_at_once).flat_map(|some| {
             let tiles = some.par_iter().map(|rows| self.pooled_rows(rows.clone()));
             tiles.collect::<Vec<_>>()
         });

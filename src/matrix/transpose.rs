@@ -4,8 +4,14 @@ use std::ops::Range;
 
 use super::{Entries, Entry, FormFactors, Place, UPPER_ROWS};
 
-/// Rows that are transposed at a time: a few cache lines of every row of F.
+/// Rows that are transposed at a time, at least: a few cache lines of every row of F.
 const BLOCK_ROWS: usize = 32;
+
+/// More are where they have no more entries than this together, so that the look into each row of F is worth it: 12 MB for each thread.
+const BLOCK_ENTRIES: f64 = 524_288.0;
+
+/// But no fewer blocks than these, for the threads.
+const LEAST_BLOCKS: usize = 64;
 
 /// One place of F and its mirror image: (F_ij, standard error) and (F_ji, standard error).
 pub(crate) struct Pair {
@@ -19,11 +25,23 @@ impl FormFactors {
         let n = self.n_rows();
         // On a disk, rows are best read together with those of their tiles.
         let n_together = match self.storage().place {
-            Place::Memory { .. } => BLOCK_ROWS,
+            Place::Memory { .. } => self.rows_of_block(),
             Place::Disk(_) => UPPER_ROWS,
         };
         let starts = (0..n).step_by(n_together);
         starts.map(|start| start..n.min(start + n_together)).collect()
+    }
+
+    fn rows_of_block(&self) -> usize {
+        let n = self.n_rows();
+        let per_row = (self.density() * n as f64).max(1.0);
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "from 1 to BLOCK_ENTRIES"
+        )]
+        let fitting = (BLOCK_ENTRIES / per_row) as usize;
+        fitting.min(n / LEAST_BLOCKS).max(BLOCK_ROWS)
     }
 
     /// Calls `visit(i, j, pair)` for all i in `rows` and all j from `first_column` on where F_ij or F_ji is stored, row by row in

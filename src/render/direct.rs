@@ -9,7 +9,7 @@ use super::direct_exact::{ClearParts, SeenByPatch};
 use crate::geometry::clip::clip_to_half_space;
 use crate::geometry::point_form_factor::point_form_factor;
 use crate::geometry::polygon;
-use crate::geometry::sampling::{Frame, PointStream, Sequence, UniformOnPolygon, cosine_direction};
+use crate::geometry::sampling::{Frame, PointStream, Sequence, UniformOnPolygon};
 use crate::mesh::{Mesh, PatchId};
 use crate::scene::{FaceId, Scene};
 use crate::visibility::{Coherence, HitBatch, RayBatch, Visibility};
@@ -223,10 +223,7 @@ impl<'a> DirectPass<'a> {
             let n_batch = left.min(BATCH);
             left -= n_batch;
             rays.clear();
-            for _ in 0..n_batch {
-                let [u, v, ..] = stream.next_point();
-                rays.push_ray(origin, frame.to_world(cosine_direction(u, v)));
-            }
+            rays.push_cosine_rays(origin, &frame, &mut stream, n_batch);
             self.visibility.closest_hits(rays, Coherence::Incoherent, hits);
             for k in 0..rays.len() {
                 let Some(hit) = hits.face(k).filter(|hit| !hit.back) else {

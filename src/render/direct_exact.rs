@@ -69,3 +69,113 @@ impl SeenByPatch {
         }
     }
 }
+
+#[cfg(test)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use glam::DQuat;
+
+    use super::*;
+    use crate::geometry::clip::clip_to_half_space;
+    use crate::mesh::Subdivision;
+    use crate::scene::{Corners, Face, FaceId, MaterialId, Surface, SurfaceId};
+
+    fn scene_of(outlines: &[[DVec3; 4]]) -> Scene {
+        let mut scene = Scene::default();
+        scene.materials.push(crate::scene::Material {
+            name: "grey".into(),
+            reflectance: [0.5; 3],
+            exitance: [0.0; 3],
+        });
+        for (k, outline) in (0..).zip(outlines) {
+            scene.vertices.extend(outline);
+            scene.surfaces.push(Surface {
+                name: format!("face{k}"),
+            });
+            scene.faces.push(Face {
+                corners: Corners::Quad([0, 1, 2, 3].map(|corner| 4 * k + corner)),
+                surface: SurfaceId(k),
+                material: MaterialId(0),
+                line: 0,
+            });
+        }
+        scene
+    }
+
+    /// The part of a lamp that the way from a point through a plate leads to, by planes through the point.
+    fn hidden_part(point: DVec3, plate: &[DVec3; 4], lamp: &[DVec3]) -> Vec<DVec3> {
+        let middle = plate.iter().sum::<DVec3>() / 4.0;
+        let mut part = lamp.to_vec();
+        for k in 0..4 {
+            let across = (plate[k] - point).cross(plate[(k + 1) % 4] - point);
+            let side = across.dot(middle - point).signum();
+            part = clip_to_half_space(&part, point, across * side);
+        }
+        part
+    }
+
+    /// A plate over a floor, and a lamp of one solid angle at ever greater distances: points in its penumbra see the same part of it.
+    #[test]
+    fn a_near_plate_keeps_its_shadow_before_a_far_lamp() {
+        for (turn, to) in [
+            (DQuat::IDENTITY, DVec3::new(0.3, 0.2, 1.0)),
+            (
+                DQuat::from_euler(glam::EulerRot::XYZ, 0.7, -0.4, 1.9),
+                DVec3::new(-0.5, 0.4, 0.8),
+            ),
+            (
+                DQuat::from_euler(glam::EulerRot::XYZ, 2.1, 0.3, -0.8),
+                DVec3::new(0.1, -0.9, 0.6),
+            ),
+        ] {
+            let to = to.normalize();
+            let (across, up) = to.any_orthonormal_pair();
+            let square = |middle: DVec3, a: DVec3, b: DVec3| {
+                [middle - a - b, middle + a - b, middle + a + b, middle - a + b]
+                    .map(|v| turn * v + DVec3::new(0.3, -0.7, 0.2))
+            };
+            let floor = square(DVec3::ZERO, 0.5 * DVec3::X, 0.5 * DVec3::Y);
+            let plate = square(0.4 * to, 0.13 * across, 0.11 * (up + 0.3 * to));
+            let back = [plate[3], plate[2], plate[1], plate[0]];
+            let mut parts_of_nearest: Vec<f64> = Vec::new();
+            for exponent in 1..=9 {
+                let distance = 10.0_f64.powi(exponent);
+                // Its front looks at the floor.
+                let lamp = square(distance * to, 0.2 * distance * up, 0.3 * distance * across);
+                let scene = scene_of(&[floor, plate, back, lamp]);
+                let mesh = Mesh::new(&scene, Subdivision::Uniform(1)).unwrap();
+                let clear = ClearParts::new(&scene, &mesh);
+                let mut seen = SeenByPatch::default();
+                let (normal, mut parts) = (mesh.patches[0].normal, Vec::new());
+                for k in 0..81_u32 {
+                    let at = |k: u32| 0.05 + 0.1125 * f64::from(k);
+                    let point = floor[0].lerp(floor[1], at(k % 9)) + at(k / 9) * (floor[3] - floor[0]);
+                    let here = DirectPoint {
+                        face: FaceId(0),
+                        patch: PatchId(0),
+                        point,
+                        normal,
+                        stream: 0,
+                    };
+                    let whole = point_form_factor(point, normal, &lamp);
+                    let exact = whole - point_form_factor(point, normal, &hidden_part(point, &plate, &lamp));
+                    let found = seen.form_factor(&clear, &here, (3, &lamp));
+                    assert!(
+                        (found - exact).abs() <= 1e-7 * whole,
+                        "{distance:e} {k}: {found} {exact} of {whole}"
+                    );
+                    parts.push(found / whole);
+                }
+                let n_in_penumbra = parts.iter().filter(|part| (0.02..0.98).contains(*part)).count();
+                assert!(n_in_penumbra > 10, "{distance:e}: {n_in_penumbra}");
+                // From 1e3 on what is left of the parallax is that of the floor's size.
+                if exponent == 3 {
+                    parts_of_nearest = parts;
+                } else if exponent > 3 {
+                    let off = parts.iter().zip(&parts_of_nearest).map(|(a, b)| (a - b).abs());
+                    assert!(off.fold(0.0, f64::max) < 0.02, "{distance:e}");
+                }
+            }
+        }
+    }
+}

@@ -12,7 +12,7 @@ use super::direct::DirectPass;
 use super::image::{Image, channel_names};
 use super::rare::{LightPool, RULE_OF_THREE, RareLight};
 use super::shade::{Shader, SurfacePoint};
-use crate::geometry::sampling::{Frame, PointStream, Sequence, cosine_direction};
+use crate::geometry::sampling::{Frame, PointStream, Sequence};
 use crate::visibility::{Coherence, HitBatch, RayBatch};
 
 /// How the irradiance of a pixel is gathered.
@@ -351,10 +351,7 @@ impl<'a> Gatherer<'a> {
         for net in 0..N_NETS as u64 {
             let mut stream = PointStream::new(self.sequence, seed, part.stream * N_NETS as u64 + net);
             stream.skip(u64::from(gathered.n_points));
-            for _ in 0..n_new {
-                let [u, v, ..] = stream.next_point();
-                rays.push_ray(origin, frame.to_world(cosine_direction(u, v)));
-            }
+            rays.push_cosine_rays(origin, &frame, &mut stream, n_new);
         }
         self.input.visibility.closest_hits(rays, Coherence::Incoherent, hits);
         let own = self.shader.material(point.face).reflectance;

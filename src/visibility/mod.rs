@@ -13,6 +13,7 @@ mod sheets;
 
 use glam::DVec3;
 
+use crate::geometry::sampling::{Frame, PointStream, cosine_direction};
 use crate::scene::FaceId;
 
 /// Whether neighbouring rays of a batch go nearly the same way.
@@ -117,6 +118,14 @@ impl RayBatch {
     /// Adds a ray without an end. `origin` is in the frame (world minus [`Visibility::frame_origin`]), both are rounded to f32 here.
     pub fn push_ray(&mut self, origin: DVec3, direction: DVec3) {
         self.push(origin, direction, f32::INFINITY);
+    }
+
+    /// Adds rays without an end from one origin, with the density cos θ / π about the normal of `frame`, each by the next point of `numbers`. `origin` is in the frame of the visibility.
+    pub fn push_cosine_rays(&mut self, origin: DVec3, frame: &Frame, numbers: &mut PointStream, n: u32) {
+        for _ in 0..n {
+            let [u, v, ..] = numbers.next_point();
+            self.push_ray(origin, frame.to_world(cosine_direction(u, v)));
+        }
     }
 
     /// Adds the segment from `from` to `to`, both in the frame; the direction is computed in f64.

@@ -7,13 +7,11 @@ use radiosity::geometry::point_form_factor::point_form_factor;
 use radiosity::matrix::operator::Block;
 use radiosity::mesh::{Mesh, Subdivision};
 use radiosity::progress::Silent;
-use radiosity::render::{
-    DirectMethod, GatherReport, GatherSettings, Image, RenderInput, RenderSettings, UnfoldedView, render,
-};
+use radiosity::render::{DirectMethod, GatherReport, GatherSettings, Image, RenderSettings, UnfoldedView, render};
 use radiosity::scene::{FaceId, Scene};
 use radiosity::visibility::embree::EmbreeVisibility;
 
-use crate::scenes::{Builder, WALLS, box_scene, box_walls, rectangle};
+use crate::scenes::{Builder, WALLS, box_scene, box_walls, flat_input, rectangle};
 
 fn settings(noise: f64, samples: u32, direct: DirectMethod) -> RenderSettings {
     let n = |n| NonZeroU32::new(n).unwrap();
@@ -36,15 +34,7 @@ fn gathered(scene: &Scene, radiosity: &[f64], settings: &RenderSettings) -> (Ima
     let view = UnfoldedView::new(scene, NonZeroU32::new(16).unwrap()).unwrap();
     let radiosity = Block::from_values(radiosity.to_vec(), 1);
     // Flat: what a ray meets has the patch's own radiosity, whatever its irradiance.
-    let input = RenderInput {
-        scene,
-        mesh: &mesh,
-        visibility: &visibility,
-        radiosity: &radiosity,
-        irradiance: &radiosity,
-        indirect_irradiance: None,
-        error: None,
-    };
+    let input = flat_input(scene, &mesh, &visibility, &radiosity);
     let image = render(&input, &view, settings, &Silent).unwrap();
     (image, mesh)
 }
@@ -94,9 +84,10 @@ fn what_is_gathered_converges_to_the_closed_form() {
     for samples in [1, 2] {
         let (coarse, relative, normalised, report) = run(0.05, samples);
         // The mean over a pixel is compared with the value at its centre: 16 pixels a wall leave 1e-3 of curvature, far below this noise.
-        // A standard error from eight nets is itself off by 27 %, and a pixel stops where it happens to look small.
+        // A standard error from the sixteen nets of the pilot rays is itself off by 18 %.
         assert!(relative < 1.5 * 0.05, "{samples}: {relative}");
-        // Student's t with 7 degrees of freedom has the deviation √(7/5) = 1.18; stopping where it looks small adds some.
+        // Student's t with 15 degrees of freedom has the deviation √(15/13) = 1.07, and stated errors are 1.195 times the spread of the nets: 0.90. The one ray that is always possible makes that less.
+        eprintln!("NORM {samples} {normalised} {relative}");
         assert!((0.7..1.7).contains(&normalised), "{samples}: {normalised}");
         let (fine, fine_relative, _, more) = run(0.005, samples);
         assert!(fine_relative < 1.5 * 0.005, "{samples}: {fine_relative}");

@@ -7,14 +7,12 @@ use radiosity::matrix::operator::Block;
 use radiosity::mesh::{Mesh, Subdivision};
 use radiosity::progress::Silent;
 use radiosity::render::verify::{VerifyError, verify_image};
-use radiosity::render::{
-    CameraRecord, DirectMethod, Image, RayView, RenderInput, RenderSettings, Samples, View, render,
-};
+use radiosity::render::{CameraRecord, DirectMethod, Image, RayView, RenderSettings, Samples, View, render};
 use radiosity::scene::{Camera, Scene, builtin};
 use radiosity::visibility::embree::EmbreeVisibility;
 
 use crate::field::{check, field_of};
-use crate::scenes::{Builder, Solved, bright_cube, rectangle};
+use crate::scenes::{Builder, Solved, bright_cube, flat_input, rectangle};
 
 const LAMP: f64 = 50.0;
 const WALL: f64 = 1.0;
@@ -55,15 +53,7 @@ fn shown(scene: &Scene, n: u32, settings: &RenderSettings) -> Image {
     let mesh = Mesh::new(scene, Subdivision::Uniform(1)).unwrap();
     let visibility = EmbreeVisibility::new(scene).unwrap();
     let radiosity = Block::from_values(vec![LAMP, WALL], 1);
-    let input = RenderInput {
-        scene,
-        mesh: &mesh,
-        visibility: &visibility,
-        radiosity: &radiosity,
-        irradiance: &radiosity,
-        indirect_irradiance: None,
-        error: None,
-    };
+    let input = flat_input(scene, &mesh, &visibility, &radiosity);
     render(&input, &square_view(n), settings, &Silent).unwrap()
 }
 
@@ -146,15 +136,7 @@ fn the_mean_of_an_image_is_that_of_many_samples() {
         [0, 1, 2].map(|c| material.exitance[c] + material.reflectance[c] * (0.5 + patch.centroid.y))
     };
     let radiosity = Block::from_values(mesh.patches.iter().flat_map(of_patch).collect(), 3);
-    let input = RenderInput {
-        scene: &scene,
-        mesh: &mesh,
-        visibility: &visibility,
-        radiosity: &radiosity,
-        irradiance: &radiosity,
-        indirect_irradiance: None,
-        error: None,
-    };
+    let input = flat_input(&scene, &mesh, &visibility, &radiosity);
     for n in [64, 101] {
         let mean = |settings: &RenderSettings, channel: &str| {
             let image = render(&input, &cornell_view(n), settings, &Silent).unwrap();

@@ -104,6 +104,24 @@ pub(crate) fn bright_cube() -> Scene {
     box_scene(DVec3::ONE, exitance, reflectance)
 }
 
+/// What a picture needs of patches whose radiosity is all that counts, as where colours are flat: the irradiance is any.
+pub(crate) fn flat_input<'a>(
+    scene: &'a Scene,
+    mesh: &'a Mesh,
+    visibility: &'a dyn Visibility,
+    radiosity: &'a Block,
+) -> RenderInput<'a> {
+    RenderInput {
+        scene,
+        mesh,
+        visibility,
+        radiosity,
+        irradiance: radiosity,
+        indirect_irradiance: None,
+        error: None,
+    }
+}
+
 /// A solution by fixed-point iteration with closed-form factors, for convex scenes of axis-aligned rectangles.
 pub(crate) struct Solved {
     pub(crate) scene: Scene,

@@ -22,6 +22,7 @@ use crate::form_factor::{
 };
 use crate::matrix::{BalanceReport, Checks, FormFactors, Need, RepairKind, Sampling};
 use crate::printable::counted;
+use crate::progress::Progress as _;
 use crate::scene::Scene;
 use crate::visibility::blockers::BlockerIndex;
 
@@ -215,6 +216,7 @@ impl Run {
             None => method.compute(input, chosen.choice(), &self.progress),
         })?;
         self.note_warnings(self.progress.warnings());
+        self.progress.begin("checks", 0);
         self.progress.deadline = args.time_limit.map(|limit| self.begun + limit);
         if let Some(checkpoint) = &self.progress.checkpoint
             && let Some(reason) = checkpoint.failure()

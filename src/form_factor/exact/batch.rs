@@ -11,7 +11,7 @@ mod walk;
 use std::borrow::Cow;
 use std::collections::HashMap;
 use std::ops::Range;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -46,6 +46,9 @@ const MOST_PAIRS_PER_BATCH: usize = 1 << 21;
 /// Between the two, so many rows: two for each run and thread where there are eight of these.
 const ROWS_PER_BATCH: usize = 128;
 
+/// A batch that may end anywhere ends when its rows have taken this long to classify.
+const CLASSIFIED_AT_ONCE: Duration = Duration::from_secs(1);
+
 /// Bytes of a pair while its batch is computed: its entry twice, as rows are put together, and its place in a table.
 const PAIR_BYTE: u64 = 48;
 
@@ -70,6 +73,9 @@ const NOISE: f64 = 1e-12;
 
 /// The same of what is seen of a pair, as an error: some roundings at each point.
 const ROUNDING: f64 = 1e-13;
+
+/// The least other faces that a thread looks at for one.
+const FACES_AT_ONCE: usize = 256;
 
 /// All batches in the order of their rows.
 pub(super) struct Batches<'a> {
@@ -155,6 +161,75 @@ impl<'a> Batches<'a> {
     }
 }
 
+impl Batches<'_> {
+    /// Returns whole runs of rows from the next one on, with their faces, until there is enough to do.
+    fn runs_of_batch(&self) -> Vec<(usize, usize)> {
+        let n = self.patches.len();
+        let mut runs = Vec::new();
+        let (mut n_pairs, mut row) = (0, self.next_row);
+        let enough = pairs_per_batch(n);
+        while row < n && n_pairs < enough {
+            let f = self.patches.face_of_patch[row];
+            let face = &self.patches.faces[f];
+            let k = face.row_runs.partition_point(|&k| face.runs[k].patches.end <= row);
+            runs.push((f, face.row_runs[k]));
+            let range = face.runs[face.row_runs[k]].patches.clone();
+            n_pairs += range.clone().map(|i| n - 1 - i).sum::<usize>();
+            row = range.end;
+        }
+        runs
+    }
+
+    /// Classifies the rows of a batch, and goes on to the row behind them.
+    ///
+    /// Where every face is one patch, a batch may end anywhere, as no table depends on its rows: it ends when it has taken long enough, so that what is finished is kept.
+    fn classified_batch(&mut self) -> Vec<Strip> {
+        let runs = self.runs_of_batch();
+        let (begun, first_row) = (Instant::now(), self.next_row);
+        let may_end_anywhere = runs.iter().all(|&(f, _)| self.patches.faces[f].range().len() == 1);
+        let mut n_at_once = if may_end_anywhere {
+            rayon::current_num_threads()
+        } else {
+            runs.len()
+        };
+        let (mut strips, mut rest) = (Vec::new(), runs.as_slice());
+        while !rest.is_empty() && (strips.is_empty() || begun.elapsed() < CLASSIFIED_AT_ONCE) {
+            let now;
+            (now, rest) = rest.split_at(n_at_once.min(rest.len()));
+            strips.extend(self.classified(first_row, now));
+            n_at_once *= 2;
+        }
+        strips
+    }
+
+    /// Classifies some runs of rows of a batch that begins at `first_row`: half of the steps of their pairs.
+    fn classified(&mut self, first_row: usize, runs: &[(usize, usize)]) -> Vec<Strip> {
+        let (Some(&(first, _)), Some(&(last, run))) = (runs.first(), runs.last()) else {
+            return Vec::new();
+        };
+        let (n, begin) = (self.patches.len(), self.next_row);
+        self.next_row = self.patches.faces[last].runs[run].patches.end;
+        let (rows, faces) = (first_row..self.next_row, first..last + 1);
+        // How the work is shared between the stages differs from scene to scene; half of it for what follows keeps the display moving.
+        let until = |row: usize| (first_row..row).map(|i| (n - 1 - i) as u64).sum::<u64>() / 2;
+        let n_steps = until(self.next_row) - until(begin);
+        let seen = Portions::new(self.progress, n_steps / 2, faces.len());
+        let views: Vec<Vec<FaceView>> = faces
+            .clone()
+            .into_par_iter()
+            .map(|f| self.views_of(f))
+            .inspect(|_| seen.part_done())
+            .collect();
+        let of_batch = self.patches.face_of_patch[first_row]..faces.end;
+        self.find_tables((&of_batch, &rows), &faces, &views);
+        let classified = Portions::new(self.progress, n_steps - n_steps / 2, runs.len());
+        runs.par_iter()
+            .map(|&(f, run)| self.classify(f, &self.patches.faces[f].runs[run], &views[f - faces.start]))
+            .inspect(|_| classified.part_done())
+            .collect()
+    }
+}
+
 impl Iterator for Batches<'_> {
     type Item = (Vec<RowTile>, PairCounts);
 
@@ -176,39 +251,10 @@ impl Iterator for Batches<'_> {
             self.progress.advance(rows.map(|i| (n - 1 - i) as u64).sum());
             return Some((piece.tiles, piece.counts));
         }
-        // Whole runs of rows, until there is enough to do.
-        let mut runs: Vec<(usize, usize)> = Vec::new();
-        let (mut n_pairs, mut row) = (0, self.next_row);
-        let enough = pairs_per_batch(n);
-        while row < n && n_pairs < enough {
-            let f = self.patches.face_of_patch[row];
-            let face = &self.patches.faces[f];
-            let k = face.row_runs.partition_point(|&k| face.runs[k].patches.end <= row);
-            runs.push((f, face.row_runs[k]));
-            let range = face.runs[face.row_runs[k]].patches.clone();
-            n_pairs += range.clone().map(|i| n - 1 - i).sum::<usize>();
-            row = range.end;
-        }
-        let faces = self.patches.face_of_patch[self.next_row]..self.patches.face_of_patch[row - 1] + 1;
-        self.next_row = row;
         self.journal.begin(first_row as u64);
-        // How the work is shared between the stages differs from scene to scene; a half each keeps the display moving.
-        let n_steps = n_pairs as u64;
-        let seen = Portions::new(self.progress, n_steps / 4, faces.len());
-        let views: Vec<Vec<FaceView>> = faces
-            .clone()
-            .into_par_iter()
-            .map(|f| self.views_of(f))
-            .inspect(|_| seen.part_done())
-            .collect();
-        self.find_tables(&faces, &(first_row..row), &views);
-        let classified = Portions::new(self.progress, n_steps / 4, runs.len());
-        let mut strips: Vec<Strip> = runs
-            .par_iter()
-            .map(|&(f, run)| self.classify(f, &self.patches.faces[f].runs[run], &views[f - faces.start]))
-            .inspect(|_| classified.part_done())
-            .collect();
-        self.integrate(&mut strips, n_steps - 2 * (n_steps / 4));
+        let mut strips = self.classified_batch();
+        let n_pairs: u64 = (first_row..self.next_row).map(|i| (n - 1 - i) as u64).sum();
+        self.integrate(&mut strips, n_pairs - n_pairs / 2);
         let counts = strips
             .iter()
             .fold(PairCounts::default(), |sum, strip| sum.plus(strip.counts));
@@ -315,8 +361,9 @@ impl Batches<'_> {
             return Vec::new();
         }
         let hull = |face: usize| self.patches.faces[face].runs[0].hull.as_slice();
-        let of_facing = self.tree.after(f).into_iter().filter(|&g| self.faces_face(f, g));
+        let of_facing = self.tree.after(f).into_par_iter().with_min_len(FACES_AT_ONCE);
         of_facing
+            .filter(|&g| self.faces_face(f, g))
             .map(|g| {
                 let known = if !self.any_moved([f, g]) && self.is_kept(hull(f), hull(g)) {
                     Known::Kept

@@ -8,13 +8,16 @@
 use std::time::{Duration, Instant};
 
 use super::ExactMethod;
-use super::batch::Batches;
+use super::batch::{Batches, Strip};
 use crate::form_factor::Input;
-use crate::form_factor::forecast::{RAYS, golden_section, mean_s, shooting_s};
+use crate::form_factor::forecast::{RAYS, golden_section, mean, sampled, shooting_s};
 use crate::progress::Forecast;
 
-/// The sample of one tolerance takes about this long at most.
+/// Runs of rows are classified for about this long at most.
 const MOST: Duration = Duration::from_millis(1200);
+
+/// And their pairs integrated for this long at most, for each tolerance.
+const MOST_OF_PAIRS: Duration = Duration::from_millis(600);
 
 /// And no more than one run of rows in so many: little work is not worth a forecast.
 const RUNS_PER_SAMPLE: usize = 32;
@@ -42,39 +45,57 @@ impl Batches<'_> {
         } else {
             runs.len() / RUNS_PER_SAMPLE
         };
-        let asked = self.method.tolerance;
+        let samples = sampled(runs.len(), n_samples, MOST, |k| self.classified_run(runs[k]));
+        let looked: Vec<f64> = samples.iter().map(|sample| sample.seconds).collect();
+        let looked_s = mean(&looked)?;
         let of_tolerance = |tolerance: f64| {
-            let mean = mean_s(runs.len(), n_samples, MOST, |k| self.run_s(runs[k], tolerance))?;
-            Some((
-                tolerance,
-                mean * runs.len() as f64 / rayon::current_num_threads() as f64,
-            ))
+            let times = sampled(samples.len(), samples.len(), MOST_OF_PAIRS, |k| {
+                self.pairs_s(&samples[k].strip, tolerance)
+            });
+            let of_run = looked_s + mean(&times)?;
+            Some(of_run * runs.len() as f64 / rayon::current_num_threads() as f64)
         };
+        let asked = self.method.tolerance;
         let mut forecast = Forecast {
-            asked: of_tolerance(asked)?,
+            asked: (asked, of_tolerance(asked)?),
             looser: Vec::new(),
             shooting: None,
         };
         if in_full || forecast.asked.1 > Forecast::LONG {
-            let looser = LOOSER.iter().map(|factor| factor * asked);
-            forecast.looser = looser.filter(|&t| t <= LOOSEST).filter_map(of_tolerance).collect();
+            let mut stricter_s = forecast.asked.1;
+            for tolerance in LOOSER
+                .map(|factor| factor * asked)
+                .into_iter()
+                .filter(|&t| t <= LOOSEST)
+            {
+                // More cannot be asked for by a looser one: what seems so is the noise of the sample.
+                stricter_s = of_tolerance(tolerance)?.min(stricter_s);
+                forecast.looser.push((tolerance, stricter_s));
+            }
             forecast.shooting = shooting_s(input, RAYS).map(|seconds| (RAYS, seconds));
         }
         Some(forecast)
     }
 
-    /// Returns the seconds that a run of rows takes on one thread.
-    fn run_s(&self, (f, run): (usize, usize), tolerance: f64) -> f64 {
+    /// Classifies a run of rows on one thread.
+    fn classified_run(&self, (f, run): (usize, usize)) -> Sample {
         let face = &self.patches.faces[f];
         let begun = Instant::now();
         let views = self.views_of(f);
         let of_face = begun.elapsed().as_secs_f64() / face.row_runs.len() as f64;
         let begun = Instant::now();
         let strip = self.classify(f, &face.runs[run], &views);
-        let of_run = begun.elapsed().as_secs_f64();
+        Sample {
+            seconds: of_face + begun.elapsed().as_secs_f64(),
+            strip,
+        }
+    }
+
+    /// Returns the seconds that the partial pairs of a run take on one thread, from some of them.
+    fn pairs_s(&self, strip: &Strip, tolerance: f64) -> f64 {
         let n_partial = strip.partial.len();
         let Some(index) = self.index.as_ref().filter(|_| n_partial > 0) else {
-            return of_face + of_run;
+            return 0.0;
         };
         let method = ExactMethod {
             tolerance,
@@ -86,7 +107,12 @@ impl Batches<'_> {
             let pair = &strip.partial[k];
             self.partial(index, pair, &strip.blockers[pair.blockers.clone()], &method);
         }
-        let of_pairs = begun.elapsed().as_secs_f64() * n_partial as f64 / n_integrated as f64;
-        of_face + of_run + of_pairs
+        begun.elapsed().as_secs_f64() * n_partial as f64 / n_integrated as f64
     }
+}
+
+/// A run of rows, and the seconds that it took to classify.
+struct Sample {
+    seconds: f64,
+    strip: Strip,
 }

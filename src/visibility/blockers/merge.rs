@@ -87,6 +87,7 @@ impl Merger<'_> {
     /// Joins one flat neighbour with a convex union to loop `k`; false if there is none.
     fn join_a_neighbour(&mut self, k: usize) -> bool {
         let corners = &self.loops[k].corners;
+        let mut last_refused = None;
         for i in 0..corners.len() {
             let (a, b) = (corners[i], corners[(i + 1) % corners.len()]);
             let Some(&[x, y]) = self.by_edge.get(&edge(a, b)).map(Vec::as_slice) else {
@@ -94,7 +95,15 @@ impl Merger<'_> {
             };
             let other = if x == k { y } else { x };
             let leaning = if self.off > 0.0 { ROUNDED_ANGLE } else { ANGLE_TOLERANCE };
-            if other == k || (self.loops[k].normal - self.loops[other].normal).length() > leaning {
+            // A finely cut wall has long loops: a neighbour along many edges is looked at once, and one that leaves a concave corner not as a whole.
+            if other == k
+                || last_refused == Some(other)
+                || (self.loops[k].normal - self.loops[other].normal).length() > leaning
+            {
+                continue;
+            }
+            last_refused = Some(other);
+            if self.is_concave_beside(k, i, other) {
                 continue;
             }
             if let Some(union) = self.union(k, other) {
@@ -103,6 +112,40 @@ impl Merger<'_> {
             }
         }
         false
+    }
+
+    /// Tells whether the union of two loops turns the wrong way at an end of the run of edges that they share about edge `i` of loop `k`.
+    fn is_concave_beside(&self, k: usize, i: usize, other: usize) -> bool {
+        let (first, second) = (&self.loops[k].corners, &self.loops[other].corners);
+        let (n, m) = (first.len(), second.len());
+        let b = first[(i + 1) % n];
+        let Some(j) = (0..m).find(|&j| second[j] == b && second[(j + 1) % m] == first[i]) else {
+            return false;
+        };
+        // Edge i + s of the first is edge j - s of the second, wound the other way.
+        let is_shared = |s: usize, t: usize| {
+            first[(i + s + 1) % n] == second[(j + t) % m] && first[(i + s) % n] == second[(j + t + 1) % m]
+        };
+        let most = n.min(m);
+        let Some(after) = (1..most).find(|&s| !is_shared(s, m - s)) else {
+            return false;
+        };
+        let Some(before) = (1..most).find(|&s| !is_shared(n - s, s)) else {
+            return false;
+        };
+        let at = |corners: &[u32], k: usize| self.vertices[corners[k % corners.len()] as usize];
+        let normal = self.loops[k].normal;
+        // The last corners that both have, each between a corner of the one loop and one of the other.
+        let is_concave = |from: DVec3, corner: DVec3, to: DVec3| !turns_in(normal, corner - from, to - corner);
+        is_concave(
+            at(second, j + m - after),
+            at(first, i + after),
+            at(first, i + after + 1),
+        ) || is_concave(
+            at(first, i + n - before),
+            at(first, i + n + 1 - before),
+            at(second, j + before + 1),
+        )
     }
 
     /// Returns the loop around two loops that share one run of edges, if it is convex.
@@ -141,12 +184,7 @@ impl Merger<'_> {
 
     fn is_convex(&self, corners: &[u32], normal: DVec3) -> bool {
         let v = |i: usize| self.vertices[corners[i % corners.len()] as usize];
-        let flat_turns = (0..corners.len()).all(|i| {
-            let (before, after) = (v(i + 1) - v(i), v(i + 2) - v(i + 1));
-            let scale = before.length() * after.length();
-            normal.dot(before.cross(after)) >= -ANGLE_TOLERANCE * scale
-                && (before.dot(after) > 0.0 || normal.dot(before.cross(after)) > ANGLE_TOLERANCE * scale)
-        });
+        let flat_turns = (0..corners.len()).all(|i| turns_in(normal, v(i + 1) - v(i), v(i + 2) - v(i + 1)));
         // Long chains of flat turns must not bend out of the plane either.
         let plane = normal.dot(v(0));
         let size = (0..corners.len()).map(|i| (v(i) - v(0)).length()).fold(0.0, f64::max);
@@ -168,6 +206,13 @@ impl Merger<'_> {
         self.loops[k].corners = union;
         self.loops[k].faces.extend(faces);
     }
+}
+
+/// Tells whether a loop turns to its inner side between two edges, or runs straight on.
+fn turns_in(normal: DVec3, before: DVec3, after: DVec3) -> bool {
+    let scale = before.length() * after.length();
+    let turn = normal.dot(before.cross(after));
+    turn >= -ANGLE_TOLERANCE * scale && (before.dot(after) > 0.0 || turn > ANGLE_TOLERANCE * scale)
 }
 
 /// Returns the corners of a loop at which it turns.

@@ -44,11 +44,16 @@ impl Batches<'_> {
         table.map_or_else(|| self.kernel(i, j), |table| table.get(i, j))
     }
 
-    /// Computes the tables of some faces with all later ones that they see anything of, for some rows, and forgets those of other faces.
-    pub(super) fn find_tables(&mut self, faces: &Range<usize>, rows: &Range<usize>, views: &[Vec<FaceView>]) {
+    /// Computes the tables of some faces of a batch with all later ones that they see anything of, for the rows of the batch, and forgets those of faces before it.
+    pub(super) fn find_tables(
+        &mut self,
+        (of_batch, rows): (&Range<usize>, &Range<usize>),
+        faces: &Range<usize>,
+        views: &[Vec<FaceView>],
+    ) {
         let mut tables = std::mem::take(&mut self.tables);
         // What does not hold these rows goes first: perhaps nothing takes its place.
-        tables.retain(|[f, _], table| faces.contains(f) && table.covers(&self.rows_of(*f, rows)));
+        tables.retain(|[f, _], table| of_batch.contains(f) && table.covers(&self.rows_of(*f, rows)));
         let missing: Vec<[usize; 2]> = faces
             .clone()
             .flat_map(|f| {
