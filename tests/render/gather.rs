@@ -87,7 +87,6 @@ fn what_is_gathered_converges_to_the_closed_form() {
         // A standard error from the sixteen nets of the pilot rays is itself off by 18 %.
         assert!(relative < 1.5 * 0.05, "{samples}: {relative}");
         // Student's t with 15 degrees of freedom has the deviation √(15/13) = 1.07, and stated errors are 1.195 times the spread of the nets: 0.90. The one ray that is always possible makes that less.
-        eprintln!("NORM {samples} {normalised} {relative}");
         assert!((0.7..1.7).contains(&normalised), "{samples}: {normalised}");
         let (fine, fine_relative, _, more) = run(0.005, samples);
         assert!(fine_relative < 1.5 * 0.005, "{samples}: {fine_relative}");
