@@ -514,3 +514,47 @@ fn a_user_may_say_that_a_room_is_closed_or_open() {
         );
     }
 }
+
+/// `voxel` and `compare` take the same flags.
+#[test]
+fn voxels_and_comparisons_may_be_said_to_be_closed_or_open() {
+    let directory = tempfile::tempdir().unwrap();
+    let room = tiled_room(5);
+    write_obj(&room, directory.path().join("room.obj")).unwrap();
+    write_obj(&without(&room, 11), directory.path().join("hole.obj")).unwrap();
+    write_obj(&with_a_gap(&room, 11), directory.path().join("gap.obj")).unwrap();
+    let run = |first: &[&str], more: &[&str]| document(directory.path(), &[first, more].concat());
+    for first in [&["voxel", "--voxels", "20", "hole.obj"][..], &["compare", "hole.obj"]] {
+        let (code, refused) = run(first, &["--closed"]);
+        let message = refused["error"]["message"].as_str().unwrap();
+        assert!(code == 1 && message.contains("leaves the scene"), "{message}");
+        let (code, _) = run(first, &["--closed", "--open"]);
+        assert_eq!(code, 2);
+    }
+    // Only in a closed room light that reaches the outside is a leak.
+    for (scene, more, is_closed) in [
+        ("room.obj", &[][..], true),
+        ("room.obj", &["--open"], false),
+        ("gap.obj", &[], false),
+        ("gap.obj", &["--closed"], true),
+    ] {
+        let (_, result) = run(&["voxel", "--voxels", "20", scene], more);
+        let mut left_out = result["left_out"].as_array().unwrap().iter();
+        let is_left_out = left_out.any(|item| item.as_str().unwrap().contains("search for leaks"));
+        assert_eq!(is_left_out, !is_closed, "{scene} {more:?}: {result}");
+        let stated = more.first().map(|flag| flag.trim_start_matches('-'));
+        assert_eq!(result["settings"]["closure"].as_str(), stated, "{scene} {more:?}");
+    }
+    let quick = [
+        "--methods",
+        "centre",
+        "--seeds",
+        "1",
+        "--visibility",
+        "on",
+        "--tolerance",
+        "1e-2",
+    ];
+    let (code, compared) = run(&["compare", "gap.obj", "--closed", "-o", "compared"], &quick);
+    assert!(code == 0 && compared["settings"]["closure"] == "closed", "{compared}");
+}

@@ -45,7 +45,7 @@ pub(super) fn solve(
     let method = run.method(request.method, request.fineness)?.method;
     run.set("on_the_fly", true);
     // There are no tallies: every pass counts its own rays.
-    let closed_rows = run.enclosed(prepared, &[], request.method.closure())?.rows;
+    let closed_rows = run.enclosed(prepared, &[], request.method.closure.closure())?.rows;
     let input = Input {
         scene: &prepared.scene,
         unoccluded: prepared.plan.convex_and_empty,

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 
-use super::{CommonArgs, MemoryArgs, MeshArgs, parse_positive};
+use super::{ClosureArgs, CommonArgs, MemoryArgs, MeshArgs, parse_positive};
 
 /// Whether occluders are looked at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
@@ -46,6 +46,9 @@ pub struct CompareArgs {
     /// The tolerance of exact that the methods are judged for: where nothing is known of the scene, the reference is exact at T/100
     #[arg(long, value_name = "T", default_value_t = 1e-6, value_parser = parse_positive)]
     pub tolerance: f64,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub closure: ClosureArgs,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub mesh: MeshArgs,

@@ -130,6 +130,14 @@ pub struct MethodArgs {
     /// Average each pair with its reverse, and restore the sums of the rows
     #[arg(long, value_enum, default_value_t = BalanceName::Auto)]
     pub balance: BalanceName,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub closure: ClosureArgs,
+}
+
+/// Whether the scene is closed.
+#[derive(Args, Clone, Copy, Debug)]
+pub struct ClosureArgs {
     /// The scene is closed: its rows sum to 1 where no back is seen; refused where more than 1e-3 of the rays of a patch leave [default: by the shape of the scene, and by rays that are counted]
     #[arg(long, conflicts_with = "open")]
     pub closed: bool,
@@ -138,10 +146,10 @@ pub struct MethodArgs {
     pub open: bool,
 }
 
-impl MethodArgs {
+impl ClosureArgs {
     /// Returns what is said about whether the scene is closed.
     #[must_use]
-    pub fn closure(&self) -> Closure {
+    pub fn closure(self) -> Closure {
         match (self.closed, self.open) {
             (true, _) => Closure::Closed,
             (_, true) => Closure::Open,

@@ -19,8 +19,8 @@ use crate::scene::Flip;
 pub use experiments::{CompareArgs, PaperName, ReproduceArgs, VisibilityName};
 pub use field::{FieldArgs, FieldMethodName};
 pub use form_factors::{
-    BalanceName, FormFactorsArgs, MemoryArgs, MeshArgs, MethodArgs, PrecisionName, SequenceName, StorageArgs,
-    StorageName,
+    BalanceName, ClosureArgs, FormFactorsArgs, MemoryArgs, MeshArgs, MethodArgs, PrecisionName, SequenceName,
+    StorageArgs, StorageName,
 };
 pub use render::{DirectName, GatherArgs, ImageArgs, PartsName, PictureFileArgs, PixelsName, RenderArgs, ViewArgs};
 pub use solve::{BoundsName, SolveArgs, SolverArgs, StartName};

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 
 use super::solve::solver_name_without_symmetry;
-use super::{AuditArgs, CommonArgs, ImageArgs, MeshArgs, parse_positive, parse_tolerance};
+use super::{AuditArgs, ClosureArgs, CommonArgs, ImageArgs, MeshArgs, parse_positive, parse_tolerance};
 use crate::cli::storage::parse_byte;
 use crate::voxel::Form;
 
@@ -108,6 +108,9 @@ pub struct VoxelArgs {
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub mesh: MeshArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub closure: ClosureArgs,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub audit: AuditArgs,

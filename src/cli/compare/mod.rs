@@ -61,6 +61,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
     let mut run = Run::new("compare", &args.common);
     let load_before = load_average();
     let mut prepared = prepare(&mut run, args)?;
+    run.state_closure(&mut prepared, args.closure.closure())?;
     run.storage = Storage {
         args: StorageArgs {
             memory: args.memory.clone(),

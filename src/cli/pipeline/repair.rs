@@ -43,7 +43,7 @@ impl Run {
         promised: Promised,
     ) -> Result<Computed, Failure> {
         let (raw, asked) = (result.factors, args.balance);
-        let enclosed = self.enclosed(prepared, raw.tallies(), args.closure())?;
+        let enclosed = self.enclosed(prepared, raw.tallies(), args.closure.closure())?;
         let closed_rows = &enclosed.rows;
         self.warn_of_slipped_rays(&raw, closed_rows);
         let sampling = if raw.is_symmetric() {
@@ -233,6 +233,14 @@ impl Run {
             );
         }
         Ok(enclosed)
+    }
+
+    /// Takes over what is stated of whether the scene is closed, where no form factors are stored that would be judged by it.
+    pub(in crate::cli) fn state_closure(&mut self, prepared: &mut Prepared, closure: Closure) -> Result<(), Failure> {
+        if closure != Closure::Detect {
+            prepared.plan.watertight = self.enclosed(prepared, &[], closure)?.closed;
+        }
+        Ok(())
     }
 
     /// Tells whether rows are shot by low-discrepancy points.

@@ -79,6 +79,7 @@ fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
         let nothing = "cutting faces into patches: voxels need none, only their picture does";
         prepared.plan.left_out.push(nothing.into());
     }
+    run.state_closure(&mut prepared, args.closure.closure())?;
     memory::expect_voxels(&prepared, args)?;
     let voxels = run
         .times
