@@ -10,6 +10,7 @@ use crate::matrix::Place;
 use crate::matrix::operator::Block;
 use crate::mesh::Hierarchy;
 use crate::printable::printable;
+use crate::progress::Progress as _;
 use crate::solver::{Coarsened, Solution, SolverError, StopReason, coarsened, relative_errors};
 
 /// A surface whose mean radiosity is below this part of the most that a surface reflects in the mean is not looked at.
@@ -58,7 +59,7 @@ impl Run {
         reflectance: &Block,
         solution: &Solution,
     ) -> Result<Option<Coarsened>, Failure> {
-        if matches!(computed.factors.storage().place, Place::Disk(_)) {
+        if matches!(computed.factors.storage().place, Place::Disk(_)) || self.progress.is_late() {
             return Ok(None);
         }
         let factors = &computed.factors;

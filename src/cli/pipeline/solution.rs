@@ -31,9 +31,9 @@ const WANTED_OF_REFLECTED: f64 = 1e-4;
 /// The least tolerance that is proposed: below it, rounding keeps solvers from meeting it.
 const LEAST_TOLERANCE: f64 = 1e-15;
 
-/// Tells a solver whether to go on.
+/// Stops a solver on a signal or at the deadline.
 pub(in crate::cli) fn go_on(progress: &dyn Progress) -> ControlFlow<()> {
-    if progress.is_cancelled() {
+    if progress.is_cancelled() || progress.is_late() {
         ControlFlow::Break(())
     } else {
         ControlFlow::Continue(())
@@ -252,7 +252,7 @@ impl Run {
         });
         let mut solution = solved.map_err(|error| refused(self, error))?;
         if solution.stop_reason == StopReason::Interrupted {
-            return Err(Failure::interrupted());
+            self.go_on()?;
         }
         let of_reflected = solution.error_bound_of_reflected(&system);
         if solution.stop_reason == StopReason::Converged
