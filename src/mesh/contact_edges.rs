@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use glam::DVec3;
 
 use super::pieces::Pieces;
-use super::planes::{FaceEdge, flat_joints};
+use super::planes::{FaceEdge, flat_joints, flat_joints_by};
 use super::{Mesh, Patch, PatchId};
 use crate::disjoint_sets::DisjointSets;
 use crate::geometry::box_pairs::{BoxTree, overlapping_pairs};
@@ -18,6 +18,16 @@ const NEAR: f64 = 1e-6;
 /// So do faces that end within a few units of the file's last decimal place, up to this part of the smaller one's size.
 const PLACES: f64 = 4.0;
 const FAR: f64 = 2e-3;
+
+/// Faces that end within this part of the smaller one's size of another hang over it: light passes below them, but a patch that runs on there would carry far more from one side to the other.
+/// The size is that of all faces which continue them in their planes.
+const ALMOST: f64 = 1e-3;
+
+/// Faces continue each other whose unit normals differ by no more than this: one plane, in rounded coordinates.
+const BEND: f64 = 1e-4;
+
+/// No face hangs over another that is farther off than this part of its own height and size.
+const OF_HEIGHT: f64 = 0.25;
 
 /// Rounding of a coordinate, of the heights and of the meeting points that are made of it.
 const ROUNDING: f64 = 32.0 * f64::EPSILON;
@@ -36,7 +46,8 @@ pub(super) struct ContactEdge {
 /// The contact edges of a scene: they are found once, when they are first used.
 ///
 /// A contact edge is where a face that rises in front of another meets that one's plane: the bottom of a wall on a floor, or the line in which it passes through it. The two sides of it see different light.
-/// Faces meet that were meant to: up to the rounding of the scene's file, and up to a millionth of the smaller one's size.
+/// Faces meet that were meant to: up to the rounding of the scene's file, and up to a millionth of the smaller one's size. Where a face ends up to a thousandth of that size in front of another, the contact edge is
+/// below it: patches end there, and light passes through the slit as it is.
 ///
 /// Work: O(n log n) for n faces, and the pairs of faces whose boxes overlap. Source: [`BAUM_1991`](crate::references::BAUM_1991). Departures: none.
 #[derive(Debug)]
@@ -140,17 +151,22 @@ impl Found {
             .face_ids()
             .map(|face| scene.area_vector(face).normalize_or_zero())
             .collect();
-        let tolerances = tolerances(scene, &outlines);
-        let boxes = outlines.iter().zip(&tolerances).map(|(outline, &tolerance)| {
+        let reaches = reaches(scene, &outlines);
+        let boxes = outlines.iter().zip(&reaches).map(|(outline, reach)| {
             let (least, greatest) = bounding_box(outline);
-            (least - tolerance, greatest + tolerance)
+            let around = reach.touching.max(reach.hanging);
+            (least - around, greatest + around)
         });
         let mut on_face: HashMap<u32, Vec<ContactEdge>> = HashMap::new();
         overlapping_pairs(boxes.collect(), |a, b| {
-            let tolerance = tolerances[a as usize].min(tolerances[b as usize]);
+            let reach = reaches[a as usize].min(reaches[b as usize]);
             for (ground, wall) in [(a, b), (b, a)] {
-                let plane = (outlines[ground as usize][0], normals[ground as usize]);
-                if let Some(edge) = contact_edge(plane, &outlines[wall as usize], tolerance) {
+                let [ground_corners, wall_corners] = [ground, wall].map(|face| &outlines[face as usize]);
+                let plane = Plane {
+                    origin: ground_corners[0],
+                    normal: normals[ground as usize],
+                };
+                if let Some(edge) = contact_edge((plane, ground_corners), wall_corners, reach) {
                     on_face.entry(ground).or_default().push(edge);
                 }
             }
@@ -183,17 +199,66 @@ impl Found {
     }
 }
 
-/// Returns up to which distance each face touches others of its size or more.
-fn tolerances(scene: &Scene, outlines: &[Vec<DVec3>]) -> Vec<f64> {
+/// Up to which distances a face meets others of its size or more, in m.
+#[derive(Clone, Copy, Debug)]
+struct Reach {
+    /// It touches them.
+    touching: f64,
+    /// It hangs over them.
+    hanging: f64,
+}
+
+impl Reach {
+    fn min(self, other: Self) -> Self {
+        Self {
+            touching: self.touching.min(other.touching),
+            hanging: self.hanging.min(other.hanging),
+        }
+    }
+}
+
+/// Returns up to which distances each face meets others.
+fn reaches(scene: &Scene, outlines: &[Vec<DVec3>]) -> Vec<Reach> {
     let (slack, of_places) = (scene.slack(), PLACES * scene.last_place());
     let largest = |outline: &Vec<DVec3>| outline.iter().map(|v| v.abs().max_element()).fold(0.0, f64::max);
     let rounding = ROUNDING * outlines.iter().map(largest).fold(0.0, f64::max);
-    let of_face = |outline: &Vec<DVec3>| {
-        let (least, greatest) = bounding_box(outline);
-        let size = (greatest - least).length();
-        of_places.clamp(NEAR * size, FAR * size).max(slack).max(rounding)
+    let sizes_in_plane = sizes_in_plane(scene, outlines);
+    let of_face = |(outline, size_in_plane): (&Vec<DVec3>, f64)| {
+        let size = size_of(bounding_box(outline));
+        Reach {
+            touching: of_places.clamp(NEAR * size, FAR * size).max(slack).max(rounding),
+            hanging: (ALMOST * size_in_plane).min(OF_HEIGHT * size),
+        }
     };
-    outlines.iter().map(of_face).collect()
+    outlines.iter().zip(sizes_in_plane).map(of_face).collect()
+}
+
+/// Returns the size of each face together with those that continue it in its plane: walls may be drawn in small faces, each with vertices of its own.
+fn sizes_in_plane(scene: &Scene, outlines: &[Vec<DVec3>]) -> Vec<f64> {
+    let mut first_at: HashMap<[u64; 3], u32> = HashMap::new();
+    // Of 0 and -0, which are one, the bits differ.
+    let bits = |v: &DVec3| (*v + DVec3::ZERO).to_array().map(f64::to_bits);
+    let first = (0..)
+        .zip(&scene.vertices)
+        .map(|(k, v)| *first_at.entry(bits(v)).or_insert(k));
+    let first: Vec<u32> = first.collect();
+    let mut sets = DisjointSets::new(outlines.len());
+    for (one, other) in flat_joints_by(scene, |vertex| first[vertex as usize], BEND) {
+        sets.join(one.0.0 as usize, other.0.0 as usize);
+    }
+    let mut boxes: HashMap<usize, (DVec3, DVec3)> = HashMap::new();
+    for (face, outline) in outlines.iter().enumerate() {
+        let own = bounding_box(outline);
+        let whole = boxes.entry(sets.find(face)).or_insert(own);
+        *whole = (whole.0.min(own.0), whole.1.max(own.1));
+    }
+    (0..outlines.len())
+        .map(|face| size_of(boxes[&sets.find(face)]))
+        .collect()
+}
+
+fn size_of((least, greatest): (DVec3, DVec3)) -> f64 {
+    (greatest - least).length()
 }
 
 fn bounding_box(outline: &[DVec3]) -> (DVec3, DVec3) {
@@ -275,34 +340,87 @@ impl ContactEdge {
     }
 }
 
-/// Returns where a convex polygon that reaches in front of a plane, given by a point and its normal, meets the plane, if that is a line.
-fn contact_edge((origin, normal): (DVec3, DVec3), wall: &[DVec3], tolerance: f64) -> Option<ContactEdge> {
-    let height = |k: usize| normal.dot(wall[k % wall.len()] - origin);
-    if !(0..wall.len()).any(|k| height(k) > tolerance) {
-        return None;
+/// A plane, in front of which its normal points.
+#[derive(Clone, Copy, Debug)]
+struct Plane {
+    origin: DVec3,
+    normal: DVec3,
+}
+
+impl Plane {
+    fn height(self, point: DVec3) -> f64 {
+        self.normal.dot(point - self.origin)
     }
-    let mut points = Vec::new();
-    for k in 0..wall.len() {
-        let (h, next) = (height(k), height(k + 1));
-        if h.abs() <= tolerance {
-            points.push(wall[k]);
-        } else if next.abs() > tolerance && (h < 0.0) != (next < 0.0) {
-            points.push(wall[k].lerp(wall[(k + 1) % wall.len()], h / (h - next)));
+
+    /// Returns between which points a convex polygon that reaches in front of the plane meets it, if that is a line; corners within a tolerance are on the plane.
+    fn line_of(self, wall: &[DVec3], tolerance: f64) -> Option<[DVec3; 2]> {
+        let height = |k: usize| self.height(wall[k % wall.len()]);
+        if !(0..wall.len()).any(|k| height(k) > tolerance) {
+            return None;
         }
+        let mut points = Vec::new();
+        for k in 0..wall.len() {
+            let (h, next) = (height(k), height(k + 1));
+            if h.abs() <= tolerance {
+                points.push(wall[k]);
+            } else if next.abs() > tolerance && (h < 0.0) != (next < 0.0) {
+                points.push(wall[k].lerp(wall[(k + 1) % wall.len()], h / (h - next)));
+            }
+        }
+        // A corner on a straight edge is a third point.
+        let farthest = |other: DVec3| {
+            let by_distance = |a: &&DVec3, b: &&DVec3| other.distance(**a).total_cmp(&other.distance(**b));
+            points.iter().max_by(by_distance).copied()
+        };
+        let to = farthest(*points.first()?)?;
+        let from = farthest(to)?;
+        (from.distance(to) > tolerance).then_some([from, to])
     }
-    // A corner on a straight edge is a third point.
-    let farthest = |other: DVec3| {
-        let by_distance = |a: &&DVec3, b: &&DVec3| other.distance(**a).total_cmp(&other.distance(**b));
-        points.iter().max_by(by_distance).copied()
+
+    /// Tells whether more than a length of a segment lies in a convex polygon in the plane, or along its border.
+    fn holds(self, ground: &[DVec3], [from, to]: [DVec3; 2], length: f64) -> bool {
+        let (mut first, mut last) = (0.0_f64, 1.0_f64);
+        for (k, &corner) in ground.iter().enumerate() {
+            let along = ground[(k + 1) % ground.len()] - corner;
+            let inwards = self.normal.cross(along).normalize_or_zero();
+            let [h, g] = [from, to].map(|end| inwards.dot(end - corner) + 0.5 * length);
+            if h < 0.0 && g < 0.0 {
+                return false;
+            }
+            if h < 0.0 {
+                first = first.max(h / (h - g));
+            } else if g < 0.0 {
+                last = last.min(h / (h - g));
+            }
+        }
+        (last - first) * from.distance(to) > 2.0 * length
+    }
+}
+
+/// Returns where a convex polygon that reaches in front of a plane meets the plane, if that is a line, or below which line it hangs over the ground there: where more of it does than meets the plane.
+fn contact_edge((plane, ground): (Plane, &[DVec3]), wall: &[DVec3], reach: Reach) -> Option<ContactEdge> {
+    let touching = plane.line_of(wall, reach.touching);
+    let heights = wall.iter().map(|&corner| plane.height(corner));
+    let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), h| {
+        (low.min(h), high.max(h))
+    });
+    let near = reach.hanging.min(OF_HEIGHT * (high - low));
+    let is_longer = |hanging: &[DVec3; 2]| {
+        let length = |[from, to]: [DVec3; 2]| from.distance(to);
+        plane.holds(ground, *hanging, near)
+            && touching.is_none_or(|touching| length(*hanging) > length(touching) + 2.0 * near)
     };
-    let to = farthest(*points.first()?)?;
-    let from = farthest(to)?;
-    let off_plane = |end: DVec3| normal.dot(end - origin).abs();
-    (from.distance(to) > tolerance).then(|| ContactEdge {
+    let hanging = (near > reach.touching).then(|| plane.line_of(wall, near)).flatten();
+    let ends = match hanging.filter(is_longer) {
+        Some(ends) => ends.map(|end| end - plane.height(end) * plane.normal),
+        None => touching?,
+    };
+    let [from, to] = ends;
+    Some(ContactEdge {
         from,
         to,
-        tolerance,
-        misfit: off_plane(from).max(off_plane(to)),
+        tolerance: reach.touching,
+        misfit: plane.height(from).abs().max(plane.height(to).abs()),
     })
 }
 

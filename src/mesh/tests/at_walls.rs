@@ -266,14 +266,14 @@ fn faces_stay_whole_where_nothing_stands_but_along_their_borders() {
     assert_eq!(cut.vertices, whole.vertices);
 }
 
-/// A wall that rounding has left a little above a floor stands on it all the same, and so does its side beside another wall; one that hangs does not.
+/// A wall that rounding has left a little above a floor stands on it all the same, and so does its side beside another wall; one that hangs higher than a thousandth of its size does not.
 #[test]
 fn faces_end_at_walls_that_rounding_has_left_short() {
     let floor = [[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [0.0, 2.0]];
     let wall = |z: f64| [(0.0, z), (2.0, z), (2.0, 1.0), (0.0, 1.0)].map(|(y, z)| DVec3::new(1.3, y, z));
     let options = cut(Subdivision::Uniform(2));
     let n_cut = |scene: &Scene| Mesh::new(scene, options).unwrap().n_cut_faces();
-    for (height, expected) in [(0.0, 1), (1e-8, 1), (1e-6, 1), (1e-3, 0)] {
+    for (height, expected) in [(0.0, 1), (1e-8, 1), (1e-6, 1), (1e-3, 1), (1e-2, 0)] {
         assert_eq!(n_cut(&floor_with(&[wall(height)], &[floor])), expected, "{height}");
     }
     let directory = tempfile::tempdir().unwrap();
@@ -296,6 +296,60 @@ fn faces_end_at_walls_that_rounding_has_left_short() {
                 .map(|patch| patch.area)
                 .fold(f64::INFINITY, f64::min);
             assert!(smallest > 0.05, "{places} {k}: {smallest}");
+        }
+    }
+}
+
+/// Walls that end a little above a floor, in large faces or small ones, level or not, are where its patches end, to the last bit, and interpolation too.
+#[test]
+fn faces_end_below_walls_that_hang_low() {
+    let floor = [[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [0.0, 2.0]];
+    // Of n × n faces with vertices in common, from y = 0 to y = 2.
+    let wall = |n: u32, ends: [f64; 2], top: f64| {
+        let share = |k: u32| f64::from(k) / f64::from(n);
+        let at = |j: u32, k: u32| {
+            let foot = ends[0] + share(j) * (ends[1] - ends[0]);
+            DVec3::new(1.3, 2.0 * share(j), foot + share(k) * (top - foot))
+        };
+        let faces = (0..n * n).map(move |i| {
+            let (j, k) = (i % n, i / n);
+            [at(j, k), at(j + 1, k), at(j + 1, k + 1), at(j, k + 1)]
+        });
+        faces.collect::<Vec<_>>()
+    };
+    let cases = [1e-7, 1e-6, 1e-5, 1e-4, 1e-3].into_iter().flat_map(|gap| {
+        [
+            wall(1, [gap, gap], 1.0),
+            wall(1, [0.0, gap], 1.0),
+            wall(1, [-gap, gap], 1.0),
+            wall(7, [gap, gap], 1.0),
+            // Lower than a skirting board.
+            wall(1, [gap, gap], 10.0 * gap.max(1e-6)),
+        ]
+    });
+    for (case, walls) in cases.enumerate() {
+        for turn in [DQuat::IDENTITY, DQuat::from_euler(glam::EulerRot::XYZ, 0.3, 1.1, -2.0)] {
+            let away = DVec3::new(3.0, -2.0, 1.0);
+            let source = floor_with(&walls, &[floor]);
+            let source = Scene {
+                vertices: source.vertices.iter().map(|v| turn * *v + away).collect(),
+                ..source
+            };
+            let mesh = Mesh::new(&source, cut(Subdivision::Uniform(1))).unwrap();
+            let on_floor = || mesh.patches.iter().filter(|patch| patch.face == FaceId(0));
+            assert_eq!(on_floor().count(), 2, "{case}");
+            for patch in on_floor() {
+                let corners = patch.corners.as_slice().iter();
+                let x = corners.map(|&v| (turn.inverse() * (mesh.vertices[v as usize] - away)).x - 1.3);
+                let (least, most) = x.fold((0.0_f64, 0.0_f64), |(low, high), x| (low.min(x), high.max(x)));
+                assert!(least > -1e-12 || most < 1e-12, "{case}: {least:e} {most:e}");
+            }
+            // Where it ends no patch on one side shares a vertex with one on the other.
+            let sides = [false, true].map(|beyond| -> std::collections::HashSet<u32> {
+                let own = on_floor().filter(|patch| ((turn.inverse() * (patch.centroid - away)).x > 1.3) == beyond);
+                own.flat_map(|patch| patch.corners.as_slice().to_vec()).collect()
+            });
+            assert!(sides[0].is_disjoint(&sides[1]), "{case}");
         }
     }
 }
