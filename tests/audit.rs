@@ -45,6 +45,7 @@ fn room(full: bool, open: bool) -> Scene {
 fn claims(closed: bool, reciprocity: Reciprocity) -> Claims<'static> {
     Claims {
         closed: closed.into(),
+        may_escape: &[],
         reciprocity,
         errors_known: true,
         repair: Repair::Not,

@@ -22,6 +22,7 @@ fn open(n: usize) -> Enclosed {
         closed: false,
         certain: false,
         rows: vec![false; n],
+        may_escape: vec![0.0; n],
     }
 }
 

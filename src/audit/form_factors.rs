@@ -27,6 +27,8 @@ const UNKNOWN: f64 = 0.1;
 pub struct Claims<'a> {
     /// The rows that sum to 1.
     pub closed: Closed<'a>,
+    /// By how much rows that sum to 1 may fall short, as light may leave through gaps, \[n\]: see [`Enclosed::may_escape`](crate::form_factor::Enclosed::may_escape). Empty if by nothing.
+    pub may_escape: &'a [f64],
     /// How far the method that they come from keeps reciprocity.
     pub reciprocity: Reciprocity,
     /// True if the entries have errors and the rows their tallies; else what rests on them is not checked.
@@ -237,7 +239,9 @@ fn unit(factors: &FormFactors) -> f64 {
 /// Returns how far the sum of a row may be off, above what it should be or below.
 fn row_error(factors: &FormFactors, i: usize, row: &Sums, claims: Claims<'_>, is_above: bool) -> f64 {
     let rounding = (factors.n_rows() as f64 + 8.0) * unit(factors);
-    rounding + beside_rounding(&factors.tallies()[i], row, claims, (claims.closed.row(i), is_above))
+    let is_closed = claims.closed.row(i);
+    let may_escape = claims.may_escape.get(i).filter(|_| is_closed && !is_above);
+    rounding + may_escape.unwrap_or(&0.0) + beside_rounding(&factors.tallies()[i], row, claims, (is_closed, is_above))
 }
 
 fn beside_rounding(tally: &RowTally, row: &Sums, claims: Claims<'_>, (is_closed, is_above): (bool, bool)) -> f64 {

@@ -9,7 +9,7 @@
 //! | [`Law::Sign`]: F_ij ≥ 0 | form factors | 0 |
 //! | [`Law::Exchange`]: A_i F_ij ≤ min(A_i, A_j) | form factors | twice the entry's error, of a rule at most 0.001; or 8 standard deviations of counts of rays |
 //! | [`Law::Reciprocity`]: A_i F_ij = A_j F_ji | form factors | rounding, or 8 standard deviations of counts of rays |
-//! | [`Law::Closure`]: Σ_j F_ij = 1 less what escapes | form factors | twice the sum of the row's errors; rounding where rays were counted; after a repair, what it left of rows that are known to sum to 1, and 8 standard deviations of the others |
+//! | [`Law::Closure`]: Σ_j F_ij = 1 less what escapes | form factors | twice the sum of the row's errors; rounding where rays were counted; after a repair, what it left of rows that are known to sum to 1, and 8 standard deviations of the others; below 1 also what may leave through gaps of a closed scene |
 //! | [`Law::RowSum`]: Σ_j F_ij ≤ 1 | form factors | the same |
 //! | both, where a row is above | form factors | of errors of a rule at most 0.001, of others 8 standard deviations of independent entries |
 //! | [`Law::Finite`]: numbers, none below 0 where nothing emits less | radiosities, irradiances | 0; what the stated residual allows |

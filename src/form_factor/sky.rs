@@ -37,7 +37,8 @@ pub struct SkyFactors {
 
 /// Returns of each patch the fractions of its light that escape and that backs take, \[n\]: the sky factor and the back factor.
 ///
-/// sky = 1 − Σ_j F_ij − back. In a scene that is closed for certain nothing escapes, and backs take what is missing from a row. Rays that leave a patch all over are counted, where the
+/// sky = 1 − Σ_j F_ij − back. In a scene that is closed for certain nothing escapes, and backs take what is missing from a row; where that was stated by the user, or faces miss each other by up to 1e-8 of their size,
+/// the error has what a row misses of 1. Rays that leave a patch all over are counted, where the
 /// method has such ([`Reciprocity::ToNoise`]). Else back is 0 where faces hide all backs, as the outsides of solids do, or the sum of the form factors to the backs of the faces that may be seen from
 /// behind, each computed like one between two fronts, to 1e-5. For patches that see backs past many faces it is the share of rays that meet them: 2^18 rays from each, or 2^24 in all; where
 /// the method shoots rays from a rule's points, as many as it shoots.
@@ -88,10 +89,24 @@ pub fn sky_factors(
             }
         };
         let nothing = Fraction::default();
+        // What a row misses of 1 may have escaped where that cannot be ruled out.
+        let at_most = |missed: f64| Fraction {
+            common: missed.min(enclosed.may_escape[i]),
+            ..nothing
+        };
+        let missed = || {
+            let left = left_by(nothing);
+            at_most(left.value + left.error())
+        };
         match (is_known, counts(tally)) {
+            (true, _) if enclosed.rows[i] && enclosed.may_escape[i] > 0.0 => (missed(), missed()),
             (true, _) if enclosed.rows[i] => (nothing, nothing),
-            (true, true) => (nothing, counted(tally.absorbed())),
-            (true, false) => (nothing, left_by(nothing)),
+            (true, true) => (at_most(tally.escaped().unwrap_or(0.0)), counted(tally.absorbed())),
+            (true, false) => {
+                let (sky, back) = (missed(), left_by(nothing));
+                let common = back.common + sky.common;
+                (sky, Fraction { common, ..back })
+            }
             (false, true) => (counted(tally.escaped()), counted(tally.absorbed())),
             (false, false) => (left_by(backs[i]), backs[i]),
         }

@@ -46,7 +46,7 @@ pub fn is_convex_and_empty(scene: &Scene) -> bool {
 /// Tells whether the light that leaves any front stays inside: the scene bounds a closed space.
 ///
 /// True if the fronts of all faces lie inside of pieces that are closed and face inwards. A piece is closed if faces run along every part of its edges as often in one sense as in
-/// the other, also in T-junctions and where vertices miss each other by the rounding of coordinates; or if it ends on faces of others that cover what is missing, as a block without a bottom does on a floor. Conservative: where faces of several pieces lie on each other, or
+/// the other, also in T-junctions and where vertices miss each other by the rounding of coordinates, or by 1e-8 of the smallest face around them; or if it ends on faces of others that cover what is missing, as a block without a bottom does on a floor. Conservative: where faces of several pieces lie on each other, or
 /// where a sheet pierces a wall, a closed room may count as not closed; rays then tell by not escaping.
 #[must_use]
 pub fn is_watertight(scene: &Scene) -> bool {

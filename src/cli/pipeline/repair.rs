@@ -63,6 +63,7 @@ impl Run {
         );
         let claims = |repair| Claims {
             closed: Closed::Where(closed_rows),
+            may_escape: &enclosed.may_escape,
             reciprocity: promised.reciprocity,
             errors_known: promised.errors_known,
             repair,
@@ -82,9 +83,17 @@ impl Run {
                 "--balance closure changes nothing: no row is known to sum to 1, as the scene is not known to be closed; state it with --closed",
             );
         }
-        // What states no error has nothing else that could tell of it.
+        // What states no error has nothing else that could tell of it. A gap in a scene that was stated to be closed is no noise, to be spread over all entries of a row; one by rounding is.
+        let believed = if prepared.plan.watertight {
+            claims(Repair::Not)
+        } else {
+            Claims {
+                may_escape: &[],
+                ..claims(Repair::Not)
+            }
+        };
         let doubted = if wanted || !promised.errors_known {
-            self.doubted_rows(prepared, &raw, claims(Repair::Not))?
+            self.doubted_rows(prepared, &raw, believed)?
         } else {
             Vec::new()
         };

@@ -29,13 +29,15 @@ pub(crate) struct Pieces {
     is_capped: Vec<bool>,
     /// Of closed pieces, whether they have no inside: all of their faces lie in one plane.
     is_flat: Vec<bool>,
+    /// See [`Pieces::misfit`].
+    misfit: f64,
 }
 
 impl Pieces {
     /// Finds the pieces of a scene.
     ///
     /// Edges of two faces that run along each other in opposite senses join them, by their vertices or, where these differ, by their positions: vertices within the rounding
-    /// of the coordinates ([`joint`]) are one, and vertices on an edge part it. Where more faces meet, a piece is closed if its own faces cancel there; of what
+    /// of the coordinates ([`joint`]), or 1e-8 of the smallest face around them, are one, and vertices on an edge part it. Where more faces meet, a piece is closed if its own faces cancel there; of what
     /// is left, faces that end in the open or at a side where nothing continues them are set aside, the smallest first, until the rest cancels.
     ///
     /// Work: O(n log n).
@@ -96,6 +98,7 @@ impl Pieces {
         let n = is_closed.len();
         let mut pieces = Self {
             outlines: parted.outlines(scene),
+            misfit: parted.misfit,
             is_flat: flat_ones(scene, &of_face, n),
             of_face,
             is_closed,
@@ -137,6 +140,11 @@ impl Pieces {
     /// Tells whether a piece is closed and has no inside, like the two sides of a sheet.
     pub(crate) fn is_sheet(&self, piece: u32) -> bool {
         self.is_closed[piece as usize] && self.is_flat[piece as usize]
+    }
+
+    /// Returns how wide slits are between faces that were taken to meet, in m, at most; 0 where the rounding of the coordinates explains all of them.
+    pub(crate) fn misfit(&self) -> f64 {
+        self.misfit
     }
 
     /// Returns the number of pieces.
@@ -181,6 +189,9 @@ pub(crate) fn joint(scene: &Scene) -> f64 {
     64.0 * f64::EPSILON * greatest + scene.slack().max(of_digits)
 }
 
+/// Faces meet that miss each other by this part of the smaller one's size: coordinates that a program computed, with cancellation, and wrote in full are off by more than their last digit.
+const COMPUTED: f64 = 1e-8;
+
 /// A part of an edge between two vertices, with the faces, then the sets of faces, that run along it: how often in the sense of `ends`, less how often in the other.
 struct Joint {
     ends: [u32; 2],
@@ -203,16 +214,30 @@ struct Parted {
     edges: Vec<(u32, [u32; 2], Vec<u32>)>,
     /// Vertices that count as another one.
     welded: HashMap<u32, u32>,
+    /// The greatest distance of vertices that count as one, and of a vertex from an edge that it parts, of those that are above the rounding of the coordinates; in m.
+    misfit: f64,
 }
 
 impl Parted {
     fn new(scene: &Scene, open: &[(u32, [u32; 2])]) -> Self {
-        let tolerance = joint(scene);
-        let mut vertices: Vec<u32> = open.iter().flat_map(|edge| edge.1).collect();
-        vertices.sort_unstable();
-        vertices.dedup();
+        let rounding = joint(scene);
+        let of_face = |face: u32| {
+            let (low, high) = super::bounding_box(&scene.polygon(FaceId(face)));
+            rounding.max(COMPUTED * low.distance(high))
+        };
+        // By the smallest face around each.
+        let mut tolerances: BTreeMap<u32, f64> = BTreeMap::new();
+        for &(face, ends) in open {
+            let own = of_face(face);
+            for v in ends {
+                let least = tolerances.entry(v).or_insert(own);
+                *least = least.min(own);
+            }
+        }
+        let mut misfit = 0.0_f64;
+        let mut vertices: Vec<u32> = tolerances.keys().copied().collect();
         let at = |v: u32| scene.vertices[v as usize];
-        let around = |v: &u32| (at(*v) - 0.5 * tolerance, at(*v) + 0.5 * tolerance);
+        let around = |v: &u32| (at(*v) - 0.5 * tolerances[v], at(*v) + 0.5 * tolerances[v]);
         let mut sets = DisjointSets::new(vertices.len());
         // The faces around each set of vertices: two vertices of one face are two, however small it is.
         let mut around_set: Vec<BTreeSet<u32>> = vec![BTreeSet::new(); vertices.len()];
@@ -223,11 +248,16 @@ impl Parted {
         }
         overlapping_pairs(vertices.iter().map(around).collect(), |a, b| {
             let [one, other] = [a, b].map(|k| sets.find(k as usize));
-            let is_near = at(vertices[a as usize]).distance(at(vertices[b as usize])) <= tolerance;
+            let [v, w] = [a, b].map(|k| vertices[k as usize]);
+            let distance = at(v).distance(at(w));
+            let is_near = distance <= tolerances[&v].min(tolerances[&w]);
             if is_near && one != other && around_set[one].is_disjoint(&around_set[other]) {
                 let both = [one, other].map(|set| std::mem::take(&mut around_set[set]));
                 sets.join(one, other);
                 around_set[one.min(other)] = both.into_iter().flatten().collect();
+                if distance > rounding {
+                    misfit = misfit.max(distance);
+                }
             }
         });
         let mut welded = HashMap::new();
@@ -245,23 +275,26 @@ impl Parted {
             let [from, to] = ends.map(at);
             let along = (to - from).normalize_or_zero();
             let mut on_it: Vec<(f64, u32)> = Vec::new();
+            let tolerance = of_face(face);
             let near = (from.min(to) - tolerance, from.max(to) + tolerance);
             tree.overlapping(near, &mut |k| {
                 let v = vertices[k as usize];
                 let r = at(v) - from;
                 let place = along.dot(r);
                 let is_between = place > 0.0 && place < from.distance(to) && !ends.contains(&v);
-                if is_between && (r - place * along).length() <= tolerance {
+                let aside = (r - place * along).length();
+                if is_between && aside <= tolerance.min(tolerances[&v]) {
                     on_it.push((place, v));
+                    if aside > rounding {
+                        misfit = misfit.max(aside);
+                    }
                 }
             });
             on_it.sort_by(|a, b| a.0.total_cmp(&b.0));
             (face, ends, on_it.into_iter().map(|(_, v)| v).collect())
         });
-        Self {
-            edges: edges.collect(),
-            welded,
-        }
+        let edges = edges.collect();
+        Self { edges, welded, misfit }
     }
 
     /// Returns the parts of all edges, with the faces that run along each.
