@@ -623,7 +623,7 @@ fn voxels_and_comparisons_may_be_said_to_be_closed_or_open() {
     let room = tiled_room(5);
     write_obj(&room, directory.path().join("room.obj")).unwrap();
     write_obj(&without(&room, 11), directory.path().join("hole.obj")).unwrap();
-    write_obj(&with_a_gap(&room, 11), directory.path().join("gap.obj")).unwrap();
+    write_obj(&with_a_gap(&room, 11, 1e-6), directory.path().join("gap.obj")).unwrap();
     let run = |first: &[&str], more: &[&str]| document(directory.path(), &[first, more].concat());
     for first in [&["voxel", "--voxels", "20", "hole.obj"][..], &["compare", "hole.obj"]] {
         let (code, refused) = run(first, &["--closed"]);
