@@ -15,7 +15,7 @@ use crate::geometry::polygon_form_factor::{PreparedPolygon, Tolerance, exchange_
 use crate::mesh::PatchId;
 use crate::progress::Silent;
 use crate::visibility::blockers::{BlockerId, BlockerIndex, PairVisibility};
-use candidates::Candidates;
+use candidates::{Candidates, Seeing};
 pub(super) use candidates::{Outline, Sheets};
 
 /// Pairs of patches and backs that are looked at, for all patches together: more are left to rays.
@@ -46,10 +46,10 @@ pub(super) fn back_factors(input: Input<'_>, wanted: &[bool], n_rays: Option<usi
     if input.unoccluded || !wanted.contains(&true) {
         return found;
     }
-    let views = Candidates::of(input, wanted);
-    let open: Vec<(usize, &Candidates)> = views
-        .iter()
-        .filter(|view| !view.backs.is_empty())
+    // Rays need no list of pairs.
+    let candidates = Candidates::of(input, wanted, if n_rays.is_some() { 0 } else { MAX_PAIRS });
+    let views = candidates.views.iter();
+    let open: Vec<(usize, &Seeing)> = views
         .flat_map(|view| view.patches.iter().map(move |&patch| (patch, view)))
         .collect();
     if open.is_empty() {
@@ -65,7 +65,7 @@ pub(super) fn back_factors(input: Input<'_>, wanted: &[bool], n_rays: Option<usi
         };
         let pairs_of = open.par_iter().with_max_len(1);
         pairs_of
-            .map(|&(patch, view)| pairs.factor(patch, &view.backs))
+            .map(|&(patch, view)| pairs.factor(patch, candidates.parts(view)?))
             .collect()
     };
     let n_left = computed.iter().filter(|fraction| fraction.is_none()).count();
@@ -115,14 +115,11 @@ struct Pairs<'a> {
 
 impl Pairs<'_> {
     /// Returns the form factor from a patch to backs; `None` if that is more work than its share.
-    fn factor(&self, patch: usize, backs: &[Vec<DVec3>]) -> Option<Fraction> {
-        if backs.len() > MAX_PAIRS / self.n_patches {
-            return None;
-        }
+    fn factor<'b>(&self, patch: usize, backs: impl Iterator<Item = &'b [DVec3]>) -> Option<Fraction> {
         let corners = self.input.mesh.polygon(PatchId::from_index(patch));
         let mut work = 0;
         let mut pairs = Vec::new();
-        for pair in backs.iter().filter_map(|back| self.looked_at(patch, &corners, back)) {
+        for pair in backs.filter_map(|back| self.looked_at(patch, &corners, back)) {
             work += self.index.count(&pair.among).pow(2);
             if work > MAX_WORK.min(MAX_WORK_IN_ALL / self.n_patches) {
                 return None;

@@ -1,5 +1,7 @@
 //! All pairs of boxes that overlap, and all boxes that overlap another one, without looking at all of them.
 
+use std::ops::ControlFlow;
+
 use glam::DVec3;
 
 /// A group of at most this many boxes is not split.
@@ -48,12 +50,20 @@ impl BoxTree {
     ///
     /// Work: O(log n) and the number of boxes found, for boxes that are small beside the space that they fill.
     pub(crate) fn overlapping(&self, other: (DVec3, DVec3), visit: &mut impl FnMut(u32)) {
-        self.meeting(&|own| overlap(own, other), visit);
+        // Nothing breaks off.
+        let _ = self.meeting(&|own| overlap(own, other), &mut |k| {
+            visit(k);
+            ControlFlow::Continue(())
+        });
     }
 
-    /// Calls `visit` once for each of the boxes that meets something, by its place in the list: `meets` tells it of a box, and of each box around several.
-    pub(crate) fn meeting(&self, meets: &impl Fn((DVec3, DVec3)) -> bool, visit: &mut impl FnMut(u32)) {
-        self.boxes.meeting(&self.root, meets, visit);
+    /// Calls `visit` once for each of the boxes that meets something, by its place in the list, until it breaks: `meets` tells it of a box, and of each box around several.
+    pub(crate) fn meeting(
+        &self,
+        meets: &impl Fn((DVec3, DVec3)) -> bool,
+        visit: &mut impl FnMut(u32) -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
+        self.boxes.meeting(&self.root, meets, visit)
     }
 }
 
@@ -120,16 +130,21 @@ impl Boxes {
     }
 
     /// Visits the faces of a group whose boxes meet something.
-    fn meeting(&self, group: &Group, meets: &impl Fn((DVec3, DVec3)) -> bool, visit: &mut impl FnMut(u32)) {
+    fn meeting(
+        &self,
+        group: &Group,
+        meets: &impl Fn((DVec3, DVec3)) -> bool,
+        visit: &mut impl FnMut(u32) -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
         if !meets((group.low, group.high)) {
-            return;
+            return ControlFlow::Continue(());
         }
         match &group.content {
             Content::Faces(faces) => {
-                let found = faces.iter().filter(|&&face| meets(self.0[face as usize]));
-                found.for_each(|&face| visit(face));
+                let mut found = faces.iter().filter(|&&face| meets(self.0[face as usize]));
+                found.try_for_each(|&face| visit(face))
             }
-            Content::Halves(halves) => halves.iter().for_each(|half| self.meeting(half, meets, visit)),
+            Content::Halves(halves) => halves.iter().try_for_each(|half| self.meeting(half, meets, visit)),
         }
     }
 
@@ -182,6 +197,23 @@ mod tests {
         );
         assert_eq!(found.len(), expected.len());
         assert_eq!(found.into_iter().collect::<BTreeSet<_>>(), expected);
+    }
+
+    #[test]
+    fn a_search_that_breaks_visits_no_more() {
+        let tree = BoxTree::new(boxes());
+        for n in [1, 2, 150] {
+            let mut visited = 0;
+            let ended = tree.meeting(&|_| true, &mut |_| {
+                visited += 1;
+                if visited < n {
+                    ControlFlow::Continue(())
+                } else {
+                    ControlFlow::Break(())
+                }
+            });
+            assert_eq!((visited, ended), (n, ControlFlow::Break(())));
+        }
     }
 
     #[test]

@@ -1,6 +1,8 @@
 //! Which backs may be seen from which patches.
 
 use std::f64::consts::PI;
+use std::ops::ControlFlow;
+use std::sync::OnceLock;
 
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
@@ -13,66 +15,93 @@ use crate::geometry::polygon;
 use crate::scene::topology::{Backs, Pieces, Place, View, bounding_box, joint, places};
 use crate::scene::{FaceId, Scene};
 
-/// Patches of one face, and the backs that they may see.
+/// The patches that may see backs.
 pub(super) struct Candidates {
+    /// By the faces of the patches.
+    pub(super) views: Vec<Seeing>,
+    /// Of each face whose back was looked at, the parts that no other face of a sheet covers from behind, wound as they are seen.
+    parts: Vec<OnceLock<Vec<Vec<DVec3>>>>,
+}
+
+/// Patches of one face that may see backs.
+pub(super) struct Seeing {
     pub(super) patches: Vec<usize>,
-    /// Parts of faces that no other face of a sheet covers from behind, wound as they are seen.
-    pub(super) backs: Vec<Vec<DVec3>>,
+    /// The faces whose backs they may see, ascending; `None` if these have too many parts to be listed.
+    pub(super) backs: Option<Vec<usize>>,
 }
 
 impl Candidates {
-    /// Finds the backs that may be seen from patches: those of faces that patches lie behind, and that are not hidden by the windings of closed pieces, nor by a piece that both are part of.
-    pub(super) fn of(input: Input<'_>, wanted: &[bool]) -> Vec<Self> {
+    /// Finds the patches that may see backs, and which: those of faces that they lie behind, and that are not hidden by the windings of closed pieces, nor by a piece that both are part of.
+    ///
+    /// `max_pairs` pairs of patches and parts of backs are listed, the same number for each patch: where it is 0, none.
+    /// Memory: O(n + `max_pairs`). Work: O(n log n) and what is listed, where the patches that see no back lie around what they see.
+    pub(super) fn of(input: Input<'_>, wanted: &[bool], max_pairs: usize) -> Self {
         let scene = input.scene;
+        let parts = scene.face_ids().map(|_| OnceLock::new()).collect();
+        let mut found = Self {
+            views: Vec::new(),
+            parts,
+        };
         let pieces = Pieces::of(scene);
         let outlines: Vec<Outline> = scene.face_ids().map(|face| Outline::new(scene.polygon(face))).collect();
-        let parts: Vec<_> = scene
+        let faces: Vec<_> = scene
             .face_ids()
             .map(|face| (face, outlines[face.0 as usize].corners.clone()))
             .collect();
-        let of_faces = places(scene, &pieces, &parts);
+        let of_faces = places(scene, &pieces, &faces);
         let hides_own = hiding_own(scene, &pieces, &of_faces);
         if hides_own == [true] {
             // A terrain, mostly: there are no backs but its own.
-            return Vec::new();
+            return found;
         }
         let of_patches = places_of_patches(input, &pieces);
         let backs = Backs::of(&of_faces);
-        let mut views: Vec<(FaceId, Vec<usize>)> = Vec::new();
-        for i in (0..of_patches.len()).filter(|&i| wanted[i] && !backs.are_hidden_from(&of_patches[i].front)) {
-            let face = input.mesh.patches[i].face;
-            match views.last_mut() {
-                Some((last, patches)) if *last == face => patches.push(i),
-                _ => views.push((face, vec![i])),
-            }
+        let is_open = |&i: &usize| wanted[i] && !backs.are_hidden_from(&of_patches[i].front);
+        let open: Vec<usize> = (0..of_patches.len()).filter(is_open).collect();
+        if open.is_empty() {
+            return found;
         }
-        if views.is_empty() {
-            return Vec::new();
-        }
+        let face_of = |i: usize| input.mesh.patches[i].face;
         let sheets = Sheets::new(scene, &outlines);
         let search = Search {
             hides_own,
             sheets: &sheets,
             pieces,
             of_faces: &of_faces,
+            parts: &found.parts,
         };
-        views
-            .into_par_iter()
-            .map(|(face, patches)| {
-                let mut fronts: Vec<&View> = Vec::new();
-                for &i in &patches {
-                    let front = &of_patches[i].front;
-                    if !fronts.contains(&front) {
-                        fronts.push(front);
-                    }
+        let of_one_face: Vec<&[usize]> = open.chunk_by(|&i, &j| face_of(i) == face_of(j)).collect();
+        let listed = |patches: &[usize], max_parts: usize| {
+            let mut fronts: Vec<&View> = Vec::new();
+            for &i in patches {
+                let front = &of_patches[i].front;
+                if !fronts.contains(&front) {
+                    fronts.push(front);
                 }
-                let seen = search.backs_seen(face, &fronts);
-                Self {
-                    patches,
-                    backs: seen.into_iter().flat_map(|back| sheets.uncovered(back)).collect(),
-                }
-            })
-            .collect()
+            }
+            search.backs_seen(face_of(patches[0]), &fronts, max_parts)
+        };
+        let sees_backs = |patches: &&[usize]| listed(patches, 0).is_none();
+        let seeing: Vec<&[usize]> = of_one_face.into_par_iter().filter(sees_backs).collect();
+        let n_patches: usize = seeing.iter().map(|patches| patches.len()).sum();
+        let max_parts = max_pairs / n_patches.max(1);
+        let view = |patches: &[usize]| Seeing {
+            patches: patches.to_vec(),
+            backs: if max_parts > 0 {
+                listed(patches, max_parts)
+            } else {
+                None
+            },
+        };
+        found.views = seeing.into_par_iter().map(view).collect();
+        found
+    }
+
+    /// Returns the parts of the backs that patches may see, wound as they are seen; `None` if these are too many.
+    pub(super) fn parts<'a>(&'a self, view: &'a Seeing) -> Option<impl Iterator<Item = &'a [DVec3]>> {
+        let backs = view.backs.as_ref()?;
+        let parts = backs.iter().filter_map(|&back| self.parts[back].get()).flatten();
+        Some(parts.map(Vec::as_slice))
     }
 }
 
@@ -103,11 +132,13 @@ struct Search<'a> {
     of_faces: &'a [Place],
     /// The pieces whose fronts see none of their own backs.
     hides_own: Vec<bool>,
+    /// See [`Candidates`].
+    parts: &'a [OnceLock<Vec<Vec<DVec3>>>],
 }
 
 impl Search<'_> {
-    /// Returns the faces whose backs may be seen from parts of a face with such views.
-    fn backs_seen(&self, front: FaceId, views: &[&View]) -> Vec<usize> {
+    /// Returns the faces whose backs may be seen from parts of a face with such views; `None` if these have more than so many parts.
+    fn backs_seen(&self, front: FaceId, views: &[&View], max_parts: usize) -> Option<Vec<usize>> {
         let Sheets {
             outlines,
             ref tree,
@@ -130,13 +161,24 @@ impl Search<'_> {
             here.height(low.midpoint(high)) + reach > tolerance
         };
         let mut seen = Vec::new();
-        tree.meeting(&may_be_above, &mut |back| {
-            if back != front.0 && !is_hidden_by_own(back) && faces(back) && may_be_met(back) {
-                seen.push(back as usize);
+        let mut n_parts = 0;
+        let is_all = tree.meeting(&may_be_above, &mut |back| {
+            if back == front.0 || is_hidden_by_own(back) || !faces(back) || !may_be_met(back) {
+                return ControlFlow::Continue(());
             }
+            let back = back as usize;
+            let n_own = self.parts[back].get_or_init(|| self.sheets.uncovered(back)).len();
+            n_parts += n_own;
+            if n_parts > max_parts {
+                return ControlFlow::Break(());
+            }
+            if n_own > 0 {
+                seen.push(back);
+            }
+            ControlFlow::Continue(())
         });
         seen.sort_unstable();
-        seen
+        is_all.is_continue().then_some(seen)
     }
 }
 
@@ -276,5 +318,87 @@ impl<'a> Sheets<'a> {
             return false;
         }
         polygon::area_vector(corners).length() > self.tolerance * polygon::perimeter(corners)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fmt::Write as _;
+
+    use super::*;
+    use crate::mesh::{Mesh, MeshOptions, Subdivision};
+    use crate::scene::load;
+    use crate::visibility::brute_force::BruteForce;
+
+    /// Hills over an L, n squares of two triangles along the longer sides: their border is on no hull.
+    fn hills(n: usize) -> Scene {
+        let mut text = String::new();
+        for x in 0..=n {
+            for y in 0..=n {
+                let [u, v] = [x, y].map(|k| 10.0 * k as f64 / n as f64);
+                let z = 0.6 * (2.1 * u).sin() * (1.7 * v).cos() + 0.3 * (5.0 * u + 3.0 * v).sin();
+                let _ = writeln!(text, "v {u} {v} {z}");
+            }
+        }
+        for x in 0..n {
+            for y in (0..n).filter(|&y| x < n / 2 || y < n / 2) {
+                let [a, b] = [x, x + 1].map(|x| x * (n + 1) + y + 1);
+                let _ = writeln!(text, "f {a} {b} {}\nf {a} {} {}", b + 1, b + 1, a + 1);
+            }
+        }
+        let directory = tempfile::tempdir().expect("a directory");
+        let path = directory.path().join("hills.obj");
+        std::fs::write(&path, text).expect("a file");
+        load(&path).expect("a scene").scene
+    }
+
+    fn candidates(scene: &Scene, max_pairs: usize) -> Candidates {
+        let mesh = Mesh::new(scene, MeshOptions::from(Subdivision::Uniform(1))).expect("a mesh");
+        let visibility = BruteForce::new(scene);
+        let input = Input {
+            scene,
+            mesh: &mesh,
+            visibility: &visibility,
+            unoccluded: false,
+        };
+        Candidates::of(input, &vec![true; mesh.n_patches()], max_pairs)
+    }
+
+    fn n_pairs(found: &Candidates) -> usize {
+        let listed = found.views.iter();
+        listed
+            .filter_map(|view| Some(view.patches.len() * found.parts(view)?.count()))
+            .sum()
+    }
+
+    #[test]
+    fn no_more_pairs_are_listed_than_are_looked_at() {
+        for n in [8, 16, 32] {
+            let scene = hills(n);
+            let all = candidates(&scene, usize::MAX);
+            let patches = |found: &Candidates| -> Vec<Vec<usize>> {
+                found.views.iter().map(|view| view.patches.clone()).collect()
+            };
+            let n_all = n_pairs(&all);
+            let n_faces = scene.faces.len();
+            assert!(n_all > n_faces * n_faces / 20, "{n}: {n_all}, as many as faces squared");
+            for max_pairs in [0, n_faces, 20 * n_faces] {
+                let some = candidates(&scene, max_pairs);
+                assert_eq!(patches(&some), patches(&all), "{n}");
+                assert!(n_pairs(&some) <= max_pairs, "{n}: {} of {max_pairs}", n_pairs(&some));
+                let n_open: usize = some.views.iter().map(|view| view.patches.len()).sum();
+                for (one, other) in some.views.iter().zip(&all.views) {
+                    let n_parts = all.parts(other).map(Iterator::count);
+                    let is_listed = max_pairs > 0 && n_parts.is_some_and(|parts| parts <= max_pairs / n_open);
+                    let expected = other.backs.as_ref().filter(|_| is_listed);
+                    assert_eq!(one.backs.as_ref(), expected, "{n} {max_pairs}");
+                }
+                // Where none is listed, the first that is found decides: few are looked at.
+                if max_pairs == 0 {
+                    let looked_at = some.parts.iter().filter(|parts| parts.get().is_some()).count();
+                    assert!(looked_at <= n_open, "{n}: {looked_at} of {n_open}");
+                }
+            }
+        }
     }
 }
