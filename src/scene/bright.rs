@@ -1,10 +1,18 @@
-//! How bright light may be, so that nothing that is computed of it leaves the range of f64.
+//! How bright and how dim light may be, so that nothing that is computed of it leaves the range of f64.
 
 use super::mtl::Definitions;
 use super::{Scene, SceneError};
 
 /// The greatest exitance, in W·m⁻²: what is computed from more of it leaves the range of f64.
 pub const MAX_EXITANCE: f64 = 1e300;
+
+/// The least exitance beside 0, in W·m⁻²: near the least f64 numbers have fewer digits, and laws of light that hold to the last of them do not.
+pub const MIN_EXITANCE: f64 = 1e-300;
+
+/// Tells whether an exitance is above 0, but below the least that is possible.
+pub(super) fn is_too_dim(exitance: f64) -> bool {
+    exitance > 0.0 && exitance < MIN_EXITANCE
+}
 
 /// The greatest power, in W, and the greatest radiosity, in W·m⁻², that reflection may make of what one material or surface emits.
 const MAX_LIGHT: f64 = 1e305;

@@ -204,6 +204,18 @@ pub enum SceneError {
         /// The greatest one that is possible, in W·m⁻².
         limit: f64,
     },
+    /// An exitance above 0, but so small that numbers lose their digits.
+    #[error("{}:{line}: exitance `Ke` {value:e} is below {limit:.0e} W/m², where numbers lose their digits; write 0, or a greater one", .file.display())]
+    TooDim {
+        /// The material file.
+        file: PathBuf,
+        /// The line.
+        line: u32,
+        /// The exitance, in W·m⁻².
+        value: f64,
+        /// The least one that is possible beside 0, in W·m⁻².
+        limit: f64,
+    },
     /// A surface was named that the scene does not have.
     #[error("{}: there is no surface `{}`; the first ones are `{}`", .file.display(), quoted(.name), printable_message(.known))]
     UnknownSurface {
@@ -324,6 +336,7 @@ impl SceneError {
             Self::ReflectanceOutOfRange { .. } => "reflectance_out_of_range",
             Self::ExitanceOutOfRange { .. } => "exitance_out_of_range",
             Self::TooBright { .. } => "too_bright",
+            Self::TooDim { .. } => "too_dim",
             Self::UnknownSurface { .. } => "unknown_surface",
             Self::Parser { .. } => "parser",
             Self::BadCamera { .. } => "bad_camera",
@@ -361,6 +374,7 @@ impl SceneError {
             | Self::ReflectanceOutOfRange { file, .. }
             | Self::ExitanceOutOfRange { file, .. }
             | Self::TooBright { file, .. }
+            | Self::TooDim { file, .. }
             | Self::UnknownSurface { file, .. }
             | Self::BadLighting { file, .. }
             | Self::BadFrames { file, .. }
@@ -394,7 +408,8 @@ impl SceneError {
             | Self::BadMaterialValue { line, .. }
             | Self::ReflectanceOutOfRange { line, .. }
             | Self::ExitanceOutOfRange { line, .. }
-            | Self::TooBright { line, .. } => Some(*line),
+            | Self::TooBright { line, .. }
+            | Self::TooDim { line, .. } => Some(*line),
             Self::BadCamera { line, .. } | Self::BadLighting { line, .. } | Self::BadFrames { line, .. } => *line,
             _ => None,
         }

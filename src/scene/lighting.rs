@@ -6,7 +6,7 @@ use std::path::Path;
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::bright::exitance_limit;
+use super::bright::{MIN_EXITANCE, exitance_limit, is_too_dim};
 use super::lines::{line_after, read_text};
 use super::table::{Content, Table};
 use super::{MAX_EXITANCE, Material, MaterialId, Scene, SceneError, SurfaceId};
@@ -77,7 +77,7 @@ impl Lighting {
     ///
     /// # Errors
     /// A file that cannot be read; [`SceneError::BadLighting`], with the line, for what is no such TOML, a name that the scene does not have, a reflectance
-    /// outside \[0, 1\], or an exitance that is negative, above [`MAX_EXITANCE`], or overflows with the area that emits it.
+    /// outside \[0, 1\], or an exitance that is negative, between 0 and [`MIN_EXITANCE`], above [`MAX_EXITANCE`], or overflows with the area that emits it.
     pub fn load(file: impl AsRef<Path>, scene: &Scene) -> Result<Self, SceneError> {
         Self::load_up_to(file, scene, MAX_EXITANCE)
     }
@@ -156,6 +156,12 @@ impl Lighting {
                 {
                     let message = format!(
                         "{kind}.{name}.exitance: {greatest:e} is above {limit:.1e} W/m², beyond which light overflows here; lower it"
+                    );
+                    return Err(bad(exitance_start, message));
+                }
+                if let Some(dim) = exitance.into_iter().flatten().find(|e| is_too_dim(*e)) {
+                    let message = format!(
+                        "{kind}.{name}.exitance: {dim:e} is below {MIN_EXITANCE:.0e} W/m², where numbers lose their digits; write 0, or a greater one"
                     );
                     return Err(bad(exitance_start, message));
                 }

@@ -37,7 +37,7 @@ mod warning;
 mod write;
 mod written;
 
-pub use bright::MAX_EXITANCE;
+pub use bright::{MAX_EXITANCE, MIN_EXITANCE};
 pub use camera::{Camera, IMAGE_SIDES};
 pub use error::SceneError;
 pub use lighting::Lighting;

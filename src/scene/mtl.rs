@@ -7,6 +7,7 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
+use super::bright::{MIN_EXITANCE, is_too_dim};
 use super::lines::{Statement, for_each_statement, read_named_text};
 use super::obj_lines::NamedLine;
 use super::{LoadOptions, SceneError, SceneWarning};
@@ -163,7 +164,7 @@ struct Library<'a> {
 }
 
 /// Returns the libraries of one `mtllib`: one, blanks and all, unless there is a file for every word, or for some and all look like libraries. Separators of Windows
-/// are taken for the system's where that helps.
+/// are taken for the system's where that helps, and a `#` behind a blank begins a comment where no file has such a name.
 fn files_of<'a>(text: &'a str, scene_file: &Path) -> Vec<Library<'a>> {
     let existing = |name: &'a str| {
         let spellings = [name.to_owned(), name.replace('\\', "/")];
@@ -177,6 +178,9 @@ fn files_of<'a>(text: &'a str, scene_file: &Path) -> Vec<Library<'a>> {
     if whole.file.is_some() {
         return vec![whole];
     }
+    if let Some(name) = without_comment(text) {
+        return files_of(name, scene_file);
+    }
     let words: Vec<Library> = words_of(text).into_iter().map(existing).collect();
     let is_there = |library: &Library| library.file.is_some();
     let is_beside = |library: &Library| is_there(library) || by_file_name(library.name, scene_file).is_some();
@@ -189,6 +193,13 @@ fn files_of<'a>(text: &'a str, scene_file: &Path) -> Vec<Library<'a>> {
     } else {
         vec![whole]
     }
+}
+
+/// Returns the name before a comment; `None` where there is no comment, or no name.
+fn without_comment(text: &str) -> Option<&str> {
+    let mut signs = text.match_indices('#').map(|(at, _)| &text[..at]);
+    let name = signs.find(|name| name.ends_with(char::is_whitespace))?.trim_end();
+    (!name.is_empty()).then_some(name)
 }
 
 /// Returns the words of a text; what stands in quotes is one word, without them.
@@ -329,6 +340,14 @@ fn scan(text: &str, file: &Path, max_exitance: f64) -> Result<Scan, SceneError> 
                         line: s.line,
                         value,
                         limit: max_exitance,
+                    });
+                }
+                if let Some(value) = value.into_iter().find(|x| is_too_dim(*x)) {
+                    return Err(SceneError::TooDim {
+                        file: file.to_owned(),
+                        line: s.line,
+                        value,
+                        limit: MIN_EXITANCE,
                     });
                 }
                 if let Some(material) = scan.materials.last_mut() {

@@ -104,7 +104,7 @@ pub const DEFAULT_REFLECTANCE: f64 = 0.5;
 ///
 /// # Errors
 /// [`SceneError`], with file, line and remedy: files that cannot be read, coordinates or indices that are none, faces with fewer than three
-/// corners, outlines that cross themselves, faces of the same winding that coincide, `Kd` outside \[0, 1\], `Ke` that is negative or above [`MAX_EXITANCE`],
+/// corners, outlines that cross themselves, faces of the same winding that coincide, `Kd` outside \[0, 1\], `Ke` that is negative, above [`MAX_EXITANCE`], or above 0 and below [`MIN_EXITANCE`](super::MIN_EXITANCE),
 /// power beyond the range of f64, libraries outside the scene's folder, and scenes without a usable face.
 ///
 /// Source: Wavefront's OBJ and MTL formats. Departures: only polygons; capitals; a vertex must stand above the faces that use it; the weight of a vertex is ignored.

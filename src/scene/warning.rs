@@ -185,7 +185,7 @@ impl SceneWarning {
         }
     }
 
-    /// Tells whether the warning is about light and materials alone: of no interest where only the geometry counts.
+    /// Tells whether the warning is about light and materials alone: of no interest where only the geometry counts. A library that was not found where the file says counts everywhere.
     #[must_use]
     pub fn is_about_light(&self) -> bool {
         !matches!(
@@ -196,6 +196,9 @@ impl SceneWarning {
                 | Self::CoveredFaces { .. }
                 | Self::SkippedStatements { .. }
                 | Self::Capitals { .. }
+                | Self::NamelessLibrary { .. }
+                | Self::LibraryElsewhere { .. }
+                | Self::MissingLibrary { .. }
         )
     }
 

@@ -138,7 +138,14 @@ fn inverted_normals_are_reversed_on_request() {
 fn libraries_are_found_beside_the_scene_by_their_file_names() {
     let directory = with_room();
     write(directory.path(), "my room.MTL", MATERIALS);
+    write(directory.path(), "a #1.mtl", MATERIALS);
     for (named, used) in [
+        ("room.mtl # the library", ""),
+        ("room.mtl\t# a # b", ""),
+        ("ROOM.mtl #", "room.mtl"),
+        ("\"my room.MTL\" # quoted", ""),
+        ("a #1.mtl", ""),
+        ("a #1.mtl # comment", ""),
         ("ROOM.mtl", "room.mtl"),
         ("Room.MTL", "room.mtl"),
         ("\"room.mtl\"", ""),
@@ -164,15 +171,55 @@ fn libraries_are_found_beside_the_scene_by_their_file_names() {
         let lamp = found["surfaces"][1]["radiosity"][0].as_f64().unwrap();
         assert!(lamp > 10.0, "{named}: {lamp}");
     }
-    write(directory.path(), "a.obj", &format!("mtllib\nmtllib   \n{ROOM}"));
-    let (code, found) = document(directory.path(), &["solve", "a.obj"]);
-    let told = warnings(&found);
-    assert_eq!(code, 0, "{found}");
-    assert!(
-        told.iter()
-            .any(|warning| warning.starts_with("a.obj:1: `mtllib` without a name")),
-        "{told:?}"
-    );
+    // Every command says so, whether it needs materials or not.
+    for (names, told) in [
+        ("mtllib\nmtllib   ", "a.obj:1: `mtllib` without a name"),
+        (
+            "mtllib ROOM.mtl",
+            "a.obj:1: material library `ROOM.mtl` is not there; `room.mtl` beside",
+        ),
+        (
+            "mtllib gone.mtl # lib",
+            "a.obj:1: material library `gone.mtl` is not there",
+        ),
+    ] {
+        write(directory.path(), "a.obj", &format!("{names}\n{ROOM}"));
+        for command in ["solve", "form-factors"] {
+            let (code, found) = document(directory.path(), &[command, "a.obj"]);
+            assert_eq!(code, 0, "{command} {names}: {found}");
+            let n_told = warnings(&found)
+                .iter()
+                .filter(|warning| warning.starts_with(told))
+                .count();
+            assert_eq!(n_told, 1, "{command} {names}: {:?}", warnings(&found));
+        }
+    }
+}
+
+/// Near the least numbers digits are lost, and the laws of light with them.
+#[test]
+fn light_is_not_dimmer_than_numbers_have_digits() {
+    let directory = with_room();
+    let library = |exitance: &str| format!("newmtl grey\nKd 0.5\nnewmtl lamp\nKd 0.5\nKe {exitance}\n");
+    write(directory.path(), "a.toml", "[surface.ceiling]\nexitance = 1e-320\n");
+    let (code, result) = document(directory.path(), &["solve", "room.obj", "--lighting", "a.toml"]);
+    assert_eq!((code, &result["error"]["line"]), (1, &2.into()), "{result}");
+    for exitance in ["1e-320", "1 1e-310 0", "5e-324", "9e-301"] {
+        write(directory.path(), "room.mtl", &library(exitance));
+        let (code, result) = document(directory.path(), &["solve", "room.obj"]);
+        assert_eq!((code, &result["error"]["line"]), (1, &5.into()), "{exitance}: {result}");
+        let message = result["error"]["message"].as_str().unwrap();
+        assert!(message.contains("is below 1e-300 W/m²"), "{message}");
+    }
+    for exitance in ["1e-300", "0"] {
+        write(directory.path(), "room.mtl", &library(exitance));
+        let (code, result) = document(directory.path(), &["solve", "room.obj"]);
+        let broken = warnings(&result)
+            .iter()
+            .filter(|warning| warning.contains("BROKEN"))
+            .count();
+        assert!(code == 0 && broken == 0, "{exitance}: {result}");
+    }
 }
 
 #[test]
