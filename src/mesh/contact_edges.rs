@@ -152,25 +152,34 @@ impl Found {
             .map(|face| scene.area_vector(face).normalize_or_zero())
             .collect();
         let reaches = reaches(scene, &outlines);
-        let boxes = outlines.iter().zip(&reaches).map(|(outline, reach)| {
-            let (least, greatest) = bounding_box(outline);
-            let around = reach.touching.max(reach.hanging);
-            (least - around, greatest + around)
-        });
         let mut on_face: HashMap<u32, Vec<ContactEdge>> = HashMap::new();
-        overlapping_pairs(boxes.collect(), |a, b| {
-            let reach = reaches[a as usize].min(reaches[b as usize]);
-            for (ground, wall) in [(a, b), (b, a)] {
-                let [ground_corners, wall_corners] = [ground, wall].map(|face| &outlines[face as usize]);
-                let plane = Plane {
-                    origin: ground_corners[0],
-                    normal: normals[ground as usize],
-                };
-                if let Some(edge) = contact_edge((plane, ground_corners), wall_corners, reach) {
-                    on_face.entry(ground).or_default().push(edge);
+        // What hangs comes last: pieces depend on the order.
+        for is_hanging in [false, true] {
+            let boxes = outlines.iter().zip(&reaches).map(|(outline, reach)| {
+                let (least, greatest) = bounding_box(outline);
+                let around = if is_hanging { reach.hanging } else { reach.touching };
+                (least - around, greatest + around)
+            });
+            overlapping_pairs(boxes.collect(), |a, b| {
+                let reach = reaches[a as usize].min(reaches[b as usize]);
+                for (ground, wall) in [(a, b), (b, a)] {
+                    let [ground_corners, wall_corners] = [ground, wall].map(|face| &outlines[face as usize]);
+                    let plane = Plane {
+                        origin: ground_corners[0],
+                        normal: normals[ground as usize],
+                    };
+                    let edge = if is_hanging {
+                        plane.edge_below(ground_corners, wall_corners, reach)
+                    } else {
+                        let ends = plane.line_of(wall_corners, reach.touching);
+                        ends.map(|ends| plane.contact_edge(ends, reach))
+                    };
+                    if let Some(edge) = edge {
+                        on_face.entry(ground).or_default().push(edge);
+                    }
                 }
-            }
-        });
+            });
+        }
         let on_face: HashMap<u32, OnFace> = on_face
             .into_iter()
             .map(|(face, edges)| (face, OnFace::new(edges)))
@@ -395,33 +404,35 @@ impl Plane {
         }
         (last - first) * from.distance(to) > 2.0 * length
     }
-}
 
-/// Returns where a convex polygon that reaches in front of a plane meets the plane, if that is a line, or below which line it hangs over the ground there: where more of it does than meets the plane.
-fn contact_edge((plane, ground): (Plane, &[DVec3]), wall: &[DVec3], reach: Reach) -> Option<ContactEdge> {
-    let touching = plane.line_of(wall, reach.touching);
-    let heights = wall.iter().map(|&corner| plane.height(corner));
-    let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), h| {
-        (low.min(h), high.max(h))
-    });
-    let near = reach.hanging.min(OF_HEIGHT * (high - low));
-    let is_longer = |hanging: &[DVec3; 2]| {
+    fn contact_edge(self, [from, to]: [DVec3; 2], reach: Reach) -> ContactEdge {
+        ContactEdge {
+            from,
+            to,
+            tolerance: reach.touching,
+            misfit: self.height(from).abs().max(self.height(to).abs()),
+        }
+    }
+
+    /// Returns the line below which a convex polygon hangs over the ground in the plane, where more of it does than meets the plane.
+    fn edge_below(self, ground: &[DVec3], wall: &[DVec3], reach: Reach) -> Option<ContactEdge> {
+        let heights = wall.iter().map(|&corner| self.height(corner));
+        let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), h| {
+            (low.min(h), high.max(h))
+        });
+        let near = reach.hanging.min(OF_HEIGHT * (high - low));
+        if near <= reach.touching {
+            return None;
+        }
+        let hanging = self.line_of(wall, near)?;
         let length = |[from, to]: [DVec3; 2]| from.distance(to);
-        plane.holds(ground, *hanging, near)
-            && touching.is_none_or(|touching| length(*hanging) > length(touching) + 2.0 * near)
-    };
-    let hanging = (near > reach.touching).then(|| plane.line_of(wall, near)).flatten();
-    let ends = match hanging.filter(is_longer) {
-        Some(ends) => ends.map(|end| end - plane.height(end) * plane.normal),
-        None => touching?,
-    };
-    let [from, to] = ends;
-    Some(ContactEdge {
-        from,
-        to,
-        tolerance: reach.touching,
-        misfit: plane.height(from).abs().max(plane.height(to).abs()),
-    })
+        let touching = self.line_of(wall, reach.touching).map_or(0.0, length);
+        if length(hanging) <= touching + 2.0 * near || !self.holds(ground, hanging, near) {
+            return None;
+        }
+        let ends = hanging.map(|end| end - self.height(end) * self.normal);
+        Some(self.contact_edge(ends, reach))
+    }
 }
 
 /// Gives patches of one plane vertices of their own where a contact edge runs between them.
