@@ -109,11 +109,17 @@ fn outline(wall: usize, x: [f64; 2], y: [f64; 2], height: f64) -> [DVec3; 4] {
     [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)]
 }
 
+/// A name, what is drawn, and the areas that are left of surfaces, in m².
+type Case = (&'static str, Vec<Drawn>, &'static [(&'static str, f64)]);
+
+/// How numbers are written.
+type Number = Box<dyn Fn(f64) -> String>;
+
 /// The ways in which numbers are written, with the unit of a coordinate below 10 m.
-fn formats() -> Vec<(String, f64, Box<dyn Fn(f64) -> String>)> {
+fn formats() -> Vec<(String, f64, Number)> {
     let by_places = [2, 3, 4, 6, 9, 15].map(|places: i32| {
         let digits = usize::try_from(places).unwrap();
-        let number: Box<dyn Fn(f64) -> String> = Box::new(move |x| format!("{x:.digits$}"));
+        let number: Number = Box::new(move |x| format!("{x:.digits$}"));
         (format!("{places} decimals"), 10.0_f64.powi(-places), number)
     });
     let mut all = Vec::from(by_places);
@@ -176,7 +182,7 @@ fn rooms_with_doors_and_windows_are_closed_whatever_the_decimals() {
     let small: Drawn = (3, [2.0, 2.3], [2.0, 2.2], 0.0);
     let lamp: Drawn = (1, [2.0, 2.6], [1.5, 2.1], 0.0);
     let carpet: Drawn = (0, [1.0, 4.0], [1.0, 3.5], 0.0);
-    let cases: [(&str, Vec<Drawn>, &[(&str, f64)]); 6] = [
+    let cases: [Case; 6] = [
         ("door", vec![door], &[("wall2", 10.0), ("drawn0", 2.0)]),
         (
             "pane",
@@ -247,7 +253,7 @@ fn what_is_apart_or_beside_is_not_drawn() {
                     ([x, width], [0.0, z]),
                     ([x, width], [z, height]),
                 ];
-                let outlines = parts.map(|(x, y)| outline(wall, x, y, 0.0));
+                let outlines = parts.map(|(across, up)| outline(wall, across, up, 0.0));
                 (format!("wall{wall}"), room.in_halves[0], outlines.to_vec())
             };
             let faces: Vec<_> = (0..6).map(&mut tiles).collect();

@@ -148,7 +148,7 @@ mod tests {
                 let mut seen = SeenByPatch::default();
                 let (normal, mut parts) = (mesh.patches[0].normal, Vec::new());
                 for k in 0..81_u32 {
-                    let at = |k: u32| 0.05 + 0.1125 * f64::from(k);
+                    let at = |step: u32| 0.05 + 0.1125 * f64::from(step);
                     let point = floor[0].lerp(floor[1], at(k % 9)) + at(k / 9) * (floor[3] - floor[0]);
                     let here = DirectPoint {
                         face: FaceId(0),

@@ -195,9 +195,9 @@ fn files_of<'a>(text: &'a str, scene_file: &Path) -> Vec<Library<'a>> {
     }
 }
 
-/// Returns the name before a comment; `None` where there is no comment, or no name.
+/// Returns the name before the last `#` that may begin a comment; `None` where there is none, or no name.
 fn without_comment(text: &str) -> Option<&str> {
-    let mut signs = text.match_indices('#').map(|(at, _)| &text[..at]);
+    let mut signs = text.rmatch_indices('#').map(|(at, _)| &text[..at]);
     let name = signs.find(|name| name.ends_with(char::is_whitespace))?.trim_end();
     (!name.is_empty()).then_some(name)
 }

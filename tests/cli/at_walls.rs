@@ -253,7 +253,9 @@ fn no_light_reaches_a_sealed_room() {
             } else {
                 100.0 * room.above.powi(2)
             };
-            assert!(inside < 1e-6 + slit.max(0.0), "{k} {cut:?}: {inside}");
+            // Form factors through a slit are known to 1e-6, of some 100 W/m².
+            let unknown = if room.above > 1e-8 { 1e-5 } else { 1e-6 };
+            assert!(inside < unknown + slit.max(0.0), "{k} {cut:?}: {inside}");
             assert!(brightest(&solved, "out_") > 1.0, "{k} {cut:?}");
         }
     }

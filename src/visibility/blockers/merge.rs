@@ -133,7 +133,7 @@ impl Merger<'_> {
         let Some(before) = (1..most).find(|&s| !is_shared(n - s, s)) else {
             return false;
         };
-        let at = |corners: &[u32], k: usize| self.vertices[corners[k % corners.len()] as usize];
+        let at = |corners: &[u32], corner: usize| self.vertices[corners[corner % corners.len()] as usize];
         let normal = self.loops[k].normal;
         // The last corners that both have, each between a corner of the one loop and one of the other.
         let is_concave = |from: DVec3, corner: DVec3, to: DVec3| !turns_in(normal, corner - from, to - corner);
