@@ -249,7 +249,7 @@ fn no_light_reaches_a_sealed_room() {
             let inside = brightest(&solved, "in_");
             // Light does pass below walls that end in the air: through a slit that is as long as deep, less than its share of the lower walls, squared.
             let slit = if room.is_sheet {
-                10.0 * room.above
+                30.0 * room.above
             } else {
                 100.0 * room.above.powi(2)
             };
