@@ -1,6 +1,6 @@
 //! Form factors: stored, checked, repaired and applied.
 //!
-//! A method emits [`RowTile`]s, [`FormFactors`] keeps them, and a solver sees a [`LinearOperator`]. Nothing outside of
+//! A method emits [`RowTile`]s, [`FormFactors`] keeps them, and a solver sees a [`LinearOperator`](operator::LinearOperator). Nothing outside of
 //! this module may assume that all of F lies in one piece of memory.
 
 mod aligned;
