@@ -16,7 +16,7 @@ mod scenes;
 #[allow(dead_code, reason = "made for tests")]
 mod shapes;
 
-/// The pairs of patches that occluders may stand between.
+/// The pairs of patches that may be occluded.
 type Pairs = Vec<(Polygon, Polygon, Vec<BlockerId>)>;
 
 /// Classifies all pairs of patches, those of faces first.

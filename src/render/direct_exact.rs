@@ -78,29 +78,7 @@ mod tests {
     use super::*;
     use crate::geometry::clip::clip_to_half_space;
     use crate::mesh::Subdivision;
-    use crate::scene::{Corners, Face, FaceId, MaterialId, Surface, SurfaceId};
-
-    fn scene_of(outlines: &[[DVec3; 4]]) -> Scene {
-        let mut scene = Scene::default();
-        scene.materials.push(crate::scene::Material {
-            name: "grey".into(),
-            reflectance: [0.5; 3],
-            exitance: [0.0; 3],
-        });
-        for (k, outline) in (0..).zip(outlines) {
-            scene.vertices.extend(outline);
-            scene.surfaces.push(Surface {
-                name: format!("face{k}"),
-            });
-            scene.faces.push(Face {
-                corners: Corners::Quad([0, 1, 2, 3].map(|corner| 4 * k + corner)),
-                surface: SurfaceId(k),
-                material: MaterialId(0),
-                line: 0,
-            });
-        }
-        scene
-    }
+    use crate::scene::FaceId;
 
     /// The part of a lamp that the way from a point through a plate leads to, by planes through the point.
     fn hidden_part(point: DVec3, plate: &[DVec3; 4], lamp: &[DVec3]) -> Vec<DVec3> {
@@ -142,7 +120,7 @@ mod tests {
                 let distance = 10.0_f64.powi(exponent);
                 // Its front looks at the floor.
                 let lamp = square(distance * to, 0.2 * distance * up, 0.3 * distance * across);
-                let scene = scene_of(&[floor, plate, back, lamp]);
+                let scene = Scene::of_quads(&[floor, plate, back, lamp]);
                 let mesh = Mesh::new(&scene, Subdivision::Uniform(1)).unwrap();
                 let clear = ClearParts::new(&scene, &mesh);
                 let mut seen = SeenByPatch::default();

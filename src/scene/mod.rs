@@ -248,3 +248,29 @@ impl Scene {
         self.faces.iter().map(|f| &self.materials[f.material.0 as usize])
     }
 }
+
+#[cfg(test)]
+impl Scene {
+    /// Returns a scene of grey quads, each a surface of its own.
+    pub(crate) fn of_quads(outlines: &[[DVec3; 4]]) -> Self {
+        let mut scene = Self::default();
+        scene.materials.push(Material {
+            name: "grey".into(),
+            reflectance: [0.5; 3],
+            exitance: [0.0; 3],
+        });
+        for (k, outline) in (0..).zip(outlines) {
+            scene.vertices.extend(outline);
+            scene.surfaces.push(Surface {
+                name: format!("face{k}"),
+            });
+            scene.faces.push(Face {
+                corners: Corners::Quad([0, 1, 2, 3].map(|corner| 4 * k + corner)),
+                surface: SurfaceId(k),
+                material: MaterialId(0),
+                line: 0,
+            });
+        }
+        scene
+    }
+}

@@ -357,7 +357,7 @@ mod tests {
     use super::*;
     use crate::form_factor::partial::{self, Accuracy};
     use crate::progress::Silent;
-    use crate::scene::{Corners, Face, FaceId, MaterialId, Scene, Surface, SurfaceId};
+    use crate::scene::{FaceId, Scene};
 
     /// Leaves between a floor and a ceiling of 4 m × 4 m, 3 m apart, which are faces 0 and 1.
     fn leaves(n: u32) -> Scene {
@@ -374,20 +374,7 @@ mod tests {
             [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
                 .map(|(x, y)| middle + turn * (half * DVec3::new(x, y, 0.0)))
         }));
-        let mut scene = Scene::default();
-        for (k, corners) in (0..).zip(&outlines) {
-            scene.vertices.extend(corners);
-            scene.surfaces.push(Surface {
-                name: format!("face{k}"),
-            });
-            scene.faces.push(Face {
-                corners: Corners::Quad([0, 1, 2, 3].map(|corner| 4 * k + corner)),
-                surface: SurfaceId(k),
-                material: MaterialId(0),
-                line: 0,
-            });
-        }
-        scene
+        Scene::of_quads(&outlines)
     }
 
     #[test]
@@ -416,7 +403,7 @@ mod tests {
                 corner(0.0, 0.25),
             ];
             let PairVisibility::Partial(among) = index.classify(&part, &floor) else {
-                panic!("leaves stand in between");
+                panic!("leaves occlude");
             };
             let most = Whole::of(&part, &floor, 0.0);
             let found = |goal: f64| split.exchange_area(&part, &floor, &among, goal, most);
@@ -445,7 +432,7 @@ mod tests {
         let index = BlockerIndex::new(&scene);
         let [p, q] = [0, 1].map(|k| scene.polygon(FaceId(k)));
         let PairVisibility::Partial(among) = index.classify(&p, &q) else {
-            panic!("leaves stand in between");
+            panic!("leaves occlude");
         };
         let blockers = index.blockers(&p, &q, &among);
         let accuracy = |tolerance: f64| Accuracy {

@@ -418,7 +418,7 @@ impl<'a> View<'a> {
         let is_convex = is_loose && self.blockers_are_convex();
         let is_looser = is_convex && goal >= whole;
         // Three edges of different bodies may open something between the points.
-        let may_open = !is_convex;
+        let may_open = is_loose && !is_convex;
         let mut sight = self.sight;
         sight.is_whole = is_whole;
         sight.is_loose = is_loose;

@@ -120,17 +120,17 @@ pub enum VerifyError {
 ///
 /// In the scene that the file describes, the direct irradiance at a point is Σ_j E_j F(x → j), F Lambert's
 /// [form factor](crate::geometry::point_form_factor::point_form_factor), wherever the point sees every emitter j unhindered; this is proven per pixel in f64. Where it
-/// cannot be, j is [clipped](crate::form_factor::partial::VisibleFactor) against what stands in between. Where a pixel then depends on a few shadow rays to points of j, these are drawn again from the
+/// cannot be, j is [clipped](crate::form_factor::partial::VisibleFactor) against its occluders. Where a pixel then depends on a few shadow rays to points of j, these are drawn again from the
 /// file's settings and seed and traced in f64: the image must show what they find, and state their standard error, but for rays within 1e-6 of the scene's size of an edge; and the visible fraction that they find must
-/// be possible for the true one. Where emitters of several surfaces share the rays' stream, in an order that the file does not tell, the pixel is counted and left out, as is one that touches what
-/// stands in between. Where coordinates were rounded, as in files with six decimals, faces that were meant to touch do not stand in each other's way, by the rule of
+/// be possible for the true one. Where emitters of several surfaces share the rays' stream, in an order that the file does not tell, the pixel is counted and left out, as is one that touches an
+/// occluder. Where coordinates were rounded, as in files with six decimals, faces that were meant to touch do not stand in each other's way, by the rule of
 /// [`BlockerIndex`](crate::visibility::blockers::BlockerIndex); a pixel may differ by as much as its answer then differs from that with the corners as they are, and by what bent faces make of it. Where that is
 /// more than a hundredth of the form factor, it is left out: [`VerifyReport::complete`] tells whether any is. A [field](super::field()) of form factors is the irradiance in the scene in which its surface alone emits, 1 W·m⁻².
 ///
 /// What the samples of a perspective image see is found again in f64, without the image: a pixel with a sample nearer to an edge than 1e-6 of the scene's size is counted and left out.
 ///
 /// The means over rows and columns, of a tile or of the perspective image, are compared as well, where noise hides more of a pixel, and the mean over what is seen of each surface. That over a tile's wall is also compared with Σ_j E_j A_i F_ij / A_i of the
-/// [rectangles](crate::geometry::rectangle::rectangle_exchange_area), or of the [integration](crate::form_factor::partial::exchange_area) to 1e-10 where something stands between them. Beside that, positions, depths, normals and reflectances must be those of
+/// [rectangles](crate::geometry::rectangle::rectangle_exchange_area), or of the [integration](crate::form_factor::partial::exchange_area) to 1e-10 where they are occluded. Beside that, positions, depths, normals and reflectances must be those of
 /// the view and the scene, radiosity and radiance those that follow from the irradiance, and background 0 in all layers. Light that is interpolated or gathered has no closed form: the irradiance must be
 /// at least the direct one and at most that of a furnace, max E / (1 - ρ), within the stated error. [`VerifyReport::layers`] tells of every layer how far it was checked.
 ///
