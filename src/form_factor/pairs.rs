@@ -123,7 +123,7 @@ fn tile(
         })?;
         assert_eq!(entries.len(), others.len(), "one exchange area for each pair");
         if let Some(rounded) = rounded {
-            rounded.add(i, 1.0, &mut entries);
+            rounded.add(i, 1.0, i + 1..facing.len(), &mut entries);
         }
         tile.push_row(&entries, RowTally::default());
     }
@@ -162,7 +162,7 @@ impl Facing {
         }
     }
 
-    fn len(&self) -> usize {
+    pub(super) fn len(&self) -> usize {
         self.corners.len()
     }
 

@@ -1,19 +1,24 @@
 //! What rounded coordinates leave open of exchange areas and form factors: one place for all methods.
 
+mod behind;
+
 use std::f64::consts::PI;
+use std::ops::Range;
 
 use glam::DVec3;
 
+use super::pairs::Facing;
 use super::{Input, sampled};
 use crate::geometry::clip::clip_to_half_space;
 use crate::geometry::point_form_factor::point_form_factor_vector;
 use crate::geometry::polygon;
 use crate::geometry::polygon_form_factor::{PreparedPolygon, Tolerance, exchange_area};
-use crate::matrix::Entry;
+use crate::matrix::{Entry, UpperBounds};
 use crate::mesh::{Mesh, PatchId, mean_value_weights};
-use crate::scene::{Scene, Written};
+use crate::scene::{FaceId, Scene, Written};
 use crate::visibility::blockers::{BlockerId, BlockerIndex, PairVisibility};
 use crate::visibility::shaft::Shaft;
+use behind::{Glance, Plane};
 
 /// So many standard deviations are stated, as far as all coordinates off by half a unit the worst way do not make less.
 const DEVIATIONS: f64 = 3.0;
@@ -48,9 +53,14 @@ impl Vertex {
     }
 }
 
+/// Where the shares of both areas that are in the border come to this, a first order says nothing.
+const KNOWN: f64 = 2.0;
+
 /// A patch and the vertices of its face, which its corners move with.
 #[derive(Clone, Debug)]
 struct End {
+    face: FaceId,
+    plane: Plane,
     corners: Vec<DVec3>,
     normal: DVec3,
     middle: DVec3,
@@ -78,6 +88,8 @@ impl End {
         let n = corners.len();
         let middle = corners.iter().sum::<DVec3>() / n as f64;
         Self {
+            face: own.face,
+            plane: Plane::new(&vertices, own.normal),
             normal: own.normal,
             middle,
             radius: corners.iter().map(|v| v.distance(middle)).fold(0.0, f64::max),
@@ -161,6 +173,7 @@ impl Terms {
 pub(super) struct Rounded {
     written: Written,
     ends: Vec<End>,
+    glances: Vec<Glance>,
 }
 
 impl Rounded {
@@ -168,10 +181,12 @@ impl Rounded {
     pub(super) fn new(input: Input<'_>) -> Option<Self> {
         let written = input.scene.rounded()?;
         let patches = (0..input.mesh.n_patches()).map(PatchId::from_index);
+        let ends: Vec<End> = patches
+            .map(|patch| End::new(input.scene, input.mesh, patch, &written))
+            .collect();
         Some(Self {
-            ends: patches
-                .map(|patch| End::new(input.scene, input.mesh, patch, &written))
-                .collect(),
+            glances: ends.iter().map(Glance::new).collect(),
+            ends,
             written,
         })
     }
@@ -184,6 +199,8 @@ impl Rounded {
         let nearest = (from.middle.distance(to.middle) - from.radius - to.radius).max(0.0);
         let most = |end: &End| (end.area / (PI * nearest * nearest)).min(1.0);
         let swept = from.off * from.perimeter * most(to) + to.off * to.perimeter * most(from);
+        // Few rays may have found more than there is.
+        let exchange = exchange.min(from.area * most(to)).min(to.area * most(from));
         swept * (1 + n_occluders) as f64 + (from.border() + to.border()) * exchange
     }
 
@@ -209,17 +226,25 @@ impl Rounded {
             border_terms([ends[k], ends[1 - k]], k, visible.clamp(0.0, 1.0).sqrt(), &mut terms);
         }
         self.occluder_terms(ends, occluders, &mut terms);
+        let meant = behind::meant(ends);
+        let most = ends
+            .iter()
+            .map(|end| end.area * (1.0 + end.border()))
+            .fold(meant.most, f64::min);
         let first_order = (0..2)
             .map(|k| terms.error(k, exchange / ends[k].area))
             .fold(0.0, f64::max);
-        // As much again for what is beyond the first order where patches are hardly wider than a unit.
-        let beyond = 1.0 + (ends[0].border() + ends[1].border()).min(1.0);
-        let (of_tilt, may_be_none) = grazing(ends);
-        let smaller = ends[0].area.min(ends[1].area);
-        let nothing = if may_be_none { exchange } else { 0.0 };
+        // As much again for what is beyond the first order where patches are some units wide; of what is hardly wider than a unit nothing is known.
+        let border = ends[0].border() + ends[1].border();
+        if border >= KNOWN {
+            return exchange.max(most - exchange);
+        }
+        let beyond = (1.0 + border).max(1.0 / (1.0 - border / KNOWN));
+        let of_tilt = if meant.is_grazing { meant.most } else { 0.0 };
+        let nothing = if meant.may_be_none { exchange } else { 0.0 };
         (beyond * first_order + of_tilt)
             .max(nothing)
-            .min(exchange.max(smaller - exchange).max(0.0))
+            .min(exchange.max(most - exchange).max(0.0))
     }
 
     fn occluder_terms<'a>(
@@ -279,29 +304,6 @@ impl Rounded {
             }
         }
     }
-}
-
-/// Returns what two ends may exchange by the tilt of their planes, m², where one is hardly in front of the other's, and whether it may be behind that altogether.
-///
-/// A_i F_ij is about A_i A_j h_i h_j / (π r⁴) with h their heights over the planes: of the second order in how far these are off.
-fn grazing(ends: [&End; 2]) -> (f64, bool) {
-    let distance = ends[0].middle.distance(ends[1].middle);
-    let off = ends[0].off + ends[1].off;
-    // The height of one end over the other's plane, and how far that is off there.
-    let heights = [0, 1].map(|k| {
-        let (end, over) = (ends[k], ends[1 - k]);
-        let of_corners = end.corners.iter().map(|v| over.normal.dot(*v - over.middle));
-        let lifted = off + 2.0 * over.off * distance * over.radius / over.area;
-        (of_corners.fold(0.0, f64::max), lifted)
-    });
-    if heights.iter().all(|(height, lifted)| height > lifted) {
-        return (0.0, false);
-    }
-    let cosine = |(height, lifted): (f64, f64)| ((height + lifted) / distance).min(1.0);
-    let areas = ends[0].area * ends[1].area;
-    let exchange = areas * cosine(heights[0]) * cosine(heights[1]) / (PI * distance * distance);
-    let may_be_none = heights.iter().any(|(height, _)| *height <= 2.0 * off);
-    (exchange, may_be_none)
 }
 
 /// Adds what the border of an end, number `k` of its pair, sweeps of the light that comes from the other, a part `lit` of it, and of its own area.
@@ -390,10 +392,14 @@ pub(super) struct RoundedRows<'a> {
     /// `None` where nothing blocks.
     index: Option<BlockerIndex>,
     polygons: Vec<PreparedPolygon>,
+    facing: Facing,
 }
 
-/// What rounding adds is not looked at any closer where about so much of it is below this part of the error without it.
-const NEGLIGIBLE: f64 = 0.05;
+/// What rounding adds is not looked at any closer where about so much of it is below this part of the error without it: a fifth of the noise of a few rays is no more than their number tells of that.
+const NEGLIGIBLE: f64 = 0.2;
+
+/// Form factors of patches behind each other that may be no more than this are not stated.
+const LEAST: f64 = 1e-8;
 
 /// Occluders that are taken for granted where it is.
 const FEW: usize = 3;
@@ -406,18 +412,71 @@ impl<'a> RoundedRows<'a> {
             rounded: Rounded::new(input)?,
             index: (!input.unoccluded).then(|| BlockerIndex::new(input.scene)),
             polygons: sampled::prepared(input.mesh),
+            facing: Facing::new(input.mesh),
         })
     }
 
-    /// Adds what rounding leaves open to the errors of entries of row i, which are in units of 1 / `scale` m²: 1 for exchange areas, A_i for form factors.
+    /// Adds what rounding leaves open to the errors of entries of row i, which are in units of 1 / `scale` m²: 1 for exchange areas, A_i for form factors; and entries of 0 with an error where patches among
+    /// `columns` do not face it, but may do so as they were meant.
     ///
     /// Work: a search for occluders between the patch and each face whose patches have rounding to be looked at, and some µs for each of these.
-    pub(super) fn add(&self, i: usize, scale: f64, entries: &mut [Entry]) {
+    pub(super) fn add(&self, i: usize, scale: f64, columns: Range<usize>, entries: &mut Vec<Entry>) {
+        self.add_to_entries(i, scale, entries);
+        self.add_behind(i, scale, columns, entries);
+    }
+
+    /// Adds entries of 0 with an error where patches among `columns` do not face patch i, but may do so as they were meant.
+    fn add_behind(&self, i: usize, scale: f64, columns: Range<usize>, entries: &mut Vec<Entry>) {
+        let n_found = entries.len();
+        let least = LEAST * self.rounded.ends[i].area;
+        self.rounded.behind(&self.facing, i, columns, |j, most| {
+            let column = PatchId::from_index(j).0;
+            if most > least
+                && entries[..n_found]
+                    .binary_search_by_key(&column, |entry| entry.0)
+                    .is_err()
+            {
+                entries.push((column, 0.0, most / scale));
+            }
+        });
+        entries.sort_unstable_by_key(|entry| entry.0);
+    }
+
+    /// Adds entries of 0 for patches that no ray of patch i hit, where rounding may hide more of them than the rays could miss: occluders that barely hide them, or barely do not. `by_count` is what the number of rays leaves open of F_ij.
+    pub(super) fn add_unhit(&self, i: usize, by_count: f64, bounds: &dyn UpperBounds, entries: &mut Vec<Entry>) {
+        if self.index.is_none() {
+            return;
+        }
+        let area = self.rounded.ends[i].area;
+        let mut unhit = Vec::new();
+        let mut found = entries.iter().map(|entry| entry.0 as usize).peekable();
+        for j in 0..self.rounded.ends.len() {
+            if found.next_if_eq(&j).is_some() || j == i {
+                continue;
+            }
+            let may_be_more = || self.rounded.rough([i, j], 0.0, FEW) > by_count * area;
+            if bounds.are_facing(i, j) && may_be_more() {
+                unhit.push((PatchId::from_index(j).0, 0.0, bounds.missed(i, j, by_count)));
+            }
+        }
+        let by_rays: Vec<f64> = unhit.iter().map(|entry| entry.2).collect();
+        self.add_to_entries(i, area, &mut unhit);
+        entries.extend(
+            unhit
+                .into_iter()
+                .zip(by_rays)
+                .filter(|(entry, by_rays)| entry.2 > *by_rays)
+                .map(|(entry, _)| entry),
+        );
+        entries.sort_unstable_by_key(|entry| entry.0);
+    }
+
+    fn add_to_entries(&self, i: usize, scale: f64, entries: &mut [Entry]) {
         let mesh = self.input.mesh;
         let face = |entry: &Entry| mesh.patches[entry.0 as usize].face;
         let n_rough = if self.index.is_some() { FEW } else { 0 };
         for of_face in entries.chunk_by_mut(|one, other| face(one) == face(other)) {
-            let mut between: Option<Vec<BlockerId>> = None;
+            let mut between: Option<Option<Vec<BlockerId>>> = None;
             for entry in of_face {
                 let j = entry.0 as usize;
                 let exchange = scale * entry.1;
@@ -426,21 +485,23 @@ impl<'a> RoundedRows<'a> {
                     entry.2 += rough / scale;
                     continue;
                 }
-                let occluders = between.get_or_insert_with(|| self.between(i, j));
-                entry.2 += self.closely([i, j], exchange, occluders) / scale;
+                if let Some(occluders) = between.get_or_insert_with(|| self.between(i, j)) {
+                    entry.2 += self.closely([i, j], exchange, occluders) / scale;
+                }
             }
         }
     }
 
-    /// Returns the occluders between patch i and the face of patch j.
-    fn between(&self, i: usize, j: usize) -> Vec<BlockerId> {
+    /// Returns the occluders between patch i and the face of patch j; `None` if they hide it for certain.
+    fn between(&self, i: usize, j: usize) -> Option<Vec<BlockerId>> {
         let Some(index) = &self.index else {
-            return Vec::new();
+            return Some(Vec::new());
         };
         let face = self.input.scene.polygon(self.input.mesh.patches[j].face);
         match index.classify(self.polygons[i].corners(), &face) {
-            PairVisibility::Partial(occluders) => occluders,
-            PairVisibility::Full | PairVisibility::None => Vec::new(),
+            PairVisibility::Partial(occluders) => Some(occluders),
+            PairVisibility::Full => Some(Vec::new()),
+            PairVisibility::None => None,
         }
     }
 

@@ -46,7 +46,7 @@ pub(super) fn by_rows(
                 } else {
                     let exact = tile(rows);
                     match &rounded {
-                        Some(rounded) => with_rounding(&exact, input, rounded),
+                        Some(rounded) => with_rounding(&exact, input, rounded, bounds.as_deref()),
                         None => exact,
                     }
                 });
@@ -73,12 +73,20 @@ pub(super) fn by_rows(
 }
 
 /// Returns rows with what rounded coordinates add to their errors.
-fn with_rounding(rows: &RowTile, input: Input<'_>, rounded: &RoundedRows<'_>) -> RowTile {
+fn with_rounding(
+    rows: &RowTile,
+    input: Input<'_>,
+    rounded: &RoundedRows<'_>,
+    bounds: Option<&dyn UpperBounds>,
+) -> RowTile {
     let mut tile = RowTile::new(rows.first_row());
     for (k, &tally) in rows.tallies().iter().enumerate() {
         let i = rows.first_row() + k;
         let mut entries = rows.row(k).to_vec();
-        rounded.add(i, input.mesh.patches[i].area, &mut entries);
+        if let Some((bounds, open)) = bounds.zip(tally.open_error()) {
+            rounded.add_unhit(i, open, bounds, &mut entries);
+        }
+        rounded.add(i, input.mesh.patches[i].area, 0..input.mesh.n_patches(), &mut entries);
         tile.push_row(&entries, tally);
     }
     tile

@@ -5,9 +5,7 @@ use std::num::NonZeroUsize;
 use std::sync::Arc;
 
 use super::FormFactors;
-
-/// Hits that an entry may have deserved without getting one: of entries with F = 1.5 / N, rays miss 22 %.
-const MISSED_HITS: f64 = 1.5;
+use super::tile::MISSED_HITS;
 
 /// What form factors may be that no ray of a row has hit.
 pub(crate) trait UpperBounds: Debug + Send + Sync {
@@ -57,8 +55,8 @@ impl FormFactors {
     #[must_use]
     #[track_caller]
     pub fn open_error(&self, i: usize) -> f64 {
-        let rays = self.open.as_ref().and(self.tallies[i].effective_rays());
-        rays.map_or(0.0, |n| MISSED_HITS / n)
+        let rays = self.open.as_ref().and(self.tallies[i].open_error());
+        rays.unwrap_or(0.0)
     }
 
     /// Returns the number of points along each side of a patch that its rays start from, if they start from points.

@@ -1,5 +1,8 @@
 //! What a form-factor method emits: a range of rows.
 
+/// Hits that an entry may have deserved without getting one: of entries with F = 1.5 / N, rays miss 22 %.
+pub(super) const MISSED_HITS: f64 = 1.5;
+
 /// One entry of a row: column j, form factor F_ij, standard error of F_ij (0 where it is exact or unknown).
 pub type Entry = (u32, f64, f64);
 
@@ -48,6 +51,11 @@ impl RowTally {
     #[must_use]
     pub fn effective_rays(&self) -> Option<f64> {
         self.squared().map(f64::recip)
+    }
+
+    /// Returns what independent rays leave open of all form factors together that none of them hit, 1.5 / N; `None` without such rays.
+    pub(crate) fn open_error(&self) -> Option<f64> {
+        self.effective_rays().map(|n| MISSED_HITS / n)
     }
 
     /// Returns Σ w², or `None` without rays that are independent.

@@ -255,6 +255,11 @@ impl Iterator for Batches<'_> {
         let mut strips = self.classified_batch();
         let n_pairs: u64 = (first_row..self.next_row).map(|i| (n - 1 - i) as u64).sum();
         self.integrate(&mut strips, n_pairs - n_pairs / 2);
+        if let Some(rounded) = self.rounded.as_ref().filter(|_| !self.progress.is_cancelled()) {
+            strips
+                .par_iter_mut()
+                .for_each(|strip| self.state_behind(rounded, strip));
+        }
         let counts = strips
             .iter()
             .fold(PairCounts::default(), |sum, strip| sum.plus(strip.counts));
@@ -280,12 +285,12 @@ impl Iterator for Batches<'_> {
 
 /// Consecutive rows.
 pub(super) struct Strip {
-    first_row: usize,
-    rows: Vec<Vec<(u32, f64, f64)>>,
+    pub(super) first_row: usize,
+    pub(super) rows: Vec<Vec<(u32, f64, f64)>>,
     pub(super) partial: Vec<PartialPair>,
     /// The occluders of all partial pairs, one after the other.
     pub(super) blockers: Vec<BlockerId>,
-    counts: PairCounts,
+    pub(super) counts: PairCounts,
     /// What these rows were before a change; none without one.
     before: Vec<Vec<Entry>>,
 }

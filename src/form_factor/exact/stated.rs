@@ -2,10 +2,12 @@
 
 use glam::DVec3;
 
-use super::batch::Batches;
+use super::batch::{Batches, Strip};
 use crate::form_factor::PairCounts;
 use crate::form_factor::journal::Record;
 use crate::form_factor::pairs::Exchange;
+use crate::form_factor::rounded::Rounded;
+use crate::mesh::PatchId;
 use crate::visibility::blockers::{BlockerId, BlockerIndex, PairVisibility};
 
 /// Errors that were stored in f32 are off by less than this part.
@@ -13,6 +15,9 @@ const STORED: f64 = 1e-6;
 
 /// What rounding adds is not looked at any closer where it is below this part of the tolerance.
 const NEGLIGIBLE: f64 = 1e-3;
+
+/// What patches behind each other may exchange by rounding is not stated below this part of the tolerance.
+const UNSTATED: f64 = 1e-2;
 
 /// What rounded corners reach in between patches that they were meant to touch, in units of the slack for which that is left out: half a unit of the last place for each of two.
 const REACH: f64 = 0.5;
@@ -134,6 +139,30 @@ impl Batches<'_> {
             self.count_rounding(pair, rounding.min(kept.error), counts);
         } else {
             counts.n_above_tolerance += 1;
+        }
+    }
+
+    /// Adds the errors of patches that do not face each other, but may do so as they were meant.
+    pub(super) fn state_behind(&self, rounded: &Rounded, strip: &mut Strip) {
+        let Strip {
+            first_row,
+            rows,
+            counts,
+            ..
+        } = strip;
+        for (row, i) in rows.iter_mut().zip(*first_row..) {
+            let n_found = row.len();
+            rounded.behind(&self.facing, i, i + 1..self.patches.len(), |j, most| {
+                let (column, goal) = (PatchId::from_index(j).0, self.goal([i, j]));
+                if most <= UNSTATED * goal || row[..n_found].binary_search_by_key(&column, |entry| entry.0).is_ok() {
+                    return;
+                }
+                row.push((column, 0.0, most));
+                if most > goal {
+                    self.count_rounding([i, j], most, counts);
+                }
+            });
+            row.sort_unstable_by_key(|entry| entry.0);
         }
     }
 

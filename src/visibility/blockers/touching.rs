@@ -12,7 +12,11 @@ use super::{LEAST_SLACKS, Plane};
 /// Planes whose normals are nearer than this square of a sine have no line in common that is known well enough.
 const PARALLEL: f64 = 1e-3;
 
-/// Returns two convex polygons of which one has corners within `slack`, m, of the other's plane, as flat ones with these corners on the line that the planes share; `None` if neither has.
+/// Corners that were meant to touch move by no more than this many slacks.
+const FARTHEST: f64 = 4.0;
+
+/// Returns two convex polygons of which one has corners within `slack`, m, of the other's plane, as flat ones with these corners on the line that the planes share; `None` if neither has, or if all of
+/// one are as near, so that what it sees is not told from rounding.
 ///
 /// No corner moves by more than a few times `slack`.
 pub(super) fn meeting(p: &[DVec3], q: &[DVec3], slack: f64) -> Option<[Vec<DVec3>; 2]> {
@@ -28,7 +32,8 @@ pub(super) fn meeting(p: &[DVec3], q: &[DVec3], slack: f64) -> Option<[Vec<DVec3
     }
     let planes = [one, other];
     let touches = |k: usize, corner: DVec3| planes[1 - k].height(corner).abs() <= slack;
-    if !(0..2).any(|k| ends[k].iter().any(|&corner| touches(k, corner))) {
+    let n_touching = [0, 1].map(|k| ends[k].iter().filter(|&&corner| touches(k, corner)).count());
+    if n_touching == [0, 0] || (0..2).any(|k| n_touching[k] == ends[k].len()) {
         return None;
     }
     let flat = |k: usize| {
@@ -43,7 +48,14 @@ pub(super) fn meeting(p: &[DVec3], q: &[DVec3], slack: f64) -> Option<[Vec<DVec3
         });
         meant.collect::<Vec<_>>()
     };
-    Some([flat(0), flat(1)])
+    let meant = [flat(0), flat(1)];
+    let is_near = |k: usize| {
+        ends[k]
+            .iter()
+            .zip(&meant[k])
+            .all(|(a, b)| a.distance(*b) <= FARTHEST * slack)
+    };
+    (is_near(0) && is_near(1)).then_some(meant)
 }
 
 /// Returns the plane of a polygon that rounding may have bent, through the mean of its corners.

@@ -1,0 +1,335 @@
+//! Pairs of patches that do not face each other as their file has them, but may do so as they were meant.
+
+use std::f64::consts::PI;
+use std::ops::Range;
+
+use glam::{DMat2, DVec2, DVec3};
+
+use super::{DEVIATIONS, End, Rounded, Vertex};
+use crate::form_factor::pairs::Facing;
+use crate::geometry::polygon;
+
+/// Of this part of its radius a patch is in front of a plane for certain, if its middle is.
+const IN_FRONT: f64 = 1e-8;
+
+/// Corners that are nearer to another patch than they may be off are meant to touch it, as far as that is below this part of both radii.
+const TOUCHING: f64 = 0.05;
+
+/// The plane of a face, and how it follows the face's vertices.
+#[derive(Clone, Debug)]
+pub(super) struct Plane {
+    middle: DVec3,
+    /// What the weight of each vertex in the height of a point changes by on the way to that point, per m: the heights of the vertices fit the plane by least squares.
+    slopes: Vec<DVec3>,
+    /// How far the normal may turn, in radians.
+    tilt: f64,
+}
+
+impl Plane {
+    pub(super) fn new(vertices: &[Vertex], normal: DVec3) -> Self {
+        let n = vertices.len() as f64;
+        let middle = vertices.iter().map(|v| v.position).sum::<DVec3>() / n;
+        let across = normal.any_orthonormal_vector();
+        let up = normal.cross(across);
+        let places: Vec<DVec2> = vertices
+            .iter()
+            .map(|v| v.position - middle)
+            .map(|r| DVec2::new(across.dot(r), up.dot(r)))
+            .collect();
+        let squares = places
+            .iter()
+            .map(|r| DMat2::from_cols(r.x * *r, r.y * *r))
+            .fold(DMat2::ZERO, |sum, square| sum + square);
+        let inverse = squares.inverse();
+        let slopes: Vec<DVec3> = places
+            .iter()
+            .map(|r| inverse * *r)
+            .map(|slope| slope.x * across + slope.y * up)
+            .collect();
+        let square: f64 = vertices
+            .iter()
+            .zip(&slopes)
+            .map(|(v, slope)| (height_off(v, normal) * slope.length()).powi(2))
+            .sum();
+        Self {
+            tilt: deviations(square).min(1.0),
+            middle,
+            slopes,
+        }
+    }
+}
+
+/// Returns how far a vertex may be off along a normal, in m.
+fn height_off(vertex: &Vertex, normal: DVec3) -> f64 {
+    normal.abs().dot(vertex.half)
+}
+
+/// Returns what is stated of a sum of numbers that are each equally likely up to x, from the sum of all x².
+fn deviations(square: f64) -> f64 {
+    DEVIATIONS * (square / 3.0).sqrt()
+}
+
+/// What decides most pairs.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Glance {
+    normal: DVec3,
+    middle: DVec3,
+    radius: f64,
+    off: f64,
+    tilt: f64,
+    /// The way from the middle of the patch to that of its face, in m.
+    lever: f64,
+}
+
+impl Glance {
+    pub(super) fn new(end: &End) -> Self {
+        Self {
+            normal: end.normal,
+            middle: end.middle,
+            radius: end.radius,
+            off: end.off,
+            tilt: end.plane.tilt,
+            lever: end.middle.distance(end.plane.middle),
+        }
+    }
+
+    /// Returns how far the middle of another patch is in front of the plane, and what part of that patch may be more so, in m.
+    fn height(&self, of: &Self) -> (f64, f64) {
+        let way = of.middle - self.middle;
+        let reach = of.radius + 2.0 * (self.off + of.off) + self.tilt * (way.length() + of.radius + self.lever);
+        (self.normal.dot(way), reach)
+    }
+}
+
+/// What of a patch may be in front of another's plane.
+struct Front {
+    /// Its area, m².
+    area: f64,
+    /// How far it may be in front at most, m.
+    highest: f64,
+    /// How steeply it may rise from the other patch, at most: the sine; `None` where no line parts the two.
+    slope: Option<f64>,
+    /// True if its highest corner is farther in front than it may be off.
+    is_certain: bool,
+    /// True if it may all be behind the plane.
+    may_be_none: bool,
+}
+
+/// What two patches may exchange as they were meant.
+pub(super) struct Meant {
+    /// The most, m².
+    pub(super) most: f64,
+    /// True if the one is hardly in front of the other's plane, so that a first order in how far it may be off says little.
+    pub(super) is_grazing: bool,
+    /// True if it may be nothing.
+    pub(super) may_be_none: bool,
+}
+
+/// Returns what two patches that face each other in the file may exchange as they were meant.
+pub(super) fn meant([own, other]: [&End; 2]) -> Meant {
+    let fronts = front(own, other).zip(front(other, own));
+    let Some((of_own, of_other)) = fronts else {
+        return Meant {
+            most: 0.0,
+            is_grazing: true,
+            may_be_none: true,
+        };
+    };
+    Meant {
+        is_grazing: !(of_own.is_certain && of_other.is_certain),
+        may_be_none: of_own.may_be_none || of_other.may_be_none,
+        most: most(own, other, [&of_own, &of_other]),
+    }
+}
+
+impl Rounded {
+    /// Calls `visit(j, x)` for each of the patches `columns` that does not [face](Facing::pair) patch i in the file, but may do so as both were meant: x is the most that A_i F_ij may then be, m².
+    ///
+    /// Each corner's height over the other's plane may be off by what the vertices that it depends on are, as [`error`](Self::error) states it. What cannot be in front of that plane is cut off, a_i and a_j are left.
+    /// With θ the angles to both normals, A_i F_ij is at most a_i a_j cos θ_i cos θ_j / (π g²) at a gap g, and a_i sin² φ / 2 if j rises to an angle φ over the plane of i; so for j. As
+    /// cos θ_i + cos θ_j ≤ |n_i − n_j|, patches of about the same plane see next to nothing of each other, however near they are. Corners that patches share, or touch each other with, move both.
+    /// What lies flat on something is meant to, and sees nothing, as far as it is wider than it may be off.
+    ///
+    /// Work: some ns for each column, and some µs for each pair that is not decided by middles and radii.
+    pub(in crate::form_factor) fn behind(
+        &self,
+        facing: &Facing,
+        i: usize,
+        columns: Range<usize>,
+        mut visit: impl FnMut(usize, f64),
+    ) {
+        let own = &self.glances[i];
+        for j in columns {
+            let other = &self.glances[j];
+            let (over_own, reach) = own.height(other);
+            if over_own < -reach {
+                continue;
+            }
+            let (over_other, reach_back) = other.height(own);
+            let is_facing = over_own > IN_FRONT * other.radius && over_other > IN_FRONT * own.radius;
+            if is_facing || over_other < -reach_back || self.ends[i].face == self.ends[j].face || facing.pair(i, j) {
+                continue;
+            }
+            let most = most_behind(&self.ends[i], &self.ends[j]);
+            if most > 0.0 {
+                visit(j, most);
+            }
+        }
+    }
+}
+
+/// Returns what two ends that do not face each other may exchange as they were meant, m².
+fn most_behind(own: &End, other: &End) -> f64 {
+    let Some(of_own) = front(own, other) else { return 0.0 };
+    let Some(of_other) = front(other, own) else { return 0.0 };
+    let may_lie_flat = own.border().max(other.border()) < 1.0 && own.normal.dot(other.normal) < -0.5;
+    if may_lie_flat && gap(own, other) <= 0.0 && lies_in_plane(own, other) && lies_in_plane(other, own) {
+        return 0.0;
+    }
+    most(own, other, [&of_own, &of_other])
+}
+
+/// Returns the most that two ends may exchange, m², by what may be in front of each other's planes.
+fn most(own: &End, other: &End, [of_own, of_other]: [&Front; 2]) -> f64 {
+    let gap = gap(own, other);
+    let turn = own.normal.distance(other.normal) + own.plane.tilt + other.plane.tilt;
+    let sine = |front: &Front| {
+        let by_gap = if gap > 0.0 { front.highest / gap } else { f64::INFINITY };
+        by_gap.min(front.slope.unwrap_or(f64::INFINITY)).min(turn).min(1.0)
+    };
+    // What rises over one is seen from there.
+    let (from_own, from_other) = (sine(of_other), sine(of_own));
+    let product = (from_own * from_other).min(0.25 * turn * turn);
+    // What lies beside an end fills half of what is around it at most.
+    let part = |sine: f64, front: &Front| if front.slope.is_some() { 0.5 } else { 1.0 } * sine * sine;
+    let most = (of_own.area * part(from_own, of_other)).min(of_other.area * part(from_other, of_own));
+    if gap > 0.0 {
+        most.min(product * of_own.area * of_other.area / (PI * gap * gap))
+    } else {
+        most
+    }
+}
+
+/// Returns what of an end may be in front of the plane of another; `None` if nothing.
+fn front(end: &End, over: &End) -> Option<Front> {
+    let off = end.off + over.off;
+    let may_touch = off <= TOUCHING * end.radius.min(over.radius);
+    let (mut heights, mut above) = (Vec::with_capacity(4), Vec::with_capacity(4));
+    for (c, corner) in end.corners.iter().enumerate() {
+        let is_shared = over.corners.contains(corner);
+        if is_shared || (may_touch && polygon::distance(*corner, &over.corners) <= off) {
+            heights.push((0.0, 0.0));
+            above.push(0.0);
+        } else {
+            let height = over.normal.dot(*corner - over.middle);
+            let off = corner_off(end, c, over);
+            heights.push((height, off));
+            above.push(height + off);
+        }
+    }
+    let highest = above.iter().copied().fold(0.0, f64::max);
+    (highest > 0.0).then(|| Front {
+        slope: slope(end, over, &above),
+        area: area_above(&end.corners, &above) * (1.0 + end.border()),
+        highest,
+        is_certain: heights.iter().any(|(height, off)| height > off),
+        may_be_none: !heights.iter().any(|(height, off)| *height > 2.0 * off),
+    })
+}
+
+/// Returns the sine of the angle that an end, whose corners are so high over another at most, may rise to as seen from there; `None` where no line in the plane of the other parts the two.
+///
+/// Both height and distance from such a line are linear, so that their ratio is greatest at a corner.
+fn slope(end: &End, over: &End, heights: &[f64]) -> Option<f64> {
+    let off = end.off + over.off;
+    let sides = |of: &End| -> Vec<DVec3> {
+        let next = of.corners.iter().cycle().skip(1);
+        let edges = of.corners.iter().zip(next).map(|(a, b)| *b - *a);
+        edges.map(|edge| edge.cross(over.normal)).collect()
+    };
+    let inward = sides(end)
+        .into_iter()
+        .map(|side| if end.normal.dot(over.normal) > 0.0 { -side } else { side });
+    let directions = sides(over).into_iter().chain(inward).chain([end.middle - over.middle]);
+    let tangent = |direction: DVec3| {
+        let direction = direction.reject_from_normalized(over.normal).normalize_or_zero();
+        let line = over
+            .corners
+            .iter()
+            .map(|v| direction.dot(*v))
+            .fold(f64::NEG_INFINITY, f64::max);
+        let of_corners = end.corners.iter().zip(heights).map(|(corner, &height)| {
+            let distance = direction.dot(*corner) - line - off;
+            match (height > 0.0, distance > 0.0) {
+                (true, true) => height / distance,
+                (false, _) if distance > -2.0 * off - 1e-9 * end.radius => 0.0,
+                _ => f64::INFINITY,
+            }
+        });
+        of_corners.fold(0.0, f64::max)
+    };
+    let least = directions.map(tangent).fold(f64::INFINITY, f64::min);
+    least.is_finite().then(|| least / least.hypot(1.0))
+}
+
+/// Returns how far the height of a corner over the plane of another end may be off, in m.
+fn corner_off(end: &End, corner: usize, over: &End) -> f64 {
+    let mut weights: [(DVec3, f64, f64); 8] = [(DVec3::ZERO, 0.0, 0.0); 8];
+    let mut n = 0;
+    let mut add = |vertex: &Vertex, weight: f64| {
+        let known = weights[..n].iter_mut().find(|known| known.0 == vertex.position);
+        if let Some(known) = known {
+            known.1 += weight;
+        } else if let Some(free) = weights.get_mut(n) {
+            *free = (vertex.position, weight, height_off(vertex, over.normal));
+            n += 1;
+        }
+    };
+    for (vertex, share) in end.vertices.iter().zip(end.shares[corner]) {
+        add(vertex, share);
+    }
+    let way = end.corners[corner] - over.plane.middle;
+    let even = (over.vertices.len() as f64).recip();
+    for (vertex, slope) in over.vertices.iter().zip(&over.plane.slopes) {
+        add(vertex, -even - slope.dot(way));
+    }
+    let (mut most, mut square) = (0.0, 0.0);
+    for (_, weight, off) in &weights[..n] {
+        most += weight.abs() * off;
+        square += (weight * off).powi(2);
+    }
+    // No point is higher than it is far away; where an end is hardly more than a line, that is all that is known.
+    let farthest = way.length() + end.off + over.off;
+    deviations(square).min(most).min(farthest)
+}
+
+/// Returns the area of the part of a polygon whose heights, given at its corners, are above 0.
+fn area_above(corners: &[DVec3], heights: &[f64]) -> f64 {
+    let n = corners.len();
+    let mut part = Vec::with_capacity(n + 2);
+    for k in 0..n {
+        let (a, b) = (corners[k], corners[(k + 1) % n]);
+        let (of_a, of_b) = (heights[k], heights[(k + 1) % n]);
+        if of_a >= 0.0 {
+            part.push(a);
+        }
+        if (of_a >= 0.0) != (of_b >= 0.0) {
+            part.push(a + (b - a) * (of_a / (of_a - of_b)));
+        }
+    }
+    polygon::area_vector(&part).length()
+}
+
+/// Returns a distance that no two points of two ends are nearer than, in m.
+fn gap(one: &End, other: &End) -> f64 {
+    let from = |end: &End, to: &End| polygon::distance(end.middle, &to.corners) - end.radius;
+    from(one, other).max(from(other, one)) - one.off - other.off
+}
+
+/// Tells whether all of an end may lie in the plane of another.
+fn lies_in_plane(end: &End, over: &End) -> bool {
+    (0..end.corners.len()).all(|c| {
+        let height = over.normal.dot(end.corners[c] - over.middle);
+        height.abs() <= corner_off(end, c, over) + end.off.min(over.off)
+    })
+}
