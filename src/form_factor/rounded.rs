@@ -454,9 +454,12 @@ impl<'a> RoundedRows<'a> {
             if found.next_if_eq(&j).is_some() || j == i {
                 continue;
             }
-            let may_be_more = || self.rounded.rough([i, j], 0.0, FEW) > by_count * area;
-            if bounds.are_facing(i, j) && may_be_more() {
-                unhit.push((PatchId::from_index(j).0, 0.0, bounds.missed(i, j, by_count)));
+            if self.rounded.rough([i, j], 0.0, FEW) > by_count * area && bounds.are_facing(i, j) {
+                let missed = bounds.missed(i, j, by_count);
+                // Rounding adds little to what patches exchange at most without occluders, where that is less.
+                if missed >= by_count {
+                    unhit.push((PatchId::from_index(j).0, 0.0, missed));
+                }
             }
         }
         let by_rays: Vec<f64> = unhit.iter().map(|entry| entry.2).collect();
