@@ -109,3 +109,4 @@ mod threads;
 pub mod visibility;
 pub mod voxel;
 mod whole_file;
+pub mod workflow;

@@ -1,5 +1,6 @@
 //! How long work tells its caller how far it is, hears from it that it is to stop, and keeps what is done: the library itself never prints.
 
+use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
@@ -31,6 +32,9 @@ pub trait Progress: Sync {
     fn is_cancelled(&self) -> bool {
         false
     }
+
+    /// Hears where finished work is kept from now on.
+    fn opened(&self, _checkpoint: &Path) {}
 
     /// Returns where finished pieces of form factors and of gathered light are kept, so that a later run need not compute them again.
     fn checkpoint(&self) -> Option<&Checkpoint> {

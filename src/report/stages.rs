@@ -13,12 +13,16 @@ impl StageTimes {
     pub fn time<T>(&mut self, name: &'static str, work: impl FnOnce() -> T) -> T {
         let start = Instant::now();
         let result = work();
-        let elapsed = start.elapsed();
+        self.add(name, start.elapsed());
+        result
+    }
+
+    /// Adds a wall time to the stage `name`.
+    pub fn add(&mut self, name: &'static str, elapsed: Duration) {
         match self.stages.iter_mut().find(|(known, _)| *known == name) {
             Some((_, total)) => *total += elapsed,
             None => self.stages.push((name, elapsed)),
         }
-        result
     }
 
     /// Iterates over the stages and their seconds.

@@ -1,5 +1,7 @@
 //! The even light of each component, taken out of a Krylov method's way.
 
+use serde::Serialize;
+
 use super::RadiositySystem;
 use super::direct::equal_channels;
 use super::scaled::{Scaled, TrueResidual};
@@ -7,7 +9,8 @@ use super::vectors::{add_scaled, inner, keep_channels, scale};
 use crate::matrix::operator::Block;
 
 /// Whether a Krylov method deflates the even light of each component.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Deflate {
     /// Where a component that emits has a mean reflectance above [`DEFLATED_FROM`].
     #[default]

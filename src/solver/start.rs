@@ -1,11 +1,14 @@
 //! Where solvers start.
 
+use serde::Serialize;
+
 use super::ambient::Ambient;
 use super::scaled::Scaled;
 use crate::matrix::operator::Block;
 
 /// The radiosities that a solver starts from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Start {
     /// B = E.
     #[default]

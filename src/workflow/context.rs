@@ -1,0 +1,263 @@
+//! What goes along with a study: who hears of its progress, what it may use, what there is to warn of.
+
+use std::cell::{Cell, RefCell};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use serde_json::{Map, Value};
+
+use super::leaks::Leaks;
+use super::warning::Warning;
+use super::{Memory, WorkflowError};
+use crate::audit::Audit;
+use crate::checkpoint::Checkpoint;
+use crate::progress::{Forecast, Progress, Silent};
+use crate::report::StageTimes;
+
+/// Hears of a warning as soon as there is one.
+type Listener = Box<dyn Fn(&Warning)>;
+
+/// Progress, limits, warnings, times and settings of the steps of a study, which all take it in turn.
+///
+/// [`Context::default`] is silent, uses up to 80 % of the memory that is available and keeps no checkpoint.
+pub struct Context {
+    progress: Arc<dyn Progress + Send>,
+    listener: Option<Listener>,
+    warnings: RefCell<Vec<Warning>>,
+    times: RefCell<StageTimes>,
+    /// What form factors may take, and where.
+    pub memory: Memory,
+    /// What is known before form factors are stored of what comes after them.
+    pub demand: Demand,
+    /// What the results are made with, by name: files of results have it.
+    pub settings: Map<String, Value>,
+    /// What the laws of light say to the results so far.
+    pub audit: Audit,
+    /// The file of the lighting that each channel belongs to; none where the materials are the scene's own.
+    pub lighting_files: Vec<Option<PathBuf>>,
+    /// The light that leaks through patches which are not cut at contact edges.
+    pub leaks: Leaks,
+    /// A file for finished work, from which the same study goes on after an interruption.
+    pub checkpoint_file: Option<PathBuf>,
+    pub(super) checkpoint: Option<Checkpoint>,
+    pub(super) deadline: Option<Instant>,
+    pub(super) has_looked_at_gaps: Cell<bool>,
+    begun: Instant,
+}
+
+/// What comes after form factors, as far as their storage depends on it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Demand {
+    /// The output, beside which a scratch file goes.
+    pub output: Option<PathBuf>,
+    /// The part of the checkpoint that form factors belong to: 0 but for later poses.
+    pub part: u32,
+    /// The tolerance of the solver, if there is one.
+    pub tolerance: Option<f64>,
+    /// The greatest reflectance of the lightings that there are beside the scene's own.
+    pub reflectance_max: f64,
+    /// Memory for a picture, in bytes.
+    pub image_byte: u64,
+}
+
+impl Default for Context {
+    fn default() -> Self {
+        Self::new(Arc::new(Silent))
+    }
+}
+
+impl Context {
+    /// Returns a context whose steps tell their progress.
+    #[must_use]
+    pub fn new(progress: Arc<dyn Progress + Send>) -> Self {
+        Self {
+            progress,
+            listener: None,
+            warnings: RefCell::default(),
+            times: RefCell::default(),
+            memory: Memory::default(),
+            demand: Demand::default(),
+            settings: Map::new(),
+            audit: Audit::default(),
+            lighting_files: Vec::new(),
+            leaks: Leaks::default(),
+            checkpoint_file: None,
+            checkpoint: None,
+            deadline: None,
+            has_looked_at_gaps: Cell::new(false),
+            begun: Instant::now(),
+        }
+    }
+
+    /// Tells each warning as soon as there is one, beside keeping it.
+    #[must_use]
+    pub fn on_warning(mut self, listener: impl Fn(&Warning) + 'static) -> Self {
+        self.listener = Some(Box::new(listener));
+        self
+    }
+
+    /// Returns all warnings so far.
+    #[must_use]
+    pub fn warnings(&self) -> Vec<Warning> {
+        self.warnings.borrow().clone()
+    }
+
+    /// Keeps a warning and tells it.
+    pub fn warn(&self, warning: Warning) {
+        if let Some(listener) = &self.listener {
+            listener(&warning);
+        }
+        self.note(warning);
+    }
+
+    /// Keeps a warning that has been told.
+    pub(super) fn note(&self, warning: Warning) {
+        self.warnings.borrow_mut().push(warning);
+    }
+
+    /// Warns of a checkpoint that could not be written to its end.
+    pub(super) fn warn_of_checkpoint(&self) {
+        if let Some(checkpoint) = &self.checkpoint
+            && let Some(reason) = checkpoint.failure()
+        {
+            self.warn(Warning::Checkpoint(format!(
+                "{}: the checkpoint could not be written to its end: {reason}; the work itself went on",
+                checkpoint.path().display()
+            )));
+        }
+    }
+
+    /// Warns unless the same has been said.
+    pub fn warn_once(&self, warning: Warning) {
+        let is_said = self.warnings.borrow().contains(&warning);
+        if !is_said {
+            self.warn(warning);
+        }
+    }
+
+    /// Returns the wall times of the stages so far.
+    #[must_use]
+    pub fn times(&self) -> StageTimes {
+        self.times.borrow().clone()
+    }
+
+    /// Runs a stage and notes how long it took.
+    pub fn time<T>(&self, stage: &'static str, work: impl FnOnce() -> T) -> T {
+        let begun = Instant::now();
+        let result = work();
+        self.times.borrow_mut().add(stage, begun.elapsed());
+        result
+    }
+
+    /// Returns the time since the context was made.
+    #[must_use]
+    pub fn elapsed(&self) -> Duration {
+        self.begun.elapsed()
+    }
+
+    /// Sets when all is to be over, counted from when the context was made.
+    pub(super) fn end_within(&mut self, limit: Duration) {
+        self.deadline = Some(self.begun + limit);
+    }
+
+    /// Notes what the results are made with.
+    pub fn set(&mut self, name: &str, value: impl Into<Value>) {
+        self.settings.insert(name.to_owned(), value.into());
+    }
+
+    /// Takes in what an audit found, with a warning for each law that is broken.
+    pub fn audited(&mut self, found: Audit) {
+        for check in found.violations() {
+            self.warn(Warning::BrokenLaw(check.to_string()));
+        }
+        self.audit.extend(found);
+    }
+
+    /// Returns the progress with checkpoint and deadline, as work asks for it.
+    #[must_use]
+    pub fn progress(&self) -> Watch<'_> {
+        Watch {
+            progress: &*self.progress,
+            checkpoint: self.checkpoint.as_ref(),
+            deadline: self.deadline,
+            forecast: Mutex::default(),
+        }
+    }
+
+    /// Goes on, unless work is to end: to be asked wherever it may have been left incomplete.
+    ///
+    /// # Errors
+    /// [`WorkflowError::Interrupted`].
+    pub fn go_on(&self) -> Result<(), WorkflowError> {
+        if self.progress.is_cancelled() {
+            Err(WorkflowError::Interrupted)
+        } else {
+            Ok(())
+        }
+    }
+
+    /// Returns the checkpoint, once it is open.
+    #[must_use]
+    pub fn checkpoint(&self) -> Option<&Checkpoint> {
+        self.checkpoint.as_ref()
+    }
+
+    /// Closes the checkpoint of work that is done, and removes its file; where that fails, a warning says so.
+    pub fn forget_checkpoint(&mut self) {
+        if let Some(checkpoint) = self.checkpoint.take()
+            && let Err(error) = checkpoint.remove()
+        {
+            self.warn(Warning::Checkpoint(error.to_string()));
+        }
+    }
+
+    /// Opens the checkpoint with the key of what is computed, unless it is open.
+    pub(super) fn open_checkpoint(&mut self, path: &Path, key: &[u8; 32]) -> Result<(), WorkflowError> {
+        self.checkpoint = Some(Checkpoint::open(path, key)?);
+        self.progress.opened(path);
+        Ok(())
+    }
+}
+
+/// The progress of a [`Context`], with its checkpoint and deadline.
+pub struct Watch<'a> {
+    progress: &'a dyn Progress,
+    checkpoint: Option<&'a Checkpoint>,
+    deadline: Option<Instant>,
+    forecast: Mutex<Option<Forecast>>,
+}
+
+impl Watch<'_> {
+    /// Returns what the last stage was expected to take, if that was told.
+    pub(super) fn heard(self) -> Option<Forecast> {
+        self.forecast.into_inner().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Progress for Watch<'_> {
+    fn begin(&self, stage: &str, total: u64) {
+        self.progress.begin(stage, total);
+    }
+
+    fn advance(&self, steps: u64) {
+        self.progress.advance(steps);
+    }
+
+    fn forecast(&self, forecast: &Forecast) {
+        self.progress.forecast(forecast);
+        *self.forecast.lock().unwrap_or_else(PoisonError::into_inner) = Some(forecast.clone());
+    }
+
+    fn deadline(&self) -> Option<Instant> {
+        self.deadline.or_else(|| self.progress.deadline())
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.progress.is_cancelled()
+    }
+
+    fn checkpoint(&self) -> Option<&Checkpoint> {
+        self.checkpoint
+    }
+}

@@ -1,0 +1,274 @@
+//! Why a step of a study ended without a result.
+
+use std::path::PathBuf;
+
+use super::warning::{Named, Parameter, plainly};
+use crate::checkpoint::CheckpointError;
+use crate::embree::EmbreeError;
+use crate::form_factor::{FormFactorError, Leak, MAX_ESCAPED};
+use crate::matrix::{DiskError, MatrixError};
+use crate::mesh::MeshError;
+use crate::plan::{StorageError, byte_text};
+use crate::printable::printable_message;
+use crate::report::ReportError;
+use crate::scene::{MotionError, SceneError};
+use crate::solver::SolverError;
+
+/// Why a step of a study was refused, or failed.
+///
+/// [`Display`](std::fmt::Display) writes parameters by their names, [`text`](Self::text) as a program's users do.
+#[derive(Debug)]
+#[non_exhaustive]
+pub enum WorkflowError {
+    /// Of the scene, a lighting or a list of frames.
+    Scene(SceneError),
+    /// A scene cannot take a pose.
+    Motion(MotionError),
+    /// Faces cannot be cut as asked for.
+    Mesh {
+        /// What the scene is called.
+        file: PathBuf,
+        /// Why.
+        error: MeshError,
+    },
+    /// The ray tracer's tree cannot be built.
+    Embree {
+        /// What the scene is called.
+        file: PathBuf,
+        /// Why.
+        error: EmbreeError,
+    },
+    /// Work takes more memory than there is to be.
+    MemoryLimit {
+        /// What the scene is called.
+        file: PathBuf,
+        /// What the memory is for.
+        what: String,
+        /// What is needed, in bytes.
+        needed: u64,
+        /// What may be used, in bytes.
+        limit: u64,
+        /// What helps beside a greater limit.
+        remedy: &'static str,
+    },
+    /// Form factors cannot be kept.
+    Storage(StorageError),
+    /// A method refused its settings or its input.
+    FormFactor(FormFactorError),
+    /// A matrix was refused, or could not be read.
+    Matrix(MatrixError),
+    /// A scene that was said to be closed is not.
+    NotClosed {
+        /// What the scene is called.
+        file: PathBuf,
+        /// Where light leaves.
+        leak: Leak,
+    },
+    /// A solver refused its settings or its system.
+    Solver(SolverError),
+    /// Patches emit, reflect everything, and let nothing out.
+    NoFiniteSolution {
+        /// The file of the materials.
+        file: PathBuf,
+        /// The surface or patch.
+        place: String,
+        /// How many patches there are in all.
+        n_patches: usize,
+        /// What the file calls a reflectance.
+        reflectance: &'static str,
+    },
+    /// A file could not be read or written.
+    Report(ReportError),
+    /// The form factors of a file are of another geometry.
+    OtherGeometry {
+        /// The file of the form factors.
+        file: PathBuf,
+        /// What the scene is called.
+        scene: PathBuf,
+    },
+    /// The checkpoint could not be opened.
+    Checkpoint(CheckpointError),
+    /// Settings do not go together: a fault of whoever asks.
+    Unsuited(Unsuited),
+    /// Work was told to end.
+    Interrupted,
+}
+
+/// Settings that do not go together.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Unsuited {
+    /// Symmetric storage without balancing.
+    SymmetricUnbalanced,
+    /// A solver that needs balanced form factors, where they are not stored.
+    UnstoredReciprocity {
+        /// The solver.
+        solver: &'static str,
+    },
+    /// A storage for form factors that are not stored.
+    UnstoredStorage,
+    /// A time for form factors that are not stored.
+    UnstoredTimeLimit,
+    /// A method of pairs, where form factors are not stored.
+    UnstoredPairs {
+        /// The method.
+        method: String,
+        /// Methods of rows.
+        others: String,
+    },
+    /// A file of form factors for other patches than those asked for.
+    OtherPatches(String),
+}
+
+impl std::error::Error for WorkflowError {}
+
+impl std::fmt::Display for WorkflowError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.text(&plainly))
+    }
+}
+
+impl WorkflowError {
+    /// Returns the error as one line, with parameters as `named` writes them.
+    #[must_use]
+    pub fn text(&self, named: Named<'_>) -> String {
+        let name = |parameter| named(parameter, None);
+        let text = match self {
+            Self::Scene(error) => error.to_string(),
+            Self::Motion(error) => error.to_string(),
+            Self::Mesh { file, error } => format!("{}: {error}", file.display()),
+            Self::Embree { file, error } => format!("{}: {error}", file.display()),
+            Self::MemoryLimit {
+                file,
+                what,
+                needed,
+                limit,
+                remedy,
+            } => format!(
+                "{}: {what} takes up to {} of memory, and the limit is {}; raise {}, {remedy}",
+                file.display(),
+                byte_text(*needed),
+                byte_text(*limit),
+                name(Parameter::MemoryLimit)
+            ),
+            Self::Storage(error) => error.to_string(),
+            Self::FormFactor(error) => error.to_string(),
+            Self::Matrix(error) => error.to_string(),
+            Self::NotClosed { file, leak } => format!(
+                "{}: {leak}, and {closed} allows {MAX_ESCAPED:e}: close the gap, or leave {closed} out",
+                file.display(),
+                closed = name(Parameter::Closed)
+            ),
+            Self::Solver(error) => error.to_string(),
+            Self::NoFiniteSolution {
+                file,
+                place,
+                n_patches,
+                reflectance,
+            } => format!(
+                "{}: no finite solution: {place} and what exchanges light with it ({n_patches} patches in all) emit, reflect everything, and let \
+                 nothing out; lower a `{reflectance}` below 1 there, or open the scene",
+                file.display()
+            ),
+            Self::Report(error) => error.to_string(),
+            Self::OtherGeometry { file, scene } => {
+                let (file, scene) = (file.display(), scene.display());
+                format!(
+                    "{file}: holds form factors of another geometry than {scene}; compute them again: radiosity form-factors {scene} -o {file}"
+                )
+            }
+            Self::Checkpoint(error) => error.to_string(),
+            Self::Unsuited(unsuited) => unsuited.text(named),
+            Self::Interrupted => "no output was written".to_owned(),
+        };
+        printable_message(&text)
+    }
+}
+
+impl Unsuited {
+    fn text(&self, named: Named<'_>) -> String {
+        let name = |parameter| named(parameter, None);
+        match self {
+            Self::SymmetricUnbalanced => format!(
+                "{} makes form factors symmetric, and {} keeps them as they are; leave one of them out",
+                named(Parameter::Storage, Some("symmetric")),
+                named(Parameter::Balance, Some("off"))
+            ),
+            Self::UnstoredReciprocity { solver } => format!(
+                "`{solver}` needs form factors that are balanced, and so stored: leave {} out, or take `gmres`",
+                name(Parameter::OnTheFly)
+            ),
+            Self::UnstoredStorage => format!(
+                "{} and {} are for form factors that are stored: leave them out, or {}",
+                name(Parameter::Storage),
+                name(Parameter::Precision),
+                name(Parameter::OnTheFly)
+            ),
+            Self::UnstoredTimeLimit => format!(
+                "{} chooses how form factors are stored and computed: leave it out, or {}",
+                name(Parameter::TimeLimit),
+                name(Parameter::OnTheFly)
+            ),
+            Self::UnstoredPairs { method, others } => format!(
+                "`{method}` computes pairs of patches, not rows: leave {} out, or take one of {others}",
+                name(Parameter::OnTheFly)
+            ),
+            Self::OtherPatches(text) => text.clone(),
+        }
+    }
+}
+
+impl From<SceneError> for WorkflowError {
+    fn from(error: SceneError) -> Self {
+        Self::Scene(error)
+    }
+}
+
+impl From<MotionError> for WorkflowError {
+    fn from(error: MotionError) -> Self {
+        Self::Motion(error)
+    }
+}
+
+impl From<FormFactorError> for WorkflowError {
+    fn from(error: FormFactorError) -> Self {
+        match error {
+            FormFactorError::Interrupted => Self::Interrupted,
+            FormFactorError::Matrix(error) => error.into(),
+            other => Self::FormFactor(other),
+        }
+    }
+}
+
+impl From<MatrixError> for WorkflowError {
+    fn from(error: MatrixError) -> Self {
+        Self::Matrix(error)
+    }
+}
+
+impl From<DiskError> for WorkflowError {
+    fn from(error: DiskError) -> Self {
+        Self::Matrix(MatrixError::Disk(error))
+    }
+}
+
+impl From<SolverError> for WorkflowError {
+    fn from(error: SolverError) -> Self {
+        match error {
+            SolverError::Disk(error) => error.into(),
+            other => Self::Solver(other),
+        }
+    }
+}
+
+impl From<ReportError> for WorkflowError {
+    fn from(error: ReportError) -> Self {
+        Self::Report(error)
+    }
+}
+
+impl From<CheckpointError> for WorkflowError {
+    fn from(error: CheckpointError) -> Self {
+        Self::Checkpoint(error)
+    }
+}

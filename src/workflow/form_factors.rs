@@ -1,0 +1,416 @@
+//! Form factors with all that is known of them: method, computation, repair, checks.
+
+use std::time::{Duration, Instant};
+
+use serde_json::json;
+
+use super::repair::repair_kind;
+use super::storage::{self, Matrix};
+use super::{Context, Model, Parameter, Storage, Unsuited, Warning, WorkflowError};
+use crate::audit::Repair;
+use crate::form_factor::registry::{self, MethodEntry, Setting};
+use crate::form_factor::{
+    self, Before, Closure, Computed, ExactMethod, FormFactorError, FormFactorMethod, MethodSettings, PairCounts,
+    Reciprocity, SkyFactors,
+};
+use crate::matrix::{BalanceReport, Checks, FormFactors, Need, RepairKind, Sampling};
+use crate::progress::Progress as _;
+use crate::scene::Scene;
+use crate::visibility::blockers::BlockerIndex;
+
+/// Rays for each patch that shooting takes where nothing else is said.
+pub const DEFAULT_RAYS: u64 = 4096;
+
+/// Whether form factors are made symmetric and their rows made to sum to what they should.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Balance {
+    /// What the need and the sampling suggest: see [`Need::repair`].
+    #[default]
+    Auto,
+    /// Each pair averaged with its reverse, rows rescaled symmetrically.
+    On,
+    /// The same by the entries' own error variances (least squares): what is known stays.
+    Closure,
+    /// Never.
+    Off,
+}
+
+/// What form factors are asked for.
+#[derive(Clone, Debug)]
+pub struct FormFactorRequest {
+    /// The name of the method.
+    pub method: String,
+    /// Its settings, as far as they are given.
+    pub settings: MethodSettings,
+    /// Rays for each patch where the method shoots and no number is given.
+    pub default_rays: u64,
+    /// The tolerance of a method that has one, where none is given.
+    pub default_tolerance: f64,
+    /// What sets the tolerance.
+    pub tolerance_parameter: Parameter,
+    /// Whether [`MethodSettings::sequence`] is for something else too, so that a method without use for it passes over it.
+    pub is_sequence_shared: bool,
+    /// Whether they are made symmetric.
+    pub balance: Balance,
+    /// What is said about whether the scene is closed.
+    pub closure: Closure,
+    /// The time that all may take from the beginning of the context, with the share of it that form factors get.
+    pub time_limit: Option<(Duration, f64)>,
+    /// Whether the plan tells of occluders and tolerance.
+    pub explain: bool,
+}
+
+impl Default for FormFactorRequest {
+    /// `exact` at its default tolerance.
+    fn default() -> Self {
+        Self {
+            method: "exact".to_owned(),
+            settings: MethodSettings::default(),
+            default_rays: DEFAULT_RAYS,
+            default_tolerance: ExactMethod::DEFAULT_TOLERANCE,
+            tolerance_parameter: Parameter::Tolerance,
+            is_sequence_shared: false,
+            balance: Balance::Auto,
+            closure: Closure::Detect,
+            time_limit: None,
+            explain: false,
+        }
+    }
+}
+
+/// Form factors with what was found out about them.
+#[derive(Debug)]
+pub struct FormFactorStudy {
+    /// F, with a standard error for each entry.
+    pub factors: FormFactors,
+    /// Row sums, reciprocity, rays.
+    pub checks: Checks,
+    /// What a repair did.
+    pub balance: Option<BalanceReport>,
+    /// Whether light cannot leave the scene.
+    pub closed: bool,
+    /// How many pairs were looked at, and how.
+    pub pairs: Option<PairCounts>,
+    /// Whether all errors are within the tolerance.
+    pub tolerance_met: bool,
+    /// True if the entries have errors.
+    pub errors_known: bool,
+    /// The rows that are known to sum to 1, \[n\].
+    pub closed_rows: Vec<bool>,
+    /// The power that form factors without reciprocity make, m², \[n\].
+    pub gain: Vec<f64>,
+    /// The fractions of the light of each patch that escape and that black backs take, \[n\].
+    pub sky: SkyFactors,
+}
+
+impl FormFactorStudy {
+    /// Tells whether the work does what was asked for.
+    ///
+    /// What coordinates that are rounded leave open is no failure of it: files as ordinary as those turned out of the axes with six decimals know form factors to 1e-5, not to
+    /// the default of 1e-6, and no work changes that. A warning tells it, and [`tolerance_met`](Self::tolerance_met).
+    #[must_use]
+    pub fn is_done(&self) -> bool {
+        self.tolerance_met || !spent_budget(self.pairs)
+    }
+}
+
+/// Tells whether form factors that do not meet their tolerance spent a budget before; where nothing is known of their pairs, that is what it was.
+pub(super) fn spent_budget(pairs: Option<PairCounts>) -> bool {
+    pairs.is_none_or(|pairs| pairs.n_above_tolerance > 0)
+}
+
+/// Form factors as a method made them, or a file has them, before any repair.
+#[derive(Debug)]
+pub struct Raw {
+    /// What was computed.
+    pub computed: Computed,
+    /// What is promised of them.
+    pub(super) promised: Promised,
+}
+
+/// What is promised of form factors beside what they say themselves.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Promised {
+    pub(super) reciprocity: Reciprocity,
+    /// True if the entries have errors.
+    pub(super) errors_known: bool,
+    /// What a repair did to the row sums before.
+    pub(super) repair: Repair,
+    /// True if entries err by a rule.
+    pub(super) by_rule: bool,
+    /// True if they are symmetric, with noise that is known of each.
+    pub(super) noisy_pairs: bool,
+}
+
+/// A method with what is known of its matrix.
+pub(super) struct Chosen {
+    pub(super) method: Box<dyn FormFactorMethod>,
+    /// True if it computes whole rows.
+    by_rows: bool,
+    /// The most entries that a row can have, where the settings tell.
+    n_entries: Option<u64>,
+}
+
+impl Model {
+    /// Computes form factors, makes them symmetric where that is asked for, and checks them.
+    ///
+    /// # Errors
+    /// [`WorkflowError::FormFactor`] of settings that the method has no use for, [`WorkflowError::Storage`], [`WorkflowError::Matrix`], [`WorkflowError::NotClosed`] and [`WorkflowError::Interrupted`].
+    pub fn form_factors(
+        &mut self,
+        request: &FormFactorRequest,
+        need: Need,
+        cx: &mut Context,
+    ) -> Result<FormFactorStudy, WorkflowError> {
+        let need = cx.memory.or_symmetry(request.balance, need)?;
+        let raw = self.raw_form_factors(request, need, None, cx)?;
+        self.repaired(raw, request, need, cx)
+    }
+
+    /// Computes form factors, with those from `before` a change as far as they stay the same.
+    ///
+    /// # Errors
+    /// As [`form_factors`](Self::form_factors).
+    pub fn raw_form_factors(
+        &mut self,
+        request: &FormFactorRequest,
+        need: Need,
+        before: Option<Before<'_>>,
+        cx: &mut Context,
+    ) -> Result<Raw, WorkflowError> {
+        let chosen_for_time;
+        let request = match request.time_limit {
+            Some((limit, share)) => {
+                chosen_for_time = self.chosen_for_time(request, limit, share, cx);
+                &chosen_for_time
+            }
+            None => request,
+        };
+        let chosen = request.chosen(cx)?;
+        let method = &*chosen.method;
+        if method.name() == "exact" {
+            if request.explain {
+                self.explain_exact(request);
+            }
+            let nothing = "rays between patches: nothing here is sampled".into();
+            self.plan.left_out.push(nothing);
+        }
+        // Pairs without occluders need no rays.
+        let has_noisy_pairs = method.has_noisy_pairs() && !self.input().unoccluded;
+        let sampling = if chosen.by_rows {
+            Sampling::of_rows(chosen.n_entries.is_some(), cx.is_net())
+        } else {
+            Sampling::of_pairs(has_noisy_pairs)
+        };
+        let kind = repair_kind(request.balance, need, sampling);
+        let matrix = Matrix {
+            by_rows: chosen.by_rows,
+            repaired: matches!(kind, RepairKind::Closed | RepairKind::Rescaled),
+            n_entries: chosen.n_entries.unwrap_or(u64::MAX),
+            n_beside: u32::from(kind == RepairKind::Pooled),
+            working_byte: method.working_byte(self.mesh.n_patches()),
+        };
+        let place = storage::choose(cx, self, matrix)?;
+        storage::open_checkpoint(cx, self)?;
+        let (result, forecast) = {
+            let watch = cx.progress();
+            let input = self.input();
+            let result = cx.time("form_factors", || match before {
+                Some(before) => method.update(input, before, place.choice(), &watch),
+                None => method.compute(input, place.choice(), &watch),
+            });
+            (result?, watch.heard())
+        };
+        cx.note_forecast(forecast);
+        cx.progress().begin("checks", 0);
+        match request.time_limit {
+            Some((limit, _)) => cx.end_within(limit),
+            None => cx.deadline = None,
+        }
+        cx.warn_of_checkpoint();
+        let of_pairs = result.pairs.map_or(0, |pairs| pairs.n_rays);
+        if of_pairs > 0 || result.factors.tallies().iter().any(|tally| tally.n_rays > 0) {
+            self.warn_of_narrow_gaps(cx);
+        }
+        warn_above_tolerance(&self.scene, &result, request.tolerance_parameter, cx);
+        let promised = Promised {
+            reciprocity: method.reciprocity(),
+            errors_known: true,
+            repair: Repair::Not,
+            by_rule: method.errs_by_rule(),
+            noisy_pairs: has_noisy_pairs,
+        };
+        Ok(Raw {
+            computed: result,
+            promised,
+        })
+    }
+
+    /// Says how visibility is found by exact clipping.
+    fn explain_exact(&mut self, request: &FormFactorRequest) {
+        let asked = request.settings.tolerance;
+        let tolerance = asked.unwrap_or(request.default_tolerance);
+        if !self.plan.convex_and_empty {
+            let n = BlockerIndex::new(&self.scene).n_blockers();
+            self.plan.revise(
+                "visibility",
+                format!("exact clipping against {n} occluders"),
+                "a vertex lies behind the plane of a face: something may block; flat neighbours count as one occluder",
+            );
+            let reason = if asked.is_some() {
+                "as asked for"
+            } else if tolerance > ExactMethod::DEFAULT_TOLERANCE {
+                "the size of the patches weighs more in a picture than this"
+            } else {
+                "the default"
+            };
+            self.plan
+                .decide("form-factor tolerance", format!("{tolerance:e}"), reason);
+        }
+    }
+
+    /// Chooses method and tolerance for a limit of the whole study's time, of which form factors get a share.
+    fn chosen_for_time(
+        &mut self,
+        request: &FormFactorRequest,
+        limit: Duration,
+        share: f64,
+        cx: &mut Context,
+    ) -> FormFactorRequest {
+        let left = limit.saturating_sub(cx.elapsed()).mul_f64(share);
+        let end = Instant::now() + left;
+        let tolerance = request.settings.tolerance.unwrap_or(request.default_tolerance);
+        let (choice, forecast) = {
+            let watch = cx.progress();
+            let choice = cx.time("forecast", || {
+                form_factor::within(self.input(), tolerance, left, &watch)
+            });
+            (choice, watch.heard())
+        };
+        cx.note_forecast(forecast);
+        cx.deadline = Some(end);
+        cx.set("time_limit_s", limit.as_secs_f64());
+        self.plan.decide(
+            "method",
+            choice.method,
+            format!(
+                "expected to take {:.1} of {:.1} s",
+                choice.expected_s,
+                left.as_secs_f64()
+            ),
+        );
+        FormFactorRequest {
+            method: choice.method.to_owned(),
+            settings: MethodSettings {
+                rays: choice.rays,
+                sequence: request.settings.sequence.filter(|_| choice.rays.is_some()),
+                tolerance: choice.tolerance,
+                ..request.settings
+            },
+            ..request.clone()
+        }
+    }
+}
+
+/// Warns of pairs above the tolerance, by what makes them so.
+fn warn_above_tolerance(scene: &Scene, result: &Computed, tolerance: Parameter, cx: &Context) {
+    let Some(pairs) = result.pairs else {
+        return;
+    };
+    if pairs.n_above_tolerance > 0 {
+        cx.warn(Warning::AboveTolerance {
+            n_pairs: pairs.n_above_tolerance,
+            worst: worst_error(&result.factors),
+            tolerance,
+        });
+    }
+    if let Some(text) = pairs.doubted(scene) {
+        cx.warn(Warning::Rounded { text, tolerance });
+    }
+}
+
+/// Returns the greatest error of A_i F_ij / min(A_i, A_j).
+fn worst_error(factors: &FormFactors) -> f64 {
+    let areas = factors.areas();
+    let mut worst = 0.0_f64;
+    for (i, area) in areas.iter().enumerate() {
+        factors.for_each_in_row(i, |j, _, error| worst = worst.max(error * area / area.min(areas[j])));
+    }
+    worst
+}
+
+impl super::Memory {
+    /// Returns the need, or that of symmetric form factors if the storage asked for is theirs.
+    ///
+    /// # Errors
+    /// [`Unsuited::SymmetricUnbalanced`].
+    pub fn or_symmetry(&self, balance: Balance, need: Need) -> Result<Need, WorkflowError> {
+        let wanted = self.storage == Storage::Symmetric;
+        if wanted && balance == Balance::Off {
+            return Err(WorkflowError::Unsuited(Unsuited::SymmetricUnbalanced));
+        }
+        Ok(if wanted { Need::Symmetry } else { need })
+    }
+}
+
+impl FormFactorRequest {
+    fn tolerance_for(&self, entry: &MethodEntry) -> Option<f64> {
+        let has_one = entry.settings.iter().any(|s| matches!(s, Setting::Tolerance(_)));
+        let default = has_one.then_some(self.default_tolerance);
+        self.settings.tolerance.or(default)
+    }
+
+    /// Builds the method, and notes its settings.
+    pub(super) fn chosen(&self, cx: &mut Context) -> Result<Chosen, WorkflowError> {
+        let entry = registry::by_name(&self.method)?;
+        let given = &self.settings;
+        let sequence_is_elsewhere = self.is_sequence_shared && !entry.settings.contains(&Setting::Sequence);
+        let settings = entry.resolve(&MethodSettings {
+            rays: given.rays.or(entry.shoots().then_some(self.default_rays)),
+            sequence: given.sequence.filter(|_| !sequence_is_elsewhere),
+            tolerance: self.tolerance_for(entry),
+            ..*given
+        });
+        let settings = settings.map_err(|error| match error {
+            // Where the solver has a tolerance too, the flag has a longer name.
+            FormFactorError::UnusedSetting {
+                flag: "--tolerance",
+                method,
+                used_by,
+            } if self.tolerance_parameter == Parameter::FormFactorTolerance => FormFactorError::UnusedSetting {
+                flag: "--form-factor-tolerance",
+                method,
+                used_by,
+            },
+            other => other,
+        })?;
+        cx.set("method", entry.name);
+        cx.set("seed", settings.seed);
+        let tolerance = self.tolerance_parameter.name();
+        let known = [
+            ("rays", settings.rays.map(|n| json!(n))),
+            ("points", settings.points.map(|n| json!(n))),
+            ("resolution", settings.resolution.map(|n| json!(n))),
+            ("sequence", settings.sequence.map(|sequence| json!(sequence))),
+            (tolerance, settings.tolerance.map(|tolerance| json!(tolerance))),
+            ("budget", settings.budget.map(|n| json!(n))),
+        ];
+        for (name, value) in known {
+            if let Some(value) = value {
+                cx.set(name, value);
+            }
+        }
+        if entry.settings.contains(&Setting::Normalise) {
+            cx.set("normalise", settings.normalise);
+        }
+        let by_rows = entry.by_rows() || settings.normalise;
+        // From one and two points a side, errors are stated of patches that no ray hit, too.
+        let is_sparse = settings.points.is_none_or(|points| points.get() > 2);
+        let n_entries = settings.rays.filter(|_| entry.shoots() && is_sparse);
+        Ok(Chosen {
+            method: entry.build(&settings),
+            by_rows,
+            n_entries,
+        })
+    }
+}

@@ -1,0 +1,117 @@
+//! Many lightings of one scene, all in the same passes over the form factors.
+
+use std::ops::Range;
+use std::path::PathBuf;
+
+use super::{Context, Model};
+use crate::matrix::operator::Block;
+use crate::mesh::Patch;
+use crate::scene::Lighting;
+use crate::solver::{ChannelQuality, Coarsened, Solution};
+
+/// Many lightings side by side, as channels of one system.
+#[derive(Clone, Debug)]
+pub struct Stack {
+    channels: Vec<Range<usize>>,
+    /// ρ of each patch, \[n, c\].
+    pub reflectance: Block,
+    /// E of each patch, W·m⁻², \[n, c\].
+    pub exitance: Block,
+}
+
+impl Stack {
+    /// Returns lightings side by side; `None` is the lighting of the scene itself.
+    #[must_use]
+    pub fn new(model: &Model, lightings: &[Option<Lighting>]) -> Self {
+        let scene = &model.scene;
+        let plain = |patch: &Patch| {
+            let material = &scene.materials[patch.material.0 as usize];
+            (material.reflectance, material.exitance)
+        };
+        let mut materials = Vec::new();
+        let mut channels: Vec<Range<usize>> = Vec::new();
+        let mut n_channels = 0;
+        for lighting in lightings {
+            let of_patch = |patch: &Patch| match lighting {
+                Some(lighting) => lighting.of(scene, patch.surface, patch.material),
+                None => plain(patch),
+            };
+            let of_patches: Vec<_> = model.mesh.patches.iter().map(of_patch).collect();
+            // What is grey everywhere takes a third of the time in one channel.
+            let grey = of_patches.iter().all(|(rho, e)| is_grey(rho) && is_grey(e));
+            let own = n_channels..n_channels + if grey { 1 } else { 3 };
+            n_channels = own.end;
+            channels.push(own);
+            materials.push(of_patches);
+        }
+        let mut reflectance = Block::zeros(model.mesh.n_patches(), n_channels);
+        let mut exitance = reflectance.clone();
+        for (own, of_patches) in channels.iter().zip(&materials) {
+            for (i, (rho, e)) in of_patches.iter().enumerate() {
+                reflectance.row_mut(i)[own.clone()].copy_from_slice(&rho[..own.len()]);
+                exitance.row_mut(i)[own.clone()].copy_from_slice(&e[..own.len()]);
+            }
+        }
+        Self {
+            channels,
+            reflectance,
+            exitance,
+        }
+    }
+
+    /// Returns ρ and E of lighting `k`.
+    #[must_use]
+    pub fn materials(&self, k: usize) -> (Block, Block) {
+        let own = |block| channels_of(block, &self.channels[k]);
+        (own(&self.reflectance), own(&self.exitance))
+    }
+
+    /// Returns what of the coarser mesh of all lightings belongs to lighting `k`.
+    #[must_use]
+    pub fn coarsened(&self, k: usize, all: &Coarsened) -> Coarsened {
+        let own = |block| channels_of(block, &self.channels[k]);
+        Coarsened {
+            change: own(&all.change),
+            spread: own(&all.spread),
+            ..*all
+        }
+    }
+
+    /// Tells the plan how many channels there are, and later messages which of the lightings' files each of them is from.
+    pub fn announce(&self, model: &mut Model, files: &[Option<PathBuf>], cx: &mut Context) {
+        model.plan.revise_channels(self.reflectance.n_channels());
+        let of_each = self.channels.iter().zip(files);
+        let repeated = of_each.flat_map(|(own, file)| own.clone().map(|_| file.clone()));
+        cx.lighting_files = repeated.collect();
+    }
+
+    /// Returns what of the solution of all lightings belongs to lighting `k`. The passes, and what happened in them, are those of all together.
+    #[must_use]
+    pub fn solution(&self, k: usize, all: &Solution) -> Solution {
+        let own = &self.channels[k];
+        let channels = all.channels[own.clone()].to_vec();
+        let quality = ChannelQuality::of_all(&channels, all.stop_reason);
+        Solution {
+            radiosity: channels_of(&all.radiosity, own),
+            irradiance: channels_of(&all.irradiance, own),
+            energy: all.energy[own.clone()].to_vec(),
+            stop_reason: quality.stop_reason,
+            residual_l2: quality.residual_l2,
+            residual_max_power: quality.residual_max_power,
+            error_bound: quality.error_bound,
+            channels,
+            ..all.clone()
+        }
+    }
+}
+
+/// Tells whether all three channels are the same.
+fn is_grey(rgb: &[f64; 3]) -> bool {
+    rgb.iter().all(|value| value.to_bits() == rgb[0].to_bits())
+}
+
+/// Returns some channels of a block.
+fn channels_of(block: &Block, own: &Range<usize>) -> Block {
+    let rows = (0..block.n_rows()).flat_map(|i| &block.row(i)[own.clone()]);
+    Block::from_values(rows.copied().collect(), own.len())
+}

@@ -1,0 +1,34 @@
+//! Whole studies: a scene becomes form factors and light, each number with its error, and with what there is to warn of.
+//!
+//! The steps below this module know nothing of each other's doubts; here a [`Model`] takes them in turn and keeps the whole account: what the scene does not need is left out
+//! ([`Model::plan`]), form factors are computed where there is room for them, rows that are known to sum to 1 do so, laws of light are audited ([`Context::audit`]), and the errors of the form factors
+//! are carried into the light ([`SolutionStudy::error`]). The program, the experiments and other languages call the same functions.
+
+mod context;
+mod error;
+mod form_factors;
+mod leaks;
+mod lightings;
+mod mesh_error;
+mod model;
+mod on_the_fly;
+mod repair;
+mod reuse;
+mod solve;
+mod storage;
+mod total_error;
+mod warning;
+
+pub use context::{Context, Demand, Watch};
+pub use error::{Unsuited, WorkflowError};
+pub use form_factors::{Balance, DEFAULT_RAYS, FormFactorRequest, FormFactorStudy, Raw};
+pub use leaks::{Amount, Leak, Leaks};
+pub use lightings::Stack;
+pub use mesh_error::MeshError;
+pub use model::{Model, Use, expect_room, load};
+pub use on_the_fly::indirect_irradiance;
+pub use reuse::mesh_options;
+pub use solve::{Known, SolutionStudy, SolveRequest, go_on};
+pub use storage::{Memory, Storage, choice_text, place_text};
+pub use total_error::TotalError;
+pub use warning::{Named, Parameter, Warning};

@@ -1,0 +1,372 @@
+//! A scene that is ready for work.
+
+use std::path::{Path, PathBuf};
+
+use super::{Context, Warning, WorkflowError};
+use crate::form_factor::Input;
+use crate::matrix::operator::Block;
+use crate::mesh::{ContactEdges, Mesh, MeshOptions, Patch};
+use crate::plan::Plan;
+use crate::report::memory_used_byte;
+use crate::scene::reading::reading_byte;
+use crate::scene::{Lighting, LoadOptions, Material, Pose, Scene, SceneWarning, load_with};
+use crate::solver::power_of_two_below;
+use crate::visibility::Visibility as _;
+use crate::visibility::embree::EmbreeVisibility;
+use crate::visibility::facing::look;
+use crate::visibility::gaps::narrowest_gap;
+
+/// Bytes of a patch with its vertices, while patches are made: 113 to 128 are measured.
+const PATCH_BYTE: u64 = 160;
+
+/// Bytes of a face while the ray tracer's tree is built.
+const FACE_BYTE: u64 = 256;
+
+/// Surfaces with faces that seem turned are named one by one up to here.
+const MOST_TURNED: usize = 5;
+
+/// Rays that start farther off a face than this part of a patch's width bend what neighbours exchange by more than the noise of many.
+const MOST_OFFSET: f64 = 1e-3;
+
+/// A scene with its patches, ready for ray queries.
+pub struct Model {
+    /// The scene.
+    pub scene: Scene,
+    /// What messages call the scene: its file.
+    pub file: PathBuf,
+    /// What it needs, and what is left out.
+    pub plan: Plan,
+    /// How its faces are cut.
+    pub options: MeshOptions,
+    /// Its patches.
+    pub mesh: Mesh,
+    /// Whether the patches are others than those of the scene as it was loaded: surfaces that moved have come to stand on them.
+    pub is_cut_anew: bool,
+    /// The ray tracer.
+    pub visibility: EmbreeVisibility,
+}
+
+/// What patches are for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Use {
+    /// The light that they exchange: cuts at contact edges count, and light leaks.
+    Light,
+    /// Points on them: nothing leaks.
+    Points,
+    /// Nothing.
+    Nothing,
+}
+
+/// Reads a scene, if that stays below the limit of memory, and warns of what is doubtful in it.
+///
+/// Where no face emits light, `on_darkness` decides whether that is said now.
+///
+/// # Errors
+/// [`WorkflowError::MemoryLimit`] and [`WorkflowError::Scene`].
+pub fn load(
+    path: &Path,
+    options: &LoadOptions,
+    cx: &Context,
+    on_darkness: impl Fn(&SceneWarning) -> bool,
+) -> Result<Scene, WorkflowError> {
+    // What cannot be opened is told by who reads it.
+    if let Ok(needed) = reading_byte(path) {
+        expect_room(path, "to read it", needed, cx, "or split the scene")?;
+    }
+    let loaded = cx.time("scene", || load_with(path, options))?;
+    for warning in loaded.warnings {
+        if !warning.is_about_light() || on_darkness(&warning) {
+            cx.warn(Warning::Scene(warning));
+        }
+    }
+    Ok(loaded.scene)
+}
+
+/// Refuses what takes more memory than there is to be, before it is begun.
+///
+/// # Errors
+/// [`WorkflowError::MemoryLimit`].
+pub fn expect_room(
+    file: &Path,
+    what: &str,
+    needed: u64,
+    cx: &Context,
+    remedy: &'static str,
+) -> Result<(), WorkflowError> {
+    let needed = needed.saturating_add(memory_used_byte().unwrap_or(0));
+    let limit = cx.memory.limit();
+    if needed <= limit {
+        return Ok(());
+    }
+    Err(WorkflowError::MemoryLimit {
+        file: file.to_owned(),
+        what: what.to_owned(),
+        needed,
+        limit,
+        remedy,
+    })
+}
+
+impl Model {
+    /// Cuts a scene into patches and builds the ray tracer's tree; `file` is what messages call it.
+    ///
+    /// It warns of faces that rays cannot hit, of faces that seem to be wound the wrong way, and finds the light leaks of patches for [`Use::Light`] that are not cut at contact edges.
+    ///
+    /// # Errors
+    /// [`WorkflowError::Mesh`], [`WorkflowError::MemoryLimit`] and [`WorkflowError::Embree`].
+    pub fn new(
+        scene: Scene,
+        file: impl Into<PathBuf>,
+        options: MeshOptions,
+        patches_for: Use,
+        cx: &mut Context,
+    ) -> Result<Self, WorkflowError> {
+        let file = file.into();
+        let plan = cx.time("plan", || Plan::new(&scene));
+        let refused = |error| WorkflowError::Mesh {
+            file: file.clone(),
+            error,
+        };
+        let contact_edges = ContactEdges::of(&scene);
+        if options.cut_at_walls {
+            cx.time("contact_edges", || contact_edges.n_crossed_faces());
+        }
+        let n_patches = Mesh::count(&contact_edges, options).map_err(refused)?;
+        let what = format!("to cut it into {n_patches} patches");
+        let needed = PATCH_BYTE.saturating_mul(n_patches) + FACE_BYTE * scene.faces.len() as u64;
+        expect_room(&file, &what, needed, cx, "or subdivide less")?;
+        let mesh = cx.time("mesh", || Mesh::at_contact_edges(&contact_edges, options));
+        let mesh = mesh.map_err(refused)?;
+        let visibility = ray_tracer(&scene, &file, cx)?;
+        let mut model = Self {
+            scene,
+            file,
+            plan,
+            options,
+            mesh,
+            is_cut_anew: false,
+            visibility,
+        };
+        model.warn_of_vanished_faces(cx);
+        if !model.plan.convex_and_empty {
+            model.warn_of_turned_faces(cx);
+        }
+        for &face in model.plan.turned.iter().take(MOST_TURNED) {
+            let face = &model.scene.faces[face.0 as usize];
+            cx.warn(Warning::InsideOut {
+                file: model.file.clone(),
+                line: face.line,
+                surface: model.scene.surfaces[face.surface.0 as usize].name.clone(),
+            });
+        }
+        if patches_for != Use::Nothing {
+            model.note_cut_faces();
+        }
+        if patches_for == Use::Light {
+            cx.find_leaks(&model);
+        }
+        Ok(model)
+    }
+
+    fn warn_of_vanished_faces(&self, cx: &Context) {
+        let vanished = self.visibility.vanished_faces();
+        if let Some(&face) = vanished.first() {
+            cx.warn(Warning::VanishedFaces {
+                file: self.file.clone(),
+                line: self.scene.faces[face.0 as usize].line,
+                count: vanished.len(),
+            });
+        }
+    }
+
+    /// Warns of faces that see nothing, as faces do that are wound the wrong way.
+    fn warn_of_turned_faces(&self, cx: &Context) {
+        let scene = &self.scene;
+        let facing = cx.time("checks", || look(scene, &self.visibility));
+        let file = || self.file.clone();
+        let name = |surface: u32| scene.surfaces[surface as usize].name.clone();
+        if facing.none_sees {
+            let surface = match &scene.surfaces[..] {
+                [only] => Some(only.name.clone()),
+                _ => None,
+            };
+            cx.warn(Warning::NoneSees { file: file(), surface });
+            return;
+        }
+        if facing.no_emitter_sees {
+            cx.warn(Warning::NoEmitterSees { file: file() });
+        }
+        let n_faces = scene.faces.len();
+        if 2 * facing.n_see_only_backs > n_faces {
+            cx.warn(Warning::MostSeeBacks {
+                file: file(),
+                count: facing.n_see_only_backs,
+                n_faces,
+            });
+        }
+        for surface in facing.inside_out.iter().take(MOST_TURNED) {
+            cx.warn(Warning::TurnedSurface {
+                file: file(),
+                surface: name(surface.0),
+            });
+        }
+        for turned in facing.turned.iter().take(MOST_TURNED) {
+            cx.warn(Warning::TurnedFaces {
+                file: file(),
+                line: turned.line,
+                surface: name(turned.surface.0),
+                count: turned.n_faces,
+            });
+        }
+        if let count @ 1.. = facing.turned.len().saturating_sub(MOST_TURNED) {
+            cx.warn(Warning::MoreTurned { file: file(), count });
+        }
+    }
+
+    /// Moves the surfaces of a scene, and its patches with them; where contact edges come to cross these, the faces are cut anew.
+    ///
+    /// # Errors
+    /// [`WorkflowError::Scene`] of a pose that the scene cannot take, [`WorkflowError::Mesh`] and [`WorkflowError::Embree`].
+    pub fn posed(&self, pose: &Pose, cx: &mut Context) -> Result<Self, WorkflowError> {
+        let scene = self.scene.posed(pose)?;
+        let plan = cx.time("plan", || Plan::new(&scene));
+        let options = self.options;
+        let mesh = cx.time("mesh", || self.mesh.posed(pose, &scene));
+        let cut_anew = cx.time("contact_edges", || {
+            let contact_edges = ContactEdges::of(&scene);
+            let is_crossed = options.cut_at_walls && !contact_edges.crossed_patches(&mesh).is_empty();
+            is_crossed.then(|| Mesh::at_contact_edges(&contact_edges, options))
+        });
+        let cut_anew = cut_anew.transpose().map_err(|error| WorkflowError::Mesh {
+            file: self.file.clone(),
+            error,
+        })?;
+        let visibility = ray_tracer(&scene, &self.file, cx)?;
+        let mut moved = Self {
+            scene,
+            file: self.file.clone(),
+            plan,
+            options,
+            is_cut_anew: cut_anew.is_some(),
+            mesh: cut_anew.unwrap_or(mesh),
+            visibility,
+        };
+        moved.note_cut_faces();
+        cx.find_leaks(&moved);
+        Ok(moved)
+    }
+
+    /// Warns, once in a study, if rays start too far off the faces to see what lies in the narrowest gap.
+    pub fn warn_of_narrow_gaps(&self, cx: &Context) {
+        if cx.has_looked_at_gaps.replace(true) {
+            return;
+        }
+        let offset = self.visibility.offset();
+        let widths = self.mesh.patches.iter().map(|patch| patch.area.sqrt());
+        let width = widths.fold(f64::INFINITY, f64::min);
+        if offset > MOST_OFFSET * width {
+            cx.warn(Warning::FarStart { offset, width });
+        }
+        let Some(gap) = narrowest_gap(&self.scene, offset) else {
+            return;
+        };
+        let surfaces = gap.faces.map(|id| {
+            let face = &self.scene.faces[id.0 as usize];
+            (self.scene.surfaces[face.surface.0 as usize].name.clone(), face.line)
+        });
+        cx.warn(Warning::NarrowGap {
+            surfaces,
+            width: gap.width,
+            offset,
+        });
+    }
+
+    /// Warns of lightings in which no face emits light, each with its file; without a lighting it is the scene's own, which the scene's reading has told of.
+    pub fn warn_of_darkness<'a>(&self, lightings: impl IntoIterator<Item = (&'a Path, &'a Lighting)>, cx: &Context) {
+        for (file, lighting) in lightings {
+            if !lighting.is_emitting(&self.scene) {
+                cx.warn(Warning::DarkLighting { file: file.to_owned() });
+            }
+        }
+    }
+
+    fn note_cut_faces(&mut self) {
+        self.plan
+            .note_cut_faces(self.mesh.n_cut_faces(), self.options.cut_at_walls);
+    }
+
+    /// Returns what form-factor methods look at.
+    #[must_use]
+    pub fn input(&self) -> Input<'_> {
+        Input {
+            scene: &self.scene,
+            mesh: &self.mesh,
+            visibility: &self.visibility,
+            unoccluded: self.plan.convex_and_empty,
+        }
+    }
+
+    /// Returns the area of each surface, in m².
+    #[must_use]
+    pub fn surface_areas(&self) -> Vec<f64> {
+        let mut areas = vec![0.0; self.scene.surfaces.len()];
+        for patch in &self.mesh.patches {
+            areas[patch.surface.0 as usize] += patch.area;
+        }
+        areas
+    }
+
+    /// Returns the area mean of `per_patch` over each surface, per channel.
+    #[must_use]
+    pub fn surface_means(&self, per_patch: &Block) -> Vec<Vec<f64>> {
+        let areas = self.surface_areas();
+        let mut units = vec![vec![0.0_f64; per_patch.n_channels()]; areas.len()];
+        let mut means = units.clone();
+        for (i, patch) in self.mesh.patches.iter().enumerate() {
+            for (greatest, value) in units[patch.surface.0 as usize].iter_mut().zip(per_patch.row(i)) {
+                *greatest = greatest.max(value.abs());
+            }
+        }
+        // Powers of two, so that they change no digit: no sum overflows where its mean does not.
+        for unit in units.iter_mut().flatten() {
+            *unit = power_of_two_below(std::iter::once(*unit));
+        }
+        let area_unit = power_of_two_below(areas.iter().copied());
+        for (i, patch) in self.mesh.patches.iter().enumerate() {
+            let k = patch.surface.0 as usize;
+            for ((mean, unit), value) in means[k].iter_mut().zip(&units[k]).zip(per_patch.row(i)) {
+                *mean += patch.area / area_unit * (value / unit);
+            }
+        }
+        for ((mean, own_units), area) in means.iter_mut().zip(units).zip(areas) {
+            // A surface whose faces were all skipped has no area and no mean but 0.
+            if area > 0.0 {
+                for (value, unit) in mean.iter_mut().zip(own_units) {
+                    *value = *value / (area / area_unit) * unit;
+                }
+            }
+        }
+        means
+    }
+
+    /// Returns ρ and E of every patch, in one channel where all are grey, else in three.
+    #[must_use]
+    pub fn materials(&self) -> (Block, Block) {
+        let n_channels = self.plan.n_channels;
+        let collect = |value: fn(&Material) -> [f64; 3]| {
+            let of_patch = |patch: &Patch| value(&self.scene.materials[patch.material.0 as usize]);
+            let patches = self.mesh.patches.iter();
+            let values = patches.flat_map(|p| of_patch(p).into_iter().take(n_channels));
+            Block::from_values(values.collect(), n_channels)
+        };
+        (collect(|m| m.reflectance), collect(|m| m.exitance))
+    }
+}
+
+fn ray_tracer(scene: &Scene, file: &Path, cx: &Context) -> Result<EmbreeVisibility, WorkflowError> {
+    cx.time("ray_tracer", || EmbreeVisibility::new(scene))
+        .map_err(|error| WorkflowError::Embree {
+            file: file.to_owned(),
+            error,
+        })
+}

@@ -1,0 +1,132 @@
+//! Form factors from a file instead of a method.
+
+use serde_json::Value;
+
+use super::form_factors::{FormFactorRequest, FormFactorStudy, Promised, Raw, spent_budget};
+use super::repair::{BALANCE_TOLERANCE, repair_kind};
+use super::storage::{self, Matrix};
+use super::{Context, Model, Unsuited, Warning, WorkflowError};
+use crate::audit::Repair;
+use crate::form_factor::{Computed, MethodSettings, Reciprocity, registry};
+use crate::matrix::{Need, RepairKind, Sampling};
+use crate::mesh::{MeshOptions, Subdivision};
+use crate::report::ReportError;
+use crate::report::form_factors::FormFactorFile;
+
+/// Returns how the patches that a file is for are cut, or `default` where it does not tell. Options that ask for others are refused: `subdivision`, where one is asked for, and whole faces.
+///
+/// # Errors
+/// [`Unsuited::OtherPatches`].
+pub fn mesh_options(
+    file: &FormFactorFile,
+    subdivision: Option<Subdivision>,
+    is_whole: bool,
+    default: MeshOptions,
+) -> Result<MeshOptions, WorkflowError> {
+    let Some(options) = file.description().mesh_options() else {
+        return Ok(default);
+    };
+    if subdivision.is_none_or(|asked| asked == options.subdivision) && !(is_whole && options.cut_at_walls) {
+        return Ok(options);
+    }
+    let flags = match options.subdivision {
+        Subdivision::Uniform(n) => format!("--subdivide {n}"),
+        Subdivision::MaxEdge(length) => format!("--max-edge {length:?}"),
+    };
+    let without = if is_whole { " without --no-cut" } else { "" };
+    Err(WorkflowError::Unsuited(Unsuited::OtherPatches(format!(
+        "{} is for {flags}{without}; leave the flags out, or compute other form factors",
+        file.path().display()
+    ))))
+}
+
+impl Model {
+    /// Reads the form factors of the patches from a file, repairs and checks them as if they had been computed.
+    ///
+    /// # Errors
+    /// [`WorkflowError::OtherGeometry`], [`WorkflowError::Report`], and those of [`form_factors`](Self::form_factors).
+    pub fn form_factors_of(
+        &mut self,
+        file: &FormFactorFile,
+        request: &FormFactorRequest,
+        need: Need,
+        cx: &mut Context,
+    ) -> Result<FormFactorStudy, WorkflowError> {
+        let need = cx.memory.or_symmetry(request.balance, need)?;
+        let promised = promised(file);
+        let sequence = file.description().settings.get("sequence");
+        let sampling = if file.description().symmetric {
+            Sampling::of_pairs(promised.noisy_pairs)
+        } else {
+            Sampling::of_rows(sequence.is_some(), sequence.is_some_and(|name| name == "sobol"))
+        };
+        let kind = repair_kind(request.balance, need, sampling);
+        let computed = self.read(file, kind, cx)?;
+        self.repaired(Raw { computed, promised }, request, need, cx)
+    }
+
+    /// Reads the form factors of the patches, for a repair of a kind.
+    fn read(&mut self, file: &FormFactorFile, kind: RepairKind, cx: &mut Context) -> Result<Computed, WorkflowError> {
+        let matrix = Matrix {
+            by_rows: !file.description().symmetric,
+            repaired: matches!(kind, RepairKind::Closed | RepairKind::Rescaled),
+            n_entries: u64::MAX,
+            n_beside: u32::from(kind == RepairKind::Pooled),
+            working_byte: 0,
+        };
+        let chosen = storage::choose(cx, self, matrix)?;
+        let read = cx.time("form_factors", || file.read_into(&self.mesh, chosen.choice()));
+        let factors = read.map_err(|error| match error {
+            ReportError::OtherGeometry { path } => WorkflowError::OtherGeometry {
+                file: path,
+                scene: self.file.clone(),
+            },
+            other => other.into(),
+        })?;
+        let description = file.description();
+        let path = || file.path().to_owned();
+        let rounded = description.pairs.and_then(|pairs| pairs.doubted(&self.scene));
+        if !description.tolerance_met && (rounded.is_none() || spent_budget(description.pairs)) {
+            cx.warn(Warning::FileAboveTolerance { file: path() });
+        }
+        if let Some(text) = rounded {
+            cx.warn(Warning::FileRounded { file: path(), text });
+        }
+        cx.set("form_factors", Value::Object(description.settings.clone()));
+        self.plan
+            .left_out
+            .push("computing form factors: they are read from a file".into());
+        Ok(Computed {
+            factors,
+            pairs: description.pairs,
+            tolerance_met: description.tolerance_met,
+        })
+    }
+}
+
+/// Returns what a file's form factors promise: what the method does that its settings name.
+fn promised(file: &FormFactorFile) -> Promised {
+    let settings = &file.description().settings;
+    let is_set = |name: &str| settings.get(name).is_some_and(|value| value.as_bool() != Some(false));
+    let normalise = is_set("normalise");
+    let method = settings.get("method").and_then(Value::as_str).and_then(|name| {
+        let given = MethodSettings {
+            normalise,
+            ..MethodSettings::default()
+        };
+        registry::method(name, &given).ok()
+    });
+    let by_rule = method.as_ref().is_some_and(|method| method.errs_by_rule());
+    let noisy_pairs = file.has_errors() && method.as_ref().is_some_and(|method| method.has_noisy_pairs());
+    Promised {
+        reciprocity: method.map_or(Reciprocity::NotPromised, |method| method.reciprocity()),
+        errors_known: file.has_errors(),
+        repair: match (is_set("balance"), settings.contains_key("balance_converged")) {
+            (false, _) => Repair::Not,
+            (true, false) => Repair::Within(BALANCE_TOLERANCE),
+            (true, true) => Repair::GaveUp,
+        },
+        by_rule,
+        noisy_pairs,
+    }
+}

@@ -1,0 +1,427 @@
+//! Solutions of the radiosity system, with all that is known of their error.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::sync::Arc;
+
+use serde_json::{Value, json};
+
+use super::mesh_error::MeshError;
+use super::total_error::TotalError;
+use super::{Context, FormFactorStudy, Model, Warning, WorkflowError};
+use crate::audit::{self, Given};
+use crate::form_factor::Fraction;
+use crate::matrix::operator::{Block, LinearOperator};
+use crate::matrix::{Need, Precision};
+use crate::mesh::{Hierarchy, Mesh};
+use crate::plan::Plan;
+use crate::progress::Progress;
+use crate::scene::{Scene, SurfaceId};
+use crate::solver::registry::{self, Setting, SolverEntry};
+use crate::solver::{
+    self, RadiositySystem, Solution, SolveOptions, SolverError, SolverSettings, SpectrumBounds, Start, StopReason,
+    Tolerance, relative_errors,
+};
+
+/// The relative change of radiosities by the rounding of form factors from which it is told: far above what every solution is off for its tolerance.
+const ROUNDING_TOLD_FROM: f64 = 1e-4;
+
+/// The bound on the error, relative to the light that is reflected, from which it is told, and what it is to be with the tolerance that is proposed then.
+const MOST_OF_REFLECTED: f64 = 1e-3;
+const WANTED_OF_REFLECTED: f64 = 1e-4;
+
+/// The least tolerance that is proposed: below it, rounding keeps solvers from meeting it.
+const LEAST_TOLERANCE: f64 = 1e-15;
+
+/// Stops a solver when work is to end, or late.
+pub fn go_on(progress: &dyn Progress) -> ControlFlow<()> {
+    if progress.is_cancelled() || progress.is_late() {
+        ControlFlow::Break(())
+    } else {
+        ControlFlow::Continue(())
+    }
+}
+
+/// How a system is to be solved.
+#[derive(Clone, Debug)]
+pub struct SolveRequest {
+    /// The name of the solver.
+    pub solver: String,
+    /// Its settings, as far as they are given; levels of the mesh and the limit of memory are put in.
+    pub settings: SolverSettings,
+    /// The tolerance on sqrt(Σ A r² / Σ A E²), the worst channel.
+    pub tolerance: f64,
+    /// The most passes over the form factors.
+    pub max_passes: usize,
+    /// The first radiosities.
+    pub start: Start,
+}
+
+impl Default for SolveRequest {
+    /// The solver that suits the system, to 1e-6 in at most 1000 passes.
+    fn default() -> Self {
+        Self {
+            solver: "auto".to_owned(),
+            settings: SolverSettings::default(),
+            tolerance: 1e-6,
+            max_passes: 1000,
+            start: Start::default(),
+        }
+    }
+}
+
+/// A solution with all that is known of its error.
+#[derive(Debug)]
+pub struct SolutionStudy {
+    /// B, H and how the solver came to them.
+    pub solution: Solution,
+    /// The error of each patch's radiosity by the errors of the form factors, W·m⁻², \[n, c\]; `None` where these are not known.
+    pub carried: Option<Block>,
+    /// What solver and form factors together say of the error.
+    pub error: TotalError,
+    /// What a coarser mesh would change; `None` where that is not known.
+    pub mesh_error: Option<MeshError>,
+}
+
+/// What is known of form factors beside their values.
+#[derive(Clone, Copy, Debug)]
+pub struct Known<'a> {
+    /// To those who audit a solution.
+    pub given: Given<'a>,
+    /// The fraction of the light of each patch that black backs take, \[n\].
+    pub backs: Option<&'a [Fraction]>,
+    /// The rows that are known to sum to 1, \[n\].
+    pub closed_rows: Option<&'a [bool]>,
+}
+
+impl FormFactorStudy {
+    /// Returns what is known of them beside their values.
+    #[must_use]
+    pub fn known(&self) -> Known<'_> {
+        Known {
+            given: Given {
+                gain: Some(&self.gain),
+                costly: false,
+            },
+            backs: Some(&self.sky.back),
+            closed_rows: Some(&self.closed_rows),
+        }
+    }
+}
+
+impl SolveRequest {
+    /// Returns the solver that is asked for.
+    ///
+    /// # Errors
+    /// [`WorkflowError::Solver`] of an unknown name, and of settings that it has no use for.
+    pub fn entry(&self, cx: &Context) -> Result<&'static SolverEntry, WorkflowError> {
+        let entry = registry::by_name(&self.solver)?;
+        entry.checked(&self.settings_for(entry, cx))?;
+        Ok(entry)
+    }
+
+    /// Returns what the solver, as it is set, needs of form factors.
+    ///
+    /// # Errors
+    /// As [`entry`](Self::entry).
+    pub fn need(&self, cx: &Context) -> Result<Need, WorkflowError> {
+        let entry = self.entry(cx)?;
+        let gains = entry.gains_by_reciprocity(&self.settings_for(entry, cx));
+        Ok(if gains && entry.name != "auto" {
+            Need::Symmetry
+        } else {
+            Need::Light { gains }
+        })
+    }
+
+    /// Returns the settings of a solver; those that need no memory to speak of pass over its limit, which is that of the storage too.
+    fn settings_for(&self, entry: &SolverEntry, cx: &Context) -> SolverSettings {
+        let limit = cx.memory.limit_byte;
+        SolverSettings {
+            memory_limit_byte: limit.filter(|_| entry.settings.contains(&Setting::MemoryLimit)),
+            ..self.settings.clone()
+        }
+    }
+
+    fn note_settings(&self, entry: &SolverEntry, cx: &mut Context) {
+        cx.set("solver", entry.name);
+        cx.set("tolerance", self.tolerance);
+        cx.set("max_passes", self.max_passes);
+        cx.set("start", json!(self.start));
+        let given = &self.settings;
+        for (name, value) in [
+            ("omega", given.omega.map(Value::from)),
+            ("bounds", given.bounds.map(|bounds| json!(bounds_name(bounds)))),
+            ("restart", given.restart.map(|n| Value::from(n.get()))),
+            ("depth", given.depth.map(|n| Value::from(n.get()))),
+            ("deflation", given.deflation.map(|deflation| json!(deflation))),
+            ("steps_per_pass", given.steps_per_pass.map(|n| Value::from(n.get()))),
+            ("display_ambient", given.display.then_some(Value::Bool(true))),
+        ] {
+            if let Some(value) = value {
+                cx.set(name, value);
+            }
+        }
+    }
+}
+
+impl Model {
+    /// Solves for the light of the scene's own materials, and states its error.
+    ///
+    /// # Errors
+    /// As [`solve_system`](Self::solve_system).
+    pub fn solve(
+        &mut self,
+        study: &FormFactorStudy,
+        request: &SolveRequest,
+        cx: &mut Context,
+    ) -> Result<SolutionStudy, WorkflowError> {
+        let materials = self.materials();
+        let areas = study.factors.areas().to_vec();
+        let system = (&study.factors as &dyn LinearOperator, areas);
+        let solution = self.solve_system(system, request, materials.clone(), study.known(), cx)?;
+        self.judged(study, (&materials.0, &materials.1), solution, cx)
+    }
+
+    /// States the error of a solution for `reflectance` and `exitance`, ρ and E.
+    ///
+    /// # Errors
+    /// [`WorkflowError::Matrix`] where form factors on a disk cannot be read, and [`WorkflowError::Interrupted`].
+    pub fn judged(
+        &self,
+        study: &FormFactorStudy,
+        (reflectance, exitance): (&Block, &Block),
+        solution: Solution,
+        cx: &Context,
+    ) -> Result<SolutionStudy, WorkflowError> {
+        let carried = study.carried_error((reflectance, exitance), &solution, cx)?;
+        let coarse = self.coarsened(study, reflectance, &solution, cx)?;
+        let mesh_error = self.mesh_error(coarse.as_ref(), (exitance, &solution), cx);
+        study.factors.if_readable(())?;
+        Ok(SolutionStudy {
+            error: TotalError::of(self, carried.as_ref(), &solution, cx),
+            solution,
+            carried,
+            mesh_error,
+        })
+    }
+
+    /// Says of a system without a finite solution which surface of which file it is about, and what helps; `surface` is that of an unknown.
+    pub fn refused(
+        &self,
+        error: SolverError,
+        surface: impl Fn(usize) -> Option<SurfaceId>,
+        cx: &Context,
+    ) -> WorkflowError {
+        refused((&self.scene, &self.file), error, surface, cx)
+    }
+
+    /// Solves for given form factors and areas, reflectances and exitances of the patches, and audits what comes of it.
+    ///
+    /// # Errors
+    /// [`WorkflowError::Solver`], [`WorkflowError::NoFiniteSolution`], [`WorkflowError::Matrix`] and [`WorkflowError::Interrupted`].
+    pub fn solve_system(
+        &mut self,
+        system: (&dyn LinearOperator, Vec<f64>),
+        request: &SolveRequest,
+        materials: (Block, Block),
+        known: Known<'_>,
+        cx: &mut Context,
+    ) -> Result<Solution, WorkflowError> {
+        let parts = Parts {
+            scene: &self.scene,
+            file: &self.file,
+            mesh: &self.mesh,
+            plan: &mut self.plan,
+        };
+        solve_system(parts, system, request, materials, known, cx)
+    }
+}
+
+/// What of a model a solver needs, while its form factors may borrow the rest.
+pub(super) struct Parts<'a> {
+    pub(super) scene: &'a Scene,
+    pub(super) file: &'a Path,
+    pub(super) mesh: &'a Mesh,
+    pub(super) plan: &'a mut Plan,
+}
+
+pub(super) fn solve_system(
+    parts: Parts<'_>,
+    (factors, areas): (&dyn LinearOperator, Vec<f64>),
+    request: &SolveRequest,
+    (reflectance, exitance): (Block, Block),
+    known: Known<'_>,
+    cx: &mut Context,
+) -> Result<Solution, WorkflowError> {
+    let Parts {
+        scene,
+        file,
+        mesh,
+        plan,
+    } = parts;
+    let entry = request.entry(cx)?;
+    let hierarchy = entry.uses_hierarchy().then(|| {
+        let hierarchy = cx.time("levels", || Hierarchy::of_mesh(mesh));
+        let sizes: Vec<String> = hierarchy.sizes().iter().map(ToString::to_string).collect();
+        plan.decide(
+            "levels",
+            sizes.join(", "),
+            "patches of the mesh, the finest level first",
+        );
+        Arc::new(hierarchy)
+    });
+    let solver = entry.checked(&SolverSettings {
+        hierarchy,
+        ..request.settings_for(entry, cx)
+    })?;
+    request.note_settings(entry, cx);
+    let refused = |error: SolverError, cx: &Context| {
+        let surface = |patch: usize| mesh.patches.get(patch).map(|patch| patch.surface);
+        refused((scene, file), error, surface, cx)
+    };
+    let materials = (reflectance.clone(), exitance.clone());
+    let system = RadiositySystem::new(factors, areas, reflectance, exitance)
+        .and_then(|system| match known.closed_rows {
+            Some(rows) => system.with_closed_rows(rows),
+            None => Ok(system),
+        })
+        .map_err(|error| refused(error, cx))?;
+    let options = SolveOptions {
+        tolerance: Tolerance::ResidualL2(request.tolerance),
+        max_passes: request.max_passes,
+        start: request.start,
+        ..SolveOptions::default()
+    };
+    let solved = {
+        let watch = cx.progress();
+        cx.time("solve", || solver.solve(&system, &options, &mut |_| go_on(&watch)))
+    };
+    let mut solution = solved.map_err(|error| refused(error, cx))?;
+    if solution.stop_reason == StopReason::Interrupted {
+        cx.go_on()?;
+    }
+    warn_of_bright_lamps(&system, &solution, cx);
+    let audit = cx.time("audit", || audit::solution(&system, &solution, known.given))?;
+    cx.audited(audit);
+    cx.judge_leaking_power((&materials.0, &materials.1), &solution.radiosity);
+    if request.settings.display {
+        solution = solution.displayed(&system)?;
+    }
+    if let Some(backs) = known.backs {
+        let backs: Vec<f64> = backs.iter().map(|back| back.value).collect();
+        solution.tell_backs_apart(system.areas(), &backs);
+    }
+    if let Some(choice) = &solution.choice {
+        plan.decide("solver", choice.solver, choice.why.to_string());
+    }
+    warn_of_its_end(&system, &solution, request.tolerance, cx);
+    Ok(solution)
+}
+
+fn refused(
+    (scene, file): (&Scene, &Path),
+    error: SolverError,
+    surface: impl Fn(usize) -> Option<SurfaceId>,
+    cx: &Context,
+) -> WorkflowError {
+    let SolverError::NoFiniteSolution {
+        patch,
+        n_patches,
+        channel,
+        ..
+    } = error
+    else {
+        return error.into();
+    };
+    let (file, reflectance) = match cx.lighting_files.get(channel) {
+        Some(Some(lighting)) => (lighting.as_path(), "reflectance"),
+        _ => (file, "Kd"),
+    };
+    let name = surface(patch).and_then(|id| scene.surfaces.get(id.0 as usize));
+    WorkflowError::NoFiniteSolution {
+        file: file.to_owned(),
+        place: name.map_or_else(|| format!("patch {patch}"), |surface| format!("`{}`", surface.name)),
+        n_patches,
+        reflectance,
+    }
+}
+
+fn bounds_name(bounds: SpectrumBounds) -> &'static str {
+    match bounds {
+        SpectrumBounds::Safe => "safe",
+        SpectrumBounds::Average => "average",
+        SpectrumBounds::Lanczos(_) => "lanczos",
+    }
+}
+
+fn warn_of_bright_lamps(system: &RadiositySystem<'_>, solution: &Solution, cx: &Context) {
+    let of_reflected = solution.error_bound_of_reflected(system);
+    if solution.stop_reason == StopReason::Converged
+        && let Some(bound) = of_reflected.filter(|bound| *bound > MOST_OF_REFLECTED)
+    {
+        let tolerance = 10_f64.powf((solution.residual_l2 * WANTED_OF_REFLECTED / bound).log10().floor());
+        cx.warn(Warning::LampsOutshine {
+            bound,
+            tolerance: (tolerance >= LEAST_TOLERANCE).then_some(tolerance),
+        });
+    }
+}
+
+/// Warns of a solver that did not converge, or to what is no light.
+fn warn_of_its_end(system: &RadiositySystem<'_>, solution: &Solution, tolerance: f64, cx: &Context) {
+    let residual = solution.residual_l2;
+    let is_negative = solution.radiosity.values().iter().any(|b| *b < 0.0);
+    if solution.stop_reason == StopReason::Diverged && residual <= tolerance && is_negative {
+        cx.warn(Warning::NegativeLight {
+            residual,
+            row_sum_max: system.row_sums().iter().copied().fold(0.0, f64::max),
+        });
+    } else if solution.stop_reason != StopReason::Converged {
+        cx.warn(Warning::NotConverged {
+            reason: solution.stop_reason,
+            residual,
+        });
+    }
+}
+
+impl FormFactorStudy {
+    /// Estimates the error of a solution from the errors of its form factors, W·m⁻², \[n, c\]: `None` where these are not known, and where light too bright or too dim has no
+    /// estimate, which is no reason to keep the light itself back. `reflectance`, `exitance`: ρ, E.
+    ///
+    /// # Errors
+    /// [`WorkflowError::Matrix`] where form factors on a disk cannot be read.
+    pub fn carried_error(
+        &self,
+        (reflectance, exitance): (&Block, &Block),
+        solution: &Solution,
+        cx: &Context,
+    ) -> Result<Option<Block>, WorkflowError> {
+        let is_rounded = self.factors.storage().precision == Precision::F32;
+        if !self.errors_known && !is_rounded {
+            return Ok(None);
+        }
+        let carried = cx.time("error", || {
+            solver::carried_error(&self.factors, reflectance, exitance, solution)
+        });
+        match carried {
+            Ok(error) if self.errors_known => Ok(Some(error)),
+            Ok(of_rounding) => Ok(self.unless_rounded_away(of_rounding, solution, cx)),
+            Err(error @ SolverError::Disk(_)) => Err(error.into()),
+            Err(_) => Ok(None),
+        }
+    }
+
+    /// Warns where the rounding of form factors to f32, all that is known of their errors, counts; returns the error where nothing is known of the solution for that.
+    fn unless_rounded_away(&self, error: Block, solution: &Solution, cx: &Context) -> Option<Block> {
+        let relative = relative_errors(self.factors.areas(), &error, &solution.radiosity);
+        if !relative.iter().all(|share| share.is_finite()) {
+            return Some(error);
+        }
+        let relative = relative.into_iter().fold(0.0, f64::max);
+        if relative > ROUNDING_TOLD_FROM {
+            cx.warn_once(Warning::RoundedToF32 { relative });
+        }
+        None
+    }
+}

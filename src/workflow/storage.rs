@@ -1,0 +1,219 @@
+//! Where form factors are kept: what is asked for, and what the plan makes of it.
+
+use std::path::PathBuf;
+
+use sha2::{Digest as _, Sha256};
+
+use super::{Context, Model, WorkflowError};
+use crate::matrix::{Layout, Place, Precision, Scratch, StorageChoice};
+use crate::plan::{Accuracy, StorageDemand, StoragePlan, StorageWish, byte_text, facing_share, plan_storage};
+use crate::report::{memory_available_byte, memory_used_byte};
+
+/// The share of the memory that is available which is used unless a limit is given.
+const SHARE: f64 = 0.8;
+
+/// How form factors are laid out, and where.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Storage {
+    /// In memory if they fit, else on a disk; dense or sparse tile by tile.
+    #[default]
+    Auto,
+    /// In memory, every entry of each tile.
+    Dense,
+    /// In memory, the upper triangle of the exchange areas; rows are averaged and balanced for it.
+    Symmetric,
+    /// In memory, the entries that are not zero.
+    Sparse,
+    /// In a scratch file.
+    Disk,
+}
+
+/// What form factors may take, and where.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Memory {
+    /// The most memory to use, in bytes; `None`: 80 % of what is available.
+    pub limit_byte: Option<u64>,
+    /// Layout and place.
+    pub storage: Storage,
+    /// The digits; `None`: f64, or f32 where that keeps a system in memory and suffices for its tolerance.
+    pub precision: Option<Precision>,
+    /// The directory of the scratch file; `None`: that of the output, else the system's for temporary files.
+    pub scratch: Option<PathBuf>,
+}
+
+impl Memory {
+    /// Returns what may be used in all, in bytes.
+    #[must_use]
+    pub fn limit(&self) -> u64 {
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a share of a number that is not negative"
+        )]
+        let share = |available: u64| (available as f64 * SHARE) as u64;
+        // What the program holds already is no longer available, and counts as used.
+        let by_default = || {
+            let used = memory_used_byte().unwrap_or(0);
+            memory_available_byte().map_or(u64::MAX, |available| share(available).saturating_add(used))
+        };
+        self.limit_byte.unwrap_or_else(by_default)
+    }
+
+    fn wish(&self) -> StorageWish {
+        let (layout, on_disk) = match self.storage {
+            Storage::Auto => (Layout::Auto, None),
+            Storage::Dense => (Layout::Dense, Some(false)),
+            Storage::Symmetric => (Layout::Auto, Some(false)),
+            Storage::Sparse => (Layout::Sparse, Some(false)),
+            Storage::Disk => (Layout::Auto, Some(true)),
+        };
+        StorageWish {
+            layout,
+            precision: self.precision,
+            on_disk,
+        }
+    }
+}
+
+/// What is known of the matrix that is to be computed or read.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Matrix {
+    /// True if the method computes rows.
+    pub(super) by_rows: bool,
+    /// True if the rows are made symmetric then.
+    pub(super) repaired: bool,
+    /// The most entries that a row can have.
+    pub(super) n_entries: u64,
+    /// How many more there are of its kind at the same time.
+    pub(super) n_beside: u32,
+    /// What the method takes beside the rows that it gives away.
+    pub(super) working_byte: u64,
+}
+
+/// Where form factors go.
+#[derive(Clone, Debug)]
+pub(super) struct Chosen {
+    plan: StoragePlan,
+    directory: PathBuf,
+}
+
+impl Chosen {
+    pub(super) fn choice(&self) -> StorageChoice<'_> {
+        let place = if self.plan.on_disk {
+            Place::Disk(Scratch {
+                directory: &self.directory,
+                memory_byte: self.plan.waiting_byte,
+            })
+        } else {
+            Place::Memory {
+                waiting_byte: self.plan.waiting_byte,
+            }
+        };
+        StorageChoice {
+            layout: self.plan.layout,
+            precision: self.plan.precision,
+            place,
+        }
+    }
+}
+
+/// Decides where form factors go, and notes it in the plan.
+pub(super) fn choose(cx: &Context, model: &mut Model, matrix: Matrix) -> Result<Chosen, WorkflowError> {
+    let n = model.mesh.n_patches();
+    let materials = model.mesh.patches.iter().map(|p| p.material.0 as usize);
+    let absorption = materials.flat_map(|m| model.scene.materials[m].reflectance.map(|rho| 1.0 - rho));
+    let absorption_min = absorption.fold(1.0 - cx.demand.reflectance_max, f64::min);
+    let accuracy = |tolerance| Accuracy {
+        absorption_min,
+        tolerance,
+    };
+    let demand = StorageDemand {
+        n_patches: n,
+        n_channels: model.plan.n_channels,
+        n_threads: rayon::current_num_threads(),
+        by_rows: matrix.by_rows,
+        repaired: matrix.repaired,
+        n_beside: matrix.n_beside,
+        density: facing_share(&model.mesh).min(matrix.n_entries as f64 / n.max(1) as f64),
+        used_byte: memory_used_byte().unwrap_or(0),
+        working_byte: matrix.working_byte,
+        image_byte: cx.demand.image_byte,
+        accuracy: cx.demand.tolerance.map(accuracy),
+        limit_byte: cx.memory.limit(),
+    };
+    let plan = plan_storage(&demand, cx.memory.wish()).map_err(WorkflowError::Storage)?;
+    let beside = cx.demand.output.as_deref().and_then(std::path::Path::parent);
+    let beside = beside.map(|directory| {
+        let here = directory.as_os_str().is_empty();
+        if here { PathBuf::from(".") } else { directory.to_owned() }
+    });
+    let directory = cx.memory.scratch.clone().or(beside);
+    let directory = directory.unwrap_or_else(std::env::temp_dir);
+    let kind = if matrix.by_rows && !matrix.repaired {
+        "rows"
+    } else {
+        "symmetric"
+    };
+    let memory = plan.memory;
+    let reason = format!(
+        "{}; {n} patches, at most {:.0} % filled: matrix {}, rows in work {}, vectors {}, picture {}, program and scene {}",
+        plan.reason,
+        100.0 * demand.density,
+        byte_text(memory.matrix_byte),
+        byte_text(memory.rows_byte),
+        byte_text(memory.vectors_byte),
+        byte_text(memory.image_byte),
+        byte_text(memory.used_byte),
+    );
+    let chosen = Chosen { plan, directory };
+    let choice = format!("{kind}, {}", choice_text(chosen.choice()));
+    model.plan.decide("form factors", choice, reason);
+    Ok(chosen)
+}
+
+/// Returns layout, precision and place as people read them.
+#[must_use]
+pub fn choice_text(choice: StorageChoice<'_>) -> String {
+    let tiles = match choice.layout {
+        Layout::Auto => "dense or sparse by tile",
+        Layout::Dense => "dense",
+        Layout::Sparse => "sparse",
+    };
+    format!("{tiles}, {}", place_text(choice))
+}
+
+/// Returns precision and place as people read them.
+#[must_use]
+pub fn place_text(choice: StorageChoice<'_>) -> String {
+    let digits = if choice.precision == Precision::F32 {
+        "f32"
+    } else {
+        "f64"
+    };
+    let place = match choice.place {
+        Place::Memory { .. } => "in memory".to_owned(),
+        Place::Disk(scratch) => format!("a scratch file in {}", scratch.directory.display()),
+    };
+    format!("{digits}, {place}")
+}
+
+/// Opens the checkpoint that is asked for, unless it is open: it belongs to the patches and the settings of the first form factors.
+///
+/// Form factors of a later pose are a part of their own.
+pub(super) fn open_checkpoint(cx: &mut Context, model: &Model) -> Result<(), WorkflowError> {
+    let Some(path) = cx.checkpoint_file.clone() else {
+        return Ok(());
+    };
+    let geometry = model.mesh.geometry_hash();
+    if let Some(checkpoint) = &cx.checkpoint {
+        checkpoint.begin_part(cx.demand.part, &Sha256::digest(geometry).into());
+        return Ok(());
+    }
+    let mut key = Sha256::new();
+    key.update(geometry);
+    key.update(env!("CARGO_PKG_VERSION"));
+    for (name, value) in &cx.settings {
+        key.update(format!("{name}={value};"));
+    }
+    cx.open_checkpoint(&path, &key.finalize().into())
+}

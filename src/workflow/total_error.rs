@@ -1,0 +1,57 @@
+//! The error that is stated of a solution, as one number.
+
+use super::{Context, Model, Warning};
+use crate::matrix::operator::Block;
+use crate::solver::{Solution, StopReason, relative_errors};
+
+/// What solver and form factors together say of the error of a solution; that of the mesh is not in it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum TotalError {
+    /// sqrt(Σ A e² / Σ A B²), the worst channel.
+    Relative(f64),
+    /// The errors of the form factors are not known, or there are none to tell of.
+    Untold,
+    /// The errors of the form factors are too great to say what becomes of them.
+    TooGreat,
+}
+
+impl TotalError {
+    /// Returns the number, where there is one.
+    #[must_use]
+    pub fn relative(self) -> Option<f64> {
+        match self {
+            Self::Relative(error) => Some(error),
+            Self::Untold | Self::TooGreat => None,
+        }
+    }
+
+    /// Returns what holds for two solutions together.
+    #[must_use]
+    pub fn or_worse(self, other: Self) -> Self {
+        match (self, other) {
+            (Self::TooGreat, _) | (_, Self::TooGreat) => Self::TooGreat,
+            (Self::Untold, _) | (_, Self::Untold) => Self::Untold,
+            (Self::Relative(a), Self::Relative(b)) => Self::Relative(a.max(b)),
+        }
+    }
+
+    /// Makes one number of the estimated errors of radiosities, and warns where they are too great for one.
+    #[must_use]
+    pub fn of(model: &Model, error: Option<&Block>, solution: &Solution, cx: &Context) -> Self {
+        let Some(error) = error else {
+            if solution.error_bound.is_none() && solution.stop_reason == StopReason::Converged {
+                cx.warn_once(Warning::NoBound);
+            }
+            return Self::Untold;
+        };
+        let of_channels = relative_errors(&model.mesh.areas(), error, &solution.radiosity);
+        if of_channels.iter().all(|share| share.is_finite()) {
+            return Self::Relative(of_channels.into_iter().fold(0.0, f64::max));
+        }
+        // Where the solver gave up, its own warning says more.
+        if solution.stop_reason == StopReason::Converged {
+            cx.warn_once(Warning::TooInexact);
+        }
+        Self::TooGreat
+    }
+}

@@ -1,0 +1,535 @@
+//! What a study has to warn of: what is wrong, the number, the consequence, and the parameter that helps.
+
+use std::fmt;
+use std::path::PathBuf;
+
+use crate::printable::{counted, printable};
+use crate::progress::Forecast;
+use crate::scene::SceneWarning;
+use crate::solver::StopReason;
+
+/// A setting that remedies name; a program says how its users write it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Parameter {
+    /// [`LoadOptions::flip`](crate::scene::LoadOptions::flip).
+    Flip,
+    /// [`MeshOptions::cut_at_walls`](crate::mesh::MeshOptions::cut_at_walls).
+    CutAtWalls,
+    /// [`MethodSettings::tolerance`](crate::form_factor::MethodSettings::tolerance), where form factors are all that is wanted.
+    Tolerance,
+    /// The same, where a solver has a tolerance too.
+    FormFactorTolerance,
+    /// The tolerance of the solver.
+    SolverTolerance,
+    /// [`MethodSettings::budget`](crate::form_factor::MethodSettings::budget).
+    Budget,
+    /// The method of the form factors.
+    Method,
+    /// The solver.
+    Solver,
+    /// [`FormFactorRequest::balance`](super::FormFactorRequest::balance).
+    Balance,
+    /// [`FormFactorRequest::closure`](super::FormFactorRequest::closure).
+    Closed,
+    /// [`Memory::limit_byte`](super::Memory::limit_byte).
+    MemoryLimit,
+    /// [`Memory::storage`](super::Memory::storage).
+    Storage,
+    /// [`Memory::precision`](super::Memory::precision).
+    Precision,
+    /// Form factors that are computed in every pass.
+    OnTheFly,
+    /// [`FormFactorRequest::time_limit`](super::FormFactorRequest::time_limit).
+    TimeLimit,
+}
+
+impl Parameter {
+    /// Returns its name, in snake case.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Flip => "flip",
+            Self::CutAtWalls => "cut_at_walls",
+            Self::Tolerance | Self::SolverTolerance => "tolerance",
+            Self::FormFactorTolerance => "form_factor_tolerance",
+            Self::Budget => "budget",
+            Self::Method => "method",
+            Self::Solver => "solver",
+            Self::Balance => "balance",
+            Self::Closed => "closed",
+            Self::MemoryLimit => "memory_limit",
+            Self::Storage => "storage",
+            Self::Precision => "precision",
+            Self::OnTheFly => "on_the_fly",
+            Self::TimeLimit => "time_limit",
+        }
+    }
+}
+
+/// Returns how the users of a program write a parameter, with its value if there is one.
+pub type Named<'a> = &'a dyn Fn(Parameter, Option<&str>) -> String;
+
+/// Returns a parameter as [`Display`](fmt::Display) writes it: its name, and `name=value`.
+pub(super) fn plainly(parameter: Parameter, value: Option<&str>) -> String {
+    let name = parameter.name();
+    value.map_or_else(|| name.to_owned(), |value| format!("{name}={value}"))
+}
+
+/// A doubt about a study: its results stand, but perhaps they are not what was meant, or not as exact as was asked for.
+///
+/// [`Display`](fmt::Display) writes parameters by their names, [`text`](Self::text) as a program's users do.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Warning {
+    /// Of the scene as it was read.
+    Scene(SceneWarning),
+    /// No face emits light in one of several lightings.
+    DarkLighting {
+        /// The file of the lighting.
+        file: PathBuf,
+    },
+    /// Faces are too small, beside the size of the scene, for rays to hit them.
+    VanishedFaces {
+        /// The file of the scene.
+        file: PathBuf,
+        /// The line of the first one.
+        line: u32,
+        /// How many there are.
+        count: usize,
+    },
+    /// A closed surface stands inside of another and faces inwards.
+    InsideOut {
+        /// The file of the scene.
+        file: PathBuf,
+        /// The line of its first face.
+        line: u32,
+        /// The surface that this face is of.
+        surface: String,
+    },
+    /// No face sees another.
+    NoneSees {
+        /// The file of the scene.
+        file: PathBuf,
+        /// The surface, if there is only one.
+        surface: Option<String>,
+    },
+    /// No face that emits light sees another.
+    NoEmitterSees {
+        /// The file of the scene.
+        file: PathBuf,
+    },
+    /// More than half of all faces see only backs.
+    MostSeeBacks {
+        /// The file of the scene.
+        file: PathBuf,
+        /// How many do.
+        count: usize,
+        /// How many faces there are.
+        n_faces: usize,
+    },
+    /// No face of a surface sees another, though from behind they would.
+    TurnedSurface {
+        /// The file of the scene.
+        file: PathBuf,
+        /// The surface.
+        surface: String,
+    },
+    /// Faces of a surface see no other, and others see their backs.
+    TurnedFaces {
+        /// The file of the scene.
+        file: PathBuf,
+        /// The line of the first one.
+        line: u32,
+        /// The surface.
+        surface: String,
+        /// How many there are.
+        count: usize,
+    },
+    /// So it is with faces of more surfaces, which are not named.
+    MoreTurned {
+        /// The file of the scene.
+        file: PathBuf,
+        /// How many surfaces.
+        count: usize,
+    },
+    /// Rays start far off the faces, beside the size of the smallest patch.
+    FarStart {
+        /// How far, m.
+        offset: f64,
+        /// The width of the smallest patch, m.
+        width: f64,
+    },
+    /// Two surfaces are nearer to each other than rays can tell.
+    NarrowGap {
+        /// Both surfaces, each with the line of its face.
+        surfaces: [(String, u32); 2],
+        /// Their distance, m.
+        width: f64,
+        /// How far off a face rays start, m.
+        offset: f64,
+    },
+    /// Light leaks under what stands on patches that are not cut at contact edges.
+    LightLeak {
+        /// How many patches.
+        n_patches: usize,
+        /// What leaks, in `unit`.
+        value: f64,
+        /// Its error, in `unit`.
+        error: f64,
+        /// W or m2.
+        unit: &'static str,
+        /// The part of `whole` that it is.
+        relative: f64,
+        /// What it is a part of.
+        whole: &'static str,
+        /// True if the form factors are from a file, so that they are to be computed again.
+        is_from_file: bool,
+    },
+    /// Work is going to take long.
+    LongWork(Forecast),
+    /// Pairs of patches spent their budget, or the digits of f64, above the tolerance.
+    AboveTolerance {
+        /// How many.
+        n_pairs: u64,
+        /// The greatest error of A_i F_ij / min(A_i, A_j).
+        worst: f64,
+        /// What sets the tolerance.
+        tolerance: Parameter,
+    },
+    /// Rounded coordinates leave pairs in doubt above the tolerance.
+    Rounded {
+        /// What leaves how many of them in doubt, and by how much.
+        text: String,
+        /// What sets the tolerance.
+        tolerance: Parameter,
+    },
+    /// The form factors of a file are above their tolerance.
+    FileAboveTolerance {
+        /// The file.
+        file: PathBuf,
+    },
+    /// So they are by rounded coordinates.
+    FileRounded {
+        /// The file.
+        file: PathBuf,
+        /// What leaves how many pairs in doubt, and by how much.
+        text: String,
+    },
+    /// The checkpoint could not be written to its end, or removed.
+    Checkpoint(String),
+    /// Rays met no front in rows that are known to sum to 1.
+    SlippedRays {
+        /// How many.
+        n_lost: u64,
+        /// Of how many.
+        n_rays: u64,
+    },
+    /// Rows are to sum to 1, but none is known to.
+    NothingToClose,
+    /// Rows that ought to sum to 1 are off by more than they state.
+    DoubtedRows {
+        /// The file of the scene.
+        file: PathBuf,
+        /// The line of the first patch's face.
+        line: u32,
+        /// The surface of it.
+        surface: String,
+        /// How many there are.
+        count: usize,
+    },
+    /// Row sums were not restored.
+    NotBalanced {
+        /// How far they are off 1 still.
+        row_error_max: f64,
+        /// After so many passes.
+        n_passes: usize,
+    },
+    /// A law of light is broken.
+    BrokenLaw(String),
+    /// Form factors kept in f32 change radiosities.
+    RoundedToF32 {
+        /// By this part of themselves.
+        relative: f64,
+    },
+    /// Nearly all of what the solver's tolerance is relative to is the lamps' own light.
+    LampsOutshine {
+        /// The bound on the error, relative to the light that is reflected.
+        bound: f64,
+        /// A tolerance that is small enough; `None` where no solver meets one.
+        tolerance: Option<f64>,
+    },
+    /// What meets the equations is no light.
+    NegativeLight {
+        /// The relative residual.
+        residual: f64,
+        /// The greatest row sum.
+        row_sum_max: f64,
+    },
+    /// The solver did not converge.
+    NotConverged {
+        /// Why it stopped.
+        reason: StopReason,
+        /// The relative residual.
+        residual: f64,
+    },
+    /// No bound on the error of the solution can be proved.
+    NoBound,
+    /// The form factors are not exact enough to state an error of the solution.
+    TooInexact,
+    /// The mesh is too coarse for a surface.
+    CoarseMesh {
+        /// The surface.
+        surface: String,
+        /// What a quarter of the patches would change its mean radiosity by, relative.
+        change: f64,
+    },
+    /// Form factors that are not kept state no error.
+    NoErrorOnTheFly,
+    /// What a program has to say itself.
+    Other(String),
+}
+
+impl fmt::Display for Warning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text(&plainly))
+    }
+}
+
+impl Warning {
+    /// Returns the warning as one line, with parameters as `named` writes them.
+    #[must_use]
+    pub fn text(&self, named: Named<'_>) -> String {
+        let name = |parameter| named(parameter, None);
+        match self {
+            Self::Scene(warning) => warning.to_string(),
+            Self::DarkLighting { .. }
+            | Self::VanishedFaces { .. }
+            | Self::InsideOut { .. }
+            | Self::NoneSees { .. }
+            | Self::NoEmitterSees { .. }
+            | Self::MostSeeBacks { .. }
+            | Self::TurnedSurface { .. }
+            | Self::TurnedFaces { .. }
+            | Self::MoreTurned { .. } => self.of_scene(named),
+            Self::FarStart { offset, width } => format!(
+                "rays start {offset:.2e} m off a face in a scene of this size, and the smallest patch is only {width:.2e} m wide: what patches near each other exchange is off by about {:.1e} of itself; \
+                 leave out what is far away, or use a method without rays",
+                offset / width
+            ),
+            Self::NarrowGap {
+                surfaces,
+                width,
+                offset,
+            } => {
+                let [first, second] = surfaces
+                    .each_ref()
+                    .map(|(name, line)| format!("`{name}` (line {line})"));
+                format!(
+                    "{first} and {second} are {width:.2e} m apart, and rays start {offset:.2e} m off a face: light between them is lost or blurred; \
+                     use a method without rays, or model the gap in a scene of its own"
+                )
+            }
+            Self::LightLeak {
+                n_patches,
+                value,
+                error,
+                unit,
+                relative,
+                whole,
+                is_from_file,
+            } => {
+                let remedy = if *is_from_file {
+                    "compute the form factors again".to_owned()
+                } else {
+                    format!("leave out {}", named(Parameter::CutAtWalls, Some("false")))
+                };
+                format!(
+                    "light leaks under what stands on {}: {value:.2e} +- {error:.1e} {unit}, {relative:.1e} {whole}; {remedy}",
+                    counted(*n_patches, "patch")
+                )
+            }
+            Self::Checkpoint(text) | Self::Other(text) => text.clone(),
+            Self::BrokenLaw(check) => format!("audit: {check}"),
+            Self::NoErrorOnTheFly => format!(
+                "form factors that are not kept state no error: how far theirs shows in the light is not known; leave {} out to know it",
+                name(Parameter::OnTheFly)
+            ),
+            _ => self.of_numbers(named),
+        }
+    }
+
+    /// Returns what there is to say of faces that see nothing, or emit nothing.
+    fn of_scene(&self, named: Named<'_>) -> String {
+        let flip = named(Parameter::Flip, None);
+        let flip_of = |surface: &str| named(Parameter::Flip, Some(surface));
+        match self {
+            Self::DarkLighting { file } => format!(
+                "{}: no face emits light in this lighting; give a surface an `exitance`",
+                file.display()
+            ),
+            Self::VanishedFaces { file, line, count } => format!(
+                "{}:{line}: this face and {} more are too small, beside the size of the scene, for rays to hit them",
+                file.display(),
+                count - 1
+            ),
+            Self::InsideOut { file, line, surface } => format!(
+                "{}:{line}: `{surface}`: the closed surface that this face is part of stands inside of another and faces inwards, so that what is around it meets its black backs; reverse its winding, that of a whole surface with {}",
+                file.display(),
+                flip_of("NAME")
+            ),
+            Self::NoneSees { file, surface } => {
+                let of_surface = surface
+                    .as_ref()
+                    .map_or_else(String::new, |name| format!(" of `{name}`"));
+                format!(
+                    "{}: no face{of_surface} sees another, so none receives light from another: the normals are probably inverted; reverse all with {flip}, or a surface's with {}",
+                    file.display(),
+                    flip_of("NAME")
+                )
+            }
+            Self::NoEmitterSees { file } => format!(
+                "{}: no face that emits light sees another: the normals are probably inverted; reverse all with {flip}, or a surface's with {}",
+                file.display(),
+                flip_of("NAME")
+            ),
+            Self::MostSeeBacks { file, count, n_faces } => format!(
+                "{}: {count} of {n_faces} faces see only black backs of others: normals are probably inverted; reverse all with {flip}, or a surface's with {}",
+                file.display(),
+                flip_of("NAME")
+            ),
+            Self::TurnedSurface { file, surface } => format!(
+                "{}: no face of `{surface}` sees another, but from behind they would: its normals are probably inverted; reverse them with {}",
+                file.display(),
+                flip_of(surface)
+            ),
+            Self::TurnedFaces {
+                file,
+                line,
+                surface,
+                count,
+            } => {
+                let what = match count {
+                    1 => "the face sees no other".to_owned(),
+                    n => format!("this face and {} more see no other", n - 1),
+                };
+                format!(
+                    "{}:{line}: `{surface}`: {what}, and others see the back; reverse what is meant to be seen, a whole surface with {}",
+                    file.display(),
+                    flip_of(surface)
+                )
+            }
+            Self::MoreTurned { file, count } => {
+                format!("{}: so it is with faces of {count} more surfaces", file.display())
+            }
+            _ => String::new(),
+        }
+    }
+
+    /// Returns what there is to say of form factors and solutions.
+    fn of_numbers(&self, named: Named<'_>) -> String {
+        let name = |parameter| named(parameter, None);
+        match self {
+            Self::LongWork(forecast) => long_work(forecast, named),
+            Self::AboveTolerance { n_pairs, worst, tolerance } => format!(
+                "{} of patches spent the budget, or the digits of f64, above the tolerance; the worst error of all pairs is {worst:.1e}; give a greater {} or {}",
+                counted(usize::try_from(*n_pairs).unwrap_or(usize::MAX), "pair"),
+                name(Parameter::Budget),
+                name(*tolerance)
+            ),
+            Self::Rounded { text, tolerance } => format!("{text}, or a greater {}", name(*tolerance)),
+            Self::FileAboveTolerance { file } => format!(
+                "{}: these form factors spent their budget above their tolerance; compute them again with a greater {} or {}",
+                file.display(),
+                name(Parameter::Budget),
+                name(Parameter::Tolerance)
+            ),
+            Self::FileRounded { file, text } => format!("{}: {text}", file.display()),
+            Self::SlippedRays { n_lost, n_rays } => format!(
+                "{n_lost} of {n_rays} rays slipped out of a closed scene, or behind its faces where two of them touch; the row sums show what that amounts to"
+            ),
+            Self::NothingToClose => format!(
+                "{} closure changes nothing: no row is known to sum to 1, as the scene is not known to be closed; state it with {}",
+                name(Parameter::Balance),
+                name(Parameter::Closed)
+            ),
+            Self::DoubtedRows { file, line, surface, count } => format!(
+                "{}:{line}: the rows of {count} patches, first of `{surface}`, are off 1 by more than the error that they state (0.1 where they state none), and are left as they are; look for gaps and faces that are wound the wrong way",
+                file.display()
+            ),
+            Self::NotBalanced { row_error_max, n_passes } => {
+                format!("rebalancing left row sums off by up to {row_error_max:.1e} after {n_passes} passes")
+            }
+            Self::RoundedToF32 { relative } => format!(
+                "kept in f32, the form factors are rounded, which may change the radiosities by {relative:.1e} of themselves: use `{}`",
+                named(Parameter::Precision, Some("f64"))
+            ),
+            Self::LampsOutshine { bound, tolerance } => {
+                let remedy = tolerance.map_or_else(
+                    || "make the lamps larger and dimmer, of the same power".to_owned(),
+                    |tolerance| format!("give {}", named(Parameter::SolverTolerance, Some(&format!("{tolerance:e}")))),
+                );
+                format!(
+                    "the lamps' own light has nearly all of what the tolerance is relative to: the bound on the error is {bound:.1e} of the light that is reflected; {remedy}"
+                )
+            }
+            Self::NegativeLight { residual, row_sum_max } => format!(
+                "the equations have no solution of light: what meets them, at a relative residual of {residual:.3e}, is negative in places, as form factors whose rows sum to up to {row_sum_max:.6} make light"
+            ),
+            Self::NotConverged { reason, residual } => {
+                format!("the solver stopped without converging ({reason}) at a relative residual of {residual:.3e}")
+            }
+            Self::NoBound => format!(
+                "no bound on the error of the radiosities can be proved: reflectances and sums of form factors are too near 1, or above; `{}` has the least residual",
+                named(Parameter::Solver, Some("direct"))
+            ),
+            Self::TooInexact => "the form factors are not exact enough for reflectances this near 1: the radiosities may be off by as much as they are or more; compute the form factors with a smaller tolerance or \
+                 more rays, keep them in f64, or lower the reflectances"
+                .to_owned(),
+            Self::CoarseMesh { surface, change } => format!(
+                "the mesh is too coarse for `{}`: a quarter of the patches would change its mean radiosity by {change:.1e} of itself; subdivide more",
+                printable(surface)
+            ),
+            _ => String::new(),
+        }
+    }
+}
+
+/// Returns what other settings would take than those of long work.
+fn long_work(forecast: &Forecast, named: Named<'_>) -> String {
+    let mut text = format!("form factors will take about {}", time_text(forecast.asked.1));
+    for &(tolerance, seconds) in &forecast.looser {
+        text.push_str(&format!(", to a tolerance of {tolerance:.0e} {}", time_text(seconds)));
+    }
+    if let Some((rays, seconds)) = forecast.shooting {
+        let error = Forecast::error_of_rays(rays);
+        text.push_str(&format!(
+            ", by `{}` {} with errors of {error:.0e}",
+            named(Parameter::Method, Some("sr")),
+            time_text(seconds)
+        ));
+    }
+    text
+}
+
+/// Times by the unit that they are told in, in s; each from one and a half of it on.
+const UNITS: [(f64, &str); 6] = [
+    (31_536_000.0, "year"),
+    (604_800.0, "week"),
+    (86_400.0, "day"),
+    (3600.0, "hour"),
+    (60.0, "minute"),
+    (1.0, "second"),
+];
+
+/// Returns a time in one unit.
+fn time_text(seconds: f64) -> String {
+    let is_long = |pair: &&[(f64, &str)]| seconds + 0.5 * pair[1].0 >= 1.5 * pair[0].0;
+    let (length, name, least) = UNITS
+        .windows(2)
+        .find(is_long)
+        .map_or((1.0, "second", 0.0), |pair| (pair[0].0, pair[0].1, 2.0));
+    let n = (seconds / length).round().max(least);
+    let plural = if (n - 1.0).abs() < 0.5 { "" } else { "s" };
+    format!("{n} {name}{plural}")
+}
