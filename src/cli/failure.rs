@@ -16,6 +16,7 @@ use crate::report::{RasterError, ReportError};
 use crate::scene::SceneError;
 use crate::solver::SolverError;
 use crate::voxel::VoxelError;
+use crate::workflow::{Parameter, WorkflowError};
 
 /// An error as the user sees it.
 #[derive(Clone, Debug)]
@@ -205,5 +206,39 @@ impl From<PlotError> for Failure {
 impl From<RasterError> for Failure {
     fn from(error: RasterError) -> Self {
         Self::new("plot", error.to_string())
+    }
+}
+
+/// Returns how the command line writes a parameter.
+pub(super) fn flag(parameter: Parameter, value: Option<&str>) -> String {
+    match (parameter, value) {
+        (Parameter::CutAtWalls, _) => "--no-cut".to_owned(),
+        (Parameter::Flip, Some(surface)) => format!("--flip={surface}"),
+        (_, Some(value)) => format!("--{} {value}", parameter.name().replace('_', "-")),
+        (_, None) => format!("--{}", parameter.name().replace('_', "-")),
+    }
+}
+
+impl From<WorkflowError> for Failure {
+    fn from(error: WorkflowError) -> Self {
+        let text = error.text(&flag);
+        match error {
+            WorkflowError::Scene(error) => error.into(),
+            WorkflowError::Motion(_) => Self::new("bad_frames", text),
+            WorkflowError::Mesh { file, .. } => Self::new("mesh", text).in_file(file),
+            WorkflowError::Embree { file, .. } => Self::new("embree", text).in_file(file),
+            WorkflowError::MemoryLimit { file, .. } => Self::new("memory_limit", text).in_file(file),
+            WorkflowError::Storage(_) => Self::new("memory_limit", text),
+            WorkflowError::FormFactor(error) => error.into(),
+            WorkflowError::Matrix(error) => error.into(),
+            WorkflowError::NotClosed { file, .. } => Self::new("not_closed", text).in_file(file),
+            WorkflowError::Solver(error) => error.into(),
+            WorkflowError::NoFiniteSolution { file, .. } => Self::new("no_finite_solution", text).in_file(file),
+            WorkflowError::Report(error) => error.into(),
+            WorkflowError::OtherGeometry { file, .. } => Self::new("other_geometry", text).in_file(file),
+            WorkflowError::Checkpoint(error) => error.into(),
+            WorkflowError::Unsuited(_) => Self::usage(text),
+            WorkflowError::Interrupted => Self::interrupted(),
+        }
     }
 }

@@ -11,8 +11,9 @@ use super::failure::Failure;
 use super::file_set::FileSet;
 use super::form_factors::surface_named;
 use super::picture::{image_byte, preview_of, warn_if_blank};
-use super::pipeline::{Prepared, Run};
-use super::render::{default_mesh, samples, view};
+use super::render::{samples, view};
+use super::run::Run;
+use super::surfaces::surfaces_to_json;
 use super::{Outcome, name_width};
 use crate::geometry::sampling::Sequence;
 use crate::printable::printable;
@@ -20,6 +21,7 @@ use crate::render::{
     Attributes, DirectMethod, Field, FieldInput, FieldRecord, RenderSettings, SurfaceMean, exr, field, png,
 };
 use crate::visibility::Visibility as _;
+use crate::workflow::{Model, picture_patches};
 
 /// Rays for each sample of a pixel, with `sr`, unless `--rays` says otherwise.
 const SHOT_RAYS: u32 = 4096;
@@ -40,52 +42,53 @@ fn work(args: &FieldArgs, run: &mut Run) -> Result<Outcome, Failure> {
     files.writes_picture("output", &args.output);
     files.reads_scene(&args.scene);
     files.reads("the camera", args.view.camera_file()).check()?;
-    let mut prepared = run.prepare(&args.scene, args.mesh, args.memory_limit, default_mesh)?;
-    let surface = surface_named(&prepared.scene, &args.surface)?;
-    let view = view(&args.view, &args.scene, &prepared.scene)?;
-    image_byte(&view, &settings, args.memory_limit)?;
-    run.set("method", json!(args.method));
+    run.cx.memory.limit_byte = args.memory_limit;
+    let mut model = run.prepare(&args.scene, args.mesh, picture_patches)?;
+    let surface = surface_named(&model.scene, &args.surface)?;
+    let view = view(&args.view, &args.scene, &model.scene)?;
+    image_byte(&view, &settings, &run.cx.memory)?;
+    run.cx.set("method", json!(args.method));
     if let DirectMethod::CosineRays { n } | DirectMethod::Polygons { n } = settings.direct {
-        run.set("rays", n.get());
-        run.set("sequence", json!(settings.sequence));
-        run.warn_of_narrow_gaps(&prepared);
+        run.cx.set("rays", n.get());
+        run.cx.set("sequence", json!(settings.sequence));
+        model.warn_of_narrow_gaps(&run.cx);
     } else {
         let nothing = "rays between points and the surface: what blocks is clipped away exactly";
-        prepared.plan.left_out.push(nothing.into());
+        model.plan.left_out.push(nothing.into());
     }
-    run.set("seed", args.seed);
-    run.set("surface", args.surface.as_str());
-    view.tell_left_out(run, &mut prepared);
+    run.cx.set("seed", args.seed);
+    run.cx.set("surface", args.surface.as_str());
+    view.tell_left_out(run, &mut model);
     let input = FieldInput {
-        scene: &prepared.scene,
-        mesh: &prepared.mesh,
-        visibility: &prepared.visibility,
+        scene: &model.scene,
+        mesh: &model.mesh,
+        visibility: &model.visibility,
         surface,
     };
-    let Field { image, means } = run
-        .times
-        .time("render", || field(&input, view.as_view(), &settings, &run.progress))?;
+    let Field { image, means } = run.cx.time("render", || {
+        field(&input, view.as_view(), &settings, &run.cx.progress())
+    })?;
     warn_if_blank(run, &image, &view);
     let mut attributes = Attributes::new(
-        &prepared.scene,
+        &model.scene,
         view.as_view().description(),
         settings,
-        prepared.visibility.offset(),
-        json!(run.settings),
+        model.visibility.offset(),
+        json!(run.cx.settings),
     )
     .with_field(FieldRecord {
         surface: args.surface.clone(),
     });
     attributes.pixels = args.file.pixels.into();
-    run.times.time("write", || {
+    run.cx.time("write", || {
         exr::write_parts(&args.output, &image, &attributes, args.file.parts.into())?;
         png::write(&preview, &image)
     })?;
-    run.progress.finish();
+    run.bars.finish();
 
-    let mut text = run.explanation(&prepared);
+    let mut text = run.explanation(&model);
     view.tell_camera(run, &mut text);
-    describe(&mut text, &prepared, &args.surface, &means);
+    describe(&mut text, &model, &args.surface, &means);
     run.describe_times(&mut text);
     let (width, height) = (image.width(), image.height());
     let (file, preview) = (args.output.display(), preview.display());
@@ -96,11 +99,11 @@ fn work(args: &FieldArgs, run: &mut Run) -> Result<Outcome, Failure> {
         "preview": preview.to_string(),
         "width": width,
         "height": height,
-        "surfaces": surfaces_to_json(&prepared, &means),
+        "surfaces": surface_means_to_json(&model, &means),
     });
     Ok(Outcome {
         text,
-        document: run.document_of(&prepared, result),
+        document: run.document_of(&model, result),
         code: ExitCode::Done,
     })
 }
@@ -127,8 +130,8 @@ fn settings(args: &FieldArgs) -> Result<RenderSettings, Failure> {
     })
 }
 
-fn surfaces_to_json(prepared: &Prepared, means: &[SurfaceMean]) -> Value {
-    let mut surfaces = prepared.surfaces_to_json();
+fn surface_means_to_json(model: &Model, means: &[SurfaceMean]) -> Value {
+    let mut surfaces = surfaces_to_json(model);
     for (surface, mean) in surfaces.as_array_mut().into_iter().flatten().zip(means) {
         surface["n_pixels"] = json!(mean.n_pixels);
         surface["n_samples"] = json!(mean.n_samples);
@@ -137,8 +140,8 @@ fn surfaces_to_json(prepared: &Prepared, means: &[SurfaceMean]) -> Value {
     surfaces
 }
 
-fn describe(text: &mut String, prepared: &Prepared, target: &str, means: &[SurfaceMean]) {
-    let names: Vec<String> = (prepared.scene.surfaces.iter())
+fn describe(text: &mut String, model: &Model, target: &str, means: &[SurfaceMean]) {
+    let names: Vec<String> = (model.scene.surfaces.iter())
         .map(|surface| printable(&surface.name))
         .collect();
     let width = name_width(names.iter().map(String::as_str));

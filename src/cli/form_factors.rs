@@ -8,10 +8,10 @@ use serde_json::{Value, json};
 use super::args::FormFactorsArgs;
 use super::failure::Failure;
 use super::file_set::FileSet;
-use super::pipeline::{Computed, Fineness, Prepared, Run};
-use super::storage::{Storage, limit_byte};
-use super::{Outcome, merge, name_width};
-use crate::form_factor::{ExactMethod, Fraction};
+use super::run::Run;
+use super::surfaces::surfaces_to_json;
+use super::{Outcome, merge, name_width, solve};
+use crate::form_factor::Fraction;
 use crate::matrix::{Layout, Need, Place, Precision, StorageChoice, SurfaceRow};
 use crate::mesh::Subdivision;
 use crate::plan::byte_text;
@@ -19,9 +19,7 @@ use crate::printable::{counted, printable};
 use crate::report::form_factors::{FormFactorReport, Format};
 use crate::report::memory_used_byte;
 use crate::scene::{Scene, SurfaceId};
-
-/// Rays for each patch unless `--rays` says otherwise.
-pub(super) const DEFAULT_RAYS: u64 = 4096;
+use crate::workflow::{Afterwards, Demand, FormFactorStudy, Memory, Model};
 
 pub(super) fn run(args: &FormFactorsArgs) -> Result<Outcome, Failure> {
     let mut run = Run::new("form-factors", &args.common);
@@ -35,52 +33,43 @@ fn work(args: &FormFactorsArgs, run: &mut Run) -> Result<Outcome, Failure> {
         return Err(Failure::usage("--surface is for `-o F.vtu`"));
     }
     files(args).check()?;
-    run.storage = Storage {
-        args: args.storage.clone(),
+    let demand = Demand {
         output: args.output.clone(),
-        ..Storage::default()
+        ..Demand::default()
     };
-    let mut prepared = run.prepare(&args.scene, args.mesh, args.storage.memory.memory_limit, |_| {
-        Subdivision::Uniform(1)
-    })?;
+    run.expect(&args.storage, demand);
+    let mut model = run.prepare(&args.scene, args.mesh, |_| Subdivision::Uniform(1))?;
     let surface = args
         .surface
         .as_deref()
-        .map(|name| surface_named(&prepared.scene, name))
+        .map(|name| surface_named(&model.scene, name))
         .transpose()?;
-    let computed = {
-        let fineness = Fineness {
-            default_rays: DEFAULT_RAYS,
-            tolerance: args.tolerance,
-            default_tolerance: ExactMethod::DEFAULT_TOLERANCE,
-            tolerance_flag: "--tolerance",
-        };
-        run.form_factors(&mut prepared, &args.method, fineness, Need::AsTheyAre)?
-    };
-    run.judge_leaking_exchange();
-    let table = run
-        .times
-        .time("surfaces", || SurfaceTable::of(&mut prepared, &computed, args));
+    let request = run.request(&args.method, args.tolerance, Afterwards::Nothing);
+    let computed = model.form_factors(&request, Need::AsTheyAre, &mut run.cx)?;
+    run.cx.judge_leaking_exchange();
+    let table = run.cx.time("surfaces", || {
+        SurfaceTable::of(&mut model, &computed, &run.cx.memory, args.common.json)
+    });
     computed.factors.if_readable(())?;
     if let Some(path) = &args.output {
         let report = FormFactorReport {
-            scene: &prepared.scene,
-            mesh: &prepared.mesh,
+            scene: &model.scene,
+            mesh: &model.mesh,
             factors: &computed.factors,
             tolerance_met: computed.tolerance_met,
             pairs: computed.pairs,
             sky: Some(&computed.sky),
-            settings: &run.settings,
+            settings: &run.cx.settings,
             surface,
         };
-        run.times.time("write", || report.write(path))?;
+        run.cx.time("write", || report.write(path))?;
     }
-    run.progress.finish();
-    let mut result = to_json(&prepared, &computed, &table);
+    run.bars.finish();
+    let mut result = to_json(&model, &computed, &table);
     result["output"] = json!(args.output);
-    let document = run.document_of(&prepared, result);
-    let mut text = run.explanation(&prepared);
-    describe(&mut text, &prepared, &computed, &table);
+    let document = run.document_of(&model, result);
+    let mut text = run.explanation(&model);
+    describe(&mut text, &model, &computed, &table);
     run.describe_audit(&mut text);
     run.describe_times(&mut text);
     if let Some(path) = &args.output {
@@ -89,7 +78,7 @@ fn work(args: &FormFactorsArgs, run: &mut Run) -> Result<Outcome, Failure> {
     Ok(Outcome {
         text,
         document,
-        code: run.judged(computed.code, args.audit.strict),
+        code: run.judged(solve::code_of(Some(&computed)), args.audit.strict),
     })
 }
 
@@ -116,7 +105,7 @@ pub(super) fn surface_named(scene: &Scene, name: &str) -> Result<SurfaceId, Fail
 }
 
 /// Returns what is said about form factors in every document that has some.
-pub(super) fn checks_to_json(computed: &Computed) -> Value {
+pub(super) fn checks_to_json(computed: &FormFactorStudy) -> Value {
     let checks = &computed.checks;
     json!({
         "closed": computed.closed,
@@ -169,19 +158,19 @@ impl SurfaceTable {
     const ENTRY_BYTE: u64 = 96;
 
     /// Calculates what is asked for, and notes in the plan what does not fit.
-    fn of(prepared: &mut Prepared, computed: &Computed, args: &FormFactorsArgs) -> Self {
-        let n = prepared.scene.surfaces.len();
-        if n > TABLE && !args.common.json {
+    fn of(model: &mut Model, computed: &FormFactorStudy, memory: &Memory, is_json: bool) -> Self {
+        let n = model.scene.surfaces.len();
+        if n > TABLE && !is_json {
             return Self::NotAsked;
         }
-        let surface_of_patch: Vec<u32> = prepared.mesh.patches.iter().map(|p| p.surface.0).collect();
+        let surface_of_patch: Vec<u32> = model.mesh.patches.iter().map(|p| p.surface.0).collect();
         let rows = computed.factors.surface_rows(&surface_of_patch, n);
         let needed = Self::ENTRY_BYTE.saturating_mul((n as u64).saturating_pow(2));
-        let free = limit_byte(args.storage.memory.memory_limit).saturating_sub(memory_used_byte().unwrap_or(0));
+        let free = memory.limit().saturating_sub(memory_used_byte().unwrap_or(0));
         if n <= TABLE || needed <= free {
             return Self::Whole(rows.iter().collect());
         }
-        prepared.plan.left_out.push(format!(
+        model.plan.left_out.push(format!(
             "surface_form_factor and surface_error: those of {n} × {n} surfaces need {} of memory; -o F.csv writes them row by row",
             byte_text(needed)
         ));
@@ -202,10 +191,10 @@ impl SurfaceTable {
     }
 }
 
-fn to_json(prepared: &Prepared, computed: &Computed, table: &SurfaceTable) -> Value {
-    let n = prepared.scene.surfaces.len();
+fn to_json(model: &Model, computed: &FormFactorStudy, table: &SurfaceTable) -> Value {
+    let n = model.scene.surfaces.len();
     let mut result = checks_to_json(computed);
-    let sky = computed.sky.of_surfaces(&prepared.mesh, n);
+    let sky = computed.sky.of_surfaces(&model.mesh, n);
     let values = |of: &[Fraction]| -> Vec<f64> { of.iter().map(|fraction| fraction.value).collect() };
     let errors = |of: &[Fraction]| -> Option<Vec<f64>> {
         computed
@@ -213,9 +202,9 @@ fn to_json(prepared: &Prepared, computed: &Computed, table: &SurfaceTable) -> Va
             .then(|| of.iter().map(|fraction| fraction.error()).collect())
     };
     let more = json!({
-        "n_patches": prepared.mesh.n_patches(),
+        "n_patches": model.mesh.n_patches(),
         "n_surfaces": n,
-        "surfaces": prepared.surfaces_to_json(),
+        "surfaces": surfaces_to_json(model),
         "sky_factor": values(&sky.sky),
         "sky_factor_error": errors(&sky.sky),
         "back_factor": values(&sky.back),
@@ -234,14 +223,9 @@ fn to_json(prepared: &Prepared, computed: &Computed, table: &SurfaceTable) -> Va
 const TABLE: usize = 12;
 
 /// Writing to a String cannot fail; the results of `write!` are dropped for that reason.
-fn describe(text: &mut String, prepared: &Prepared, computed: &Computed, table: &SurfaceTable) {
-    let n = prepared.scene.surfaces.len();
-    let _ = writeln!(
-        text,
-        "{} patches on {}",
-        prepared.mesh.n_patches(),
-        counted(n, "surface")
-    );
+fn describe(text: &mut String, model: &Model, computed: &FormFactorStudy, table: &SurfaceTable) {
+    let n = model.scene.surfaces.len();
+    let _ = writeln!(text, "{} patches on {}", model.mesh.n_patches(), counted(n, "surface"));
     describe_checks(text, computed);
     let rows = match table {
         SurfaceTable::Whole(rows) if n <= TABLE => rows,
@@ -253,7 +237,7 @@ fn describe(text: &mut String, prepared: &Prepared, computed: &Computed, table: 
             return;
         }
     };
-    let names: Vec<String> = prepared.scene.surfaces.iter().map(|s| printable(&s.name)).collect();
+    let names: Vec<String> = model.scene.surfaces.iter().map(|s| printable(&s.name)).collect();
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     let width = name_width(names.iter().copied());
     let _ = writeln!(
@@ -266,7 +250,7 @@ fn describe(text: &mut String, prepared: &Prepared, computed: &Computed, table: 
         let _ = write!(text, " {:>column$}", shortened(name, column));
     }
     let _ = writeln!(text, " {:>9} {:>9} {:>9}", "lost", "sky", "error");
-    let sky_of_each = computed.sky.of_surfaces(&prepared.mesh, n).sky;
+    let sky_of_each = computed.sky.of_surfaces(&model.mesh, n).sky;
     for ((row, name), sky) in rows.iter().zip(names).zip(sky_of_each) {
         let _ = write!(text, "{name:width$}");
         for value in &row.form_factor {
@@ -285,7 +269,7 @@ fn describe(text: &mut String, prepared: &Prepared, computed: &Computed, table: 
 }
 
 /// Describes the checks of form factors in two or three lines.
-pub(super) fn describe_checks(text: &mut String, computed: &Computed) {
+pub(super) fn describe_checks(text: &mut String, computed: &FormFactorStudy) {
     let checks = &computed.checks;
     let _ = writeln!(
         text,

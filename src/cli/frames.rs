@@ -10,22 +10,23 @@ use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::file_set::FileSet;
 use super::form_factors::{checks_to_json, describe_checks};
-use super::lightings::{Stack, greatest_reflectance, with_suffix};
+use super::lightings::{greatest_reflectance, with_suffix};
 use super::picture::{gathered, image_byte, preview_of, shoot};
-use super::pipeline::{Computed, Fineness, Prepared, Run, posed};
-use super::render::{
-    AnyView, DEFAULT_RAYS, DEFAULT_TOLERANCE, default_mesh, indirect_irradiance, render_settings, view,
-};
-use super::stated::Stated;
-use super::storage::Storage;
+use super::render::{AnyView, demand, render_settings, view};
+use super::run::Run;
+use super::surfaces::surfaces_with_radiosity;
 use super::{Outcome, merge, solve};
 use crate::form_factor::{Before, Change};
 use crate::matrix::FormFactors;
+use crate::matrix::operator::LinearOperator;
 use crate::printable::counted;
 use crate::render::MAX_PICTURE_EXITANCE;
 use crate::render::{DirectMethod, RenderInput, RenderSettings};
 use crate::scene::{Lighting, Motion, Pose, frames};
 use crate::solver::{Coarsened, Solution, StopReason};
+use crate::workflow::{
+    Afterwards, FormFactorStudy, Model, Stack, TotalError, WorkflowError, indirect_irradiance, picture_patches,
+};
 
 /// A frame, ready to be rendered.
 struct Frame {
@@ -54,43 +55,34 @@ struct Sequence {
 pub(super) fn work(args: &RenderArgs, file: &Path, run: &mut Run) -> Result<Outcome, Failure> {
     let wanted = frames::load(file)?;
     run.has_lightings = true;
-    let prepared = run.prepare(&args.scene, args.mesh, args.storage.memory.memory_limit, default_mesh)?;
-    let all = ready(args, file, wanted, &prepared)?;
+    run.expect(&args.storage, demand(args));
+    let model = run.prepare(&args.scene, args.mesh, picture_patches)?;
+    let all = ready(args, file, wanted, &model)?;
     let files = all.lighting_files.iter().map(Option::as_deref);
     let lightings: Vec<_> = files.zip(all.lightings.iter().map(Option::as_ref)).collect();
-    run.warn_of_darkness(&prepared.scene, &lightings);
+    run.warn_of_darkness(&model, &lightings);
     let mut largest = 0;
     for frame in &all.frames {
-        largest = largest.max(image_byte(
-            &frame.view,
-            &frame.settings,
-            args.storage.memory.memory_limit,
-        )?);
+        largest = largest.max(image_byte(&frame.view, &frame.settings, &run.cx.memory)?);
     }
-    run.storage = Storage {
-        args: args.storage.clone(),
-        part: 0,
-        output: Some(args.output.clone()),
-        tolerance: Some(args.solver.tolerance),
-        image_byte: largest,
-        reflectance_max: greatest_reflectance(all.lightings.iter().flatten()),
-    };
+    run.cx.demand.image_byte = largest;
+    run.cx.demand.reflectance_max = greatest_reflectance(all.lightings.iter().flatten());
     if all
         .frames
         .iter()
         .any(|frame| frame.settings.direct != DirectMethod::Off)
     {
-        run.warn_of_narrow_gaps(&prepared);
+        model.warn_of_narrow_gaps(&run.cx);
     }
     let mut first: Option<First> = None;
     let mut told = Vec::new();
     for number in 0..all.poses.len() {
-        let (pose, of_first) = all.work_on(number, args, run, &prepared, first.as_ref())?;
+        let (pose, of_first) = all.work_on(number, args, run, &model, first.as_ref())?;
         first = first.or(Some(of_first));
         told.push(pose);
     }
-    run.progress.finish();
-    let Some(First { prepared: posed, .. }) = first else {
+    run.bars.finish();
+    let Some(First { model: posed, .. }) = first else {
         return Err(Failure::usage("there is no frame"));
     };
     let mut result = worst(&told);
@@ -123,7 +115,7 @@ pub(super) fn work(args: &RenderArgs, file: &Path, run: &mut Run) -> Result<Outc
 
 /// What the later poses and the report need of the first one.
 struct First {
-    prepared: Prepared,
+    model: Model,
     /// The form factors without repairs, and whether they met their tolerance.
     raw: FormFactors,
     tolerance_met: bool,
@@ -182,7 +174,7 @@ impl Sequence {
         number: usize,
         args: &RenderArgs,
         run: &mut Run,
-        as_loaded: &Prepared,
+        as_loaded: &Model,
         first: Option<&First>,
     ) -> Result<(Told, First), Failure> {
         let own: Vec<(usize, &Frame)> = self
@@ -191,47 +183,39 @@ impl Sequence {
             .enumerate()
             .filter(|(_, f)| f.pose == number)
             .collect();
-        let mut prepared = run.posed(as_loaded, &self.poses[number])?;
-        let need = run.or_symmetry(args.method.balance, run.need(&args.solver)?)?;
-        let fineness = Fineness {
-            default_rays: DEFAULT_RAYS,
-            tolerance: args.form_factor_tolerance,
-            default_tolerance: DEFAULT_TOLERANCE,
-            tolerance_flag: "--form-factor-tolerance",
-        };
-        let change = first.map(|first| Change::between(&first.prepared.scene, &prepared.scene));
+        let mut model = as_loaded.posed(&self.poses[number], &mut run.cx)?;
+        let solver = args.solver.request();
+        let request = run.request(&args.method, args.form_factor_tolerance, Afterwards::Picture);
+        let need = run.cx.memory.or_symmetry(request.balance, solver.need(&run.cx)?)?;
+        let change = first.map(|first| Change::between(&first.model.scene, &model.scene));
         // Patches that are others than before have no form factors yet.
-        let has_same_patches = !prepared.is_cut_anew && first.is_none_or(|first| !first.prepared.is_cut_anew);
+        let has_same_patches = !model.is_cut_anew && first.is_none_or(|first| !first.model.is_cut_anew);
         let known = first.zip(change.as_ref()).filter(|_| has_same_patches);
         let before = known.map(|(known, since)| Before {
             factors: &known.raw,
             tolerance_met: known.tolerance_met,
             change: since,
         });
-        run.storage.part = u32::try_from(number).unwrap_or(u32::MAX);
-        let (raw, promised) = run.raw_form_factors(&mut prepared, &args.method, fineness, need, before)?;
-        let (factors, tolerance_met) = (raw.factors.clone(), raw.tolerance_met);
-        let computed = run.repaired(&mut prepared, raw, &args.method, need, promised)?;
+        run.cx.demand.part = u32::try_from(number).unwrap_or(u32::MAX);
+        let raw = model.raw_form_factors(&request, need, before, &mut run.cx)?;
+        let (factors, tolerance_met) = (raw.computed.factors.clone(), raw.computed.tolerance_met);
+        let computed = model.repaired(raw, &request, need, &mut run.cx)?;
         // Those of the lightings that this pose is seen in.
         let mut numbers: Vec<usize> = own.iter().map(|(_, frame)| frame.lighting).collect();
         numbers.sort_unstable();
         numbers.dedup();
         let lightings: Vec<Option<Lighting>> = numbers.iter().map(|&k| self.lightings[k].clone()).collect();
-        let stack = Stack::new(&prepared, &lightings);
+        let stack = Stack::new(&model, &lightings);
         let files: Vec<Option<PathBuf>> = numbers.iter().map(|&k| self.lighting_files[k].clone()).collect();
-        stack.announce(run, &mut prepared.plan, &files);
+        stack.announce(&mut model, &files, &mut run.cx);
         let areas = computed.factors.areas().to_vec();
-        let solution = run.solve_system(
-            (&mut prepared.plan, &prepared.mesh),
-            (&computed.factors, areas),
-            &args.solver,
-            (stack.reflectance.clone(), stack.exitance.clone()),
-            computed.known(),
-        )?;
-        let coarse = run.coarsened(&prepared, &computed, &stack.reflectance, &solution)?;
+        let system = (&computed.factors as &dyn LinearOperator, areas);
+        let materials = (stack.reflectance.clone(), stack.exitance.clone());
+        let solution = model.solve_system(system, &solver, materials, computed.known(), &mut run.cx)?;
+        let coarse = model.coarsened(&computed, &stack.reflectance, &solution, &run.cx)?;
         let solved = Solved {
             coarse: coarse.as_ref(),
-            prepared: &prepared,
+            model: &model,
             computed: &computed,
             lightings: &self.lightings,
             numbers: &numbers,
@@ -243,8 +227,8 @@ impl Sequence {
             .map(|&(k, frame)| solved.shoot(run, args, k, frame))
             .collect::<Result<Vec<_>, _>>()?;
         let stated = shots.iter().map(|shot| shot.stated);
-        let stated = stated.fold(Stated::Relative(0.0), Stated::or_worse);
-        let mut result = solve::to_json(&prepared, &args.solver.solver, &solution, stated);
+        let stated = stated.fold(TotalError::Relative(0.0), TotalError::or_worse);
+        let mut result = solve::to_json(&model, &args.solver.solver, &solution, stated);
         if let Value::Object(result) = &mut result {
             // Each frame has its own.
             result.remove("surfaces");
@@ -276,7 +260,7 @@ impl Sequence {
         let of_first = First {
             raw: factors,
             tolerance_met,
-            prepared,
+            model,
         };
         Ok((told, of_first))
     }
@@ -294,7 +278,7 @@ struct Update {
 }
 
 impl Update {
-    fn new(change: &Change, computed: &Computed) -> Self {
+    fn new(change: &Change, computed: &FormFactorStudy) -> Self {
         Self {
             n_moved_faces: change.n_faces(),
             n_kept: computed.pairs.map_or(0, |pairs| pairs.kept),
@@ -320,7 +304,7 @@ impl Update {
 /// Writing to a String cannot fail; the results of `write!` are dropped for that reason.
 fn describe_pose(
     names: &[&str],
-    (n_lightings, solver_line, computed): (usize, &str, &Computed),
+    (n_lightings, solver_line, computed): (usize, &str, &FormFactorStudy),
     update: Option<&Update>,
 ) -> String {
     let mut text = String::new();
@@ -339,8 +323,8 @@ fn describe_pose(
 
 /// What the frames of a pose are made from.
 struct Solved<'a> {
-    prepared: &'a Prepared,
-    computed: &'a Computed,
+    model: &'a Model,
+    computed: &'a FormFactorStudy,
     lightings: &'a [Option<Lighting>],
     /// The lightings that were solved for.
     numbers: &'a [usize],
@@ -360,29 +344,29 @@ struct Shot {
     /// True if final gather left pixels above the noise asked for.
     is_noisy: bool,
     /// The relative error that solver and form factors together state.
-    stated: Stated,
+    stated: TotalError,
 }
 
 impl Solved<'_> {
     fn shoot(&self, run: &mut Run, args: &RenderArgs, number: usize, frame: &Frame) -> Result<Shot, Failure> {
-        let Self { prepared, computed, .. } = self;
+        let Self { model, computed, .. } = self;
         let place = self.numbers.partition_point(|&k| k < frame.lighting);
         let own = self.stack.solution(place, self.solution);
         let (reflectance, exitance) = self.stack.materials(place);
         let indirect = run
-            .times
+            .cx
             .time("solve", || indirect_irradiance(&computed.factors, &exitance, &own));
-        let error = run.carried_error(computed, (&reflectance, &exitance), &own)?;
+        let error = computed.carried_error((&reflectance, &exitance), &own, &run.cx)?;
         let coarse = self.coarse.map(|coarse| self.stack.coarsened(place, coarse));
-        let mesh_error = run.mesh_error(prepared, coarse.as_ref(), (&exitance, &own));
-        let stated = run.stated(prepared, error.as_ref(), &own);
+        let mesh_error = model.mesh_error(coarse.as_ref(), (&exitance, &own), &run.cx);
+        let stated = TotalError::of(model, error.as_ref(), &own, &run.cx);
         computed.factors.if_readable(())?;
         let lighting = self.lightings[frame.lighting].as_ref();
-        let lit = lighting.map(|lighting| lighting.apply(&prepared.scene));
+        let lit = lighting.map(|lighting| lighting.apply(&model.scene));
         let input = RenderInput {
-            scene: lit.as_ref().unwrap_or(&prepared.scene),
-            mesh: &prepared.mesh,
-            visibility: &prepared.visibility,
+            scene: lit.as_ref().unwrap_or(&model.scene),
+            mesh: &model.mesh,
+            visibility: &model.visibility,
             radiosity: &own.radiosity,
             irradiance: &own.irradiance,
             indirect_irradiance: Some(&indirect),
@@ -405,7 +389,7 @@ impl Solved<'_> {
             "final_gather": gather,
             "mesh_error": mesh_error,
             "energy": own.energy,
-            "surfaces": prepared.surfaces_with_radiosity(&own),
+            "surfaces": surfaces_with_radiosity(model, &own),
         });
         merge(&mut document, solve::quality_to_json(&own, stated));
         Ok(Shot {
@@ -429,7 +413,7 @@ fn named_by(failure: Failure, list: &Path, line: u32, frame: &str) -> Failure {
 }
 
 /// Prepares views and outputs, loads every lighting once, and finds the frames that share a pose.
-fn ready(args: &RenderArgs, file: &Path, wanted: Vec<frames::Frame>, prepared: &Prepared) -> Result<Sequence, Failure> {
+fn ready(args: &RenderArgs, file: &Path, wanted: Vec<frames::Frame>, model: &Model) -> Result<Sequence, Failure> {
     let folder = file.parent().unwrap_or(Path::new(""));
     let mut lighting_files: Vec<Option<PathBuf>> = Vec::new();
     let mut files = FileSet::default();
@@ -440,7 +424,7 @@ fn ready(args: &RenderArgs, file: &Path, wanted: Vec<frames::Frame>, prepared: &
     let mut poses: Vec<Pose> = Vec::new();
     let mut frames = Vec::new();
     for frame in wanted {
-        let (motions, pose) = (frame.motions(), frame.pose(file, &prepared.scene)?);
+        let (motions, pose) = (frame.motions(), frame.pose(file, &model.scene)?);
         let (line, name) = (frame.line, frame.name.clone());
         let in_list = |failure: Failure| named_by(failure, file, line, &name);
         let lighting_file = frame.lighting.map(|path| folder.join(path));
@@ -450,7 +434,7 @@ fn ready(args: &RenderArgs, file: &Path, wanted: Vec<frames::Frame>, prepared: &
         } else {
             let loaded = lighting_file
                 .as_ref()
-                .map(|path| Lighting::load_up_to(path, &prepared.scene, MAX_PICTURE_EXITANCE));
+                .map(|path| Lighting::load_up_to(path, &model.scene, MAX_PICTURE_EXITANCE));
             lightings.push(loaded.transpose().map_err(|error| in_list(error.into()))?);
             lighting_files.push(lighting_file.clone());
             lighting_files.len() - 1
@@ -469,9 +453,13 @@ fn ready(args: &RenderArgs, file: &Path, wanted: Vec<frames::Frame>, prepared: &
         };
         // The camera stays where it would be of the scene as loaded; the tiles of an unfolded view go with their surfaces.
         let view = if view_args.is_unfolded() {
-            view(&view_args, &args.scene, &posed(&prepared.scene, &pose)?)
+            view(
+                &view_args,
+                &args.scene,
+                &model.scene.posed(&pose).map_err(WorkflowError::from)?,
+            )
         } else {
-            view(&view_args, &args.scene, &prepared.scene)
+            view(&view_args, &args.scene, &model.scene)
         };
         let view = if names_a_camera { view.map_err(in_list)? } else { view? };
         let output = with_suffix(&args.output, &frame.name);

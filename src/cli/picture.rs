@@ -9,9 +9,8 @@ use sha2::{Digest as _, Sha256};
 use super::args::RenderArgs;
 use super::failure::Failure;
 use super::output;
-use super::pipeline::Run;
 use super::render::AnyView;
-use super::storage::limit_byte;
+use super::run::Run;
 use crate::audit;
 use crate::cli::args::PixelsName;
 use crate::plan::byte_text;
@@ -22,6 +21,7 @@ use crate::render::{
     render_watched,
 };
 use crate::report::memory_used_byte;
+use crate::workflow::Memory;
 
 /// Memory for a pixel while the image is rendered and written.
 const PIXEL_BYTE: u64 = 512;
@@ -30,11 +30,11 @@ const PIXEL_BYTE: u64 = 512;
 const GATHER_BYTE: u64 = 1536;
 
 /// Returns the memory that a picture takes, if it is within the limit beside what is used already: all layers, and as much again while they are coded.
-pub(super) fn image_byte(view: &AnyView, settings: &RenderSettings, memory_limit: Option<u64>) -> Result<u64, Failure> {
+pub(super) fn image_byte(view: &AnyView, settings: &RenderSettings, memory: &Memory) -> Result<u64, Failure> {
     let (width, height) = view.as_view().size();
     let gathers = settings.gather.is_some();
     let of_image = u64::from(width) * u64::from(height) * if gathers { GATHER_BYTE } else { PIXEL_BYTE };
-    let limit = limit_byte(memory_limit);
+    let limit = memory.limit();
     let in_all = of_image.saturating_add(memory_used_byte().unwrap_or(0));
     if in_all <= limit {
         return Ok(of_image);
@@ -73,7 +73,7 @@ pub(super) fn shoot(
     let view = any_view.as_view();
     let kept = KeptPicture::new(run, input, view, &settings, args);
     if let Some(image) = kept.as_ref().and_then(|kept| kept.image(run, output, preview)) {
-        run.audited(audit::picture(&image));
+        run.cx.audited(audit::picture(&image));
         warn_if_blank(run, &image, any_view);
         return Ok(image);
     }
@@ -82,18 +82,24 @@ pub(super) fn shoot(
         .as_deref()
         .and_then(|address| connect(run, address, output, view));
     let watcher: &dyn Watcher = display.as_ref().map_or(&Unwatched, |tev| tev);
-    let image = run.times.time("render", || {
-        render_watched(input, view, &settings, &run.progress, watcher)
+    let image = run.cx.time("render", || {
+        render_watched(input, view, &settings, &run.cx.progress(), watcher)
     })?;
     if display.is_some_and(|tev| !tev.is_connected()) {
         run.warn("the viewer stopped taking pixels; the picture is whole all the same");
     }
-    run.audited(audit::picture(&image));
+    run.cx.audited(audit::picture(&image));
     warn_if_blank(run, &image, any_view);
     let offset = input.visibility.offset();
-    let mut attributes = Attributes::new(input.scene, view.description(), settings, offset, json!(run.settings));
+    let mut attributes = Attributes::new(
+        input.scene,
+        view.description(),
+        settings,
+        offset,
+        json!(run.cx.settings),
+    );
     attributes.pixels = args.file.pixels.into();
-    run.times.time("write", || {
+    run.cx.time("write", || {
         exr::write_parts(output, &image, &attributes, args.file.parts.into())?;
         png::write(preview, &image)
     })?;
@@ -155,13 +161,13 @@ impl KeptPicture {
         settings: &RenderSettings,
         args: &RenderArgs,
     ) -> Option<Self> {
-        run.progress.checkpoint.as_ref()?;
+        run.cx.checkpoint()?;
         if args.file.pixels != PixelsName::F32 {
             return None;
         }
         let mut hasher = Sha256::new();
         hasher.update(input.fingerprint(view, settings));
-        hasher.update(format!("{:?} {:?}", args.file, run.settings));
+        hasher.update(format!("{:?} {:?}", args.file, run.cx.settings));
         let key: [u8; 32] = hasher.finalize().into();
         let [a, b, c, d, ..] = key;
         Some(Self {
@@ -181,7 +187,7 @@ impl KeptPicture {
 
     /// Returns the picture if an earlier run wrote it and it is still as it was.
     fn image(&self, run: &Run, output: &Path, preview: &Path) -> Option<Image> {
-        let checkpoint = run.progress.checkpoint.as_ref()?;
+        let checkpoint = run.cx.checkpoint()?;
         checkpoint.begin_part(PART, &[0; 32]);
         let kept = checkpoint.piece(self.piece)?;
         (Some(kept) == self.content(output, preview))
@@ -191,7 +197,7 @@ impl KeptPicture {
     }
 
     fn keep(&self, run: &Run, output: &Path, preview: &Path) {
-        if let (Some(checkpoint), Some(content)) = (&run.progress.checkpoint, self.content(output, preview)) {
+        if let (Some(checkpoint), Some(content)) = (run.cx.checkpoint(), self.content(output, preview)) {
             checkpoint.begin_part(PART, &[0; 32]);
             checkpoint.keep(self.piece, &content);
         }

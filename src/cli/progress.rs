@@ -1,16 +1,17 @@
 //! Progress on stderr: a bar on a terminal, a line now and then elsewhere.
 
-use std::fmt::Write as _;
 use std::io::IsTerminal;
+use std::path::Path;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
 
+use super::failure::flag;
 use super::interrupt::Interrupt;
-use crate::checkpoint::Checkpoint;
 use crate::progress::{Forecast, Progress};
+use crate::workflow::Warning;
 
 /// The display moves this often on a terminal, whether work is done or not.
 const TICK: Duration = Duration::from_millis(250);
@@ -23,11 +24,6 @@ pub(super) struct Bars {
     stage: Arc<Mutex<Stage>>,
     is_terminal: bool,
     interrupt: Interrupt,
-    pub(super) checkpoint: Option<Checkpoint>,
-    /// When work is to be over.
-    pub(super) deadline: Option<Instant>,
-    /// What there was to warn of meanwhile.
-    warnings: Mutex<Vec<String>>,
     quiet: bool,
     /// Dropped, it ends the thread that writes lines.
     _lines: Option<Sender<()>>,
@@ -65,17 +61,9 @@ impl Bars {
             stage,
             is_terminal,
             interrupt,
-            checkpoint: None,
-            deadline: None,
-            warnings: Mutex::default(),
             quiet,
             _lines: lines,
         }
-    }
-
-    /// Returns the warnings that were written since the last time.
-    pub(super) fn warnings(&self) -> Vec<String> {
-        std::mem::take(&mut *self.warnings.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
     /// Removes the bar.
@@ -108,23 +96,6 @@ fn spinner(name: &str) -> ProgressBar {
 fn ticking(bar: ProgressBar) -> ProgressBar {
     bar.enable_steady_tick(TICK);
     bar
-}
-
-/// Returns what other settings would take than those of long work.
-fn long_work(forecast: &Forecast) -> String {
-    let time = |seconds: f64| {
-        let seconds = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
-        HumanDuration(seconds).to_string()
-    };
-    let mut text = format!("form factors will take about {}", time(forecast.asked.1));
-    for &(tolerance, seconds) in &forecast.looser {
-        let _ = write!(text, ", to a tolerance of {tolerance:.0e} {}", time(seconds));
-    }
-    if let Some((rays, seconds)) = forecast.shooting {
-        let error = Forecast::error_of_rays(rays);
-        let _ = write!(text, ", by `--method sr` {} with errors of {error:.0e}", time(seconds));
-    }
-    text
 }
 
 /// Writes a line about the current stage every [`LINE`], until the other end of the channel is dropped.
@@ -179,30 +150,18 @@ impl Progress for Bars {
     }
 
     fn forecast(&self, forecast: &Forecast) {
-        if forecast.asked.1 <= Forecast::LONG {
-            return;
+        if forecast.asked.1 > Forecast::LONG && !self.quiet {
+            let warning = Warning::LongWork(forecast.clone()).text(&flag);
+            locked(&self.stage).bar.suspend(|| super::warn(&warning));
         }
-        let warning = long_work(forecast);
-        if !self.quiet {
-            let stage = locked(&self.stage);
-            stage.bar.suspend(|| super::warn(&warning));
-        }
-        self.warnings
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .push(warning);
     }
 
-    fn deadline(&self) -> Option<Instant> {
-        self.deadline
+    fn opened(&self, checkpoint: &Path) {
+        self.interrupt.note_checkpoint(checkpoint);
     }
 
     fn is_cancelled(&self) -> bool {
         self.interrupt.came()
-    }
-
-    fn checkpoint(&self) -> Option<&Checkpoint> {
-        self.checkpoint.as_ref()
     }
 }
 

@@ -13,37 +13,25 @@ use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::file_set::FileSet;
 use super::form_factors::{checks_to_json, describe_checks};
-use super::mesh_error::MeshError;
-use super::on_the_fly::{self, Request};
 use super::picture::{gathered, image_byte, preview_of, shoot};
-use super::pipeline::{Computed, Fineness, Prepared, Run};
+use super::run::Run;
 use super::solve;
-use super::storage::Storage;
 use crate::geometry::sampling::Sequence;
-use crate::matrix::operator::{Block, LinearOperator};
-use crate::mesh::Subdivision;
+use crate::matrix::operator::Block;
 use crate::printable::{counted, short};
 use crate::render::{
     CameraRecord, DirectMethod, GatherSettings, RayView, RenderInput, RenderSettings, UnfoldedView, View,
 };
 use crate::scene::{Camera, IMAGE_SIDES, Scene};
-use crate::solver::Solution;
-
-/// Rays for each patch unless `--rays` says otherwise: enough that the noise of a patch does not show.
-pub(super) const DEFAULT_RAYS: u64 = 16384;
-
-/// The tolerance of form factors unless `--form-factor-tolerance` says otherwise: below a tenth of a typical factor between patches of the default
-/// size, which is 1/3000, and errors of both signs mostly cancel; patches of that size are off by more.
-pub(super) const DEFAULT_TOLERANCE: f64 = 1e-5;
+use crate::workflow::{
+    Afterwards, Demand, FormFactorStudy, Model, SolutionStudy, indirect_irradiance, picture_patches,
+};
 
 /// The noise of final gather unless `--noise` says otherwise.
 const DEFAULT_NOISE: f64 = 0.02;
 
 /// The most rays to gather for one pixel unless `--gather-rays` says otherwise.
 const DEFAULT_GATHER_RAYS: u32 = 16384;
-
-/// The number of patches that the default subdivision aims at.
-const DEFAULT_PATCHES: f64 = 3000.0;
 
 pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     let mut run = Run::new("render", &args.common);
@@ -62,60 +50,54 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
     files.keeps("the checkpoint", args.storage.checkpoint.as_deref());
     files.reads_scene(&args.scene);
     files.reads("the camera", args.image.view.camera_file()).check()?;
-    let mut prepared = run.prepare(&args.scene, args.mesh, args.storage.memory.memory_limit, default_mesh)?;
-    let view = view(&args.image.view, &args.scene, &prepared.scene)?;
-    run.storage = Storage {
-        args: args.storage.clone(),
-        part: 0,
-        output: Some(args.output.clone()),
-        tolerance: Some(args.solver.tolerance),
-        image_byte: image_byte(&view, &settings, args.storage.memory.memory_limit)?,
-        ..Storage::default()
-    };
+    run.expect(&args.storage, demand(args));
+    let mut model = run.prepare(&args.scene, args.mesh, picture_patches)?;
+    let view = view(&args.image.view, &args.scene, &model.scene)?;
+    run.cx.demand.image_byte = image_byte(&view, &settings, &run.cx.memory)?;
     if settings.direct != DirectMethod::Off {
-        run.warn_of_narrow_gaps(&prepared);
+        model.warn_of_narrow_gaps(&run.cx);
     }
-    let solved = solve_scene(run, &mut prepared, args, settings.direct)?;
+    let solved = solve_scene(run, &mut model, args, settings.direct)?;
     if settings.direct == DirectMethod::Off {
-        prepared
+        model
             .plan
             .left_out
             .push("direct light at each pixel: the patches' light is interpolated".into());
     }
-    view.tell_left_out(run, &mut prepared);
+    view.tell_left_out(run, &mut model);
     let input = RenderInput {
-        scene: &prepared.scene,
-        mesh: &prepared.mesh,
-        visibility: &prepared.visibility,
-        radiosity: &solved.solution.radiosity,
-        irradiance: &solved.solution.irradiance,
+        scene: &model.scene,
+        mesh: &model.mesh,
+        visibility: &model.visibility,
+        radiosity: &solved.study.solution.radiosity,
+        irradiance: &solved.study.solution.irradiance,
         indirect_irradiance: solved.indirect_irradiance.as_ref(),
-        error: solved.error.as_ref(),
+        error: solved.study.carried.as_ref(),
     };
     let output = (args.output.as_path(), preview.as_path());
     let image = shoot(run, &input, &view, settings, args, output)?;
-    run.progress.finish();
+    run.bars.finish();
 
-    let stated = run.stated(&prepared, solved.error.as_ref(), &solved.solution);
-    let mut result = solve::to_json(&prepared, &solved.solver, &solved.solution, stated);
+    let stated = solved.study.error;
+    let mut result = solve::to_json(&model, &solved.solver, &solved.study.solution, stated);
     result["form_factors"] = solved.computed.as_ref().map_or(Value::Null, checks_to_json);
-    result["mesh_error"] = json!(solved.mesh_error);
+    result["mesh_error"] = json!(solved.study.mesh_error);
     result["image"] = json!(args.output.display().to_string());
     result["preview"] = json!(preview.display().to_string());
     let gather = gathered(run, &image, settings, &args.output);
     result["final_gather"] = json!(gather);
     result["width"] = json!(image.width());
     result["height"] = json!(image.height());
-    let mut text = run.explanation(&prepared);
+    let mut text = run.explanation(&model);
     view.tell_camera(run, &mut text);
-    let document = run.document_of(&prepared, result);
-    let (n_patches, n_surfaces) = (prepared.mesh.n_patches(), prepared.scene.surfaces.len());
+    let document = run.document_of(&model, result);
+    let (n_patches, n_surfaces) = (model.mesh.n_patches(), model.scene.surfaces.len());
     let _ = writeln!(text, "{n_patches} patches on {}", counted(n_surfaces, "surface"));
     if let Some(computed) = &solved.computed {
         describe_checks(&mut text, computed);
     }
-    let solver = (solved.solver.as_str(), solved.mesh_error.as_ref());
-    solve::describe(&mut text, &prepared, solver, &solved.solution, stated);
+    let solver = (solved.solver.as_str(), solved.study.mesh_error.as_ref());
+    solve::describe(&mut text, &model, solver, &solved.study.solution, stated);
     if let Some(report) = &gather {
         let _ = writeln!(
             text,
@@ -137,7 +119,7 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
         preview.display()
     );
     let is_noisy = gather.is_some_and(|report| report.n_above > 0);
-    let code = match solve::code(&solved.solution, solved.computed.as_ref(), stated) {
+    let code = match solve::code(&solved.study.solution, solved.computed.as_ref(), stated) {
         ExitCode::Done if is_noisy => ExitCode::NotConverged,
         code => code,
     };
@@ -148,103 +130,66 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
     })
 }
 
+/// Returns what is known of the work after the form factors.
+pub(super) fn demand(args: &RenderArgs) -> Demand {
+    Demand {
+        output: Some(args.output.clone()),
+        tolerance: Some(args.solver.tolerance),
+        ..Demand::default()
+    }
+}
+
 /// What the picture is made from.
 struct Solved {
     solver: String,
-    solution: Solution,
+    study: SolutionStudy,
     /// The form factors, where they are stored.
-    computed: Option<Computed>,
+    computed: Option<FormFactorStudy>,
     /// F (B − E), where a direct pass adds the rest.
     indirect_irradiance: Option<Block>,
-    /// The estimated error of the radiosity, where there are form factors to carry it from.
-    error: Option<Block>,
-    /// What a coarser mesh would change, where there are form factors to tell it from.
-    mesh_error: Option<MeshError>,
 }
 
 /// Solves the scene, as far as the picture needs it.
-fn solve_scene(
-    run: &mut Run,
-    prepared: &mut Prepared,
-    args: &RenderArgs,
-    direct: DirectMethod,
-) -> Result<Solved, Failure> {
+fn solve_scene(run: &mut Run, model: &mut Model, args: &RenderArgs, direct: DirectMethod) -> Result<Solved, Failure> {
     let with_direct = direct != DirectMethod::Off;
-    if with_direct && !prepared.scene.is_reflecting() {
-        // All light comes straight from the emitters, and the direct pass finds it at each pixel.
-        let reason = "form factors and solver: nothing reflects, and the direct pass finds all light";
-        prepared.plan.left_out.push(reason.into());
-        let (_, exitance) = prepared.materials();
-        let dark = Block::zeros(exitance.n_rows(), exitance.n_channels());
+    if with_direct && !model.scene.is_reflecting() {
+        let (study, dark) = model.without_reflection(&run.cx);
         return Ok(Solved {
             solver: solve::NO_SOLVER.to_owned(),
-            solution: Solution::without_reflection(exitance),
+            study,
             computed: None,
             indirect_irradiance: Some(dark),
-            error: None,
-            mesh_error: None,
         });
     }
-    let need = run.need(&args.solver)?;
-    let fineness = Fineness {
-        default_rays: DEFAULT_RAYS,
-        tolerance: args.form_factor_tolerance,
-        default_tolerance: DEFAULT_TOLERANCE,
-        tolerance_flag: "--form-factor-tolerance",
-    };
+    let solver = args.solver.request();
+    let need = solver.need(&run.cx)?;
+    let method = run.request(&args.method, args.form_factor_tolerance, Afterwards::Picture);
+    let name = args.solver.solver.clone();
     if args.on_the_fly {
-        let request = Request {
-            method: &args.method,
-            fineness,
-            solver: &args.solver,
-            indirect: with_direct,
-        };
-        let (solution, indirect_irradiance) = on_the_fly::solve(run, prepared, &request)?;
+        let (study, indirect_irradiance) = model.solve_on_the_fly(&method, &solver, with_direct, &mut run.cx)?;
         let reason = "the error layer: it is carried from stored form factors";
-        prepared.plan.left_out.push(reason.into());
+        model.plan.left_out.push(reason.into());
         return Ok(Solved {
-            solver: args.solver.solver.clone(),
-            solution,
+            solver: name,
+            study,
             computed: None,
             indirect_irradiance,
-            error: None,
-            mesh_error: None,
         });
     }
-    let computed = run.form_factors(prepared, &args.method, fineness, need)?;
-    let solution = run.solve(prepared, &computed, &args.solver)?;
+    let computed = model.form_factors(&method, need, &mut run.cx)?;
+    let study = model.solve(&computed, &solver, &mut run.cx)?;
     let indirect_irradiance = with_direct.then(|| {
-        run.times.time("solve", || {
-            indirect_irradiance(&computed.factors, &prepared.materials().1, &solution)
+        run.cx.time("solve", || {
+            indirect_irradiance(&computed.factors, &model.materials().1, &study.solution)
         })
     });
-    let (reflectance, exitance) = prepared.materials();
-    let error = run.carried_error(&computed, (&reflectance, &exitance), &solution)?;
-    let coarse = run.coarsened(prepared, &computed, &reflectance, &solution)?;
-    let mesh_error = run.mesh_error(prepared, coarse.as_ref(), (&exitance, &solution));
     computed.factors.if_readable(())?;
     Ok(Solved {
-        solver: args.solver.solver.clone(),
-        solution,
+        solver: name,
+        study,
         computed: Some(computed),
         indirect_irradiance,
-        error,
-        mesh_error,
     })
-}
-
-/// Returns patches of about equal size, [`DEFAULT_PATCHES`] in all, and a few more where contact edges cut faces.
-pub(super) fn default_mesh(scene: &Scene) -> Subdivision {
-    let area: f64 = scene.face_ids().map(|face| scene.area_vector(face).length()).sum();
-    Subdivision::MaxEdge((area / DEFAULT_PATCHES).sqrt())
-}
-
-/// Returns H without what comes straight from the emitters: F (B − E).
-pub(super) fn indirect_irradiance(factors: &dyn LinearOperator, exitance: &Block, solution: &Solution) -> Block {
-    let reflected = solution.reflected(exitance);
-    let mut irradiance = Block::zeros(reflected.n_rows(), reflected.n_channels());
-    factors.apply(&reflected, &mut irradiance);
-    irradiance
 }
 
 /// Returns how a picture is made; the defaults depend on the view.
@@ -352,11 +297,11 @@ impl AnyView {
     }
 
     /// Says which surfaces an unfolded view does not show: the picture looks whole without them.
-    pub(super) fn tell_left_out(&self, run: &Run, prepared: &mut Prepared) {
+    pub(super) fn tell_left_out(&self, run: &Run, model: &mut Model) {
         if let Self::Unfolded(unfolded) = self {
             for sentence in unfolded.layout().without_tile() {
                 run.warn(&sentence);
-                prepared.plan.left_out.push(sentence);
+                model.plan.left_out.push(sentence);
             }
         }
     }
@@ -369,7 +314,7 @@ impl AnyView {
     pub(super) fn tell_camera(&self, run: &mut Run, text: &mut String) {
         let camera = self.describe_camera();
         let _ = writeln!(text, "camera: {camera}");
-        run.set("camera", camera);
+        run.cx.set("camera", camera);
     }
 }
 

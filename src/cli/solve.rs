@@ -4,24 +4,21 @@ use std::fmt::Write as _;
 
 use serde_json::{Value, json};
 
-use super::args::SolveArgs;
+use super::args::{MeshArgs, SolveArgs};
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::file_set::FileSet;
-use super::form_factors::{DEFAULT_RAYS, checks_to_json, describe_checks};
+use super::form_factors::{checks_to_json, describe_checks};
 use super::lightings::{Lightings, with_suffix};
-use super::mesh_error::MeshError;
-use super::pipeline::{Computed, Fineness, Prepared, Run, repair};
-use super::stated::Stated;
-use super::storage::Storage;
-use super::{Outcome, cell, lightings, merge, name_width, reuse};
-use crate::form_factor::ExactMethod;
-use crate::matrix::Sampling;
+use super::run::Run;
+use super::surfaces::surfaces_with_radiosity;
+use super::{Outcome, cell, lightings, merge, name_width};
 use crate::mesh::Subdivision;
 use crate::printable::{counted, printable};
 use crate::report::form_factors::{FormFactorFile, files_of};
 use crate::report::solution::{Format, SolutionReport};
 use crate::solver::{Solution, StopReason};
+use crate::workflow::{self, Afterwards, Demand, FormFactorStudy, MeshError, Model, SolutionStudy, TotalError};
 
 /// What stands in the place of a solver's name where none was needed.
 pub(super) const NO_SOLVER: &str = "none";
@@ -38,56 +35,54 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
     }
     files(args)?.check()?;
     let file = args.form_factors.as_deref().map(FormFactorFile::open).transpose()?;
-    let mesh_args = file
-        .as_ref()
-        .map_or(Ok(args.mesh), |file| reuse::mesh_args(file, args.mesh))?;
-    run.storage = Storage {
-        args: args.storage.clone(),
-        part: 0,
+    let mesh_args = file.as_ref().map_or(Ok(args.mesh), |file| mesh_args(file, args.mesh))?;
+    let demand = Demand {
         output: args.output.clone(),
         tolerance: Some(args.solver.tolerance),
-        ..Storage::default()
+        ..Demand::default()
     };
+    run.expect(&args.storage, demand);
     run.has_lightings = !args.lighting.is_empty();
-    let mut prepared = run.prepare(&args.scene, mesh_args, args.storage.memory.memory_limit, |_| {
-        Subdivision::Uniform(1)
-    })?;
+    let mut model = run.prepare(&args.scene, mesh_args, |_| Subdivision::Uniform(1))?;
     // Before the work: a mistake in them is found at once, and their reflectances count in how form factors are stored.
-    let loaded = Lightings::load(args, &prepared.scene)?;
-    run.storage.reflectance_max = loaded.reflectance_max();
-    loaded.warn_of_darkness(run, &prepared.scene, &args.lighting);
+    let loaded = Lightings::load(args, &model.scene)?;
+    run.cx.demand.reflectance_max = loaded.reflectance_max();
+    loaded.warn_of_darkness(run, &model, &args.lighting);
+    let method = run.request(&args.method, args.form_factor_tolerance, Afterwards::Light);
+    let solver = args.solver.request();
     if args.on_the_fly {
-        let request = super::on_the_fly::Request {
-            method: &args.method,
-            fineness: fineness(args),
-            solver: &args.solver,
-            indirect: false,
-        };
-        let (solution, _) = super::on_the_fly::solve(run, &mut prepared, &request)?;
-        return finish(args, run, &prepared, None, &solution);
+        let (study, _) = model.solve_on_the_fly(&method, &solver, false, &mut run.cx)?;
+        return finish(args, run, &model, None, &study);
     }
-    let need = run.need(&args.solver)?;
-    let computed = match &file {
-        None => run.form_factors(&mut prepared, &args.method, fineness(args), need)?,
-        Some(file) => {
-            let need = run.or_symmetry(args.method.balance, need)?;
-            let promised = reuse::promised(file);
-            let sequence = file.description().settings.get("sequence");
-            let sampling = if file.description().symmetric {
-                Sampling::of_pairs(promised.noisy_pairs)
-            } else {
-                Sampling::of_rows(sequence.is_some(), sequence.is_some_and(|name| name == "sobol"))
-            };
-            let kind = repair(args.method.balance, need, sampling);
-            let result = reuse::form_factors(run, &mut prepared, file, &args.scene, kind)?;
-            run.repaired(&mut prepared, result, &args.method, need, promised)?
-        }
+    let need = solver.need(&run.cx)?;
+    let factors = match &file {
+        None => model.form_factors(&method, need, &mut run.cx)?,
+        Some(file) => model.form_factors_of(file, &method, need, &mut run.cx)?,
     };
     if !args.lighting.is_empty() {
-        return lightings::run(&loaded, run, prepared, &computed, args);
+        return lightings::run(&loaded, run, model, &factors, args);
     }
-    let solution = run.solve(&mut prepared, &computed, &args.solver)?;
-    finish(args, run, &prepared, Some(&computed), &solution)
+    let study = model.solve(&factors, &solver, &mut run.cx)?;
+    finish(args, run, &model, Some(&factors), &study)
+}
+
+/// Returns the flags of the patches that a file is for; flags that ask for others are an error.
+fn mesh_args(file: &FormFactorFile, given: MeshArgs) -> Result<MeshArgs, Failure> {
+    let default = given.options(Subdivision::Uniform(1));
+    // A flag that is left out asks for nothing.
+    let is_asked = given.subdivide.is_some() || given.max_edge.is_some();
+    let asked = is_asked.then_some(default.subdivision);
+    let options = workflow::mesh_options(file, asked, given.no_cut, default)?;
+    let (subdivide, max_edge) = match options.subdivision {
+        Subdivision::Uniform(n) => (Some(n), None),
+        Subdivision::MaxEdge(length) => (None, Some(length)),
+    };
+    Ok(MeshArgs {
+        subdivide,
+        max_edge,
+        no_cut: !options.cut_at_walls,
+        cut_at_walls: false,
+    })
 }
 
 fn files(args: &SolveArgs) -> Result<FileSet, Failure> {
@@ -117,63 +112,53 @@ fn files(args: &SolveArgs) -> Result<FileSet, Failure> {
     Ok(files)
 }
 
-fn fineness(args: &SolveArgs) -> Fineness {
-    Fineness {
-        default_rays: DEFAULT_RAYS,
-        tolerance: args.form_factor_tolerance,
-        default_tolerance: ExactMethod::DEFAULT_TOLERANCE,
-        tolerance_flag: "--form-factor-tolerance",
-    }
-}
-
 /// Writes and describes a solution; without `computed` there are no stored form factors to tell of.
 fn finish(
     args: &SolveArgs,
     run: &mut Run,
-    prepared: &Prepared,
-    computed: Option<&Computed>,
-    solution: &Solution,
+    model: &Model,
+    computed: Option<&FormFactorStudy>,
+    study: &SolutionStudy,
 ) -> Result<Outcome, Failure> {
-    let (reflectance, exitance) = prepared.materials();
-    let (error, mesh_error) = match computed {
-        Some(computed) => (run.carried_error(computed, (&reflectance, &exitance), solution)?, {
-            let coarse = run.coarsened(prepared, computed, &reflectance, solution)?;
-            run.mesh_error(prepared, coarse.as_ref(), (&exitance, solution))
-        }),
-        None => (None, None),
-    };
+    let (reflectance, exitance) = model.materials();
+    let SolutionStudy {
+        solution,
+        carried,
+        error,
+        mesh_error,
+    } = study;
     if let Some(path) = &args.output {
         let row_sums = computed.map(|computed| computed.factors.row_sums());
         let report = SolutionReport {
-            scene: &prepared.scene,
-            mesh: &prepared.mesh,
+            scene: &model.scene,
+            mesh: &model.mesh,
             reflectance: &reflectance,
             exitance: &exitance,
             solution,
-            error: error.as_ref(),
+            error: carried.as_ref(),
             row_sums: row_sums.as_deref(),
-            settings: &run.settings,
+            settings: &run.cx.settings,
         };
-        run.times.time("write", || report.write(path))?;
+        run.cx.time("write", || report.write(path))?;
     }
-    let stated = run.stated(prepared, error.as_ref(), solution);
-    run.progress.finish();
-    let mut result = to_json(prepared, &args.solver.solver, solution, stated);
+    let stated = *error;
+    run.bars.finish();
+    let mut result = to_json(model, &args.solver.solver, solution, stated);
     result["form_factors"] = computed.map_or(Value::Null, checks_to_json);
     result["mesh_error"] = json!(mesh_error);
-    let document = run.document_of(prepared, result);
-    let mut text = run.explanation(prepared);
+    let document = run.document_of(model, result);
+    let mut text = run.explanation(model);
     let _ = writeln!(
         text,
         "{} patches on {}",
-        prepared.mesh.n_patches(),
-        counted(prepared.scene.surfaces.len(), "surface")
+        model.mesh.n_patches(),
+        counted(model.scene.surfaces.len(), "surface")
     );
     if let Some(computed) = computed {
         describe_checks(&mut text, computed);
     }
     let solver = &args.solver.solver;
-    describe(&mut text, prepared, (solver, mesh_error.as_ref()), solution, stated);
+    describe(&mut text, model, (solver, mesh_error.as_ref()), solution, stated);
     run.describe_audit(&mut text);
     run.describe_times(&mut text);
     if let Some(path) = &args.output {
@@ -187,20 +172,28 @@ fn finish(
 }
 
 /// Returns the exit code that a solution, the form factors that it is from, and what they say of its error deserve.
-pub(super) fn code(solution: &Solution, computed: Option<&Computed>, stated: Stated) -> ExitCode {
-    if solution.stop_reason == StopReason::Converged && stated != Stated::TooGreat {
-        computed.map_or(ExitCode::Done, |computed| computed.code)
+pub(super) fn code(solution: &Solution, computed: Option<&FormFactorStudy>, stated: TotalError) -> ExitCode {
+    if solution.stop_reason == StopReason::Converged && stated != TotalError::TooGreat {
+        code_of(computed)
     } else {
         ExitCode::NotConverged
     }
 }
 
+/// Returns the exit code that form factors deserve: that of work which falls short of what was asked for.
+pub(super) fn code_of(computed: Option<&FormFactorStudy>) -> ExitCode {
+    match computed {
+        Some(computed) if !computed.is_done() => ExitCode::NotConverged,
+        _ => ExitCode::Done,
+    }
+}
+
 /// Returns what documents say about a solution; `stated` is the relative error that solver and form factors together state.
-pub(super) fn to_json(prepared: &Prepared, solver: &str, solution: &Solution, stated: Stated) -> Value {
+pub(super) fn to_json(model: &Model, solver: &str, solution: &Solution, stated: TotalError) -> Value {
     let selections = &solution.selections;
     let mut document = json!({
         "n_steps": (!selections.is_empty()).then(|| selections.iter().sum::<u64>()),
-        "n_patches": prepared.mesh.n_patches(),
+        "n_patches": model.mesh.n_patches(),
         "n_channels": solution.radiosity.n_channels(),
         "solver": chosen(solver, solution),
         "why": solution.choice.as_ref().map(|choice| &choice.why),
@@ -209,14 +202,14 @@ pub(super) fn to_json(prepared: &Prepared, solver: &str, solution: &Solution, st
         "setup_s": solution.setup_s,
         "history": solution.history,
         "energy": solution.energy,
-        "surfaces": prepared.surfaces_with_radiosity(solution),
+        "surfaces": surfaces_with_radiosity(model, solution),
     });
     merge(&mut document, quality_to_json(solution, stated));
     document
 }
 
 /// Returns how good a solution is: what stands beside each that documents tell of.
-pub(super) fn quality_to_json(solution: &Solution, stated: Stated) -> Value {
+pub(super) fn quality_to_json(solution: &Solution, stated: TotalError) -> Value {
     json!({
         "stop_reason": solution.stop_reason,
         "residual_max_power": solution.residual_max_power,
@@ -232,14 +225,16 @@ pub(super) fn chosen<'a>(asked: &'a str, solution: &Solution) -> &'a str {
 }
 
 /// Returns the line that says which solver did the work, and how well.
-pub(super) fn solver_line(asked: &str, solution: &Solution, stated: Stated) -> String {
+pub(super) fn solver_line(asked: &str, solution: &Solution, stated: TotalError) -> String {
     let bound = solution
         .error_bound
         .map_or("unknown".to_owned(), |bound| format!("{bound:.1e}"));
     let with_factors = match stated {
-        Stated::Relative(error) => format!(", with the form factors' own errors about {error:.1e}, the mesh's aside"),
-        Stated::TooGreat => ", with the form factors' own errors unknown: they are not exact enough".to_owned(),
-        Stated::Untold => String::new(),
+        TotalError::Relative(error) => {
+            format!(", with the form factors' own errors about {error:.1e}, the mesh's aside")
+        }
+        TotalError::TooGreat => ", with the form factors' own errors unknown: they are not exact enough".to_owned(),
+        TotalError::Untold => String::new(),
     };
     format!(
         "{}: {} after {}, relative residual {:.1e}, bound on the relative error {bound}{with_factors}",
@@ -253,10 +248,10 @@ pub(super) fn solver_line(asked: &str, solution: &Solution, stated: Stated) -> S
 /// Describes a solution: how it was reached, and the mean radiosity of each surface; `stated` is the relative error that solver and form factors together state.
 pub(super) fn describe(
     text: &mut String,
-    prepared: &Prepared,
+    model: &Model,
     (solver, mesh_error): (&str, Option<&MeshError>),
     solution: &Solution,
-    stated: Stated,
+    stated: TotalError,
 ) {
     if solver == NO_SOLVER {
         let _ = writeln!(
@@ -267,11 +262,11 @@ pub(super) fn describe(
         let _ = writeln!(text, "{}", solver_line(solver, solution, stated));
     }
     if let Some(mesh_error) = mesh_error {
-        mesh_error.describe(text);
+        describe_mesh_error(text, mesh_error);
     }
     let _ = writeln!(text, "\nmean radiosity by surface, W/m²");
-    let surfaces = prepared.surface_means(&solution.radiosity);
-    let names: Vec<String> = prepared.scene.surfaces.iter().map(|s| printable(&s.name)).collect();
+    let surfaces = model.surface_means(&solution.radiosity);
+    let names: Vec<String> = model.scene.surfaces.iter().map(|s| printable(&s.name)).collect();
     let width = name_width(names.iter().map(String::as_str));
     for (name, mean) in names.iter().zip(&surfaces) {
         let _ = write!(text, "{name:width$}");
@@ -281,4 +276,20 @@ pub(super) fn describe(
         let _ = writeln!(text);
     }
     let _ = writeln!(text);
+}
+
+/// Adds the line that tells what a coarser mesh would change.
+pub(super) fn describe_mesh_error(text: &mut String, mesh_error: &MeshError) {
+    let MeshError {
+        n_patches,
+        surface_mean_max,
+        surface,
+        patches_rms,
+    } = mesh_error;
+    let surface = printable(surface);
+    let _ = writeln!(
+        text,
+        "mesh: {n_patches} patches instead would change the mean radiosity of a surface by up to {surface_mean_max:.1e} of itself (`{surface}`), \
+         that of a patch by {patches_rms:.1e} of what is reflected (root mean square)"
+    );
 }

@@ -7,24 +7,22 @@ use serde_json::json;
 use super::args::VerifyArgs;
 use super::exit_code::ExitCode;
 use super::failure::Failure;
-use super::pipeline::expect_room;
 use super::{Outcome, SCHEMA_VERSION, merge, name_width};
 use crate::printable::printable;
 use crate::render::exr::reading_byte;
 use crate::render::verify::{LayerCheck, LayerReport, VerifyError, VerifyReport, verify};
 use crate::report::{StageTimes, memory_peak_byte};
+use crate::workflow::{Memory, expect_room};
 
 pub(super) fn run(args: &VerifyArgs) -> Result<Outcome, Failure> {
     let mut times = StageTimes::default();
     // What cannot be read is told by who reads it.
+    let memory = Memory {
+        limit_byte: args.memory_limit,
+        ..Memory::default()
+    };
     if let Ok(needed) = reading_byte(&args.image) {
-        expect_room(
-            &args.image,
-            "to read it",
-            needed,
-            args.memory_limit,
-            "or render fewer pixels",
-        )?;
+        expect_room(&args.image, "to read it", needed, &memory, "or render fewer pixels")?;
     }
     let report = times.time("verify", || verify(&args.image)).map_err(|error| {
         // Errors of reading name the file themselves.

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use serde_json::json;
 
 use super::repair::repair_kind;
-use super::storage::{self, Matrix};
+use super::storage::{self, MatrixDemand};
 use super::{Context, Model, Parameter, Storage, Unsuited, Warning, WorkflowError};
 use crate::audit::Repair;
 use crate::form_factor::registry::{self, MethodEntry, Setting};
@@ -35,6 +35,28 @@ pub enum Balance {
     Off,
 }
 
+/// What follows form factors in a limited time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Afterwards {
+    /// Checks alone.
+    Nothing,
+    /// A solution.
+    Light,
+    /// A solution and a picture.
+    Picture,
+}
+
+impl Afterwards {
+    /// Returns the share of the time that form factors get, where what follows takes the rest.
+    fn share(self) -> f64 {
+        match self {
+            Self::Nothing => 0.9,
+            Self::Light => 0.7,
+            Self::Picture => 0.4,
+        }
+    }
+}
+
 /// What form factors are asked for.
 #[derive(Clone, Debug)]
 pub struct FormFactorRequest {
@@ -54,8 +76,8 @@ pub struct FormFactorRequest {
     pub balance: Balance,
     /// What is said about whether the scene is closed.
     pub closure: Closure,
-    /// The time that all may take from the beginning of the context, with the share of it that form factors get.
-    pub time_limit: Option<(Duration, f64)>,
+    /// The time that all may take from the beginning of the context: form factors get a share of it.
+    pub time_limit: Option<(Duration, Afterwards)>,
     /// Whether the plan tells of occluders and tolerance.
     pub explain: bool,
 }
@@ -180,8 +202,8 @@ impl Model {
     ) -> Result<Raw, WorkflowError> {
         let chosen_for_time;
         let request = match request.time_limit {
-            Some((limit, share)) => {
-                chosen_for_time = self.chosen_for_time(request, limit, share, cx);
+            Some((limit, afterwards)) => {
+                chosen_for_time = self.chosen_for_time(request, limit, afterwards.share(), cx);
                 &chosen_for_time
             }
             None => request,
@@ -203,14 +225,14 @@ impl Model {
             Sampling::of_pairs(has_noisy_pairs)
         };
         let kind = repair_kind(request.balance, need, sampling);
-        let matrix = Matrix {
+        let matrix = MatrixDemand {
             by_rows: chosen.by_rows,
             repaired: matches!(kind, RepairKind::Closed | RepairKind::Rescaled),
             n_entries: chosen.n_entries.unwrap_or(u64::MAX),
             n_beside: u32::from(kind == RepairKind::Pooled),
             working_byte: method.working_byte(self.mesh.n_patches()),
         };
-        let place = storage::choose(cx, self, matrix)?;
+        let place = storage::choose_storage(cx, self, matrix)?;
         storage::open_checkpoint(cx, self)?;
         let (result, forecast) = {
             let watch = cx.progress();

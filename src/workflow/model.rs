@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{Context, Warning, WorkflowError};
+use super::{Context, Memory, Warning, WorkflowError};
 use crate::form_factor::Input;
 use crate::matrix::operator::Block;
 use crate::mesh::{ContactEdges, Mesh, MeshOptions, Patch};
@@ -71,7 +71,7 @@ pub fn load(
 ) -> Result<Scene, WorkflowError> {
     // What cannot be opened is told by who reads it.
     if let Ok(needed) = reading_byte(path) {
-        expect_room(path, "to read it", needed, cx, "or split the scene")?;
+        expect_room(path, "to read it", needed, &cx.memory, "or split the scene")?;
     }
     let loaded = cx.time("scene", || load_with(path, options))?;
     for warning in loaded.warnings {
@@ -90,11 +90,11 @@ pub fn expect_room(
     file: &Path,
     what: &str,
     needed: u64,
-    cx: &Context,
+    memory: &Memory,
     remedy: &'static str,
 ) -> Result<(), WorkflowError> {
     let needed = needed.saturating_add(memory_used_byte().unwrap_or(0));
-    let limit = cx.memory.limit();
+    let limit = memory.limit();
     if needed <= limit {
         return Ok(());
     }
@@ -134,7 +134,7 @@ impl Model {
         let n_patches = Mesh::count(&contact_edges, options).map_err(refused)?;
         let what = format!("to cut it into {n_patches} patches");
         let needed = PATCH_BYTE.saturating_mul(n_patches) + FACE_BYTE * scene.faces.len() as u64;
-        expect_room(&file, &what, needed, cx, "or subdivide less")?;
+        expect_room(&file, &what, needed, &cx.memory, "or subdivide less")?;
         let mesh = cx.time("mesh", || Mesh::at_contact_edges(&contact_edges, options));
         let mesh = mesh.map_err(refused)?;
         let visibility = ray_tracer(&scene, &file, cx)?;

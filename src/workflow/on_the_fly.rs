@@ -1,7 +1,10 @@
 //! Light by form factors that are computed again in every pass.
 
 use super::solve::{Parts, solve_system};
-use super::{Context, FormFactorRequest, Known, Model, SolveRequest, Storage, Unsuited, Warning, WorkflowError};
+use super::{
+    Context, FormFactorRequest, Known, Model, SolutionStudy, SolveRequest, Storage, TotalError, Unsuited, Warning,
+    WorkflowError,
+};
 use crate::audit::Given;
 use crate::form_factor::registry::METHODS;
 use crate::form_factor::{Input, OnTheFly};
@@ -14,6 +17,23 @@ impl Model {
     /// # Errors
     /// [`Unsuited`] of a solver that needs balanced form factors and of a method of pairs, and those of [`solve_system`](Self::solve_system).
     pub fn solve_on_the_fly(
+        &mut self,
+        request: &FormFactorRequest,
+        solve: &SolveRequest,
+        indirect: bool,
+        cx: &mut Context,
+    ) -> Result<(SolutionStudy, Option<Block>), WorkflowError> {
+        let (solution, indirect) = self.unstored(request, solve, indirect, cx)?;
+        let study = SolutionStudy {
+            error: TotalError::of(self, None, &solution, cx),
+            solution,
+            carried: None,
+            mesh_error: None,
+        };
+        Ok((study, indirect))
+    }
+
+    fn unstored(
         &mut self,
         request: &FormFactorRequest,
         solve: &SolveRequest,

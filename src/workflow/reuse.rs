@@ -4,7 +4,7 @@ use serde_json::Value;
 
 use super::form_factors::{FormFactorRequest, FormFactorStudy, Promised, Raw, spent_budget};
 use super::repair::{BALANCE_TOLERANCE, repair_kind};
-use super::storage::{self, Matrix};
+use super::storage::{self, MatrixDemand};
 use super::{Context, Model, Unsuited, Warning, WorkflowError};
 use crate::audit::Repair;
 use crate::form_factor::{Computed, MethodSettings, Reciprocity, registry};
@@ -67,14 +67,14 @@ impl Model {
 
     /// Reads the form factors of the patches, for a repair of a kind.
     fn read(&mut self, file: &FormFactorFile, kind: RepairKind, cx: &mut Context) -> Result<Computed, WorkflowError> {
-        let matrix = Matrix {
+        let matrix = MatrixDemand {
             by_rows: !file.description().symmetric,
             repaired: matches!(kind, RepairKind::Closed | RepairKind::Rescaled),
             n_entries: u64::MAX,
             n_beside: u32::from(kind == RepairKind::Pooled),
             working_byte: 0,
         };
-        let chosen = storage::choose(cx, self, matrix)?;
+        let chosen = storage::choose_storage(cx, self, matrix)?;
         let read = cx.time("form_factors", || file.read_into(&self.mesh, chosen.choice()));
         let factors = read.map_err(|error| match error {
             ReportError::OtherGeometry { path } => WorkflowError::OtherGeometry {

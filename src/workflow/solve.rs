@@ -183,6 +183,23 @@ impl Model {
         self.judged(study, (&materials.0, &materials.1), solution, cx)
     }
 
+    /// Returns the light of a scene in which nothing reflects, E, with the irradiance that is not straight from the emitters, 0: no form factor is needed where direct light is found otherwise.
+    #[must_use]
+    pub fn without_reflection(&mut self, cx: &Context) -> (SolutionStudy, Block) {
+        let reason = "form factors and solver: nothing reflects, and the direct pass finds all light";
+        self.plan.left_out.push(reason.into());
+        let (_, exitance) = self.materials();
+        let dark = Block::zeros(exitance.n_rows(), exitance.n_channels());
+        let solution = Solution::without_reflection(exitance);
+        let study = SolutionStudy {
+            error: TotalError::of(self, None, &solution, cx),
+            solution,
+            carried: None,
+            mesh_error: None,
+        };
+        (study, dark)
+    }
+
     /// States the error of a solution for `reflectance` and `exitance`, ρ and E.
     ///
     /// # Errors

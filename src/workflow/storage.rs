@@ -77,28 +77,30 @@ impl Memory {
 
 /// What is known of the matrix that is to be computed or read.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Matrix {
+pub struct MatrixDemand {
     /// True if the method computes rows.
-    pub(super) by_rows: bool,
+    pub by_rows: bool,
     /// True if the rows are made symmetric then.
-    pub(super) repaired: bool,
+    pub repaired: bool,
     /// The most entries that a row can have.
-    pub(super) n_entries: u64,
+    pub n_entries: u64,
     /// How many more there are of its kind at the same time.
-    pub(super) n_beside: u32,
+    pub n_beside: u32,
     /// What the method takes beside the rows that it gives away.
-    pub(super) working_byte: u64,
+    pub working_byte: u64,
 }
 
 /// Where form factors go.
 #[derive(Clone, Debug)]
-pub(super) struct Chosen {
+pub struct ChosenStorage {
     plan: StoragePlan,
     directory: PathBuf,
 }
 
-impl Chosen {
-    pub(super) fn choice(&self) -> StorageChoice<'_> {
+impl ChosenStorage {
+    /// Returns the choice as methods take it.
+    #[must_use]
+    pub fn choice(&self) -> StorageChoice<'_> {
         let place = if self.plan.on_disk {
             Place::Disk(Scratch {
                 directory: &self.directory,
@@ -118,7 +120,10 @@ impl Chosen {
 }
 
 /// Decides where form factors go, and notes it in the plan.
-pub(super) fn choose(cx: &Context, model: &mut Model, matrix: Matrix) -> Result<Chosen, WorkflowError> {
+///
+/// # Errors
+/// [`WorkflowError::Storage`].
+pub fn choose_storage(cx: &Context, model: &mut Model, matrix: MatrixDemand) -> Result<ChosenStorage, WorkflowError> {
     let n = model.mesh.n_patches();
     let materials = model.mesh.patches.iter().map(|p| p.material.0 as usize);
     let absorption = materials.flat_map(|m| model.scene.materials[m].reflectance.map(|rho| 1.0 - rho));
@@ -165,7 +170,7 @@ pub(super) fn choose(cx: &Context, model: &mut Model, matrix: Matrix) -> Result<
         byte_text(memory.image_byte),
         byte_text(memory.used_byte),
     );
-    let chosen = Chosen { plan, directory };
+    let chosen = ChosenStorage { plan, directory };
     let choice = format!("{kind}, {}", choice_text(chosen.choice()));
     model.plan.decide("form factors", choice, reason);
     Ok(chosen)

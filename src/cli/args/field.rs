@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 
+use super::byte::parse_byte;
 use super::{CommonArgs, MeshArgs, PictureFileArgs, SequenceName, ViewArgs};
-use crate::cli::storage::parse_byte;
 
 /// How the form factor of a point is found: the methods of `form-factors` that need no patch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]

@@ -8,12 +8,16 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 
+use super::byte::parse_byte;
 use super::{AuditArgs, CommonArgs, parse_positive, parse_time, parse_up_to};
-use crate::cli::storage::parse_byte;
-use crate::form_factor::Closure;
 use crate::form_factor::registry::METHODS;
+use crate::form_factor::{Closure, ExactMethod, MethodSettings};
 use crate::geometry::sampling::Sequence;
+use crate::matrix::Precision;
 use crate::mesh::{MeshOptions, Subdivision};
+use crate::workflow::{
+    Afterwards, Balance, DEFAULT_RAYS, FormFactorRequest, Memory, PICTURE_RAYS, PICTURE_TOLERANCE, Parameter, Storage,
+};
 
 /// How faces are cut into patches.
 #[derive(Args, Clone, Copy, Debug, Default)]
@@ -96,6 +100,17 @@ pub enum BalanceName {
     Off,
 }
 
+impl From<BalanceName> for Balance {
+    fn from(name: BalanceName) -> Self {
+        match name {
+            BalanceName::Auto => Self::Auto,
+            BalanceName::On => Self::On,
+            BalanceName::Closure => Self::Closure,
+            BalanceName::Off => Self::Off,
+        }
+    }
+}
+
 /// How form factors are computed.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Form factors")]
@@ -133,6 +148,42 @@ pub struct MethodArgs {
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub closure: ClosureArgs,
+}
+
+impl MethodArgs {
+    /// Returns what is asked for: the flags, a tolerance that another flag sets, and what follows the form factors.
+    #[must_use]
+    pub fn request(&self, tolerance: Option<f64>, afterwards: Afterwards) -> FormFactorRequest {
+        let (default_rays, default_tolerance) = match afterwards {
+            Afterwards::Picture => (PICTURE_RAYS, PICTURE_TOLERANCE),
+            Afterwards::Nothing | Afterwards::Light => (DEFAULT_RAYS, ExactMethod::DEFAULT_TOLERANCE),
+        };
+        FormFactorRequest {
+            method: self.method.clone(),
+            settings: MethodSettings {
+                rays: self.rays,
+                points: self.points,
+                resolution: self.resolution,
+                normalise: self.normalise,
+                sequence: self.sequence.map(Into::into),
+                tolerance,
+                budget: self.budget,
+                seed: self.seed,
+            },
+            default_rays,
+            default_tolerance,
+            tolerance_parameter: match afterwards {
+                Afterwards::Nothing => Parameter::Tolerance,
+                Afterwards::Light | Afterwards::Picture => Parameter::FormFactorTolerance,
+            },
+            // The direct pass of a picture takes its numbers from there too.
+            is_sequence_shared: afterwards == Afterwards::Picture,
+            balance: self.balance.into(),
+            closure: self.closure.closure(),
+            time_limit: self.time_limit.map(|limit| (limit, afterwards)),
+            explain: false,
+        }
+    }
 }
 
 /// Whether the scene is closed.
@@ -204,6 +255,29 @@ pub struct MemoryArgs {
     /// The directory of the scratch file, if one is needed [default: that of the output, else the system's for temporary files]
     #[arg(long, value_name = "DIR")]
     pub scratch: Option<PathBuf>,
+}
+
+impl MemoryArgs {
+    /// Returns what form factors may take, and where.
+    #[must_use]
+    pub fn memory(&self) -> Memory {
+        Memory {
+            limit_byte: self.memory_limit,
+            storage: match self.storage {
+                StorageName::Auto => Storage::Auto,
+                StorageName::Dense => Storage::Dense,
+                StorageName::Symmetric => Storage::Symmetric,
+                StorageName::Sparse => Storage::Sparse,
+                StorageName::Disk => Storage::Disk,
+            },
+            precision: match self.precision {
+                PrecisionName::Auto => None,
+                PrecisionName::F32 => Some(Precision::F32),
+                PrecisionName::F64 => Some(Precision::F64),
+            },
+            scratch: self.scratch.clone(),
+        }
+    }
 }
 
 /// Where form factors are kept.

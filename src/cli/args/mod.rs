@@ -1,5 +1,6 @@
 //! The command line: names, defaults, help.
 
+mod byte;
 mod experiments;
 mod field;
 mod form_factors;
@@ -13,8 +14,8 @@ use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand};
 
-use super::storage::parse_byte;
 use crate::scene::Flip;
+use byte::parse_byte;
 
 pub use experiments::{CompareArgs, PaperName, ReproduceArgs, VisibilityName};
 pub use field::{FieldArgs, FieldMethodName};

@@ -8,7 +8,8 @@ use clap::{Args, ValueEnum};
 use serde::Serialize;
 
 use super::{AuditArgs, CommonArgs, MeshArgs, MethodArgs, StorageArgs, parse_positive, parse_tolerance};
-use crate::solver::{Deflate, SpectrumBounds, Start};
+use crate::solver::{Deflate, SolverSettings, SpectrumBounds, Start};
+use crate::workflow::SolveRequest;
 
 /// Reads the name of a solver; help lists those that the registry has.
 pub(super) fn solver_name() -> impl TypedValueParser<Value = String> {
@@ -66,6 +67,29 @@ pub struct SolverArgs {
     /// Add an estimate of the light still under way to the radiosities, with progressive-refinement and overshooting: for a picture after few passes
     #[arg(long)]
     pub display_ambient: bool,
+}
+
+impl SolverArgs {
+    /// Returns what is asked for.
+    #[must_use]
+    pub fn request(&self) -> SolveRequest {
+        SolveRequest {
+            solver: self.solver.clone(),
+            settings: SolverSettings {
+                omega: self.omega,
+                bounds: self.bounds.map(Into::into),
+                steps_per_pass: self.steps_per_pass,
+                display: self.display_ambient,
+                restart: self.restart,
+                deflation: self.deflation.map(Into::into),
+                depth: self.depth,
+                ..SolverSettings::default()
+            },
+            tolerance: self.tolerance,
+            max_passes: self.max_passes,
+            start: self.start.into(),
+        }
+    }
 }
 
 /// Where Chebyshev's method takes the interval of the eigenvalues from.

@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
+use super::byte::parse_byte;
 use super::solve::solver_name_without_symmetry;
 use super::{AuditArgs, ClosureArgs, CommonArgs, ImageArgs, MeshArgs, parse_positive, parse_tolerance};
-use crate::cli::storage::parse_byte;
 use crate::voxel::Form;
 
 /// What a propagation computes from.

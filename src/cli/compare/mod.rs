@@ -8,12 +8,11 @@ use std::path::PathBuf;
 use serde_json::{Value, json};
 
 use super::Outcome;
-use super::args::{CompareArgs, StorageArgs, StorageName, VisibilityName};
+use super::args::{CompareArgs, StorageName, VisibilityName};
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::output::{self, Files};
-use super::pipeline::{Prepared, Run};
-use super::storage::{self, Matrix, Storage, choice_text};
+use super::run::Run;
 use crate::experiment::statistics::Spread;
 use crate::experiment::{
     CaseSummary, CompareSettings, Comparison, Reference, ReferenceLevel, SWEEPS, StorageFigures, Sweep, compare,
@@ -24,6 +23,7 @@ use crate::mesh::Subdivision;
 use crate::report::plot::{ErrorTimePlot, PlotPoint, Ranged, Series};
 use crate::report::{Machine, load_average, png_from_svg};
 use crate::scene::{Scene, builtin};
+use crate::workflow::{Demand, MatrixDemand, Model, choice_text, choose_storage};
 use tables::{cases_table, describe, fastest_table, left_out, runs_table, setting, short_name, storage_section};
 
 /// A scene is cut so that it has at least this many patches.
@@ -60,26 +60,23 @@ pub(super) fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
         .unwrap_or_else(|| PathBuf::from(format!("compare-{name}")));
     let mut run = Run::new("compare", &args.common);
     let load_before = load_average();
-    let mut prepared = prepare(&mut run, args)?;
-    run.state_closure(&mut prepared, args.closure.closure())?;
-    run.storage = Storage {
-        args: StorageArgs {
-            memory: args.memory.clone(),
-            checkpoint: None,
-        },
-        // Scratch files go into the directory of the tables.
+    run.cx.memory = args.memory.memory();
+    let mut model = prepare(&mut run, args)?;
+    model.state_closure(args.closure.closure(), &mut run.cx)?;
+    // Scratch files go into the directory of the tables.
+    run.cx.demand = Demand {
         output: Some(directory.join("results.json")),
-        ..Storage::default()
+        ..Demand::default()
     };
-    let matrix = Matrix {
+    let matrix = MatrixDemand {
         by_rows: true,
         repaired: false,
         n_entries: u64::MAX,
         n_beside: REFERENCES,
         // No method takes more than the reference.
-        working_byte: ExactMethod::default().working_byte(prepared.mesh.n_patches()),
+        working_byte: ExactMethod::default().working_byte(model.mesh.n_patches()),
     };
-    let chosen = storage::choose(&run, &mut prepared, matrix)?;
+    let chosen = choose_storage(&run.cx, &mut model, matrix)?;
     let settings = CompareSettings {
         sweeps,
         n_seeds: args.seeds,
@@ -88,12 +85,12 @@ pub(super) fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
         storage: chosen.choice(),
     };
     output::make_directory(&directory)?;
-    run.set("seeds", args.seeds);
-    run.set("seed", args.seed);
-    run.set("time_limit_s", args.time_limit);
-    run.set("tolerance", args.tolerance);
-    run.set("visibility", json!(args.visibility));
-    run.set(
+    run.cx.set("seeds", args.seeds);
+    run.cx.set("seed", args.seed);
+    run.cx.set("time_limit_s", args.time_limit);
+    run.cx.set("tolerance", args.tolerance);
+    run.cx.set("visibility", json!(args.visibility));
+    run.cx.set(
         "methods",
         json!(settings.sweeps.iter().map(|s| s.name).collect::<Vec<_>>()),
     );
@@ -104,36 +101,36 @@ pub(super) fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
     };
     let parts: Vec<Part> = visibilities
         .iter()
-        .map(|&visibility| measure(&mut run, &prepared, &settings, visibility, args.tolerance))
+        .map(|&visibility| measure(&mut run, &model, &settings, visibility, args.tolerance))
         .collect::<Result<_, _>>()?;
     let first = &parts[0];
-    let input = input(&prepared, first.visibility);
-    let storage = run.times.time("storage", || {
-        storage_figures(input, &first.reference, settings.storage, &run.progress)
+    let input = input(&model, first.visibility);
+    let storage = run.cx.time("storage", || {
+        storage_figures(input, &first.reference, settings.storage, &run.cx.progress())
     })?;
-    run.progress.finish();
+    run.bars.finish();
     let subject = Subject {
         name: &name,
-        prepared: &prepared,
+        model: &model,
         settings: &settings,
         machine: Machine::here(),
         load_before,
     };
-    run.judge_leaking_exchange();
+    run.cx.judge_leaking_exchange();
     let report = subject.report(&parts, &storage);
-    let mut document = run.document_of(&prepared, subject.to_json(&parts, &storage));
+    let mut document = run.document_of(&model, subject.to_json(&parts, &storage));
     let mut files = vec![
         output::text("report.md", report.clone()),
         output::text("results.csv", runs_table(&parts).to_csv()),
     ];
     files.extend(subject.plots(&parts)?);
-    output::add_page(&mut files, &report, &run.settings);
+    output::add_page(&mut files, &report, &run.cx.settings);
     let names = files.iter().map(|(file, _)| file.as_str());
     document["files"] = names.chain(["results.json"]).collect();
     files.push(output::text("results.json", format!("{document:#}\n")));
     let (_, written) = output::write_all(&directory, &files)?;
     Ok(Outcome {
-        text: format!("{}{report}\n{written}\n", run.explanation(&prepared)),
+        text: format!("{}{report}\n{written}\n", run.explanation(&model)),
         document,
         code: run.judged(ExitCode::Done, false),
     })
@@ -157,7 +154,7 @@ fn sweeps(names: &[String]) -> Result<Vec<&'static Sweep>, Failure> {
 }
 
 /// Reads the scene file, or builds the built-in scene of that name where there is no such file.
-fn prepare(run: &mut Run, args: &CompareArgs) -> Result<Prepared, Failure> {
+fn prepare(run: &mut Run, args: &CompareArgs) -> Result<Model, Failure> {
     let default = |scene: &Scene| {
         let n = (PATCHES as f64 / scene.faces.len().max(1) as f64).sqrt().ceil();
         #[expect(
@@ -171,7 +168,7 @@ fn prepare(run: &mut Run, args: &CompareArgs) -> Result<Prepared, Failure> {
     if !args.scene.exists() {
         if builtin::names().any(|known| known == name) {
             let scene = builtin::build(&name, None)?.scene;
-            return run.prepare_scene(&args.scene, scene, args.mesh, args.memory.memory_limit, default);
+            return run.prepare_scene(&args.scene, scene, args.mesh, default);
         }
         let known: Vec<&str> = builtin::names().collect();
         let message = format!(
@@ -180,33 +177,39 @@ fn prepare(run: &mut Run, args: &CompareArgs) -> Result<Prepared, Failure> {
         );
         return Err(Failure::new("unreadable", message).in_file(&args.scene));
     }
-    run.prepare(&args.scene, args.mesh, args.memory.memory_limit, default)
+    run.prepare(&args.scene, args.mesh, default)
 }
 
-fn input<'a>(prepared: &'a Prepared, visibility: &str) -> Input<'a> {
+fn input<'a>(model: &'a Model, visibility: &str) -> Input<'a> {
     Input {
-        scene: &prepared.scene,
-        mesh: &prepared.mesh,
-        visibility: &prepared.visibility,
+        scene: &model.scene,
+        mesh: &model.mesh,
+        visibility: &model.visibility,
         unoccluded: visibility == "off",
     }
 }
 
 fn measure(
     run: &mut Run,
-    prepared: &Prepared,
+    model: &Model,
     settings: &CompareSettings<'_>,
     visibility: &'static str,
     tolerance: f64,
 ) -> Result<Part, Failure> {
-    let input = input(prepared, visibility);
-    let occluders = !prepared.plan.convex_and_empty;
-    let reference = run.times.time("reference", || {
-        Reference::find(input, occluders, tolerance / TIGHTER, settings.storage, &run.progress)
+    let input = input(model, visibility);
+    let occluders = !model.plan.convex_and_empty;
+    let reference = run.cx.time("reference", || {
+        Reference::find(
+            input,
+            occluders,
+            tolerance / TIGHTER,
+            settings.storage,
+            &run.cx.progress(),
+        )
     })?;
     let comparison = run
-        .times
-        .time("compare", || compare(input, &reference, settings, &run.progress))?;
+        .cx
+        .time("compare", || compare(input, &reference, settings, &run.cx.progress()))?;
     Ok(Part {
         visibility,
         reference,
@@ -217,7 +220,7 @@ fn measure(
 /// What was compared.
 struct Subject<'a> {
     name: &'a str,
-    prepared: &'a Prepared,
+    model: &'a Model,
     settings: &'a CompareSettings<'a>,
     machine: Machine,
     /// How busy the machine was before.
@@ -235,8 +238,8 @@ impl Subject<'_> {
             text,
             "{} patches on {} surfaces; every setting ran {} times, each time with a seed of its own, on {} threads, \
              interleaved with the others. Times are wall times from the patches to the stored form factors ({}).",
-            self.prepared.mesh.n_patches(),
-            self.prepared.scene.surfaces.len(),
+            self.model.mesh.n_patches(),
+            self.model.scene.surfaces.len(),
             self.settings.n_seeds,
             self.machine.n_threads,
             choice_text(self.settings.storage)
@@ -300,8 +303,8 @@ impl Subject<'_> {
         };
         json!({
             "scene": self.name,
-            "n_patches": self.prepared.mesh.n_patches(),
-            "n_surfaces": self.prepared.scene.surfaces.len(),
+            "n_patches": self.model.mesh.n_patches(),
+            "n_surfaces": self.model.scene.surfaces.len(),
             "machine": self.machine,
             "load_average_before": self.load_before,
             "comparisons": parts.iter().map(part).collect::<Vec<_>>(),
@@ -381,7 +384,7 @@ impl Subject<'_> {
             title: format!("{}: error of the form factors against run time", self.name),
             subtitle: format!(
                 "{} patches, visibility {visibility}, {} seeds, {} threads; medians; reference: {}",
-                self.prepared.mesh.n_patches(),
+                self.model.mesh.n_patches(),
                 self.settings.n_seeds,
                 self.machine.n_threads,
                 short_name(reference)

@@ -3,11 +3,11 @@
 use std::fmt::Write as _;
 
 use super::Part;
-use crate::cli::storage::place_text;
 use crate::experiment::statistics::Spread;
 use crate::experiment::{CaseSummary, Comparison, Reference, ReferenceKind, StorageFigures, sweep_by_name};
 use crate::matrix::StorageChoice;
 use crate::report::Table;
+use crate::workflow::place_text;
 
 /// Returns a setting of a method in words.
 pub(super) fn setting(method: &str, value: u64) -> String {

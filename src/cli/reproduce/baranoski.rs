@@ -25,17 +25,17 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
     };
     let mut reproduction = Reproduction::new(args)?;
     let run = &mut reproduction.run;
-    run.set("tables", json!(tables));
-    run.set("seeds", seeds);
-    run.set("seed", seed);
+    run.cx.set("tables", json!(tables));
+    run.cx.set("seeds", seeds);
+    run.cx.set("seed", seed);
     let of_form_factors: Vec<u8> = tables.iter().copied().filter(|t| *t != TABLE_OF_SOLVERS).collect();
     let cases = if tables.contains(&TABLE_OF_SOLVERS) {
-        run.times.time("solvers", || solvers::table_2(&run.progress))?
+        run.cx.time("solvers", || solvers::table_2(&run.cx.progress()))?
     } else {
         Vec::new()
     };
-    let results = run.times.time("reproduce", || {
-        baranoski::reproduce(&of_form_factors, seeds, seed, &run.progress)
+    let results = run.cx.time("reproduce", || {
+        baranoski::reproduce(&of_form_factors, seeds, seed, &run.cx.progress())
     })?;
     let inside = results.iter().all(|table| table.inside) && cases.iter().all(solvers::CaseResult::inside);
     let mut report = if of_form_factors.is_empty() {
@@ -53,7 +53,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
     let mut results_document = json!({
         "schema_version": SCHEMA_VERSION,
         "version": env!("CARGO_PKG_VERSION"),
-        "settings": run.settings,
+        "settings": run.cx.settings,
     });
     merge(&mut results_document, result.clone());
     let mut files = vec![

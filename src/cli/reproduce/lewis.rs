@@ -32,11 +32,11 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
     let level = args.level.unwrap_or(DEFAULT_LEVEL);
     let mut reproduction = Reproduction::new(args)?;
     let run = &mut reproduction.run;
-    run.set("tables", json!(tables));
-    run.set("level", level);
-    let results = run
-        .times
-        .time("reproduce", || lewis::reproduce(&tables, level, ROUNDS, &run.progress))?;
+    run.cx.set("tables", json!(tables));
+    run.cx.set("level", level);
+    let results = run.cx.time("reproduce", || {
+        lewis::reproduce(&tables, level, ROUNDS, &run.cx.progress())
+    })?;
     let inside = results.is_met();
     reproduction.finish(Findings {
         printed: report(&tables, &results, true),

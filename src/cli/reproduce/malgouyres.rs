@@ -31,10 +31,10 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
     }
     let mut reproduction = Reproduction::new(args)?;
     let run = &mut reproduction.run;
-    run.set("level", level);
+    run.cx.set("level", level);
     let results = run
-        .times
-        .time("reproduce", || malgouyres::reproduce(level, &run.progress))?;
+        .cx
+        .time("reproduce", || malgouyres::reproduce(level, &run.cx.progress()))?;
     let times = |scene: &SceneResult| {
         let of_voxels = |runs: &[VoxelRun]| runs.iter().map(|of| of.time_s).collect::<Vec<_>>();
         json!({

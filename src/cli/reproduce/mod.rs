@@ -18,7 +18,7 @@ use super::args::{PaperName, ReproduceArgs};
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::output::{self, Files};
-use super::pipeline::Run;
+use super::run::Run;
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
     match args.paper {
@@ -56,7 +56,7 @@ impl Reproduction {
         let directory = args.output.clone().unwrap_or_else(default);
         output::make_directory(&directory)?;
         let mut run = Run::new("reproduce", &args.common);
-        run.set("paper", json!(args.paper));
+        run.cx.set("paper", json!(args.paper));
         Ok(Self { run, directory })
     }
 
@@ -68,8 +68,8 @@ impl Reproduction {
             mut result,
             wrong,
         } = findings;
-        self.run.progress.finish();
-        output::add_page(&mut files, &printed, &self.run.settings);
+        self.run.bars.finish();
+        output::add_page(&mut files, &printed, &self.run.cx.settings);
         let (names, written) = output::write_all(&self.directory, &files)?;
         result["files"] = json!(names);
         if let Some(wrong) = &wrong {

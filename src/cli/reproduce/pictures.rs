@@ -30,10 +30,10 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
     }
     let mut reproduction = Reproduction::new(args)?;
     let run = &mut reproduction.run;
-    run.set("level", level);
+    run.cx.set("level", level);
     let results = run
-        .times
-        .time("reproduce", || pictures::reproduce(level, &run.progress))?;
+        .cx
+        .time("reproduce", || pictures::reproduce(level, &run.cx.progress()))?;
     let inside = results.is_met();
     let times: Vec<f64> = results.runs.iter().map(|of| of.time_s).collect();
     reproduction.finish(Findings {

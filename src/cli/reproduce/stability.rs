@@ -24,10 +24,10 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
     let mut reproduction = Reproduction::new(args)?;
     let run = &mut reproduction.run;
     let seed = args.seed.unwrap_or(0);
-    run.set("seed", seed);
-    let result = run.times.time("stability", || stability::run(seed, &run.progress))?;
+    run.cx.set("seed", seed);
+    let result = run.cx.time("stability", || stability::run(seed, &run.cx.progress()))?;
     let n_wrong = result.wrong().count();
-    let results_document = json!({"schema_version": SCHEMA_VERSION, "settings": run.settings, "result": result});
+    let results_document = json!({"schema_version": SCHEMA_VERSION, "settings": run.cx.settings, "result": result});
     let files = vec![
         output::text("report.md", report(&result, false)),
         output::text("results.csv", cells(&result).to_csv()),

@@ -3,22 +3,21 @@
 use super::super::args::{LinksName, VoxelArgs};
 use super::super::failure::Failure;
 use super::super::picture::image_byte;
-use super::super::pipeline::Prepared;
 use super::super::render;
-use super::super::storage::limit_byte;
 use super::{Format, render_settings};
 use crate::plan::{VoxelDemand, byte_text, voxel_byte};
 use crate::report::memory_used_byte;
 use crate::voxel::{DiscreteSphere, Grid, VoxelScene};
+use crate::workflow::{Memory, Model};
 
 /// Bytes of a patch of the display: its light, and what the surfels give to it.
 const PATCH_BYTE: u64 = 512;
 
 /// Refuses a resolution whose voxels alone do not fit the memory.
-pub(super) fn expect_voxels(prepared: &Prepared, args: &VoxelArgs) -> Result<(), Failure> {
-    let grid = Grid::new(&prepared.scene, args.voxels)?;
-    let needed = voxel_byte(&prepared.scene, &grid).saturating_add(memory_used_byte().unwrap_or(0));
-    let limit = limit_byte(args.memory_limit);
+pub(super) fn expect_voxels(model: &Model, args: &VoxelArgs, memory: &Memory) -> Result<(), Failure> {
+    let grid = Grid::new(&model.scene, args.voxels)?;
+    let needed = voxel_byte(&model.scene, &grid).saturating_add(memory_used_byte().unwrap_or(0));
+    let limit = memory.limit();
     if needed <= limit {
         return Ok(());
     }
@@ -35,29 +34,29 @@ pub(super) fn expect_voxels(prepared: &Prepared, args: &VoxelArgs) -> Result<(),
 
 /// Decides where the links go, and notes it in the plan.
 pub(super) fn choose_links(
-    prepared: &mut Prepared,
+    model: &mut Model,
     voxels: &VoxelScene,
     sphere: &DiscreteSphere,
     args: &VoxelArgs,
     format: Option<Format>,
+    memory: &Memory,
 ) -> Result<LinksName, Failure> {
     let demand = VoxelDemand {
         n_surfels: voxels.n_surfels(),
         n_directions: sphere.directions().len(),
-        n_channels: prepared.plan.n_channels,
+        n_channels: model.plan.n_channels,
         n_threads: rayon::current_num_threads(),
         solved: args.solver.is_some(),
         written: format == Some(Format::Vtu),
     };
     let picture = if format == Some(Format::Image) {
-        let view = render::view(&args.image.view, &args.scene, &prepared.scene)?;
+        let view = render::view(&args.image.view, &args.scene, &model.scene)?;
         let settings = render_settings(args);
-        image_byte(&view, &settings, args.memory_limit)?
-            .saturating_add(PATCH_BYTE.saturating_mul(prepared.mesh.n_patches() as u64))
+        image_byte(&view, &settings, memory)?.saturating_add(PATCH_BYTE.saturating_mul(model.mesh.n_patches() as u64))
     } else {
         0
     };
-    let limit = limit_byte(args.memory_limit);
+    let limit = memory.limit();
     let beside = memory_used_byte()
         .unwrap_or(0)
         .saturating_add(demand.vector_byte())
@@ -101,7 +100,7 @@ pub(super) fn choose_links(
         byte_text(needed),
         byte_text(limit)
     );
-    prepared.plan.decide("links", choice, size);
+    model.plan.decide("links", choice, size);
     Ok(kept)
 }
 

@@ -18,9 +18,8 @@ use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::file_set::FileSet;
 use super::picture::warn_if_blank;
-use super::pipeline::{Prepared, Run, go_on};
 use super::render::AnyView;
-use super::stated::Stated;
+use super::run::Run;
 use super::{Outcome, merge, render, solve};
 use crate::audit::{self, Given};
 use crate::matrix::operator::{Block, LinearOperator};
@@ -32,6 +31,7 @@ use crate::voxel::{
     AdaptiveSettings, DiscreteSphere, Form, Grid, Leak, LinkOperator, Links, Materials, RowWeights, SolidAngle,
     VoxelScene, onto_patches, picture, propagate, solve_adaptively,
 };
+use crate::workflow::{Model, TotalError, go_on};
 
 /// Patches of the display, in voxels: fine enough to show what the voxels resolve.
 const PATCH_VOXELS: f64 = 2.0;
@@ -69,7 +69,8 @@ fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
     // Without a picture the patches play no part.
     let without_patches = format != Some(Format::Image) && args.mesh.is_given();
     let cut_as = (format == Some(Format::Image)).then_some(args.mesh);
-    let mut prepared = run.prepare(&args.scene, cut_as, args.memory_limit, |scene| match format {
+    run.cx.memory.limit_byte = args.memory_limit;
+    let mut model = run.prepare(&args.scene, cut_as, |scene| match format {
         None | Some(Format::Vtu) => Subdivision::Uniform(1),
         Some(Format::Image) => Grid::new(scene, args.voxels).map_or(Subdivision::Uniform(1), |grid| {
             Subdivision::MaxEdge(PATCH_VOXELS * grid.voxel_size)
@@ -77,51 +78,51 @@ fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
     })?;
     if without_patches {
         let nothing = "cutting faces into patches: voxels need none, only their picture does";
-        prepared.plan.left_out.push(nothing.into());
+        model.plan.left_out.push(nothing.into());
     }
-    run.state_closure(&mut prepared, args.closure.closure())?;
-    memory::expect_voxels(&prepared, args)?;
+    model.state_closure(args.closure.closure(), &mut run.cx)?;
+    memory::expect_voxels(&model, args, &run.cx.memory)?;
     let voxels = run
-        .times
-        .time("discretise", || VoxelScene::new(&prepared.scene, args.voxels))?;
+        .cx
+        .time("discretise", || VoxelScene::new(&model.scene, args.voxels))?;
     let solid_angle = if args.exact_solid_angles {
         SolidAngle::Exact
     } else {
         SolidAngle::Centre
     };
     let sphere = DiscreteSphere::new(args.radius, solid_angle)?;
-    let kept = memory::choose_links(&mut prepared, &voxels, &sphere, args, format)?;
-    run.set("voxels", args.voxels);
-    run.set("radius", args.radius);
-    run.set("exact_solid_angles", args.exact_solid_angles);
-    run.set("unnormalised", args.unnormalised);
-    run.set("plain_emission", args.plain_emission);
-    let small = run.times.time("checks", || voxels.small_surfaces(&prepared.scene));
-    warn_of_small_surfaces(run, &prepared.scene, &small, &voxels);
-    let gaps = run.times.time("checks", || voxels.thin_gaps(&prepared.scene));
-    warn_of_gaps(run, &prepared.scene, &gaps, args.voxels);
-    let leaks = if prepared.plan.watertight {
-        run.times.time("checks", || voxels.reached_from_outside())
+    let kept = memory::choose_links(&mut model, &voxels, &sphere, args, format, &run.cx.memory)?;
+    run.cx.set("voxels", args.voxels);
+    run.cx.set("radius", args.radius);
+    run.cx.set("exact_solid_angles", args.exact_solid_angles);
+    run.cx.set("unnormalised", args.unnormalised);
+    run.cx.set("plain_emission", args.plain_emission);
+    let small = run.cx.time("checks", || voxels.small_surfaces(&model.scene));
+    warn_of_small_surfaces(run, &model.scene, &small, &voxels);
+    let gaps = run.cx.time("checks", || voxels.thin_gaps(&model.scene));
+    warn_of_gaps(run, &model.scene, &gaps, args.voxels);
+    let leaks = if model.plan.watertight {
+        run.cx.time("checks", || voxels.reached_from_outside())
     } else {
-        prepared
+        model
             .plan
             .left_out
             .push("search for leaks: the scene's faces do not close a space".into());
         Vec::new()
     };
-    warn_of_leaks(run, &prepared.scene, &voxels, &leaks);
-    let hausdorff = run.times.time("checks", || voxels.hausdorff_distance(&prepared.scene));
+    warn_of_leaks(run, &model.scene, &voxels, &leaks);
+    let hausdorff = run.cx.time("checks", || voxels.hausdorff_distance(&model.scene));
     let (solved, links) = match args.adaptive {
-        Some(tolerance) => solve_on_cells(run, &mut prepared, &voxels, &sphere, args, tolerance)?,
-        None => solve_on_voxels(run, &mut prepared, &voxels, &sphere, kept, args)?,
+        Some(tolerance) => solve_on_cells(run, &mut model, &voxels, &sphere, args, tolerance)?,
+        None => solve_on_voxels(run, &mut model, &voxels, &sphere, kept, args)?,
     };
-    warn_of_escapes(run, &links, prepared.plan.watertight);
-    run.audited(audit::sides(&solved.leak_power));
-    let materials = Materials::new(&prepared.scene, &voxels, prepared.plan.n_channels);
+    warn_of_escapes(run, &links, model.plan.watertight);
+    run.cx.audited(audit::sides(&solved.leak_power));
+    let materials = Materials::new(&model.scene, &voxels, model.plan.n_channels);
     let leak = Leak::new(&solved.leak_power, &voxels, &materials.exitance);
     warn_of_leak(run, &voxels, &leak);
-    let view = write(run, &mut prepared, &voxels, &solved, args, format)?;
-    run.progress.finish();
+    let view = write(run, &mut model, &voxels, &solved, args, format)?;
+    run.bars.finish();
 
     let code = if leak.is_too_much() {
         ExitCode::NotConverged
@@ -135,17 +136,17 @@ fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
         leak,
         hausdorff,
     };
-    let mut result = to_json(&prepared.scene, &voxels, &sphere, &links, &checked);
-    result["surfaces"] = surfaces(&prepared.scene, &voxels, &solved.radiosity);
+    let mut result = to_json(&model.scene, &voxels, &sphere, &links, &checked);
+    result["surfaces"] = surfaces(&model.scene, &voxels, &solved.radiosity);
     merge(&mut result, solved.document);
     if let Some(path) = &args.output {
         result["output"] = json!(path.display().to_string());
     }
-    let mut text = run.explanation(&prepared);
+    let mut text = run.explanation(&model);
     describe(&mut text, &voxels, &sphere, &links);
     describe_walls(&mut text, &voxels);
     let _ = writeln!(text, "{}", solved.line);
-    describe_surfaces(&mut text, &prepared.scene, &voxels, &solved.radiosity);
+    describe_surfaces(&mut text, &model.scene, &voxels, &solved.radiosity);
     run.describe_audit(&mut text);
     run.describe_times(&mut text);
     if let Some(view) = view {
@@ -156,7 +157,7 @@ fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
     }
     Ok(Outcome {
         text,
-        document: run.document_of(&prepared, result),
+        document: run.document_of(&model, result),
         code: run.judged(code, args.audit.strict),
     })
 }
@@ -184,16 +185,16 @@ fn link_file(args: &VoxelArgs) -> PathBuf {
 /// Solves with one unknown for each surfel.
 fn solve_on_voxels(
     run: &mut Run,
-    prepared: &mut Prepared,
+    model: &mut Model,
     voxels: &VoxelScene,
     sphere: &DiscreteSphere,
     kept: LinksName,
     args: &VoxelArgs,
 ) -> Result<(Solved, LinkFigures), Failure> {
     let links = find_links(run, voxels, sphere, kept, args)?;
-    run.go_on()?;
+    run.cx.go_on()?;
     let operator = LinkOperator::new(voxels, sphere, &links, row_weights(args));
-    let solved = solve_to_tolerance(run, prepared, &operator, args);
+    let solved = solve_to_tolerance(run, model, &operator, args);
     // What went wrong with the links explains whatever the solver made of it.
     if let Some(error) = links.failure() {
         return Err(error.into());
@@ -210,16 +211,16 @@ fn solve_on_voxels(
 /// Solves with one unknown for each cell, cells as fine as the light asks for.
 fn solve_on_cells(
     run: &mut Run,
-    prepared: &mut Prepared,
+    model: &mut Model,
     voxels: &VoxelScene,
     sphere: &DiscreteSphere,
     args: &VoxelArgs,
     tolerance: f64,
 ) -> Result<(Solved, LinkFigures), Failure> {
-    run.set("adaptive", tolerance);
-    run.set("coarsest", args.coarsest);
-    run.set("passes", args.passes);
-    let materials = Materials::new(&prepared.scene, voxels, prepared.plan.n_channels);
+    run.cx.set("adaptive", tolerance);
+    run.cx.set("coarsest", args.coarsest);
+    run.cx.set("passes", args.passes);
+    let materials = Materials::new(&model.scene, voxels, model.plan.n_channels);
     let settings = AdaptiveSettings {
         coarsest: args.coarsest,
         tolerance,
@@ -227,23 +228,24 @@ fn solve_on_cells(
         row_weights: row_weights(args),
     };
     let emission = emission(&materials, args);
-    let result = run.times.time("cells", || {
+    let result = run.cx.time("cells", || {
         solve_adaptively(
-            &prepared.scene,
+            &model.scene,
             voxels,
             sphere,
             &materials.reflectance,
             emission,
             &settings,
-            &run.progress,
+            &run.cx.progress(),
         )
     });
-    run.go_on()?;
+    run.cx.go_on()?;
     // The light of surfels spread over cells and back; their rows sum to 1 at most.
     let row_sums = vec![1.0; voxels.n_surfels()];
     if !args.unnormalised {
         let (b, h) = (&result.radiosity, &result.irradiance);
-        run.audited(audit::propagation(&materials.reflectance, emission, &row_sums, b, h));
+        run.cx
+            .audited(audit::propagation(&materials.reflectance, emission, &row_sums, b, h));
     }
     let n_cells = result.cells.n_cells();
     let figures = LinkFigures {
@@ -301,13 +303,13 @@ fn find_links(
 ) -> Result<Links, Failure> {
     Ok(match kept {
         LinksName::Memory | LinksName::Auto => run
-            .times
-            .time("links", || Links::in_memory(voxels, sphere, &run.progress)),
+            .cx
+            .time("links", || Links::in_memory(voxels, sphere, &run.cx.progress())),
         LinksName::Recompute => Links::recomputed(voxels, sphere),
         LinksName::Disk => {
             let path = link_file(args);
-            run.times
-                .time("links", || Links::on_disk(voxels, sphere, &path, &run.progress))?
+            run.cx
+                .time("links", || Links::on_disk(voxels, sphere, &path, &run.cx.progress()))?
         }
     })
 }
@@ -343,35 +345,35 @@ fn expect_sensible(args: &VoxelArgs, format: Option<Format>) -> Result<(), Failu
 
 fn solve_to_tolerance(
     run: &mut Run,
-    prepared: &mut Prepared,
+    model: &mut Model,
     operator: &LinkOperator<'_>,
     args: &VoxelArgs,
 ) -> Result<Solved, Failure> {
-    let materials = Materials::new(&prepared.scene, operator.scene(), prepared.plan.n_channels);
+    let materials = Materials::new(&model.scene, operator.scene(), model.plan.n_channels);
     let emission = emission(&materials, args);
     let Some(name) = args.solver.as_deref() else {
         let form: Form = args.form.into();
-        run.set("form", json!(form));
-        run.set("passes", args.passes);
-        let result = run.times.time("propagation", || {
+        run.cx.set("form", json!(form));
+        run.cx.set("passes", args.passes);
+        let result = run.cx.time("propagation", || {
             propagate(
                 operator,
                 &materials.reflectance,
                 emission,
                 form,
                 args.passes,
-                &run.progress,
+                &run.cx.progress(),
             )
         });
-        run.go_on()?;
+        run.cx.go_on()?;
         let mut row_sums = Block::zeros(operator.n_rows(), 1);
         let ones = Block::from_values(vec![1.0; operator.n_rows()], 1);
         let (b, h) = (&result.radiosity, &result.irradiance);
-        let found = run.times.time("audit", || {
+        let found = run.cx.time("audit", || {
             operator.apply(&ones, &mut row_sums);
             audit::propagation(&materials.reflectance, emission, row_sums.values(), b, h)
         });
-        run.audited(found);
+        run.cx.audited(found);
         let last = result.changes.last().copied().unwrap_or(0.0);
         let under_way = under_way(&result.changes);
         if under_way > MOST_UNDER_WAY {
@@ -392,33 +394,33 @@ fn solve_to_tolerance(
             code: ExitCode::Done,
         });
     };
-    run.set("solver", name);
-    run.set("tolerance", args.tolerance);
+    run.cx.set("solver", name);
+    run.cx.set("tolerance", args.tolerance);
     let system = RadiositySystem::new(
         operator,
         operator.scene().areas(),
         materials.reflectance.clone(),
         emission.clone(),
     )
-    .map_err(|error| refused(run, prepared, operator.scene(), error))?;
+    .map_err(|error| refused(run, model, operator.scene(), error))?;
     let options = SolveOptions {
         tolerance: Tolerance::ResidualL2(args.tolerance),
         ..SolveOptions::default()
     };
     let solver = solver::solver(name, &SolverSettings::default())?;
-    let solved = run.times.time("solve", || {
-        solver.solve(&system, &options, &mut |_| go_on(&run.progress))
+    let solved = run.cx.time("solve", || {
+        solver.solve(&system, &options, &mut |_| go_on(&run.cx.progress()))
     });
-    let solution = solved.map_err(|error| refused(run, prepared, operator.scene(), error))?;
-    run.go_on()?;
+    let solution = solved.map_err(|error| refused(run, model, operator.scene(), error))?;
+    run.cx.go_on()?;
     let given = Given {
         gain: None,
         costly: args.links == LinksName::Recompute,
     };
-    let found = run.times.time("audit", || audit::solution(&system, &solution, given))?;
-    run.audited(found);
+    let found = run.cx.time("audit", || audit::solution(&system, &solution, given))?;
+    run.cx.audited(found);
     if let Some(choice) = &solution.choice {
-        prepared.plan.decide("solver", choice.solver, choice.why.to_string());
+        model.plan.decide("solver", choice.solver, choice.why.to_string());
     }
     let converged = solution.stop_reason == StopReason::Converged;
     Ok(Solved {
@@ -432,7 +434,7 @@ fn solve_to_tolerance(
             "error_bound": solution.error_bound,
             "history": solution.history,
         }),
-        line: solve::solver_line(name, &solution, Stated::Untold),
+        line: solve::solver_line(name, &solution, TotalError::Untold),
         leak_power: operator.leak_power(&solution.radiosity),
         radiosity: materials.radiosity(&solution.irradiance),
         irradiance: solution.irradiance,
@@ -445,14 +447,15 @@ fn solve_to_tolerance(
 }
 
 /// Says of a system that a solver refuses what helps, with voxels.
-fn refused(run: &Run, prepared: &Prepared, voxels: &VoxelScene, error: SolverError) -> Failure {
+fn refused(run: &Run, model: &Model, voxels: &VoxelScene, error: SolverError) -> Failure {
     if let SolverError::NeedsRows { .. } = error {
         return Failure::usage(format!(
             "{error}, which links have that are kept: leave --links recompute out, or take auto, jacobi, chebyshev, gmres or anderson"
         ));
     }
     let face = |surfel: usize| voxels.surfels.get(surfel).map(|surfel| surfel.face.0 as usize);
-    run.refused(error, |surfel| Some(prepared.scene.faces.get(face(surfel)?)?.surface))
+    let surface = |surfel| Some(model.scene.faces.get(face(surfel)?)?.surface);
+    model.refused(error, surface, &run.cx).into()
 }
 
 fn render_settings(args: &VoxelArgs) -> RenderSettings {
@@ -468,7 +471,7 @@ fn render_settings(args: &VoxelArgs) -> RenderSettings {
 /// Writes what was asked for, and returns the view of a picture.
 fn write(
     run: &mut Run,
-    prepared: &mut Prepared,
+    model: &mut Model,
     voxels: &VoxelScene,
     solved: &Solved,
     args: &VoxelArgs,
@@ -478,11 +481,11 @@ fn write(
         return Ok(None);
     };
     if format == Format::Vtu {
-        let description = json!({"format": "radiosity voxels 1", "settings": run.settings}).to_string();
-        run.times.time("write", || {
+        let description = json!({"format": "radiosity voxels 1", "settings": run.cx.settings}).to_string();
+        run.cx.time("write", || {
             write_vtu(
                 path,
-                &prepared.scene,
+                &model.scene,
                 voxels,
                 &solved.radiosity,
                 &solved.irradiance,
@@ -491,50 +494,50 @@ fn write(
         })?;
         return Ok(None);
     }
-    let view = render::view(&args.image.view, &args.scene, &prepared.scene)?;
-    view.tell_left_out(run, prepared);
+    let view = render::view(&args.image.view, &args.scene, &model.scene)?;
+    view.tell_left_out(run, model);
     let settings = render_settings(args);
-    run.set("show_voxels", args.show_voxels);
+    run.cx.set("show_voxels", args.show_voxels);
     let image = if args.show_voxels {
-        run.times
+        run.cx
             .time("render", || picture(voxels, &solved.radiosity, view.as_view()))
     } else {
-        let irradiance = run.times.time("display", || {
-            onto_patches(voxels, &prepared.scene.faces, &prepared.mesh, &solved.irradiance)
+        let irradiance = run.cx.time("display", || {
+            onto_patches(voxels, &model.scene.faces, &model.mesh, &solved.irradiance)
         });
-        let (reflectance, exitance) = prepared.materials();
+        let (reflectance, exitance) = model.materials();
         let mut radiosity = exitance.clone();
         let terms = reflectance.values().iter().zip(irradiance.values());
         for (b, (rho, h)) in radiosity.values_mut().iter_mut().zip(terms) {
             *b += rho * h;
         }
-        run.judge_leaking_power((&reflectance, &exitance), &radiosity);
+        run.cx.judge_leaking_power((&reflectance, &exitance), &radiosity);
         let input = RenderInput {
-            scene: &prepared.scene,
-            mesh: &prepared.mesh,
-            visibility: &prepared.visibility,
+            scene: &model.scene,
+            mesh: &model.mesh,
+            visibility: &model.visibility,
             radiosity: &radiosity,
             irradiance: &irradiance,
             indirect_irradiance: None,
             error: None,
         };
-        run.times.time("render", || {
-            crate::render::render(&input, view.as_view(), &settings, &run.progress)
+        run.cx.time("render", || {
+            crate::render::render(&input, view.as_view(), &settings, &run.cx.progress())
         })?
     };
-    run.audited(audit::picture(&image));
+    run.cx.audited(audit::picture(&image));
     // A picture of the voxels themselves has other layers.
     if !args.show_voxels {
         warn_if_blank(run, &image, &view);
     }
     let attributes = Attributes::new(
-        &prepared.scene,
+        &model.scene,
         view.as_view().description(),
         settings,
-        crate::visibility::Visibility::offset(&prepared.visibility),
-        json!(run.settings),
+        crate::visibility::Visibility::offset(&model.visibility),
+        json!(run.cx.settings),
     );
-    run.times.time("write", || {
+    run.cx.time("write", || {
         exr::write(path, &image, &attributes)?;
         png::write(&path.with_extension("png"), &image)
     })?;

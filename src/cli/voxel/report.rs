@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use serde_json::{Value, json};
 
-use crate::cli::pipeline::Run;
+use crate::cli::run::Run;
 use crate::cli::{cell, name_width};
 use crate::matrix::operator::Block;
 use crate::printable::printable;

@@ -1,0 +1,279 @@
+//! A run of one command: what it was asked, what goes along with its study, and what it says at the end.
+
+use std::cell::RefCell;
+use std::fmt::Write as _;
+use std::path::Path;
+use std::sync::Arc;
+
+use serde_json::{Value, json};
+
+use super::args::{CommonArgs, MeshArgs, MethodArgs, StorageArgs};
+use super::exit_code::ExitCode;
+use super::failure::{Failure, flag};
+use super::interrupt::Interrupt;
+use super::progress::Bars;
+use super::{Outcome, SCHEMA_VERSION, merge, warn};
+use crate::mesh::{MeshOptions, Subdivision};
+use crate::printable::printable_message;
+use crate::render::MAX_PICTURE_EXITANCE;
+use crate::report::memory_peak_byte;
+use crate::scene::{Lighting, LoadOptions, Scene, SceneWarning, builtin};
+use crate::workflow::{self, Afterwards, Context, Demand, FormFactorRequest, Model, Use, Warning};
+
+/// A run of one command.
+pub(super) struct Run {
+    pub(super) command: &'static str,
+    pub(super) common: CommonArgs,
+    pub(super) cx: Context,
+    pub(super) bars: Arc<Bars>,
+    interrupt: Interrupt,
+    /// True if lightings follow once the scene is read, in which it may emit light although it does not by itself.
+    pub(super) has_lightings: bool,
+    /// What is to be said if it does not.
+    dark: Option<Warning>,
+}
+
+impl Run {
+    pub(super) fn new(command: &'static str, common: &CommonArgs) -> Self {
+        // What these do is many short runs, and none of them asks whether to go on.
+        let interrupt = Interrupt::listen(!matches!(command, "compare" | "reproduce"));
+        let bars = Arc::new(Bars::new(common.quiet, interrupt.clone()));
+        let mut cx = Context::new(Arc::clone(&bars) as _);
+        if !common.quiet {
+            let bars = Arc::clone(&bars);
+            cx = cx.on_warning(move |warning| {
+                bars.finish();
+                warn(&warning.text(&flag));
+            });
+        }
+        Self {
+            command,
+            common: common.clone(),
+            cx,
+            bars,
+            interrupt,
+            has_lightings: false,
+            dark: None,
+        }
+    }
+
+    /// Takes over what flags say of memory and checkpoint, and what is known of the work after the form factors.
+    pub(super) fn expect(&mut self, storage: &StorageArgs, demand: Demand) {
+        self.cx.memory = storage.memory.memory();
+        self.cx.checkpoint_file.clone_from(&storage.checkpoint);
+        self.cx.demand = demand;
+    }
+
+    /// Returns what is asked of form factors; `tolerance` is that of another flag.
+    pub(super) fn request(&self, method: &MethodArgs, tolerance: Option<f64>, then: Afterwards) -> FormFactorRequest {
+        FormFactorRequest {
+            explain: self.common.explain,
+            ..method.request(tolerance, then)
+        }
+    }
+
+    /// Warns of what only the program knows.
+    pub(super) fn warn(&self, message: &str) {
+        self.cx.warn(Warning::Other(message.to_owned()));
+    }
+
+    /// Reads a scene, if that stays below the limit of memory, cuts it into patches and builds the ray tracer's tree. Without arguments for patches these play no part.
+    pub(super) fn prepare(
+        &mut self,
+        path: &Path,
+        mesh_args: impl Into<Option<MeshArgs>>,
+        default: impl FnOnce(&Scene) -> Subdivision,
+    ) -> Result<Model, Failure> {
+        let name = path.to_string_lossy();
+        if !path.exists() && builtin::names().any(|known| known == name) {
+            let message = format!(
+                "{name}: no such file; `radiosity scene {name} -o {name}.obj` writes the built-in scene of that name"
+            );
+            return Err(Failure::new("unreadable", message).in_file(path));
+        }
+        let mut options = LoadOptions::default()
+            .allow_outside(self.common.allow_outside)
+            .flip(self.common.flip());
+        if self.command == "render" {
+            options = options.max_exitance(MAX_PICTURE_EXITANCE);
+        }
+        if !self.common.flip.is_empty() {
+            self.cx.set("flip", self.common.flip.clone());
+        }
+        let wants_light = !matches!(self.command, "form-factors" | "field" | "compare");
+        let dark = RefCell::new(None);
+        let scene = workflow::load(path, &options, &self.cx, |warning| {
+            let is_later = self.has_lightings && matches!(warning, SceneWarning::NoEmission { .. });
+            if is_later {
+                *dark.borrow_mut() = Some(Warning::Scene(warning.clone()));
+            }
+            wants_light && !is_later
+        })?;
+        self.dark = dark.into_inner();
+        self.prepare_scene(path, scene, mesh_args, default)
+    }
+
+    /// Cuts a scene into patches and builds the ray tracer's tree; `path` is what messages call it.
+    pub(super) fn prepare_scene(
+        &mut self,
+        path: &Path,
+        scene: Scene,
+        mesh_args: impl Into<Option<MeshArgs>>,
+        default: impl FnOnce(&Scene) -> Subdivision,
+    ) -> Result<Model, Failure> {
+        let mesh_args = mesh_args.into();
+        let default = default(&scene);
+        let options: MeshOptions = mesh_args.map_or_else(|| default.into(), |args| args.options(default));
+        match options.subdivision {
+            Subdivision::Uniform(n) => self.cx.set("subdivide", n),
+            Subdivision::MaxEdge(length) => self.cx.set("max_edge_m", length),
+        }
+        if mesh_args.is_some() {
+            self.cx.set("cut_at_walls", options.cut_at_walls);
+        }
+        let patches_for = match mesh_args {
+            None => Use::Nothing,
+            Some(_) if self.command == "field" => Use::Points,
+            Some(_) => Use::Light,
+        };
+        Ok(Model::new(scene, path, options, patches_for, &mut self.cx)?)
+    }
+
+    /// Warns of lightings in which no face emits light, each with its file; without a file it is the scene's own.
+    pub(super) fn warn_of_darkness(&mut self, model: &Model, lightings: &[(Option<&Path>, Option<&Lighting>)]) {
+        for (file, lighting) in lightings {
+            match (file, lighting) {
+                (Some(file), Some(lighting)) => model.warn_of_darkness([(*file, *lighting)], &self.cx),
+                (_, None) => {
+                    if let Some(warning) = self.dark.take() {
+                        self.cx.warn(warning);
+                    }
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// Ends the run: work that is done needs its checkpoint no more, and a failure by a signal says which signal it was and what the same
+    /// command finds when it is given again.
+    pub(super) fn ended(&mut self, result: Result<Outcome, Failure>) -> Result<Outcome, Failure> {
+        let failure = match result {
+            Ok(outcome) => {
+                if outcome.code == ExitCode::Done {
+                    self.cx.forget_checkpoint();
+                }
+                return Ok(outcome);
+            }
+            Err(failure) if failure.code != ExitCode::Interrupted => return Err(failure),
+            Err(failure) => failure,
+        };
+        self.bars.finish();
+        let kept = match self.cx.checkpoint() {
+            Some(checkpoint) => format!(
+                "{} pieces of the work are in {}, and the same command goes on from there",
+                checkpoint.n_pieces(),
+                checkpoint.path().display()
+            ),
+            None => failure.message,
+        };
+        Err(self.interrupt.failure(&kept))
+    }
+
+    /// Returns the exit code of a run that is to end with `code`: a broken law counts if the run is strict, and light that leaks.
+    pub(super) fn judged(&self, code: ExitCode, strict: bool) -> ExitCode {
+        match code {
+            _ if strict && !self.cx.audit.passed() => ExitCode::CheckFailed,
+            ExitCode::Done if self.cx.leaks.are_too_great => ExitCode::NotConverged,
+            code => code,
+        }
+    }
+
+    /// Adds the line that says how the audit went.
+    pub(super) fn describe_audit(&self, text: &mut String) {
+        let n_broken = self.cx.audit.violations().count();
+        let n = self.cx.audit.checks.len();
+        let _ = match n_broken {
+            _ if n == 0 => Ok(()),
+            0 if n == 1 => writeln!(text, "audit: 1 law of light holds"),
+            0 => writeln!(text, "audit: {n} laws of light hold"),
+            _ => writeln!(
+                text,
+                "audit: {n_broken} of {n} laws of light are BROKEN; the warnings say which"
+            ),
+        };
+    }
+
+    /// Returns the text of `--explain`, or nothing.
+    pub(super) fn explanation(&self, model: &Model) -> String {
+        let mut text = String::new();
+        if self.common.explain {
+            for decision in &model.plan.decisions {
+                let _ = writeln!(text, "{}: {} ({})", decision.subject, decision.choice, decision.reason);
+            }
+            for item in &model.plan.left_out {
+                let _ = writeln!(text, "left out: {item}");
+            }
+            for check in &self.cx.audit.checks {
+                let _ = writeln!(text, "audit: {check}");
+            }
+            for skipped in &self.cx.audit.not_checked {
+                let _ = writeln!(
+                    text,
+                    "audit: {}: not checked ({})",
+                    skipped.law.statement(),
+                    skipped.reason
+                );
+            }
+            let _ = writeln!(text);
+        }
+        text
+    }
+
+    /// Adds the line that says where the time went.
+    pub(super) fn describe_times(&self, text: &mut String) {
+        let times = self.cx.times();
+        let total = times.total_s();
+        let _ = write!(text, "{total:.2} s:");
+        for (k, (name, seconds)) in times.iter().filter(|(_, s)| *s >= 0.005 * total).enumerate() {
+            let comma = if k == 0 { "" } else { "," };
+            let _ = write!(text, "{comma} {} {seconds:.2} s", name.replace('_', " "));
+        }
+        let _ = writeln!(text);
+    }
+
+    /// Returns the parts that the document of every command has, with `result` merged in.
+    pub(super) fn document(&self, result: Value) -> Value {
+        let times = self.cx.times();
+        let warnings = self.cx.warnings();
+        let warnings = warnings.iter().map(|warning| printable_message(&warning.text(&flag)));
+        let mut document = json!({
+            "schema_version": SCHEMA_VERSION,
+            "command": self.command,
+            "version": env!("CARGO_PKG_VERSION"),
+            "settings": self.cx.settings,
+            "stages": times.to_json(),
+            "total_s": times.total_s(),
+            "memory_peak_byte": memory_peak_byte(),
+            "warnings": warnings.collect::<Vec<_>>(),
+        });
+        merge(&mut document, result);
+        document
+    }
+
+    /// Returns the document of a command that prepared a scene: with what was left out, and what was chosen.
+    pub(super) fn document_of(&self, model: &Model, result: Value) -> Value {
+        let mut document = self.document(result);
+        document["left_out"] = json!(model.plan.left_out);
+        document["n_cut_faces"] = json!(model.mesh.n_cut_faces());
+        document["light_leak"] = json!(self.cx.leaks.worst);
+        document["audit"] = json!({
+            "passed": self.cx.audit.passed(),
+            "checks": self.cx.audit.checks,
+            "not_checked": self.cx.audit.not_checked,
+        });
+        if self.common.explain {
+            document["decisions"] = json!(model.plan.decisions);
+        }
+        document
+    }
+}
