@@ -13,7 +13,7 @@ use crate::printable::printable_message;
 use crate::render::RenderError;
 use crate::report::plot::PlotError;
 use crate::report::{RasterError, ReportError};
-use crate::scene::SceneError;
+use crate::scene::{SceneError, SceneErrorKind};
 use crate::solver::SolverError;
 use crate::voxel::VoxelError;
 use crate::workflow::{Parameter, WorkflowError};
@@ -85,12 +85,12 @@ impl Failure {
 
 impl From<SceneError> for Failure {
     fn from(error: SceneError) -> Self {
-        let code = match error {
+        let code = match error.kind {
             // These name a flag's or an argument's value, and no file.
-            SceneError::UnknownBuiltin { .. }
-            | SceneError::NoLevels { .. }
-            | SceneError::LevelTooHigh { .. }
-            | SceneError::UnknownSurface { .. } => ExitCode::Usage,
+            SceneErrorKind::UnknownBuiltin { .. }
+            | SceneErrorKind::NoLevels { .. }
+            | SceneErrorKind::LevelTooHigh { .. }
+            | SceneErrorKind::UnknownSurface { .. } => ExitCode::Usage,
             _ => ExitCode::Error,
         };
         Self {

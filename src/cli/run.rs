@@ -17,7 +17,7 @@ use crate::mesh::{MeshOptions, Subdivision};
 use crate::printable::printable_message;
 use crate::render::MAX_PICTURE_EXITANCE;
 use crate::report::memory_peak_byte;
-use crate::scene::{Lighting, LoadOptions, Scene, SceneWarning, builtin};
+use crate::scene::{Lighting, LoadOptions, Scene, SceneWarningKind, builtin};
 use crate::workflow::{self, Afterwards, Context, Demand, FormFactorRequest, Model, Use, Warning};
 
 /// A run of one command.
@@ -103,7 +103,7 @@ impl Run {
         let wants_light = !matches!(self.command, "form-factors" | "field" | "compare");
         let dark = RefCell::new(None);
         let scene = workflow::load(path, &options, &self.cx, |warning| {
-            let is_later = self.has_lightings && matches!(warning, SceneWarning::NoEmission { .. });
+            let is_later = self.has_lightings && warning.kind == SceneWarningKind::NoEmission;
             if is_later {
                 *dark.borrow_mut() = Some(Warning::Scene(warning.clone()));
             }

@@ -1,7 +1,6 @@
 //! How bright and how dim light may be, so that nothing that is computed of it leaves the range of f64.
 
-use super::mtl::Definitions;
-use super::{Scene, SceneError};
+use super::{Material, Scene};
 
 /// The greatest exitance, in W·m⁻²: what is computed from more of it leaves the range of f64.
 pub const MAX_EXITANCE: f64 = 1e300;
@@ -26,29 +25,17 @@ pub(super) fn exitance_limit(area: f64, reflectance_max: f64) -> f64 {
     MAX_EXITANCE.min(MAX_LIGHT * absorbed / area.max(1.0))
 }
 
-/// Refuses materials whose faces emit too much light.
-///
-/// # Errors
-/// [`SceneError::TooBright`].
-pub(super) fn expect_no_overflow(scene: &Scene, definitions: &Definitions) -> Result<(), SceneError> {
+/// Returns a material whose faces emit too much light, its exitance and the greatest one that is possible, in W·m⁻².
+pub(super) fn too_bright(scene: &Scene) -> Option<(&Material, f64, f64)> {
     let mut areas = vec![0.0; scene.materials.len()];
     for (id, face) in scene.face_ids().zip(&scene.faces) {
         areas[face.material.0 as usize] += scene.area_vector(id).length();
     }
     let reflectance_max = scene.reflectance_max();
-    for (material, area) in scene.materials.iter().zip(areas) {
+    let all = scene.materials.iter().zip(areas).map(|(material, area)| {
         let value = material.exitance.into_iter().fold(0.0, f64::max);
-        let limit = exitance_limit(area, reflectance_max);
-        if let Some(definition) = definitions.get(&material.name)
-            && value > limit
-        {
-            return Err(SceneError::TooBright {
-                file: definition.file.clone(),
-                line: definition.exitance_line,
-                value,
-                limit,
-            });
-        }
-    }
-    Ok(())
+        (material, value, exitance_limit(area, reflectance_max))
+    });
+    let mut above = all.filter(|(_, value, limit)| value > limit);
+    above.next()
 }

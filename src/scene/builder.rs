@@ -1,15 +1,17 @@
 //! Puts a scene together: merges vertices, names surfaces, splits outlines, and refuses what no method could use.
 
 use std::collections::HashMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use glam::DVec3;
 
+use super::bright::{is_too_dim, too_bright};
 use super::cut_out::{CutOut, Refused, cut_out};
 use super::misses::Misses;
 use super::split::{Outline, split};
 use super::{
-    Corners, Face, MAX_CORNERS, MAX_FACES, Material, MaterialId, Scene, SceneError, Surface, SurfaceId, Written,
+    Corners, Face, Loaded, MAX_COORDINATE, MAX_CORNERS, MAX_FACES, MIN_EXITANCE, Material, MaterialId, Origin, Scene,
+    SceneError, SceneErrorKind, SceneWarning, SceneWarningKind, Surface, SurfaceId, Written,
 };
 use crate::geometry::polygon;
 
@@ -17,68 +19,190 @@ use crate::geometry::polygon;
 /// where the two ways to cut a quad in two differ by that, so do areas and form factors by as much as a millionth.
 const BENT: f64 = 1e-3;
 
-/// Collects faces in the order in which they are given.
-pub(super) struct Builder {
-    file: PathBuf,
-    scene: Scene,
-    misses: Misses,
-    vertex_of_position: HashMap<[u64; 3], u32>,
-    line_of_outline: HashMap<Vec<u32>, u32>,
-}
-
 /// What became of an outline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Added {
+pub enum Added {
     /// It is part of the scene.
     Faces,
-    /// It is part of the scene, and so far from flat that it matters how it was cut into triangles.
-    Bent,
     /// It has no area, and was left out.
     ZeroArea,
 }
 
-impl Builder {
-    /// Begins an empty scene; `file` is named in errors.
-    pub(super) fn new(file: &Path) -> Self {
+/// Puts a scene together from vertices, faces, surfaces and materials: the only way to a [`Scene`].
+///
+/// Every f64 of a coordinate survives, and bit-identical positions become one vertex. What is true of the faces of a file ([`load`](super::load)) is true of these.
+///
+/// ```
+/// use radiosity::scene::{Material, SceneBuilder};
+///
+/// # fn main() -> Result<(), radiosity::scene::SceneError> {
+/// let mut builder = SceneBuilder::new();
+/// let floor = builder.surface("floor")?;
+/// let grey = builder.material(Material { name: "grey".into(), reflectance: [0.5; 3], exitance: [0.0; 3] })?;
+/// let vertices = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+/// builder.faces(&vertices, &[[0, 1, 2, 3]], &[floor], &[grey])?;
+/// let scene = builder.build()?.scene;
+/// assert_eq!(scene.faces.len(), 1);
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Debug, Default)]
+pub struct SceneBuilder {
+    /// The file that errors name; `None` of a scene made in memory, whose faces have numbers in place of lines.
+    file: Option<PathBuf>,
+    scene: Scene,
+    misses: Misses,
+    vertex_of_position: HashMap<[u64; 3], u32>,
+    line_of_outline: HashMap<Vec<u32>, u32>,
+    bent: FirstAndCount,
+    without_area: FirstAndCount,
+    n_added: u32,
+}
+
+/// The first line at which something happens, and how often it does.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct FirstAndCount(pub(super) Option<(u32, usize)>);
+
+impl FirstAndCount {
+    pub(super) fn count(&mut self, line: u32) {
+        let (first, count) = self.0.unwrap_or((line, 0));
+        self.0 = Some((first, count + 1));
+    }
+}
+
+impl SceneBuilder {
+    /// Begins an empty scene in memory. Errors and warnings number its faces from 0.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Begins an empty scene of a file, which errors and warnings name.
+    #[must_use]
+    pub fn of_file(file: impl Into<PathBuf>) -> Self {
         Self {
-            file: file.to_owned(),
-            scene: Scene::default(),
-            misses: Misses::default(),
-            vertex_of_position: HashMap::new(),
-            line_of_outline: HashMap::new(),
+            file: Some(file.into()),
+            ..Self::default()
         }
     }
 
+    /// Returns the place of a face.
+    fn at(&self, line: u32) -> Origin {
+        match &self.file {
+            Some(file) => Origin::line(file, line),
+            None => in_memory(format!("face {line}")),
+        }
+    }
+
+    /// Returns the scene as a place.
+    fn whole(&self) -> Origin {
+        self.file
+            .as_ref()
+            .map_or_else(|| in_memory("the scene".to_owned()), Origin::file)
+    }
+
     /// Says how finely the coordinates are written.
-    pub(super) fn written(&mut self, written: Written) {
+    pub fn written(&mut self, written: Written) {
         self.scene.written = Some(written);
     }
 
     /// Adds a surface.
-    pub(super) fn surface(&mut self, name: impl Into<String>) -> Result<SurfaceId, SceneError> {
+    ///
+    /// # Errors
+    /// [`SceneErrorKind::TooMany`].
+    pub fn surface(&mut self, name: impl Into<String>) -> Result<SurfaceId, SceneError> {
         let id = self.id(self.scene.surfaces.len(), "surfaces")?;
         self.scene.surfaces.push(Surface { name: name.into() });
         Ok(SurfaceId(id))
     }
 
     /// Adds a material.
-    pub(super) fn material(&mut self, material: Material) -> Result<MaterialId, SceneError> {
+    ///
+    /// # Errors
+    /// [`SceneErrorKind::ReflectanceOutOfRange`], [`SceneErrorKind::ExitanceOutOfRange`], [`SceneErrorKind::TooDim`] and [`SceneErrorKind::TooMany`].
+    pub fn material(&mut self, material: Material) -> Result<MaterialId, SceneError> {
         let id = self.id(self.scene.materials.len(), "materials")?;
+        let refused = |kind| SceneError::new(in_memory(format!("material `{}`", material.name)), kind);
+        if let Some(&value) = material.reflectance.iter().find(|rho| !(0.0..=1.0).contains(*rho)) {
+            return Err(refused(SceneErrorKind::ReflectanceOutOfRange { value }));
+        }
+        if let Some(&value) = material.exitance.iter().find(|e| !(e.is_finite() && **e >= 0.0)) {
+            return Err(refused(SceneErrorKind::ExitanceOutOfRange { value }));
+        }
+        if let Some(&value) = material.exitance.iter().find(|e| is_too_dim(**e)) {
+            let limit = MIN_EXITANCE;
+            return Err(refused(SceneErrorKind::TooDim { value, limit }));
+        }
         self.scene.materials.push(material);
         Ok(MaterialId(id))
     }
 
-    /// Adds the faces of an outline.
+    /// Adds faces, each the indices of three vertices or more, counter-clockwise seen from the front; `surfaces` and `materials` have one for each face, or one for all.
     ///
     /// # Errors
-    /// An outline that crosses itself or repeats an earlier one with the same winding; too many faces.
-    pub(super) fn face(
+    /// [`SceneErrorKind::BadCoordinate`], [`SceneErrorKind::IndexOutOfRange`], [`SceneErrorKind::TooFewCorners`], those of [`face`](Self::face), and [`SceneErrorKind::NotOneEach`] of slices that do not fit.
+    pub fn faces<F: AsRef<[u32]>>(
+        &mut self,
+        vertices: &[[f64; 3]],
+        faces: &[F],
+        surfaces: &[SurfaceId],
+        materials: &[MaterialId],
+    ) -> Result<(), SceneError> {
+        for (what, n) in [("surfaces", surfaces.len()), ("materials", materials.len())] {
+            if n != 1 && n != faces.len() {
+                let n_faces = faces.len();
+                return Err(SceneError::new(
+                    self.whole(),
+                    SceneErrorKind::NotOneEach { what, n, n_faces },
+                ));
+            }
+        }
+        let is_good = |x: &f64| x.abs() <= MAX_COORDINATE;
+        for (k, vertex) in vertices.iter().enumerate() {
+            if let Some(bad) = vertex.iter().find(|x| !is_good(x)) {
+                let token = bad.to_string();
+                return Err(SceneError::new(
+                    in_memory(format!("vertex {k}")),
+                    SceneErrorKind::BadCoordinate { token },
+                ));
+            }
+        }
+        for (k, face) in faces.iter().enumerate() {
+            let (number, indices) = (self.n_added, face.as_ref());
+            let refused = |kind| SceneError::new(in_memory(format!("face {number}")), kind);
+            if indices.len() < 3 {
+                let count = indices.len();
+                return Err(refused(SceneErrorKind::TooFewCorners { count }));
+            }
+            let corner = |&index: &u32| {
+                let vertex = vertices.get(index as usize);
+                vertex.copied().map(DVec3::from).ok_or_else(|| {
+                    refused(SceneErrorKind::IndexOutOfRange {
+                        index: index.into(),
+                        n_vertices: vertices.len(),
+                    })
+                })
+            };
+            let corners = indices.iter().map(corner).collect::<Result<Vec<_>, _>>()?;
+            let of_face = |n: usize| if n == 1 { 0 } else { k };
+            let (surface, material) = (surfaces[of_face(surfaces.len())], materials[of_face(materials.len())]);
+            self.face(&corners, surface, material, number)?;
+        }
+        Ok(())
+    }
+
+    /// Adds the faces of an outline; `line` is its line in the file, or its number.
+    ///
+    /// # Errors
+    /// [`SceneErrorKind::SelfIntersecting`], [`SceneErrorKind::DuplicateFace`] of an outline that repeats an earlier one with the same winding, and [`SceneErrorKind::TooMany`].
+    pub fn face(
         &mut self,
         corners: &[DVec3],
         surface: SurfaceId,
         material: MaterialId,
         line: u32,
     ) -> Result<Added, SceneError> {
+        self.n_added += 1;
         let mut corners = corners.to_vec();
         without_repeats(&mut corners);
         self.below(corners.len().saturating_sub(1), MAX_CORNERS, "corners in one face")?;
@@ -86,22 +210,21 @@ impl Builder {
             self.misses.see(&corners, written);
         }
         let faces = match split(&corners) {
-            Outline::ZeroArea => return Ok(Added::ZeroArea),
+            Outline::ZeroArea => {
+                self.without_area.count(line);
+                return Ok(Added::ZeroArea);
+            }
             Outline::SelfIntersecting => {
-                return Err(SceneError::SelfIntersecting {
-                    file: self.file.clone(),
-                    line,
-                });
+                return Err(SceneError::new(self.at(line), SceneErrorKind::SelfIntersecting));
             }
             Outline::Faces(faces) => faces,
         };
         let vertices = corners.iter().map(|&v| self.vertex(v)).collect::<Result<Vec<_>, _>>()?;
         if let Some(&first_line) = self.line_of_outline.get(&from_least(&vertices)) {
-            return Err(SceneError::DuplicateFace {
-                file: self.file.clone(),
-                line,
-                first_line,
-            });
+            return Err(SceneError::new(
+                self.at(line),
+                SceneErrorKind::DuplicateFace { first_line },
+            ));
         }
         self.line_of_outline.insert(from_least(&vertices), line);
         let vertex_at = |i: u32| vertices[i as usize];
@@ -117,67 +240,69 @@ impl Builder {
                 line,
             });
         }
-        Ok(if is_bent(&corners) { Added::Bent } else { Added::Faces })
+        if is_bent(&corners) {
+            self.bent.count(line);
+        }
+        Ok(Added::Faces)
     }
 
     /// Ends the scene: what is drawn on larger faces is cut out of them, surfaces and materials without faces are dropped, materials take the order of their first use.
     ///
+    /// The warnings are of faces: those that are not flat, have no area, or lie on others. Whether the scene emits light is for those to say who want some.
+    ///
     /// # Errors
-    /// No face, or faces of one winding that coincide.
-    pub(super) fn finish(self) -> Result<(Scene, Option<CutOut>), SceneError> {
-        let Self {
-            file,
-            mut scene,
-            misses,
-            vertex_of_position,
-            line_of_outline,
-        } = self;
+    /// [`SceneErrorKind::NoFaces`], [`SceneErrorKind::OverlappingFaces`] and [`SceneErrorKind::TooBright`].
+    pub fn build(mut self) -> Result<Loaded, SceneError> {
         // What comes has tables of its own, and these are done with.
-        drop((vertex_of_position, line_of_outline));
-        if scene.faces.is_empty() {
-            return Err(SceneError::NoFaces { file });
+        self.vertex_of_position = HashMap::new();
+        self.line_of_outline = HashMap::new();
+        if self.scene.faces.is_empty() {
+            return Err(SceneError::new(self.whole(), SceneErrorKind::NoFaces));
         }
         // Where the digits show it there is nothing to look for; what is cut out of others misses them no more.
-        if let Some(mut written) = scene.written.filter(|written| !written.shows_rounding()) {
-            written.misses = misses.show_rounding(&scene, &written);
-            scene.written = Some(written);
+        if let Some(mut written) = self.scene.written.filter(|written| !written.shows_rounding()) {
+            written.misses = std::mem::take(&mut self.misses).show_rounding(&self.scene, &written);
+            self.scene.written = Some(written);
         }
+        let mut scene = std::mem::take(&mut self.scene);
         let cut = cut_out(&mut scene).map_err(|refused| match refused {
             Refused::Coincident(faces) => {
                 let [line, first_line] = faces.map(|face| scene.faces[face.0 as usize].line);
-                SceneError::OverlappingFaces { file, line, first_line }
+                SceneError::new(self.at(line), SceneErrorKind::OverlappingFaces { first_line })
             }
-            Refused::TooMany(what) => SceneError::TooMany {
-                file,
-                what,
-                limit: MAX_FACES,
-            },
+            Refused::TooMany(what) => {
+                let limit = MAX_FACES;
+                SceneError::new(self.whole(), SceneErrorKind::TooMany { what, limit })
+            }
         })?;
-        let mut surface_in_use = vec![false; scene.surfaces.len()];
-        for face in &scene.faces {
-            surface_in_use[face.surface.0 as usize] = true;
+        let warnings = self.warnings(cut);
+        let scene = without_unused(scene);
+        if self.file.is_none()
+            && let Some((material, value, limit)) = too_bright(&scene)
+        {
+            let at = in_memory(format!("material `{}`", material.name));
+            return Err(SceneError::new(at, SceneErrorKind::TooBright { value, limit }));
         }
-        let mut new_surface = HashMap::new();
-        let mut surfaces = Vec::new();
-        for (id, surface) in (0..).map(SurfaceId).zip(std::mem::take(&mut scene.surfaces)) {
-            if surface_in_use[id.0 as usize] {
-                new_surface.insert(id, SurfaceId(self_len(&surfaces)));
-                surfaces.push(surface);
+        Ok(Loaded { scene, warnings })
+    }
+
+    fn warnings(&self, cut: Option<CutOut>) -> Vec<SceneWarning> {
+        let mut warnings = Vec::new();
+        let mut warn = |line: u32, kind| warnings.push(SceneWarning::new(self.at(line), kind));
+        if let Some((line, count)) = self.bent.0 {
+            warn(line, SceneWarningKind::BentFaces { count });
+        }
+        if let Some((line, count)) = self.without_area.0 {
+            warn(line, SceneWarningKind::ZeroAreaFaces { count });
+        }
+        if let Some(cut) = cut {
+            let (count, area) = (cut.count, cut.area);
+            warn(cut.line, SceneWarningKind::CutFaces { count, area });
+            if let Some((line, count)) = cut.covered {
+                warn(line, SceneWarningKind::CoveredFaces { count });
             }
         }
-        let mut new_material = HashMap::new();
-        let mut materials = Vec::new();
-        for face in &mut scene.faces {
-            face.surface = new_surface[&face.surface];
-            face.material = *new_material.entry(face.material).or_insert_with(|| {
-                let id = MaterialId(self_len(&materials));
-                materials.push(scene.materials[face.material.0 as usize].clone());
-                id
-            });
-        }
-        scene.surfaces = surfaces;
-        scene.materials = materials;
-        Ok((scene, cut))
+        warnings
     }
 
     fn vertex(&mut self, position: DVec3) -> Result<u32, SceneError> {
@@ -202,12 +327,41 @@ impl Builder {
         u32::try_from(count)
             .ok()
             .filter(|n| *n < limit)
-            .ok_or_else(|| SceneError::TooMany {
-                file: self.file.clone(),
-                what,
-                limit,
-            })
+            .ok_or_else(|| SceneError::new(self.whole(), SceneErrorKind::TooMany { what, limit }))
     }
+}
+
+/// Drops surfaces and materials without faces; materials take the order of their first use.
+fn without_unused(mut scene: Scene) -> Scene {
+    let mut surface_in_use = vec![false; scene.surfaces.len()];
+    for face in &scene.faces {
+        surface_in_use[face.surface.0 as usize] = true;
+    }
+    let mut new_surface = HashMap::new();
+    let mut surfaces = Vec::new();
+    for (id, surface) in (0..).map(SurfaceId).zip(std::mem::take(&mut scene.surfaces)) {
+        if surface_in_use[id.0 as usize] {
+            new_surface.insert(id, SurfaceId(self_len(&surfaces)));
+            surfaces.push(surface);
+        }
+    }
+    let mut new_material = HashMap::new();
+    let mut materials = Vec::new();
+    for face in &mut scene.faces {
+        face.surface = new_surface[&face.surface];
+        face.material = *new_material.entry(face.material).or_insert_with(|| {
+            let id = MaterialId(self_len(&materials));
+            materials.push(scene.materials[face.material.0 as usize].clone());
+            id
+        });
+    }
+    scene.surfaces = surfaces;
+    scene.materials = materials;
+    scene
+}
+
+fn in_memory(element: String) -> Origin {
+    Origin::Memory { element }
 }
 
 /// The number of things of which there are at most as many as of those that already have a u32 id.
@@ -246,7 +400,7 @@ mod tests {
 
     #[test]
     fn the_last_id_is_the_limit_less_one() {
-        let builder = Builder::new(Path::new("big.obj"));
+        let builder = SceneBuilder::of_file("big.obj");
         let limit = MAX_FACES as usize;
         assert_eq!(builder.id(limit - 1, "faces").ok(), Some(MAX_FACES - 1));
         let error = builder.id(limit, "faces").expect_err("one too many");

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::lines::{line_after, read_text};
 use super::table::{three, three_if_given};
 use super::write::write_whole;
-use super::{SceneError, default_view};
+use super::{Origin, SceneError, SceneErrorKind, default_view};
 use crate::input_file::{self, DESCRIPTION_LIMIT};
 use crate::scene::Scene;
 
@@ -71,10 +71,15 @@ impl Camera {
     /// # Errors
     /// [`SceneError::BadCamera`], without a line: a number that is not finite, a zero vector, `up` along the direction, or an angle outside (0, 180).
     pub fn new(eye: DVec3, direction: DVec3, up: DVec3, vertical_fov: f64) -> Result<Self, SceneError> {
-        Self::checked(eye, direction, up, vertical_fov).map_err(|(key, message)| SceneError::BadCamera {
-            file: None,
-            line: None,
-            message: format!("{key}: {message}"),
+        Self::checked(eye, direction, up, vertical_fov).map_err(|(key, message)| {
+            SceneError::new(
+                Origin::Memory {
+                    element: "camera".to_owned(),
+                },
+                SceneErrorKind::BadCamera {
+                    message: format!("{key}: {message}"),
+                },
+            )
         })
     }
 
@@ -148,10 +153,8 @@ impl Camera {
         let Some(file) = Self::file_beside(scene_file) else {
             return Ok(None);
         };
-        input_file::expect_plain(&file).map_err(|source| SceneError::Unreadable {
-            file: file.clone(),
-            source,
-        })?;
+        input_file::expect_plain(&file)
+            .map_err(|source| SceneError::new(Origin::file(file.clone()), SceneErrorKind::Unreadable { source }))?;
         Self::load(file).map(Some)
     }
 
@@ -306,9 +309,5 @@ impl Camera {
 }
 
 fn bad(file: &Path, line: Option<u32>, message: String) -> SceneError {
-    SceneError::BadCamera {
-        file: Some(file.to_owned()),
-        line,
-        message,
-    }
+    SceneError::new(Origin::line(file, line), SceneErrorKind::BadCamera { message })
 }

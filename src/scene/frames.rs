@@ -8,7 +8,7 @@ use toml::Spanned;
 
 use super::lines::{line_after, read_text};
 use super::table::{Content, Table};
-use super::{Motion, MotionError, Pose, Scene, SceneError};
+use super::{Motion, MotionError, Origin, Pose, Scene, SceneError, SceneErrorKind};
 use crate::input_file::{self, DESCRIPTION_LIMIT};
 
 /// One frame as its file names it.
@@ -64,10 +64,13 @@ impl Frame {
     /// # Errors
     /// [`SceneError::BadFrames`], with the line, for a motion that the scene cannot make.
     pub fn pose(&self, file: impl AsRef<Path>, scene: &Scene) -> Result<Pose, SceneError> {
-        let refused = |line: Option<u32>, error: MotionError| SceneError::BadFrames {
-            file: file.as_ref().to_owned(),
-            line,
-            message: format!("frame `{}`: {error}", self.name),
+        let refused = |line: Option<u32>, error: MotionError| {
+            SceneError::new(
+                Origin::line(file.as_ref().to_owned(), line),
+                SceneErrorKind::BadFrames {
+                    message: format!("frame `{}`: {error}", self.name),
+                },
+            )
         };
         let mut pose = Pose::default();
         let mut placed = None;
@@ -112,10 +115,14 @@ impl Frame {
 pub fn load(file: impl AsRef<Path>) -> Result<Vec<Frame>, SceneError> {
     let file = file.as_ref();
     let text = read_text(file, DESCRIPTION_LIMIT)?;
-    let bad = |start: Option<usize>, message: String| SceneError::BadFrames {
-        file: file.to_owned(),
-        line: start.map(|start| line_after(text.get(..start).unwrap_or(&text))),
-        message,
+    let bad = |start: Option<usize>, message: String| {
+        SceneError::new(
+            Origin::line(
+                file.to_owned(),
+                start.map(|start| line_after(text.get(..start).unwrap_or(&text))),
+            ),
+            SceneErrorKind::BadFrames { message },
+        )
     };
     let parsed: FramesFile = toml::from_str(&text).map_err(|error| {
         let message = error.message().trim().replace('\n', ", ");

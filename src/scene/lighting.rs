@@ -9,7 +9,7 @@ use toml::Spanned;
 use super::bright::{MIN_EXITANCE, exitance_limit, is_too_dim};
 use super::lines::{line_after, read_text};
 use super::table::{Content, Table};
-use super::{MAX_EXITANCE, Material, MaterialId, Scene, SceneError, SurfaceId};
+use super::{MAX_EXITANCE, Material, MaterialId, Origin, Scene, SceneError, SceneErrorKind, SurfaceId};
 use crate::input_file::DESCRIPTION_LIMIT;
 use crate::printable::quoted;
 
@@ -89,10 +89,14 @@ impl Lighting {
     pub fn load_up_to(file: impl AsRef<Path>, scene: &Scene, max_exitance: f64) -> Result<Self, SceneError> {
         let file = file.as_ref();
         let text = read_text(file, DESCRIPTION_LIMIT)?;
-        let bad = |start: Option<usize>, message: String| SceneError::BadLighting {
-            file: file.to_owned(),
-            line: start.map(|start| line_after(text.get(..start).unwrap_or(&text))),
-            message,
+        let bad = |start: Option<usize>, message: String| {
+            SceneError::new(
+                Origin::line(
+                    file.to_owned(),
+                    start.map(|start| line_after(text.get(..start).unwrap_or(&text))),
+                ),
+                SceneErrorKind::BadLighting { message },
+            )
         };
         let parsed: LightingFile = toml::from_str(&text).map_err(|error| {
             let message = error.message().trim().replace('\n', ", ");

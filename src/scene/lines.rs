@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::path::Path;
 
-use super::SceneError;
+use super::{Origin, SceneError, SceneErrorKind};
 use crate::input_file;
 
 /// One statement of a file.
@@ -27,25 +27,21 @@ impl<'a> Statement<'a> {
 
 /// Reads a whole file of at most `limit` bytes as UTF-8.
 pub(super) fn read_text(file: &Path, limit: u64) -> Result<String, SceneError> {
-    let bytes = input_file::read(file, limit).map_err(|source| SceneError::Unreadable {
-        file: file.to_owned(),
-        source,
-    })?;
+    let bytes = input_file::read(file, limit)
+        .map_err(|source| SceneError::new(Origin::file(file.to_owned()), SceneErrorKind::Unreadable { source }))?;
     String::from_utf8(bytes).map_err(|error| {
         let before = &error.as_bytes()[..error.utf8_error().valid_up_to()];
-        SceneError::NotUtf8 {
-            file: file.to_owned(),
-            line: line_after(&String::from_utf8_lossy(before)),
-        }
+        SceneError::new(
+            Origin::line(file.to_owned(), line_after(&String::from_utf8_lossy(before))),
+            SceneErrorKind::NotUtf8,
+        )
     })
 }
 
 /// Reads a file as [`read_text`] does that not the user names, but another file: it must be a plain one.
 pub(super) fn read_named_text(file: &Path, limit: u64) -> Result<String, SceneError> {
-    input_file::expect_plain(file).map_err(|source| SceneError::Unreadable {
-        file: file.to_owned(),
-        source,
-    })?;
+    input_file::expect_plain(file)
+        .map_err(|source| SceneError::new(Origin::file(file.to_owned()), SceneErrorKind::Unreadable { source }))?;
     read_text(file, limit)
 }
 

@@ -38,14 +38,15 @@ mod write;
 mod written;
 
 pub use bright::{MAX_EXITANCE, MIN_EXITANCE};
+pub use builder::{Added, SceneBuilder};
 pub use camera::{Camera, IMAGE_SIDES};
-pub use error::SceneError;
+pub use error::{Origin, SceneError, SceneErrorKind};
 pub use lighting::Lighting;
 pub use motion::{Motion, MotionError, Names, Pose};
 pub(crate) use mtl::libraries_of;
 pub use obj::{DEFAULT_REFLECTANCE, Flip, LoadOptions, Loaded, load, load_with};
 pub(crate) use rounding::{SLACK_PER_CORNER, slack_of};
-pub use warning::SceneWarning;
+pub use warning::{SceneWarning, SceneWarningKind};
 pub use write::write_obj;
 pub use written::Written;
 

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use super::bright::{MIN_EXITANCE, is_too_dim};
 use super::lines::{Statement, for_each_statement, read_named_text};
 use super::obj_lines::NamedLine;
-use super::{LoadOptions, SceneError, SceneWarning};
+use super::{LoadOptions, Origin, SceneError, SceneErrorKind, SceneWarning, SceneWarningKind};
 use crate::input_file::DESCRIPTION_LIMIT;
 
 /// A material as its library defines it.
@@ -81,25 +81,23 @@ impl Definitions {
                     file
                 } else if let Some(found) = beside() {
                     let used = found.file_name().unwrap_or_default().to_string_lossy().into_owned();
-                    warnings.push(SceneWarning::LibraryElsewhere {
-                        file: own,
-                        line,
-                        name: name_there,
-                        used,
-                    });
+                    warnings.push(SceneWarning::new(
+                        Origin::line(own, line),
+                        SceneWarningKind::LibraryElsewhere { name: name_there, used },
+                    ));
                     found
                 } else if is_there {
-                    return Err(SceneError::OutsideFolder {
-                        file: own,
-                        line,
-                        name: library.name.clone(),
-                    });
+                    return Err(SceneError::new(
+                        Origin::line(own, line),
+                        SceneErrorKind::OutsideFolder {
+                            name: library.name.clone(),
+                        },
+                    ));
                 } else {
-                    warnings.push(SceneWarning::MissingLibrary {
-                        file: own,
-                        line,
-                        name: name_there,
-                    });
+                    warnings.push(SceneWarning::new(
+                        Origin::line(own, line),
+                        SceneWarningKind::MissingLibrary { name: name_there },
+                    ));
                     continue;
                 };
                 definitions.read(&file, options.max_exitance)?;
@@ -115,10 +113,8 @@ impl Definitions {
 
     fn read(&mut self, file: &Path, max_exitance: f64) -> Result<(), SceneError> {
         let scan = scan(&read_named_text(file, DESCRIPTION_LIMIT)?, file, max_exitance)?;
-        let disagree = |message: String| SceneError::Parser {
-            file: file.to_owned(),
-            message,
-        };
+        let disagree =
+            |message: String| SceneError::new(Origin::file(file.to_owned()), SceneErrorKind::Parser { message });
         let (parsed, _) =
             tobj::load_mtl_buf(&mut scan.values.as_bytes()).map_err(|error| disagree(error.to_string()))?;
         if parsed.len() != scan.materials.len() {
@@ -299,11 +295,10 @@ fn scan(text: &str, file: &Path, max_exitance: f64) -> Result<Scan, SceneError> 
     for_each_statement(text, |s| {
         match spelt(s.keyword) {
             "newmtl" if s.rest.is_empty() => {
-                return Err(SceneError::MissingName {
-                    file: file.to_owned(),
-                    line: s.line,
-                    keyword: "newmtl",
-                });
+                return Err(SceneError::new(
+                    Origin::line(file.to_owned(), s.line),
+                    SceneErrorKind::MissingName { keyword: "newmtl" },
+                ));
             }
             "newmtl" => {
                 scan.materials.push(Beside {
@@ -317,38 +312,38 @@ fn scan(text: &str, file: &Path, max_exitance: f64) -> Result<Scan, SceneError> 
             "Kd" => {
                 let value = rgb(&s, "Kd", file, &scan)?;
                 if let Some(value) = value.into_iter().find(|x| !(0.0..=1.0).contains(x)) {
-                    return Err(SceneError::ReflectanceOutOfRange {
-                        file: file.to_owned(),
-                        line: s.line,
-                        value,
-                    });
+                    return Err(SceneError::new(
+                        Origin::line(file.to_owned(), s.line),
+                        SceneErrorKind::ReflectanceOutOfRange { value },
+                    ));
                 }
                 write_rgb(&mut scan.values, "Kd", value);
             }
             "Ke" => {
                 let value = rgb(&s, "Ke", file, &scan)?;
                 if let Some(value) = value.into_iter().find(|x| !x.is_finite() || *x < 0.0) {
-                    return Err(SceneError::ExitanceOutOfRange {
-                        file: file.to_owned(),
-                        line: s.line,
-                        value,
-                    });
+                    return Err(SceneError::new(
+                        Origin::line(file.to_owned(), s.line),
+                        SceneErrorKind::ExitanceOutOfRange { value },
+                    ));
                 }
                 if let Some(value) = value.into_iter().find(|x| *x > max_exitance) {
-                    return Err(SceneError::TooBright {
-                        file: file.to_owned(),
-                        line: s.line,
-                        value,
-                        limit: max_exitance,
-                    });
+                    return Err(SceneError::new(
+                        Origin::line(file.to_owned(), s.line),
+                        SceneErrorKind::TooBright {
+                            value,
+                            limit: max_exitance,
+                        },
+                    ));
                 }
                 if let Some(value) = value.into_iter().find(|x| is_too_dim(*x)) {
-                    return Err(SceneError::TooDim {
-                        file: file.to_owned(),
-                        line: s.line,
-                        value,
-                        limit: MIN_EXITANCE,
-                    });
+                    return Err(SceneError::new(
+                        Origin::line(file.to_owned(), s.line),
+                        SceneErrorKind::TooDim {
+                            value,
+                            limit: MIN_EXITANCE,
+                        },
+                    ));
                 }
                 if let Some(material) = scan.materials.last_mut() {
                     material.exitance_line = s.line;
@@ -389,22 +384,22 @@ fn not_diffuse(s: &Statement) -> Option<&'static str> {
 /// Returns the three numbers of a `Kd` or `Ke`; one number stands for three.
 fn rgb(s: &Statement, keyword: &'static str, file: &Path, scan: &Scan) -> Result<[f64; 3], SceneError> {
     if scan.materials.is_empty() {
-        return Err(SceneError::OutsideMaterial {
-            file: file.to_owned(),
-            line: s.line,
-            keyword,
-        });
+        return Err(SceneError::new(
+            Origin::line(file.to_owned(), s.line),
+            SceneErrorKind::OutsideMaterial { keyword },
+        ));
     }
     let numbers: Option<Vec<f64>> = s.words().map(|word| word.parse().ok()).collect();
     match numbers.as_deref() {
         Some(&[grey]) => Ok([grey; 3]),
         Some(&[r, g, b]) => Ok([r, g, b]),
-        _ => Err(SceneError::BadMaterialValue {
-            file: file.to_owned(),
-            line: s.line,
-            keyword,
-            value: s.words().collect::<Vec<_>>().join(" "),
-        }),
+        _ => Err(SceneError::new(
+            Origin::line(file.to_owned(), s.line),
+            SceneErrorKind::BadMaterialValue {
+                keyword,
+                value: s.words().collect::<Vec<_>>().join(" "),
+            },
+        )),
     }
 }
 

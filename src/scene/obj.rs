@@ -6,12 +6,12 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::bright::{MAX_EXITANCE, expect_no_overflow};
-use super::builder::{Added, Builder};
+use super::bright::{MAX_EXITANCE, too_bright};
+use super::builder::{Added, FirstAndCount, SceneBuilder};
 use super::lines::read_text;
 use super::mtl::{Definition, Definitions};
 use super::obj_lines::{ObjIndex, Unread, scan};
-use super::{Material, MaterialId, Scene, SceneError, SceneWarning};
+use super::{Material, MaterialId, Origin, Scene, SceneError, SceneErrorKind, SceneWarning, SceneWarningKind};
 
 /// A scene from a file, and what was doubtful about it.
 #[derive(Clone, Debug)]
@@ -130,13 +130,21 @@ pub fn load_with(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Loaded
         index: &index,
         definitions: &definitions,
         flipped: flipped(&index, file, &options.flip)?,
-        builder: Builder::new(file),
+        builder: SceneBuilder::of_file(file),
         warnings: &mut warnings,
     }
     .assemble(&outlines)?;
-    expect_no_overflow(&scene, &definitions)?;
+    if let Some((material, value, limit)) = too_bright(&scene)
+        && let Some(definition) = definitions.get(&material.name)
+    {
+        let at = Origin::line(definition.file.clone(), definition.exitance_line);
+        return Err(SceneError::new(at, SceneErrorKind::TooBright { value, limit }));
+    }
     if !scene.is_emitting() {
-        warnings.push(SceneWarning::NoEmission { file: file.to_owned() });
+        warnings.push(SceneWarning::new(
+            Origin::file(file.to_owned()),
+            SceneWarningKind::NoEmission,
+        ));
     }
     Ok(Loaded { scene, warnings })
 }
@@ -151,11 +159,13 @@ fn flipped(index: &ObjIndex, file: &Path, flip: &Flip) -> Result<Vec<bool>, Scen
     if let Some(name) = names.iter().find(|name| !index.groups.contains(name)) {
         const SHOWN: usize = 12;
         let known: Vec<&str> = index.groups.iter().map(String::as_str).take(SHOWN).collect();
-        return Err(SceneError::UnknownSurface {
-            file: file.to_owned(),
-            name: name.clone(),
-            known: known.join("`, `"),
-        });
+        return Err(SceneError::new(
+            Origin::file(file.to_owned()),
+            SceneErrorKind::UnknownSurface {
+                name: name.clone(),
+                known: known.join("`, `"),
+            },
+        ));
     }
     Ok(index.groups.iter().map(|group| names.contains(group)).collect())
 }
@@ -163,15 +173,15 @@ fn flipped(index: &ObjIndex, file: &Path, flip: &Flip) -> Result<Vec<bool>, Scen
 /// Returns the warning about statements that were not read, or not as they are written.
 fn unread(file: &Path, what: Unread, line: u32, count: usize) -> SceneWarning {
     let file = file.to_owned();
-    let skipped = |in_words| SceneWarning::SkippedStatements {
-        file: file.clone(),
-        line,
-        count,
-        what: in_words,
+    let skipped = |in_words| {
+        SceneWarning::new(
+            Origin::line(file.clone(), line),
+            SceneWarningKind::SkippedStatements { count, what: in_words },
+        )
     };
     match what {
-        Unread::NamelessLibrary => SceneWarning::NamelessLibrary { file, line },
-        Unread::Capitals => SceneWarning::Capitals { file, line, count },
+        Unread::NamelessLibrary => SceneWarning::new(Origin::line(file, line), SceneWarningKind::NamelessLibrary),
+        Unread::Capitals => SceneWarning::new(Origin::line(file, line), SceneWarningKind::Capitals { count }),
         Unread::LinesAndPoints => skipped("lines or points"),
         Unread::FreeForm => skipped("free-form curves or surfaces"),
         Unread::Calls => skipped("calls of other files or programs"),
@@ -188,10 +198,8 @@ struct Outlines {
 
 impl Outlines {
     fn parse(index: &ObjIndex, file: &Path) -> Result<Self, SceneError> {
-        let disagree = |message: String| SceneError::Parser {
-            file: file.to_owned(),
-            message,
-        };
+        let disagree =
+            |message: String| SceneError::new(Origin::file(file.to_owned()), SceneErrorKind::Parser { message });
         let options = tobj::LoadOptions::default();
         let (models, _) = tobj::load_obj_buf(&mut index.geometry.as_bytes(), &options, |_| {
             Err(tobj::LoadError::OpenFileFailed)
@@ -240,7 +248,7 @@ struct Assembly<'a> {
     definitions: &'a Definitions,
     /// Whether the faces of each group are reversed.
     flipped: Vec<bool>,
-    builder: Builder,
+    builder: SceneBuilder,
     warnings: &'a mut Vec<SceneWarning>,
 }
 
@@ -255,8 +263,6 @@ impl Assembly<'_> {
             .collect::<Result<Vec<_>, _>>()?;
         let mut materials: HashMap<Option<usize>, MaterialId> = HashMap::new();
         let mut in_use = HashSet::new();
-        let mut without_area = FirstAndCount::default();
-        let mut bent = FirstAndCount::default();
         let mut without_material = FirstAndCount::default();
         for (face, corners) in index.faces.iter().zip(outlines.iter()) {
             let material = match materials.entry(face.material) {
@@ -270,13 +276,8 @@ impl Assembly<'_> {
             } else {
                 corners
             };
-            match self.builder.face(corners, surfaces[face.group], material, face.line)? {
-                Added::Faces => {}
-                Added::Bent => bent.count(face.line),
-                Added::ZeroArea => {
-                    without_area.count(face.line);
-                    continue;
-                }
+            if self.builder.face(corners, surfaces[face.group], material, face.line)? == Added::ZeroArea {
+                continue;
             }
             if face.material.is_none() {
                 without_material.count(face.line);
@@ -286,42 +287,13 @@ impl Assembly<'_> {
             }
         }
         if let Some((line, count)) = without_material.0 {
-            self.warnings.push(SceneWarning::NoMaterial {
-                file: self.file.to_owned(),
-                line,
-                count,
-            });
+            self.warnings.push(SceneWarning::new(
+                Origin::line(self.file.to_owned(), line),
+                SceneWarningKind::NoMaterial { count },
+            ));
         }
-        if let Some((line, count)) = bent.0 {
-            self.warnings.push(SceneWarning::BentFaces {
-                file: self.file.to_owned(),
-                line,
-                count,
-            });
-        }
-        if let Some((line, count)) = without_area.0 {
-            self.warnings.push(SceneWarning::ZeroAreaFaces {
-                file: self.file.to_owned(),
-                line,
-                count,
-            });
-        }
-        let (scene, cut) = self.builder.finish()?;
-        if let Some(cut) = cut {
-            self.warnings.push(SceneWarning::CutFaces {
-                file: self.file.to_owned(),
-                line: cut.line,
-                count: cut.count,
-                area: cut.area,
-            });
-            if let Some((line, count)) = cut.covered {
-                self.warnings.push(SceneWarning::CoveredFaces {
-                    file: self.file.to_owned(),
-                    line,
-                    count,
-                });
-            }
-        }
+        let Loaded { scene, warnings } = self.builder.build()?;
+        self.warnings.extend(warnings);
         Ok(scene)
     }
 
@@ -352,61 +324,43 @@ impl Assembly<'_> {
         };
         let name = || named.name.clone();
         let Some(definition) = self.definitions.get(&named.name) else {
-            self.warnings.push(SceneWarning::UnknownMaterial {
-                file: self.file.to_owned(),
-                line: named.line,
-                name: name(),
-            });
+            self.warnings.push(SceneWarning::new(
+                Origin::line(self.file.to_owned(), named.line),
+                SceneWarningKind::UnknownMaterial { name: name() },
+            ));
             return;
         };
         let Definition { file, line, .. } = definition;
         if definition.repeated {
-            self.warnings.push(SceneWarning::RepeatedMaterial {
-                file: file.clone(),
-                line: *line,
-                name: name(),
-            });
+            self.warnings.push(SceneWarning::new(
+                Origin::line(file.clone(), *line),
+                SceneWarningKind::RepeatedMaterial { name: name() },
+            ));
         }
         if definition.reflectance.is_none() {
-            self.warnings.push(SceneWarning::MissingReflectance {
-                file: file.clone(),
-                line: *line,
-                name: name(),
-            });
+            self.warnings.push(SceneWarning::new(
+                Origin::line(file.clone(), *line),
+                SceneWarningKind::MissingReflectance { name: name() },
+            ));
         }
         if let Some((texture_line, keyword)) = definition.texture {
-            self.warnings.push(SceneWarning::IgnoredTexture {
-                file: file.clone(),
-                line: texture_line,
-                keyword,
-                name: name(),
-            });
+            self.warnings.push(SceneWarning::new(
+                Origin::line(file.clone(), texture_line),
+                SceneWarningKind::IgnoredTexture { keyword, name: name() },
+            ));
         }
         if let Some((not_diffuse_line, keyword)) = definition.not_diffuse {
-            let told = self.warnings.iter_mut().find_map(|warning| match warning {
-                SceneWarning::NotDiffuse { count, .. } => Some(count),
+            let told = self.warnings.iter_mut().find_map(|warning| match &mut warning.kind {
+                SceneWarningKind::NotDiffuse { count, .. } => Some(count),
                 _ => None,
             });
             match told {
                 Some(count) => *count += 1,
-                None => self.warnings.push(SceneWarning::NotDiffuse {
-                    file: file.clone(),
-                    line: not_diffuse_line,
-                    keyword,
-                    count: 1,
-                }),
+                None => self.warnings.push(SceneWarning::new(
+                    Origin::line(file.clone(), not_diffuse_line),
+                    SceneWarningKind::NotDiffuse { keyword, count: 1 },
+                )),
             }
         }
-    }
-}
-
-/// The first line at which something happens, and how often it does.
-#[derive(Default)]
-struct FirstAndCount(Option<(u32, usize)>);
-
-impl FirstAndCount {
-    fn count(&mut self, line: u32) {
-        let (first, count) = self.0.unwrap_or((line, 0));
-        self.0 = Some((first, count + 1));
     }
 }

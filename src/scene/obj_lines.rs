@@ -10,7 +10,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use super::lines::{Statement, for_each_statement};
-use super::{MAX_COORDINATE, SceneError, Written};
+use super::{MAX_COORDINATE, Origin, SceneError, SceneErrorKind, Written};
 
 /// One `f` statement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -195,20 +195,20 @@ impl Scan<'_> {
         // What follows the third coordinate is a weight for curves, or a colour.
         let tokens: Vec<&str> = s.words().take(3).collect();
         let [x, y, z] = tokens[..] else {
-            return Err(SceneError::MissingCoordinate {
-                file: self.file.to_owned(),
-                line: s.line,
-                count: tokens.len(),
-            });
+            return Err(SceneError::new(
+                Origin::line(self.file.to_owned(), s.line),
+                SceneErrorKind::MissingCoordinate { count: tokens.len() },
+            ));
         };
         for token in [x, y, z] {
             // A NaN is within no range.
             if !token.parse::<f64>().is_ok_and(|value| value.abs() <= MAX_COORDINATE) {
-                return Err(SceneError::BadCoordinate {
-                    file: self.file.to_owned(),
-                    line: s.line,
-                    token: token.to_owned(),
-                });
+                return Err(SceneError::new(
+                    Origin::line(self.file.to_owned(), s.line),
+                    SceneErrorKind::BadCoordinate {
+                        token: token.to_owned(),
+                    },
+                ));
             }
             self.index.written.see(token);
         }
@@ -227,11 +227,10 @@ impl Scan<'_> {
         }
         self.index.geometry.push('\n');
         if count < 3 {
-            return Err(SceneError::TooFewCorners {
-                file: self.file.to_owned(),
-                line: s.line,
-                count,
-            });
+            return Err(SceneError::new(
+                Origin::line(self.file.to_owned(), s.line),
+                SceneErrorKind::TooFewCorners { count },
+            ));
         }
         let group = match self.group {
             Some(group) => group,
@@ -252,10 +251,13 @@ impl Scan<'_> {
     /// Returns the vertex of `12`, `12/3`, `12//4`, `12/3/4` or `-1`, counted from 1.
     fn vertex_number(&self, line: u32, token: &str) -> Result<usize, SceneError> {
         let digits = token.split('/').next().unwrap_or(token);
-        let index: i64 = digits.parse().map_err(|_| SceneError::BadIndex {
-            file: self.file.to_owned(),
-            line,
-            token: token.to_owned(),
+        let index: i64 = digits.parse().map_err(|_| {
+            SceneError::new(
+                Origin::line(self.file.to_owned(), line),
+                SceneErrorKind::BadIndex {
+                    token: token.to_owned(),
+                },
+            )
         })?;
         let magnitude = usize::try_from(index.unsigned_abs()).unwrap_or(usize::MAX);
         let number = if index < 0 {
@@ -266,11 +268,14 @@ impl Scan<'_> {
         };
         number
             .filter(|number| (1..=self.n_vertices).contains(number))
-            .ok_or_else(|| SceneError::IndexOutOfRange {
-                file: self.file.to_owned(),
-                line,
-                index,
-                n_vertices: self.n_vertices,
+            .ok_or_else(|| {
+                SceneError::new(
+                    Origin::line(self.file.to_owned(), line),
+                    SceneErrorKind::IndexOutOfRange {
+                        index,
+                        n_vertices: self.n_vertices,
+                    },
+                )
             })
     }
 
@@ -310,11 +315,10 @@ impl Scan<'_> {
 
     fn name_of(&self, s: &Statement, keyword: &'static str) -> Result<String, SceneError> {
         if s.rest.is_empty() {
-            return Err(SceneError::MissingName {
-                file: self.file.to_owned(),
-                line: s.line,
-                keyword,
-            });
+            return Err(SceneError::new(
+                Origin::line(self.file.to_owned(), s.line),
+                SceneErrorKind::MissingName { keyword },
+            ));
         }
         Ok(s.rest.to_owned())
     }

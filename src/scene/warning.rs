@@ -1,40 +1,37 @@
 //! What a scene leaves open, and how it was filled: the scene is usable, but perhaps not what was meant.
 
 use std::fmt;
-use std::path::{Path, PathBuf};
 
+use super::Origin;
 use crate::printable::{counted, quoted, short};
 
-/// A doubt about a scene that was loaded.
+/// A doubt about a scene that was loaded, with its place.
 ///
-/// Each kind is told once per cause, with the first line and a count, not once per face.
+/// Each kind is told once per cause, with the first place and a count, not once per face.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SceneWarning {
+    /// Where; of several places the first.
+    pub at: Origin,
+    /// What.
+    pub kind: SceneWarningKind,
+}
+
+/// What is doubtful about a scene.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
-pub enum SceneWarning {
+pub enum SceneWarningKind {
     /// Faces without an area were skipped.
     ZeroAreaFaces {
-        /// The scene file.
-        file: PathBuf,
-        /// The line of the first one.
-        line: u32,
         /// How many there are.
         count: usize,
     },
     /// Faces of four corners or more are not flat, and were cut into triangles.
     BentFaces {
-        /// The scene file.
-        file: PathBuf,
-        /// The line of the first one.
-        line: u32,
         /// How many there are.
         count: usize,
     },
     /// Faces are drawn on larger ones in their plane, as doors on a wall, and were cut out of these.
     CutFaces {
-        /// The scene file.
-        file: PathBuf,
-        /// The line of the first face that is drawn on another.
-        line: u32,
         /// How many are.
         count: usize,
         /// The area that the larger faces lost, in m².
@@ -42,19 +39,11 @@ pub enum SceneWarning {
     },
     /// Faces were cut away as a whole: smaller ones in their plane cover them.
     CoveredFaces {
-        /// The scene file.
-        file: PathBuf,
-        /// The line of the first one.
-        line: u32,
         /// How many there are.
         count: usize,
     },
     /// Statements of one kind were skipped.
     SkippedStatements {
-        /// The scene file.
-        file: PathBuf,
-        /// The line of the first one.
-        line: u32,
         /// How many there are.
         count: usize,
         /// What they are, in the plural.
@@ -62,26 +51,13 @@ pub enum SceneWarning {
     },
     /// Keywords in capitals were read as if they were in small letters.
     Capitals {
-        /// The scene file.
-        file: PathBuf,
-        /// The line of the first one.
-        line: u32,
         /// How many there are.
         count: usize,
     },
     /// A `mtllib` names no library.
-    NamelessLibrary {
-        /// The scene file.
-        file: PathBuf,
-        /// The line of the first `mtllib` without a name.
-        line: u32,
-    },
+    NamelessLibrary,
     /// A material library is not where the scene file says: a file of its name beside the scene was read.
     LibraryElsewhere {
-        /// The scene file.
-        file: PathBuf,
-        /// The line of the `mtllib`.
-        line: u32,
         /// The name in the file.
         name: String,
         /// The name of the file that was read.
@@ -89,55 +65,31 @@ pub enum SceneWarning {
     },
     /// A material library does not exist.
     MissingLibrary {
-        /// The scene file.
-        file: PathBuf,
-        /// The line of the `mtllib`.
-        line: u32,
         /// The name in the file.
         name: String,
     },
     /// A `usemtl` names a material that no library defines: reflectance 0.5, exitance 0.
     UnknownMaterial {
-        /// The scene file.
-        file: PathBuf,
-        /// The line of the first such `usemtl`.
-        line: u32,
         /// The material's name.
         name: String,
     },
     /// Faces have no material: reflectance 0.5, exitance 0.
     NoMaterial {
-        /// The scene file.
-        file: PathBuf,
-        /// The line of the first one.
-        line: u32,
         /// How many there are.
         count: usize,
     },
     /// A material in use has no `Kd`: reflectance 0.5.
     MissingReflectance {
-        /// The material file.
-        file: PathBuf,
-        /// The line of its `newmtl`.
-        line: u32,
         /// The material's name.
         name: String,
     },
     /// A material in use is defined twice: the last definition counts.
     RepeatedMaterial {
-        /// The material file of the last definition.
-        file: PathBuf,
-        /// The line of its `newmtl`.
-        line: u32,
         /// The material's name.
         name: String,
     },
     /// A material in use has a texture, which is not read: its `Kd` or `Ke` counts.
     IgnoredTexture {
-        /// The material file.
-        file: PathBuf,
-        /// The line of the texture.
-        line: u32,
         /// What counts in its place.
         keyword: &'static str,
         /// The material's name.
@@ -145,26 +97,33 @@ pub enum SceneWarning {
     },
     /// Materials in use mirror light or let it through (`Ks`, `d`, `Tr`), which is not used.
     NotDiffuse {
-        /// The material file of the first one.
-        file: PathBuf,
-        /// The line that says so.
-        line: u32,
         /// The keyword of that line.
         keyword: &'static str,
         /// How many materials there are.
         count: usize,
     },
     /// No face emits light.
-    NoEmission {
-        /// The scene file.
-        file: PathBuf,
-    },
+    NoEmission,
 }
 
 impl SceneWarning {
+    /// Returns a warning about a place.
+    #[must_use]
+    pub fn new(at: Origin, kind: SceneWarningKind) -> Self {
+        Self { at, kind }
+    }
+}
+
+impl fmt::Display for SceneWarning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}{}", self.at, self.kind)
+    }
+}
+
+impl SceneWarningKind {
     /// Returns a stable name of the kind of warning, in snake case, for programs.
     #[must_use]
-    pub fn kind(&self) -> &'static str {
+    pub fn name(&self) -> &'static str {
         match self {
             Self::ZeroAreaFaces { .. } => "zero_area_faces",
             Self::BentFaces { .. } => "bent_faces",
@@ -172,7 +131,7 @@ impl SceneWarning {
             Self::CoveredFaces { .. } => "covered_faces",
             Self::SkippedStatements { .. } => "skipped_statements",
             Self::Capitals { .. } => "capitals",
-            Self::NamelessLibrary { .. } => "nameless_library",
+            Self::NamelessLibrary => "nameless_library",
             Self::LibraryElsewhere { .. } => "library_elsewhere",
             Self::MissingLibrary { .. } => "missing_library",
             Self::UnknownMaterial { .. } => "unknown_material",
@@ -181,7 +140,7 @@ impl SceneWarning {
             Self::RepeatedMaterial { .. } => "repeated_material",
             Self::IgnoredTexture { .. } => "ignored_texture",
             Self::NotDiffuse { .. } => "not_diffuse",
-            Self::NoEmission { .. } => "no_emission",
+            Self::NoEmission => "no_emission",
         }
     }
 
@@ -196,106 +155,60 @@ impl SceneWarning {
                 | Self::CoveredFaces { .. }
                 | Self::SkippedStatements { .. }
                 | Self::Capitals { .. }
-                | Self::NamelessLibrary { .. }
+                | Self::NamelessLibrary
                 | Self::LibraryElsewhere { .. }
                 | Self::MissingLibrary { .. }
         )
     }
-
-    /// Returns the file that the warning is about.
-    #[must_use]
-    pub fn file(&self) -> &Path {
-        match self {
-            Self::ZeroAreaFaces { file, .. }
-            | Self::BentFaces { file, .. }
-            | Self::CutFaces { file, .. }
-            | Self::CoveredFaces { file, .. }
-            | Self::SkippedStatements { file, .. }
-            | Self::Capitals { file, .. }
-            | Self::NamelessLibrary { file, .. }
-            | Self::LibraryElsewhere { file, .. }
-            | Self::MissingLibrary { file, .. }
-            | Self::UnknownMaterial { file, .. }
-            | Self::NoMaterial { file, .. }
-            | Self::MissingReflectance { file, .. }
-            | Self::RepeatedMaterial { file, .. }
-            | Self::IgnoredTexture { file, .. }
-            | Self::NotDiffuse { file, .. }
-            | Self::NoEmission { file } => file,
-        }
-    }
-
-    /// Returns the line that the warning is about, counted from 1, or `None` if it is about the whole file.
-    #[must_use]
-    pub fn line(&self) -> Option<u32> {
-        match self {
-            Self::ZeroAreaFaces { line, .. }
-            | Self::BentFaces { line, .. }
-            | Self::CutFaces { line, .. }
-            | Self::CoveredFaces { line, .. }
-            | Self::SkippedStatements { line, .. }
-            | Self::Capitals { line, .. }
-            | Self::NamelessLibrary { line, .. }
-            | Self::LibraryElsewhere { line, .. }
-            | Self::MissingLibrary { line, .. }
-            | Self::UnknownMaterial { line, .. }
-            | Self::NoMaterial { line, .. }
-            | Self::MissingReflectance { line, .. }
-            | Self::RepeatedMaterial { line, .. }
-            | Self::IgnoredTexture { line, .. }
-            | Self::NotDiffuse { line, .. } => Some(*line),
-            Self::NoEmission { .. } => None,
-        }
-    }
 }
 
-impl SceneWarning {
-    /// Writes what is not about light and materials, without its place.
+impl SceneWarningKind {
+    /// Writes what is not about light and materials.
     fn fmt_of_geometry(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::ZeroAreaFaces { count: 1, .. } => write!(f, ": a face without an area is skipped"),
+            Self::ZeroAreaFaces { count: 1, .. } => write!(f, "a face without an area is skipped"),
             Self::ZeroAreaFaces { count, .. } => {
-                write!(f, ": {count} faces without an area are skipped, this is the first")
+                write!(f, "{count} faces without an area are skipped, this is the first")
             }
             Self::BentFaces { count: 1, .. } => {
                 write!(
                     f,
-                    ": a face is not flat; it is cut into triangles, which may not be those that were meant"
+                    "a face is not flat; it is cut into triangles, which may not be those that were meant"
                 )
             }
             Self::BentFaces { count, .. } => {
                 write!(
                     f,
-                    ": {count} faces are not flat, this is the first; they are cut into triangles, which may not be those that were meant"
+                    "{count} faces are not flat, this is the first; they are cut into triangles, which may not be those that were meant"
                 )
             }
             Self::CutFaces { count: 1, area, .. } => {
                 write!(
                     f,
-                    ": a face lies on larger ones in its plane and is cut out of them, {} m² in all",
+                    "a face lies on larger ones in its plane and is cut out of them, {} m² in all",
                     short_area(*area)
                 )
             }
             Self::CutFaces { count, area, .. } => write!(
                 f,
-                ": {count} faces lie on larger ones in their plane, this is the first; they are cut out of these, {} m² in all",
+                "{count} faces lie on larger ones in their plane, this is the first; they are cut out of these, {} m² in all",
                 short_area(*area)
             ),
             Self::CoveredFaces { count: 1, .. } => {
-                write!(f, ": smaller faces in its plane cover this face, which is left out")
+                write!(f, "smaller faces in its plane cover this face, which is left out")
             }
             Self::CoveredFaces { count, .. } => write!(
                 f,
-                ": smaller faces in their plane cover {count} faces, which are left out; this is the first"
+                "smaller faces in their plane cover {count} faces, which are left out; this is the first"
             ),
             Self::SkippedStatements { count, what, .. } => write!(
                 f,
-                ": {} skipped, of which this is the first: {what} are not read; export them as faces (`f`)",
+                "{} skipped, of which this is the first: {what} are not read; export them as faces (`f`)",
                 counted(*count, "statement")
             ),
             Self::Capitals { count, .. } => write!(
                 f,
-                ": {} in capitals, of which this is the first, read as in small letters",
+                "{} in capitals, of which this is the first, read as in small letters",
                 counted(*count, "keyword")
             ),
             _ => Ok(()),
@@ -303,12 +216,8 @@ impl SceneWarning {
     }
 }
 
-impl fmt::Display for SceneWarning {
+impl fmt::Display for SceneWarningKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}", self.file().display())?;
-        if let Some(line) = self.line() {
-            write!(f, ":{line}")?;
-        }
         match self {
             Self::ZeroAreaFaces { .. }
             | Self::BentFaces { .. }
@@ -316,62 +225,59 @@ impl fmt::Display for SceneWarning {
             | Self::CoveredFaces { .. }
             | Self::SkippedStatements { .. }
             | Self::Capitals { .. } => self.fmt_of_geometry(f),
-            Self::NamelessLibrary { .. } => {
+            Self::NamelessLibrary => {
                 write!(
                     f,
-                    ": `mtllib` without a name is skipped; materials that no library defines reflect 0.5"
+                    "`mtllib` without a name is skipped; materials that no library defines reflect 0.5"
                 )
             }
             Self::LibraryElsewhere { name, used, .. } => write!(
                 f,
-                ": material library `{}` is not there; `{}` beside the scene is read in its place",
+                "material library `{}` is not there; `{}` beside the scene is read in its place",
                 quoted(name),
                 quoted(used)
             ),
             Self::MissingLibrary { name, .. } => {
                 write!(
                     f,
-                    ": material library `{}` is not there; its materials reflect 0.5",
+                    "material library `{}` is not there; its materials reflect 0.5",
                     quoted(name)
                 )
             }
             Self::UnknownMaterial { name, .. } => {
-                write!(f, ": no library defines material `{}`; it reflects 0.5", quoted(name))
+                write!(f, "no library defines material `{}`; it reflects 0.5", quoted(name))
             }
-            Self::NoMaterial { count: 1, .. } => write!(f, ": a face has no material; it reflects 0.5"),
+            Self::NoMaterial { count: 1, .. } => write!(f, "a face has no material; it reflects 0.5"),
             Self::NoMaterial { count, .. } => {
-                write!(
-                    f,
-                    ": {count} faces have no material, this is the first; they reflect 0.5"
-                )
+                write!(f, "{count} faces have no material, this is the first; they reflect 0.5")
             }
             Self::MissingReflectance { name, .. } => {
-                write!(f, ": material `{}` has no `Kd`; it reflects 0.5", quoted(name))
+                write!(f, "material `{}` has no `Kd`; it reflects 0.5", quoted(name))
             }
             Self::RepeatedMaterial { name, .. } => {
                 write!(
                     f,
-                    ": material `{}` is defined again; this definition counts",
+                    "material `{}` is defined again; this definition counts",
                     quoted(name)
                 )
             }
             Self::IgnoredTexture { name, keyword, .. } => {
                 write!(
                     f,
-                    ": the texture of material `{}` is not read; its `{keyword}` counts everywhere",
+                    "the texture of material `{}` is not read; its `{keyword}` counts everywhere",
                     quoted(name)
                 )
             }
             Self::NotDiffuse { keyword, count: 1, .. } => {
-                write!(f, ": `{keyword}` is not used: surfaces are diffuse and opaque")
+                write!(f, "`{keyword}` is not used: surfaces are diffuse and opaque")
             }
             Self::NotDiffuse { keyword, count, .. } => {
                 write!(
                     f,
-                    ": `{keyword}` is not used: surfaces are diffuse and opaque; {count} materials are meant otherwise, this is the first"
+                    "`{keyword}` is not used: surfaces are diffuse and opaque; {count} materials are meant otherwise, this is the first"
                 )
             }
-            Self::NoEmission { .. } => write!(f, ": no face emits light; give a material an exitance `Ke`"),
+            Self::NoEmission => write!(f, "no face emits light; give a material an exitance `Ke`"),
         }
     }
 }

@@ -8,7 +8,7 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::{Scene, SceneError};
+use super::{Origin, Scene, SceneError, SceneErrorKind};
 use crate::whole_file::{self, Prepared};
 
 /// Writes a scene to `path`, which ends in `.obj`, and its materials to the `.mtl` beside it.
@@ -24,9 +24,10 @@ pub fn write_obj(scene: &Scene, path: impl AsRef<Path>) -> Result<(), SceneError
     let is_obj = obj_file.extension().is_some_and(|e| e.eq_ignore_ascii_case("obj"));
     let mtl_file = obj_file.with_extension("mtl");
     let (true, Some(mtl_name)) = (is_obj, mtl_file.file_name().and_then(OsStr::to_str)) else {
-        return Err(SceneError::NotObj {
-            file: obj_file.to_owned(),
-        });
+        return Err(SceneError::new(
+            Origin::file(obj_file.to_owned()),
+            SceneErrorKind::NotObj,
+        ));
     };
     check_names("surface", scene.surfaces.iter().map(|s| s.name.as_str()))?;
     check_names("material", scene.materials.iter().map(|m| m.name.as_str()))?;
@@ -43,10 +44,7 @@ fn prepare(file: &Path, text: &str) -> Result<Prepared, SceneError> {
 }
 
 fn unwritable(file: &Path, source: io::Error) -> SceneError {
-    SceneError::Unwritable {
-        file: file.to_owned(),
-        source,
-    }
+    SceneError::new(Origin::file(file.to_owned()), SceneErrorKind::Unwritable { source })
 }
 
 /// Writes a file whole or not at all.
@@ -63,10 +61,13 @@ fn check_names<'a>(what: &'static str, names: impl Iterator<Item = &'a str>) -> 
             && !name.contains(['\n', '\r'])
             && seen.insert(name);
         if !sound {
-            return Err(SceneError::UnwritableName {
-                what,
-                name: name.to_owned(),
-            });
+            return Err(SceneError::new(
+                Origin::Asked,
+                SceneErrorKind::UnwritableName {
+                    what,
+                    name: name.to_owned(),
+                },
+            ));
         }
     }
     Ok(())

@@ -75,7 +75,7 @@ pub fn load(
     }
     let loaded = cx.time("scene", || load_with(path, options))?;
     for warning in loaded.warnings {
-        if !warning.is_about_light() || on_darkness(&warning) {
+        if !warning.kind.is_about_light() || on_darkness(&warning) {
             cx.warn(Warning::Scene(warning));
         }
     }

@@ -1,11 +1,8 @@
 //! The scenes of the literature, made in memory: the same bits on every machine.
 
-use std::path::Path;
-
 use glam::DVec3;
 
-use super::builder::Builder;
-use super::{Camera, Material, MaterialId, Scene, SceneError, SurfaceId};
+use super::{Camera, Material, MaterialId, Origin, Scene, SceneBuilder, SceneError, SceneErrorKind, SurfaceId};
 
 mod cornell_box;
 mod corridor;
@@ -104,32 +101,43 @@ pub fn names() -> impl ExactSizeIterator<Item = &'static str> {
 /// [`SceneError::UnknownBuiltin`], [`SceneError::NoLevels`], [`SceneError::LevelTooHigh`].
 pub fn build(name: &str, level: Option<u32>) -> Result<Builtin, SceneError> {
     let Some(entry) = REGISTRY.iter().find(|entry| entry.name == name) else {
-        return Err(SceneError::UnknownBuiltin { name: name.to_owned() });
+        return Err(SceneError::new(
+            Origin::Asked,
+            SceneErrorKind::UnknownBuiltin { name: name.to_owned() },
+        ));
     };
     let level = match (entry.levels, level) {
         (None, None) => 0,
-        (None, Some(_)) => return Err(SceneError::NoLevels { name: name.to_owned() }),
+        (None, Some(_)) => {
+            return Err(SceneError::new(
+                Origin::Asked,
+                SceneErrorKind::NoLevels { name: name.to_owned() },
+            ));
+        }
         (Some(levels), None) => levels.default,
         (Some(levels), Some(level)) if level <= levels.max => level,
         (Some(levels), Some(level)) => {
-            return Err(SceneError::LevelTooHigh {
-                name: name.to_owned(),
-                level,
-                max: levels.max,
-            });
+            return Err(SceneError::new(
+                Origin::Asked,
+                SceneErrorKind::LevelTooHigh {
+                    name: name.to_owned(),
+                    level,
+                    max: levels.max,
+                },
+            ));
         }
     };
     let mut assembly = Assembly {
-        builder: Builder::new(Path::new(name)),
+        builder: SceneBuilder::of_file(name),
     };
     let camera = (entry.build)(&mut assembly, level)?;
-    let (scene, _) = assembly.builder.finish()?;
+    let scene = assembly.builder.build()?.scene;
     Ok(Builtin { scene, camera })
 }
 
 /// A scene in the making.
 struct Assembly {
-    builder: Builder,
+    builder: SceneBuilder,
 }
 
 impl Assembly {
