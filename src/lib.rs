@@ -12,7 +12,7 @@
 //! Each arrow is one call with one input and one output. Dependencies point one way; nothing below imports anything above:
 //!
 //! ```text
-//! cli → experiment → audit → report, render, solver → form_factor → matrix, visibility → mesh → scene, geometry
+//! cli → experiment → workflow → audit → report, render, solver → form_factor → matrix, visibility → mesh → scene, geometry
 //! ```
 //!
 //! | module | what it holds |
@@ -26,6 +26,7 @@
 //! | [`solver`] | the solvers, one file each, behind one trait |
 //! | [`voxel`] | discrete radiosity: integer lines between voxels |
 //! | [`render`] | pictures: layers, OpenEXR, preview, and their verification |
+//! | [`workflow`] | whole studies: all of the above in turn, with the stated errors, the audit and the warnings |
 //! | [`audit`] | the laws of light as a guard over form factors, solutions and pictures |
 //! | [`experiment`] | methods side by side; the papers' tables beside ours; solvers on stiff and extreme systems |
 //! | [`plan`], [`report`], [`progress`] | what is needed, what was done, how far it is |
@@ -36,50 +37,58 @@
 //!
 //! # Example
 //!
-//! The radiosity of the Lewis room, by shooting and conjugate gradients:
+//! The light of the Lewis room, with its error:
 //!
 //! ```
-//! use std::ops::ControlFlow;
-//!
-//! use radiosity::form_factor::{FormFactorMethod, Input, RandomShooting};
-//! use radiosity::geometry::sampling::Sequence;
-//! use radiosity::matrix::operator::Block;
-//! use radiosity::matrix::{StorageChoice, Weighting};
-//! use radiosity::mesh::{Mesh, Subdivision};
-//! use radiosity::progress::Silent;
+//! use radiosity::matrix::Need;
+//! use radiosity::mesh::Subdivision;
 //! use radiosity::scene::builtin;
-//! use radiosity::solver::{self, RadiositySystem, SolveOptions, StopReason};
-//! use radiosity::visibility::embree::EmbreeVisibility;
+//! use radiosity::workflow::{Context, FormFactorRequest, Model, SolveRequest, Use};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! let scene = builtin::build("lewis-room", Some(2))?.scene;
-//! let mesh = Mesh::new(&scene, Subdivision::Uniform(1))?;
-//! let visibility = EmbreeVisibility::new(&scene)?;
+//! let mut cx = Context::default();
+//! let scene = builtin::build("lewis-room", Some(1))?.scene;
+//! let mut model = Model::new(scene, "lewis-room", Subdivision::Uniform(1).into(), Use::Light, &mut cx)?;
+//! let factors = model.form_factors(&FormFactorRequest::default(), Need::default(), &mut cx)?;
+//! let study = model.solve(&factors, &SolveRequest::default(), &mut cx)?;
+//! println!("{:?} W/m², {:?}", model.surface_means(&study.solution.radiosity), study.error);
+//! # assert!(study.error.relative().is_some_and(|error| error < 1e-4));
+//! # Ok(())
+//! # }
+//! ```
 //!
-//! let method = RandomShooting { rays: 4096, sequence: Sequence::Sobol, seed: 0 };
-//! let input = Input { scene: &scene, mesh: &mesh, visibility: &visibility, unoccluded: false };
-//! let raw = method.compute(input, StorageChoice::default(), &Silent)?.factors;
-//! let (factors, _) = raw
-//!     .symmetrised(Weighting::default())?
-//!     .balanced(raw.row_targets(true), 1e-12, 100)?;
+//! Two squares from arrays, one above the other, of which the lower one emits 1 W/m²:
 //!
-//! let grey = |value: fn(&radiosity::scene::Material) -> f64| {
-//!     let of_patch = |p: &radiosity::mesh::Patch| value(&scene.materials[p.material.0 as usize]);
-//!     Block::from_values(mesh.patches.iter().map(of_patch).collect(), 1)
+//! ```
+//! use radiosity::matrix::Need;
+//! use radiosity::mesh::Subdivision;
+//! use radiosity::scene::{Material, SceneBuilder};
+//! use radiosity::workflow::{Context, FormFactorRequest, Model, SolveRequest, Use};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let mut builder = SceneBuilder::new();
+//! let surfaces = [builder.surface("lower")?, builder.surface("upper")?];
+//! let mut grey = |name: &str, exitance: f64| {
+//!     builder.material(Material { name: name.into(), reflectance: [0.5; 3], exitance: [exitance; 3] })
 //! };
-//! let system = RadiositySystem::new(&factors, mesh.areas(), grey(|m| m.reflectance[0]), grey(|m| m.exitance[0]))?;
-//! let pcg = solver::solver("pcg", &solver::SolverSettings::default())?;
-//! let solution = pcg.solve(&system, &SolveOptions::default(), &mut |_| ControlFlow::Continue(()))?;
+//! let materials = [grey("lamp", 1.0)?, grey("wall", 0.0)?];
+//! let vertices = [
+//!     [0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0],
+//!     [0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [1.0, 1.0, 1.0], [0.0, 1.0, 1.0],
+//! ];
+//! builder.faces(&vertices, &[[0, 1, 2, 3], [4, 7, 6, 5]], &surfaces, &materials)?;
 //!
-//! assert_eq!(solution.stop_reason, StopReason::Converged);
-//! // What the hole in the ceiling lets in, 0.25 W, is absorbed by the walls: Σ (1 − ρ) H A.
-//! let absorbed: f64 = (0..mesh.n_patches())
-//!     .map(|i| {
-//!         let rho = scene.materials[mesh.patches[i].material.0 as usize].reflectance[0];
-//!         (1.0 - rho) * solution.irradiance.row(i)[0] * mesh.patches[i].area
-//!     })
-//!     .sum();
-//! assert!((absorbed - 0.25).abs() < 1e-5);
+//! let mut cx = Context::default();
+//! let mut model = Model::new(builder.build()?.scene, "squares", Subdivision::Uniform(1).into(), Use::Light, &mut cx)?;
+//! let factors = model.form_factors(&FormFactorRequest::default(), Need::default(), &mut cx)?;
+//! let study = model.solve(&factors, &SolveRequest::default(), &mut cx)?;
+//!
+//! // B of the lower square is 1 / (1 − ρ² F²), with F = 0.199825 (closed form of opposed squares).
+//! let lower = study.solution.radiosity.row(0)[0];
+//! let error = study.error.relative().expect("the form factors state their errors");
+//! println!("{lower:.6} W/m² within {error:.1e} of it");
+//! assert!((lower - 1.0 / (1.0 - 0.25 * 0.199_824_9_f64.powi(2))).abs() < 1e-6);
+//! assert!(cx.warnings().is_empty());
 //! # Ok(())
 //! # }
 //! ```

@@ -62,6 +62,13 @@ pub enum RepairKind {
     Rescaled,
 }
 
+impl Default for Need {
+    /// For light, by a solver that works better with symmetric ones.
+    fn default() -> Self {
+        Self::Light { gains: true }
+    }
+}
+
 impl Need {
     /// Returns the repair that suits the need.
     ///

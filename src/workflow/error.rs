@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::VoxelRemedy;
 use super::warning::{Named, Parameter, plainly};
 use crate::checkpoint::CheckpointError;
 use crate::embree::EmbreeError;
@@ -13,6 +14,7 @@ use crate::printable::printable_message;
 use crate::report::ReportError;
 use crate::scene::{MotionError, SceneError};
 use crate::solver::SolverError;
+use crate::voxel::VoxelError;
 
 /// Why a step of a study was refused, or failed.
 ///
@@ -86,6 +88,17 @@ pub enum WorkflowError {
         /// What the scene is called.
         scene: PathBuf,
     },
+    /// Voxels or links were refused, or could not be kept.
+    Voxel(VoxelError),
+    /// Voxels or links do not fit the memory.
+    VoxelMemory {
+        /// What is needed.
+        what: String,
+        /// What may be used, in bytes.
+        limit: u64,
+        /// What helps.
+        remedy: VoxelRemedy,
+    },
     /// The checkpoint could not be opened.
     Checkpoint(CheckpointError),
     /// Settings do not go together: a fault of whoever asks.
@@ -116,6 +129,8 @@ pub enum Unsuited {
         /// Methods of rows.
         others: String,
     },
+    /// A solver that needs rows of links that are not kept, as it says.
+    RecomputedRows(String),
     /// A file of form factors for other patches than those asked for.
     OtherPatches(String),
 }
@@ -177,11 +192,32 @@ impl WorkflowError {
                     "{file}: holds form factors of another geometry than {scene}; compute them again: radiosity form-factors {scene} -o {file}"
                 )
             }
+            Self::Voxel(error) => error.to_string(),
+            Self::VoxelMemory { what, limit, remedy } => format!(
+                "{what} of memory, and the limit is {}; {}, or raise {}",
+                byte_text(*limit),
+                remedy.text(named),
+                name(Parameter::MemoryLimit)
+            ),
             Self::Checkpoint(error) => error.to_string(),
             Self::Unsuited(unsuited) => unsuited.text(named),
             Self::Interrupted => "no output was written".to_owned(),
         };
         printable_message(&text)
+    }
+}
+
+impl VoxelRemedy {
+    fn text(self, named: Named<'_>) -> String {
+        match self {
+            Self::FewerVoxels => format!("use fewer {}", named(Parameter::Voxels, None)),
+            Self::OtherLinks => format!("use {} or disk", named(Parameter::Links, Some("auto"))),
+            Self::FewerThreads => format!(
+                "use fewer {} or {}",
+                named(Parameter::Threads, None),
+                named(Parameter::Links, Some("recompute"))
+            ),
+        }
     }
 }
 
@@ -212,6 +248,10 @@ impl Unsuited {
             Self::UnstoredPairs { method, others } => format!(
                 "`{method}` computes pairs of patches, not rows: leave {} out, or take one of {others}",
                 name(Parameter::OnTheFly)
+            ),
+            Self::RecomputedRows(error) => format!(
+                "{error}, which links have that are kept: leave {} out, or take auto, jacobi, chebyshev, gmres or anderson",
+                named(Parameter::Links, Some("recompute"))
             ),
             Self::OtherPatches(text) => text.clone(),
         }
@@ -264,6 +304,12 @@ impl From<SolverError> for WorkflowError {
 impl From<ReportError> for WorkflowError {
     fn from(error: ReportError) -> Self {
         Self::Report(error)
+    }
+}
+
+impl From<VoxelError> for WorkflowError {
+    fn from(error: VoxelError) -> Self {
+        Self::Voxel(error)
     }
 }
 

@@ -18,6 +18,8 @@ mod reuse;
 mod solve;
 mod storage;
 mod total_error;
+mod voxel;
+mod voxel_links;
 mod warning;
 
 pub use context::{Context, Demand, Watch};
@@ -33,4 +35,6 @@ pub use reuse::mesh_options;
 pub use solve::{Known, SolutionStudy, SolveRequest, go_on};
 pub use storage::{ChosenStorage, MatrixDemand, Memory, Storage, choice_text, choose_storage, place_text};
 pub use total_error::TotalError;
+pub use voxel::{LinkFigures, VOXEL_ERROR, VoxelLight, VoxelRequest, VoxelResult, VoxelStudy};
+pub use voxel_links::{LinkPlace, VoxelRemedy};
 pub use warning::{Named, Parameter, Warning};

@@ -7,6 +7,7 @@ use crate::printable::{counted, printable};
 use crate::progress::Forecast;
 use crate::scene::SceneWarning;
 use crate::solver::StopReason;
+use crate::voxel::MAX_VOXELS;
 
 /// A setting that remedies name; a program says how its users write it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,6 +43,14 @@ pub enum Parameter {
     OnTheFly,
     /// [`FormFactorRequest::time_limit`](super::FormFactorRequest::time_limit).
     TimeLimit,
+    /// The number of threads.
+    Threads,
+    /// [`VoxelRequest::n_voxels`](super::VoxelRequest::n_voxels).
+    Voxels,
+    /// [`VoxelRequest::links`](super::VoxelRequest::links).
+    Links,
+    /// The number of propagations.
+    Passes,
 }
 
 impl Parameter {
@@ -63,6 +72,10 @@ impl Parameter {
             Self::Precision => "precision",
             Self::OnTheFly => "on_the_fly",
             Self::TimeLimit => "time_limit",
+            Self::Threads => "threads",
+            Self::Voxels => "voxels",
+            Self::Links => "links",
+            Self::Passes => "passes",
         }
     }
 }
@@ -286,6 +299,58 @@ pub enum Warning {
     },
     /// Form factors that are not kept state no error.
     NoErrorOnTheFly,
+    /// Surfaces are smaller than two voxels.
+    SmallSurfaces {
+        /// How many.
+        count: usize,
+        /// One of them.
+        surface: String,
+        /// How large it is, m.
+        side: f64,
+        /// How large a voxel is, m.
+        size: f64,
+        /// The voxels along the longest axis that it would be two of.
+        enough: f64,
+    },
+    /// Gaps are narrower than two voxels.
+    ThinGaps {
+        /// Voxels along the longest axis.
+        n_voxels: u32,
+        /// The surfaces on both sides of each.
+        pairs: Vec<[String; 2]>,
+    },
+    /// Voxels of a closed scene can be reached from outside.
+    OpenVoxels {
+        /// How many.
+        count: usize,
+        /// The surfaces that they are on.
+        surfaces: Vec<String>,
+    },
+    /// Links leave a closed scene.
+    EscapingLinks {
+        /// How many.
+        n_escaped: u64,
+        /// Of how many.
+        n_links: u64,
+    },
+    /// Light passes closed surfaces.
+    PassedWalls {
+        /// The power, W.
+        power: f64,
+        /// The part of what is emitted that it is.
+        share: f64,
+        /// The thickness of the thinnest wall, m, if there is one thinner than two voxels.
+        thickness: Option<f64>,
+        /// The voxels along the longest axis that would do.
+        enough: Option<u32>,
+    },
+    /// Light is under way after the last propagation.
+    UnderWay {
+        /// How many propagations there were.
+        passes: usize,
+        /// What there is still, relative.
+        under_way: f64,
+    },
     /// What a program has to say itself.
     Other(String),
 }
@@ -355,6 +420,12 @@ impl Warning {
                 "form factors that are not kept state no error: how far theirs shows in the light is not known; leave {} out to know it",
                 name(Parameter::OnTheFly)
             ),
+            Self::SmallSurfaces { .. }
+            | Self::ThinGaps { .. }
+            | Self::OpenVoxels { .. }
+            | Self::EscapingLinks { .. }
+            | Self::PassedWalls { .. }
+            | Self::UnderWay { .. } => self.of_voxels(named),
             _ => self.of_numbers(named),
         }
     }
@@ -422,6 +493,75 @@ impl Warning {
             Self::MoreTurned { file, count } => {
                 format!("{}: so it is with faces of {count} more surfaces", file.display())
             }
+            _ => String::new(),
+        }
+    }
+
+    /// Returns what there is to say of voxels.
+    fn of_voxels(&self, named: Named<'_>) -> String {
+        let voxels = named(Parameter::Voxels, None);
+        let larger = format!("give {voxels} a larger number");
+        match self {
+            Self::SmallSurfaces {
+                count,
+                surface,
+                side,
+                size,
+                enough,
+            } => {
+                let remedy = if *enough <= f64::from(MAX_VOXELS) {
+                    format!("give {}", named(Parameter::Voxels, Some(&format!("{enough:.0}"))))
+                } else {
+                    "use `solve`".to_owned()
+                };
+                format!(
+                    "{count} surfaces are smaller than two voxels of {size:.2e} m, as {surface} of {side:.2e} m: their light and shadows are not resolved; {remedy}"
+                )
+            }
+            Self::ThinGaps { n_voxels, pairs } => {
+                // A line is for reading.
+                let shown: Vec<String> = pairs.iter().take(3).map(|[a, b]| format!("{a} and {b}")).collect();
+                let others = match pairs.len().saturating_sub(3) {
+                    0 => String::new(),
+                    more => format!(" and {more} other pairs"),
+                };
+                format!(
+                    "at {n_voxels} voxels along the longest axis less than two voxels lie between {}{others}; the light in such gaps is not resolved, {larger}",
+                    shown.join(", ")
+                )
+            }
+            Self::OpenVoxels { count, surfaces } => {
+                let shown: Vec<&str> = surfaces.iter().map(String::as_str).take(5).collect();
+                format!(
+                    "{count} voxels of a closed scene can be reached from outside, on {}; it leaks there, {larger}",
+                    shown.join(", ")
+                )
+            }
+            Self::EscapingLinks { n_escaped, n_links } => {
+                let share = 100.0 * *n_escaped as f64 / (*n_links).max(1) as f64;
+                format!("{n_escaped} links ({share:.2} %) leave a closed scene, and their light is lost; {larger}")
+            }
+            Self::PassedWalls {
+                power,
+                share,
+                thickness,
+                enough,
+            } => {
+                let wall = thickness.map_or_else(
+                    || " closed surfaces".to_owned(),
+                    |thickness| format!(" walls as thin as {thickness:.1e} m"),
+                );
+                let enough = enough.map_or_else(|| "larger".to_owned(), |n| n.to_string());
+                format!(
+                    "{power:.1e} W, {share:.1e} of what is emitted, passes{wall}; surfaces behind them are too bright; give {}",
+                    named(Parameter::Voxels, Some(&enough))
+                )
+            }
+            Self::UnderWay { passes, under_way } => format!(
+                "after {passes} propagations light is still under way, {under_way:.1e} of what there is or more; give more {}, or a {}",
+                named(Parameter::Passes, None),
+                named(Parameter::Solver, None)
+            ),
             _ => String::new(),
         }
     }

@@ -1,6 +1,5 @@
 //! `radiosity voxel`.
 
-mod memory;
 mod report;
 
 use std::fmt::Write as _;
@@ -8,30 +7,22 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use report::{
-    Checked, LinkFigures, describe, describe_surfaces, describe_walls, surfaces, to_json, warn_of_escapes,
-    warn_of_gaps, warn_of_leak, warn_of_leaks, warn_of_small_surfaces,
-};
+use report::{describe, describe_surfaces, describe_walls, surfaces, to_json};
 
 use super::args::{LinksName, VoxelArgs};
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::file_set::FileSet;
-use super::picture::warn_if_blank;
+use super::picture::{image_byte, warn_if_blank};
 use super::render::AnyView;
 use super::run::Run;
 use super::{Outcome, merge, render, solve};
-use crate::audit::{self, Given};
-use crate::matrix::operator::{Block, LinearOperator};
+use crate::audit;
 use crate::mesh::Subdivision;
 use crate::render::{Attributes, DirectMethod, RenderInput, RenderSettings, exr, png};
 use crate::report::voxels::write_vtu;
-use crate::solver::{self, RadiositySystem, SolveOptions, SolverError, SolverSettings, StopReason, Tolerance};
-use crate::voxel::{
-    AdaptiveSettings, DiscreteSphere, Form, Grid, Leak, LinkOperator, Links, Materials, RowWeights, SolidAngle,
-    VoxelScene, onto_patches, picture, propagate, solve_adaptively,
-};
-use crate::workflow::{Model, TotalError, go_on};
+use crate::voxel::{Grid, RowWeights, SolidAngle, onto_patches, picture};
+use crate::workflow::{LinkPlace, Model, VOXEL_ERROR, VoxelLight, VoxelRequest, VoxelResult, VoxelStudy};
 
 /// Patches of the display, in voxels: fine enough to show what the voxels resolve.
 const PATCH_VOXELS: f64 = 2.0;
@@ -41,19 +32,6 @@ const PATCH_VOXELS: f64 = 2.0;
 enum Format {
     Image,
     Vtu,
-}
-
-/// Radiosities of all surfels, and how they were reached.
-struct Solved {
-    radiosity: Block,
-    irradiance: Block,
-    /// How the document tells it.
-    document: Value,
-    /// How it is told to people.
-    line: String,
-    /// What passes closed surfaces, W, by channel.
-    leak_power: Vec<f64>,
-    code: ExitCode,
 }
 
 pub(super) fn run(args: &VoxelArgs) -> Result<Outcome, Failure> {
@@ -80,73 +58,25 @@ fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
         let nothing = "cutting faces into patches: voxels need none, only their picture does";
         model.plan.left_out.push(nothing.into());
     }
-    model.state_closure(args.closure.closure(), &mut run.cx)?;
-    memory::expect_voxels(&model, args, &run.cx.memory)?;
-    let voxels = run
-        .cx
-        .time("discretise", || VoxelScene::new(&model.scene, args.voxels))?;
-    let solid_angle = if args.exact_solid_angles {
-        SolidAngle::Exact
-    } else {
-        SolidAngle::Centre
-    };
-    let sphere = DiscreteSphere::new(args.radius, solid_angle)?;
-    let kept = memory::choose_links(&mut model, &voxels, &sphere, args, format, &run.cx.memory)?;
-    run.cx.set("voxels", args.voxels);
-    run.cx.set("radius", args.radius);
-    run.cx.set("exact_solid_angles", args.exact_solid_angles);
-    run.cx.set("unnormalised", args.unnormalised);
-    run.cx.set("plain_emission", args.plain_emission);
-    let small = run.cx.time("checks", || voxels.small_surfaces(&model.scene));
-    warn_of_small_surfaces(run, &model.scene, &small, &voxels);
-    let gaps = run.cx.time("checks", || voxels.thin_gaps(&model.scene));
-    warn_of_gaps(run, &model.scene, &gaps, args.voxels);
-    let leaks = if model.plan.watertight {
-        run.cx.time("checks", || voxels.reached_from_outside())
-    } else {
-        model
-            .plan
-            .left_out
-            .push("search for leaks: the scene's faces do not close a space".into());
-        Vec::new()
-    };
-    warn_of_leaks(run, &model.scene, &voxels, &leaks);
-    let hausdorff = run.cx.time("checks", || voxels.hausdorff_distance(&model.scene));
-    let (solved, links) = match args.adaptive {
-        Some(tolerance) => solve_on_cells(run, &mut model, &voxels, &sphere, args, tolerance)?,
-        None => solve_on_voxels(run, &mut model, &voxels, &sphere, kept, args)?,
-    };
-    warn_of_escapes(run, &links, model.plan.watertight);
-    run.cx.audited(audit::sides(&solved.leak_power));
-    let materials = Materials::new(&model.scene, &voxels, model.plan.n_channels);
-    let leak = Leak::new(&solved.leak_power, &voxels, &materials.exitance);
-    warn_of_leak(run, &voxels, &leak);
-    let view = write(run, &mut model, &voxels, &solved, args, format)?;
+    if format == Some(Format::Image) {
+        let view = render::view(&args.image.view, &args.scene, &model.scene)?;
+        run.cx.demand.image_byte = image_byte(&view, &render_settings(args), &run.cx.memory)?;
+    }
+    let study = model.solve_on_voxels(&request(args, format), &mut run.cx)?;
+    let view = write(run, &mut model, &study, args, format)?;
     run.bars.finish();
 
-    let code = if leak.is_too_much() {
-        ExitCode::NotConverged
-    } else {
-        solved.code
-    };
-    let checked = Checked {
-        small,
-        gaps,
-        leaks,
-        leak,
-        hausdorff,
-    };
-    let mut result = to_json(&model.scene, &voxels, &sphere, &links, &checked);
-    result["surfaces"] = surfaces(&model.scene, &voxels, &solved.radiosity);
-    merge(&mut result, solved.document);
+    let mut result = to_json(&model.scene, &study);
+    result["surfaces"] = surfaces(&model.scene, &study);
+    merge(&mut result, document(args, &study));
     if let Some(path) = &args.output {
         result["output"] = json!(path.display().to_string());
     }
     let mut text = run.explanation(&model);
-    describe(&mut text, &voxels, &sphere, &links);
-    describe_walls(&mut text, &voxels);
-    let _ = writeln!(text, "{}", solved.line);
-    describe_surfaces(&mut text, &model.scene, &voxels, &solved.radiosity);
+    describe(&mut text, &study);
+    describe_walls(&mut text, &study.voxels);
+    let _ = writeln!(text, "{}", line(args, &study));
+    describe_surfaces(&mut text, &model.scene, &study);
     run.describe_audit(&mut text);
     run.describe_times(&mut text);
     if let Some(view) = view {
@@ -155,11 +85,112 @@ fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
     if let Some(path) = &args.output {
         let _ = writeln!(text, "wrote {}", path.display());
     }
+    let code = if study.is_done() {
+        ExitCode::Done
+    } else {
+        ExitCode::NotConverged
+    };
     Ok(Outcome {
         text,
         document: run.document_of(&model, result),
         code: run.judged(code, args.audit.strict),
     })
+}
+
+/// Returns what the flags ask for.
+fn request(args: &VoxelArgs, format: Option<Format>) -> VoxelRequest {
+    VoxelRequest {
+        n_voxels: args.voxels,
+        radius: args.radius,
+        solid_angle: if args.exact_solid_angles {
+            SolidAngle::Exact
+        } else {
+            SolidAngle::Centre
+        },
+        row_weights: if args.unnormalised {
+            RowWeights::Plain
+        } else {
+            RowWeights::Normalised
+        },
+        plain_emission: args.plain_emission,
+        light: match (args.adaptive, &args.solver) {
+            (Some(tolerance), _) => VoxelLight::Cells {
+                passes: args.passes,
+                tolerance,
+                coarsest: args.coarsest,
+            },
+            (None, Some(name)) => VoxelLight::Solver {
+                name: name.clone(),
+                tolerance: args.tolerance,
+            },
+            (None, None) => VoxelLight::Propagations {
+                passes: args.passes,
+                form: args.form.into(),
+            },
+        },
+        links: match args.links {
+            LinksName::Auto => LinkPlace::Auto {
+                has_file: args.link_file.is_some(),
+            },
+            LinksName::Memory => LinkPlace::Memory,
+            LinksName::Disk => LinkPlace::Disk,
+            LinksName::Recompute => LinkPlace::Recompute,
+        },
+        link_file: link_file(args),
+        closure: args.closure.closure(),
+        is_written: format == Some(Format::Vtu),
+        is_shown: format == Some(Format::Image),
+    }
+}
+
+/// Returns what the document says of how light was found.
+fn document(args: &VoxelArgs, study: &VoxelStudy) -> Value {
+    match &study.result {
+        VoxelResult::Propagations(changes) => {
+            let form: crate::voxel::Form = args.form.into();
+            json!({"form": form, "n_passes": args.passes, "changes": changes})
+        }
+        VoxelResult::Cells(result) => json!({
+            "n_passes": args.passes,
+            "changes": result.changes,
+            "n_cells": result.cells.n_cells(),
+            "n_cells_by_level": result.cells.n_by_level(),
+            "n_cells_by_round": result.n_cells,
+        }),
+        VoxelResult::Solver(solution) => json!({
+            "solver": solve::chosen(args.solver.as_deref().unwrap_or_default(), solution),
+            "why": solution.choice.as_ref().map(|choice| &choice.why),
+            "stop_reason": solution.stop_reason,
+            "n_passes": solution.n_passes,
+            "residual_l2": solution.residual_l2,
+            "residual_max_power": solution.residual_max_power,
+            "error_bound": solution.error_bound,
+            "history": solution.history,
+        }),
+    }
+}
+
+/// Returns the line that says how light was found.
+fn line(args: &VoxelArgs, study: &VoxelStudy) -> String {
+    match &study.result {
+        VoxelResult::Propagations(changes) => {
+            let last = changes.last().copied().unwrap_or(0.0);
+            format!(
+                "{} propagations; the last one changed the radiosity by {last:.1e} of itself",
+                args.passes
+            )
+        }
+        VoxelResult::Cells(result) => format!(
+            "{} cells in place of {} unknowns, after {} rounds of cuts; {} propagations on each",
+            result.cells.n_cells(),
+            study.voxels.n_surfels(),
+            result.n_cells.len() - 1,
+            args.passes
+        ),
+        VoxelResult::Solver(solution) => {
+            solve::solver_line(args.solver.as_deref().unwrap_or_default(), solution, VOXEL_ERROR)
+        }
+    }
 }
 
 fn files(args: &VoxelArgs, format: Option<Format>) -> FileSet {
@@ -180,138 +211,6 @@ fn files(args: &VoxelArgs, format: Option<Format>) -> FileSet {
 fn link_file(args: &VoxelArgs) -> PathBuf {
     let beside = || args.scene.with_extension("links");
     args.link_file.clone().unwrap_or_else(beside)
-}
-
-/// Solves with one unknown for each surfel.
-fn solve_on_voxels(
-    run: &mut Run,
-    model: &mut Model,
-    voxels: &VoxelScene,
-    sphere: &DiscreteSphere,
-    kept: LinksName,
-    args: &VoxelArgs,
-) -> Result<(Solved, LinkFigures), Failure> {
-    let links = find_links(run, voxels, sphere, kept, args)?;
-    run.cx.go_on()?;
-    let operator = LinkOperator::new(voxels, sphere, &links, row_weights(args));
-    let solved = solve_to_tolerance(run, model, &operator, args);
-    // What went wrong with the links explains whatever the solver made of it.
-    if let Some(error) = links.failure() {
-        return Err(error.into());
-    }
-    let figures = LinkFigures {
-        n_links: links.n_links(),
-        n_backs: links.n_backs(),
-        n_escaped: links.n_escaped(),
-        n_bytes: links.n_bytes(),
-    };
-    Ok((solved?, figures))
-}
-
-/// Solves with one unknown for each cell, cells as fine as the light asks for.
-fn solve_on_cells(
-    run: &mut Run,
-    model: &mut Model,
-    voxels: &VoxelScene,
-    sphere: &DiscreteSphere,
-    args: &VoxelArgs,
-    tolerance: f64,
-) -> Result<(Solved, LinkFigures), Failure> {
-    run.cx.set("adaptive", tolerance);
-    run.cx.set("coarsest", args.coarsest);
-    run.cx.set("passes", args.passes);
-    let materials = Materials::new(&model.scene, voxels, model.plan.n_channels);
-    let settings = AdaptiveSettings {
-        coarsest: args.coarsest,
-        tolerance,
-        n_passes: args.passes,
-        row_weights: row_weights(args),
-    };
-    let emission = emission(&materials, args);
-    let result = run.cx.time("cells", || {
-        solve_adaptively(
-            &model.scene,
-            voxels,
-            sphere,
-            &materials.reflectance,
-            emission,
-            &settings,
-            &run.cx.progress(),
-        )
-    });
-    run.cx.go_on()?;
-    // The light of surfels spread over cells and back; their rows sum to 1 at most.
-    let row_sums = vec![1.0; voxels.n_surfels()];
-    if !args.unnormalised {
-        let (b, h) = (&result.radiosity, &result.irradiance);
-        run.cx
-            .audited(audit::propagation(&materials.reflectance, emission, &row_sums, b, h));
-    }
-    let n_cells = result.cells.n_cells();
-    let figures = LinkFigures {
-        n_links: result.n_links,
-        n_backs: Some(result.n_backs),
-        n_escaped: Some(result.n_escaped),
-        n_bytes: result.link_byte,
-    };
-    let solved = Solved {
-        document: json!({
-            "n_passes": args.passes,
-            "changes": result.changes,
-            "n_cells": n_cells,
-            "n_cells_by_level": result.cells.n_by_level(),
-            "n_cells_by_round": result.n_cells,
-        }),
-        line: format!(
-            "{n_cells} cells in place of {} unknowns, after {} rounds of cuts; {} propagations on each",
-            voxels.n_surfels(),
-            result.n_cells.len() - 1,
-            args.passes
-        ),
-        radiosity: materials.radiosity(&result.irradiance),
-        irradiance: result.irradiance,
-        leak_power: result.leak_power,
-        code: ExitCode::Done,
-    };
-    Ok((solved, figures))
-}
-
-/// Returns what goes into the system as E.
-fn emission<'a>(materials: &'a Materials, args: &VoxelArgs) -> &'a Block {
-    if args.plain_emission {
-        &materials.exitance
-    } else {
-        &materials.emission
-    }
-}
-
-fn row_weights(args: &VoxelArgs) -> RowWeights {
-    if args.unnormalised {
-        RowWeights::Plain
-    } else {
-        RowWeights::Normalised
-    }
-}
-
-/// Finds the links and keeps them where the plan says.
-fn find_links(
-    run: &mut Run,
-    voxels: &VoxelScene,
-    sphere: &DiscreteSphere,
-    kept: LinksName,
-    args: &VoxelArgs,
-) -> Result<Links, Failure> {
-    Ok(match kept {
-        LinksName::Memory | LinksName::Auto => run
-            .cx
-            .time("links", || Links::in_memory(voxels, sphere, &run.cx.progress())),
-        LinksName::Recompute => Links::recomputed(voxels, sphere),
-        LinksName::Disk => {
-            let path = link_file(args);
-            run.cx
-                .time("links", || Links::on_disk(voxels, sphere, &path, &run.cx.progress()))?
-        }
-    })
 }
 
 fn format_of(path: &Path) -> Result<Format, Failure> {
@@ -343,121 +242,6 @@ fn expect_sensible(args: &VoxelArgs, format: Option<Format>) -> Result<(), Failu
     Ok(())
 }
 
-fn solve_to_tolerance(
-    run: &mut Run,
-    model: &mut Model,
-    operator: &LinkOperator<'_>,
-    args: &VoxelArgs,
-) -> Result<Solved, Failure> {
-    let materials = Materials::new(&model.scene, operator.scene(), model.plan.n_channels);
-    let emission = emission(&materials, args);
-    let Some(name) = args.solver.as_deref() else {
-        let form: Form = args.form.into();
-        run.cx.set("form", json!(form));
-        run.cx.set("passes", args.passes);
-        let result = run.cx.time("propagation", || {
-            propagate(
-                operator,
-                &materials.reflectance,
-                emission,
-                form,
-                args.passes,
-                &run.cx.progress(),
-            )
-        });
-        run.cx.go_on()?;
-        let mut row_sums = Block::zeros(operator.n_rows(), 1);
-        let ones = Block::from_values(vec![1.0; operator.n_rows()], 1);
-        let (b, h) = (&result.radiosity, &result.irradiance);
-        let found = run.cx.time("audit", || {
-            operator.apply(&ones, &mut row_sums);
-            audit::propagation(&materials.reflectance, emission, row_sums.values(), b, h)
-        });
-        run.cx.audited(found);
-        let last = result.changes.last().copied().unwrap_or(0.0);
-        let under_way = under_way(&result.changes);
-        if under_way > MOST_UNDER_WAY {
-            run.warn(&format!(
-                "after {} propagations light is still under way, {under_way:.1e} of what there is or more; give more --passes, or a --solver",
-                args.passes
-            ));
-        }
-        return Ok(Solved {
-            leak_power: operator.leak_power(b),
-            radiosity: materials.radiosity(&result.irradiance),
-            irradiance: result.irradiance,
-            document: json!({"form": form, "n_passes": args.passes, "changes": result.changes}),
-            line: format!(
-                "{} propagations; the last one changed the radiosity by {last:.1e} of itself",
-                args.passes
-            ),
-            code: ExitCode::Done,
-        });
-    };
-    run.cx.set("solver", name);
-    run.cx.set("tolerance", args.tolerance);
-    let system = RadiositySystem::new(
-        operator,
-        operator.scene().areas(),
-        materials.reflectance.clone(),
-        emission.clone(),
-    )
-    .map_err(|error| refused(run, model, operator.scene(), error))?;
-    let options = SolveOptions {
-        tolerance: Tolerance::ResidualL2(args.tolerance),
-        ..SolveOptions::default()
-    };
-    let solver = solver::solver(name, &SolverSettings::default())?;
-    let solved = run.cx.time("solve", || {
-        solver.solve(&system, &options, &mut |_| go_on(&run.cx.progress()))
-    });
-    let solution = solved.map_err(|error| refused(run, model, operator.scene(), error))?;
-    run.cx.go_on()?;
-    let given = Given {
-        gain: None,
-        costly: args.links == LinksName::Recompute,
-    };
-    let found = run.cx.time("audit", || audit::solution(&system, &solution, given))?;
-    run.cx.audited(found);
-    if let Some(choice) = &solution.choice {
-        model.plan.decide("solver", choice.solver, choice.why.to_string());
-    }
-    let converged = solution.stop_reason == StopReason::Converged;
-    Ok(Solved {
-        document: json!({
-            "solver": solve::chosen(name, &solution),
-            "why": solution.choice.as_ref().map(|choice| &choice.why),
-            "stop_reason": solution.stop_reason,
-            "n_passes": solution.n_passes,
-            "residual_l2": solution.residual_l2,
-            "residual_max_power": solution.residual_max_power,
-            "error_bound": solution.error_bound,
-            "history": solution.history,
-        }),
-        line: solve::solver_line(name, &solution, TotalError::Untold),
-        leak_power: operator.leak_power(&solution.radiosity),
-        radiosity: materials.radiosity(&solution.irradiance),
-        irradiance: solution.irradiance,
-        code: if converged {
-            ExitCode::Done
-        } else {
-            ExitCode::NotConverged
-        },
-    })
-}
-
-/// Says of a system that a solver refuses what helps, with voxels.
-fn refused(run: &Run, model: &Model, voxels: &VoxelScene, error: SolverError) -> Failure {
-    if let SolverError::NeedsRows { .. } = error {
-        return Failure::usage(format!(
-            "{error}, which links have that are kept: leave --links recompute out, or take auto, jacobi, chebyshev, gmres or anderson"
-        ));
-    }
-    let face = |surfel: usize| voxels.surfels.get(surfel).map(|surfel| surfel.face.0 as usize);
-    let surface = |surfel| Some(model.scene.faces.get(face(surfel)?)?.surface);
-    model.refused(error, surface, &run.cx).into()
-}
-
 fn render_settings(args: &VoxelArgs) -> RenderSettings {
     RenderSettings {
         flat: args.image.flat,
@@ -472,11 +256,11 @@ fn render_settings(args: &VoxelArgs) -> RenderSettings {
 fn write(
     run: &mut Run,
     model: &mut Model,
-    voxels: &VoxelScene,
-    solved: &Solved,
+    study: &VoxelStudy,
     args: &VoxelArgs,
     format: Option<Format>,
 ) -> Result<Option<AnyView>, Failure> {
+    let voxels = &study.voxels;
     let (Some(path), Some(format)) = (&args.output, format) else {
         return Ok(None);
     };
@@ -487,8 +271,8 @@ fn write(
                 path,
                 &model.scene,
                 voxels,
-                &solved.radiosity,
-                &solved.irradiance,
+                &study.radiosity,
+                &study.irradiance,
                 &description,
             )
         })?;
@@ -500,10 +284,10 @@ fn write(
     run.cx.set("show_voxels", args.show_voxels);
     let image = if args.show_voxels {
         run.cx
-            .time("render", || picture(voxels, &solved.radiosity, view.as_view()))
+            .time("render", || picture(voxels, &study.radiosity, view.as_view()))
     } else {
         let irradiance = run.cx.time("display", || {
-            onto_patches(voxels, &model.scene.faces, &model.mesh, &solved.irradiance)
+            onto_patches(voxels, &model.scene.faces, &model.mesh, &study.irradiance)
         });
         let (reflectance, exitance) = model.materials();
         let mut radiosity = exitance.clone();
@@ -542,16 +326,4 @@ fn write(
         png::write(&path.with_extension("png"), &image)
     })?;
     Ok(Some(view))
-}
-
-/// Light that is still under way, relative to what there is, from which it is warned of.
-const MOST_UNDER_WAY: f64 = 0.05;
-
-/// Returns what further propagations would add, by the changes of those that there were, each relative to what there was then: the rest of a geometric series.
-fn under_way(changes: &[f64]) -> f64 {
-    match *changes {
-        [.., before, last] if last < before => last / (1.0 - last / before),
-        [.., last] => last,
-        [] => 0.0,
-    }
 }

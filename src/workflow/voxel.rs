@@ -1,0 +1,471 @@
+//! Discrete radiosity as a whole study: voxels, links where there is room for them, light, and what the voxels do not resolve.
+
+use std::path::PathBuf;
+
+use serde_json::json;
+
+use super::voxel_links::{self, LinkPlace};
+use super::{Context, Model, TotalError, Unsuited, Warning, WorkflowError, go_on};
+use crate::audit::{self, Given};
+use crate::form_factor::Closure;
+use crate::matrix::operator::{Block, LinearOperator};
+use crate::scene::SurfaceId;
+use crate::solver::{
+    self, RadiositySystem, Solution, SolveOptions, SolverError, SolverSettings, StopReason, Tolerance,
+};
+use crate::voxel::{
+    Adaptive, AdaptiveSettings, DiscreteSphere, Form, Leak, LinkOperator, Links, Materials, RowWeights, SolidAngle,
+    ThinGap, VoxelScene, propagate, solve_adaptively,
+};
+
+/// Light that is still under way, relative to what there is, from which it is warned of.
+const MOST_UNDER_WAY: f64 = 0.05;
+
+/// How light is found on voxels.
+#[derive(Clone, Debug, PartialEq)]
+pub enum VoxelLight {
+    /// So many propagations.
+    Propagations {
+        /// How many.
+        passes: usize,
+        /// What each computes from.
+        form: Form,
+    },
+    /// Propagations between cells, as fine as the light asks for.
+    Cells {
+        /// How many on each set of cells.
+        passes: usize,
+        /// [`AdaptiveSettings::tolerance`].
+        tolerance: f64,
+        /// [`AdaptiveSettings::coarsest`].
+        coarsest: u8,
+    },
+    /// A solver.
+    Solver {
+        /// Its name.
+        name: String,
+        /// The tolerance on sqrt(Σ A r² / Σ A E²), the worst channel.
+        tolerance: f64,
+    },
+}
+
+/// What is asked of voxels.
+#[derive(Clone, Debug)]
+pub struct VoxelRequest {
+    /// Voxels along the longest axis.
+    pub n_voxels: u32,
+    /// The radius of the discrete sphere of directions.
+    pub radius: u32,
+    /// How directions are weighed.
+    pub solid_angle: SolidAngle,
+    /// Whether the weights of a voxel's directions are divided by their sum.
+    pub row_weights: RowWeights,
+    /// Whether every voxel of an emitter sends its exitance, not scaled to the power of the emitter's true area.
+    pub plain_emission: bool,
+    /// How light is found.
+    pub light: VoxelLight,
+    /// Where links are kept.
+    pub links: LinkPlace,
+    /// The file of links on disk.
+    pub link_file: PathBuf,
+    /// What is said about whether the scene is closed.
+    pub closure: Closure,
+    /// Whether voxels are written to a file.
+    pub is_written: bool,
+    /// Whether a picture of the patches follows.
+    pub is_shown: bool,
+}
+
+/// How light was found.
+#[derive(Debug)]
+pub enum VoxelResult {
+    /// By propagations, with the change of the radiosity in each, relative.
+    Propagations(Vec<f64>),
+    /// By cells.
+    Cells(Box<Adaptive>),
+    /// By a solver.
+    Solver(Box<Solution>),
+}
+
+/// How many links there are, and what they take.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[expect(clippy::struct_field_names, reason = "counts are named n_ everywhere")]
+pub struct LinkFigures {
+    /// All links.
+    pub n_links: u64,
+    /// Links that end at a back, where they have been counted.
+    pub n_backs: Option<u64>,
+    /// Links that leave the scene, where they have been counted.
+    pub n_escaped: Option<u64>,
+    /// What they take, in bytes.
+    pub n_bytes: u64,
+}
+
+/// Light on voxels, with what is known of it.
+#[derive(Debug)]
+pub struct VoxelStudy {
+    /// The voxels.
+    pub voxels: VoxelScene,
+    /// The directions.
+    pub sphere: DiscreteSphere,
+    /// The links.
+    pub links: LinkFigures,
+    /// B of each surfel, W·m⁻², \[n, c\].
+    pub radiosity: Block,
+    /// H of each surfel, W·m⁻², \[n, c\].
+    pub irradiance: Block,
+    /// How light was found.
+    pub result: VoxelResult,
+    /// Surfaces smaller than two voxels, and how large they are, m.
+    pub small: Vec<(SurfaceId, f64)>,
+    /// Gaps narrower than two voxels.
+    pub gaps: Vec<ThinGap>,
+    /// Surfels that are reached from outside.
+    pub reached: Vec<u32>,
+    /// Light that passes closed surfaces.
+    pub leak: Leak,
+    /// The Hausdorff distance from the scene, in voxels.
+    pub hausdorff: Option<f64>,
+}
+
+impl VoxelStudy {
+    /// Tells whether the light is what was asked for: the solver converged, and not too much leaks.
+    #[must_use]
+    pub fn is_done(&self) -> bool {
+        let is_converged = match &self.result {
+            VoxelResult::Solver(solution) => solution.stop_reason == StopReason::Converged,
+            VoxelResult::Propagations(_) | VoxelResult::Cells(_) => true,
+        };
+        is_converged && !self.leak.is_too_much()
+    }
+}
+
+/// Radiosities of all surfels, and how they were reached.
+struct Lit {
+    radiosity: Block,
+    irradiance: Block,
+    result: VoxelResult,
+    /// What passes closed surfaces, W, by channel.
+    leak_power: Vec<f64>,
+}
+
+impl Model {
+    /// Cuts the scene into voxels, finds their links and their light, and warns of what they do not resolve.
+    ///
+    /// # Errors
+    /// [`WorkflowError::Voxel`], [`WorkflowError::VoxelMemory`], [`WorkflowError::NotClosed`], those of [`solve_system`](Self::solve_system), and [`WorkflowError::Interrupted`].
+    pub fn solve_on_voxels(&mut self, request: &VoxelRequest, cx: &mut Context) -> Result<VoxelStudy, WorkflowError> {
+        self.state_closure(request.closure, cx)?;
+        voxel_links::expect_voxels(self, request, cx)?;
+        let voxels = cx.time("discretise", || VoxelScene::new(&self.scene, request.n_voxels))?;
+        let sphere = DiscreteSphere::new(request.radius, request.solid_angle)?;
+        let place = voxel_links::choose(self, &voxels, &sphere, request, cx)?;
+        request.note_settings(cx);
+        let small = cx.time("checks", || voxels.small_surfaces(&self.scene));
+        self.warn_of_small_surfaces(&small, &voxels, cx);
+        let gaps = cx.time("checks", || voxels.thin_gaps(&self.scene));
+        self.warn_of_gaps(&gaps, request.n_voxels, cx);
+        let reached = if self.plan.watertight {
+            cx.time("checks", || voxels.reached_from_outside())
+        } else {
+            let nothing = "search for leaks: the scene's faces do not close a space";
+            self.plan.left_out.push(nothing.into());
+            Vec::new()
+        };
+        self.warn_of_leaks(&voxels, &reached, cx);
+        let hausdorff = cx.time("checks", || voxels.hausdorff_distance(&self.scene));
+        let materials = Materials::new(&self.scene, &voxels, self.plan.n_channels);
+        let emission = if request.plain_emission {
+            &materials.exitance
+        } else {
+            &materials.emission
+        };
+        let (lit, links) = match request.light {
+            VoxelLight::Cells {
+                passes,
+                tolerance,
+                coarsest,
+            } => {
+                let settings = AdaptiveSettings {
+                    coarsest,
+                    tolerance,
+                    n_passes: passes,
+                    row_weights: request.row_weights,
+                };
+                self.light_on_cells((&voxels, &sphere), (&materials, emission), &settings, cx)?
+            }
+            _ => self.light_on_voxels((&voxels, &sphere), (&materials, emission), place, request, cx)?,
+        };
+        let n_escaped = links.n_escaped.unwrap_or(0);
+        if self.plan.watertight && n_escaped > 0 {
+            let n_links = links.n_links;
+            cx.warn(Warning::EscapingLinks { n_escaped, n_links });
+        }
+        cx.audited(audit::sides(&lit.leak_power));
+        let leak = Leak::new(&lit.leak_power, &voxels, &materials.exitance);
+        warn_of_leak(&voxels, &leak, cx);
+        Ok(VoxelStudy {
+            voxels,
+            sphere,
+            links,
+            radiosity: lit.radiosity,
+            irradiance: lit.irradiance,
+            result: lit.result,
+            small,
+            gaps,
+            reached,
+            leak,
+            hausdorff,
+        })
+    }
+
+    /// Finds light with one unknown for each surfel.
+    fn light_on_voxels(
+        &mut self,
+        (voxels, sphere): (&VoxelScene, &DiscreteSphere),
+        of_surfels: (&Materials, &Block),
+        place: LinkPlace,
+        request: &VoxelRequest,
+        cx: &mut Context,
+    ) -> Result<(Lit, LinkFigures), WorkflowError> {
+        let links = match place {
+            LinkPlace::Memory | LinkPlace::Auto { .. } => {
+                cx.time("links", || Links::in_memory(voxels, sphere, &cx.progress()))
+            }
+            LinkPlace::Recompute => Links::recomputed(voxels, sphere),
+            LinkPlace::Disk => cx.time("links", || {
+                Links::on_disk(voxels, sphere, &request.link_file, &cx.progress())
+            })?,
+        };
+        cx.go_on()?;
+        let operator = LinkOperator::new(voxels, sphere, &links, request.row_weights);
+        let lit = match &request.light {
+            VoxelLight::Solver { name, tolerance } => {
+                let is_costly = place == LinkPlace::Recompute;
+                self.light_by_solver(&operator, of_surfels, (name, *tolerance), is_costly, cx)
+            }
+            VoxelLight::Propagations { passes, form } => {
+                light_by_propagations(&operator, of_surfels, (*passes, *form), cx)
+            }
+            VoxelLight::Cells { passes, .. } => {
+                light_by_propagations(&operator, of_surfels, (*passes, Form::default()), cx)
+            }
+        };
+        // What went wrong with the links explains whatever the solver made of it.
+        if let Some(error) = links.failure() {
+            return Err(error.into());
+        }
+        let figures = LinkFigures {
+            n_links: links.n_links(),
+            n_backs: links.n_backs(),
+            n_escaped: links.n_escaped(),
+            n_bytes: links.n_bytes(),
+        };
+        Ok((lit?, figures))
+    }
+
+    /// Finds light with one unknown for each cell, cells as fine as the light asks for.
+    fn light_on_cells(
+        &self,
+        (voxels, sphere): (&VoxelScene, &DiscreteSphere),
+        (materials, emission): (&Materials, &Block),
+        settings: &AdaptiveSettings,
+        cx: &mut Context,
+    ) -> Result<(Lit, LinkFigures), WorkflowError> {
+        cx.set("adaptive", settings.tolerance);
+        cx.set("coarsest", settings.coarsest);
+        cx.set("passes", settings.n_passes);
+        let rho = &materials.reflectance;
+        let mut result = {
+            let watch = cx.progress();
+            cx.time("cells", || {
+                solve_adaptively(&self.scene, voxels, sphere, rho, emission, settings, &watch)
+            })
+        };
+        cx.go_on()?;
+        // The light of surfels spread over cells and back; their rows sum to 1 at most.
+        let row_sums = vec![1.0; voxels.n_surfels()];
+        if settings.row_weights == RowWeights::Normalised {
+            let (b, h) = (&result.radiosity, &result.irradiance);
+            cx.audited(audit::propagation(rho, emission, &row_sums, b, h));
+        }
+        let figures = LinkFigures {
+            n_links: result.n_links,
+            n_backs: Some(result.n_backs),
+            n_escaped: Some(result.n_escaped),
+            n_bytes: result.link_byte,
+        };
+        let irradiance = std::mem::replace(&mut result.irradiance, Block::zeros(0, 1));
+        let lit = Lit {
+            radiosity: materials.radiosity(&irradiance),
+            irradiance,
+            leak_power: result.leak_power.clone(),
+            result: VoxelResult::Cells(Box::new(result)),
+        };
+        Ok((lit, figures))
+    }
+
+    fn light_by_solver(
+        &mut self,
+        operator: &LinkOperator<'_>,
+        (materials, emission): (&Materials, &Block),
+        (name, tolerance): (&str, f64),
+        is_costly: bool,
+        cx: &mut Context,
+    ) -> Result<Lit, WorkflowError> {
+        cx.set("solver", name);
+        cx.set("tolerance", tolerance);
+        let voxels = operator.scene();
+        let rho = materials.reflectance.clone();
+        let system = RadiositySystem::new(operator, voxels.areas(), rho, emission.clone())
+            .map_err(|error| self.refused_of_voxels(voxels, error, cx))?;
+        let options = SolveOptions {
+            tolerance: Tolerance::ResidualL2(tolerance),
+            ..SolveOptions::default()
+        };
+        let solver = solver::solver(name, &SolverSettings::default())?;
+        let solved = {
+            let watch = cx.progress();
+            cx.time("solve", || solver.solve(&system, &options, &mut |_| go_on(&watch)))
+        };
+        let mut solution = solved.map_err(|error| self.refused_of_voxels(voxels, error, cx))?;
+        cx.go_on()?;
+        let given = Given {
+            gain: None,
+            costly: is_costly,
+        };
+        let found = cx.time("audit", || audit::solution(&system, &solution, given))?;
+        cx.audited(found);
+        if let Some(choice) = &solution.choice {
+            self.plan.decide("solver", choice.solver, choice.why.to_string());
+        }
+        let irradiance = std::mem::replace(&mut solution.irradiance, Block::zeros(0, 1));
+        Ok(Lit {
+            leak_power: operator.leak_power(&solution.radiosity),
+            radiosity: materials.radiosity(&irradiance),
+            irradiance,
+            result: VoxelResult::Solver(Box::new(solution)),
+        })
+    }
+
+    /// Says of a system that a solver refuses what helps, with voxels.
+    fn refused_of_voxels(&self, voxels: &VoxelScene, error: SolverError, cx: &Context) -> WorkflowError {
+        if let SolverError::NeedsRows { .. } = error {
+            return WorkflowError::Unsuited(Unsuited::RecomputedRows(error.to_string()));
+        }
+        let face = |surfel: usize| voxels.surfels.get(surfel).map(|surfel| surfel.face.0 as usize);
+        let surface = |surfel| Some(self.scene.faces.get(face(surfel)?)?.surface);
+        self.refused(error, surface, cx)
+    }
+
+    fn name(&self, id: SurfaceId) -> String {
+        self.scene.surfaces[id.0 as usize].name.clone()
+    }
+
+    fn warn_of_small_surfaces(&self, small: &[(SurfaceId, f64)], voxels: &VoxelScene, cx: &Context) {
+        if let Some(&(surface, side)) = small.first() {
+            let size = voxels.grid.voxel_size;
+            let [x, y, z] = voxels.grid.n_voxels;
+            cx.warn(Warning::SmallSurfaces {
+                count: small.len(),
+                surface: self.name(surface),
+                side,
+                size,
+                enough: (2.0 * size / side * f64::from(x.max(y).max(z))).ceil(),
+            });
+        }
+    }
+
+    fn warn_of_gaps(&self, gaps: &[ThinGap], n_voxels: u32, cx: &Context) {
+        if !gaps.is_empty() {
+            cx.warn(Warning::ThinGaps {
+                n_voxels,
+                pairs: gaps.iter().map(|gap| gap.surfaces.map(|id| self.name(id))).collect(),
+            });
+        }
+    }
+
+    fn warn_of_leaks(&self, voxels: &VoxelScene, reached: &[u32], cx: &Context) {
+        let of_surfel = |&s: &u32| self.scene.faces[voxels.surfels[s as usize].face.0 as usize].surface;
+        let mut surfaces: Vec<SurfaceId> = reached.iter().map(of_surfel).collect();
+        surfaces.sort_unstable();
+        surfaces.dedup();
+        if !reached.is_empty() {
+            cx.warn(Warning::OpenVoxels {
+                count: reached.len(),
+                surfaces: surfaces.into_iter().map(|id| self.name(id)).collect(),
+            });
+        }
+    }
+}
+
+fn light_by_propagations(
+    operator: &LinkOperator<'_>,
+    (materials, emission): (&Materials, &Block),
+    (passes, form): (usize, Form),
+    cx: &mut Context,
+) -> Result<Lit, WorkflowError> {
+    cx.set("form", json!(form));
+    cx.set("passes", passes);
+    let rho = &materials.reflectance;
+    let result = {
+        let watch = cx.progress();
+        cx.time("propagation", || {
+            propagate(operator, rho, emission, form, passes, &watch)
+        })
+    };
+    cx.go_on()?;
+    let mut row_sums = Block::zeros(operator.n_rows(), 1);
+    let ones = Block::from_values(vec![1.0; operator.n_rows()], 1);
+    let (b, h) = (&result.radiosity, &result.irradiance);
+    let found = cx.time("audit", || {
+        operator.apply(&ones, &mut row_sums);
+        audit::propagation(rho, emission, row_sums.values(), b, h)
+    });
+    cx.audited(found);
+    let under_way = under_way(&result.changes);
+    if under_way > MOST_UNDER_WAY {
+        cx.warn(Warning::UnderWay { passes, under_way });
+    }
+    Ok(Lit {
+        leak_power: operator.leak_power(b),
+        radiosity: materials.radiosity(&result.irradiance),
+        irradiance: result.irradiance,
+        result: VoxelResult::Propagations(result.changes),
+    })
+}
+
+/// Returns what further propagations would add, by the changes of those that there were, each relative to what there was then: the rest of a geometric series.
+fn under_way(changes: &[f64]) -> f64 {
+    match *changes {
+        [.., before, last] if last < before => last / (1.0 - last / before),
+        [.., last] => last,
+        [] => 0.0,
+    }
+}
+
+/// Warns of light that passes closed surfaces.
+fn warn_of_leak(voxels: &VoxelScene, leak: &Leak, cx: &Context) {
+    if leak.power > 0.0 {
+        let wall = voxels.thin_walls.first();
+        cx.warn(Warning::PassedWalls {
+            power: leak.power,
+            share: leak.share,
+            thickness: wall.map(|wall| wall.thickness),
+            enough: wall.and_then(|wall| voxels.n_voxels_for(wall)),
+        });
+    }
+}
+
+impl VoxelRequest {
+    fn note_settings(&self, cx: &mut Context) {
+        cx.set("voxels", self.n_voxels);
+        cx.set("radius", self.radius);
+        cx.set("exact_solid_angles", self.solid_angle == SolidAngle::Exact);
+        cx.set("unnormalised", self.row_weights == RowWeights::Plain);
+        cx.set("plain_emission", self.plain_emission);
+    }
+}
+
+/// What voxels state of their error: nothing beyond what their solver does.
+pub const VOXEL_ERROR: TotalError = TotalError::Untold;
