@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 
 use glam::{DQuat, DVec3};
 use radiosity::form_factor::ExactMethod;
-use radiosity::scene::{Loaded, SceneWarning, load};
+use radiosity::scene::{Loaded, SceneWarningKind, load};
 use support::Uniform;
 use support::rooms::{Prepared, with_digits};
 
@@ -129,8 +129,8 @@ fn formats() -> Vec<(String, f64, Number)> {
 
 /// The number of faces that are drawn on others, and the area that these lost.
 fn cut(loaded: &Loaded) -> Option<(usize, f64)> {
-    loaded.warnings.iter().find_map(|warning| match warning {
-        SceneWarning::CutFaces { count, area, .. } => Some((*count, *area)),
+    loaded.warnings.iter().find_map(|warning| match warning.kind {
+        SceneWarningKind::CutFaces { count, area } => Some((count, area)),
         _ => None,
     })
 }

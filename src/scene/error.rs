@@ -54,6 +54,15 @@ impl Origin {
     }
 }
 
+impl Origin {
+    pub(super) fn line_number(&self) -> Option<u32> {
+        match self {
+            Self::File { line, .. } => *line,
+            _ => None,
+        }
+    }
+}
+
 impl fmt::Display for Origin {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -320,10 +329,7 @@ impl SceneError {
     /// Returns the line to blame, counted from 1, or `None` for an error that is not about one line.
     #[must_use]
     pub fn line(&self) -> Option<u32> {
-        match self.at {
-            Origin::File { line, .. } => line,
-            _ => None,
-        }
+        self.at.line_number()
     }
 }
 

@@ -112,6 +112,18 @@ impl SceneWarning {
     pub fn new(at: Origin, kind: SceneWarningKind) -> Self {
         Self { at, kind }
     }
+
+    /// Returns a stable name of the kind of warning, in snake case, for programs.
+    #[must_use]
+    pub fn kind(&self) -> &'static str {
+        self.kind.name()
+    }
+
+    /// Returns the line that the warning is about, counted from 1, or `None` if it is not about one line of a file.
+    #[must_use]
+    pub fn line(&self) -> Option<u32> {
+        self.at.line_number()
+    }
 }
 
 impl fmt::Display for SceneWarning {
