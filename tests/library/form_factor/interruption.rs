@@ -91,8 +91,8 @@ fn interrupted_and_resumed(method: &dyn FormFactorMethod, scene: &Scene, subdivi
     let whole = compute(&Silent).unwrap();
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("checkpoint");
-    let run = |part| {
-        let progress = Stopper::after(part, Some(open(&path)));
+    let run = |share| {
+        let progress = Stopper::after(share, Some(open(&path)));
         let computed = compute(&progress);
         (computed, progress.checkpoint.unwrap().n_pieces())
     };
