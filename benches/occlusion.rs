@@ -8,11 +8,11 @@ use radiosity::form_factor::partial::{Accuracy, exchange_area};
 use radiosity::visibility::blockers::{BlockerId, BlockerIndex, PairVisibility};
 use shapes::{Polygon, cuboid, cut, scene_of};
 
-#[path = "../tests/embree/scenes.rs"]
+#[path = "../tests/library/embree/scenes.rs"]
 #[allow(dead_code, reason = "made for rays; only the builder is used here")]
 mod scenes;
 
-#[path = "../tests/occlusion/shapes.rs"]
+#[path = "../tests/library/occlusion/shapes.rs"]
 #[allow(dead_code, reason = "made for tests")]
 mod shapes;
 

@@ -6,7 +6,7 @@
 
 mod bare;
 #[expect(dead_code, reason = "shared with the tests, which use more of it")]
-#[path = "../../tests/embree/scenes.rs"]
+#[path = "../../tests/library/embree/scenes.rs"]
 mod scenes;
 
 use std::hint::black_box;

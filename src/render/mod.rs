@@ -156,7 +156,7 @@ pub struct RenderInput<'a> {
 ///
 /// `radiosity reproduce pictures` makes this table again, with times, a plot and the pictures.
 ///
-/// Against independent rays over the same solution, in points that are uniform over all surfaces (`tests/render/gathered_points.rs`); "beyond" are values that are off by more than three stated errors:
+/// Against independent rays over the same solution, in points that are uniform over all surfaces (`tests/library/render/gathered_points.rs`); "beyond" are values that are off by more than three stated errors:
 ///
 /// | scene | places | rays a place | mean deviation, of the mean irradiance | beyond |
 /// |---|---|---|---|---|

@@ -33,7 +33,7 @@ const FIRST_ORDER_UP_TO: f64 = 0.5;
 /// For methods whose s is a standard error, e is
 /// hardly below the standard error of B; for those that state a bound or an estimate of the error it is one as far as errors of a row are not all of one sign.
 /// In `room-box` with 108 patches and 1000 random rays from each, the stated error is 2.2 times the root mean square of the true one over 24 runs for the patch where it is
-/// least, and 3.8 times on average; with `exact` no true error was above the stated one (`tests/stated_error.rs`).
+/// least, and 3.8 times on average; with `exact` no true error was above the stated one (`tests/library/solver/stated_error.rs`).
 ///
 /// Of a solution that has converged e is divided by 1 − q, the sum of all orders: e is T B with T = (I − ρF)⁻¹ ρ (h + u F), the next order is T e, and q² = Σ A (T e)² / Σ A e² in each channel of each set of
 /// patches that exchange light. Where e is below 1e-3 of the reflected light, that share is taken for q. From q = 0.5 on e is infinite:

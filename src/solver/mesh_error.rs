@@ -30,7 +30,7 @@ pub struct Coarsened {
 /// more than R B, d = B_c − R B, (I − R ρ F P) d = R ρ F (P R B − B). It is solved on the fine mesh, (I − ρ F) d = P R ρ F (P R B − B), which changes d by as much as the coarse mesh does, relatively.
 ///
 /// Accuracy: in `cornell-box` with 1280, 5120 and 20 480 patches d foretells 1.22 %, 1.22 % and 0.63 % for the surface that changes most; runs with a quarter of the patches differ by 1.21 %, 1.20 % and 0.62 %
-/// there (`radiosity solve scenes/cornell-box/scene.obj --subdivide N`, N = 8, 16, 32). In `room-box` all surfaces together change as foretold to within a tenth (`tests/mesh_error.rs`).
+/// there (`radiosity solve scenes/cornell-box/scene.obj --subdivide N`, N = 8, 16, 32). In `room-box` all surfaces together change as foretold to within a tenth (`tests/library/solver/mesh_error.rs`).
 /// Where a step to a finer mesh changes means by half as much as the step before, |d| is what they are off by on the mesh that there is; where it changes them by less than that, they are nearer to the truth.
 /// Single patches show the mean of the light that they get, which differs within them by about as much as they differ from the mean of their parent, the spread.
 ///

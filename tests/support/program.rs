@@ -1,22 +1,14 @@
-//! The program, run as its users and their scripts run it.
+//! The program, run as its users and their scripts run it: within limits, on built-in scenes, and what it leaves behind.
 
-#![allow(dead_code, reason = "each test binary uses another part")]
+#[path = "run.rs"]
+mod run;
 
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Command;
 
-use serde_json::Value;
 use tempfile::TempDir;
 
-/// The program's path.
-pub(crate) const PROGRAM: &str = env!("CARGO_BIN_EXE_radiosity");
-
-/// Returns a command that will run the program in a directory.
-pub(crate) fn command(directory: &Path, arguments: &[&str]) -> Command {
-    let mut command = Command::new(PROGRAM);
-    command.current_dir(directory).args(arguments);
-    command
-}
+pub(crate) use run::*;
 
 /// Returns a command that will run the program at the end of a line of shell, which sets its limits and ends in `exec`.
 pub(crate) fn limited(directory: &Path, shell: &str, arguments: &[&str]) -> Command {
@@ -27,32 +19,12 @@ pub(crate) fn limited(directory: &Path, shell: &str, arguments: &[&str]) -> Comm
     command
 }
 
-/// Runs the program to its end.
-#[track_caller]
-pub(crate) fn radiosity(directory: &Path, arguments: &[&str]) -> Output {
-    command(directory, arguments).output().unwrap()
-}
-
-/// Runs with `--json` and returns the exit code and the document.
-#[track_caller]
-pub(crate) fn document(directory: &Path, arguments: &[&str]) -> (i32, Value) {
-    let output = radiosity(directory, &[arguments, &["--json"]].concat());
-    let text = String::from_utf8(output.stdout).unwrap();
-    let value = serde_json::from_str(&text).unwrap_or_else(|e| panic!("{e}: {text}"));
-    (output.status.code().unwrap(), value)
-}
-
 /// Runs what must succeed, and returns what it printed.
 #[track_caller]
 pub(crate) fn succeed(directory: &Path, arguments: &[&str]) -> Vec<u8> {
     let output = radiosity(directory, arguments);
     assert!(output.status.success(), "{arguments:?}: {}", stderr(&output));
     output.stdout
-}
-
-#[track_caller]
-pub(crate) fn stderr(output: &Output) -> String {
-    String::from_utf8(output.stderr.clone()).unwrap()
 }
 
 /// A directory with a built-in scene as `scene.obj`.

@@ -1,7 +1,5 @@
 //! A room without light inside of a lit one.
 
-#![allow(dead_code, reason = "each test binary uses another part")]
-
 use std::fmt::Write as _;
 
 use glam::{DMat3, DVec3};
@@ -61,20 +59,6 @@ impl SealedRoom {
     pub(crate) const LOW: DVec3 = DVec3::new(3.1, 3.3, 0.43);
     /// Its other corner.
     pub(crate) const HIGH: DVec3 = DVec3::new(5.1, 5.2, 2.1);
-
-    /// The line of the file with the floor of the outer room.
-    pub(crate) const FLOOR_LINE: u32 = 8;
-
-    /// Returns the line of the file from which on faces are the inner room's inside.
-    pub(crate) fn inside_from(&self) -> u32 {
-        let text = self.obj();
-        let line = text
-            .lines()
-            .enumerate()
-            .filter(|(_, line)| line.starts_with("o "))
-            .last();
-        u32::try_from(line.map_or(0, |(k, _)| k)).expect("a short file")
-    }
 
     /// Returns an OBJ file with the materials `wall` and `lamp`.
     pub(crate) fn obj(&self) -> String {

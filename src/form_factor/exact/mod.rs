@@ -61,7 +61,7 @@ pub(super) use split::Split;
 /// the time told for form factors.
 /// Growth: as n^1.06 from 972 to 4332 patches at one tolerance; in the end as n², the number of pairs. With the number of faces only pairs that may see each other count: a ball
 /// of 1280, 5120 and 20 480 triangles over a floor, of which 1044, 4164 and 16 674 see it, takes 0.05, 0.22 and 1.0 s of CPU time (one run each;
-/// `cargo test --release --test exact -- --ignored` has the largest).
+/// `cargo test --release --test library -- --ignored exact::` has the largest).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExactMethod {
     /// The tolerance of a partly visible pair, on A_i F_ij / min(A_i, A_j): the absolute error of the larger of F_ij and F_ji.

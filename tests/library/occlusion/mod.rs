@@ -1,0 +1,14 @@
+//! Form factors behind occluders: against certified values, closed rooms, brute force and themselves.
+
+use crate::embree::scenes;
+
+mod blocker_index;
+mod certified;
+mod closed_rooms;
+mod error_estimates;
+mod independent;
+mod invariants;
+mod monte_carlo;
+mod piercing;
+mod search;
+mod shapes;

@@ -1,0 +1,28 @@
+//! The program as its users and their scripts meet it: exit codes, messages, documents, files.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![expect(
+    clippy::shadow_unrelated,
+    reason = "each run of a test has its own output, code and result"
+)]
+
+mod at_walls;
+mod exchange;
+mod experiments;
+mod form_factors;
+mod input;
+mod pages;
+mod pictures;
+#[path = "../support/program.rs"]
+mod program;
+#[path = "../support/sealed_room.rs"]
+mod sealed_room;
+mod solve;
+mod threads;
+mod voxel;
+
+use program::{document, radiosity, stderr, with_scene};
+use serde_json::Value;
+
+fn numbers(value: &Value) -> Vec<f64> {
+    value.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
+}
