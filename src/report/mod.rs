@@ -21,9 +21,9 @@ mod npz;
 #[cfg(feature = "reports")]
 pub mod page;
 #[cfg(feature = "reports")]
-pub mod plot;
+mod paper;
 #[cfg(feature = "reports")]
-mod raster;
+pub mod plot;
 mod read;
 pub mod solution;
 mod stages;
@@ -37,8 +37,6 @@ pub use error::ReportError;
 #[cfg(feature = "reports")]
 pub use machine::{Machine, load_average};
 pub use memory::{memory_available_byte, memory_peak_byte, memory_used_byte};
-#[cfg(feature = "reports")]
-pub use raster::{RasterError, png_from_svg};
 pub use stages::StageTimes;
 #[cfg(feature = "reports")]
 pub use table::Table;
