@@ -117,11 +117,10 @@ impl Canvas {
         let em = (FINE as f64 * style.size() / 1.24) as f32;
         let units = font.units_per_em().unwrap_or(1000.0);
         let font = font.as_scaled(em * font.height_unscaled() / units);
-        let mut glyphs = Vec::new();
         let mut width = 0.0;
-        for c in text.chars() {
-            let glyph = font.scaled_glyph(c);
-            glyphs.push((glyph.clone(), width));
+        let mut glyphs: Vec<_> = text.chars().map(|c| font.scaled_glyph(c)).collect();
+        for glyph in &mut glyphs {
+            glyph.position.x = width;
             width += font.h_advance(glyph.id);
         }
         let left = match style.anchor().h_pos {
@@ -134,15 +133,15 @@ impl Canvas {
             VPos::Center => 0.25 * em,
             VPos::Bottom => -0.25 * em,
         };
-        for (mut glyph, x) in glyphs {
-            glyph.position = ab_glyph::point(left + x, baseline);
+        for mut glyph in glyphs {
+            glyph.position += ab_glyph::point(left, baseline);
             let Some(outline) = font.outline_glyph(glyph) else {
                 continue;
             };
             let corner = outline.px_bounds().min;
             outline.draw(|dx, dy, coverage| {
                 #[expect(clippy::cast_possible_truncation, reason = "a place on the sheet")]
-                let place = |corner: f32, d: u32| (corner + d as f32) as i32;
+                let place = |edge: f32, d: u32| (edge + d as f32) as i32;
                 let (x, y) = style.transform().transform(place(corner.x, dx), place(corner.y, dy));
                 let fine = |k: i32, d: i32| usize::try_from(k * i32::try_from(FINE).unwrap_or(1) + d).ok();
                 if let (Some(x), Some(y)) = (fine(pos.0, x), fine(pos.1, y))

@@ -258,18 +258,18 @@ mod tests {
 
     #[test]
     fn the_pixels_show_the_texts_and_marks_of_the_drawing() {
-        let pixels = |plot: &ErrorTimePlot| {
-            let bytes = plot.to_png().unwrap();
-            assert_eq!(bytes, plot.to_png().unwrap());
+        let pixels = |of: &ErrorTimePlot| {
+            let bytes = of.to_png().unwrap();
+            assert_eq!(bytes, of.to_png().unwrap());
             let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().unwrap();
-            let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
-            let info = reader.next_frame(&mut pixels).unwrap();
+            let mut decoded = vec![0; reader.output_buffer_size().unwrap()];
+            let info = reader.next_frame(&mut decoded).unwrap();
             assert_eq!((info.width, info.height), (1920, 1200));
-            pixels
+            decoded
         };
         // Dark pixels of the heading's band, twice 10 to 40 from the top.
-        let dark = |pixels: &[u8]| {
-            let band = pixels.chunks_exact(3).skip(1920 * 20).take(1920 * 60);
+        let dark = |image: &[u8]| {
+            let band = image.chunks_exact(3).skip(1920 * 20).take(1920 * 60);
             band.filter(|p| p.iter().all(|&c| c < 100)).count()
         };
         let mut shown = plot(&[0.1, 1e-3]);
@@ -280,7 +280,7 @@ mod tests {
             point.time_s = Ranged::exactly(point.time_s.middle);
             point.error = Ranged::exactly(point.error.middle);
         }
-        let of_style = |pixels: &[u8]| pixels.chunks_exact(3).filter(|p| *p == [213, 94, 0]).count();
+        let of_style = |image: &[u8]| image.chunks_exact(3).filter(|p| *p == [213, 94, 0]).count();
         assert_eq!(of_style(&pixels(&shown)), 3 * 16 * 16);
         assert_eq!(of_style(&with_title), 0);
         shown.title = String::new();
