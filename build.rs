@@ -2,6 +2,7 @@
 //!
 //! Looks in the C compiler's own places and under `/usr/local`; `EMBREE_DIR` names another installation (the directory
 //! that holds `include/embree4/`), which then comes first. What is missing ends the build with one sentence.
+//! With `DOCS_RS` set, only the bindings are made: docs need no Embree.
 
 use std::env;
 use std::fs;
@@ -27,10 +28,19 @@ fn main() {
         println!("cargo:rerun-if-changed={input}");
     }
     println!("cargo:rerun-if-env-changed=EMBREE_DIR");
+    println!("cargo:rerun-if-env-changed=DOCS_RS");
 
     let out = PathBuf::from(env::var_os("OUT_DIR").unwrap_or_default());
+    if env::var_os("DOCS_RS").is_none() {
+        compile_and_link(&out);
+    }
+    bind(&out);
+}
+
+/// Compiles the C part against Embree's headers and links both.
+fn compile_and_link(out: &Path) {
     let embree = Embree::find();
-    if !embree.links(&out) {
+    if !embree.links(out) {
         give_up("Embree 4 or later with its headers");
     }
     println!("cargo:rerun-if-changed={}", embree.config_header().display());
@@ -49,8 +59,6 @@ fn main() {
         }
     }
     println!("cargo:rustc-link-lib=embree4");
-
-    bind(&out);
 }
 
 /// Ends the build with one sentence.

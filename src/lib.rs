@@ -93,11 +93,22 @@
 //! # }
 //! ```
 
+#![cfg_attr(
+    not(feature = "cli"),
+    allow(
+        dead_code,
+        unused_imports,
+        reason = "what only the program or the experiments use inside of the crate"
+    )
+)]
+
 pub mod audit;
 pub mod checkpoint;
+#[cfg(feature = "cli")]
 pub mod cli;
 mod disjoint_sets;
 pub mod embree;
+#[cfg(feature = "reports")]
 pub mod experiment;
 pub mod form_factor;
 pub mod geometry;

@@ -11,8 +11,8 @@ use crate::form_factor::FormFactorError;
 use crate::matrix::{DiskError, MatrixError};
 use crate::printable::printable_message;
 use crate::render::RenderError;
+use crate::report::ReportError;
 use crate::report::plot::PlotError;
-use crate::report::{RasterError, ReportError};
 use crate::scene::{SceneError, SceneErrorKind};
 use crate::solver::SolverError;
 use crate::voxel::VoxelError;
@@ -199,12 +199,6 @@ impl From<CheckpointError> for Failure {
 
 impl From<PlotError> for Failure {
     fn from(error: PlotError) -> Self {
-        Self::new("plot", error.to_string())
-    }
-}
-
-impl From<RasterError> for Failure {
-    fn from(error: RasterError) -> Self {
         Self::new("plot", error.to_string())
     }
 }

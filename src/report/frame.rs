@@ -12,6 +12,8 @@ use plotters::prelude::{ChartBuilder, Color, IntoDrawingArea, RGBColor, SVGBacke
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{FontStyle, FontTransform, IntoTextStyle, TextStyle, register_font};
 
+use super::paper::{Canvas, HEIGHT, Paper, WIDTH};
+
 /// A plot could not be drawn.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the plot cannot be drawn: {0}")]
@@ -24,7 +26,7 @@ pub(super) type DrawResult = Result<(), Box<dyn std::error::Error>>;
 pub(super) type Hints = Vec<((i32, i32), String)>;
 
 /// A part of the paper.
-pub(super) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+pub(super) type Area<'a> = DrawingArea<Paper<'a>, Shift>;
 
 /// Colours that people with any colour vision can tell apart (M. Okabe and K. Ito, "Color Universal Design", 2008), without the yellow,
 /// which is too faint for lines on white.
@@ -38,8 +40,6 @@ const PALETTE: [RGBColor; 7] = [
     RGBColor(230, 159, 0),
 ];
 
-const WIDTH: i32 = 960;
-const HEIGHT: i32 = 600;
 /// The part of the width that the legend takes.
 const LEGEND: i32 = 200;
 /// From one line of the legend to the next.
@@ -69,10 +69,21 @@ pub(super) fn to_svg(
     subtitle: &str,
     draw: impl FnOnce(&mut Frame<'_>) -> DrawResult,
 ) -> Result<String, PlotError> {
-    register_fonts()?;
     let mut svg = String::new();
-    let hints = on_paper(&mut svg, title, subtitle, draw).map_err(|error| PlotError(error.to_string()))?;
+    let paper = Paper::Svg(SVGBackend::with_string(&mut svg, (WIDTH, HEIGHT)));
+    let hints = on_paper(paper, title, subtitle, draw)?;
     Ok(with_hints(&svg, &hints))
+}
+
+/// Makes a PNG of what `draw` draws, with the layout of [`to_svg`], two pixels to its unit of length.
+pub(super) fn to_png(
+    title: &str,
+    subtitle: &str,
+    draw: impl FnOnce(&mut Frame<'_>) -> DrawResult,
+) -> Result<Vec<u8>, PlotError> {
+    let mut canvas = Canvas::new();
+    on_paper(Paper::Pixels(&mut canvas), title, subtitle, draw)?;
+    canvas.to_png().map_err(|error| PlotError(error.to_string()))
 }
 
 /// Adds a circle that is not seen for every point, above everything else; its title is what a browser shows.
@@ -91,20 +102,29 @@ fn with_hints(svg: &str, hints: &Hints) -> String {
     text
 }
 
-fn on_paper(
-    svg: &mut String,
+fn on_paper<'a>(
+    paper: Paper<'a>,
     title: &str,
     subtitle: &str,
-    draw: impl FnOnce(&mut Frame<'_>) -> DrawResult,
+    draw: impl FnOnce(&mut Frame<'a>) -> DrawResult,
+) -> Result<Hints, PlotError> {
+    register_fonts()?;
+    sheet(paper, title, subtitle, draw).map_err(|error| PlotError(error.to_string()))
+}
+
+fn sheet<'a>(
+    paper: Paper<'a>,
+    title: &str,
+    subtitle: &str,
+    draw: impl FnOnce(&mut Frame<'a>) -> DrawResult,
 ) -> Result<Hints, Box<dyn std::error::Error>> {
-    let size = (WIDTH.unsigned_abs(), HEIGHT.unsigned_abs());
-    let root = SVGBackend::with_string(svg, size).into_drawing_area();
+    let root = paper.into_drawing_area();
     root.fill(&WHITE)?;
     let heading = (FONT, 18.0, FontStyle::Bold).into_text_style(&root);
     root.draw(&Text::new(title.to_owned(), (24, 18), heading))?;
     root.draw(&Text::new(subtitle.to_owned(), (24, 44), text(13.0).color(&GREY)))?;
     let (_, below) = root.split_vertically(66);
-    let (plot, legend) = below.split_horizontally(WIDTH - LEGEND);
+    let (plot, legend) = below.split_horizontally(WIDTH.cast_signed() - LEGEND);
     let legend = Legend { area: legend, y: 16 };
     let hints = Vec::new();
     let mut frame = Frame {
@@ -123,7 +143,7 @@ pub(super) fn axes<'a, X, Y>(
     area: &Area<'a>,
     (x, x_label): (X, &str),
     (y, y_label): (Y, &str),
-) -> Result<ChartContext<'a, SVGBackend<'a>, Cartesian2d<X, Y>>, DrawingAreaErrorKind<std::io::Error>>
+) -> Result<ChartContext<'a, Paper<'a>, Cartesian2d<X, Y>>, DrawingAreaErrorKind<std::io::Error>>
 where
     X: Ranged<ValueType = f64> + ValueFormatter<f64>,
     Y: Ranged<ValueType = f64> + ValueFormatter<f64>,

@@ -1,4 +1,4 @@
-//! Plots as SVG: error against run time, both logarithmic.
+//! Plots as SVG and PNG: error against run time, both logarithmic.
 
 use plotters::element::{Circle, EmptyElement, PathElement};
 use plotters::prelude::Color;
@@ -86,6 +86,14 @@ impl ErrorTimePlot {
     /// [`PlotError`] if the drawing library fails.
     pub fn to_svg(&self) -> Result<String, PlotError> {
         frame::to_svg(&self.title, &self.subtitle, |frame| self.draw(frame))
+    }
+
+    /// Draws the same as a PNG, two pixels to the unit of length of the SVG.
+    ///
+    /// # Errors
+    /// [`PlotError`] if the drawing library fails.
+    pub fn to_png(&self) -> Result<Vec<u8>, PlotError> {
+        frame::to_png(&self.title, &self.subtitle, |frame| self.draw(frame))
     }
 
     /// Returns all points that have a place.
@@ -197,7 +205,6 @@ fn bars(point: &PlotPoint, floor: (f64, f64)) -> impl Iterator<Item = [(f64, f64
 #[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
-    use crate::report::png_from_svg;
 
     fn about(middle: f64) -> Ranged {
         Ranged {
@@ -247,7 +254,38 @@ mod tests {
             "{svg}"
         );
         assert_eq!(svg, plot(&[0.1, 1e-3, 1e-9]).to_svg().unwrap());
-        assert!(png_from_svg(&svg, 0.5).unwrap().starts_with(b"\x89PNG"));
+    }
+
+    #[test]
+    fn the_pixels_show_the_texts_and_marks_of_the_drawing() {
+        let pixels = |of: &ErrorTimePlot| {
+            let bytes = of.to_png().unwrap();
+            assert_eq!(bytes, of.to_png().unwrap());
+            let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().unwrap();
+            let mut decoded = vec![0; reader.output_buffer_size().unwrap()];
+            let info = reader.next_frame(&mut decoded).unwrap();
+            assert_eq!((info.width, info.height), (1920, 1200));
+            decoded
+        };
+        // Dark pixels of the heading's band, twice 10 to 40 from the top.
+        let dark = |image: &[u8]| {
+            let band = image.chunks_exact(3).skip(1920 * 20).take(1920 * 60);
+            band.filter(|p| p.iter().all(|&c| c < 100)).count()
+        };
+        let mut shown = plot(&[0.1, 1e-3]);
+        let with_title = pixels(&shown);
+        // The mark of style 1 is a square of 8 × 8 units: one for each of two points, and one in the legend.
+        shown.series[0].style = 1;
+        for point in &mut shown.series[0].points {
+            point.time_s = Ranged::exactly(point.time_s.middle);
+            point.error = Ranged::exactly(point.error.middle);
+        }
+        let of_style = |image: &[u8]| image.chunks_exact(3).filter(|p| *p == [213, 94, 0]).count();
+        assert_eq!(of_style(&pixels(&shown)), 3 * 16 * 16);
+        assert_eq!(of_style(&with_title), 0);
+        shown.title = String::new();
+        assert!(dark(&with_title) > 100);
+        assert_eq!(dark(&pixels(&shown)), 0);
     }
 
     #[test]

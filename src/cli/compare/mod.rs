@@ -21,7 +21,7 @@ use crate::experiment::{
 use crate::form_factor::{ExactMethod, FormFactorMethod, Input};
 use crate::mesh::Subdivision;
 use crate::report::plot::{ErrorTimePlot, PlotPoint, Ranged, Series};
-use crate::report::{Machine, load_average, png_from_svg};
+use crate::report::{Machine, load_average};
 use crate::scene::{Scene, builtin};
 use crate::workflow::{Demand, MatrixDemand, Model, choice_text, choose_storage};
 use tables::{cases_table, describe, fastest_table, left_out, runs_table, setting, short_name, storage_section};
@@ -324,12 +324,9 @@ impl Subject<'_> {
             }
             for (short, long) in [("max", "greatest absolute error"), ("rms", "root-mean-square error")] {
                 let suffix = if part.visibility == "on" { "" } else { "_visibility_off" };
-                let svg = self
-                    .plot(part.visibility, reference, comparison, short, long)
-                    .to_svg()?;
-                let png = png_from_svg(&svg, 2.0)?;
-                files.push(output::text(format!("error_time_{short}{suffix}.svg"), svg));
-                files.push((format!("error_time_{short}{suffix}.png"), png));
+                let plot = self.plot(part.visibility, reference, comparison, short, long);
+                files.push(output::text(format!("error_time_{short}{suffix}.svg"), plot.to_svg()?));
+                files.push((format!("error_time_{short}{suffix}.png"), plot.to_png()?));
             }
         }
         Ok(files)
