@@ -1,9 +1,9 @@
 //! The way through the runs of one face: which pairs are looked at, kept, or settled at once.
 
-use super::tables::Table;
-use super::{Batches, PartialPair, Strip};
-use crate::form_factor::exact::patches::Run;
-use crate::form_factor::exact::stated::Seen;
+use super::batches::{Batches, PartialPair, Strip};
+use super::patches::Run;
+use super::stated::Seen;
+use super::table::Table;
 use crate::form_factor::pairs::Exchange;
 use crate::mesh::PatchId;
 use crate::visibility::blockers::{Between, BlockerId, PairVisibility};

@@ -4,37 +4,13 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::super::corners::{CornerSums, PatchGrid};
-use super::super::lattice::{Lattice, Repeats};
-use super::{Batches, FaceView, Known};
+use super::batches::{Batches, FaceView, Known};
+use super::corners::{CornerSums, PatchGrid};
+use super::lattice::{Lattice, Repeats};
+use super::table::{LEAST_PAIRS, Table};
 use crate::form_factor::pairs::Exchange;
 use crate::geometry::polygon_form_factor::PreparedPolygon;
 use crate::visibility::blockers::PairVisibility;
-
-/// Two faces with fewer pairs than this are not looked at as a whole: they have few corners in common.
-pub(super) const LEAST_PAIRS: usize = 16;
-
-/// Pairs of two faces, computed together.
-pub(super) enum Table {
-    Repeats(Repeats),
-    Corners(CornerSums),
-}
-
-impl Table {
-    pub(super) fn covers(&self, rows: &Range<usize>) -> bool {
-        match self {
-            Self::Repeats(_) => true,
-            Self::Corners(sums) => sums.covers(rows),
-        }
-    }
-
-    pub(super) fn get(&self, i: usize, j: usize) -> Exchange {
-        match self {
-            Self::Repeats(repeats) => repeats.get(i, j),
-            Self::Corners(sums) => sums.get(i, j),
-        }
-    }
-}
 
 impl Batches<'_> {
     /// Returns the exchange area of a pair without occluders, from the table of its faces if there is one.
