@@ -3,7 +3,7 @@
 use std::num::NonZeroUsize;
 use std::sync::{Arc, OnceLock};
 
-use super::pairs::Facing;
+use super::facing::Facing;
 use super::segments::unseen_square;
 use crate::geometry::point_form_factor::point_form_factor;
 use crate::geometry::polygon;

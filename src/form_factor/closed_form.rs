@@ -3,8 +3,9 @@
 use std::num::NonZeroUsize;
 
 use super::contour::times_visible;
+use super::facing;
 use super::pairs::Exchange;
-use super::{Computed, FormFactorError, FormFactorMethod, Input, sampled};
+use super::{Computed, FormFactorError, FormFactorMethod, Input};
 use crate::geometry::polygon_form_factor::PreparedPolygon;
 use crate::geometry::rectangle::rectangle_exchange_area;
 use crate::matrix::StorageChoice;
@@ -44,7 +45,7 @@ impl FormFactorMethod for ClosedForm {
         progress: &dyn Progress,
     ) -> Result<Computed, FormFactorError> {
         let patches = &input.mesh.patches;
-        let polygons = sampled::prepared(input.mesh);
+        let polygons = facing::prepared(input.mesh);
         let corners: Vec<&[glam::DVec3]> = polygons.iter().map(PreparedPolygon::corners).collect();
         let unoccluded = |[i, j]: [usize; 2]| {
             let Some(area) = rectangle_exchange_area(corners[i], corners[j]) else {

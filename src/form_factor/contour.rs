@@ -2,6 +2,7 @@
 
 use std::num::NonZeroUsize;
 
+use super::facing;
 use super::pairs::Exchange;
 use super::sampled::{self, Sampled};
 use super::segments::{Independence, PairSums, Segments, VisibleFraction};
@@ -44,7 +45,7 @@ impl FormFactorMethod for ContourIntegral {
         storage: StorageChoice,
         progress: &dyn Progress,
     ) -> Result<Computed, FormFactorError> {
-        let polygons = sampled::prepared(input.mesh);
+        let polygons = facing::prepared(input.mesh);
         let unoccluded = |[i, j]: [usize; 2]| {
             let exchange = polygon_form_factor::contour(&polygons[i], &polygons[j]);
             Ok(Exchange {

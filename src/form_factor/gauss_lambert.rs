@@ -6,6 +6,7 @@ use std::num::NonZeroUsize;
 
 use glam::DVec3;
 
+use super::facing;
 use super::pairs::Exchange;
 use super::sampled::{self, Sampled};
 use super::segments::{Independence, PairSums, Segments, VisibleFraction};
@@ -59,9 +60,9 @@ impl FormFactorMethod for GaussLambert {
         progress: &dyn Progress,
     ) -> Result<Computed, FormFactorError> {
         let patches = &input.mesh.patches;
-        let polygons = sampled::prepared(input.mesh);
+        let polygons = facing::prepared(input.mesh);
         let rule = GaussProduct::new(self.points);
-        let points = sampled::polygons(input.mesh, |corners| rule.on_polygon(corners));
+        let points = facing::polygons(input.mesh, |corners| rule.on_polygon(corners));
         let outer_first = |[i, j]: [usize; 2]| {
             let suits = |k: usize, other: usize| {
                 let distance = polygon::distance_from_edges(patches[k].centroid, polygons[other].corners());

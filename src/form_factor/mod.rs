@@ -34,6 +34,7 @@ mod closure;
 mod contour;
 mod error;
 mod exact;
+mod facing;
 mod forecast;
 mod gauss_lambert;
 mod hemicube;

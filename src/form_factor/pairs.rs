@@ -2,13 +2,13 @@
 
 use std::ops::Range;
 
+use super::facing::Facing;
 use super::kept::{self, Part, Piece};
 use super::rounded::RoundedRows;
 use super::{Computed, FormFactorError, Input, PairCounts};
-use crate::geometry::polygon_form_factor::PreparedPolygon;
 use crate::in_order::InOrder;
 use crate::matrix::{Entry, FormFactors, RowTally, RowTile, StorageChoice};
-use crate::mesh::{Mesh, PatchId};
+use crate::mesh::PatchId;
 use crate::progress::Progress;
 
 /// The number of rows of the upper triangle that are computed as one piece of parallel work.
@@ -136,103 +136,4 @@ fn tile(
         counts,
         tolerance_met: worker.tolerance_met(),
     })
-}
-
-/// The planes of all patches and their corners, for the test that goes first.
-#[derive(Debug)]
-pub(super) struct Facing {
-    corners: Vec<Vec<glam::DVec3>>,
-    normals: Vec<glam::DVec3>,
-    sizes: Vec<f64>,
-}
-
-impl Facing {
-    pub(super) fn new(mesh: &Mesh) -> Self {
-        let corners: Vec<Vec<glam::DVec3>> = (0..mesh.n_patches())
-            .map(|i| mesh.polygon(PatchId::from_index(i)))
-            .collect();
-        let sizes = corners
-            .iter()
-            .map(|c| c.iter().map(|v| v.distance(c[0])).fold(0.0, f64::max))
-            .collect();
-        Self {
-            corners,
-            normals: mesh.patches.iter().map(|p| p.normal).collect(),
-            sizes,
-        }
-    }
-
-    pub(super) fn len(&self) -> usize {
-        self.corners.len()
-    }
-
-    /// Returns the patches for the closed forms.
-    pub(super) fn polygons(&self) -> Vec<PreparedPolygon> {
-        self.corners
-            .iter()
-            .map(|corners| PreparedPolygon::new(corners))
-            .collect()
-    }
-
-    /// Tells whether part of each patch lies in front of the other's plane.
-    ///
-    /// A corner counts as in front from 1e-14 of its distance and the patch's size on: below that, rounding decides the sign, and
-    /// patches of one plane must be told from patches that meet at an edge. A billionth of the size of the patch that it is a corner of is enough, however large the other is.
-    pub(super) fn pair(&self, i: usize, j: usize) -> bool {
-        self.sees(i, j) && self.sees(j, i)
-    }
-
-    /// Tells whether any patch of one flat range may see any of another, and the reverse.
-    pub(super) fn any(&self, from: Range<usize>, to: Range<usize>) -> bool {
-        let sees = |i: usize, mut others: Range<usize>| others.any(|j| self.sees(i, j));
-        sees(from.start, to.clone()) && sees(to.start, from)
-    }
-
-    /// Returns the unit normal of a patch.
-    pub(super) fn normal(&self, i: usize) -> glam::DVec3 {
-        self.normals[i]
-    }
-
-    /// Tells for each of `others` whether some of it lies in front of every patch of a flat range, or nothing of it in front of any; `None` where that
-    /// is not certain, and pairs are to be looked at.
-    pub(super) fn in_front(&self, of: Range<usize>, others: Range<usize>) -> Vec<Option<bool>> {
-        let (origin, normal) = (self.corners[of.start][0], self.normals[of.start]);
-        // How far the patches' own planes are from the first one's: shifted, and turned.
-        let (mut shifted, mut turned, mut reach) = (0.0_f64, 0.0_f64, 0.0_f64);
-        for i in of {
-            let to = self.corners[i][0] - origin;
-            shifted = shifted.max(normal.dot(to).abs());
-            turned = turned.max(self.normals[i].distance(normal));
-            reach = reach.max(to.length() + self.sizes[i]);
-        }
-        let sides = others.map(|j| {
-            let (mut before, mut behind) = (false, true);
-            for &v in &self.corners[j] {
-                let to = v - origin;
-                let slack = shifted + (turned + 1e-13) * (to.length() + reach);
-                let height = normal.dot(to);
-                before |= height > slack;
-                behind &= height < -slack;
-            }
-            (before || behind).then_some(before)
-        });
-        sides.collect()
-    }
-
-    /// Tells whether all of patch j lies in front of the plane of patch i, or on it.
-    pub(super) fn is_in_front(&self, i: usize, j: usize) -> bool {
-        let (origin, normal) = (self.corners[i][0], self.normals[i]);
-        let slack = 1e-9 * self.sizes[j];
-        self.corners[j].iter().all(|&v| normal.dot(v - origin) >= -slack)
-    }
-
-    fn sees(&self, i: usize, j: usize) -> bool {
-        let (origin, normal) = (self.corners[i][0], self.normals[i]);
-        let enough = 1e-9 * self.sizes[j];
-        self.corners[j].iter().any(|&v| {
-            let to = v - origin;
-            let height = normal.dot(to);
-            height > 1e-14 * (to.length() + self.sizes[i]) || height > enough
-        })
-    }
 }

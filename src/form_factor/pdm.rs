@@ -2,6 +2,7 @@
 
 use std::num::NonZeroUsize;
 
+use super::facing;
 use super::{Computed, FormFactorError, FormFactorMethod, Input, sampled};
 use crate::geometry::quadrature::GaussProduct;
 use crate::matrix::StorageChoice;
@@ -40,7 +41,7 @@ impl FormFactorMethod for ParametricDifferential {
         progress: &dyn Progress,
     ) -> Result<Computed, FormFactorError> {
         let rule = GaussProduct::new(self.points);
-        let points = sampled::polygons(input.mesh, |corners| rule.on_polygon(corners));
+        let points = facing::polygons(input.mesh, |corners| rule.on_polygon(corners));
         sampled::quadrature(&points, input, storage, progress)
     }
 }

@@ -1,8 +1,7 @@
 //! What methods that look from a few points of a patch say of their error: what the points see, against what the patch sees.
 
 use super::Input;
-use super::pairs::Facing;
-use super::sampled;
+use super::facing::{self, Facing};
 use super::segments::unseen_square;
 use super::sight::{Sight, Sights};
 use crate::geometry::point_form_factor::point_form_factor;
@@ -34,7 +33,7 @@ impl<'a> PointErrors<'a> {
             input,
             sights: Sights::new(input),
             facing: Facing::new(input.mesh),
-            polygons: sampled::prepared(input.mesh),
+            polygons: facing::prepared(input.mesh),
         }
     }
 

@@ -1,7 +1,8 @@
 //! `qmc`: rays between low-discrepancy points of both patches, the exact form factor as a control.
 
+use super::facing;
 use super::pairs::Exchange;
-use super::sampled::{self, Sampled};
+use super::sampled::Sampled;
 use super::segments::{Independence, PairSums, Segments, VisibleFraction, kernel};
 use super::{Computed, FormFactorError, FormFactorMethod, Input};
 use crate::geometry::polygon_form_factor::{Tolerance, exchange_area};
@@ -44,8 +45,8 @@ impl FormFactorMethod for QuasiMonteCarlo {
         progress: &dyn Progress,
     ) -> Result<Computed, FormFactorError> {
         let patches = &input.mesh.patches;
-        let polygons = sampled::prepared(input.mesh);
-        let maps = sampled::polygons(input.mesh, UniformOnPolygon::new);
+        let polygons = facing::prepared(input.mesh);
+        let maps = facing::polygons(input.mesh, UniformOnPolygon::new);
         let method = Sampled {
             independence: Independence::Net,
             sample: |segments: &mut Segments<'_>, owner: usize, [i, j]: [usize; 2]| {

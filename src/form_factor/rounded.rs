@@ -7,8 +7,8 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::pairs::Facing;
-use super::{Input, sampled};
+use super::Input;
+use super::facing::{self, Facing};
 use crate::geometry::clip::clip_to_half_space;
 use crate::geometry::point_form_factor::point_form_factor_vector;
 use crate::geometry::polygon;
@@ -411,7 +411,7 @@ impl<'a> RoundedRows<'a> {
             input,
             rounded: Rounded::new(input)?,
             index: (!input.unoccluded).then(|| BlockerIndex::new(input.scene)),
-            polygons: sampled::prepared(input.mesh),
+            polygons: facing::prepared(input.mesh),
             facing: Facing::new(input.mesh),
         })
     }

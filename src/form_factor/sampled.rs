@@ -1,5 +1,6 @@
 //! What the methods between pairs share: points on both patches, rays between them, and an exchange area from their sums.
 
+use super::facing;
 use super::pairs::{self, Exchange, PairWorker};
 use super::segments::{Independence, PairSums, Segments, VisibleFraction, kernel};
 use super::sight::Sights;
@@ -66,18 +67,6 @@ where
     fn counts(&self) -> PairCounts {
         self.segments.counts()
     }
-}
-
-/// Returns the patches as polygons for [`exchange_area`].
-pub(super) fn prepared(mesh: &Mesh) -> Vec<PreparedPolygon> {
-    polygons(mesh, PreparedPolygon::new)
-}
-
-/// Returns what `map` makes of the corners of each patch.
-pub(super) fn polygons<T>(mesh: &Mesh, map: impl Fn(&[glam::DVec3]) -> T) -> Vec<T> {
-    (0..mesh.n_patches())
-        .map(|i| map(&mesh.polygon(PatchId::from_index(i))))
-        .collect()
 }
 
 /// Returns q × q stratified points on every patch: one at random in each cell of equal area.
@@ -174,7 +163,7 @@ pub(super) fn quadrature(
     storage: StorageChoice,
     progress: &dyn Progress,
 ) -> Result<Computed, FormFactorError> {
-    let polygons = prepared(input.mesh);
+    let polygons = facing::prepared(input.mesh);
     let method = Sampled {
         independence: Independence::SharedEnds,
         sample: |segments: &mut Segments<'_>, owner: usize, pair: [usize; 2]| {

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::FormFactors;
+use super::form_factors::FormFactors;
 
 /// Least and greatest of some values.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

@@ -1,8 +1,7 @@
 //! Which patches can exchange light at all, however many reflections it takes.
 
-use crate::disjoint_sets::DisjointSets;
-
 use super::operator::{Block, Components, LinearOperator, RowAccess};
+use crate::disjoint_sets::DisjointSets;
 
 /// Returns the connected components of the graph with an edge wherever F_ij is not zero.
 pub(crate) fn connected(operator: &dyn LinearOperator, rows: &dyn RowAccess) -> Components {

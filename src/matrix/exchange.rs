@@ -1,8 +1,12 @@
 //! Form factors made from exchange areas: symmetric from the start.
 
+use super::choice::StorageChoice;
+use super::error::MatrixError;
+use super::form_factors::{FormFactors, expect_areas};
 use super::regroup::Regrouped;
-use super::transpose::index;
-use super::{Entry, FormFactors, MatrixError, RowTally, RowTile, StorageChoice, expect_areas, symmetric};
+use super::symmetric;
+use super::tile::{Entry, RowTally, RowTile, index};
+use crate::matrix::kernel::sizes::block_rows;
 
 impl FormFactors {
     /// Stores the exchange areas a_ij = A_i F_ij = A_j F_ji that a method emitted, each pair once.
@@ -21,7 +25,7 @@ impl FormFactors {
         let n = areas.len();
         let area_max = areas.iter().copied().fold(0.0, f64::max);
         let mut rows = Regrouped::new(upper.into_iter());
-        let blocks = symmetric::block_rows(n).map(|range| {
+        let blocks = block_rows(n).map(|range| {
             let mut block = RowTile::new(range.start);
             let mut entries = Vec::new();
             for _ in range {
@@ -36,14 +40,9 @@ impl FormFactors {
             }
             Ok::<_, MatrixError>(block)
         });
-        let exchange = symmetric::from_rows(n, storage, blocks)?;
+        let exchange = symmetric::from_rows(&areas, storage, blocks)?;
         rows.expect_end(n)?;
-        Ok(Self::from_symmetric(
-            areas,
-            exchange,
-            vec![RowTally::default(); n],
-            storage,
-        ))
+        Ok(Self::of(areas, exchange, vec![RowTally::default(); n], storage))
     }
 
     /// Returns the exchange areas of row i above the diagonal, as [`from_exchange_tiles`](Self::from_exchange_tiles) takes them: (j, a_ij, error), j > i, in m².
@@ -55,7 +54,7 @@ impl FormFactors {
         }
         let area_max = self.areas().iter().copied().fold(0.0, f64::max);
         let mut row = Vec::new();
-        self.for_each_stored(i, i + 1..self.n_rows(), &mut |j, stored, error| {
+        self.entries.for_each(i, i + 1..self.n_rows(), &mut |j, stored, error| {
             row.push((index(j), undivided(stored, area_max), error * area_max));
         });
         Some(row)
@@ -114,7 +113,7 @@ mod tests {
 
     #[test]
     fn rows_taken_out_and_stored_again_are_the_same_to_the_last_bit() {
-        use crate::matrix::{Layout, Place, Precision};
+        use crate::matrix::choice::{Layout, Place, Precision};
         let n = 200_u32;
         let areas: Vec<f64> = (0..n).map(|i| 0.37 + 0.013 * f64::from(i)).collect();
         let mut upper = RowTile::new(0);

@@ -1,6 +1,6 @@
 //! What a solver sees of the form factors: a linear operator on blocks of vectors.
 
-use super::DiskError;
+use super::error::DiskError;
 
 /// n rows by c channels of f64, row-major: the channel runs fastest.
 #[derive(Clone, Debug, PartialEq)]

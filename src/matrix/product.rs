@@ -1,12 +1,9 @@
 //! Products with the form factors, and their rows, for solvers.
 
+use super::components;
+use super::error::DiskError;
+use super::form_factors::FormFactors;
 use super::operator::{Block, Components, LinearOperator, RowAccess};
-use super::planes::Planes;
-use super::{DiskError, Entries, FormFactors, components, locate};
-use crate::threads;
-
-/// Rows of y that one thread computes at a time: enough to hide the start of a task.
-const ROWS_PER_TASK: usize = 16;
 
 /// Applies F: y_ic = Σ_j F_ij x_jc.
 ///
@@ -50,42 +47,12 @@ impl LinearOperator for FormFactors {
 
     #[track_caller]
     fn apply(&self, x: &Block, y: &mut Block) {
-        let n_channels = x.n_channels();
         assert!(x.n_rows() == self.n_rows(), "x has one row per patch");
         assert!(
-            y.n_rows() == self.n_rows() && y.n_channels() == n_channels,
+            y.n_rows() == self.n_rows() && y.n_channels() == x.n_channels(),
             "y has the shape of x"
         );
-        match &self.entries {
-            Entries::Symmetric { exchange, row_factors } => {
-                exchange.apply(x, y);
-                for (sum, factor) in y.values_mut().chunks_exact_mut(n_channels).zip(row_factors) {
-                    for s in sum {
-                        *s *= factor;
-                    }
-                }
-            }
-            Entries::Disk(general) => general.apply(x, y),
-            Entries::Rows { tiles, first_rows } => {
-                let planes = Planes::of(x);
-                let mut tasks = Vec::with_capacity(self.n_rows() / ROWS_PER_TASK + tiles.len());
-                let mut rest = y.values_mut();
-                for (k, (tile, &first)) in tiles.iter().zip(first_rows).enumerate() {
-                    let end = first_rows.get(k + 1).copied().unwrap_or(self.n_rows());
-                    for begin in (first..end).step_by(ROWS_PER_TASK) {
-                        let n_rows = ROWS_PER_TASK.min(end - begin);
-                        let (sums, after) = rest.split_at_mut(n_rows * n_channels);
-                        rest = after;
-                        tasks.push((tile, begin - first, begin, sums));
-                    }
-                }
-                let n_terms = n_channels * tiles.iter().map(|tile| tile.n_stored()).sum::<usize>();
-                let n_byte = tiles.iter().map(|tile| tile.pass_byte()).sum();
-                threads::for_each(threads::pay_for_pass(n_terms, n_byte), tasks, |(tile, row, i, sums)| {
-                    tile.apply(row, i, x, &planes, sums);
-                });
-            }
-        }
+        self.entries.apply(x, y);
     }
 
     fn rows(&self) -> Option<&dyn RowAccess> {
@@ -113,16 +80,7 @@ impl RowAccess for FormFactors {
     #[track_caller]
     fn add_row(&self, i: usize, factor: f64, sum: &mut [f64]) -> usize {
         assert_eq!(sum.len(), self.n_rows(), "one sum per column");
-        if let Entries::Rows { tiles, first_rows } = &self.entries {
-            let (tile, row) = locate(tiles, first_rows, i);
-            return tile.add_row(row, factor, sum);
-        }
-        let (row_factor, mut n_entries) = (factor * self.row_factor(i), 0);
-        self.for_each_stored(i, 0..self.n_rows(), &mut |j, value, _| {
-            sum[j] += row_factor * value;
-            n_entries += 1;
-        });
-        n_entries
+        self.entries.add_row(i, factor, sum)
     }
 
     #[track_caller]
@@ -131,16 +89,12 @@ impl RowAccess for FormFactors {
             x.n_rows() == self.n_rows() && x.n_channels() == sum.len(),
             "x has one row per patch, and sum one entry per channel"
         );
-        match &self.entries {
-            Entries::Rows { tiles, first_rows } => {
-                let (tile, row) = locate(tiles, first_rows, i);
-                tile.dot_off_diagonal(row, i, x, sum)
-            }
-            Entries::Symmetric { exchange, row_factors } => {
-                let factor = row_factors[i];
-                factor * exchange.dot_off_diagonal(i, factor, x, sum)
-            }
-            Entries::Disk(general) => general.dot_off_diagonal(i, x, sum),
-        }
+        self.entries.dot_off_diagonal(i, x, sum)
     }
+}
+
+/// Returns how many roundings a term of F x takes part in at most, n being the number of patches: see the [`LinearOperator`] of [`FormFactors`].
+pub(crate) fn roundings(n: usize) -> f64 {
+    let n = n as f64;
+    (16.0 * n.sqrt()).max(n / 8.0).min(n) + 70.0
 }

@@ -1,6 +1,7 @@
 //! Rows from tiles of any size, one after the other.
 
-use super::{MatrixError, RowTile};
+use super::error::MatrixError;
+use super::tile::RowTile;
 
 /// The rows of a sequence of tiles, one by one.
 pub(super) struct Regrouped<I> {

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::FormFactors;
+use super::form_factors::FormFactors;
 use super::tile::laplace;
 
 /// Surfaces whose rows are calculated at the same time.

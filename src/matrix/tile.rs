@@ -1,7 +1,7 @@
 //! What a form-factor method emits: a range of rows.
 
 /// Hits that an entry may have deserved without getting one: of entries with F = 1.5 / N, rays miss 22 %.
-pub(super) const MISSED_HITS: f64 = 1.5;
+pub(in crate::matrix) const MISSED_HITS: f64 = 1.5;
 
 /// One entry of a row: column j, form factor F_ij, standard error of F_ij (0 where it is exact or unknown).
 pub type Entry = (u32, f64, f64);
@@ -127,7 +127,7 @@ impl RowTally {
 }
 
 /// Returns the share of the light that Laplace's rule expects where `n` rays were counted to have the share `fraction`: (n `fraction` + 1) / (n + 2).
-pub(super) fn laplace(n: f64, fraction: f64) -> f64 {
+pub(in crate::matrix) fn laplace(n: f64, fraction: f64) -> f64 {
     (n * fraction + 1.0) / (n + 2.0)
 }
 
@@ -207,6 +207,15 @@ impl RowTile {
 }
 
 /// Tells whether a number is exactly zero, of either sign.
-pub(super) fn is_zero(value: f64) -> bool {
+pub(in crate::matrix) fn is_zero(value: f64) -> bool {
     matches!(value.classify(), std::num::FpCategory::Zero)
+}
+
+/// Returns a row number as a column number.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "the number of patches is checked against u32 when form factors are stored"
+)]
+pub(in crate::matrix) fn index(row: usize) -> u32 {
+    row as u32
 }

@@ -2,7 +2,11 @@
 
 use std::ops::Range;
 
-use super::{Entries, Entry, FormFactors, Place, UPPER_ROWS};
+use super::choice::Place;
+use super::form_factors::FormFactors;
+use super::kernel::sizes::SIDE;
+use super::tile::Entry;
+use crate::matrix::tile::index;
 
 /// Rows that are transposed at a time, at least: a few cache lines of every row of F.
 const BLOCK_ROWS: usize = 32;
@@ -26,7 +30,7 @@ impl FormFactors {
         // On a disk, rows are best read together with those of their tiles.
         let n_together = match self.storage().place {
             Place::Memory { .. } => self.rows_of_block(),
-            Place::Disk(_) => UPPER_ROWS,
+            Place::Disk(_) => SIDE,
         };
         let starts = (0..n).step_by(n_together);
         starts.map(|start| start..n.min(start + n_together)).collect()
@@ -53,9 +57,9 @@ impl FormFactors {
         mut visit: impl FnMut(usize, usize, Pair),
     ) {
         let others = first_column..self.n_rows();
-        if let Entries::Symmetric { exchange, row_factors } = &self.entries {
+        if let Some(row_factors) = self.entries.row_factors() {
             for i in rows {
-                exchange.for_each(i, others.clone(), &mut |j, value, std_error| {
+                self.entries.for_each(i, others.clone(), &mut |j, value, std_error| {
                     let scaled = |factor: f64| (factor * value, factor * std_error);
                     let (there, back) = (scaled(row_factors[i]), scaled(row_factors[j]));
                     visit(i, j, Pair { there, back });
@@ -63,34 +67,15 @@ impl FormFactors {
             }
             return;
         }
-        let columns = self.columns(rows.clone(), others.clone());
+        let columns = self.entries.columns(rows.clone(), others.clone());
         let mut row = Vec::new();
         for (i, column) in rows.zip(columns) {
             row.clear();
-            self.for_each_stored(i, others.clone(), &mut |j, value, std_error| {
+            self.entries.for_each(i, others.clone(), &mut |j, value, std_error| {
                 row.push((index(j), value, std_error));
             });
             merge(&row, &column, |j, pair| visit(i, j, pair));
         }
-    }
-
-    /// Returns the columns `range` of F in `rows` as sorted lists of their entries.
-    fn columns(&self, range: Range<usize>, rows: Range<usize>) -> Vec<Vec<Entry>> {
-        let mut columns = vec![Vec::new(); range.len()];
-        if let Entries::Disk(general) = &self.entries {
-            for (j, column) in range.zip(&mut columns) {
-                general.for_each_in_column(j, rows.clone(), &mut |i, value, std_error| {
-                    column.push((index(i), value, std_error));
-                });
-            }
-            return columns;
-        }
-        for j in rows {
-            self.for_each_stored(j, range.clone(), &mut |i, value, std_error| {
-                columns[i - range.start].push((index(j), value, std_error));
-            });
-        }
-        columns
     }
 }
 
@@ -106,13 +91,4 @@ fn merge(mut row: &[Entry], mut column: &[Entry], mut visit: impl FnMut(usize, P
         let (there, back) = (take(&mut row, j), take(&mut column, j));
         visit(j as usize, Pair { there, back });
     }
-}
-
-/// Returns a row number as a column number.
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "the number of patches is checked against u32 when form factors are stored"
-)]
-pub(super) fn index(row: usize) -> u32 {
-    row as u32
 }

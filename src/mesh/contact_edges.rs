@@ -5,12 +5,12 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 
 use glam::DVec3;
 
+use super::contact_edge::ContactEdge;
 use super::pieces::Pieces;
 use super::planes::{FaceEdge, flat_joints, flat_joints_by};
-use super::{Mesh, Patch, PatchId};
 use crate::disjoint_sets::DisjointSets;
 use crate::geometry::box_pairs::{BoxTree, overlapping_pairs};
-use crate::scene::{Corners, FaceId, Scene};
+use crate::scene::{FaceId, Scene};
 
 /// A face that ends within this part of the smaller one's size of another stands on it: a cut that is not needed does no harm.
 const NEAR: f64 = 1e-6;
@@ -31,17 +31,6 @@ const OF_HEIGHT: f64 = 0.25;
 
 /// Rounding of a coordinate, of the heights and of the meeting points that are made of it.
 const ROUNDING: f64 = 32.0 * f64::EPSILON;
-
-/// A segment along which a face meets the plane of another one, in front of which it stands or which it pierces.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct ContactEdge {
-    pub(super) from: DVec3,
-    pub(super) to: DVec3,
-    /// Up to this distance, in m, a point lies on it.
-    pub(super) tolerance: f64,
-    /// How far its ends are off the plane, in m.
-    pub(super) misfit: f64,
-}
 
 /// The contact edges of a scene: they are found once, when they are first used.
 ///
@@ -86,31 +75,8 @@ impl<'a> ContactEdges<'a> {
         })
     }
 
-    fn found(&self) -> &Found {
+    pub(super) fn found(&self) -> &Found {
         self.found.get_or_init(|| Found::of(self.scene))
-    }
-
-    /// Returns the patches of a mesh of the scene that contact edges cross, in pieces that end there.
-    ///
-    /// No patch of a mesh that is [cut](super::MeshOptions::cut_at_walls) is crossed, unless faces have moved since.
-    #[must_use]
-    pub fn crossed_patches(&self, mesh: &Mesh) -> Vec<CrossedPatch> {
-        if mesh.patches.is_empty() || self.pieces().is_empty() {
-            return Vec::new();
-        }
-        let crossed = mesh.patches.iter().enumerate().filter_map(|(i, patch)| {
-            let here = self.found().on_face.get(&patch.face.0)?;
-            let id = PatchId::from_index(i);
-            let outline = mesh.polygon(id);
-            let near = here.near(&outline);
-            let pieces = Pieces::cut(&outline, &near)?;
-            let place = |piece: &Vec<super::pieces::Corner>| piece.iter().map(|corner| corner.place).collect();
-            Some(CrossedPatch {
-                patch: id,
-                pieces: pieces.outlines.iter().map(place).collect(),
-            })
-        });
-        crossed.collect()
     }
 
     /// Tells whether faces on one of two faces or both stand along a line: along the middle half of it at least, without a gap.
@@ -119,28 +85,19 @@ impl<'a> ContactEdges<'a> {
     }
 }
 
-/// A patch that contact edges cross: what it collects on one side of them it gives on the other, a light leak.
-#[derive(Clone, Debug, PartialEq)]
-pub struct CrossedPatch {
-    /// The patch.
-    pub patch: PatchId,
-    /// Its pieces between the contact edges and the lines that extend them: triangles and convex quads, counter-clockwise, in m.
-    pub pieces: Vec<Vec<DVec3>>,
-}
-
 /// The contact edges on one face, to find those near a line: a ground has many, and many patches.
 #[derive(Clone, Debug)]
-struct OnFace {
+pub(super) struct OnFace {
     edges: Vec<ContactEdge>,
     boxes: BoxTree,
 }
 
 /// The contact edges by the face that they lie on.
 #[derive(Clone, Debug, Default)]
-struct Found {
-    on_face: HashMap<u32, OnFace>,
+pub(super) struct Found {
+    pub(super) on_face: HashMap<u32, OnFace>,
     /// The faces that have a contact edge elsewhere than along a border that no face of the plane continues.
-    parted: HashSet<u32>,
+    pub(super) parted: HashSet<u32>,
 }
 
 impl Found {
@@ -189,7 +146,7 @@ impl Found {
     }
 
     /// Tells whether faces on one of two faces or both stand along a line: along the middle half of it at least, without a gap.
-    fn stand_between(&self, faces: [u32; 2], from: DVec3, to: DVec3) -> bool {
+    pub(super) fn stand_between(&self, faces: [u32; 2], from: DVec3, to: DVec3) -> bool {
         let middle = [from.lerp(to, 0.25), from.lerp(to, 0.75)];
         let mut is_one = false;
         // Where several faces stand, as distances from the middle half's start.
@@ -323,29 +280,11 @@ impl OnFace {
     }
 
     /// Returns the contact edges whose boxes overlap that of some points, in their order.
-    fn near(&self, points: &[DVec3]) -> Vec<ContactEdge> {
+    pub(super) fn near(&self, points: &[DVec3]) -> Vec<ContactEdge> {
         let mut near = Vec::new();
         self.boxes.overlapping(bounding_box(points), &mut |k| near.push(k));
         near.sort_unstable();
         near.into_iter().map(|k| self.edges[k as usize]).collect()
-    }
-}
-
-impl ContactEdge {
-    fn distance(&self, point: DVec3) -> f64 {
-        let along = self.to - self.from;
-        let t = ((point - self.from).dot(along) / along.length_squared()).clamp(0.0, 1.0);
-        point.distance(self.from + t * along)
-    }
-
-    /// Returns from where to where on a line, in m from its start, the contact edge runs, if all of it that is beside the line lies on it.
-    fn part_along(&self, [start, end]: [DVec3; 2]) -> Option<[f64; 2]> {
-        let length = start.distance(end);
-        let unit = (end - start).try_normalize()?;
-        let [a, b] = [self.from, self.to].map(|point| unit.dot(point - start));
-        let part = [a.min(b).max(0.0), a.max(b).min(length)];
-        let lies_on = |t: &f64| self.distance(start + t * unit) <= self.tolerance;
-        (part[0] <= part[1] && part.iter().all(lies_on)).then_some(part)
     }
 }
 
@@ -433,97 +372,4 @@ impl Plane {
         let ends = hanging.map(|end| end - self.height(end) * self.normal);
         Some(self.contact_edge(ends, reach))
     }
-}
-
-/// Gives patches of one plane vertices of their own where a contact edge runs between them.
-pub(super) fn part(mesh: &mut Mesh, contact_edges: &ContactEdges<'_>) {
-    // Faces that are patches, none of which continues another.
-    if mesh.n_patches() == contact_edges.scene.faces.len() && flat_joints(contact_edges.scene).is_empty() {
-        return;
-    }
-    let found = contact_edges.found();
-    if found.parted.is_empty() {
-        return;
-    }
-    let all = mesh.patches.iter().enumerate();
-    let patches: Vec<(usize, &Patch)> = all.filter(|patch| found.parted.contains(&patch.1.face.0)).collect();
-    let mut patch_beside: HashMap<(u32, u32), usize> = HashMap::new();
-    for (patch, of_patch) in &patches {
-        patch_beside.extend(edges(of_patch.corners).map(|edge| (edge, *patch)));
-    }
-    let neighbour = |(from, to): (u32, u32)| patch_beside.get(&(to, from)).copied();
-    let place = |vertex: u32| mesh.vertices[vertex as usize];
-    let mut parted: HashSet<(u32, u32)> = HashSet::new();
-    for &(patch, of_patch) in &patches {
-        for (from, to) in edges(of_patch.corners) {
-            let Some(other) = neighbour((from, to)).filter(|&other| patch < other) else {
-                continue;
-            };
-            let faces = [of_patch.face.0, mesh.patches[other].face.0];
-            if found.stand_between(faces, place(from), place(to)) {
-                parted.extend([(from, to), (to, from)]);
-            }
-        }
-    }
-    if parted.is_empty() {
-        return;
-    }
-    // Patches stay together at a vertex where a way from one to the other leads around it: at the end of a contact edge.
-    let ends: HashSet<u32> = parted.iter().map(|edge| edge.0).collect();
-    let mut around: HashMap<u32, Vec<usize>> = HashMap::new();
-    for (patch, of_patch) in patches {
-        for &corner in of_patch.corners.as_slice() {
-            if ends.contains(&corner) {
-                around.entry(corner).or_default().push(patch);
-            }
-        }
-    }
-    let mut new_corners: Vec<(usize, u32, u32)> = Vec::new();
-    let mut new_vertices: Vec<DVec3> = Vec::new();
-    let mut ends: Vec<u32> = ends.into_iter().collect();
-    ends.sort_unstable();
-    for vertex in ends {
-        let here = &around[&vertex];
-        let mut together = DisjointSets::new(here.len());
-        for (k, &patch) in here.iter().enumerate() {
-            for edge in edges(mesh.patches[patch].corners) {
-                let is_own = edge.0 == vertex || edge.1 == vertex;
-                let beside = neighbour(edge).filter(|_| is_own && !parted.contains(&edge));
-                if let Some(other) = beside.and_then(|other| here.iter().position(|&one| one == other)) {
-                    together.join(k, other);
-                }
-            }
-        }
-        // The first keeps the old one: a set is known by its least member.
-        let mut own: HashMap<usize, u32> = HashMap::from([(0, vertex)]);
-        for (k, &patch) in here.iter().enumerate() {
-            let corner = *own.entry(together.find(k)).or_insert_with(|| {
-                new_vertices.push(place(vertex));
-                PatchId::from_index(mesh.vertices.len() + new_vertices.len() - 1).0
-            });
-            if corner != vertex {
-                new_corners.push((patch, vertex, corner));
-            }
-        }
-    }
-    for (patch, old, new) in new_corners {
-        let corners: &mut [u32] = match &mut mesh.patches[patch].corners {
-            Corners::Triangle(corners) => corners,
-            Corners::Quad(corners) => corners,
-        };
-        corners
-            .iter_mut()
-            .filter(|corner| **corner == old)
-            .for_each(|corner| *corner = new);
-    }
-    mesh.vertices.extend(new_vertices);
-}
-
-/// Returns the edges of a patch, counter-clockwise.
-fn edges(corners: Corners) -> impl Iterator<Item = (u32, u32)> {
-    let n = corners.as_slice().len();
-    (0..n).map(move |k| {
-        let corners = corners.as_slice();
-        (corners[k], corners[(k + 1) % n])
-    })
 }

@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::hierarchy::FaceShape;
+use super::face_shape::FaceShape;
 use super::patch::{PatchId, PatchPoint};
 use super::pieces::{Corner, PieceTree, Pieces};
 

@@ -2,7 +2,8 @@
 
 use sha2::{Digest, Sha256};
 
-use super::{Mesh, PatchId};
+use super::patch::PatchId;
+use super::patches::Mesh;
 use crate::scene::hash::{count, hexadecimal, numbers};
 
 impl Mesh {

@@ -9,7 +9,7 @@ use std::ops::RangeInclusive;
 
 use glam::{DVec2, DVec3};
 
-use super::contact_edges::ContactEdge;
+use super::contact_edge::ContactEdge;
 use crate::geometry::polygon;
 
 /// So many contact edges are tried as the next line of a piece.

@@ -8,16 +8,8 @@ use std::collections::{BTreeMap, HashMap};
 
 use glam::DVec3;
 
-use super::contact_edges::ContactEdges;
-use super::{Mesh, PatchId};
-use crate::disjoint_sets::DisjointSets;
-use crate::geometry::box_pairs::overlapping_pairs;
-
 /// Points nearer than this part of the longer of two edges are one, and so are lines: far more than rounding, far less than a patch.
-const SLACK: f64 = 1e-9;
-
-/// Planes whose unit normals differ by less than this are parallel, as for faces that share an edge.
-const BEND: f64 = 1e-9;
+pub(super) const SLACK: f64 = 1e-9;
 
 /// What interpolation knows of T-junctions; empty for most meshes.
 #[derive(Clone, Debug, Default)]
@@ -28,118 +20,11 @@ pub(super) struct Seams {
     pub(super) outlines: BTreeMap<u32, Vec<u32>>,
 }
 
-/// A patch's edge that no other patch shares.
-#[derive(Clone, Copy)]
-struct Edge {
-    patch: usize,
-    from: u32,
-    to: u32,
-}
-
 impl Seams {
-    pub(super) fn find(mesh: &Mesh, contact_edges: &ContactEdges<'_>) -> Self {
-        let edges = free_edges(mesh);
-        let place = |vertex: u32| mesh.vertices[vertex as usize];
-        let boxes = edges.iter().map(|edge| {
-            let (a, b) = (place(edge.from), place(edge.to));
-            let slack = DVec3::splat(SLACK * a.distance(b));
-            (a.min(b) - slack, a.max(b) + slack)
-        });
-        let mut sets: Option<DisjointSets> = None;
-        // On the edge of a patch, by its first vertex: hanging vertices and how far along they are.
-        let mut hanging: HashMap<(usize, u32), Vec<(f64, u32)>> = HashMap::new();
-        overlapping_pairs(boxes.collect(), |i, j| {
-            let pair = [edges[i as usize], edges[j as usize]];
-            let normals = pair.map(|edge| mesh.patches[edge.patch].normal);
-            if (normals[0] - normals[1]).length() > BEND || pair[0].patch == pair[1].patch {
-                return;
-            }
-            for [one, other] in [pair, [pair[1], pair[0]]] {
-                let (start, along) = (place(one.from), place(one.to) - place(one.from));
-                let (length, other_length) = (along.length(), place(other.from).distance(place(other.to)));
-                let slack = SLACK * length.max(other_length);
-                let unit = along / length;
-                let sideways = |vertex: u32| (place(vertex) - start).reject_from_normalized(unit).length();
-                // The neighbour on the same side of a plane runs the other way.
-                let runs_back = (place(other.to) - place(other.from)).dot(unit) < 0.0;
-                if !runs_back || sideways(other.from) > slack || sideways(other.to) > slack {
-                    continue;
-                }
-                let faces = [one, other].map(|edge| mesh.patches[edge.patch].face.0);
-                let common = [other.to, other.from].map(|vertex| unit.dot(place(vertex) - start).clamp(0.0, length));
-                let [first, last] = common.map(|t| start + t * unit);
-                if contact_edges.stand_between(faces, first, last) {
-                    continue;
-                }
-                for vertex in [other.from, other.to] {
-                    let t = unit.dot(place(vertex) - start);
-                    if t.abs() <= slack || (t - length).abs() <= slack {
-                        let own = if t.abs() <= slack { one.from } else { one.to };
-                        let sets = sets.get_or_insert_with(|| DisjointSets::new(mesh.vertices.len()));
-                        sets.join(own as usize, vertex as usize);
-                    } else if t > 0.0 && t < length {
-                        hanging
-                            .entry((one.patch, one.from))
-                            .or_default()
-                            .push((t / length, vertex));
-                    }
-                }
-            }
-        });
-        let mut seams = Self::default();
-        let mut sets = match sets {
-            Some(sets) => sets,
-            None if hanging.is_empty() => return seams,
-            None => DisjointSets::new(mesh.vertices.len()),
-        };
-        for vertex in 0..mesh.vertices.len() {
-            let stands_for = sets.find(vertex);
-            if stands_for != vertex {
-                seams
-                    .same
-                    .insert(PatchId::from_index(vertex).0, PatchId::from_index(stands_for).0);
-            }
-        }
-        for patch in hanging
-            .keys()
-            .map(|&(patch, _)| patch)
-            .collect::<std::collections::BTreeSet<_>>()
-        {
-            let mut outline = Vec::new();
-            for &corner in mesh.patches[patch].corners.as_slice() {
-                outline.push(seams.of(corner));
-                if let Some(mut between) = hanging.remove(&(patch, corner)) {
-                    between.sort_by(|a, b| a.0.total_cmp(&b.0));
-                    outline.extend(between.into_iter().map(|(_, vertex)| seams.of(vertex)));
-                }
-            }
-            outline.dedup();
-            seams.outlines.insert(PatchId::from_index(patch).0, outline);
-        }
-        seams
-    }
-
     /// Returns the vertex that stands for a vertex.
     pub(super) fn of(&self, vertex: u32) -> u32 {
         self.same.get(&vertex).copied().unwrap_or(vertex)
     }
-}
-
-/// Returns the edges that no neighbour in the plane shares.
-fn free_edges(mesh: &Mesh) -> Vec<Edge> {
-    let mut by_ends: HashMap<(u32, u32), Edge> = HashMap::new();
-    for (patch, of_patch) in mesh.patches.iter().enumerate() {
-        let corners = of_patch.corners.as_slice();
-        for (k, &from) in corners.iter().enumerate() {
-            let to = corners[(k + 1) % corners.len()];
-            if by_ends.remove(&(to, from)).is_none() {
-                by_ends.insert((from, to), Edge { patch, from, to });
-            }
-        }
-    }
-    let mut edges: Vec<Edge> = by_ends.into_values().collect();
-    edges.sort_unstable_by_key(|edge| (edge.patch, edge.from, edge.to));
-    edges
 }
 
 /// Calls `visit(k, weight)` with the mean value coordinates of a point of a convex polygon, which may have straight corners.

@@ -7,12 +7,13 @@ use glam::DVec3;
 use thiserror::Error;
 
 use super::contact_edges::ContactEdges;
+use super::face_shape::FaceShape;
 use super::grid::FaceGrid;
-use super::hierarchy::FaceShape;
+use super::patch::Patch;
+use super::patches::Mesh;
 use super::pieces::{Corner, Pieces};
 use super::planes::{FaceEdge, flat_joints};
 use super::seams::Seams;
-use super::{Mesh, Patch};
 use crate::disjoint_sets::DisjointSets;
 use crate::geometry::polygon;
 use crate::scene::{Corners, FaceId, Scene};

@@ -1,10 +1,11 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use glam::DQuat;
+use glam::{DQuat, DVec3};
 
 use super::*;
 use crate::geometry::polygon;
-use crate::scene::{Corners, Face, Material, MaterialId, Surface, SurfaceId};
+use crate::matrix::operator::Block;
+use crate::scene::{Corners, Face, FaceId, Material, MaterialId, Pose, Scene, Surface, SurfaceId};
 
 mod at_walls;
 

@@ -4,10 +4,14 @@ use std::collections::VecDeque;
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 
+use super::error::SolverError;
+use super::history::HistoryEntry;
 use super::iteration::{self, Estimate, Iteration};
 use super::scaled::{Scaled, TrueResidual};
+use super::solution::Solution;
+use super::solve::{SolveOptions, Solver};
+use super::system::RadiositySystem;
 use super::vectors::{add_scaled, inner, keep_channels};
-use super::{HistoryEntry, RadiositySystem, Solution, SolveOptions, Solver, SolverError};
 use crate::matrix::operator::Block;
 
 /// Jacobi iteration B ← E + diag(ρ) F B, accelerated with the last m steps, all channels together.

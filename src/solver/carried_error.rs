@@ -2,7 +2,13 @@
 
 use std::ops::Range;
 
-use super::{RadiositySystem, Solution, SolveOptions, SolverError, SolverSettings, StopReason, Tolerance, registry};
+use super::error::SolverError;
+use super::registry::{self, SolverSettings};
+use super::solution::Solution;
+use super::solve::SolveOptions;
+use super::stop::{StopReason, Tolerance};
+use super::system::RadiositySystem;
+use super::vectors::relative_errors_of;
 use crate::matrix::operator::{Block, LinearOperator};
 use crate::matrix::{FormFactors, Precision};
 use crate::threads;
@@ -195,32 +201,4 @@ fn all_orders(e: f64, share: f64) -> f64 {
     } else {
         f64::INFINITY
     }
-}
-
-/// Returns sqrt(Σ A e² / Σ A B²) of each channel, 0 where that has no light; no number, or infinite, where nothing is known.
-pub(crate) fn relative_errors(areas: &[f64], error: &Block, radiosity: &Block) -> Vec<f64> {
-    let all: Vec<usize> = (0..radiosity.n_rows()).collect();
-    relative_errors_of(&all, areas, error, radiosity)
-}
-
-/// Does what [`relative_errors`] does for some of the patches.
-fn relative_errors_of(patches: &[usize], areas: &[f64], error: &Block, radiosity: &Block) -> Vec<f64> {
-    let norm = |block: &Block, c: usize| {
-        let values = || patches.iter().map(|&i| (areas[i], block.row(i)[c].abs()));
-        // In units of the greatest, so that no square overflows or vanishes.
-        let unit = values()
-            .fold(0.0, |most: f64, (_, x)| most.max(x))
-            .max(f64::MIN_POSITIVE);
-        let sum: f64 = values().map(|(area, x)| area * (x / unit).powi(2)).sum();
-        (sum.sqrt(), unit)
-    };
-    let of_channel = |c: usize| {
-        let ((e, e_unit), (b, b_unit)) = (norm(error, c), norm(radiosity, c));
-        if b > 0.0 || b.is_nan() {
-            e / b * (e_unit / b_unit)
-        } else {
-            0.0
-        }
-    };
-    (0..radiosity.n_channels()).map(of_channel).collect()
 }

@@ -7,10 +7,14 @@
 
 use std::ops::ControlFlow;
 
+use super::error::SolverError;
+use super::history::HistoryEntry;
 use super::iteration::{self, Estimate, Iteration};
 use super::scaled::{Scaled, TrueResidual};
+use super::solution::Solution;
+use super::solve::{SolveOptions, Solver};
+use super::system::RadiositySystem;
 use super::vectors::{add_scaled, combine};
-use super::{HistoryEntry, RadiositySystem, Solution, SolveOptions, Solver, SolverError};
 use crate::matrix::operator::Block;
 
 /// Conjugate gradients on the system made symmetric by its rows' factors V = A / ρ, all channels together.

@@ -10,9 +10,14 @@ use std::ops::ControlFlow;
 use std::time::Instant;
 
 use super::ambient::Ambient;
-use super::iteration::{self, Estimate, Iteration, Setup};
+use super::error::SolverError;
+use super::history::{HistoryEntry, Setup};
+use super::iteration::{self, Estimate, Iteration};
 use super::scaled::{Scaled, TrueResidual};
-use super::{HistoryEntry, RadiositySystem, Solution, SolveOptions, Solver, SolverError, error_bound, lanczos};
+use super::solution::Solution;
+use super::solve::{SolveOptions, Solver};
+use super::system::RadiositySystem;
+use super::{error_bound, lanczos};
 use crate::matrix::operator::Block;
 
 /// Where the interval \[μ, ν\] for the eigenvalues of G = I − diag(ρ) F comes from, channel by channel.

@@ -1,6 +1,7 @@
 //! Columns of F, for methods that shoot light out instead of gathering it.
 
-use super::{RadiositySystem, SolverError};
+use super::error::SolverError;
+use super::system::RadiositySystem;
 use crate::matrix::operator::{LinearOperator, RowAccess};
 
 /// Access to F column by column: F_ji, j = 1 ... n, the fraction of each patch's view that patch i fills.

@@ -2,10 +2,9 @@
 
 use serde::Serialize;
 
-use super::RadiositySystem;
-use super::direct::equal_channels;
 use super::scaled::{Scaled, TrueResidual};
-use super::vectors::{add_scaled, inner, keep_channels, scale};
+use super::system::RadiositySystem;
+use super::vectors::{add_scaled, equal_channels, inner, keep_channels, scale};
 use crate::matrix::operator::Block;
 
 /// Whether a Krylov method deflates the even light of each component.

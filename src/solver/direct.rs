@@ -5,10 +5,15 @@ use std::ops::ControlFlow;
 
 use faer::{Mat, Par};
 
+use super::error::SolverError;
+use super::history::HistoryEntry;
 use super::iteration::{self, Estimate, Iteration};
 use super::lu::Lu;
 use super::scaled::{Scaled, TrueResidual};
-use super::{HistoryEntry, RadiositySystem, Solution, SolveOptions, Solver, SolverError};
+use super::solution::Solution;
+use super::solve::{SolveOptions, Solver};
+use super::system::RadiositySystem;
+use super::vectors::equal_channels;
 use crate::matrix::operator::{Block, RowAccess};
 
 /// LU factorisation of I − diag(ρ) F with partial pivoting in f64, and iterative refinement.
@@ -80,24 +85,6 @@ impl Solver for Direct {
 /// Returns the memory of so many factorisations, with the residuals that they are applied to left out.
 pub(super) fn memory_byte(n_patches: usize, n_factorisations: usize) -> u64 {
     8 * (n_patches as u64).pow(2) * n_factorisations as u64
-}
-
-/// Returns the channels in groups of equal reflectance, in the order of their first members.
-pub(super) fn equal_channels(reflectance: &Block) -> Vec<Vec<usize>> {
-    let mut groups: Vec<Vec<usize>> = Vec::new();
-    for c in 0..reflectance.n_channels() {
-        let equals = |first: usize| {
-            (0..reflectance.n_rows()).all(|i| {
-                let row = reflectance.row(i);
-                row[first].to_bits() == row[c].to_bits()
-            })
-        };
-        match groups.iter_mut().find(|group| equals(group[0])) {
-            Some(group) => group.push(c),
-            None => groups.push(vec![c]),
-        }
-    }
-    groups
 }
 
 /// Patches below which one thread does it all: what the blocks of so small a matrix share out is soon done.

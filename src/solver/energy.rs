@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::RadiositySystem;
+use super::system::RadiositySystem;
 use crate::matrix::operator::Block;
 
 /// The power balance of one channel.

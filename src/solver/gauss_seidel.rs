@@ -2,9 +2,13 @@
 
 use std::ops::ControlFlow;
 
+use super::error::SolverError;
+use super::history::HistoryEntry;
 use super::iteration::{self, Estimate, Iteration};
 use super::scaled::{Scaled, TrueResidual};
-use super::{HistoryEntry, RadiositySystem, Solution, SolveOptions, Solver, SolverError};
+use super::solution::Solution;
+use super::solve::{SolveOptions, Solver};
+use super::system::RadiositySystem;
 use crate::matrix::operator::{Block, RowAccess};
 
 /// Gauss-Seidel iteration, all channels together.

@@ -3,10 +3,14 @@
 use std::ops::ControlFlow;
 
 use super::deflation::leave_undetermined;
+use super::error::SolverError;
 use super::gauss_seidel::sweep;
+use super::history::HistoryEntry;
 use super::iteration::{self, Estimate, Iteration};
 use super::scaled::{Scaled, TrueResidual};
-use super::{HistoryEntry, RadiositySystem, Solution, SolveOptions, Solver, SolverError};
+use super::solution::Solution;
+use super::solve::{SolveOptions, Solver};
+use super::system::RadiositySystem;
 use crate::matrix::operator::{Block, RowAccess};
 
 /// Gauss-Seidel with an ambient correction of each connected component after every sweep, all channels together.

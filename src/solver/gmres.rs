@@ -12,10 +12,14 @@ use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 
 use super::deflation::{Deflate, EvenLight, first_pass};
+use super::error::SolverError;
+use super::history::HistoryEntry;
 use super::iteration::{self, Estimate, Iteration};
 use super::scaled::{Scaled, TrueResidual};
+use super::solution::Solution;
+use super::solve::{SolveOptions, Solver};
+use super::system::RadiositySystem;
 use super::vectors::{add_scaled, combine, inner, keep_channels};
-use super::{HistoryEntry, RadiositySystem, Solution, SolveOptions, Solver, SolverError};
 use crate::matrix::operator::Block;
 
 /// Restarted GMRES on (I − diag(ρ) F) B = E in the inner product ⟨u, v⟩ = Σ A u v, all channels together.

@@ -5,9 +5,8 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::iteration::Setup;
-use super::scaled::{Norms, Scaled};
-use super::stop::worst;
+use super::scaled::Scaled;
+use super::stop::{Norms, worst};
 use crate::matrix::operator::Block;
 
 /// The state after one pass, the worst channel of each norm.
@@ -44,6 +43,15 @@ pub struct Errors {
     pub error_rms: f64,
     /// sqrt(Σ (B* − B)² / Σ (B* − E)²): the share of the reflected light that is wrong (Goertler); 0 where nothing is reflected and nothing is wrong.
     pub error_goertler: f64,
+}
+
+/// What was done before the first pass.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Setup {
+    /// In passes over F.
+    pub(super) work: f64,
+    /// Wall time, s.
+    pub(super) time_s: f64,
 }
 
 /// Keeps the history and tells the caller's monitor.

@@ -3,10 +3,12 @@
 use std::ops::ControlFlow;
 
 use super::best::Best;
-use super::history::{HistoryEntry, Recorder};
-use super::scaled::{Norms, Scaled, TrueResidual};
-use super::stop::{StopReason, Tolerance, Watch, worst};
-use super::{Solution, SolveOptions, SolverError};
+use super::error::SolverError;
+use super::history::{HistoryEntry, Recorder, Setup};
+use super::scaled::{Scaled, TrueResidual};
+use super::solution::Solution;
+use super::solve::SolveOptions;
+use super::stop::{Norms, StopReason, Tolerance, Watch, worst};
 use crate::matrix::operator::Block;
 
 /// A residual that has not fallen below this share of the one before it has gained nothing, and an estimate below this share of the true residual is wrong.
@@ -46,15 +48,6 @@ pub(super) enum Estimate {
     True(TrueResidual),
     /// The system is not what the method needs, such as positive definite: no use to go on.
     Breakdown,
-}
-
-/// What was done before the first pass.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Setup {
-    /// In passes over F.
-    pub(super) work: f64,
-    /// Wall time, s.
-    pub(super) time_s: f64,
 }
 
 /// A method that improves radiosities pass by pass. Blocks are in solver units (see [`Scaled`]).

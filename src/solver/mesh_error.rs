@@ -2,7 +2,13 @@
 
 use std::ops::ControlFlow;
 
-use super::{RadiositySystem, Solution, SolveOptions, SolverError, SolverSettings, StopReason, Tolerance, registry};
+use super::error::SolverError;
+use super::registry;
+use super::registry::SolverSettings;
+use super::solution::Solution;
+use super::solve::SolveOptions;
+use super::stop::{StopReason, Tolerance};
+use super::system::RadiositySystem;
 use crate::matrix::operator::{Block, LinearOperator};
 use crate::mesh::hierarchy::{Coarsening, Hierarchy, Prolongation};
 

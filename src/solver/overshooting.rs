@@ -6,10 +6,14 @@ use std::time::Instant;
 
 use super::ambient::Ambient;
 use super::columns::Columns;
-use super::iteration::{self, Estimate, Iteration, Setup};
+use super::error::SolverError;
+use super::history::{HistoryEntry, Setup};
+use super::iteration::{self, Estimate, Iteration};
 use super::progressive_refinement::Light;
 use super::scaled::{Scaled, TrueResidual};
-use super::{HistoryEntry, RadiositySystem, Solution, SolveOptions, Solver, SolverError};
+use super::solution::Solution;
+use super::solve::{SolveOptions, Solver};
+use super::system::RadiositySystem;
 use crate::matrix::operator::Block;
 
 /// Overshooting after Feda and Purgathofer, with the line mended that makes it diverge; all channels together.

@@ -3,10 +3,14 @@
 use std::ops::ControlFlow;
 
 use super::deflation::{Deflate, Deflation, first_pass};
+use super::error::SolverError;
+use super::history::HistoryEntry;
 use super::iteration::{self, Estimate, Iteration};
 use super::scaled::{Scaled, TrueResidual};
+use super::solution::Solution;
+use super::solve::{SolveOptions, Solver};
+use super::system::RadiositySystem;
 use super::vectors::{add_scaled, combine, inner, scale};
-use super::{HistoryEntry, RadiositySystem, Solution, SolveOptions, Solver, SolverError};
 use crate::matrix::operator::Block;
 
 /// Conjugate gradients on the symmetrised system, preconditioned with its diagonal, all channels together.

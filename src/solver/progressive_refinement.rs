@@ -6,10 +6,16 @@ use std::time::Instant;
 
 use super::ambient::Ambient;
 use super::columns::Columns;
-use super::iteration::{self, Estimate, Iteration, Setup};
+use super::error::SolverError;
+use super::history::{HistoryEntry, Setup};
+use super::iteration::{self, Estimate, Iteration};
 use super::scaled::{Scaled, TrueResidual};
+use super::solution::Solution;
+use super::solve::{SolveOptions, Solver};
+use super::start::Start;
+use super::stop::Tolerance;
+use super::system::RadiositySystem;
 use super::tournament::Tournament;
-use super::{HistoryEntry, RadiositySystem, Solution, SolveOptions, Solver, SolverError, Start, Tolerance};
 use crate::matrix::operator::Block;
 
 /// Progressive refinement, all channels together.

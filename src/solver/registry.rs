@@ -3,10 +3,23 @@
 use std::num::NonZeroUsize;
 use std::sync::Arc;
 
-use super::{
-    Anderson, Auto, Chebyshev, ConjugateGradients, Deflate, Direct, GaussSeidel, GaussSeidelAmbient, Gmres, Jacobi,
-    Multigrid, Overshooting, Pcg, ProgressiveRefinement, Solver, SolverError, Sor, SpectrumBounds,
-};
+use super::anderson::Anderson;
+use super::auto::Auto;
+use super::cg::ConjugateGradients;
+use super::chebyshev::{Chebyshev, SpectrumBounds};
+use super::deflation::Deflate;
+use super::direct::Direct;
+use super::error::SolverError;
+use super::gauss_seidel::GaussSeidel;
+use super::gauss_seidel_ambient::GaussSeidelAmbient;
+use super::gmres::Gmres;
+use super::jacobi::Jacobi;
+use super::multigrid::Multigrid;
+use super::overshooting::Overshooting;
+use super::pcg::Pcg;
+use super::progressive_refinement::ProgressiveRefinement;
+use super::solve::Solver;
+use super::sor::Sor;
 use crate::mesh::Hierarchy;
 
 /// What a user may set; `None` is the solver's own default.

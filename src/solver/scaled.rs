@@ -2,8 +2,8 @@
 
 use std::borrow::Cow;
 
-use super::RadiositySystem;
-use super::stop::{Tolerance, worst};
+use super::stop::{Norms, Tolerance, worst};
+use super::system::RadiositySystem;
 use super::twofold::Twofold;
 use super::vectors::inner;
 use crate::matrix::operator::{Block, RowAccess};
@@ -89,35 +89,6 @@ impl<'a> Rooms<'a> {
             }
         }
         greatest
-    }
-}
-
-/// Norms of a residual in each channel.
-#[derive(Clone, Debug)]
-pub(super) struct Norms {
-    /// sqrt(Σ A r² / Σ A E²); 0 where r and E are zero.
-    pub(super) l2: Vec<f64>,
-    /// The greatest of the same over all patches and over each room that emits.
-    pub(super) room_l2: Vec<f64>,
-    /// max |r_i A_i|, W.
-    pub(super) max_power: Vec<f64>,
-    /// max |r_i|, W·m⁻².
-    pub(super) max: Vec<f64>,
-    /// sqrt(Σ r²), W·m⁻².
-    pub(super) euclidean: Vec<f64>,
-}
-
-impl Norms {
-    /// Returns the norms that `combine` makes of these and others.
-    pub(super) fn map_with(&self, other: &Self, combine: impl Fn(f64, f64) -> f64) -> Self {
-        let both = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(&a, &b)| combine(a, b)).collect();
-        Self {
-            l2: both(&self.l2, &other.l2),
-            room_l2: both(&self.room_l2, &other.room_l2),
-            max_power: both(&self.max_power, &other.max_power),
-            max: both(&self.max, &other.max),
-            euclidean: both(&self.euclidean, &other.euclidean),
-        }
     }
 }
 

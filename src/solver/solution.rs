@@ -1,16 +1,14 @@
 //! What a solver returns.
 
-use serde::Serialize;
-
-use super::auto::ChoiceReason;
-use super::carried_error::relative_errors;
+use super::choice::Choice;
 use super::energy::Energy;
+use super::error::SolverError;
 use super::error_bound;
 use super::history::{HistoryEntry, Recorder};
 use super::scaled::{Scaled, TrueResidual};
 use super::stop::{StopReason, Tolerance, worst};
-use super::system::expect_readable;
-use super::{RadiositySystem, SolverError};
+use super::system::{RadiositySystem, expect_readable};
+use super::vectors::relative_errors;
 use crate::matrix::operator::Block;
 
 /// Radiosities, and how good they are.
@@ -86,15 +84,6 @@ impl ChannelQuality {
                 .try_fold(0.0, |most: f64, own| Some(most.max(own.error_bound?))),
         }
     }
-}
-
-/// A solver, and why it was chosen.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Choice {
-    /// Its name.
-    pub solver: &'static str,
-    /// Why.
-    pub why: ChoiceReason,
 }
 
 impl Solution {

@@ -2,7 +2,7 @@
 
 use std::sync::OnceLock;
 
-use super::SolverError;
+use super::error::SolverError;
 use crate::matrix::connected;
 use crate::matrix::operator::{Block, Components, LinearOperator};
 

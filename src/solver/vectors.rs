@@ -69,3 +69,49 @@ pub(super) fn copy_channel(to: &mut Block, from: &Block, channel: usize) {
     let pairs = to.values_mut().iter_mut().zip(from.values());
     pairs.skip(channel).step_by(n_channels).for_each(|(a, b)| *a = *b);
 }
+
+/// Returns the channels in groups of equal reflectance, in the order of their first members.
+pub(super) fn equal_channels(reflectance: &Block) -> Vec<Vec<usize>> {
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    for c in 0..reflectance.n_channels() {
+        let equals = |first: usize| {
+            (0..reflectance.n_rows()).all(|i| {
+                let row = reflectance.row(i);
+                row[first].to_bits() == row[c].to_bits()
+            })
+        };
+        match groups.iter_mut().find(|group| equals(group[0])) {
+            Some(group) => group.push(c),
+            None => groups.push(vec![c]),
+        }
+    }
+    groups
+}
+
+/// Returns sqrt(Σ A e² / Σ A B²) of each channel, 0 where that has no light; no number, or infinite, where nothing is known.
+pub(crate) fn relative_errors(areas: &[f64], error: &Block, radiosity: &Block) -> Vec<f64> {
+    let all: Vec<usize> = (0..radiosity.n_rows()).collect();
+    relative_errors_of(&all, areas, error, radiosity)
+}
+
+/// Does what [`relative_errors`] does for some of the patches.
+pub(super) fn relative_errors_of(patches: &[usize], areas: &[f64], error: &Block, radiosity: &Block) -> Vec<f64> {
+    let norm = |block: &Block, c: usize| {
+        let values = || patches.iter().map(|&i| (areas[i], block.row(i)[c].abs()));
+        // In units of the greatest, so that no square overflows or vanishes.
+        let unit = values()
+            .fold(0.0, |most: f64, (_, x)| most.max(x))
+            .max(f64::MIN_POSITIVE);
+        let sum: f64 = values().map(|(area, x)| area * (x / unit).powi(2)).sum();
+        (sum.sqrt(), unit)
+    };
+    let of_channel = |c: usize| {
+        let ((e, e_unit), (b, b_unit)) = (norm(error, c), norm(radiosity, c));
+        if b > 0.0 || b.is_nan() {
+            e / b * (e_unit / b_unit)
+        } else {
+            0.0
+        }
+    };
+    (0..radiosity.n_channels()).map(of_channel).collect()
+}

@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::patches::Patches;
-use crate::form_factor::pairs::Facing;
+use crate::form_factor::facing::Facing;
 
 /// A leaf holds at most this many faces.
 const LEAF: usize = 4;

@@ -7,8 +7,8 @@
 
 use std::time::{Duration, Instant};
 
-use super::ExactMethod;
-use super::batch::{Batches, Strip};
+use super::batches::{Batches, Strip};
+use super::method::ExactMethod;
 use crate::form_factor::Input;
 use crate::form_factor::forecast::{RAYS, golden_section, mean, sampled, shooting_s};
 use crate::progress::Forecast;

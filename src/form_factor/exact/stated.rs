@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::batch::{Batches, Strip};
+use super::batches::{Batches, Strip};
 use crate::form_factor::PairCounts;
 use crate::form_factor::journal::Record;
 use crate::form_factor::pairs::Exchange;
@@ -78,16 +78,6 @@ impl Stated {
 }
 
 impl Batches<'_> {
-    /// Returns the error that a pair may have, m².
-    pub(super) fn goal(&self, [i, j]: [usize; 2]) -> f64 {
-        self.method.tolerance * self.smaller_area([i, j])
-    }
-
-    pub(super) fn smaller_area(&self, pair: [usize; 2]) -> f64 {
-        let [a, b] = pair.map(|k| self.patches.prepared[k].area());
-        a.min(b)
-    }
-
     /// Returns an exchange area, its error with what comes of rounded corners; `integrated` tells whether it is within the tolerance without.
     pub(super) fn stated(&self, pair: [usize; 2], seen: Seen<'_>, exchange: Exchange, integrated: bool) -> Stated {
         let rounding = self.rounding(pair, seen);

@@ -6,7 +6,7 @@ use std::ops::Range;
 use glam::{DMat2, DVec2, DVec3};
 
 use super::{DEVIATIONS, End, Rounded, Vertex};
-use crate::form_factor::pairs::Facing;
+use crate::form_factor::facing::Facing;
 use crate::geometry::polygon;
 
 /// Of this part of its radius a patch is in front of a plane for certain, if its middle is.

@@ -4,61 +4,41 @@ use std::fmt::Debug;
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::super::operator::Block;
-use super::super::square::{Placed, SIDE, Square};
-use super::super::store::{Scalar, rounded};
-use super::super::tile::is_zero;
-use super::super::{MatrixError, Precision, RowTile, StorageChoice};
-use super::bands::Band;
-use super::tile_file::{Part, TileFile};
-use super::{DiskError, Place, Scratch};
+use super::tile_file::{Band, Part, TileFile, visit_nothing_known};
+use crate::matrix::backend::Backend;
+use crate::matrix::choice::{Place, Precision, Scratch, StorageChoice};
+use crate::matrix::error::{DiskError, MatrixError};
+use crate::matrix::kernel::scalar::{Scalar, rounded};
+use crate::matrix::kernel::sizes::{SIDE, for_each_block};
+use crate::matrix::operator::Block;
+use crate::matrix::square::{Placed, Square};
+use crate::matrix::tile::{Entry, RowTile, index, is_zero};
 use crate::threads;
 
-/// A matrix on a disk, whatever the precision of its numbers. Where it cannot be read, numbers are NaN, and [`failure`](Self::failure) tells why.
-pub(in super::super) trait General: Debug + Send + Sync {
-    /// Calls `visit(j, number, standard error)` in ascending order for all j in `columns` where row i has an entry.
-    fn for_each(&self, i: usize, columns: Range<usize>, visit: &mut dyn FnMut(usize, f64, f64));
-
-    /// Calls `visit(i, number, standard error)` in ascending order for all i in `rows` where column j has an entry.
-    fn for_each_in_column(&self, j: usize, rows: Range<usize>, visit: &mut dyn FnMut(usize, f64, f64));
-
-    /// Adds Σ_{j ≠ i} a_ij x_j to `sum` and returns a_ii.
-    fn dot_off_diagonal(&self, i: usize, x: &Block, sum: &mut [f64]) -> f64;
-
-    /// Computes y = A x.
-    fn apply(&self, x: &Block, y: &mut Block);
-
-    /// Returns how many numbers are not zero.
-    fn n_nonzero(&self) -> usize;
-
-    /// Returns the bytes on the disk.
-    fn stored_byte(&self) -> usize;
-
-    fn place(&self) -> Place<'_>;
-
-    fn failure(&self) -> Option<&DiskError>;
-}
+/// F_ij on a disk, in full rows of tiles.
+#[derive(Debug)]
+pub(super) struct Grid<T>(pub(super) TileFile<T>);
 
 /// Stores an n by n matrix on a disk, of which `rows` yields tiles of [`SIDE`] rows in order (the last may have fewer).
 ///
 /// `E` is the error of the iterator.
-pub(in super::super) fn from_rows<E: From<MatrixError>>(
+pub(in crate::matrix) fn from_rows<E: From<MatrixError>>(
     n: usize,
     choice: StorageChoice<'_>,
     scratch: Scratch<'_>,
     rows: impl Iterator<Item = Result<RowTile, E>>,
-) -> Result<Arc<dyn General>, E> {
+) -> Result<Arc<dyn Backend>, E> {
     fn build<T: Scalar, E: From<MatrixError>>(
         n: usize,
         choice: StorageChoice<'_>,
         scratch: Scratch<'_>,
         rows: impl Iterator<Item = Result<RowTile, E>>,
-    ) -> Result<Arc<dyn General>, E> {
+    ) -> Result<Arc<dyn Backend>, E> {
         let mut file = TileFile::<T>::create(n, false, scratch).map_err(MatrixError::from)?;
         for tile in rows {
             file.push_row(&squares(&tile?, n, choice)?).map_err(MatrixError::from)?;
         }
-        Ok(Arc::new(file))
+        Ok(Arc::new(Grid(file)))
     }
     match choice.precision {
         Precision::F64 => build::<f64, E>(n, choice, scratch, rows),
@@ -67,7 +47,7 @@ pub(in super::super) fn from_rows<E: From<MatrixError>>(
 }
 
 /// Cuts full rows into square tiles.
-pub(super) fn squares<T: Scalar>(
+pub(in crate::matrix) fn squares<T: Scalar>(
     tile: &RowTile,
     n: usize,
     choice: StorageChoice<'_>,
@@ -88,26 +68,7 @@ pub(super) fn squares<T: Scalar>(
     Ok(tiles.iter().enumerate().map(square).collect())
 }
 
-/// Calls `visit(first, part of the block, block)` for the blocks of [`SIDE`] places that `range` meets.
-pub(in super::super) fn for_each_block(range: Range<usize>, mut visit: impl FnMut(usize, Range<usize>, usize)) {
-    if range.is_empty() {
-        return;
-    }
-    for block in range.start / SIDE..=(range.end - 1) / SIDE {
-        let first = block * SIDE;
-        let part = range.start.max(first) - first..range.end.min(first + SIDE) - first;
-        visit(first, part, block);
-    }
-}
-
-/// Reports every number of `range` as NaN.
-pub(in super::super) fn visit_nothing_known(range: Range<usize>, visit: &mut dyn FnMut(usize, f64, f64)) {
-    for k in range {
-        visit(k, f64::NAN, f64::NAN);
-    }
-}
-
-impl<T: Scalar> General for TileFile<T> {
+impl<T: Scalar> Backend for Grid<T> {
     fn for_each(&self, i: usize, columns: Range<usize>, visit: &mut dyn FnMut(usize, f64, f64)) {
         let (own, row) = (i / SIDE, i % SIDE);
         // A single place is not worth a band.
@@ -120,30 +81,36 @@ impl<T: Scalar> General for TileFile<T> {
             });
         };
         let result = match single {
-            Some(block) => self.read(own, block..block + 1, Part::All).map(|tiles| work(&tiles)),
-            None => self.with_band(Band::Row(own), Part::All, |tiles| work(tiles)),
+            Some(block) => self.0.read(own, block..block + 1, Part::All).map(|tiles| work(&tiles)),
+            None => self.0.with_band(Band::Row(own), Part::All, |tiles| work(tiles)),
         };
-        if self.note(result).is_none() {
+        if self.0.note(result).is_none() {
             visit_nothing_known(columns, visit);
         }
     }
 
-    fn for_each_in_column(&self, j: usize, rows: Range<usize>, visit: &mut dyn FnMut(usize, f64, f64)) {
-        let (own, column) = (j / SIDE, j % SIDE);
-        let result = self.with_band(Band::Column(own), Part::All, |tiles| {
-            for_each_block(rows.clone(), |first, part, block| {
-                let shifted = &mut |k, value, std_error| visit(first + k, value, std_error);
-                tiles[block].for_each_in_column(column, part, shifted);
+    fn columns(&self, range: Range<usize>, rows: Range<usize>) -> Vec<Vec<Entry>> {
+        let of_column = |j: usize| {
+            let (own, column) = (j / SIDE, j % SIDE);
+            let mut list = Vec::new();
+            let mut push = |i, value, std_error| list.push((index(i), value, std_error));
+            let result = self.0.with_band(Band::Column(own), Part::All, |tiles| {
+                for_each_block(rows.clone(), |first, part, block| {
+                    let shifted = &mut |k, value, std_error| push(first + k, value, std_error);
+                    tiles[block].for_each_in_column(column, part, shifted);
+                });
             });
-        });
-        if self.note(result).is_none() {
-            visit_nothing_known(rows, visit);
-        }
+            if self.0.note(result).is_none() {
+                visit_nothing_known(rows.clone(), &mut push);
+            }
+            list
+        };
+        range.map(of_column).collect()
     }
 
     fn dot_off_diagonal(&self, i: usize, x: &Block, sum: &mut [f64]) -> f64 {
         let (own, row) = (i / SIDE, i % SIDE);
-        let result = self.with_band(Band::Row(own), Part::Numbers, |tiles| {
+        let result = self.0.with_band(Band::Row(own), Part::Numbers, |tiles| {
             let mut diagonal = 0.0;
             for (block, tile) in tiles.iter().enumerate() {
                 let x_from = &x.values()[block * SIDE * x.n_channels()..];
@@ -152,7 +119,7 @@ impl<T: Scalar> General for TileFile<T> {
             }
             diagonal
         });
-        self.note(result).unwrap_or_else(|| {
+        self.0.note(result).unwrap_or_else(|| {
             sum.fill(f64::NAN);
             f64::NAN
         })
@@ -164,31 +131,31 @@ impl<T: Scalar> General for TileFile<T> {
         let blocks: Vec<(usize, &mut [f64])> = y.values_mut().chunks_mut(SIDE * n_channels).enumerate().collect();
         threads::for_each(threads::pay(n_terms), blocks, |(own, sums)| {
             sums.fill(0.0);
-            let result = self.for_each_tile(own, Part::Numbers, |block, tile| {
+            let result = self.0.for_each_tile(own, Part::Numbers, |block, tile| {
                 let x_from = &x.values()[block * SIDE * n_channels..];
                 for (row, sum) in sums.chunks_exact_mut(n_channels).enumerate() {
                     tile.add_row(row, None, 1.0, x_from, sum);
                 }
             });
-            if self.note(result).is_none() {
+            if self.0.note(result).is_none() {
                 sums.fill(f64::NAN);
             }
         });
     }
 
     fn n_nonzero(&self) -> usize {
-        self.n_nonzero()
+        self.0.n_nonzero()
     }
 
     fn stored_byte(&self) -> usize {
-        usize::try_from(self.n_byte()).unwrap_or(usize::MAX)
+        usize::try_from(self.0.n_byte()).unwrap_or(usize::MAX)
     }
 
     fn place(&self) -> Place<'_> {
-        self.place()
+        self.0.place()
     }
 
     fn failure(&self) -> Option<&DiskError> {
-        self.failure()
+        self.0.failure()
     }
 }

@@ -4,10 +4,13 @@
 
 use std::os::unix::fs::FileExt as _;
 
-use super::super::operator::Block;
-use super::super::square::SIDE;
-use super::super::{Layout, RowTally, RowTile};
 use super::*;
+use crate::matrix::backend::Backend;
+use crate::matrix::choice::{Layout, Place, Scratch, StorageChoice};
+use crate::matrix::error::DiskError;
+use crate::matrix::kernel::sizes::SIDE;
+use crate::matrix::operator::Block;
+use crate::matrix::tile::{RowTally, RowTile};
 
 /// The rows 0 to n − 1 of the upper triangle of `n_blocks` rows of tiles, all of them but the last full.
 fn file(layout: Layout) -> TileFile<f64> {
@@ -26,7 +29,7 @@ fn file(layout: Layout) -> TileFile<f64> {
                 .collect();
             tile.push_row(&entries, RowTally::default());
         }
-        let squares = super::super::symmetric::row_of_tiles(&tile, n, layout).unwrap();
+        let squares = crate::matrix::symmetric::row_of_tiles(&tile, n, layout).unwrap();
         file.push_row(&squares).unwrap();
     }
     file
@@ -81,9 +84,9 @@ fn a_failure_spoils_what_rests_on_it_and_is_kept() {
         directory: &std::env::temp_dir(),
         memory_byte: 1 << 20,
     };
-    let choice = super::super::StorageChoice {
+    let choice = StorageChoice {
         place: Place::Disk(scratch),
-        ..super::super::StorageChoice::default()
+        ..StorageChoice::default()
     };
     let mut file = TileFile::<f64>::create(n, false, scratch).unwrap();
     for rows in [0..SIDE, SIDE..n] {
@@ -92,7 +95,7 @@ fn a_failure_spoils_what_rests_on_it_and_is_kept() {
         file.push_row(&grid::squares(&block, n, choice).unwrap()).unwrap();
     }
     file.file().write_all_at(&[0xFF; 8], 0).unwrap();
-    let general: &dyn General = &file;
+    let general = grid::Grid(file);
     let x = Block::from_values(vec![1.0; n], 1);
     let mut y = Block::zeros(n, 1);
     assert!(general.failure().is_none());

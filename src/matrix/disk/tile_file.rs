@@ -4,19 +4,20 @@ use std::fs::File;
 use std::io;
 use std::ops::Range;
 use std::path::PathBuf;
-use std::sync::OnceLock;
+use std::sync::{Mutex, OnceLock, PoisonError};
 
-use super::super::square::{Form, SIDE, Square};
-use super::super::store::Scalar;
-use super::bands::Bands;
-use super::{DiskError, Place, Scratch};
+use crate::matrix::choice::{Place, Scratch};
+use crate::matrix::error::DiskError;
+use crate::matrix::kernel::scalar::Scalar;
+use crate::matrix::kernel::sizes::SIDE;
+use crate::matrix::square::{Form, Square};
 
 /// Bytes that are written or read at once: enough that the call does not count, and little enough to stay in the second-level cache.
 const STRIP_BYTE: u64 = 1 << 20;
 
 /// Square tiles in rows: all of them, or those on and above the diagonal.
 #[derive(Debug)]
-pub(in super::super) struct TileFile<T> {
+pub(in crate::matrix) struct TileFile<T> {
     n: usize,
     /// True if the row of tiles I begins with the tile (I, I).
     triangle: bool,
@@ -29,7 +30,7 @@ pub(in super::super) struct TileFile<T> {
     n_nonzero: usize,
     /// What went wrong first.
     failure: OnceLock<DiskError>,
-    pub(super) bands: Bands<T>,
+    bands: Bands<T>,
 }
 
 /// Where a tile lies in the file, and what its bytes must be.
@@ -43,16 +44,57 @@ struct Slot {
 
 /// What is read of a tile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in super::super) enum Part {
+pub(in crate::matrix) enum Part {
     /// The numbers; the standard errors read as zero.
     Numbers,
     /// The numbers and their standard errors.
     All,
 }
 
+/// Which tiles: those that hold the rows, or the columns, 64 K to 64 K + 63.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::matrix) enum Band {
+    /// Of a triangle: the tiles (0, K) to (K, K), then (K, K + 1) to the end. By symmetry they hold the rows.
+    Cross(usize),
+    /// The tiles (K, 0) to the end.
+    Row(usize),
+    /// The tiles (0, K) to the end.
+    Column(usize),
+}
+
+/// The bands last read, one for each thread that reads.
+///
+/// A reader takes a cached band and returns it; a concurrent reader reads from disk.
+#[derive(Debug)]
+struct Bands<T> {
+    slots: Mutex<Vec<Option<Kept<T>>>>,
+}
+
+/// A band with what is known of its tiles.
+type Kept<T> = (Band, Part, Vec<Square<T>>);
+
+impl<T> Default for Bands<T> {
+    fn default() -> Self {
+        let slots = Mutex::default();
+        Self { slots }
+    }
+}
+
+impl<T> Bands<T> {
+    fn exchange(&self, put: Option<Kept<T>>) -> Option<Kept<T>> {
+        // A thread keeps its place, so that it finds what it has read.
+        let own = rayon::current_thread_index().map_or(0, |index| index + 1);
+        let mut slots = self.slots.lock().unwrap_or_else(PoisonError::into_inner);
+        if slots.len() <= own {
+            slots.resize_with(own + 1, || None);
+        }
+        std::mem::replace(&mut slots[own], put)
+    }
+}
+
 impl<T: Scalar> TileFile<T> {
     /// Makes a file without tiles for an n by n matrix.
-    pub(in super::super) fn create(n: usize, triangle: bool, scratch: Scratch<'_>) -> Result<Self, DiskError> {
+    pub(in crate::matrix) fn create(n: usize, triangle: bool, scratch: Scratch<'_>) -> Result<Self, DiskError> {
         let directory = scratch.directory.to_owned();
         let file = tempfile::tempfile_in(&directory).map_err(|error| DiskError::unwritable(&directory, &error))?;
         Ok(Self {
@@ -70,7 +112,7 @@ impl<T: Scalar> TileFile<T> {
     }
 
     /// Adds the next row of tiles.
-    pub(in super::super) fn push_row(&mut self, tiles: &[Square<T>]) -> Result<(), DiskError> {
+    pub(in crate::matrix) fn push_row(&mut self, tiles: &[Square<T>]) -> Result<(), DiskError> {
         let row = self.rows.len();
         assert_eq!(tiles.len(), self.columns(row).len(), "a row is complete");
         let slot = |tile: &Square<T>| Slot {
@@ -116,35 +158,35 @@ impl<T: Scalar> TileFile<T> {
         Ok(())
     }
 
-    pub(in super::super) fn place(&self) -> Place<'_> {
+    pub(in crate::matrix) fn place(&self) -> Place<'_> {
         Place::Disk(Scratch {
             directory: &self.directory,
             memory_byte: self.waiting_byte,
         })
     }
 
-    pub(in super::super) fn n_nonzero(&self) -> usize {
+    pub(in crate::matrix) fn n_nonzero(&self) -> usize {
         self.n_nonzero
     }
 
     /// Returns the length of the file.
-    pub(in super::super) fn n_byte(&self) -> u64 {
+    pub(in crate::matrix) fn n_byte(&self) -> u64 {
         self.n_byte
     }
 
     /// Returns the number of rows of tiles.
-    pub(super) fn n_blocks(&self) -> usize {
+    pub(in crate::matrix) fn n_blocks(&self) -> usize {
         self.n.div_ceil(SIDE)
     }
 
     /// Returns the columns of tiles that a row of tiles has.
-    pub(in super::super) fn columns(&self, row: usize) -> Range<usize> {
+    pub(in crate::matrix) fn columns(&self, row: usize) -> Range<usize> {
         let first = if self.triangle { row } else { 0 };
         first..self.n_blocks()
     }
 
     /// Calls `visit(column of tiles, tile)` for a row of tiles in order; reads a strip of them at a time.
-    pub(in super::super) fn for_each_tile(
+    pub(in crate::matrix) fn for_each_tile(
         &self,
         row: usize,
         part: Part,
@@ -166,7 +208,7 @@ impl<T: Scalar> TileFile<T> {
     }
 
     /// Reads consecutive tiles of a row, and checks them.
-    pub(in super::super) fn read(
+    pub(in crate::matrix) fn read(
         &self,
         row: usize,
         columns: Range<usize>,
@@ -211,6 +253,41 @@ impl<T: Scalar> TileFile<T> {
         Ok(tiles)
     }
 
+    /// Returns what `work` makes of the tiles of a band.
+    pub(in crate::matrix) fn with_band<R>(
+        &self,
+        band: Band,
+        part: Part,
+        work: impl FnOnce(&[Square<T>]) -> R,
+    ) -> Result<R, DiskError> {
+        let fits = |kept: &Kept<T>| kept.0 == band && (kept.1 == part || kept.1 == Part::All);
+        // What is of no use is dropped before more is read.
+        let kept = match self.bands.exchange(None).filter(fits) {
+            Some(kept) => kept,
+            None => (band, part, self.read_band(band, part)?),
+        };
+        let result = work(&kept.2);
+        self.bands.exchange(Some(kept));
+        Ok(result)
+    }
+
+    fn read_band(&self, band: Band, part: Part) -> Result<Vec<Square<T>>, DiskError> {
+        let n_blocks = self.n_blocks();
+        let (n_single, block) = match band {
+            Band::Row(block) => return self.read(block, 0..n_blocks, part),
+            Band::Cross(block) => (block, block),
+            Band::Column(block) => (n_blocks, block),
+        };
+        let mut tiles = Vec::with_capacity(n_blocks);
+        for row in 0..n_single {
+            tiles.append(&mut self.read(row, block..block + 1, part)?);
+        }
+        if let Band::Cross(_) = band {
+            tiles.append(&mut self.read(block, block..n_blocks, part)?);
+        }
+        Ok(tiles)
+    }
+
     fn bytes_at(&self, offset: u64, n: usize) -> Result<Vec<u8>, DiskError> {
         let mut bytes = vec![0; n];
         let read = read_exact_at(&self.file, &mut bytes, offset);
@@ -235,18 +312,25 @@ impl<T: Scalar> TileFile<T> {
     }
 
     /// Returns what was asked for, or keeps the error: the first one stays.
-    pub(in super::super) fn note<R>(&self, result: Result<R, DiskError>) -> Option<R> {
+    pub(in crate::matrix) fn note<R>(&self, result: Result<R, DiskError>) -> Option<R> {
         result.map_err(|error| self.failure.get_or_init(|| error)).ok()
     }
 
     /// Returns what went wrong first.
-    pub(in super::super) fn failure(&self) -> Option<&DiskError> {
+    pub(in crate::matrix) fn failure(&self) -> Option<&DiskError> {
         self.failure.get()
     }
 
     #[cfg(test)]
-    pub(super) fn file(&self) -> &File {
+    pub(in crate::matrix) fn file(&self) -> &File {
         &self.file
+    }
+}
+
+/// Reports every number of `range` as NaN.
+pub(in crate::matrix) fn visit_nothing_known(range: Range<usize>, visit: &mut dyn FnMut(usize, f64, f64)) {
+    for k in range {
+        visit(k, f64::NAN, f64::NAN);
     }
 }
 

@@ -1,13 +1,13 @@
 //! Tiles as bytes and back. The bytes are those of this machine: they never leave the process that wrote them.
 
-use super::super::aligned::Aligned;
-use super::super::places::Places;
-use super::super::store::Scalar;
-use super::{Full, List, Square, Values, listed};
+use super::places::Places;
+use super::tile::{Full, List, Square, Values, listed};
+use crate::matrix::kernel::aligned::Aligned;
+use crate::matrix::kernel::scalar::Scalar;
 
 /// What must be known of a tile to read its bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in super::super) struct Form {
+pub(in crate::matrix) struct Form {
     /// None of the numbers is stored, all, or some with their places.
     entries: Entries,
     with_errors: bool,
@@ -26,7 +26,7 @@ enum Entries {
 
 impl Form {
     /// Returns the bytes that the numbers and their places take in a tile of `size` places, and those of the standard errors.
-    pub(in super::super) fn byte<T: Scalar>(self, size: usize) -> [usize; 2] {
+    pub(in crate::matrix) fn byte<T: Scalar>(self, size: usize) -> [usize; 2] {
         let (n, places) = match self.entries {
             Entries::None => (0, 0),
             Entries::All => (size, 0),
@@ -38,7 +38,7 @@ impl Form {
 }
 
 impl<T: Scalar> Square<T> {
-    pub(in super::super) fn form(&self) -> Form {
+    pub(in crate::matrix) fn form(&self) -> Form {
         let (entries, std_errors) = match self {
             Self::Empty => {
                 let (entries, with_errors) = (Entries::None, false);
@@ -56,7 +56,7 @@ impl<T: Scalar> Square<T> {
     }
 
     /// Appends the numbers, and the places where these are listed.
-    pub(in super::super) fn push_numbers(&self, bytes: &mut Vec<u8>) {
+    pub(in crate::matrix) fn push_numbers(&self, bytes: &mut Vec<u8>) {
         match self {
             Self::Empty => {}
             Self::Full(full) => T::push_bytes(&full.numbers.values, bytes),
@@ -68,7 +68,7 @@ impl<T: Scalar> Square<T> {
     }
 
     /// Appends the standard errors.
-    pub(in super::super) fn push_errors(&self, bytes: &mut Vec<u8>) {
+    pub(in crate::matrix) fn push_errors(&self, bytes: &mut Vec<u8>) {
         match self {
             Self::Empty => {}
             Self::Full(full) => f32::push_bytes(&full.numbers.std_errors, bytes),
@@ -77,7 +77,7 @@ impl<T: Scalar> Square<T> {
     }
 
     /// Returns a tile of `n_columns` columns from its bytes; without those of the errors they read as zero.
-    pub(in super::super) fn from_bytes(form: Form, n_columns: usize, of_numbers: &[u8], of_errors: &[u8]) -> Self {
+    pub(in crate::matrix) fn from_bytes(form: Form, n_columns: usize, of_numbers: &[u8], of_errors: &[u8]) -> Self {
         let std_errors = f32::from_bytes(of_errors).collect();
         match form.entries {
             Entries::None => Self::Empty,

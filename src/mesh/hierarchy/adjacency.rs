@@ -4,8 +4,8 @@ use std::collections::{BTreeMap, HashMap};
 
 use glam::DVec3;
 
-use super::count;
-use crate::mesh::Mesh;
+use crate::mesh::face_shape::count;
+use crate::mesh::patches::Mesh;
 
 /// cos 60°: normals that differ by more point to different parts of a room.
 const COS_MAX_TURN: f64 = 0.5;

@@ -1,6 +1,6 @@
 //! The cells of one face on one level, and which coarse cell each belongs to.
 
-use super::{FaceShape, count};
+use crate::mesh::face_shape::{FaceShape, count};
 
 /// The borders between the parts of an edge, in parts of the finest level: 0, ..., n.
 #[derive(Clone, Debug)]

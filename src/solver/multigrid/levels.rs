@@ -5,14 +5,14 @@
     reason = "inner scopes reuse the letters of the formulas and the names of what they look at"
 )]
 
-use super::COARSEST_MAX;
 use super::coarsest::Factored;
 use super::matrices::{Matrix, Restricted, Swept, Wanted};
-use super::{CoarseMatrices, Coarsest, Defect, Multigrid};
+use super::{COARSEST_MAX, CoarseMatrices, Coarsest, Defect, Multigrid};
 use crate::matrix::operator::{Block, LinearOperator, RowAccess};
 use crate::mesh::Hierarchy;
 use crate::mesh::hierarchy::Coarsening;
-use crate::solver::{RadiositySystem, SolverError};
+use crate::solver::error::SolverError;
+use crate::solver::system::RadiositySystem;
 
 /// A coarse level with more below it.
 struct Level {

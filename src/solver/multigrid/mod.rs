@@ -13,10 +13,15 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Instant;
 
+use super::error::SolverError;
 use super::gauss_seidel;
-use super::iteration::{self, Estimate, Iteration, Setup};
-use super::scaled::{Norms, Scaled, TrueResidual};
-use super::{HistoryEntry, RadiositySystem, Solution, SolveOptions, Solver, SolverError};
+use super::history::{HistoryEntry, Setup};
+use super::iteration::{self, Estimate, Iteration};
+use super::scaled::{Scaled, TrueResidual};
+use super::solution::Solution;
+use super::solve::{SolveOptions, Solver};
+use super::stop::Norms;
+use super::system::RadiositySystem;
 use crate::matrix::FormFactors;
 use crate::matrix::operator::{Block, RowAccess};
 use crate::mesh::hierarchy::Coarsening;

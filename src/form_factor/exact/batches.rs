@@ -1,0 +1,184 @@
+//! The state of the exact method between its batches, and what it tells of pairs.
+
+use std::collections::HashMap;
+use std::ops::Range;
+
+use glam::DVec3;
+
+use super::faces::FaceTree;
+use super::lattice::Lattice;
+use super::method::ExactMethod;
+use super::patches::Patches;
+use super::table::Table;
+use crate::form_factor::facing::Facing;
+use crate::form_factor::journal::Journal;
+use crate::form_factor::pairs::Exchange;
+use crate::form_factor::rounded::Rounded;
+use crate::form_factor::sight::whole_where_grazing;
+use crate::form_factor::{Before, Input, PairCounts};
+use crate::geometry::polygon_form_factor::exchange_area;
+use crate::matrix::Entry;
+use crate::progress::Progress;
+use crate::scene::FaceId;
+use crate::visibility::blockers::{Between, BlockerId, BlockerIndex, PairVisibility};
+
+/// All batches in the order of their rows.
+pub(super) struct Batches<'a> {
+    pub(super) method: &'a ExactMethod,
+    pub(super) progress: &'a dyn Progress,
+    pub(super) patches: Patches,
+    pub(super) facing: Facing,
+    pub(super) tree: FaceTree,
+    pub(super) index: Option<BlockerIndex>,
+    /// The patches of a file whose coordinates are rounded.
+    pub(super) rounded: Option<Rounded>,
+    /// What is known from before a change.
+    pub(super) before: Option<Before<'a>>,
+    /// The faces of the scene, in the order of `patches.faces`.
+    pub(super) face_ids: Vec<FaceId>,
+    pub(super) lattices: Vec<Option<Lattice>>,
+    /// The pairs of two faces that are computed together, of the faces whose rows are being computed.
+    pub(super) tables: HashMap<[usize; 2], Table>,
+    pub(super) next_row: usize,
+    pub(super) journal: Journal<'a>,
+}
+
+/// A later face that some patches of a face may see.
+pub(super) struct FaceView {
+    pub(super) face: usize,
+    pub(super) known: Known,
+    /// Of the patches of both, which are in front of all of the other's; `None` where pairs are looked at one by one.
+    pub(super) fronts: Option<[Vec<Option<bool>>; 2]>,
+}
+
+/// What is known of two faces.
+pub(super) enum Known {
+    /// All exchange areas between them are as before a change.
+    Kept,
+    /// Their occluders.
+    Seen(Between),
+}
+
+/// Consecutive rows.
+pub(super) struct Strip {
+    pub(super) first_row: usize,
+    pub(super) rows: Vec<Vec<(u32, f64, f64)>>,
+    pub(super) partial: Vec<PartialPair>,
+    /// The occluders of all partial pairs, one after the other.
+    pub(super) blockers: Vec<BlockerId>,
+    pub(super) counts: PairCounts,
+    /// What these rows were before a change; none without one.
+    pub(super) before: Vec<Vec<Entry>>,
+}
+
+/// A pair that may be occluded, whose entry is not computed yet.
+pub(super) struct PartialPair {
+    pub(super) i: usize,
+    pub(super) j: usize,
+    /// Its place in the row of i.
+    pub(super) place: usize,
+    pub(super) touched: bool,
+    pub(super) blockers: Range<usize>,
+}
+
+impl<'a> Batches<'a> {
+    pub(super) fn new(
+        method: &'a ExactMethod,
+        input: Input<'a>,
+        before: Option<Before<'a>>,
+        progress: &'a dyn Progress,
+    ) -> Self {
+        let index = (!input.unoccluded).then(|| BlockerIndex::new(input.scene));
+        let mut patches = Patches::new(input.mesh, index.is_some());
+        patches.loosen_cut_ones(input.mesh, index.as_ref().map_or(0.0, BlockerIndex::slack));
+        let facing = Facing::new(input.mesh);
+        Self {
+            method,
+            progress,
+            tree: FaceTree::new(&patches, &facing),
+            facing,
+            lattices: patches
+                .faces
+                .iter()
+                .map(|face| Lattice::find(&patches.corners, face.range()))
+                .collect(),
+            index,
+            rounded: Rounded::new(input),
+            before,
+            face_ids: input
+                .mesh
+                .patches
+                .chunk_by(|a, b| a.face == b.face)
+                .map(|own| own[0].face)
+                .collect(),
+            patches,
+            tables: HashMap::new(),
+            next_row: 0,
+            journal: Journal::new(progress),
+        }
+    }
+
+    /// Returns the error that a pair may have, m².
+    pub(super) fn goal(&self, [i, j]: [usize; 2]) -> f64 {
+        self.method.tolerance * self.smaller_area([i, j])
+    }
+
+    pub(super) fn smaller_area(&self, pair: [usize; 2]) -> f64 {
+        let [a, b] = pair.map(|k| self.patches.prepared[k].area());
+        a.min(b)
+    }
+
+    pub(super) fn kernel(&self, i: usize, j: usize) -> Exchange {
+        let [p, q] = [i, j].map(|k| &self.patches.prepared[k]);
+        let exchange = exchange_area(p, q, self.method.full_tolerance(p.area().min(q.area())));
+        Exchange {
+            area: exchange.value,
+            error: exchange.error,
+        }
+    }
+
+    /// Tells whether any patches of two faces may face each other.
+    pub(super) fn faces_face(&self, f: usize, g: usize) -> bool {
+        let [from, to] = [f, g].map(|k| &self.patches.faces[k]);
+        self.facing.any(from.range(), to.range())
+    }
+
+    /// Tells whether what is known of two parts of faces that stayed is known from before a change.
+    pub(super) fn is_kept(&self, p: &[DVec3], q: &[DVec3]) -> bool {
+        self.before.is_some_and(|before| !before.change.may_come_between(p, q))
+    }
+
+    /// Tells whether no exchange area between some patches of two faces can be the same as before.
+    pub(super) fn any_moved(&self, faces: [usize; 2]) -> bool {
+        self.before.is_none_or(|before| {
+            let mut ids = faces.map(|f| self.face_ids[f]).into_iter();
+            ids.any(|face| before.change.moves(face))
+        })
+    }
+
+    /// Returns what the rows of a run were before a change.
+    pub(super) fn rows_before(&self, rows: &Range<usize>) -> Vec<Vec<Entry>> {
+        self.before.map_or_else(Vec::new, |before| {
+            // Kept is only what was symmetric.
+            rows.clone()
+                .map(|i| before.factors.exchange_row(i).unwrap_or_default())
+                .collect()
+        })
+    }
+
+    /// Finds the occluders between two polygons, `among` some or all.
+    pub(super) fn between(&self, p: &[DVec3], q: &[DVec3], among: Option<&[BlockerId]>) -> Between {
+        let Some(index) = &self.index else {
+            return Between::certain(PairVisibility::Full);
+        };
+        if self.progress.is_late() {
+            // Nobody is going to look at the occluders.
+            return Between::certain(PairVisibility::Partial(Vec::new()));
+        }
+        let found = among.map_or_else(|| index.between(p, q), |among| index.between_among(p, q, among));
+        Between {
+            visibility: whole_where_grazing(index, found.visibility, p, q),
+            ..found
+        }
+    }
+}

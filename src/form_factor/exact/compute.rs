@@ -1,0 +1,85 @@
+//! Form factors by the exact method, all of them or those that a change reaches.
+
+use super::batch::batch_byte;
+use super::batches::Batches;
+use super::method::ExactMethod;
+use crate::form_factor::{Before, Computed, FormFactorError, FormFactorMethod, Input, PairCounts};
+use crate::matrix::{FormFactors, StorageChoice};
+use crate::progress::{Forecast, Progress};
+
+impl FormFactorMethod for ExactMethod {
+    fn name(&self) -> &'static str {
+        "exact"
+    }
+
+    fn working_byte(&self, n_patches: usize) -> u64 {
+        batch_byte(n_patches)
+    }
+
+    fn compute(
+        &self,
+        input: Input<'_>,
+        storage: StorageChoice,
+        progress: &dyn Progress,
+    ) -> Result<Computed, FormFactorError> {
+        self.compute_from(input, None, storage, progress)
+    }
+
+    /// Keeps the exchange areas of pairs that the change cannot reach (see [`Change`](crate::form_factor::Change)), and computes the others as [`compute`](Self::compute) does.
+    ///
+    /// A kept entry is the stored one to the last bit; one that is computed anew differs from what `compute` gives by no more than the
+    /// neglected border of occluders, since it may be classified on another level. All are computed anew if `before` is not symmetric, as after a repair.
+    fn update(
+        &self,
+        input: Input<'_>,
+        before: Before<'_>,
+        storage: StorageChoice,
+        progress: &dyn Progress,
+    ) -> Result<Computed, FormFactorError> {
+        let usable = before.factors.is_symmetric().then_some(before);
+        self.compute_from(input, usable, storage, progress)
+    }
+}
+
+impl ExactMethod {
+    /// Returns what form factors are going to take, from a sample of at most some seconds; `None` for a mesh without patches.
+    pub(in crate::form_factor) fn forecast(&self, input: Input<'_>, progress: &dyn Progress) -> Option<Forecast> {
+        Batches::new(self, input, None, progress).forecast(input, true)
+    }
+
+    fn compute_from(
+        &self,
+        input: Input<'_>,
+        before: Option<Before<'_>>,
+        storage: StorageChoice,
+        progress: &dyn Progress,
+    ) -> Result<Computed, FormFactorError> {
+        let n = input.mesh.n_patches() as u64;
+        progress.begin("form factors", n * n.saturating_sub(1) / 2);
+        let mut counts = PairCounts::default();
+        // Batch by batch into the matrix: only one batch's entries are held beside it.
+        let batches = Batches::new(self, input, before, progress);
+        if let Some(forecast) = batches.forecast(input, false) {
+            progress.forecast(&forecast);
+        }
+        let upper = batches.flat_map(|(tiles, of_batch)| {
+            counts = counts.plus(of_batch);
+            tiles
+        });
+        let factors = FormFactors::from_exchange_tiles(input.mesh.areas(), upper, storage);
+        if progress.is_cancelled() {
+            return Err(FormFactorError::Interrupted);
+        }
+        if let Some(before) = before {
+            before
+                .factors
+                .if_readable(())
+                .map_err(crate::matrix::MatrixError::from)?;
+        }
+        Ok(Computed {
+            factors: factors?,
+            pairs: Some(counts),
+            tolerance_met: counts.tolerance_met(),
+        })
+    }
+}

@@ -1,0 +1,111 @@
+//! What the exact method is asked for.
+
+use crate::geometry::polygon_form_factor::Tolerance;
+
+/// Exact exchange areas: the kernel of unoccluded polygons where two patches see each other whole, clipping against the occluders where they do not.
+///
+/// A_i F_ij = ∫_{A_i} ∫_{A_j} V cos θ_i cos θ_j / (π r²) dA_j dA_i in m², computed once for each pair and stored symmetric. What
+/// of a patch lies behind the other's plane takes no part; patches of one plane or back to back exchange exactly 0. A face sees on the side of its normal and
+/// blocks on both; two coincident faces of opposite winding are a sheet that both sides see from.
+///
+/// - Faces that see nothing of each other are left out by a tree of the boxes around corners and normals.
+/// - Pairs are classified in f64 against all faces of the scene ([`BlockerIndex`](crate::visibility::blockers::BlockerIndex)): faces first, then runs of patches, then
+///   patches, each only against what stood between the larger ones. With [`Input::unoccluded`] no index is made and nothing is classified.
+/// - Full pairs: [`polygon_form_factor::exchange_area`](crate::geometry::polygon_form_factor::exchange_area) to a relative error of `tolerance`/10⁵, but not above 1e-9 or below 1e-12;
+///   for tolerances above 1e-6, an absolute error of A_i F_ij / min(A_i, A_j) below `tolerance`/10⁵ is enough. Where two faces are
+///   regular grids with a common step, pairs with the same step between them are computed once; where they are grids of rectangles with parallel edges, whatever
+///   their steps, and the absolute error is enough, all pairs are differences of one closed form at the grids' corners.
+/// - Hidden pairs are exactly 0.
+/// - Partial pairs: [`partial::exchange_area`](super::partial::exchange_area), which follows the edges of the shadows, and subtracts what is hidden from the exchange area without occluders. Two patches with
+///   many occluders are halved as long as that leaves fewer between the halves; where a wall stands in a narrow gap, both are cut along it.
+///
+/// Nothing here uses rays: pairs nearer than the offset of ray origins, or than f32 can tell, need no special care.
+///
+/// Accuracy: of full pairs the kernel's own estimate. Of partial pairs |error| of A_i F_ij / min(A_i, A_j) ≤ `tolerance`, and below the entry's own estimate; where the
+/// budget is spent before, the estimate says what was reached, the pair is one of [`PairCounts::n_above_tolerance`] and [`Computed::tolerance_met`] is false. Where two patches have less than five occluders (above a `tolerance` of 1e-6: and one is 25 times as large as the other),
+/// or one patch is 1e4 times as large as the other, the error is also to be below 10³ `tolerance` (up to a `tolerance` of 1e-5) of the exchange area without occluders, as far as a hundredth of the budget goes: small and far
+/// emitters keep their shadows. An occluder's border of 1e-10 of the width of the space between the two patches there is neglected, as
+/// [`BlockerIndex`](crate::visibility::blockers::BlockerIndex) says. Where coordinates were rounded, as those of a file with six decimals, faces that were meant to touch reach into each other or lie apart: what reaches in
+/// between two patches by no more than that explains is left out, and the estimate then has the border of both patches that this may hide; quads that are bent have theirs too. Where the file [shows that it was rounded](crate::scene::Written::shows_rounding),
+/// the estimate has what its last digits leave open, too: how far A_i F_ij and the areas change where corners and the edges of occluders move by half a unit. Patches that do not face each other there, but may do so as they were meant, have an entry of 0 with an error, down to a hundredth of the tolerance. Where that brings the estimate of a pair, full or partial, above
+/// the tolerance, the pair is one of [`PairCounts::n_above_by_rounding`] and [`Computed::tolerance_met`] is false as well: more work does not help there. Below the tolerance, integrals leave room for it, up to half of the tolerance. 0 ≤ A_i F_ij ≤ the exchange area without occluders.
+///
+/// Speed on one core of an x86-64 machine with AVX-512, all pairs, medians of 10 runs of `cargo bench --bench form_factors`; the error is max_i Σ_j |F_ij − exact|,
+/// with `exact` at 1e-9 for the exact ones:
+///
+/// | scene | patches | tolerance | time | error |
+/// |---|---|---|---|---|
+/// | `cube` | 1014 | 1e-6 | 0.079 s | 5e-14 |
+/// | `room-box` | 12 | 1e-6 | 0.044 s | 4e-8 |
+/// | `room-box` | 108 | 1e-6 | 0.089 s | 2e-8 |
+/// | `room-box` | 972 | 1e-5 | 0.69 s | 6e-7 |
+/// | `room-box` | 4332 | 1e-5 | 3.4 s | 4e-7 |
+/// | `room-box` | 4332 | 1e-3 | 1.8 s | 5e-5 |
+///
+/// Another machine of that kind, with other work on its cores, took 0.15 to 0.17 s for the cube, 0.12 s for 108 patches and 3.2 s for the last row. On two cores the last row takes
+/// 1.07 to 1.12 s (5 runs; on the other machine 1.9 to 2.5 s), at 1e-5 1.83 to 1.90 s and at 1e-6 3.7 s: `radiosity form-factors scenes/room-box/scene.obj --subdivide 19 --tolerance 1e-3`,
+/// the time told for form factors.
+/// Growth: as n^1.06 from 972 to 4332 patches at one tolerance; in the end as n², the number of pairs. With the number of faces only pairs that may see each other count: a ball
+/// of 1280, 5120 and 20 480 triangles over a floor, of which 1044, 4164 and 16 674 see it, takes 0.05, 0.22 and 1.0 s of CPU time (one run each;
+/// `cargo test --release --test library -- --ignored exact::` has the largest).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ExactMethod {
+    /// The tolerance of a partly visible pair, on A_i F_ij / min(A_i, A_j): the absolute error of the larger of F_ij and F_ji.
+    pub tolerance: f64,
+    /// The most evaluations of the inner form factor for one pair.
+    pub budget: usize,
+}
+
+/// Up to this tolerance pairs without occluders keep their relative digits, however small they are.
+const FULL_IS_RELATIVE: f64 = 1e-6;
+
+/// Up to this tolerance partial pairs keep some relative digits.
+const PARTIAL_IS_RELATIVE: f64 = 1e-5;
+
+impl ExactMethod {
+    /// The tolerance unless another is asked for.
+    pub const DEFAULT_TOLERANCE: f64 = 1e-6;
+    /// The budget unless another is asked for: some seconds for one pair.
+    pub const DEFAULT_BUDGET: usize = 10_000_000;
+
+    /// Returns the part of an exchange area without occluders that the error of a partial pair is to be below as well: a sun whose form factor is as small as the tolerance casts shadows all the same.
+    ///
+    /// Where that would be loose, it is not asked for.
+    pub(super) fn relative_tolerance(&self) -> f64 {
+        if self.tolerance <= PARTIAL_IS_RELATIVE {
+            1e3 * self.tolerance
+        } else {
+            f64::INFINITY
+        }
+    }
+
+    /// Returns how many times as large one patch is as the other, at least, where the error of a pair with few occluders is to be relative too.
+    pub(super) fn unlike_of_few(&self) -> f64 {
+        if self.tolerance <= Self::DEFAULT_TOLERANCE {
+            1.0
+        } else {
+            25.0
+        }
+    }
+
+    /// Returns what pairs without occluders are computed to.
+    pub(super) fn full_tolerance(&self, smaller_area: f64) -> Tolerance {
+        Tolerance {
+            rel: (1e-5 * self.tolerance).clamp(1e-12, 1e-9),
+            abs: if self.tolerance > FULL_IS_RELATIVE {
+                1e-5 * self.tolerance * smaller_area
+            } else {
+                0.0
+            },
+        }
+    }
+}
+
+impl Default for ExactMethod {
+    fn default() -> Self {
+        Self {
+            tolerance: Self::DEFAULT_TOLERANCE,
+            budget: Self::DEFAULT_BUDGET,
+        }
+    }
+}

@@ -1,0 +1,79 @@
+//! Pairs of two faces that are computed together, since they repeat or share their corners.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::batches::{Batches, FaceView, Known};
+use super::corners::{CornerSums, PatchGrid};
+use super::lattice::{Lattice, Repeats};
+use super::table::{LEAST_PAIRS, Table};
+use crate::form_factor::pairs::Exchange;
+use crate::geometry::polygon_form_factor::PreparedPolygon;
+use crate::visibility::blockers::PairVisibility;
+
+impl Batches<'_> {
+    /// Returns the exchange area of a pair without occluders, from the table of its faces if there is one.
+    pub(super) fn unoccluded(&self, i: usize, j: usize) -> Exchange {
+        let faces = [i, j].map(|k| self.patches.face_of_patch[k]);
+        let table = self.tables.get(&faces);
+        table.map_or_else(|| self.kernel(i, j), |table| table.get(i, j))
+    }
+
+    /// Computes the tables of some faces of a batch with all later ones that they see anything of, for the rows of the batch, and forgets those of faces before it.
+    pub(super) fn find_tables(
+        &mut self,
+        (of_batch, rows): (&Range<usize>, &Range<usize>),
+        faces: &Range<usize>,
+        views: &[Vec<FaceView>],
+    ) {
+        let mut tables = std::mem::take(&mut self.tables);
+        // What does not hold these rows goes first: perhaps nothing takes its place.
+        tables.retain(|[f, _], table| of_batch.contains(f) && table.covers(&self.rows_of(*f, rows)));
+        let missing: Vec<[usize; 2]> = faces
+            .clone()
+            .flat_map(|f| {
+                let of_face = views[f - faces.start].iter();
+                of_face
+                    .filter(|view| matches!(&view.known, Known::Seen(seen) if seen.visibility != PairVisibility::None))
+                    .map(move |view| [f, view.face])
+            })
+            .filter(|key| !tables.contains_key(key))
+            .collect();
+        let found: Vec<([usize; 2], Table)> = missing
+            .into_par_iter()
+            .filter_map(|key| Some((key, self.table(key, rows)?)))
+            .collect();
+        tables.extend(found);
+        self.tables = tables;
+    }
+
+    fn rows_of(&self, face: usize, rows: &Range<usize>) -> Range<usize> {
+        let own = self.patches.faces[face].range();
+        rows.start.max(own.start)..rows.end.min(own.end)
+    }
+
+    fn table(&self, [f, g]: [usize; 2], rows: &Range<usize>) -> Option<Table> {
+        let (from, to) = self.lattices[f].as_ref().zip(self.lattices[g].as_ref())?;
+        if let Some(repeats) = Repeats::new(&self.patches, from, to, |i, j| self.kernel(i, j)) {
+            return Some(Table::Repeats(repeats));
+        }
+        let [own, other] = [self.rows_of(f, rows), self.patches.faces[g].range()];
+        if own.len() * other.len() < LEAST_PAIRS {
+            return None;
+        }
+        let smallest = |range: Range<usize>| {
+            let areas = self.patches.prepared[range].iter().map(PreparedPolygon::area);
+            areas.fold(f64::INFINITY, f64::min)
+        };
+        let most = self
+            .method
+            .full_tolerance(smallest(own.clone()).min(smallest(other.clone())))
+            .abs;
+        if most <= 0.0 {
+            return None;
+        }
+        let grid = |lattice: &Lattice, range: Range<usize>| PatchGrid::new(&self.patches, lattice, range);
+        CornerSums::new(&grid(from, own)?, &grid(to, other)?, most).map(Table::Corners)
+    }
+}

@@ -1,0 +1,148 @@
+//! The way through the runs of one face: which pairs are looked at, kept, or settled at once.
+
+use super::batches::{Batches, PartialPair, Strip};
+use super::patches::Run;
+use super::stated::Seen;
+use super::table::Table;
+use crate::form_factor::pairs::Exchange;
+use crate::mesh::PatchId;
+use crate::visibility::blockers::{Between, BlockerId, PairVisibility};
+
+/// The way through the runs of one face, seen from some rows.
+pub(super) struct Walk<'a> {
+    pub(super) batches: &'a Batches<'a>,
+    pub(super) table: Option<&'a Table>,
+    pub(super) fronts: Option<&'a [Vec<Option<bool>>; 2]>,
+    /// The first patches of both faces.
+    pub(super) starts: [usize; 2],
+    /// True if both faces stayed where they were before a change.
+    pub(super) may_keep: bool,
+    pub(super) rows: &'a Run,
+    pub(super) runs: &'a [Run],
+    pub(super) strip: &'a mut Strip,
+}
+
+impl Walk<'_> {
+    /// Deals with a run of columns whose visibility is known; `of_faces` is true if it is that of the rows' whole face.
+    pub(super) fn settle(&mut self, columns: &Run, seen: &Between, of_faces: bool) {
+        let touched = seen.touched;
+        match &seen.visibility {
+            PairVisibility::Full => self.each_facing_pair(columns, |walk, i, j| walk.push_full(i, j, touched)),
+            PairVisibility::None => self.each_facing_pair(columns, |walk, _, _| walk.strip.counts.hidden += 1),
+            PairVisibility::Partial(among) if of_faces => self.look(columns, among, touched),
+            PairVisibility::Partial(among) => match columns.halves {
+                Some(halves) => {
+                    for k in halves {
+                        self.look(&self.runs[k], among, touched);
+                    }
+                }
+                None => self.each_facing_pair(columns, |walk, i, j| walk.push_seen(i, j, among, touched)),
+            },
+        }
+    }
+
+    /// Classifies the rows against a run of columns, of larger ones that are `touched` or not.
+    fn look(&mut self, columns: &Run, among: &[BlockerId], touched: bool) {
+        if self.may_keep && self.batches.is_kept(&self.rows.hull, &columns.hull) {
+            self.keep(columns);
+            return;
+        }
+        let mut seen = self.batches.between(&self.rows.hull, &columns.hull, Some(among));
+        // What was left out between the larger ones is asked for no more.
+        seen.touched |= touched;
+        self.settle(columns, &seen, false);
+    }
+
+    /// Takes over all exchange areas with a run of columns.
+    pub(super) fn keep(&mut self, columns: &Run) {
+        self.each_facing_pair(columns, Walk::push_kept);
+    }
+
+    fn push_kept(&mut self, i: usize, j: usize) {
+        self.strip.counts.kept += 1;
+        let column = PatchId::from_index(j).0;
+        let before = &self.strip.before[i - self.rows.patches.start];
+        // What is not stored was 0 for certain, and is.
+        if let Ok(place) = before.binary_search_by_key(&column, |entry| entry.0) {
+            let (_, area, error) = before[place];
+            self.batches
+                .count_kept([i, j], Exchange { area, error }, &mut self.strip.counts);
+            self.push(i, j, Exchange { area, error });
+        }
+    }
+
+    fn each_facing_pair(&mut self, columns: &Run, mut act: impl FnMut(&mut Self, usize, usize)) {
+        for i in self.rows.patches.clone() {
+            for j in columns.patches.clone() {
+                if self.is_facing(i, j) {
+                    act(self, i, j);
+                } else {
+                    self.strip.counts.not_facing += 1;
+                }
+            }
+        }
+    }
+
+    fn is_facing(&self, i: usize, j: usize) -> bool {
+        let sides = self
+            .fronts
+            .map(|[rows, columns]| (rows[i - self.starts[0]], columns[j - self.starts[1]]));
+        match sides {
+            Some((Some(false), _) | (_, Some(false))) => false,
+            Some((Some(true), Some(true))) => true,
+            _ => self.batches.facing.pair(i, j),
+        }
+    }
+
+    fn push_full(&mut self, i: usize, j: usize, touched: bool) {
+        self.strip.counts.full += 1;
+        let exchange = self
+            .table
+            .map_or_else(|| self.batches.kernel(i, j), |table| table.get(i, j));
+        let integrated = exchange.error <= self.batches.goal([i, j]);
+        let seen = Seen::whole(exchange.area, touched);
+        let stated = self.batches.stated([i, j], seen, exchange, integrated);
+        self.batches.count([i, j], stated, &mut self.strip.counts);
+        self.push(i, j, stated.exchange);
+    }
+
+    fn push_seen(&mut self, i: usize, j: usize, among: &[BlockerId], touched: bool) {
+        let mut seen = if self.rows.patches.len() > 1 {
+            let [p, q] = [i, j].map(|k| self.batches.patches.corners[k].as_slice());
+            if self.may_keep && self.batches.is_kept(p, q) {
+                self.push_kept(i, j);
+                return;
+            }
+            self.batches.between(p, q, Some(among))
+        } else {
+            Between::certain(PairVisibility::Partial(among.to_vec()))
+        };
+        seen.touched |= touched;
+        match seen.visibility {
+            PairVisibility::Full => self.push_full(i, j, seen.touched),
+            PairVisibility::None => self.strip.counts.hidden += 1,
+            PairVisibility::Partial(blockers) => {
+                self.strip.counts.partial += 1;
+                let (begin, place) = (self.strip.blockers.len(), self.row(i).len());
+                self.strip.blockers.extend(blockers);
+                self.strip.partial.push(PartialPair {
+                    i,
+                    j,
+                    place,
+                    touched: seen.touched,
+                    blockers: begin..self.strip.blockers.len(),
+                });
+                self.push(i, j, Exchange::default());
+            }
+        }
+    }
+
+    fn row(&mut self, i: usize) -> &mut Vec<(u32, f64, f64)> {
+        &mut self.strip.rows[i - self.rows.patches.start]
+    }
+
+    fn push(&mut self, i: usize, j: usize, exchange: Exchange) {
+        self.row(i)
+            .push((PatchId::from_index(j).0, exchange.area, exchange.error));
+    }
+}

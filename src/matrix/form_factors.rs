@@ -1,0 +1,289 @@
+//! The form factors between the patches of a scene, as they are stored.
+
+use std::sync::Arc;
+
+use super::backend::Backend;
+use super::bounds::Open;
+use super::choice::{Layout, Place, Precision, Scratch, StorageChoice};
+use super::error::{DiskError, MatrixError};
+use super::kernel::sizes::{SIDE, block_rows};
+use super::regroup::Regrouped;
+use super::rows::Rows;
+use super::symmetric::row_factors;
+use super::tile::{RowTally, RowTile};
+use super::{disk, symmetric};
+
+/// The form factors F_ij of n patches, the standard errors of their estimates, and the tallies of the rays that they come from.
+///
+/// F_ij is the fraction of the light leaving patch i that reaches patch j. Stored as tiles of rows, each dense or sparse.
+/// A matrix made by [`from_exchange_tiles`](Self::from_exchange_tiles), [`symmetrised`](Self::symmetrised) or
+/// [`balanced`](Self::balanced) stores the upper triangle of the exchange areas A_i F_ij instead, divided by the largest area: they
+/// are symmetric to the last bit in any [`Precision`], take half the memory, and every tile is applied together with its transpose.
+/// A clone shares the tiles.
+///
+/// With [`Place::Disk`] the entries lie in a scratch file, which goes when the last clone does, and everything else works as before: a pass
+/// reads the file once, what goes row by row keeps 64 rows a thread. Where the file cannot be read, or is not what was written, numbers are
+/// NaN from then on, and [`failure`](Self::failure) tells why.
+#[doc(alias = "view factor")]
+#[derive(Clone, Debug)]
+pub struct FormFactors {
+    pub(super) areas: Vec<f64>,
+    pub(super) entries: Arc<dyn Backend>,
+    pub(super) tallies: Vec<RowTally>,
+    layout: Layout,
+    precision: Precision,
+    /// What rays leave open of entries that are not stored; `None` if these are 0 for certain.
+    pub(super) open: Option<Open>,
+}
+
+impl FormFactors {
+    /// Stores the form factors that a method emitted.
+    ///
+    /// `areas` in m², one per patch; `tiles` in order and complete. Every tile is stored as it comes.
+    ///
+    /// # Errors
+    /// [`MatrixError`] if there is no patch, an area is not positive and finite, the tiles are not the rows 0 to n − 1 in order,
+    /// a column names no patch, a value is not finite (in the precision asked for), or a standard error is negative.
+    pub fn from_tiles(
+        areas: Vec<f64>,
+        tiles: impl IntoIterator<Item = RowTile>,
+        storage: StorageChoice<'_>,
+    ) -> Result<Self, MatrixError> {
+        let n = areas.len();
+        expect_areas(&areas)?;
+        if let Place::Disk(scratch) = storage.place {
+            return Self::to_disk(areas, tiles, storage, scratch);
+        }
+        let (mut rows, mut tallies) = (Rows::default(), Vec::with_capacity(n));
+        for tile in tiles {
+            if tile.n_rows() == 0 {
+                continue;
+            }
+            if tile.first_row() != tallies.len() {
+                let (expected, found) = (tallies.len(), tile.first_row());
+                return Err(MatrixError::TileOrder { expected, found });
+            }
+            rows.push(&tile, n, storage)?;
+            tallies.extend_from_slice(tile.tallies());
+        }
+        if tallies.len() != n {
+            let (expected, found) = (n, tallies.len());
+            return Err(MatrixError::RowCount { expected, found });
+        }
+        Ok(Self::of(areas, Arc::new(rows), tallies, storage))
+    }
+
+    fn to_disk(
+        areas: Vec<f64>,
+        tiles: impl IntoIterator<Item = RowTile>,
+        storage: StorageChoice<'_>,
+        scratch: Scratch<'_>,
+    ) -> Result<Self, MatrixError> {
+        let n = areas.len();
+        let mut rows = Regrouped::new(tiles.into_iter());
+        let mut tallies = Vec::with_capacity(n);
+        let blocks = block_rows(n).map(|range| {
+            let mut block = RowTile::new(range.start);
+            for _ in range {
+                let (tile, k) = rows.next_row(n)?;
+                block.push_row(tile.row(k), tile.tallies()[k]);
+                tallies.push(tile.tallies()[k]);
+            }
+            Ok::<_, MatrixError>(block)
+        });
+        let entries = disk::from_rows(n, storage, scratch, blocks)?;
+        rows.expect_end(n)?;
+        Ok(Self::of(areas, entries, tallies, storage))
+    }
+
+    /// Stores form factors that are symmetric as exchange areas, from those on and above the diagonal.
+    ///
+    /// `upper` yields tiles of [`UPPER_ROWS`] rows (the last may have fewer) with entries F_ij, j ≥ i; `E` is its error.
+    pub(crate) fn from_upper_rows<E: From<MatrixError> + Send>(
+        areas: Vec<f64>,
+        tallies: Vec<RowTally>,
+        upper: impl Iterator<Item = Result<RowTile, E>>,
+        storage: StorageChoice<'_>,
+    ) -> Result<Self, E> {
+        expect_areas(&areas)?;
+        let factors = row_factors(&areas);
+        let scaled = upper.map(|tile| {
+            let tile: RowTile = tile?;
+            let mut exchange = RowTile::new(tile.first_row());
+            let mut entries = Vec::new();
+            for k in 0..tile.n_rows() {
+                let factor = factors[tile.first_row() + k];
+                entries.clear();
+                entries.extend(
+                    tile.row(k)
+                        .iter()
+                        .map(|&(j, value, error)| (j, value / factor, error / factor)),
+                );
+                exchange.push_row(&entries, RowTally::default());
+            }
+            Ok::<_, E>(exchange)
+        });
+        let entries = symmetric::from_rows(&areas, storage, scaled)?;
+        Ok(Self::of(areas, entries, tallies, storage))
+    }
+
+    /// Puts form factors together from what is stored.
+    pub(super) fn of(
+        areas: Vec<f64>,
+        entries: Arc<dyn Backend>,
+        tallies: Vec<RowTally>,
+        storage: StorageChoice<'_>,
+    ) -> Self {
+        Self {
+            areas,
+            entries,
+            tallies,
+            layout: storage.layout,
+            precision: storage.precision,
+            open: None,
+        }
+    }
+
+    /// Returns n, the number of patches.
+    #[must_use]
+    pub fn n_rows(&self) -> usize {
+        self.areas.len()
+    }
+
+    /// Returns the areas A_i, m².
+    #[must_use]
+    pub fn areas(&self) -> &[f64] {
+        &self.areas
+    }
+
+    /// Returns the tallies of the rays, one per row; after a repair they are still those of the rows before it.
+    #[must_use]
+    pub fn tallies(&self) -> &[RowTally] {
+        &self.tallies
+    }
+
+    /// Returns layout, precision and place of what is stored.
+    #[must_use]
+    pub fn storage(&self) -> StorageChoice<'_> {
+        StorageChoice {
+            layout: self.layout,
+            precision: self.precision,
+            place: self.entries.place(),
+        }
+    }
+
+    /// Returns what went wrong first when the entries were read from a disk, or `None`: then all numbers that were returned are right.
+    #[must_use]
+    pub fn failure(&self) -> Option<&DiskError> {
+        self.entries.failure()
+    }
+
+    /// Returns `value`, unless entries that it may rest on could not be read.
+    pub(crate) fn if_readable<R>(&self, value: R) -> Result<R, DiskError> {
+        self.failure().map_or(Ok(value), |error| Err(error.clone()))
+    }
+
+    /// Returns true if the exchange areas are stored, and so are symmetric to the last bit.
+    #[must_use]
+    pub fn is_symmetric(&self) -> bool {
+        self.entries.row_factors().is_some()
+    }
+
+    /// Returns F_ij.
+    ///
+    /// # Panics
+    /// If i or j is not less than n.
+    #[must_use]
+    #[track_caller]
+    pub fn get(&self, i: usize, j: usize) -> f64 {
+        self.stored(i, j).map_or(0.0, |entry| entry.0)
+    }
+
+    /// Returns the standard error of F_ij; 0 where it is exact or unknown.
+    ///
+    /// An entry that none of a row's N rays hit is off by up to 1.5 / N, or by the factor without occluders where that is less; 0 states that the
+    /// patches do not face each other, or are proved to be hidden.
+    /// Accuracy: rounded to f32 where it is stored.
+    ///
+    /// # Panics
+    /// If i or j is not less than n.
+    #[must_use]
+    #[track_caller]
+    pub fn std_error(&self, i: usize, j: usize) -> f64 {
+        self.stored(i, j).map_or_else(|| self.open_entry(i, j), |entry| entry.1)
+    }
+
+    #[track_caller]
+    fn stored(&self, i: usize, j: usize) -> Option<(f64, f64)> {
+        assert!(i < self.n_rows() && j < self.n_rows(), "a place inside the matrix");
+        let mut found = None;
+        let factor = self.row_factor(i);
+        self.entries.for_each(i, j..j + 1, &mut |_, value, std_error| {
+            found = Some((factor * value, factor * std_error));
+        });
+        found
+    }
+
+    /// Calls `visit(j, F_ij, standard error)` in ascending order of j for all entries of row i that are stored: where one of the two is not zero, but for those that
+    /// no ray hit, which [`open_error`](Self::open_error) counts together and [`for_each_error_in_row`](Self::for_each_error_in_row) visits too.
+    ///
+    /// # Panics
+    /// If i is not less than n.
+    #[track_caller]
+    pub fn for_each_in_row(&self, i: usize, mut visit: impl FnMut(usize, f64, f64)) {
+        let factor = self.row_factor(i);
+        let visit_scaled = &mut |j, value, std_error| visit(j, factor * value, factor * std_error);
+        self.entries.for_each(i, 0..self.n_rows(), visit_scaled);
+    }
+
+    /// Returns Σ_j F_ij.
+    ///
+    /// # Panics
+    /// If i is not less than n.
+    #[must_use]
+    #[track_caller]
+    pub fn row_sum(&self, i: usize) -> f64 {
+        let mut sum = 0.0;
+        self.for_each_in_row(i, |_, value, _| sum += value);
+        sum
+    }
+
+    /// Returns Σ_j F_ij of every row.
+    #[must_use]
+    pub fn row_sums(&self) -> Vec<f64> {
+        (0..self.n_rows()).map(|i| self.row_sum(i)).collect()
+    }
+
+    /// Returns the share of entries that are not zero.
+    #[must_use]
+    pub fn density(&self) -> f64 {
+        self.entries.n_nonzero() as f64 / (self.n_rows() as f64).powi(2)
+    }
+
+    /// Returns the bytes that entries and standard errors take, in memory or on the disk.
+    #[must_use]
+    pub fn stored_byte(&self) -> usize {
+        self.entries.stored_byte()
+    }
+
+    fn row_factor(&self, i: usize) -> f64 {
+        self.entries.row_factors().map_or(1.0, |factors| factors[i])
+    }
+}
+
+pub(super) fn expect_areas(areas: &[f64]) -> Result<(), MatrixError> {
+    let n_rows = areas.len();
+    if n_rows == 0 {
+        return Err(MatrixError::Empty);
+    }
+    if u32::try_from(n_rows).is_err() {
+        return Err(MatrixError::TooManyRows { n_rows });
+    }
+    match areas.iter().position(|a| !(a.is_finite() && *a > 0.0)) {
+        Some(row) => Err(MatrixError::Area { row, area: areas[row] }),
+        None => Ok(()),
+    }
+}
+
+/// The rows of a tile of symmetric form factors.
+pub(crate) const UPPER_ROWS: usize = SIDE;

@@ -1,0 +1,17 @@
+//! Asking for memory before it is needed.
+
+#![expect(clippy::inline_always, reason = "a call takes as long as what it asks for")]
+
+/// Asks for the cache line that holds number `at` of `values`, which may lie beyond their end: it is on its way to the second-level cache while other work is done.
+///
+/// Not to the first-level cache, where it would take the place of the vectors: on Zen 4, passes over rows with three channels took 1.6 times as long that way. No more than a hint, and none on processors other than those of x86-64.
+#[inline(always)]
+pub(in crate::matrix) fn prefetch<T>(values: &[T], at: usize) {
+    #[cfg(target_arch = "x86_64")]
+    if let Some(sse) = pulp::core_arch::x86::Sse::try_new() {
+        let line = values.as_ptr().wrapping_add(at).cast::<i8>();
+        sse._mm_prefetch::<{ std::arch::x86_64::_MM_HINT_T1 }>(line);
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = (values, at);
+}

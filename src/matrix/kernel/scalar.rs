@@ -1,0 +1,146 @@
+//! A number as it is stored, and what of it the instruction set does.
+
+#![expect(
+    clippy::inline_always,
+    reason = "what is not inlined is not compiled for the instruction set"
+)]
+
+use std::fmt::Debug;
+#[cfg(target_arch = "x86_64")]
+use std::{arch::x86_64::__m512, hint::black_box};
+
+#[cfg(target_arch = "x86_64")]
+use pulp::{cast, x86::V4};
+
+use super::sizes::{LANES, Lanes, STRIP};
+use crate::matrix::error::MatrixError;
+use crate::matrix::tile::Entry;
+
+/// The row of a strip.
+pub(in crate::matrix) type Row = [Lanes; STRIP / LANES];
+
+/// A number as it is stored: f32 or f64.
+pub(in crate::matrix) trait Scalar: Copy + Send + Sync + Debug + 'static {
+    /// Rounds to the nearest number that can be stored.
+    fn from_f64(value: f64) -> Self;
+    /// Returns the number; exact.
+    fn to_f64(self) -> f64;
+    /// Calls `then` with the numbers as f64: those that are f64 where they are, since a copy of them would go through memory.
+    fn with_widened<R>(numbers: &[Self; LANES], then: impl FnOnce(&Lanes) -> R) -> R;
+    /// Appends numbers as bytes of this machine.
+    fn push_bytes(numbers: &[Self], bytes: &mut Vec<u8>);
+    /// Returns the numbers that [`push_bytes`](Self::push_bytes) wrote.
+    fn from_bytes(bytes: &[u8]) -> impl Iterator<Item = Self>;
+    /// Puts the first of `values` at the bits of `mask` that are set, in their order, and 0 elsewhere.
+    #[cfg(target_arch = "x86_64")]
+    fn expand(with: WithV4, mask: u16, values: &[Self; STRIP]) -> Row;
+}
+
+impl Scalar for f64 {
+    #[inline]
+    fn from_f64(value: f64) -> Self {
+        value
+    }
+    #[inline]
+    fn to_f64(self) -> f64 {
+        self
+    }
+    #[inline(always)]
+    fn with_widened<R>(numbers: &[Self; LANES], then: impl FnOnce(&Lanes) -> R) -> R {
+        then(numbers)
+    }
+    fn push_bytes(numbers: &[Self], bytes: &mut Vec<u8>) {
+        bytes.reserve(size_of_val(numbers));
+        for number in numbers {
+            bytes.extend_from_slice(&number.to_ne_bytes());
+        }
+    }
+    fn from_bytes(bytes: &[u8]) -> impl Iterator<Item = Self> {
+        let (numbers, _) = bytes.as_chunks::<8>();
+        numbers.iter().map(|&number| Self::from_ne_bytes(number))
+    }
+    #[cfg(target_arch = "x86_64")]
+    #[inline(always)]
+    fn expand(with: WithV4, mask: u16, values: &[Self; STRIP]) -> Row {
+        let [low, high] = mask.to_le_bytes();
+        let half = |bits: u8, first: usize| {
+            let from: &[Self; LANES] = values[first..].first_chunk().expect("at most eight are before these");
+            cast(
+                with.simd
+                    .avx512f
+                    ._mm512_mask_expand_pd(cast(with.zeros), bits, cast(*from)),
+            )
+        };
+        [half(low, 0), half(high, low.count_ones() as usize)]
+    }
+}
+
+impl Scalar for f32 {
+    #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is what is asked for")]
+    #[inline]
+    fn from_f64(value: f64) -> Self {
+        value as Self
+    }
+    #[inline]
+    fn to_f64(self) -> f64 {
+        f64::from(self)
+    }
+    #[inline(always)]
+    fn with_widened<R>(numbers: &[Self; LANES], then: impl FnOnce(&Lanes) -> R) -> R {
+        then(&numbers.map(f64::from))
+    }
+    fn push_bytes(numbers: &[Self], bytes: &mut Vec<u8>) {
+        bytes.reserve(size_of_val(numbers));
+        for number in numbers {
+            bytes.extend_from_slice(&number.to_ne_bytes());
+        }
+    }
+    fn from_bytes(bytes: &[u8]) -> impl Iterator<Item = Self> {
+        let (numbers, _) = bytes.as_chunks::<4>();
+        numbers.iter().map(|&number| Self::from_ne_bytes(number))
+    }
+    #[cfg(target_arch = "x86_64")]
+    #[inline(always)]
+    fn expand(with: WithV4, mask: u16, values: &[Self; STRIP]) -> Row {
+        let row = with.simd.avx512f._mm512_mask_expand_ps(with.zeros, mask, cast(*values));
+        let halves: [[Self; LANES]; 2] = cast(row);
+        halves.map(|half| cast(with.simd.avx512f._mm512_cvtps_pd(cast(half))))
+    }
+}
+
+/// With AVX-512, which has an instruction for it.
+///
+/// Numbers are put into a register of zeros that the compiler does not know to be zeros. If it did, it would take the form of the instruction that makes zeros itself, which on Zen 4
+/// waits for what its register held before, most often the row before: 17 cycles a row in place of 7.
+#[cfg(target_arch = "x86_64")]
+#[derive(Clone, Copy)]
+pub(in crate::matrix) struct WithV4 {
+    simd: V4,
+    zeros: __m512,
+}
+
+#[cfg(target_arch = "x86_64")]
+impl WithV4 {
+    #[inline(always)]
+    pub(in crate::matrix) fn new(simd: V4) -> Self {
+        let zeros = cast(black_box([0.0_f32; STRIP]));
+        Self { simd, zeros }
+    }
+}
+
+/// Rounds an entry of row `row` to what is stored, and refuses what is not a usable number there.
+pub(in crate::matrix) fn rounded<T: Scalar>(
+    row: usize,
+    (column, value, std_error): Entry,
+    n: usize,
+) -> Result<(T, f32), MatrixError> {
+    if column as usize >= n {
+        return Err(MatrixError::Column { row, column, n_rows: n });
+    }
+    let (value, std_error) = (T::from_f64(value), f32::from_f64(std_error));
+    if value.to_f64().is_finite() && std_error.is_finite() && std_error >= 0.0 {
+        Ok((value, std_error))
+    } else {
+        Err(MatrixError::Value { row, column })
+    }
+}

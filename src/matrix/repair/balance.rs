@@ -1,0 +1,223 @@
+//! Repairs: reciprocity by averaging with the transpose, row sums by a symmetric scaling.
+
+use std::sync::Arc;
+
+use serde::Serialize;
+
+use crate::matrix::backend::Backend;
+use crate::matrix::bounds::Open;
+use crate::matrix::checks::RowTargets;
+use crate::matrix::error::MatrixError;
+use crate::matrix::form_factors::FormFactors;
+use crate::matrix::operator::{Block, LinearOperator};
+use crate::matrix::symmetric;
+use crate::matrix::tile::{RowTally, RowTile, index};
+use crate::matrix::transpose::Pair;
+
+/// How much each of the two estimates of an exchange area, A_i F_ij and A_j F_ji, counts in their mean.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Weighting {
+    /// Each counts half.
+    Plain,
+    /// Each counts by the inverse of its variance. Between two rows of rays the variances are a A_i / N_i and a A_j / N_j
+    /// for the same true exchange area a (up to 1 − F), so the weights are N_i / A_i and N_j / A_j: taken from the counts
+    /// themselves they would favour the estimate that happens to be smaller. Otherwise the standard errors give them,
+    /// where both are known; where not, each counts half.
+    #[default]
+    InverseVariance,
+}
+
+/// How a balance went.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct BalanceReport {
+    /// Passes over F.
+    pub n_passes: usize,
+    /// max_i |Σ_j F_ij + lost_i − target_i| of the result, lost_i as the repair left it, over the rows that see anything or lose light.
+    pub row_error_max: f64,
+    /// Rows with a positive target that see nothing and lose nothing: no scaling can give them a sum.
+    pub n_empty_rows: usize,
+    /// True if `row_error_max` is within the tolerance.
+    pub converged: bool,
+}
+
+/// How much each of two estimates of one exchange area counts.
+#[derive(Clone, Copy)]
+enum Weights {
+    /// Each counts half.
+    Equal,
+    /// By these weights, of the rays.
+    Rays(f64, f64),
+    /// By their standard errors where both are known, half where not.
+    Errors,
+}
+
+/// A factor d_i beyond all use: no scaling exists, and the factors would go on to infinity and zero.
+const RUNAWAY_FROM: f64 = 1e100;
+
+/// Refuses row sums that no matrix of form factors has.
+pub(in crate::matrix) fn expect_targets(targets: &RowTargets) -> Result<(), MatrixError> {
+    for numbers in [&targets.sums, &targets.lost] {
+        if let Some(row) = numbers.iter().position(|t| !(t.is_finite() && *t >= 0.0)) {
+            let target = numbers[row];
+            return Err(MatrixError::Target { row, target });
+        }
+    }
+    Ok(())
+}
+
+impl FormFactors {
+    /// Returns form factors with symmetric exchange areas: the weighted mean of A_i F_ij and A_j F_ji.
+    ///
+    /// a_ij = w A_i F_ij + (1 − w) A_j F_ji, symmetric to the last bit; its standard error is that of independent
+    /// estimates. A matrix that is symmetric already is returned as it is. Row sums change: on noisy form factors follow it
+    /// with [`balanced`](Self::balanced), without which the radiosities of a bright room get worse, not better.
+    /// Source: weighted least squares. Departures: none.
+    ///
+    /// # Errors
+    /// [`MatrixError::Value`] if an exchange area is too large for the precision of the storage, [`MatrixError::Disk`].
+    pub fn symmetrised(&self, weighting: Weighting) -> Result<Self, MatrixError> {
+        if self.is_symmetric() {
+            return Ok(self.clone());
+        }
+        let area_max = self.areas.iter().copied().fold(0.0, f64::max);
+        // N_i / A_i, the inverse of the variance of a row's exchange areas but for a factor that both estimates share.
+        let rays = self.tallies.iter().map(RowTally::effective_rays);
+        let ray_weights = rays.zip(&self.areas).map(|(n, area)| n.map(|n| n / (area / area_max)));
+        let ray_weights: Vec<Option<f64>> = ray_weights.collect();
+        let upper = |rows: std::ops::Range<usize>| {
+            let mut lists = vec![Vec::new(); rows.len()];
+            self.for_each_pair(rows.clone(), rows.start, |i, j, pair| {
+                if j >= i {
+                    let weights = match (weighting, ray_weights[i].zip(ray_weights[j])) {
+                        (Weighting::Plain, _) => Weights::Equal,
+                        (Weighting::InverseVariance, Some((p, q))) => Weights::Rays(p, q),
+                        (Weighting::InverseVariance, None) => Weights::Errors,
+                    };
+                    let (exchange, std_error) = self.mean_exchange(weights, area_max, (i, j), &pair);
+                    lists[i - rows.start].push((index(j), exchange, std_error));
+                }
+            });
+            let mut tile = RowTile::new(rows.start);
+            for list in &lists {
+                tile.push_row(list, RowTally::default());
+            }
+            tile
+        };
+        let exchange = symmetric::from_blocks(&self.areas, self.storage(), upper)?;
+        Ok(self.if_readable(self.with_exchange(exchange))?)
+    }
+
+    /// Returns form factors whose rows sum to `targets`, by a symmetric scaling of the exchange areas.
+    ///
+    /// a'_ij = d_i d_j a_ij with d such that Σ_j a'_ij + d_i A_i lost_i = A_i sum_i. Reciprocity is kept to the last bit, entries that
+    /// are zero stay zero, and standard errors are scaled along where that makes them greater: no scaling makes a number better known than it was. The step that an entry makes is added
+    /// to its error, as what it was may have been right: what is off in a row is often one entry alone.
+    /// Every pass replaces d_i by d_i sqrt(sum_i / row sum_i). In a cube the error halves with every pass: 33 passes to 1e-12, whether it has 384 patches or 6144.
+    ///
+    /// What a row loses is scaled like its entries, as one more column, of a sky that has no row of its own to keep a sum. In an open scene a row's loss is a
+    /// count of its own rays and no better than its entries, which by then rest on the rays of both ends; held to the loss as it was counted, a patch that missed a
+    /// small one with all of its rays would see nothing at all, and the other's hits would be lost with its misses. That sum and loss together are 1 is geometry, and holds exactly.
+    /// Where losses are positive such a d always exists. Rows that nothing is known to escape from have the loss 0, and sums that are met as they are given.
+    ///
+    /// Stops when every row sum is within `tolerance` of its target, after `max_passes` (at least one), or when a factor
+    /// runs away; the result is then the best one met, and the report says so. Rows that see nothing stay empty.
+    /// Without losses such a d exists if the zeros allow it: two patches that see only each other cannot both have the sum 1 unless their
+    /// areas are equal.
+    /// Source: Knight, Ruiz and Uçar 2014, "A symmetry preserving algorithm for matrix scaling", in the 1-norm.
+    /// Departures: the row sums have targets other than 1; a column without a target.
+    ///
+    /// # Errors
+    /// [`MatrixError::NotSymmetric`] unless [`is_symmetric`](Self::is_symmetric), [`MatrixError::Target`] if a target is
+    /// negative or not finite, [`MatrixError::Disk`].
+    ///
+    /// # Panics
+    /// If there is not one target per row.
+    #[track_caller]
+    pub fn balanced(
+        &self,
+        targets: impl Into<RowTargets>,
+        tolerance: f64,
+        max_passes: usize,
+    ) -> Result<(Self, BalanceReport), MatrixError> {
+        let targets = targets.into();
+        targets.expect_rows(self.n_rows());
+        if !self.is_symmetric() {
+            return Err(MatrixError::NotSymmetric);
+        }
+        expect_targets(&targets)?;
+        let (scaling, report) = self.if_readable(self.scaling(&targets, tolerance, max_passes))?;
+        Ok((self.with_exchange(self.entries.scaled(&scaling)?), report))
+    }
+
+    /// Returns the best d met, and how good it is.
+    fn scaling(&self, targets: &RowTargets, tolerance: f64, max_passes: usize) -> (Vec<f64>, BalanceReport) {
+        let n = self.n_rows();
+        let mut scaling = Block::from_values(vec![1.0; n], 1);
+        let mut seen = Block::zeros(n, 1);
+        let mut best = (scaling.values().to_vec(), f64::INFINITY, 0);
+        let mut n_passes = 0;
+        loop {
+            n_passes += 1;
+            self.apply(&scaling, &mut seen);
+            let mut error_max: f64 = 0.0;
+            let mut n_empty = 0;
+            let mut next = scaling.clone();
+            for (i, d) in next.values_mut().iter_mut().enumerate() {
+                let target = targets.sums[i];
+                let row_sum = *d * (seen.values()[i] + targets.lost[i]);
+                if row_sum > 0.0 {
+                    error_max = error_max.max((row_sum - target).abs());
+                    *d *= (target / row_sum).sqrt();
+                } else {
+                    n_empty += usize::from(target > 0.0);
+                }
+            }
+            if error_max < best.1 {
+                best = (scaling.values().to_vec(), error_max, n_empty);
+            }
+            let ran_away = next.values().iter().any(|d| !d.is_finite() || *d > RUNAWAY_FROM);
+            if best.1 <= tolerance || n_passes >= max_passes || ran_away {
+                break;
+            }
+            scaling = next;
+        }
+        let (best_scaling, row_error_max, n_empty_rows) = best;
+        let converged = row_error_max <= tolerance;
+        let report = BalanceReport {
+            n_passes,
+            row_error_max,
+            n_empty_rows,
+            converged,
+        };
+        (best_scaling, report)
+    }
+
+    /// Returns the mean of A_i F_ij and A_j F_ji and its standard error, both divided by `area_max`. Swapping i and j
+    /// swaps terms of commutative operations only, so the result is the same to the last bit.
+    ///
+    /// `weights`: how much each counts.
+    fn mean_exchange(&self, weights: Weights, area_max: f64, (i, j): (usize, usize), pair: &Pair) -> (f64, f64) {
+        let (a_i, a_j) = (self.areas[i] / area_max, self.areas[j] / area_max);
+        let (x, x_error) = (a_i * pair.there.0, a_i * pair.there.1);
+        let (y, y_error) = (a_j * pair.back.0, a_j * pair.back.1);
+        let (p, q) = match weights {
+            Weights::Rays(p, q) => (p, q),
+            Weights::Errors if x_error > 0.0 && y_error > 0.0 => {
+                let ratio = x_error.max(y_error);
+                ((ratio / x_error).powi(2), (ratio / y_error).powi(2))
+            }
+            Weights::Equal | Weights::Errors => (1.0, 1.0),
+        };
+        let (p, q) = (p / (p + q), q / (p + q));
+        // f64::hypot is not required to be symmetric in its arguments to the last bit.
+        let std_error = ((p * x_error).powi(2) + (q * y_error).powi(2)).sqrt();
+        (p * x + q * y, std_error)
+    }
+
+    /// Returns form factors of other exchange areas between the same patches.
+    pub(in crate::matrix) fn with_exchange(&self, exchange: Arc<dyn Backend>) -> Self {
+        let mut factors = Self::of(self.areas.clone(), exchange, self.tallies.clone(), self.storage());
+        factors.open = self.open.as_ref().map(Open::pooled);
+        factors
+    }
+}

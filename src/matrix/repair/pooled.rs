@@ -1,0 +1,129 @@
+//! The repair of rows of low-discrepancy rays: what the other patch's rays say, without giving up what rows know of themselves.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use crate::matrix::bounds::Open;
+use crate::matrix::error::MatrixError;
+use crate::matrix::form_factors::FormFactors;
+use crate::matrix::tile::{Entry, RowTile, index};
+use crate::matrix::transpose::Pair;
+
+/// The variance of a row's own entries against that of independent rays, as far as it matters to Σ_j F_ij B_j.
+///
+/// Errors of entries beside each other in a row of low-discrepancy rays cancel: a ray that a net sends to one of two neighbours is missing at the other. Those of the reverse entries, which
+/// come from as many other rows, do not. 0.3 gave the least error of B of 1, 0.3, 0.1, 0.03 and 0.01 over seven scenes.
+const OWN_VARIANCE: f64 = 0.3;
+
+/// Rows that are made at the same time, and no fewer blocks of them than there are threads.
+const AT_ONCE: usize = 2048;
+
+impl FormFactors {
+    /// Returns form factors whose entries are means with their reverse ones, weighted by inverse variances, and whose rows keep their sums.
+    ///
+    /// F'_ij = w F_ij + (1 − w) A_j F_ji / A_i with w = p_i / (p_i + p_j), p_i = N_i / (0.3 A_i) and p_j = N_j / A_j: the variances of both are A_i F_ij A_i / N_i and
+    /// A_i F_ij A_j / N_j but for the factor 0.3, by which a row of low-discrepancy rays is better known in sums of neighbouring entries than entry by entry. What a row then lacks of Σ_j F_ij, which
+    /// its own rays count to the last one, is shared out by the variances of its entries. Small patches are so found by their own rays, and patches of equal size keep most of their own
+    /// estimates. Rows without independent rays, and symmetric form factors, stay as they are.
+    ///
+    /// Entries are not symmetric: A_i F_ij and A_j F_ji agree to the noise that is left.
+    /// Error of an entry: that of the mean of independent estimates, or the step that the row's sum makes, where that is greater.
+    /// Source: weighted least squares. Departures: the factor 0.3 is measured.
+    ///
+    /// # Errors
+    /// [`MatrixError::Disk`], and as [`from_tiles`](Self::from_tiles).
+    pub fn pooled(&self) -> Result<Self, MatrixError> {
+        if self.is_symmetric() {
+            return Ok(self.clone());
+        }
+        let blocks = self.row_blocks();
+        let n_at_once = (AT_ONCE / blocks[0].len()).max(rayon::current_num_threads());
+        let tiles = blocks.chunks(n_at_once).flat_map(|some| {
+            let tiles = some.par_iter().map(|rows| self.pooled_rows(rows.clone()));
+            tiles.collect::<Vec<_>>()
+        });
+        let mut pooled = Self::from_tiles(self.areas.clone(), tiles, self.storage())?;
+        pooled.open = self.open.as_ref().map(Open::pooled);
+        Ok(self.if_readable(pooled)?)
+    }
+
+    fn pooled_rows(&self, rows: Range<usize>) -> RowTile {
+        let mut lists: Vec<Vec<Pooled>> = vec![Vec::new(); rows.len()];
+        let mut sums = vec![0.0; rows.len()];
+        self.for_each_pair(rows.clone(), 0, |i, j, pair| {
+            lists[i - rows.start].push(self.pooled_entry((i, j), &pair));
+            sums[i - rows.start] += pair.there.0;
+        });
+        let mut tile = RowTile::new(rows.start);
+        for ((i, list), sum) in rows.zip(&lists).zip(sums) {
+            tile.push_row(&with_sum(list, sum), self.tallies[i]);
+        }
+        tile
+    }
+
+    fn pooled_entry(&self, (i, j): (usize, usize), pair: &Pair) -> Pooled {
+        let rays = |k: usize| self.tallies[k].effective_rays();
+        let (value, error) = pair.there;
+        let Some((n_i, n_j)) = rays(i).zip(rays(j)).filter(|_| i != j) else {
+            let column = index(j);
+            return Pooled {
+                column,
+                value,
+                error,
+                variance: error * error,
+            };
+        };
+        let ratio = self.areas[j] / self.areas[i];
+        let reverse = ratio * pair.back.0;
+        // What no ray of one patch hit is off by the noise of a count of what the other's rays say.
+        let noise = |k: usize, (found, stated): (f64, f64), other: f64| {
+            if found > 0.0 {
+                stated
+            } else {
+                self.tallies[k].noise_of_missed(other)
+            }
+        };
+        let own_error = noise(i, pair.there, reverse);
+        let reverse_error = ratio * noise(j, pair.back, value / ratio);
+        // The precisions p_i and p_j, both times A_i A_j.
+        let (own, other) = (n_i * self.areas[j] / OWN_VARIANCE, n_j * self.areas[i]);
+        let (w, v) = (own / (own + other), other / (own + other));
+        let mean = w * value + v * reverse;
+        Pooled {
+            column: index(j),
+            value: mean,
+            error: (w * own_error).hypot(v * reverse_error),
+            variance: mean * self.areas[j] / (own + other),
+        }
+    }
+}
+
+/// An entry before its row has its sum.
+#[derive(Clone, Copy)]
+struct Pooled {
+    column: u32,
+    value: f64,
+    error: f64,
+    /// Its variance, up to a factor that all of the row share.
+    variance: f64,
+}
+
+/// Returns entries with the sum `sum`: what they lack is shared out by their variances.
+fn with_sum(list: &[Pooled], sum: f64) -> Vec<Entry> {
+    let found: f64 = list.iter().map(|entry| entry.value).sum();
+    let variance: f64 = list.iter().map(|entry| entry.variance).sum();
+    let step = if variance > 0.0 { (sum - found) / variance } else { 0.0 };
+    let moved: Vec<f64> = list
+        .iter()
+        .map(|entry| (entry.value + step * entry.variance).max(0.0))
+        .collect();
+    // Where entries stop at zero, the others have too much, and rounding leaves some.
+    let total: f64 = moved.iter().sum();
+    let scale = if total > 0.0 { sum / total } else { 1.0 };
+    let entries = list.iter().zip(moved).map(|(entry, value)| {
+        let value = value * scale;
+        (entry.column, value, entry.error.max((value - entry.value).abs()))
+    });
+    entries.collect()
+}

@@ -1,0 +1,214 @@
+//! Which vertices patches share: parted where contact edges run between them, joined where they meet side by side.
+
+use std::collections::{BTreeSet, HashMap, HashSet};
+
+use glam::DVec3;
+
+use super::contact_edges::ContactEdges;
+use super::patch::{Patch, PatchId};
+use super::patches::Mesh;
+use super::planes::flat_joints;
+use super::seams::{SLACK, Seams};
+use crate::disjoint_sets::DisjointSets;
+use crate::geometry::box_pairs::overlapping_pairs;
+use crate::scene::Corners;
+
+/// Planes whose unit normals differ by less than this are parallel, as for faces that share an edge.
+const BEND: f64 = 1e-9;
+
+/// Gives patches of one plane vertices of their own where a contact edge runs between them.
+pub(super) fn part(mesh: &mut Mesh, contact_edges: &ContactEdges<'_>) {
+    // Faces that are patches, none of which continues another.
+    if mesh.n_patches() == contact_edges.scene.faces.len() && flat_joints(contact_edges.scene).is_empty() {
+        return;
+    }
+    let found = contact_edges.found();
+    if found.parted.is_empty() {
+        return;
+    }
+    let all = mesh.patches.iter().enumerate();
+    let patches: Vec<(usize, &Patch)> = all.filter(|patch| found.parted.contains(&patch.1.face.0)).collect();
+    let mut patch_beside: HashMap<(u32, u32), usize> = HashMap::new();
+    for (patch, of_patch) in &patches {
+        patch_beside.extend(edges(of_patch.corners).map(|edge| (edge, *patch)));
+    }
+    let neighbour = |(from, to): (u32, u32)| patch_beside.get(&(to, from)).copied();
+    let place = |vertex: u32| mesh.vertices[vertex as usize];
+    let mut parted: HashSet<(u32, u32)> = HashSet::new();
+    for &(patch, of_patch) in &patches {
+        for (from, to) in edges(of_patch.corners) {
+            let Some(other) = neighbour((from, to)).filter(|&other| patch < other) else {
+                continue;
+            };
+            let faces = [of_patch.face.0, mesh.patches[other].face.0];
+            if found.stand_between(faces, place(from), place(to)) {
+                parted.extend([(from, to), (to, from)]);
+            }
+        }
+    }
+    if parted.is_empty() {
+        return;
+    }
+    // Patches stay together at a vertex where a way from one to the other leads around it: at the end of a contact edge.
+    let ends: HashSet<u32> = parted.iter().map(|edge| edge.0).collect();
+    let mut around: HashMap<u32, Vec<usize>> = HashMap::new();
+    for (patch, of_patch) in patches {
+        for &corner in of_patch.corners.as_slice() {
+            if ends.contains(&corner) {
+                around.entry(corner).or_default().push(patch);
+            }
+        }
+    }
+    let mut new_corners: Vec<(usize, u32, u32)> = Vec::new();
+    let mut new_vertices: Vec<DVec3> = Vec::new();
+    let mut ends: Vec<u32> = ends.into_iter().collect();
+    ends.sort_unstable();
+    for vertex in ends {
+        let here = &around[&vertex];
+        let mut together = DisjointSets::new(here.len());
+        for (k, &patch) in here.iter().enumerate() {
+            for edge in edges(mesh.patches[patch].corners) {
+                let is_own = edge.0 == vertex || edge.1 == vertex;
+                let beside = neighbour(edge).filter(|_| is_own && !parted.contains(&edge));
+                if let Some(other) = beside.and_then(|other| here.iter().position(|&one| one == other)) {
+                    together.join(k, other);
+                }
+            }
+        }
+        // The first keeps the old one: a set is known by its least member.
+        let mut own: HashMap<usize, u32> = HashMap::from([(0, vertex)]);
+        for (k, &patch) in here.iter().enumerate() {
+            let corner = *own.entry(together.find(k)).or_insert_with(|| {
+                new_vertices.push(place(vertex));
+                PatchId::from_index(mesh.vertices.len() + new_vertices.len() - 1).0
+            });
+            if corner != vertex {
+                new_corners.push((patch, vertex, corner));
+            }
+        }
+    }
+    for (patch, old, new) in new_corners {
+        let corners: &mut [u32] = match &mut mesh.patches[patch].corners {
+            Corners::Triangle(corners) => corners,
+            Corners::Quad(corners) => corners,
+        };
+        corners
+            .iter_mut()
+            .filter(|corner| **corner == old)
+            .for_each(|corner| *corner = new);
+    }
+    mesh.vertices.extend(new_vertices);
+}
+
+/// Returns the edges of a patch, counter-clockwise.
+fn edges(corners: Corners) -> impl Iterator<Item = (u32, u32)> {
+    let n = corners.as_slice().len();
+    (0..n).map(move |k| {
+        let corners = corners.as_slice();
+        (corners[k], corners[(k + 1) % n])
+    })
+}
+
+/// A patch's edge that no other patch shares.
+#[derive(Clone, Copy)]
+struct Edge {
+    patch: usize,
+    from: u32,
+    to: u32,
+}
+
+/// Returns the seams of a mesh.
+pub(super) fn find_seams(mesh: &Mesh, contact_edges: &ContactEdges<'_>) -> Seams {
+    let edges = free_edges(mesh);
+    let place = |vertex: u32| mesh.vertices[vertex as usize];
+    let boxes = edges.iter().map(|edge| {
+        let (a, b) = (place(edge.from), place(edge.to));
+        let slack = DVec3::splat(SLACK * a.distance(b));
+        (a.min(b) - slack, a.max(b) + slack)
+    });
+    let mut sets: Option<DisjointSets> = None;
+    // On the edge of a patch, by its first vertex: hanging vertices and how far along they are.
+    let mut hanging: HashMap<(usize, u32), Vec<(f64, u32)>> = HashMap::new();
+    overlapping_pairs(boxes.collect(), |i, j| {
+        let pair = [edges[i as usize], edges[j as usize]];
+        let normals = pair.map(|edge| mesh.patches[edge.patch].normal);
+        if (normals[0] - normals[1]).length() > BEND || pair[0].patch == pair[1].patch {
+            return;
+        }
+        for [one, other] in [pair, [pair[1], pair[0]]] {
+            let (start, along) = (place(one.from), place(one.to) - place(one.from));
+            let (length, other_length) = (along.length(), place(other.from).distance(place(other.to)));
+            let slack = SLACK * length.max(other_length);
+            let unit = along / length;
+            let sideways = |vertex: u32| (place(vertex) - start).reject_from_normalized(unit).length();
+            // The neighbour on the same side of a plane runs the other way.
+            let runs_back = (place(other.to) - place(other.from)).dot(unit) < 0.0;
+            if !runs_back || sideways(other.from) > slack || sideways(other.to) > slack {
+                continue;
+            }
+            let faces = [one, other].map(|edge| mesh.patches[edge.patch].face.0);
+            let common = [other.to, other.from].map(|vertex| unit.dot(place(vertex) - start).clamp(0.0, length));
+            let [first, last] = common.map(|t| start + t * unit);
+            if contact_edges.stand_between(faces, first, last) {
+                continue;
+            }
+            for vertex in [other.from, other.to] {
+                let t = unit.dot(place(vertex) - start);
+                if t.abs() <= slack || (t - length).abs() <= slack {
+                    let own = if t.abs() <= slack { one.from } else { one.to };
+                    let sets = sets.get_or_insert_with(|| DisjointSets::new(mesh.vertices.len()));
+                    sets.join(own as usize, vertex as usize);
+                } else if t > 0.0 && t < length {
+                    hanging
+                        .entry((one.patch, one.from))
+                        .or_default()
+                        .push((t / length, vertex));
+                }
+            }
+        }
+    });
+    let mut seams = Seams::default();
+    let mut sets = match sets {
+        Some(sets) => sets,
+        None if hanging.is_empty() => return seams,
+        None => DisjointSets::new(mesh.vertices.len()),
+    };
+    for vertex in 0..mesh.vertices.len() {
+        let stands_for = sets.find(vertex);
+        if stands_for != vertex {
+            seams
+                .same
+                .insert(PatchId::from_index(vertex).0, PatchId::from_index(stands_for).0);
+        }
+    }
+    for patch in hanging.keys().map(|&(patch, _)| patch).collect::<BTreeSet<_>>() {
+        let mut outline = Vec::new();
+        for &corner in mesh.patches[patch].corners.as_slice() {
+            outline.push(seams.of(corner));
+            if let Some(mut between) = hanging.remove(&(patch, corner)) {
+                between.sort_by(|a, b| a.0.total_cmp(&b.0));
+                outline.extend(between.into_iter().map(|(_, vertex)| seams.of(vertex)));
+            }
+        }
+        outline.dedup();
+        seams.outlines.insert(PatchId::from_index(patch).0, outline);
+    }
+    seams
+}
+
+/// Returns the edges that no neighbour in the plane shares.
+fn free_edges(mesh: &Mesh) -> Vec<Edge> {
+    let mut by_ends: HashMap<(u32, u32), Edge> = HashMap::new();
+    for (patch, of_patch) in mesh.patches.iter().enumerate() {
+        let corners = of_patch.corners.as_slice();
+        for (k, &from) in corners.iter().enumerate() {
+            let to = corners[(k + 1) % corners.len()];
+            if by_ends.remove(&(to, from)).is_none() {
+                by_ends.insert((from, to), Edge { patch, from, to });
+            }
+        }
+    }
+    let mut edges: Vec<Edge> = by_ends.into_values().collect();
+    edges.sort_unstable_by_key(|edge| (edge.patch, edge.from, edge.to));
+    edges
+}
