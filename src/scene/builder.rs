@@ -298,8 +298,8 @@ impl SceneBuilder {
         if let Some(cut) = cut {
             let (count, area) = (cut.count, cut.area);
             warn(cut.line, SceneWarningKind::CutFaces { count, area });
-            if let Some((line, count)) = cut.covered {
-                warn(line, SceneWarningKind::CoveredFaces { count });
+            if let Some((line, n_covered)) = cut.covered {
+                warn(line, SceneWarningKind::CoveredFaces { count: n_covered });
             }
         }
         warnings

@@ -408,13 +408,13 @@ impl FormFactorRequest {
         })?;
         cx.set("method", entry.name);
         cx.set("seed", settings.seed);
-        let tolerance = self.tolerance_parameter.name();
+        let name_of_tolerance = self.tolerance_parameter.name();
         let known = [
             ("rays", settings.rays.map(|n| json!(n))),
             ("points", settings.points.map(|n| json!(n))),
             ("resolution", settings.resolution.map(|n| json!(n))),
             ("sequence", settings.sequence.map(|sequence| json!(sequence))),
-            (tolerance, settings.tolerance.map(|tolerance| json!(tolerance))),
+            (name_of_tolerance, settings.tolerance.map(|tolerance| json!(tolerance))),
             ("budget", settings.budget.map(|n| json!(n))),
         ];
         for (name, value) in known {

@@ -52,7 +52,7 @@ impl Model {
     /// [`WorkflowError::NotClosed`] and [`WorkflowError::Matrix`].
     pub fn repaired(
         &mut self,
-        raw: Raw,
+        found: Raw,
         request: &FormFactorRequest,
         need: Need,
         cx: &mut Context,
@@ -60,7 +60,7 @@ impl Model {
         let Raw {
             computed: result,
             promised,
-        } = raw;
+        } = found;
         let (raw, asked) = (result.factors, request.balance);
         let enclosed = self.enclosed(raw.tallies(), request.closure, cx)?;
         let closed_rows = &enclosed.rows;

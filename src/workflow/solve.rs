@@ -293,9 +293,9 @@ pub(super) fn solve_system(
         ..request.settings_for(entry, cx)
     })?;
     request.note_settings(entry, cx);
-    let refused = |error: SolverError, cx: &Context| {
+    let refused = |error: SolverError, of: &Context| {
         let surface = |patch: usize| mesh.patches.get(patch).map(|patch| patch.surface);
-        refused((scene, file), error, surface, cx)
+        refused((scene, file), error, surface, of)
     };
     let materials = (reflectance.clone(), exitance.clone());
     let system = RadiositySystem::new(factors, areas, reflectance, exitance)
@@ -358,7 +358,7 @@ fn refused(
     let name = surface(patch).and_then(|id| scene.surfaces.get(id.0 as usize));
     WorkflowError::NoFiniteSolution {
         file: file.to_owned(),
-        place: name.map_or_else(|| format!("patch {patch}"), |surface| format!("`{}`", surface.name)),
+        place: name.map_or_else(|| format!("patch {patch}"), |found| format!("`{}`", found.name)),
         n_patches,
         reflectance,
     }

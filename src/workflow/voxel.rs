@@ -89,7 +89,6 @@ pub enum VoxelResult {
 
 /// How many links there are, and what they take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[expect(clippy::struct_field_names, reason = "counts are named n_ everywhere")]
 pub struct LinkFigures {
     /// All links.
     pub n_links: u64,

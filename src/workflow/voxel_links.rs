@@ -88,12 +88,11 @@ pub(super) fn choose(
     // Cells are cut while light is exchanged between them: their links stay in memory.
     let asked = if is_adaptive { LinkPlace::Memory } else { request.links };
     let (kept, needed, reason) = match asked {
-        LinkPlace::Auto { has_file: true } => (LinkPlace::Disk, on_disk, "asked for"),
-        LinkPlace::Auto { .. } if in_memory <= limit => (LinkPlace::Memory, in_memory, "they fit"),
-        LinkPlace::Auto { .. } => (LinkPlace::Disk, on_disk, "they do not fit into memory"),
+        LinkPlace::Auto { has_file: false } if in_memory <= limit => (LinkPlace::Memory, in_memory, "they fit"),
+        LinkPlace::Auto { has_file: false } => (LinkPlace::Disk, on_disk, "they do not fit into memory"),
         LinkPlace::Memory if is_adaptive => (LinkPlace::Memory, in_memory, "those of cells, as they are cut"),
         LinkPlace::Memory => (LinkPlace::Memory, in_memory, "asked for"),
-        LinkPlace::Disk => (LinkPlace::Disk, on_disk, "asked for"),
+        LinkPlace::Disk | LinkPlace::Auto { has_file: true } => (LinkPlace::Disk, on_disk, "asked for"),
         LinkPlace::Recompute => (LinkPlace::Recompute, beside, "asked for"),
     };
     if needed > limit {

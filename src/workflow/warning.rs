@@ -1,6 +1,6 @@
 //! What a study has to warn of: what is wrong, the number, the consequence, and the parameter that helps.
 
-use std::fmt;
+use std::fmt::{self, Write as _};
 use std::path::PathBuf;
 
 use crate::printable::{counted, printable};
@@ -389,7 +389,7 @@ impl Warning {
             } => {
                 let [first, second] = surfaces
                     .each_ref()
-                    .map(|(name, line)| format!("`{name}` (line {line})"));
+                    .map(|(surface, line)| format!("`{surface}` (line {line})"));
                 format!(
                     "{first} and {second} are {width:.2e} m apart, and rays start {offset:.2e} m off a face: light between them is lost or blurred; \
                      use a method without rays, or model the gap in a scene of its own"
@@ -639,15 +639,16 @@ impl Warning {
 fn long_work(forecast: &Forecast, named: Named<'_>) -> String {
     let mut text = format!("form factors will take about {}", time_text(forecast.asked.1));
     for &(tolerance, seconds) in &forecast.looser {
-        text.push_str(&format!(", to a tolerance of {tolerance:.0e} {}", time_text(seconds)));
+        let _ = write!(text, ", to a tolerance of {tolerance:.0e} {}", time_text(seconds));
     }
     if let Some((rays, seconds)) = forecast.shooting {
         let error = Forecast::error_of_rays(rays);
-        text.push_str(&format!(
+        let _ = write!(
+            text,
             ", by `{}` {} with errors of {error:.0e}",
             named(Parameter::Method, Some("sr")),
             time_text(seconds)
-        ));
+        );
     }
     text
 }

@@ -201,7 +201,7 @@ fn most(own: &End, other: &End, [of_own, of_other]: [&Front; 2]) -> f64 {
     let (from_own, from_other) = (sine(of_other), sine(of_own));
     let product = (from_own * from_other).min(0.25 * turn * turn);
     // What lies beside an end fills half of what is around it at most.
-    let part = |sine: f64, front: &Front| if front.slope.is_some() { 0.5 } else { 1.0 } * sine * sine;
+    let part = |rise: f64, front: &Front| if front.slope.is_some() { 0.5 } else { 1.0 } * rise * rise;
     let most = (of_own.area * part(from_own, of_other)).min(of_other.area * part(from_other, of_own));
     if gap > 0.0 {
         most.min(product * of_own.area * of_other.area / (PI * gap * gap))
@@ -222,9 +222,9 @@ fn front(end: &End, over: &End) -> Option<Front> {
             above.push(0.0);
         } else {
             let height = over.normal.dot(*corner - over.middle);
-            let off = corner_off(end, c, over);
-            heights.push((height, off));
-            above.push(height + off);
+            let own_off = corner_off(end, c, over);
+            heights.push((height, own_off));
+            above.push(height + own_off);
         }
     }
     let highest = above.iter().copied().fold(0.0, f64::max);
@@ -232,8 +232,8 @@ fn front(end: &End, over: &End) -> Option<Front> {
         slope: slope(end, over, &above),
         area: area_above(&end.corners, &above) * (1.0 + end.border()),
         highest,
-        is_certain: heights.iter().any(|(height, off)| height > off),
-        may_be_none: !heights.iter().any(|(height, off)| *height > 2.0 * off),
+        is_certain: heights.iter().any(|(height, own_off)| height > own_off),
+        may_be_none: !heights.iter().any(|(height, own_off)| *height > 2.0 * own_off),
     })
 }
 
