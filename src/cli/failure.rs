@@ -229,8 +229,11 @@ impl From<WorkflowError> for Failure {
             WorkflowError::NoFiniteSolution { file, .. } => Self::new("no_finite_solution", text).in_file(file),
             WorkflowError::Report(error) => error.into(),
             WorkflowError::OtherGeometry { file, .. } => Self::new("other_geometry", text).in_file(file),
+            WorkflowError::Render(error) => error.into(),
             WorkflowError::Voxel(error) => error.into(),
-            WorkflowError::Storage(_) | WorkflowError::VoxelMemory { .. } => Self::new("memory_limit", text),
+            WorkflowError::Storage(_) | WorkflowError::VoxelMemory { .. } | WorkflowError::PictureMemory { .. } => {
+                Self::new("memory_limit", text)
+            }
             WorkflowError::Checkpoint(error) => error.into(),
             WorkflowError::Unsuited(_) => Self::usage(text),
             WorkflowError::Interrupted => Self::interrupted(),

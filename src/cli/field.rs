@@ -10,7 +10,7 @@ use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::file_set::FileSet;
 use super::form_factors::surface_named;
-use super::picture::{image_byte, preview_of, warn_if_blank};
+use super::picture::preview_of;
 use super::render::{samples, view};
 use super::run::Run;
 use super::surfaces::surfaces_to_json;
@@ -21,7 +21,7 @@ use crate::render::{
     Attributes, DirectMethod, Field, FieldInput, FieldRecord, RenderSettings, SurfaceMean, exr, field, png,
 };
 use crate::visibility::Visibility as _;
-use crate::workflow::{Model, picture_patches};
+use crate::workflow::{Model, picture_byte, picture_patches, warn_if_blank};
 
 /// Rays for each sample of a pixel, with `sr`, unless `--rays` says otherwise.
 const SHOT_RAYS: u32 = 4096;
@@ -46,7 +46,7 @@ fn work(args: &FieldArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let mut model = run.prepare(&args.scene, args.mesh, picture_patches)?;
     let surface = surface_named(&model.scene, &args.surface)?;
     let view = view(&args.view, &args.scene, &model.scene)?;
-    image_byte(&view, &settings, &run.cx.memory)?;
+    picture_byte(view.as_view(), &settings, &run.cx.memory)?;
     run.cx.set("method", json!(args.method));
     if let DirectMethod::CosineRays { n } | DirectMethod::Polygons { n } = settings.direct {
         run.cx.set("rays", n.get());
@@ -68,7 +68,7 @@ fn work(args: &FieldArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let Field { image, means } = run.cx.time("render", || {
         field(&input, view.as_view(), &settings, &run.cx.progress())
     })?;
-    warn_if_blank(run, &image, &view);
+    warn_if_blank(&image, view.as_view(), view.camera_name().as_deref(), &run.cx);
     let mut attributes = Attributes::new(
         &model.scene,
         view.as_view().description(),

@@ -11,7 +11,7 @@ use super::failure::Failure;
 use super::file_set::FileSet;
 use super::form_factors::{checks_to_json, describe_checks};
 use super::lightings::{greatest_reflectance, with_suffix};
-use super::picture::{gathered, image_byte, preview_of, shoot};
+use super::picture::{preview_of, shoot};
 use super::render::{AnyView, demand, render_settings, view};
 use super::run::Run;
 use super::surfaces::surfaces_with_radiosity;
@@ -25,7 +25,8 @@ use crate::render::{DirectMethod, RenderInput, RenderSettings};
 use crate::scene::{Lighting, Motion, Pose, frames};
 use crate::solver::{Coarsened, Solution, StopReason};
 use crate::workflow::{
-    Afterwards, FormFactorStudy, Model, Stack, TotalError, WorkflowError, indirect_irradiance, picture_patches,
+    Afterwards, FormFactorStudy, Model, Stack, TotalError, WorkflowError, gathered, indirect_irradiance, picture_byte,
+    picture_patches,
 };
 
 /// A frame, ready to be rendered.
@@ -63,7 +64,7 @@ pub(super) fn work(args: &RenderArgs, file: &Path, run: &mut Run) -> Result<Outc
     run.warn_of_darkness(&model, &lightings);
     let mut largest = 0;
     for frame in &all.frames {
-        largest = largest.max(image_byte(&frame.view, &frame.settings, &run.cx.memory)?);
+        largest = largest.max(picture_byte(frame.view.as_view(), &frame.settings, &run.cx.memory)?);
     }
     run.cx.demand.image_byte = largest;
     run.cx.demand.reflectance_max = greatest_reflectance(all.lightings.iter().flatten());
@@ -374,7 +375,7 @@ impl Solved<'_> {
         };
         let output = (frame.output.as_path(), frame.preview.as_path());
         let image = shoot(run, &input, &frame.view, frame.settings, args, output)?;
-        let gather = gathered(run, &image, frame.settings, &frame.output);
+        let gather = gathered(&image, frame.settings, &frame.output, &run.cx);
         let (width, height) = (image.width(), image.height());
         let (picture, preview) = (frame.output.display(), frame.preview.display());
         let mut document = json!({

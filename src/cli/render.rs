@@ -13,7 +13,7 @@ use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::file_set::FileSet;
 use super::form_factors::{checks_to_json, describe_checks};
-use super::picture::{gathered, image_byte, preview_of, shoot};
+use super::picture::{preview_of, shoot};
 use super::run::Run;
 use super::solve;
 use crate::geometry::sampling::Sequence;
@@ -24,7 +24,8 @@ use crate::render::{
 };
 use crate::scene::{Camera, IMAGE_SIDES, Scene};
 use crate::workflow::{
-    Afterwards, Demand, FormFactorStudy, Model, SolutionStudy, indirect_irradiance, picture_patches,
+    Afterwards, Demand, FormFactorStudy, Model, SolutionStudy, gathered, indirect_irradiance, picture_byte,
+    picture_patches,
 };
 
 /// The noise of final gather unless `--noise` says otherwise.
@@ -53,7 +54,7 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
     run.expect(&args.storage, demand(args));
     let mut model = run.prepare(&args.scene, args.mesh, picture_patches)?;
     let view = view(&args.image.view, &args.scene, &model.scene)?;
-    run.cx.demand.image_byte = image_byte(&view, &settings, &run.cx.memory)?;
+    run.cx.demand.image_byte = picture_byte(view.as_view(), &settings, &run.cx.memory)?;
     if settings.direct != DirectMethod::Off {
         model.warn_of_narrow_gaps(&run.cx);
     }
@@ -84,7 +85,7 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
     result["mesh_error"] = json!(solved.study.mesh_error);
     result["image"] = json!(args.output.display().to_string());
     result["preview"] = json!(preview.display().to_string());
-    let gather = gathered(run, &image, settings, &args.output);
+    let gather = gathered(&image, settings, &args.output, &run.cx);
     result["final_gather"] = json!(gather);
     result["width"] = json!(image.width());
     result["height"] = json!(image.height());
@@ -304,6 +305,11 @@ impl AnyView {
                 model.plan.left_out.push(sentence);
             }
         }
+    }
+
+    /// Returns what a warning calls the camera, if there is one.
+    pub(super) fn camera_name(&self) -> Option<String> {
+        self.origin().map(CameraOrigin::describe)
     }
 
     pub(super) fn describe_camera(&self) -> String {

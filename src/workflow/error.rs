@@ -11,6 +11,7 @@ use crate::matrix::{DiskError, MatrixError};
 use crate::mesh::MeshError;
 use crate::plan::{StorageError, byte_text};
 use crate::printable::printable_message;
+use crate::render::RenderError;
 use crate::report::ReportError;
 use crate::scene::{MotionError, SceneError};
 use crate::solver::SolverError;
@@ -98,6 +99,17 @@ pub enum WorkflowError {
         limit: u64,
         /// What helps.
         remedy: VoxelRemedy,
+    },
+    /// A picture was refused, or could not be written or read.
+    Render(RenderError),
+    /// A picture does not fit the memory.
+    PictureMemory {
+        /// Width and height in pixels.
+        size: (u32, u32),
+        /// What is needed, in bytes.
+        needed: u64,
+        /// What may be used, in bytes.
+        limit: u64,
     },
     /// The checkpoint could not be opened.
     Checkpoint(CheckpointError),
@@ -192,6 +204,15 @@ impl WorkflowError {
                     "{file}: holds form factors of another geometry than {scene}; compute them again: radiosity form-factors {scene} -o {file}"
                 )
             }
+            Self::Render(error) => error.to_string(),
+            Self::PictureMemory { size, needed, limit } => format!(
+                "a picture of {} × {} pixels and its scene need {} of memory, and the limit is {}; raise {} or give fewer pixels",
+                size.0,
+                size.1,
+                byte_text(*needed),
+                byte_text(*limit),
+                name(Parameter::MemoryLimit)
+            ),
             Self::Voxel(error) => error.to_string(),
             Self::VoxelMemory { what, limit, remedy } => format!(
                 "{what} of memory, and the limit is {}; {}, or raise {}",
@@ -304,6 +325,15 @@ impl From<SolverError> for WorkflowError {
 impl From<ReportError> for WorkflowError {
     fn from(error: ReportError) -> Self {
         Self::Report(error)
+    }
+}
+
+impl From<RenderError> for WorkflowError {
+    fn from(error: RenderError) -> Self {
+        match error {
+            RenderError::Interrupted => Self::Interrupted,
+            other => Self::Render(other),
+        }
     }
 }
 

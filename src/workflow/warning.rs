@@ -3,7 +3,7 @@
 use std::fmt::{self, Write as _};
 use std::path::PathBuf;
 
-use crate::printable::{counted, printable};
+use crate::printable::{counted, printable, short};
 use crate::progress::Forecast;
 use crate::scene::SceneWarning;
 use crate::solver::StopReason;
@@ -51,6 +51,14 @@ pub enum Parameter {
     Links,
     /// The number of propagations.
     Passes,
+    /// [`GatherSettings::max_rays`](crate::render::GatherSettings::max_rays).
+    GatherRays,
+    /// [`GatherSettings::noise`](crate::render::GatherSettings::noise).
+    Noise,
+    /// Where the camera stands.
+    Eye,
+    /// Where the camera looks.
+    LookAt,
 }
 
 impl Parameter {
@@ -76,6 +84,10 @@ impl Parameter {
             Self::Voxels => "voxels",
             Self::Links => "links",
             Self::Passes => "passes",
+            Self::GatherRays => "gather_rays",
+            Self::Noise => "noise",
+            Self::Eye => "eye",
+            Self::LookAt => "look_at",
         }
     }
 }
@@ -351,6 +363,22 @@ pub enum Warning {
         /// What there is still, relative.
         under_way: f64,
     },
+    /// Final gather left pixels above the noise.
+    NoisyPixels {
+        /// The picture.
+        file: PathBuf,
+        /// How many.
+        n_above: u64,
+        /// Of how many.
+        n_pixels: u64,
+        /// The noise asked for.
+        noise: f64,
+    },
+    /// No pixel shows the front of a face.
+    BlankPicture {
+        /// What the camera is.
+        camera: String,
+    },
     /// What a program has to say itself.
     Other(String),
 }
@@ -414,6 +442,26 @@ impl Warning {
                     counted(*n_patches, "patch")
                 )
             }
+            Self::NoisyPixels {
+                file,
+                n_above,
+                n_pixels,
+                noise,
+            } => format!(
+                "{}: {n_above} of {} above the noise of {} after as many rays as {} lets them have; raise that, or {}",
+                file.display(),
+                counted(usize::try_from(*n_pixels).unwrap_or(usize::MAX), "pixel"),
+                short(*noise),
+                name(Parameter::GatherRays),
+                name(Parameter::Noise)
+            ),
+            Self::BlankPicture { camera } => format!(
+                "no pixel shows the front of a face: move the camera ({}, {}; it is {camera}), or turn the faces with {} (they see on the side from which their \
+                 corners run counter-clockwise)",
+                name(Parameter::Eye),
+                name(Parameter::LookAt),
+                name(Parameter::Flip)
+            ),
             Self::Checkpoint(text) | Self::Other(text) => text.clone(),
             Self::BrokenLaw(check) => format!("audit: {check}"),
             Self::NoErrorOnTheFly => format!(

@@ -13,7 +13,6 @@ use super::args::{LinksName, VoxelArgs};
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::file_set::FileSet;
-use super::picture::{image_byte, warn_if_blank};
 use super::render::AnyView;
 use super::run::Run;
 use super::{Outcome, merge, render, solve};
@@ -22,7 +21,9 @@ use crate::mesh::Subdivision;
 use crate::render::{Attributes, DirectMethod, RenderInput, RenderSettings, exr, png};
 use crate::report::voxels::write_vtu;
 use crate::voxel::{Grid, RowWeights, SolidAngle, onto_patches, picture};
-use crate::workflow::{LinkPlace, Model, VOXEL_ERROR, VoxelLight, VoxelRequest, VoxelResult, VoxelStudy};
+use crate::workflow::{
+    LinkPlace, Model, VOXEL_ERROR, VoxelLight, VoxelRequest, VoxelResult, VoxelStudy, picture_byte, warn_if_blank,
+};
 
 /// Patches of the display, in voxels: fine enough to show what the voxels resolve.
 const PATCH_VOXELS: f64 = 2.0;
@@ -60,7 +61,7 @@ fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
     }
     if format == Some(Format::Image) {
         let view = render::view(&args.image.view, &args.scene, &model.scene)?;
-        run.cx.demand.image_byte = image_byte(&view, &render_settings(args), &run.cx.memory)?;
+        run.cx.demand.image_byte = picture_byte(view.as_view(), &render_settings(args), &run.cx.memory)?;
     }
     let study = model.solve_on_voxels(&request(args, format), &mut run.cx)?;
     let view = write(run, &mut model, &study, args, format)?;
@@ -312,7 +313,7 @@ fn write(
     run.cx.audited(audit::picture(&image));
     // A picture of the voxels themselves has other layers.
     if !args.show_voxels {
-        warn_if_blank(run, &image, &view);
+        warn_if_blank(&image, view.as_view(), view.camera_name().as_deref(), &run.cx);
     }
     let attributes = Attributes::new(
         &model.scene,

@@ -1,0 +1,204 @@
+//! Pictures as a whole step of a study: memory, rendering, audit, files, and what an earlier run has written already.
+
+use std::path::Path;
+
+use serde::Deserialize as _;
+use serde_json::json;
+use sha2::{Digest as _, Sha256};
+
+use super::{Context, Memory, Warning, WorkflowError};
+use crate::audit;
+use crate::render::display::Watcher;
+use crate::render::{
+    Attributes, CameraRecord, GatherReport, Image, RenderInput, RenderSettings, View, ViewDescription, exr, png,
+    render_watched,
+};
+use crate::report::memory_used_byte;
+
+/// Memory for a pixel while the image is rendered and written.
+const PIXEL_BYTE: u64 = 512;
+
+/// The same with final gather, which keeps every pixel's sums until all are finished.
+const GATHER_BYTE: u64 = 1536;
+
+/// How a picture is written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PictureFile {
+    /// The kind of floats.
+    pub pixels: exr::Pixels,
+    /// The parts of the file.
+    pub parts: exr::Parts,
+}
+
+/// A picture that is wanted.
+#[derive(Clone, Copy)]
+pub struct PictureRequest<'a> {
+    /// The view.
+    pub view: &'a dyn View,
+    /// What a warning calls its camera; `None` of a view without one.
+    pub camera: Option<&'a str>,
+    /// How it is rendered.
+    pub settings: RenderSettings,
+    /// How it is written.
+    pub file: PictureFile,
+    /// The OpenEXR file.
+    pub output: &'a Path,
+    /// Its preview, a PNG file.
+    pub preview: &'a Path,
+}
+
+/// Returns the memory that a picture takes, in bytes, if it is within the limit beside what is used already: all layers, and as much again while they are coded.
+///
+/// # Errors
+/// [`WorkflowError::PictureMemory`].
+pub fn picture_byte(view: &dyn View, settings: &RenderSettings, memory: &Memory) -> Result<u64, WorkflowError> {
+    let (width, height) = view.size();
+    let gathers = settings.gather.is_some();
+    let of_image = u64::from(width) * u64::from(height) * if gathers { GATHER_BYTE } else { PIXEL_BYTE };
+    let limit = memory.limit();
+    let needed = of_image.saturating_add(memory_used_byte().unwrap_or(0));
+    if needed <= limit {
+        return Ok(of_image);
+    }
+    Err(WorkflowError::PictureMemory {
+        size: (width, height),
+        needed,
+        limit,
+    })
+}
+
+/// Renders a picture and writes it with its preview; one that an earlier run has written, by the checkpoint, is read.
+///
+/// # Errors
+/// [`WorkflowError::Render`], and [`WorkflowError::Interrupted`].
+pub fn shoot(
+    input: &RenderInput<'_>,
+    request: &PictureRequest<'_>,
+    watcher: &dyn Watcher,
+    cx: &mut Context,
+) -> Result<Image, WorkflowError> {
+    let PictureRequest {
+        view,
+        settings,
+        file,
+        output,
+        preview,
+        ..
+    } = *request;
+    let kept = KeptPicture::new(cx, input, view, &settings, file);
+    if let Some(image) = kept.as_ref().and_then(|kept| kept.image(cx, output, preview)) {
+        cx.audited(audit::picture(&image));
+        warn_if_blank(&image, view, request.camera, cx);
+        return Ok(image);
+    }
+    let image = {
+        let watch = cx.progress();
+        cx.time("render", || render_watched(input, view, &settings, &watch, watcher))?
+    };
+    cx.audited(audit::picture(&image));
+    warn_if_blank(&image, view, request.camera, cx);
+    let offset = input.visibility.offset();
+    let mut attributes = Attributes::new(input.scene, view.description(), settings, offset, json!(cx.settings));
+    attributes.pixels = file.pixels;
+    cx.time("write", || {
+        exr::write_parts(output, &image, &attributes, file.parts)?;
+        png::write(preview, &image)
+    })?;
+    if let Some(kept) = kept {
+        kept.keep(cx, output, preview);
+    }
+    Ok(image)
+}
+
+/// Returns what final gather took, and warns of pixels that stay above the noise.
+#[must_use]
+pub fn gathered(image: &Image, settings: RenderSettings, picture: &Path, cx: &Context) -> Option<GatherReport> {
+    let report = GatherReport::new(image, settings.gather?);
+    if report.n_above > 0 {
+        cx.warn(Warning::NoisyPixels {
+            file: picture.to_owned(),
+            n_above: report.n_above,
+            n_pixels: report.n_pixels,
+            noise: report.noise,
+        });
+    }
+    Some(report)
+}
+
+/// Warns if a camera sees no face from its front: backs are black.
+pub fn warn_if_blank(image: &Image, view: &dyn View, camera: Option<&str>, cx: &Context) {
+    let (Some(camera), ViewDescription::Perspective(parameters)) = (camera, view.description()) else {
+        return;
+    };
+    let Ok(record) = CameraRecord::deserialize(&parameters) else {
+        return;
+    };
+    if !image.shows_a_front(record.eye) {
+        cx.warn(Warning::BlankPicture {
+            camera: camera.to_owned(),
+        });
+    }
+}
+
+/// The part of the checkpoint that says which pictures are written.
+const PART: u32 = 1 << 21;
+
+/// A picture of which a checkpoint may know that it is written.
+struct KeptPicture {
+    /// A hash of all that its files depend on.
+    key: [u8; 32],
+    /// Its number: the beginning of the key.
+    piece: u64,
+}
+
+impl KeptPicture {
+    /// `None` without a checkpoint, and for numbers that are rounded in the file: what is told of such a picture cannot be read from it.
+    fn new(
+        cx: &Context,
+        input: &RenderInput<'_>,
+        view: &dyn View,
+        settings: &RenderSettings,
+        file: PictureFile,
+    ) -> Option<Self> {
+        cx.checkpoint()?;
+        if file.pixels != exr::Pixels::F32 {
+            return None;
+        }
+        let mut hasher = Sha256::new();
+        hasher.update(input.fingerprint(view, settings));
+        hasher.update(format!("{file:?} {:?}", cx.settings));
+        let key: [u8; 32] = hasher.finalize().into();
+        let [a, b, c, d, ..] = key;
+        Some(Self {
+            key,
+            piece: u32::from_le_bytes([a, b, c, d]).into(),
+        })
+    }
+
+    /// Returns what a checkpoint keeps of the picture: the key and the hashes of its files.
+    fn content(&self, output: &Path, preview: &Path) -> Option<Vec<u8>> {
+        let mut content = self.key.to_vec();
+        for file in [output, preview] {
+            content.extend_from_slice(&Sha256::digest(std::fs::read(file).ok()?));
+        }
+        Some(content)
+    }
+
+    /// Returns the picture if an earlier run wrote it and it is still as it was.
+    fn image(&self, cx: &Context, output: &Path, preview: &Path) -> Option<Image> {
+        let checkpoint = cx.checkpoint()?;
+        checkpoint.begin_part(PART, &[0; 32]);
+        let kept = checkpoint.piece(self.piece)?;
+        (Some(kept) == self.content(output, preview))
+            .then(|| exr::read(output).ok())
+            .flatten()
+            .map(|(image, _)| image)
+    }
+
+    fn keep(&self, cx: &Context, output: &Path, preview: &Path) {
+        if let (Some(checkpoint), Some(content)) = (cx.checkpoint(), self.content(output, preview)) {
+            checkpoint.begin_part(PART, &[0; 32]);
+            checkpoint.keep(self.piece, &content);
+        }
+    }
+}
