@@ -156,6 +156,7 @@ fn bind(out: &Path) {
         bindgen::Builder::default()
             .header("src/embree/rays.h")
             .allowlist_item("(radiosity|RADIOSITY)_.*")
+            .formatter(bindgen::Formatter::None)
             .generate()
     });
     let written = match bindings {
