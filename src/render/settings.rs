@@ -1,4 +1,4 @@
-//! How an image is made, and of what.
+//! How an image is made from a solution.
 
 use std::num::NonZeroU32;
 
