@@ -5,18 +5,19 @@ mod candidates;
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::Input;
 use super::exact::Split;
+use super::fraction::Fraction;
 use super::partial::Whole;
 use super::probe::Probe;
 use super::sight::whole_where_grazing;
-use super::{Fraction, Input};
 use crate::geometry::polygon;
 use crate::geometry::polygon_form_factor::{PreparedPolygon, Tolerance, exchange_area};
 use crate::mesh::PatchId;
 use crate::progress::Silent;
 use crate::visibility::blockers::{BlockerId, BlockerIndex, PairVisibility};
 use candidates::{Candidates, Seeing};
-pub(super) use candidates::{Outline, Sheets};
+pub(super) use candidates::{Outline, Sheets, places_of_patches};
 
 /// Pairs of patches and backs that are looked at, for all patches together: more are left to rays.
 const MAX_PAIRS: usize = 1 << 18;

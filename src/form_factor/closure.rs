@@ -5,13 +5,13 @@ use rayon::prelude::*;
 use thiserror::Error;
 
 use super::Input;
-use super::backs::{Outline, Sheets};
+use super::backs::{Outline, Sheets, places_of_patches};
 use super::probe::Probe;
 use crate::geometry::polygon;
 use crate::matrix::RowTally;
 use crate::mesh::PatchId;
 use crate::printable::printable;
-use crate::scene::topology::{Backs, Pieces, Place, places};
+use crate::scene::topology::{Backs, Pieces, Place};
 
 /// How it is decided whether a scene is closed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -193,13 +193,4 @@ fn rows_among(input: Input<'_>, pieces: &Pieces) -> Vec<bool> {
     let backs = Backs::of(&of_patches);
     let is_closed = |place: &Place| place.front.is_enclosed() && backs.are_hidden_from(&place.front);
     of_patches.par_iter().map(is_closed).collect()
-}
-
-/// Finds where the patches lie among closed pieces of surface.
-pub(super) fn places_of_patches(input: Input<'_>, pieces: &Pieces) -> Vec<Place> {
-    let patches = input.mesh.patches.iter().enumerate();
-    let parts: Vec<_> = patches
-        .map(|(i, patch)| (patch.face, input.mesh.polygon(PatchId::from_index(i))))
-        .collect();
-    places(input.scene, pieces, &parts)
 }

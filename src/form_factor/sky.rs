@@ -3,28 +3,10 @@
 use rayon::prelude::*;
 
 use super::backs::back_factors;
+use super::fraction::Fraction;
 use super::{Enclosed, Input, Reciprocity};
 use crate::matrix::{FormFactors, RowTally};
 use crate::mesh::Mesh;
-
-/// A fraction of the light of a patch, or of a surface, with its error.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Fraction {
-    /// The fraction.
-    pub value: f64,
-    /// What it may be off by as its neighbours are too, in the same direction: errors of form factors.
-    pub common: f64,
-    /// The variance of what it is off by independently of others: that of rays.
-    pub variance: f64,
-}
-
-impl Fraction {
-    /// Returns an estimate of the absolute error.
-    #[must_use]
-    pub fn error(self) -> f64 {
-        self.common + self.variance.sqrt()
-    }
-}
 
 /// The fractions of the light of patches, or of surfaces, that no front receives.
 #[derive(Clone, Debug, Default, PartialEq)]

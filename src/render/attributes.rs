@@ -5,9 +5,10 @@ use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use sha2::{Digest, Sha256};
 
 use super::exr::Pixels;
+use super::field::FieldRecord;
 use super::samples::PixelSamples;
+use super::settings::RenderSettings;
 use super::view::ViewDescription;
-use super::{FieldRecord, RenderSettings};
 use crate::scene::Scene;
 
 /// The newest layout of the attributes; it changes when an older reader would misread them.

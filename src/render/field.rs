@@ -3,9 +3,13 @@
 use serde::{Deserialize, Serialize};
 
 use super::display::Unwatched;
+use super::error::RenderError;
 use super::image::Image;
+use super::input::RenderInput;
 use super::renderer::SurfaceSums;
-use super::{RenderError, RenderInput, RenderSettings, View, rendered};
+use super::run::rendered;
+use super::settings::RenderSettings;
+use super::view::View;
 use crate::matrix::operator::Block;
 use crate::mesh::Mesh;
 use crate::progress::Progress;

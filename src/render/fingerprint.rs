@@ -2,7 +2,9 @@
 
 use sha2::{Digest, Sha256};
 
-use super::{RenderInput, RenderSettings, View};
+use super::input::RenderInput;
+use super::settings::RenderSettings;
+use super::view::View;
 use crate::matrix::operator::Block;
 
 impl RenderInput<'_> {

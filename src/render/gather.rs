@@ -7,9 +7,9 @@ use std::num::NonZeroU32;
 
 use serde::{Deserialize, Serialize};
 
-use super::RenderInput;
 use super::direct::DirectPass;
 use super::image::{Image, channel_names};
+use super::input::RenderInput;
 use super::rare::{LightPool, RULE_OF_THREE, RareLight};
 use super::shade::{Shader, SurfacePoint};
 use crate::geometry::sampling::{Frame, PointStream, Sequence};

@@ -2,6 +2,11 @@
 
 use glam::DVec3;
 
+use super::error::RenderError;
+
+/// The most pixels that an image may have.
+const MAX_PIXELS: u64 = 1 << 31;
+
 /// The samples of one layer, row by row from the top left.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Samples {
@@ -151,6 +156,24 @@ pub(super) fn channel_names(prefix: &str, suffixes: [char; 3]) -> [String; 3] {
             format!("{prefix}.{suffix}")
         }
     })
+}
+
+/// Returns the size of an image if it has pixels, but not too many.
+pub(super) fn check_size(width: u64, height: u64) -> Result<(u32, u32), RenderError> {
+    let too_large = || RenderError::TooLarge {
+        width,
+        height,
+        limit: MAX_PIXELS,
+    };
+    if width == 0 || height == 0 {
+        return Err(RenderError::Empty);
+    }
+    let side = |n: u64| i32::try_from(n).map_err(|_| too_large()).map(i32::unsigned_abs);
+    let sides = (side(width)?, side(height)?);
+    if width * height > MAX_PIXELS {
+        return Err(too_large());
+    }
+    Ok(sides)
 }
 
 #[cfg(test)]

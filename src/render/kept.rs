@@ -1,12 +1,45 @@
 //! What a checkpoint keeps of final gather: for each block and round the pixels that the round went on with.
 
 use super::gather::Gathered;
+use super::pixel::Pixel;
 use super::rare::RareLight;
-use super::renderer::{BlockState, Renderer};
 use crate::checkpoint::Checkpoint;
 
 /// The part of the checkpoint: one picture at a time. Form factors have the parts from 0 on.
 const PART: u32 = 1 << 20;
+
+/// A block while light is gathered for it.
+#[derive(Default)]
+pub(super) struct BlockState {
+    pub(super) pixels: Vec<Pixel>,
+    pub(super) gathered: Vec<Gathered>,
+    /// What the first round's rays told of rare light.
+    pub(super) rare: Option<RareLight>,
+    /// Rounds so far.
+    pub(super) n_rounds: u32,
+}
+
+impl BlockState {
+    pub(super) fn is_open(&self) -> bool {
+        self.gathered.iter().any(|pixel| !pixel.is_finished())
+    }
+
+    /// Takes over what a round made.
+    pub(super) fn end_round(&mut self, gathered: Vec<Gathered>, rare: &RareLight) {
+        self.gathered = gathered;
+        self.rare = Some(*rare);
+        self.n_rounds += 1;
+    }
+
+    /// Returns the radiance of all pixels with what was gathered so far.
+    pub(super) fn radiance(&self) -> impl Iterator<Item = [f32; 3]> {
+        self.pixels.iter().zip(&self.gathered).map(|(pixel, gathered)| {
+            let mut pixel = *pixel;
+            pixel.add_gathered(gathered);
+            pixel.radiance()
+        })
+    }
+}
 
 /// The rounds of a picture's blocks in a checkpoint.
 pub(super) struct KeptRounds<'a> {
@@ -15,10 +48,9 @@ pub(super) struct KeptRounds<'a> {
 }
 
 impl<'a> KeptRounds<'a> {
-    /// Takes up what was kept of the same picture, or begins anew.
-    pub(super) fn open(checkpoint: &'a Checkpoint, renderer: &Renderer<'_>, n_blocks: usize) -> Self {
-        let key = renderer.input.fingerprint(renderer.view, renderer.settings);
-        checkpoint.begin_part(PART, &key);
+    /// Takes up what was kept of the picture with this fingerprint, or begins anew.
+    pub(super) fn open(checkpoint: &'a Checkpoint, key: &[u8; 32], n_blocks: usize) -> Self {
+        checkpoint.begin_part(PART, key);
         Self { checkpoint, n_blocks }
     }
 

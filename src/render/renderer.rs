@@ -6,15 +6,17 @@ use rayon::prelude::*;
 
 use super::direct::{DirectEstimate, DirectPass, DirectPoint, Scratch};
 use super::display::Watcher;
+use super::error::RenderError;
 use super::gather::{GatherScratch, Gathered, Gatherer, PixelPart, first_rays};
 use super::image::Image;
-use super::kept::KeptRounds;
+use super::input::RenderInput;
+use super::kept::{BlockState, KeptRounds};
 use super::pixel::{Canvas, Kinds, Pixel};
 use super::rare::{LightPool, RareLight};
 use super::samples::{FirstLook, PixelSamples};
+use super::settings::RenderSettings;
 use super::shade::{self, Shader, SurfacePoint};
 use super::view::View;
-use super::{RenderError, RenderInput, RenderSettings};
 use crate::progress::Progress;
 use crate::scene::SurfaceId;
 use crate::visibility::{Coherence, HitBatch, RayBatch};
@@ -64,39 +66,6 @@ pub(super) struct SurfaceSum {
 
 /// The sums of the surfaces that are seen.
 pub(super) type SurfaceSums = BTreeMap<SurfaceId, SurfaceSum>;
-
-/// A block while light is gathered for it.
-#[derive(Default)]
-pub(super) struct BlockState {
-    pixels: Vec<Pixel>,
-    pub(super) gathered: Vec<Gathered>,
-    /// What the first round's rays told of rare light.
-    pub(super) rare: Option<RareLight>,
-    /// Rounds so far.
-    pub(super) n_rounds: u32,
-}
-
-impl BlockState {
-    fn is_open(&self) -> bool {
-        self.gathered.iter().any(|pixel| !pixel.is_finished())
-    }
-
-    /// Takes over what a round made.
-    pub(super) fn end_round(&mut self, gathered: Vec<Gathered>, rare: &RareLight) {
-        self.gathered = gathered;
-        self.rare = Some(*rare);
-        self.n_rounds += 1;
-    }
-
-    /// Returns the radiance of all pixels with what was gathered so far.
-    fn radiance(&self) -> impl Iterator<Item = [f32; 3]> {
-        self.pixels.iter().zip(&self.gathered).map(|(pixel, gathered)| {
-            let mut pixel = *pixel;
-            pixel.add_gathered(gathered);
-            pixel.radiance()
-        })
-    }
-}
 
 /// Everything that rendering needs.
 pub(super) struct Renderer<'a> {
@@ -171,9 +140,13 @@ impl Renderer<'_> {
         canvas: &mut Canvas,
         progress: &dyn Progress,
     ) -> Result<(), RenderError> {
-        let kept = progress
-            .checkpoint()
-            .map(|checkpoint| KeptRounds::open(checkpoint, self, blocks.len()));
+        let kept = progress.checkpoint().map(|checkpoint| {
+            KeptRounds::open(
+                checkpoint,
+                &self.input.fingerprint(self.view, self.settings),
+                blocks.len(),
+            )
+        });
         progress.begin("render", blocks.len() as u64);
         let mut states: Vec<BlockState> = blocks
             .par_iter()

@@ -8,7 +8,7 @@
 //! The mean over n points of a net is unbiased for each n. That the first points decide about n makes a bias where they miss something in some pixels and not in others, as a bar narrower than the distance
 //! between samples. As neighbours decide together, it is small: of lamps of half and a quarter of a pixel's width the area is right within 1 % and 2 %.
 
-use super::RenderSettings;
+use super::settings::RenderSettings;
 use super::shade::SurfacePoint;
 use super::view::{View, ViewDescription};
 use crate::geometry::sampling::{PointStream, Sequence};

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::RenderInput;
+use super::input::RenderInput;
 use super::view::Sight;
 use crate::matrix::operator::Block;
 use crate::mesh::PatchPoint;

@@ -66,8 +66,8 @@ fn srgb(linear: f64) -> u8 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::image::Samples;
     use super::*;
-    use crate::render::Samples;
 
     fn grey(values: &[f32]) -> Image {
         let mut image = Image::new(values.len(), 1);

@@ -17,8 +17,8 @@ pub struct SolveOptions<'a> {
     pub tolerance: Tolerance,
     /// Passes that may be spent; each reads all of F once.
     pub max_passes: usize,
-    /// Passes without a new least residual after which the solver gives up: as [`StopReason::Diverged`] if the residual
-    /// rose in each of the last half of them, else as [`StopReason::Stagnated`]. At least 1. They are counted anew while the residual has fallen in each of the last half of them, or
+    /// Passes without a new least residual after which the solver gives up: as [`StopReason::Diverged`](super::StopReason::Diverged) if the residual
+    /// rose in each of the last half of them, else as [`StopReason::Stagnated`](super::StopReason::Stagnated). At least 1. They are counted anew while the residual has fallen in each of the last half of them, or
     /// risen less and less: near ρ = 1 sweeps raise it before they lower it.
     pub patience: usize,
     /// The first radiosities.

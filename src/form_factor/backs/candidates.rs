@@ -8,10 +8,10 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use crate::form_factor::Input;
-use crate::form_factor::closure::places_of_patches;
 use crate::geometry::box_pairs::BoxTree;
 use crate::geometry::clip::clip_to_half_space;
 use crate::geometry::polygon;
+use crate::mesh::PatchId;
 use crate::scene::topology::{Backs, Pieces, Place, View, bounding_box, joint, places};
 use crate::scene::{FaceId, Scene};
 
@@ -319,6 +319,15 @@ impl<'a> Sheets<'a> {
         }
         polygon::area_vector(corners).length() > self.tolerance * polygon::perimeter(corners)
     }
+}
+
+/// Finds where the patches lie among closed pieces of surface.
+pub(in crate::form_factor) fn places_of_patches(input: Input<'_>, pieces: &Pieces) -> Vec<Place> {
+    let patches = input.mesh.patches.iter().enumerate();
+    let parts: Vec<_> = patches
+        .map(|(i, patch)| (patch.face, input.mesh.polygon(PatchId::from_index(i))))
+        .collect();
+    places(input.scene, pieces, &parts)
 }
 
 #[cfg(test)]

@@ -193,12 +193,12 @@ fn most_behind(own: &End, other: &End) -> f64 {
 fn most(own: &End, other: &End, [of_own, of_other]: [&Front; 2]) -> f64 {
     let gap = gap(own, other);
     let turn = own.normal.distance(other.normal) + own.plane.tilt + other.plane.tilt;
-    let sine = |front: &Front| {
+    let sine_of = |front: &Front| {
         let by_gap = if gap > 0.0 { front.highest / gap } else { f64::INFINITY };
         by_gap.min(front.slope.unwrap_or(f64::INFINITY)).min(turn).min(1.0)
     };
     // What rises over one is seen from there.
-    let (from_own, from_other) = (sine(of_other), sine(of_own));
+    let (from_own, from_other) = (sine_of(of_other), sine_of(of_own));
     let product = (from_own * from_other).min(0.25 * turn * turn);
     // What lies beside an end fills half of what is around it at most.
     let part = |rise: f64, front: &Front| if front.slope.is_some() { 0.5 } else { 1.0 } * rise * rise;
@@ -212,12 +212,12 @@ fn most(own: &End, other: &End, [of_own, of_other]: [&Front; 2]) -> f64 {
 
 /// Returns what of an end may be in front of the plane of another; `None` if nothing.
 fn front(end: &End, over: &End) -> Option<Front> {
-    let off = end.off + over.off;
-    let may_touch = off <= TOUCHING * end.radius.min(over.radius);
+    let both_off = end.off + over.off;
+    let may_touch = both_off <= TOUCHING * end.radius.min(over.radius);
     let (mut heights, mut above) = (Vec::with_capacity(4), Vec::with_capacity(4));
     for (c, corner) in end.corners.iter().enumerate() {
         let is_shared = over.corners.contains(corner);
-        if is_shared || (may_touch && polygon::distance(*corner, &over.corners) <= off) {
+        if is_shared || (may_touch && polygon::distance(*corner, &over.corners) <= both_off) {
             heights.push((0.0, 0.0));
             above.push(0.0);
         } else {

@@ -59,8 +59,8 @@ impl Backend for Rows {
         for (k, (tile, &first)) in self.tiles.iter().zip(&self.first_rows).enumerate() {
             let end = self.first_rows.get(k + 1).copied().unwrap_or(n_rows);
             for begin in (first..end).step_by(ROWS_PER_TASK) {
-                let n_rows = ROWS_PER_TASK.min(end - begin);
-                let (sums, after) = rest.split_at_mut(n_rows * n_channels);
+                let n_sums = ROWS_PER_TASK.min(end - begin);
+                let (sums, after) = rest.split_at_mut(n_sums * n_channels);
                 rest = after;
                 tasks.push((tile, begin - first, begin, sums));
             }

@@ -2,10 +2,12 @@
 
 use std::sync::OnceLock;
 
-use super::DVec3;
+use glam::DVec3;
+
+use super::answer::Material;
 use super::clear_view::Plate;
-use super::points::{Material, Reference, contains};
-use super::region::Region;
+use super::points::Reference;
+use super::region::{Region, contains};
 use super::size::Size;
 use crate::scene::SurfaceId;
 

@@ -1,8 +1,8 @@
 //! Fields of form factors as irradiances.
 
-use super::VerifyError;
-use crate::render::FieldRecord;
+use super::error::VerifyError;
 use crate::render::attributes::Attributes;
+use crate::render::field::FieldRecord;
 
 /// Returns the description of the scene in which the field's surface alone emits, 1 W·m⁻², and nothing reflects.
 pub(super) fn lit_by(attributes: &Attributes, record: &FieldRecord) -> Result<Attributes, VerifyError> {

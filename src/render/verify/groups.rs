@@ -1,11 +1,13 @@
 //! Sums and means over many pixels.
 
+use super::answer::PixelAnswer;
 use super::layers::Judged;
-use super::points::{PixelAnswer, Reference};
+use super::points::Reference;
 use super::report::WallReport;
 use super::sheet::Sheet;
-use super::{Tile, tolerance};
+use super::tolerance;
 use crate::geometry::polygon;
+use crate::render::unfolded::Tile;
 
 /// How many expected hits a wall needs before its errors' own spread is trusted.
 const MIN_HITS: f64 = 1000.0;

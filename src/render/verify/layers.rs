@@ -1,10 +1,13 @@
 //! Pixels of an image against their answers.
 
+use super::answer::{Centre, PixelAnswer};
+use super::error::VerifyError;
 use super::light::Drawn;
 use super::limits::Limits;
-use super::points::{PixelAnswer, Reference};
-use super::sheet::{Centre, Sheet};
-use super::{LayerCheck, LayerReport, Rounding, VerifyError};
+use super::points::Reference;
+use super::report::{LayerCheck, LayerReport};
+use super::rounding::Rounding;
+use super::sheet::Sheet;
 use crate::render::image::{Image, channel_names};
 
 /// Three channels of one layer.

@@ -1,7 +1,9 @@
 //! The direct light of a pixel.
 
-use super::points::Lit;
 use super::shadow_rays::Fraction;
+
+/// The irradiance at a point, and its change over the rays' offset.
+pub(super) type Lit = ([f64; 3], [f64; 3]);
 
 /// The direct irradiance as the picture's own shadow rays find it, per channel.
 #[derive(Clone, Copy, Debug, Default)]

@@ -1,8 +1,8 @@
 //! Bounds that hold for every pixel of a picture, whatever its patches are.
 
 use super::points::Reference;
-use crate::render::DirectMethod;
 use crate::render::attributes::PolygonRecord;
+use crate::render::direct::DirectMethod;
 
 /// How far interpolated light may leave its bounds, as a share of them, where the file states its error: room for the solver's own tolerance.
 const STATED: f64 = 0.01;

@@ -1,6 +1,8 @@
 //! An image against the analytic answer of the scene that it was made from.
 
+mod answer;
 mod clear_view;
+mod error;
 mod faces;
 mod field;
 mod groups;
@@ -12,6 +14,7 @@ mod patches;
 mod points;
 mod region;
 mod report;
+mod rounding;
 mod shadow_rays;
 mod sheet;
 mod size;
@@ -20,101 +23,26 @@ mod tolerance;
 
 use std::path::Path;
 
-use glam::DVec3;
-use rayon::prelude::*;
-use serde::Deserialize as _;
-use thiserror::Error;
-
-use super::attributes::{Attributes, SurfaceRecord};
-use super::direct::DirectMethod;
-use super::error::RenderError;
-use super::exr::Pixels;
-use super::image::Image;
-use super::samples::PixelSamples;
-use super::unfolded::{Tile, Unfolded};
-use super::view::{CameraRecord, ViewDescription};
-use crate::printable::quoted;
-use crate::scene::SurfaceId;
+use answer::PixelAnswer;
 use groups::{Tally, count_wrong_strips, part_report, tile_report};
 use layers::{Judged, Layers};
-use points::{PixelAnswer, Reference};
+use rayon::prelude::*;
+use serde::Deserialize as _;
+
+use super::attributes::Attributes;
+use super::direct::DirectMethod;
+use super::image::Image;
+use super::samples::PixelSamples;
+use super::unfolded::Unfolded;
+use super::view::{CameraRecord, ViewDescription};
+use crate::scene::SurfaceId;
+pub use error::VerifyError;
+use points::Reference;
 pub use report::{LayerCheck, LayerReport, Tolerance, VerifyReport, WallReport};
 use sheet::Sheet;
 
 /// The probability with which a correct image may fail.
 const FALSE_ALARM: f64 = 1e-6;
-
-/// How far a layer's number may be off by being rounded.
-#[derive(Clone, Copy, Debug)]
-struct Rounding {
-    /// Half the distance between two numbers of size 1.
-    relative: f64,
-    /// Half the distance between numbers near 0, or more.
-    absolute: f64,
-}
-
-impl Rounding {
-    const F32: Self = Self {
-        relative: 1.0 / (1 << 24) as f64,
-        absolute: f32::MIN_POSITIVE as f64,
-    };
-    /// 11 bits, and steps of 2^−24 near 0.
-    const F16: Self = Self {
-        relative: 1.0 / (1 << 11) as f64,
-        absolute: 1.0 / (1 << 25) as f64,
-    };
-
-    fn of(pixels: Pixels) -> Self {
-        match pixels {
-            Pixels::F32 => Self::F32,
-            Pixels::F16 => Self::F16,
-        }
-    }
-
-    /// Returns true if a layer's value is the given number after a few roundings.
-    fn allows(self, value: f64, exact: f64, slack: f64) -> bool {
-        (value - exact).abs() <= 4.0 * (self.relative * exact.abs() + self.absolute) + slack
-    }
-}
-
-/// An image cannot be verified.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum VerifyError {
-    /// The file cannot be read.
-    #[error(transparent)]
-    Read(#[from] RenderError),
-    /// The irradiance in the image is interpolated between patches: it depends on the mesh, not on the scene alone.
-    #[error(
-        "the image has no direct pass, only values interpolated between patches, which no closed form describes; \
-         render it with a direct pass to verify it"
-    )]
-    NoDirectPass,
-    /// The image does not say which camera made it.
-    #[error("the image's description of its camera cannot be used: {}", quoted(.0))]
-    BadCamera(String),
-    /// A layer is missing.
-    #[error("the image has no layer \"{}\"", quoted(.0))]
-    MissingLayer(String),
-    /// A pixel has another number of samples than the settings allow.
-    #[error("the layer \"pixel_samples\" has a wrong number for pixel {pixel}: the image is damaged")]
-    BadSamples {
-        /// The pixel, counted along the rows from the upper left one.
-        pixel: usize,
-    },
-    /// The description of the tiles does not fit the image or the scene.
-    #[error("the image's description of its tiles does not fit it: {}", quoted(.0))]
-    BadLayout(String),
-    /// The description of the scene is none.
-    #[error("the image's description of its scene cannot be used: {}", quoted(.0))]
-    BadScene(String),
-    /// The surface of a field is none of the scene's.
-    #[error("the form factors are to \"{}\", which is no surface of the image's scene", quoted(.0))]
-    NoSuchSurface(String),
-    /// No surface has an exitance.
-    #[error("no surface of the image's scene emits light: there is nothing to verify")]
-    NoEmitter,
-}
 
 /// Verifies an EXR file: its direct irradiance, pixel by pixel and wall by wall, against the closed forms.
 ///

@@ -1,7 +1,8 @@
 //! How far a pixel may lie from the exact answer, judged by the errors around it.
 
+use super::answer::PixelAnswer;
 use super::layers::Judged;
-use super::points::{PixelAnswer, Reference};
+use super::points::Reference;
 use super::sheet::Sheet;
 
 /// Pixels on each side of a pixel that are its neighbours: 24 of them.

@@ -1,7 +1,8 @@
 //! The numbers of the patches, as far as the scene alone tells them.
 
+use super::answer::Centre;
 use super::layers::Layers;
-use super::sheet::{Centre, Sheet};
+use super::sheet::Sheet;
 
 /// Counts the pixels whose patch cannot be right, or as few of them as explain what is seen.
 ///

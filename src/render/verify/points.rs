@@ -1,107 +1,31 @@
 //! The exact direct irradiance at the points that an image's pixels show.
 
+use glam::DVec3;
 use rayon::prelude::*;
 
+use super::answer::{Centre, PixelAnswer, Shown};
 use super::clear_view::{Plate, is_clear, misses_region};
-use super::light::{Drawn, Light};
-use super::region::{Between, Region, SeenFrom, as_blockers};
+use super::light::Light;
+use super::region::{Between, Region, SeenFrom, as_blockers, contains};
+use super::rounding::Rounding;
 use super::shadow_rays::{ShadowRays, Start};
-use super::sheet::Centre;
 use super::size::Size;
-use super::tolerance::{effective_samples, hoeffding};
-use super::{DVec3, Rounding, Tile};
+use super::tolerance::{LEAK, effective_samples, hoeffding};
 use crate::form_factor::partial::{Accuracy, exchange_area};
 use crate::geometry::point_form_factor::point_form_factor;
 use crate::geometry::polygon;
 use crate::geometry::rectangle::rectangle_exchange_area;
-use crate::render::DirectMethod;
 use crate::render::attributes::{Attributes, PolygonRecord};
+use crate::render::direct::DirectMethod;
 use crate::render::exr::Pixels;
 use crate::render::samples::PixelSamples;
+use crate::render::unfolded::Tile;
 use crate::render::view::ViewDescription;
-use crate::scene::{SurfaceId, slack_of};
+use crate::scene::slack_of;
 use crate::visibility::blockers::are_sides_of_a_sheet;
-
-/// Exitance and reflectance.
-pub(super) type Material = ([f64; 3], [f64; 3]);
-
-/// The irradiance at a point, and its change over the rays' offset.
-pub(super) type Lit = ([f64; 3], [f64; 3]);
-
-/// What is known about a pixel without looking at it.
-#[derive(Clone, Debug)]
-pub(super) enum PixelAnswer {
-    /// No sample of the pixel is on a surface.
-    Background,
-    /// Which samples are on which surface depends on rounding.
-    Border,
-    /// What all samples see is sure.
-    Surface(Box<Shown>),
-}
-
-/// What a pixel shows.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Shown {
-    /// The mean reflectance over the samples, backs counting as 0, where it is known.
-    pub(super) albedo: Option<[f64; 3]>,
-    /// The surface, where all samples show one.
-    pub(super) surface: Option<SurfaceId>,
-    /// The number of the plane, where all samples show one.
-    pub(super) plane: Option<u32>,
-    /// The material, where all samples show one.
-    pub(super) material: Option<Material>,
-    /// The exact direct irradiance, and its change over the rays' offset, where it is known.
-    pub(super) irradiance: Option<Lit>,
-    /// Whether something hides a part of an emitter.
-    pub(super) shaded: bool,
-    /// What the picture's own shadow rays find, where an emitter is hidden in part and they decide.
-    pub(super) drawn: Option<Drawn>,
-    /// How far the rounding of corners may change the irradiance.
-    pub(super) rounding: [f64; 3],
-    /// Whether a sample shows the front of a face: all others are black, whatever the light.
-    pub(super) front: bool,
-}
-
-/// What rays may find where an emitter is hidden, as a share of the largest exitance: they see outlines whose corners are rounded to f32,
-/// 6e-8 of the scene's size off, and a shadow's edge moves by a few times that.
-pub(super) const LEAK: f64 = 1e-6;
 
 /// The share of an emitter's form factor beyond which nothing is said of a point: so much of it is hidden or not by how the coordinates of corners were rounded.
 const UNTOLD: f64 = 0.01;
-
-impl PixelAnswer {
-    pub(super) fn on_surface(&self) -> bool {
-        !matches!(self, Self::Background)
-    }
-
-    /// Tells whether the pixel shows backs of faces, and no front: it is black, and says nothing of the light.
-    pub(super) fn is_back(&self) -> bool {
-        self.shown().is_some_and(|shown| !shown.front)
-    }
-
-    pub(super) fn is_checked(&self) -> bool {
-        self.irradiance().is_some() && !self.is_back()
-    }
-
-    pub(super) fn shown(&self) -> Option<&Shown> {
-        match self {
-            Self::Surface(shown) => Some(shown),
-            _ => None,
-        }
-    }
-
-    pub(super) fn is_shaded(&self) -> bool {
-        self.shown().is_some_and(|shown| shown.shaded)
-    }
-
-    pub(super) fn irradiance(&self) -> Option<Lit> {
-        self.shown().and_then(|shown| shown.irradiance)
-    }
-
-    pub(super) fn drawn(&self) -> Option<&Drawn> {
-        self.shown().and_then(|shown| shown.drawn.as_ref())
-    }
-}
 
 /// The scene of an image, ready for closed forms.
 pub(super) struct Reference<'a> {
@@ -537,12 +461,4 @@ enum Coverage {
     None,
     Partial,
     Full,
-}
-
-/// Returns true if a point of the plane is in a convex polygon or on its border.
-pub(super) fn contains(corners: &[DVec3], point: DVec3, normal: DVec3) -> bool {
-    (0..corners.len()).all(|k| {
-        let (a, b) = (corners[k], corners[(k + 1) % corners.len()]);
-        normal.dot((b - a).cross(point - a)) >= 0.0
-    })
 }

@@ -1,8 +1,8 @@
 //! What the points of a flat region see of the emitters.
 
-use super::DVec3;
+use glam::DVec3;
+
 use super::clear_view::Plate;
-use super::points::contains;
 use crate::form_factor::partial::VisibleFactor;
 use crate::geometry::point_form_factor::point_form_factor;
 use crate::geometry::polygon;
@@ -142,4 +142,12 @@ fn blocker(corners: std::borrow::Cow<'_, [DVec3]>) -> Blocker<'_> {
         corners,
         one_sided: false,
     }
+}
+
+/// Returns true if a point of the plane is in a convex polygon or on its border.
+pub(super) fn contains(corners: &[DVec3], point: DVec3, normal: DVec3) -> bool {
+    (0..corners.len()).all(|k| {
+        let (a, b) = (corners[k], corners[(k + 1) % corners.len()]);
+        normal.dot((b - a).cross(point - a)) >= 0.0
+    })
 }

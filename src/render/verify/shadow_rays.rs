@@ -1,16 +1,16 @@
 //! The shadow rays of a picture, drawn again: to which points of an emitter they go follows from the file's settings and seed.
 
+use glam::DVec3;
+
 use super::clear_view::Plate;
-use super::points::LEAK;
 use super::size::Size;
-use super::tolerance::{divergence, effective_samples};
-use super::{DVec3, SurfaceRecord};
+use super::tolerance::{LEAK, divergence, effective_samples};
 use crate::geometry::clip::clip_to_half_space;
 use crate::geometry::polygon;
 use crate::geometry::sampling::{PointStream, Sequence, UniformOnPolygon};
-use crate::render::DirectMethod;
+use crate::render::attributes::SurfaceRecord;
 use crate::render::attributes::{Attributes, PolygonRecord};
-use crate::render::direct::{EDGE_OFFSETS, Inset, edge_distance};
+use crate::render::direct::{DirectMethod, EDGE_OFFSETS, Inset, edge_distance};
 use crate::render::samples::PixelSamples;
 
 /// How near to an occluder's edge, as a share of the scene's size, a ray in f32 (6e-8) may pass on either side.

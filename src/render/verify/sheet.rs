@@ -1,13 +1,16 @@
 //! Rectangles of an image and what their pixels must show.
 
+use glam::DVec3;
 use rayon::prelude::*;
 
+use super::answer::{Centre, PixelAnswer, Shown};
+use super::error::VerifyError;
 use super::faces::{Faces, Seen};
 use super::light::Light;
-use super::points::{PixelAnswer, Reference, Shown};
+use super::points::Reference;
 use super::region::SeenFrom;
-use super::{DVec3, Tile, VerifyError};
 use crate::render::samples::PixelSamples;
+use crate::render::unfolded::Tile;
 use crate::render::view::CameraRecord;
 
 /// Side of the square blocks of pixels for which candidates are looked up together.
@@ -23,23 +26,6 @@ pub(super) struct Sheet {
     pub(super) centres: Vec<Centre>,
     /// The eye and the axis of a camera; depth is measured along it, and is 0 without one.
     pub(super) view: Option<(DVec3, DVec3)>,
-}
-
-/// What is at the centre of a pixel.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum Centre {
-    /// That depends on rounding.
-    Unsure,
-    Nothing,
-    Face {
-        /// The number of the face, or of another one in its plane if it is not `alone`.
-        face: u32,
-        /// Whether no other face of its plane is near.
-        alone: bool,
-        point: DVec3,
-        /// How far rounding may move the point, in m.
-        slack: f64,
-    },
 }
 
 impl Sheet {

@@ -1,7 +1,8 @@
 //! All pixels' errors together, against the noise of the rays that the file tells of.
 
+use super::answer::PixelAnswer;
 use super::layers::Judged;
-use super::points::{PixelAnswer, Reference};
+use super::points::Reference;
 
 /// Rays of a pixel that must be expected to hit emitters, and to miss them, before its error counts as normal: the fourth moment of a binomial
 /// number is then within 1.2 % of a normal one's.

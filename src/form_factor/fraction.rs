@@ -1,0 +1,20 @@
+//! A fraction of light, with its error.
+
+/// A fraction of the light of a patch, or of a surface, with its error.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Fraction {
+    /// The fraction.
+    pub value: f64,
+    /// What it may be off by as its neighbours are too, in the same direction: errors of form factors.
+    pub common: f64,
+    /// The variance of what it is off by independently of others: that of rays.
+    pub variance: f64,
+}
+
+impl Fraction {
+    /// Returns an estimate of the absolute error.
+    #[must_use]
+    pub fn error(self) -> f64 {
+        self.common + self.variance.sqrt()
+    }
+}

@@ -1,0 +1,25 @@
+//! What is rendered.
+
+use crate::matrix::operator::Block;
+use crate::mesh::Mesh;
+use crate::scene::Scene;
+use crate::visibility::Visibility;
+
+/// A scene with a solution. Blocks have one row per patch and one (grey) or three channels.
+#[derive(Clone, Copy)]
+pub struct RenderInput<'a> {
+    /// The scene.
+    pub scene: &'a Scene,
+    /// Its patches.
+    pub mesh: &'a Mesh,
+    /// Who sees whom.
+    pub visibility: &'a dyn Visibility,
+    /// B in W·m⁻².
+    pub radiosity: &'a Block,
+    /// H = F B in W·m⁻².
+    pub irradiance: &'a Block,
+    /// F (B − E): the irradiance but for what comes straight from the emitters. Wanted where there is a direct pass.
+    pub indirect_irradiance: Option<&'a Block>,
+    /// The estimated error of B, in W·m⁻².
+    pub error: Option<&'a Block>,
+}

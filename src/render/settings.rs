@@ -1,0 +1,46 @@
+//! How an image is made from a solution.
+
+use std::num::NonZeroU32;
+
+use serde::{Deserialize, Serialize};
+
+use super::direct::DirectMethod;
+use super::gather::GatherSettings;
+use crate::geometry::sampling::Sequence;
+
+/// How an image is made from a solution.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RenderSettings {
+    /// Whether each patch is shown with its own constant value, not interpolated between patches.
+    pub flat: bool,
+    /// s: the colours of a pixel are the mean of s² samples, on a regular grid unless `adaptive`; the centre alone for 1.
+    pub samples: NonZeroU32,
+    /// Whether the samples of a pixel, if it has several, are a scrambled net, with 4 s² where the pixel or one beside it shows an edge, and 16 s² at an edge of an emitter.
+    ///
+    /// Has no effect in an unfolded view, where the edges of rectangles run along those of pixels.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub adaptive: bool,
+    /// The direct pass.
+    pub direct: DirectMethod,
+    /// Final gather, in place of interpolation.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gather: Option<GatherSettings>,
+    /// The numbers of the direct pass and of gathering.
+    pub sequence: Sequence,
+    /// The seed of these numbers.
+    pub seed: u64,
+}
+
+impl Default for RenderSettings {
+    fn default() -> Self {
+        Self {
+            flat: false,
+            samples: NonZeroU32::MIN,
+            adaptive: false,
+            direct: DirectMethod::Off,
+            gather: None,
+            sequence: Sequence::Sobol,
+            seed: 0,
+        }
+    }
+}
