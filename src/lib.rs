@@ -86,8 +86,8 @@
 //! // B of the lower square is 1 / (1 − ρ² F²), with F = 0.199825 (closed form of opposed squares).
 //! let lower = study.solution.radiosity.row(0)[0];
 //! let error = study.error.relative().expect("the form factors state their errors");
-//! println!("{lower:.6} W/m² within {error:.1e} of it");
-//! assert!((lower - 1.0 / (1.0 - 0.25 * 0.199_824_9_f64.powi(2))).abs() < 1e-6);
+//! println!("{lower:.6} W/m², off by about {error:.1e} of it");
+//! assert!((lower - 1.0 / (1.0 - 0.25 * 0.199_824_9_f64.powi(2))).abs() < 2.0 * error * lower);
 //! assert!(cx.warnings().is_empty());
 //! # Ok(())
 //! # }
