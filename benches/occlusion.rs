@@ -5,7 +5,7 @@ use std::hint::black_box;
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use glam::DVec3;
 use radiosity::form_factor::partial::{Accuracy, exchange_area};
-use radiosity::visibility::blockers::{BlockerId, BlockerIndex, PairVisibility};
+use radiosity::visibility::occluders::{OccluderId, OccluderIndex, PairVisibility};
 use shapes::{Polygon, cuboid, cut, scene_of};
 
 #[path = "../tests/library/embree/scenes.rs"]
@@ -17,10 +17,10 @@ mod scenes;
 mod shapes;
 
 /// The pairs of patches that may be occluded.
-type Pairs = Vec<(Polygon, Polygon, Vec<BlockerId>)>;
+type Pairs = Vec<(Polygon, Polygon, Vec<OccluderId>)>;
 
 /// Classifies all pairs of patches, those of faces first.
-fn classify(index: &BlockerIndex, faces: &[Polygon], patches: &[Vec<Polygon>]) -> Pairs {
+fn classify(index: &OccluderIndex, faces: &[Polygon], patches: &[Vec<Polygon>]) -> Pairs {
     let mut partial = Vec::new();
     for (i, face) in faces.iter().enumerate() {
         for (j, other) in faces.iter().enumerate().skip(i + 1) {
@@ -42,7 +42,7 @@ fn classify(index: &BlockerIndex, faces: &[Polygon], patches: &[Vec<Polygon>]) -
 fn room_with_a_box(criterion: &mut Criterion) {
     let mut faces = cuboid(DVec3::ZERO, DVec3::new(4.0, 5.0, 3.0), false);
     faces.extend(cuboid(DVec3::new(1.0, 1.5, 0.5), DVec3::new(2.2, 3.0, 1.7), true));
-    let index = BlockerIndex::new(&scene_of(&faces));
+    let index = OccluderIndex::new(&scene_of(&faces));
     let mut group = criterion.benchmark_group("room with a box");
     group.sample_size(10);
     for n in [1, 3, 4] {
@@ -61,7 +61,7 @@ fn room_with_a_box(criterion: &mut Criterion) {
                 };
                 bencher.iter(|| {
                     for (p, q, ids) in &pairs {
-                        black_box(exchange_area(p, q, &index.blockers(p, q, ids), accuracy));
+                        black_box(exchange_area(p, q, &index.occluders(p, q, ids), accuracy));
                     }
                 });
             });

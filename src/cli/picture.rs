@@ -56,7 +56,7 @@ pub(super) fn shoot(
         output,
         preview,
     };
-    let image = workflow::shoot(input, &request, watcher, &mut run.cx)?;
+    let image = workflow::render_to_files(input, &request, watcher, &mut run.cx)?;
     if display.is_some_and(|tev| !tev.is_connected()) {
         run.warn("the viewer stopped taking pixels; the picture is whole all the same");
     }

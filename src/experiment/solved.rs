@@ -6,7 +6,7 @@ use super::ExperimentError;
 use crate::solver::{RadiositySystem, Solution, SolveOptions, SolverSettings, StopReason, Tolerance, solver};
 
 /// Passes after which a reference is given up.
-const MOST_PASSES: usize = 10_000;
+const MAX_PASSES: usize = 10_000;
 
 /// Solves a system with the solver of a name and its defaults; an answer that does not meet the tolerance is an error.
 pub(super) fn solved(
@@ -16,7 +16,7 @@ pub(super) fn solved(
 ) -> Result<Solution, ExperimentError> {
     let options = SolveOptions {
         tolerance,
-        max_passes: MOST_PASSES,
+        max_passes: MAX_PASSES,
         ..SolveOptions::default()
     };
     let solver = solver(name, &SolverSettings::default())?;

@@ -15,7 +15,7 @@ use crate::geometry::polygon;
 use crate::geometry::polygon_form_factor::{PreparedPolygon, Tolerance, exchange_area};
 use crate::mesh::PatchId;
 use crate::progress::Silent;
-use crate::visibility::blockers::{BlockerId, BlockerIndex, PairVisibility};
+use crate::visibility::occluders::{OccluderId, OccluderIndex, PairVisibility};
 use candidates::{Candidates, Seeing};
 pub(super) use candidates::{Outline, Sheets, places_of_patches};
 
@@ -61,7 +61,7 @@ pub(super) fn back_factors(input: Input<'_>, wanted: &[bool], n_rays: Option<usi
     } else {
         let pairs = Pairs {
             input,
-            index: BlockerIndex::new(input.scene),
+            index: OccluderIndex::new(input.scene),
             n_patches: open.len(),
         };
         let pairs_of = open.par_iter().with_max_len(1);
@@ -102,14 +102,14 @@ struct Pair<'a> {
     back: &'a [DVec3],
     most: f64,
     error: f64,
-    among: Vec<BlockerId>,
+    among: Vec<OccluderId>,
     touched: bool,
 }
 
 /// Exchange areas of patches and backs.
 struct Pairs<'a> {
     input: Input<'a>,
-    index: BlockerIndex,
+    index: OccluderIndex,
     /// The number of patches that share the work.
     n_patches: usize,
 }

@@ -22,7 +22,7 @@ use crate::progress::Progress;
 const RULE_TOLERANCE: f64 = 1e-3;
 
 /// The most points on the parts of a patch that is cut.
-const MOST_POINTS: usize = 4096;
+const MAX_POINTS: usize = 4096;
 
 /// Gauss points on one patch of each pair, exact point-to-polygon form factors to the other.
 ///
@@ -154,13 +154,13 @@ impl<'a, F: Fn(DVec3) -> f64> Division<'a, F> {
         }
     }
 
-    /// Returns the integral over all parts after halving the most doubtful ones, until it is that near to its exact value or [`MOST_POINTS`] are used up.
+    /// Returns the integral over all parts after halving the most doubtful ones, until it is that near to its exact value or [`MAX_POINTS`] are used up.
     ///
     /// The doubt about a half is half of what the halving changed, against the whole patch, and no less than an eighth of the doubt before, so
     /// that what all points of a part miss is found in time.
     fn refined(mut self, exact: f64, tolerance: f64) -> f64 {
         let area = polygon::area_vector(&self.parts[0].corners).length();
-        let most_cuts = MOST_POINTS / (2 * self.rule.n_points());
+        let most_cuts = MAX_POINTS / (2 * self.rule.n_points());
         for _ in 0..most_cuts {
             if (self.integral - exact).abs() <= tolerance {
                 break;

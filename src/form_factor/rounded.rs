@@ -16,7 +16,7 @@ use crate::geometry::polygon_form_factor::{PreparedPolygon, Tolerance, exchange_
 use crate::matrix::{Entry, UpperBounds};
 use crate::mesh::{Mesh, PatchId, mean_value_weights};
 use crate::scene::{FaceId, Scene, Written};
-use crate::visibility::blockers::{BlockerId, BlockerIndex, PairVisibility};
+use crate::visibility::occluders::{OccluderId, OccluderIndex, PairVisibility};
 use crate::visibility::shaft::Shaft;
 use behind::{Glance, Plane};
 
@@ -390,7 +390,7 @@ pub(super) struct RoundedRows<'a> {
     input: Input<'a>,
     rounded: Rounded,
     /// `None` where nothing blocks.
-    index: Option<BlockerIndex>,
+    index: Option<OccluderIndex>,
     polygons: Vec<PreparedPolygon>,
     facing: Facing,
 }
@@ -410,7 +410,7 @@ impl<'a> RoundedRows<'a> {
         Some(Self {
             input,
             rounded: Rounded::new(input)?,
-            index: (!input.unoccluded).then(|| BlockerIndex::new(input.scene)),
+            index: (!input.unoccluded).then(|| OccluderIndex::new(input.scene)),
             polygons: facing::prepared(input.mesh),
             facing: Facing::new(input.mesh),
         })
@@ -479,7 +479,7 @@ impl<'a> RoundedRows<'a> {
         let face = |entry: &Entry| mesh.patches[entry.0 as usize].face;
         let n_rough = if self.index.is_some() { FEW } else { 0 };
         for of_face in entries.chunk_by_mut(|one, other| face(one) == face(other)) {
-            let mut between: Option<Option<Vec<BlockerId>>> = None;
+            let mut between: Option<Option<Vec<OccluderId>>> = None;
             for entry in of_face {
                 let j = entry.0 as usize;
                 let exchange = scale * entry.1;
@@ -496,7 +496,7 @@ impl<'a> RoundedRows<'a> {
     }
 
     /// Returns the occluders between patch i and the face of patch j; `None` if they hide it for certain.
-    fn between(&self, i: usize, j: usize) -> Option<Vec<BlockerId>> {
+    fn between(&self, i: usize, j: usize) -> Option<Vec<OccluderId>> {
         let Some(index) = &self.index else {
             return Some(Vec::new());
         };
@@ -508,7 +508,7 @@ impl<'a> RoundedRows<'a> {
         }
     }
 
-    fn closely(&self, [i, j]: [usize; 2], exchange: f64, occluders: &[BlockerId]) -> f64 {
+    fn closely(&self, [i, j]: [usize; 2], exchange: f64, occluders: &[OccluderId]) -> f64 {
         let visible = if occluders.is_empty() {
             1.0
         } else {

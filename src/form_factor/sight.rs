@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::Input;
 use crate::mesh::PatchId;
-use crate::visibility::blockers::{BlockerIndex, PairVisibility};
+use crate::visibility::occluders::{OccluderIndex, PairVisibility};
 use crate::visibility::shaft::Shaft;
 
 /// What is known of a pair before any ray is traced.
@@ -22,14 +22,14 @@ pub(super) enum Sight {
 pub(super) struct Sights<'a> {
     input: Input<'a>,
     /// `None` where nothing blocks.
-    index: Option<BlockerIndex>,
+    index: Option<OccluderIndex>,
 }
 
 impl<'a> Sights<'a> {
     pub(super) fn new(input: Input<'a>) -> Self {
         Self {
             input,
-            index: (!input.unoccluded).then(|| BlockerIndex::new(input.scene)),
+            index: (!input.unoccluded).then(|| OccluderIndex::new(input.scene)),
         }
     }
 
@@ -75,7 +75,7 @@ impl Sight {
 
 /// Makes pairs that a shaft calls hidden, because all that they see of each other is lower than its tolerance, whole ones: nothing fits in between. The sides of a sheet stay hidden.
 pub(super) fn whole_where_grazing(
-    index: &BlockerIndex,
+    index: &OccluderIndex,
     found: PairVisibility,
     p: &[DVec3],
     q: &[DVec3],

@@ -15,7 +15,7 @@ const BLOCK_ROWS: usize = 32;
 const BLOCK_ENTRIES: f64 = 524_288.0;
 
 /// But no fewer blocks than these, for the threads.
-const LEAST_BLOCKS: usize = 64;
+const MIN_BLOCKS: usize = 64;
 
 /// One place of F and its mirror image: (F_ij, standard error) and (F_ji, standard error).
 pub(crate) struct Pair {
@@ -45,7 +45,7 @@ impl FormFactors {
             reason = "from 1 to BLOCK_ENTRIES"
         )]
         let fitting = (BLOCK_ENTRIES / per_row) as usize;
-        fitting.min(n / LEAST_BLOCKS).max(BLOCK_ROWS)
+        fitting.min(n / MIN_BLOCKS).max(BLOCK_ROWS)
     }
 
     /// Calls `visit(i, j, pair)` for all i in `rows` and all j from `first_column` on where F_ij or F_ji is stored, row by row in

@@ -9,19 +9,19 @@ use crate::form_factor::partial::VisibleFactor;
 use crate::geometry::point_form_factor::point_form_factor;
 use crate::mesh::{Mesh, PatchId};
 use crate::scene::Scene;
-use crate::visibility::blockers::{BlockerIndex, PairVisibility};
+use crate::visibility::occluders::{OccluderIndex, PairVisibility};
 
 /// What is needed to find out which parts of an emitter a patch sees.
 pub(super) struct ClearParts<'a> {
     mesh: &'a Mesh,
-    index: BlockerIndex,
+    index: OccluderIndex,
 }
 
 impl<'a> ClearParts<'a> {
     pub(super) fn new(scene: &Scene, mesh: &'a Mesh) -> Self {
         Self {
             mesh,
-            index: BlockerIndex::new(scene),
+            index: OccluderIndex::new(scene),
         }
     }
 
@@ -31,9 +31,9 @@ impl<'a> ClearParts<'a> {
             PairVisibility::None => Seen::Not,
             PairVisibility::Full => Seen::Whole,
             PairVisibility::Partial(between) => {
-                let blockers = self.index.blockers(&region, emitter, &between);
+                let occluders = self.index.occluders(&region, emitter, &between);
                 let normal = self.mesh.patches[patch.0 as usize].normal;
-                Seen::Behind(Box::new(VisibleFactor::new(&region, normal, emitter, &blockers)))
+                Seen::Behind(Box::new(VisibleFactor::new(&region, normal, emitter, &occluders)))
             }
         }
     }

@@ -9,13 +9,13 @@ use crate::geometry::box_pairs::overlapping_pairs;
 use crate::geometry::polygon;
 
 /// Outlines and edges that are shorter than so many units tell nothing: a unit is a part of their shape.
-const LEAST_UNITS: f64 = 100.0;
+const MIN_UNITS: f64 = 100.0;
 
 /// The same of a turned rectangle, whose four corners are to be right angles to 6 degrees or better.
-const LEAST_SIDE: f64 = 30.0;
+const MIN_SIDE: f64 = 30.0;
 
 /// The least share of rectangles that miss a right angle among pairs of triangles that make a quadrilateral: of an irregular mesh some do by chance.
-const LEAST_SHARE: f64 = 0.25;
+const MIN_SHARE: f64 = 0.25;
 
 /// What f64 leaves of heights and cosines that are 0.
 const NOISE: f64 = 1e-12;
@@ -42,7 +42,7 @@ impl Misses {
         let unit = written.unit(low.abs().max(high.abs()).max_element());
         let size = low.distance(high);
         let bend = polygon::planarity_error(corners);
-        if size >= LEAST_UNITS * unit && bend > NOISE * size.max(high.abs().max_element()) {
+        if size >= MIN_UNITS * unit && bend > NOISE * size.max(high.abs().max_element()) {
             if bend <= unit {
                 self.n_nearly_flat += 1;
             } else {
@@ -81,7 +81,7 @@ fn is_nearly_square(edges: [DVec3; 4], unit: f64) -> bool {
         let (one, next) = (edges[k], edges[(k + 1) % 4]);
         let (a, b) = (one.length(), next.length());
         let is_near = one.dot(next).abs() <= 1.5 * unit * (a + b);
-        (is_near && a.min(b) >= LEAST_SIDE * unit).then(|| one.dot(next).abs() / (a * b))
+        (is_near && a.min(b) >= MIN_SIDE * unit).then(|| one.dot(next).abs() / (a * b))
     };
     let cosines = [off(0), off(1), off(2), off(3)];
     cosines.iter().all(Option::is_some) && cosines.iter().flatten().any(|&cosine| cosine > NOISE)
@@ -114,7 +114,7 @@ fn has_nearly_square_halves(scene: &Scene, written: &Written) -> bool {
         }
         apex_of.insert([from, to], apex);
     }
-    n_nearly_square > 0 && f64::from(n_nearly_square) >= LEAST_SHARE * f64::from(n_pairs)
+    n_nearly_square > 0 && f64::from(n_nearly_square) >= MIN_SHARE * f64::from(n_pairs)
 }
 
 /// Tells whether a vertex is off an edge of a face that is not its own by less than a unit.
@@ -131,7 +131,7 @@ fn has_vertex_beside_edge(scene: &Scene, written: &Written) -> bool {
             let edge = [a, corners[(k + 1) % corners.len()]];
             let [from, to] = edge.map(|v| scene.vertices[v as usize]);
             // Of an edge along an axis, whatever is off it is so by a unit or more.
-            if from.distance(to) >= 2.0 * LEAST_UNITS * unit && !is_along_axis(to - from) {
+            if from.distance(to) >= 2.0 * MIN_UNITS * unit && !is_along_axis(to - from) {
                 edges.push(edge);
                 faces.push(corners);
             }
@@ -163,7 +163,7 @@ fn has_vertex_beside_edge(scene: &Scene, written: &Written) -> bool {
         let along = (to - from) / length;
         let t = along.dot(at(vertex) - from);
         let off = along.cross(at(vertex) - from).length();
-        let is_inside = t > LEAST_UNITS * unit && t < length - LEAST_UNITS * unit;
+        let is_inside = t > MIN_UNITS * unit && t < length - MIN_UNITS * unit;
         is_found = is_inside && off < unit && off > NOISE * length.max(at(vertex).abs().max_element());
     });
     is_found

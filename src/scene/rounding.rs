@@ -6,7 +6,7 @@ use super::{Corners, Face, MaterialId, Scene, SurfaceId, Written};
 use crate::geometry::polygon;
 
 /// Coordinates of fewer digits are taken as meant: 0.25 is a quarter, 0.333333 a third that was rounded.
-const LEAST_DIGITS: i32 = 6;
+const MIN_DIGITS: i32 = 6;
 
 /// Heights of a rounded corner over the plane of three others, by the rounding of a coordinate: the standard deviation is about 1.
 const HEIGHT: f64 = 4.0;
@@ -50,7 +50,7 @@ impl Scene {
 
     /// Returns by how much a coordinate may have been rounded, in m.
     fn rounding(&self) -> f64 {
-        let Some(written) = self.written.filter(|written| written.is_rounded(LEAST_DIGITS)) else {
+        let Some(written) = self.written.filter(|written| written.is_rounded(MIN_DIGITS)) else {
             return 0.0;
         };
         let is_along_axis = |face| {

@@ -33,7 +33,7 @@ pub struct Written {
 
 impl Written {
     /// The digits of a fractional number from which on it was rounded: 0.25 is a quarter, 0.333333 a third.
-    const LEAST_DIGITS: i32 = 6;
+    const MIN_DIGITS: i32 = 6;
 
     /// Returns what is known before any number.
     pub(super) fn new() -> Self {
@@ -85,12 +85,12 @@ impl Written {
     /// Tells whether the coordinates were rounded: some need six digits, or the mesh misses itself by what rounding explains. Whole numbers and short decimals are what is meant.
     #[must_use]
     pub fn shows_rounding(&self) -> bool {
-        self.needed >= Self::LEAST_DIGITS || self.misses
+        self.needed >= Self::MIN_DIGITS || self.misses
     }
 
     /// Tells whether points that nearly meet may be one: the coordinates [were rounded](Self::shows_rounding), or look it, whatever they need.
     pub(super) fn may_part_points(&self) -> bool {
-        self.shows_rounding() || self.is_rounded(Self::LEAST_DIGITS)
+        self.shows_rounding() || self.is_rounded(Self::MIN_DIGITS)
     }
 
     /// Tells whether numbers look rounded: with places after the point, and at least so many digits.

@@ -17,7 +17,7 @@ use crate::threads;
 const TOLERANCE: f64 = 1e-3;
 
 /// Passes after which there is no estimate.
-const MOST_PASSES: usize = 1000;
+const MAX_PASSES: usize = 1000;
 
 /// The rounding of f64, relative.
 const F64_ROUNDING: f64 = 0.5 * f64::EPSILON;
@@ -128,7 +128,7 @@ fn sent_wrongly(factors: &FormFactors, reflectance: &Block, radiosity: &Block, i
 fn solved(system: &RadiositySystem) -> Result<Block, SolverError> {
     let options = SolveOptions {
         tolerance: Tolerance::ResidualL2(TOLERANCE),
-        max_passes: MOST_PASSES,
+        max_passes: MAX_PASSES,
         ..SolveOptions::default()
     };
     let solver = registry::solver("auto", &SolverSettings::default())?;

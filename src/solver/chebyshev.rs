@@ -57,7 +57,7 @@ pub struct Chebyshev {
 }
 
 /// The least μ: with a smaller one passes are spent on eigenvalues that need not exist.
-const LEAST_LOW: f64 = 1.0 / 1024.0;
+const MIN_LOW: f64 = 1.0 / 1024.0;
 
 impl Solver for Chebyshev {
     fn name(&self) -> &'static str {
@@ -98,7 +98,7 @@ struct Interval {
 
 impl Interval {
     fn new(low: f64, high: f64) -> Self {
-        let low = low.max(LEAST_LOW);
+        let low = low.max(MIN_LOW);
         let high = high.max(low);
         Self {
             middle: 0.5 * (high + low),

@@ -16,7 +16,7 @@ use crate::mesh::hierarchy::{Coarsening, Hierarchy, Prolongation};
 const TOLERANCE: f64 = 1e-2;
 
 /// Passes after which nothing is known.
-const MOST_PASSES: usize = 100;
+const MAX_PASSES: usize = 100;
 
 /// What a solution would be on the next coarser mesh.
 #[derive(Clone, Debug, PartialEq)]
@@ -69,7 +69,7 @@ pub fn coarsened(
     let system = RadiositySystem::with_signed_exitance(operator, areas.to_vec(), reflectance.clone(), source)?;
     let options = SolveOptions {
         tolerance: Tolerance::ResidualL2(TOLERANCE),
-        max_passes: MOST_PASSES,
+        max_passes: MAX_PASSES,
         ..SolveOptions::default()
     };
     let solver = registry::solver("gmres", &SolverSettings::default())?;

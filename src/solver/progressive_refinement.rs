@@ -78,7 +78,7 @@ impl Solver for ProgressiveRefinement {
 }
 
 /// The most passes' work in steps that count as one pass: a pass cannot be interrupted.
-const MOST_PASSES_IN_ONE: usize = 16;
+const MAX_PASSES_IN_ONE: usize = 16;
 
 /// Light that is shot patch by patch: what this method and [`Overshooting`](super::Overshooting) share.
 pub(super) struct Light<'a> {
@@ -134,7 +134,7 @@ impl<'a> Light<'a> {
             shot,
             unshot,
             selections: vec![0; n],
-            steps_per_pass: steps_per_pass.map_or(n, |steps| steps.get().min(n.saturating_mul(MOST_PASSES_IN_ONE))),
+            steps_per_pass: steps_per_pass.map_or(n, |steps| steps.get().min(n.saturating_mul(MAX_PASSES_IN_ONE))),
             enough,
             n_steps: 0,
             setup: Setup {

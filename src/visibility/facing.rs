@@ -13,8 +13,8 @@ const BY_FACE: usize = 2048;
 
 /// Rays for all faces or surfaces together, and the least and the most for each.
 const RAYS: usize = 1 << 17;
-const LEAST_RAYS: usize = 64;
-const MOST_RAYS: usize = 1024;
+const MIN_RAYS: usize = 64;
+const MAX_RAYS: usize = 1024;
 
 /// Rays that must meet a back before it counts as seen: a single one may slip through the joint between two faces.
 const SEEN: u32 = 2;
@@ -126,7 +126,7 @@ fn inside_out(scene: &Scene, visibility: &dyn Visibility, groups: &Groups, found
         let group = groups.of_face(*face);
         !found.sees[group] && !found.front_is_seen[group]
     };
-    let n_rays = (RAYS / scene.surfaces.len()).clamp(LEAST_RAYS, MOST_RAYS);
+    let n_rays = (RAYS / scene.surfaces.len()).clamp(MIN_RAYS, MAX_RAYS);
     let mut hits = HitBatch::default();
     let mut result = Vec::new();
     for (surface, faces) in (0..).map(SurfaceId).zip(&of_surfaces) {
@@ -242,7 +242,7 @@ fn trace(scene: &Scene, visibility: &dyn Visibility, groups: &Groups) -> Found {
         front_is_seen: vec![false; groups.n],
         back_hits: vec![0; groups.n],
     };
-    let n_rays = (RAYS / groups.n).clamp(LEAST_RAYS, MOST_RAYS);
+    let n_rays = (RAYS / groups.n).clamp(MIN_RAYS, MAX_RAYS);
     let mut members: Vec<Vec<FaceId>> = vec![Vec::new(); groups.n];
     for face in scene.face_ids() {
         members[groups.of_face(face)].push(face);

@@ -1,6 +1,5 @@
 //! Who sees whom: batches of rays against the faces of a scene.
 
-pub mod blockers;
 pub mod brute_force;
 pub mod embree;
 pub mod facing;
@@ -8,6 +7,7 @@ mod flat_polygon;
 mod frame;
 pub mod gaps;
 pub mod leaks;
+pub mod occluders;
 pub(crate) mod shaft;
 mod sheets;
 

@@ -75,7 +75,7 @@ const RELATIVE_TOLERANCE: f64 = 1e-10;
 const SEEN: f64 = 2e-14;
 
 /// A height of more than this part of the smaller polygon's size, and of the distance from it, is one, whatever the coordinates of the larger.
-const LEAST_HEIGHT: f64 = 1e-9;
+const MIN_HEIGHT: f64 = 1e-9;
 
 /// Normals of one plane differ by less: ends that touch each other's plane may cross it by a tolerance.
 const SAME_PLANE: f64 = 1e-8;
@@ -84,7 +84,7 @@ const SAME_PLANE: f64 = 1e-8;
 const ON_LINE: f64 = 1e-24;
 
 /// Beyond a polygon, so many times its width off, its plane is asked no more what rounding has made of it.
-const MOST_LEAN: f64 = 100.0;
+const MAX_LEAN: f64 = 100.0;
 
 /// How the plane of a polygon leans where the polygon's corners are rounded: as much more as the polygon is narrow.
 #[derive(Clone, Copy, Debug)]
@@ -112,7 +112,7 @@ impl Lean {
 
     /// Returns how far off the plane a point may seem that lies in it, where corners are off by `slack`.
     pub(crate) fn height(&self, slack: f64, point: DVec3) -> f64 {
-        slack * (1.0 + (self.distance(point) / self.width).min(MOST_LEAN))
+        slack * (1.0 + (self.distance(point) / self.width).min(MAX_LEAN))
     }
 }
 
@@ -134,7 +134,7 @@ impl<'a> Shaft<'a> {
             part: Cow::Borrowed(polygon),
             plane: Plane::of(polygon),
             rounding: rounding(polygon),
-            least_height: rounding(polygon).min(LEAST_HEIGHT * smaller.reach),
+            least_height: rounding(polygon).min(MIN_HEIGHT * smaller.reach),
             lean,
         });
         let parts = [in_front(p, &ends[1], &smaller)?, in_front(q, &ends[0], &smaller)?];
@@ -396,7 +396,7 @@ impl End<'_> {
         let rounded = self.lean.height(self.rounding, point);
         rounded
             .max(SEEN * (self.lean.reach + self.lean.distance(point)))
-            .min(LEAST_HEIGHT * (smaller.reach + smaller.distance(point)))
+            .min(MIN_HEIGHT * (smaller.reach + smaller.distance(point)))
     }
 }
 

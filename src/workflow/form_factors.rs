@@ -16,7 +16,7 @@ use crate::form_factor::{
 use crate::matrix::{BalanceReport, Checks, FormFactors, Need, RepairKind, Sampling};
 use crate::progress::Progress as _;
 use crate::scene::Scene;
-use crate::visibility::blockers::BlockerIndex;
+use crate::visibility::occluders::OccluderIndex;
 
 /// Rays for each patch that shooting takes where nothing else is said.
 pub const DEFAULT_RAYS: u64 = 4096;
@@ -273,7 +273,7 @@ impl Model {
         let asked = request.settings.tolerance;
         let tolerance = asked.unwrap_or(request.default_tolerance);
         if !self.plan.convex_and_empty {
-            let n = BlockerIndex::new(&self.scene).n_blockers();
+            let n = OccluderIndex::new(&self.scene).n_occluders();
             self.plan.revise(
                 "visibility",
                 format!("exact clipping against {n} occluders"),

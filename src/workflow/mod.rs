@@ -31,7 +31,7 @@ pub use lightings::Stack;
 pub use mesh_error::MeshError;
 pub use model::{Model, Use, expect_room, load};
 pub use on_the_fly::indirect_irradiance;
-pub use picture::{PictureFile, PictureRequest, gathered, picture_byte, shoot, warn_if_blank};
+pub use picture::{PictureFile, PictureRequest, gathered, picture_byte, render_to_files, warn_if_blank};
 pub use pictures::{PICTURE_RAYS, PICTURE_TOLERANCE, picture_patches};
 pub use reuse::mesh_options;
 pub use solve::{Known, SolutionStudy, SolveRequest, go_on};

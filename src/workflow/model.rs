@@ -23,10 +23,10 @@ const PATCH_BYTE: u64 = 160;
 const FACE_BYTE: u64 = 256;
 
 /// Surfaces with faces that seem turned are named one by one up to here.
-const MOST_TURNED: usize = 5;
+const MAX_TURNED: usize = 5;
 
 /// Rays that start farther off a face than this part of a patch's width bend what neighbours exchange by more than the noise of many.
-const MOST_OFFSET: f64 = 1e-3;
+const MAX_OFFSET: f64 = 1e-3;
 
 /// A scene with its patches, ready for ray queries.
 pub struct Model {
@@ -151,7 +151,7 @@ impl Model {
         if !model.plan.convex_and_empty {
             model.warn_of_turned_faces(cx);
         }
-        for &face in model.plan.turned.iter().take(MOST_TURNED) {
+        for &face in model.plan.turned.iter().take(MAX_TURNED) {
             let face = &model.scene.faces[face.0 as usize];
             cx.warn(Warning::InsideOut {
                 file: model.file.clone(),
@@ -204,13 +204,13 @@ impl Model {
                 n_faces,
             });
         }
-        for surface in facing.inside_out.iter().take(MOST_TURNED) {
+        for surface in facing.inside_out.iter().take(MAX_TURNED) {
             cx.warn(Warning::TurnedSurface {
                 file: file(),
                 surface: name(surface.0),
             });
         }
-        for turned in facing.turned.iter().take(MOST_TURNED) {
+        for turned in facing.turned.iter().take(MAX_TURNED) {
             cx.warn(Warning::TurnedFaces {
                 file: file(),
                 line: turned.line,
@@ -218,7 +218,7 @@ impl Model {
                 count: turned.n_faces,
             });
         }
-        if let count @ 1.. = facing.turned.len().saturating_sub(MOST_TURNED) {
+        if let count @ 1.. = facing.turned.len().saturating_sub(MAX_TURNED) {
             cx.warn(Warning::MoreTurned { file: file(), count });
         }
     }
@@ -264,7 +264,7 @@ impl Model {
         let offset = self.visibility.offset();
         let widths = self.mesh.patches.iter().map(|patch| patch.area.sqrt());
         let width = widths.fold(f64::INFINITY, f64::min);
-        if offset > MOST_OFFSET * width {
+        if offset > MAX_OFFSET * width {
             cx.warn(Warning::FarStart { offset, width });
         }
         let Some(gap) = narrowest_gap(&self.scene, offset) else {

@@ -71,7 +71,7 @@ pub fn picture_byte(view: &dyn View, settings: &RenderSettings, memory: &Memory)
 ///
 /// # Errors
 /// [`WorkflowError::Render`], and [`WorkflowError::Interrupted`].
-pub fn shoot(
+pub fn render_to_files(
     input: &RenderInput<'_>,
     request: &PictureRequest<'_>,
     watcher: &dyn Watcher,

@@ -27,11 +27,11 @@ use crate::solver::{
 const ROUNDING_TOLD_FROM: f64 = 1e-4;
 
 /// The bound on the error, relative to the light that is reflected, from which it is told, and what it is to be with the tolerance that is proposed then.
-const MOST_OF_REFLECTED: f64 = 1e-3;
+const MAX_OF_REFLECTED: f64 = 1e-3;
 const WANTED_OF_REFLECTED: f64 = 1e-4;
 
 /// The least tolerance that is proposed: below it, rounding keeps solvers from meeting it.
-const LEAST_TOLERANCE: f64 = 1e-15;
+const MIN_TOLERANCE: f64 = 1e-15;
 
 /// Stops a solver when work is to end, or late.
 pub fn go_on(progress: &dyn Progress) -> ControlFlow<()> {
@@ -375,12 +375,12 @@ fn bounds_name(bounds: SpectrumBounds) -> &'static str {
 fn warn_of_bright_lamps(system: &RadiositySystem<'_>, solution: &Solution, cx: &Context) {
     let of_reflected = solution.error_bound_of_reflected(system);
     if solution.stop_reason == StopReason::Converged
-        && let Some(bound) = of_reflected.filter(|bound| *bound > MOST_OF_REFLECTED)
+        && let Some(bound) = of_reflected.filter(|bound| *bound > MAX_OF_REFLECTED)
     {
         let tolerance = 10_f64.powf((solution.residual_l2 * WANTED_OF_REFLECTED / bound).log10().floor());
         cx.warn(Warning::LampsOutshine {
             bound,
-            tolerance: (tolerance >= LEAST_TOLERANCE).then_some(tolerance),
+            tolerance: (tolerance >= MIN_TOLERANCE).then_some(tolerance),
         });
     }
 }

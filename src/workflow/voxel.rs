@@ -19,7 +19,7 @@ use crate::voxel::{
 };
 
 /// Light that is still under way, relative to what there is, from which it is warned of.
-const MOST_UNDER_WAY: f64 = 0.05;
+const MAX_UNDER_WAY: f64 = 0.05;
 
 /// How light is found on voxels.
 #[derive(Clone, Debug, PartialEq)]
@@ -423,7 +423,7 @@ fn light_by_propagations(
     });
     cx.audited(found);
     let under_way = under_way(&result.changes);
-    if under_way > MOST_UNDER_WAY {
+    if under_way > MAX_UNDER_WAY {
         cx.warn(Warning::UnderWay { passes, under_way });
     }
     Ok(Lit {

@@ -5,7 +5,7 @@ use std::num::NonZeroUsize;
 use glam::DVec3;
 
 use super::expected::{Expected, Start};
-use super::{LEAST_SEEDS, PairFactors};
+use super::{MIN_SEEDS, PairFactors};
 use crate::experiment::ExperimentError;
 use crate::form_factor::{FormFactorMethod, GaussShooting, Input, ParametricDifferential, RandomShooting};
 use crate::geometry::sampling::Sequence;
@@ -64,10 +64,10 @@ impl Cube {
         n_seeds: u64,
         progress: &dyn Progress,
     ) -> Result<Ensemble, ExperimentError> {
-        if n_seeds < LEAST_SEEDS {
+        if n_seeds < MIN_SEEDS {
             return Err(ExperimentError::TooFewSeeds {
                 n_seeds,
-                least: LEAST_SEEDS,
+                least: MIN_SEEDS,
             });
         }
         let run = |seed: u64| {

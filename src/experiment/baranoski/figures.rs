@@ -82,7 +82,7 @@ pub struct TableResult {
 /// that all figures of a table count together. The paper's single runs are not tested, they are given their percentiles.
 ///
 /// # Errors
-/// [`ExperimentError::TooFewSeeds`] below [`LEAST_SEEDS`](super::LEAST_SEEDS); the errors of the methods.
+/// [`ExperimentError::TooFewSeeds`] below [`MIN_SEEDS`](super::MIN_SEEDS); the errors of the methods.
 ///
 /// # Panics
 /// If a table is not one of [`TABLES`].
@@ -375,7 +375,7 @@ fn plain(method: &'static str, name: String, printed: Printed, measured: Spread)
 #[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
-    use crate::experiment::baranoski::LEAST_SEEDS;
+    use crate::experiment::baranoski::MIN_SEEDS;
     use crate::progress::Silent;
 
     /// Values that are spread like normal ones about `mean`.
@@ -406,7 +406,7 @@ mod tests {
 
     #[test]
     fn table_3_is_what_it_must_be() {
-        let tables = reproduce(&[3], LEAST_SEEDS, 0, &Silent).unwrap();
+        let tables = reproduce(&[3], MIN_SEEDS, 0, &Silent).unwrap();
         let [table] = &tables[..] else { panic!("one table") };
         assert!(table.inside, "{:e}", table.p_least);
         assert_eq!((table.number, table.n_patches, table.figures.len()), (3, 216, 4 * 7));
@@ -438,7 +438,7 @@ mod tests {
 
     #[test]
     fn too_few_seeds_are_refused() {
-        let error = reproduce(&[3], LEAST_SEEDS - 1, 0, &Silent).err().unwrap();
+        let error = reproduce(&[3], MIN_SEEDS - 1, 0, &Silent).err().unwrap();
         assert!(matches!(error, ExperimentError::TooFewSeeds { n_seeds: 29, least: 30 }));
     }
 }

@@ -30,7 +30,7 @@ pub const TABLES: std::ops::RangeInclusive<u8> = 3..=8;
 pub const TABLE_OF_SOLVERS: u8 = 2;
 
 /// The least number of seeds for an ensemble.
-pub const LEAST_SEEDS: u64 = 30;
+pub const MIN_SEEDS: u64 = 30;
 
 /// Returns the sums of all faces where every pair was shot once, from the lower number: Σ_{J<I} F_JI + Σ_{J>I} F_IJ.
 ///

@@ -15,7 +15,7 @@ use super::method::ExactMethod;
 use super::patches::{ROW_RUN, Run};
 use super::split::Split;
 use super::stated::{Seen, Stated};
-use super::table::LEAST_PAIRS;
+use super::table::MIN_PAIRS;
 use super::walk::Walk;
 use crate::form_factor::PairCounts;
 use crate::form_factor::kept::{self, Part, Piece};
@@ -23,13 +23,13 @@ use crate::form_factor::pairs::Exchange;
 use crate::form_factor::partial::Whole;
 use crate::matrix::{RowTally, RowTile};
 use crate::progress::Portions;
-use crate::visibility::blockers::{BlockerId, BlockerIndex};
+use crate::visibility::occluders::{OccluderId, OccluderIndex};
 
 /// A batch ends with the first rows that bring it to so many pairs: enough work for some threads even where rows are short.
-const LEAST_PAIRS_PER_BATCH: usize = 1 << 18;
+const MIN_PAIRS_PER_BATCH: usize = 1 << 18;
 
 /// No batch is to have more pairs.
-const MOST_PAIRS_PER_BATCH: usize = 1 << 21;
+const MAX_PAIRS_PER_BATCH: usize = 1 << 21;
 
 /// Between the two, so many rows: two for each run and thread where there are eight of these.
 const ROWS_PER_BATCH: usize = 128;
@@ -46,7 +46,7 @@ const PAIR_BYTE: u64 = 48;
 fn pairs_per_batch(n: usize) -> usize {
     ROWS_PER_BATCH
         .saturating_mul(n)
-        .clamp(LEAST_PAIRS_PER_BATCH, MOST_PAIRS_PER_BATCH)
+        .clamp(MIN_PAIRS_PER_BATCH, MAX_PAIRS_PER_BATCH)
 }
 
 /// Returns the memory that a batch takes.
@@ -215,7 +215,7 @@ impl Batches<'_> {
                     Known::Seen(self.between(hull(f), hull(g), None))
                 };
                 let [own, other] = [f, g].map(|k| self.patches.faces[k].range());
-                let fronts = (own.len() * other.len() >= LEAST_PAIRS).then(|| {
+                let fronts = (own.len() * other.len() >= MIN_PAIRS).then(|| {
                     [
                         self.facing.in_front(other.clone(), own.clone()),
                         self.facing.in_front(own, other),
@@ -232,7 +232,7 @@ impl Batches<'_> {
             first_row: rows.patches.start,
             rows: vec![Vec::new(); rows.patches.len()],
             partial: Vec::new(),
-            blockers: Vec::new(),
+            occluders: Vec::new(),
             counts: PairCounts::default(),
             before: self.rows_before(&rows.patches),
         };
@@ -284,7 +284,7 @@ impl Batches<'_> {
                     return Some(stated);
                 }
                 let begun = Instant::now();
-                let stated = self.partial(index, pair, &strip.blockers[pair.blockers.clone()], self.method);
+                let stated = self.partial(index, pair, &strip.occluders[pair.occluders.clone()], self.method);
                 // Of an integral that was stopped nothing is kept.
                 if !self.progress.is_cancelled() {
                     self.journal.keep(place, stated.to_record(), begun.elapsed());
@@ -308,9 +308,9 @@ impl Batches<'_> {
     /// Integrates a partial pair by a method, which need not be the one asked for.
     pub(super) fn partial(
         &self,
-        index: &BlockerIndex,
+        index: &OccluderIndex,
         pair: &PartialPair,
-        blockers: &[BlockerId],
+        occluders: &[OccluderId],
         method: &ExactMethod,
     ) -> Stated {
         let flat = [pair.i, pair.j].map(|k| self.patches.flat_corners(k));
@@ -319,7 +319,7 @@ impl Batches<'_> {
         let [p, q] = meeting
             .as_ref()
             .map_or(ends, |meant| meant.each_ref().map(Vec::as_slice));
-        let touched = pair.touched || meeting.is_some() || index.any_stands_on(p, q, blockers);
+        let touched = pair.touched || meeting.is_some() || index.any_stands_on(p, q, occluders);
         let most = self.unoccluded(pair.i, pair.j);
         if self.progress.is_late() {
             return self.bounded(pair, most);
@@ -337,7 +337,7 @@ impl Batches<'_> {
             exchange,
             visible: if most.area > 0.0 { exchange / most.area } else { 1.0 },
             touched,
-            occluders: blockers,
+            occluders: occluders,
         };
         let rounding = self.rounding([pair.i, pair.j], seen(most.area));
         let clipping = ROUNDING * most.area;
@@ -352,7 +352,7 @@ impl Batches<'_> {
         } else {
             Whole::of(p, q, 1e-3 * goal)
         };
-        let found = split.exchange_area(p, q, blockers, goal - room, whole);
+        let found = split.exchange_area(p, q, occluders, goal - room, whole);
         // What rounding leaves of a pair that is hidden after all would make a row of noise.
         let is_noise = found.exchange_area <= NOISE * most.area;
         // More than without occluders it cannot be, nor be off by more than that.

@@ -20,7 +20,7 @@ use crate::geometry::polygon_form_factor::exchange_area;
 use crate::matrix::Entry;
 use crate::progress::Progress;
 use crate::scene::FaceId;
-use crate::visibility::blockers::{Between, BlockerId, BlockerIndex, PairVisibility};
+use crate::visibility::occluders::{Between, OccluderId, OccluderIndex, PairVisibility};
 
 /// All batches in the order of their rows.
 pub(super) struct Batches<'a> {
@@ -29,7 +29,7 @@ pub(super) struct Batches<'a> {
     pub(super) patches: Patches,
     pub(super) facing: Facing,
     pub(super) tree: FaceTree,
-    pub(super) index: Option<BlockerIndex>,
+    pub(super) index: Option<OccluderIndex>,
     /// The patches of a file whose coordinates are rounded.
     pub(super) rounded: Option<Rounded>,
     /// What is known from before a change.
@@ -65,7 +65,7 @@ pub(super) struct Strip {
     pub(super) rows: Vec<Vec<(u32, f64, f64)>>,
     pub(super) partial: Vec<PartialPair>,
     /// The occluders of all partial pairs, one after the other.
-    pub(super) blockers: Vec<BlockerId>,
+    pub(super) occluders: Vec<OccluderId>,
     pub(super) counts: PairCounts,
     /// What these rows were before a change; none without one.
     pub(super) before: Vec<Vec<Entry>>,
@@ -78,7 +78,7 @@ pub(super) struct PartialPair {
     /// Its place in the row of i.
     pub(super) place: usize,
     pub(super) touched: bool,
-    pub(super) blockers: Range<usize>,
+    pub(super) occluders: Range<usize>,
 }
 
 impl<'a> Batches<'a> {
@@ -88,9 +88,9 @@ impl<'a> Batches<'a> {
         before: Option<Before<'a>>,
         progress: &'a dyn Progress,
     ) -> Self {
-        let index = (!input.unoccluded).then(|| BlockerIndex::new(input.scene));
+        let index = (!input.unoccluded).then(|| OccluderIndex::new(input.scene));
         let mut patches = Patches::new(input.mesh, index.is_some());
-        patches.loosen_cut_ones(input.mesh, index.as_ref().map_or(0.0, BlockerIndex::slack));
+        patches.loosen_cut_ones(input.mesh, index.as_ref().map_or(0.0, OccluderIndex::slack));
         let facing = Facing::new(input.mesh);
         Self {
             method,
@@ -167,7 +167,7 @@ impl<'a> Batches<'a> {
     }
 
     /// Finds the occluders between two polygons, `among` some or all.
-    pub(super) fn between(&self, p: &[DVec3], q: &[DVec3], among: Option<&[BlockerId]>) -> Between {
+    pub(super) fn between(&self, p: &[DVec3], q: &[DVec3], among: Option<&[OccluderId]>) -> Between {
         let Some(index) = &self.index else {
             return Between::certain(PairVisibility::Full);
         };

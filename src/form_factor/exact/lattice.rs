@@ -12,10 +12,10 @@ use crate::form_factor::pairs::Exchange;
 const EQUAL: f64 = 4.0 * f64::EPSILON;
 
 /// A table is worth its memory only if each entry stands for at least so many pairs.
-const LEAST_REPEATS: usize = 3;
+const MIN_REPEATS: usize = 3;
 
 /// The most entries of one table: 16 MB.
-const MOST_ENTRIES: usize = 1 << 20;
+const MAX_ENTRIES: usize = 1 << 20;
 
 /// The patches of a face as translations of the first: patch i + j n lies at i u + j v.
 #[derive(Clone, Copy, Debug)]
@@ -117,7 +117,7 @@ impl Repeats {
         let coordinates = coordinates(from, to);
         let n_values: usize = coordinates.iter().map(|c| c.count).product();
         let n_pairs = from.counts.iter().chain(&to.counts).product::<usize>();
-        if n_values > MOST_ENTRIES || n_values * LEAST_REPEATS > n_pairs {
+        if n_values > MAX_ENTRIES || n_values * MIN_REPEATS > n_pairs {
             return None;
         }
         let mut repeats = Self {

@@ -9,7 +9,7 @@ use crate::geometry::polygon_form_factor::Tolerance;
 /// blocks on both; two coincident faces of opposite winding are a sheet that both sides see from.
 ///
 /// - Faces that see nothing of each other are left out by a tree of the boxes around corners and normals.
-/// - Pairs are classified in f64 against all faces of the scene ([`BlockerIndex`](crate::visibility::blockers::BlockerIndex)): faces first, then runs of patches, then
+/// - Pairs are classified in f64 against all faces of the scene ([`OccluderIndex`](crate::visibility::occluders::OccluderIndex)): faces first, then runs of patches, then
 ///   patches, each only against what stood between the larger ones. With [`Input::unoccluded`](crate::form_factor::Input::unoccluded) no index is made and nothing is classified.
 /// - Full pairs: [`polygon_form_factor::exchange_area`](crate::geometry::polygon_form_factor::exchange_area) to a relative error of `tolerance`/10⁵, but not above 1e-9 or below 1e-12;
 ///   for tolerances above 1e-6, an absolute error of A_i F_ij / min(A_i, A_j) below `tolerance`/10⁵ is enough. Where two faces are
@@ -25,7 +25,7 @@ use crate::geometry::polygon_form_factor::Tolerance;
 /// budget is spent before, the estimate says what was reached, the pair is one of [`PairCounts::n_above_tolerance`](crate::form_factor::PairCounts::n_above_tolerance) and [`Computed::tolerance_met`](crate::form_factor::Computed::tolerance_met) is false. Where two patches have less than five occluders (above a `tolerance` of 1e-6: and one is 25 times as large as the other),
 /// or one patch is 1e4 times as large as the other, the error is also to be below 10³ `tolerance` (up to a `tolerance` of 1e-5) of the exchange area without occluders, as far as a hundredth of the budget goes: small and far
 /// emitters keep their shadows. An occluder's border of 1e-10 of the width of the space between the two patches there is neglected, as
-/// [`BlockerIndex`](crate::visibility::blockers::BlockerIndex) says. Where coordinates were rounded, as those of a file with six decimals, faces that were meant to touch reach into each other or lie apart: what reaches in
+/// [`OccluderIndex`](crate::visibility::occluders::OccluderIndex) says. Where coordinates were rounded, as those of a file with six decimals, faces that were meant to touch reach into each other or lie apart: what reaches in
 /// between two patches by no more than that explains is left out, and the estimate then has the border of both patches that this may hide; quads that are bent have theirs too. Where the file [shows that it was rounded](crate::scene::Written::shows_rounding),
 /// the estimate has what its last digits leave open, too: how far A_i F_ij and the areas change where corners and the edges of occluders move by half a unit. Patches that do not face each other there, but may do so as they were meant, have an entry of 0 with an error, down to a hundredth of the tolerance. Where that brings the estimate of a pair, full or partial, above
 /// the tolerance, the pair is one of [`PairCounts::n_above_by_rounding`](crate::form_factor::PairCounts::n_above_by_rounding) and [`Computed::tolerance_met`](crate::form_factor::Computed::tolerance_met) is false as well: more work does not help there. Below the tolerance, integrals leave room for it, up to half of the tolerance. 0 ≤ A_i F_ij ≤ the exchange area without occluders.

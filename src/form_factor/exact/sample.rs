@@ -17,7 +17,7 @@ use crate::progress::Forecast;
 const MOST: Duration = Duration::from_millis(1200);
 
 /// And their pairs integrated for this long at most, for each tolerance.
-const MOST_OF_PAIRS: Duration = Duration::from_millis(600);
+const MAX_OF_PAIRS: Duration = Duration::from_millis(600);
 
 /// And no more than one run of rows in so many: little work is not worth a forecast.
 const RUNS_PER_SAMPLE: usize = 32;
@@ -49,7 +49,7 @@ impl Batches<'_> {
         let looked: Vec<f64> = samples.iter().map(|sample| sample.seconds).collect();
         let looked_s = mean(&looked)?;
         let of_tolerance = |tolerance: f64| {
-            let times = sampled(samples.len(), samples.len(), MOST_OF_PAIRS, |k| {
+            let times = sampled(samples.len(), samples.len(), MAX_OF_PAIRS, |k| {
                 self.pairs_s(&samples[k].strip, tolerance)
             });
             let of_run = looked_s + mean(&times)?;
@@ -105,7 +105,7 @@ impl Batches<'_> {
         let begun = Instant::now();
         for k in golden_section(n_partial).take(n_integrated) {
             let pair = &strip.partial[k];
-            self.partial(index, pair, &strip.blockers[pair.blockers.clone()], &method);
+            self.partial(index, pair, &strip.occluders[pair.occluders.clone()], &method);
         }
         begun.elapsed().as_secs_f64() * n_partial as f64 / n_integrated as f64
     }

@@ -19,13 +19,13 @@ use crate::form_factor::sight::whole_where_grazing;
 use crate::geometry::clip::clip_to_half_space;
 use crate::geometry::polygon;
 use crate::progress::Progress;
-use crate::visibility::blockers::{Blocker, BlockerId, BlockerIndex, PairVisibility};
+use crate::visibility::occluders::{Occluder, OccluderId, OccluderIndex, PairVisibility};
 
 /// A pair with fewer occluders is not taken apart; of a convex solid no more than three sides count, as the view of one changes little.
-const LEAST_BLOCKERS: usize = 5;
+const MIN_OCCLUDERS: usize = 5;
 
 /// Times that a pair is halved, at most.
-const MOST_HALVINGS: u32 = 12;
+const MAX_HALVINGS: u32 = 12;
 
 /// Halves are worth while if the squares of their numbers of occluders add up to no more than so many times that of the whole.
 ///
@@ -49,7 +49,7 @@ const NARROWEST: f64 = 1e-9;
 
 /// Integrates pairs, in parts or as a whole.
 pub(in crate::form_factor) struct Split<'a> {
-    pub(in crate::form_factor) index: &'a BlockerIndex,
+    pub(in crate::form_factor) index: &'a OccluderIndex,
     /// Evaluations of the inner factor after which no more are begun.
     pub(in crate::form_factor) budget: usize,
     /// The part of an exchange area without occluders that its error is to be below, as far as a share of the budget goes.
@@ -62,7 +62,7 @@ pub(in crate::form_factor) struct Split<'a> {
 /// A part of a pair that is integrated by itself.
 struct Leaf {
     polygons: [Vec<DVec3>; 2],
-    among: Vec<BlockerId>,
+    among: Vec<OccluderId>,
     /// Its exchange area without occluders.
     whole: Whole,
     /// Its cost, in squared counts of occluders.
@@ -92,17 +92,17 @@ impl Split<'_> {
         &self,
         p: &[DVec3],
         q: &[DVec3],
-        among: &[BlockerId],
+        among: &[OccluderId],
         goal: f64,
         without: Whole,
     ) -> Partial {
-        if self.index.count(among) < LEAST_BLOCKERS
+        if self.index.count(among) < MIN_OCCLUDERS
             && let Some((point, normal)) = self.wall_in_a_gap(p, q, among)
         {
             return self.on_both_sides([p, q], (point, normal), among, goal);
         }
-        let blockers = self.index.blockers(p, q, among);
-        let has_few = self.index.count(among) < LEAST_BLOCKERS;
+        let occluders = self.index.occluders(p, q, among);
+        let has_few = self.index.count(among) < MIN_OCCLUDERS;
         let closer = if are_unlike(p, q, if has_few { self.unlike_of_few } else { UNLIKE }) {
             goal.min(self.relative * without.area)
         } else {
@@ -110,18 +110,18 @@ impl Split<'_> {
         };
         let extra = self.budget / EXTRA;
         if has_few {
-            let mut whole = Integration::begin([p, q], &blockers, closer, self.budget, without);
+            let mut whole = Integration::begin([p, q], &occluders, closer, self.budget, without);
             whole.refine(goal, self.budget);
             whole.refine(closer, extra);
             return whole.result(goal);
         }
         if closer < goal {
-            let found = self.among_many([p, q], among, &blockers, closer, without, extra);
+            let found = self.among_many([p, q], among, &occluders, closer, without, extra);
             if found.error <= goal {
                 return Partial { reached: true, ..found };
             }
         }
-        self.among_many([p, q], among, &blockers, goal, without, self.budget)
+        self.among_many([p, q], among, &occluders, goal, without, self.budget)
     }
 
     /// Integrates a pair with many occluders.
@@ -130,13 +130,13 @@ impl Split<'_> {
     fn among_many(
         &self,
         [p, q]: [&[DVec3]; 2],
-        among: &[BlockerId],
-        blockers: &[Blocker<'_>],
+        among: &[OccluderId],
+        occluders: &[Occluder<'_>],
         goal: f64,
         without: Whole,
         budget: usize,
     ) -> Partial {
-        if let Some(found) = partial::uncut([p, q], blockers, goal, without) {
+        if let Some(found) = partial::uncut([p, q], occluders, goal, without) {
             return found;
         }
         let Parts { leaves, full } = self.parts(p, q, among, goal, without);
@@ -161,7 +161,7 @@ impl Split<'_> {
     /// Returns a point and the normal of an occluder whose plane cuts both polygons, where these have but a narrow gap between them.
     ///
     /// What such a wall hides lies in strips as wide as the gap, which take very many evaluations; on either side of it, it hides nothing.
-    fn wall_in_a_gap(&self, p: &[DVec3], q: &[DVec3], among: &[BlockerId]) -> Option<(DVec3, DVec3)> {
+    fn wall_in_a_gap(&self, p: &[DVec3], q: &[DVec3], among: &[OccluderId]) -> Option<(DVec3, DVec3)> {
         let area_vectors = [p, q].map(polygon::area_vector);
         let size = area_vectors[0].length().min(area_vectors[1].length()).sqrt();
         let height = |of: &[DVec3], over: &[DVec3], area_vector: DVec3| {
@@ -188,7 +188,7 @@ impl Split<'_> {
         &self,
         sides: [&[DVec3]; 2],
         (point, normal): (DVec3, DVec3),
-        among: &[BlockerId],
+        among: &[OccluderId],
         goal: f64,
     ) -> Partial {
         let parts = Split {
@@ -227,7 +227,7 @@ impl Split<'_> {
     }
 
     /// Takes a pair apart.
-    fn parts(&self, p: &[DVec3], q: &[DVec3], among: &[BlockerId], goal: f64, without: Whole) -> Parts {
+    fn parts(&self, p: &[DVec3], q: &[DVec3], among: &[OccluderId], goal: f64, without: Whole) -> Parts {
         let mut parts = Parts {
             leaves: Vec::new(),
             full: [0.0; 2],
@@ -238,7 +238,7 @@ impl Split<'_> {
             whole: without,
             cost: 1,
         };
-        self.take_apart(whole, goal, MOST_HALVINGS, &mut parts);
+        self.take_apart(whole, goal, MAX_HALVINGS, &mut parts);
         parts
     }
 
@@ -248,7 +248,7 @@ impl Split<'_> {
             return;
         }
         let [p, q] = pair.polygons.each_ref().map(Vec::as_slice);
-        let is_many = self.index.count(&pair.among) >= LEAST_BLOCKERS && n_halvings > 0;
+        let is_many = self.index.count(&pair.among) >= MIN_OCCLUDERS && n_halvings > 0;
         let Some(halves) = is_many.then(|| self.halves(p, q, &pair.among)).flatten() else {
             parts.leaves.push(pair);
             return;
@@ -276,8 +276,8 @@ impl Split<'_> {
     /// Integrates a part to its own goal, as far as half of its share of the budget goes; that is what first looks take at most.
     fn begin(&self, leaf: &Leaf, goal: f64, budget: usize) -> Integration {
         let [p, q] = leaf.polygons.each_ref().map(Vec::as_slice);
-        let blockers = self.index.blockers(p, q, &leaf.among);
-        let mut integration = Integration::begin([p, q], &blockers, goal, budget, leaf.whole);
+        let occluders = self.index.occluders(p, q, &leaf.among);
+        let mut integration = Integration::begin([p, q], &occluders, goal, budget, leaf.whole);
         integration.refine(goal, budget / 2);
         integration
     }
@@ -310,7 +310,7 @@ impl Split<'_> {
     }
 
     /// Returns the halves of the polygon that leaves less between its halves and the other, if that is worth while.
-    fn halves(&self, p: &[DVec3], q: &[DVec3], among: &[BlockerId]) -> Option<[Half; 2]> {
+    fn halves(&self, p: &[DVec3], q: &[DVec3], among: &[OccluderId]) -> Option<[Half; 2]> {
         let of_both = [0, 1].map(|k| {
             let cut = if k == 0 { p } else { q };
             halved(cut).map(|half| {
@@ -380,7 +380,7 @@ mod tests {
     #[test]
     fn what_is_not_cut_is_within_what_it_states() {
         let scene = leaves(12);
-        let index = BlockerIndex::new(&scene);
+        let index = OccluderIndex::new(&scene);
         let [floor, ceiling] = [0, 1].map(|k| scene.polygon(FaceId(k)));
         let split = Split {
             index: &index,
@@ -409,10 +409,10 @@ mod tests {
             let found = |goal: f64| split.exchange_area(&part, &floor, &among, goal, most);
             let reference = found(1e-5);
             assert!(reference.reached, "{reference:?}");
-            let blockers = index.blockers(&part, &floor, &among);
+            let occluders = index.occluders(&part, &floor, &among);
             for share in [2.0, 0.3, 0.1, 0.03] {
                 let goal = share * most.area;
-                let uncut = partial::uncut([&part, &floor], &blockers, goal, most);
+                let uncut = partial::uncut([&part, &floor], &occluders, goal, most);
                 let loose = found(goal);
                 assert_eq!(uncut.unwrap(), loose, "{share}");
                 assert!(
@@ -422,24 +422,24 @@ mod tests {
                 let off = (loose.exchange_area - reference.exchange_area).abs();
                 assert!(off <= loose.error + reference.error, "{share} {off:e} {loose:?}");
             }
-            assert_eq!(partial::uncut([&part, &floor], &blockers, 1e-5, most), None);
+            assert_eq!(partial::uncut([&part, &floor], &occluders, 1e-5, most), None);
         }
     }
 
     #[test]
     fn a_budget_that_is_spent_serves_all_parts() {
         let scene = leaves(9);
-        let index = BlockerIndex::new(&scene);
+        let index = OccluderIndex::new(&scene);
         let [p, q] = [0, 1].map(|k| scene.polygon(FaceId(k)));
         let PairVisibility::Partial(among) = index.classify(&p, &q) else {
             panic!("leaves occlude");
         };
-        let blockers = index.blockers(&p, &q, &among);
+        let occluders = index.occluders(&p, &q, &among);
         let accuracy = |tolerance: f64| Accuracy {
             tolerance,
             budget: 10_000_000,
         };
-        let reference = partial::exchange_area(&p, &q, &blockers, accuracy(1e-6));
+        let reference = partial::exchange_area(&p, &q, &occluders, accuracy(1e-6));
         assert!(reference.reached, "{reference:?}");
         let with = |budget: usize| Split {
             index: &index,

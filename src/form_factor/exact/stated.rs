@@ -8,7 +8,7 @@ use crate::form_factor::journal::Record;
 use crate::form_factor::pairs::Exchange;
 use crate::form_factor::rounded::Rounded;
 use crate::mesh::PatchId;
-use crate::visibility::blockers::{BlockerId, BlockerIndex, PairVisibility};
+use crate::visibility::occluders::{OccluderId, OccluderIndex, PairVisibility};
 
 /// Errors that were stored in f32 are off by less than this part.
 const STORED: f64 = 1e-6;
@@ -32,7 +32,7 @@ pub(super) struct Seen<'a> {
     /// True if something was left out between the two that reaches in between by no more than rounding explains.
     pub(super) touched: bool,
     /// Their occluders.
-    pub(super) occluders: &'a [BlockerId],
+    pub(super) occluders: &'a [OccluderId],
 }
 
 impl Seen<'_> {
@@ -168,7 +168,7 @@ impl Batches<'_> {
             .index
             .as_ref()
             .filter(|_| seen.touched)
-            .map_or(0.0, BlockerIndex::slack);
+            .map_or(0.0, OccluderIndex::slack);
         // What is left out was meant to touch, and reaches in by what rounding does to it, not by all that it is left out for.
         let slack = if self.rounded.is_some() { REACH * slack } else { slack };
         let [i, j] = pair;

@@ -7,7 +7,7 @@ use super::lattice::Repeats;
 use crate::form_factor::pairs::Exchange;
 
 /// Two faces with fewer pairs than this are not looked at as a whole: they have few corners in common.
-pub(super) const LEAST_PAIRS: usize = 16;
+pub(super) const MIN_PAIRS: usize = 16;
 
 /// Pairs of two faces, computed together.
 pub(super) enum Table {

@@ -7,10 +7,10 @@ use rayon::prelude::*;
 use super::batches::{Batches, FaceView, Known};
 use super::corners::{CornerSums, PatchGrid};
 use super::lattice::{Lattice, Repeats};
-use super::table::{LEAST_PAIRS, Table};
+use super::table::{MIN_PAIRS, Table};
 use crate::form_factor::pairs::Exchange;
 use crate::geometry::polygon_form_factor::PreparedPolygon;
-use crate::visibility::blockers::PairVisibility;
+use crate::visibility::occluders::PairVisibility;
 
 impl Batches<'_> {
     /// Returns the exchange area of a pair without occluders, from the table of its faces if there is one.
@@ -59,7 +59,7 @@ impl Batches<'_> {
             return Some(Table::Repeats(repeats));
         }
         let [own, other] = [self.rows_of(f, rows), self.patches.faces[g].range()];
-        if own.len() * other.len() < LEAST_PAIRS {
+        if own.len() * other.len() < MIN_PAIRS {
             return None;
         }
         let smallest = |range: Range<usize>| {

@@ -6,7 +6,7 @@ use super::stated::Seen;
 use super::table::Table;
 use crate::form_factor::pairs::Exchange;
 use crate::mesh::PatchId;
-use crate::visibility::blockers::{Between, BlockerId, PairVisibility};
+use crate::visibility::occluders::{Between, OccluderId, PairVisibility};
 
 /// The way through the runs of one face, seen from some rows.
 pub(super) struct Walk<'a> {
@@ -42,7 +42,7 @@ impl Walk<'_> {
     }
 
     /// Classifies the rows against a run of columns, of larger ones that are `touched` or not.
-    fn look(&mut self, columns: &Run, among: &[BlockerId], touched: bool) {
+    fn look(&mut self, columns: &Run, among: &[OccluderId], touched: bool) {
         if self.may_keep && self.batches.is_kept(&self.rows.hull, &columns.hull) {
             self.keep(columns);
             return;
@@ -106,7 +106,7 @@ impl Walk<'_> {
         self.push(i, j, stated.exchange);
     }
 
-    fn push_seen(&mut self, i: usize, j: usize, among: &[BlockerId], touched: bool) {
+    fn push_seen(&mut self, i: usize, j: usize, among: &[OccluderId], touched: bool) {
         let mut seen = if self.rows.patches.len() > 1 {
             let [p, q] = [i, j].map(|k| self.batches.patches.corners[k].as_slice());
             if self.may_keep && self.batches.is_kept(p, q) {
@@ -121,16 +121,16 @@ impl Walk<'_> {
         match seen.visibility {
             PairVisibility::Full => self.push_full(i, j, seen.touched),
             PairVisibility::None => self.strip.counts.hidden += 1,
-            PairVisibility::Partial(blockers) => {
+            PairVisibility::Partial(occluders) => {
                 self.strip.counts.partial += 1;
-                let (begin, place) = (self.strip.blockers.len(), self.row(i).len());
-                self.strip.blockers.extend(blockers);
+                let (begin, place) = (self.strip.occluders.len(), self.row(i).len());
+                self.strip.occluders.extend(occluders);
                 self.strip.partial.push(PartialPair {
                     i,
                     j,
                     place,
                     touched: seen.touched,
-                    blockers: begin..self.strip.blockers.len(),
+                    occluders: begin..self.strip.occluders.len(),
                 });
                 self.push(i, j, Exchange::default());
             }

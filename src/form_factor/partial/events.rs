@@ -172,7 +172,7 @@ impl<'a> Outline<'a> {
     pub(super) fn new<'b>(
         receiver: &'a Receiver,
         target: &'a [DVec3],
-        blockers: impl Iterator<Item = &'b [DVec3]>,
+        occluders: impl Iterator<Item = &'b [DVec3]>,
     ) -> Self {
         let planes = [Flat::with_normal(&receiver.corners, receiver.normal), Flat::of(target)];
         let mut outline = Self {
@@ -194,7 +194,7 @@ impl<'a> Outline<'a> {
         let n_of_target = target.len();
         let mut planes_of_edge: Vec<Vec<Flat>> = Vec::new();
         let mut known = Known::default();
-        for corners in blockers {
+        for corners in occluders {
             let plane = Flat::of(corners);
             outline.screens.push(Screen::new(corners, plane));
             let part = outline.between(corners);
@@ -297,7 +297,7 @@ impl<'a> Outline<'a> {
     /// From the receiver they are on the horizon, where the target is seen only if it reaches down to the plane too.
     fn on_the_horizon(&self) -> Vec<Event> {
         let is_low = |vertex: &&Vertex| vertex.h <= self.planes[0].tolerance(vertex.position, FLAT);
-        let [of_target, of_blockers] = [true, false].map(|of_target| {
+        let [of_target, of_occluders] = [true, false].map(|of_target| {
             let low = self.vertices.iter().filter(is_low);
             low.filter(|vertex| vertex.of_target == of_target)
                 .map(|vertex| self.receiver.to_plane(vertex.position))
@@ -306,7 +306,7 @@ impl<'a> Outline<'a> {
         let corners = self.receiver.corners.iter().map(|&v| self.receiver.to_plane(v));
         let corners: Vec<DVec2> = corners.collect();
         let mut events = Vec::new();
-        for &near in &of_blockers {
+        for &near in &of_occluders {
             let reach = corners.iter().map(|&corner| corner.distance(near)).fold(0.0, f64::max);
             let mut from_behind = |far: DVec2| {
                 if far.distance(near) > FLAT * (reach + far.length()) {
@@ -319,7 +319,7 @@ impl<'a> Outline<'a> {
             for &far in &of_target {
                 from_behind(far);
             }
-            for &far in &of_blockers {
+            for &far in &of_occluders {
                 // The line must go on to the target.
                 let side = |point: &DVec2| (far - near).perp_dot(*point - near);
                 let (low, high) = of_target
@@ -489,8 +489,8 @@ mod tests {
         )
     }
 
-    fn world_events(receiver: &Receiver, target: &[DVec3], blockers: &[Vec<DVec3>]) -> Vec<[DVec3; 2]> {
-        let outline = Outline::new(receiver, target, blockers.iter().map(Vec::as_slice));
+    fn world_events(receiver: &Receiver, target: &[DVec3], occluders: &[Vec<DVec3>]) -> Vec<[DVec3; 2]> {
+        let outline = Outline::new(receiver, target, occluders.iter().map(Vec::as_slice));
         let events = outline.events(1e-9);
         events
             .iter()
@@ -536,7 +536,7 @@ mod tests {
     }
 
     #[test]
-    fn inner_edges_of_a_flat_blocker_make_no_events() {
+    fn inner_edges_of_a_flat_occluder_make_no_events() {
         let receiver = floor();
         let target = rectangle(DVec3::new(-0.5, -0.5, 2.0), DVec3::Y, DVec3::X);
         let halves = [
@@ -551,7 +551,7 @@ mod tests {
     }
 
     #[test]
-    fn a_blocker_that_is_seen_edge_on_makes_an_event_only_if_it_parts_the_target() {
+    fn an_occluder_that_is_seen_edge_on_makes_an_event_only_if_it_parts_the_target() {
         let receiver = floor();
         let wall = rectangle(DVec3::new(0.2, -9.0, 1.0), DVec3::Y * 18.0, DVec3::Z * 0.5);
         let below = |[from, to]: &[DVec3; 2]| (from.x - 0.2).abs() < 1e-12 && (to.x - 0.2).abs() < 1e-12;

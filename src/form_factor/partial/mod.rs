@@ -29,7 +29,7 @@ use glam::{DVec2, DVec3};
 use crate::geometry::clip::clip_to_half_space;
 use crate::geometry::polygon;
 use crate::geometry::polygon_form_factor::{self, PreparedPolygon, Tolerance};
-use crate::visibility::blockers::Blocker;
+use crate::visibility::occluders::Occluder;
 use cells::{Cells, Shape};
 use events::Outline;
 use flat::Flat;
@@ -66,8 +66,8 @@ pub struct Partial {
 /// Returns the exchange area of two convex planar polygons, of which occluders may hide any part from the other.
 ///
 /// A_P F_PQ = ∫_P ∫_Q V cos θ_P cos θ_Q / (π r²) dA dA in m². Corners run counter-clockwise seen from the front; what lies behind the other
-/// polygon's plane does not count. `blockers` must hold all polygons that reach in between, such as
-/// [`BlockerIndex`](crate::visibility::blockers::BlockerIndex) finds; more do no harm. They may touch, pierce and overlap each other and
+/// polygon's plane does not count. `occluders` must hold all polygons that reach in between, such as
+/// [`OccluderIndex`](crate::visibility::occluders::OccluderIndex) finds; more do no harm. They may touch, pierce and overlap each other and
 /// both polygons; those in the plane of P or of Q hide nothing. Either order of P and Q gives the same bits.
 ///
 /// Accuracy: the estimated error is the sum over all cells of an estimate that looks at how fast the polynomial degrees of the integrand
@@ -92,11 +92,11 @@ pub struct Partial {
 /// Departures: their curved EEE events are left to adaptive subdivision; the tests hold errors to their estimates in random views through three crossing edges.
 #[must_use]
 #[doc(alias = "view factor")]
-pub fn exchange_area(p: &[DVec3], q: &[DVec3], blockers: &[Blocker<'_>], accuracy: Accuracy) -> Partial {
+pub fn exchange_area(p: &[DVec3], q: &[DVec3], occluders: &[Occluder<'_>], accuracy: Accuracy) -> Partial {
     let areas = [p, q].map(|side| polygon::area_vector(side).length());
     let goal = accuracy.tolerance * areas[0].min(areas[1]);
     let whole = Whole::of(p, q, SHARE_OF_WHOLE * goal);
-    let mut begun = match View::new([p, q], blockers, whole) {
+    let mut begun = match View::new([p, q], occluders, whole) {
         Ok(view) => Integration::open(view.first_look(goal, accuracy.budget)),
         Err(nothing) => Integration::without_looking(nothing),
     };
@@ -157,12 +157,12 @@ impl Integration {
     /// Looks at all cells once; see [`exchange_area`] for the arguments. `goal` is what the error is to be, m², and `whole` the exchange area without occluders.
     pub(super) fn begin(
         sides: [&[DVec3]; 2],
-        blockers: &[Blocker<'_>],
+        occluders: &[Occluder<'_>],
         goal: f64,
         budget: usize,
         whole: Whole,
     ) -> Self {
-        let mut view = match View::new(sides, blockers, whole) {
+        let mut view = match View::new(sides, occluders, whole) {
             Ok(view) => view,
             Err(nothing) => return Self::without_looking(nothing),
         };
@@ -231,17 +231,17 @@ impl Integration {
 /// Integrates a pair with many occluders without looking for lines of change, of which there are more than there would be points; `None` if that does not reach the goal. See [`Integration::begin`] for the arguments.
 ///
 /// Where the exchange area without occluders is up to [`SMALL_AMONG_MANY`] times the goal; what a shadow between all points may hide is stated as error.
-pub(super) fn uncut(sides: [&[DVec3]; 2], blockers: &[Blocker<'_>], goal: f64, whole: Whole) -> Option<Partial> {
-    let mut view = View::new(sides, blockers, whole).ok()?;
+pub(super) fn uncut(sides: [&[DVec3]; 2], occluders: &[Occluder<'_>], goal: f64, whole: Whole) -> Option<Partial> {
+    let mut view = View::new(sides, occluders, whole).ok()?;
     view.uncut(goal, SMALL_AMONG_MANY)
 }
 
 /// Decides which polygon is integrated over: the one that is farther from all occluders in units of its own size, because shadows are softer there.
-fn first_receives(sides: &[Vec<DVec3>; 2], blockers: &[Blocker<'_>]) -> bool {
+fn first_receives(sides: &[Vec<DVec3>; 2], occluders: &[Occluder<'_>]) -> bool {
     let [p, q] = sides.each_ref().map(|side| {
         let (low, high) = bounds(side);
-        let gap = blockers.iter().map(|blocker| {
-            let (l, h) = bounds(&blocker.corners);
+        let gap = occluders.iter().map(|occluder| {
+            let (l, h) = bounds(&occluder.corners);
             (l - high).max(low - h).max(DVec3::ZERO).length_squared()
         });
         gap.fold(f64::INFINITY, f64::min) / (high - low).length_squared()
@@ -271,10 +271,10 @@ fn bounds(corners: &[DVec3]) -> (DVec3, DVec3) {
 }
 
 /// The most cells that the receiver is cut into before integration; beyond, plain subdivision finds the rest of the lines.
-const MOST_CELLS: usize = 4096;
+const MAX_CELLS: usize = 4096;
 
 /// The most pairs of a vertex and an edge that are looked at for lines of change.
-const MOST_EVENT_PAIRS: usize = 1 << 20;
+const MAX_EVENT_PAIRS: usize = 1 << 20;
 
 /// A pair whose exchange area without occluders is less than this part of what the tolerance allows is not cut.
 ///
@@ -297,7 +297,7 @@ const FEW_SHARE: f64 = 0.2;
 const UNSEEN_SHARE: f64 = 0.5;
 
 /// The same where they are one: in one of a thousand climbs the estimate was half of the true error, which was a thousandth of the tolerance.
-const LEAST_SHARE: f64 = 0.005;
+const MIN_SHARE: f64 = 0.005;
 
 /// A tolerance is loose from this part of the exchange area without occluders on: nine points on a cell are then mostly enough.
 const LOOSE: f64 = 0.01;
@@ -306,19 +306,19 @@ const LOOSE: f64 = 0.01;
 struct View<'a> {
     sight: Sight,
     target: Vec<DVec3>,
-    blockers: Vec<Blocker<'a>>,
+    occluders: Vec<Occluder<'a>>,
     whole: Whole,
 }
 
 impl<'a> View<'a> {
     /// Chooses the receiver. Where there is nothing to look at the exchange area is returned as an error: 0, or NaN.
-    fn new([p, q]: [&[DVec3]; 2], blockers: &[Blocker<'a>], whole: Whole) -> Result<Self, f64> {
+    fn new([p, q]: [&[DVec3]; 2], occluders: &[Occluder<'a>], whole: Whole) -> Result<Self, f64> {
         let [area_p, area_q] = [p, q].map(polygon::area_vector);
         let mut sides = [
             clip_to_half_space(p, q.first().copied().unwrap_or_default(), area_q),
             clip_to_half_space(q, p.first().copied().unwrap_or_default(), area_p),
         ];
-        let mut corners = p.iter().chain(q).chain(blockers.iter().flat_map(|b| b.corners.iter()));
+        let mut corners = p.iter().chain(q).chain(occluders.iter().flat_map(|b| b.corners.iter()));
         if !corners.all(|v| v.is_finite()) {
             return Err(f64::NAN);
         }
@@ -326,31 +326,31 @@ impl<'a> View<'a> {
         if smaller_area <= 0.0 || sides.iter().any(|side| side.len() < 3) {
             return Err(0.0);
         }
-        let mut blockers: Vec<Blocker<'a>> = blockers.iter().filter(|b| b.corners.len() >= 3).cloned().collect();
+        let mut occluders: Vec<Occluder<'a>> = occluders.iter().filter(|b| b.corners.len() >= 3).cloned().collect();
         let mut normals = [area_p.normalize_or_zero(), area_q.normalize_or_zero()];
-        if !first_receives(&sides, &blockers) {
+        if !first_receives(&sides, &occluders) {
             sides.reverse();
             normals.reverse();
         }
         let [corners, target] = sides;
         // A side of a solid that is only seen from the back hides nothing that its front sides do not.
-        blockers.retain(|blocker| !blocker.one_sided || is_before(&corners, &blocker.corners));
+        occluders.retain(|occluder| !occluder.one_sided || is_before(&corners, &occluder.corners));
         let receiver = Receiver::new(corners, normals[0]);
-        let shadows = Shadows::new(&receiver, &target, &blockers);
+        let shadows = Shadows::new(&receiver, &target, &occluders);
         Ok(Self {
-            sight: Sight::new(receiver, &target, &blockers, shadows),
+            sight: Sight::new(receiver, &target, &occluders, shadows),
             target,
-            blockers,
+            occluders,
             whole,
         })
     }
 
     /// Tells whether all occluders are sides of one convex body, seen from outside: three of its edges never cross in a view.
-    fn blockers_are_convex(&self) -> bool {
-        let corners = || self.blockers.iter().flat_map(|blocker| blocker.corners.iter());
-        let mut planes = self.blockers.iter().map(|blocker| Flat::of(&blocker.corners));
-        self.blockers.len() == 1
-            || self.blockers.iter().all(|blocker| blocker.one_sided)
+    fn occluders_are_convex(&self) -> bool {
+        let corners = || self.occluders.iter().flat_map(|occluder| occluder.corners.iter());
+        let mut planes = self.occluders.iter().map(|occluder| Flat::of(&occluder.corners));
+        self.occluders.len() == 1
+            || self.occluders.iter().all(|occluder| occluder.one_sided)
                 && planes.all(|plane| corners().all(|&v| plane.height(v) <= plane.tolerance(v, 1e-12)))
     }
 
@@ -391,15 +391,15 @@ impl<'a> View<'a> {
     /// Cuts the receiver along the lines of change, and looks at all cells.
     fn first_look(self, goal: f64, budget: usize) -> Pieces {
         let (low, high) = bounds(&self.sight.receiver.corners);
-        let corners_of_blockers = self.blockers.iter().map(|b| &*b.corners);
-        let outline = Outline::new(&self.sight.receiver, &self.target, corners_of_blockers);
+        let corners_of_occluders = self.occluders.iter().map(|b| &*b.corners);
+        let outline = Outline::new(&self.sight.receiver, &self.target, corners_of_occluders);
         // A line that is missed by this much changes an integral by its square only.
         let margin = 1e-9 * (high - low).length();
-        let is_listed = outline.n_pairs() <= MOST_EVENT_PAIRS;
+        let is_listed = outline.n_pairs() <= MAX_EVENT_PAIRS;
         let mut events = if is_listed { outline.events(margin) } else { Vec::new() };
         let receiver = &self.sight.receiver;
-        for blocker in &self.blockers {
-            let part = outline.between(&blocker.corners);
+        for occluder in &self.occluders {
+            let part = outline.between(&occluder.corners);
             let in_frame: Vec<DVec3> = part.iter().map(|&v| receiver.in_frame(v)).collect();
             events.extend(layers::cuts(&in_frame, low.distance(high)));
         }
@@ -409,13 +409,13 @@ impl<'a> View<'a> {
             outer,
             &events,
             margin,
-            MOST_CELLS.min(budget / (2 * rule::MOST_EVALUATIONS)),
+            MAX_CELLS.min(budget / (2 * rule::MAX_EVALUATIONS)),
         );
 
         let whole = self.whole.area;
         let is_whole = cells.are_whole() && is_listed;
         let is_loose = is_whole && goal >= LOOSE * whole;
-        let is_convex = is_loose && self.blockers_are_convex();
+        let is_convex = is_loose && self.occluders_are_convex();
         let is_looser = is_convex && goal >= whole;
         // Three edges of different bodies may open something between the points.
         let may_open = is_loose && !is_convex;
@@ -442,14 +442,14 @@ impl<'a> View<'a> {
                     Shape::Quad(corners) => quad::integrate(corners, f),
                 });
                 if look.estimate.least_error() <= allowed && !look.has_curves {
-                    let least = if may_open { UNSEEN_SHARE } else { LEAST_SHARE } * allowed;
+                    let least = if may_open { UNSEEN_SHARE } else { MIN_SHARE } * allowed;
                     looks.push(sight.with_least_error(look, least));
                     continue;
                 }
             }
             looks.extend(shape.triangles().map(|corners| sight.look_at_triangle(corners, enough)));
         }
-        let unlisted = if self.blockers.is_empty() {
+        let unlisted = if self.occluders.is_empty() {
             0.0
         } else {
             sight.error_within(margin)

@@ -15,10 +15,10 @@ use super::layers::LowEdges;
 use super::receiver::Receiver;
 use super::rule::{self, Estimate, Parts};
 use super::shadow::Shadows;
-use super::{LEAST_SHARE, Partial, UNSEEN_SHARE, Whole};
+use super::{MIN_SHARE, Partial, UNSEEN_SHARE, Whole};
 use crate::geometry::polygon;
 use crate::geometry::polygon_form_factor::{PreparedPolygon, Tolerance};
-use crate::visibility::blockers::Blocker;
+use crate::visibility::occluders::Occluder;
 
 /// The places of the parts in [`Parts`].
 const VISIBLE: usize = 0;
@@ -55,9 +55,9 @@ pub(super) struct Sight {
 
 impl Sight {
     /// Prepares what `shadows` sees.
-    pub(super) fn new(receiver: Receiver, target: &[DVec3], blockers: &[Blocker<'_>], shadows: Shadows) -> Self {
+    pub(super) fn new(receiver: Receiver, target: &[DVec3], occluders: &[Occluder<'_>], shadows: Shadows) -> Self {
         let outer: Vec<DVec2> = receiver.corners.iter().map(|&v| receiver.to_plane(v)).collect();
-        let outlines = blockers.iter().map(|b| &*b.corners).chain(std::iter::once(target));
+        let outlines = occluders.iter().map(|b| &*b.corners).chain(std::iter::once(target));
         let edges = outlines.flat_map(|corners| {
             let next = corners.iter().cycle().skip(1);
             corners
@@ -156,7 +156,7 @@ impl Sight {
         let shape = Shape::Triangle(corners);
         let look = self.look(shape, |f| rule::integrate(corners, enough, f));
         if self.is_loose {
-            let share = if self.may_open { UNSEEN_SHARE } else { LEAST_SHARE };
+            let share = if self.may_open { UNSEEN_SHARE } else { MIN_SHARE };
             self.with_least_error(look, share * enough * shape.area())
         } else {
             look

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::Blocker;
+use super::Occluder;
 use super::receiver::Receiver;
 use super::shadow::Shadows;
 use crate::geometry::clip::clip_to_half_space;
@@ -19,10 +19,10 @@ pub struct VisibleFactor {
 impl VisibleFactor {
     /// Prepares the occluders for the points of `region`, a polygon with the unit normal `normal`.
     ///
-    /// `blockers` must hold all polygons that reach in between, such as [`BlockerIndex`](crate::visibility::blockers::BlockerIndex) finds for
+    /// `occluders` must hold all polygons that reach in between, such as [`OccluderIndex`](crate::visibility::occluders::OccluderIndex) finds for
     /// region and target; more do no harm.
     #[must_use]
-    pub fn new(region: &[DVec3], normal: DVec3, target: &[DVec3], blockers: &[Blocker<'_>]) -> Self {
+    pub fn new(region: &[DVec3], normal: DVec3, target: &[DVec3], occluders: &[Occluder<'_>]) -> Self {
         let above = region
             .first()
             .map(|&origin| clip_to_half_space(target, origin, normal))
@@ -32,7 +32,7 @@ impl VisibleFactor {
         }
         let receiver = Receiver::new(region.to_vec(), normal);
         Self {
-            shadows: Some(Shadows::new(&receiver, &above, blockers)),
+            shadows: Some(Shadows::new(&receiver, &above, occluders)),
         }
     }
 

@@ -61,7 +61,7 @@ impl Estimate {
 const N_POINTS: usize = 19;
 
 /// The most evaluations that one triangle takes.
-pub(super) const MOST_EVALUATIONS: usize = N_POINTS + N_BORDER;
+pub(super) const MAX_EVALUATIONS: usize = N_POINTS + N_BORDER;
 
 /// The number of those that a rule of degree 5 is made of.
 const N_FIRST: usize = 7;

@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use crate::geometry::point_form_factor::{far_term, near_term};
 use crate::geometry::polygon;
-use crate::visibility::blockers::Blocker;
+use crate::visibility::occluders::Occluder;
 
 use super::flat::Flat;
 use super::receiver::Receiver;
@@ -20,7 +20,7 @@ const EDGE_ON: f64 = 1e-14;
 const SMALL: f64 = 1e-4;
 
 /// Sides of bodies are looked for among so many casters at most.
-const MOST_GROUPED: usize = 62;
+const MAX_GROUPED: usize = 62;
 
 /// A convex planar occluder.
 #[derive(Clone, Debug)]
@@ -114,12 +114,12 @@ impl Fragments {
 
 impl Shadows {
     /// Prepares the casters for a target that lies in front of the receiver's plane.
-    pub(super) fn new(receiver: &Receiver, target: &[DVec3], blockers: &[Blocker<'_>]) -> Self {
+    pub(super) fn new(receiver: &Receiver, target: &[DVec3], occluders: &[Occluder<'_>]) -> Self {
         let middle = target[0] + target.iter().map(|&v| v - target[0]).sum::<DVec3>() / target.len() as f64;
-        let mut casters: Vec<(&[DVec3], Caster)> = blockers
+        let mut casters: Vec<(&[DVec3], Caster)> = occluders
             .iter()
-            .filter_map(|blocker| {
-                let (corners, one_sided) = (&*blocker.corners, blocker.one_sided);
+            .filter_map(|occluder| {
+                let (corners, one_sided) = (&*occluder.corners, occluder.one_sided);
                 let plane = Flat::of(corners);
                 if one_sided
                     && receiver
@@ -195,7 +195,7 @@ impl Shadows {
         for k in 0..self.casters.len() {
             let is_of = |body: &Vec<usize>| body.iter().all(|&other| self.are_of_one_body(k, other));
             // Where there are many, each is a body of its own.
-            let found = bodies.iter().position(is_of).filter(|_| k < MOST_GROUPED);
+            let found = bodies.iter().position(is_of).filter(|_| k < MAX_GROUPED);
             let body = found.unwrap_or_else(|| {
                 bodies.push(Vec::new());
                 bodies.len() - 1
@@ -409,11 +409,11 @@ mod tests {
         rectangle(DVec3::Z, DVec3::Y, DVec3::X)
     }
 
-    fn factor(blockers: &[(Vec<DVec3>, bool)], point: DVec3) -> f64 {
+    fn factor(occluders: &[(Vec<DVec3>, bool)], point: DVec3) -> f64 {
         let receiver = Receiver::new(rectangle(DVec3::ZERO, DVec3::X, DVec3::Y), DVec3::Z);
         let mut list = Vec::new();
-        for (corners, one_sided) in blockers {
-            list.push(Blocker {
+        for (corners, one_sided) in occluders {
+            list.push(Occluder {
                 corners: corners.into(),
                 one_sided: *one_sided,
             });
@@ -424,7 +424,7 @@ mod tests {
     const POINT: DVec3 = DVec3::new(0.25, 0.5, 0.0);
 
     #[test]
-    fn without_blockers_it_is_the_whole_target() {
+    fn without_occluders_it_is_the_whole_target() {
         let exact = point_form_factor(POINT, DVec3::Z, &ceiling());
         assert!((factor(&[], POINT) - exact).abs() < 1e-15);
     }
@@ -437,13 +437,13 @@ mod tests {
         let exact = point_form_factor(POINT, DVec3::Z, &ceiling()) - point_form_factor(POINT, DVec3::Z, &image);
         let turned: Vec<DVec3> = plate.iter().rev().copied().collect();
         let beyond: Vec<DVec3> = plate.iter().map(|&v| v + DVec3::Z).collect();
-        for blockers in [
+        for occluders in [
             vec![(plate.clone(), false)],
             vec![(turned.clone(), false)],
             vec![(turned.clone(), true)],
             vec![(plate.clone(), false), (turned.clone(), false), (beyond, false)],
         ] {
-            assert!((factor(&blockers, POINT) - exact).abs() < 1e-15, "{blockers:?}");
+            assert!((factor(&occluders, POINT) - exact).abs() < 1e-15, "{occluders:?}");
         }
         // Its front looks up: one-sided it hides nothing from below.
         let whole = point_form_factor(POINT, DVec3::Z, &ceiling());

@@ -7,7 +7,7 @@ use glam::DVec3;
 use super::prepared::PreparedPolygon;
 
 /// A height of more than this part of a polygon's radius is one, whatever the other polygon's coordinates.
-const LEAST_HEIGHT: f64 = 1e-9;
+const MIN_HEIGHT: f64 = 1e-9;
 
 /// The parts of two polygons in front of each other's planes, both not empty.
 pub(super) struct FacingPair<'a> {
@@ -51,7 +51,7 @@ impl<'a> FacingPair<'a> {
             return None;
         }
         let ulps = 8.0 * f64::EPSILON * (first.extent() + second.extent());
-        let tolerance = |of: &PreparedPolygon| ulps.min(LEAST_HEIGHT * of.radius());
+        let tolerance = |of: &PreparedPolygon| ulps.min(MIN_HEIGHT * of.radius());
         let first_heights = Heights::new(first, second, tolerance(first))?;
         let second_heights = Heights::new(second, first, tolerance(second))?;
         let first_part = Part::new(first, first_heights, second);

@@ -10,7 +10,7 @@ use crate::matrix::symmetric;
 use crate::matrix::tile::{RowTally, RowTile, index};
 
 /// Halvings of a step that does not bring the row sums nearer to their targets.
-const MOST_HALVINGS: usize = 8;
+const MAX_HALVINGS: usize = 8;
 
 /// The unknowns of the dual problem: one multiplier per row, in units of 1 over the largest area.
 type Multipliers = Vec<f64>;
@@ -163,7 +163,7 @@ impl Problem<'_> {
         let (mut defect, mut worst) = self.defect(&best, &can_move);
         while worst > tolerance && self.n_passes < max_passes {
             let step = self.newton_step(&best, &defect, tolerance, max_passes);
-            let better = (0..=MOST_HALVINGS).find_map(|k| {
+            let better = (0..=MAX_HALVINGS).find_map(|k| {
                 let part = 0.5_f64.powi(i32::try_from(k).unwrap_or(i32::MAX));
                 let next: Multipliers = best.iter().zip(&step).map(|(l, d)| l + part * d).collect();
                 let (of_next, worst_of_next) = self.defect(&next, &can_move);

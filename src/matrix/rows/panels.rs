@@ -10,7 +10,7 @@ use crate::matrix::tile::{Entry, RowTile};
 
 /// The least columns of a panel: x in them takes 24 kB with three channels, and 32 kB where lists fill them up to four: no more than a first-level cache has. Half as many were no faster, and sweeps by rows,
 /// which begin anew in each panel, took 7.5 ms for 7.0 (Zen 4, 6144 patches, one in 4).
-const LEAST_COLUMNS: usize = 1024;
+const MIN_COLUMNS: usize = 1024;
 
 /// The order of the entries of a tile.
 #[derive(Clone, Copy, Debug)]
@@ -25,7 +25,7 @@ impl Panels {
     /// Returns panels of a tile for `n_columns` columns in each of which a row has about `n_least` of the tile's `n_items` entries or blocks, or more: beginning with a row takes time, too.
     pub(in crate::matrix) fn new(n_rows: usize, n_columns: usize, n_items: usize, n_least: usize) -> Self {
         let for_least = (n_least * n_rows * n_columns).checked_div(n_items).unwrap_or(n_columns);
-        Self::of_width(n_rows, n_columns, for_least.max(LEAST_COLUMNS))
+        Self::of_width(n_rows, n_columns, for_least.max(MIN_COLUMNS))
     }
 
     /// Returns panels of at least `width` columns.
@@ -109,7 +109,7 @@ mod tests {
     #[test]
     fn panels_grow_where_there_is_little() {
         let width = |n_items| Panels::new(16, 10_000, n_items, 64).width;
-        assert_eq!(width(16 * 10_000), LEAST_COLUMNS);
+        assert_eq!(width(16 * 10_000), MIN_COLUMNS);
         assert_eq!(width(16 * 500), 1280_usize.next_multiple_of(SIDE));
         assert_eq!([width(16), width(0)], [10_000_usize.next_multiple_of(SIDE); 2]);
     }

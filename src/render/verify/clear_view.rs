@@ -48,13 +48,13 @@ fn none_above(points: &[DVec3], origin: DVec3, normal: DVec3, slack: f64) -> boo
 ///
 /// It lies behind the region's plane, or behind the emitter's, or region and emitter lie on one side of it. What sticks out by less
 /// than `slack` counts as not there. False means that it may or may not.
-pub(super) fn misses_region(blocker: &Plate, region: &[DVec3], normal: DVec3, emitter: &Plate, slack: f64) -> bool {
+pub(super) fn misses_region(occluder: &Plate, region: &[DVec3], normal: DVec3, emitter: &Plate, slack: f64) -> bool {
     let same_side = |sign: f64| {
-        let (origin, away) = (blocker.corners[0], blocker.normal * -sign);
+        let (origin, away) = (occluder.corners[0], occluder.normal * -sign);
         none_above(region, origin, away, slack) && none_above(&emitter.corners, origin, away, slack)
     };
-    none_above(&blocker.corners, region[0], normal, slack)
-        || none_above(&blocker.corners, emitter.corners[0], emitter.normal, slack)
+    none_above(&occluder.corners, region[0], normal, slack)
+        || none_above(&occluder.corners, emitter.corners[0], emitter.normal, slack)
         || same_side(1.0)
         || same_side(-1.0)
 }
@@ -67,14 +67,14 @@ pub(super) fn is_clear<'a>(
     point: DVec3,
     normal: DVec3,
     emitter: &Plate,
-    blockers: impl IntoIterator<Item = &'a Plate>,
+    occluders: impl IntoIterator<Item = &'a Plate>,
     slack: f64,
 ) -> bool {
     let base = clip_to_half_space(&emitter.corners, point, normal);
-    blockers.into_iter().all(|blocker| {
-        misses_region(blocker, &[point], normal, emitter, slack)
-            || side_separates(point, &base, &blocker.corners, slack)
-            || side_separates(point, &blocker.corners, &base, slack)
+    occluders.into_iter().all(|occluder| {
+        misses_region(occluder, &[point], normal, emitter, slack)
+            || side_separates(point, &base, &occluder.corners, slack)
+            || side_separates(point, &occluder.corners, &base, slack)
     })
 }
 
@@ -108,10 +108,10 @@ mod tests {
         ])
     }
 
-    fn clear(point: DVec3, blocker: &Plate) -> bool {
+    fn clear(point: DVec3, occluder: &Plate) -> bool {
         let lamp = down(DVec3::Z * 2.0, 0.5);
         assert!(lamp.normal.z < -0.999);
-        is_clear(point, DVec3::Z, &lamp, [blocker], SLACK)
+        is_clear(point, DVec3::Z, &lamp, [occluder], SLACK)
     }
 
     #[test]
@@ -160,7 +160,7 @@ mod tests {
     fn a_region_is_cleared_as_a_whole_or_not_at_all() {
         let lamp = down(DVec3::Z * 2.0, 0.5);
         let region = [DVec3::ZERO, DVec3::X, DVec3::X + DVec3::Y, DVec3::Y];
-        let misses = |blocker: &Plate| misses_region(blocker, &region, DVec3::Z, &lamp, SLACK);
+        let misses = |occluder: &Plate| misses_region(occluder, &region, DVec3::Z, &lamp, SLACK);
         assert!(misses(&down(DVec3::ZERO, 1.0)));
         assert!(!misses(&down(DVec3::Z, 0.1)));
         let wall = Plate::new(vec![

@@ -15,7 +15,7 @@ use crate::scene::SurfaceId;
 const SHIFT: f64 = 1e-6;
 
 /// The least cosine between a ray and a normal at which the place on the face is sure, and found in f64 by the renderer as well.
-const LEAST_COSINE: f64 = 0.01;
+const MIN_COSINE: f64 = 0.01;
 
 /// A face and what it belongs to.
 struct Owner {
@@ -159,7 +159,7 @@ impl<'a> Faces<'a> {
         }
         match first {
             None => Seen::Nothing,
-            Some(hit) if hit.cosine < LEAST_COSINE => Seen::Unsure,
+            Some(hit) if hit.cosine < MIN_COSINE => Seen::Unsure,
             Some(hit) => Seen::Face(hit),
         }
     }

@@ -52,7 +52,7 @@ const FALSE_ALARM: f64 = 1e-6;
 /// file's settings and seed and traced in f64: the image must show what they find, and state their standard error, but for rays within 1e-6 of the scene's size of an edge; and the visible fraction that they find must
 /// be possible for the true one. Where emitters of several surfaces share the rays' stream, in an order that the file does not tell, the pixel is counted and left out, as is one that touches an
 /// occluder. Where coordinates were rounded, as in files with six decimals, faces that were meant to touch do not stand in each other's way, by the rule of
-/// [`BlockerIndex`](crate::visibility::blockers::BlockerIndex); a pixel may differ by as much as its answer then differs from that with the corners as they are, and by what bent faces make of it. Where that is
+/// [`OccluderIndex`](crate::visibility::occluders::OccluderIndex); a pixel may differ by as much as its answer then differs from that with the corners as they are, and by what bent faces make of it. Where that is
 /// more than a hundredth of the form factor, it is left out: [`VerifyReport::complete`] tells whether any is. A [field](super::field()) of form factors is the irradiance in the scene in which its surface alone emits, 1 W·m⁻².
 ///
 /// What the samples of a perspective image see is found again in f64, without the image: a pixel with a sample nearer to an edge than 1e-6 of the scene's size is counted and left out.

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::answer::{Centre, PixelAnswer, Shown};
 use super::clear_view::{Plate, is_clear, misses_region};
 use super::light::Light;
-use super::region::{Between, Region, SeenFrom, as_blockers, contains};
+use super::region::{Between, Region, SeenFrom, as_occluders, contains};
 use super::rounding::Rounding;
 use super::shadow_rays::{ShadowRays, Start};
 use super::size::Size;
@@ -22,7 +22,7 @@ use crate::render::samples::PixelSamples;
 use crate::render::unfolded::Tile;
 use crate::render::view::ViewDescription;
 use crate::scene::slack_of;
-use crate::visibility::blockers::are_sides_of_a_sheet;
+use crate::visibility::occluders::are_sides_of_a_sheet;
 
 /// The share of an emitter's form factor beyond which nothing is said of a point: so much of it is hidden or not by how the coordinates of corners were rounded.
 const UNTOLD: f64 = 0.01;
@@ -331,7 +331,7 @@ impl<'a> Reference<'a> {
             tolerance: 1e-10,
             budget: 10_000_000,
         };
-        let found = exchange_area(rectangle, &emitter.corners, &as_blockers(&between), accuracy);
+        let found = exchange_area(rectangle, &emitter.corners, &as_occluders(&between), accuracy);
         found.reached.then_some(found.exchange_area)
     }
 

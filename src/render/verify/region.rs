@@ -6,7 +6,7 @@ use super::clear_view::Plate;
 use crate::form_factor::partial::VisibleFactor;
 use crate::geometry::point_form_factor::point_form_factor;
 use crate::geometry::polygon;
-use crate::visibility::blockers::{Blocker, standing_on};
+use crate::visibility::occluders::{Occluder, standing_on};
 
 /// A flat convex region from which emitters are seen.
 pub(super) struct Region<'a> {
@@ -42,18 +42,18 @@ impl SeenFrom {
     pub(super) fn meant(&mut self, k: usize, region: &Region<'_>, emitter: &Plate) -> &mut VisibleFactor {
         let ends = [region.corners.as_slice(), &emitter.corners];
         let standing = |plate: &&Plate| standing_on(ends, &plate.corners, region.touching).into_owned();
-        let blockers = || {
+        let occluders = || {
             let corners = region.between[k].meant.iter().map(standing);
-            corners.map(|corners| blocker(corners.into())).collect()
+            corners.map(|corners| occluder(corners.into())).collect()
         };
-        kept(&mut self.meant, k, region, emitter, blockers)
+        kept(&mut self.meant, k, region, emitter, occluders)
     }
 
     /// Returns emitter `k` behind what does stand before it as the corners are.
     pub(super) fn literal(&mut self, k: usize, region: &Region<'_>, emitter: &Plate) -> &mut VisibleFactor {
         kept(&mut self.literal, k, region, emitter, || {
             let triangles = region.between[k].literal.iter().flat_map(|plate| flat_parts(plate));
-            triangles.map(|corners| blocker(corners.into())).collect()
+            triangles.map(|corners| occluder(corners.into())).collect()
         })
     }
 }
@@ -63,12 +63,12 @@ fn kept<'v, 'b>(
     k: usize,
     region: &Region<'_>,
     emitter: &Plate,
-    blockers: impl FnOnce() -> Vec<Blocker<'b>>,
+    occluders: impl FnOnce() -> Vec<Occluder<'b>>,
 ) -> &'v mut VisibleFactor {
     if known.len() <= k {
         known.resize_with(k + 1, || None);
     }
-    known[k].get_or_insert_with(|| VisibleFactor::new(&region.corners, region.normal, &emitter.corners, &blockers()))
+    known[k].get_or_insert_with(|| VisibleFactor::new(&region.corners, region.normal, &emitter.corners, &occluders()))
 }
 
 impl Region<'_> {
@@ -132,13 +132,13 @@ fn flat_parts(plate: &Plate) -> Vec<Vec<DVec3>> {
 }
 
 /// Returns plates as what stops light.
-pub(super) fn as_blockers<'a>(plates: &[&'a Plate]) -> Vec<Blocker<'a>> {
-    let of_plate = |plate: &&'a Plate| blocker(plate.corners.as_slice().into());
+pub(super) fn as_occluders<'a>(plates: &[&'a Plate]) -> Vec<Occluder<'a>> {
+    let of_plate = |plate: &&'a Plate| occluder(plate.corners.as_slice().into());
     plates.iter().map(of_plate).collect()
 }
 
-fn blocker(corners: std::borrow::Cow<'_, [DVec3]>) -> Blocker<'_> {
-    Blocker {
+fn occluder(corners: std::borrow::Cow<'_, [DVec3]>) -> Occluder<'_> {
+    Occluder {
         corners,
         one_sided: false,
     }

@@ -124,7 +124,7 @@ impl ShadowRays {
     }
 
     /// Returns what fraction of emitter `k` the rays of a point find, given the true one.
-    pub(super) fn fraction(&self, k: usize, start: &Start<'_>, blockers: &[&Plate], exact: f64) -> Fraction {
+    pub(super) fn fraction(&self, k: usize, start: &Start<'_>, occluders: &[&Plate], exact: f64) -> Fraction {
         let &Start { point, normal, .. } = start;
         let target = &self.targets[k];
         let mut stream = PointStream::new(self.sequence, self.seed, start.stream);
@@ -146,7 +146,7 @@ impl ShadowRays {
             let to = target.points.point(u, v);
             let weight = weight(to);
             if weight > 0.0 {
-                let met = first_met(origin, to + target.normal * self.offset, blockers, margin);
+                let met = first_met(origin, to + target.normal * self.offset, occluders, margin);
                 sums.add(weight, met, exact);
             }
         }
@@ -156,7 +156,7 @@ impl ShadowRays {
             let to = above.iter().sum::<DVec3>() / above.len() as f64;
             sums.add(
                 1.0,
-                first_met(origin, to + target.normal * self.offset, blockers, margin),
+                first_met(origin, to + target.normal * self.offset, occluders, margin),
                 exact,
             );
         }
@@ -218,10 +218,10 @@ impl Sums {
 }
 
 /// Tells whether any of the occluders is met between two points.
-fn first_met(from: DVec3, to: DVec3, blockers: &[&Plate], margin: f64) -> Meets {
+fn first_met(from: DVec3, to: DVec3, occluders: &[&Plate], margin: f64) -> Meets {
     let mut found = Meets::No;
-    for blocker in blockers {
-        match meets(from, to, blocker, margin) {
+    for occluder in occluders {
+        match meets(from, to, occluder, margin) {
             Meets::Yes => return Meets::Yes,
             Meets::Maybe => found = Meets::Maybe,
             Meets::No => {}
@@ -230,8 +230,8 @@ fn first_met(from: DVec3, to: DVec3, blockers: &[&Plate], margin: f64) -> Meets 
     found
 }
 
-fn meets(from: DVec3, to: DVec3, blocker: &Plate, margin: f64) -> Meets {
-    let [a, b] = [from, to].map(|end| blocker.normal.dot(end - blocker.corners[0]));
+fn meets(from: DVec3, to: DVec3, occluder: &Plate, margin: f64) -> Meets {
+    let [a, b] = [from, to].map(|end| occluder.normal.dot(end - occluder.corners[0]));
     if (a > margin && b > margin) || (a < -margin && b < -margin) {
         return Meets::No;
     }
@@ -241,7 +241,7 @@ fn meets(from: DVec3, to: DVec3, blocker: &Plate, margin: f64) -> Meets {
         return Meets::Maybe;
     }
     let place = from + (to - from) * (a / (a - b)).clamp(0.0, 1.0);
-    let inside = blocker.depth(place);
+    let inside = occluder.depth(place);
     let room = margin * aslant;
     if inside < -room {
         Meets::No

@@ -11,8 +11,8 @@ use radiosity::matrix::StorageChoice;
 use radiosity::mesh::{Mesh, MeshOptions, Subdivision};
 use radiosity::progress::Silent;
 use radiosity::scene::{Corners, Face, Scene, builtin};
-use radiosity::visibility::blockers::{BlockerIndex, PairVisibility};
 use radiosity::visibility::brute_force::BruteForce;
+use radiosity::visibility::occluders::{OccluderIndex, PairVisibility};
 use serde_json::Value;
 use std::num::NonZeroUsize;
 
@@ -563,7 +563,7 @@ fn twenty_thousand_faces_of_a_ball_see_the_floor_as_the_sphere_does() {
 }
 
 #[test]
-fn without_blockers_nothing_is_classified() {
+fn without_occluders_nothing_is_classified() {
     let prepared = Prepared::new(builtin_scene("cube"), 4);
     let pairs = compute(&prepared, 1e-6).pairs.unwrap();
     assert_eq!((pairs.partial, pairs.hidden, pairs.n_rays), (0, 0, 0));
@@ -808,7 +808,7 @@ fn pairs_with_much_in_between_are_what_they_are_as_a_whole() {
     let prepared = Prepared::new(shapes.scene(), 1);
     let tolerance = 1e-5;
     let found = compute(&prepared, tolerance).factors;
-    let index = BlockerIndex::new(&prepared.scene);
+    let index = OccluderIndex::new(&prepared.scene);
     let polygon = |i: usize| prepared.scene.polygon(prepared.mesh.patches[i].face);
     let mut n_checked = 0;
     let n = prepared.mesh.n_patches();
@@ -826,7 +826,7 @@ fn pairs_with_much_in_between_are_what_they_are_as_a_whole() {
             tolerance,
             budget: ExactMethod::DEFAULT_BUDGET,
         };
-        let whole = exchange_area(&p, &q, &index.blockers(&p, &q, &among), accuracy);
+        let whole = exchange_area(&p, &q, &index.occluders(&p, &q, &among), accuracy);
         let area = found.areas()[i];
         let (split, error) = (area * found.get(i, j), area * found.std_error(i, j));
         assert!(

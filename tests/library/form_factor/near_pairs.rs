@@ -128,7 +128,7 @@ fn gauss_points_on_one_of_two_near_patches_are_off_by_no_more_than_they_state() 
 
 /// Two patches and a plate near one of them, or anywhere in between: what their rays miss of its shadow is seldom more than they say, and they say something.
 #[test]
-fn shadows_of_near_blockers_are_within_the_stated_errors() {
+fn shadows_of_near_occluders_are_within_the_stated_errors() {
     let methods = ["gauss-lambert", "contour", "pdm"].map(|name| (name, with_points(name, 5)));
     for (is_near, seed) in [(true, 2), (false, 3)] {
         let mut random = Uniform(seed);
@@ -162,21 +162,21 @@ fn shadows_of_near_blockers_are_within_the_stated_errors() {
                 };
                 from + share * (to - from)
             };
-            let of_blocker = between();
+            let of_occluder = between();
             let extent = small.min(size) * random.scale(0.2, 2.0);
-            let blocker = rectangle(
-                of_blocker,
+            let occluder = rectangle(
+                of_occluder,
                 [extent, extent * random.scale(0.3, 1.0)],
                 random.turn_of_z(is_along_axis),
             );
             let behind = |of: &[DVec3; 4]| {
                 let normal = (of[1] - of[0]).cross(of[3] - of[0]).normalize();
-                blocker.iter().any(|corner| normal.dot(corner - of[0]) < 1e-3)
+                occluder.iter().any(|corner| normal.dot(corner - of[0]) < 1e-3)
             };
             if behind(&first) || behind(&second) {
                 continue;
             }
-            let scene = prepared(&[first, second, blocker]);
+            let scene = prepared(&[first, second, occluder]);
             let truth = scene.compute(&ExactMethod::default());
             let whole = prepared(&[first, second]).compute(&ExactMethod::default()).get(0, 1);
             // Only where there is a shadow, and light beside it.

@@ -15,7 +15,7 @@ use radiosity::matrix::FormFactors;
 use radiosity::mesh::{Mesh, PatchId, Subdivision};
 use radiosity::scene::Scene;
 use radiosity::solver::StopReason;
-use radiosity::visibility::blockers::Blocker;
+use radiosity::visibility::occluders::Occluder;
 
 use crate::support::rooms::{Prepared, Shapes, moved, names, quick};
 use crate::support::solving::{all, l2, random_materials, run, system};
@@ -131,12 +131,12 @@ fn of_gauss_points(prepared: &Prepared, face: usize, q: usize) -> Vec<f64> {
             return 0.0;
         }
         let between = |k: &usize| *k != face && *k != target;
-        let blocker = |k: usize| Blocker {
+        let occluder = |k: usize| Occluder {
             corners: polygons[k].as_slice().into(),
             one_sided: false,
         };
-        let blockers: Vec<_> = (0..polygons.len()).filter(between).map(blocker).collect();
-        let mut visible = VisibleFactor::new(&polygons[face], sender, &polygons[target], &blockers);
+        let occluders: Vec<_> = (0..polygons.len()).filter(between).map(occluder).collect();
+        let mut visible = VisibleFactor::new(&polygons[face], sender, &polygons[target], &occluders);
         let (front, on_it) = (normal(&polygons[target]), polygons[target][0]);
         let mut sum = 0.0;
         for &i in &patches {

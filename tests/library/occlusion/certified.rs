@@ -52,9 +52,9 @@ fn a_partition_in_a_corridor() {
     let corridor = &reference()["corridor"];
     for motion in motions() {
         let [a, b, partition] = ["A", "B", "partition"].map(|name| polygon(&corridor[name], motion));
-        let close = |p: &[DVec3], q: &[DVec3], blockers: &[Polygon], expected: &str| {
+        let close = |p: &[DVec3], q: &[DVec3], occluders: &[Polygon], expected: &str| {
             for tolerance in [1e-6, 1e-8, 1e-10] {
-                let result = exchange(p, q, blockers, tolerance);
+                let result = exchange(p, q, occluders, tolerance);
                 let error = (result.exchange_area / area(p) - number(&corridor[expected])).abs();
                 assert!(error <= tolerance + 1e-11, "{expected} {result:?} {error:e}");
             }

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use radiosity::form_factor::partial::{Accuracy, exchange_area};
-use radiosity::visibility::blockers::{BlockerIndex, PairVisibility};
+use radiosity::visibility::occluders::{OccluderIndex, PairVisibility};
 
 use super::scenes::Random;
 use super::shapes::{BUDGET, area, cuboid, cut, exchange, random_case, random_rotation, scene_of, turned, two_sided};
@@ -23,11 +23,11 @@ fn expect_estimates_to_hold(seed: u64, n_cases: usize) {
     let mut random = Random::new(seed);
     let (mut n, mut failures) = (0, Vec::new());
     for case in 0..n_cases {
-        let (p, q, blockers) = random_case(&mut random);
-        let exact = exchange(&p, &q, &blockers, 3e-8);
+        let (p, q, occluders) = random_case(&mut random);
+        let exact = exchange(&p, &q, &occluders, 3e-8);
         let smaller = area(&p).min(area(&q));
         for tolerance in TOLERANCES {
-            let result = exchange(&p, &q, &blockers, tolerance);
+            let result = exchange(&p, &q, &occluders, tolerance);
             let error = (result.exchange_area - exact.exchange_area).abs();
             let excess = error / (result.error + exact.error);
             assert!(result.error <= tolerance * smaller);
@@ -51,13 +51,13 @@ fn where_the_tolerance_is_above_everything_the_error_is_still_told_and_small() {
         let room = cuboid(DVec3::ZERO, DVec3::new(4.0, 5.0, 3.0), false);
         let half = 0.2 + 0.5 * random.point();
         let middle = DVec3::new(2.0, 2.5, 1.5) + 0.3 * random.direction();
-        let blocker = turned(
+        let occluder = turned(
             cuboid(middle - half, middle + half, true),
             random_rotation(&mut random, 3.0),
             middle,
         );
-        let faces: Vec<_> = room.iter().chain(&blocker).cloned().collect();
-        let index = BlockerIndex::new(&scene_of(&faces));
+        let faces: Vec<_> = room.iter().chain(&occluder).cloned().collect();
+        let index = OccluderIndex::new(&scene_of(&faces));
         let parts: Vec<_> = room.iter().map(|wall| cut(wall, 7, 9)).collect();
         for k in 0..6 * 5 * 63 {
             let (wall, other) = (k % 6, (k + 1 + k / 6 % 5) % 6);
@@ -65,14 +65,14 @@ fn where_the_tolerance_is_above_everything_the_error_is_still_told_and_small() {
             let PairVisibility::Partial(ids) = index.classify(p, q) else {
                 continue;
             };
-            let blockers = index.blockers(p, q, &ids);
-            assert!(blockers.iter().all(|side| side.one_sided));
+            let occluders = index.occluders(p, q, &ids);
+            assert!(occluders.iter().all(|side| side.one_sided));
             let whole = exchange(p, q, &[], 1e-10).exchange_area;
             let at = |tolerance: f64| {
                 exchange_area(
                     p,
                     q,
-                    &blockers,
+                    &occluders,
                     Accuracy {
                         tolerance,
                         budget: BUDGET,
@@ -106,13 +106,13 @@ fn a_spent_budget_is_said_and_its_error_still_holds() {
     let mut random = Random::new(18);
     let mut n_spent = 0;
     for _ in 0..40 {
-        let (p, q, blockers) = random_case(&mut random);
-        let exact = exchange(&p, &q, &blockers, 1e-7);
+        let (p, q, occluders) = random_case(&mut random);
+        let exact = exchange(&p, &q, &occluders, 1e-7);
         let accuracy = Accuracy {
             tolerance: 1e-12,
             budget: 4_000,
         };
-        let result = exchange_area(&p, &q, &two_sided(&blockers), accuracy);
+        let result = exchange_area(&p, &q, &two_sided(&occluders), accuracy);
         let error = (result.exchange_area - exact.exchange_area).abs();
         assert!(error <= result.error + exact.error, "{result:?} {error:e}");
         n_spent += usize::from(!result.reached);

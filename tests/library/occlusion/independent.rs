@@ -138,13 +138,13 @@ fn plates_anywhere_between_two_rectangles() {
         let motion = random.motion();
         let placed = |corners: Polygon| corners.into_iter().map(|v| motion.point(v)).collect::<Polygon>();
         let (p, q) = (placed(from.upwards()), placed(to.downwards()));
-        let blockers: Vec<Polygon> = plates.iter().map(|plate| placed(plate.upwards())).collect();
+        let occluders: Vec<Polygon> = plates.iter().map(|plate| placed(plate.upwards())).collect();
         for tolerance in [1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8] {
             let accuracy = Accuracy {
                 tolerance,
                 budget: BUDGET,
             };
-            let result = exchange_area(&p, &q, &two_sided(&blockers), accuracy);
+            let result = exchange_area(&p, &q, &two_sided(&occluders), accuracy);
             let error = (result.exchange_area - exact).abs();
             // 1e-13: rounding of the corners that were moved, and of the sums.
             assert!(

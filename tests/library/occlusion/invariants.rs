@@ -16,9 +16,9 @@ const TOLERANCE: f64 = 1e-6;
 fn the_order_of_the_two_polygons_does_not_matter() {
     let mut random = Random::new(21);
     for _ in 0..20 {
-        let (p, q, blockers) = random_case(&mut random);
-        let there = exchange(&p, &q, &blockers, TOLERANCE);
-        let back = exchange(&q, &p, &blockers, TOLERANCE);
+        let (p, q, occluders) = random_case(&mut random);
+        let there = exchange(&p, &q, &occluders, TOLERANCE);
+        let back = exchange(&q, &p, &occluders, TOLERANCE);
         assert_eq!(there.exchange_area.to_bits(), back.exchange_area.to_bits());
     }
 }
@@ -27,8 +27,8 @@ fn the_order_of_the_two_polygons_does_not_matter() {
 fn parts_add_up() {
     let mut random = Random::new(22);
     for _ in 0..15 {
-        let (p, q, blockers) = random_case(&mut random);
-        let whole = exchange(&p, &q, &blockers, TOLERANCE);
+        let (p, q, occluders) = random_case(&mut random);
+        let whole = exchange(&p, &q, &occluders, TOLERANCE);
         let parts = |polygon: &Polygon| match polygon.len() {
             4 => cut(polygon, 2, 1),
             _ => in_triangles(&[vec![
@@ -42,7 +42,7 @@ fn parts_add_up() {
         let (mut sum, mut error) = (0.0, whole.error);
         for a in &of_p {
             for b in &of_q {
-                let part = exchange(a, b, &blockers, TOLERANCE);
+                let part = exchange(a, b, &occluders, TOLERANCE);
                 sum += part.exchange_area;
                 error += part.error;
             }
@@ -52,12 +52,12 @@ fn parts_add_up() {
 }
 
 #[test]
-fn blockers_in_pieces_block_as_whole_ones_do() {
+fn occluders_in_pieces_block_as_whole_ones_do() {
     let mut random = Random::new(23);
     for _ in 0..6 {
-        let (p, q, blockers) = random_case(&mut random);
-        let whole = exchange(&p, &q, &blockers, TOLERANCE);
-        let pieces: Vec<Polygon> = blockers
+        let (p, q, occluders) = random_case(&mut random);
+        let whole = exchange(&p, &q, &occluders, TOLERANCE);
+        let pieces: Vec<Polygon> = occluders
             .iter()
             .flat_map(|b| {
                 if b.len() == 4 {
@@ -74,15 +74,15 @@ fn blockers_in_pieces_block_as_whole_ones_do() {
 }
 
 #[test]
-fn one_more_blocker_never_lets_more_through() {
+fn one_more_occluder_never_lets_more_through() {
     let mut random = Random::new(24);
     for _ in 0..30 {
-        let (p, q, mut blockers) = random_case(&mut random);
-        let before = exchange(&p, &q, &blockers, TOLERANCE);
+        let (p, q, mut occluders) = random_case(&mut random);
+        let before = exchange(&p, &q, &occluders, TOLERANCE);
         let centre = p[0].lerp(q[0], random.unit());
         let rotation = random_rotation(&mut random, TAU);
-        blockers.push(random_polygon(&mut random, centre, rotation, 0.7));
-        let after = exchange(&p, &q, &blockers, TOLERANCE);
+        occluders.push(random_polygon(&mut random, centre, rotation, 0.7));
+        let after = exchange(&p, &q, &occluders, TOLERANCE);
         assert!(after.exchange_area <= before.exchange_area + after.error + before.error);
         assert!(after.exchange_area >= 0.0 && after.exchange_area <= area(&p).min(area(&q)));
     }
@@ -93,14 +93,14 @@ fn motions_and_scales_change_nothing_but_the_unit() {
     let mut random = Random::new(25);
     for scale in [1e-3, 1.0, 1e4] {
         for _ in 0..5 {
-            let (p, q, blockers) = random_case(&mut random);
+            let (p, q, occluders) = random_case(&mut random);
             let motion = random.motion();
             let moved = |polygon: &Polygon| polygon.iter().map(|&v| motion.point(v) * scale).collect::<Polygon>();
-            let before = exchange(&p, &q, &blockers, TOLERANCE);
+            let before = exchange(&p, &q, &occluders, TOLERANCE);
             let after = exchange(
                 &moved(&p),
                 &moved(&q),
-                &blockers.iter().map(moved).collect::<Vec<_>>(),
+                &occluders.iter().map(moved).collect::<Vec<_>>(),
                 TOLERANCE,
             );
             let difference = (after.exchange_area / (scale * scale) - before.exchange_area).abs();

@@ -2,13 +2,13 @@
 
 use crate::embree::scenes;
 
-mod blocker_index;
 mod certified;
 mod closed_rooms;
 mod error_estimates;
 mod independent;
 mod invariants;
 mod monte_carlo;
+mod occluder_index;
 mod piercing;
 mod search;
 mod shapes;

@@ -3,7 +3,7 @@
 use glam::{DQuat, DVec3};
 use radiosity::form_factor::partial::{Accuracy, Partial, exchange_area};
 use radiosity::geometry::polygon;
-use radiosity::visibility::blockers::{BlockerIndex, PairVisibility};
+use radiosity::visibility::occluders::{OccluderIndex, PairVisibility};
 
 use super::scenes::Random;
 use super::shapes::{BUDGET, Polygon, area, cuboid, cut, random_rotation, rectangle, scene_of, turned};
@@ -46,8 +46,8 @@ fn heap(random: &mut Random) -> Vec<Polygon> {
     faces
 }
 
-fn pair(index: &BlockerIndex, p: &[DVec3], q: &[DVec3], tolerance: f64) -> Partial {
-    let blockers = match index.classify(p, q) {
+fn pair(index: &OccluderIndex, p: &[DVec3], q: &[DVec3], tolerance: f64) -> Partial {
+    let occluders = match index.classify(p, q) {
         PairVisibility::None => {
             return exchange_area(
                 &[],
@@ -60,13 +60,13 @@ fn pair(index: &BlockerIndex, p: &[DVec3], q: &[DVec3], tolerance: f64) -> Parti
             );
         }
         PairVisibility::Full => Vec::new(),
-        PairVisibility::Partial(ids) => index.blockers(p, q, &ids),
+        PairVisibility::Partial(ids) => index.occluders(p, q, &ids),
     };
     let accuracy = Accuracy {
         tolerance,
         budget: BUDGET,
     };
-    let result = exchange_area(p, q, &blockers, accuracy);
+    let result = exchange_area(p, q, &occluders, accuracy);
     assert!(result.reached, "{result:?}");
     result
 }
@@ -75,11 +75,11 @@ fn pair(index: &BlockerIndex, p: &[DVec3], q: &[DVec3], tolerance: f64) -> Parti
 fn each_partial_pair(
     seeds: std::ops::Range<u64>,
     step: usize,
-    mut check: impl FnMut(u64, &BlockerIndex, &[DVec3], &[DVec3]),
+    mut check: impl FnMut(u64, &OccluderIndex, &[DVec3], &[DVec3]),
 ) {
     for seed in seeds {
         let faces = heap(&mut Random::new(seed));
-        let index = BlockerIndex::new(&scene_of(&faces));
+        let index = OccluderIndex::new(&scene_of(&faces));
         let mut n = 0;
         for (i, p) in faces.iter().enumerate() {
             for q in &faces[i + 1..] {
@@ -159,7 +159,7 @@ fn corners_on_the_horizon_pass_each_other() {
         DVec3::new(0.5, 2.0, 1.2),
     ];
     let faces = [p.clone(), q.clone(), tent.clone(), tent.into_iter().rev().collect()];
-    let index = BlockerIndex::new(&scene_of(&faces));
+    let index = OccluderIndex::new(&scene_of(&faces));
     let tight = pair(&index, &p, &q, 1e-10);
     for tolerance in [1e-4, 1e-6, 1e-8] {
         let loose = pair(&index, &p, &q, tolerance);

@@ -6,7 +6,7 @@ use glam::{DQuat, DVec3};
 use radiosity::form_factor::partial::{Accuracy, Partial, exchange_area};
 use radiosity::geometry::polygon;
 use radiosity::scene::Scene;
-use radiosity::visibility::blockers::{Blocker, BlockerIndex, PairVisibility};
+use radiosity::visibility::occluders::{Occluder, OccluderIndex, PairVisibility};
 
 use super::scenes::{Builder, Random};
 
@@ -109,7 +109,7 @@ pub(crate) fn random_case(random: &mut Random) -> (Polygon, Polygon, Vec<Polygon
         )
     };
     let (from, to) = (polygon::centroid(&p), polygon::centroid(&q));
-    let mut blockers = Vec::new();
+    let mut occluders = Vec::new();
     let n = 1 + [1.0 / 3.0, 2.0 / 3.0]
         .iter()
         .filter(|&&share| random.unit() > share)
@@ -118,54 +118,54 @@ pub(crate) fn random_case(random: &mut Random) -> (Polygon, Polygon, Vec<Polygon
         let centre = from.lerp(to, random.between(0.2, 0.8)) + random.direction() * 0.1 * size;
         let rotation = random_rotation(random, TAU);
         if random.unit() < 0.5 {
-            blockers.push(random_polygon(random, centre, rotation, 0.5 * size));
+            occluders.push(random_polygon(random, centre, rotation, 0.5 * size));
         } else {
             let half = 0.25 * size * (random.point() + 0.3);
-            blockers.extend(turned(cuboid(centre - half, centre + half, true), rotation, centre));
+            occluders.extend(turned(cuboid(centre - half, centre + half, true), rotation, centre));
         }
     }
-    (p, q, blockers)
+    (p, q, occluders)
 }
 
-pub(crate) fn two_sided(polygons: &[Polygon]) -> Vec<Blocker<'_>> {
-    let mut blockers = Vec::new();
+pub(crate) fn two_sided(polygons: &[Polygon]) -> Vec<Occluder<'_>> {
+    let mut occluders = Vec::new();
     for corners in polygons {
-        blockers.push(Blocker {
+        occluders.push(Occluder {
             corners: corners.into(),
             one_sided: false,
         });
     }
-    blockers
+    occluders
 }
 
 pub(crate) const BUDGET: usize = 20_000_000;
 
-pub(crate) fn exchange(p: &[DVec3], q: &[DVec3], blockers: &[Polygon], tolerance: f64) -> Partial {
+pub(crate) fn exchange(p: &[DVec3], q: &[DVec3], occluders: &[Polygon], tolerance: f64) -> Partial {
     let accuracy = Accuracy {
         tolerance,
         budget: BUDGET,
     };
-    let result = exchange_area(p, q, &two_sided(blockers), accuracy);
+    let result = exchange_area(p, q, &two_sided(occluders), accuracy);
     assert!(result.reached, "{result:?}");
     result
 }
 
 /// Returns the exchange areas of all pairs of faces, with the occluders that the index finds.
 pub(crate) fn all_pairs(faces: &[Polygon], tolerance: f64) -> Vec<Vec<f64>> {
-    let index = BlockerIndex::new(&scene_of(faces));
+    let index = OccluderIndex::new(&scene_of(faces));
     let mut areas = vec![vec![0.0; faces.len()]; faces.len()];
     for (i, p) in faces.iter().enumerate() {
         for (j, q) in faces.iter().enumerate().skip(i + 1) {
-            let blockers = match index.classify(p, q) {
+            let occluders = match index.classify(p, q) {
                 PairVisibility::None => continue,
                 PairVisibility::Full => Vec::new(),
-                PairVisibility::Partial(ids) => index.blockers(p, q, &ids),
+                PairVisibility::Partial(ids) => index.occluders(p, q, &ids),
             };
             let accuracy = Accuracy {
                 tolerance,
                 budget: BUDGET,
             };
-            let result = exchange_area(p, q, &blockers, accuracy);
+            let result = exchange_area(p, q, &occluders, accuracy);
             assert!(result.reached, "faces {i} and {j}: {result:?}");
             areas[i][j] = result.exchange_area;
             areas[j][i] = result.exchange_area;

@@ -7,7 +7,7 @@ use std::borrow::Cow;
 
 use glam::DVec3;
 
-use super::{LEAST_SLACKS, Plane};
+use super::{MIN_SLACKS, Plane};
 
 /// Planes whose normals are nearer than this square of a sine have no line in common that is known well enough.
 const PARALLEL: f64 = 1e-3;
@@ -69,17 +69,15 @@ fn through_middle(corners: &[DVec3]) -> Plane {
 }
 
 /// Returns the corners of an occluder, those that are within `slack`, m, of the plane of a patch on whose front it stands moved behind that by as much: nothing shines through under it.
-pub(crate) fn standing_on<'a>(patches: [&[DVec3]; 2], blocker: &'a [DVec3], slack: f64) -> Cow<'a, [DVec3]> {
-    let mut corners = Cow::Borrowed(blocker);
+pub(crate) fn standing_on<'a>(patches: [&[DVec3]; 2], occluder: &'a [DVec3], slack: f64) -> Cow<'a, [DVec3]> {
+    let mut corners = Cow::Borrowed(occluder);
     if slack <= 0.0 {
         return corners;
     }
     for plane in patches.map(through_middle) {
-        let stands = blocker
-            .iter()
-            .any(|&corner| plane.height(corner) > LEAST_SLACKS * slack);
+        let stands = occluder.iter().any(|&corner| plane.height(corner) > MIN_SLACKS * slack);
         let touches = |corner: &DVec3| plane.height(*corner).abs() <= slack;
-        if stands && blocker.iter().any(touches) {
+        if stands && occluder.iter().any(touches) {
             for corner in corners.to_mut().iter_mut().filter(|corner| touches(corner)) {
                 *corner -= (plane.height(*corner) + slack) * plane.normal;
             }
@@ -141,8 +139,11 @@ mod tests {
         // What hangs over it, lies on it, or is meant as it is stays.
         let hanging: Vec<DVec3> = plate.iter().map(|v| *v + 1e-3 * DVec3::Z).collect();
         let lying: Vec<DVec3> = floor.iter().map(|v| 0.5 * *v + DVec3::new(0.5, 0.2, 1e-6)).collect();
-        for (blocker, slack) in [(&hanging, 2e-6), (&lying, 2e-6), (&plate, 0.0)] {
-            assert!(matches!(standing_on([&floor, &wall], blocker, slack), Cow::Borrowed(_)));
+        for (occluder, slack) in [(&hanging, 2e-6), (&lying, 2e-6), (&plate, 0.0)] {
+            assert!(matches!(
+                standing_on([&floor, &wall], occluder, slack),
+                Cow::Borrowed(_)
+            ));
         }
     }
 }

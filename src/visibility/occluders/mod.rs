@@ -15,13 +15,13 @@ use solids::Solid;
 pub(crate) use touching::standing_on;
 use tree::Tree;
 
-/// Index of an occluder in a [`BlockerIndex`].
+/// Index of an occluder in a [`OccluderIndex`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct BlockerId(pub u32);
+pub struct OccluderId(pub u32);
 
 /// A convex planar polygon that stops light from both sides.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Blocker<'a> {
+pub struct Occluder<'a> {
     /// The corners in order, in m.
     pub corners: Cow<'a, [DVec3]>,
     /// True if light that would meet the back has always met another occluder's front before: the polygon is a side of a closed convex
@@ -37,7 +37,7 @@ pub enum PairVisibility {
     /// Nothing: their fronts do not face each other, or one polygon or one convex solid hides all.
     None,
     /// Perhaps a part: these occluders reach into the space between them. There may be nothing left, which integration then finds.
-    Partial(Vec<BlockerId>),
+    Partial(Vec<OccluderId>),
 }
 
 /// The occluders between two polygons, and whether they are certain.
@@ -97,7 +97,7 @@ impl Entry {
 /// Source: the shaft of E. A. Haines and J. R. Wallace, "Shaft Culling for Efficient Ray-Traced Radiosity", 1991.
 /// Departures: the hull of the two polygons itself, not of their boxes.
 #[derive(Clone, Debug)]
-pub struct BlockerIndex {
+pub struct OccluderIndex {
     entries: Vec<Entry>,
     solids: Vec<Solid>,
     tree: Tree,
@@ -105,7 +105,7 @@ pub struct BlockerIndex {
     slack: f64,
 }
 
-impl BlockerIndex {
+impl OccluderIndex {
     /// Gathers the faces of a scene. Work: O(n log n) for n faces, and polygons × corners for each convex solid.
     #[must_use]
     pub fn new(scene: &Scene) -> Self {
@@ -152,20 +152,20 @@ impl BlockerIndex {
 
     /// Returns the number of occluders: of faces that were left after joining.
     #[must_use]
-    pub fn n_blockers(&self) -> usize {
+    pub fn n_occluders(&self) -> usize {
         self.entries.len()
     }
 
     /// Returns the corners of an occluder.
     #[must_use]
-    pub fn corners(&self, blocker: BlockerId) -> &[DVec3] {
-        &self.entries[blocker.0 as usize].corners
+    pub fn corners(&self, occluder: OccluderId) -> &[DVec3] {
+        &self.entries[occluder.0 as usize].corners
     }
 
     /// Returns the faces that an occluder is made of.
     #[must_use]
-    pub fn faces(&self, blocker: BlockerId) -> &[FaceId] {
-        &self.entries[blocker.0 as usize].faces
+    pub fn faces(&self, occluder: OccluderId) -> &[FaceId] {
+        &self.entries[occluder.0 as usize].faces
     }
 
     /// Finds the occluders between two convex planar polygons, wound counter-clockwise seen from their fronts.
@@ -180,7 +180,7 @@ impl BlockerIndex {
     /// Does what [`classify`](Self::classify) does, and tells what was left out for the rounding of coordinates.
     pub(crate) fn between(&self, p: &[DVec3], q: &[DVec3]) -> Between {
         self.classify_with(p, q, self.slack, |look_at, shaft| {
-            self.tree.visit(shaft, |k| look_at(BlockerId(k)));
+            self.tree.visit(shaft, |k| look_at(OccluderId(k)));
         })
     }
 
@@ -193,17 +193,17 @@ impl BlockerIndex {
     ///
     /// For parts of two larger polygons, whose own occluders are all that the parts can have.
     #[must_use]
-    pub fn classify_among(&self, p: &[DVec3], q: &[DVec3], among: &[BlockerId]) -> PairVisibility {
+    pub fn classify_among(&self, p: &[DVec3], q: &[DVec3], among: &[OccluderId]) -> PairVisibility {
         self.between_among(p, q, among).visibility
     }
 
     /// Does what [`classify_among`](Self::classify_among) does, and tells what was left out for the rounding of coordinates.
-    pub(crate) fn between_among(&self, p: &[DVec3], q: &[DVec3], among: &[BlockerId]) -> Between {
+    pub(crate) fn between_among(&self, p: &[DVec3], q: &[DVec3], among: &[OccluderId]) -> Between {
         self.classify_with(p, q, self.slack, each_of(among))
     }
 
     /// Finds which of the occluders `among` of a pair occlude two parts of it that no corners of the scene bound: nothing was meant to touch these, and nothing is left out for rounding.
-    pub(crate) fn classify_cut(&self, p: &[DVec3], q: &[DVec3], among: &[BlockerId]) -> PairVisibility {
+    pub(crate) fn classify_cut(&self, p: &[DVec3], q: &[DVec3], among: &[OccluderId]) -> PairVisibility {
         self.classify_with(p, q, 0.0, each_of(among)).visibility
     }
 
@@ -213,7 +213,7 @@ impl BlockerIndex {
         p: &[DVec3],
         q: &[DVec3],
         slack: f64,
-        each: impl FnOnce(&mut dyn FnMut(BlockerId) -> bool, &Shaft<'_>),
+        each: impl FnOnce(&mut dyn FnMut(OccluderId) -> bool, &Shaft<'_>),
     ) -> Between {
         if slack > 0.0 && self.are_sides_of_a_sheet(p, q) {
             return Between::certain(PairVisibility::None);
@@ -226,8 +226,8 @@ impl BlockerIndex {
         let mut closed = false;
         let mut touched = false;
         let mut last_solid = None;
-        let mut look_at = |blocker: BlockerId| {
-            let entry = &self.entries[blocker.0 as usize];
+        let mut look_at = |occluder: OccluderId| {
+            let entry = &self.entries[occluder.0 as usize];
             let is_met = if slack > 0.0 {
                 let is_touched = shaft.is_touched_by(&entry.corners);
                 let levels = if is_touched {
@@ -244,7 +244,7 @@ impl BlockerIndex {
                 shaft.meets(&entry.corners)
             };
             if is_met {
-                found.push(blocker);
+                found.push(occluder);
                 closed = shaft.is_closed_by(&entry.corners, &entry.plane);
                 if let Some(solid) = entry.solid
                     && last_solid != Some(solid)
@@ -268,12 +268,12 @@ impl BlockerIndex {
     }
 
     /// Returns how many occluders these are, counting no more than three of one convex solid: as many sides does a box show.
-    pub(crate) fn count(&self, blockers: &[BlockerId]) -> usize {
-        let mut solids: Vec<u32> = blockers
+    pub(crate) fn count(&self, occluders: &[OccluderId]) -> usize {
+        let mut solids: Vec<u32> = occluders
             .iter()
             .filter_map(|&id| self.entries[id.0 as usize].solid)
             .collect();
-        let n_single = blockers.len() - solids.len();
+        let n_single = occluders.len() - solids.len();
         solids.sort_unstable();
         n_single
             + solids
@@ -287,9 +287,9 @@ impl BlockerIndex {
         touching::meeting(p, q, self.slack)
     }
 
-    /// Tells whether any of the [`blockers`](Self::blockers) is not where the file has it, because it stands on one of the patches.
-    pub(crate) fn any_stands_on(&self, p: &[DVec3], q: &[DVec3], blockers: &[BlockerId]) -> bool {
-        let mut corners = blockers.iter().map(|&id| self.corners(id));
+    /// Tells whether any of the [`occluders`](Self::occluders) is not where the file has it, because it stands on one of the patches.
+    pub(crate) fn any_stands_on(&self, p: &[DVec3], q: &[DVec3], occluders: &[OccluderId]) -> bool {
+        let mut corners = occluders.iter().map(|&id| self.corners(id));
         corners.any(|corners| matches!(touching::standing_on([p, q], corners, self.slack), Cow::Owned(_)))
     }
 
@@ -298,9 +298,9 @@ impl BlockerIndex {
     /// Where coordinates are rounded, an occluder that stands on one of the patches, no farther from its plane than that explains, reaches through the plane: the slit that rounding has left under it,
     /// or not, is narrower than what can be known of it, and takes very many evaluations.
     #[must_use]
-    pub fn blockers(&self, p: &[DVec3], q: &[DVec3], blockers: &[BlockerId]) -> Vec<Blocker<'_>> {
+    pub fn occluders(&self, p: &[DVec3], q: &[DVec3], occluders: &[OccluderId]) -> Vec<Occluder<'_>> {
         let mut outside: Vec<(u32, bool)> = Vec::new();
-        blockers
+        occluders
             .iter()
             .map(|&id| {
                 let entry = &self.entries[id.0 as usize];
@@ -313,7 +313,7 @@ impl BlockerIndex {
                     outside.push((index, excluded));
                     excluded
                 });
-                Blocker {
+                Occluder {
                     corners: touching::standing_on([p, q], &entry.corners, self.slack),
                     one_sided,
                 }
@@ -323,7 +323,7 @@ impl BlockerIndex {
 }
 
 /// Returns what looks at some occluders, one after the other.
-fn each_of(among: &[BlockerId]) -> impl FnOnce(&mut dyn FnMut(BlockerId) -> bool, &Shaft<'_>) {
+fn each_of(among: &[OccluderId]) -> impl FnOnce(&mut dyn FnMut(OccluderId) -> bool, &Shaft<'_>) {
     |look_at, _| {
         among.iter().all(|&k| look_at(k));
     }
@@ -333,7 +333,7 @@ fn each_of(among: &[BlockerId]) -> impl FnOnce(&mut dyn FnMut(BlockerId) -> bool
 const PARALLEL: f64 = 1e-3;
 
 /// A polygon smaller than this many slacks is not told from rounding.
-const LEAST_SLACKS: f64 = 100.0;
+const MIN_SLACKS: f64 = 100.0;
 
 /// How two polygons lie to each other whose corners are rounded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -381,5 +381,5 @@ fn is_level(p: &[DVec3], q: &[DVec3], slack: f64) -> bool {
 
 /// Tells whether a polygon is so small that rounding may have turned it any way.
 fn is_small(corners: &[DVec3], slack: f64) -> bool {
-    corners.iter().all(|v| v.distance(corners[0]) < LEAST_SLACKS * slack)
+    corners.iter().all(|v| v.distance(corners[0]) < MIN_SLACKS * slack)
 }

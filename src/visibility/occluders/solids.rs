@@ -9,10 +9,10 @@ use crate::scene::topology::Pieces;
 use crate::scene::{FaceId, Scene};
 
 /// No solid has fewer polygons than a tetrahedron.
-const LEAST_POLYGONS: usize = 4;
+const MIN_POLYGONS: usize = 4;
 
 /// A solid with more polygons is not looked at for convexity, which takes polygons × corners: its shadows then only cost more.
-const MOST_POLYGONS: usize = 2000;
+const MAX_POLYGONS: usize = 2000;
 
 /// A closed convex solid whose faces look outwards.
 #[derive(Clone, Debug)]
@@ -79,7 +79,7 @@ pub(super) fn find(
     for (piece, sides) in pieces {
         let covered: usize = sides.iter().map(|&k| polygons[k].1.len()).sum();
         // A sheet of one polygon is closed too: each of its edges is run along once in each sense. It has no inside.
-        if sides.len() < LEAST_POLYGONS || sides.len() > MOST_POLYGONS || covered != n_faces[&piece] {
+        if sides.len() < MIN_POLYGONS || sides.len() > MAX_POLYGONS || covered != n_faces[&piece] {
             continue;
         }
         let planes: Vec<Plane> = sides.iter().map(|&k| Plane::of(&polygons[k].0)).collect();

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use glam::DVec3;
 use radiosity::geometry::polygon;
-use radiosity::visibility::blockers::{BlockerId, BlockerIndex, PairVisibility};
+use radiosity::visibility::occluders::{OccluderId, OccluderIndex, PairVisibility};
 
 use super::scenes::Random;
 use super::shapes::{Polygon, cuboid, cut, in_triangles, random_polygon, random_rotation, rectangle, scene_of, turned};
@@ -16,16 +16,16 @@ fn inside(random: &mut Random, polygon: &Polygon) -> DVec3 {
     polygon.iter().zip(&weights).map(|(&v, w)| v * (w / total)).sum()
 }
 
-fn crosses(blocker: &[DVec3], a: DVec3, b: DVec3) -> bool {
-    let normal = polygon::area_vector(blocker).normalize();
-    let (height_a, height_b) = (normal.dot(a - blocker[0]), normal.dot(b - blocker[0]));
+fn crosses(occluder: &[DVec3], a: DVec3, b: DVec3) -> bool {
+    let normal = polygon::area_vector(occluder).normalize();
+    let (height_a, height_b) = (normal.dot(a - occluder[0]), normal.dot(b - occluder[0]));
     if height_a.abs().min(height_b.abs()) < 1e-9 || height_a * height_b > 0.0 {
         return false;
     }
     let point = a + (b - a) * (height_a / (height_a - height_b));
-    (0..blocker.len()).all(|k| {
-        let edge = blocker[(k + 1) % blocker.len()] - blocker[k];
-        normal.cross(edge.normalize()).dot(point - blocker[k]) > 1e-9
+    (0..occluder.len()).all(|k| {
+        let edge = occluder[(k + 1) % occluder.len()] - occluder[k];
+        normal.cross(edge.normalize()).dot(point - occluder[k]) > 1e-9
     })
 }
 
@@ -45,7 +45,7 @@ fn nothing_stands_between_patches_of_a_convex_room_wherever_it_is() {
             .collect();
         let faces: Vec<Polygon> = patches.iter().map(|(_, p)| p.clone()).collect();
         for variant in [in_triangles(&faces), faces] {
-            let index = BlockerIndex::new(&scene_of(&variant));
+            let index = OccluderIndex::new(&scene_of(&variant));
             for (i, p) in &patches {
                 for (j, q) in &patches {
                     let expected = if i == j {
@@ -64,22 +64,22 @@ fn nothing_stands_between_patches_of_a_convex_room_wherever_it_is() {
 fn flat_neighbours_are_joined_and_sheets_count_once() {
     let walls = cuboid(DVec3::ZERO, DVec3::new(3.0, 2.0, 2.5), false);
     let fine: Vec<Polygon> = walls.iter().flat_map(|wall| in_triangles(&cut(wall, 4, 3))).collect();
-    let index = BlockerIndex::new(&scene_of(&fine));
-    assert_eq!(index.n_blockers(), 6);
+    let index = OccluderIndex::new(&scene_of(&fine));
+    assert_eq!(index.n_occluders(), 6);
     for k in 0..6 {
-        assert_eq!(index.corners(BlockerId(k)).len(), 4);
-        assert_eq!(index.faces(BlockerId(k)).len(), 24);
+        assert_eq!(index.corners(OccluderId(k)).len(), 4);
+        assert_eq!(index.faces(OccluderId(k)).len(), 24);
     }
     let sheet = rectangle(DVec3::ZERO, DVec3::X, DVec3::Y);
     let back: Polygon = sheet.iter().rev().copied().collect();
-    assert_eq!(BlockerIndex::new(&scene_of(&[sheet, back])).n_blockers(), 1);
+    assert_eq!(OccluderIndex::new(&scene_of(&[sheet, back])).n_occluders(), 1);
     // An L is not convex: two occluders.
     let corner = [
         rectangle(DVec3::ZERO, DVec3::X, DVec3::Y),
         rectangle(DVec3::X, DVec3::X, DVec3::Y),
         rectangle(DVec3::Y, DVec3::X, DVec3::Y),
     ];
-    assert_eq!(BlockerIndex::new(&scene_of(&corner)).n_blockers(), 2);
+    assert_eq!(OccluderIndex::new(&scene_of(&corner)).n_occluders(), 2);
 }
 
 #[test]
@@ -90,23 +90,23 @@ fn only_sides_of_convex_solids_seen_from_outside_are_one_sided() {
     let mut faces = room.clone();
     faces.extend(in_triangles(&solid));
     faces.push(plate.clone());
-    let index = BlockerIndex::new(&scene_of(&faces));
-    assert_eq!(index.n_blockers(), 13);
+    let index = OccluderIndex::new(&scene_of(&faces));
+    assert_eq!(index.n_occluders(), 13);
     let PairVisibility::Partial(ids) = index.classify(&room[4], &room[5]) else {
         panic!("solid and plate occlude floor and ceiling");
     };
-    let blockers = index.blockers(&room[4], &room[5], &ids);
-    assert_eq!(blockers.len(), 7);
-    for blocker in &blockers {
-        assert_eq!(blocker.one_sided, blocker.corners != plate);
+    let occluders = index.occluders(&room[4], &room[5], &ids);
+    assert_eq!(occluders.len(), 7);
+    for occluder in &occluders {
+        assert_eq!(occluder.one_sided, occluder.corners != plate);
     }
     // From inside of the solid its sides are not.
     let within = rectangle(DVec3::splat(-0.1), DVec3::X * 0.1, DVec3::Y * 0.1);
     assert!(
         index
-            .blockers(&within, &room[5], &ids)
+            .occluders(&within, &room[5], &ids)
             .iter()
-            .all(|blocker| !blocker.one_sided)
+            .all(|occluder| !occluder.one_sided)
     );
 }
 
@@ -127,7 +127,7 @@ fn the_answers_agree_with_random_segments() {
                 faces.extend(turned(cuboid(centre - half, centre + half, true), rotation, centre));
             }
         }
-        let index = BlockerIndex::new(&scene_of(&faces));
+        let index = OccluderIndex::new(&scene_of(&faces));
         for (i, p) in faces.iter().enumerate() {
             for q in &faces[i + 1..] {
                 let (normal_p, normal_q) = (polygon::area_vector(p), polygon::area_vector(q));
@@ -170,7 +170,7 @@ fn a_wall_across_closes_the_way() {
     let mut faces = cuboid(DVec3::ZERO, DVec3::new(4.0, 1.0, 1.0), false);
     let wall = rectangle(DVec3::X * 2.0, DVec3::Y, DVec3::Z);
     faces.extend(cut(&wall, 3, 3));
-    let index = BlockerIndex::new(&scene_of(&faces));
+    let index = OccluderIndex::new(&scene_of(&faces));
     assert_eq!(index.classify(&faces[0], &faces[1]), PairVisibility::None);
     assert_eq!(
         index.classify(&faces[0], &wall),
@@ -189,7 +189,7 @@ fn a_solid_across_closes_the_way() {
         motion.rotation,
         DVec3::ZERO,
     );
-    let index = BlockerIndex::new(&scene_of(&solid));
+    let index = OccluderIndex::new(&scene_of(&solid));
     let square = |height: f64, side: f64| {
         rectangle(
             DVec3::new(-0.5 * side, -0.5 * side, height),
@@ -220,8 +220,8 @@ fn a_solid_across_closes_the_way() {
 }
 
 #[test]
-fn an_empty_scene_has_no_blockers() {
-    let index = BlockerIndex::new(&scene_of(&[]));
+fn an_empty_scene_has_no_occluders() {
+    let index = OccluderIndex::new(&scene_of(&[]));
     let (p, q) = (
         rectangle(DVec3::ZERO, DVec3::X, DVec3::Y),
         rectangle(DVec3::Z, DVec3::Y, DVec3::X),
@@ -236,10 +236,10 @@ fn a_sheet_of_two_coincident_faces_hides_no_more_than_one_of_them() {
     let front = rectangle(DVec3::new(0.4, 0.4, 0.5), DVec3::X * 0.1, DVec3::Y * 0.1);
     let back: Polygon = front.iter().rev().copied().collect();
     for sheet in [vec![front.clone()], vec![back.clone()], vec![front, back]] {
-        let index = BlockerIndex::new(&scene_of(&sheet));
+        let index = OccluderIndex::new(&scene_of(&sheet));
         assert_eq!(
             index.classify(&floor, &ceiling),
-            PairVisibility::Partial(vec![BlockerId(0)])
+            PairVisibility::Partial(vec![OccluderId(0)])
         );
     }
 }
