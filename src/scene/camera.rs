@@ -69,7 +69,7 @@ impl Camera {
     /// need not be unit vectors.
     ///
     /// # Errors
-    /// [`SceneError::BadCamera`], without a line: a number that is not finite, a zero vector, `up` along the direction, or an angle outside (0, 180).
+    /// [`BadCamera`](crate::scene::SceneErrorKind::BadCamera), without a line: a number that is not finite, a zero vector, `up` along the direction, or an angle outside (0, 180).
     pub fn new(eye: DVec3, direction: DVec3, up: DVec3, vertical_fov: f64) -> Result<Self, SceneError> {
         Self::checked(eye, direction, up, vertical_fov).map_err(|(key, message)| {
             SceneError::new(
@@ -170,7 +170,7 @@ impl Camera {
     /// The direction comes back to rounding error; all else comes back to the bit.
     ///
     /// # Errors
-    /// [`SceneError::Unwritable`].
+    /// [`Unwritable`](crate::scene::SceneErrorKind::Unwritable).
     pub fn save(&self, file: impl AsRef<Path>) -> Result<(), SceneError> {
         write_whole(file.as_ref(), &self.to_toml())
     }

@@ -62,7 +62,7 @@ impl Frame {
     /// Returns the pose that the motions bring the scene to; `file` is the list that the frame comes from.
     ///
     /// # Errors
-    /// [`SceneError::BadFrames`], with the line, for a motion that the scene cannot make.
+    /// [`BadFrames`](crate::scene::SceneErrorKind::BadFrames), with the line, for a motion that the scene cannot make.
     pub fn pose(&self, file: impl AsRef<Path>, scene: &Scene) -> Result<Pose, SceneError> {
         let refused = |line: Option<u32>, error: MotionError| {
             SceneError::new(
@@ -110,7 +110,7 @@ impl Frame {
 /// Paths are relative to the file.
 ///
 /// # Errors
-/// A file that cannot be read; [`SceneError::BadFrames`], with the line, for what is no such TOML, a name that is empty, is not to be a part of a file's name or
+/// A file that cannot be read; [`BadFrames`](crate::scene::SceneErrorKind::BadFrames), with the line, for what is no such TOML, a name that is empty, is not to be a part of a file's name or
 /// comes twice, or a list without frames.
 pub fn load(file: impl AsRef<Path>) -> Result<Vec<Frame>, SceneError> {
     let file = file.as_ref();

@@ -76,7 +76,7 @@ impl Lighting {
     /// Reads a lighting of a scene from a TOML file.
     ///
     /// # Errors
-    /// A file that cannot be read; [`SceneError::BadLighting`], with the line, for what is no such TOML, a name that the scene does not have, a reflectance
+    /// A file that cannot be read; [`BadLighting`](crate::scene::SceneErrorKind::BadLighting), with the line, for what is no such TOML, a name that the scene does not have, a reflectance
     /// outside \[0, 1\], or an exitance that is negative, between 0 and [`MIN_EXITANCE`], above [`MAX_EXITANCE`], or overflows with the area that emits it.
     pub fn load(file: impl AsRef<Path>, scene: &Scene) -> Result<Self, SceneError> {
         Self::load_up_to(file, scene, MAX_EXITANCE)

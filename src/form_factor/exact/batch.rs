@@ -337,7 +337,7 @@ impl Batches<'_> {
             exchange,
             visible: if most.area > 0.0 { exchange / most.area } else { 1.0 },
             touched,
-            occluders: occluders,
+            occluders,
         };
         let rounding = self.rounding([pair.i, pair.j], seen(most.area));
         let clipping = ROUNDING * most.area;

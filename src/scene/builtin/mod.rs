@@ -98,7 +98,7 @@ pub fn names() -> impl ExactSizeIterator<Item = &'static str> {
 /// Departures: each scene's `README.md` in `scenes/` says what its source leaves open, and how that was decided.
 ///
 /// # Errors
-/// [`SceneError::UnknownBuiltin`], [`SceneError::NoLevels`], [`SceneError::LevelTooHigh`].
+/// [`UnknownBuiltin`](crate::scene::SceneErrorKind::UnknownBuiltin), [`NoLevels`](crate::scene::SceneErrorKind::NoLevels), [`LevelTooHigh`](crate::scene::SceneErrorKind::LevelTooHigh).
 pub fn build(name: &str, level: Option<u32>) -> Result<Builtin, SceneError> {
     let Some(entry) = REGISTRY.iter().find(|entry| entry.name == name) else {
         return Err(SceneError::new(
