@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use super::VoxelRemedy;
-use super::warning::{Named, Parameter, plainly};
+use super::parameter::{Named, Parameter, plainly};
 use crate::checkpoint::CheckpointError;
 use crate::embree::EmbreeError;
 use crate::form_factor::{FormFactorError, Leak, MAX_ESCAPED};

@@ -1,0 +1,352 @@
+//! Warnings as lines of text.
+
+use std::fmt::{self, Write as _};
+
+use super::Warning;
+use super::parameter::{Named, Parameter, plainly};
+use crate::printable::{counted, printable, short};
+use crate::progress::Forecast;
+use crate::voxel::MAX_VOXELS;
+
+impl fmt::Display for Warning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text(&plainly))
+    }
+}
+
+impl Warning {
+    /// Returns the warning as one line, with parameters as `named` writes them.
+    #[must_use]
+    pub fn text(&self, named: Named<'_>) -> String {
+        let name = |parameter| named(parameter, None);
+        match self {
+            Self::Scene(warning) => warning.to_string(),
+            Self::DarkLighting { .. }
+            | Self::VanishedFaces { .. }
+            | Self::InsideOut { .. }
+            | Self::NoneSees { .. }
+            | Self::NoEmitterSees { .. }
+            | Self::MostSeeBacks { .. }
+            | Self::TurnedSurface { .. }
+            | Self::TurnedFaces { .. }
+            | Self::MoreTurned { .. } => self.of_scene(named),
+            Self::FarStart { offset, width } => format!(
+                "rays start {offset:.2e} m off a face in a scene of this size, and the smallest patch is only {width:.2e} m wide: what patches near each other exchange is off by about {:.1e} of itself; \
+                 leave out what is far away, or use a method without rays",
+                offset / width
+            ),
+            Self::NarrowGap {
+                surfaces,
+                width,
+                offset,
+            } => {
+                let [first, second] = surfaces
+                    .each_ref()
+                    .map(|(surface, line)| format!("`{surface}` (line {line})"));
+                format!(
+                    "{first} and {second} are {width:.2e} m apart, and rays start {offset:.2e} m off a face: light between them is lost or blurred; \
+                     use a method without rays, or model the gap in a scene of its own"
+                )
+            }
+            Self::LightLeak {
+                n_patches,
+                value,
+                error,
+                unit,
+                relative,
+                whole,
+                is_from_file,
+            } => {
+                let remedy = if *is_from_file {
+                    "compute the form factors again".to_owned()
+                } else {
+                    format!("leave out {}", named(Parameter::CutAtWalls, Some("false")))
+                };
+                format!(
+                    "light leaks under what stands on {}: {value:.2e} +- {error:.1e} {unit}, {relative:.1e} {whole}; {remedy}",
+                    counted(*n_patches, "patch")
+                )
+            }
+            Self::NoisyPixels {
+                file,
+                n_above,
+                n_pixels,
+                noise,
+            } => format!(
+                "{}: {n_above} of {} above the noise of {} after as many rays as {} lets them have; raise that, or {}",
+                file.display(),
+                counted(usize::try_from(*n_pixels).unwrap_or(usize::MAX), "pixel"),
+                short(*noise),
+                name(Parameter::GatherRays),
+                name(Parameter::Noise)
+            ),
+            Self::BlankPicture { camera } => format!(
+                "no pixel shows the front of a face: move the camera ({}, {}; it is {camera}), or turn the faces with {} (they see on the side from which their \
+                 corners run counter-clockwise)",
+                name(Parameter::Eye),
+                name(Parameter::LookAt),
+                name(Parameter::Flip)
+            ),
+            Self::Checkpoint(text) | Self::Other(text) => text.clone(),
+            Self::BrokenLaw(check) => format!("audit: {check}"),
+            Self::NoErrorOnTheFly => format!(
+                "form factors that are not kept state no error: how far theirs shows in the light is not known; leave {} out to know it",
+                name(Parameter::OnTheFly)
+            ),
+            Self::SmallSurfaces { .. }
+            | Self::ThinGaps { .. }
+            | Self::OpenVoxels { .. }
+            | Self::EscapingLinks { .. }
+            | Self::PassedWalls { .. }
+            | Self::UnderWay { .. } => self.of_voxels(named),
+            _ => self.of_numbers(named),
+        }
+    }
+
+    /// Returns what there is to say of faces that see nothing, or emit nothing.
+    fn of_scene(&self, named: Named<'_>) -> String {
+        let flip = named(Parameter::Flip, None);
+        let flip_of = |surface: &str| named(Parameter::Flip, Some(surface));
+        match self {
+            Self::DarkLighting { file } => format!(
+                "{}: no face emits light in this lighting; give a surface an `exitance`",
+                file.display()
+            ),
+            Self::VanishedFaces { file, line, count } => format!(
+                "{}:{line}: this face and {} more are too small, beside the size of the scene, for rays to hit them",
+                file.display(),
+                count - 1
+            ),
+            Self::InsideOut { file, line, surface } => format!(
+                "{}:{line}: `{surface}`: the closed surface that this face is part of stands inside of another and faces inwards, so that what is around it meets its black backs; reverse its winding, that of a whole surface with {}",
+                file.display(),
+                flip_of("NAME")
+            ),
+            Self::NoneSees { file, surface } => {
+                let of_surface = surface
+                    .as_ref()
+                    .map_or_else(String::new, |name| format!(" of `{name}`"));
+                format!(
+                    "{}: no face{of_surface} sees another, so none receives light from another: the normals are probably inverted; reverse all with {flip}, or a surface's with {}",
+                    file.display(),
+                    flip_of("NAME")
+                )
+            }
+            Self::NoEmitterSees { file } => format!(
+                "{}: no face that emits light sees another: the normals are probably inverted; reverse all with {flip}, or a surface's with {}",
+                file.display(),
+                flip_of("NAME")
+            ),
+            Self::MostSeeBacks { file, count, n_faces } => format!(
+                "{}: {count} of {n_faces} faces see only black backs of others: normals are probably inverted; reverse all with {flip}, or a surface's with {}",
+                file.display(),
+                flip_of("NAME")
+            ),
+            Self::TurnedSurface { file, surface } => format!(
+                "{}: no face of `{surface}` sees another, but from behind they would: its normals are probably inverted; reverse them with {}",
+                file.display(),
+                flip_of(surface)
+            ),
+            Self::TurnedFaces {
+                file,
+                line,
+                surface,
+                count,
+            } => {
+                let what = match count {
+                    1 => "the face sees no other".to_owned(),
+                    n => format!("this face and {} more see no other", n - 1),
+                };
+                format!(
+                    "{}:{line}: `{surface}`: {what}, and others see the back; reverse what is meant to be seen, a whole surface with {}",
+                    file.display(),
+                    flip_of(surface)
+                )
+            }
+            Self::MoreTurned { file, count } => {
+                format!("{}: so it is with faces of {count} more surfaces", file.display())
+            }
+            // Whoever adds a kind and no text is not to make it mute.
+            _ => format!("{self:?}"),
+        }
+    }
+
+    /// Returns what there is to say of voxels.
+    fn of_voxels(&self, named: Named<'_>) -> String {
+        let voxels = named(Parameter::Voxels, None);
+        let larger = format!("give {voxels} a larger number");
+        match self {
+            Self::SmallSurfaces {
+                count,
+                surface,
+                side,
+                size,
+                enough,
+            } => {
+                let remedy = if *enough <= f64::from(MAX_VOXELS) {
+                    format!("give {}", named(Parameter::Voxels, Some(&format!("{enough:.0}"))))
+                } else {
+                    "use `solve`".to_owned()
+                };
+                format!(
+                    "{count} surfaces are smaller than two voxels of {size:.2e} m, as {surface} of {side:.2e} m: their light and shadows are not resolved; {remedy}"
+                )
+            }
+            Self::ThinGaps { n_voxels, pairs } => {
+                // A line is for reading.
+                let shown: Vec<String> = pairs.iter().take(3).map(|[a, b]| format!("{a} and {b}")).collect();
+                let others = match pairs.len().saturating_sub(3) {
+                    0 => String::new(),
+                    more => format!(" and {more} other pairs"),
+                };
+                format!(
+                    "at {n_voxels} voxels along the longest axis less than two voxels lie between {}{others}; the light in such gaps is not resolved, {larger}",
+                    shown.join(", ")
+                )
+            }
+            Self::OpenVoxels { count, surfaces } => {
+                let shown: Vec<&str> = surfaces.iter().map(String::as_str).take(5).collect();
+                format!(
+                    "{count} voxels of a closed scene can be reached from outside, on {}; it leaks there, {larger}",
+                    shown.join(", ")
+                )
+            }
+            Self::EscapingLinks { n_escaped, n_links } => {
+                let share = 100.0 * *n_escaped as f64 / (*n_links).max(1) as f64;
+                format!("{n_escaped} links ({share:.2} %) leave a closed scene, and their light is lost; {larger}")
+            }
+            Self::PassedWalls {
+                power,
+                share,
+                thickness,
+                enough,
+            } => {
+                let wall = thickness.map_or_else(
+                    || " closed surfaces".to_owned(),
+                    |thickness| format!(" walls as thin as {thickness:.1e} m"),
+                );
+                let enough = enough.map_or_else(|| "larger".to_owned(), |n| n.to_string());
+                format!(
+                    "{power:.1e} W, {share:.1e} of what is emitted, passes{wall}; surfaces behind them are too bright; give {}",
+                    named(Parameter::Voxels, Some(&enough))
+                )
+            }
+            Self::UnderWay { passes, under_way } => format!(
+                "after {passes} propagations light is still under way, {under_way:.1e} of what there is or more; give more {}, or a {}",
+                named(Parameter::Passes, None),
+                named(Parameter::Solver, None)
+            ),
+            // Whoever adds a kind and no text is not to make it mute.
+            _ => format!("{self:?}"),
+        }
+    }
+
+    /// Returns what there is to say of form factors and solutions.
+    fn of_numbers(&self, named: Named<'_>) -> String {
+        let name = |parameter| named(parameter, None);
+        match self {
+            Self::LongWork(forecast) => long_work(forecast, named),
+            Self::AboveTolerance { n_pairs, worst, tolerance } => format!(
+                "{} of patches spent the budget, or the digits of f64, above the tolerance; the worst error of all pairs is {worst:.1e}; give a greater {} or {}",
+                counted(usize::try_from(*n_pairs).unwrap_or(usize::MAX), "pair"),
+                name(Parameter::Budget),
+                name(*tolerance)
+            ),
+            Self::Rounded { text, tolerance } => format!("{text}, or a greater {}", name(*tolerance)),
+            Self::FileAboveTolerance { file } => format!(
+                "{}: these form factors spent their budget above their tolerance; compute them again with a greater {} or {}",
+                file.display(),
+                name(Parameter::Budget),
+                name(Parameter::Tolerance)
+            ),
+            Self::FileRounded { file, text } => format!("{}: {text}", file.display()),
+            Self::SlippedRays { n_lost, n_rays } => format!(
+                "{n_lost} of {n_rays} rays slipped out of a closed scene, or behind its faces where two of them touch; the row sums show what that amounts to"
+            ),
+            Self::NothingToClose => format!(
+                "{} closure changes nothing: no row is known to sum to 1, as the scene is not known to be closed; state it with {}",
+                name(Parameter::Balance),
+                name(Parameter::Closed)
+            ),
+            Self::DoubtedRows { file, line, surface, count } => format!(
+                "{}:{line}: the rows of {count} patches, first of `{surface}`, are off 1 by more than the error that they state (0.1 where they state none), and are left as they are; look for gaps and faces that are wound the wrong way",
+                file.display()
+            ),
+            Self::NotBalanced { row_error_max, n_passes } => {
+                format!("rebalancing left row sums off by up to {row_error_max:.1e} after {n_passes} passes")
+            }
+            Self::RoundedToF32 { relative } => format!(
+                "kept in f32, the form factors are rounded, which may change the radiosities by {relative:.1e} of themselves: use `{}`",
+                named(Parameter::Precision, Some("f64"))
+            ),
+            Self::LampsOutshine { bound, tolerance } => {
+                let remedy = tolerance.map_or_else(
+                    || "make the lamps larger and dimmer, of the same power".to_owned(),
+                    |tolerance| format!("give {}", named(Parameter::SolverTolerance, Some(&format!("{tolerance:e}")))),
+                );
+                format!(
+                    "the lamps' own light has nearly all of what the tolerance is relative to: the bound on the error is {bound:.1e} of the light that is reflected; {remedy}"
+                )
+            }
+            Self::NegativeLight { residual, row_sum_max } => format!(
+                "the equations have no solution of light: what meets them, at a relative residual of {residual:.3e}, is negative in places, as form factors whose rows sum to up to {row_sum_max:.6} make light"
+            ),
+            Self::NotConverged { reason, residual } => {
+                format!("the solver stopped without converging ({reason}) at a relative residual of {residual:.3e}")
+            }
+            Self::NoBound => format!(
+                "no bound on the error of the radiosities can be proved: reflectances and sums of form factors are too near 1, or above; `{}` has the least residual",
+                named(Parameter::Solver, Some("direct"))
+            ),
+            Self::TooInexact => "the form factors are not exact enough for reflectances this near 1: the radiosities may be off by as much as they are or more; compute the form factors with a smaller tolerance or \
+                 more rays, keep them in f64, or lower the reflectances"
+                .to_owned(),
+            Self::CoarseMesh { surface, change } => format!(
+                "the mesh is too coarse for `{}`: a quarter of the patches would change its mean radiosity by {change:.1e} of itself; subdivide more",
+                printable(surface)
+            ),
+            // Whoever adds a kind and no text is not to make it mute.
+            _ => format!("{self:?}"),
+        }
+    }
+}
+
+/// Returns what other settings would take than those of long work.
+fn long_work(forecast: &Forecast, named: Named<'_>) -> String {
+    let mut text = format!("form factors will take about {}", time_text(forecast.asked.1));
+    for &(tolerance, seconds) in &forecast.looser {
+        let _ = write!(text, ", to a tolerance of {tolerance:.0e} {}", time_text(seconds));
+    }
+    if let Some((rays, seconds)) = forecast.shooting {
+        let error = Forecast::error_of_rays(rays);
+        let _ = write!(
+            text,
+            ", by `{}` {} with errors of {error:.0e}",
+            named(Parameter::Method, Some("sr")),
+            time_text(seconds)
+        );
+    }
+    text
+}
+
+/// Times by the unit that they are told in, in s; each from one and a half of it on.
+const UNITS: [(f64, &str); 6] = [
+    (31_536_000.0, "year"),
+    (604_800.0, "week"),
+    (86_400.0, "day"),
+    (3600.0, "hour"),
+    (60.0, "minute"),
+    (1.0, "second"),
+];
+
+/// Returns a time in one unit.
+fn time_text(seconds: f64) -> String {
+    let is_long = |pair: &&[(f64, &str)]| seconds + 0.5 * pair[1].0 >= 1.5 * pair[0].0;
+    let (length, name, least) = UNITS
+        .windows(2)
+        .find(is_long)
+        .map_or((1.0, "second", 0.0), |pair| (pair[0].0, pair[0].1, 2.0));
+    let n = (seconds / length).round().max(least);
+    let plural = if (n - 1.0).abs() < 0.5 { "" } else { "s" };
+    format!("{n} {name}{plural}")
+}
