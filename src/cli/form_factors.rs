@@ -10,9 +10,9 @@ use super::failure::Failure;
 use super::file_set::FileSet;
 use super::run::Run;
 use super::surfaces::surfaces_to_json;
-use super::{Outcome, merge, name_width, solve};
+use super::{Outcome, checks, merge, name_width, solution};
 use crate::form_factor::Fraction;
-use crate::matrix::{Layout, Need, Place, Precision, StorageChoice, SurfaceRow};
+use crate::matrix::{Need, SurfaceRow};
 use crate::mesh::Subdivision;
 use crate::plan::byte_text;
 use crate::printable::{counted, printable};
@@ -78,7 +78,7 @@ fn work(args: &FormFactorsArgs, run: &mut Run) -> Result<Outcome, Failure> {
     Ok(Outcome {
         text,
         document,
-        code: run.judged(solve::code_of(Some(&computed)), args.audit.strict),
+        code: run.judged(solution::code_of(Some(&computed)), args.audit.strict),
     })
 }
 
@@ -101,45 +101,6 @@ pub(super) fn surface_named(scene: &Scene, name: &str) -> Result<SurfaceId, Fail
             "there is no surface `{name}`; the first ones are {}",
             known.join(", ")
         ))
-    })
-}
-
-/// Returns what is said about form factors in every document that has some.
-pub(super) fn checks_to_json(computed: &FormFactorStudy) -> Value {
-    let checks = &computed.checks;
-    json!({
-        "closed": computed.closed,
-        "row_sum": checks.row_sum,
-        "closure_error_max": checks.closure_error_max,
-        "reciprocity_error_max": checks.reciprocity_error_max,
-        "exchange_ratio_max": checks.exchange_ratio_max,
-        "n_rays": checks.n_rays + computed.pairs.map_or(0, |pairs| pairs.n_rays),
-        "n_escaped": checks.n_escaped,
-        "n_absorbed": checks.n_absorbed,
-        "density": computed.factors.density(),
-        "stored_byte": computed.factors.stored_byte(),
-        "storage": storage_to_json(&computed.factors.storage()),
-        "balance": computed.balance,
-        "pairs": computed.pairs,
-        "tolerance_met": computed.tolerance_met,
-    })
-}
-
-fn storage_to_json(storage: &StorageChoice<'_>) -> Value {
-    json!({
-        "layout": match storage.layout {
-            Layout::Auto => "auto",
-            Layout::Dense => "dense",
-            Layout::Sparse => "sparse",
-        },
-        "precision": match storage.precision {
-            Precision::F32 => "f32",
-            Precision::F64 => "f64",
-        },
-        "place": match storage.place {
-            Place::Memory { .. } => "memory",
-            Place::Disk(_) => "disk",
-        },
     })
 }
 
@@ -193,7 +154,7 @@ impl SurfaceTable {
 
 fn to_json(model: &Model, computed: &FormFactorStudy, table: &SurfaceTable) -> Value {
     let n = model.scene.surfaces.len();
-    let mut result = checks_to_json(computed);
+    let mut result = checks::checks_to_json(computed);
     let sky = computed.sky.of_surfaces(&model.mesh, n);
     let values = |of: &[Fraction]| -> Vec<f64> { of.iter().map(|fraction| fraction.value).collect() };
     let errors = |of: &[Fraction]| -> Option<Vec<f64>> {
@@ -226,7 +187,7 @@ const TABLE: usize = 12;
 fn describe(text: &mut String, model: &Model, computed: &FormFactorStudy, table: &SurfaceTable) {
     let n = model.scene.surfaces.len();
     let _ = writeln!(text, "{} patches on {}", model.mesh.n_patches(), counted(n, "surface"));
-    describe_checks(text, computed);
+    checks::describe_checks(text, computed);
     let rows = match table {
         SurfaceTable::Whole(rows) if n <= TABLE => rows,
         _ => {
@@ -266,45 +227,6 @@ fn describe(text: &mut String, model: &Model, computed: &FormFactorStudy, table:
         let _ = writeln!(text, " {lost:>9.6} {:>9.6} {error:>9.1e}", sky.value);
     }
     let _ = writeln!(text);
-}
-
-/// Describes the checks of form factors in two or three lines.
-pub(super) fn describe_checks(text: &mut String, computed: &FormFactorStudy) {
-    let checks = &computed.checks;
-    let _ = writeln!(
-        text,
-        "row sums {:.9} to {:.9}, closure error {}, reciprocity error {:.1e}",
-        checks.row_sum.min,
-        checks.row_sum.max,
-        checks
-            .closure_error_max
-            .map_or("unknown".to_owned(), |e| format!("{e:.1e}")),
-        checks.reciprocity_error_max,
-    );
-    if checks.n_rays > 0 {
-        let _ = writeln!(
-            text,
-            "{} rays, {} escaped, {} met the back of a face",
-            checks.n_rays, checks.n_escaped, checks.n_absorbed
-        );
-    }
-    if let Some(pairs) = computed.pairs {
-        let _ = writeln!(
-            text,
-            "{} pairs face each other: {} see each other whole, {} in part, {} not at all; {} rays between them",
-            pairs.full + pairs.partial + pairs.hidden,
-            pairs.full,
-            pairs.partial,
-            pairs.hidden,
-            pairs.n_rays
-        );
-    }
-    let _ = writeln!(
-        text,
-        "matrix {:.1} % filled, {:.1} MB",
-        100.0 * computed.factors.density(),
-        computed.factors.stored_byte() as f64 / 1e6
-    );
 }
 
 /// Returns the width of the columns of a table: the least that tells the names at their heads apart, and 9 at least.

@@ -6,16 +6,16 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use super::args::{RenderArgs, ViewArgs};
+use super::checks::{checks_to_json, describe_checks};
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::file_set::FileSet;
-use super::form_factors::{checks_to_json, describe_checks};
 use super::lightings::{greatest_reflectance, with_suffix};
 use super::picture::{preview_of, shoot};
-use super::render::{AnyView, demand, render_settings, view};
 use super::run::Run;
 use super::surfaces::surfaces_with_radiosity;
-use super::{Outcome, merge, solve};
+use super::view::{AnyView, demand, render_settings, view};
+use super::{Outcome, merge, solution};
 use crate::form_factor::{Before, Change};
 use crate::matrix::FormFactors;
 use crate::matrix::operator::LinearOperator;
@@ -229,7 +229,7 @@ impl Sequence {
             .collect::<Result<Vec<_>, _>>()?;
         let stated = shots.iter().map(|shot| shot.stated);
         let stated = stated.fold(TotalError::Relative(0.0), TotalError::or_worse);
-        let mut result = solve::to_json(&model, &args.solver.solver, &solution, stated);
+        let mut result = solution::to_json(&model, &args.solver.solver, &solution, stated);
         if let Value::Object(result) = &mut result {
             // Each frame has its own.
             result.remove("surfaces");
@@ -247,11 +247,11 @@ impl Sequence {
             "form_factors": result["form_factors"],
             "update": update,
         });
-        merge(&mut document, solve::quality_to_json(&solution, stated));
-        let line = solve::solver_line(&args.solver.solver, &solution, stated);
+        merge(&mut document, solution::quality_to_json(&solution, stated));
+        let line = solution::solver_line(&args.solver.solver, &solution, stated);
         let told = Told {
             text: describe_pose(&names, (numbers.len(), &line, &computed), update.as_ref()),
-            code: solve::code(&solution, Some(&computed), stated),
+            code: solution::code(&solution, Some(&computed), stated),
             document,
             result,
             stop_reason: solution.stop_reason,
@@ -392,7 +392,7 @@ impl Solved<'_> {
             "energy": own.energy,
             "surfaces": surfaces_with_radiosity(model, &own),
         });
-        merge(&mut document, solve::quality_to_json(&own, stated));
+        merge(&mut document, solution::quality_to_json(&own, stated));
         Ok(Shot {
             frame: number,
             stated,

@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use super::args::SolveArgs;
+use super::checks::{checks_to_json, describe_checks};
 use super::failure::Failure;
-use super::form_factors::{checks_to_json, describe_checks};
 use super::run::Run;
 use super::surfaces::surfaces_with_radiosity;
-use super::{Outcome, merge, solve};
+use super::{Outcome, merge, solution};
 use crate::matrix::operator::LinearOperator;
 use crate::report::solution::SolutionReport;
 use crate::scene::{Lighting, Scene};
@@ -104,14 +104,14 @@ pub(super) fn run(
             "mesh_error": mesh_error,
             "output": outputs[k].as_ref().map(|path| path.display().to_string()),
         });
-        merge(&mut document, solve::quality_to_json(&own, stated));
+        merge(&mut document, solution::quality_to_json(&own, stated));
         documents.push(document);
         let _ = writeln!(text, "\n{name}:");
         let solver = &args.solver.solver;
-        solve::describe(&mut text, &model, (solver, mesh_error.as_ref()), &own, stated);
+        solution::describe(&mut text, &model, (solver, mesh_error.as_ref()), &own, stated);
     }
     run.bars.finish();
-    let mut result = solve::to_json(&model, &args.solver.solver, &solution, worst);
+    let mut result = solution::to_json(&model, &args.solver.solver, &solution, worst);
     if let Value::Object(result) = &mut result {
         // Each lighting has its own.
         result.remove("surfaces");
@@ -132,7 +132,7 @@ pub(super) fn run(
     Ok(Outcome {
         text: printed,
         document,
-        code: run.judged(solve::code(&solution, Some(computed), worst), args.audit.strict),
+        code: run.judged(solution::code(&solution, Some(computed), worst), args.audit.strict),
     })
 }
 

@@ -1,6 +1,7 @@
 //! The command-line program.
 
 pub mod args;
+mod checks;
 mod compare;
 mod exit_code;
 mod failure;
@@ -17,9 +18,11 @@ mod render;
 mod reproduce;
 mod run;
 mod scene;
+mod solution;
 mod solve;
 mod surfaces;
 mod verify;
+mod view;
 mod voxel;
 
 use std::ffi::OsString;

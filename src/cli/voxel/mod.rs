@@ -13,9 +13,9 @@ use super::args::{LinksName, VoxelArgs};
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::file_set::FileSet;
-use super::render::AnyView;
 use super::run::Run;
-use super::{Outcome, merge, render, solve};
+use super::view::{self, AnyView};
+use super::{Outcome, merge, solution};
 use crate::audit;
 use crate::mesh::Subdivision;
 use crate::render::{Attributes, DirectMethod, RenderInput, RenderSettings, exr, png};
@@ -60,7 +60,7 @@ fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
         model.plan.left_out.push(nothing.into());
     }
     if format == Some(Format::Image) {
-        let view = render::view(&args.image.view, &args.scene, &model.scene)?;
+        let view = view::view(&args.image.view, &args.scene, &model.scene)?;
         run.cx.demand.image_byte = picture_byte(view.as_view(), &render_settings(args), &run.cx.memory)?;
     }
     let study = model.solve_on_voxels(&request(args, format), &mut run.cx)?;
@@ -159,7 +159,7 @@ fn document(args: &VoxelArgs, study: &VoxelStudy) -> Value {
             "n_cells_by_round": result.n_cells,
         }),
         VoxelResult::Solver(solution) => json!({
-            "solver": solve::chosen(args.solver.as_deref().unwrap_or_default(), solution),
+            "solver": solution::chosen(args.solver.as_deref().unwrap_or_default(), solution),
             "why": solution.choice.as_ref().map(|choice| &choice.why),
             "stop_reason": solution.stop_reason,
             "n_passes": solution.n_passes,
@@ -189,7 +189,7 @@ fn line(args: &VoxelArgs, study: &VoxelStudy) -> String {
             args.passes
         ),
         VoxelResult::Solver(solution) => {
-            solve::solver_line(args.solver.as_deref().unwrap_or_default(), solution, VOXEL_ERROR)
+            solution::solver_line(args.solver.as_deref().unwrap_or_default(), solution, VOXEL_ERROR)
         }
     }
 }
@@ -279,7 +279,7 @@ fn write(
         })?;
         return Ok(None);
     }
-    let view = render::view(&args.image.view, &args.scene, &model.scene)?;
+    let view = view::view(&args.image.view, &args.scene, &model.scene)?;
     view.tell_left_out(run, model);
     let settings = render_settings(args);
     run.cx.set("show_voxels", args.show_voxels);
