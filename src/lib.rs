@@ -27,7 +27,7 @@
 //! | [`voxel`] | discrete radiosity: integer lines between voxels |
 //! | [`render`] | pictures: layers, OpenEXR, preview, and their verification |
 //! | [`workflow`] | whole studies: all of the above in turn, with the stated errors, the audit and the warnings |
-//! | [`audit`] | the laws of light as a guard over form factors, solutions and pictures |
+//! | [`audit`] | conservation checks of form factors, solutions and images |
 //! | [`experiment`] | methods side by side; the papers' tables beside ours; solvers on stiff and extreme systems |
 //! | [`plan`], [`report`], [`progress`] | what is needed, what was done, how far it is |
 //! | [`checkpoint`] | finished pieces of long work, for a later run to go on from |
@@ -92,15 +92,6 @@
 //! # Ok(())
 //! # }
 //! ```
-
-#![cfg_attr(
-    not(feature = "cli"),
-    allow(
-        dead_code,
-        unused_imports,
-        reason = "what only the program or the experiments use inside of the crate"
-    )
-)]
 
 pub mod audit;
 pub mod checkpoint;

@@ -27,6 +27,7 @@ fn unfinished() -> MutexGuard<'static, Vec<PathBuf>> {
 }
 
 /// Removes all temporary files, before the process ends without dropping what it has.
+#[cfg(feature = "cli")]
 pub(crate) fn abandon() {
     for path in unfinished().drain(..) {
         // A file that has just got its name is no longer there.

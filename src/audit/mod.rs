@@ -1,4 +1,4 @@
-//! The laws of light as a guard: what results must obey, checked after every run.
+//! Conservation checks: what results must obey, checked after every run.
 //!
 //! A law is checked against what the result itself claims: the errors of its form factors, the residual of its solution. Nothing is believed because it was
 //! computed: every number that is compared is calculated again from what is handed out. A law that a result does not promise is not checked, and the

@@ -231,7 +231,7 @@ impl From<WorkflowError> for Failure {
             WorkflowError::OtherGeometry { file, .. } => Self::new("other_geometry", text).in_file(file),
             WorkflowError::Render(error) => error.into(),
             WorkflowError::Voxel(error) => error.into(),
-            WorkflowError::Storage(_) | WorkflowError::VoxelMemory { .. } | WorkflowError::PictureMemory { .. } => {
+            WorkflowError::Storage(_) | WorkflowError::VoxelMemory { .. } | WorkflowError::ImageMemory { .. } => {
                 Self::new("memory_limit", text)
             }
             WorkflowError::Checkpoint(error) => error.into(),

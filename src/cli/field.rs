@@ -21,7 +21,7 @@ use crate::render::{
     Attributes, DirectMethod, Field, FieldInput, FieldRecord, RenderSettings, SurfaceMean, exr, field, png,
 };
 use crate::visibility::Visibility as _;
-use crate::workflow::{Model, picture_byte, picture_patches, warn_if_blank};
+use crate::workflow::{Model, image_byte, image_patches, warn_if_blank};
 
 /// Rays for each sample of a pixel, with `sr`, unless `--rays` says otherwise.
 const SHOT_RAYS: u32 = 4096;
@@ -43,10 +43,10 @@ fn work(args: &FieldArgs, run: &mut Run) -> Result<Outcome, Failure> {
     files.reads_scene(&args.scene);
     files.reads("the camera", args.view.camera_file()).check()?;
     run.cx.memory.limit_byte = args.memory_limit;
-    let mut model = run.prepare(&args.scene, args.mesh, picture_patches)?;
+    let mut model = run.prepare(&args.scene, args.mesh, image_patches)?;
     let surface = surface_named(&model.scene, &args.surface)?;
     let view = view(&args.view, &args.scene, &model.scene)?;
-    picture_byte(view.as_view(), &settings, &run.cx.memory)?;
+    image_byte(view.as_view(), &settings, &run.cx.memory)?;
     run.cx.set("method", json!(args.method));
     if let DirectMethod::CosineRays { n } | DirectMethod::Polygons { n } = settings.direct {
         run.cx.set("rays", n.get());

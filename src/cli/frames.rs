@@ -25,8 +25,8 @@ use crate::render::{DirectMethod, RenderInput, RenderSettings};
 use crate::scene::{Lighting, Motion, Pose, frames};
 use crate::solver::{Coarsened, Solution, StopReason};
 use crate::workflow::{
-    Afterwards, FormFactorStudy, Model, Stack, TotalError, WorkflowError, gathered, indirect_irradiance, picture_byte,
-    picture_patches,
+    Afterwards, FormFactorStudy, Model, Stack, TotalError, WorkflowError, gathered, image_byte, image_patches,
+    indirect_irradiance,
 };
 
 /// A frame, ready to be rendered.
@@ -57,14 +57,14 @@ pub(super) fn work(args: &RenderArgs, file: &Path, run: &mut Run) -> Result<Outc
     let wanted = frames::load(file)?;
     run.has_lightings = true;
     run.expect(&args.storage, demand(args));
-    let model = run.prepare(&args.scene, args.mesh, picture_patches)?;
+    let model = run.prepare(&args.scene, args.mesh, image_patches)?;
     let all = ready(args, file, wanted, &model)?;
     let files = all.lighting_files.iter().map(Option::as_deref);
     let lightings: Vec<_> = files.zip(all.lightings.iter().map(Option::as_ref)).collect();
     run.warn_of_darkness(&model, &lightings);
     let mut largest = 0;
     for frame in &all.frames {
-        largest = largest.max(picture_byte(frame.view.as_view(), &frame.settings, &run.cx.memory)?);
+        largest = largest.max(image_byte(frame.view.as_view(), &frame.settings, &run.cx.memory)?);
     }
     run.cx.demand.image_byte = largest;
     run.cx.demand.reflectance_max = greatest_reflectance(all.lightings.iter().flatten());
@@ -186,7 +186,7 @@ impl Sequence {
             .collect();
         let mut model = as_loaded.posed(&self.poses[number], &mut run.cx)?;
         let solver = args.solver.request();
-        let request = run.request(&args.method, args.form_factor_tolerance, Afterwards::Picture);
+        let request = run.request(&args.method, args.form_factor_tolerance, Afterwards::Image);
         let need = run.cx.memory.or_symmetry(request.balance, solver.need(&run.cx)?)?;
         let change = first.map(|first| Change::between(&first.model.scene, &model.scene));
         // Patches that are others than before have no form factors yet.

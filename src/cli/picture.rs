@@ -9,7 +9,7 @@ use super::run::Run;
 use super::view::AnyView;
 use crate::render::display::{TevDisplay, Unwatched, Watcher};
 use crate::render::{Image, RenderInput, RenderSettings, View};
-use crate::workflow::{self, PictureFile, PictureRequest};
+use crate::workflow::{self, ImageFile, ImageRequest};
 
 /// Returns the name of the preview beside a picture, if the picture can be written.
 pub(super) fn preview_of(picture: &Path) -> Result<PathBuf, Failure> {
@@ -25,8 +25,8 @@ pub(super) fn preview_of(picture: &Path) -> Result<PathBuf, Failure> {
 }
 
 /// Returns how a picture is written.
-fn file(args: PictureFileArgs) -> PictureFile {
-    PictureFile {
+fn file(args: PictureFileArgs) -> ImageFile {
+    ImageFile {
         pixels: args.pixels.into(),
         parts: args.parts.into(),
     }
@@ -48,7 +48,7 @@ pub(super) fn shoot(
         .and_then(|address| connect(run, address, output, view));
     let watcher: &dyn Watcher = display.as_ref().map_or(&Unwatched, |tev| tev);
     let camera = any_view.camera_name();
-    let request = PictureRequest {
+    let request = ImageRequest {
         view,
         camera: camera.as_deref(),
         settings,

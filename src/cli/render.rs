@@ -17,7 +17,7 @@ use crate::matrix::operator::Block;
 use crate::printable::{counted, short};
 use crate::render::{DirectMethod, RenderInput};
 use crate::workflow::{
-    Afterwards, FormFactorStudy, Model, SolutionStudy, gathered, indirect_irradiance, picture_byte, picture_patches,
+    Afterwards, FormFactorStudy, Model, SolutionStudy, gathered, image_byte, image_patches, indirect_irradiance,
 };
 
 pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
@@ -38,9 +38,9 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
     files.reads_scene(&args.scene);
     files.reads("the camera", args.image.view.camera_file()).check()?;
     run.expect(&args.storage, demand(args));
-    let mut model = run.prepare(&args.scene, args.mesh, picture_patches)?;
+    let mut model = run.prepare(&args.scene, args.mesh, image_patches)?;
     let view = view(&args.image.view, &args.scene, &model.scene)?;
-    run.cx.demand.image_byte = picture_byte(view.as_view(), &settings, &run.cx.memory)?;
+    run.cx.demand.image_byte = image_byte(view.as_view(), &settings, &run.cx.memory)?;
     if settings.direct != DirectMethod::Off {
         model.warn_of_narrow_gaps(&run.cx);
     }
@@ -141,7 +141,7 @@ fn solve_scene(run: &mut Run, model: &mut Model, args: &RenderArgs, direct: Dire
     }
     let solver = args.solver.request();
     let need = solver.need(&run.cx)?;
-    let method = run.request(&args.method, args.form_factor_tolerance, Afterwards::Picture);
+    let method = run.request(&args.method, args.form_factor_tolerance, Afterwards::Image);
     let name = args.solver.solver.clone();
     if args.on_the_fly {
         let (study, indirect_irradiance) = model.solve_on_the_fly(&method, &solver, with_direct, &mut run.cx)?;

@@ -194,11 +194,11 @@ impl Run {
         let n = self.cx.audit.checks.len();
         let _ = match n_broken {
             _ if n == 0 => Ok(()),
-            0 if n == 1 => writeln!(text, "audit: 1 law of light holds"),
-            0 => writeln!(text, "audit: {n} laws of light hold"),
+            0 if n == 1 => writeln!(text, "conservation checks: 1 holds"),
+            0 => writeln!(text, "conservation checks: {n} hold"),
             _ => writeln!(
                 text,
-                "audit: {n_broken} of {n} laws of light are BROKEN; the warnings say which"
+                "conservation checks: {n_broken} of {n} FAIL; the warnings say which"
             ),
         };
     }
@@ -214,12 +214,12 @@ impl Run {
                 let _ = writeln!(text, "left out: {item}");
             }
             for check in &self.cx.audit.checks {
-                let _ = writeln!(text, "audit: {check}");
+                let _ = writeln!(text, "conservation check: {check}");
             }
             for skipped in &self.cx.audit.not_checked {
                 let _ = writeln!(
                     text,
-                    "audit: {}: not checked ({})",
+                    "conservation check: {}: not done ({})",
                     skipped.law.statement(),
                     skipped.reason
                 );

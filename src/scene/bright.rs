@@ -5,7 +5,7 @@ use super::{Material, Scene};
 /// The greatest exitance, in W·m⁻²: what is computed from more of it leaves the range of f64.
 pub const MAX_EXITANCE: f64 = 1e300;
 
-/// The least exitance beside 0, in W·m⁻²: near the least f64 numbers have fewer digits, and laws of light that hold to the last of them do not.
+/// The least exitance beside 0, in W·m⁻²: near the least f64 numbers have fewer digits, and conservation checks that hold to the last of them do not.
 pub const MIN_EXITANCE: f64 = 1e-300;
 
 /// Tells whether an exitance is above 0, but below the least that is possible.

@@ -7,6 +7,7 @@ use glam::DVec3;
 
 use super::bright::{is_too_dim, too_bright};
 use super::cut_out::{CutOut, Refused, cut_out};
+use super::error::Earlier;
 use super::misses::Misses;
 use super::split::{Outline, split};
 use super::{
@@ -91,6 +92,14 @@ impl SceneBuilder {
         match &self.file {
             Some(file) => Origin::line(file, line),
             None => in_memory(format!("face {line}")),
+        }
+    }
+
+    fn earlier(&self, line: u32) -> Earlier {
+        if self.file.is_some() {
+            Earlier::Line(line)
+        } else {
+            Earlier::Number(line)
         }
     }
 
@@ -223,7 +232,9 @@ impl SceneBuilder {
         if let Some(&first_line) = self.line_of_outline.get(&from_least(&vertices)) {
             return Err(SceneError::new(
                 self.at(line),
-                SceneErrorKind::DuplicateFace { first_line },
+                SceneErrorKind::DuplicateFace {
+                    first: self.earlier(first_line),
+                },
             ));
         }
         self.line_of_outline.insert(from_least(&vertices), line);
@@ -268,7 +279,12 @@ impl SceneBuilder {
         let cut = cut_out(&mut scene).map_err(|refused| match refused {
             Refused::Coincident(faces) => {
                 let [line, first_line] = faces.map(|face| scene.faces[face.0 as usize].line);
-                SceneError::new(self.at(line), SceneErrorKind::OverlappingFaces { first_line })
+                SceneError::new(
+                    self.at(line),
+                    SceneErrorKind::OverlappingFaces {
+                        first: self.earlier(first_line),
+                    },
+                )
             }
             Refused::TooMany(what) => {
                 let limit = MAX_FACES;

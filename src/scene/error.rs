@@ -75,6 +75,24 @@ impl fmt::Display for Origin {
     }
 }
 
+/// An earlier face: by its line in a file, or by its number in a scene made in memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Earlier {
+    /// The line.
+    Line(u32),
+    /// The number.
+    Number(u32),
+}
+
+impl fmt::Display for Earlier {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Line(line) => write!(f, "the one of line {line}"),
+            Self::Number(number) => write!(f, "face {number}"),
+        }
+    }
+}
+
 /// A reason why a scene cannot be read, built or written, with its place.
 ///
 /// Every message is one line: the place, what is wrong, and the remedy.
@@ -157,21 +175,19 @@ pub enum SceneErrorKind {
     #[error("the outline of the face crosses itself; correct the order of its vertices")]
     SelfIntersecting,
     /// Two faces with the same corners and the same winding.
-    #[error(
-        "the face repeats the one of line {first_line}, with the same winding; remove one, or reverse it for a two-sided sheet"
-    )]
+    #[error("the face repeats {first}, with the same winding; remove one, or reverse it for a two-sided sheet")]
     DuplicateFace {
-        /// The line of the first face.
-        first_line: u32,
+        /// The first face.
+        first: Earlier,
     },
     /// Two faces, or two flat parts of surfaces, that coincide with the same winding, so that neither is drawn on the other.
     #[error(
-        "the face overlaps the one of line {first_line} in one plane, with the same winding, and light would count twice there; \
+        "the face overlaps {first} in one plane, with the same winding, and light would count twice there; \
          remove one, move one out of the plane, or reverse one for a two-sided sheet"
     )]
     OverlappingFaces {
-        /// The line of the first face.
-        first_line: u32,
+        /// The first face.
+        first: Earlier,
     },
     /// A statement that needs a name and has none.
     #[error("`{keyword}` without a name; add the name")]

@@ -21,6 +21,8 @@ mod default_view;
 mod error;
 pub mod frames;
 pub(crate) mod hash;
+#[cfg(feature = "cli")]
+mod libraries;
 mod lighting;
 mod lines;
 mod misses;
@@ -40,10 +42,11 @@ mod written;
 pub use bright::{MAX_EXITANCE, MIN_EXITANCE};
 pub use builder::{Added, SceneBuilder};
 pub use camera::{Camera, IMAGE_SIDES};
-pub use error::{Origin, SceneError, SceneErrorKind};
+pub use error::{Earlier, Origin, SceneError, SceneErrorKind};
+#[cfg(feature = "cli")]
+pub(crate) use libraries::libraries_of;
 pub use lighting::Lighting;
 pub use motion::{Motion, MotionError, Names, Pose};
-pub(crate) use mtl::libraries_of;
 pub use obj::{DEFAULT_REFLECTANCE, Flip, LoadOptions, Loaded, load, load_with};
 pub(crate) use rounding::{SLACK_PER_CORNER, slack_of};
 pub use warning::{SceneWarning, SceneWarningKind};
@@ -101,7 +104,7 @@ pub struct Face {
     pub surface: SurfaceId,
     /// The face's material.
     pub material: MaterialId,
-    /// The line of the scene file that the face comes from; 0 for a face made in memory.
+    /// The line of the scene file that the face comes from; of a scene made in memory the number that the face was given.
     pub line: u32,
 }
 

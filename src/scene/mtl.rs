@@ -3,8 +3,6 @@
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::fmt::Write as _;
-use std::fs::File;
-use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use super::bright::{MIN_EXITANCE, is_too_dim};
@@ -152,16 +150,16 @@ impl Definitions {
 }
 
 /// A library that a scene names.
-struct Library<'a> {
+pub(super) struct Library<'a> {
     /// Its name there, without quotes.
-    name: &'a str,
+    pub(super) name: &'a str,
     /// The file of that name, if it exists.
-    file: Option<PathBuf>,
+    pub(super) file: Option<PathBuf>,
 }
 
 /// Returns the libraries of one `mtllib`: one, blanks and all, unless there is a file for every word, or for some and all look like libraries. Separators of Windows
 /// are taken for the system's where that helps, and a `#` behind a blank begins a comment where no file has such a name.
-fn files_of<'a>(text: &'a str, scene_file: &Path) -> Vec<Library<'a>> {
+pub(super) fn files_of<'a>(text: &'a str, scene_file: &Path) -> Vec<Library<'a>> {
     let existing = |name: &'a str| {
         let spellings = [name.to_owned(), name.replace('\\', "/")];
         let mut files = spellings
@@ -216,7 +214,7 @@ fn words_of(text: &str) -> Vec<&str> {
 }
 
 /// Returns the file beside a scene that has the file name of a path of any system, whatever its case: the same case first, else the first in order.
-fn by_file_name(path: &str, scene_file: &Path) -> Option<PathBuf> {
+pub(super) fn by_file_name(path: &str, scene_file: &Path) -> Option<PathBuf> {
     let wanted = path.rsplit(['/', '\\']).next().filter(|name| !name.is_empty())?;
     let entries = std::fs::read_dir(plain_folder_of(scene_file)).ok()?;
     let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
@@ -238,34 +236,6 @@ fn plain_folder_of(file: &Path) -> &Path {
     } else {
         folder
     }
-}
-
-/// Bytes of a line that are read at once.
-const LONGEST_LINE: u64 = 1 << 16;
-
-/// Returns the libraries that a scene file names, as far as they exist, without reading the scene; none of what can be read only once.
-pub(crate) fn libraries_of(scene_file: &Path) -> Vec<PathBuf> {
-    let is_file = std::fs::metadata(scene_file).is_ok_and(|data| data.is_file());
-    let Some(file) = is_file.then(|| File::open(scene_file).ok()).flatten() else {
-        return Vec::new();
-    };
-    let mut found = Vec::new();
-    let (mut reader, mut line) = (BufReader::new(file), Vec::new());
-    // What has no ends of lines is no scene, and need not fit in memory.
-    while (&mut reader)
-        .take(LONGEST_LINE)
-        .read_until(b'\n', &mut line)
-        .is_ok_and(|n_read| n_read > 0)
-    {
-        let (keyword, rest) = line.trim_ascii().split_at_checked(6).unwrap_or_default();
-        let is_named = keyword.eq_ignore_ascii_case(b"mtllib") && matches!(rest.first(), Some(b' ' | b'\t'));
-        if let Some(name) = is_named.then(|| std::str::from_utf8(rest.trim_ascii()).ok()).flatten() {
-            let named = files_of(name, scene_file).into_iter();
-            found.extend(named.filter_map(|library| library.file.or_else(|| by_file_name(library.name, scene_file))));
-        }
-        line.clear();
-    }
-    found
 }
 
 /// Tells whether a name is that of a library by itself, not a part of one with blanks.

@@ -32,7 +32,7 @@ pub struct Context {
     pub demand: Demand,
     /// What the results are made with, by name: files of results have it.
     pub settings: Map<String, Value>,
-    /// What the laws of light say to the results so far.
+    /// The conservation checks of the results so far.
     pub audit: Audit,
     /// The file of the lighting that each channel belongs to; none where the materials are the scene's own.
     pub lighting_files: Vec<Option<PathBuf>>,
@@ -166,7 +166,7 @@ impl Context {
         self.settings.insert(name.to_owned(), value.into());
     }
 
-    /// Takes in what an audit found, with a warning for each law that is broken.
+    /// Takes in what an audit found, with a warning for each check that fails.
     pub fn audited(&mut self, found: Audit) {
         for check in found.violations() {
             self.warn(Warning::BrokenLaw(check.to_string()));

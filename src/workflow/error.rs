@@ -103,7 +103,7 @@ pub enum WorkflowError {
     /// A picture was refused, or could not be written or read.
     Render(RenderError),
     /// A picture does not fit the memory.
-    PictureMemory {
+    ImageMemory {
         /// Width and height in pixels.
         size: (u32, u32),
         /// What is needed, in bytes.
@@ -205,7 +205,7 @@ impl WorkflowError {
                 )
             }
             Self::Render(error) => error.to_string(),
-            Self::PictureMemory { size, needed, limit } => format!(
+            Self::ImageMemory { size, needed, limit } => format!(
                 "a picture of {} × {} pixels and its scene need {} of memory, and the limit is {}; raise {} or give fewer pixels",
                 size.0,
                 size.1,

@@ -42,8 +42,8 @@ pub enum Afterwards {
     Nothing,
     /// A solution.
     Light,
-    /// A solution and a picture.
-    Picture,
+    /// A solution and an image.
+    Image,
 }
 
 impl Afterwards {
@@ -52,7 +52,7 @@ impl Afterwards {
         match self {
             Self::Nothing => 0.9,
             Self::Light => 0.7,
-            Self::Picture => 0.4,
+            Self::Image => 0.4,
         }
     }
 }

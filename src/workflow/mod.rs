@@ -1,20 +1,19 @@
 //! Whole studies: a scene becomes form factors and light, each number with its error, and with what there is to warn of.
 //!
 //! The steps below this module know nothing of each other's doubts; here a [`Model`] takes them in turn and keeps the whole account: what the scene does not need is left out
-//! ([`Model::plan`]), form factors are computed where there is room for them, rows that are known to sum to 1 do so, laws of light are audited ([`Context::audit`]), and the errors of the form factors
+//! ([`Model::plan`]), form factors are computed where there is room for them, rows of enclosures sum to 1, results are held against conservation checks ([`Context::audit`]), and the errors of the form factors
 //! are carried into the light ([`SolutionStudy::error`]). The program, the experiments and other languages call the same functions.
 
 mod context;
 mod error;
 mod form_factors;
+mod image;
 mod leaks;
 mod lightings;
 mod mesh_error;
 mod model;
 mod on_the_fly;
 mod parameter;
-mod picture;
-mod pictures;
 mod repair;
 mod reuse;
 mod solve;
@@ -28,18 +27,20 @@ mod warning_text;
 pub use context::{Context, Demand, Watch};
 pub use error::{Unsuited, WorkflowError};
 pub use form_factors::{Afterwards, Balance, DEFAULT_RAYS, FormFactorRequest, FormFactorStudy, Raw};
+pub use image::{
+    IMAGE_RAYS, IMAGE_TOLERANCE, ImageFile, ImageRequest, gathered, image_byte, image_patches, render_to_files,
+    warn_if_blank,
+};
 pub use leaks::{Amount, Leak, Leaks};
 pub use lightings::Stack;
 pub use mesh_error::MeshError;
 pub use model::{Model, Use, expect_room, load};
 pub use on_the_fly::indirect_irradiance;
 pub use parameter::{Named, Parameter};
-pub use picture::{PictureFile, PictureRequest, gathered, picture_byte, render_to_files, warn_if_blank};
-pub use pictures::{PICTURE_RAYS, PICTURE_TOLERANCE, picture_patches};
 pub use reuse::mesh_options;
 pub use solve::{Known, SolutionStudy, SolveRequest, go_on};
 pub use storage::{ChosenStorage, MatrixDemand, Memory, Storage, choice_text, choose_storage, place_text};
 pub use total_error::TotalError;
-pub use voxel::{LinkFigures, VOXEL_ERROR, VoxelLight, VoxelRequest, VoxelResult, VoxelStudy};
+pub use voxel::{LinkFigures, VoxelLight, VoxelRequest, VoxelResult, VoxelStudy};
 pub use voxel_links::{LinkPlace, VoxelRemedy};
 pub use warning::Warning;

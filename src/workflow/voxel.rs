@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use serde_json::json;
 
 use super::voxel_links::{self, LinkPlace};
-use super::{Context, Model, TotalError, Unsuited, Warning, WorkflowError, go_on};
+use super::{Context, Model, Unsuited, Warning, WorkflowError, go_on};
 use crate::audit::{self, Given};
 use crate::form_factor::Closure;
 use crate::matrix::operator::{Block, LinearOperator};
@@ -14,12 +14,12 @@ use crate::solver::{
     self, RadiositySystem, Solution, SolveOptions, SolverError, SolverSettings, StopReason, Tolerance,
 };
 use crate::voxel::{
-    Adaptive, AdaptiveSettings, DiscreteSphere, Form, Leak, LinkOperator, Links, Materials, RowWeights, SolidAngle,
-    ThinGap, VoxelScene, propagate, solve_adaptively,
+    AdaptiveSettings, DiscreteSphere, Form, Leak, LinkOperator, Links, Materials, RowWeights, SolidAngle, ThinGap,
+    VoxelScene, propagate, solve_adaptively,
 };
 
-/// Light that is still under way, relative to what there is, from which it is warned of.
-const MAX_UNDER_WAY: f64 = 0.05;
+/// Unshot light, relative to what there is, from which it is warned of.
+const MAX_UNSHOT: f64 = 0.05;
 
 /// How light is found on voxels.
 #[derive(Clone, Debug, PartialEq)]
@@ -81,9 +81,16 @@ pub struct VoxelRequest {
 pub enum VoxelResult {
     /// By propagations, with the change of the radiosity in each, relative.
     Propagations(Vec<f64>),
-    /// By cells.
-    Cells(Box<Adaptive>),
-    /// By a solver.
+    /// By propagations between cells.
+    Cells {
+        /// The change of the radiosity in each propagation on the last cells, relative.
+        changes: Vec<f64>,
+        /// The number of the last cells by their level.
+        n_by_level: Vec<usize>,
+        /// The number of cells in each round of cuts.
+        n_by_round: Vec<usize>,
+    },
+    /// By a solver; its B and H are those of the system, before emitters have their true area.
     Solver(Box<Solution>),
 }
 
@@ -133,7 +140,7 @@ impl VoxelStudy {
     pub fn is_done(&self) -> bool {
         let is_converged = match &self.result {
             VoxelResult::Solver(solution) => solution.stop_reason == StopReason::Converged,
-            VoxelResult::Propagations(_) | VoxelResult::Cells(_) => true,
+            VoxelResult::Propagations(_) | VoxelResult::Cells { .. } => true,
         };
         is_converged && !self.leak.is_too_much()
     }
@@ -179,8 +186,9 @@ impl Model {
         } else {
             &materials.emission
         };
-        let (lit, links) = match request.light {
-            VoxelLight::Cells {
+        let (of_scene, of_surfels) = ((&voxels, &sphere), (&materials, emission));
+        let (lit, links) = match &request.light {
+            &VoxelLight::Cells {
                 passes,
                 tolerance,
                 coarsest,
@@ -191,9 +199,19 @@ impl Model {
                     n_passes: passes,
                     row_weights: request.row_weights,
                 };
-                self.light_on_cells((&voxels, &sphere), (&materials, emission), &settings, cx)?
+                self.light_on_cells(of_scene, of_surfels, &settings, cx)?
             }
-            _ => self.light_on_voxels((&voxels, &sphere), (&materials, emission), place, request, cx)?,
+            &VoxelLight::Propagations { passes, form } => {
+                on_links(of_scene, place, request, cx, |operator, context| {
+                    light_by_propagations(operator, of_surfels, (passes, form), context)
+                })?
+            }
+            VoxelLight::Solver { name, tolerance } => {
+                let is_costly = place == LinkPlace::Recompute;
+                on_links(of_scene, place, request, cx, |operator, context| {
+                    self.light_by_solver(operator, of_surfels, (name, *tolerance), is_costly, context)
+                })?
+            }
         };
         let n_escaped = links.n_escaped.unwrap_or(0);
         if self.plan.watertight && n_escaped > 0 {
@@ -218,51 +236,6 @@ impl Model {
         })
     }
 
-    /// Finds light with one unknown for each surfel.
-    fn light_on_voxels(
-        &mut self,
-        (voxels, sphere): (&VoxelScene, &DiscreteSphere),
-        of_surfels: (&Materials, &Block),
-        place: LinkPlace,
-        request: &VoxelRequest,
-        cx: &mut Context,
-    ) -> Result<(Lit, LinkFigures), WorkflowError> {
-        let links = match place {
-            LinkPlace::Memory | LinkPlace::Auto { .. } => {
-                cx.time("links", || Links::in_memory(voxels, sphere, &cx.progress()))
-            }
-            LinkPlace::Recompute => Links::recomputed(voxels, sphere),
-            LinkPlace::Disk => cx.time("links", || {
-                Links::on_disk(voxels, sphere, &request.link_file, &cx.progress())
-            })?,
-        };
-        cx.go_on()?;
-        let operator = LinkOperator::new(voxels, sphere, &links, request.row_weights);
-        let lit = match &request.light {
-            VoxelLight::Solver { name, tolerance } => {
-                let is_costly = place == LinkPlace::Recompute;
-                self.light_by_solver(&operator, of_surfels, (name, *tolerance), is_costly, cx)
-            }
-            VoxelLight::Propagations { passes, form } => {
-                light_by_propagations(&operator, of_surfels, (*passes, *form), cx)
-            }
-            VoxelLight::Cells { passes, .. } => {
-                light_by_propagations(&operator, of_surfels, (*passes, Form::default()), cx)
-            }
-        };
-        // What went wrong with the links explains whatever the solver made of it.
-        if let Some(error) = links.failure() {
-            return Err(error.into());
-        }
-        let figures = LinkFigures {
-            n_links: links.n_links(),
-            n_backs: links.n_backs(),
-            n_escaped: links.n_escaped(),
-            n_bytes: links.n_bytes(),
-        };
-        Ok((lit?, figures))
-    }
-
     /// Finds light with one unknown for each cell, cells as fine as the light asks for.
     fn light_on_cells(
         &self,
@@ -275,7 +248,7 @@ impl Model {
         cx.set("coarsest", settings.coarsest);
         cx.set("passes", settings.n_passes);
         let rho = &materials.reflectance;
-        let mut result = {
+        let result = {
             let watch = cx.progress();
             cx.time("cells", || {
                 solve_adaptively(&self.scene, voxels, sphere, rho, emission, settings, &watch)
@@ -294,12 +267,15 @@ impl Model {
             n_escaped: Some(result.n_escaped),
             n_bytes: result.link_byte,
         };
-        let irradiance = std::mem::replace(&mut result.irradiance, Block::zeros(0, 1));
         let lit = Lit {
-            radiosity: materials.radiosity(&irradiance),
-            irradiance,
-            leak_power: result.leak_power.clone(),
-            result: VoxelResult::Cells(Box::new(result)),
+            radiosity: materials.radiosity(&result.irradiance),
+            irradiance: result.irradiance,
+            leak_power: result.leak_power,
+            result: VoxelResult::Cells {
+                changes: result.changes,
+                n_by_level: result.cells.n_by_level(),
+                n_by_round: result.n_cells,
+            },
         };
         Ok((lit, figures))
     }
@@ -327,7 +303,7 @@ impl Model {
             let watch = cx.progress();
             cx.time("solve", || solver.solve(&system, &options, &mut |_| go_on(&watch)))
         };
-        let mut solution = solved.map_err(|error| self.refused_of_voxels(voxels, error, cx))?;
+        let solution = solved.map_err(|error| self.refused_of_voxels(voxels, error, cx))?;
         cx.go_on()?;
         let given = Given {
             gain: None,
@@ -338,11 +314,10 @@ impl Model {
         if let Some(choice) = &solution.choice {
             self.plan.decide("solver", choice.solver, choice.why.to_string());
         }
-        let irradiance = std::mem::replace(&mut solution.irradiance, Block::zeros(0, 1));
         Ok(Lit {
             leak_power: operator.leak_power(&solution.radiosity),
-            radiosity: materials.radiosity(&irradiance),
-            irradiance,
+            radiosity: materials.radiosity(&solution.irradiance),
+            irradiance: solution.irradiance.clone(),
             result: VoxelResult::Solver(Box::new(solution)),
         })
     }
@@ -398,6 +373,39 @@ impl Model {
     }
 }
 
+/// Finds the links, keeps them where the plan says, and finds light with one unknown for each surfel.
+fn on_links(
+    (voxels, sphere): (&VoxelScene, &DiscreteSphere),
+    place: LinkPlace,
+    request: &VoxelRequest,
+    cx: &mut Context,
+    light: impl FnOnce(&LinkOperator<'_>, &mut Context) -> Result<Lit, WorkflowError>,
+) -> Result<(Lit, LinkFigures), WorkflowError> {
+    let links = match place {
+        LinkPlace::Memory | LinkPlace::Auto { .. } => {
+            cx.time("links", || Links::in_memory(voxels, sphere, &cx.progress()))
+        }
+        LinkPlace::Recompute => Links::recomputed(voxels, sphere),
+        LinkPlace::Disk => cx.time("links", || {
+            Links::on_disk(voxels, sphere, &request.link_file, &cx.progress())
+        })?,
+    };
+    cx.go_on()?;
+    let operator = LinkOperator::new(voxels, sphere, &links, request.row_weights);
+    let lit = light(&operator, cx);
+    // What went wrong with the links explains whatever the solver made of it.
+    if let Some(error) = links.failure() {
+        return Err(error.into());
+    }
+    let figures = LinkFigures {
+        n_links: links.n_links(),
+        n_backs: links.n_backs(),
+        n_escaped: links.n_escaped(),
+        n_bytes: links.n_bytes(),
+    };
+    Ok((lit?, figures))
+}
+
 fn light_by_propagations(
     operator: &LinkOperator<'_>,
     (materials, emission): (&Materials, &Block),
@@ -422,9 +430,9 @@ fn light_by_propagations(
         audit::propagation(rho, emission, row_sums.values(), b, h)
     });
     cx.audited(found);
-    let under_way = under_way(&result.changes);
-    if under_way > MAX_UNDER_WAY {
-        cx.warn(Warning::UnderWay { passes, under_way });
+    let unshot = unshot(&result.changes);
+    if unshot > MAX_UNSHOT {
+        cx.warn(Warning::UnshotLight { passes, unshot });
     }
     Ok(Lit {
         leak_power: operator.leak_power(b),
@@ -435,7 +443,7 @@ fn light_by_propagations(
 }
 
 /// Returns what further propagations would add, by the changes of those that there were, each relative to what there was then: the rest of a geometric series.
-fn under_way(changes: &[f64]) -> f64 {
+fn unshot(changes: &[f64]) -> f64 {
     match *changes {
         [.., before, last] if last < before => last / (1.0 - last / before),
         [.., last] => last,
@@ -465,6 +473,3 @@ impl VoxelRequest {
         cx.set("plain_emission", self.plain_emission);
     }
 }
-
-/// What voxels state of their error: nothing beyond what their solver does.
-pub const VOXEL_ERROR: TotalError = TotalError::Untold;

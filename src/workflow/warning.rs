@@ -176,7 +176,7 @@ pub enum Warning {
         /// After so many passes.
         n_passes: usize,
     },
-    /// A law of light is broken.
+    /// A conservation check fails.
     BrokenLaw(String),
     /// Form factors kept in f32 change radiosities.
     RoundedToF32 {
@@ -262,12 +262,12 @@ pub enum Warning {
         /// The voxels along the longest axis that would do.
         enough: Option<u32>,
     },
-    /// Light is under way after the last propagation.
-    UnderWay {
+    /// Light is unshot after the last propagation.
+    UnshotLight {
         /// How many propagations there were.
         passes: usize,
-        /// What there is still, relative.
-        under_way: f64,
+        /// What is left of it, relative to what there is.
+        unshot: f64,
     },
     /// Final gather left pixels above the noise.
     NoisyPixels {
@@ -281,7 +281,7 @@ pub enum Warning {
         noise: f64,
     },
     /// No pixel shows the front of a face.
-    BlankPicture {
+    BlankImage {
         /// What the camera is.
         camera: String,
     },

@@ -80,7 +80,7 @@ impl Warning {
                 name(Parameter::GatherRays),
                 name(Parameter::Noise)
             ),
-            Self::BlankPicture { camera } => format!(
+            Self::BlankImage { camera } => format!(
                 "no pixel shows the front of a face: move the camera ({}, {}; it is {camera}), or turn the faces with {} (they see on the side from which their \
                  corners run counter-clockwise)",
                 name(Parameter::Eye),
@@ -88,7 +88,7 @@ impl Warning {
                 name(Parameter::Flip)
             ),
             Self::Checkpoint(text) | Self::Other(text) => text.clone(),
-            Self::BrokenLaw(check) => format!("audit: {check}"),
+            Self::BrokenLaw(check) => format!("conservation check: {check}"),
             Self::NoErrorOnTheFly => format!(
                 "form factors that are not kept state no error: how far theirs shows in the light is not known; leave {} out to know it",
                 name(Parameter::OnTheFly)
@@ -98,7 +98,7 @@ impl Warning {
             | Self::OpenVoxels { .. }
             | Self::EscapingLinks { .. }
             | Self::PassedWalls { .. }
-            | Self::UnderWay { .. } => self.of_voxels(named),
+            | Self::UnshotLight { .. } => self.of_voxels(named),
             _ => self.of_numbers(named),
         }
     }
@@ -231,8 +231,8 @@ impl Warning {
                     named(Parameter::Voxels, Some(&enough))
                 )
             }
-            Self::UnderWay { passes, under_way } => format!(
-                "after {passes} propagations light is still under way, {under_way:.1e} of what there is or more; give more {}, or a {}",
+            Self::UnshotLight { passes, unshot } => format!(
+                "after {passes} propagations unshot light is left, {unshot:.1e} of what there is or more; give more {}, or a {}",
                 named(Parameter::Passes, None),
                 named(Parameter::Solver, None)
             ),

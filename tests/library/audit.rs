@@ -1,4 +1,4 @@
-//! The laws of light: results that obey them pass, and each law is broken by what breaks it alone.
+//! Conservation checks: good results pass, and each check fails by what breaks it alone.
 #![expect(
     clippy::shadow_unrelated,
     reason = "each run of a test has its own output, code and result"
@@ -525,7 +525,7 @@ fn a_broken_law_is_a_warning_and_with_strict_exit_code_4() {
     assert_eq!(code, 0);
     assert_eq!(document["audit"]["passed"], false);
     assert!(
-        errors.contains("warning: audit: row sums are 1 less what escapes: no, in 1 of 24 places"),
+        errors.contains("warning: conservation check: row sums are 1 less what escapes: no, in 1 of 24 places"),
         "{errors}"
     );
     let (code, ..) = solve("G.npz", &["--strict"]);
@@ -600,14 +600,14 @@ fn results_that_cannot_be_light_are_never_passed_over() {
     let (code, document, errors) = solve(&["--method", "pdm"]);
     assert_eq!((code, &document["audit"]["passed"]), (3, &false.into()));
     assert!(
-        errors.contains("audit: row sums are at most 1: no, in 2 of 2 places"),
+        errors.contains("conservation check: row sums are at most 1: no, in 2 of 2 places"),
         "{errors}"
     );
     assert_eq!(solve(&["--method", "pdm", "--strict"]).0, 4);
     let (code, document, errors) = solve(&["--method", "centre"]);
     assert_eq!((code, &document["audit"]["passed"]), (3, &false.into()));
     assert!(
-        errors.contains("audit: radiosities are finite and not negative: no"),
+        errors.contains("conservation check: radiosities are finite and not negative: no"),
         "{errors}"
     );
     assert!(

@@ -15,3 +15,4 @@ mod sealed_room;
 mod solver;
 mod support;
 mod voxel;
+mod workflow;

@@ -196,7 +196,7 @@ fn libraries_are_found_beside_the_scene_by_their_file_names() {
     }
 }
 
-/// Near the least numbers digits are lost, and the laws of light with them.
+/// Near the least numbers digits are lost, and the conservation checks with them.
 #[test]
 fn light_is_not_dimmer_than_numbers_have_digits() {
     let directory = with_room();

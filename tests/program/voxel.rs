@@ -98,7 +98,7 @@ fn light_that_is_still_under_way_is_told() {
         assert!(output.status.success(), "{output:?}");
         String::from_utf8(output.stderr)
             .unwrap()
-            .contains("light is still under way")
+            .contains("unshot light is left")
     };
     // Each propagation adds about half of what the one before did.
     assert_eq!(["1", "2", "12"].map(warns), [true, true, false]);

@@ -16,7 +16,7 @@ use crate::geometry::sampling::Sequence;
 use crate::matrix::Precision;
 use crate::mesh::{MeshOptions, Subdivision};
 use crate::workflow::{
-    Afterwards, Balance, DEFAULT_RAYS, FormFactorRequest, Memory, PICTURE_RAYS, PICTURE_TOLERANCE, Parameter, Storage,
+    Afterwards, Balance, DEFAULT_RAYS, FormFactorRequest, IMAGE_RAYS, IMAGE_TOLERANCE, Memory, Parameter, Storage,
 };
 
 /// How faces are cut into patches.
@@ -155,7 +155,7 @@ impl MethodArgs {
     #[must_use]
     pub fn request(&self, tolerance: Option<f64>, afterwards: Afterwards) -> FormFactorRequest {
         let (default_rays, default_tolerance) = match afterwards {
-            Afterwards::Picture => (PICTURE_RAYS, PICTURE_TOLERANCE),
+            Afterwards::Image => (IMAGE_RAYS, IMAGE_TOLERANCE),
             Afterwards::Nothing | Afterwards::Light => (DEFAULT_RAYS, ExactMethod::DEFAULT_TOLERANCE),
         };
         FormFactorRequest {
@@ -174,10 +174,10 @@ impl MethodArgs {
             default_tolerance,
             tolerance_parameter: match afterwards {
                 Afterwards::Nothing => Parameter::Tolerance,
-                Afterwards::Light | Afterwards::Picture => Parameter::FormFactorTolerance,
+                Afterwards::Light | Afterwards::Image => Parameter::FormFactorTolerance,
             },
             // The direct pass of a picture takes its numbers from there too.
-            is_sequence_shared: afterwards == Afterwards::Picture,
+            is_sequence_shared: afterwards == Afterwards::Image,
             balance: self.balance.into(),
             closure: self.closure.closure(),
             time_limit: self.time_limit.map(|limit| (limit, afterwards)),

@@ -107,7 +107,7 @@ impl CommonArgs {
 #[derive(Args, Clone, Copy, Debug)]
 #[command(next_help_heading = "Common")]
 pub struct AuditArgs {
-    /// End with exit code 4 if the result breaks a law of light (row sums, reciprocity, energy, ...); without it, that is a warning
+    /// End with exit code 4 if the result fails a conservation check (row sums, reciprocity, energy, ...); without it, that is a warning
     #[arg(long)]
     pub strict: bool,
 }

@@ -22,7 +22,7 @@ use crate::render::{Attributes, DirectMethod, RenderInput, RenderSettings, exr, 
 use crate::report::voxels::write_vtu;
 use crate::voxel::{Grid, RowWeights, SolidAngle, onto_patches, picture};
 use crate::workflow::{
-    LinkPlace, Model, VOXEL_ERROR, VoxelLight, VoxelRequest, VoxelResult, VoxelStudy, picture_byte, warn_if_blank,
+    LinkPlace, Model, TotalError, VoxelLight, VoxelRequest, VoxelResult, VoxelStudy, image_byte, warn_if_blank,
 };
 
 /// Patches of the display, in voxels: fine enough to show what the voxels resolve.
@@ -61,7 +61,7 @@ fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
     }
     if format == Some(Format::Image) {
         let view = view::view(&args.image.view, &args.scene, &model.scene)?;
-        run.cx.demand.image_byte = picture_byte(view.as_view(), &render_settings(args), &run.cx.memory)?;
+        run.cx.demand.image_byte = image_byte(view.as_view(), &render_settings(args), &run.cx.memory)?;
     }
     let study = model.solve_on_voxels(&request(args, format), &mut run.cx)?;
     let view = write(run, &mut model, &study, args, format)?;
@@ -151,12 +151,16 @@ fn document(args: &VoxelArgs, study: &VoxelStudy) -> Value {
             let form: crate::voxel::Form = args.form.into();
             json!({"form": form, "n_passes": args.passes, "changes": changes})
         }
-        VoxelResult::Cells(result) => json!({
+        VoxelResult::Cells {
+            changes,
+            n_by_level,
+            n_by_round,
+        } => json!({
             "n_passes": args.passes,
-            "changes": result.changes,
-            "n_cells": result.cells.n_cells(),
-            "n_cells_by_level": result.cells.n_by_level(),
-            "n_cells_by_round": result.n_cells,
+            "changes": changes,
+            "n_cells": n_by_round.last(),
+            "n_cells_by_level": n_by_level,
+            "n_cells_by_round": n_by_round,
         }),
         VoxelResult::Solver(solution) => json!({
             "solver": solution::chosen(args.solver.as_deref().unwrap_or_default(), solution),
@@ -181,15 +185,15 @@ fn line(args: &VoxelArgs, study: &VoxelStudy) -> String {
                 args.passes
             )
         }
-        VoxelResult::Cells(result) => format!(
+        VoxelResult::Cells { n_by_round, .. } => format!(
             "{} cells in place of {} unknowns, after {} rounds of cuts; {} propagations on each",
-            result.cells.n_cells(),
+            n_by_round.last().unwrap_or(&0),
             study.voxels.n_surfels(),
-            result.n_cells.len() - 1,
+            n_by_round.len() - 1,
             args.passes
         ),
         VoxelResult::Solver(solution) => {
-            solution::solver_line(args.solver.as_deref().unwrap_or_default(), solution, VOXEL_ERROR)
+            solution::solver_line(args.solver.as_deref().unwrap_or_default(), solution, TotalError::Untold)
         }
     }
 }

@@ -1,5 +1,6 @@
-//! Scenes: files, built-in scenes, cameras, and which way faces look.
+//! Scenes: files, arrays, built-in scenes, cameras, and which way faces look.
 
+mod builder;
 mod builtin;
 mod camera;
 mod facing;

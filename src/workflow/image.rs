@@ -1,4 +1,4 @@
-//! Pictures as a whole step of a study: memory, rendering, audit, files, and what an earlier run has written already.
+//! Images as a whole step of a study: what they want of the light that they show, memory, rendering, audit, files, and what an earlier run has written already.
 
 use std::path::Path;
 
@@ -8,12 +8,31 @@ use sha2::{Digest as _, Sha256};
 
 use super::{Context, Memory, Warning, WorkflowError};
 use crate::audit;
+use crate::mesh::Subdivision;
 use crate::render::display::Watcher;
 use crate::render::{
     Attributes, CameraRecord, GatherReport, Image, RenderInput, RenderSettings, View, ViewDescription, exr, png,
     render_watched,
 };
 use crate::report::memory_used_byte;
+use crate::scene::Scene;
+
+/// Rays for each patch where the light is for an image: enough that the noise of a patch does not show.
+pub const IMAGE_RAYS: u64 = 16384;
+
+/// The tolerance of form factors where the light is for an image: below a tenth of a typical factor between patches of the default
+/// size, which is 1/3000, and errors of both signs mostly cancel; patches of that size are off by more.
+pub const IMAGE_TOLERANCE: f64 = 1e-5;
+
+/// The number of patches that the subdivision for an image aims at.
+const PATCHES: f64 = 3000.0;
+
+/// Returns patches of about equal size, 3000 in all, and a few more where contact edges cut faces.
+#[must_use]
+pub fn image_patches(scene: &Scene) -> Subdivision {
+    let area: f64 = scene.face_ids().map(|face| scene.area_vector(face).length()).sum();
+    Subdivision::MaxEdge((area / PATCHES).sqrt())
+}
 
 /// Memory for a pixel while the image is rendered and written.
 const PIXEL_BYTE: u64 = 512;
@@ -21,18 +40,18 @@ const PIXEL_BYTE: u64 = 512;
 /// The same with final gather, which keeps every pixel's sums until all are finished.
 const GATHER_BYTE: u64 = 1536;
 
-/// How a picture is written.
+/// How an image is written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct PictureFile {
+pub struct ImageFile {
     /// The kind of floats.
     pub pixels: exr::Pixels,
     /// The parts of the file.
     pub parts: exr::Parts,
 }
 
-/// A picture that is wanted.
+/// An image that is wanted.
 #[derive(Clone, Copy)]
-pub struct PictureRequest<'a> {
+pub struct ImageRequest<'a> {
     /// The view.
     pub view: &'a dyn View,
     /// What a warning calls its camera; `None` of a view without one.
@@ -40,18 +59,18 @@ pub struct PictureRequest<'a> {
     /// How it is rendered.
     pub settings: RenderSettings,
     /// How it is written.
-    pub file: PictureFile,
+    pub file: ImageFile,
     /// The OpenEXR file.
     pub output: &'a Path,
     /// Its preview, a PNG file.
     pub preview: &'a Path,
 }
 
-/// Returns the memory that a picture takes, in bytes, if it is within the limit beside what is used already: all layers, and as much again while they are coded.
+/// Returns the memory that an image takes, in bytes, if it is within the limit beside what is used already: all layers, and as much again while they are coded.
 ///
 /// # Errors
-/// [`WorkflowError::PictureMemory`].
-pub fn picture_byte(view: &dyn View, settings: &RenderSettings, memory: &Memory) -> Result<u64, WorkflowError> {
+/// [`WorkflowError::ImageMemory`].
+pub fn image_byte(view: &dyn View, settings: &RenderSettings, memory: &Memory) -> Result<u64, WorkflowError> {
     let (width, height) = view.size();
     let gathers = settings.gather.is_some();
     let of_image = u64::from(width) * u64::from(height) * if gathers { GATHER_BYTE } else { PIXEL_BYTE };
@@ -60,24 +79,24 @@ pub fn picture_byte(view: &dyn View, settings: &RenderSettings, memory: &Memory)
     if needed <= limit {
         return Ok(of_image);
     }
-    Err(WorkflowError::PictureMemory {
+    Err(WorkflowError::ImageMemory {
         size: (width, height),
         needed,
         limit,
     })
 }
 
-/// Renders a picture and writes it with its preview; one that an earlier run has written, by the checkpoint, is read.
+/// Renders an image and writes it with its preview; one that an earlier run has written, by the checkpoint, is read.
 ///
 /// # Errors
 /// [`WorkflowError::Render`], and [`WorkflowError::Interrupted`].
 pub fn render_to_files(
     input: &RenderInput<'_>,
-    request: &PictureRequest<'_>,
+    request: &ImageRequest<'_>,
     watcher: &dyn Watcher,
     cx: &mut Context,
 ) -> Result<Image, WorkflowError> {
-    let PictureRequest {
+    let ImageRequest {
         view,
         settings,
         file,
@@ -85,7 +104,7 @@ pub fn render_to_files(
         preview,
         ..
     } = *request;
-    let kept = KeptPicture::new(cx, input, view, &settings, file);
+    let kept = KeptImage::new(cx, input, view, &settings, file);
     if let Some(image) = kept.as_ref().and_then(|kept| kept.image(cx, output, preview)) {
         cx.audited(audit::picture(&image));
         warn_if_blank(&image, view, request.camera, cx);
@@ -112,11 +131,11 @@ pub fn render_to_files(
 
 /// Returns what final gather took, and warns of pixels that stay above the noise.
 #[must_use]
-pub fn gathered(image: &Image, settings: RenderSettings, picture: &Path, cx: &Context) -> Option<GatherReport> {
+pub fn gathered(image: &Image, settings: RenderSettings, path: &Path, cx: &Context) -> Option<GatherReport> {
     let report = GatherReport::new(image, settings.gather?);
     if report.n_above > 0 {
         cx.warn(Warning::NoisyPixels {
-            file: picture.to_owned(),
+            file: path.to_owned(),
             n_above: report.n_above,
             n_pixels: report.n_pixels,
             noise: report.noise,
@@ -134,31 +153,31 @@ pub fn warn_if_blank(image: &Image, view: &dyn View, camera: Option<&str>, cx: &
         return;
     };
     if !image.shows_a_front(record.eye) {
-        cx.warn(Warning::BlankPicture {
+        cx.warn(Warning::BlankImage {
             camera: camera.to_owned(),
         });
     }
 }
 
-/// The part of the checkpoint that says which pictures are written.
+/// The part of the checkpoint that says which images are written.
 const PART: u32 = 1 << 21;
 
-/// A picture of which a checkpoint may know that it is written.
-struct KeptPicture {
+/// An image of which a checkpoint may know that it is written.
+struct KeptImage {
     /// A hash of all that its files depend on.
     key: [u8; 32],
     /// Its number: the beginning of the key.
     piece: u64,
 }
 
-impl KeptPicture {
-    /// `None` without a checkpoint, and for numbers that are rounded in the file: what is told of such a picture cannot be read from it.
+impl KeptImage {
+    /// `None` without a checkpoint, and for numbers that are rounded in the file: what is told of such an image cannot be read from it.
     fn new(
         cx: &Context,
         input: &RenderInput<'_>,
         view: &dyn View,
         settings: &RenderSettings,
-        file: PictureFile,
+        file: ImageFile,
     ) -> Option<Self> {
         cx.checkpoint()?;
         if file.pixels != exr::Pixels::F32 {
@@ -175,7 +194,7 @@ impl KeptPicture {
         })
     }
 
-    /// Returns what a checkpoint keeps of the picture: the key and the hashes of its files.
+    /// Returns what a checkpoint keeps of the image: the key and the hashes of its files.
     fn content(&self, output: &Path, preview: &Path) -> Option<Vec<u8>> {
         let mut content = self.key.to_vec();
         for file in [output, preview] {
@@ -184,7 +203,7 @@ impl KeptPicture {
         Some(content)
     }
 
-    /// Returns the picture if an earlier run wrote it and it is still as it was.
+    /// Returns the image if an earlier run wrote it and it is still as it was.
     fn image(&self, cx: &Context, output: &Path, preview: &Path) -> Option<Image> {
         let checkpoint = cx.checkpoint()?;
         checkpoint.begin_part(PART, &[0; 32]);
