@@ -17,7 +17,7 @@ use crate::matrix::{Entry, UpperBounds};
 use crate::mesh::{Mesh, PatchId, mean_value_weights};
 use crate::scene::{FaceId, Scene, Written};
 use crate::visibility::occluders::{OccluderId, OccluderIndex, PairVisibility};
-use crate::visibility::shaft::Shaft;
+use crate::visibility::shaft::{Lean, Shaft};
 use behind::{Glance, Plane};
 
 /// So many standard deviations are stated, as far as all coordinates off by half a unit the worst way do not make less.
@@ -55,6 +55,9 @@ impl Vertex {
 
 /// Where the shares of both areas that are in the border come to this, a first order says nothing.
 const KNOWN: f64 = 2.0;
+
+/// Where they come to this, it does not tell any more what occluders hide.
+const COARSE: f64 = 0.1;
 
 /// A patch and the vertices of its face, which its corners move with.
 #[derive(Clone, Debug)]
@@ -123,6 +126,21 @@ struct Term {
 struct Terms(Vec<Term>);
 
 impl Terms {
+    /// Returns the terms of the borders of two patches, in a part `lit` of the light that there is without occluders.
+    fn of_borders(ends: [&End; 2], lit: f64) -> Self {
+        let mut terms = Self(Vec::with_capacity(8));
+        for k in 0..2 {
+            border_terms([ends[k], ends[1 - k]], k, lit, &mut terms);
+        }
+        terms
+    }
+
+    /// Returns how far an exchange area may be off, m², whichever area it is divided by.
+    fn worst(&self, ends: [&End; 2], exchange: f64) -> f64 {
+        let of_end = |k: usize| self.error(k, exchange / ends[k].area);
+        of_end(0).max(of_end(1))
+    }
+
     fn at(&mut self, vertex: Vertex) -> &mut Term {
         let found = self.0.iter().position(|term| term.vertex.position == vertex.position);
         let k = found.unwrap_or_else(|| {
@@ -209,58 +227,65 @@ impl Rounded {
     /// With Φ the irradiance vector of patch j, A_i F_ij is its flux through patch i. Where a corner of i moves, it changes by the flux through what the two edges at the corner sweep, ∮ Φ · (δx × dx), and so it does for j
     /// and for edges of occluders, where only light counts that goes from one patch to the other. The sums go by vertices of the scene: a vertex that several of them share moves them all.
     ///
-    /// `exchange` is A_i F_ij, m²; `visible` what is seen of the exchange area without occluders.
+    /// `exchange` is A_i F_ij, m², and `whole` the same without occluders.
     ///
-    /// Accuracy: of the first order in half a unit over the size of the patches, some 10 % off where these touch. In partly visible pairs the light at the borders of patches is `visible`^½ of that without occluders, which is between none and all.
+    /// Accuracy: of the first order in half a unit over the size of the patches, some 10 % off where these touch. In partly visible pairs the light at the borders of patches is (`exchange` / `whole`)^½ of that without occluders, which is between none and all.
+    /// Where patches are few units wide, what is hidden may be seen: as large a share of all that there is without occluders as the border is of the patches.
     /// Source: [`ARVO_1994`](crate::references::ARVO_1994), which follows vertices in the same way at a point. Departures: the flux through what edges sweep, for two patches.
     pub(super) fn error<'a>(
         &self,
         pair: [usize; 2],
         exchange: f64,
-        visible: f64,
+        whole: f64,
         occluders: impl IntoIterator<Item = &'a [DVec3]>,
     ) -> f64 {
         let ends = pair.map(|k| &self.ends[k]);
-        let mut terms = Terms(Vec::with_capacity(8));
-        for k in 0..2 {
-            border_terms([ends[k], ends[1 - k]], k, visible.clamp(0.0, 1.0).sqrt(), &mut terms);
-        }
-        self.occluder_terms(ends, occluders, &mut terms);
+        let visible = if whole > 0.0 { (exchange / whole).min(1.0) } else { 1.0 };
+        let mut terms = Terms::of_borders(ends, visible.sqrt());
+        let is_hidden_in_part = self.occluder_terms(ends, occluders, &mut terms);
         let meant = behind::meant(ends);
         let most = ends
             .iter()
             .map(|end| end.area * (1.0 + end.border()))
             .fold(meant.most, f64::min);
-        let first_order = (0..2)
-            .map(|k| terms.error(k, exchange / ends[k].area))
-            .fold(0.0, f64::max);
+        let first_order = terms.worst(ends, exchange);
         // As much again for what is beyond the first order where patches are some units wide; of what is hardly wider than a unit nothing is known.
         let border = ends[0].border() + ends[1].border();
         if border >= KNOWN {
             return exchange.max(most - exchange);
         }
         let beyond = (1.0 + border).max(1.0 / (1.0 - border / KNOWN));
+        let of_shadows = if is_hidden_in_part && border > COARSE {
+            border * (whole + Terms::of_borders(ends, 1.0).worst(ends, whole))
+        } else {
+            0.0
+        };
         let of_tilt = if meant.is_grazing { meant.most } else { 0.0 };
         let nothing = if meant.may_be_none { exchange } else { 0.0 };
         (beyond * first_order + of_tilt)
             .max(nothing)
+            .max(of_shadows)
             .min(exchange.max(most - exchange).max(0.0))
     }
 
+    /// Adds what the edges of occluders sweep; returns whether there are any.
     fn occluder_terms<'a>(
         &self,
         [from, to]: [&End; 2],
         occluders: impl IntoIterator<Item = &'a [DVec3]>,
         terms: &mut Terms,
-    ) {
-        // Each edge once, with the normals of the faces on its sides, those that run along it the other way turned round.
-        let mut edges: Vec<([DVec3; 2], Vec<DVec3>)> = Vec::new();
+    ) -> bool {
+        // Each edge once, with the normals of the faces on its sides, those that run along it the other way turned round, and the sines by which they may lean.
+        let mut edges: Vec<([DVec3; 2], Vec<(DVec3, f64)>)> = Vec::new();
         for corners in occluders {
-            let normal = polygon::area_vector(corners);
+            let normal = polygon::area_vector(corners).normalize_or_zero();
+            let off = corners.iter().map(|&v| Vertex::new(v, &self.written).half.length());
+            let lean = Lean::of(corners).sine(off.fold(0.0, f64::max));
+            let normal = (normal, lean);
             for (k, &a) in corners.iter().enumerate() {
                 let b = corners[(k + 1) % corners.len()];
                 if let Some(known) = edges.iter_mut().find(|known| known.0 == [b, a]) {
-                    known.1.push(-normal);
+                    known.1.push((-normal.0, lean));
                 } else if let Some(known) = edges.iter_mut().find(|known| known.0 == [a, b]) {
                     known.1.push(normal);
                 } else {
@@ -268,19 +293,18 @@ impl Rounded {
                 }
             }
         }
-        if edges.is_empty() {
-            return;
-        }
-        let Some(shaft) = Shaft::new(&from.corners, &to.corners, 0.0) else {
-            return;
+        let is_any = !edges.is_empty();
+        let Some(shaft) = is_any.then(|| Shaft::new(&from.corners, &to.corners, 0.0)).flatten() else {
+            return is_any;
         };
         for ([a, b], normals) in edges {
             let vertices = [a, b].map(|v| Vertex::new(v, &self.written));
-            let off = vertices[0].half.length().max(vertices[1].half.length());
+            // Either may be off, the edge and the patches that it stands between.
+            let off = vertices[0].half.length().max(vertices[1].half.length()) + from.off.max(to.off);
             let Some([start, end]) = shaft.part_within(a, b, off) else {
                 continue;
             };
-            let across = normals[0].cross(b - a).normalize_or_zero();
+            let across = normals[0].0.cross(b - a).normalize_or_zero();
             for (s, weight) in RULE {
                 let t = start + s * (end - start);
                 let x = a + t * (b - a);
@@ -294,8 +318,12 @@ impl Rounded {
                     }
                 });
                 // On one side of both faces light passes by the edge inside of the one or the other, and meets one of them anyway.
-                let sign = normals[0].dot(flux).signum();
-                if normals.len() > 1 && normals.iter().any(|normal| normal.dot(flux) * sign < 0.0) {
+                let sign = normals[0].0.dot(flux).signum();
+                let goes = |sign: f64| {
+                    let mut sides = normals.iter();
+                    sides.any(|(normal, lean)| sign * normal.dot(flux) > lean * flux.length())
+                };
+                if goes(1.0) && goes(-1.0) {
                     continue;
                 }
                 let swept = -sign * weight * (end - start) * (b - a).cross(flux);
@@ -303,6 +331,7 @@ impl Rounded {
                 terms.at(vertices[1]).of_exchange += t * swept;
             }
         }
+        is_any
     }
 }
 
@@ -509,17 +538,16 @@ impl<'a> RoundedRows<'a> {
     }
 
     fn closely(&self, [i, j]: [usize; 2], exchange: f64, occluders: &[OccluderId]) -> f64 {
-        let visible = if occluders.is_empty() {
-            1.0
+        let whole = if occluders.is_empty() {
+            exchange
         } else {
             let tolerance = Tolerance { rel: 1e-2, abs: 0.0 };
-            let whole = exchange_area(&self.polygons[i], &self.polygons[j], tolerance).value;
-            if whole > 0.0 { exchange / whole } else { 1.0 }
+            exchange_area(&self.polygons[i], &self.polygons[j], tolerance).value
         };
         let standing = self
             .index
             .iter()
             .flat_map(|index| occluders.iter().map(|&id| index.corners(id)));
-        self.rounded.error([i, j], exchange, visible, standing)
+        self.rounded.error([i, j], exchange, whole, standing)
     }
 }

@@ -8,28 +8,35 @@ use glam::DVec3;
 use crate::geometry::clip::{clip_contour, clip_to_half_space};
 use crate::geometry::polygon;
 
-/// A plane; heights over it are n · x − level.
+/// A plane; heights over it are n · (x − p), from a point p of the polygon that it belongs to: far from the origin they keep the digits that x − p has.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Plane {
     /// The unit normal.
     pub(crate) normal: DVec3,
-    /// n · x on the plane, in m.
-    pub(crate) level: f64,
+    /// A point on the plane.
+    pub(crate) point: DVec3,
 }
 
 impl Plane {
     /// Returns the plane of a polygon, its front up; the normal is zero where the polygon has no area.
     pub(crate) fn of(corners: &[DVec3]) -> Self {
-        let normal = polygon::area_vector(corners).normalize_or_zero();
         Self {
-            normal,
-            level: normal.dot(corners[0]),
+            normal: polygon::area_vector(corners).normalize_or_zero(),
+            point: corners[0],
         }
     }
 
     pub(crate) fn height(&self, point: DVec3) -> f64 {
-        self.normal.dot(point) - self.level
+        self.normal.dot(point - self.point)
     }
+}
+
+/// A plane through an edge of one end of a shaft and a corner of the other, which has the shaft above it but for what is neglected beside it.
+#[derive(Clone, Copy, Debug)]
+struct Side {
+    plane: Plane,
+    /// The height over the plane up to which all is neglected, in m.
+    raised: f64,
 }
 
 /// The convex hull of two convex planar polygons that face each other.
@@ -46,7 +53,7 @@ impl Plane {
 #[derive(Debug)]
 pub(crate) struct Shaft<'a> {
     ends: [End<'a>; 2],
-    sides: OnceCell<Vec<Plane>>,
+    sides: OnceCell<Vec<Side>>,
     low: DVec3,
     high: DVec3,
     /// Of the smaller end.
@@ -110,6 +117,11 @@ impl Lean {
         self.middle.distance(point)
     }
 
+    /// Returns the sine of the angle by which the plane may lean where corners are off by `off`, m.
+    pub(crate) fn sine(&self, off: f64) -> f64 {
+        off / self.width
+    }
+
     /// Returns how far off the plane a point may seem that lies in it, where corners are off by `slack`.
     pub(crate) fn height(&self, slack: f64, point: DVec3) -> f64 {
         slack * (1.0 + (self.distance(point) / self.width).min(MAX_LEAN))
@@ -160,7 +172,7 @@ impl<'a> Shaft<'a> {
         let (middle, reach) = (low.midpoint(high), (high - low) * 0.5);
         let highest = |plane: &Plane| plane.height(middle) + plane.normal.abs().dot(reach);
         self.ends.iter().all(|end| highest(&end.plane) > end.least_height)
-            && self.sides().iter().all(|side| highest(side) > 0.0)
+            && self.sides().iter().all(|side| highest(&side.plane) > side.raised)
     }
 
     /// Tells whether a convex polygon meets the hull's interior. May err on the side of true.
@@ -176,7 +188,7 @@ impl<'a> Shaft<'a> {
     /// Tells whether a convex polygon meets the hull's interior deeper than rounding explains, and by `slack` more.
     fn meets_beyond(&self, corners: &[DVec3], slack: f64) -> bool {
         let of_ends = || self.ends.iter().map(|end| (&end.plane, end.least_height + slack));
-        let of_sides = || self.sides().iter().map(|side| (side, slack));
+        let of_sides = || self.sides().iter().map(|side| (&side.plane, side.raised + slack));
         let reaches = |(plane, level): (&Plane, f64)| corners.iter().any(|&v| plane.height(v) > level);
         if !of_ends().all(reaches) || !of_sides().all(reaches) {
             return false;
@@ -205,8 +217,9 @@ impl<'a> Shaft<'a> {
     /// Returns the part of a segment within the hull, or less than `off`, m, outside, as its begin and end in units of the segment; `None` if there is none.
     pub(crate) fn part_within(&self, a: DVec3, b: DVec3, off: f64) -> Option<[f64; 2]> {
         let [mut first, mut last] = [0.0_f64, 1.0_f64];
-        for plane in self.ends.iter().map(|end| &end.plane).chain(self.sides()) {
-            let [at_a, at_b] = [a, b].map(|v| plane.height(v) + off);
+        let of_ends = self.ends.iter().map(|end| (&end.plane, 0.0));
+        for (plane, level) in of_ends.chain(self.sides().iter().map(|side| (&side.plane, side.raised))) {
+            let [at_a, at_b] = [a, b].map(|v| plane.height(v) - level + off);
             if at_a < 0.0 && at_b < 0.0 {
                 return None;
             }
@@ -240,10 +253,7 @@ impl<'a> Shaft<'a> {
             .each_ref()
             .map(|end| end.part.iter().sum::<DVec3>() / end.part.len() as f64);
         let normal = (to - from).normalize_or_zero();
-        let across = Plane {
-            normal,
-            level: normal.dot(middle),
-        };
+        let across = Plane { normal, point: middle };
         self.section_lies_in(&across, rounding, |point, tolerance| {
             planes.iter().all(|plane| plane.height(point) < -tolerance)
         })
@@ -301,7 +311,7 @@ impl<'a> Shaft<'a> {
     ///
     /// Seen along an edge, its own end lies to one side in one line, and the other end above that line: the corner that is
     /// farthest round from the one side gives the only such plane besides that of the end itself.
-    fn sides(&self) -> &[Plane] {
+    fn sides(&self) -> &[Side] {
         self.sides.get_or_init(|| {
             let mut sides = Vec::with_capacity(self.ends[0].part.len() + self.ends[1].part.len());
             for k in 0..2 {
@@ -333,7 +343,7 @@ impl<'a> Shaft<'a> {
     /// Returns the plane through an edge of end `k` and a corner `c` of the other, raised, if both ends are on one side of it.
     ///
     /// What is neglected changes from the edge to the other end in proportion, so that the raised plane leans a little.
-    fn side(&self, k: usize, start: DVec3, edge: DVec3, c: DVec3) -> Option<Plane> {
+    fn side(&self, k: usize, start: DVec3, edge: DVec3, c: DVec3) -> Option<Side> {
         let normal = edge.cross(c - start);
         // A plane through three corners nearly on a line says nothing.
         if normal.length_squared() <= ON_LINE * edge.length_squared() * (c - start).length_squared() {
@@ -343,14 +353,20 @@ impl<'a> Shaft<'a> {
         // Heights from the point with the smaller coordinates, so that they keep their digits where one end is far off.
         let from_edge = largest(start) <= largest(c);
         let origin = if from_edge { start } else { c };
-        let range = |end: &End<'_>| {
-            let heights = end.part.iter().map(|&v| normal.dot(v - origin));
-            heights.fold((0.0_f64, 0.0_f64), |(low, high), h| (low.min(h), high.max(h)))
-        };
-        let (mut below, mut above) = (false, false);
+        // In proportion to the distance from the edge, as far as the ends reach: a corner beside the edge tells nothing of what is neglected beyond it.
+        let across = normal.cross(edge).normalize();
+        let distance = |v: DVec3| across.dot(v - start);
+        let (mut below, mut above, mut reach) = (false, false, 0.0);
         let mut borders = [k, 1 - k].map(|end| {
             let end = &self.ends[end];
-            let (low, high) = range(end);
+            let (mut low, mut high) = (0.0, 0.0);
+            // Not f64::min and f64::max, which take care of NaN.
+            for &v in end.part.iter() {
+                let (height, far) = (normal.dot(v - origin), distance(v).abs());
+                low = if height < low { height } else { low };
+                high = if height > high { height } else { high };
+                reach = if far > reach { far } else { reach };
+            }
             let border = RELATIVE_TOLERANCE * high.max(-low) + end.rounding;
             below |= low < -0.5 * (border + self.slack);
             above |= high > 0.5 * (border + self.slack);
@@ -365,11 +381,6 @@ impl<'a> Shaft<'a> {
             borders = [k, 1 - k].map(|end| self.ends[end].rounding);
         }
         let [at_edge, at_corner] = borders;
-        // In proportion to the distance from the edge, as far as the ends reach: a corner beside the edge tells nothing of what is neglected beyond it.
-        let across = normal.cross(edge).normalize();
-        let distance = |v: DVec3| across.dot(v - start);
-        let corners = self.ends.iter().flat_map(|end| end.part.iter());
-        let reach = corners.map(|&v| distance(v).abs()).fold(0.0, f64::max);
         let slope = (at_corner - at_edge) / reach;
         let to_corner = distance(c);
         let leaning = normal - across * (slope * to_corner.signum());
@@ -378,9 +389,12 @@ impl<'a> Shaft<'a> {
         } else {
             at_edge + slope * to_corner.abs()
         };
-        Some(Plane {
-            normal: leaning,
-            level: leaning.dot(origin) + raised,
+        Some(Side {
+            plane: Plane {
+                normal: leaning,
+                point: origin,
+            },
+            raised,
         })
     }
 }
@@ -417,11 +431,7 @@ fn in_front<'a>(polygon: &'a [DVec3], of: &End<'_>, smaller: &Lean) -> Option<Co
     match (above, below) {
         (false, _) => None,
         (true, false) => Some(Cow::Borrowed(polygon)),
-        (true, true) => Some(Cow::Owned(clip_to_half_space(
-            polygon,
-            of.plane.normal * of.plane.level,
-            of.plane.normal,
-        ))),
+        (true, true) => Some(Cow::Owned(clip_to_half_space(polygon, of.plane.point, of.plane.normal))),
     }
 }
 
@@ -497,7 +507,7 @@ mod tests {
                 for shaft in [Shaft::new(&wall, &ceiling, 0.0), Shaft::new(&ceiling, &wall, 0.0)] {
                     let shaft = shaft.expect("they face each other");
                     assert!(shaft.meets(&top), "{shift:?}");
-                    let lengths = shaft.sides().iter().map(|side| side.normal.length());
+                    let lengths = shaft.sides().iter().map(|side| side.plane.normal.length());
                     assert!(lengths.fold(0.0, f64::max) < 1.0 + 1e-9, "{shift:?}");
                 }
             }

@@ -8,6 +8,7 @@
 use std::borrow::Cow;
 use std::time::{Duration, Instant};
 
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::batches::{Batches, FaceView, Known, PartialPair, Strip};
@@ -61,6 +62,9 @@ const NOISE: f64 = 1e-12;
 
 /// The same of what is seen of a pair, as an error: some roundings at each point.
 const ROUNDING: f64 = 1e-13;
+
+/// What rounding does to patches that it has parted is known to the first order up to this part of what they exchange without occluders.
+const MOVED: f64 = 0.1;
 
 /// The least other faces that a thread looks at for one.
 const FACES_AT_ONCE: usize = 256;
@@ -315,16 +319,16 @@ impl Batches<'_> {
     ) -> Stated {
         let flat = [pair.i, pair.j].map(|k| self.patches.flat_corners(k));
         let ends = flat.each_ref().map(AsRef::as_ref);
-        let meeting = index.meeting(ends[0], ends[1]);
-        let [p, q] = meeting
-            .as_ref()
-            .map_or(ends, |meant| meant.each_ref().map(Vec::as_slice));
-        let touched = pair.touched || meeting.is_some() || index.any_stands_on(p, q, occluders);
         let most = self.unoccluded(pair.i, pair.j);
         if self.progress.is_late() {
             return self.bounded(pair, most);
         }
         let goal = method.tolerance * self.smaller_area([pair.i, pair.j]);
+        let meeting = Meeting::of(index, ends, most.area, 1e-3 * goal);
+        let [p, q] = meeting
+            .as_ref()
+            .map_or(ends, |meant| meant.ends.each_ref().map(Vec::as_slice));
+        let touched = pair.touched || meeting.is_some() || index.any_stands_on(p, q, occluders);
         let split = Split {
             index,
             budget: method.budget,
@@ -335,7 +339,8 @@ impl Batches<'_> {
         // Where rounding is to be added there has to be room for it, so that no pair is above the tolerance by its integral's share; where that alone is above it, room would not help.
         let seen = |exchange: f64| Seen {
             exchange,
-            visible: if most.area > 0.0 { exchange / most.area } else { 1.0 },
+            unoccluded: most.area,
+            moved: meeting.as_ref().map_or(0.0, |meant| meant.moved),
             touched,
             occluders,
         };
@@ -343,14 +348,14 @@ impl Batches<'_> {
         let clipping = ROUNDING * most.area;
         let room = if rounding < goal { rounding } else { 0.0 } + clipping;
         let room = room.min(0.5 * goal);
-        let is_as_written = meeting.is_none() && flat.iter().all(|corners| matches!(corners, Cow::Borrowed(_)));
-        let whole = if is_as_written {
-            Whole {
+        let is_flat = flat.iter().all(|corners| matches!(corners, Cow::Borrowed(_)));
+        let whole = match &meeting {
+            Some(meant) => meant.whole,
+            None if is_flat => Whole {
                 area: most.area,
                 error: most.error,
-            }
-        } else {
-            Whole::of(p, q, 1e-3 * goal)
+            },
+            None => Whole::of(p, q, 1e-3 * goal),
         };
         let found = split.exchange_area(p, q, occluders, goal - room, whole);
         // What rounding leaves of a pair that is hidden after all would make a row of noise.
@@ -378,6 +383,29 @@ impl Batches<'_> {
                 goal
             };
         self.stated([pair.i, pair.j], seen(exchange.area), exchange, reached)
+    }
+}
+
+/// Two patches as they were meant where rounding has parted them.
+struct Meeting {
+    ends: [Vec<DVec3>; 2],
+    /// Their exchange area without occluders.
+    whole: Whole,
+    /// What that has changed by, m², where it is more than a few per cent: then it is not known which of both is meant.
+    moved: f64,
+}
+
+impl Meeting {
+    /// `most` is the exchange area without occluders of the patches as they are, m², and `error` how far off that of the others may be.
+    fn of(index: &OccluderIndex, [p, q]: [&[DVec3]; 2], most: f64, error: f64) -> Option<Self> {
+        let ends = index.meeting(p, q)?;
+        let whole = Whole::of(&ends[0], &ends[1], error);
+        let moved = (whole.area - most).abs();
+        Some(Self {
+            ends,
+            whole,
+            moved: if moved > MOVED * most { moved } else { 0.0 },
+        })
     }
 }
 

@@ -27,8 +27,10 @@ const REACH: f64 = 0.5;
 pub(super) struct Seen<'a> {
     /// A_i F_ij, m².
     pub(super) exchange: f64,
-    /// The part that it is of the exchange area without occluders.
-    pub(super) visible: f64,
+    /// The same without occluders, m².
+    pub(super) unoccluded: f64,
+    /// What that has changed by where the two were moved to meet, as far as no first order tells, m².
+    pub(super) moved: f64,
     /// True if something was left out between the two that reaches in between by no more than rounding explains.
     pub(super) touched: bool,
     /// Their occluders.
@@ -40,7 +42,8 @@ impl Seen<'_> {
     pub(super) fn whole(exchange: f64, touched: bool) -> Self {
         Self {
             exchange,
-            visible: 1.0,
+            unoccluded: exchange,
+            moved: 0.0,
             touched,
             occluders: &[],
         }
@@ -122,6 +125,7 @@ impl Batches<'_> {
         };
         let seen = Seen {
             occluders: &occluders,
+            unoccluded: self.unoccluded(pair[0], pair[1]).area,
             ..Seen::whole(kept.area, true)
         };
         let rounding = self.rounding(pair, seen);
@@ -180,7 +184,7 @@ impl Batches<'_> {
         } else {
             0.0
         };
-        bent.max(self.moved(pair, seen)) + hidden
+        bent.max(self.moved(pair, seen)) + hidden + seen.moved
     }
 
     /// Returns what the moves of corners that are rounded in the file add.
@@ -194,7 +198,7 @@ impl Batches<'_> {
         }
         let index = self.index.iter();
         let occluders = index.flat_map(|index| seen.occluders.iter().map(|&id| index.corners(id)));
-        rounded.error(pair, seen.exchange, seen.visible, occluders)
+        rounded.error(pair, seen.exchange, seen.unoccluded, occluders)
     }
 
     /// Returns what of an exchange area the border of patch i may lose, m², if what stands on its plane hides light that passes within `slack` of it.

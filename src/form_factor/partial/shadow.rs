@@ -27,6 +27,8 @@ const MAX_GROUPED: usize = 62;
 struct Caster {
     edges: Vec<Side>,
     plane: Flat,
+    /// Below this height over the plane a point of the receiver may count as in it.
+    least_height: f64,
     /// From the caster to the middle of the target.
     to_target: DVec3,
     /// Where the target lies: wholly in front of the caster's plane, wholly behind, or on both sides.
@@ -51,8 +53,9 @@ struct Side {
     along: DVec3,
     /// The sum of its components without their signs.
     length: f64,
-    /// From its beginning to the middle of the target.
+    /// From its beginning to the middle of the target, and the sum of its components without their signs.
     to_target: DVec3,
+    to_target_length: f64,
 }
 
 /// A half-space n · r + c > 0 of the vectors r from the target's middle.
@@ -142,10 +145,14 @@ impl Shadows {
                     along: to - from,
                     length: (to - from).abs().element_sum(),
                     to_target: middle - from,
+                    to_target_length: (middle - from).abs().element_sum(),
                 });
+                // A tolerance is convex: it is greatest at a corner.
+                let tolerances = receiver.corners.iter().map(|&v| plane.tolerance(v, EDGE_ON));
                 let caster = Caster {
                     edges: edges.collect(),
                     plane,
+                    least_height: 1.001 * tolerances.fold(0.0, f64::max),
                     to_target: middle - corners[0],
                     target: place,
                     one_sided,
@@ -282,9 +289,10 @@ impl Shadows {
     /// Sets the half-spaces whose intersection is the space that caster `k` hides from the point; false if there is none.
     fn prepare_half_spaces(&mut self, k: usize, point: DVec3) -> bool {
         let caster = &self.casters[k];
-        let height = caster.plane.snapped_height(point, EDGE_ON);
+        let height = caster.plane.height(point);
+        let may_be_edge_on = height.abs() <= caster.least_height;
         let (front, hidden) = match caster.target {
-            _ if height == 0.0 => return false,
+            _ if may_be_edge_on && height.abs() <= caster.plane.tolerance(point, EDGE_ON) => return false,
             Place::Both => (height > 0.0, true),
             Place::Front => (height > 0.0, height < 0.0),
             Place::Back => (height > 0.0, height > 0.0),
@@ -302,7 +310,7 @@ impl Shadows {
             self.half_spaces.push(HalfSpace {
                 normal,
                 offset: normal.dot(side.to_target),
-                slack: [slack * side.to_target.abs().element_sum(), slack],
+                slack: [slack * side.to_target_length, slack],
             });
         }
         if caster.target == Place::Both {
@@ -325,12 +333,16 @@ fn subtract(
     rest: &mut Vec<DVec3>,
     piece: &mut Vec<DVec3>,
 ) -> bool {
-    let reach = fragment.iter().map(|r| r.abs().element_sum()).fold(0.0, f64::max);
+    // Not f64::max, which takes care of NaN.
+    let longer = |reach: f64, r: &DVec3| {
+        let length = r.abs().element_sum();
+        if length > reach { length } else { reach }
+    };
+    let reach = fragment.iter().fold(0.0, longer);
     let mut cutting = 0_u64;
     for (k, half_space) in half_spaces.iter().enumerate() {
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
         for &r in fragment {
-            // Not f64::min, which takes care of NaN.
             let value = half_space.value(r);
             low = if value < low { value } else { low };
             high = if value > high { value } else { high };

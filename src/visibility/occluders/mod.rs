@@ -367,9 +367,14 @@ impl Levels {
     }
 }
 
-/// Tells whether two polygons that seem to face each other are two sides of a sheet, which coordinates rounded by up to `slack`, m, have parted.
+/// Patches of one plane whose normals differ by less see nothing of each other that counts: the form factor is a quarter of the square at most.
+const ONE_PLANE: f64 = 2e-6;
+
+/// Tells whether two polygons that seem to face each other are two sides of a sheet, or parts of one plane, which coordinates rounded by up to `slack`, m, have parted.
 pub(crate) fn are_sides_of_a_sheet(p: &[DVec3], q: &[DVec3], slack: f64) -> bool {
-    Levels::of(p, q, slack) == Levels::Touching
+    let [one, other] = [p, q].map(|corners| Plane::of(corners).normal);
+    let is_sheet = one.dot(other) < 0.0 || one.distance(other) < ONE_PLANE;
+    is_sheet && Levels::of(p, q, slack) == Levels::Touching
 }
 
 /// Tells whether a polygon is no farther from the plane of another one than rounding explains: by the slack where the other is, and off it by as much more as it is farther away than

@@ -62,10 +62,7 @@ pub(super) fn meeting(p: &[DVec3], q: &[DVec3], slack: f64) -> Option<[Vec<DVec3
 fn through_middle(corners: &[DVec3]) -> Plane {
     let plane = Plane::of(corners);
     let middle = corners.iter().sum::<DVec3>() / corners.len() as f64;
-    Plane {
-        level: plane.normal.dot(middle),
-        ..plane
-    }
+    Plane { point: middle, ..plane }
 }
 
 /// Returns the corners of an occluder, those that are within `slack`, m, of the plane of a patch on whose front it stands moved behind that by as much: nothing shines through under it.

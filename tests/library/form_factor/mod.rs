@@ -3,6 +3,7 @@
 mod closed_rows;
 mod drawn;
 mod exact;
+mod far_away;
 mod far_emitters;
 mod files;
 mod form_factors;

@@ -124,6 +124,7 @@ const THREE_PLACES: Format = ("%.3f", |x| format!("{x:.3}"));
 const SIX_PLACES: Format = ("%.6f", |x| format!("{x:.6}"));
 const SIX_DIGITS: Format = ("%.6g", |x| with_digits(6, x));
 const SEVEN_DIGITS: Format = ("%.7g", |x| with_digits(7, x));
+const EIGHT_DIGITS: Format = ("%.8g", |x| with_digits(8, x));
 const SINGLE: Format = ("f32", single);
 
 /// A room with two boxes, of random sizes, one of them on the floor and one above.
@@ -267,6 +268,7 @@ fn random_scene(kind: &str, random: &mut Uniform) -> Scene {
         "hills" => hills(random),
         "fine ground on a map" => moved(&rough_ground(random, 0.1, 0.005), DQuat::IDENTITY, 1.0, on_a_map),
         "rough ground on a map" => moved(&rough_ground(random, 0.5, 0.02), DQuat::IDENTITY, 1.0, on_a_map),
+        "hilly ground on a map" => moved(&rough_ground(random, 1.0, 0.1), DQuat::IDENTITY, 1.0, on_a_map),
         "hills on a map" => moved(&hills(random), DQuat::IDENTITY, 1.0, on_a_map),
         _ => moved(&street(random), upright, 1.0, on_a_map),
     }
@@ -289,6 +291,7 @@ fn what_rounding_takes_is_stated() {
         ("hills on a map", &[TWO_PLACES, THREE_PLACES]),
         ("fine ground on a map", &[TWO_PLACES]),
         ("rough ground on a map", &[TWO_PLACES, SEVEN_DIGITS]),
+        ("hilly ground on a map", &[EIGHT_DIGITS]),
         ("street", &[SIX_DIGITS, SEVEN_DIGITS, SINGLE]),
     ] {
         for &format in formats {
