@@ -232,9 +232,9 @@ impl<'a> Shaft<'a> {
         (first < last).then_some([first, last])
     }
 
-    /// Tells whether one convex polygon stops all light: whether every segment between the two ends crosses it.
-    pub(crate) fn is_closed_by(&self, corners: &[DVec3], plane: &Plane) -> bool {
-        self.section_lies_in(plane, rounding(corners), |point, tolerance| {
+    /// Tells whether one convex polygon stops all light, but for what passes within `slack`, m: whether every segment between the two ends crosses it.
+    pub(crate) fn is_closed_by(&self, corners: &[DVec3], plane: &Plane, slack: f64) -> bool {
+        self.section_lies_in(plane, rounding(corners), slack, |point, tolerance| {
             (0..corners.len()).all(|k| {
                 let (a, b) = (corners[k], corners[(k + 1) % corners.len()]);
                 let inward = plane.normal.cross(b - a);
@@ -254,7 +254,7 @@ impl<'a> Shaft<'a> {
             .map(|end| end.part.iter().sum::<DVec3>() / end.part.len() as f64);
         let normal = (to - from).normalize_or_zero();
         let across = Plane { normal, point: middle };
-        self.section_lies_in(&across, rounding, |point, tolerance| {
+        self.section_lies_in(&across, rounding, self.slack, |point, tolerance| {
             planes.iter().all(|plane| plane.height(point) < -tolerance)
         })
     }
@@ -262,14 +262,14 @@ impl<'a> Shaft<'a> {
     /// Tells whether a plane parts the two ends, and its section with the hull lies in a convex set.
     ///
     /// The section is the convex hull of the points in which the segments between corners cross the plane, which is known to `rounding`, m, where its polygon is.
-    /// `contains` is given each with what is neglected there: 1e-10 of the shaft's width, and rounding, each as the point is nearer to one or the other end.
-    fn section_lies_in(&self, plane: &Plane, rounding: f64, contains: impl Fn(DVec3, f64) -> bool) -> bool {
+    /// `contains` is given each with what is neglected there: 1e-10 of the shaft's width, `slack`, m, and rounding, each as the point is nearer to one or the other end.
+    fn section_lies_in(&self, plane: &Plane, rounding: f64, slack: f64, contains: impl Fn(DVec3, f64) -> bool) -> bool {
         let tolerances = self.ends.each_ref().map(|end| {
             let width = match &end.part {
                 Cow::Borrowed(_) => end.lean.width,
                 Cow::Owned(part) => Lean::of(part).width,
             };
-            RELATIVE_TOLERANCE * width + end.rounding + self.slack
+            RELATIVE_TOLERANCE * width + end.rounding + slack
         });
         let [near, far] = tolerances.map(|tolerance| tolerance + rounding);
         let on_side = |k: usize, sign: f64, tolerance: f64| {
@@ -518,7 +518,7 @@ mod tests {
     fn a_shaft_is_closed_by_a_face_that_covers_its_section() {
         let [p, q] = facing_squares();
         let shaft = Shaft::new(&p, &q, 0.0).expect("they face each other");
-        let closed_by = |face: &[DVec3]| shaft.is_closed_by(face, &Plane::of(face));
+        let closed_by = |face: &[DVec3]| shaft.is_closed_by(face, &Plane::of(face), 0.0);
         let section = rectangle(DVec3::Z * 0.5, DVec3::X, DVec3::Y);
         assert!(closed_by(&section));
         assert!(closed_by(&section.iter().rev().copied().collect::<Vec<_>>()));
@@ -554,7 +554,7 @@ mod tests {
                     let is_closed = reach > -1e-8;
                     let plane = Plane::of(&plate);
                     assert_eq!(
-                        shaft.is_closed_by(&plate, &plane),
+                        shaft.is_closed_by(&plate, &plane, 0.0),
                         is_closed,
                         "{distance:e} {width:e} {reach:e}"
                     );
@@ -574,7 +574,7 @@ mod tests {
             let ground = rectangle(DVec3::new(-0.5, -0.5, 0.0) * size, DVec3::X * size, DVec3::Y * size);
             let shaft = Shaft::new(&small, &ground, 0.0).expect("they face each other");
             assert!(
-                shaft.meets(&plate) && !shaft.is_closed_by(&plate, &Plane::of(&plate)),
+                shaft.meets(&plate) && !shaft.is_closed_by(&plate, &Plane::of(&plate), 0.0),
                 "{size:e}"
             );
             assert!(!shaft.meets(&ground) && !shaft.meets(&small), "{size:e}");

@@ -147,16 +147,28 @@ impl Batches<'_> {
         for (row, i) in rows.iter_mut().zip(*first_row..) {
             let n_found = row.len();
             rounded.behind(&self.facing, i, i + 1..self.patches.len(), |j, most| {
-                let (column, goal) = (PatchId::from_index(j).0, self.goal([i, j]));
-                if most <= UNSTATED * goal || row[..n_found].binary_search_by_key(&column, |entry| entry.0).is_ok() {
+                let column = PatchId::from_index(j).0;
+                if !self.is_stated([i, j], most)
+                    || row[..n_found].binary_search_by_key(&column, |entry| entry.0).is_ok()
+                {
                     return;
                 }
                 row.push((column, 0.0, most));
-                if most > goal {
-                    self.count_rounding([i, j], most, counts);
-                }
+                self.count_hidden([i, j], most, counts);
             });
             row.sort_unstable_by_key(|entry| entry.0);
+        }
+    }
+
+    /// Tells whether what a pair may exchange by rounding alone is worth an entry.
+    pub(super) fn is_stated(&self, pair: [usize; 2], most: f64) -> bool {
+        most > UNSTATED * self.goal(pair)
+    }
+
+    /// Counts a pair that exchanges nothing but for rounding, if that is above the tolerance.
+    pub(super) fn count_hidden(&self, pair: [usize; 2], most: f64, counts: &mut PairCounts) {
+        if most > self.goal(pair) {
+            self.count_rounding(pair, most, counts);
         }
     }
 
@@ -168,23 +180,23 @@ impl Batches<'_> {
     /// Returns what rounded corners add to the error of an exchange area, m²: by how corners and occluders move ([`Rounded::error`](crate::form_factor::rounded::Rounded::error)), no less than the border of corners
     /// off their patches' planes; and, if something was left out between the two that reaches in between by no more than that, the border of both that this may hide.
     pub(super) fn rounding(&self, pair: [usize; 2], seen: Seen<'_>) -> f64 {
-        let slack = self
-            .index
-            .as_ref()
-            .filter(|_| seen.touched)
-            .map_or(0.0, OccluderIndex::slack);
-        // What is left out was meant to touch, and reaches in by what rounding does to it, not by all that it is left out for.
-        let slack = if self.rounded.is_some() { REACH * slack } else { slack };
         let [i, j] = pair;
         let bent = (self.patches.border(i) + self.patches.border(j)) * seen.exchange;
-        let hidden = if slack > 0.0 {
-            let of_both =
-                self.hidden_border(pair, slack, seen.exchange) + self.hidden_border([j, i], slack, seen.exchange);
-            of_both.min(seen.exchange)
+        let hidden = if seen.touched {
+            self.passing(pair, seen.exchange)
         } else {
             0.0
         };
         bent.max(self.moved(pair, seen)) + hidden + seen.moved
+    }
+
+    /// Returns what of an exchange area passes within the width that rounding may close, or open, along the borders of both patches, m².
+    pub(super) fn passing(&self, [i, j]: [usize; 2], exchange: f64) -> f64 {
+        let slack = self.index.as_ref().map_or(0.0, OccluderIndex::slack);
+        // What is left out was meant to touch, and reaches in by what rounding does to it, not by all that it is left out for.
+        let slack = if self.rounded.is_some() { REACH * slack } else { slack };
+        let of_both = self.hidden_border([i, j], slack, exchange) + self.hidden_border([j, i], slack, exchange);
+        of_both.min(exchange)
     }
 
     /// Returns what the moves of corners that are rounded in the file add.

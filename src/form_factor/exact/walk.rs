@@ -28,7 +28,7 @@ impl Walk<'_> {
         let touched = seen.touched;
         match &seen.visibility {
             PairVisibility::Full => self.each_facing_pair(columns, |walk, i, j| walk.push_full(i, j, touched)),
-            PairVisibility::None => self.each_facing_pair(columns, |walk, _, _| walk.strip.counts.hidden += 1),
+            PairVisibility::None => self.each_facing_pair(columns, |walk, i, j| walk.push_hidden(i, j, touched)),
             PairVisibility::Partial(among) if of_faces => self.look(columns, among, touched),
             PairVisibility::Partial(among) => match columns.halves {
                 Some(halves) => {
@@ -49,7 +49,7 @@ impl Walk<'_> {
         }
         let mut seen = self.batches.between(&self.rows.hull, &columns.hull, Some(among));
         // What was left out between the larger ones is asked for no more.
-        seen.touched |= touched;
+        seen.touched |= touched && seen.visibility != PairVisibility::None;
         self.settle(columns, &seen, false);
     }
 
@@ -106,8 +106,24 @@ impl Walk<'_> {
         self.push(i, j, stated.exchange);
     }
 
+    /// Counts a hidden pair, and states what passes by what hides it, if that is `touched`: known to hide all but for rounded coordinates.
+    fn push_hidden(&mut self, i: usize, j: usize, touched: bool) {
+        self.strip.counts.hidden += 1;
+        if !touched {
+            return;
+        }
+        let unoccluded = self
+            .table
+            .map_or_else(|| self.batches.kernel(i, j), |table| table.get(i, j));
+        let error = self.batches.passing([i, j], unoccluded.area);
+        if self.batches.is_stated([i, j], error) {
+            self.batches.count_hidden([i, j], error, &mut self.strip.counts);
+            self.push(i, j, Exchange { area: 0.0, error });
+        }
+    }
+
     fn push_seen(&mut self, i: usize, j: usize, among: &[OccluderId], touched: bool) {
-        let mut seen = if self.rows.patches.len() > 1 {
+        let seen = if self.rows.patches.len() > 1 {
             let [p, q] = [i, j].map(|k| self.batches.patches.corners[k].as_slice());
             if self.may_keep && self.batches.is_kept(p, q) {
                 self.push_kept(i, j);
@@ -117,10 +133,9 @@ impl Walk<'_> {
         } else {
             Between::certain(PairVisibility::Partial(among.to_vec()))
         };
-        seen.touched |= touched;
         match seen.visibility {
-            PairVisibility::Full => self.push_full(i, j, seen.touched),
-            PairVisibility::None => self.strip.counts.hidden += 1,
+            PairVisibility::Full => self.push_full(i, j, seen.touched || touched),
+            PairVisibility::None => self.push_hidden(i, j, seen.touched),
             PairVisibility::Partial(occluders) => {
                 self.strip.counts.partial += 1;
                 let (begin, place) = (self.strip.occluders.len(), self.row(i).len());
@@ -129,7 +144,7 @@ impl Walk<'_> {
                     i,
                     j,
                     place,
-                    touched: seen.touched,
+                    touched: seen.touched || touched,
                     occluders: begin..self.strip.occluders.len(),
                 });
                 self.push(i, j, Exchange::default());

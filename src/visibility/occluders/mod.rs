@@ -44,7 +44,7 @@ pub enum PairVisibility {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Between {
     pub(crate) visibility: PairVisibility,
-    /// True if something was left out that reaches in between, by no more than rounded coordinates explain.
+    /// True if something was left out that reaches in between by no more than rounded coordinates explain, or what hides all leaves a gap by no more.
     pub(crate) touched: bool,
 }
 
@@ -245,12 +245,17 @@ impl OccluderIndex {
             };
             if is_met {
                 found.push(occluder);
-                closed = shaft.is_closed_by(&entry.corners, &entry.plane);
+                closed = shaft.is_closed_by(&entry.corners, &entry.plane, slack);
+                let is_close = closed && slack > 0.0 && !shaft.is_closed_by(&entry.corners, &entry.plane, 0.0);
                 if let Some(solid) = entry.solid
                     && last_solid != Some(solid)
                 {
                     last_solid = Some(solid);
                     closed |= self.solids[solid as usize].closes(&shaft, p, q, self.slack);
+                }
+                // What is closed leaves nothing open but that.
+                if closed {
+                    touched = is_close;
                 }
             }
             !closed
