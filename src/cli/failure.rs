@@ -2,17 +2,15 @@
 
 use std::path::PathBuf;
 
-use serde_json::json;
-
 use super::exit_code::ExitCode;
 use crate::checkpoint::CheckpointError;
+use crate::document::{FailureDocument, FailureRecord};
 use crate::experiment::ExperimentError;
 use crate::form_factor::FormFactorError;
 use crate::matrix::{DiskError, MatrixError};
 use crate::printable::printable_message;
 use crate::render::RenderError;
 use crate::report::ReportError;
-use crate::report::plot::PlotError;
 use crate::scene::{SceneError, SceneErrorKind};
 use crate::solver::SolverError;
 use crate::voxel::VoxelError;
@@ -69,16 +67,12 @@ impl Failure {
     }
 
     /// Returns the JSON document of the error.
-    #[must_use]
-    pub(super) fn to_json(&self) -> serde_json::Value {
-        json!({
-            "schema_version": super::SCHEMA_VERSION,
-            "error": {
-                "kind": self.kind,
-                "message": self.message,
-                "file": self.file.as_ref().map(|f| f.display().to_string()),
-                "line": self.line,
-            }
+    pub(super) fn document(&self) -> FailureDocument {
+        FailureDocument::new(FailureRecord {
+            kind: self.kind,
+            message: self.message.clone(),
+            file: self.file.as_ref().map(|file| file.display().to_string()),
+            line: self.line,
         })
     }
 }
@@ -186,6 +180,7 @@ impl From<ExperimentError> for Failure {
     fn from(error: ExperimentError) -> Self {
         match error {
             ExperimentError::TooFewSeeds { .. } => Self::usage(error.to_string()),
+            ExperimentError::Plot(error) => Self::new("plot", error.to_string()),
             other => Self::new("experiment", other.to_string()),
         }
     }
@@ -194,12 +189,6 @@ impl From<ExperimentError> for Failure {
 impl From<CheckpointError> for Failure {
     fn from(error: CheckpointError) -> Self {
         Self::new("checkpoint", error.to_string()).in_file(error.path())
-    }
-}
-
-impl From<PlotError> for Failure {
-    fn from(error: PlotError) -> Self {
-        Self::new("plot", error.to_string())
     }
 }
 
@@ -215,7 +204,7 @@ pub(super) fn flag(parameter: Parameter, value: Option<&str>) -> String {
 
 impl From<WorkflowError> for Failure {
     fn from(error: WorkflowError) -> Self {
-        let text = error.text(&flag);
+        let (text, place) = (error.text(&flag), error.place());
         match error {
             WorkflowError::Scene(error) => error.into(),
             WorkflowError::Motion(_) => Self::new("bad_frames", text),
@@ -236,6 +225,13 @@ impl From<WorkflowError> for Failure {
             }
             WorkflowError::Checkpoint(error) => error.into(),
             WorkflowError::Unsuited(_) => Self::usage(text),
+            WorkflowError::InFrame { error, .. } => {
+                let failure = Self::from(*error);
+                Self {
+                    message: format!("{}{place}", failure.message),
+                    ..failure
+                }
+            }
             WorkflowError::Interrupted => Self::interrupted(),
         }
     }

@@ -8,7 +8,8 @@
 //! them, and so does `index.html`, the page with everything on it ([`page`](crate::report::page)); all others are the same bytes for the same settings. What it prints, and `--json`, has both.
 
 pub mod baranoski;
-mod compare;
+pub mod compare;
+pub mod findings;
 mod known;
 pub mod lewis;
 pub mod malgouyres;
@@ -77,6 +78,9 @@ pub enum ExperimentError {
         /// Where.
         residual_l2: f64,
     },
+    /// A plot could not be drawn.
+    #[error(transparent)]
+    Plot(#[from] crate::report::plot::PlotError),
     /// An image could not be encoded.
     #[error("the image cannot be encoded: {0}")]
     Image(String),

@@ -5,9 +5,8 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use serde_json::{Map, Value};
-
 use super::leaks::Leaks;
+use super::settings::Settings;
 use super::warning::Warning;
 use super::{Memory, WorkflowError};
 use crate::audit::Audit;
@@ -30,8 +29,8 @@ pub struct Context {
     pub memory: Memory,
     /// What is known before form factors are stored of what comes after them.
     pub demand: Demand,
-    /// What the results are made with, by name: files of results have it.
-    pub settings: Map<String, Value>,
+    /// What the results are made with: files of results have it.
+    pub settings: Settings,
     /// The conservation checks of the results so far.
     pub audit: Audit,
     /// The file of the lighting that each channel belongs to; none where the materials are the scene's own.
@@ -78,7 +77,7 @@ impl Context {
             times: RefCell::default(),
             memory: Memory::default(),
             demand: Demand::default(),
-            settings: Map::new(),
+            settings: Settings::default(),
             audit: Audit::default(),
             lighting_files: Vec::new(),
             leaks: Leaks::default(),
@@ -159,11 +158,6 @@ impl Context {
     /// Sets when all is to be over, counted from when the context was made.
     pub(super) fn end_within(&mut self, limit: Duration) {
         self.deadline = Some(self.begun + limit);
-    }
-
-    /// Notes what the results are made with.
-    pub fn set(&mut self, name: &str, value: impl Into<Value>) {
-        self.settings.insert(name.to_owned(), value.into());
     }
 
     /// Takes in what an audit found, with a warning for each check that fails.

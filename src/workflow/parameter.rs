@@ -50,6 +50,22 @@ pub enum Parameter {
     Eye,
     /// Where the camera looks.
     LookAt,
+    /// What is up in the image.
+    Up,
+    /// The vertical field of view.
+    Fov,
+    /// The camera.
+    Camera,
+    /// The width of an image.
+    Width,
+    /// The height of an image.
+    Height,
+    /// The viewer that shows an image while it is rendered.
+    Display,
+    /// [`Subdivision::Uniform`](crate::mesh::Subdivision::Uniform).
+    Subdivide,
+    /// [`Subdivision::MaxEdge`](crate::mesh::Subdivision::MaxEdge).
+    MaxEdge,
 }
 
 impl Parameter {
@@ -79,6 +95,14 @@ impl Parameter {
             Self::Noise => "noise",
             Self::Eye => "eye",
             Self::LookAt => "look_at",
+            Self::Up => "up",
+            Self::Fov => "fov",
+            Self::Camera => "camera",
+            Self::Width => "width",
+            Self::Height => "height",
+            Self::Display => "display",
+            Self::Subdivide => "subdivide",
+            Self::MaxEdge => "max_edge",
         }
     }
 }

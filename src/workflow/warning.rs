@@ -285,6 +285,15 @@ pub enum Warning {
         /// What the camera is.
         camera: String,
     },
+    /// No viewer listens where one is to show an image.
+    NoViewer {
+        /// Where.
+        address: String,
+        /// Why it cannot be reached.
+        reason: String,
+    },
+    /// The viewer that showed an image has gone.
+    ViewerGone,
     /// What a program has to say itself.
     Other(String),
 }

@@ -88,6 +88,11 @@ impl Warning {
                 name(Parameter::Flip)
             ),
             Self::Checkpoint(text) | Self::Other(text) => text.clone(),
+            Self::NoViewer { address, reason } => format!(
+                "no viewer at {address} ({reason}); start tev there, or leave out {}",
+                name(Parameter::Display)
+            ),
+            Self::ViewerGone => "the viewer stopped taking pixels; the picture is whole all the same".to_owned(),
             Self::BrokenLaw(check) => format!("conservation check: {check}"),
             Self::NoErrorOnTheFly => format!(
                 "form factors that are not kept state no error: how far theirs shows in the light is not known; leave {} out to know it",
