@@ -110,6 +110,7 @@ mod input_file;
 pub mod matrix;
 pub mod mesh;
 pub mod notation;
+mod parameter;
 pub mod plan;
 mod printable;
 pub mod progress;

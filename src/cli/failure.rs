@@ -91,7 +91,7 @@ impl From<SceneError> for Failure {
             file: error.file().map(Into::into),
             line: error.line(),
             code,
-            ..Self::new(error.kind(), error.to_string())
+            ..Self::new(error.kind(), error.text(&flag))
         }
     }
 }
@@ -102,9 +102,9 @@ impl From<FormFactorError> for Failure {
             FormFactorError::Matrix(error) => error.into(),
             FormFactorError::Interrupted => Self::interrupted(),
             FormFactorError::UnknownMethod { .. } | FormFactorError::UnusedSetting { .. } => {
-                Self::usage(error.to_string())
+                Self::usage(error.text(&flag))
             }
-            other => Self::new("form_factors", other.to_string()),
+            other => Self::new("form_factors", other.text(&flag)),
         }
     }
 }
@@ -120,7 +120,7 @@ impl From<MatrixError> for Failure {
 
 impl From<DiskError> for Failure {
     fn from(error: DiskError) -> Self {
-        Self::new("scratch", error.to_string()).in_file(error.directory())
+        Self::new("scratch", error.text(&flag)).in_file(error.directory())
     }
 }
 
@@ -132,7 +132,7 @@ impl From<SolverError> for Failure {
             SolverError::Tolerance { .. }
             | SolverError::UnknownSolver { .. }
             | SolverError::Omega { .. }
-            | SolverError::UnusedSetting { .. } => return Self::usage(error.to_string()),
+            | SolverError::UnusedSetting { .. } => return Self::usage(error.text(&flag)),
             _ => "solver",
         };
         Self::new(kind, error.to_string())
@@ -160,7 +160,7 @@ impl From<ReportError> for Failure {
     fn from(error: ReportError) -> Self {
         match error {
             ReportError::UnknownFormat { .. } => Self::usage(error.to_string()),
-            _ => Self::new(error.kind(), error.to_string()).in_file(error.path()),
+            _ => Self::new(error.kind(), error.text(&flag)).in_file(error.path()),
         }
     }
 }
@@ -181,7 +181,7 @@ impl From<ExperimentError> for Failure {
         match error {
             ExperimentError::TooFewSeeds { .. } => Self::usage(error.to_string()),
             ExperimentError::Plot(error) => Self::new("plot", error.to_string()),
-            other => Self::new("experiment", other.to_string()),
+            other => Self::new("experiment", other.text(&flag)),
         }
     }
 }
@@ -197,6 +197,7 @@ pub(super) fn flag(parameter: Parameter, value: Option<&str>) -> String {
     match (parameter, value) {
         (Parameter::CutAtWalls, _) => "--no-cut".to_owned(),
         (Parameter::Flip, Some(surface)) => format!("--flip={surface}"),
+        (Parameter::Output, Some(file)) => format!("-o {file}"),
         (_, Some(value)) => format!("--{} {value}", parameter.name().replace('_', "-")),
         (_, None) => format!("--{}", parameter.name().replace('_', "-")),
     }

@@ -5,7 +5,7 @@ use std::num::NonZeroU32;
 
 use super::args::{FieldArgs, FieldMethodName};
 use super::exit_code::ExitCode;
-use super::failure::{Failure, flag};
+use super::failure::Failure;
 use super::file_set::FileSet;
 use super::picture::{image_file, preview_of};
 use super::run::Run;
@@ -44,7 +44,6 @@ fn work(args: &FieldArgs, run: &mut Run) -> Result<Outcome, Failure> {
         file: image_file(args.file),
         output: &args.output,
         preview: &preview,
-        named: &flag,
     };
     let Field { image, means } = model.field_to_files(request, &mut run.cx)?;
     run.bars.finish();

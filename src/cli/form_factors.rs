@@ -42,7 +42,7 @@ fn work(args: &FormFactorsArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let computed = model.form_factors(&request, Need::AsTheyAre, &mut run.cx)?;
     run.cx.judge_leaking_exchange();
     let table = run.cx.time("surfaces", || {
-        SurfaceTable::new(&mut model, &computed, &run.cx.memory, args.common.json)
+        SurfaceTable::new(&mut model, &computed, &run.cx, args.common.json)
     });
     computed.factors.if_readable(())?;
     if let Some(path) = &args.output {

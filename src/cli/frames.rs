@@ -103,7 +103,6 @@ pub(super) fn work(args: &RenderArgs, file: &Path, run: &mut Run) -> Result<Outc
         solver: &args.solver.request(),
         file: image_file(args.file),
         viewer: args.display.as_deref(),
-        named: &flag,
     };
     let mut told = Told {
         solver: &args.solver.solver,

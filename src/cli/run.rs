@@ -40,6 +40,7 @@ impl Run {
         let interrupt = Interrupt::listen(!matches!(command, "compare" | "reproduce"));
         let bars = Arc::new(Bars::new(common.quiet, interrupt.clone()));
         let mut cx = Context::new(Arc::clone(&bars) as _);
+        cx.naming = flag;
         if !common.quiet {
             let bars = Arc::clone(&bars);
             cx = cx.on_warning(move |warning| {

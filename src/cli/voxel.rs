@@ -6,7 +6,7 @@ use std::path::Path;
 use super::Outcome;
 use super::args::{LinksName, VoxelArgs};
 use super::exit_code::ExitCode;
-use super::failure::{Failure, flag};
+use super::failure::Failure;
 use super::file_set::FileSet;
 use super::run::Run;
 use super::view::{samples, tell_camera};
@@ -140,7 +140,6 @@ fn write(
         settings: render_settings(args),
         show_voxels: args.show_voxels,
         output: path,
-        named: &flag,
     };
     model.render_voxels(study, request, &mut run.cx)?;
     Ok(Some(view))

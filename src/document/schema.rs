@@ -63,6 +63,10 @@ impl Documents {
     /// Adds the documents of a command, or of none.
     fn add<T: JsonSchema>(&mut self, name: &'static str, command: &str) {
         let mut schema = T::json_schema(&mut self.generator);
+        if !command.is_empty() {
+            let description = format!("What `radiosity {command}` prints with --json.");
+            schema.insert("description".into(), description.into());
+        }
         if let Some(properties) = schema.get_mut("properties").and_then(Value::as_object_mut) {
             properties["schema_version"] = json!({"const": SCHEMA_VERSION});
             if !command.is_empty() {

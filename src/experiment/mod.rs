@@ -29,6 +29,7 @@ pub use sweep::{Parameter, RayUse, SWEEPS, Sweep, sweep_by_name};
 
 use crate::form_factor::FormFactorError;
 use crate::matrix::MatrixError;
+use crate::parameter::Named;
 use crate::solver::StopReason;
 
 /// Why an experiment could not be made.
@@ -92,4 +93,26 @@ pub enum ExperimentError {
         /// The least number.
         least: u64,
     },
+}
+
+impl ExperimentError {
+    /// Returns the error as one line, with parameters as `named` writes them.
+    #[must_use]
+    pub fn text(&self, named: Named<'_>) -> String {
+        match self {
+            Self::Method {
+                method,
+                parameter,
+                value,
+                source,
+            } => format!("{method} with {parameter} {value}: {}", source.text(named)),
+            Self::Reference(error) => format!("the reference: {}", error.text(named)),
+            Self::FormFactors(error) => error.text(named),
+            Self::Matrix(error) => error.text(named),
+            Self::Scene(error) => error.text(named),
+            Self::Mesh(error) => error.text(named),
+            Self::Solver(error) => error.text(named),
+            other => other.to_string(),
+        }
+    }
 }

@@ -3,12 +3,12 @@
 use std::path::PathBuf;
 
 use super::VoxelRemedy;
-use super::parameter::{Named, Parameter, plainly};
 use crate::checkpoint::CheckpointError;
 use crate::embree::EmbreeError;
 use crate::form_factor::{FormFactorError, Leak, MAX_ESCAPED};
 use crate::matrix::{DiskError, MatrixError};
 use crate::mesh::{MeshError, Subdivision};
+use crate::parameter::{Named, Parameter, plainly};
 use crate::plan::{StorageError, byte_text};
 use crate::printable::printable_message;
 use crate::render::RenderError;
@@ -199,9 +199,9 @@ impl WorkflowError {
     pub fn text(&self, named: Named<'_>) -> String {
         let name = |parameter| named(parameter, None);
         let text = match self {
-            Self::Scene(error) => error.to_string(),
+            Self::Scene(error) => error.text(named),
             Self::Motion(error) => error.to_string(),
-            Self::Mesh { file, error } => format!("{}: {error}", file.display()),
+            Self::Mesh { file, error } => format!("{}: {}", file.display(), error.text(named)),
             Self::Embree { file, error } => format!("{}: {error}", file.display()),
             Self::MemoryLimit {
                 file,
@@ -216,15 +216,15 @@ impl WorkflowError {
                 byte_text(*limit),
                 name(Parameter::MemoryLimit)
             ),
-            Self::Storage(error) => error.to_string(),
-            Self::FormFactor(error) => error.to_string(),
-            Self::Matrix(error) => error.to_string(),
+            Self::Storage(error) => error.text(named),
+            Self::FormFactor(error) => error.text(named),
+            Self::Matrix(error) => error.text(named),
             Self::NotClosed { file, leak } => format!(
                 "{}: {leak}, and {closed} allows {MAX_ESCAPED:e}: close the gap, or leave {closed} out",
                 file.display(),
                 closed = name(Parameter::Closed)
             ),
-            Self::Solver(error) => error.to_string(),
+            Self::Solver(error) => error.text(named),
             Self::NoFiniteSolution {
                 file,
                 place,
@@ -235,7 +235,7 @@ impl WorkflowError {
                  nothing out; lower a `{reflectance}` below 1 there, or open the scene",
                 file.display()
             ),
-            Self::Report(error) => error.to_string(),
+            Self::Report(error) => error.text(named),
             Self::OtherGeometry { file, scene } => {
                 let (file, scene) = (file.display(), scene.display());
                 format!(

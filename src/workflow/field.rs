@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{Context, ImageFile, ImageView, Model, Named, WorkflowError, image_byte, warn_if_blank};
+use super::{Context, ImageFile, ImageView, Model, WorkflowError, image_byte, warn_if_blank};
 use crate::render::{Attributes, DirectMethod, Field, FieldInput, FieldRecord, RenderSettings, exr, field, png};
 use crate::scene::SurfaceId;
 use crate::visibility::Visibility as _;
@@ -22,8 +22,6 @@ pub struct FieldRequest<'a> {
     pub output: &'a Path,
     /// Its preview, a PNG file.
     pub preview: &'a Path,
-    /// How messages write parameters.
-    pub named: Named<'a>,
 }
 
 impl Model {
@@ -53,7 +51,7 @@ impl Model {
             surface: request.surface,
         };
         let found = cx.time("render", || field(&input, view, &settings, &cx.progress()))?;
-        let camera = request.view.origin().map(|origin| origin.text(request.named));
+        let camera = request.view.origin().map(|origin| origin.text(&cx.naming));
         warn_if_blank(&found.image, view, camera.as_deref(), cx);
         let (offset, solution) = (self.visibility.offset(), cx.settings.record().into());
         let mut attributes = Attributes::new(&self.scene, view.description(), settings, offset, solution)

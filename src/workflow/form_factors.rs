@@ -344,8 +344,8 @@ fn warn_above_tolerance(scene: &Scene, result: &Computed, tolerance: Parameter, 
             tolerance,
         });
     }
-    if let Some(text) = pairs.doubted(scene) {
-        cx.warn(Warning::Rounded { text, tolerance });
+    if let Some(doubt) = pairs.doubted(scene) {
+        cx.warn(Warning::Rounded { doubt, tolerance });
     }
 }
 
@@ -413,13 +413,13 @@ impl FormFactorRequest {
             ..*given
         });
         let settings = settings.map_err(|error| match error {
-            // Where the solver has a tolerance too, the flag has a longer name.
+            // Where the solver has a tolerance too, this one has a longer name.
             FormFactorError::UnusedSetting {
-                flag: "--tolerance",
+                parameter: Parameter::Tolerance,
                 method,
                 used_by,
-            } if self.tolerance_parameter == Parameter::FormFactorTolerance => FormFactorError::UnusedSetting {
-                flag: "--form-factor-tolerance",
+            } => FormFactorError::UnusedSetting {
+                parameter: self.tolerance_parameter,
                 method,
                 used_by,
             },

@@ -15,7 +15,6 @@ mod lightings;
 mod mesh_error;
 mod model;
 mod on_the_fly;
-mod parameter;
 mod repair;
 mod reuse;
 mod sequence;
@@ -45,7 +44,6 @@ pub use lightings::{LightingStudy, Stack};
 pub use mesh_error::MeshError;
 pub use model::{Model, Use, expect_room, load};
 pub use on_the_fly::indirect_irradiance;
-pub use parameter::{Named, Parameter};
 pub use reuse::mesh_options;
 pub use sequence::{
     Frame, FrameDefaults, FrameStudy, PoseStudy, Sequence, SequenceObserver, SequenceRequest, with_suffix,
@@ -60,3 +58,5 @@ pub use voxel::{LinkFigures, VoxelLight, VoxelRequest, VoxelResult, VoxelStudy};
 pub use voxel_image::{VoxelImageRequest, voxel_patches};
 pub use voxel_links::{LinkPlace, VoxelRemedy};
 pub use warning::Warning;
+
+pub use crate::parameter::{Named, Parameter};

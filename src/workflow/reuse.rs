@@ -85,8 +85,8 @@ impl Model {
         if !description.tolerance_met && (rounded.is_none() || spent_budget(description.pairs)) {
             cx.warn(Warning::FileAboveTolerance { file: path() });
         }
-        if let Some(text) = rounded {
-            cx.warn(Warning::FileRounded { file: path(), text });
+        if let Some(doubt) = rounded {
+            cx.warn(Warning::FileRounded { file: path(), doubt });
         }
         cx.settings.form_factors = Some(description.settings.clone());
         self.plan

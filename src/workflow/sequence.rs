@@ -3,9 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use super::{
-    Context, FormFactorRequest, FormFactorStudy, ImageFile, ImageRequest, ImageView, MeshError, Model, Named,
-    SolveRequest, Stack, TotalError, Unsuited, ViewRequest, WorkflowError, gathered, image_byte, indirect_irradiance,
-    render_shown,
+    Context, FormFactorRequest, FormFactorStudy, ImageFile, ImageRequest, ImageView, MeshError, Model, SolveRequest,
+    Stack, TotalError, Unsuited, ViewRequest, WorkflowError, gathered, image_byte, indirect_irradiance, render_shown,
 };
 use crate::form_factor::{Before, Change};
 use crate::matrix::FormFactors;
@@ -71,8 +70,6 @@ pub struct SequenceRequest<'a> {
     pub file: ImageFile,
     /// Where a viewer shows them, if there is one.
     pub viewer: Option<&'a str>,
-    /// How messages write parameters.
-    pub named: Named<'a>,
 }
 
 /// An image that was written, with its light.
@@ -382,7 +379,7 @@ impl<'a> Solved<'a> {
             indirect_irradiance: Some(&indirect),
             error: carried.as_ref(),
         };
-        let camera = frame.view.origin().map(|origin| origin.text(request.named));
+        let camera = frame.view.origin().map(|origin| origin.text(&cx.naming));
         let image = ImageRequest {
             view: frame.view.as_view(),
             camera: camera.as_deref(),

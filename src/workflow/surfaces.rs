@@ -1,6 +1,6 @@
 //! Form factors between surfaces, where there is room for them.
 
-use super::{FormFactorStudy, Memory, Model};
+use super::{Context, FormFactorStudy, Model, Parameter};
 use crate::matrix::SurfaceRow;
 use crate::plan::byte_text;
 use crate::report::memory_used_byte;
@@ -25,7 +25,7 @@ impl SurfaceTable {
 
     /// Calculates form factors between surfaces, and notes in the plan where they do not fit into memory. More than [`MAX_READ`](Self::MAX_READ) surfaces have a table only if `whole` asks for it.
     #[must_use]
-    pub fn new(model: &mut Model, study: &FormFactorStudy, memory: &Memory, whole: bool) -> Self {
+    pub fn new(model: &mut Model, study: &FormFactorStudy, cx: &Context, whole: bool) -> Self {
         let n = model.scene.surfaces.len();
         if n > Self::MAX_READ && !whole {
             return Self::NotWanted;
@@ -33,13 +33,14 @@ impl SurfaceTable {
         let surface_of_patch: Vec<u32> = model.mesh.patches.iter().map(|p| p.surface.0).collect();
         let rows = study.factors.surface_rows(&surface_of_patch, n);
         let needed = ENTRY_BYTE.saturating_mul((n as u64).saturating_pow(2));
-        let free = memory.limit().saturating_sub(memory_used_byte().unwrap_or(0));
+        let free = cx.memory.limit().saturating_sub(memory_used_byte().unwrap_or(0));
         if n <= Self::MAX_READ || needed <= free {
             return Self::Whole(rows.iter().collect());
         }
         model.plan.left_out.push(format!(
-            "surface_form_factor and surface_error: those of {n} × {n} surfaces need {} of memory; -o F.csv writes them row by row",
-            byte_text(needed)
+            "surface_form_factor and surface_error: those of {n} × {n} surfaces need {} of memory; {} writes them row by row",
+            byte_text(needed),
+            (cx.naming)(Parameter::Output, Some("F.csv"))
         ));
         Self::Lost(rows.lost_factors())
     }

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 use serde_json::json;
 
-use super::parameter::{Named, Parameter};
 use super::{Context, Model, Unsuited, Warning, WorkflowError};
+use crate::parameter::{Named, Parameter};
 use crate::render::{CameraRecord, RayView, UnfoldedView, View};
 use crate::scene::{Camera, IMAGE_SIDES, Scene};
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{Context, ImageView, Model, Named, VoxelStudy, WorkflowError, warn_if_blank};
+use super::{Context, ImageView, Model, VoxelStudy, WorkflowError, warn_if_blank};
 use crate::audit;
 use crate::matrix::operator::Block;
 use crate::mesh::Subdivision;
@@ -33,8 +33,6 @@ pub struct VoxelImageRequest<'a> {
     pub show_voxels: bool,
     /// The OpenEXR file; its preview, a PNG file, is written beside it.
     pub output: &'a Path,
-    /// How messages write parameters.
-    pub named: Named<'a>,
 }
 
 impl Model {
@@ -58,7 +56,7 @@ impl Model {
         cx.audited(audit::picture(&image));
         // An image of the voxels themselves has other layers.
         if !request.show_voxels {
-            let camera = request.view.origin().map(|origin| origin.text(request.named));
+            let camera = request.view.origin().map(|origin| origin.text(&cx.naming));
             warn_if_blank(&image, view, camera.as_deref(), cx);
         }
         let offset = self.visibility.offset();

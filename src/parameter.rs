@@ -20,25 +20,25 @@ pub enum Parameter {
     Method,
     /// The solver.
     Solver,
-    /// [`FormFactorRequest::balance`](super::FormFactorRequest::balance).
+    /// [`FormFactorRequest::balance`](crate::workflow::FormFactorRequest::balance).
     Balance,
-    /// [`FormFactorRequest::closure`](super::FormFactorRequest::closure).
+    /// [`FormFactorRequest::closure`](crate::workflow::FormFactorRequest::closure).
     Closed,
-    /// [`Memory::limit_byte`](super::Memory::limit_byte).
+    /// [`Memory::limit_byte`](crate::workflow::Memory::limit_byte).
     MemoryLimit,
-    /// [`Memory::storage`](super::Memory::storage).
+    /// [`Memory::storage`](crate::workflow::Memory::storage).
     Storage,
-    /// [`Memory::precision`](super::Memory::precision).
+    /// [`Memory::precision`](crate::workflow::Memory::precision).
     Precision,
     /// Form factors that are computed in every pass.
     OnTheFly,
-    /// [`FormFactorRequest::time_limit`](super::FormFactorRequest::time_limit).
+    /// [`FormFactorRequest::time_limit`](crate::workflow::FormFactorRequest::time_limit).
     TimeLimit,
     /// The number of threads.
     Threads,
-    /// [`VoxelRequest::n_voxels`](super::VoxelRequest::n_voxels).
+    /// [`VoxelRequest::n_voxels`](crate::workflow::VoxelRequest::n_voxels).
     Voxels,
-    /// [`VoxelRequest::links`](super::VoxelRequest::links).
+    /// [`VoxelRequest::links`](crate::workflow::VoxelRequest::links).
     Links,
     /// The number of propagations.
     Passes,
@@ -66,6 +66,36 @@ pub enum Parameter {
     Subdivide,
     /// [`Subdivision::MaxEdge`](crate::mesh::Subdivision::MaxEdge).
     MaxEdge,
+    /// [`LoadOptions::allow_outside`](crate::scene::LoadOptions::allow_outside).
+    AllowOutside,
+    /// [`Memory::scratch`](crate::workflow::Memory::scratch).
+    Scratch,
+    /// The file of the result.
+    Output,
+    /// [`MethodSettings::rays`](crate::form_factor::MethodSettings::rays).
+    Rays,
+    /// [`MethodSettings::points`](crate::form_factor::MethodSettings::points).
+    Points,
+    /// [`MethodSettings::resolution`](crate::form_factor::MethodSettings::resolution).
+    Resolution,
+    /// [`MethodSettings::normalise`](crate::form_factor::MethodSettings::normalise).
+    Normalise,
+    /// [`MethodSettings::sequence`](crate::form_factor::MethodSettings::sequence).
+    Sequence,
+    /// [`SolverSettings::omega`](crate::solver::SolverSettings::omega).
+    Omega,
+    /// [`SolverSettings::bounds`](crate::solver::SolverSettings::bounds).
+    Bounds,
+    /// [`SolverSettings::steps_per_pass`](crate::solver::SolverSettings::steps_per_pass).
+    StepsPerPass,
+    /// [`SolverSettings::display`](crate::solver::SolverSettings::display).
+    DisplayAmbient,
+    /// [`SolverSettings::restart`](crate::solver::SolverSettings::restart).
+    Restart,
+    /// [`SolverSettings::deflation`](crate::solver::SolverSettings::deflation).
+    Deflation,
+    /// [`SolverSettings::depth`](crate::solver::SolverSettings::depth).
+    Depth,
 }
 
 impl Parameter {
@@ -103,6 +133,21 @@ impl Parameter {
             Self::Display => "display",
             Self::Subdivide => "subdivide",
             Self::MaxEdge => "max_edge",
+            Self::AllowOutside => "allow_outside",
+            Self::Scratch => "scratch",
+            Self::Output => "output",
+            Self::Rays => "rays",
+            Self::Points => "points",
+            Self::Resolution => "resolution",
+            Self::Normalise => "normalise",
+            Self::Sequence => "sequence",
+            Self::Omega => "omega",
+            Self::Bounds => "bounds",
+            Self::StepsPerPass => "steps_per_pass",
+            Self::DisplayAmbient => "display_ambient",
+            Self::Restart => "restart",
+            Self::Deflation => "deflation",
+            Self::Depth => "depth",
         }
     }
 }
@@ -111,7 +156,7 @@ impl Parameter {
 pub type Named<'a> = &'a dyn Fn(Parameter, Option<&str>) -> String;
 
 /// Returns a parameter as [`Display`](fmt::Display) writes it: its name, and `name=value`.
-pub(super) fn plainly(parameter: Parameter, value: Option<&str>) -> String {
+pub(crate) fn plainly(parameter: Parameter, value: Option<&str>) -> String {
     let name = parameter.name();
     value.map_or_else(|| name.to_owned(), |value| format!("{name}={value}"))
 }
