@@ -62,6 +62,15 @@ pub enum CheckpointError {
 }
 
 impl CheckpointError {
+    /// Returns why the file system refuses, or why the file is refused.
+    #[must_use]
+    pub fn reason(&self) -> String {
+        match self {
+            Self::Io { source, .. } => source.to_string(),
+            other => other.to_string(),
+        }
+    }
+
     /// Returns the file.
     #[must_use]
     pub fn path(&self) -> &Path {

@@ -12,7 +12,7 @@
 //! Each arrow is one call with one input and one output. Dependencies point one way; nothing below imports anything above:
 //!
 //! ```text
-//! cli → experiment → workflow → audit → report, render, solver → form_factor → matrix, visibility → mesh → scene, geometry
+//! cli → document → experiment → workflow → audit → report, render, solver → form_factor → matrix, visibility → mesh → scene, geometry
 //! ```
 //!
 //! | module | what it holds |
@@ -32,6 +32,7 @@
 //! | [`plan`], [`report`], [`progress`] | what is needed, what was done, how far it is |
 //! | [`checkpoint`] | finished pieces of long work, for a later run to go on from |
 //! | [`geometry`] | polygons, closed forms, quadrature, sampling |
+//! | [`document`] | what the program prints as JSON, one typed structure for each command |
 //! | [`cli`] | the command-line program |
 //! | [`notation`], [`references`] | symbols and sources |
 //!
@@ -98,6 +99,7 @@ pub mod checkpoint;
 #[cfg(feature = "cli")]
 pub mod cli;
 mod disjoint_sets;
+pub mod document;
 pub mod embree;
 #[cfg(feature = "reports")]
 pub mod experiment;
@@ -108,6 +110,7 @@ mod input_file;
 pub mod matrix;
 pub mod mesh;
 pub mod notation;
+mod parameter;
 pub mod plan;
 mod printable;
 pub mod progress;

@@ -19,6 +19,7 @@ const GREY: &str = "two of three channels: every material is grey";
 
 /// One decision with its reason.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct Decision {
     /// What was decided on.
     pub subject: &'static str,
@@ -102,14 +103,14 @@ impl Plan {
         }
     }
 
-    /// Notes how many faces of a mesh are cut at contact edges, and whether they were to be.
-    pub fn note_cut_faces(&mut self, n_cut_faces: usize, wanted: bool) {
+    /// Notes how many faces of a mesh are cut at contact edges, and whether they were to be; `whole` is what keeps them whole.
+    pub fn note_cut_faces(&mut self, n_cut_faces: usize, wanted: bool, whole: &str) {
         let left_out = "cutting faces at contact edges";
         match n_cut_faces {
             0 if wanted => self.left_out.push(format!("{left_out}: none crosses a face")),
             0 => self
                 .left_out
-                .push(format!("{left_out}: by --no-cut, or as in the file of form factors")),
+                .push(format!("{left_out}: by {whole}, or as in the file of form factors")),
             n => self.decide(
                 "cut faces",
                 n.to_string(),

@@ -1,49 +1,14 @@
-//! What documents and people are told of form factors.
+//! What people are told of form factors.
 
 use std::fmt::Write as _;
 
-use serde_json::{Value, json};
+use crate::printable::counted;
+use crate::workflow::{FormFactorStudy, Model};
 
-use crate::matrix::{Layout, Place, Precision, StorageChoice};
-use crate::workflow::FormFactorStudy;
-
-/// Returns what is said about form factors in every document that has some.
-pub(super) fn checks_to_json(computed: &FormFactorStudy) -> Value {
-    let checks = &computed.checks;
-    json!({
-        "closed": computed.closed,
-        "row_sum": checks.row_sum,
-        "closure_error_max": checks.closure_error_max,
-        "reciprocity_error_max": checks.reciprocity_error_max,
-        "exchange_ratio_max": checks.exchange_ratio_max,
-        "n_rays": checks.n_rays + computed.pairs.map_or(0, |pairs| pairs.n_rays),
-        "n_escaped": checks.n_escaped,
-        "n_absorbed": checks.n_absorbed,
-        "density": computed.factors.density(),
-        "stored_byte": computed.factors.stored_byte(),
-        "storage": storage_to_json(&computed.factors.storage()),
-        "balance": computed.balance,
-        "pairs": computed.pairs,
-        "tolerance_met": computed.tolerance_met,
-    })
-}
-
-fn storage_to_json(storage: &StorageChoice<'_>) -> Value {
-    json!({
-        "layout": match storage.layout {
-            Layout::Auto => "auto",
-            Layout::Dense => "dense",
-            Layout::Sparse => "sparse",
-        },
-        "precision": match storage.precision {
-            Precision::F32 => "f32",
-            Precision::F64 => "f64",
-        },
-        "place": match storage.place {
-            Place::Memory { .. } => "memory",
-            Place::Disk(_) => "disk",
-        },
-    })
+/// Adds the line that says how many patches there are.
+pub(super) fn describe_patches(text: &mut String, model: &Model) {
+    let (n_patches, n_surfaces) = (model.mesh.n_patches(), model.scene.surfaces.len());
+    let _ = writeln!(text, "{n_patches} patches on {}", counted(n_surfaces, "surface"));
 }
 
 /// Describes the checks of form factors in two or three lines.

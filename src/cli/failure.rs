@@ -2,17 +2,15 @@
 
 use std::path::PathBuf;
 
-use serde_json::json;
-
 use super::exit_code::ExitCode;
 use crate::checkpoint::CheckpointError;
+use crate::document::{FailureDocument, FailureRecord};
 use crate::experiment::ExperimentError;
 use crate::form_factor::FormFactorError;
 use crate::matrix::{DiskError, MatrixError};
 use crate::printable::printable_message;
 use crate::render::RenderError;
 use crate::report::ReportError;
-use crate::report::plot::PlotError;
 use crate::scene::{SceneError, SceneErrorKind};
 use crate::solver::SolverError;
 use crate::voxel::VoxelError;
@@ -69,16 +67,12 @@ impl Failure {
     }
 
     /// Returns the JSON document of the error.
-    #[must_use]
-    pub(super) fn to_json(&self) -> serde_json::Value {
-        json!({
-            "schema_version": super::SCHEMA_VERSION,
-            "error": {
-                "kind": self.kind,
-                "message": self.message,
-                "file": self.file.as_ref().map(|f| f.display().to_string()),
-                "line": self.line,
-            }
+    pub(super) fn document(&self) -> FailureDocument {
+        FailureDocument::new(FailureRecord {
+            kind: self.kind,
+            message: self.message.clone(),
+            file: self.file.as_ref().map(|file| file.display().to_string()),
+            line: self.line,
         })
     }
 }
@@ -97,7 +91,7 @@ impl From<SceneError> for Failure {
             file: error.file().map(Into::into),
             line: error.line(),
             code,
-            ..Self::new(error.kind(), error.to_string())
+            ..Self::new(error.kind(), error.text(&flag))
         }
     }
 }
@@ -108,9 +102,9 @@ impl From<FormFactorError> for Failure {
             FormFactorError::Matrix(error) => error.into(),
             FormFactorError::Interrupted => Self::interrupted(),
             FormFactorError::UnknownMethod { .. } | FormFactorError::UnusedSetting { .. } => {
-                Self::usage(error.to_string())
+                Self::usage(error.text(&flag))
             }
-            other => Self::new("form_factors", other.to_string()),
+            other => Self::new("form_factors", other.text(&flag)),
         }
     }
 }
@@ -126,7 +120,7 @@ impl From<MatrixError> for Failure {
 
 impl From<DiskError> for Failure {
     fn from(error: DiskError) -> Self {
-        Self::new("scratch", error.to_string()).in_file(error.directory())
+        Self::new("scratch", error.text(&flag)).in_file(error.directory())
     }
 }
 
@@ -138,7 +132,7 @@ impl From<SolverError> for Failure {
             SolverError::Tolerance { .. }
             | SolverError::UnknownSolver { .. }
             | SolverError::Omega { .. }
-            | SolverError::UnusedSetting { .. } => return Self::usage(error.to_string()),
+            | SolverError::UnusedSetting { .. } => return Self::usage(error.text(&flag)),
             _ => "solver",
         };
         Self::new(kind, error.to_string())
@@ -166,7 +160,7 @@ impl From<ReportError> for Failure {
     fn from(error: ReportError) -> Self {
         match error {
             ReportError::UnknownFormat { .. } => Self::usage(error.to_string()),
-            _ => Self::new(error.kind(), error.to_string()).in_file(error.path()),
+            _ => Self::new(error.kind(), error.text(&flag)).in_file(error.path()),
         }
     }
 }
@@ -186,7 +180,8 @@ impl From<ExperimentError> for Failure {
     fn from(error: ExperimentError) -> Self {
         match error {
             ExperimentError::TooFewSeeds { .. } => Self::usage(error.to_string()),
-            other => Self::new("experiment", other.to_string()),
+            ExperimentError::Plot(error) => Self::new("plot", error.to_string()),
+            other => Self::new("experiment", other.text(&flag)),
         }
     }
 }
@@ -197,17 +192,12 @@ impl From<CheckpointError> for Failure {
     }
 }
 
-impl From<PlotError> for Failure {
-    fn from(error: PlotError) -> Self {
-        Self::new("plot", error.to_string())
-    }
-}
-
 /// Returns how the command line writes a parameter.
 pub(super) fn flag(parameter: Parameter, value: Option<&str>) -> String {
     match (parameter, value) {
         (Parameter::CutAtWalls, _) => "--no-cut".to_owned(),
         (Parameter::Flip, Some(surface)) => format!("--flip={surface}"),
+        (Parameter::Output, Some(file)) => format!("-o {file}"),
         (_, Some(value)) => format!("--{} {value}", parameter.name().replace('_', "-")),
         (_, None) => format!("--{}", parameter.name().replace('_', "-")),
     }
@@ -215,7 +205,7 @@ pub(super) fn flag(parameter: Parameter, value: Option<&str>) -> String {
 
 impl From<WorkflowError> for Failure {
     fn from(error: WorkflowError) -> Self {
-        let text = error.text(&flag);
+        let (text, place) = (error.text(&flag), error.place());
         match error {
             WorkflowError::Scene(error) => error.into(),
             WorkflowError::Motion(_) => Self::new("bad_frames", text),
@@ -236,6 +226,13 @@ impl From<WorkflowError> for Failure {
             }
             WorkflowError::Checkpoint(error) => error.into(),
             WorkflowError::Unsuited(_) => Self::usage(text),
+            WorkflowError::InFrame { error, .. } => {
+                let failure = Self::from(*error);
+                Self {
+                    message: format!("{}{place}", failure.message),
+                    ..failure
+                }
+            }
             WorkflowError::Interrupted => Self::interrupted(),
         }
     }

@@ -1,20 +1,16 @@
 //! `radiosity solve --lighting`: many lightings of one scene, all in the same passes over the form factors.
 
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
-
-use serde_json::{Value, json};
+use std::path::PathBuf;
 
 use super::args::SolveArgs;
-use super::checks::{checks_to_json, describe_checks};
+use super::checks::describe_checks;
 use super::failure::Failure;
 use super::run::Run;
-use super::surfaces::surfaces_with_radiosity;
-use super::{Outcome, merge, solution};
-use crate::matrix::operator::LinearOperator;
-use crate::report::solution::SolutionReport;
+use super::{Outcome, solution};
+use crate::document::{LightingRecord, LightingsDocument, LitSurface, Quality, SolverRecord};
 use crate::scene::{Lighting, Scene};
-use crate::workflow::{FormFactorStudy, Model, Stack, TotalError};
+use crate::workflow::{FormFactorStudy, LightingStudy, Model, with_suffix};
 
 /// The lightings of `solve`, with what is written for each.
 pub(super) struct Lightings {
@@ -43,13 +39,22 @@ impl Lightings {
     }
 
     pub(super) fn reflectance_max(&self) -> f64 {
-        greatest_reflectance(self.all.iter().flatten())
+        Lighting::greatest_reflectance(self.all.iter().flatten())
     }
-}
 
-/// Returns the greatest reflectance that any of the lightings gives to anything.
-pub(super) fn greatest_reflectance<'a>(lightings: impl Iterator<Item = &'a Lighting>) -> f64 {
-    lightings.map(Lighting::reflectance_max).fold(0.0, f64::max)
+    /// Returns what the document has of a lighting.
+    fn record(&self, model: &Model, lit: &LightingStudy) -> LightingRecord {
+        let solution = &lit.study.solution;
+        LightingRecord {
+            name: self.names[lit.number].clone(),
+            n_channels: solution.radiosity.n_channels(),
+            energy: solution.energy.clone(),
+            surfaces: LitSurface::of(model, solution),
+            mesh_error: lit.study.mesh_error.clone(),
+            output: self.outputs[lit.number].as_ref().map(|path| path.display().to_string()),
+            quality: Quality::new(solution, lit.study.error),
+        }
+    }
 }
 
 pub(super) fn run(
@@ -59,80 +64,46 @@ pub(super) fn run(
     computed: &FormFactorStudy,
     args: &SolveArgs,
 ) -> Result<Outcome, Failure> {
-    let Lightings { names, outputs, all } = lightings;
-    let n = model.mesh.n_patches();
-    let stack = Stack::new(&model, all);
     let files: Vec<Option<PathBuf>> = args.lighting.iter().cloned().map(Some).collect();
-    stack.announce(&mut model, &files, &mut run.cx);
-    run.cx.set("lightings", json!(names));
-    let blocks = (stack.reflectance.clone(), stack.exitance.clone());
-    let areas = computed.factors.areas().to_vec();
-    let system = (&computed.factors as &dyn LinearOperator, areas);
-    let request = args.solver.request();
-    let solution = model.solve_system(system, &request, blocks, computed.known(), &mut run.cx)?;
-    let coarse = model.coarsened(computed, &stack.reflectance, &solution, &run.cx)?;
-    let row_sums = computed.factors.row_sums();
-    let mut documents = Vec::new();
-    let mut text = String::new();
-    let mut worst = TotalError::Relative(0.0);
-    for (k, name) in names.iter().enumerate() {
-        let (rho, e) = stack.materials(k);
-        let own = stack.solution(k, &solution);
-        let error = computed.carried_error((&rho, &e), &own, &run.cx)?;
-        let own_coarse = coarse.as_ref().map(|coarse| stack.coarsened(k, coarse));
-        let mesh_error = model.mesh_error(own_coarse.as_ref(), (&e, &own), &run.cx);
-        let stated = TotalError::of(&model, error.as_ref(), &own, &run.cx);
-        worst = worst.or_worse(stated);
-        if let Some(path) = &outputs[k] {
-            let report = SolutionReport {
-                scene: &model.scene,
-                mesh: &model.mesh,
-                reflectance: &rho,
-                exitance: &e,
-                solution: &own,
-                error: error.as_ref(),
-                row_sums: Some(&row_sums),
-                settings: &run.cx.settings,
-            };
-            run.cx.time("write", || report.write(path))?;
+    run.cx.settings.lightings = Some(lightings.names.clone());
+    let (request, solver) = (args.solver.request(), args.solver.solver.as_str());
+    let (mut records, mut of_each) = (Vec::new(), String::new());
+    let each = (&lightings.all[..], &files[..]);
+    let (solution, error) = model.solve_lightings(computed, each, &request, &mut run.cx, |model, lit, cx| {
+        if let Some(path) = &lightings.outputs[lit.number] {
+            let materials = (&lit.reflectance, &lit.exitance);
+            cx.time("write", || {
+                model.write_solution(path, Some(computed), materials, &lit.study, cx)
+            })?;
         }
-        let mut document = json!({
-            "name": name,
-            "n_channels": own.radiosity.n_channels(),
-            "energy": own.energy,
-            "surfaces": surfaces_with_radiosity(&model, &own),
-            "mesh_error": mesh_error,
-            "output": outputs[k].as_ref().map(|path| path.display().to_string()),
-        });
-        merge(&mut document, solution::quality_to_json(&own, stated));
-        documents.push(document);
-        let _ = writeln!(text, "\n{name}:");
-        let solver = &args.solver.solver;
-        solution::describe(&mut text, &model, (solver, mesh_error.as_ref()), &own, stated);
-    }
+        records.push(lightings.record(model, &lit));
+        let _ = writeln!(of_each, "\n{}:", lightings.names[lit.number]);
+        solution::describe(&mut of_each, model, solver, &lit.study);
+        Ok(())
+    })?;
     run.bars.finish();
-    let mut result = solution::to_json(&model, &args.solver.solver, &solution, worst);
-    if let Value::Object(result) = &mut result {
-        // Each lighting has its own.
-        result.remove("surfaces");
-        result.remove("energy");
-    }
-    result["lightings"] = json!(documents);
-    result["form_factors"] = checks_to_json(computed);
-    let document = run.document_of(&model, result);
-    let mut printed = run.explanation(&model);
-    let _ = writeln!(printed, "{n} patches, {} lightings at once", names.len());
-    describe_checks(&mut printed, computed);
-    printed.push_str(&text);
-    run.describe_audit(&mut printed);
-    run.describe_times(&mut printed);
-    for path in outputs.iter().flatten() {
-        let _ = writeln!(printed, "wrote {}", path.display());
+    let document = run.document_of(
+        &model,
+        LightingsDocument {
+            solver: SolverRecord::new(&model, solver, &solution, error),
+            form_factors: computed.into(),
+            lightings: records,
+        },
+    );
+    let mut text = run.explanation(&model);
+    let (n_patches, n) = (model.mesh.n_patches(), lightings.names.len());
+    let _ = writeln!(text, "{n_patches} patches, {n} lightings at once");
+    describe_checks(&mut text, computed);
+    text.push_str(&of_each);
+    run.describe_audit(&mut text);
+    run.describe_times(&mut text);
+    for path in lightings.outputs.iter().flatten() {
+        let _ = writeln!(text, "wrote {}", path.display());
     }
     Ok(Outcome {
-        text: printed,
+        text,
         document,
-        code: run.judged(solution::code(&solution, Some(computed), worst), args.audit.strict),
+        code: run.judged(solution::code(&solution, Some(computed), error), args.audit.strict),
     })
 }
 
@@ -149,14 +120,4 @@ pub(super) fn names(files: &[PathBuf]) -> Result<Vec<String>, Failure> {
         names.push(name);
     }
     Ok(names)
-}
-
-/// Returns `B-NAME.csv` for `B.csv`.
-pub(super) fn with_suffix(path: &Path, name: &str) -> PathBuf {
-    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-    let file = match path.extension() {
-        Some(ending) => format!("{stem}-{name}.{}", ending.to_string_lossy()),
-        None => format!("{stem}-{name}"),
-    };
-    path.with_file_name(file)
 }

@@ -9,6 +9,7 @@ mod field;
 mod file_set;
 mod form_factors;
 mod frames;
+mod frames_text;
 mod interrupt;
 mod lightings;
 mod output;
@@ -16,20 +17,24 @@ mod picture;
 mod progress;
 mod render;
 mod reproduce;
+mod reproduction;
 mod run;
 mod scene;
 mod solution;
 mod solve;
-mod surfaces;
+mod surface_table;
 mod verify;
+mod verify_text;
 mod view;
 mod voxel;
+mod voxel_text;
 
 use std::ffi::OsString;
 use std::io::{self, BufWriter, Write};
 use std::panic::{AssertUnwindSafe, PanicHookInfo};
 
 use clap::{CommandFactory as _, FromArgMatches as _};
+use serde::Serialize;
 use serde_json::Value;
 
 use args::{Cli, Command, CommonArgs};
@@ -37,9 +42,6 @@ pub use exit_code::ExitCode;
 use failure::Failure;
 
 use crate::printable::{printable_message, quoted};
-
-/// The version of the JSON documents.
-pub const SCHEMA_VERSION: u32 = 1;
 
 /// What a command gives back: text for people, the same as a document, and how it ended.
 struct Outcome {
@@ -92,7 +94,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
                 complain(&failure.message);
             }
             if json {
-                print_document(&failure.to_json());
+                print_document(&in_order(&failure.document()));
             }
             failure.code
         }
@@ -166,7 +168,7 @@ fn usage(error: &clap::Error, arguments: &[OsString]) -> ExitCode {
     }
     complain(&line);
     if arguments.iter().any(|a| a == "--json") {
-        print_document(&Failure::new("usage", line).to_json());
+        print_document(&in_order(&Failure::new("usage", line).document()));
     }
     ExitCode::Usage
 }
@@ -197,11 +199,9 @@ fn usage_line(message: &str) -> String {
     text
 }
 
-/// Adds the members of one document to another.
-fn merge(document: &mut Value, more: Value) {
-    if let (Value::Object(all), Value::Object(more)) = (document, more) {
-        all.extend(more);
-    }
+/// Returns a document with its members in the order of their names.
+fn in_order(document: &impl Serialize) -> Value {
+    serde_json::to_value(document).expect("keys are text")
 }
 
 fn print_document(document: &Value) -> bool {

@@ -4,9 +4,11 @@ use std::io::{self, Write as _};
 use std::path::Path;
 
 use super::failure::Failure;
+use crate::experiment::findings::{Files, text_file};
 use crate::report::Machine;
 use crate::report::page::{Figure, Page};
 use crate::whole_file;
+use crate::workflow::Settings;
 
 /// Refuses an output that cannot be written before any work is done for it.
 pub(super) fn expect_possible(path: &Path) -> Result<(), Failure> {
@@ -25,16 +27,8 @@ pub(super) fn make_directory(path: &Path) -> Result<(), Failure> {
     })
 }
 
-/// Files of one directory, by name.
-pub(super) type Files = Vec<(String, Vec<u8>)>;
-
-/// Returns a file of text.
-pub(super) fn text(name: impl Into<String>, content: String) -> (String, Vec<u8>) {
-    (name.into(), content.into_bytes())
-}
-
 /// Adds `index.html`: a report with the plots and pictures among `files`, and what it was made with. Like the report it shows times.
-pub(super) fn add_page(files: &mut Files, report: &str, settings: &serde_json::Map<String, serde_json::Value>) {
+pub(super) fn add_page(files: &mut Files, report: &str, settings: &Settings) {
     let title = report.lines().next().unwrap_or_default().trim_start_matches('#').trim();
     // A plot that is there as PNG too is shown once.
     let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
@@ -48,11 +42,11 @@ pub(super) fn add_page(files: &mut Files, report: &str, settings: &serde_json::M
         title,
         report,
         figures: figures.map(|(name, content)| Figure { name, content }).collect(),
-        settings: &serde_json::Value::Object(settings.clone()),
+        settings: &settings.record().into(),
         machine: &Machine::here(),
     };
     let html = page.to_html();
-    files.push(text("index.html", html));
+    files.push(text_file("index.html", html));
 }
 
 /// Writes files, all of them whole or none at all, without those of another process in between; returns their names, and a line that says what was written.

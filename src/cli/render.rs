@@ -2,23 +2,19 @@
 
 use std::fmt::Write as _;
 
-use serde_json::{Value, json};
-
 use super::args::RenderArgs;
-use super::checks::{checks_to_json, describe_checks};
+use super::checks::{describe_checks, describe_patches};
 use super::exit_code::ExitCode;
-use super::failure::Failure;
+use super::failure::{Failure, flag};
 use super::file_set::FileSet;
-use super::picture::{preview_of, shoot};
+use super::picture::{image_file, preview_of};
 use super::run::Run;
-use super::view::{demand, render_settings, view};
+use super::view::{demand, expect_sensible, render_settings, tell_camera};
 use super::{Outcome, solution};
-use crate::matrix::operator::Block;
-use crate::printable::{counted, short};
-use crate::render::{DirectMethod, RenderInput};
-use crate::workflow::{
-    Afterwards, FormFactorStudy, Model, SolutionStudy, gathered, image_byte, image_patches, indirect_irradiance,
-};
+use crate::document::{FormFactorRecord, LitSurface, RenderDocument, SolverRecord};
+use crate::printable::short;
+use crate::render::GatherReport;
+use crate::workflow::{Afterwards, ImageLight, ImageRequest, Model, gathered, image_byte, image_patches, render_shown};
 
 pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     let mut run = Run::new("render", &args.common);
@@ -30,83 +26,60 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
 }
 
 fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
-    let settings = render_settings(args, &args.image.view)?;
+    expect_sensible(&args.image)?;
+    let request = args.image.view.request();
+    let settings = render_settings(args, request.is_unfolded());
     let preview = preview_of(&args.output)?;
     let mut files = FileSet::default();
     files.writes_picture("output", &args.output);
     files.keeps("the checkpoint", args.storage.checkpoint.as_deref());
     files.reads_scene(&args.scene);
-    files.reads("the camera", args.image.view.camera_file()).check()?;
+    files.reads("the camera", request.camera_file()).check()?;
     run.expect(&args.storage, demand(args));
     let mut model = run.prepare(&args.scene, args.mesh, image_patches)?;
-    let view = view(&args.image.view, &args.scene, &model.scene)?;
+    let view = request.view(&args.scene, &model.scene)?;
     run.cx.demand.image_byte = image_byte(view.as_view(), &settings, &run.cx.memory)?;
-    if settings.direct != DirectMethod::Off {
-        model.warn_of_narrow_gaps(&run.cx);
-    }
-    let solved = solve_scene(run, &mut model, args, settings.direct)?;
-    if settings.direct == DirectMethod::Off {
-        model
-            .plan
-            .left_out
-            .push("direct light at each pixel: the patches' light is interpolated".into());
-    }
-    view.tell_left_out(run, &mut model);
-    let input = RenderInput {
-        scene: &model.scene,
-        mesh: &model.mesh,
-        visibility: &model.visibility,
-        radiosity: &solved.study.solution.radiosity,
-        irradiance: &solved.study.solution.irradiance,
-        indirect_irradiance: solved.indirect_irradiance.as_ref(),
-        error: solved.study.carried.as_ref(),
+    let method = run.request(&args.method, args.form_factor_tolerance, Afterwards::Image);
+    let asked = (&method, &args.solver.request());
+    let light = model.light_for_image(asked, settings.direct, args.on_the_fly, &mut run.cx)?;
+    view.note_left_out(&mut model, &run.cx);
+    let camera = view.origin().map(|origin| origin.text(&flag));
+    let wanted = ImageRequest {
+        view: view.as_view(),
+        camera: camera.as_deref(),
+        settings,
+        file: image_file(args.file),
+        output: &args.output,
+        preview: &preview,
     };
-    let output = (args.output.as_path(), preview.as_path());
-    let image = shoot(run, &input, &view, settings, args, output)?;
+    let image = render_shown(&light.input(&model), &wanted, args.display.as_deref(), &mut run.cx)?;
     run.bars.finish();
 
-    let stated = solved.study.error;
-    let mut result = solution::to_json(&model, &solved.solver, &solved.study.solution, stated);
-    result["form_factors"] = solved.computed.as_ref().map_or(Value::Null, checks_to_json);
-    result["mesh_error"] = json!(solved.study.mesh_error);
-    result["image"] = json!(args.output.display().to_string());
-    result["preview"] = json!(preview.display().to_string());
     let gather = gathered(&image, settings, &args.output, &run.cx);
-    result["final_gather"] = json!(gather);
-    result["width"] = json!(image.width());
-    result["height"] = json!(image.height());
     let mut text = run.explanation(&model);
-    view.tell_camera(run, &mut text);
-    let document = run.document_of(&model, result);
-    let (n_patches, n_surfaces) = (model.mesh.n_patches(), model.scene.surfaces.len());
-    let _ = writeln!(text, "{n_patches} patches on {}", counted(n_surfaces, "surface"));
-    if let Some(computed) = &solved.computed {
-        describe_checks(&mut text, computed);
-    }
-    let solver = (solved.solver.as_str(), solved.study.mesh_error.as_ref());
-    solution::describe(&mut text, &model, solver, &solved.study.solution, stated);
-    if let Some(report) = &gather {
-        let _ = writeln!(
-            text,
-            "final gather: {} rays, {} of {} pixels above the noise of {}",
-            report.n_rays,
-            report.n_above,
-            report.n_pixels,
-            short(report.noise)
-        );
-    }
+    tell_camera(&view, run, &mut text);
+    let (solution, error) = (&light.study.solution, light.study.error);
+    let document = RenderDocument {
+        solver: SolverRecord::new(&model, &light.solver, solution, error),
+        energy: solution.energy.clone(),
+        surfaces: LitSurface::of(&model, solution),
+        form_factors: light.factors.as_ref().map(FormFactorRecord::from),
+        mesh_error: light.study.mesh_error.clone(),
+        image: args.output.display().to_string(),
+        preview: preview.display().to_string(),
+        final_gather: gather,
+        width: image.width(),
+        height: image.height(),
+    };
+    let document = run.document_of(&model, document);
+    describe(&mut text, &model, &light, gather.as_ref());
     run.describe_audit(&mut text);
     run.describe_times(&mut text);
-    let _ = writeln!(
-        text,
-        "wrote {} ({} × {}) and {}",
-        args.output.display(),
-        image.width(),
-        image.height(),
-        preview.display()
-    );
+    let (width, height) = (image.width(), image.height());
+    let (file, preview) = (args.output.display(), preview.display());
+    let _ = writeln!(text, "wrote {file} ({width} × {height}) and {preview}");
     let is_noisy = gather.is_some_and(|report| report.n_above > 0);
-    let code = match solution::code(&solved.study.solution, solved.computed.as_ref(), stated) {
+    let code = match solution::code(solution, light.factors.as_ref(), error) {
         ExitCode::Done if is_noisy => ExitCode::NotConverged,
         code => code,
     };
@@ -117,55 +90,21 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
     })
 }
 
-/// What the picture is made from.
-struct Solved {
-    solver: String,
-    study: SolutionStudy,
-    /// The form factors, where they are stored.
-    computed: Option<FormFactorStudy>,
-    /// F (B − E), where a direct pass adds the rest.
-    indirect_irradiance: Option<Block>,
-}
-
-/// Solves the scene, as far as the picture needs it.
-fn solve_scene(run: &mut Run, model: &mut Model, args: &RenderArgs, direct: DirectMethod) -> Result<Solved, Failure> {
-    let with_direct = direct != DirectMethod::Off;
-    if with_direct && !model.scene.is_reflecting() {
-        let (study, dark) = model.without_reflection(&run.cx);
-        return Ok(Solved {
-            solver: solution::NO_SOLVER.to_owned(),
-            study,
-            computed: None,
-            indirect_irradiance: Some(dark),
-        });
+/// Describes the light that a picture was made from, and what final gather took.
+fn describe(text: &mut String, model: &Model, light: &ImageLight, gather: Option<&GatherReport>) {
+    describe_patches(text, model);
+    if let Some(factors) = &light.factors {
+        describe_checks(text, factors);
     }
-    let solver = args.solver.request();
-    let need = solver.need(&run.cx)?;
-    let method = run.request(&args.method, args.form_factor_tolerance, Afterwards::Image);
-    let name = args.solver.solver.clone();
-    if args.on_the_fly {
-        let (study, indirect_irradiance) = model.solve_on_the_fly(&method, &solver, with_direct, &mut run.cx)?;
-        let reason = "the error layer: it is carried from stored form factors";
-        model.plan.left_out.push(reason.into());
-        return Ok(Solved {
-            solver: name,
-            study,
-            computed: None,
-            indirect_irradiance,
-        });
+    solution::describe(text, model, &light.solver, &light.study);
+    if let Some(report) = gather {
+        let _ = writeln!(
+            text,
+            "final gather: {} rays, {} of {} pixels above the noise of {}",
+            report.n_rays,
+            report.n_above,
+            report.n_pixels,
+            short(report.noise)
+        );
     }
-    let computed = model.form_factors(&method, need, &mut run.cx)?;
-    let study = model.solve(&computed, &solver, &mut run.cx)?;
-    let indirect_irradiance = with_direct.then(|| {
-        run.cx.time("solve", || {
-            indirect_irradiance(&computed.factors, &model.materials().1, &study.solution)
-        })
-    });
-    computed.factors.if_readable(())?;
-    Ok(Solved {
-        solver: name,
-        study,
-        computed: Some(computed),
-        indirect_irradiance,
-    })
 }

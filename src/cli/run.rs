@@ -5,18 +5,19 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::sync::Arc;
 
-use serde_json::{Value, json};
+use serde::Serialize;
+use serde_json::Value;
 
 use super::args::{CommonArgs, MeshArgs, MethodArgs, StorageArgs};
 use super::exit_code::ExitCode;
 use super::failure::{Failure, flag};
 use super::interrupt::Interrupt;
 use super::progress::Bars;
-use super::{Outcome, SCHEMA_VERSION, merge, warn};
+use super::{Outcome, in_order, warn};
+use crate::document::{Document, OfScene};
 use crate::mesh::{MeshOptions, Subdivision};
 use crate::printable::printable_message;
 use crate::render::MAX_PICTURE_EXITANCE;
-use crate::report::memory_peak_byte;
 use crate::scene::{Lighting, LoadOptions, Scene, SceneWarningKind, builtin};
 use crate::workflow::{self, Afterwards, Context, Demand, FormFactorRequest, Model, Use, Warning};
 
@@ -39,6 +40,7 @@ impl Run {
         let interrupt = Interrupt::listen(!matches!(command, "compare" | "reproduce"));
         let bars = Arc::new(Bars::new(common.quiet, interrupt.clone()));
         let mut cx = Context::new(Arc::clone(&bars) as _);
+        cx.naming = flag;
         if !common.quiet {
             let bars = Arc::clone(&bars);
             cx = cx.on_warning(move |warning| {
@@ -98,7 +100,7 @@ impl Run {
             options = options.max_exitance(MAX_PICTURE_EXITANCE);
         }
         if !self.common.flip.is_empty() {
-            self.cx.set("flip", self.common.flip.clone());
+            self.cx.settings.flip = Some(self.common.flip.clone());
         }
         let wants_light = !matches!(self.command, "form-factors" | "field" | "compare");
         let dark = RefCell::new(None);
@@ -125,11 +127,11 @@ impl Run {
         let default = default(&scene);
         let options: MeshOptions = mesh_args.map_or_else(|| default.into(), |args| args.options(default));
         match options.subdivision {
-            Subdivision::Uniform(n) => self.cx.set("subdivide", n),
-            Subdivision::MaxEdge(length) => self.cx.set("max_edge_m", length),
+            Subdivision::Uniform(n) => self.cx.settings.subdivide = Some(n),
+            Subdivision::MaxEdge(length) => self.cx.settings.max_edge_m = Some(length),
         }
         if mesh_args.is_some() {
-            self.cx.set("cut_at_walls", options.cut_at_walls);
+            self.cx.settings.cut_at_walls = Some(options.cut_at_walls);
         }
         let patches_for = match mesh_args {
             None => Use::Nothing,
@@ -241,39 +243,15 @@ impl Run {
         let _ = writeln!(text);
     }
 
-    /// Returns the parts that the document of every command has, with `result` merged in.
-    pub(super) fn document(&self, result: Value) -> Value {
-        let times = self.cx.times();
+    /// Returns the document of a command.
+    pub(super) fn document(&self, result: impl Serialize) -> Value {
         let warnings = self.cx.warnings();
         let warnings = warnings.iter().map(|warning| printable_message(&warning.text(&flag)));
-        let mut document = json!({
-            "schema_version": SCHEMA_VERSION,
-            "command": self.command,
-            "version": env!("CARGO_PKG_VERSION"),
-            "settings": self.cx.settings,
-            "stages": times.to_json(),
-            "total_s": times.total_s(),
-            "memory_peak_byte": memory_peak_byte(),
-            "warnings": warnings.collect::<Vec<_>>(),
-        });
-        merge(&mut document, result);
-        document
+        in_order(&Document::new(self.command, &self.cx, warnings.collect(), result))
     }
 
     /// Returns the document of a command that prepared a scene: with what was left out, and what was chosen.
-    pub(super) fn document_of(&self, model: &Model, result: Value) -> Value {
-        let mut document = self.document(result);
-        document["left_out"] = json!(model.plan.left_out);
-        document["n_cut_faces"] = json!(model.mesh.n_cut_faces());
-        document["light_leak"] = json!(self.cx.leaks.worst);
-        document["audit"] = json!({
-            "passed": self.cx.audit.passed(),
-            "checks": self.cx.audit.checks,
-            "not_checked": self.cx.audit.not_checked,
-        });
-        if self.common.explain {
-            document["decisions"] = json!(model.plan.decisions);
-        }
-        document
+    pub(super) fn document_of(&self, model: &Model, result: impl Serialize) -> Value {
+        self.document(OfScene::new(model, &self.cx, self.common.explain, result))
     }
 }

@@ -2,13 +2,13 @@
 
 use std::fmt::Write as _;
 
-use serde_json::json;
-
 use super::args::SceneArgs;
 use super::exit_code::ExitCode;
 use super::failure::Failure;
-use super::{Outcome, SCHEMA_VERSION};
+use super::{Outcome, in_order};
+use crate::document::{SceneDocument, VERSION};
 use crate::printable::counted;
+use crate::report::SCHEMA_VERSION;
 use crate::scene::{builtin, write_obj};
 
 pub(super) fn run(args: &SceneArgs) -> Result<Outcome, Failure> {
@@ -43,17 +43,17 @@ pub(super) fn run(args: &SceneArgs) -> Result<Outcome, Failure> {
     }
     Ok(Outcome {
         text,
-        document: json!({
-            "schema_version": SCHEMA_VERSION,
-            "command": "scene",
-            "version": env!("CARGO_PKG_VERSION"),
-            "scene": args.name,
-            "level": args.level,
-            "output": args.output.display().to_string(),
-            "camera": written_camera.map(|file| file.display().to_string()),
-            "camera_left": is_left.then(|| camera_file.display().to_string()),
-            "n_faces": n_faces,
-            "n_surfaces": n_surfaces,
+        document: in_order(&SceneDocument {
+            schema_version: SCHEMA_VERSION,
+            command: "scene",
+            version: VERSION,
+            scene: args.name.clone(),
+            level: args.level,
+            output: args.output.display().to_string(),
+            camera: written_camera.map(|file| file.display().to_string()),
+            camera_left: is_left.then(|| camera_file.display().to_string()),
+            n_faces,
+            n_surfaces,
         }),
         code: ExitCode::Done,
     })

@@ -2,21 +2,19 @@
 
 use std::fmt::Write as _;
 
-use serde_json::{Value, json};
-
-use super::args::{MeshArgs, SolveArgs};
-use super::checks::{checks_to_json, describe_checks};
+use super::args::SolveArgs;
+use super::checks::{describe_checks, describe_patches};
 use super::failure::Failure;
 use super::file_set::FileSet;
-use super::lightings::{Lightings, with_suffix};
+use super::lightings::Lightings;
 use super::run::Run;
-use super::solution::{code, describe, to_json};
+use super::solution::{code, describe};
 use super::{Outcome, lightings};
+use crate::document::{FormFactorRecord, LitSurface, SolveDocument, SolverRecord};
 use crate::mesh::Subdivision;
-use crate::printable::counted;
 use crate::report::form_factors::{FormFactorFile, files_of};
-use crate::report::solution::{Format, SolutionReport};
-use crate::workflow::{self, Afterwards, Demand, FormFactorStudy, Model, SolutionStudy};
+use crate::report::solution::Format;
+use crate::workflow::{Afterwards, Demand, FormFactorStudy, Model, SolutionStudy, with_suffix};
 
 pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
     let mut run = Run::new("solve", &args.common);
@@ -30,7 +28,7 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
     }
     files(args)?.check()?;
     let file = args.form_factors.as_deref().map(FormFactorFile::open).transpose()?;
-    let mesh_args = file.as_ref().map_or(Ok(args.mesh), |file| mesh_args(file, args.mesh))?;
+    let mesh_args = file.as_ref().map_or(Ok(args.mesh), |file| args.mesh.of_file(file))?;
     let demand = Demand {
         output: args.output.clone(),
         tolerance: Some(args.solver.tolerance),
@@ -59,25 +57,6 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
     }
     let study = model.solve(&factors, &solver, &mut run.cx)?;
     finish(args, run, &model, Some(&factors), &study)
-}
-
-/// Returns the flags of the patches that a file is for; flags that ask for others are an error.
-fn mesh_args(file: &FormFactorFile, given: MeshArgs) -> Result<MeshArgs, Failure> {
-    let default = given.options(Subdivision::Uniform(1));
-    // A flag that is left out asks for nothing.
-    let is_asked = given.subdivide.is_some() || given.max_edge.is_some();
-    let asked = is_asked.then_some(default.subdivision);
-    let options = workflow::mesh_options(file, asked, given.no_cut, default)?;
-    let (subdivide, max_edge) = match options.subdivision {
-        Subdivision::Uniform(n) => (Some(n), None),
-        Subdivision::MaxEdge(length) => (None, Some(length)),
-    };
-    Ok(MeshArgs {
-        subdivide,
-        max_edge,
-        no_cut: !options.cut_at_walls,
-        cut_at_walls: false,
-    })
 }
 
 fn files(args: &SolveArgs) -> Result<FileSet, Failure> {
@@ -115,45 +94,30 @@ fn finish(
     computed: Option<&FormFactorStudy>,
     study: &SolutionStudy,
 ) -> Result<Outcome, Failure> {
-    let (reflectance, exitance) = model.materials();
-    let SolutionStudy {
-        solution,
-        carried,
-        error,
-        mesh_error,
-    } = study;
     if let Some(path) = &args.output {
-        let row_sums = computed.map(|computed| computed.factors.row_sums());
-        let report = SolutionReport {
-            scene: &model.scene,
-            mesh: &model.mesh,
-            reflectance: &reflectance,
-            exitance: &exitance,
-            solution,
-            error: carried.as_ref(),
-            row_sums: row_sums.as_deref(),
-            settings: &run.cx.settings,
-        };
-        run.cx.time("write", || report.write(path))?;
+        let materials = model.materials();
+        run.cx.time("write", || {
+            model.write_solution(path, computed, (&materials.0, &materials.1), study, &run.cx)
+        })?;
     }
-    let stated = *error;
     run.bars.finish();
-    let mut result = to_json(model, &args.solver.solver, solution, stated);
-    result["form_factors"] = computed.map_or(Value::Null, checks_to_json);
-    result["mesh_error"] = json!(mesh_error);
-    let document = run.document_of(model, result);
-    let mut text = run.explanation(model);
-    let _ = writeln!(
-        text,
-        "{} patches on {}",
-        model.mesh.n_patches(),
-        counted(model.scene.surfaces.len(), "surface")
+    let (solver, solution) = (args.solver.solver.as_str(), &study.solution);
+    let document = run.document_of(
+        model,
+        SolveDocument {
+            solver: SolverRecord::new(model, solver, solution, study.error),
+            energy: solution.energy.clone(),
+            surfaces: LitSurface::of(model, solution),
+            form_factors: computed.map(FormFactorRecord::from),
+            mesh_error: study.mesh_error.clone(),
+        },
     );
+    let mut text = run.explanation(model);
+    describe_patches(&mut text, model);
     if let Some(computed) = computed {
         describe_checks(&mut text, computed);
     }
-    let solver = &args.solver.solver;
-    describe(&mut text, model, (solver, mesh_error.as_ref()), solution, stated);
+    describe(&mut text, model, solver, study);
     run.describe_audit(&mut text);
     run.describe_times(&mut text);
     if let Some(path) = &args.output {
@@ -162,6 +126,6 @@ fn finish(
     Ok(Outcome {
         text,
         document,
-        code: run.judged(code(solution, computed, stated), args.audit.strict),
+        code: run.judged(code(solution, computed, study.error), args.audit.strict),
     })
 }

@@ -8,7 +8,8 @@
 //! them, and so does `index.html`, the page with everything on it ([`page`](crate::report::page)); all others are the same bytes for the same settings. What it prints, and `--json`, has both.
 
 pub mod baranoski;
-mod compare;
+pub mod compare;
+pub mod findings;
 mod known;
 pub mod lewis;
 pub mod malgouyres;
@@ -28,6 +29,7 @@ pub use sweep::{Parameter, RayUse, SWEEPS, Sweep, sweep_by_name};
 
 use crate::form_factor::FormFactorError;
 use crate::matrix::MatrixError;
+use crate::parameter::Named;
 use crate::solver::StopReason;
 
 /// Why an experiment could not be made.
@@ -77,6 +79,9 @@ pub enum ExperimentError {
         /// Where.
         residual_l2: f64,
     },
+    /// A plot could not be drawn.
+    #[error(transparent)]
+    Plot(#[from] crate::report::plot::PlotError),
     /// An image could not be encoded.
     #[error("the image cannot be encoded: {0}")]
     Image(String),
@@ -88,4 +93,26 @@ pub enum ExperimentError {
         /// The least number.
         least: u64,
     },
+}
+
+impl ExperimentError {
+    /// Returns the error as one line, with parameters as `named` writes them.
+    #[must_use]
+    pub fn text(&self, named: Named<'_>) -> String {
+        match self {
+            Self::Method {
+                method,
+                parameter,
+                value,
+                source,
+            } => format!("{method} with {parameter} {value}: {}", source.text(named)),
+            Self::Reference(error) => format!("the reference: {}", error.text(named)),
+            Self::FormFactors(error) => error.text(named),
+            Self::Matrix(error) => error.text(named),
+            Self::Scene(error) => error.text(named),
+            Self::Mesh(error) => error.text(named),
+            Self::Solver(error) => error.text(named),
+            other => other.to_string(),
+        }
+    }
 }

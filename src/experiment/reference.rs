@@ -14,6 +14,7 @@ use crate::progress::Progress;
 
 /// Where a reference comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum ReferenceKind {
     /// The closed form for rectangles with parallel edges, pair by pair.
@@ -28,6 +29,7 @@ pub enum ReferenceKind {
 
 /// What a reference is known between.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum ReferenceLevel {
     /// Every pair of patches.

@@ -10,6 +10,7 @@ use crate::progress::Progress;
 
 /// The size of a matrix of form factors, without standard errors.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct StorageFigures {
     /// N, the number of patches.
     pub n_patches: usize,
@@ -18,11 +19,11 @@ pub struct StorageFigures {
     /// The share of entries that are not zero.
     pub density: f64,
     /// What all entries take.
-    pub dense_byte: u64,
+    pub dense_bytes: u64,
     /// What the exchange areas on and above the diagonal take, in squares, each as full or as sparse as suits it: half of the others for large N.
-    pub symmetric_byte: u64,
+    pub symmetric_bytes: u64,
     /// What the non-zero entries take, stored by row, each with its column.
-    pub sparse_byte: u64,
+    pub sparse_bytes: u64,
     /// The tolerance of the run of [`ExactMethod`] whose entries were counted, or `None` if they were the reference's own.
     pub tolerance: Option<f64>,
 }
@@ -54,18 +55,18 @@ pub fn storage_figures(
     let stored =
         |layout| FormFactors::from_tiles(input.mesh.areas(), tiles(factors), StorageChoice { layout, ..storage });
     let sparse = stored(Layout::Sparse)?;
-    let (density, sparse_byte) = (sparse.density(), sparse.stored_byte() as u64);
+    let (density, sparse_bytes) = (sparse.density(), sparse.stored_byte() as u64);
     drop(sparse);
-    let dense_byte = stored(Layout::Dense)?.stored_byte() as u64;
+    let dense_bytes = stored(Layout::Dense)?.stored_byte() as u64;
     let symmetric = stored(Layout::Auto)?.symmetrised(Weighting::default())?;
     factors.if_readable(()).map_err(MatrixError::from)?;
     Ok(StorageFigures {
         n_patches: n,
         n_entries: (n as u64) * (n as u64),
         density,
-        dense_byte,
-        symmetric_byte: symmetric.stored_byte() as u64,
-        sparse_byte,
+        dense_bytes,
+        symmetric_bytes: symmetric.stored_byte() as u64,
+        sparse_bytes,
         tolerance,
     })
 }

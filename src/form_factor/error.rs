@@ -3,6 +3,7 @@
 use thiserror::Error;
 
 use crate::matrix::MatrixError;
+use crate::parameter::{Named, Parameter};
 
 /// Why form factors could not be computed.
 #[derive(Debug, Error)]
@@ -31,13 +32,33 @@ pub enum FormFactorError {
         known: String,
     },
     /// A setting was given that the method has no use for.
-    #[error("`{flag}` has no meaning with the method `{method}`; it is for {used_by}")]
+    #[error("{}", unused(.parameter.name(), .method, .used_by))]
     UnusedSetting {
-        /// The setting's flag.
-        flag: &'static str,
+        /// The setting.
+        parameter: Parameter,
         /// The method's name.
         method: &'static str,
         /// The methods that use it.
         used_by: String,
     },
+}
+
+fn unused(setting: &str, method: &str, used_by: &str) -> String {
+    format!("`{setting}` has no meaning with the method `{method}`; it is for {used_by}")
+}
+
+impl FormFactorError {
+    /// Returns the error as one line, with parameters as `named` writes them.
+    #[must_use]
+    pub fn text(&self, named: Named<'_>) -> String {
+        match self {
+            Self::Matrix(error) => error.text(named),
+            Self::UnusedSetting {
+                parameter,
+                method,
+                used_by,
+            } => unused(&named(*parameter, None), method, used_by),
+            other => other.to_string(),
+        }
+    }
 }

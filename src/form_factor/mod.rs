@@ -80,6 +80,7 @@ pub use sky::{SkyFactors, sky_factors};
 pub use sr::RandomShooting;
 pub use update::{Before, Change};
 
+use std::fmt;
 use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
@@ -88,7 +89,7 @@ use crate::matrix::{FormFactors, RowTile, StorageChoice};
 use crate::mesh::Mesh;
 use crate::printable::counted;
 use crate::progress::Progress;
-use crate::scene::Scene;
+use crate::scene::{Scene, Written};
 use crate::visibility::Visibility;
 
 /// What every method works on.
@@ -118,6 +119,7 @@ pub struct Computed {
 
 /// How many unordered pairs of patches went which way.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(default)]
 pub struct PairCounts {
     /// Pairs whose fronts do not face each other: exactly 0.
@@ -157,20 +159,14 @@ impl PairCounts {
         }
     }
 
-    /// Returns a warning where rounded coordinates leave pairs in doubt above the tolerance: how many digits the file of the scene has, what the error is, and what helps.
+    /// Returns what rounded coordinates leave in doubt above the tolerance, if they do.
     #[must_use]
-    pub fn doubted(self, scene: &Scene) -> Option<String> {
-        let n = usize::try_from(self.n_above_by_rounding).unwrap_or(usize::MAX);
-        let cause = match scene.rounded() {
-            Some(written) => format!("coordinates are rounded {written}"),
-            None => "quads are not flat, or faces miss each other".to_owned(),
-        };
-        (n > 0).then(|| {
-            format!(
-                "{} are in doubt above the tolerance, by up to {:.1e}, as {cause}; give coordinates with more digits or nearer to the origin",
-                counted(n, "pair"),
-                self.rounding_error_max
-            )
+    pub fn doubted(self, scene: &Scene) -> Option<RoundingDoubt> {
+        let n_pairs = self.n_above_by_rounding;
+        (n_pairs > 0).then(|| RoundingDoubt {
+            n_pairs,
+            error_max: self.rounding_error_max,
+            written: scene.rounded(),
         })
     }
 
@@ -178,6 +174,33 @@ impl PairCounts {
     #[must_use]
     pub fn tolerance_met(&self) -> bool {
         self.n_above_tolerance == 0 && self.n_above_by_rounding == 0
+    }
+}
+
+/// What rounded coordinates leave in doubt of form factors: more digits help, or coordinates nearer to the origin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RoundingDoubt {
+    /// Pairs above the tolerance.
+    pub n_pairs: u64,
+    /// The most that rounding adds to the error of one of them, as a part of A_i F_ij / min(A_i, A_j).
+    pub error_max: f64,
+    /// How the coordinates are rounded; `None` where faces are not flat, or miss each other.
+    pub written: Option<Written>,
+}
+
+impl fmt::Display for RoundingDoubt {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let n = usize::try_from(self.n_pairs).unwrap_or(usize::MAX);
+        let cause = match self.written {
+            Some(written) => format!("coordinates are rounded {written}"),
+            None => "quads are not flat, or faces miss each other".to_owned(),
+        };
+        write!(
+            f,
+            "{} are in doubt above the tolerance, by up to {:.1e}, as {cause}; give coordinates with more digits or nearer to the origin",
+            counted(n, "pair"),
+            self.error_max
+        )
     }
 }
 

@@ -7,6 +7,7 @@ use super::{
     GaussShooting, Hemicube, ParametricDifferential, QuasiMonteCarlo, RandomShooting,
 };
 use crate::geometry::sampling::Sequence;
+use crate::parameter::Parameter;
 
 /// What a user may set; `None` is the method's own default.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -52,17 +53,17 @@ pub enum Setting {
 }
 
 impl Setting {
-    /// Returns the flag of the command line.
+    /// Returns its name.
     #[must_use]
-    pub fn flag(self) -> &'static str {
+    pub fn parameter(self) -> Parameter {
         match self {
-            Self::RaysPerPatch(_) | Self::RaysPerPair(_) => "--rays",
-            Self::Points(_) => "--points",
-            Self::Resolution(_) => "--resolution",
-            Self::Normalise => "--normalise",
-            Self::Sequence => "--sequence",
-            Self::Tolerance(_) => "--tolerance",
-            Self::Budget(_) => "--budget",
+            Self::RaysPerPatch(_) | Self::RaysPerPair(_) => Parameter::Rays,
+            Self::Points(_) => Parameter::Points,
+            Self::Resolution(_) => Parameter::Resolution,
+            Self::Normalise => Parameter::Normalise,
+            Self::Sequence => Parameter::Sequence,
+            Self::Tolerance(_) => Parameter::Tolerance,
+            Self::Budget(_) => Parameter::Budget,
         }
     }
 }
@@ -158,19 +159,19 @@ impl MethodEntry {
     /// # Errors
     /// [`FormFactorError::UnusedSetting`] if a setting is given that the method has no use for.
     pub fn resolve(&self, given: &MethodSettings) -> Result<MethodSettings, FormFactorError> {
-        for (is_given, flag) in [
-            (given.rays.is_some(), "--rays"),
-            (given.points.is_some(), "--points"),
-            (given.resolution.is_some(), "--resolution"),
-            (given.normalise, "--normalise"),
-            (given.sequence.is_some(), "--sequence"),
-            (given.tolerance.is_some(), "--tolerance"),
-            (given.budget.is_some(), "--budget"),
+        for (is_given, parameter) in [
+            (given.rays.is_some(), Parameter::Rays),
+            (given.points.is_some(), Parameter::Points),
+            (given.resolution.is_some(), Parameter::Resolution),
+            (given.normalise, Parameter::Normalise),
+            (given.sequence.is_some(), Parameter::Sequence),
+            (given.tolerance.is_some(), Parameter::Tolerance),
+            (given.budget.is_some(), Parameter::Budget),
         ] {
-            let uses = |m: &&MethodEntry| m.settings.iter().any(|s| s.flag() == flag);
+            let uses = |m: &&MethodEntry| m.settings.iter().any(|s| s.parameter() == parameter);
             if is_given && !uses(&self) {
                 return Err(FormFactorError::UnusedSetting {
-                    flag,
+                    parameter,
                     method: self.name,
                     used_by: joined(METHODS.iter().filter(uses)),
                 });
@@ -245,7 +246,7 @@ mod tests {
         assert!(method("centre", &settings).is_ok());
         let error = method("pdm", &settings).err().unwrap().to_string();
         assert!(
-            error.contains("--normalise") && error.contains("`pdm`") && error.contains("`centre`"),
+            error.contains("`normalise`") && error.contains("`pdm`") && error.contains("`centre`"),
             "{error}"
         );
         let with_points = MethodSettings {

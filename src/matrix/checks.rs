@@ -7,6 +7,7 @@ use super::form_factors::FormFactors;
 
 /// Least and greatest of some values.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct MinMax {
     /// The least.
     pub min: f64,
@@ -17,6 +18,7 @@ pub struct MinMax {
 /// What the laws of closure and reciprocity say about form factors. Values that are not finite are refused before, by
 /// [`FormFactors::from_tiles`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct Checks {
     /// Least and greatest Σ_j F_ij.
     pub row_sum: MinMax,

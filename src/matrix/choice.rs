@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use serde::Serialize;
+
 /// The share of non-zero entries from which a tile is stored in full, rows as well as squares. At a half, entries alone take 0.53 of the memory and 0.6 to 0.7 of the time of a pass where they lie in runs,
 /// 0.8 to 1.0 where they do not (three channels: 0.75 to 0.9 and 1.1); in a cache rows take 1.0 to 1.3 times as long, and sweeps by rows of squares take 2.0 to 2.3 times as long
 /// (f32, AVX-512; `cargo bench --bench matrix -- f32 1/2`, with 1536 for a cache).
@@ -9,7 +11,9 @@ const DENSE_FROM: f64 = 0.5;
 
 /// How a matrix is laid out in memory: tile by tile, where a tile is a range of rows, or 64 by 64 places of a symmetric matrix,
 /// of which only the upper triangle is stored.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[serde(rename_all = "snake_case")]
 pub enum Layout {
     /// Dense for tiles that are at least half non-zero, else sparse.
     #[default]
@@ -34,7 +38,9 @@ impl Layout {
 }
 
 /// How many digits of each form factor are kept. Sums are f64 in either case.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[serde(rename_all = "snake_case")]
 pub enum Precision {
     /// 24 bits: each form factor is rounded by at most 6e-8 of itself, radiosities by at most 6e-8 / (1 − ρ). Roundings mostly cancel: the radiosities of a closed
     /// room of 400 patches, one of them lit, change by 5e-10, 2e-9 and 5e-8 (relative, area-weighted) with ρ = 0.5, 0.99 and

@@ -1,9 +1,11 @@
 //! What can be wrong with form factors, and with the disk that they lie on.
 
-use std::io;
 use std::path::{Path, PathBuf};
+use std::{fmt, io};
 
 use thiserror::Error;
+
+use crate::parameter::{Named, Parameter, plainly};
 
 /// Why form factors were refused.
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -96,12 +98,22 @@ pub enum MatrixError {
     Disk(#[from] DiskError),
 }
 
+impl MatrixError {
+    /// Returns the error as one line, with parameters as `named` writes them.
+    #[must_use]
+    pub fn text(&self, named: Named<'_>) -> String {
+        match self {
+            Self::Disk(error) => error.text(named),
+            other => other.to_string(),
+        }
+    }
+}
+
 /// Why a scratch file could not be written or read. It has no name, so the directory that it lies in stands for it.
-#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum DiskError {
     /// The file cannot be made or written: most often the disk is full.
-    #[error("{}: cannot write the scratch file in it: {reason}; name a directory with more room: --scratch DIR", .directory.display())]
     Unwritable {
         /// The directory.
         directory: PathBuf,
@@ -111,7 +123,6 @@ pub enum DiskError {
         reason: String,
     },
     /// The file cannot be read, or ends too soon.
-    #[error("{}: cannot read the scratch file in it: {reason}; name another directory: --scratch DIR", .directory.display())]
     Unreadable {
         /// The directory.
         directory: PathBuf,
@@ -121,7 +132,6 @@ pub enum DiskError {
         reason: String,
     },
     /// What is read is not what was written.
-    #[error("{}: the scratch file in it is damaged: the checksum of tile ({row}, {column}) does not match; name another directory: --scratch DIR", .directory.display())]
     Damaged {
         /// The directory.
         directory: PathBuf,
@@ -132,7 +142,32 @@ pub enum DiskError {
     },
 }
 
+impl std::error::Error for DiskError {}
+
+impl fmt::Display for DiskError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text(&plainly))
+    }
+}
+
 impl DiskError {
+    /// Returns the error as one line, with parameters as `named` writes them.
+    #[must_use]
+    pub fn text(&self, named: Named<'_>) -> String {
+        let (directory, scratch) = (self.directory().display(), named(Parameter::Scratch, Some("DIR")));
+        match self {
+            Self::Unwritable { reason, .. } => format!(
+                "{directory}: cannot write the scratch file in it: {reason}; name a directory with more room: {scratch}"
+            ),
+            Self::Unreadable { reason, .. } => {
+                format!("{directory}: cannot read the scratch file in it: {reason}; name another directory: {scratch}")
+            }
+            Self::Damaged { row, column, .. } => format!(
+                "{directory}: the scratch file in it is damaged: the checksum of tile ({row}, {column}) does not match; name another directory: {scratch}"
+            ),
+        }
+    }
+
     /// Returns the directory of the file.
     #[must_use]
     pub fn directory(&self) -> &Path {

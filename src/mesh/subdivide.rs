@@ -2,9 +2,9 @@
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
+use std::fmt;
 
 use glam::DVec3;
-use thiserror::Error;
 
 use super::contact_edges::ContactEdges;
 use super::face_shape::FaceShape;
@@ -16,6 +16,7 @@ use super::planes::{FaceEdge, flat_joints};
 use super::seams::Seams;
 use crate::disjoint_sets::DisjointSets;
 use crate::geometry::polygon;
+use crate::parameter::{Named, Parameter, plainly};
 use crate::scene::{Corners, FaceId, Scene};
 
 /// How finely faces are cut.
@@ -60,18 +61,42 @@ impl From<Subdivision> for MeshOptions {
 }
 
 /// Why a scene could not be cut into patches.
-#[derive(Clone, Copy, Debug, Error, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum MeshError {
     /// N = 0.
-    #[error("a face cannot be cut into 0 parts; give --subdivide 1 or more")]
     ZeroParts,
     /// A length that is not a positive number.
-    #[error("an edge length of {0} m cannot be reached; give --max-edge a positive number")]
     BadLength(f64),
     /// More patches than 32-bit ids can name.
-    #[error("{0:.0} patches are more than 2^31; subdivide less")]
     TooManyPatches(f64),
+}
+
+impl std::error::Error for MeshError {}
+
+impl fmt::Display for MeshError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text(&plainly))
+    }
+}
+
+impl MeshError {
+    /// Returns the error as one line, with parameters as `named` writes them.
+    #[must_use]
+    pub fn text(&self, named: Named<'_>) -> String {
+        let name = |parameter| named(parameter, None);
+        match self {
+            Self::ZeroParts => format!(
+                "a face cannot be cut into 0 parts; give {} 1 or more",
+                name(Parameter::Subdivide)
+            ),
+            Self::BadLength(length) => format!(
+                "an edge length of {length} m cannot be reached; give {} a positive number",
+                name(Parameter::MaxEdge)
+            ),
+            Self::TooManyPatches(n) => format!("{n:.0} patches are more than 2^31; subdivide less"),
+        }
+    }
 }
 
 pub(super) fn subdivide(options: MeshOptions, contact_edges: &ContactEdges<'_>) -> Result<Mesh, MeshError> {

@@ -1,11 +1,13 @@
 //! Where form factors are kept, decided from what they and everything beside them will take.
 
+use std::fmt;
+
 use serde::Serialize;
-use thiserror::Error;
 
 use super::whole;
 use crate::matrix::{Layout, Precision};
 use crate::mesh::{Mesh, PatchId};
+use crate::parameter::{Named, Parameter, plainly};
 
 /// What is known before form factors are computed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -104,14 +106,10 @@ impl MemoryEstimate {
 }
 
 /// Why form factors cannot be kept anywhere.
-#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum StorageError {
     /// Not even the rows that are worked on fit.
-    #[error(
-        "{n_patches} patches need {} of memory even with the form factors on a disk, and the limit is {}; raise --memory-limit, use fewer --threads, or cut the scene into fewer patches",
-        byte_text(*needed_byte), byte_text(*limit_byte)
-    )]
     TooSmall {
         /// n.
         n_patches: usize,
@@ -121,10 +119,6 @@ pub enum StorageError {
         limit_byte: u64,
     },
     /// The form factors were to stay in memory, and do not fit.
-    #[error(
-        "the form factors of {n_patches} patches need {} of memory, and the limit is {}; use --storage auto or disk, or raise --memory-limit",
-        byte_text(*needed_byte), byte_text(*limit_byte)
-    )]
     NotInMemory {
         /// n.
         n_patches: usize,
@@ -133,6 +127,45 @@ pub enum StorageError {
         /// What may be used.
         limit_byte: u64,
     },
+}
+
+impl std::error::Error for StorageError {}
+
+impl fmt::Display for StorageError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text(&plainly))
+    }
+}
+
+impl StorageError {
+    /// Returns the error as one line, with parameters as `named` writes them.
+    #[must_use]
+    pub fn text(&self, named: Named<'_>) -> String {
+        let name = |parameter| named(parameter, None);
+        let limit_name = name(Parameter::MemoryLimit);
+        match self {
+            Self::TooSmall {
+                n_patches,
+                needed_byte,
+                limit_byte,
+            } => format!(
+                "{n_patches} patches need {} of memory even with the form factors on a disk, and the limit is {}; raise {limit_name}, use fewer {}, or cut the scene into fewer patches",
+                byte_text(*needed_byte),
+                byte_text(*limit_byte),
+                name(Parameter::Threads)
+            ),
+            Self::NotInMemory {
+                n_patches,
+                needed_byte,
+                limit_byte,
+            } => format!(
+                "the form factors of {n_patches} patches need {} of memory, and the limit is {}; use {} or disk, or raise {limit_name}",
+                byte_text(*needed_byte),
+                byte_text(*limit_byte),
+                named(Parameter::Storage, Some("auto"))
+            ),
+        }
+    }
 }
 
 /// Rounding form factors to f32 changes radiosities by at most this times 1 / (1 − ρ), relative: each form factor changes by at most 2⁻²⁴ of itself. Equal patches are all rounded alike, and
@@ -423,7 +456,7 @@ mod tests {
             in_memory,
         )
         .unwrap_err();
-        assert!(refused.to_string().contains("--storage"), "{refused}");
+        assert!(refused.to_string().contains("storage=auto"), "{refused}");
     }
 
     #[test]

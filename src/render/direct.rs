@@ -44,6 +44,34 @@ pub enum DirectMethod {
     Exact,
 }
 
+impl DirectMethod {
+    /// Rays of [`CosineRays`](Self::CosineRays) where no number is given.
+    pub const RAYS: NonZeroU32 = NonZeroU32::MIN.saturating_add(4095);
+
+    /// Shadow rays of [`Polygons`](Self::Polygons) where no number is given.
+    pub const SHADOW_RAYS: NonZeroU32 = NonZeroU32::MIN.saturating_add(15);
+
+    /// Returns the method of an image where none is given: none where patches are shown `flat`, rays, whose noise is known, in an unfolded view, which is for checks, and else polygons.
+    #[must_use]
+    pub fn suited(is_unfolded: bool, flat: bool) -> Self {
+        match (is_unfolded, flat) {
+            (_, true) => Self::Off,
+            (true, false) => Self::CosineRays { n: Self::RAYS },
+            (false, false) => Self::Polygons { n: Self::SHADOW_RAYS },
+        }
+    }
+
+    /// Returns the method with another number of rays; `None` if it traces none.
+    #[must_use]
+    pub fn with_rays(self, n: NonZeroU32) -> Option<Self> {
+        match self {
+            Self::CosineRays { .. } => Some(Self::CosineRays { n }),
+            Self::Polygons { .. } => Some(Self::Polygons { n }),
+            Self::Off | Self::Exact => None,
+        }
+    }
+}
+
 /// A front-facing point at which the direct irradiance is wanted.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DirectPoint {

@@ -1,5 +1,7 @@
 //! The form factor from every visible point to one surface.
 
+use std::num::NonZeroU32;
+
 use serde::{Deserialize, Serialize};
 
 use super::display::Unwatched;
@@ -15,6 +17,9 @@ use crate::mesh::Mesh;
 use crate::progress::Progress;
 use crate::scene::{Material, MaterialId, Scene, SurfaceId};
 use crate::visibility::Visibility;
+
+/// Rays to each face of the surface, where the field is found by [`DirectMethod::Polygons`](super::DirectMethod::Polygons) and no number is given.
+pub const FIELD_SHADOW_RAYS: NonZeroU32 = NonZeroU32::MIN.saturating_add(63);
 
 /// What an image file says about a field of form factors.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -121,6 +126,7 @@ pub struct Field {
 /// factor from the surface. There samples lie on a regular grid, as for the midpoint rule: with h its spacing on the surface, the mean is off by O(h²) where F is smooth and the surface's edges run along
 /// the grid, and by (F at the edge − its mean) · perimeter · h / (2 area) at most where they do not, mostly by much less.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct SurfaceMean {
     /// The number of pixels whose centre shows the surface.
     pub n_pixels: u64,

@@ -30,7 +30,7 @@ mod view;
 pub use attributes::{Attributes, PolygonRecord, SurfaceRecord};
 pub use direct::DirectMethod;
 pub use error::RenderError;
-pub use field::{Field, FieldInput, FieldRecord, SurfaceMean, field};
+pub use field::{FIELD_SHADOW_RAYS, Field, FieldInput, FieldRecord, SurfaceMean, field};
 pub use gather::{GatherReport, GatherSettings};
 pub use image::{Image, Layer, Samples};
 pub use input::RenderInput;

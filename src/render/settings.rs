@@ -31,6 +31,14 @@ pub struct RenderSettings {
     pub seed: u64,
 }
 
+impl RenderSettings {
+    /// Returns [`samples`](Self::samples) where no number is given: one a pixel is what a check by pixels wants, in an unfolded view; more are for the eye.
+    #[must_use]
+    pub fn default_samples(is_unfolded: bool) -> NonZeroU32 {
+        NonZeroU32::MIN.saturating_add(u32::from(!is_unfolded))
+    }
+}
+
 impl Default for RenderSettings {
     fn default() -> Self {
         Self {

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 use crate::matrix::{DiskError, MatrixError};
+use crate::parameter::Named;
 use crate::printable::{printable_message, quoted};
 
 /// Why a report could not be written, or a file of form factors not be read.
@@ -89,6 +90,15 @@ pub enum ReportError {
 }
 
 impl ReportError {
+    /// Returns the error as one line, with parameters as `named` writes them.
+    #[must_use]
+    pub fn text(&self, named: Named<'_>) -> String {
+        match self {
+            Self::Scratch { path, source } => format!("{}: {}", path.display(), source.text(named)),
+            other => other.to_string(),
+        }
+    }
+
     /// Returns the file that is at fault.
     #[must_use]
     pub fn path(&self) -> &Path {

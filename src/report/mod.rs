@@ -32,6 +32,8 @@ mod table;
 pub mod voxels;
 mod vtu;
 
+use serde::Serialize;
+
 pub use description::Description;
 pub use error::ReportError;
 #[cfg(feature = "reports")]
@@ -40,3 +42,16 @@ pub use memory::{memory_available_byte, memory_peak_byte, memory_used_byte};
 pub use stages::StageTimes;
 #[cfg(feature = "reports")]
 pub use table::Table;
+
+/// The version of the JSON documents that the program prints and that experiments write: it changes when a key changes its name or its meaning.
+pub const SCHEMA_VERSION: u32 = 2;
+
+/// Returns a document as JSON text with indents, members in the order of their names.
+///
+/// # Panics
+/// If a map of the document has keys that are no text.
+#[must_use]
+pub fn pretty(document: &impl Serialize) -> String {
+    let value = serde_json::to_value(document).expect("keys are text");
+    format!("{value:#}")
+}

@@ -12,15 +12,16 @@
 use std::io::{self, Seek, Write};
 use std::path::Path;
 
-use serde_json::{Map, Value, json};
+use serde::Serialize;
+use serde_json::{Map, Value};
 
 use super::npz::NpzWriter;
 use super::vtu::CellData;
-use super::{ReportError, csv, vtu};
+use super::{ReportError, csv, pretty, vtu};
 use crate::matrix::operator::Block;
 use crate::mesh::Mesh;
 use crate::scene::Scene;
-use crate::solver::Solution;
+use crate::solver::{Solution, StopReason};
 use crate::whole_file;
 
 /// A solution with what it belongs to.
@@ -42,6 +43,31 @@ pub struct SolutionReport<'a> {
     pub row_sums: Option<&'a [f64]>,
     /// How the form factors and the solution were computed: no time, path or number of threads.
     pub settings: &'a Map<String, Value>,
+}
+
+/// What a file of a solution states about itself, in JSON.
+#[derive(Debug, Serialize)]
+struct SolutionDescription<'a> {
+    /// Name and number of the file's layout.
+    format: &'static str,
+    /// The units of the arrays.
+    unit: &'static str,
+    /// n.
+    n_patches: usize,
+    /// [`Mesh::geometry_hash`].
+    geometry_sha256: String,
+    /// [`Scene::content_hash`].
+    scene_sha256: String,
+    /// The names of the surfaces, by the numbers that the patches have.
+    surfaces: Vec<&'a str>,
+    /// How the form factors and the solution were computed.
+    settings: &'a Map<String, Value>,
+    /// Why the solver stopped.
+    stop_reason: StopReason,
+    /// sqrt(Σ A r² / Σ A E²), the worst channel; null where it is not finite.
+    residual_l2: f64,
+    /// A bound on the relative error of B in the area-weighted L2 norm, that of the form factors aside; null where none is known.
+    error_bound: Option<f64>,
 }
 
 /// The formats that solutions are written in.
@@ -106,19 +132,19 @@ impl SolutionReport<'_> {
     }
 
     fn description(&self) -> String {
-        let description = json!({
-            "format": "radiosity solution 1",
-            "unit": "radiosity, irradiance, exitance, residual, error: W m-2; area: m2; centroid: m; reflectance, row_sum: 1",
-            "n_patches": self.mesh.n_patches(),
-            "geometry_sha256": self.mesh.geometry_hash(),
-            "scene_sha256": self.scene.content_hash(),
-            "surfaces": self.scene.surfaces.iter().map(|s| &s.name).collect::<Vec<_>>(),
-            "settings": self.settings,
-            "stop_reason": self.solution.stop_reason,
-            "residual_l2": self.solution.residual_l2,
-            "error_bound": self.solution.error_bound,
-        });
-        format!("{description:#}")
+        let description = SolutionDescription {
+            format: "radiosity solution 1",
+            unit: "radiosity, irradiance, exitance, residual, error: W m-2; area: m2; centroid: m; reflectance, row_sum: 1",
+            n_patches: self.mesh.n_patches(),
+            geometry_sha256: self.mesh.geometry_hash(),
+            scene_sha256: self.scene.content_hash(),
+            surfaces: self.scene.surfaces.iter().map(|s| s.name.as_str()).collect(),
+            settings: self.settings,
+            stop_reason: self.solution.stop_reason,
+            residual_l2: self.solution.residual_l2,
+            error_bound: self.solution.error_bound,
+        };
+        pretty(&description)
     }
 
     fn quantities(&self) -> Vec<(&'static str, Block)> {

@@ -2,6 +2,8 @@
 
 use std::time::{Duration, Instant};
 
+use serde::{Serialize, Serializer};
+
 /// Wall times of the stages of a run, in order.
 #[derive(Clone, Debug, Default)]
 pub struct StageTimes {
@@ -35,12 +37,11 @@ impl StageTimes {
     pub fn total_s(&self) -> f64 {
         self.iter().map(|(_, seconds)| seconds).sum()
     }
+}
 
-    /// Returns a JSON object with one entry `NAME_s` a stage.
-    #[must_use]
-    pub fn to_json(&self) -> serde_json::Value {
-        self.iter()
-            .map(|(name, seconds)| (format!("{name}_s"), serde_json::Value::from(seconds)))
-            .collect()
+/// One entry `NAME_s` a stage, s.
+impl Serialize for StageTimes {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_map(self.iter().map(|(name, seconds)| (format!("{name}_s"), seconds)))
     }
 }

@@ -4,15 +4,27 @@ use std::collections::HashMap;
 use std::io::Write as _;
 use std::path::Path;
 
+use serde::Serialize;
+use serde_json::{Map, Value};
+
 use super::{ReportError, vtu};
 use crate::matrix::operator::Block;
 use crate::scene::Scene;
 use crate::voxel::VoxelScene;
 use crate::whole_file;
 
+/// What a file of voxels states about itself, in JSON.
+#[derive(Debug, Serialize)]
+struct VoxelDescription<'a> {
+    /// Name and number of the file's layout.
+    format: &'static str,
+    /// How the values were computed.
+    settings: &'a Map<String, Value>,
+}
+
 /// Writes one VTK_VOXEL for each surfel, with its surface, normal, area, radiosity and irradiance; whole or not at all.
 ///
-/// A voxel with several surfels stands as often. Positions in m, area in m², radiosity and irradiance in W·m⁻². `description`: JSON of how the values were computed.
+/// A voxel with several surfels stands as often. Positions in m, area in m², radiosity and irradiance in W·m⁻². `settings`: how the values were computed.
 ///
 /// # Errors
 /// [`ReportError::Unwritable`].
@@ -26,9 +38,14 @@ pub fn write_vtu(
     voxels: &VoxelScene,
     radiosity: &Block,
     irradiance: &Block,
-    description: &str,
+    settings: &Map<String, Value>,
 ) -> Result<(), ReportError> {
     let n = voxels.n_surfels();
+    let description = VoxelDescription {
+        format: "radiosity voxels 1",
+        settings,
+    };
+    let description = serde_json::json!(description).to_string();
     assert!(
         radiosity.n_rows() == n && irradiance.n_rows() == n,
         "one row per surfel"
@@ -61,7 +78,7 @@ pub fn write_vtu(
             .iter()
             .map(|s| voxels.normals[s.normal as usize].unit.to_array());
         let number = |x: &f64| format!("{x:?}");
-        vtu::write_head(writer, description, &names, corners.len(), n)?;
+        vtu::write_head(writer, &description, &names, corners.len(), n)?;
         vtu::write_numbers(writer, "Float64", "position", 3, points, number)?;
         writeln!(writer, "</Points>\n<Cells>")?;
         vtu::write_numbers(writer, "Int64", "connectivity", 1, cells.iter(), usize::to_string)?;

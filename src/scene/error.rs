@@ -6,6 +6,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::builtin;
+use crate::parameter::{Named, Parameter};
 use crate::printable::{printable_message, quoted};
 
 /// Where something is wrong.
@@ -105,6 +106,25 @@ pub struct SceneError {
     pub kind: SceneErrorKind,
 }
 
+impl SceneError {
+    /// Returns the error as one line, with parameters as `named` writes them.
+    #[must_use]
+    pub fn text(&self, named: Named<'_>) -> String {
+        match &self.kind {
+            SceneErrorKind::OutsideFolder { name } => {
+                let allowed = named(Parameter::AllowOutside, None);
+                format!("{}{}", self.at, outside_folder(name, &allowed))
+            }
+            _ => self.to_string(),
+        }
+    }
+}
+
+fn outside_folder(library: &str, allowed: &str) -> String {
+    let library = quoted(library);
+    format!("the library `{library}` lies outside the scene's folder; move it there, or say {allowed}")
+}
+
 /// What is wrong with a scene, a material library, a camera, a lighting or a list of frames, and the remedy.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -196,7 +216,7 @@ pub enum SceneErrorKind {
         keyword: &'static str,
     },
     /// A material library that is not in the scene's folder or below it.
-    #[error("the library `{}` lies outside the scene's folder; move it there, or say --allow-outside", quoted(.name))]
+    #[error("{}", outside_folder(.name, Parameter::AllowOutside.name()))]
     OutsideFolder {
         /// The library as the scene file names it.
         name: String,

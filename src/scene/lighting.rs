@@ -187,6 +187,11 @@ impl Lighting {
         reflectances.fold(0.0, f64::max)
     }
 
+    /// Returns the greatest reflectance that any of some lightings gives to anything, 0 if none.
+    pub fn greatest_reflectance<'a>(lightings: impl IntoIterator<Item = &'a Self>) -> f64 {
+        lightings.into_iter().map(Self::reflectance_max).fold(0.0, f64::max)
+    }
+
     /// Tells whether any face of a scene emits light in this lighting.
     #[must_use]
     pub fn is_emitting(&self, scene: &Scene) -> bool {

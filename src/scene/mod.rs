@@ -171,6 +171,13 @@ impl DerefMut for Positions {
 }
 
 impl Scene {
+    /// Returns the surface of a name.
+    #[must_use]
+    pub fn surface_named(&self, name: &str) -> Option<SurfaceId> {
+        let place = self.surfaces.iter().position(|surface| surface.name == name);
+        place.and_then(|k| u32::try_from(k).ok()).map(SurfaceId)
+    }
+
     /// Returns where the corners of a face are.
     pub(crate) fn positions(&self, face: &Face) -> Positions {
         let vertices = face.corners.as_slice();

@@ -9,6 +9,7 @@ use crate::matrix::operator::Block;
 
 /// Whether a Krylov method deflates the even light of each component.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Deflate {
     /// Where a component that emits has a mean reflectance above [`DEFLATED_FROM`].

@@ -3,6 +3,7 @@
 use thiserror::Error;
 
 use crate::matrix::DiskError;
+use crate::parameter::{Named, Parameter};
 
 /// Why a radiosity system was refused.
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -103,10 +104,10 @@ pub enum SolverError {
         value: f64,
     },
     /// A setting that the solver has no use for.
-    #[error("{flag} has no use with the solver `{solver}`; it goes with {used_by}")]
+    #[error("{}", unused(.parameter.name(), .solver, .used_by))]
     UnusedSetting {
-        /// The flag of the setting.
-        flag: &'static str,
+        /// The setting.
+        parameter: Parameter,
         /// The solver's name.
         solver: &'static str,
         /// The solvers that use it.
@@ -121,4 +122,24 @@ pub enum SolverError {
     /// The form factors could not be read from their disk.
     #[error(transparent)]
     Disk(#[from] DiskError),
+}
+
+fn unused(setting: &str, solver: &str, used_by: &str) -> String {
+    format!("{setting} has no use with the solver `{solver}`; it goes with {used_by}")
+}
+
+impl SolverError {
+    /// Returns the error as one line, with parameters as `named` writes them.
+    #[must_use]
+    pub fn text(&self, named: Named<'_>) -> String {
+        match self {
+            Self::Disk(error) => error.text(named),
+            Self::UnusedSetting {
+                parameter,
+                solver,
+                used_by,
+            } => unused(&named(*parameter, None), solver, used_by),
+            other => other.to_string(),
+        }
+    }
 }

@@ -21,6 +21,7 @@ use super::progressive_refinement::ProgressiveRefinement;
 use super::solve::Solver;
 use super::sor::Sor;
 use crate::mesh::Hierarchy;
+use crate::parameter::Parameter;
 
 /// What a user may set; `None` is the solver's own default.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -81,18 +82,18 @@ impl Setting {
         Self::MemoryLimit,
     ];
 
-    /// Returns the flag of the command line.
+    /// Returns its name.
     #[must_use]
-    pub fn flag(self) -> &'static str {
+    pub fn parameter(self) -> Parameter {
         match self {
-            Self::Omega => "--omega",
-            Self::Bounds => "--bounds",
-            Self::StepsPerPass => "--steps-per-pass",
-            Self::Display => "--display-ambient",
-            Self::Restart => "--restart",
-            Self::Deflation => "--deflation",
-            Self::Depth => "--depth",
-            Self::MemoryLimit => "--memory-limit",
+            Self::Omega => Parameter::Omega,
+            Self::Bounds => Parameter::Bounds,
+            Self::StepsPerPass => Parameter::StepsPerPass,
+            Self::Display => Parameter::DisplayAmbient,
+            Self::Restart => Parameter::Restart,
+            Self::Deflation => Parameter::Deflation,
+            Self::Depth => Parameter::Depth,
+            Self::MemoryLimit => Parameter::MemoryLimit,
         }
     }
 
@@ -212,7 +213,7 @@ impl SolverEntry {
         if let Some(unused) = Setting::ALL.iter().find(unused) {
             let users = SOLVERS.iter().filter(|solver| solver.settings.contains(unused));
             return Err(SolverError::UnusedSetting {
-                flag: unused.flag(),
+                parameter: unused.parameter(),
                 solver: self.name,
                 used_by: joined(users),
             });
@@ -258,7 +259,7 @@ mod tests {
         };
         let error = solver("pcg", &settings).err().unwrap();
         let expected = SolverError::UnusedSetting {
-            flag: "--depth",
+            parameter: Parameter::Depth,
             solver: "pcg",
             used_by: "`anderson`".to_owned(),
         };

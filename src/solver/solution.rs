@@ -87,6 +87,12 @@ impl ChannelQuality {
 }
 
 impl Solution {
+    /// Returns the name of the solver that did the work: the one that [`Auto`](super::Auto) chose, or `asked`, the one that was asked for.
+    #[must_use]
+    pub fn solver_name<'a>(&self, asked: &'a str) -> &'a str {
+        self.choice.as_ref().map_or(asked, |choice| choice.solver)
+    }
+
     /// Returns the solution of a scene in which nothing reflects: B = E, exactly, whatever F is.
     ///
     /// The irradiance, which plays no part in it, is left at 0, and the energy empty. `exitance`: E, W·m⁻², \[n, c\]. Departures: none.

@@ -8,6 +8,7 @@ use crate::matrix::operator::Block;
 
 /// The radiosities that a solver starts from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Start {
     /// B = E.

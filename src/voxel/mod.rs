@@ -62,6 +62,7 @@ mod regions;
 mod sight;
 mod sights;
 mod sphere;
+mod surfaces;
 mod thin;
 mod weights;
 
@@ -81,5 +82,6 @@ pub use picture::picture;
 pub use radiosity::{Form, Propagation, propagate};
 pub use sight::Sight;
 pub use sphere::{DiscreteSphere, MAX_RADIUS, SolidAngle, SphereDirection};
+pub use surfaces::SurfelMean;
 pub use thin::{Leak, ThinWall};
 pub use weights::RowWeights;

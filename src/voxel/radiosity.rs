@@ -8,6 +8,7 @@ use crate::progress::Progress;
 
 /// What a pass computes from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Form {
     /// All of B_i from B_{i−1}: equation (3).

@@ -5,13 +5,13 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use serde_json::{Map, Value};
-
 use super::leaks::Leaks;
+use super::settings::Settings;
 use super::warning::Warning;
-use super::{Memory, WorkflowError};
+use super::{Memory, Parameter, WorkflowError};
 use crate::audit::Audit;
 use crate::checkpoint::Checkpoint;
+use crate::parameter::plainly;
 use crate::progress::{Forecast, Progress, Silent};
 use crate::report::StageTimes;
 
@@ -26,12 +26,14 @@ pub struct Context {
     listener: Option<Listener>,
     warnings: RefCell<Vec<Warning>>,
     times: RefCell<StageTimes>,
+    /// How texts write parameters: by their names, where nothing else is set.
+    pub naming: fn(Parameter, Option<&str>) -> String,
     /// What form factors may take, and where.
     pub memory: Memory,
     /// What is known before form factors are stored of what comes after them.
     pub demand: Demand,
-    /// What the results are made with, by name: files of results have it.
-    pub settings: Map<String, Value>,
+    /// What the results are made with: files of results have it.
+    pub settings: Settings,
     /// The conservation checks of the results so far.
     pub audit: Audit,
     /// The file of the lighting that each channel belongs to; none where the materials are the scene's own.
@@ -76,9 +78,10 @@ impl Context {
             listener: None,
             warnings: RefCell::default(),
             times: RefCell::default(),
+            naming: plainly,
             memory: Memory::default(),
             demand: Demand::default(),
-            settings: Map::new(),
+            settings: Settings::default(),
             audit: Audit::default(),
             lighting_files: Vec::new(),
             leaks: Leaks::default(),
@@ -121,10 +124,10 @@ impl Context {
         if let Some(checkpoint) = &self.checkpoint
             && let Some(reason) = checkpoint.failure()
         {
-            self.warn(Warning::Checkpoint(format!(
-                "{}: the checkpoint could not be written to its end: {reason}; the work itself went on",
-                checkpoint.path().display()
-            )));
+            self.warn(Warning::CheckpointIncomplete {
+                file: checkpoint.path().to_owned(),
+                reason,
+            });
         }
     }
 
@@ -161,15 +164,10 @@ impl Context {
         self.deadline = Some(self.begun + limit);
     }
 
-    /// Notes what the results are made with.
-    pub fn set(&mut self, name: &str, value: impl Into<Value>) {
-        self.settings.insert(name.to_owned(), value.into());
-    }
-
     /// Takes in what an audit found, with a warning for each check that fails.
     pub fn audited(&mut self, found: Audit) {
         for check in found.violations() {
-            self.warn(Warning::BrokenLaw(check.to_string()));
+            self.warn(Warning::BrokenLaw(check.clone()));
         }
         self.audit.extend(found);
     }
@@ -205,10 +203,13 @@ impl Context {
 
     /// Closes the checkpoint of work that is done, and removes its file; where that fails, a warning says so.
     pub fn forget_checkpoint(&mut self) {
-        if let Some(checkpoint) = self.checkpoint.take()
-            && let Err(error) = checkpoint.remove()
-        {
-            self.warn(Warning::Checkpoint(error.to_string()));
+        let Some(checkpoint) = self.checkpoint.take() else {
+            return;
+        };
+        let file = checkpoint.path().to_owned();
+        if let Err(error) = checkpoint.remove() {
+            let reason = error.reason();
+            self.warn(Warning::CheckpointLeft { file, reason });
         }
     }
 

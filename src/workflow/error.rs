@@ -3,17 +3,17 @@
 use std::path::PathBuf;
 
 use super::VoxelRemedy;
-use super::parameter::{Named, Parameter, plainly};
 use crate::checkpoint::CheckpointError;
 use crate::embree::EmbreeError;
 use crate::form_factor::{FormFactorError, Leak, MAX_ESCAPED};
 use crate::matrix::{DiskError, MatrixError};
-use crate::mesh::MeshError;
+use crate::mesh::{MeshError, Subdivision};
+use crate::parameter::{Named, Parameter, plainly};
 use crate::plan::{StorageError, byte_text};
 use crate::printable::printable_message;
 use crate::render::RenderError;
 use crate::report::ReportError;
-use crate::scene::{MotionError, SceneError};
+use crate::scene::{IMAGE_SIDES, MotionError, SceneError};
 use crate::solver::SolverError;
 use crate::voxel::VoxelError;
 
@@ -115,12 +115,23 @@ pub enum WorkflowError {
     Checkpoint(CheckpointError),
     /// Settings do not go together: a fault of whoever asks.
     Unsuited(Unsuited),
+    /// What a frame of a sequence names is refused.
+    InFrame {
+        /// Why.
+        error: Box<WorkflowError>,
+        /// The list of frames.
+        list: PathBuf,
+        /// The line of the frame.
+        line: u32,
+        /// The name of the frame.
+        frame: String,
+    },
     /// Work was told to end.
     Interrupted,
 }
 
 /// Settings that do not go together.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Unsuited {
     /// Symmetric storage without balancing.
@@ -144,7 +155,24 @@ pub enum Unsuited {
     /// A solver that needs rows of links that are not kept, as it says.
     RecomputedRows(String),
     /// A file of form factors for other patches than those asked for.
-    OtherPatches(String),
+    OtherPatches {
+        /// The file.
+        file: PathBuf,
+        /// How its patches are cut.
+        subdivision: Subdivision,
+        /// Whether whole faces are asked for, where its are cut at contact edges.
+        is_whole: bool,
+    },
+    /// A sequence without frames.
+    NoFrame,
+    /// An unfolded view with a camera, or with a height.
+    UnfoldedCamera,
+    /// A camera that looks at the point where it stands.
+    LookAtEye,
+    /// An up along the view, or without a direction.
+    UpAlongView,
+    /// An image with sides, width and height in pixels, that images cannot have.
+    ImageSize(u32, u32),
 }
 
 impl std::error::Error for WorkflowError {}
@@ -156,14 +184,24 @@ impl std::fmt::Display for WorkflowError {
 }
 
 impl WorkflowError {
+    /// Returns where a sequence names what is refused, to be added to the error itself; empty elsewhere.
+    pub(crate) fn place(&self) -> String {
+        match self {
+            Self::InFrame { list, line, frame, .. } => {
+                format!("; frame `{frame}` names it, {}:{line}", list.display())
+            }
+            _ => String::new(),
+        }
+    }
+
     /// Returns the error as one line, with parameters as `named` writes them.
     #[must_use]
     pub fn text(&self, named: Named<'_>) -> String {
         let name = |parameter| named(parameter, None);
         let text = match self {
-            Self::Scene(error) => error.to_string(),
+            Self::Scene(error) => error.text(named),
             Self::Motion(error) => error.to_string(),
-            Self::Mesh { file, error } => format!("{}: {error}", file.display()),
+            Self::Mesh { file, error } => format!("{}: {}", file.display(), error.text(named)),
             Self::Embree { file, error } => format!("{}: {error}", file.display()),
             Self::MemoryLimit {
                 file,
@@ -178,15 +216,15 @@ impl WorkflowError {
                 byte_text(*limit),
                 name(Parameter::MemoryLimit)
             ),
-            Self::Storage(error) => error.to_string(),
-            Self::FormFactor(error) => error.to_string(),
-            Self::Matrix(error) => error.to_string(),
+            Self::Storage(error) => error.text(named),
+            Self::FormFactor(error) => error.text(named),
+            Self::Matrix(error) => error.text(named),
             Self::NotClosed { file, leak } => format!(
                 "{}: {leak}, and {closed} allows {MAX_ESCAPED:e}: close the gap, or leave {closed} out",
                 file.display(),
                 closed = name(Parameter::Closed)
             ),
-            Self::Solver(error) => error.to_string(),
+            Self::Solver(error) => error.text(named),
             Self::NoFiniteSolution {
                 file,
                 place,
@@ -197,7 +235,7 @@ impl WorkflowError {
                  nothing out; lower a `{reflectance}` below 1 there, or open the scene",
                 file.display()
             ),
-            Self::Report(error) => error.to_string(),
+            Self::Report(error) => error.text(named),
             Self::OtherGeometry { file, scene } => {
                 let (file, scene) = (file.display(), scene.display());
                 format!(
@@ -222,6 +260,7 @@ impl WorkflowError {
             ),
             Self::Checkpoint(error) => error.to_string(),
             Self::Unsuited(unsuited) => unsuited.text(named),
+            Self::InFrame { error, .. } => format!("{}{}", error.text(named), self.place()),
             Self::Interrupted => "no output was written".to_owned(),
         };
         printable_message(&text)
@@ -274,8 +313,54 @@ impl Unsuited {
                 "{error}, which links have that are kept: leave {} out, or take auto, jacobi, chebyshev, gmres or anderson",
                 named(Parameter::Links, Some("recompute"))
             ),
-            Self::OtherPatches(text) => text.clone(),
+            Self::OtherPatches {
+                file,
+                subdivision,
+                is_whole,
+            } => {
+                let cut = match subdivision {
+                    Subdivision::Uniform(n) => named(Parameter::Subdivide, Some(&n.to_string())),
+                    Subdivision::MaxEdge(length) => named(Parameter::MaxEdge, Some(&format!("{length:?}"))),
+                };
+                let without = if *is_whole {
+                    format!(" without {}", named(Parameter::CutAtWalls, Some("false")))
+                } else {
+                    String::new()
+                };
+                format!(
+                    "{} is for {cut}{without}; leave the flags out, or compute other form factors",
+                    file.display()
+                )
+            }
+            Self::NoFrame => "there is no frame".to_owned(),
+            Self::UnfoldedCamera => format!(
+                "{} goes with {} alone",
+                named(Parameter::Camera, Some("unfolded")),
+                name(Parameter::Width)
+            ),
+            Self::LookAtEye => format!(
+                "the camera looks at the point where it stands: give {} and {} two points",
+                name(Parameter::Eye),
+                name(Parameter::LookAt)
+            ),
+            Self::UpAlongView => format!(
+                "{} is zero or parallel to the view: give a direction that is up in the image",
+                name(Parameter::Up)
+            ),
+            Self::ImageSize(width, height) => format!(
+                "a picture of {width} × {height} pixels, in the proportion of the camera: its sides are {} to {} pixels; give {} and {}",
+                IMAGE_SIDES.start(),
+                IMAGE_SIDES.end(),
+                name(Parameter::Width),
+                name(Parameter::Height)
+            ),
         }
+    }
+}
+
+impl From<Unsuited> for WorkflowError {
+    fn from(unsuited: Unsuited) -> Self {
+        Self::Unsuited(unsuited)
     }
 }
 

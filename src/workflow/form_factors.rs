@@ -2,8 +2,6 @@
 
 use std::time::{Duration, Instant};
 
-use serde_json::json;
-
 use super::repair::repair_kind;
 use super::storage::{self, MatrixDemand};
 use super::{Context, Model, Parameter, Storage, Unsuited, Warning, WorkflowError};
@@ -311,7 +309,7 @@ impl Model {
         };
         cx.note_forecast(forecast);
         cx.deadline = Some(end);
-        cx.set("time_limit_s", limit.as_secs_f64());
+        cx.settings.time_limit_s = Some(limit.as_secs_f64());
         self.plan.decide(
             "method",
             choice.method,
@@ -346,8 +344,8 @@ fn warn_above_tolerance(scene: &Scene, result: &Computed, tolerance: Parameter, 
             tolerance,
         });
     }
-    if let Some(text) = pairs.doubted(scene) {
-        cx.warn(Warning::Rounded { text, tolerance });
+    if let Some(doubt) = pairs.doubted(scene) {
+        cx.warn(Warning::Rounded { doubt, tolerance });
     }
 }
 
@@ -376,6 +374,27 @@ impl super::Memory {
 }
 
 impl FormFactorRequest {
+    /// Notes the settings that the method has a use for.
+    fn note_settings(&self, entry: &MethodEntry, settings: &MethodSettings, cx: &mut Context) {
+        let count = |n: std::num::NonZeroUsize| n.get() as u64;
+        let noted = &mut cx.settings;
+        noted.method = Some(entry.name.to_owned());
+        noted.seed = Some(settings.seed);
+        noted.rays = settings.rays.or(noted.rays);
+        noted.points = settings.points.map(count).or(noted.points);
+        noted.resolution = settings.resolution.map(count).or(noted.resolution);
+        noted.sequence = settings.sequence.or(noted.sequence);
+        let tolerance = match self.tolerance_parameter {
+            Parameter::FormFactorTolerance => &mut noted.form_factor_tolerance,
+            _ => &mut noted.tolerance,
+        };
+        *tolerance = settings.tolerance.or(*tolerance);
+        noted.budget = settings.budget.map(count).or(noted.budget);
+        if entry.settings.contains(&Setting::Normalise) {
+            noted.normalise = Some(settings.normalise);
+        }
+    }
+
     fn tolerance_for(&self, entry: &MethodEntry) -> Option<f64> {
         let has_one = entry.settings.iter().any(|s| matches!(s, Setting::Tolerance(_)));
         let default = has_one.then_some(self.default_tolerance);
@@ -394,37 +413,19 @@ impl FormFactorRequest {
             ..*given
         });
         let settings = settings.map_err(|error| match error {
-            // Where the solver has a tolerance too, the flag has a longer name.
+            // Where the solver has a tolerance too, this one has a longer name.
             FormFactorError::UnusedSetting {
-                flag: "--tolerance",
+                parameter: Parameter::Tolerance,
                 method,
                 used_by,
-            } if self.tolerance_parameter == Parameter::FormFactorTolerance => FormFactorError::UnusedSetting {
-                flag: "--form-factor-tolerance",
+            } => FormFactorError::UnusedSetting {
+                parameter: self.tolerance_parameter,
                 method,
                 used_by,
             },
             other => other,
         })?;
-        cx.set("method", entry.name);
-        cx.set("seed", settings.seed);
-        let name_of_tolerance = self.tolerance_parameter.name();
-        let known = [
-            ("rays", settings.rays.map(|n| json!(n))),
-            ("points", settings.points.map(|n| json!(n))),
-            ("resolution", settings.resolution.map(|n| json!(n))),
-            ("sequence", settings.sequence.map(|sequence| json!(sequence))),
-            (name_of_tolerance, settings.tolerance.map(|tolerance| json!(tolerance))),
-            ("budget", settings.budget.map(|n| json!(n))),
-        ];
-        for (name, value) in known {
-            if let Some(value) = value {
-                cx.set(name, value);
-            }
-        }
-        if entry.settings.contains(&Setting::Normalise) {
-            cx.set("normalise", settings.normalise);
-        }
+        self.note_settings(entry, &settings, cx);
         let by_rows = entry.by_rows() || settings.normalise;
         // From one and two points a side, errors are stated of patches that no ray hit, too.
         let is_sparse = settings.points.is_none_or(|points| points.get() > 2);

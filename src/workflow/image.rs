@@ -3,13 +3,12 @@
 use std::path::Path;
 
 use serde::Deserialize as _;
-use serde_json::json;
 use sha2::{Digest as _, Sha256};
 
 use super::{Context, Memory, Warning, WorkflowError};
 use crate::audit;
 use crate::mesh::Subdivision;
-use crate::render::display::Watcher;
+use crate::render::display::{TevDisplay, Unwatched, Watcher};
 use crate::render::{
     Attributes, CameraRecord, GatherReport, Image, RenderInput, RenderSettings, View, ViewDescription, exr, png,
     render_watched,
@@ -117,7 +116,13 @@ pub fn render_to_files(
     cx.audited(audit::picture(&image));
     warn_if_blank(&image, view, request.camera, cx);
     let offset = input.visibility.offset();
-    let mut attributes = Attributes::new(input.scene, view.description(), settings, offset, json!(cx.settings));
+    let mut attributes = Attributes::new(
+        input.scene,
+        view.description(),
+        settings,
+        offset,
+        cx.settings.record().into(),
+    );
     attributes.pixels = file.pixels;
     cx.time("write", || {
         exr::write_parts(output, &image, &attributes, file.parts)?;
@@ -127,6 +132,41 @@ pub fn render_to_files(
         kept.keep(cx, output, preview);
     }
     Ok(image)
+}
+
+/// Does as [`render_to_files`], while the viewer tev at `address`, if there is one, shows the image.
+///
+/// # Errors
+/// As [`render_to_files`]; a viewer that is not there, or goes away, is a warning.
+pub fn render_shown(
+    input: &RenderInput<'_>,
+    request: &ImageRequest<'_>,
+    address: Option<&str>,
+    cx: &mut Context,
+) -> Result<Image, WorkflowError> {
+    let viewer = address.and_then(|address| connect(address, request, cx));
+    let watcher: &dyn Watcher = viewer.as_ref().map_or(&Unwatched, |tev| tev);
+    let image = render_to_files(input, request, watcher, cx)?;
+    if viewer.is_some_and(|tev| !tev.is_connected()) {
+        cx.warn(Warning::ViewerGone);
+    }
+    Ok(image)
+}
+
+/// Opens an image in a viewer; without one there is a warning, and nothing to watch.
+fn connect(address: &str, request: &ImageRequest<'_>, cx: &Context) -> Option<TevDisplay> {
+    let name = request.output.file_name().unwrap_or_default().to_string_lossy();
+    let (width, height) = request.view.size();
+    match TevDisplay::connect(address, &name, width, height) {
+        Ok(viewer) => Some(viewer),
+        Err(error) => {
+            cx.warn(Warning::NoViewer {
+                address: address.to_owned(),
+                reason: error.to_string(),
+            });
+            None
+        }
+    }
 }
 
 /// Returns what final gather took, and warns of pixels that stay above the noise.
@@ -185,7 +225,7 @@ impl KeptImage {
         }
         let mut hasher = Sha256::new();
         hasher.update(input.fingerprint(view, settings));
-        hasher.update(format!("{file:?} {:?}", cx.settings));
+        hasher.update(format!("{file:?} {:?}", cx.settings.record()));
         let key: [u8; 32] = hasher.finalize().into();
         let [a, b, c, d, ..] = key;
         Some(Self {

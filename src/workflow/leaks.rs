@@ -20,6 +20,7 @@ pub struct Leaks {
 
 /// What leaks through the patches of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct Leak {
     /// The patches that contact edges cross.
     pub n_patches: usize,
@@ -32,6 +33,7 @@ pub struct Leak {
 
 /// An amount that leaks, with its error.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(untagged)]
 pub enum Amount {
     /// A power, W.
@@ -111,7 +113,7 @@ impl Context {
                 unit,
                 relative: leak.relative,
                 whole,
-                is_from_file: self.settings.contains_key("form_factors"),
+                is_from_file: self.settings.form_factors.is_some(),
             });
         }
     }

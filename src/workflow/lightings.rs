@@ -3,8 +3,8 @@
 use std::ops::Range;
 use std::path::PathBuf;
 
-use super::{Context, Model};
-use crate::matrix::operator::Block;
+use super::{Context, FormFactorStudy, Model, SolutionStudy, SolveRequest, TotalError, WorkflowError};
+use crate::matrix::operator::{Block, LinearOperator};
 use crate::mesh::Patch;
 use crate::scene::Lighting;
 use crate::solver::{ChannelQuality, Coarsened, Solution};
@@ -102,6 +102,66 @@ impl Stack {
             channels,
             ..all.clone()
         }
+    }
+}
+
+/// The light of one lighting among several.
+#[derive(Debug)]
+pub struct LightingStudy {
+    /// Its number.
+    pub number: usize,
+    /// ρ of each patch, \[n, c\].
+    pub reflectance: Block,
+    /// E of each patch, W·m⁻², \[n, c\].
+    pub exitance: Block,
+    /// The solution, with its errors.
+    pub study: SolutionStudy,
+}
+
+impl Model {
+    /// Solves for lightings, each of a file, all together; `each` takes their light one by one. Returns the solution of all, and the worst that solver and form factors say of the error of one.
+    ///
+    /// # Errors
+    /// As [`solve_system`](Self::solve_system), and those of `each`.
+    pub fn solve_lightings(
+        &mut self,
+        factors: &FormFactorStudy,
+        (lightings, files): (&[Option<Lighting>], &[Option<PathBuf>]),
+        request: &SolveRequest,
+        cx: &mut Context,
+        mut each: impl FnMut(&Self, LightingStudy, &Context) -> Result<(), WorkflowError>,
+    ) -> Result<(Solution, TotalError), WorkflowError> {
+        let stack = Stack::new(self, lightings);
+        stack.announce(self, files, cx);
+        let blocks = (stack.reflectance.clone(), stack.exitance.clone());
+        let areas = factors.factors.areas().to_vec();
+        let system = (&factors.factors as &dyn LinearOperator, areas);
+        let solution = self.solve_system(system, request, blocks, factors.known(), cx)?;
+        let coarse = self.coarsened(factors, &stack.reflectance, &solution, cx)?;
+        let mut worst = TotalError::Relative(0.0);
+        for number in 0..lightings.len() {
+            let (reflectance, exitance) = stack.materials(number);
+            let own = stack.solution(number, &solution);
+            let carried = factors.carried_error((&reflectance, &exitance), &own, cx)?;
+            let coarse = coarse.as_ref().map(|coarse| stack.coarsened(number, coarse));
+            let mesh_error = self.mesh_error(coarse.as_ref(), (&exitance, &own), cx);
+            let error = TotalError::of(self, carried.as_ref(), &own, cx);
+            worst = worst.or_worse(error);
+            let study = SolutionStudy {
+                solution: own,
+                carried,
+                error,
+                mesh_error,
+            };
+            let lit = LightingStudy {
+                number,
+                reflectance,
+                exitance,
+                study,
+            };
+            each(self, lit, cx)?;
+        }
+        Ok((solution, worst))
     }
 }
 

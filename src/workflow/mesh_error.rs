@@ -17,6 +17,7 @@ const MUCH: f64 = 0.5;
 
 /// How a solution would change with about a quarter of the patches.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct MeshError {
     /// The patches of the coarser mesh.
     pub n_patches: usize,

@@ -6,41 +6,57 @@
 
 mod context;
 mod error;
+mod field;
 mod form_factors;
 mod image;
+mod image_light;
 mod leaks;
 mod lightings;
 mod mesh_error;
 mod model;
 mod on_the_fly;
-mod parameter;
 mod repair;
 mod reuse;
+mod sequence;
+mod settings;
 mod solve;
 mod storage;
+mod surfaces;
 mod total_error;
+mod view;
 mod voxel;
+mod voxel_image;
 mod voxel_links;
 mod warning;
 mod warning_text;
 
 pub use context::{Context, Demand, Watch};
 pub use error::{Unsuited, WorkflowError};
+pub use field::FieldRequest;
 pub use form_factors::{Afterwards, Balance, DEFAULT_RAYS, FormFactorRequest, FormFactorStudy, Raw};
 pub use image::{
-    IMAGE_RAYS, IMAGE_TOLERANCE, ImageFile, ImageRequest, gathered, image_byte, image_patches, render_to_files,
-    warn_if_blank,
+    IMAGE_RAYS, IMAGE_TOLERANCE, ImageFile, ImageRequest, gathered, image_byte, image_patches, render_shown,
+    render_to_files, warn_if_blank,
 };
+pub use image_light::{ImageLight, NO_SOLVER};
 pub use leaks::{Amount, Leak, Leaks};
-pub use lightings::Stack;
+pub use lightings::{LightingStudy, Stack};
 pub use mesh_error::MeshError;
 pub use model::{Model, Use, expect_room, load};
 pub use on_the_fly::indirect_irradiance;
-pub use parameter::{Named, Parameter};
 pub use reuse::mesh_options;
+pub use sequence::{
+    Frame, FrameDefaults, FrameStudy, PoseStudy, Sequence, SequenceObserver, SequenceRequest, with_suffix,
+};
+pub use settings::{Balanced, Settings, StatedClosure, VarianceRepair};
 pub use solve::{Known, SolutionStudy, SolveRequest, go_on};
 pub use storage::{ChosenStorage, MatrixDemand, Memory, Storage, choice_text, choose_storage, place_text};
+pub use surfaces::SurfaceTable;
 pub use total_error::TotalError;
+pub use view::{CameraChoice, CameraOrigin, ImageView, ViewRequest};
 pub use voxel::{LinkFigures, VoxelLight, VoxelRequest, VoxelResult, VoxelStudy};
+pub use voxel_image::{VoxelImageRequest, voxel_patches};
 pub use voxel_links::{LinkPlace, VoxelRemedy};
 pub use warning::Warning;
+
+pub use crate::parameter::{Named, Parameter};

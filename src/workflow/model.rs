@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{Context, Memory, Warning, WorkflowError};
+use super::{Context, Memory, Parameter, Warning, WorkflowError};
 use crate::form_factor::Input;
 use crate::matrix::operator::Block;
 use crate::mesh::{ContactEdges, Mesh, MeshOptions, Patch};
@@ -160,7 +160,7 @@ impl Model {
             });
         }
         if patches_for != Use::Nothing {
-            model.note_cut_faces();
+            model.note_cut_faces(cx);
         }
         if patches_for == Use::Light {
             cx.find_leaks(&model);
@@ -251,7 +251,7 @@ impl Model {
             mesh: cut_anew.unwrap_or(mesh),
             visibility,
         };
-        moved.note_cut_faces();
+        moved.note_cut_faces(cx);
         cx.find_leaks(&moved);
         Ok(moved)
     }
@@ -290,9 +290,10 @@ impl Model {
         }
     }
 
-    fn note_cut_faces(&mut self) {
+    fn note_cut_faces(&mut self, cx: &Context) {
+        let whole = (cx.naming)(Parameter::CutAtWalls, Some("false"));
         self.plan
-            .note_cut_faces(self.mesh.n_cut_faces(), self.options.cut_at_walls);
+            .note_cut_faces(self.mesh.n_cut_faces(), self.options.cut_at_walls, &whole);
     }
 
     /// Returns what form-factor methods look at.

@@ -52,7 +52,7 @@ impl Model {
             return unsuited(Unsuited::UnstoredTimeLimit);
         }
         let method = request.chosen(cx)?.method;
-        cx.set("on_the_fly", true);
+        cx.settings.on_the_fly = Some(true);
         // There are no tallies: every pass counts its own rays.
         let closed_rows = self.enclosed(&[], request.closure, cx)?.rows;
         let (reflectance, exitance) = self.materials();

@@ -1,11 +1,11 @@
 //! What is done to form factors before they are used: which rows sum to 1, the repair, the checks.
 
-use serde_json::json;
-
 use super::form_factors::{Balance, FormFactorRequest, FormFactorStudy, Raw};
+use super::settings::{Balanced, StatedClosure, VarianceRepair};
 use super::{Context, Model, Warning, WorkflowError};
 use crate::audit::{self, Claims, Repair};
 use crate::form_factor::{self, Closure, Enclosed};
+use crate::geometry::sampling::Sequence;
 use crate::matrix::{BalanceReport, Closed, FormFactors, Need, RepairKind, RowTally, Sampling};
 use crate::progress::Forecast;
 
@@ -34,14 +34,14 @@ impl Context {
 
     /// Tells whether a method between pairs may ask rays; form factors from a file have no method among the settings, and ask none.
     fn may_ask_rays(&self) -> bool {
-        self.settings.get("method").is_some_and(|name| name != "exact")
+        self.settings.method.as_ref().is_some_and(|name| name != "exact")
     }
 
     /// Tells whether rows are shot by low-discrepancy points.
     pub(super) fn is_net(&self) -> bool {
-        let of_file = || self.settings.get("form_factors")?.get("sequence");
-        let sequence = self.settings.get("sequence");
-        sequence.or_else(of_file).is_some_and(|name| name == "sobol")
+        let of_file = || Some(self.settings.form_factors.as_ref()?.get("sequence")? == "sobol");
+        let own = self.settings.sequence.map(|sequence| sequence == Sequence::Sobol);
+        own.or_else(of_file).unwrap_or(false)
     }
 }
 
@@ -72,14 +72,11 @@ impl Model {
         };
         let kind = repair_kind(asked, need, sampling);
         let wanted = matches!(kind, RepairKind::Closed | RepairKind::Rescaled);
-        cx.set(
-            "balance",
-            match kind {
-                RepairKind::Closed => json!("closure"),
-                RepairKind::Pooled => json!("pooled"),
-                RepairKind::Rescaled | RepairKind::Nothing => json!(wanted),
-            },
-        );
+        cx.settings.balance = Some(match kind {
+            RepairKind::Closed => Balanced::ByVariance(VarianceRepair::Closure),
+            RepairKind::Pooled => Balanced::ByVariance(VarianceRepair::Pooled),
+            RepairKind::Rescaled | RepairKind::Nothing => Balanced::Rescaled(wanted),
+        });
         let claims = |repair| Claims {
             closed: Closed::Where(closed_rows),
             may_escape: &enclosed.may_escape,
@@ -115,7 +112,7 @@ impl Model {
         };
         let (factors, balance) = self.mended(raw, kind, asked, (closed_rows, &doubted), cx)?;
         if let Some(report) = balance.filter(|report| !report.converged) {
-            cx.set("balance_converged", false);
+            cx.settings.balance_converged = Some(false);
             cx.warn(Warning::NotBalanced {
                 row_error_max: report.row_error_max,
                 n_passes: report.n_passes,
@@ -227,11 +224,11 @@ impl Model {
         match closure {
             Closure::Detect => {}
             Closure::Closed => {
-                cx.set("closure", "closed");
+                cx.settings.closure = Some(StatedClosure::Closed);
                 self.plan.revise("closure", "closed", "as asked for");
             }
             Closure::Open => {
-                cx.set("closure", "open");
+                cx.settings.closure = Some(StatedClosure::Open);
                 self.plan.revise("closure", "open", "as asked for");
             }
         }

@@ -29,15 +29,11 @@ pub fn mesh_options(
     if subdivision.is_none_or(|asked| asked == options.subdivision) && !(is_whole && options.cut_at_walls) {
         return Ok(options);
     }
-    let flags = match options.subdivision {
-        Subdivision::Uniform(n) => format!("--subdivide {n}"),
-        Subdivision::MaxEdge(length) => format!("--max-edge {length:?}"),
-    };
-    let without = if is_whole { " without --no-cut" } else { "" };
-    Err(WorkflowError::Unsuited(Unsuited::OtherPatches(format!(
-        "{} is for {flags}{without}; leave the flags out, or compute other form factors",
-        file.path().display()
-    ))))
+    Err(WorkflowError::Unsuited(Unsuited::OtherPatches {
+        file: file.path().to_owned(),
+        subdivision: options.subdivision,
+        is_whole,
+    }))
 }
 
 impl Model {
@@ -89,10 +85,10 @@ impl Model {
         if !description.tolerance_met && (rounded.is_none() || spent_budget(description.pairs)) {
             cx.warn(Warning::FileAboveTolerance { file: path() });
         }
-        if let Some(text) = rounded {
-            cx.warn(Warning::FileRounded { file: path(), text });
+        if let Some(doubt) = rounded {
+            cx.warn(Warning::FileRounded { file: path(), doubt });
         }
-        cx.set("form_factors", Value::Object(description.settings.clone()));
+        cx.settings.form_factors = Some(description.settings.clone());
         self.plan
             .left_out
             .push("computing form factors: they are read from a file".into());

@@ -1,10 +1,9 @@
 //! Solutions of the radiosity system, with all that is known of their error.
 
+use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
-
-use serde_json::{Value, json};
 
 use super::mesh_error::MeshError;
 use super::total_error::TotalError;
@@ -16,6 +15,7 @@ use crate::matrix::{Need, Precision};
 use crate::mesh::{Hierarchy, Mesh};
 use crate::plan::Plan;
 use crate::progress::Progress;
+use crate::report::solution::SolutionReport;
 use crate::scene::{Scene, SurfaceId};
 use crate::solver::registry::{self, Setting, SolverEntry};
 use crate::solver::{
@@ -144,24 +144,22 @@ impl SolveRequest {
     }
 
     fn note_settings(&self, entry: &SolverEntry, cx: &mut Context) {
-        cx.set("solver", entry.name);
-        cx.set("tolerance", self.tolerance);
-        cx.set("max_passes", self.max_passes);
-        cx.set("start", json!(self.start));
-        let given = &self.settings;
-        for (name, value) in [
-            ("omega", given.omega.map(Value::from)),
-            ("bounds", given.bounds.map(|bounds| json!(bounds_name(bounds)))),
-            ("restart", given.restart.map(|n| Value::from(n.get()))),
-            ("depth", given.depth.map(|n| Value::from(n.get()))),
-            ("deflation", given.deflation.map(|deflation| json!(deflation))),
-            ("steps_per_pass", given.steps_per_pass.map(|n| Value::from(n.get()))),
-            ("display_ambient", given.display.then_some(Value::Bool(true))),
-        ] {
-            if let Some(value) = value {
-                cx.set(name, value);
-            }
-        }
+        let count = |n: NonZeroUsize| n.get() as u64;
+        let (given, noted) = (&self.settings, &mut cx.settings);
+        noted.solver = Some(entry.name.to_owned());
+        noted.tolerance = Some(self.tolerance);
+        noted.max_passes = Some(self.max_passes as u64);
+        noted.start = Some(self.start);
+        noted.omega = given.omega.or(noted.omega);
+        noted.bounds = given
+            .bounds
+            .map(|bounds| bounds_name(bounds).to_owned())
+            .or(noted.bounds.take());
+        noted.restart = given.restart.map(count).or(noted.restart);
+        noted.depth = given.depth.map(count).or(noted.depth);
+        noted.deflation = given.deflation.or(noted.deflation);
+        noted.steps_per_pass = given.steps_per_pass.map(count).or(noted.steps_per_pass);
+        noted.display_ambient = given.display.then_some(true).or(noted.display_ambient);
     }
 }
 
@@ -221,6 +219,32 @@ impl Model {
             carried,
             mesh_error,
         })
+    }
+
+    /// Writes a solution for `reflectance` and `exitance`, ρ and E, to a file, with the row sums of its form factors where these are stored.
+    ///
+    /// # Errors
+    /// [`WorkflowError::Report`].
+    pub fn write_solution(
+        &self,
+        path: &Path,
+        factors: Option<&FormFactorStudy>,
+        (reflectance, exitance): (&Block, &Block),
+        study: &SolutionStudy,
+        cx: &Context,
+    ) -> Result<(), WorkflowError> {
+        let row_sums = factors.map(|factors| factors.factors.row_sums());
+        let report = SolutionReport {
+            scene: &self.scene,
+            mesh: &self.mesh,
+            reflectance,
+            exitance,
+            solution: &study.solution,
+            error: study.carried.as_ref(),
+            row_sums: row_sums.as_deref(),
+            settings: &cx.settings.record(),
+        };
+        Ok(report.write(path)?)
     }
 
     /// Says of a system without a finite solution which surface of which file it is about, and what helps; `surface` is that of an unknown.

@@ -217,7 +217,7 @@ pub(super) fn open_checkpoint(cx: &mut Context, model: &Model) -> Result<(), Wor
     let mut key = Sha256::new();
     key.update(geometry);
     key.update(env!("CARGO_PKG_VERSION"));
-    for (name, value) in &cx.settings {
+    for (name, value) in cx.settings.record() {
         key.update(format!("{name}={value};"));
     }
     cx.open_checkpoint(&path, &key.finalize().into())

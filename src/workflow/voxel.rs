@@ -2,8 +2,6 @@
 
 use std::path::PathBuf;
 
-use serde_json::json;
-
 use super::voxel_links::{self, LinkPlace};
 use super::{Context, Model, Unsuited, Warning, WorkflowError, go_on};
 use crate::audit::{self, Given};
@@ -244,9 +242,9 @@ impl Model {
         settings: &AdaptiveSettings,
         cx: &mut Context,
     ) -> Result<(Lit, LinkFigures), WorkflowError> {
-        cx.set("adaptive", settings.tolerance);
-        cx.set("coarsest", settings.coarsest);
-        cx.set("passes", settings.n_passes);
+        cx.settings.adaptive = Some(settings.tolerance);
+        cx.settings.coarsest = Some(settings.coarsest);
+        cx.settings.passes = Some(settings.n_passes as u64);
         let rho = &materials.reflectance;
         let result = {
             let watch = cx.progress();
@@ -288,8 +286,8 @@ impl Model {
         is_costly: bool,
         cx: &mut Context,
     ) -> Result<Lit, WorkflowError> {
-        cx.set("solver", name);
-        cx.set("tolerance", tolerance);
+        cx.settings.solver = Some(name.to_owned());
+        cx.settings.tolerance = Some(tolerance);
         let voxels = operator.scene();
         let rho = materials.reflectance.clone();
         let system = RadiositySystem::new(operator, voxels.areas(), rho, emission.clone())
@@ -412,8 +410,8 @@ fn light_by_propagations(
     (passes, form): (usize, Form),
     cx: &mut Context,
 ) -> Result<Lit, WorkflowError> {
-    cx.set("form", json!(form));
-    cx.set("passes", passes);
+    cx.settings.form = Some(form);
+    cx.settings.passes = Some(passes as u64);
     let rho = &materials.reflectance;
     let result = {
         let watch = cx.progress();
@@ -466,10 +464,11 @@ fn warn_of_leak(voxels: &VoxelScene, leak: &Leak, cx: &Context) {
 
 impl VoxelRequest {
     fn note_settings(&self, cx: &mut Context) {
-        cx.set("voxels", self.n_voxels);
-        cx.set("radius", self.radius);
-        cx.set("exact_solid_angles", self.solid_angle == SolidAngle::Exact);
-        cx.set("unnormalised", self.row_weights == RowWeights::Plain);
-        cx.set("plain_emission", self.plain_emission);
+        let settings = &mut cx.settings;
+        settings.voxels = Some(self.n_voxels);
+        settings.radius = Some(self.radius);
+        settings.exact_solid_angles = Some(self.solid_angle == SolidAngle::Exact);
+        settings.unnormalised = Some(self.row_weights == RowWeights::Plain);
+        settings.plain_emission = Some(self.plain_emission);
     }
 }

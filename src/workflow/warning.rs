@@ -3,6 +3,8 @@
 use std::path::PathBuf;
 
 use super::Parameter;
+use crate::audit::Check;
+use crate::form_factor::RoundingDoubt;
 use crate::progress::Forecast;
 use crate::scene::SceneWarning;
 use crate::solver::StopReason;
@@ -130,8 +132,8 @@ pub enum Warning {
     },
     /// Rounded coordinates leave pairs in doubt above the tolerance.
     Rounded {
-        /// What leaves how many of them in doubt, and by how much.
-        text: String,
+        /// How many, by how much, and why.
+        doubt: RoundingDoubt,
         /// What sets the tolerance.
         tolerance: Parameter,
     },
@@ -144,11 +146,23 @@ pub enum Warning {
     FileRounded {
         /// The file.
         file: PathBuf,
-        /// What leaves how many pairs in doubt, and by how much.
-        text: String,
+        /// How many pairs, by how much, and why.
+        doubt: RoundingDoubt,
     },
-    /// The checkpoint could not be written to its end, or removed.
-    Checkpoint(String),
+    /// The checkpoint could not be written to its end.
+    CheckpointIncomplete {
+        /// The file.
+        file: PathBuf,
+        /// Why.
+        reason: String,
+    },
+    /// The checkpoint of work that is done could not be removed.
+    CheckpointLeft {
+        /// The file.
+        file: PathBuf,
+        /// Why.
+        reason: String,
+    },
     /// Rays met no front in rows that are known to sum to 1.
     SlippedRays {
         /// How many.
@@ -177,7 +191,7 @@ pub enum Warning {
         n_passes: usize,
     },
     /// A conservation check fails.
-    BrokenLaw(String),
+    BrokenLaw(Check),
     /// Form factors kept in f32 change radiosities.
     RoundedToF32 {
         /// By this part of themselves.
@@ -285,6 +299,15 @@ pub enum Warning {
         /// What the camera is.
         camera: String,
     },
+    /// No viewer listens where one is to show an image.
+    NoViewer {
+        /// Where.
+        address: String,
+        /// Why it cannot be reached.
+        reason: String,
+    },
+    /// The viewer that showed an image has gone.
+    ViewerGone,
     /// What a program has to say itself.
     Other(String),
 }

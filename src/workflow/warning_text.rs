@@ -3,7 +3,7 @@
 use std::fmt::{self, Write as _};
 
 use super::Warning;
-use super::parameter::{Named, Parameter, plainly};
+use crate::parameter::{Named, Parameter, plainly};
 use crate::printable::{counted, printable, short};
 use crate::progress::Forecast;
 use crate::voxel::MAX_VOXELS;
@@ -87,7 +87,19 @@ impl Warning {
                 name(Parameter::LookAt),
                 name(Parameter::Flip)
             ),
-            Self::Checkpoint(text) | Self::Other(text) => text.clone(),
+            Self::Other(text) => text.clone(),
+            Self::CheckpointIncomplete { file, reason } => format!(
+                "{}: the checkpoint could not be written to its end: {reason}; the work itself went on",
+                file.display()
+            ),
+            Self::CheckpointLeft { file, reason } => {
+                format!("{}: the checkpoint cannot be used: {reason}", file.display())
+            }
+            Self::NoViewer { address, reason } => format!(
+                "no viewer at {address} ({reason}); start tev there, or leave out {}",
+                name(Parameter::Display)
+            ),
+            Self::ViewerGone => "the viewer stopped taking pixels; the picture is whole all the same".to_owned(),
             Self::BrokenLaw(check) => format!("conservation check: {check}"),
             Self::NoErrorOnTheFly => format!(
                 "form factors that are not kept state no error: how far theirs shows in the light is not known; leave {} out to know it",
@@ -252,14 +264,14 @@ impl Warning {
                 name(Parameter::Budget),
                 name(*tolerance)
             ),
-            Self::Rounded { text, tolerance } => format!("{text}, or a greater {}", name(*tolerance)),
+            Self::Rounded { doubt, tolerance } => format!("{doubt}, or a greater {}", name(*tolerance)),
             Self::FileAboveTolerance { file } => format!(
                 "{}: these form factors spent their budget above their tolerance; compute them again with a greater {} or {}",
                 file.display(),
                 name(Parameter::Budget),
                 name(Parameter::Tolerance)
             ),
-            Self::FileRounded { file, text } => format!("{}: {text}", file.display()),
+            Self::FileRounded { file, doubt } => format!("{}: {doubt}", file.display()),
             Self::SlippedRays { n_lost, n_rays } => format!(
                 "{n_lost} of {n_rays} rays slipped out of a closed scene, or behind its faces where two of them touch; the row sums show what that amounts to"
             ),

@@ -31,8 +31,8 @@ fn solve_within(subdivide: &str, limit: &str, limit_byte: u64) {
     let (little, on_disk) = solve(limit);
     assert_eq!(plenty["form_factors"]["storage"]["place"], "memory");
     assert_eq!(little["form_factors"]["storage"]["place"], "disk");
-    let stored = little["form_factors"]["stored_byte"].as_u64().unwrap();
-    let peak = little["memory_peak_byte"].as_u64().unwrap();
+    let stored = little["form_factors"]["stored_bytes"].as_u64().unwrap();
+    let peak = little["memory_peak_bytes"].as_u64().unwrap();
     assert!(peak <= limit_byte, "{peak} bytes of {limit_byte}");
     assert!(
         peak < stored,
@@ -115,7 +115,7 @@ fn the_peak_stays_below_the_limit() {
             .chain(["--threads", "2", "--memory-limit", &limit_text])
             .collect();
         let (code, result) = document(directory.path(), &words);
-        let peak = result["memory_peak_byte"].as_u64().unwrap_or(u64::MAX);
+        let peak = result["memory_peak_bytes"].as_u64().unwrap_or(u64::MAX);
         let found = if line.starts_with("form-factors") {
             &result["storage"]["place"]
         } else {
@@ -155,7 +155,7 @@ fn voxels_and_their_links_stay_below_the_limit() {
             .chain(["--explain", "--threads", "2", "--memory-limit", &limit_text])
             .collect();
         let (code, result) = document(directory.path(), &words);
-        let peak = result["memory_peak_byte"].as_u64().unwrap_or(u64::MAX);
+        let peak = result["memory_peak_bytes"].as_u64().unwrap_or(u64::MAX);
         let decisions = result["decisions"].as_array().cloned().unwrap_or_default();
         let found = decisions.iter().find(|decision| decision["subject"] == "links");
         let found = found.map_or(&serde_json::Value::Null, |decision| &decision["choice"]);
@@ -215,7 +215,7 @@ fn a_scene_is_read_within_the_limit_or_not_at_all() {
         ];
         let (code, result) = document(directory.path(), &words);
         if code == 0 {
-            let peak = result["memory_peak_byte"].as_u64().unwrap();
+            let peak = result["memory_peak_bytes"].as_u64().unwrap();
             assert!(peak <= limit << 20, "{limit} MiB: {} KiB", peak >> 10);
             n_done += 1;
         } else {

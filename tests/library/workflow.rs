@@ -3,7 +3,7 @@
 use std::sync::Mutex;
 use std::sync::{Arc, PoisonError};
 
-use radiosity::matrix::{Need, Precision};
+use radiosity::matrix::{DiskError, Need, Precision};
 use radiosity::mesh::{MeshOptions, Subdivision};
 use radiosity::scene::{Material, Scene, SceneBuilder, builtin};
 use radiosity::workflow::{
@@ -100,6 +100,79 @@ fn warnings_are_told_and_name_parameters() {
     let mut silent = Context::default();
     model(squares(false), Subdivision::Uniform(1), &mut silent);
     assert!(silent.warnings().is_empty());
+}
+
+/// Returns a parameter so that nothing else looks like it.
+fn marked(parameter: Parameter, value: Option<&str>) -> String {
+    format!("<{}|{}>", parameter.name(), value.unwrap_or_default())
+}
+
+/// What the steps below studies refuse names parameters too: as they are called in the library, or as a program writes them.
+#[test]
+fn refusals_of_every_step_name_parameters() {
+    let room = |options: MeshOptions| Model::new(room_box(), "here", options, Use::Light, &mut Context::default());
+    let forms = |request: &FormFactorRequest| {
+        let mut cx = Context::default();
+        let factors = model(room_box(), Subdivision::Uniform(1), &mut cx);
+        { factors }
+            .form_factors(request, Need::AsTheyAre, &mut cx)
+            .err()
+            .unwrap()
+    };
+    let mut unused = FormFactorRequest::default();
+    unused.settings.rays = Some(5);
+    let mut shooting = FormFactorRequest {
+        method: "sr".to_owned(),
+        tolerance_parameter: Parameter::FormFactorTolerance,
+        ..FormFactorRequest::default()
+    };
+    shooting.settings.tolerance = Some(1e-3);
+    let mut omega = SolveRequest::default();
+    omega.settings.omega = Some(1.5);
+    let mut tight = Context::default();
+    tight.memory.limit_byte = Some(1 << 30);
+    tight.memory.storage = Storage::Dense;
+    let mut many = model(room_box(), Subdivision::Uniform(90), &mut tight);
+    let too_many = many.form_factors(&FormFactorRequest::default(), Need::AsTheyAre, &mut tight);
+    let zero = room(Subdivision::Uniform(0).into());
+    let negative = room(Subdivision::MaxEdge(-1.0).into());
+    for (refused, expected) in [
+        (zero.err().unwrap(), "<subdivide|>"),
+        (negative.err().unwrap(), "<max_edge|>"),
+        (forms(&unused), "`<rays|>`"),
+        (forms(&shooting), "`<form_factor_tolerance|>`"),
+        (omega.entry(&Context::default()).err().unwrap(), "<omega|>"),
+        (too_many.err().unwrap(), "<storage|auto>"),
+    ] {
+        let (plain, text) = (refused.to_string(), refused.text(&marked));
+        assert!(!plain.contains("--") && text.contains(expected), "{plain}: {text}");
+    }
+    let directory = std::path::PathBuf::from("there");
+    let disk = DiskError::Damaged {
+        directory,
+        row: 1,
+        column: 2,
+    };
+    let (plain, text) = (disk.to_string(), WorkflowError::from(disk).text(&marked));
+    assert!(
+        plain.ends_with("scratch=DIR") && text.ends_with("<scratch|DIR>"),
+        "{plain}: {text}"
+    );
+}
+
+/// A library outside of the scene's folder is refused by the name of the option that allows it.
+#[test]
+fn libraries_outside_name_the_option_that_allows_them() {
+    let directory = tempfile::tempdir().unwrap();
+    let folder = directory.path().join("scene");
+    std::fs::create_dir(&folder).unwrap();
+    std::fs::write(directory.path().join("a.mtl"), "newmtl a\nKd 0.5 0.5 0.5\n").unwrap();
+    let text = "mtllib ../a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    std::fs::write(folder.join("a.obj"), text).unwrap();
+    let refused = radiosity::scene::load(folder.join("a.obj")).err().unwrap();
+    let (plain, named) = (refused.to_string(), refused.text(&marked));
+    assert!(plain.ends_with("or say allow_outside"), "{plain}");
+    assert!(named.ends_with("or say <allow_outside|>"), "{named}");
 }
 
 #[test]

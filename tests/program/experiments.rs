@@ -84,9 +84,9 @@ fn methods_are_measured_against_the_closed_form() {
             .iter()
             .any(|c| c["on_front_max"] == true)
     );
-    assert_eq!(result["storage"]["dense_byte"], 8 * 24 * 24);
+    assert_eq!(result["storage"]["dense_bytes"], 8 * 24 * 24);
     // One square of 24 × 24.
-    let symmetric = result["storage"]["symmetric_byte"].as_u64().unwrap();
+    let symmetric = result["storage"]["symmetric_bytes"].as_u64().unwrap();
     assert!((4 * 24 * 25..=8 * 24 * 24 + 128).contains(&symmetric), "{symmetric}");
     assert!((result["storage"]["density"].as_f64().unwrap() - 5.0 / 6.0).abs() < 1e-12);
 
@@ -166,8 +166,8 @@ fn storage_changes_no_error() {
         assert!((a.1 - b.1).abs() < 1.2e-7 && a.0 == b.0, "{a:?} {b:?}");
     }
     assert_eq!(
-        2 * narrow_storage["dense_byte"].as_u64().unwrap(),
-        storage["dense_byte"].as_u64().unwrap()
+        2 * narrow_storage["dense_bytes"].as_u64().unwrap(),
+        storage["dense_bytes"].as_u64().unwrap()
     );
     // Scratch files go when they are done with.
     assert!(files(&directory.path().join("scratch")).is_empty());

@@ -14,6 +14,7 @@ mod pages;
 mod pictures;
 #[path = "../support/program.rs"]
 mod program;
+mod schema;
 #[path = "../support/sealed_room.rs"]
 mod sealed_room;
 mod solve;

@@ -221,7 +221,7 @@ fn repeatable(directory: &Path, arguments: &[&str]) -> Value {
     for varying in [
         "stages",
         "total_s",
-        "memory_peak_byte",
+        "memory_peak_bytes",
         "history",
         "settings",
         "left_out",

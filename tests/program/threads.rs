@@ -10,7 +10,7 @@ use crate::program::succeed as run;
 fn without_measurements(value: &mut Value) {
     match value {
         Value::Object(members) => {
-            const MEASURED: [&str; 3] = ["stages", "memory_peak_byte", "machine"];
+            const MEASURED: [&str; 3] = ["stages", "memory_peak_bytes", "machine"];
             members.retain(|name, _| !name.ends_with("_s") && !MEASURED.contains(&name.as_str()));
             members.values_mut().for_each(without_measurements);
         }

@@ -13,7 +13,7 @@ fn document(directory: &Path, arguments: &[&str]) -> (i32, Value) {
 }
 
 fn without_times(mut document: Value) -> Value {
-    for varying in ["stages", "total_s", "memory_peak_byte", "link_byte"] {
+    for varying in ["stages", "total_s", "memory_peak_bytes", "link_bytes"] {
         document.as_object_mut().unwrap().remove(varying);
     }
     document
@@ -27,7 +27,7 @@ fn the_document_says_what_was_done() {
     assert_eq!(code, 0);
     assert_eq!(result["lattice"], serde_json::json!([17, 21, 13]));
     let [n_voxels, n_surfels, n_links, link_byte] =
-        ["n_voxels", "n_surfels", "n_links", "link_byte"].map(|name| result[name].as_u64().unwrap());
+        ["n_voxels", "n_surfels", "n_links", "link_bytes"].map(|name| result[name].as_u64().unwrap());
     assert!(n_voxels <= n_surfels && n_links > 100 * n_surfels && link_byte < 3 * n_links);
     assert_eq!(
         (&result["n_escaped"], &result["n_leaks"]),
@@ -37,7 +37,7 @@ fn the_document_says_what_was_done() {
     let hausdorff = result["hausdorff_distance_voxel"].as_f64().unwrap();
     assert!((0.5..=1.5 + 1e-9).contains(&hausdorff), "{hausdorff}");
     assert_eq!(result["n_directions"], 354);
-    assert!(result["octree_byte"].as_u64().unwrap() > 0);
+    assert!(result["octree_bytes"].as_u64().unwrap() > 0);
     let surfaces = result["surfaces"].as_array().unwrap();
     assert_eq!(surfaces.len(), 12);
     assert_eq!(surfaces[5]["name"], "room_z1");

@@ -1,5 +1,8 @@
 //! One run of the program, as its users and their scripts run it.
 
+#[path = "schema.rs"]
+pub(crate) mod schema;
+
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -21,12 +24,13 @@ pub(crate) fn radiosity(directory: &Path, arguments: &[&str]) -> Output {
     command(directory, arguments).output().unwrap()
 }
 
-/// Runs with `--json` and returns the exit code and the document.
+/// Runs with `--json` and returns the exit code and the document, which has to be as the JSON Schema says.
 #[track_caller]
 pub(crate) fn document(directory: &Path, arguments: &[&str]) -> (i32, Value) {
     let output = radiosity(directory, &[arguments, &["--json"]].concat());
     let text = String::from_utf8(output.stdout).unwrap();
     let value = serde_json::from_str(&text).unwrap_or_else(|e| panic!("{e}: {text}"));
+    schema::check(&value).unwrap_or_else(|error| panic!("{arguments:?}: {error}"));
     (output.status.code().unwrap(), value)
 }
 

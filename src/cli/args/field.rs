@@ -3,14 +3,12 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use serde::Serialize;
 
 use super::byte::parse_byte;
 use super::{CommonArgs, MeshArgs, PictureFileArgs, SequenceName, ViewArgs};
 
 /// How the form factor of a point is found: the methods of `form-factors` that need no patch.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum FieldMethodName {
     /// The exact form factor to the visible part of the surface, by clipping; no rays
     Exact,

@@ -6,7 +6,6 @@ use std::time::Duration;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
-use serde::Serialize;
 
 use super::byte::parse_byte;
 use super::{AuditArgs, CommonArgs, parse_positive, parse_time, parse_up_to};
@@ -15,8 +14,10 @@ use crate::form_factor::{Closure, ExactMethod, MethodSettings};
 use crate::geometry::sampling::Sequence;
 use crate::matrix::Precision;
 use crate::mesh::{MeshOptions, Subdivision};
+use crate::report::form_factors::FormFactorFile;
 use crate::workflow::{
     Afterwards, Balance, DEFAULT_RAYS, FormFactorRequest, IMAGE_RAYS, IMAGE_TOLERANCE, Memory, Parameter, Storage,
+    WorkflowError, mesh_options,
 };
 
 /// How faces are cut into patches.
@@ -56,6 +57,28 @@ impl MeshArgs {
             cut_at_walls: !self.no_cut,
         }
     }
+
+    /// Returns the flags of the patches that a file of form factors is for.
+    ///
+    /// # Errors
+    /// Flags that ask for others.
+    pub fn of_file(self, file: &FormFactorFile) -> Result<Self, WorkflowError> {
+        let default = self.options(Subdivision::Uniform(1));
+        // A flag that is left out asks for nothing.
+        let is_asked = self.subdivide.is_some() || self.max_edge.is_some();
+        let asked = is_asked.then_some(default.subdivision);
+        let options = mesh_options(file, asked, self.no_cut, default)?;
+        let (subdivide, max_edge) = match options.subdivision {
+            Subdivision::Uniform(n) => (Some(n), None),
+            Subdivision::MaxEdge(length) => (None, Some(length)),
+        };
+        Ok(Self {
+            subdivide,
+            max_edge,
+            no_cut: !options.cut_at_walls,
+            cut_at_walls: false,
+        })
+    }
 }
 
 /// Reads the name of a form-factor method; help lists those that the registry has.
@@ -68,8 +91,7 @@ fn method_name() -> impl TypedValueParser<Value = String> {
 }
 
 /// The kinds of numbers that shooting uses.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum SequenceName {
     /// Owen-scrambled Sobol points
     Sobol,
@@ -87,8 +109,7 @@ impl From<SequenceName> for Sequence {
 }
 
 /// Whether form factors are made symmetric and their rows made to sum to what they should.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum BalanceName {
     /// For light: rows of low-discrepancy rays are averaged with their reverse and keep their sums, random rays and noisy pairs get closure, other rows only what the solver needs
     Auto,
@@ -210,8 +231,7 @@ impl ClosureArgs {
 }
 
 /// How form factors are laid out, and where.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ValueEnum)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum StorageName {
     /// In memory if they fit, else on a disk; dense or sparse tile by tile
     #[default]
@@ -227,8 +247,7 @@ pub enum StorageName {
 }
 
 /// How many digits of form factors are kept.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ValueEnum)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum PrecisionName {
     /// f64, or f32 where that keeps a system in memory and suffices for its tolerance
     #[default]

@@ -6,6 +6,7 @@ mod field;
 mod form_factors;
 mod render;
 mod solve;
+mod tables;
 mod voxel;
 
 use std::num::NonZeroUsize;
@@ -25,6 +26,7 @@ pub use form_factors::{
 };
 pub use render::{DirectName, GatherArgs, ImageArgs, PartsName, PictureFileArgs, PixelsName, RenderArgs, ViewArgs};
 pub use solve::{BoundsName, SolveArgs, SolverArgs, StartName};
+pub use tables::parse_tables;
 pub use voxel::{FormName, LinksName, VoxelArgs};
 
 /// Light in diffuse scenes: form factors to high accuracy, radiosity, OpenEXR pictures.

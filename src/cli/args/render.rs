@@ -3,17 +3,17 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use serde::Serialize;
+use glam::DVec3;
 
 use super::{
     AuditArgs, CommonArgs, MeshArgs, MethodArgs, SolverArgs, StorageArgs, parse_angle, parse_positive, parse_vector,
 };
 use crate::render::exr::{Parts, Pixels};
 use crate::scene::IMAGE_SIDES;
+use crate::workflow::{CameraChoice, ViewRequest};
 
 /// The direct pass: light from the emitters, integrated at each pixel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum DirectName {
     /// None: the radiosity of the patches alone, interpolated
     Off,
@@ -91,8 +91,7 @@ pub struct GatherArgs {
 }
 
 /// How numbers are stored in a picture.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ValueEnum)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum PixelsName {
     /// 32-bit floats
     #[default]
@@ -102,8 +101,7 @@ pub enum PixelsName {
 }
 
 /// How the layers of a picture are arranged.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ValueEnum)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum PartsName {
     /// All layers in one part
     #[default]
@@ -199,32 +197,25 @@ impl ImageArgs {
     /// Tells whether any flag about the picture was given.
     #[must_use]
     pub fn is_given(&self) -> bool {
-        let view = &self.view;
-        view.camera.is_some()
-            || view.has_camera_flags()
-            || view.width.is_some()
-            || view.height.is_some()
-            || self.flat
-            || view.samples.is_some()
+        self.view.request() != ViewRequest::default() || self.flat || self.view.samples.is_some()
     }
 }
 
 impl ViewArgs {
-    /// Tells whether the camera is the unfolded view.
+    /// Returns what is asked for.
     #[must_use]
-    pub fn is_unfolded(&self) -> bool {
-        self.camera.as_deref() == Some(Path::new("unfolded"))
-    }
-
-    /// Returns the camera's file, if one is named.
-    #[must_use]
-    pub fn camera_file(&self) -> Option<&Path> {
-        self.camera.as_deref().filter(|_| !self.is_unfolded())
-    }
-
-    /// Tells whether any flag moves or turns the camera.
-    #[must_use]
-    pub fn has_camera_flags(&self) -> bool {
-        self.eye.is_some() || self.look_at.is_some() || self.up.is_some() || self.fov.is_some()
+    pub fn request(&self) -> ViewRequest {
+        ViewRequest {
+            camera: match &self.camera {
+                None => CameraChoice::OfScene,
+                Some(camera) => CameraChoice::of_list(Path::new(""), camera),
+            },
+            eye: self.eye.map(DVec3::from_array),
+            look_at: self.look_at.map(DVec3::from_array),
+            up: self.up.map(DVec3::from_array),
+            fov: self.fov,
+            width: self.width,
+            height: self.height,
+        }
     }
 }

@@ -5,7 +5,6 @@ use std::path::PathBuf;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
-use serde::Serialize;
 
 use super::{AuditArgs, CommonArgs, MeshArgs, MethodArgs, StorageArgs, parse_positive, parse_tolerance};
 use crate::solver::{Deflate, SolverSettings, SpectrumBounds, Start};
@@ -93,8 +92,7 @@ impl SolverArgs {
 }
 
 /// Where Chebyshev's method takes the interval of the eigenvalues from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum BoundsName {
     /// A bound that holds, from reflectances and row sums
     Safe,
@@ -115,8 +113,7 @@ impl From<BoundsName> for SpectrumBounds {
 }
 
 /// Whether Krylov methods deflate the even light of each room.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum DeflationName {
     /// Where the mean reflectance is so high that it saves time
     Auto,
@@ -137,8 +134,7 @@ impl From<DeflationName> for Deflate {
 }
 
 /// The radiosities that a solver starts from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum StartName {
     /// The exitance
     Exitance,

@@ -7,7 +7,8 @@ use clap::{Args, ValueEnum};
 use super::byte::parse_byte;
 use super::solve::solver_name_without_symmetry;
 use super::{AuditArgs, ClosureArgs, CommonArgs, ImageArgs, MeshArgs, parse_positive, parse_tolerance};
-use crate::voxel::Form;
+use crate::voxel::{Form, RowWeights, SolidAngle};
+use crate::workflow::{LinkPlace, VoxelLight, VoxelRequest};
 
 /// What a propagation computes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -117,4 +118,77 @@ pub struct VoxelArgs {
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub common: CommonArgs,
+}
+
+impl VoxelArgs {
+    /// Returns what is asked for; whether the voxels are written, and whether a picture of the patches follows, the output tells.
+    #[must_use]
+    pub fn request(&self, is_written: bool, is_shown: bool) -> VoxelRequest {
+        VoxelRequest {
+            n_voxels: self.voxels,
+            radius: self.radius,
+            solid_angle: if self.exact_solid_angles {
+                SolidAngle::Exact
+            } else {
+                SolidAngle::Centre
+            },
+            row_weights: if self.unnormalised {
+                RowWeights::Plain
+            } else {
+                RowWeights::Normalised
+            },
+            plain_emission: self.plain_emission,
+            light: match (self.adaptive, &self.solver) {
+                (Some(tolerance), _) => VoxelLight::Cells {
+                    passes: self.passes,
+                    tolerance,
+                    coarsest: self.coarsest,
+                },
+                (None, Some(name)) => VoxelLight::Solver {
+                    name: name.clone(),
+                    tolerance: self.tolerance,
+                },
+                (None, None) => VoxelLight::Propagations {
+                    passes: self.passes,
+                    form: self.form.into(),
+                },
+            },
+            links: match self.links {
+                LinksName::Auto => LinkPlace::Auto {
+                    has_file: self.link_file.is_some(),
+                },
+                LinksName::Memory => LinkPlace::Memory,
+                LinksName::Disk => LinkPlace::Disk,
+                LinksName::Recompute => LinkPlace::Recompute,
+            },
+            link_file: self.link_file(),
+            closure: self.closure.closure(),
+            is_written,
+            is_shown,
+        }
+    }
+
+    /// Returns the file of links on disk.
+    #[must_use]
+    pub fn link_file(&self) -> PathBuf {
+        let beside = || self.scene.with_extension("links");
+        self.link_file.clone().unwrap_or_else(beside)
+    }
+
+    /// Refuses flags that do not go together.
+    ///
+    /// # Errors
+    /// What is wrong with them, and what helps.
+    pub fn expect_sensible(&self, is_image: bool) -> Result<(), &'static str> {
+        if !is_image && (self.show_voxels || self.image.is_given()) {
+            return Err("a picture wants a file; add -o IMAGE.exr");
+        }
+        if self.link_file.is_some() && matches!(self.links, LinksName::Memory | LinksName::Recompute) {
+            return Err("--link-file is for links on disk: leave it out, or take --links disk");
+        }
+        if self.image.direct.is_some() || self.image.direct_samples.is_some() {
+            return Err("--direct: voxels show their own light; use `radiosity render` for a direct pass");
+        }
+        Ok(())
+    }
 }

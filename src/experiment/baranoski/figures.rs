@@ -18,6 +18,7 @@ pub const LEVEL: f64 = 1e-3;
 
 /// One figure of a table.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct Figure {
     /// The method's name in the paper.
     pub method: &'static str,
@@ -53,6 +54,7 @@ pub struct Figure {
 
 /// A table of the paper, repeated.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct TableResult {
     /// Its number.
     pub number: u8,

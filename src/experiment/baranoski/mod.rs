@@ -16,9 +16,11 @@ mod ensemble;
 mod expected;
 mod figures;
 mod printed;
+mod report;
 pub mod solvers;
 
 pub use figures::{Figure, LEVEL, TableResult, reproduce};
+pub use report::{BaranoskiDocument, DEFAULT_SEEDS, findings};
 
 /// Form factors F_IJ between the six faces, by the paper's numbers of the faces less one; only I < J is used.
 pub(crate) type PairFactors = [[f64; 6]; 6];

@@ -12,6 +12,7 @@ use crate::matrix::operator::{Block, LinearOperator};
 
 /// One product K u by levels.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct ByLevels {
     /// The level of u.
     pub level: u32,

@@ -14,6 +14,7 @@ use crate::matrix::Precision;
 
 /// What is changed about the algorithm that works.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Variant {
     /// Nothing: Gauss-Seidel smoothing, v = 0 before the loop, u − P v.
@@ -53,6 +54,7 @@ impl Variant {
 
 /// What a variant does.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct VariantRun {
     /// The level.
     pub level: u32,

@@ -31,12 +31,14 @@ mod figure_2;
 mod images;
 mod model;
 mod printed;
+mod report;
 mod tables;
 
 pub use by_levels::{ByLevels, EPSILONS, product_by_levels};
 pub use figure_2::{VARIANTS, Variant, VariantRun, run_variant};
 pub use images::{density_png, unfolded_png};
 pub use model::Room;
+pub use report::{LevelTimes, ROUNDS};
 pub use tables::{Check, LewisResults, SizeLine, SolverLine, reproduce};
 
 /// The tables that can be repeated.
@@ -44,6 +46,9 @@ pub const TABLES: std::ops::RangeInclusive<u8> = 1..=2;
 
 /// The greatest level of table 1.
 pub const LEVEL_MAX: u32 = 6;
+
+/// The finest level of table 2 where nothing is asked for: seconds.
+pub const LEVEL_DEFAULT: u32 = 5;
 
 /// max |r| at which both solvers stop, W·m⁻².
 pub const TOLERANCE: f64 = 2.5e-5;

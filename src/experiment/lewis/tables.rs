@@ -29,6 +29,7 @@ use crate::solver::{
 
 /// One line of table 1.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct SizeLine {
     /// l.
     pub level: u32,
@@ -37,15 +38,17 @@ pub struct SizeLine {
     /// N².
     pub n_entries: u64,
     /// Bytes of every entry in f64.
-    pub dense_byte: u64,
+    pub dense_bytes: u64,
     /// Bytes of the entries on and above the diagonal in f64: those of α A F, which is symmetric.
-    pub symmetric_byte: u64,
+    pub symmetric_bytes: u64,
     /// Bytes of the entries that are not zero, each with its column (12): five sixths of all.
-    pub sparse_byte: u64,
+    pub sparse_bytes: u64,
 }
 
 /// One line of table 2.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "cli", schemars(rename = "LewisSolverLine"))]
 pub struct SolverLine {
     /// l.
     pub level: u32,
@@ -89,6 +92,8 @@ impl SolverLine {
 
 /// One of our numbers against what it must be.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "cli", schemars(rename = "LewisCheck"))]
 pub struct Check {
     /// What it is.
     pub name: String,
@@ -110,6 +115,7 @@ impl Check {
 
 /// All that is repeated of the paper.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct LewisResults {
     /// Table 1.
     pub sizes: Vec<SizeLine>,
@@ -189,9 +195,9 @@ fn size_line(level: u32) -> SizeLine {
         level,
         n_patches,
         n_entries: n * n,
-        dense_byte: 8 * n * n,
-        symmetric_byte: 4 * n * (n + 1),
-        sparse_byte: 10 * n * n,
+        dense_bytes: 8 * n * n,
+        symmetric_bytes: 4 * n * (n + 1),
+        sparse_bytes: 10 * n * n,
     }
 }
 
@@ -202,7 +208,7 @@ fn measure_sizes(results: &mut LewisResults) -> Result<(), ExperimentError> {
     let line = size_line(3);
     results.checks.push(Check {
         name: "bytes of dense storage at l = 3".to_owned(),
-        expected: line.dense_byte as f64,
+        expected: line.dense_bytes as f64,
         measured: dense.stored_byte() as f64,
         tolerance: 0.0,
     });

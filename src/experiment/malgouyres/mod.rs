@@ -7,10 +7,15 @@
 //! Source: [`MALGOUYRES_2002`](crate::references::MALGOUYRES_2002); the paper prints two pictures and no error.
 
 mod measure;
+mod report;
 mod runs;
 
 pub use measure::{Case, PatchReference};
+pub use report::SceneTimes;
 pub use runs::{Check, MalgouyresResults, PatchRun, SceneResult, VoxelRun, reproduce};
 
 /// The finest resolution is 10 · 2^level voxels along the longest axis; the greatest level that can be asked for.
 pub const LEVEL_MAX: u32 = 4;
+
+/// The level where nothing is asked for: 40 voxels along the longest axis.
+pub const LEVEL_DEFAULT: u32 = 2;

@@ -31,6 +31,7 @@ const COARSEST: u8 = 3;
 
 /// What a run on voxels found.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct VoxelRun {
     /// Voxels along the longest axis.
     pub n: u32,
@@ -53,6 +54,7 @@ pub struct VoxelRun {
 
 /// What a run on patches found.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct PatchRun {
     /// The form-factor method.
     pub method: &'static str,
@@ -69,6 +71,8 @@ pub struct PatchRun {
 
 /// A number and the range in which it must lie.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "cli", schemars(rename = "RangeCheck"))]
 pub struct Check {
     /// What it is.
     pub name: String,
@@ -82,6 +86,8 @@ pub struct Check {
 
 /// All runs on one scene.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "cli", schemars(rename = "MalgouyresScene"))]
 pub struct SceneResult {
     /// The scene.
     pub scene: &'static str,
@@ -124,6 +130,7 @@ impl SceneResult {
 
 /// What `reproduce malgouyres` found.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct MalgouyresResults {
     /// The finest resolution is 10 · 2^level.
     pub level: u32,

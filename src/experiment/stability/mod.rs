@@ -16,6 +16,7 @@
 
 mod cases;
 mod oracle;
+mod report;
 mod rooms;
 
 use std::ops::{ControlFlow, RangeInclusive};
@@ -34,6 +35,8 @@ use crate::solver::{
 use cases::{Case, Expected};
 use oracle::Oracle;
 
+pub use report::{CaseTimes, StabilityDocument};
+
 /// The tolerance on sqrt(Σ A r² / Σ A E²).
 pub const TOLERANCE: f64 = 1e-6;
 
@@ -48,6 +51,8 @@ const RUNS_S: f64 = 5e-3;
 
 /// How one solver did on one case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "cli", schemars(rename = "StabilityVerdict"))]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
     /// It converged, and all it says is true.
@@ -62,6 +67,8 @@ pub enum Verdict {
 
 /// One solver on one case.
 #[derive(Clone, Debug, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "cli", schemars(rename = "StabilityCell"))]
 pub struct Cell {
     /// The case's name.
     pub case: String,
@@ -90,6 +97,8 @@ pub struct Cell {
 
 /// One case and how `auto` did among the solvers.
 #[derive(Clone, Debug, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "cli", schemars(rename = "StabilityCase"))]
 pub struct CaseSummary {
     /// Its name.
     pub name: String,
@@ -108,6 +117,7 @@ pub struct CaseSummary {
 
 /// The whole table.
 #[derive(Clone, Debug, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct Stability {
     /// The cases, in order.
     pub cases: Vec<CaseSummary>,

@@ -29,6 +29,7 @@ pub enum Weighting {
 
 /// How a balance went.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct BalanceReport {
     /// Passes over F.
     pub n_passes: usize,

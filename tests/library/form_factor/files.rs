@@ -60,7 +60,8 @@ fn random(mesh: &Mesh, density: f64, precision: Precision) -> FormFactors {
 }
 
 fn write(path: &Path, (scene, mesh): (&Scene, &Mesh), factors: &FormFactors) -> Result<(), ReportError> {
-    let settings = json!({"subdivide": 2, "method": "sr"});
+    // The last as files of other versions may have it.
+    let settings = json!({"subdivide": 2, "method": "sr", "stored_byte": 7});
     let report = FormFactorReport {
         scene,
         mesh,
@@ -97,6 +98,7 @@ fn what_is_written_is_read_back_to_the_last_bit() {
             let description = file.description();
             assert_eq!(description.mesh_options(), Some(Subdivision::Uniform(2).into()));
             assert_eq!(description.settings["method"], "sr");
+            assert_eq!(description.settings["stored_byte"], 7, "kept as it is");
             assert_eq!(
                 (description.n_patches, description.tolerance_met, description.symmetric),
                 (150, false, false)

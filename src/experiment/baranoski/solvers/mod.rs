@@ -45,6 +45,7 @@
 mod expected;
 mod model;
 mod printed_forms;
+pub(super) mod report;
 mod spectrum;
 
 use serde::Serialize;
@@ -76,6 +77,7 @@ const POINTS_PER_PASS: usize = 16;
 
 /// What one method did in one case.
 #[derive(Clone, Debug, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct SolverRun {
     /// The method.
     pub method: &'static str,
@@ -113,6 +115,7 @@ pub struct SolverRun {
 
 /// All methods in one case.
 #[derive(Clone, Debug, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct CaseResult {
     /// The case.
     pub case: Case,

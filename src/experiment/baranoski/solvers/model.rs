@@ -14,6 +14,8 @@ use crate::visibility::embree::EmbreeVisibility;
 
 /// A test case: table 1 of the paper.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "cli", schemars(rename = "SolverCase"))]
 pub struct Case {
     /// Its letter.
     pub name: char,

@@ -15,6 +15,8 @@ use crate::matrix::operator::{Block, LinearOperator};
 
 /// How a printed algorithm ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "cli", schemars(rename = "PrintedFormVerdict"))]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
     /// It meets the tolerance on the true residual.
@@ -27,6 +29,7 @@ pub enum Verdict {
 
 /// A printed algorithm and what came of it.
 #[derive(Clone, Debug, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct PrintedForm {
     /// Its name.
     pub name: &'static str,

@@ -1,5 +1,12 @@
 //! All methods on one scene: the true error against the run time.
 
+mod part;
+mod report;
+mod tables;
+
+pub use part::{Part, default_subdivision, matrix_demand};
+pub use report::{CompareDocument, ComparisonRecord, ReferenceRecord, Subject};
+
 use std::time::Instant;
 
 use serde::Serialize;
@@ -28,6 +35,8 @@ pub struct CompareSettings<'a> {
 
 /// One run of one setting.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "cli", schemars(rename = "CompareRun"))]
 pub struct Run {
     /// The method's name in the sweep.
     pub method: &'static str,
@@ -46,11 +55,13 @@ pub struct Run {
     /// The share of entries that are not zero.
     pub density: f64,
     /// What the form factors take, with their standard errors, in memory or on a disk.
-    pub stored_byte: u64,
+    pub stored_bytes: u64,
 }
 
 /// What the runs of one setting say together.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "cli", schemars(rename = "CompareCase"))]
 pub struct CaseSummary {
     /// The method's name in the sweep.
     pub method: &'static str,
@@ -74,6 +85,7 @@ pub struct CaseSummary {
 
 /// A setting that was not measured, or not as often as asked.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct LeftOut {
     /// The method's name in the sweep.
     pub method: &'static str,
@@ -226,7 +238,7 @@ fn measure(
         error_max,
         error_rms,
         density: computed.factors.density(),
-        stored_byte: computed.factors.stored_byte() as u64,
+        stored_bytes: computed.factors.stored_byte() as u64,
     })
 }
 

@@ -2,9 +2,9 @@
 
 use std::fmt::Write as _;
 
-use super::Part;
+use super::{CaseSummary, Comparison, Part};
 use crate::experiment::statistics::Spread;
-use crate::experiment::{CaseSummary, Comparison, Reference, ReferenceKind, StorageFigures, sweep_by_name};
+use crate::experiment::{Reference, ReferenceKind, StorageFigures, sweep_by_name};
 use crate::matrix::StorageChoice;
 use crate::report::Table;
 use crate::workflow::place_text;
@@ -205,7 +205,7 @@ pub(super) fn runs_table(parts: &[Part]) -> Table {
                 format!("{:?}", run.error_max),
                 format!("{:?}", run.error_rms),
                 format!("{:?}", run.density),
-                run.stored_byte.to_string(),
+                run.stored_bytes.to_string(),
             ]);
         }
     }
@@ -215,14 +215,14 @@ pub(super) fn runs_table(parts: &[Part]) -> Table {
 pub(super) fn storage_section(storage: &StorageFigures, choice: StorageChoice<'_>) -> String {
     let mut table = Table::new(["layout", "bytes", "of dense"]);
     for (layout, bytes) in [
-        ("dense", storage.dense_byte),
+        ("dense", storage.dense_bytes),
         (
             "symmetric (one triangle, in squares of 64 × 64)",
-            storage.symmetric_byte,
+            storage.symmetric_bytes,
         ),
-        ("sparse", storage.sparse_byte),
+        ("sparse", storage.sparse_bytes),
     ] {
-        let share = 100.0 * bytes as f64 / storage.dense_byte as f64;
+        let share = 100.0 * bytes as f64 / storage.dense_bytes as f64;
         table.push([layout.to_owned(), bytes.to_string(), format!("{share:.0} %")]);
     }
     let entries = match storage.tolerance {

@@ -1,82 +1,89 @@
-//! `radiosity reproduce lewis`.
+//! The reproduction as report, tables, plots and JSON.
 
 use std::fmt::Write as _;
 
-use serde_json::json;
+use serde::Serialize;
 
-use super::{Findings, Reproduction, parse_tables};
-use crate::cli::Outcome;
-use crate::cli::args::ReproduceArgs;
-use crate::cli::failure::Failure;
-use crate::cli::output::{self, Files};
-use crate::experiment::lewis::{self, LewisResults, SolverLine};
+use super::{Check, LewisResults, SolverLine, density_png, unfolded_png};
+use crate::experiment::ExperimentError;
+use crate::experiment::findings::{FAILED, Files, Findings, PaperDocument, text_file};
 use crate::report::curves::{Curve, CurvePlot};
 use crate::report::{Machine, Table};
 
-/// The finest level of table 2 where nothing is asked for: seconds.
-const DEFAULT_LEVEL: u32 = 5;
-
 /// Alternating runs of which the median counts.
-const ROUNDS: usize = 7;
+pub const ROUNDS: usize = 7;
 
-pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
-    if args.seeds.is_some() || args.seed.is_some() {
-        return Err(Failure::usage(
-            "--seeds and --seed are for `baranoski`; nothing in `lewis` is random",
-        ));
+/// Our times of one level.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "cli", schemars(rename = "LewisTimes"))]
+pub struct LevelTimes {
+    /// l.
+    pub level: u32,
+    /// The median time of Gauss-Seidel, s.
+    pub gauss_seidel_s: f64,
+    /// The median time of multigrid without setup, s.
+    pub multigrid_s: f64,
+    /// The median time of multigrid's setup, s.
+    pub setup_s: f64,
+    /// `multigrid_s` over `gauss_seidel_s`.
+    pub ratio: f64,
+    /// The same with the setup.
+    pub ratio_with_setup: f64,
+}
+
+impl From<&SolverLine> for LevelTimes {
+    fn from(line: &SolverLine) -> Self {
+        Self {
+            level: line.level,
+            gauss_seidel_s: line.times_s[0],
+            multigrid_s: line.times_s[1],
+            setup_s: line.setup_s,
+            ratio: line.time_ratio(),
+            ratio_with_setup: line.time_ratio_with_setup(),
+        }
     }
-    let tables = match &args.tables {
-        None => lewis::TABLES.collect(),
-        Some(list) => parse_tables(list, lewis::TABLES)?,
-    };
-    let level = args.level.unwrap_or(DEFAULT_LEVEL);
-    let mut reproduction = Reproduction::new(args)?;
-    let run = &mut reproduction.run;
-    run.cx.set("tables", json!(tables));
-    run.cx.set("level", level);
-    let results = run.cx.time("reproduce", || {
-        lewis::reproduce(&tables, level, ROUNDS, &run.cx.progress())
-    })?;
-    let inside = results.is_met();
-    reproduction.finish(Findings {
-        printed: report(&tables, &results, true),
-        files: files(&tables, &results)?,
-        result: json!({
-            "machine": Machine::here(),
-            "inside": inside,
-            "results": results,
-            "times": results.solvers.iter().map(times).collect::<Vec<_>>(),
-        }),
-        wrong: (!inside).then(|| "our own figures are not what they must be; see the failed checks".to_owned()),
-    })
 }
 
-fn times(line: &SolverLine) -> serde_json::Value {
-    json!({
-        "level": line.level,
-        "gauss_seidel_s": line.times_s[0],
-        "multigrid_s": line.times_s[1],
-        "setup_s": line.setup_s,
-        "ratio": line.time_ratio(),
-        "ratio_with_setup": line.time_ratio_with_setup(),
-    })
+impl LewisResults {
+    /// Returns the report, files and document of these tables.
+    ///
+    /// # Errors
+    /// [`ExperimentError`] if a picture or a plot cannot be encoded.
+    pub fn findings(
+        &self,
+        tables: &[u8],
+    ) -> Result<Findings<PaperDocument<'_, Self, Vec<LevelTimes>>>, ExperimentError> {
+        let inside = self.is_met();
+        Ok(Findings {
+            printed: report(tables, self, true),
+            files: files(tables, self)?,
+            document: PaperDocument {
+                machine: Machine::here(),
+                inside,
+                results: self,
+                times: self.solvers.iter().map(LevelTimes::from).collect(),
+            },
+            wrong: (!inside).then(|| FAILED.to_owned()),
+        })
+    }
 }
 
-fn files(tables: &[u8], results: &LewisResults) -> Result<Files, Failure> {
-    let mut files = vec![output::text("report.md", report(tables, results, false))];
+fn files(tables: &[u8], results: &LewisResults) -> Result<Files, ExperimentError> {
+    let mut files = vec![text_file("report.md", report(tables, results, false))];
     if tables.contains(&1) {
-        files.push(output::text("table-1.csv", table_1(results).to_csv()));
-        files.push(("figure-1.png".to_owned(), lewis::density_png(2, 4)?));
+        files.push(text_file("table-1.csv", table_1(results).to_csv()));
+        files.push(("figure-1.png".to_owned(), density_png(2, 4)?));
     }
     if tables.contains(&2) {
-        files.push(output::text("table-2.csv", table_2_csv(results).to_csv()));
-        files.push(output::text("table-2-times.csv", times_csv(results).to_csv()));
-        files.push(output::text("history.csv", history(results).to_csv()));
-        files.push(output::text("checks.csv", checks(results).to_csv()));
-        let figure_5 = lewis::unfolded_png(4, &results.solution, 16)?;
+        files.push(text_file("table-2.csv", table_2_csv(results).to_csv()));
+        files.push(text_file("table-2-times.csv", times_csv(results).to_csv()));
+        files.push(text_file("history.csv", history(results).to_csv()));
+        files.push(text_file("checks.csv", checks(results).to_csv()));
+        let figure_5 = unfolded_png(4, &results.solution, 16)?;
         files.push(("figure-5.png".to_owned(), figure_5));
-        files.push(output::text("figure-6-times.svg", figure_6(results).to_svg()?));
-        files.push(output::text("convergence.svg", convergence(results).to_svg()?));
+        files.push(text_file("figure-6-times.svg", figure_6(results).to_svg()?));
+        files.push(text_file("convergence.svg", convergence(results).to_svg()?));
     }
     Ok(files)
 }
@@ -113,7 +120,7 @@ fn report(tables: &[u8], results: &LewisResults, with_times: bool) -> String {
             text.push_str("Times in one thread: by that of evaluating all pairs, and by that of a product with the stored matrix.\n");
         }
     }
-    let failed: Vec<&lewis::Check> = results.checks.iter().filter(|check| !check.is_met()).collect();
+    let failed: Vec<&Check> = results.checks.iter().filter(|check| !check.is_met()).collect();
     let n_checks = results.checks.len();
     let _ = writeln!(text, "\n{} of {n_checks} checks are met.", n_checks - failed.len());
     for check in failed {
@@ -133,9 +140,9 @@ fn table_1(results: &LewisResults) -> Table {
             line.level.to_string(),
             line.n_patches.to_string(),
             line.n_entries.to_string(),
-            line.dense_byte.to_string(),
-            line.symmetric_byte.to_string(),
-            line.sparse_byte.to_string(),
+            line.dense_bytes.to_string(),
+            line.symmetric_bytes.to_string(),
+            line.sparse_bytes.to_string(),
         ]);
     }
     table

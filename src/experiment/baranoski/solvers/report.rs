@@ -2,9 +2,9 @@
 
 use std::fmt::Write as _;
 
-use crate::cli::failure::Failure;
-use crate::cli::output::{self, Files};
-use crate::experiment::baranoski::solvers::{CaseResult, METHODS, SolverRun, start_name};
+use super::{CaseResult, METHODS, SolverRun, Verdict, start_name};
+use crate::experiment::ExperimentError;
+use crate::experiment::findings::{Files, text_file};
 use crate::report::Table;
 use crate::report::curves::{Curve, CurvePlot};
 use crate::solver::HistoryEntry;
@@ -40,7 +40,7 @@ const NORMS: [Norm; 4] = [
 ];
 
 /// Returns the report in Markdown, with our times or, as files have it, without.
-pub(super) fn report(results: &[CaseResult], with_times: bool) -> String {
+pub(in crate::experiment::baranoski) fn report(results: &[CaseResult], with_times: bool) -> String {
     let mut text = String::from(
         "\n## Table 2: solvers on the room with the sphere\n\n\
          All stop at max |r A| < 1e-3 W. n steps are a pass. \"Paper\" is its time in seconds on a machine of 1995, and the passes that follow from it. \"Expected\" is what an \
@@ -87,8 +87,7 @@ pub(super) fn report(results: &[CaseResult], with_times: bool) -> String {
     text
 }
 
-fn verdict(verdict: crate::experiment::baranoski::solvers::Verdict) -> String {
-    use crate::experiment::baranoski::solvers::Verdict;
+fn verdict(verdict: Verdict) -> String {
     match verdict {
         Verdict::Converges => "converges",
         Verdict::WrongAnswer => "wrong answer",
@@ -143,12 +142,12 @@ fn case_table(result: &CaseResult, with_times: bool) -> Table {
 }
 
 /// Returns tables and plots as files.
-pub(super) fn files(results: &[CaseResult]) -> Result<Files, Failure> {
+pub(in crate::experiment::baranoski) fn files(results: &[CaseResult]) -> Result<Files, ExperimentError> {
     let mut files = vec![
-        output::text("table-2.csv", summary(results).to_csv()),
-        output::text("table-2-histories.csv", histories(results).to_csv()),
-        output::text("table-2-times.csv", times(results).to_csv()),
-        output::text("table-2-eigenvalues.csv", eigenvalues(results).to_csv()),
+        text_file("table-2.csv", summary(results).to_csv()),
+        text_file("table-2-histories.csv", histories(results).to_csv()),
+        text_file("table-2-times.csv", times(results).to_csv()),
+        text_file("table-2-eigenvalues.csv", eigenvalues(results).to_csv()),
     ];
     for result in results {
         for norm in &NORMS {
@@ -157,7 +156,7 @@ pub(super) fn files(results: &[CaseResult]) -> Result<Files, Failure> {
                 let axis = if by_time { "time" } else { "steps" };
                 let name = result.case.name.to_ascii_lowercase();
                 let file = format!("case-{name}-{}-{axis}.svg", norm.file);
-                files.push(output::text(file, plot.to_svg()?));
+                files.push(text_file(file, plot.to_svg()?));
             }
         }
     }
@@ -173,7 +172,7 @@ pub(super) fn files(results: &[CaseResult]) -> Result<Files, Failure> {
             &['C', 'E'][..],
         ),
     ] {
-        files.push(output::text(file, spectra(results, title, cases).to_svg()?));
+        files.push(text_file(file, spectra(results, title, cases).to_svg()?));
     }
     Ok(files)
 }

@@ -1,78 +1,81 @@
-//! `radiosity reproduce malgouyres`.
+//! The reproduction as report, tables, plots and JSON.
 
 use std::fmt::Write as _;
 
-use serde_json::json;
+use serde::Serialize;
 
-use super::{Findings, Reproduction};
-use crate::cli::Outcome;
-use crate::cli::args::ReproduceArgs;
-use crate::cli::failure::Failure;
-use crate::cli::output::{self, Files};
-use crate::experiment::malgouyres::{self, LEVEL_MAX, MalgouyresResults, PatchRun, SceneResult, VoxelRun};
+use super::{MalgouyresResults, PatchRun, SceneResult, VoxelRun};
+use crate::experiment::ExperimentError;
+use crate::experiment::findings::{FAILED, Files, Findings, PaperDocument, text_file};
 use crate::report::curves::{Curve, CurvePlot};
 use crate::report::plot::{ErrorTimePlot, PlotPoint, Ranged, Series};
 use crate::report::{Machine, Table};
 
-/// 40 voxels along the longest axis.
-const DEFAULT_LEVEL: u32 = 2;
-
-pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
-    if args.tables.is_some() || args.seeds.is_some() || args.seed.is_some() {
-        return Err(Failure::usage(
-            "--tables, --seeds and --seed have no use with `malgouyres`: the paper has no table, and nothing is random",
-        ));
-    }
-    let level = args.level.unwrap_or(DEFAULT_LEVEL);
-    if level > LEVEL_MAX {
-        return Err(Failure::usage(format!(
-            "--level {level}: `malgouyres` has levels 1 to {LEVEL_MAX}"
-        )));
-    }
-    let mut reproduction = Reproduction::new(args)?;
-    let run = &mut reproduction.run;
-    run.cx.set("level", level);
-    let results = run
-        .cx
-        .time("reproduce", || malgouyres::reproduce(level, &run.cx.progress()))?;
-    let times = |scene: &SceneResult| {
-        let of_voxels = |runs: &[VoxelRun]| runs.iter().map(|of| of.time_s).collect::<Vec<_>>();
-        json!({
-            "scene": scene.scene,
-            "by_resolution_s": of_voxels(&scene.by_resolution),
-            "by_radius_s": of_voxels(&scene.by_radius),
-            "adaptive_s": of_voxels(&scene.adaptive),
-            "patches_s": scene.patches.iter().map(|of| of.time_s).collect::<Vec<_>>(),
-        })
-    };
-    let inside = results.is_met();
-    reproduction.finish(Findings {
-        printed: report(&results, true),
-        files: files(&results)?,
-        result: json!({
-            "machine": Machine::here(),
-            "inside": inside,
-            "results": results,
-            "times": results.scenes.iter().map(times).collect::<Vec<_>>(),
-        }),
-        wrong: (!inside).then(|| "our own figures are not what they must be; see the failed checks".to_owned()),
-    })
+/// Our times on one scene, in the order of the runs, s.
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "cli", schemars(rename = "MalgouyresTimes"))]
+pub struct SceneTimes {
+    /// The scene.
+    pub scene: &'static str,
+    /// Voxels, by resolution.
+    pub by_resolution_s: Vec<f64>,
+    /// Voxels, by radius.
+    pub by_radius_s: Vec<f64>,
+    /// Cells.
+    pub adaptive_s: Vec<f64>,
+    /// Patches.
+    pub patches_s: Vec<f64>,
 }
 
-fn files(results: &MalgouyresResults) -> Result<Files, Failure> {
+impl From<&SceneResult> for SceneTimes {
+    fn from(scene: &SceneResult) -> Self {
+        let of_voxels = |runs: &[VoxelRun]| runs.iter().map(|run| run.time_s).collect();
+        Self {
+            scene: scene.scene,
+            by_resolution_s: of_voxels(&scene.by_resolution),
+            by_radius_s: of_voxels(&scene.by_radius),
+            adaptive_s: of_voxels(&scene.adaptive),
+            patches_s: scene.patches.iter().map(|run| run.time_s).collect(),
+        }
+    }
+}
+
+impl MalgouyresResults {
+    /// Returns the report, files and document.
+    ///
+    /// # Errors
+    /// [`ExperimentError::Plot`].
+    pub fn findings(&self) -> Result<Findings<PaperDocument<'_, Self, Vec<SceneTimes>>>, ExperimentError> {
+        let inside = self.is_met();
+        Ok(Findings {
+            printed: report(self, true),
+            files: files(self)?,
+            document: PaperDocument {
+                machine: Machine::here(),
+                inside,
+                results: self,
+                times: self.scenes.iter().map(SceneTimes::from).collect(),
+            },
+            wrong: (!inside).then(|| FAILED.to_owned()),
+        })
+    }
+}
+
+fn files(results: &MalgouyresResults) -> Result<Files, ExperimentError> {
     let mut files = vec![
-        output::text("report.md", report(results, false)),
-        output::text("report-times.md", report(results, true)),
-        output::text("voxels.csv", voxels_csv(results).to_csv()),
-        output::text("patches.csv", patches_csv(results).to_csv()),
-        output::text("times.csv", times_csv(results).to_csv()),
-        output::text("checks.csv", checks(results).to_csv()),
-        output::text("error-resolution.svg", by_resolution(results).to_svg()?),
-        output::text("error-radius.svg", by_radius(results).to_svg()?),
+        text_file("report.md", report(results, false)),
+        text_file("report-times.md", report(results, true)),
+        text_file("voxels.csv", voxels_csv(results).to_csv()),
+        text_file("patches.csv", patches_csv(results).to_csv()),
+        text_file("times.csv", times_csv(results).to_csv()),
+        text_file("checks.csv", checks(results).to_csv()),
+        text_file("error-resolution.svg", by_resolution(results).to_svg()?),
+        text_file("error-radius.svg", by_radius(results).to_svg()?),
     ];
     for scene in &results.scenes {
         let file = format!("error-time-{}.svg", scene.scene);
-        files.push(output::text(file, error_time(scene).to_svg()?));
+        files.push(text_file(file, error_time(scene).to_svg()?));
     }
     Ok(files)
 }

@@ -1,61 +1,56 @@
-//! `radiosity reproduce pictures`.
+//! The comparison as report, tables, plot and JSON.
 
 use std::fmt::Write as _;
 
-use serde_json::json;
+use serde::Serialize;
 
-use super::{Findings, Reproduction};
-use crate::cli::Outcome;
-use crate::cli::args::ReproduceArgs;
-use crate::cli::failure::Failure;
-use crate::cli::output::{self, Files};
-use crate::experiment::pictures::{self, LEVEL_MAX, PictureRun, PicturesResults};
+use super::{PictureRun, PicturesResults};
+use crate::experiment::ExperimentError;
+use crate::experiment::findings::{FAILED, Files, Findings, PaperDocument, text_file};
 use crate::report::plot::{ErrorTimePlot, PlotPoint, Ranged, Series};
 use crate::report::{Machine, Table};
 
-/// 96 × 96 pixels.
-const DEFAULT_LEVEL: u32 = 2;
-
-pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
-    if args.tables.is_some() || args.seeds.is_some() || args.seed.is_some() {
-        return Err(Failure::usage(
-            "--tables, --seeds and --seed have no use with `pictures`: it is one table of one solution",
-        ));
-    }
-    let level = args.level.unwrap_or(DEFAULT_LEVEL);
-    if level > LEVEL_MAX {
-        return Err(Failure::usage(format!(
-            "--level {level}: `pictures` has levels 1 to {LEVEL_MAX}"
-        )));
-    }
-    let mut reproduction = Reproduction::new(args)?;
-    let run = &mut reproduction.run;
-    run.cx.set("level", level);
-    let results = run
-        .cx
-        .time("reproduce", || pictures::reproduce(level, &run.cx.progress()))?;
-    let inside = results.is_met();
-    let times: Vec<f64> = results.runs.iter().map(|of| of.time_s).collect();
-    reproduction.finish(Findings {
-        printed: report(&results, true),
-        files: files(&results)?,
-        result: json!({
-            "machine": Machine::here(),
-            "inside": inside,
-            "results": results,
-            "times": {"runs_s": times, "reference_s": results.reference_time_s},
-        }),
-        wrong: (!inside).then(|| "our own figures are not what they must be; see the failed checks".to_owned()),
-    })
+/// Wall times of the rendering, s.
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+pub struct PictureTimes {
+    /// Of each picture, in the order of the runs.
+    pub runs_s: Vec<f64>,
+    /// Of the reference.
+    pub reference_s: f64,
 }
 
-fn files(results: &PicturesResults) -> Result<Files, Failure> {
+impl PicturesResults {
+    /// Returns the report, files and document.
+    ///
+    /// # Errors
+    /// [`ExperimentError::Plot`].
+    pub fn findings(&self) -> Result<Findings<PaperDocument<'_, Self, PictureTimes>>, ExperimentError> {
+        let inside = self.is_met();
+        Ok(Findings {
+            printed: report(self, true),
+            files: files(self)?,
+            document: PaperDocument {
+                machine: Machine::here(),
+                inside,
+                results: self,
+                times: PictureTimes {
+                    runs_s: self.runs.iter().map(|run| run.time_s).collect(),
+                    reference_s: self.reference_time_s,
+                },
+            },
+            wrong: (!inside).then(|| FAILED.to_owned()),
+        })
+    }
+}
+
+fn files(results: &PicturesResults) -> Result<Files, ExperimentError> {
     let mut files = vec![
-        output::text("report.md", report(results, false)),
-        output::text("report-times.md", report(results, true)),
-        output::text("pictures.csv", table(results, false).to_csv()),
-        output::text("pictures-times.csv", table(results, true).to_csv()),
-        output::text("error-time.svg", error_time(results).to_svg()?),
+        text_file("report.md", report(results, false)),
+        text_file("report-times.md", report(results, true)),
+        text_file("pictures.csv", table(results, false).to_csv()),
+        text_file("pictures-times.csv", table(results, true).to_csv()),
+        text_file("error-time.svg", error_time(results).to_svg()?),
     ];
     for run in &results.runs {
         // `--flat --direct exact` is in flat-direct-exact.png.

@@ -1,52 +1,88 @@
-//! `radiosity reproduce stability`.
+//! The table as report, tables, plot and JSON.
 
 use std::fmt::Write as _;
 
-use serde_json::json;
+use serde::Serialize;
 
-use super::{Findings, Reproduction};
-use crate::cli::args::ReproduceArgs;
-use crate::cli::failure::Failure;
-use crate::cli::{Outcome, SCHEMA_VERSION, output};
-use crate::experiment::stability::{self, CaseSummary, Cell, Stability, Verdict};
-use crate::report::Table;
+use super::{Cell, MAX_PASSES, Stability, TOLERANCE, Verdict};
+use crate::experiment::ExperimentError;
+use crate::experiment::findings::{Files, Findings, ResultsFile, text_file};
 use crate::report::plot::{ErrorTimePlot, PlotPoint, Ranged, Series};
+use crate::report::{SCHEMA_VERSION, Table, pretty};
+use crate::workflow::Settings;
 
-pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
-    if args.tables.is_some() {
-        return Err(Failure::usage("--tables has no use with `stability`; leave it out"));
+/// What the JSON document has of the table.
+#[derive(Debug, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+pub struct StabilityDocument<'a> {
+    /// The tolerance on sqrt(Σ A r² / Σ A E²).
+    pub tolerance: f64,
+    /// The passes that a solver may spend.
+    pub max_passes: usize,
+    /// Cells whose verdict is wrong.
+    pub n_wrong: usize,
+    /// The table.
+    pub result: &'a Stability,
+    /// Our times, case by case.
+    pub times: Vec<CaseTimes<'a>>,
+}
+
+/// What `results.json` has of the table.
+#[derive(Debug, Serialize)]
+struct StabilityResult<'a> {
+    /// The table.
+    result: &'a Stability,
+}
+
+/// Our times of one case.
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "cli", schemars(rename = "StabilityTimes"))]
+pub struct CaseTimes<'a> {
+    /// The case.
+    pub case: &'a str,
+    /// The wall time of each solver, s, the least of three to a hundred runs; null where it came to no end.
+    pub time_s: Vec<Option<f64>>,
+    /// The time of `auto` by the least time of another solver that was right.
+    pub auto_time_ratio: Option<f64>,
+}
+
+impl Stability {
+    /// Returns the report, files and document; `settings` is what they were made with.
+    ///
+    /// # Errors
+    /// [`ExperimentError::Plot`].
+    pub fn findings(&self, settings: &Settings) -> Result<Findings<StabilityDocument<'_>>, ExperimentError> {
+        let n_wrong = self.wrong().count();
+        Ok(Findings {
+            printed: report(self, true),
+            files: files(self, settings)?,
+            document: StabilityDocument {
+                tolerance: TOLERANCE,
+                max_passes: MAX_PASSES,
+                n_wrong,
+                result: self,
+                times: times(self),
+            },
+            wrong: (n_wrong > 0).then(|| format!("{n_wrong} cells are wrong; see the table")),
+        })
     }
-    if args.level.is_some() || args.seeds.is_some() {
-        return Err(Failure::usage(
-            "--level and --seeds have no use with `stability`, whose cases are what they are; leave them out",
-        ));
-    }
-    let mut reproduction = Reproduction::new(args)?;
-    let run = &mut reproduction.run;
-    let seed = args.seed.unwrap_or(0);
-    run.cx.set("seed", seed);
-    let result = run.cx.time("stability", || stability::run(seed, &run.cx.progress()))?;
-    let n_wrong = result.wrong().count();
-    let results_document = json!({"schema_version": SCHEMA_VERSION, "settings": run.cx.settings, "result": result});
-    let files = vec![
-        output::text("report.md", report(&result, false)),
-        output::text("results.csv", cells(&result).to_csv()),
-        output::text("results.json", format!("{results_document:#}\n")),
-        output::text("times.csv", times_table(&result).to_csv()),
-        output::text("error_time.svg", plot(&result).to_svg()?),
-    ];
-    reproduction.finish(Findings {
-        printed: report(&result, true),
-        files,
-        result: json!({
-            "tolerance": stability::TOLERANCE,
-            "max_passes": stability::MAX_PASSES,
-            "n_wrong": n_wrong,
-            "result": result,
-            "times": times(&result),
-        }),
-        wrong: (n_wrong > 0).then(|| format!("{n_wrong} cells are wrong; see the table")),
-    })
+}
+
+fn files(result: &Stability, settings: &Settings) -> Result<Files, ExperimentError> {
+    let results = ResultsFile {
+        schema_version: SCHEMA_VERSION,
+        version: None,
+        settings,
+        results: StabilityResult { result },
+    };
+    Ok(vec![
+        text_file("report.md", report(result, false)),
+        text_file("results.csv", cells(result).to_csv()),
+        text_file("results.json", format!("{}\n", pretty(&results))),
+        text_file("times.csv", times_table(result).to_csv()),
+        text_file("error_time.svg", plot(result).to_svg()?),
+    ])
 }
 
 /// Returns the report; files leave out the times, so that equal work gives equal bytes.
@@ -58,8 +94,8 @@ fn report(result: &Stability, with_times: bool) -> String {
         "Every solver with its defaults on every case, to a relative residual of {:e} within {} passes. **right**: converged, and residual, error bound, signs and power balance are \
          true, judged by a solution to all digits; then the passes and the relative error. **slow**: all passes used up, and said so. **refused**: a typed error, or stopped as \
          stagnated or diverged. **WRONG**: anything else.\n\n{} right, {} slow, {} refused, {} wrong.\n",
-        stability::TOLERANCE,
-        stability::MAX_PASSES,
+        TOLERANCE,
+        MAX_PASSES,
         count(Verdict::Right),
         count(Verdict::Slow),
         count(Verdict::Refused),
@@ -85,16 +121,16 @@ fn report(result: &Stability, with_times: bool) -> String {
 }
 
 /// Returns the times case by case, in the order of the cells.
-fn times(result: &Stability) -> serde_json::Value {
+fn times(result: &Stability) -> Vec<CaseTimes<'_>> {
     let by_case = result.cells.chunks(result.solvers.len());
-    let case = |(case, cells): (&CaseSummary, &[Cell])| {
-        json!({
-            "case": case.name,
-            "time_s": cells.iter().map(|cell| cell.time_s).collect::<Vec<_>>(),
-            "auto_time_ratio": case.auto_time_ratio,
+    let of_cases = result.cases.iter().zip(by_case);
+    of_cases
+        .map(|(case, cells)| CaseTimes {
+            case: &case.name,
+            time_s: cells.iter().map(|cell| cell.time_s).collect(),
+            auto_time_ratio: case.auto_time_ratio,
         })
-    };
-    result.cases.iter().zip(by_case).map(case).collect()
+        .collect()
 }
 
 fn times_table(result: &Stability) -> Table {
@@ -177,10 +213,7 @@ fn plot(result: &Stability) -> ErrorTimePlot {
     });
     ErrorTimePlot {
         title: "Solvers on stiff and extreme systems: error against run time".to_owned(),
-        subtitle: format!(
-            "every case that a solver was right on, to a relative residual of {:e}",
-            stability::TOLERANCE
-        ),
+        subtitle: format!("every case that a solver was right on, to a relative residual of {TOLERANCE:e}"),
         error_label: "relative error of the radiosity".to_owned(),
         series: series.collect(),
         reference_error: None,

@@ -1,5 +1,7 @@
 //! Flat, interpolated and gathered pictures of one solution: error against run time.
 
+mod report;
+
 use std::num::NonZeroU32;
 use std::time::Instant;
 
@@ -19,6 +21,8 @@ use crate::render::{
 use crate::scene::{Material, builtin, topology};
 use crate::solver::{RadiositySystem, Tolerance};
 use crate::visibility::embree::EmbreeVisibility;
+
+pub use report::PictureTimes;
 
 /// The scene.
 const SCENE: &str = "cornell-box";
@@ -41,8 +45,12 @@ const MAX_RAYS: NonZeroU32 = NonZeroU32::MAX;
 /// The greatest level: 384 × 384 pixels.
 pub const LEVEL_MAX: u32 = 4;
 
+/// The level where nothing is asked for: 96 × 96 pixels.
+pub const LEVEL_DEFAULT: u32 = 2;
+
 /// One way to make the picture.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct PictureRun {
     /// The flags of `radiosity render` that make it.
     pub flags: String,
@@ -66,6 +74,7 @@ pub struct PictureRun {
 
 /// All pictures of the scene.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct PicturesResults {
     /// The scene.
     pub scene: &'static str,

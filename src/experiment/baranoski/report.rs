@@ -1,75 +1,79 @@
-//! `radiosity reproduce baranoski`.
+//! The reproduction as report, tables and JSON.
 
 use std::fmt::Write as _;
 
-use serde_json::json;
+use serde::Serialize;
 
-use super::{Findings, Reproduction, parse_tables, solvers as solver_tables};
-use crate::cli::args::ReproduceArgs;
-use crate::cli::failure::Failure;
-use crate::cli::{Outcome, SCHEMA_VERSION, merge, output};
-use crate::experiment::baranoski::{self, Figure, LEVEL, TABLE_OF_SOLVERS, TableResult, solvers};
-use crate::report::Table;
+use super::solvers::{self, CaseResult};
+use super::{Figure, LEVEL, TableResult};
+use crate::experiment::ExperimentError;
+use crate::experiment::findings::{Findings, ResultsFile, text_file};
+use crate::report::{SCHEMA_VERSION, Table, pretty};
+use crate::workflow::Settings;
 
-/// Runs of every stochastic method.
-const DEFAULT_SEEDS: u64 = 100;
+/// Runs of every stochastic method where nothing is asked for.
+pub const DEFAULT_SEEDS: u64 = 100;
 
-pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
-    if args.level.is_some() {
-        return Err(Failure::usage("--level is for `lewis`; `baranoski` has no levels"));
-    }
-    let (seeds, seed) = (args.seeds.unwrap_or(DEFAULT_SEEDS), args.seed.unwrap_or(0));
-    let tables = match &args.tables {
-        None => std::iter::once(TABLE_OF_SOLVERS).chain(baranoski::TABLES).collect(),
-        Some(list) => parse_tables(list, TABLE_OF_SOLVERS..=*baranoski::TABLES.end())?,
-    };
-    let mut reproduction = Reproduction::new(args)?;
-    let run = &mut reproduction.run;
-    run.cx.set("tables", json!(tables));
-    run.cx.set("seeds", seeds);
-    run.cx.set("seed", seed);
-    let of_form_factors: Vec<u8> = tables.iter().copied().filter(|t| *t != TABLE_OF_SOLVERS).collect();
-    let cases = if tables.contains(&TABLE_OF_SOLVERS) {
-        run.cx.time("solvers", || solvers::table_2(&run.cx.progress()))?
-    } else {
-        Vec::new()
-    };
-    let results = run.cx.time("reproduce", || {
-        baranoski::reproduce(&of_form_factors, seeds, seed, &run.cx.progress())
-    })?;
-    let inside = results.iter().all(|table| table.inside) && cases.iter().all(solvers::CaseResult::inside);
-    let mut report = if of_form_factors.is_empty() {
+/// What the JSON document has of the tables.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+pub struct BaranoskiDocument<'a> {
+    /// The probability with which a table of a correct program is found outside of its range.
+    pub level: f64,
+    /// True if all tables are inside of their ranges.
+    pub inside: bool,
+    /// Tables 3 to 8, those that were asked for.
+    pub tables: &'a [TableResult],
+    /// Table 2, case by case.
+    pub solvers: &'a [CaseResult],
+}
+
+/// Returns the report, files and document of tables 3 to 8 and of table 2, as far as there are such; `settings` is what they were made with.
+///
+/// # Errors
+/// [`ExperimentError::Plot`].
+pub fn findings<'a>(
+    tables: &'a [TableResult],
+    cases: &'a [CaseResult],
+    settings: &Settings,
+) -> Result<Findings<BaranoskiDocument<'a>>, ExperimentError> {
+    let inside = tables.iter().all(|table| table.inside) && cases.iter().all(CaseResult::inside);
+    let mut without_times = if tables.is_empty() {
         String::from("# Baranoski, Bramley and Shirley 1995: the paper's numbers beside ours\n")
     } else {
-        report(&results)
+        report(tables)
     };
-    let mut printed = report.clone();
+    let mut printed = without_times.clone();
     if !cases.is_empty() {
-        report.push_str(&solver_tables::report(&cases, false));
-        printed.push_str(&solver_tables::report(&cases, true));
+        without_times.push_str(&solvers::report::report(cases, false));
+        printed.push_str(&solvers::report::report(cases, true));
     }
-    let result = json!({"level": LEVEL, "inside": inside, "tables": results, "solvers": cases});
-    // Times and memory do not belong into the results: equal work gives equal bytes.
-    let mut results_document = json!({
-        "schema_version": SCHEMA_VERSION,
-        "version": env!("CARGO_PKG_VERSION"),
-        "settings": run.cx.settings,
-    });
-    merge(&mut results_document, result.clone());
+    let document = BaranoskiDocument {
+        level: LEVEL,
+        inside,
+        tables,
+        solvers: cases,
+    };
+    let results = ResultsFile {
+        schema_version: SCHEMA_VERSION,
+        version: Some(env!("CARGO_PKG_VERSION")),
+        settings,
+        results: document,
+    };
     let mut files = vec![
-        output::text("report.md", report),
-        output::text("results.csv", all_figures(&results).to_csv()),
-        output::text("results.json", format!("{results_document:#}\n")),
+        text_file("report.md", without_times),
+        text_file("results.csv", all_figures(tables).to_csv()),
+        text_file("results.json", format!("{}\n", pretty(&results))),
     ];
     if !cases.is_empty() {
-        files.extend(solver_tables::files(&cases)?);
+        files.extend(solvers::report::files(cases)?);
     }
-    reproduction.finish(Findings {
+    let wrong = "our own figures are outside of what they must be; see the tables marked so";
+    Ok(Findings {
         printed,
         files,
-        result,
-        wrong: (!inside)
-            .then(|| "our own figures are outside of what they must be; see the tables marked so".to_owned()),
+        document,
+        wrong: (!inside).then(|| wrong.to_owned()),
     })
 }
 

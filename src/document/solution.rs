@@ -1,0 +1,153 @@
+//! What documents hold of solutions.
+
+use serde::Serialize;
+
+use super::{FormFactorRecord, LitSurface};
+use crate::solver::{ChoiceReason, Energy, HistoryEntry, Solution, StopReason};
+use crate::workflow::{MeshError, Model, TotalError};
+
+/// How good a solution is.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+pub struct Quality {
+    /// Why the solver stopped.
+    pub stop_reason: StopReason,
+    /// max |r_i A_i|, W, with r = E − (I − diag(ρ) F) B.
+    pub residual_max_power: Option<f64>,
+    /// sqrt(Σ A r² / Σ A E²), the worst channel.
+    pub residual_l2: Option<f64>,
+    /// A bound on the relative error that the solver leaves in B, in the area-weighted L2 norm; null where none is proved.
+    pub error_bound: Option<f64>,
+    /// The relative error of B by solver and form factors together, in the same norm, the mesh's aside: an estimate; null where it is not known.
+    pub estimated_relative_error: Option<f64>,
+}
+
+impl Quality {
+    /// Returns the quality of a solution; `stated` is what solver and form factors together say of its error.
+    #[must_use]
+    pub fn new(solution: &Solution, stated: TotalError) -> Self {
+        let finite = |value: f64| Some(value).filter(|value| value.is_finite());
+        Self {
+            stop_reason: solution.stop_reason,
+            residual_max_power: finite(solution.residual_max_power),
+            residual_l2: finite(solution.residual_l2),
+            error_bound: solution.error_bound.and_then(finite),
+            estimated_relative_error: stated.relative().and_then(finite),
+        }
+    }
+
+    /// Returns this quality with the worst figures of several solutions, each `None` where one of them is.
+    #[must_use]
+    pub fn with_worst_of(self, all: &[Self]) -> Self {
+        let worst = |figure: fn(&Self) -> Option<f64>| {
+            let of_all: Option<Vec<f64>> = all.iter().map(figure).collect();
+            of_all.map(|values| values.into_iter().fold(0.0, f64::max))
+        };
+        Self {
+            residual_max_power: worst(|quality| quality.residual_max_power),
+            residual_l2: worst(|quality| quality.residual_l2),
+            error_bound: worst(|quality| quality.error_bound),
+            estimated_relative_error: worst(|quality| quality.estimated_relative_error),
+            ..self
+        }
+    }
+}
+
+/// How a solution was reached.
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+pub struct SolverRecord {
+    /// Steps of methods that shoot from one patch after the other; null of others.
+    pub n_steps: Option<u64>,
+    /// How many patches there are.
+    pub n_patches: usize,
+    /// How many channels there are: 1 where all is grey, else 3, of each lighting.
+    pub n_channels: usize,
+    /// The solver: the one that was asked for, or that `auto` chose; `none` where nothing reflects.
+    pub solver: String,
+    /// Why `auto` chose it.
+    #[cfg_attr(feature = "cli", schemars(with = "Option<String>"))]
+    pub why: Option<ChoiceReason>,
+    /// Passes over the form factors.
+    pub n_passes: usize,
+    /// The work before the first pass, in passes over the form factors.
+    pub setup_work: f64,
+    /// Wall time before the first pass, s.
+    pub setup_s: f64,
+    /// The state after each pass; 0 is the start.
+    pub history: Vec<HistoryEntry>,
+    /// How good the solution is.
+    #[serde(flatten)]
+    pub quality: Quality,
+}
+
+impl SolverRecord {
+    /// Returns how a solution was reached; `solver` is the name of the one that was asked for.
+    #[must_use]
+    pub fn new(model: &Model, solver: &str, solution: &Solution, stated: TotalError) -> Self {
+        let selections = &solution.selections;
+        Self {
+            n_steps: (!selections.is_empty()).then(|| selections.iter().sum::<u64>()),
+            n_patches: model.mesh.n_patches(),
+            n_channels: solution.radiosity.n_channels(),
+            solver: solution.solver_name(solver).to_owned(),
+            why: solution.choice.as_ref().map(|choice| choice.why),
+            n_passes: solution.n_passes,
+            setup_work: solution.setup_work,
+            setup_s: solution.setup_s,
+            history: solution.history.clone(),
+            quality: Quality::new(solution, stated),
+        }
+    }
+}
+
+/// The result of `solve`.
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+pub struct SolveDocument {
+    /// How the solution was reached.
+    #[serde(flatten)]
+    pub solver: SolverRecord,
+    /// The power balance of each channel.
+    pub energy: Vec<Energy>,
+    /// The surfaces, in file order.
+    pub surfaces: Vec<LitSurface>,
+    /// The form factors; null where none are stored.
+    pub form_factors: Option<FormFactorRecord>,
+    /// What a mesh of about a quarter of the patches would change; null where that is not known.
+    pub mesh_error: Option<MeshError>,
+}
+
+/// The result of `solve` with lightings.
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+pub struct LightingsDocument {
+    /// How the solution was reached.
+    #[serde(flatten)]
+    pub solver: SolverRecord,
+    /// The form factors.
+    pub form_factors: FormFactorRecord,
+    /// The light of each lighting.
+    pub lightings: Vec<LightingRecord>,
+}
+
+/// The light of one lighting.
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+pub struct LightingRecord {
+    /// The name of the lighting: that of its file, without directory and ending.
+    pub name: String,
+    /// 1 where all is grey, else 3.
+    pub n_channels: usize,
+    /// The power balance of each channel.
+    pub energy: Vec<Energy>,
+    /// The surfaces, in file order.
+    pub surfaces: Vec<LitSurface>,
+    /// What a mesh of about a quarter of the patches would change; null where that is not known.
+    pub mesh_error: Option<MeshError>,
+    /// The file that was written.
+    pub output: Option<String>,
+    /// How good the solution is.
+    #[serde(flatten)]
+    pub quality: Quality,
+}

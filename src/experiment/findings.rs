@@ -1,0 +1,73 @@
+//! What reproductions find, as text, files and JSON.
+
+use serde::Serialize;
+
+use crate::report::Machine;
+use crate::workflow::Settings;
+
+/// Files of one directory, by name.
+pub type Files = Vec<(String, Vec<u8>)>;
+
+/// What to warn of where a check of a reproduction fails.
+pub(crate) const FAILED: &str = "our own figures are not what they must be; see the failed checks";
+
+/// Returns a file of text.
+#[must_use]
+pub fn text_file(name: impl Into<String>, content: String) -> (String, Vec<u8>) {
+    (name.into(), content.into_bytes())
+}
+
+/// What a reproduction found, ready to be printed and written.
+///
+/// Files that hold times of ours have `time` in their names; the others are the same bytes in every run.
+#[derive(Clone, Debug)]
+pub struct Findings<D> {
+    /// The report in Markdown, with times.
+    pub printed: String,
+    /// The files.
+    pub files: Files,
+    /// What the JSON document has of it.
+    pub document: D,
+    /// What to warn of, where a figure of ours is not what it must be.
+    pub wrong: Option<String>,
+}
+
+/// The part of a reproduction's document that is its own, with the names of its files.
+#[derive(Debug, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+pub struct Reproduced<D> {
+    /// What was found.
+    #[serde(flatten)]
+    pub found: D,
+    /// The files that were written into the directory.
+    pub files: Vec<String>,
+}
+
+/// Numbers beside those of a paper, with what they were measured on.
+#[derive(Debug, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+pub struct PaperDocument<'a, R, T> {
+    /// What the times were measured on.
+    pub machine: Machine,
+    /// True if all checks are met.
+    pub inside: bool,
+    /// What was found.
+    pub results: &'a R,
+    /// Our times.
+    pub times: T,
+}
+
+/// The file `results.json` of a reproduction: no times, so that equal work gives equal bytes.
+#[derive(Debug, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+pub(crate) struct ResultsFile<'a, R> {
+    /// The version of the JSON documents.
+    pub(crate) schema_version: u32,
+    /// The version of the program.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) version: Option<&'static str>,
+    /// What the results were made with.
+    pub(crate) settings: &'a Settings,
+    #[serde(flatten)]
+    pub(crate) results: R,
+}

@@ -1,0 +1,162 @@
+//! Settings that warnings and refusals name as remedies.
+
+/// A setting that remedies name; a program says how its users write it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Parameter {
+    /// [`LoadOptions::flip`](crate::scene::LoadOptions::flip).
+    Flip,
+    /// [`MeshOptions::cut_at_walls`](crate::mesh::MeshOptions::cut_at_walls).
+    CutAtWalls,
+    /// [`MethodSettings::tolerance`](crate::form_factor::MethodSettings::tolerance), where form factors are all that is wanted.
+    Tolerance,
+    /// The same, where a solver has a tolerance too.
+    FormFactorTolerance,
+    /// The tolerance of the solver.
+    SolverTolerance,
+    /// [`MethodSettings::budget`](crate::form_factor::MethodSettings::budget).
+    Budget,
+    /// The method of the form factors.
+    Method,
+    /// The solver.
+    Solver,
+    /// [`FormFactorRequest::balance`](crate::workflow::FormFactorRequest::balance).
+    Balance,
+    /// [`FormFactorRequest::closure`](crate::workflow::FormFactorRequest::closure).
+    Closed,
+    /// [`Memory::limit_byte`](crate::workflow::Memory::limit_byte).
+    MemoryLimit,
+    /// [`Memory::storage`](crate::workflow::Memory::storage).
+    Storage,
+    /// [`Memory::precision`](crate::workflow::Memory::precision).
+    Precision,
+    /// Form factors that are computed in every pass.
+    OnTheFly,
+    /// [`FormFactorRequest::time_limit`](crate::workflow::FormFactorRequest::time_limit).
+    TimeLimit,
+    /// The number of threads.
+    Threads,
+    /// [`VoxelRequest::n_voxels`](crate::workflow::VoxelRequest::n_voxels).
+    Voxels,
+    /// [`VoxelRequest::links`](crate::workflow::VoxelRequest::links).
+    Links,
+    /// The number of propagations.
+    Passes,
+    /// [`GatherSettings::max_rays`](crate::render::GatherSettings::max_rays).
+    GatherRays,
+    /// [`GatherSettings::noise`](crate::render::GatherSettings::noise).
+    Noise,
+    /// Where the camera stands.
+    Eye,
+    /// Where the camera looks.
+    LookAt,
+    /// What is up in the image.
+    Up,
+    /// The vertical field of view.
+    Fov,
+    /// The camera.
+    Camera,
+    /// The width of an image.
+    Width,
+    /// The height of an image.
+    Height,
+    /// The viewer that shows an image while it is rendered.
+    Display,
+    /// [`Subdivision::Uniform`](crate::mesh::Subdivision::Uniform).
+    Subdivide,
+    /// [`Subdivision::MaxEdge`](crate::mesh::Subdivision::MaxEdge).
+    MaxEdge,
+    /// [`LoadOptions::allow_outside`](crate::scene::LoadOptions::allow_outside).
+    AllowOutside,
+    /// [`Memory::scratch`](crate::workflow::Memory::scratch).
+    Scratch,
+    /// The file of the result.
+    Output,
+    /// [`MethodSettings::rays`](crate::form_factor::MethodSettings::rays).
+    Rays,
+    /// [`MethodSettings::points`](crate::form_factor::MethodSettings::points).
+    Points,
+    /// [`MethodSettings::resolution`](crate::form_factor::MethodSettings::resolution).
+    Resolution,
+    /// [`MethodSettings::normalise`](crate::form_factor::MethodSettings::normalise).
+    Normalise,
+    /// [`MethodSettings::sequence`](crate::form_factor::MethodSettings::sequence).
+    Sequence,
+    /// [`SolverSettings::omega`](crate::solver::SolverSettings::omega).
+    Omega,
+    /// [`SolverSettings::bounds`](crate::solver::SolverSettings::bounds).
+    Bounds,
+    /// [`SolverSettings::steps_per_pass`](crate::solver::SolverSettings::steps_per_pass).
+    StepsPerPass,
+    /// [`SolverSettings::display`](crate::solver::SolverSettings::display).
+    DisplayAmbient,
+    /// [`SolverSettings::restart`](crate::solver::SolverSettings::restart).
+    Restart,
+    /// [`SolverSettings::deflation`](crate::solver::SolverSettings::deflation).
+    Deflation,
+    /// [`SolverSettings::depth`](crate::solver::SolverSettings::depth).
+    Depth,
+}
+
+impl Parameter {
+    /// Returns its name, in snake case.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Flip => "flip",
+            Self::CutAtWalls => "cut_at_walls",
+            Self::Tolerance | Self::SolverTolerance => "tolerance",
+            Self::FormFactorTolerance => "form_factor_tolerance",
+            Self::Budget => "budget",
+            Self::Method => "method",
+            Self::Solver => "solver",
+            Self::Balance => "balance",
+            Self::Closed => "closed",
+            Self::MemoryLimit => "memory_limit",
+            Self::Storage => "storage",
+            Self::Precision => "precision",
+            Self::OnTheFly => "on_the_fly",
+            Self::TimeLimit => "time_limit",
+            Self::Threads => "threads",
+            Self::Voxels => "voxels",
+            Self::Links => "links",
+            Self::Passes => "passes",
+            Self::GatherRays => "gather_rays",
+            Self::Noise => "noise",
+            Self::Eye => "eye",
+            Self::LookAt => "look_at",
+            Self::Up => "up",
+            Self::Fov => "fov",
+            Self::Camera => "camera",
+            Self::Width => "width",
+            Self::Height => "height",
+            Self::Display => "display",
+            Self::Subdivide => "subdivide",
+            Self::MaxEdge => "max_edge",
+            Self::AllowOutside => "allow_outside",
+            Self::Scratch => "scratch",
+            Self::Output => "output",
+            Self::Rays => "rays",
+            Self::Points => "points",
+            Self::Resolution => "resolution",
+            Self::Normalise => "normalise",
+            Self::Sequence => "sequence",
+            Self::Omega => "omega",
+            Self::Bounds => "bounds",
+            Self::StepsPerPass => "steps_per_pass",
+            Self::DisplayAmbient => "display_ambient",
+            Self::Restart => "restart",
+            Self::Deflation => "deflation",
+            Self::Depth => "depth",
+        }
+    }
+}
+
+/// Returns how the users of a program write a parameter, with its value if there is one.
+pub type Named<'a> = &'a dyn Fn(Parameter, Option<&str>) -> String;
+
+/// Returns a parameter as [`Display`](fmt::Display) writes it: its name, and `name=value`.
+pub(crate) fn plainly(parameter: Parameter, value: Option<&str>) -> String {
+    let name = parameter.name();
+    value.map_or_else(|| name.to_owned(), |value| format!("{name}={value}"))
+}

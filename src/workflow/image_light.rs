@@ -1,0 +1,107 @@
+//! The light that an image shows, solved as far as the image needs it.
+
+use super::{
+    Context, FormFactorRequest, FormFactorStudy, Model, SolutionStudy, SolveRequest, WorkflowError, indirect_irradiance,
+};
+use crate::matrix::operator::Block;
+use crate::render::{DirectMethod, RenderInput};
+
+/// What stands in the place of a solver's name where none is needed: nothing reflects.
+pub const NO_SOLVER: &str = "none";
+
+/// The light that an image is made from.
+#[derive(Debug)]
+pub struct ImageLight {
+    /// The name of the solver that was asked for, or [`NO_SOLVER`].
+    pub solver: String,
+    /// The solution.
+    pub study: SolutionStudy,
+    /// The form factors, where they are stored.
+    pub factors: Option<FormFactorStudy>,
+    /// F (B − E), W·m⁻², \[n, c\], where a direct pass adds the rest.
+    pub indirect_irradiance: Option<Block>,
+}
+
+impl ImageLight {
+    /// Returns what a renderer looks at.
+    #[must_use]
+    pub fn input<'a>(&'a self, model: &'a Model) -> RenderInput<'a> {
+        RenderInput {
+            scene: &model.scene,
+            mesh: &model.mesh,
+            visibility: &model.visibility,
+            radiosity: &self.study.solution.radiosity,
+            irradiance: &self.study.solution.irradiance,
+            indirect_irradiance: self.indirect_irradiance.as_ref(),
+            error: self.study.carried.as_ref(),
+        }
+    }
+}
+
+impl Model {
+    /// Solves for the light of an image with a `direct` pass: not at all where that pass finds all light, without storing form factors if `on_the_fly`.
+    ///
+    /// # Errors
+    /// Those of [`form_factors`](Self::form_factors), [`solve`](Self::solve) and [`solve_on_the_fly`](Self::solve_on_the_fly).
+    pub fn light_for_image(
+        &mut self,
+        (method, solver): (&FormFactorRequest, &SolveRequest),
+        direct: DirectMethod,
+        on_the_fly: bool,
+        cx: &mut Context,
+    ) -> Result<ImageLight, WorkflowError> {
+        let with_direct = direct != DirectMethod::Off;
+        if with_direct {
+            self.warn_of_narrow_gaps(cx);
+        }
+        let light = if with_direct && !self.scene.is_reflecting() {
+            let (study, dark) = self.without_reflection(cx);
+            ImageLight {
+                solver: NO_SOLVER.to_owned(),
+                study,
+                factors: None,
+                indirect_irradiance: Some(dark),
+            }
+        } else if on_the_fly {
+            let (study, indirect_irradiance) = self.solve_on_the_fly(method, solver, with_direct, cx)?;
+            let reason = "the error layer: it is carried from stored form factors";
+            self.plan.left_out.push(reason.into());
+            ImageLight {
+                solver: solver.solver.clone(),
+                study,
+                factors: None,
+                indirect_irradiance,
+            }
+        } else {
+            self.stored_light_for_image((method, solver), with_direct, cx)?
+        };
+        if !with_direct {
+            let reason = "direct light at each pixel: the patches' light is interpolated";
+            self.plan.left_out.push(reason.into());
+        }
+        Ok(light)
+    }
+
+    fn stored_light_for_image(
+        &mut self,
+        (method, solver): (&FormFactorRequest, &SolveRequest),
+        with_direct: bool,
+        cx: &mut Context,
+    ) -> Result<ImageLight, WorkflowError> {
+        let need = solver.need(cx)?;
+        let factors = self.form_factors(method, need, cx)?;
+        let study = self.solve(&factors, solver, cx)?;
+        let indirect_irradiance = with_direct.then(|| {
+            cx.time("solve", || {
+                indirect_irradiance(&factors.factors, &self.materials().1, &study.solution)
+            })
+        });
+        factors.factors.if_readable(())?;
+        Ok(ImageLight {
+            solver: solver.solver.clone(),
+            study,
+            factors: Some(factors),
+            indirect_irradiance,
+        })
+    }
+}

@@ -1,0 +1,169 @@
+//! What results are made with, by name: documents and files of results have it.
+
+use serde::Serialize;
+use serde_json::{Map, Value};
+
+use crate::geometry::sampling::Sequence;
+use crate::solver::{Deflate, Start};
+use crate::voxel::Form;
+
+/// Whether form factors were made symmetric, and how.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[serde(untagged)]
+pub enum Balanced {
+    /// `true`: each pair averaged with its reverse, rows rescaled symmetrically; `false`: no.
+    Rescaled(bool),
+    /// By the variances of the entries.
+    ByVariance(VarianceRepair),
+}
+
+/// Repairs that weigh entries by their variances.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum VarianceRepair {
+    /// The defect of each row sum is spread over its entries by their variances.
+    Closure,
+    /// Each pair is averaged with its reverse; rows keep the sums that their rays count.
+    Pooled,
+}
+
+/// What is stated of whether the scene is closed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum StatedClosure {
+    /// No light leaves the scene.
+    Closed,
+    /// Light leaves the scene.
+    Open,
+}
+
+macro_rules! settings {
+    ($($(#[$doc:meta])* $name:ident: $kind:ty,)*) => {
+        /// What results are made with: the settings of the steps that were taken, each `None` where it plays no part.
+        ///
+        /// It holds no time, number of threads or path but those that a result is named by.
+        #[derive(Clone, Debug, Default, PartialEq, Serialize)]
+        #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+        pub struct Settings {
+            $($(#[$doc])* #[serde(skip_serializing_if = "Option::is_none")] pub $name: Option<$kind>,)*
+        }
+    };
+}
+
+settings! {
+    /// The tolerance of cells of voxels: the change of the irradiance from cell to cell, relative to its mean.
+    adaptive: f64,
+    /// Whether form factors were made symmetric, and how.
+    balance: Balanced,
+    /// False where a repair of the form factors did not restore the row sums.
+    balance_converged: bool,
+    /// Where the interval of the eigenvalues is taken from, with `chebyshev`.
+    bounds: String,
+    /// Evaluations for one pair of patches, with `exact`.
+    budget: u64,
+    /// Where the camera comes from.
+    camera: String,
+    /// What is stated of whether the scene is closed.
+    closure: StatedClosure,
+    /// The level of the largest cells of voxels: 2^level voxels wide.
+    coarsest: u8,
+    /// True if faces are cut at contact edges.
+    cut_at_walls: bool,
+    /// Whether Krylov methods take the even light of each enclosure out of the way.
+    deflation: Deflate,
+    /// Steps that are remembered, with `anderson`.
+    depth: u64,
+    /// True if an estimate of the unshot light is added to the radiosities.
+    display_ambient: bool,
+    /// True if directions of voxels are weighed by exact solid angles.
+    exact_solid_angles: bool,
+    /// Surfaces whose faces are reversed; an empty name stands for all.
+    flip: Vec<String>,
+    /// What a propagation on voxels computes from.
+    form: Form,
+    /// The tolerance of form factors, on A_i F_ij / min(A_i, A_j), where a solver has a tolerance too.
+    form_factor_tolerance: f64,
+    /// The settings of form factors that were read from a file, as the file states them.
+    form_factors: Map<String, Value>,
+    /// The level of an experiment.
+    level: u32,
+    /// The names of the lightings.
+    lightings: Vec<String>,
+    /// Edges are cut into parts of at most this length, m.
+    max_edge_m: f64,
+    /// The most passes over the form factors.
+    max_passes: u64,
+    /// The form-factor method.
+    method: String,
+    /// The methods that are compared.
+    methods: Vec<String>,
+    /// True if each row of form factors is divided by its sum.
+    normalise: bool,
+    /// The relaxation factor, with `sor`.
+    omega: f64,
+    /// True if form factors are computed again in every pass.
+    on_the_fly: bool,
+    /// The paper whose tables are reproduced.
+    paper: String,
+    /// Propagations of light on voxels.
+    passes: u64,
+    /// True if every voxel of an emitter sends its exitance, not scaled to the power of the emitter's true area.
+    plain_emission: bool,
+    /// Points along each side of a patch.
+    points: u64,
+    /// The radius of the discrete sphere of directions, voxels.
+    radius: u32,
+    /// Rays of each patch, of each pair of patches, or of each sample of a pixel, as the method has it.
+    rays: u64,
+    /// Cells along each edge of the top, with `hemicube`.
+    resolution: u64,
+    /// Passes between restarts, with `gmres`.
+    restart: u64,
+    /// The (first) seed of all random numbers.
+    seed: u64,
+    /// Runs of every setting, each with a seed of its own.
+    seeds: u64,
+    /// Where the numbers of rays come from.
+    sequence: Sequence,
+    /// True if a picture shows the voxels themselves.
+    show_voxels: bool,
+    /// The solver.
+    solver: String,
+    /// The first radiosities.
+    start: Start,
+    /// Steps that count as one pass, with `progressive-refinement` and `overshooting`.
+    steps_per_pass: u64,
+    /// Every edge is cut into so many parts.
+    subdivide: u32,
+    /// The surface that a field of form factors is to.
+    surface: String,
+    /// The numbers of the tables that are reproduced.
+    tables: Vec<u8>,
+    /// The time that all may take, or that one run of an experiment may, s.
+    time_limit_s: f64,
+    /// The tolerance: of form factors where these are all that is wanted, else of the solver on sqrt(Σ A r² / Σ A E²), the worst channel.
+    tolerance: f64,
+    /// True if the weights of a voxel's directions are not divided by their sum.
+    unnormalised: bool,
+    /// Whether occluders were looked at in a comparison: `on`, `off` or `both`.
+    visibility: String,
+    /// Voxels along the longest axis.
+    voxels: u32,
+}
+
+impl Settings {
+    /// Returns the settings by name, as files of results hold them.
+    ///
+    /// # Panics
+    /// Never: all names are text.
+    #[must_use]
+    pub fn record(&self) -> Map<String, Value> {
+        match serde_json::to_value(self) {
+            Ok(Value::Object(record)) => record,
+            other => unreachable!("settings are an object: {other:?}"),
+        }
+    }
+}

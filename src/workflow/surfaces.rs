@@ -1,0 +1,66 @@
+//! Form factors between surfaces, where there is room for them.
+
+use super::{Context, FormFactorStudy, Model, Parameter};
+use crate::matrix::SurfaceRow;
+use crate::plan::byte_text;
+use crate::report::memory_used_byte;
+
+/// Memory for a form factor between two surfaces and its error, as numbers and in a document: 79 measured.
+const ENTRY_BYTE: u64 = 96;
+
+/// Form factors between the surfaces of a scene.
+#[derive(Clone, Debug)]
+pub enum SurfaceTable {
+    /// Those between all of them.
+    Whole(Vec<SurfaceRow>),
+    /// 1 − Σ_T F_ST of each surface S, where the form factors between them do not fit into memory.
+    Lost(Vec<f64>),
+    /// Nothing: it is not wanted.
+    NotWanted,
+}
+
+impl SurfaceTable {
+    /// More surfaces than this make a table that people do not read.
+    pub const MAX_READ: usize = 12;
+
+    /// Calculates form factors between surfaces, and notes in the plan where they do not fit into memory. More than [`MAX_READ`](Self::MAX_READ) surfaces have a table only if `whole` asks for it.
+    #[must_use]
+    pub fn new(model: &mut Model, study: &FormFactorStudy, cx: &Context, whole: bool) -> Self {
+        let n = model.scene.surfaces.len();
+        if n > Self::MAX_READ && !whole {
+            return Self::NotWanted;
+        }
+        let surface_of_patch: Vec<u32> = model.mesh.patches.iter().map(|p| p.surface.0).collect();
+        let rows = study.factors.surface_rows(&surface_of_patch, n);
+        let needed = ENTRY_BYTE.saturating_mul((n as u64).saturating_pow(2));
+        let free = cx.memory.limit().saturating_sub(memory_used_byte().unwrap_or(0));
+        if n <= Self::MAX_READ || needed <= free {
+            return Self::Whole(rows.iter().collect());
+        }
+        model.plan.left_out.push(format!(
+            "surface_form_factor and surface_error: those of {n} × {n} surfaces need {} of memory; {} writes them row by row",
+            byte_text(needed),
+            (cx.naming)(Parameter::Output, Some("F.csv"))
+        ));
+        Self::Lost(rows.lost_factors())
+    }
+
+    /// Returns the form factors from each surface, if they were calculated.
+    #[must_use]
+    pub fn rows(&self) -> Option<&[SurfaceRow]> {
+        match self {
+            Self::Whole(rows) => Some(rows),
+            Self::Lost(_) | Self::NotWanted => None,
+        }
+    }
+
+    /// Returns 1 − Σ_T F_ST of each surface S, if that was calculated.
+    #[must_use]
+    pub fn lost_factors(&self) -> Option<Vec<f64>> {
+        match self {
+            Self::Whole(rows) => Some(rows.iter().map(|row| row.lost_factor).collect()),
+            Self::Lost(lost) => Some(lost.clone()),
+            Self::NotWanted => None,
+        }
+    }
+}

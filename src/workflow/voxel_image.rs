@@ -1,0 +1,107 @@
+//! Images of light on voxels: the surfaces that they stand for, or the voxels themselves.
+
+use std::path::Path;
+
+use super::{Context, ImageView, Model, VoxelStudy, WorkflowError, warn_if_blank};
+use crate::audit;
+use crate::matrix::operator::Block;
+use crate::mesh::Subdivision;
+use crate::render::{Attributes, Image, RenderInput, RenderSettings, exr, png, render};
+use crate::scene::Scene;
+use crate::visibility::Visibility as _;
+use crate::voxel::{Grid, onto_patches, picture};
+
+/// Patches of the image, in voxels: fine enough to show what the voxels resolve.
+const PATCH_VOXELS: f64 = 2.0;
+
+/// Returns the patches that an image of light on so many voxels along the longest axis is shown on.
+#[must_use]
+pub fn voxel_patches(scene: &Scene, n_voxels: u32) -> Subdivision {
+    Grid::new(scene, n_voxels).map_or(Subdivision::Uniform(1), |grid| {
+        Subdivision::MaxEdge(PATCH_VOXELS * grid.voxel_size)
+    })
+}
+
+/// An image of light on voxels that is wanted.
+#[derive(Clone, Copy)]
+pub struct VoxelImageRequest<'a> {
+    /// From where it is seen.
+    pub view: &'a ImageView,
+    /// How it is rendered.
+    pub settings: RenderSettings,
+    /// Whether it shows the voxels themselves, not the surfaces that they stand for.
+    pub show_voxels: bool,
+    /// The OpenEXR file; its preview, a PNG file, is written beside it.
+    pub output: &'a Path,
+}
+
+impl Model {
+    /// Renders light on voxels and writes the image with its preview.
+    ///
+    /// # Errors
+    /// [`WorkflowError::Render`], and [`WorkflowError::Interrupted`].
+    pub fn render_voxels(
+        &self,
+        study: &VoxelStudy,
+        request: VoxelImageRequest<'_>,
+        cx: &mut Context,
+    ) -> Result<(), WorkflowError> {
+        let view = request.view.as_view();
+        cx.settings.show_voxels = Some(request.show_voxels);
+        let image = if request.show_voxels {
+            cx.time("render", || picture(&study.voxels, &study.radiosity, view))
+        } else {
+            self.render_on_patches(study, request, cx)?
+        };
+        cx.audited(audit::picture(&image));
+        // An image of the voxels themselves has other layers.
+        if !request.show_voxels {
+            let camera = request.view.origin().map(|origin| origin.text(&cx.naming));
+            warn_if_blank(&image, view, camera.as_deref(), cx);
+        }
+        let offset = self.visibility.offset();
+        let solution = cx.settings.record().into();
+        let attributes = Attributes::new(&self.scene, view.description(), request.settings, offset, solution);
+        cx.time("write", || {
+            exr::write(request.output, &image, &attributes)?;
+            png::write(&request.output.with_extension("png"), &image)
+        })?;
+        Ok(())
+    }
+
+    /// Renders the irradiance of the voxels on the patches of the surfaces that they stand for.
+    fn render_on_patches(
+        &self,
+        study: &VoxelStudy,
+        request: VoxelImageRequest<'_>,
+        cx: &mut Context,
+    ) -> Result<Image, WorkflowError> {
+        let irradiance = cx.time("display", || {
+            onto_patches(&study.voxels, &self.scene.faces, &self.mesh, &study.irradiance)
+        });
+        let (reflectance, exitance) = self.materials();
+        let radiosity = radiosity_of(&irradiance, &reflectance, &exitance);
+        cx.judge_leaking_power((&reflectance, &exitance), &radiosity);
+        let input = RenderInput {
+            scene: &self.scene,
+            mesh: &self.mesh,
+            visibility: &self.visibility,
+            radiosity: &radiosity,
+            irradiance: &irradiance,
+            indirect_irradiance: None,
+            error: None,
+        };
+        let view = request.view.as_view();
+        Ok(cx.time("render", || render(&input, view, &request.settings, &cx.progress()))?)
+    }
+}
+
+/// Returns B = E + ρ H, W·m⁻², \[n, c\].
+fn radiosity_of(irradiance: &Block, reflectance: &Block, exitance: &Block) -> Block {
+    let mut radiosity = exitance.clone();
+    let terms = reflectance.values().iter().zip(irradiance.values());
+    for (b, (rho, h)) in radiosity.values_mut().iter_mut().zip(terms) {
+        *b += rho * h;
+    }
+    radiosity
+}
