@@ -419,7 +419,7 @@ fn ready(args: &RenderArgs, file: &Path, wanted: Vec<frames::Frame>, model: &Mod
     let mut lighting_files: Vec<Option<PathBuf>> = Vec::new();
     let mut files = FileSet::default();
     files.keeps("the checkpoint", args.storage.checkpoint.as_deref());
-    files.reads_scene(&args.scene);
+    files.reads_scene(&args.scene, &args.common.reading);
     files.reads("the list of frames", Some(file));
     let mut lightings = Vec::new();
     let mut poses: Vec<Pose> = Vec::new();

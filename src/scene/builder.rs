@@ -11,8 +11,8 @@ use super::error::Earlier;
 use super::misses::Misses;
 use super::split::{Outline, split};
 use super::{
-    Corners, Face, Loaded, MAX_COORDINATE, MAX_CORNERS, MAX_FACES, MIN_EXITANCE, Material, MaterialId, Origin, Scene,
-    SceneError, SceneErrorKind, SceneWarning, SceneWarningKind, Surface, SurfaceId, Written,
+    Corners, Face, Loaded, MAX_COORDINATE, MAX_CORNERS, MAX_FACES, MIN_EXITANCE, Material, MaterialId, Numbering,
+    Origin, Scene, SceneError, SceneErrorKind, SceneWarning, SceneWarningKind, Surface, SurfaceId, Written,
 };
 use crate::geometry::polygon;
 
@@ -81,25 +81,30 @@ impl SceneBuilder {
     /// Begins an empty scene of a file, which errors and warnings name.
     #[must_use]
     pub fn of_file(file: impl Into<PathBuf>) -> Self {
-        Self {
+        let builder = Self {
             file: Some(file.into()),
             ..Self::default()
-        }
+        };
+        builder.numbered(Numbering::Lines)
+    }
+
+    /// Returns the builder with other numbers of faces than lines.
+    #[must_use]
+    pub fn numbered(mut self, numbering: Numbering) -> Self {
+        self.scene.numbering = numbering;
+        self
     }
 
     /// Returns the place of a face.
     fn at(&self, line: u32) -> Origin {
-        match &self.file {
-            Some(file) => Origin::line(file, line),
-            None => in_memory(format!("face {line}")),
-        }
+        self.scene.numbering.origin(self.file.clone().unwrap_or_default(), line)
     }
 
     fn earlier(&self, line: u32) -> Earlier {
-        if self.file.is_some() {
-            Earlier::Line(line)
-        } else {
-            Earlier::Number(line)
+        match &self.scene.numbering {
+            Numbering::Lines => Earlier::Line(line),
+            Numbering::Memory => Earlier::Number(line),
+            numbering @ Numbering::Elements { .. } => Earlier::Element(numbering.label(line)),
         }
     }
 
@@ -200,7 +205,7 @@ impl SceneBuilder {
         Ok(())
     }
 
-    /// Adds the faces of an outline; `line` is its line in the file, or its number.
+    /// Adds the faces of an outline; `line` is its line in the file, or its number as [`numbered`](Self::numbered) says.
     ///
     /// # Errors
     /// [`SceneErrorKind::SelfIntersecting`], [`SceneErrorKind::DuplicateFace`] of an outline that repeats an earlier one with the same winding, and [`SceneErrorKind::TooMany`].
@@ -276,6 +281,7 @@ impl SceneBuilder {
             self.scene.written = Some(written);
         }
         let mut scene = std::mem::take(&mut self.scene);
+        self.scene.numbering = scene.numbering.clone();
         let cut = cut_out(&mut scene).map_err(|refused| match refused {
             Refused::Coincident(faces) => {
                 let [line, first_line] = faces.map(|face| scene.faces[face.0 as usize].line);
