@@ -1,5 +1,7 @@
 //! VTK's XML files of unstructured grids and of polygons.
 
+use std::borrow::Cow;
+
 use quick_xml::XmlVersion;
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::reader::Reader;
@@ -68,6 +70,8 @@ impl<'a> File<'a> {
         let source = self.source;
         let mut reader = Reader::from_str(text);
         let mut array: Option<DataArray<'a>> = None;
+        // How deep the place is in elements that describe an array.
+        let mut depth = 0;
         loop {
             let event = reader.read_event();
             let line = || {
@@ -93,12 +97,13 @@ impl<'a> File<'a> {
                     }
                 }
                 Event::Text(content) => {
-                    if let (Some(array), std::borrow::Cow::Borrowed(content)) = (&mut array, content.into_inner()) {
+                    let own = array.as_mut().filter(|_| depth == 0);
+                    if let (Some(array), Cow::Borrowed(content)) = (own, content.into_inner()) {
                         array.content.write(content);
                     }
                 }
                 Event::End(tag) => match tag.name().as_ref() {
-                    "DataArray" => {
+                    "DataArray" | "Array" => {
                         if let Some(array) = array.take() {
                             self.keep(array);
                         }
