@@ -83,10 +83,14 @@ fn files_that_are_cut_anywhere_are_refused_in_one_line() {
     for name in FILES {
         let (bytes, format) = original(name);
         assert!(attempt(&path, format, &bytes), "{name}");
-        let read: Vec<usize> = (0..bytes.len()).filter(|n| attempt(&path, format, &bytes[..*n])).collect();
+        let read: Vec<usize> = (0..bytes.len())
+            .filter(|n| attempt(&path, format, &bytes[..*n]))
+            .collect();
         // What ends behind the last face may be whole; a text without a mark of its end may be cut in its last number.
         let first = read.first().copied().unwrap_or(bytes.len());
-        let is_text = ["ascii.stl", "vs3", "vtk", "msh", "gltf", "ply"].iter().any(|part| name.contains(part));
+        let is_text = ["ascii.stl", "vs3", "vtk", "msh", "gltf", "ply"]
+            .iter()
+            .any(|part| name.contains(part));
         let least = if is_text { bytes.len() / 3 } else { bytes.len() * 9 / 10 };
         assert!(first >= least, "{name}: {first} of {} bytes are read", bytes.len());
     }
@@ -113,7 +117,12 @@ fn mutated_files_are_read_or_refused_in_one_line() {
                         mutated.drain(at..end);
                     }
                     3 => {
-                        let piece: Vec<u8> = mutated.iter().skip(below(bytes.len())).take(below(40)).copied().collect();
+                        let piece: Vec<u8> = mutated
+                            .iter()
+                            .skip(below(bytes.len()))
+                            .take(below(40))
+                            .copied()
+                            .collect();
                         mutated.splice(at..at, piece);
                     }
                     _ => {
@@ -144,25 +153,50 @@ fn headers_that_lie_take_no_memory() {
     let read = |name: &str| original(name).0;
     let mut stl = read("triangles-trimesh-binary.stl");
     stl[80..84].copy_from_slice(&u32::MAX.to_le_bytes());
-    let huge = |name: &str, from: &str, to: &str| (name.to_owned(), replaced(&read(name), from.as_bytes(), to.as_bytes()));
+    let huge =
+        |name: &str, from: &str, to: &str| (name.to_owned(), replaced(&read(name), from.as_bytes(), to.as_bytes()));
     let binary = |name: &str, from: &[u8], to: &[u8]| (name.to_owned(), replaced(&read(name), from, to));
     let sixteen = 16_u64.to_le_bytes();
     let many = (1_u64 << 40).to_le_bytes();
     let cases = [
         ("triangles-trimesh-binary.stl".to_owned(), stl),
-        huge("quads-meshio-ascii.ply", "element vertex 16", "element vertex 4000000000"),
-        huge("quads-meshio-binary.ply", "element vertex 16", "element vertex 40000000000"),
+        huge(
+            "quads-meshio-ascii.ply",
+            "element vertex 16",
+            "element vertex 4000000000",
+        ),
+        huge(
+            "quads-meshio-binary.ply",
+            "element vertex 16",
+            "element vertex 40000000000",
+        ),
         huge("quads-meshio-binary.ply", "element face 12", "element face 40000000000"),
         huge("quads-gmsh-22-ascii.msh", "$Nodes\n16", "$Nodes\n16000000000"),
         huge("quads-gmsh-22-binary.msh", "$Elements\n12", "$Elements\n12000000000"),
-        binary("quads-gmsh-41-binary.msh", &[b"$Nodes\n", &7_u64.to_le_bytes()[..], &sixteen].concat(), &[b"$Nodes\n", &7_u64.to_le_bytes()[..], &many].concat()),
-        huge("quads-gmsh-41-ascii.msh", "$Entities\n0 0 7 0", "$Entities\n0 0 7000000000 0"),
+        binary(
+            "quads-gmsh-41-binary.msh",
+            &[b"$Nodes\n", &7_u64.to_le_bytes()[..], &sixteen].concat(),
+            &[b"$Nodes\n", &7_u64.to_le_bytes()[..], &many].concat(),
+        ),
+        huge(
+            "quads-gmsh-41-ascii.msh",
+            "$Entities\n0 0 7 0",
+            "$Entities\n0 0 7000000000 0",
+        ),
         huge("quads-meshio-ascii.vtk", "POINTS 16", "POINTS 16000000000"),
         huge("quads-pyvista-binary.vtk", "POINTS 16", "POINTS 9223372036854775807"),
         huge("quads-pyvista-grid.vtk", "CELLS 13 48", "CELLS 13000000000 48000000000"),
         huge("quads-pyvista-grid.vtk", "CELL_TYPES 12", "CELL_TYPES 12000000000"),
-        huge("quads-meshio-base64.vtu", "NumberOfPoints=\"16\"", "NumberOfPoints=\"16000000000\""),
-        huge("quads-meshio-zlib.vtu", "NumberOfCells=\"12\"", "NumberOfCells=\"18446744073709551615\""),
+        huge(
+            "quads-meshio-base64.vtu",
+            "NumberOfPoints=\"16\"",
+            "NumberOfPoints=\"16000000000\"",
+        ),
+        huge(
+            "quads-meshio-zlib.vtu",
+            "NumberOfCells=\"12\"",
+            "NumberOfCells=\"18446744073709551615\"",
+        ),
         huge("triangles-trimesh.gltf", "\"count\":36", "\"count\":3600000000000"),
         huge("triangles-trimesh.gltf", "\"byteLength\":", "\"byteLength\":9999999999"),
     ];
@@ -171,10 +205,15 @@ fn headers_that_lie_take_no_memory() {
         std::fs::write(&path, &bytes).unwrap();
         let shell = "ulimit -v 1000000; exec timeout -k 1 20";
         let file = path.to_str().unwrap();
-        let output = limited(directory.path(), shell, &["form-factors", file, "--threads", "1"]).output().unwrap();
+        let output = limited(directory.path(), shell, &["form-factors", file, "--threads", "1"])
+            .output()
+            .unwrap();
         let message = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(1), "{name}: {message}");
         assert_eq!(message.lines().count(), 1, "{name}: {message}");
-        assert!(message.contains(Path::new(&name).file_name().unwrap().to_str().unwrap()), "{message}");
+        assert!(
+            message.contains(Path::new(&name).file_name().unwrap().to_str().unwrap()),
+            "{message}"
+        );
     }
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use radiosity::form_factor::ExactMethod;
-use radiosity::matrix::FormFactors;
+use radiosity::matrix::{FormFactors, SurfaceFormFactors};
 use radiosity::scene::{
     Flip, Format, LengthUnit, LoadOptions, Loaded, Origin, Scene, SceneErrorKind, SceneWarningKind, UpAxis, load,
     load_with,
@@ -33,7 +33,11 @@ fn surface_names(scene: &Scene) -> Vec<&str> {
 }
 
 fn kinds(loaded: &Loaded) -> Vec<&'static str> {
-    loaded.warnings.iter().map(radiosity::scene::SceneWarning::kind).collect()
+    loaded
+        .warnings
+        .iter()
+        .map(radiosity::scene::SceneWarning::kind)
+        .collect()
 }
 
 /// The files of a kind, `triangles` or `quads`.
@@ -43,6 +47,11 @@ fn files(kind: &str) -> Vec<String> {
     let mut names: Vec<String> = names.filter(|name| name.starts_with(kind)).collect();
     names.sort();
     names
+}
+
+/// Returns F from one surface to another.
+fn between(factors: &SurfaceFormFactors, i: usize, j: usize) -> f64 {
+    factors.form_factor[i * factors.n_surfaces + j]
 }
 
 fn exact(scene: Scene) -> FormFactors {
@@ -56,7 +65,9 @@ fn exact(scene: Scene) -> FormFactors {
 /// Files of f64, text or binary; the others are of f32, or of text with fewer digits, and hold as many digits of form factors.
 fn holds_all_digits(name: &str) -> bool {
     let is_single = ["stl", "glb", "gltf"].iter().any(|suffix| name.ends_with(suffix))
-        || ["pyvista-binary.ply", "big-endian", "trimesh", "pyvista-ascii"].iter().any(|part| name.contains(part));
+        || ["pyvista-binary.ply", "big-endian", "trimesh", "pyvista-ascii"]
+            .iter()
+            .any(|part| name.contains(part));
     !is_single
 }
 
@@ -70,7 +81,11 @@ fn the_same_room_of_every_program_has_the_same_form_factors() {
         for name in &names {
             let scene = read(name).scene;
             assert_eq!(scene.faces.len(), n_faces, "{name}");
-            let volume: f64 = scene.face_ids().map(|f| scene.area_vector(f).dot(scene.polygon(f)[0])).sum::<f64>() / 3.0;
+            let volume: f64 = scene
+                .face_ids()
+                .map(|f| scene.area_vector(f).dot(scene.polygon(f)[0]))
+                .sum::<f64>()
+                / 3.0;
             // The walls face inwards, the block outwards.
             let expected = 0.8 * 0.6 * 1.1 - 3.1 * 4.2 * 2.7;
             assert!((volume - expected).abs() < 1e-5, "{name}: {volume}");
@@ -95,9 +110,8 @@ fn the_same_room_of_every_program_has_the_same_form_factors() {
 
 #[test]
 fn surfaces_are_what_the_file_says_or_pieces_between_creases() {
-    let walls = |step: usize, kind: &str| -> Vec<String> {
-        (0..12).map(|k| format!("{kind}{}", k * step + 1)).collect()
-    };
+    let walls =
+        |step: usize, kind: &str| -> Vec<String> { (0..12).map(|k| format!("{kind}{}", k * step + 1)).collect() };
     for name in files("triangles") {
         let scene = read(&name).scene;
         let found = surface_names(&scene);
@@ -115,12 +129,19 @@ fn surfaces_are_what_the_file_says_or_pieces_between_creases() {
         let options = LoadOptions::default().surface_array(Some("name".to_owned()));
         load_with(file(name), &options).unwrap().scene
     };
-    for name in ["triangles-pyvista-binary.vtu", "triangles-pyvista-ascii.vtu", "quads-pyvista-grid.vtk"] {
+    for name in [
+        "triangles-pyvista-binary.vtu",
+        "triangles-pyvista-ascii.vtu",
+        "quads-pyvista-grid.vtk",
+    ] {
         assert_eq!(surface_names(&named(name)), NAMES, "{name}");
     }
     let missing = LoadOptions::default().surface_array(Some("nothing".to_owned()));
     let error = load_with(file("quads-pyvista-grid.vtk"), &missing).unwrap_err();
-    assert!(matches!(&error.kind, SceneErrorKind::UnknownArray { known, .. } if known.contains("`surface`, `name`")), "{error}");
+    assert!(
+        matches!(&error.kind, SceneErrorKind::UnknownArray { known, .. } if known.contains("`surface`, `name`")),
+        "{error}"
+    );
 }
 
 /// The walls of a room are apart, those of a tube of twelve sides are one piece, until the angle says otherwise.
@@ -146,7 +167,10 @@ fn creases_part_surfaces_at_an_angle() {
         surface_names(&scene).into_iter().map(str::to_owned).collect::<Vec<_>>()
     };
     assert_eq!(names(LoadOptions::default()), ["part1", "face25"]);
-    let facets: Vec<String> = (0..n).map(|k| format!("part{}", 2 * k + 1)).chain(["face25".into()]).collect();
+    let facets: Vec<String> = (0..n)
+        .map(|k| format!("part{}", 2 * k + 1))
+        .chain(["face25".into()])
+        .collect();
     assert_eq!(names(LoadOptions::default().crease_angle(29.0)), facets);
     assert_eq!(names(LoadOptions::default().crease_angle(31.0)), ["part1", "face25"]);
     assert_eq!(names(LoadOptions::default().crease_angle(90.0)), ["part1"]);
@@ -171,7 +195,11 @@ fn lengths_and_axes_are_those_of_the_scene() {
         (LengthUnit::Foot, 0.3048),
     ] {
         let options = LoadOptions::default().unit(unit).up_axis(UpAxis::Y);
-        for name in ["quads-meshio-binary.vtk", "quads-gmsh-41-ascii.msh", "quads-vtk-big-endian.ply"] {
+        for name in [
+            "quads-meshio-binary.vtk",
+            "quads-gmsh-41-ascii.msh",
+            "quads-vtk-big-endian.ply",
+        ] {
             let scene = load_with(file(name), &options).unwrap().scene;
             for (a, b) in plain.faces.iter().zip(&scene.faces) {
                 let corners = a.corners.as_slice().iter().zip(b.corners.as_slice());
@@ -232,7 +260,11 @@ fn nearly_equal_vertices_are_told_and_joined() {
         SceneWarningKind::NearlyEqualVertices { count, .. } => Some(count),
         _ => None,
     });
-    assert!(near.is_some_and(|count| (8..=24).contains(&count)), "{:?}", told.warnings);
+    assert!(
+        near.is_some_and(|count| (8..=24).contains(&count)),
+        "{:?}",
+        told.warnings
+    );
     assert!(told.scene.vertices.len() > 16);
     let joined = load_with(&path, &LoadOptions::default().merge_tolerance(1e-5)).unwrap();
     assert_eq!(joined.scene.vertices.len(), 16);
@@ -257,7 +289,10 @@ fn what_is_no_face_is_told() {
     assert!(kinds(&second).contains(&"higher_order"), "{:?}", second.warnings);
     for scene in [&first.scene, &second.scene] {
         let area: f64 = scene.face_ids().map(|f| scene.area_vector(f).length()).sum();
-        assert!((area - 2.0 * (3.1 * 4.2 + 3.1 * 2.7 + 4.2 * 2.7)).abs() < 1e-9, "{area}");
+        assert!(
+            (area - 2.0 * (3.1 * 4.2 + 3.1 * 2.7 + 4.2 * 2.7)).abs() < 1e-9,
+            "{area}"
+        );
     }
 }
 
@@ -268,14 +303,23 @@ fn the_materials_of_gltf_are_reflectance_and_exitance() {
         assert!(loaded.scene.is_emitting(), "{name}");
         let of = |surface: &str| {
             let k = NAMES.iter().position(|known| *known == surface).unwrap();
-            let face = loaded.scene.faces.iter().find(|face| face.surface.0 as usize == k).unwrap();
+            let face = loaded
+                .scene
+                .faces
+                .iter()
+                .find(|face| face.surface.0 as usize == k)
+                .unwrap();
             loaded.scene.materials[face.material.0 as usize].clone()
         };
         let ceiling = of("ceiling");
         for (channel, (factor, colour)) in [(1.0, 128.0), (0.8, 102.0), (0.6, 51.0)].into_iter().enumerate() {
             let off = ceiling.exitance[channel] / (std::f64::consts::PI * factor) - 1.0;
             assert!(off.abs() < 1e-12, "{name}: {:?}", ceiling.exitance);
-            assert!((ceiling.reflectance[channel] - colour / 255.0).abs() < 1e-6, "{name}: {:?}", ceiling.reflectance);
+            assert!(
+                (ceiling.reflectance[channel] - colour / 255.0).abs() < 1e-6,
+                "{name}: {:?}",
+                ceiling.reflectance
+            );
         }
         assert_eq!(of("floor").exitance.map(f64::to_bits), [0; 3]);
     }
@@ -294,20 +338,41 @@ fn materials_come_from_a_file() {
     assert_eq!(loaded.warnings, []);
     let of = |name: &str| {
         let k = NAMES.iter().position(|known| *known == name).unwrap();
-        let face = loaded.scene.faces.iter().find(|face| face.surface.0 as usize == k).unwrap();
+        let face = loaded
+            .scene
+            .faces
+            .iter()
+            .find(|face| face.surface.0 as usize == k)
+            .unwrap();
         loaded.scene.materials[face.material.0 as usize].clone()
     };
-    for (name, reflectance) in [("floor", 0.2), ("ceiling", 0.2), ("x0", 0.7), ("x1", 0.9), ("block", 0.2)] {
-        assert_eq!(of(name).reflectance.map(f64::to_bits), [f64::to_bits(reflectance); 3], "{name}");
+    for (name, reflectance) in [
+        ("floor", 0.2),
+        ("ceiling", 0.2),
+        ("x0", 0.7),
+        ("x1", 0.9),
+        ("block", 0.2),
+    ] {
+        assert_eq!(
+            of(name).reflectance.map(f64::to_bits),
+            [f64::to_bits(reflectance); 3],
+            "{name}"
+        );
     }
-    assert_eq!(of("ceiling").exitance.map(f64::to_bits), [3.0_f64, 2.0, 1.0].map(f64::to_bits));
+    assert_eq!(
+        of("ceiling").exitance.map(f64::to_bits),
+        [3.0_f64, 2.0, 1.0].map(f64::to_bits)
+    );
     let mut names: Vec<_> = loaded.scene.materials.iter().map(|m| m.name.clone()).collect();
     names.sort();
     names.dedup();
     assert_eq!(names.len(), loaded.scene.materials.len());
     // What is left bare is told.
     std::fs::write(&paints, "[surface.ceiling]\nexitance = 1.0\n").unwrap();
-    assert_eq!(kinds(&load_with(file("triangles-gmsh-41-binary.msh"), &options).unwrap()), ["no_materials"]);
+    assert_eq!(
+        kinds(&load_with(file("triangles-gmsh-41-binary.msh"), &options).unwrap()),
+        ["no_materials"]
+    );
     std::fs::write(&paints, "[surface.\"door*\"]\nexitance = 1.0\n").unwrap();
     let error = load_with(file("triangles-gmsh-41-binary.msh"), &options).unwrap_err();
     assert_eq!(error.line(), Some(1), "{error}");
@@ -338,7 +403,13 @@ fn formats_are_known_by_content_then_by_suffix() {
             assert_eq!(Format::of(&other).unwrap().name(), format, "{name} as {suffix}");
         }
     }
-    for (suffix, format) in [("stl", "stl"), ("VTU", "vtk"), ("glb", "gltf"), ("vs3", "vs3"), ("txt", "obj")] {
+    for (suffix, format) in [
+        ("stl", "stl"),
+        ("VTU", "vtk"),
+        ("glb", "gltf"),
+        ("vs3", "vs3"),
+        ("txt", "obj"),
+    ] {
         let empty = directory.path().join("empty").with_extension(suffix);
         std::fs::write(&empty, "").unwrap();
         assert_eq!(Format::of(&empty).unwrap().name(), format, "{suffix}");
@@ -352,14 +423,28 @@ fn formats_are_known_by_content_then_by_suffix() {
 /// The L-shaped room of View3D's manual, once by vertices and once by origins and angles, and its parts that are combined.
 #[test]
 fn view3d_has_its_surfaces_parts_and_emissivities() {
-    let names = ["south", "east", "inner-north", "inner-east", "north", "west", "ceiling", "floor"];
+    let names = [
+        "south",
+        "east",
+        "inner-north",
+        "inner-east",
+        "north",
+        "west",
+        "ceiling",
+        "floor",
+    ];
     let [by_vertices, by_origins] = ["l-room.vs3", "l-room-by-origins.vs3"].map(|name| read(&format!("view3d/{name}")));
     for loaded in [&by_vertices, &by_origins] {
         assert_eq!(surface_names(&loaded.scene), names);
         assert_eq!(kinds(loaded), ["no_emission"]);
         let reflectance = |name: &str| {
             let k = names.iter().position(|known| *known == name).unwrap();
-            let face = loaded.scene.faces.iter().find(|face| face.surface.0 as usize == k).unwrap();
+            let face = loaded
+                .scene
+                .faces
+                .iter()
+                .find(|face| face.surface.0 as usize == k)
+                .unwrap();
             loaded.scene.materials[face.material.0 as usize].reflectance[0]
         };
         for (name, expected) in [("south", 0.1), ("inner-east", 0.2), ("floor", 0.5)] {
@@ -375,10 +460,10 @@ fn view3d_has_its_surfaces_parts_and_emissivities() {
         prepared.by_surface(&factors)
     });
     for i in 0..8 {
-        let sum: f64 = (0..8).map(|j| one.get(i, j)).sum();
+        let sum: f64 = (0..8).map(|j| between(&one, i, j)).sum();
         assert!((sum - 1.0).abs() < 1e-5, "{i}: {sum}");
         for j in 0..8 {
-            assert!((one.get(i, j) - other.get(i, j)).abs() < 1e-6, "{i} {j}");
+            assert!((between(&one, i, j) - between(&other, i, j)).abs() < 1e-6, "{i} {j}");
         }
     }
 }
@@ -387,8 +472,14 @@ fn view3d_has_its_surfaces_parts_and_emissivities() {
 fn view3d_has_subsurfaces_masks_null_surfaces_and_obstructions() {
     let loaded = read("view3d/window-mask-null.vs3");
     let scene = &loaded.scene;
-    assert_eq!(surface_names(scene), ["wall", "wall-2", "window", "mask", "hole", "obstructions"]);
-    assert_eq!(kinds(&loaded), ["moved_masks", "black_surfaces", "black_surfaces", "no_emission"]);
+    assert_eq!(
+        surface_names(scene),
+        ["wall", "wall-2", "window", "mask", "hole", "obstructions"]
+    );
+    assert_eq!(
+        kinds(&loaded),
+        ["moved_masks", "black_surfaces", "black_surfaces", "no_emission"]
+    );
     let area = |k: u32| -> f64 {
         let own = scene.face_ids().filter(|f| scene.faces[f.0 as usize].surface.0 == k);
         own.map(|f| scene.area_vector(f).length()).sum()
@@ -401,12 +492,20 @@ fn view3d_has_subsurfaces_masks_null_surfaces_and_obstructions() {
         tolerance: 1e-6,
         ..ExactMethod::default()
     });
-    let between = prepared.by_surface(&factors);
+    let factors = prepared.by_surface(&factors);
     // The mask sees its base alone, and this sees it, but for the gap.
-    assert!((between.get(3, 0) - 1.0).abs() < 1e-3, "{}", between.get(3, 0));
-    assert!((between.get(0, 3) * 0.96 - 0.04).abs() < 1e-4, "{}", between.get(0, 3));
-    assert!(between.get(1, 3) < 1e-12 && between.get(2, 3) < 1e-12);
-    assert!(between.get(1, 4) > 1e-3 && between.get(2, 5) > 1e-4);
+    assert!(
+        (between(&factors, 3, 0) - 1.0).abs() < 1e-3,
+        "{}",
+        between(&factors, 3, 0)
+    );
+    assert!(
+        (between(&factors, 0, 3) * 0.96 - 0.04).abs() < 1e-4,
+        "{}",
+        between(&factors, 0, 3)
+    );
+    assert!(between(&factors, 1, 3) < 1e-12 && between(&factors, 2, 3) < 1e-12);
+    assert!(between(&factors, 1, 4) > 1e-3 && between(&factors, 2, 5) > 1e-4);
 }
 
 #[test]
@@ -427,15 +526,26 @@ fn what_is_wrong_has_its_place() {
         Origin::Element { element, .. } => element.clone(),
         other => panic!("{other:?}"),
     };
-    assert_eq!((error.kind(), element(&error)), ("bad_coordinate", "triangle 4".to_owned()));
+    assert_eq!(
+        (error.kind(), element(&error)),
+        ("bad_coordinate", "triangle 4".to_owned())
+    );
     // The sixth triangle again.
     let mut repeated = stl.clone();
     repeated.copy_within(84 + 50 * 5..84 + 50 * 6, 84 + 50 * 9);
     let error = refused("repeated.stl", &repeated);
-    assert_eq!((error.kind(), element(&error)), ("duplicate_face", "triangle 10".to_owned()));
+    assert_eq!(
+        (error.kind(), element(&error)),
+        ("duplicate_face", "triangle 10".to_owned())
+    );
     assert!(error.to_string().contains("repeats triangle 6"), "{error}");
     let text = std::fs::read_to_string(file("triangles-meshio-ascii.ply")).unwrap();
-    let error = refused("index.ply", text.replace("\n3 8 9 ", "\n3 8 99 ").replace("\n3 8 11 ", "\n3 8 99 ").as_bytes());
+    let error = refused(
+        "index.ply",
+        text.replace("\n3 8 9 ", "\n3 8 99 ")
+            .replace("\n3 8 11 ", "\n3 8 99 ")
+            .as_bytes(),
+    );
     assert_eq!(error.kind(), "index_out_of_range");
     assert!(error.line().is_some(), "{error}");
     let text = std::fs::read_to_string(file("triangles-gmsh-22-ascii.msh")).unwrap();
@@ -444,11 +554,21 @@ fn what_is_wrong_has_its_place() {
     let line = text.lines().position(|line| line.ends_with("0 0 2.7")).unwrap() + 1;
     assert_eq!(error.line(), u32::try_from(line).ok(), "{error}");
     let text = std::fs::read_to_string(file("triangles-pyvista-ascii.vtu")).unwrap();
-    let error = refused("type.vtu", text.replace("type=\"Float64\"", "type=\"Float65\"").as_bytes());
+    let error = refused(
+        "type.vtu",
+        text.replace("type=\"Float64\"", "type=\"Float65\"").as_bytes(),
+    );
     assert!(error.kind() == "malformed" && error.line().is_some(), "{error}");
     let text = std::fs::read_to_string(file("triangles-trimesh.gltf")).unwrap();
-    assert_eq!(refused("cut.gltf", &text.as_bytes()[..text.len() / 2]).kind(), "malformed");
+    assert_eq!(
+        refused("cut.gltf", &text.as_bytes()[..text.len() / 2]).kind(),
+        "malformed"
+    );
     let text = std::fs::read_to_string(file("view3d/l-room.vs3")).unwrap();
     let error = refused("base.vs3", text.replace("S  3    6   7", "S  3    6  77").as_bytes());
-    assert_eq!((error.kind(), error.line()), ("index_out_of_range", Some(24)), "{error}");
+    assert_eq!(
+        (error.kind(), error.line()),
+        ("index_out_of_range", Some(24)),
+        "{error}"
+    );
 }

@@ -83,10 +83,13 @@ impl<'a> File<'a> {
                 SceneError::new(Origin::line(source.path, line()), kind)
             };
             match event.map_err(|error| malformed("well-formed XML", &error.to_string()))? {
+                Event::Start(_) if array.is_some() => depth += 1,
+                Event::End(_) if depth > 0 => depth -= 1,
+                Event::Empty(_) if array.is_some() => {}
                 Event::Start(tag) => {
                     array = self
                         .begin(&tag)
-                        .map_err(|(expected, found)| malformed(expected, &found))?
+                        .map_err(|(expected, found)| malformed(expected, &found))?;
                 }
                 Event::Empty(tag) => {
                     if let Some(array) = self
