@@ -4,12 +4,13 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::polygons::{FileMaterial, NONE, Polygons};
+use super::polygons::{FileFace, FileMaterial, NONE, Polygons};
 use super::{DEFAULT_REFLECTANCE, Flip, LoadOptions, Loaded, creases, weld};
 use crate::scene::bright::too_bright;
 use crate::scene::builder::{Added, FirstAndCount};
 use crate::scene::{
-    Lighting, Material, MaterialId, Origin, SceneBuilder, SceneError, SceneErrorKind, SceneWarning, SceneWarningKind,
+    Lighting, Material, MaterialId, Numbering, Origin, SceneBuilder, SceneError, SceneErrorKind, SceneWarning,
+    SceneWarningKind,
 };
 
 /// The surface of all faces with [`LoadOptions::one_surface`], and of faces of no surface where others have one.
@@ -18,6 +19,7 @@ const DEFAULT_SURFACE: &str = "default";
 /// Makes a scene of the polygons of a file.
 pub(super) fn assemble(mut polygons: Polygons, file: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
     expect_vertices(&polygons, file)?;
+    number_apart(&mut polygons);
     place(&mut polygons, options);
     let first = join(&mut polygons, file, options);
     if options.one_surface {
@@ -79,6 +81,17 @@ fn expect_vertices(polygons: &Polygons, file: &Path) -> Result<(), SceneError> {
         }
     }
     Ok(())
+}
+
+/// Counts faces in place of lines, where several stand on one: faces of one line are parts of one outline.
+fn number_apart(polygons: &mut Polygons) {
+    let is_shared = |pair: &[FileFace]| pair[0].number == pair[1].number;
+    if polygons.numbering == Numbering::Lines && polygons.faces.windows(2).any(is_shared) {
+        polygons.numbering = Numbering::elements("face", 1);
+        for (number, face) in (1..).zip(&mut polygons.faces) {
+            face.number = number;
+        }
+    }
 }
 
 /// Turns and scales the vertices into the scene's axes and metres.
