@@ -61,7 +61,11 @@ impl FileSet {
         let format = reading.format.as_deref().and_then(Format::named);
         for companion in companions_of(path, format) {
             let is_library = companion.extension().is_none_or(|suffix| suffix != "bin");
-            let what = if is_library { "a material library of the scene" } else { "a buffer of the scene" };
+            let what = if is_library {
+                "a material library of the scene"
+            } else {
+                "a buffer of the scene"
+            };
             self.reads(what, Some(&companion));
         }
         self.reads("the materials of the scene", reading.materials.as_deref())

@@ -193,7 +193,7 @@ impl Scene {
     /// Returns area times unit normal of a face, in m².
     #[must_use]
     pub fn area_vector(&self, face: FaceId) -> DVec3 {
-        polygon::area_vector(&self.polygon(face))
+        polygon::area_vector(&self.positions(&self.faces[face.0 as usize]))
     }
 
     /// Returns the place of a face in the file that the scene was read from.
@@ -215,8 +215,8 @@ impl Scene {
     /// Returns the least and greatest corner of the box around all vertices in use.
     #[must_use]
     pub fn bounding_box(&self) -> (DVec3, DVec3) {
-        let used = self.faces.iter().flat_map(|f| f.corners.as_slice().to_vec());
-        used.map(|v| self.vertices[v as usize])
+        let used = self.faces.iter().flat_map(|face| face.corners.as_slice());
+        used.map(|&v| self.vertices[v as usize])
             .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), v| {
                 (lo.min(v), hi.max(v))
             })
