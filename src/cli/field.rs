@@ -30,7 +30,7 @@ fn work(args: &FieldArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let preview = preview_of(&args.output)?;
     let mut files = FileSet::default();
     files.writes_picture("output", &args.output);
-    files.reads_scene(&args.scene);
+    files.reads_scene(&args.scene, &args.common.reading);
     files.reads("the camera", view.camera_file()).check()?;
     run.cx.memory.limit_byte = args.memory_limit;
     let mut model = run.prepare(&args.scene, args.mesh, image_patches)?;

@@ -3,10 +3,11 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
+use super::args::ReadingArgs;
 use super::failure::Failure;
 use super::output;
 use crate::report::form_factors::files_of;
-use crate::scene::libraries_of;
+use crate::scene::{Format, companions_of};
 use crate::whole_file;
 
 /// The files of a command, each with what it is.
@@ -54,13 +55,20 @@ impl FileSet {
         self
     }
 
-    /// Adds a scene, and the material libraries that it names.
-    pub(super) fn reads_scene(&mut self, path: &Path) -> &mut Self {
+    /// Adds a scene, with the material libraries and buffers that it names, and the file of its materials.
+    pub(super) fn reads_scene(&mut self, path: &Path, reading: &ReadingArgs) -> &mut Self {
         self.reads("the scene", Some(path));
-        for library in libraries_of(path) {
-            self.reads("a material library of the scene", Some(&library));
+        let format = reading.format.as_deref().and_then(Format::named);
+        for companion in companions_of(path, format) {
+            let is_library = companion.extension().is_none_or(|suffix| suffix != "bin");
+            let what = if is_library {
+                "a material library of the scene"
+            } else {
+                "a buffer of the scene"
+            };
+            self.reads(what, Some(&companion));
         }
-        self
+        self.reads("the materials of the scene", reading.materials.as_deref())
     }
 
     /// Refuses, before any work is done, files that cannot be written, and such as would take the place of one another.

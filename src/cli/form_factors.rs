@@ -83,6 +83,6 @@ fn files(args: &FormFactorsArgs) -> FileSet {
         files.writes_form_factors(path);
     }
     files.keeps("the checkpoint", args.storage.checkpoint.as_deref());
-    files.reads_scene(&args.scene);
+    files.reads_scene(&args.scene, &args.common.reading);
     files
 }

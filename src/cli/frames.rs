@@ -133,7 +133,7 @@ pub(super) fn work(args: &RenderArgs, file: &Path, run: &mut Run) -> Result<Outc
 fn files(args: &RenderArgs, list: &Path, all: &Sequence) -> Result<FileSet, Failure> {
     let mut files = FileSet::default();
     files.keeps("the checkpoint", args.storage.checkpoint.as_deref());
-    files.reads_scene(&args.scene);
+    files.reads_scene(&args.scene, &args.common.reading);
     files.reads("the list of frames", Some(list));
     for frame in &all.frames {
         preview_of(&frame.output)?;

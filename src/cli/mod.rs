@@ -115,10 +115,10 @@ fn parse(arguments: &[OsString]) -> Result<Cli, clap::Error> {
 
 fn run(command: &Command, common: &CommonArgs) -> Result<Outcome, Failure> {
     let reads_scene = !matches!(command, Command::Scene(_) | Command::Verify(_) | Command::Reproduce(_));
-    if !reads_scene && !common.flip.is_empty() {
-        return Err(Failure::usage(
-            "--flip reverses faces of a scene that is read, and this command reads none",
-        ));
+    if let (false, Some(flag)) = (reads_scene, common.reading.first_given()) {
+        return Err(Failure::usage(format!(
+            "{flag} says how a scene is read, and this command reads none"
+        )));
     }
     let threads = common.threads.map_or(0, std::num::NonZeroUsize::get);
     let pool = rayon::ThreadPoolBuilder::new()

@@ -33,7 +33,7 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let mut files = FileSet::default();
     files.writes_picture("output", &args.output);
     files.keeps("the checkpoint", args.storage.checkpoint.as_deref());
-    files.reads_scene(&args.scene);
+    files.reads_scene(&args.scene, &args.common.reading);
     files.reads("the camera", request.camera_file()).check()?;
     run.expect(&args.storage, demand(args));
     let mut model = run.prepare(&args.scene, args.mesh, image_patches)?;

@@ -18,7 +18,7 @@ use crate::document::{Document, OfScene};
 use crate::mesh::{MeshOptions, Subdivision};
 use crate::printable::printable_message;
 use crate::render::MAX_PICTURE_EXITANCE;
-use crate::scene::{Lighting, LoadOptions, Scene, SceneWarningKind, builtin};
+use crate::scene::{Lighting, Scene, SceneWarningKind, builtin};
 use crate::workflow::{self, Afterwards, Context, Demand, FormFactorRequest, Model, Use, Warning};
 
 /// A run of one command.
@@ -93,15 +93,11 @@ impl Run {
             );
             return Err(Failure::new("unreadable", message).in_file(path));
         }
-        let mut options = LoadOptions::default()
-            .allow_outside(self.common.allow_outside)
-            .flip(self.common.flip());
+        let mut options = self.common.reading.options();
         if self.command == "render" {
             options = options.max_exitance(MAX_PICTURE_EXITANCE);
         }
-        if !self.common.flip.is_empty() {
-            self.cx.settings.flip = Some(self.common.flip.clone());
-        }
+        self.common.reading.describe(&mut self.cx);
         let wants_light = !matches!(self.command, "form-factors" | "field" | "compare");
         let dark = RefCell::new(None);
         let scene = workflow::load(path, &options, &self.cx, |warning| {

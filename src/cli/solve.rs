@@ -76,7 +76,7 @@ fn files(args: &SolveArgs) -> Result<FileSet, Failure> {
         None => {}
     }
     files.keeps("the checkpoint", args.storage.checkpoint.as_deref());
-    files.reads_scene(&args.scene);
+    files.reads_scene(&args.scene, &args.common.reading);
     for file in args.form_factors.iter().flat_map(|path| files_of(path)) {
         files.reads("the form factors", Some(&file));
     }

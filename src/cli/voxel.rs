@@ -88,7 +88,7 @@ fn files(args: &VoxelArgs, format: Option<Format>) -> FileSet {
     };
     let may_be_on_disk = matches!(args.links, LinksName::Auto | LinksName::Disk) && args.adaptive.is_none();
     files.keeps("the link file", may_be_on_disk.then(|| args.link_file()).as_deref());
-    files.reads_scene(&args.scene);
+    files.reads_scene(&args.scene, &args.common.reading);
     files.reads("the camera", args.image.view.request().camera_file());
     files
 }

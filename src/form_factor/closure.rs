@@ -42,15 +42,15 @@ pub struct Enclosed {
 /// Light leaves a scene that was stated to be closed.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[error(
-    "`{surface}` (line {line}): {escaped:.1e} of the light of its patch at ({:.6}, {:.6}, {:.6}) leaves the scene, first near ({:.6}, {:.6}, {:.6})",
+    "`{surface}` ({face}): {escaped:.1e} of the light of its patch at ({:.6}, {:.6}, {:.6}) leaves the scene, first near ({:.6}, {:.6}, {:.6})",
     from.x, from.y, from.z, exit.x, exit.y, exit.z
 )]
 #[non_exhaustive]
 pub struct Leak {
     /// The name of the surface.
     pub surface: String,
-    /// The line of its face in the scene file; 0 for a face made in memory.
-    pub line: u32,
+    /// What its face is called, as in `line 12`.
+    pub face: String,
     /// The middle of the patch, m.
     pub from: DVec3,
     /// Where one of its rays leaves the box around the scene, m.
@@ -169,7 +169,10 @@ fn probed(input: Input<'_>) -> Result<Vec<Probe>, Leak> {
     let patch = &input.mesh.patches[i];
     Err(Leak {
         surface: printable(&input.scene.surfaces[patch.surface.0 as usize].name),
-        line: input.scene.faces[patch.face.0 as usize].line,
+        face: input
+            .scene
+            .numbering
+            .label(input.scene.faces[patch.face.0 as usize].line),
         from: patch.centroid,
         exit: probe.exit,
         escaped: share(probe),

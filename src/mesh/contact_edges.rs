@@ -10,7 +10,7 @@ use super::pieces::Pieces;
 use super::planes::{FaceEdge, flat_joints, flat_joints_by};
 use crate::disjoint_sets::DisjointSets;
 use crate::geometry::box_pairs::{BoxTree, overlapping_pairs};
-use crate::scene::{FaceId, Scene};
+use crate::scene::{FaceId, Positions, Scene};
 
 /// A face that ends within this part of the smaller one's size of another stands on it: a cut that is not needed does no harm.
 const NEAR: f64 = 1e-6;
@@ -103,7 +103,7 @@ pub(super) struct Found {
 impl Found {
     /// Finds the contact edges of a scene.
     fn of(scene: &Scene) -> Self {
-        let outlines: Vec<Vec<DVec3>> = scene.face_ids().map(|face| scene.polygon(face)).collect();
+        let outlines: Vec<Positions> = scene.faces.iter().map(|face| scene.positions(face)).collect();
         let normals: Vec<DVec3> = scene
             .face_ids()
             .map(|face| scene.area_vector(face).normalize_or_zero())
@@ -184,12 +184,12 @@ impl Reach {
 }
 
 /// Returns up to which distances each face meets others.
-fn reaches(scene: &Scene, outlines: &[Vec<DVec3>]) -> Vec<Reach> {
+fn reaches(scene: &Scene, outlines: &[Positions]) -> Vec<Reach> {
     let (slack, of_places) = (scene.slack(), PLACES * scene.last_place());
-    let largest = |outline: &Vec<DVec3>| outline.iter().map(|v| v.abs().max_element()).fold(0.0, f64::max);
+    let largest = |outline: &Positions| outline.iter().map(|v| v.abs().max_element()).fold(0.0, f64::max);
     let rounding = ROUNDING * outlines.iter().map(largest).fold(0.0, f64::max);
     let sizes_in_plane = sizes_in_plane(scene, outlines);
-    let of_face = |(outline, size_in_plane): (&Vec<DVec3>, f64)| {
+    let of_face = |(outline, size_in_plane): (&Positions, f64)| {
         let size = size_of(bounding_box(outline));
         Reach {
             touching: of_places.clamp(NEAR * size, FAR * size).max(slack).max(rounding),
@@ -200,7 +200,7 @@ fn reaches(scene: &Scene, outlines: &[Vec<DVec3>]) -> Vec<Reach> {
 }
 
 /// Returns the size of each face together with those that continue it in its plane: walls may be drawn in small faces, each with vertices of its own.
-fn sizes_in_plane(scene: &Scene, outlines: &[Vec<DVec3>]) -> Vec<f64> {
+fn sizes_in_plane(scene: &Scene, outlines: &[Positions]) -> Vec<f64> {
     let mut first_at: HashMap<[u64; 3], u32> = HashMap::new();
     // Of 0 and -0, which are one, the bits differ.
     let bits = |v: &DVec3| (*v + DVec3::ZERO).to_array().map(f64::to_bits);
@@ -212,14 +212,13 @@ fn sizes_in_plane(scene: &Scene, outlines: &[Vec<DVec3>]) -> Vec<f64> {
     for (one, other) in flat_joints_by(scene, |vertex| first[vertex as usize], BEND) {
         sets.join(one.0.0 as usize, other.0.0 as usize);
     }
-    let mut boxes: HashMap<usize, (DVec3, DVec3)> = HashMap::new();
-    for (face, outline) in outlines.iter().enumerate() {
-        let own = bounding_box(outline);
-        let whole = boxes.entry(sets.find(face)).or_insert(own);
+    let mut boxes: Vec<(DVec3, DVec3)> = outlines.iter().map(|outline| bounding_box(outline)).collect();
+    for face in 0..outlines.len() {
+        let (own, whole) = (boxes[face], &mut boxes[sets.find(face)]);
         *whole = (whole.0.min(own.0), whole.1.max(own.1));
     }
     (0..outlines.len())
-        .map(|face| size_of(boxes[&sets.find(face)]))
+        .map(|face| size_of(boxes[sets.find(face)]))
         .collect()
 }
 
@@ -234,7 +233,7 @@ fn bounding_box(outline: &[DVec3]) -> (DVec3, DVec3) {
 }
 
 /// Returns the faces that have a contact edge elsewhere than along a border that no face of the plane continues.
-fn parted(scene: &Scene, outlines: &[Vec<DVec3>], on_face: &HashMap<u32, OnFace>) -> HashSet<u32> {
+fn parted(scene: &Scene, outlines: &[Positions], on_face: &HashMap<u32, OnFace>) -> HashSet<u32> {
     let beside: HashMap<FaceEdge, FaceId> = flat_joints(scene)
         .into_iter()
         .flat_map(|(one, other)| [(one, other.0), (other, one.0)])
@@ -306,21 +305,24 @@ impl Plane {
         if !(0..wall.len()).any(|k| height(k) > tolerance) {
             return None;
         }
-        let mut points = Vec::new();
-        for k in 0..wall.len() {
+        let meeting = |k: usize| {
             let (h, next) = (height(k), height(k + 1));
             if h.abs() <= tolerance {
-                points.push(wall[k]);
+                Some(wall[k])
             } else if next.abs() > tolerance && (h < 0.0) != (next < 0.0) {
-                points.push(wall[k].lerp(wall[(k + 1) % wall.len()], h / (h - next)));
+                Some(wall[k].lerp(wall[(k + 1) % wall.len()], h / (h - next)))
+            } else {
+                None
             }
-        }
+        };
+        // Few corners are seen again sooner than remembered.
+        let points = || (0..wall.len()).filter_map(meeting);
         // A corner on a straight edge is a third point.
         let farthest = |other: DVec3| {
-            let by_distance = |a: &&DVec3, b: &&DVec3| other.distance(**a).total_cmp(&other.distance(**b));
-            points.iter().max_by(by_distance).copied()
+            let by_distance = |a: &DVec3, b: &DVec3| other.distance(*a).total_cmp(&other.distance(*b));
+            points().max_by(by_distance)
         };
-        let to = farthest(*points.first()?)?;
+        let to = farthest(points().next()?)?;
         let from = farthest(to)?;
         (from.distance(to) > tolerance).then_some([from, to])
     }

@@ -1,7 +1,5 @@
 //! Faces that continue each other: flat neighbours across a shared edge.
 
-use std::collections::HashMap;
-
 use glam::DVec3;
 
 use crate::scene::{FaceId, Scene};
@@ -19,33 +17,33 @@ pub(super) fn flat_joints(scene: &Scene) -> Vec<(FaceEdge, FaceEdge)> {
 
 /// Returns such pairs where vertices are told apart by a number, and unit normals of one plane differ by less than `most`.
 pub(super) fn flat_joints_by(scene: &Scene, number: impl Fn(u32) -> u32, most: f64) -> Vec<(FaceEdge, FaceEdge)> {
-    let edge = |v: &[u32], k: usize| (number(v[k]), number(v[(k + 1) % v.len()]));
-    // Directed edges: the neighbour on the same side of a plane runs along the edge in the opposite sense.
-    let mut by_edge: HashMap<(u32, u32), Vec<FaceEdge>> = HashMap::new();
+    // All edges by their ends, whichever way they run; the neighbour on the same side of a plane runs along the edge in the opposite sense.
+    let mut edges: Vec<([u32; 2], FaceEdge, bool)> = Vec::with_capacity(4 * scene.faces.len());
     for face in scene.face_ids() {
         let corners = scene.faces[face.0 as usize].corners;
         let v = corners.as_slice();
         for k in 0..v.len() {
-            by_edge.entry(edge(v, k)).or_default().push((face, k));
+            let (from, to) = (number(v[k]), number(v[(k + 1) % v.len()]));
+            edges.push(([from.min(to), from.max(to)], (face, k), from < to));
         }
     }
+    edges.sort_unstable();
     let normals: Vec<DVec3> = scene
         .face_ids()
         .map(|f| scene.area_vector(f).normalize_or_zero())
         .collect();
     let mut joints = Vec::new();
-    for face in scene.face_ids() {
-        let corners = scene.faces[face.0 as usize].corners;
-        let v = corners.as_slice();
-        for k in 0..v.len() {
-            let (from, to) = edge(v, k);
-            for &other in by_edge.get(&(to, from)).into_iter().flatten() {
-                let bend = (normals[face.0 as usize] - normals[other.0.0 as usize]).length();
-                if face < other.0 && bend < most {
-                    joints.push(((face, k), other));
+    for at_edge in edges.chunk_by(|a, b| a.0 == b.0) {
+        let is_point = at_edge[0].0[0] == at_edge[0].0[1];
+        for (k, &(_, one, runs_up)) in at_edge.iter().enumerate() {
+            for &(_, other, other_runs_up) in &at_edge[k + 1..] {
+                let bend = || (normals[one.0.0 as usize] - normals[other.0.0 as usize]).length();
+                if one.0 < other.0 && (is_point || runs_up != other_runs_up) && bend() < most {
+                    joints.push((one, other));
                 }
             }
         }
     }
+    joints.sort_unstable();
     joints
 }

@@ -28,7 +28,7 @@ fn scene(vertices: Vec<DVec3>, faces: &[Corners]) -> Scene {
             reflectance: [0.5; 3],
             exitance: [0.0; 3],
         }],
-        written: None,
+        ..Scene::default()
     }
 }
 

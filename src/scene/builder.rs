@@ -1,6 +1,8 @@
 //! Puts a scene together: merges vertices, names surfaces, splits outlines, and refuses what no method could use.
 
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+use std::hash::Hash;
 use std::path::PathBuf;
 
 use glam::DVec3;
@@ -11,8 +13,8 @@ use super::error::Earlier;
 use super::misses::Misses;
 use super::split::{Outline, split};
 use super::{
-    Corners, Face, Loaded, MAX_COORDINATE, MAX_CORNERS, MAX_FACES, MIN_EXITANCE, Material, MaterialId, Origin, Scene,
-    SceneError, SceneErrorKind, SceneWarning, SceneWarningKind, Surface, SurfaceId, Written,
+    Corners, Face, Loaded, MAX_COORDINATE, MAX_CORNERS, MAX_FACES, MIN_EXITANCE, Material, MaterialId, Numbering,
+    Origin, Scene, SceneError, SceneErrorKind, SceneWarning, SceneWarningKind, Surface, SurfaceId, Written,
 };
 use crate::geometry::polygon;
 
@@ -54,10 +56,40 @@ pub struct SceneBuilder {
     scene: Scene,
     misses: Misses,
     vertex_of_position: HashMap<[u64; 3], u32>,
-    line_of_outline: HashMap<Vec<u32>, u32>,
+    line_of_outline: OutlineLines,
     bent: FirstAndCount,
     without_area: FirstAndCount,
     n_added: u32,
+}
+
+/// The first line of each outline; most have up to four corners, which need no memory of their own.
+#[derive(Debug, Default)]
+struct OutlineLines {
+    small: HashMap<[u32; 4], u32>,
+    large: HashMap<Vec<u32>, u32>,
+}
+
+impl OutlineLines {
+    /// Adds an outline, or returns the line of an equal one.
+    fn insert(&mut self, vertices: &[u32], line: u32) -> Option<u32> {
+        fn insert<K: Eq + Hash>(known: &mut HashMap<K, u32>, key: K, line: u32) -> Option<u32> {
+            match known.entry(key) {
+                Entry::Occupied(known) => Some(*known.get()),
+                Entry::Vacant(free) => {
+                    free.insert(line);
+                    None
+                }
+            }
+        }
+        let turned = from_least(vertices);
+        if turned.len() > 4 {
+            return insert(&mut self.large, turned, line);
+        }
+        // A triangle has no fourth vertex, and no vertex is the last number.
+        let mut key = [u32::MAX; 4];
+        key[..turned.len()].copy_from_slice(&turned);
+        insert(&mut self.small, key, line)
+    }
 }
 
 /// The first line at which something happens, and how often it does.
@@ -81,25 +113,30 @@ impl SceneBuilder {
     /// Begins an empty scene of a file, which errors and warnings name.
     #[must_use]
     pub fn of_file(file: impl Into<PathBuf>) -> Self {
-        Self {
+        let builder = Self {
             file: Some(file.into()),
             ..Self::default()
-        }
+        };
+        builder.numbered(Numbering::Lines)
+    }
+
+    /// Returns the builder with other numbers of faces than lines.
+    #[must_use]
+    pub fn numbered(mut self, numbering: Numbering) -> Self {
+        self.scene.numbering = numbering;
+        self
     }
 
     /// Returns the place of a face.
     fn at(&self, line: u32) -> Origin {
-        match &self.file {
-            Some(file) => Origin::line(file, line),
-            None => in_memory(format!("face {line}")),
-        }
+        self.scene.numbering.origin(self.file.clone().unwrap_or_default(), line)
     }
 
     fn earlier(&self, line: u32) -> Earlier {
-        if self.file.is_some() {
-            Earlier::Line(line)
-        } else {
-            Earlier::Number(line)
+        match &self.scene.numbering {
+            Numbering::Lines => Earlier::Line(line),
+            Numbering::Memory => Earlier::Number(line),
+            numbering @ Numbering::Elements { .. } => Earlier::Element(numbering.label(line)),
         }
     }
 
@@ -200,7 +237,7 @@ impl SceneBuilder {
         Ok(())
     }
 
-    /// Adds the faces of an outline; `line` is its line in the file, or its number.
+    /// Adds the faces of an outline; `line` is its line in the file, or its number as [`numbered`](Self::numbered) says.
     ///
     /// # Errors
     /// [`SceneErrorKind::SelfIntersecting`], [`SceneErrorKind::DuplicateFace`] of an outline that repeats an earlier one with the same winding, and [`SceneErrorKind::TooMany`].
@@ -229,7 +266,7 @@ impl SceneBuilder {
             Outline::Faces(faces) => faces,
         };
         let vertices = corners.iter().map(|&v| self.vertex(v)).collect::<Result<Vec<_>, _>>()?;
-        if let Some(&first_line) = self.line_of_outline.get(&from_least(&vertices)) {
+        if let Some(first_line) = self.line_of_outline.insert(&vertices, line) {
             return Err(SceneError::new(
                 self.at(line),
                 SceneErrorKind::DuplicateFace {
@@ -237,7 +274,6 @@ impl SceneBuilder {
                 },
             ));
         }
-        self.line_of_outline.insert(from_least(&vertices), line);
         let vertex_at = |i: u32| vertices[i as usize];
         for face in faces {
             self.id(self.scene.faces.len(), "faces")?;
@@ -266,7 +302,7 @@ impl SceneBuilder {
     pub fn build(mut self) -> Result<Loaded, SceneError> {
         // What comes has tables of its own, and these are done with.
         self.vertex_of_position = HashMap::new();
-        self.line_of_outline = HashMap::new();
+        self.line_of_outline = OutlineLines::default();
         if self.scene.faces.is_empty() {
             return Err(SceneError::new(self.whole(), SceneErrorKind::NoFaces));
         }
@@ -276,6 +312,7 @@ impl SceneBuilder {
             self.scene.written = Some(written);
         }
         let mut scene = std::mem::take(&mut self.scene);
+        self.scene.numbering = scene.numbering.clone();
         let cut = cut_out(&mut scene).map_err(|refused| match refused {
             Refused::Coincident(faces) => {
                 let [line, first_line] = faces.map(|face| scene.faces[face.0 as usize].line);

@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use glam::{DAffine3, DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 
+use super::io::write_whole;
 use super::lines::{line_after, read_text};
 use super::table::{three, three_if_given};
-use super::write::write_whole;
 use super::{Origin, SceneError, SceneErrorKind, default_view};
 use crate::input_file::{self, DESCRIPTION_LIMIT};
 use crate::scene::Scene;

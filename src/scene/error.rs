@@ -76,13 +76,78 @@ impl fmt::Display for Origin {
     }
 }
 
-/// An earlier face: by its line in a file, or by its number in a scene made in memory.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// What the numbers of faces ([`Face::line`](super::Face::line)) count.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Numbering {
+    /// The lines of a file, from 1.
+    Lines,
+    /// The elements of a file whose parts are no lines.
+    Elements {
+        /// What an element is called: `triangle`, `cell`.
+        noun: &'static str,
+        /// What messages call the one of number 1: 0 where the format counts from 0.
+        first: u32,
+        /// The parts of the file, each with the number before its first element, in order; empty for a file without parts.
+        parts: Vec<(u32, String)>,
+    },
+    /// The faces of a scene made in memory, from 0.
+    #[default]
+    Memory,
+}
+
+impl Numbering {
+    /// Returns elements without parts.
+    pub(super) fn elements(noun: &'static str, first: u32) -> Self {
+        Self::Elements {
+            noun,
+            first,
+            parts: Vec::new(),
+        }
+    }
+
+    /// Returns what messages call a face, as in `line 12`, `cell 11` or `face 3`.
+    #[must_use]
+    pub fn label(&self, number: u32) -> String {
+        match self {
+            Self::Lines => format!("line {number}"),
+            Self::Elements { noun, first, parts } => {
+                let behind = parts.partition_point(|(before, _)| *before < number);
+                let (before, part) = match parts.get(behind.wrapping_sub(1)) {
+                    Some((before, part)) => (*before, format!("{part}, ")),
+                    None => (0, String::new()),
+                };
+                let own = u64::from(number.saturating_sub(before)) + u64::from(*first);
+                format!("{part}{noun} {}", own.saturating_sub(1))
+            }
+            Self::Memory => format!("face {number}"),
+        }
+    }
+
+    /// Returns the place of a face of a file.
+    pub fn origin(&self, file: impl Into<PathBuf>, number: u32) -> Origin {
+        match self {
+            Self::Lines => Origin::line(file, number),
+            Self::Elements { .. } => Origin::Element {
+                path: file.into(),
+                element: self.label(number),
+            },
+            Self::Memory => Origin::Memory {
+                element: self.label(number),
+            },
+        }
+    }
+}
+
+/// An earlier face: by its line in a file, by its number in a scene made in memory, or as an element of a file.
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Earlier {
     /// The line.
     Line(u32),
     /// The number.
     Number(u32),
+    /// The element.
+    Element(String),
 }
 
 impl fmt::Display for Earlier {
@@ -90,6 +155,7 @@ impl fmt::Display for Earlier {
         match self {
             Self::Line(line) => write!(f, "the one of line {line}"),
             Self::Number(number) => write!(f, "face {number}"),
+            Self::Element(element) => f.write_str(element),
         }
     }
 }
@@ -141,6 +207,54 @@ pub enum SceneErrorKind {
     /// The file has no face with an area.
     #[error("no face with an area; export the scene with its faces (`v` and `f` lines)")]
     NoFaces,
+    /// The file is not written as its format wants it.
+    #[error("expected {expected}, found `{}`; correct the file or export it again", quoted(.found))]
+    Malformed {
+        /// What stands there in a file of the format.
+        expected: String,
+        /// The text in the file.
+        found: String,
+    },
+    /// The file states more than it has bytes for.
+    #[error(
+        "the file states {n} {what} and has room for {room}: it is cut short, or its header is wrong; export it again"
+    )]
+    Truncated {
+        /// What is counted, such as `triangles`.
+        what: &'static str,
+        /// How many there are to be.
+        n: u64,
+        /// How many there can be in what is left of the file.
+        room: u64,
+    },
+    /// The file ends too early.
+    #[error("the file ends within {what}: it is cut short; export it again")]
+    CutShort {
+        /// What is not complete.
+        what: &'static str,
+    },
+    /// The file is of a kind that is not read.
+    #[error("{}", printable_message(.message))]
+    Unsupported {
+        /// What is not read, and the remedy.
+        message: String,
+    },
+    /// A cell array was named that the file does not have.
+    #[error("there is no array `{}` with one whole number or name for each face; the file has {}", quoted(.name), printable_message(.known))]
+    UnknownArray {
+        /// The name.
+        name: String,
+        /// The arrays that the file has.
+        known: String,
+    },
+    /// To read the file would take more memory than there is to be.
+    #[error(
+        "the scene takes some {needed} bytes more, and there are fewer; raise the limit of memory or split the scene"
+    )]
+    NoRoom {
+        /// How many bytes more are needed.
+        needed: u64,
+    },
     /// There are more faces, vertices or corners than can be numbered.
     #[error("{limit} {what} is the limit, and there are more; split the scene")]
     TooMany {
@@ -215,7 +329,7 @@ pub enum SceneErrorKind {
         /// The statement: `usemtl`, `mtllib` or `newmtl`.
         keyword: &'static str,
     },
-    /// A material library that is not in the scene's folder or below it.
+    /// A material library or a buffer that is not in the scene's folder or below it.
     #[error("{}", outside_folder(.name, Parameter::AllowOutside.name()))]
     OutsideFolder {
         /// The library as the scene file names it.
@@ -272,12 +386,6 @@ pub enum SceneErrorKind {
         name: String,
         /// Names that the scene has.
         known: String,
-    },
-    /// The parser refused a text that had been checked: a defect of this crate, told instead of hidden.
-    #[error("the parser disagrees with the check before it ({}); please report the file", printable_message(.message))]
-    Parser {
-        /// What the parser said.
-        message: String,
     },
     /// A camera file that cannot be understood or makes no camera.
     #[error("{}", printable_message(.message))]
@@ -370,6 +478,21 @@ impl SceneError {
 }
 
 impl SceneErrorKind {
+    /// Returns the error that something else was expected than what was found.
+    pub(super) fn malformed(expected: impl Into<String>, found: impl Into<String>) -> Self {
+        Self::Malformed {
+            expected: expected.into(),
+            found: found.into(),
+        }
+    }
+
+    /// Returns the error that something is not read, with its remedy.
+    pub(super) fn unsupported(message: impl Into<String>) -> Self {
+        Self::Unsupported {
+            message: message.into(),
+        }
+    }
+
     /// Returns a stable name of the kind of error, in snake case, for programs.
     #[must_use]
     pub fn name(&self) -> &'static str {
@@ -377,6 +500,11 @@ impl SceneErrorKind {
             Self::Unreadable { .. } => "unreadable",
             Self::NotUtf8 { .. } => "not_utf8",
             Self::NoFaces { .. } => "no_faces",
+            Self::Malformed { .. } => "malformed",
+            Self::Truncated { .. } | Self::CutShort { .. } => "truncated",
+            Self::Unsupported { .. } => "unsupported",
+            Self::UnknownArray { .. } => "unknown_array",
+            Self::NoRoom { .. } => "no_room",
             Self::TooMany { .. } => "too_many",
             Self::MissingCoordinate { .. } => "missing_coordinate",
             Self::BadCoordinate { .. } => "bad_coordinate",
@@ -396,7 +524,6 @@ impl SceneErrorKind {
             Self::TooBright { .. } => "too_bright",
             Self::TooDim { .. } => "too_dim",
             Self::UnknownSurface { .. } => "unknown_surface",
-            Self::Parser { .. } => "parser",
             Self::BadCamera { .. } => "bad_camera",
             Self::BadLighting { .. } => "bad_lighting",
             Self::BadFrames { .. } => "bad_frames",

@@ -18,11 +18,14 @@ use crate::printable::quoted;
 /// ```toml
 /// [surface.lamp]
 /// exitance = [10.0, 9.0, 8.0]
+/// [surface."wall*"]
+/// reflectance = 0.7
 /// [material.wall]
 /// reflectance = 0.8
 /// ```
 ///
-/// A number counts for all three channels. What is not named stays as the scene has it; where a surface and its material are both named, the surface counts.
+/// A number counts for all three channels. In a name, `*` stands for any text; a name that is that of the scene counts before one with `*`, and of these the one with more letters.
+/// What is not named stays as the scene has it; where a surface and its material are both named, the surface counts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lighting {
     by_surface: BTreeMap<u32, Change>,
@@ -34,6 +37,56 @@ pub struct Lighting {
 struct Change {
     exitance: Option<[f64; 3]>,
     reflectance: Option<[f64; 3]>,
+}
+
+/// New values, each with how closely a name in the file fits.
+#[derive(Clone, Copy, Debug, Default)]
+struct Found {
+    exitance: Option<(usize, [f64; 3])>,
+    reflectance: Option<(usize, [f64; 3])>,
+}
+
+/// Takes a value of a name that fits more closely than the one before.
+fn take_closer(old: &mut Option<(usize, [f64; 3])>, closeness: usize, value: Option<[f64; 3]>) {
+    if let Some(value) = value
+        && old.is_none_or(|(known, _)| closeness > known)
+    {
+        *old = Some((closeness, value));
+    }
+}
+
+/// Returns the numbers of the names that a name of a file means, and how closely it fits: without bounds for an equal one, else by the letters beside `*`.
+fn meant(name: &str, known: &[&str]) -> (usize, Vec<u32>) {
+    let those = |fits: &dyn Fn(&str) -> bool| {
+        let all = (0_u32..).zip(known).filter(|(_, known)| fits(known));
+        all.map(|(id, _)| id).collect::<Vec<_>>()
+    };
+    let equal = those(&|known| known == name);
+    if !equal.is_empty() || !name.contains('*') {
+        return (usize::MAX, equal);
+    }
+    (
+        name.len() - name.matches('*').count(),
+        those(&|known| fits(name, known)),
+    )
+}
+
+/// Tells whether a text fits a pattern, in which `*` stands for any text.
+fn fits(pattern: &str, text: &str) -> bool {
+    let mut parts = pattern.split('*');
+    let Some(mut rest) = parts.next().and_then(|first| text.strip_prefix(first)) else {
+        return false;
+    };
+    let Some(last) = parts.next_back() else {
+        return rest.is_empty();
+    };
+    for part in parts {
+        let Some(at) = rest.find(part) else {
+            return false;
+        };
+        rest = &rest[at + part.len()..];
+    }
+    rest.ends_with(last)
 }
 
 #[derive(Deserialize)]
@@ -117,18 +170,20 @@ impl Lighting {
                     known: &[&str],
                     areas: &[f64],
                     changes: BTreeMap<String, Spanned<Table<ChangeInFile>>>| {
-            let mut found = BTreeMap::new();
+            let mut found: BTreeMap<u32, Found> = BTreeMap::new();
             for (name, change) in changes {
-                let Some(id) = (0_u32..).zip(known).find(|(_, known)| **known == name) else {
+                let (closeness, ids) = meant(&name, known);
+                if ids.is_empty() {
                     let message = format!(
                         "{kind}.{}: the scene has no {kind} of that name; it has {}",
                         quoted(&name),
                         first_names(known)
                     );
                     return Err(bad(Some(change.span().start), message));
-                };
+                }
                 let Table(change) = change.into_inner();
-                let limit = max_exitance.min(exitance_limit(areas[id.0 as usize], reflectance_max));
+                let area: f64 = ids.iter().map(|id| areas[*id as usize]).sum();
+                let limit = max_exitance.min(exitance_limit(area, reflectance_max));
                 let value = |key: &str, given: Option<Spanned<Channels>>, legal: fn(f64) -> bool, rule: &str| {
                     given
                         .map(|given| {
@@ -169,9 +224,17 @@ impl Lighting {
                     );
                     return Err(bad(exitance_start, message));
                 }
-                found.insert(id.0, Change { exitance, reflectance });
+                for id in ids {
+                    let found = found.entry(id).or_default();
+                    take_closer(&mut found.exitance, closeness, exitance);
+                    take_closer(&mut found.reflectance, closeness, reflectance);
+                }
             }
-            Ok(found)
+            let change = |found: Found| Change {
+                exitance: found.exitance.map(|(_, value)| value),
+                reflectance: found.reflectance.map(|(_, value)| value),
+            };
+            Ok(found.into_iter().map(|(id, found)| (id, change(found))).collect())
         };
         Ok(Self {
             by_surface: read("surface", &surfaces, &surface_areas, parsed.surface)?,
@@ -190,6 +253,12 @@ impl Lighting {
     /// Returns the greatest reflectance that any of some lightings gives to anything, 0 if none.
     pub fn greatest_reflectance<'a>(lightings: impl IntoIterator<Item = &'a Self>) -> f64 {
         lightings.into_iter().map(Self::reflectance_max).fold(0.0, f64::max)
+    }
+
+    /// Tells whether it states a reflectance of what is made of a material and belongs to a surface.
+    pub(super) fn states_reflectance(&self, surface: SurfaceId, material: MaterialId) -> bool {
+        let changes = [self.by_surface.get(&surface.0), self.by_material.get(&material.0)];
+        changes.iter().flatten().any(|change| change.reflectance.is_some())
     }
 
     /// Tells whether any face of a scene emits light in this lighting.
@@ -260,4 +329,35 @@ fn areas_of(scene: &Scene) -> [Vec<f64>; 2] {
         areas[1][face.material.0 as usize] += area;
     }
     areas
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_fits_exactly_or_by_what_is_beside_the_star() {
+        for (pattern, text, expected) in [
+            ("*", "", true),
+            ("*", "wall", true),
+            ("wall*", "wall", true),
+            ("wall*", "wall_1", true),
+            ("wall*", "a wall", false),
+            ("*wall", "a wall", true),
+            ("a*b*c", "aXbYc", true),
+            ("a*b*c", "abc", true),
+            ("a*b*c", "acb", false),
+            ("a*a", "a", false),
+            ("a**a", "aa", true),
+            ("lamp", "lamp", true),
+            ("lamp", "lamps", false),
+        ] {
+            assert_eq!(fits(pattern, text), expected, "{pattern} {text}");
+        }
+        let known = ["wall*", "wall_1", "lamp", "wall_1"];
+        assert_eq!(meant("wall*", &known), (usize::MAX, vec![0]));
+        assert_eq!(meant("wall_*", &known), (5, vec![1, 3]));
+        assert_eq!(meant("lamp", &known), (usize::MAX, vec![2]));
+        assert!(meant("floor", &known).1.is_empty());
+    }
 }

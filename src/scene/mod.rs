@@ -1,6 +1,6 @@
 //! A validated scene: vertices, flat faces that see along their normal, named surfaces, materials.
 //!
-//! [`load`] reads OBJ and MTL files, [`builtin::build`] makes the scenes of the literature, [`write_obj`] writes either,
+//! [`load`] reads files of any [`Format`], [`builtin::build`] makes the scenes of the literature, [`write_obj`] writes either,
 //! and a [`Camera`] looks at it.
 
 pub mod topology;
@@ -21,36 +21,33 @@ mod default_view;
 mod error;
 pub mod frames;
 pub(crate) mod hash;
-#[cfg(feature = "cli")]
-mod libraries;
+mod io;
 mod lighting;
 mod lines;
 mod misses;
 mod motion;
-mod mtl;
-mod obj;
-mod obj_lines;
 mod overlap;
-pub(crate) mod reading;
 mod rounding;
 mod split;
 mod table;
 mod warning;
-mod write;
 mod written;
 
 pub use bright::{MAX_EXITANCE, MIN_EXITANCE};
 pub use builder::{Added, SceneBuilder};
 pub use camera::{Camera, IMAGE_SIDES};
-pub use error::{Earlier, Origin, SceneError, SceneErrorKind};
+pub use error::{Earlier, Numbering, Origin, SceneError, SceneErrorKind};
 #[cfg(feature = "cli")]
-pub(crate) use libraries::libraries_of;
+pub(crate) use io::companions_of;
+pub(crate) use io::load_within;
+pub use io::{
+    DEFAULT_CREASE_ANGLE, DEFAULT_REFLECTANCE, Flip, Format, LengthUnit, LoadOptions, Loaded, USUAL_ARRAYS, UpAxis,
+    load, load_with, write_obj,
+};
 pub use lighting::Lighting;
 pub use motion::{Motion, MotionError, Names, Pose};
-pub use obj::{DEFAULT_REFLECTANCE, Flip, LoadOptions, Loaded, load, load_with};
 pub(crate) use rounding::{SLACK_PER_CORNER, slack_of};
 pub use warning::{SceneWarning, SceneWarningKind};
-pub use write::write_obj;
 pub use written::Written;
 
 /// The greatest number of faces in a scene, 2³¹ − 1: a hit is a face and a side in 32 bits
@@ -104,7 +101,7 @@ pub struct Face {
     pub surface: SurfaceId,
     /// The face's material.
     pub material: MaterialId,
-    /// The line of the scene file that the face comes from; of a scene made in memory the number that the face was given.
+    /// The line of the scene file that the face comes from; of binary files and of a scene made in memory its number, as [`Scene::numbering`] counts.
     pub line: u32,
 }
 
@@ -139,6 +136,8 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// How finely the coordinates are written in the file; `None` for a scene made in memory, where they are what is meant.
     pub written: Option<Written>,
+    /// What the numbers of faces count.
+    pub numbering: Numbering,
 }
 
 /// Where the corners of a face are, without memory of their own: faces that are looked at in pairs are looked at very often.
@@ -201,7 +200,13 @@ impl Scene {
     /// Returns area times unit normal of a face, in m².
     #[must_use]
     pub fn area_vector(&self, face: FaceId) -> DVec3 {
-        polygon::area_vector(&self.polygon(face))
+        polygon::area_vector(&self.positions(&self.faces[face.0 as usize]))
+    }
+
+    /// Returns the place of a face in the file that the scene was read from.
+    #[must_use]
+    pub fn origin(&self, file: impl Into<std::path::PathBuf>, face: FaceId) -> Origin {
+        self.numbering.origin(file, self.faces[face.0 as usize].line)
     }
 
     /// Iterates over all face ids in file order.
@@ -217,11 +222,32 @@ impl Scene {
     /// Returns the least and greatest corner of the box around all vertices in use.
     #[must_use]
     pub fn bounding_box(&self) -> (DVec3, DVec3) {
-        let used = self.faces.iter().flat_map(|f| f.corners.as_slice().to_vec());
-        used.map(|v| self.vertices[v as usize])
+        let used = self.faces.iter().flat_map(|face| face.corners.as_slice());
+        used.map(|&v| self.vertices[v as usize])
             .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), v| {
                 (lo.min(v), hi.max(v))
             })
+    }
+
+    /// Gives materials of one name that differ names of their own: the name of the first surface that has them, behind the old one.
+    pub(crate) fn name_materials_apart(&mut self) {
+        let mut surface_of = vec![None; self.materials.len()];
+        for face in &self.faces {
+            surface_of[face.material.0 as usize].get_or_insert(face.surface);
+        }
+        let mut taken = std::collections::HashSet::new();
+        for (material, surface) in self.materials.iter_mut().zip(surface_of) {
+            if !taken.contains(&material.name) {
+                taken.insert(material.name.clone());
+                continue;
+            }
+            let surface = surface.map_or("", |surface| &self.surfaces[surface.0 as usize].name);
+            let mut name = format!("{} {surface}", material.name);
+            while !taken.insert(name.clone()) {
+                name.push('_');
+            }
+            material.name = name;
+        }
     }
 
     /// Tells whether any face emits light: some channel of E of its material is positive.

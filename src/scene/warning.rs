@@ -49,6 +49,51 @@ pub enum SceneWarningKind {
         /// What they are, in the plural.
         what: &'static str,
     },
+    /// Parts of one kind, which are no surfaces, were skipped.
+    SkippedElements {
+        /// How many there are.
+        count: usize,
+        /// What they are, in the plural.
+        what: &'static str,
+    },
+    /// Faces of higher order are read as flat, through their corners.
+    HigherOrder {
+        /// How many there are.
+        count: usize,
+    },
+    /// The normals that a file states oppose the winding of faces, which counts.
+    OpposedNormals {
+        /// How many faces there are.
+        count: usize,
+    },
+    /// Vertices were joined that are not equal.
+    MergedVertices {
+        /// How many vertices were moved.
+        count: usize,
+        /// The greatest distance by which one was, in m.
+        distance: f64,
+    },
+    /// Vertices are nearly equal, but not joined.
+    NearlyEqualVertices {
+        /// How many there are beside those that they nearly equal.
+        count: usize,
+        /// How near they are, in m.
+        tolerance: f64,
+    },
+    /// Mask surfaces were moved off the surfaces that they cover.
+    MovedMasks {
+        /// How many there are.
+        count: usize,
+        /// The distance, as a part of their size.
+        relative: f64,
+    },
+    /// Surfaces that only block, or that nothing is to be computed of, are black surfaces of the scene.
+    BlackSurfaces {
+        /// How many faces there are.
+        count: usize,
+        /// What they are in the format, in the plural.
+        what: &'static str,
+    },
     /// Keywords in capitals were read as if they were in small letters.
     Capitals {
         /// How many there are.
@@ -77,6 +122,15 @@ pub enum SceneWarningKind {
     NoMaterial {
         /// How many there are.
         count: usize,
+    },
+    /// The file states no materials: reflectance 0.5, exitance 0.
+    NoMaterials,
+    /// A material in use states something that a diffuse face has no use for.
+    IgnoredProperty {
+        /// What it is.
+        what: &'static str,
+        /// The material's name.
+        name: String,
     },
     /// A material in use has no `Kd`: reflectance 0.5.
     MissingReflectance {
@@ -142,12 +196,21 @@ impl SceneWarningKind {
             Self::CutFaces { .. } => "cut_faces",
             Self::CoveredFaces { .. } => "covered_faces",
             Self::SkippedStatements { .. } => "skipped_statements",
+            Self::SkippedElements { .. } => "skipped_elements",
+            Self::HigherOrder { .. } => "higher_order",
+            Self::OpposedNormals { .. } => "opposed_normals",
+            Self::MergedVertices { .. } => "merged_vertices",
+            Self::NearlyEqualVertices { .. } => "nearly_equal_vertices",
+            Self::MovedMasks { .. } => "moved_masks",
+            Self::BlackSurfaces { .. } => "black_surfaces",
             Self::Capitals { .. } => "capitals",
             Self::NamelessLibrary => "nameless_library",
             Self::LibraryElsewhere { .. } => "library_elsewhere",
             Self::MissingLibrary { .. } => "missing_library",
             Self::UnknownMaterial { .. } => "unknown_material",
             Self::NoMaterial { .. } => "no_material",
+            Self::NoMaterials => "no_materials",
+            Self::IgnoredProperty { .. } => "ignored_property",
             Self::MissingReflectance { .. } => "missing_reflectance",
             Self::RepeatedMaterial { .. } => "repeated_material",
             Self::IgnoredTexture { .. } => "ignored_texture",
@@ -159,17 +222,17 @@ impl SceneWarningKind {
     /// Tells whether the warning is about light and materials alone: of no interest where only the geometry counts. A library that was not found where the file says counts everywhere.
     #[must_use]
     pub fn is_about_light(&self) -> bool {
-        !matches!(
+        matches!(
             self,
-            Self::ZeroAreaFaces { .. }
-                | Self::BentFaces { .. }
-                | Self::CutFaces { .. }
-                | Self::CoveredFaces { .. }
-                | Self::SkippedStatements { .. }
-                | Self::Capitals { .. }
-                | Self::NamelessLibrary
-                | Self::LibraryElsewhere { .. }
-                | Self::MissingLibrary { .. }
+            Self::UnknownMaterial { .. }
+                | Self::NoMaterial { .. }
+                | Self::NoMaterials
+                | Self::IgnoredProperty { .. }
+                | Self::MissingReflectance { .. }
+                | Self::RepeatedMaterial { .. }
+                | Self::IgnoredTexture { .. }
+                | Self::NotDiffuse { .. }
+                | Self::NoEmission
         )
     }
 }
@@ -218,6 +281,41 @@ impl SceneWarningKind {
                 "{} skipped, of which this is the first: {what} are not read; export them as faces (`f`)",
                 counted(*count, "statement")
             ),
+            Self::SkippedElements { count, what } => {
+                write!(
+                    f,
+                    "{count} {what} are skipped: only faces are read; export the boundary as triangles or quads"
+                )
+            }
+            Self::HigherOrder { count } => write!(
+                f,
+                "{} of higher order are read as flat, through their corners; export first order where they are curved",
+                counted(*count, "face")
+            ),
+            Self::OpposedNormals { count } => write!(
+                f,
+                "the stated normal opposes the winding of {}, this is the first; the winding counts, and --flip reverses it",
+                counted(*count, "face")
+            ),
+            Self::MergedVertices { count, distance } => write!(
+                f,
+                "{count} vertices are joined with others, by up to {distance:.1e} m, which counts as rounding"
+            ),
+            Self::NearlyEqualVertices { count, tolerance } => write!(
+                f,
+                "{count} vertices are within {tolerance:.1e} m of others, but not equal to them; --merge-tolerance joins what is to be one"
+            ),
+            Self::MovedMasks { count, relative } => write!(
+                f,
+                "{} stand {relative:e} of their size off their base; the factors between both err by about twice that",
+                counted(*count, "mask surface")
+            ),
+            Self::BlackSurfaces { count, what } => {
+                write!(
+                    f,
+                    "{count} {what} are black surfaces of the scene; their rows and columns can be left out"
+                )
+            }
             Self::Capitals { count, .. } => write!(
                 f,
                 "{} in capitals, of which this is the first, read as in small letters",
@@ -236,6 +334,13 @@ impl fmt::Display for SceneWarningKind {
             | Self::CutFaces { .. }
             | Self::CoveredFaces { .. }
             | Self::SkippedStatements { .. }
+            | Self::SkippedElements { .. }
+            | Self::HigherOrder { .. }
+            | Self::OpposedNormals { .. }
+            | Self::MergedVertices { .. }
+            | Self::NearlyEqualVertices { .. }
+            | Self::MovedMasks { .. }
+            | Self::BlackSurfaces { .. }
             | Self::Capitals { .. } => self.fmt_of_geometry(f),
             Self::NamelessLibrary => {
                 write!(
@@ -262,6 +367,17 @@ impl fmt::Display for SceneWarningKind {
             Self::NoMaterial { count: 1, .. } => write!(f, "a face has no material; it reflects 0.5"),
             Self::NoMaterial { count, .. } => {
                 write!(f, "{count} faces have no material, this is the first; they reflect 0.5")
+            }
+            Self::NoMaterials => write!(
+                f,
+                "the file states no materials: all faces reflect 0.5 and emit nothing; --materials FILE.toml gives others"
+            ),
+            Self::IgnoredProperty { what, name } => {
+                write!(
+                    f,
+                    "{what} of material `{}` is not used: surfaces are diffuse and opaque",
+                    quoted(name)
+                )
             }
             Self::MissingReflectance { name, .. } => {
                 write!(f, "material `{}` has no `Kd`; it reflects 0.5", quoted(name))

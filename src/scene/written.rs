@@ -13,7 +13,7 @@ const SHORT_PLACES: i32 = 3;
 ///
 /// Programs write either so many places after the point (`%.3f`), or so many digits in all (`%.6g`, `%e`), and some leave trailing zeros out. Zeros after the point, or else the counts of the
 /// numbers that have the most of either, tell which; exponents without such zeros are those of a number of digits. Numbers that are all near an f32, with more digits than that needs, come from f32.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Written {
     /// The most places after the point, negative for whole tens, and how many numbers have them.
     places: Option<(i32, u32)>,
@@ -27,6 +27,12 @@ pub struct Written {
     has_exponent: bool,
     /// What speaks for f32, in hundredths of a bit; `None` if a number is no f32.
     single: Option<u32>,
+    /// True if a binary f32 has more digits than a short number.
+    is_binary_single: bool,
+    /// The file's unit of length in m; `None` for metres.
+    scale: Option<f64>,
+    /// The least that a unit in the last place is, in m.
+    least: f64,
     /// True if faces or vertices miss each other by no more than rounding explains.
     pub(super) misses: bool,
 }
@@ -45,6 +51,41 @@ impl Written {
 
     /// Takes note of a decimal number that is valid.
     pub(super) fn see(&mut self, token: &str) {
+        self.see_value(token, token.parse().unwrap_or(f64::NAN));
+    }
+
+    /// Takes note of a number of a binary file, of which the shortest decimal one counts.
+    pub(super) fn see_binary(&mut self, value: f64) {
+        self.see_value(&value.to_string(), value);
+    }
+
+    /// Takes note of an f32 of a binary file. One of up to 12 bits is what is meant, others were rounded to 24.
+    pub(super) fn see_single(&mut self, value: f32) {
+        const LOW_BITS: u32 = 0xfff;
+        self.is_binary_single |= value.to_bits() & LOW_BITS != 0;
+    }
+
+    /// Takes note of what f32s of another part of a file showed.
+    pub(super) fn merge_single(&mut self, other: &Self) {
+        self.is_binary_single |= other.is_binary_single;
+    }
+
+    /// Takes note that all lengths are to be multiplied by so much.
+    pub(super) fn scale(&mut self, scale: f64) {
+        #[expect(clippy::float_cmp, reason = "metres are exactly 1 m")]
+        if scale != 1.0 {
+            self.scale = Some(scale * self.scale.unwrap_or(1.0));
+            self.least *= scale;
+        }
+    }
+
+    /// Takes note that coordinates may be off by half of a length, in m, whatever their digits say.
+    pub(super) fn at_least(&mut self, length: f64) {
+        self.least = self.least.max(length);
+    }
+
+    /// Takes note of a decimal number and its value.
+    pub(super) fn see_value(&mut self, token: &str, value: f64) {
         let (number, exponent) = token.split_once(['e', 'E']).unwrap_or((token, ""));
         let (whole, fraction) = number.split_once('.').unwrap_or((number, ""));
         let length = |text: &str| i32::try_from(text.len()).unwrap_or(i32::MAX);
@@ -76,7 +117,7 @@ impl Written {
         } else {
             count(&mut self.digits, digits);
         }
-        if let (Some(bits), Ok(value)) = (self.single, token.parse::<f64>()) {
+        if let Some(bits) = self.single {
             let short_places = length(fraction.trim_end_matches('0')).saturating_sub(power);
             self.single = single_bits(value, places, short_places).map(|more| bits.saturating_add(more));
         }
@@ -85,7 +126,7 @@ impl Written {
     /// Tells whether the coordinates were rounded: some need six digits, or the mesh misses itself by what rounding explains. Whole numbers and short decimals are what is meant.
     #[must_use]
     pub fn shows_rounding(&self) -> bool {
-        self.needed >= Self::MIN_DIGITS || self.misses
+        self.needed >= Self::MIN_DIGITS || self.is_binary_single || self.least > 0.0 || self.misses
     }
 
     /// Tells whether points that nearly meet may be one: the coordinates [were rounded](Self::shows_rounding), or look it, whatever they need.
@@ -95,15 +136,27 @@ impl Written {
 
     /// Tells whether numbers look rounded: with places after the point, and at least so many digits.
     pub(super) fn is_rounded(&self, least_digits: i32) -> bool {
-        self.digits.0 >= least_digits && self.places.is_some_and(|places| places.0 > 0)
+        let has_digits = self.digits.0 >= least_digits && self.places.is_some_and(|places| places.0 > 0);
+        has_digits || self.is_binary_single || self.least > 0.0
     }
 
-    /// Returns one unit in the last place of a coordinate of a magnitude: twice what it may be off by rounding. 0 if none was seen.
+    /// Returns one unit in the last place of a coordinate of a magnitude, both in m: twice what it may be off by rounding. 0 if none was seen.
     ///
     /// 10^−p with p the most places after the point, or 10^(⌊log10 |x|⌋ + 1 − d) with d the most digits in all, by what the file counts; no less than the step of f32 at x, 24 bits, where the numbers come
-    /// from f32. Where nothing tells which of both is counted, the larger one.
+    /// from f32. Where nothing tells which of both is counted, the larger one. Units other than metres are taken into account, and vertices that were moved onto others.
     #[must_use]
     pub fn unit(&self, magnitude: f64) -> f64 {
+        let unit = match self.scale {
+            Some(scale) => scale * self.unit_in_file(magnitude / scale),
+            None => self.unit_in_file(magnitude),
+        };
+        unit.max(self.least)
+    }
+
+    fn unit_in_file(&self, magnitude: f64) -> f64 {
+        if self.is_binary_single {
+            return step_of_single(magnitude);
+        }
         let Some((places, _)) = self.places else {
             return 0.0;
         };
@@ -128,7 +181,7 @@ impl Written {
 
     /// Tells whether the numbers come from f32.
     fn is_single(&self) -> bool {
-        self.single.is_some_and(|bits| bits >= SINGLE_BITS)
+        self.is_binary_single || self.single.is_some_and(|bits| bits >= SINGLE_BITS)
     }
 
     /// Returns what the file counts.
@@ -286,6 +339,29 @@ mod tests {
             };
             assert!(is_right, "{name}: {told}");
         }
+    }
+
+    #[test]
+    fn binary_numbers_have_the_bits_of_f32_and_units_a_scale() {
+        let mut meant = Written::new();
+        [0.25_f32, -3.0, 1024.0, 0.375]
+            .iter()
+            .for_each(|x| meant.see_single(*x));
+        assert!(!meant.shows_rounding() && meant.unit(1024.0) <= 0.0);
+        let mut rounded = meant;
+        rounded.see_single(0.1);
+        assert!(rounded.shows_rounding() && rounded.to_string() == "to f32");
+        let is = |found: f64, expected: f64| assert!((found - expected).abs() <= 1e-12 * expected, "{found:e}");
+        is(rounded.unit(0.1), 2.0_f64.powi(-27));
+        rounded.scale(1e-3);
+        is(rounded.unit(0.1e-3), 1e-3 * 2.0_f64.powi(-27));
+        // An f64 has the digits of its shortest text.
+        let mut double = Written::new();
+        [0.333_333, 2.0, 0.125].iter().for_each(|x| double.see_binary(*x));
+        assert!(double.shows_rounding());
+        is(double.unit(1.0), 1e-6);
+        double.at_least(1e-4);
+        is(double.unit(1.0), 1e-4);
     }
 
     #[test]

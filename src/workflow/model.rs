@@ -1,5 +1,6 @@
 //! A scene that is ready for work.
 
+use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
 use super::{Context, Memory, Parameter, Warning, WorkflowError};
@@ -8,8 +9,7 @@ use crate::matrix::operator::Block;
 use crate::mesh::{ContactEdges, Mesh, MeshOptions, Patch};
 use crate::plan::Plan;
 use crate::report::memory_used_byte;
-use crate::scene::reading::reading_byte;
-use crate::scene::{Lighting, LoadOptions, Material, Pose, Scene, SceneWarning, load_with};
+use crate::scene::{Lighting, LoadOptions, Material, Pose, Scene, SceneErrorKind, SceneWarning, load_within};
 use crate::solver::power_of_two_below;
 use crate::visibility::Visibility as _;
 use crate::visibility::embree::EmbreeVisibility;
@@ -69,11 +69,19 @@ pub fn load(
     cx: &Context,
     on_darkness: impl Fn(&SceneWarning) -> bool,
 ) -> Result<Scene, WorkflowError> {
-    // What cannot be opened is told by who reads it.
-    if let Ok(needed) = reading_byte(path) {
-        expect_room(path, "to read it", needed, &cx.memory, "or split the scene")?;
+    let refused = RefCell::new(None);
+    let room = |needed| {
+        let asked = expect_room(path, "to read it", needed, &cx.memory, "or split the scene");
+        asked.map_err(|error| {
+            *refused.borrow_mut() = Some(error);
+            SceneErrorKind::NoRoom { needed }
+        })
+    };
+    let loaded = cx.time("scene", || load_within(path, options, &room));
+    if let Some(error) = refused.into_inner() {
+        return Err(error);
     }
-    let loaded = cx.time("scene", || load_with(path, options))?;
+    let loaded = loaded?;
     for warning in loaded.warnings {
         if !warning.kind.is_about_light() || on_darkness(&warning) {
             cx.warn(Warning::Scene(warning));
@@ -151,11 +159,10 @@ impl Model {
         if !model.plan.convex_and_empty {
             model.warn_of_turned_faces(cx);
         }
-        for &face in model.plan.turned.iter().take(MAX_TURNED) {
-            let face = &model.scene.faces[face.0 as usize];
+        for &id in model.plan.turned.iter().take(MAX_TURNED) {
+            let face = &model.scene.faces[id.0 as usize];
             cx.warn(Warning::InsideOut {
-                file: model.file.clone(),
-                line: face.line,
+                at: model.scene.origin(&model.file, id),
                 surface: model.scene.surfaces[face.surface.0 as usize].name.clone(),
             });
         }
@@ -172,8 +179,7 @@ impl Model {
         let vanished = self.visibility.vanished_faces();
         if let Some(&face) = vanished.first() {
             cx.warn(Warning::VanishedFaces {
-                file: self.file.clone(),
-                line: self.scene.faces[face.0 as usize].line,
+                at: self.scene.origin(&self.file, face),
                 count: vanished.len(),
             });
         }
@@ -212,8 +218,7 @@ impl Model {
         }
         for turned in facing.turned.iter().take(MAX_TURNED) {
             cx.warn(Warning::TurnedFaces {
-                file: file(),
-                line: turned.line,
+                at: scene.numbering.origin(&self.file, turned.line),
                 surface: name(turned.surface.0),
                 count: turned.n_faces,
             });
@@ -272,7 +277,8 @@ impl Model {
         };
         let surfaces = gap.faces.map(|id| {
             let face = &self.scene.faces[id.0 as usize];
-            (self.scene.surfaces[face.surface.0 as usize].name.clone(), face.line)
+            let name = self.scene.surfaces[face.surface.0 as usize].name.clone();
+            (name, self.scene.numbering.label(face.line))
         });
         cx.warn(Warning::NarrowGap {
             surfaces,

@@ -195,10 +195,10 @@ impl Model {
         let doubted: Vec<usize> = (0..raw.n_rows()).filter(|&i| is_doubted[i]).collect();
         let n = doubted.len();
         if let Some(&first) = doubted.first() {
-            let face = &self.scene.faces[self.mesh.patches[first].face.0 as usize];
+            let id = self.mesh.patches[first].face;
+            let face = &self.scene.faces[id.0 as usize];
             cx.warn(Warning::DoubtedRows {
-                file: self.file.clone(),
-                line: face.line,
+                at: self.scene.origin(&self.file, id),
                 surface: self.scene.surfaces[face.surface.0 as usize].name.clone(),
                 count: n,
             });

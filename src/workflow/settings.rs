@@ -70,6 +70,8 @@ settings! {
     closure: StatedClosure,
     /// The level of the largest cells of voxels: 2^level voxels wide.
     coarsest: u8,
+    /// The angle between faces above which surfaces of scenes without names end, in degrees.
+    crease_angle_degrees: f64,
     /// True if faces are cut at contact edges.
     cut_at_walls: bool,
     /// Whether Krylov methods take the even light of each enclosure out of the way.
@@ -86,14 +88,20 @@ settings! {
     form: Form,
     /// The tolerance of form factors, on A_i F_ij / min(A_i, A_j), where a solver has a tolerance too.
     form_factor_tolerance: f64,
+    /// The format of the scene file, where it was given.
+    format: String,
     /// The settings of form factors that were read from a file, as the file states them.
     form_factors: Map<String, Value>,
     /// The level of an experiment.
     level: u32,
     /// The names of the lightings.
     lightings: Vec<String>,
+    /// The file of materials of the scene.
+    materials: String,
     /// Edges are cut into parts of at most this length, m.
     max_edge_m: f64,
+    /// Vertices nearer to each other are one, in m.
+    merge_tolerance_m: f64,
     /// The most passes over the form factors.
     max_passes: u64,
     /// The form-factor method.
@@ -106,6 +114,8 @@ settings! {
     omega: f64,
     /// True if form factors are computed again in every pass.
     on_the_fly: bool,
+    /// True if the whole scene is one surface.
+    one_surface: bool,
     /// The paper whose tables are reproduced.
     paper: String,
     /// Propagations of light on voxels.
@@ -140,14 +150,20 @@ settings! {
     subdivide: u32,
     /// The surface that a field of form factors is to.
     surface: String,
+    /// The array of cells that gives the surfaces.
+    surface_array: String,
     /// The numbers of the tables that are reproduced.
     tables: Vec<u8>,
     /// The time that all may take, or that one run of an experiment may, s.
     time_limit_s: f64,
     /// The tolerance: of form factors where these are all that is wanted, else of the solver on sqrt(Σ A r² / Σ A E²), the worst channel.
     tolerance: f64,
+    /// The unit of length of the file, in m.
+    unit_m: f64,
     /// True if the weights of a voxel's directions are not divided by their sum.
     unnormalised: bool,
+    /// The axis of the file that points up.
+    up_axis: String,
     /// Whether occluders were looked at in a comparison: `on`, `off` or `both`.
     visibility: String,
     /// Voxels along the longest axis.

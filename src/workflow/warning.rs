@@ -6,7 +6,7 @@ use super::Parameter;
 use crate::audit::Check;
 use crate::form_factor::RoundingDoubt;
 use crate::progress::Forecast;
-use crate::scene::SceneWarning;
+use crate::scene::{Origin, SceneWarning};
 use crate::solver::StopReason;
 
 /// A doubt about a study: its results stand, but perhaps they are not what was meant, or not as exact as was asked for.
@@ -24,19 +24,15 @@ pub enum Warning {
     },
     /// Faces are too small, beside the size of the scene, for rays to hit them.
     VanishedFaces {
-        /// The file of the scene.
-        file: PathBuf,
-        /// The line of the first one.
-        line: u32,
+        /// The place of the first one.
+        at: Origin,
         /// How many there are.
         count: usize,
     },
     /// A closed surface stands inside of another and faces inwards.
     InsideOut {
-        /// The file of the scene.
-        file: PathBuf,
-        /// The line of its first face.
-        line: u32,
+        /// The place of its first face.
+        at: Origin,
         /// The surface that this face is of.
         surface: String,
     },
@@ -70,10 +66,8 @@ pub enum Warning {
     },
     /// Faces of a surface see no other, and others see their backs.
     TurnedFaces {
-        /// The file of the scene.
-        file: PathBuf,
-        /// The line of the first one.
-        line: u32,
+        /// The place of the first one.
+        at: Origin,
         /// The surface.
         surface: String,
         /// How many there are.
@@ -95,8 +89,8 @@ pub enum Warning {
     },
     /// Two surfaces are nearer to each other than rays can tell.
     NarrowGap {
-        /// Both surfaces, each with the line of its face.
-        surfaces: [(String, u32); 2],
+        /// Both surfaces, each with what its face is called, as in `line 12`.
+        surfaces: [(String, String); 2],
         /// Their distance, m.
         width: f64,
         /// How far off a face rays start, m.
@@ -174,10 +168,8 @@ pub enum Warning {
     NothingToClose,
     /// Rows that ought to sum to 1 are off by more than they state.
     DoubtedRows {
-        /// The file of the scene.
-        file: PathBuf,
-        /// The line of the first patch's face.
-        line: u32,
+        /// The place of the first patch's face.
+        at: Origin,
         /// The surface of it.
         surface: String,
         /// How many there are.

@@ -42,7 +42,7 @@ impl Warning {
             } => {
                 let [first, second] = surfaces
                     .each_ref()
-                    .map(|(surface, line)| format!("`{surface}` (line {line})"));
+                    .map(|(surface, face)| format!("`{surface}` ({face})"));
                 format!(
                     "{first} and {second} are {width:.2e} m apart, and rays start {offset:.2e} m off a face: light between them is lost or blurred; \
                      use a method without rays, or model the gap in a scene of its own"
@@ -124,14 +124,12 @@ impl Warning {
                 "{}: no face emits light in this lighting; give a surface an `exitance`",
                 file.display()
             ),
-            Self::VanishedFaces { file, line, count } => format!(
-                "{}:{line}: this face and {} more are too small, beside the size of the scene, for rays to hit them",
-                file.display(),
+            Self::VanishedFaces { at, count } => format!(
+                "{at}this face and {} more are too small, beside the size of the scene, for rays to hit them",
                 count - 1
             ),
-            Self::InsideOut { file, line, surface } => format!(
-                "{}:{line}: `{surface}`: the closed surface that this face is part of stands inside of another and faces inwards, so that what is around it meets its black backs; reverse its winding, that of a whole surface with {}",
-                file.display(),
+            Self::InsideOut { at, surface } => format!(
+                "{at}`{surface}`: the closed surface that this face is part of stands inside of another and faces inwards, so that what is around it meets its black backs; reverse its winding, that of a whole surface with {}",
                 flip_of("NAME")
             ),
             Self::NoneSees { file, surface } => {
@@ -159,19 +157,13 @@ impl Warning {
                 file.display(),
                 flip_of(surface)
             ),
-            Self::TurnedFaces {
-                file,
-                line,
-                surface,
-                count,
-            } => {
+            Self::TurnedFaces { at, surface, count } => {
                 let what = match count {
                     1 => "the face sees no other".to_owned(),
                     n => format!("this face and {} more see no other", n - 1),
                 };
                 format!(
-                    "{}:{line}: `{surface}`: {what}, and others see the back; reverse what is meant to be seen, a whole surface with {}",
-                    file.display(),
+                    "{at}`{surface}`: {what}, and others see the back; reverse what is meant to be seen, a whole surface with {}",
                     flip_of(surface)
                 )
             }
@@ -280,9 +272,8 @@ impl Warning {
                 name(Parameter::Balance),
                 name(Parameter::Closed)
             ),
-            Self::DoubtedRows { file, line, surface, count } => format!(
-                "{}:{line}: the rows of {count} patches, first of `{surface}`, are off 1 by more than the error that they state (0.1 where they state none), and are left as they are; look for gaps and faces that are wound the wrong way",
-                file.display()
+            Self::DoubtedRows { at, surface, count } => format!(
+                "{at}the rows of {count} patches, first of `{surface}`, are off 1 by more than the error that they state (0.1 where they state none), and are left as they are; look for gaps and faces that are wound the wrong way"
             ),
             Self::NotBalanced { row_error_max, n_passes } => {
                 format!("rebalancing left row sums off by up to {row_error_max:.1e} after {n_passes} passes")

@@ -106,7 +106,7 @@ fn the_sky_is_no_back() {
     assert!(by_pairs.abs() < 1e-6, "{by_pairs}");
 }
 
-/// Faces without a group are a surface each: what is told of all pairs of them must not cost the rest.
+/// A surface for each face: what is told of all pairs of them must not cost the rest.
 #[test]
 fn form_factors_between_too_many_surfaces_are_left_out() {
     const SIDE: usize = 30;
@@ -119,6 +119,7 @@ fn form_factors_between_too_many_surfaces_are_left_out() {
     for (x, y) in (0..SIDE).flat_map(|x| (0..SIDE).map(move |y| (x, y))) {
         let corner = x * (SIDE + 1) + y + 1;
         let next = corner + SIDE + 1;
+        writeln!(scene, "o face{}", x * SIDE + y + 1).unwrap();
         writeln!(scene, "f {corner} {next} {} {}", next + 1, corner + 1).unwrap();
     }
     std::fs::write(directory.path().join("valley.obj"), scene).unwrap();

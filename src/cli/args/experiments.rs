@@ -20,7 +20,7 @@ pub enum VisibilityName {
 /// `radiosity compare`.
 #[derive(Args, Debug)]
 pub struct CompareArgs {
-    /// A scene file (OBJ), or the name of a built-in scene
+    /// A scene file of any format, or the name of a built-in scene
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
     /// The directory for tables and plots, made if needed [default: compare-SCENE]

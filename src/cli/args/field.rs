@@ -21,7 +21,7 @@ pub enum FieldMethodName {
 /// `radiosity field`.
 #[derive(Args, Debug)]
 pub struct FieldArgs {
-    /// The scene (OBJ)
+    /// The scene: OBJ, STL, PLY, gmsh, VTK, glTF or View3D input
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
     /// The surface, by name, that the form factors are to

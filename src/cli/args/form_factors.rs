@@ -314,7 +314,7 @@ pub struct StorageArgs {
 /// `radiosity form-factors`.
 #[derive(Args, Debug)]
 pub struct FormFactorsArgs {
-    /// The scene (OBJ)
+    /// The scene: OBJ, STL, PLY, gmsh, VTK, glTF or View3D input
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
     /// A file for the form factors: .npz, .npy, .mtx or .exr (between patches), .csv (between surfaces), .vtu (sums and errors of each patch)

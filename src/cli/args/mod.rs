@@ -4,6 +4,7 @@ mod byte;
 mod experiments;
 mod field;
 mod form_factors;
+mod reading;
 mod render;
 mod solve;
 mod tables;
@@ -15,7 +16,6 @@ use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand};
 
-use crate::scene::Flip;
 use byte::parse_byte;
 
 pub use experiments::{CompareArgs, PaperName, ReproduceArgs, VisibilityName};
@@ -24,6 +24,7 @@ pub use form_factors::{
     BalanceName, ClosureArgs, FormFactorsArgs, MemoryArgs, MeshArgs, MethodArgs, PrecisionName, SequenceName,
     StorageArgs, StorageName,
 };
+pub use reading::{ReadingArgs, UnitName, UpAxisName};
 pub use render::{DirectName, GatherArgs, ImageArgs, PartsName, PictureFileArgs, PixelsName, RenderArgs, ViewArgs};
 pub use solve::{BoundsName, SolveArgs, SolverArgs, StartName};
 pub use tables::parse_tables;
@@ -69,7 +70,6 @@ pub enum Command {
 /// Flags that every command has.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Common")]
-#[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
 pub struct CommonArgs {
     /// Number of threads [default: all cores]; results do not depend on it
     #[arg(long, value_name = "K", value_parser = |text: &str| parse_up_to(text, 4096))]
@@ -83,26 +83,9 @@ pub struct CommonArgs {
     /// No progress, no warnings
     #[arg(long)]
     pub quiet: bool,
-    /// Read material libraries that lie outside the scene's folder
-    #[arg(long)]
-    pub allow_outside: bool,
-    /// Reverse the winding of all faces of the scene, whose normals are inverted; with =NAME, of the faces of one surface [may be repeated]
-    #[arg(long, value_name = "NAME", num_args = 0..=1, require_equals = true, default_missing_value = "")]
-    pub flip: Vec<String>,
-}
-
-impl CommonArgs {
-    /// Returns the faces whose winding is to be reversed.
-    #[must_use]
-    pub fn flip(&self) -> Flip {
-        if self.flip.is_empty() {
-            Flip::Nothing
-        } else if self.flip.iter().any(String::is_empty) {
-            Flip::All
-        } else {
-            Flip::Surfaces(self.flip.clone())
-        }
-    }
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub reading: ReadingArgs,
 }
 
 /// What is done about broken laws.

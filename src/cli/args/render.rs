@@ -28,7 +28,7 @@ pub enum DirectName {
 /// `radiosity render`.
 #[derive(Args, Debug)]
 pub struct RenderArgs {
-    /// The scene (OBJ)
+    /// The scene: OBJ, STL, PLY, gmsh, VTK, glTF or View3D input
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
     /// The image to write; a PNG preview goes beside it

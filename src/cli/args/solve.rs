@@ -157,7 +157,7 @@ impl From<StartName> for Start {
 /// `radiosity solve`.
 #[derive(Args, Debug)]
 pub struct SolveArgs {
-    /// The scene (OBJ)
+    /// The scene: OBJ, STL, PLY, gmsh, VTK, glTF or View3D input
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
     /// A file for the solution of each patch: .csv, .npz or .vtu

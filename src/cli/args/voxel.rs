@@ -45,7 +45,7 @@ pub enum LinksName {
 #[derive(Args, Debug)]
 #[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
 pub struct VoxelArgs {
-    /// The scene (OBJ)
+    /// The scene: OBJ, STL, PLY, gmsh, VTK, glTF or View3D input
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
     /// A file to write: a picture (.exr, and a PNG preview beside it) or the voxels with their radiosity (.vtu)

@@ -8,7 +8,7 @@ use super::pieces::Pieces;
 use crate::geometry::box_pairs::BoxTree;
 use crate::geometry::clip::clip_to_half_space;
 use crate::geometry::polygon;
-use crate::scene::{FaceId, Scene};
+use crate::scene::{FaceId, Positions, Scene};
 
 /// The part of a cap's area that may seem uncovered by rounding.
 const UNCOVERED: f64 = 1e-12;
@@ -22,7 +22,10 @@ pub(super) fn caps(scene: &Scene, pieces: &Pieces, tolerance: f64) -> Vec<(u32, 
     for &(piece, ends) in pieces.rims() {
         rims.entry(piece).or_default().push(ends);
     }
-    let outlines: Vec<Vec<DVec3>> = scene.face_ids().map(|face| scene.polygon(face)).collect();
+    if rims.is_empty() {
+        return Vec::new();
+    }
+    let outlines: Vec<Positions> = scene.faces.iter().map(|face| scene.positions(face)).collect();
     let boxes = outlines.iter().map(|corners| super::bounding_box(corners));
     let tree = BoxTree::new(boxes.collect());
     let is_covered = |piece: u32, cap: &[DVec3]| {

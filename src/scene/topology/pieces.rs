@@ -170,7 +170,7 @@ fn flat_ones(scene: &Scene, of_face: &[u32], n: usize) -> Vec<bool> {
     let mut planes: Vec<Option<(DVec3, DVec3)>> = vec![None; n];
     let mut is_flat = vec![true; n];
     for (face, &piece) in scene.face_ids().zip(of_face) {
-        let corners = scene.polygon(face);
+        let corners = scene.positions(&scene.faces[face.0 as usize]);
         let plane = planes[piece as usize];
         let (origin, normal) =
             plane.unwrap_or_else(|| (corners[0], polygon::area_vector(&corners).normalize_or_zero()));
@@ -222,7 +222,7 @@ impl Parted {
     fn new(scene: &Scene, open: &[(u32, [u32; 2])]) -> Self {
         let rounding = joint(scene);
         let of_face = |face: u32| {
-            let (low, high) = super::bounding_box(&scene.polygon(FaceId(face)));
+            let (low, high) = super::bounding_box(&scene.positions(&scene.faces[face as usize]));
             rounding.max(COMPUTED * low.distance(high))
         };
         // By the smallest face around each.

@@ -4,5 +4,6 @@ mod builder;
 mod builtin;
 mod camera;
 mod facing;
+mod formats;
 mod load;
 mod write;

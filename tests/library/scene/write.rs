@@ -35,7 +35,7 @@ fn crossed() -> Scene {
             .map(|name| Surface { name: name.to_owned() })
             .to_vec(),
         materials: vec![material("Material #1", 0.1), material("b", 0.9)],
-        written: None,
+        ..Scene::default()
     }
 }
 

@@ -10,7 +10,7 @@ use super::mtl::{by_file_name, files_of};
 const LONGEST_LINE: u64 = 1 << 16;
 
 /// Returns the libraries that a scene file names, as far as they exist, without reading the scene; none of what can be read only once.
-pub(crate) fn libraries_of(scene_file: &Path) -> Vec<PathBuf> {
+pub(super) fn libraries_of(scene_file: &Path) -> Vec<PathBuf> {
     let is_file = std::fs::metadata(scene_file).is_ok_and(|data| data.is_file());
     let Some(file) = is_file.then(|| File::open(scene_file).ok()).flatten() else {
         return Vec::new();

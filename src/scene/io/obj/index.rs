@@ -1,27 +1,13 @@
-//! The index of an OBJ file: where each face stands, to which surface and material it belongs, and a checked copy of the geometry.
-//!
-//! The parser (tobj) reports no lines, takes `l` lines for faces, lets NaN pass, and knows neither continuations
-//! nor byte order marks nor comments after numbers. So every number is checked here, where the line is known, and the
-//! parser gets a copy of the `v` and `f` lines that it cannot misread.
+//! The statements of an OBJ file: its vertices and faces, the names of surfaces, materials and libraries, and what is not read.
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
-use std::fmt::Write as _;
 use std::path::Path;
 
-use super::lines::{Statement, for_each_statement};
-use super::{MAX_COORDINATE, Origin, SceneError, SceneErrorKind, Written};
-
-/// One `f` statement.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct FaceLine {
-    /// Its line, from 1.
-    pub(super) line: u32,
-    /// Its surface, in [`ObjIndex::groups`].
-    pub(super) group: usize,
-    /// Its material, in [`ObjIndex::materials`].
-    pub(super) material: Option<usize>,
-}
+use super::super::polygons::{NONE, Names, Polygons};
+use crate::scene::lines::{Statement, for_each_statement};
+use crate::scene::{MAX_COORDINATE, Numbering, Origin, SceneError, SceneErrorKind, Written};
+use glam::DVec3;
 
 /// A name and the line where it first stands.
 #[derive(Debug, PartialEq, Eq)]
@@ -30,21 +16,15 @@ pub(super) struct NamedLine {
     pub(super) name: String,
 }
 
-/// What an OBJ file says besides its numbers, in file order.
+/// What an OBJ file says, in file order.
 #[derive(Debug, Default)]
 pub(super) struct ObjIndex {
-    /// Every `f` statement.
-    pub(super) faces: Vec<FaceLine>,
-    /// The names of the `o` and `g` statements, or `face1`... if there is none; some may own no face.
-    pub(super) groups: Vec<String>,
+    /// Its faces, with the names of the `o` and `g` statements, of which some may own no face.
+    pub(super) polygons: Polygons,
     /// The names of the `usemtl` statements.
     pub(super) materials: Vec<NamedLine>,
     /// The names of the `mtllib` statements.
     pub(super) libraries: Vec<NamedLine>,
-    /// The checked `v` and `f` lines, with absolute vertex indices and nothing else.
-    pub(super) geometry: String,
-    /// The digits of the coordinates.
-    pub(super) written: Written,
     /// What was not read, or not as it is written, with the first line and the number of each kind.
     pub(super) unread: BTreeMap<Unread, (u32, usize)>,
 }
@@ -124,28 +104,31 @@ const DEFAULT_GROUP: &str = "default";
 struct Scan<'a> {
     file: &'a Path,
     index: ObjIndex,
-    n_vertices: usize,
-    group: Option<usize>,
-    group_of_name: HashMap<String, usize>,
-    material: Option<usize>,
-    material_of_name: HashMap<String, usize>,
+    groups: Names,
+    /// The surface of the faces that follow, or [`NONE`].
+    group: u32,
+    /// The material of the faces that follow, or [`NONE`].
+    material: u32,
+    material_of_name: HashMap<String, u32>,
 }
 
-/// Indexes and checks the text of an OBJ file.
+/// Reads and checks the text of an OBJ file.
 pub(super) fn scan(text: &str, file: &Path) -> Result<ObjIndex, SceneError> {
     let mut scan = Scan {
         file,
         index: ObjIndex {
-            written: Written::new(),
+            polygons: Polygons {
+                numbering: Numbering::Lines,
+                written: Written::new(),
+                ..Polygons::default()
+            },
             ..ObjIndex::default()
         },
-        n_vertices: 0,
-        group: None,
-        group_of_name: HashMap::new(),
-        material: None,
+        groups: Names::default(),
+        group: NONE,
+        material: NONE,
         material_of_name: HashMap::new(),
     };
-    scan.index.geometry.reserve(text.len());
     let mut has_groups = false;
     for_each_statement::<SceneError>(text, |s| {
         has_groups |= matches!(s.keyword, "o" | "g" | "O" | "G");
@@ -167,7 +150,7 @@ pub(super) fn scan(text: &str, file: &Path) -> Result<ObjIndex, SceneError> {
             "f" | "fo" => scan.face(&s, has_groups),
             "o" | "g" => {
                 let name = if s.rest.is_empty() { DEFAULT_GROUP } else { s.rest };
-                scan.group = Some(scan.intern_group(name));
+                scan.group = scan.groups.number(name);
                 Ok(())
             }
             "usemtl" => scan.use_material(&s),
@@ -183,6 +166,7 @@ pub(super) fn scan(text: &str, file: &Path) -> Result<ObjIndex, SceneError> {
             }
         }
     })?;
+    scan.index.polygons.groups = scan.groups.all;
     Ok(scan.index)
 }
 
@@ -200,93 +184,67 @@ impl Scan<'_> {
                 SceneErrorKind::MissingCoordinate { count: tokens.len() },
             ));
         };
-        for token in [x, y, z] {
+        let mut position = [0.0; 3];
+        for (value, token) in position.iter_mut().zip([x, y, z]) {
             // A NaN is within no range.
-            if !token.parse::<f64>().is_ok_and(|value| value.abs() <= MAX_COORDINATE) {
-                return Err(SceneError::new(
+            let number = token.parse::<f64>().ok().filter(|x| x.abs() <= MAX_COORDINATE);
+            *value = number.ok_or_else(|| {
+                SceneError::new(
                     Origin::line(self.file.to_owned(), s.line),
                     SceneErrorKind::BadCoordinate {
                         token: token.to_owned(),
                     },
-                ));
-            }
-            self.index.written.see(token);
+                )
+            })?;
+            self.index.polygons.written.see_value(token, *value);
         }
-        self.n_vertices += 1;
-        let _ = writeln!(self.index.geometry, "v {x} {y} {z}");
+        self.index.polygons.vertices.push(DVec3::from_array(position));
         Ok(())
     }
 
     fn face(&mut self, s: &Statement, has_groups: bool) -> Result<(), SceneError> {
-        self.index.geometry.push('f');
-        let mut count = 0;
+        let start = self.index.polygons.corners.len();
         for token in s.words() {
-            let absolute = self.vertex_number(s.line, token)?;
-            let _ = write!(self.index.geometry, " {absolute}");
-            count += 1;
+            let vertex = self.vertex_number(s.line, token)?;
+            self.index.polygons.corners.push(vertex);
         }
-        self.index.geometry.push('\n');
+        let count = self.index.polygons.corners.len() - start;
         if count < 3 {
             return Err(SceneError::new(
                 Origin::line(self.file.to_owned(), s.line),
                 SceneErrorKind::TooFewCorners { count },
             ));
         }
-        let group = match self.group {
-            Some(group) => group,
-            None if has_groups => self.intern_group(DEFAULT_GROUP),
-            None => {
-                self.index.groups.push(format!("face{}", self.index.faces.len() + 1));
-                self.index.groups.len() - 1
-            }
+        let group = if self.group == NONE && has_groups {
+            self.groups.number(DEFAULT_GROUP)
+        } else {
+            self.group
         };
-        self.index.faces.push(FaceLine {
-            line: s.line,
-            group,
-            material: self.material,
-        });
+        self.index.polygons.face([], group, self.material, s.line);
         Ok(())
     }
 
-    /// Returns the vertex of `12`, `12/3`, `12//4`, `12/3/4` or `-1`, counted from 1.
-    fn vertex_number(&self, line: u32, token: &str) -> Result<usize, SceneError> {
+    /// Returns the vertex of `12`, `12/3`, `12//4`, `12/3/4` or `-1`, which count from 1, counted from 0.
+    fn vertex_number(&self, line: u32, token: &str) -> Result<u32, SceneError> {
+        let refused = |kind| SceneError::new(Origin::line(self.file.to_owned(), line), kind);
         let digits = token.split('/').next().unwrap_or(token);
         let index: i64 = digits.parse().map_err(|_| {
-            SceneError::new(
-                Origin::line(self.file.to_owned(), line),
-                SceneErrorKind::BadIndex {
-                    token: token.to_owned(),
-                },
-            )
+            refused(SceneErrorKind::BadIndex {
+                token: token.to_owned(),
+            })
         })?;
+        let n_vertices = self.index.polygons.vertices.len();
         let magnitude = usize::try_from(index.unsigned_abs()).unwrap_or(usize::MAX);
         let number = if index < 0 {
             // -1 is the last vertex so far.
-            (self.n_vertices + 1).checked_sub(magnitude)
+            (n_vertices + 1).checked_sub(magnitude)
         } else {
             Some(magnitude)
         };
         number
-            .filter(|number| (1..=self.n_vertices).contains(number))
-            .ok_or_else(|| {
-                SceneError::new(
-                    Origin::line(self.file.to_owned(), line),
-                    SceneErrorKind::IndexOutOfRange {
-                        index,
-                        n_vertices: self.n_vertices,
-                    },
-                )
-            })
-    }
-
-    fn intern_group(&mut self, name: &str) -> usize {
-        if let Some(&group) = self.group_of_name.get(name) {
-            return group;
-        }
-        self.index.groups.push(name.to_owned());
-        let group = self.index.groups.len() - 1;
-        self.group_of_name.insert(name.to_owned(), group);
-        group
+            .filter(|number| (1..=n_vertices).contains(number))
+            .and_then(|number| u32::try_from(number - 1).ok())
+            .ok_or_else(|| refused(SceneErrorKind::IndexOutOfRange { index, n_vertices }))
     }
 
     fn use_material(&mut self, s: &Statement) -> Result<(), SceneError> {
@@ -296,10 +254,10 @@ impl Scan<'_> {
                 line: s.line,
                 name: name.clone(),
             });
-            self.index.materials.len() - 1
+            u32::try_from(self.index.materials.len() - 1).unwrap_or(NONE - 1)
         });
         self.material_of_name.insert(name, material);
-        self.material = Some(material);
+        self.material = material;
         Ok(())
     }
 

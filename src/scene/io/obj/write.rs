@@ -8,12 +8,12 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::{Origin, Scene, SceneError, SceneErrorKind};
+use crate::scene::{Origin, Scene, SceneError, SceneErrorKind};
 use crate::whole_file::{self, Prepared};
 
 /// Writes a scene to `path`, which ends in `.obj`, and its materials to the `.mtl` beside it.
 ///
-/// Numbers are the shortest text that reads back as the same f64, so [`load`](super::load) returns a scene with the same
+/// Numbers are the shortest text that reads back as the same f64, so [`load`](crate::scene::load) returns a scene with the same
 /// [`content_hash`](Scene::content_hash). The bytes depend on the scene and the file's name alone. Each file is written whole or not at all,
 /// the materials first.
 ///
@@ -48,7 +48,7 @@ fn unwritable(file: &Path, source: io::Error) -> SceneError {
 }
 
 /// Writes a file whole or not at all.
-pub(super) fn write_whole(file: &Path, text: &str) -> Result<(), SceneError> {
+pub(in crate::scene) fn write_whole(file: &Path, text: &str) -> Result<(), SceneError> {
     prepare(file, text)?.put().map_err(|source| unwritable(file, source))
 }
 

@@ -1,15 +1,14 @@
 //! Material libraries: `Kd` is the reflectance, `Ke` the exitance, and nothing else matters to a diffuse scene.
 
 use std::collections::HashMap;
-use std::collections::hash_map::Entry;
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use super::bright::{MIN_EXITANCE, is_too_dim};
-use super::lines::{Statement, for_each_statement, read_named_text};
-use super::obj_lines::NamedLine;
-use super::{LoadOptions, Origin, SceneError, SceneErrorKind, SceneWarning, SceneWarningKind};
+use super::super::LoadOptions;
+use super::index::NamedLine;
 use crate::input_file::DESCRIPTION_LIMIT;
+use crate::scene::bright::{MIN_EXITANCE, is_too_dim};
+use crate::scene::lines::{Statement, for_each_statement, read_named_text};
+use crate::scene::{Origin, SceneError, SceneErrorKind, SceneWarning, SceneWarningKind};
 
 /// A material as its library defines it.
 #[derive(Clone, Debug)]
@@ -36,27 +35,6 @@ pub(super) struct Definition {
 #[derive(Debug, Default)]
 pub(super) struct Definitions {
     by_name: HashMap<String, Definition>,
-}
-
-/// What a material says besides its colours.
-struct Beside {
-    /// The line of the `newmtl`.
-    line: u32,
-    /// The line of the last `Ke`, or of the `newmtl`.
-    exitance_line: u32,
-    /// The line of the first texture, and the keyword of what counts in its place.
-    texture: Option<(u32, &'static str)>,
-    /// The first statement by which it would not be diffuse and opaque.
-    not_diffuse: Option<(u32, &'static str)>,
-}
-
-/// What stands in a library besides its numbers.
-#[derive(Default)]
-struct Scan {
-    /// What each material says that the parser does not keep.
-    materials: Vec<Beside>,
-    /// The checked `newmtl`, `Kd` and `Ke` lines: the parser panics at a `Kd` with fewer than three numbers.
-    values: String,
 }
 
 impl Definitions {
@@ -110,40 +88,10 @@ impl Definitions {
     }
 
     fn read(&mut self, file: &Path, max_exitance: f64) -> Result<(), SceneError> {
-        let scan = scan(&read_named_text(file, DESCRIPTION_LIMIT)?, file, max_exitance)?;
-        let disagree =
-            |message: String| SceneError::new(Origin::file(file.to_owned()), SceneErrorKind::Parser { message });
-        let (parsed, _) =
-            tobj::load_mtl_buf(&mut scan.values.as_bytes()).map_err(|error| disagree(error.to_string()))?;
-        if parsed.len() != scan.materials.len() {
-            return Err(disagree(format!(
-                "{} materials, not {}",
-                parsed.len(),
-                scan.materials.len()
-            )));
-        }
-        for (material, beside) in parsed.into_iter().zip(scan.materials) {
-            let definition = Definition {
-                file: file.to_owned(),
-                line: beside.line,
-                reflectance: material.diffuse,
-                exitance: material.emissive.unwrap_or_default(),
-                exitance_line: beside.exitance_line,
-                texture: beside.texture,
-                not_diffuse: beside.not_diffuse,
-                repeated: false,
-            };
-            match self.by_name.entry(material.name) {
-                Entry::Vacant(free) => {
-                    free.insert(definition);
-                }
-                Entry::Occupied(mut taken) => {
-                    taken.insert(Definition {
-                        repeated: true,
-                        ..definition
-                    });
-                }
-            }
+        let text = read_named_text(file, DESCRIPTION_LIMIT)?;
+        for (name, mut definition) in scan(&text, file, max_exitance)? {
+            definition.repeated = self.by_name.contains_key(&name);
+            self.by_name.insert(name, definition);
         }
         Ok(())
     }
@@ -246,7 +194,7 @@ fn is_library(name: &str) -> bool {
 }
 
 /// Returns whether a file is in the folder of the scene file or below it, links followed.
-fn lies_beside(library: &Path, scene_file: &Path) -> bool {
+pub(in crate::scene::io) fn lies_beside(library: &Path, scene_file: &Path) -> bool {
     match (plain_folder_of(scene_file).canonicalize(), library.canonicalize()) {
         (Ok(folder), Ok(library)) => library.starts_with(folder),
         _ => false,
@@ -260,83 +208,68 @@ fn spelt(keyword: &str) -> &str {
     found.unwrap_or(keyword)
 }
 
-fn scan(text: &str, file: &Path, max_exitance: f64) -> Result<Scan, SceneError> {
-    let mut scan = Scan::default();
+/// Reads the materials of a library, in file order.
+fn scan(text: &str, file: &Path, max_exitance: f64) -> Result<Vec<(String, Definition)>, SceneError> {
+    let mut materials: Vec<(String, Definition)> = Vec::new();
     for_each_statement(text, |s| {
-        match spelt(s.keyword) {
-            "newmtl" if s.rest.is_empty() => {
-                return Err(SceneError::new(
-                    Origin::line(file.to_owned(), s.line),
-                    SceneErrorKind::MissingName { keyword: "newmtl" },
-                ));
-            }
-            "newmtl" => {
-                scan.materials.push(Beside {
-                    line: s.line,
-                    exitance_line: s.line,
-                    texture: None,
-                    not_diffuse: None,
-                });
-                let _ = writeln!(scan.values, "newmtl {}", s.rest);
-            }
-            "Kd" => {
-                let value = rgb(&s, "Kd", file, &scan)?;
+        let refused = |kind| Err(SceneError::new(Origin::line(file.to_owned(), s.line), kind));
+        let last = materials.last_mut().map(|(_, definition)| definition);
+        match (spelt(s.keyword), last) {
+            ("newmtl", _) if s.rest.is_empty() => return refused(SceneErrorKind::MissingName { keyword: "newmtl" }),
+            ("newmtl", _) => materials.push((s.rest.to_owned(), Definition::begun(file, s.line))),
+            ("Kd", last) => {
+                let (value, last) = rgb(&s, "Kd", file, last)?;
                 if let Some(value) = value.into_iter().find(|x| !(0.0..=1.0).contains(x)) {
-                    return Err(SceneError::new(
-                        Origin::line(file.to_owned(), s.line),
-                        SceneErrorKind::ReflectanceOutOfRange { value },
-                    ));
+                    return refused(SceneErrorKind::ReflectanceOutOfRange { value });
                 }
-                write_rgb(&mut scan.values, "Kd", value);
+                last.reflectance = Some(value);
             }
-            "Ke" => {
-                let value = rgb(&s, "Ke", file, &scan)?;
+            ("Ke", last) => {
+                let (value, last) = rgb(&s, "Ke", file, last)?;
                 if let Some(value) = value.into_iter().find(|x| !x.is_finite() || *x < 0.0) {
-                    return Err(SceneError::new(
-                        Origin::line(file.to_owned(), s.line),
-                        SceneErrorKind::ExitanceOutOfRange { value },
-                    ));
+                    return refused(SceneErrorKind::ExitanceOutOfRange { value });
                 }
                 if let Some(value) = value.into_iter().find(|x| *x > max_exitance) {
-                    return Err(SceneError::new(
-                        Origin::line(file.to_owned(), s.line),
-                        SceneErrorKind::TooBright {
-                            value,
-                            limit: max_exitance,
-                        },
-                    ));
+                    let limit = max_exitance;
+                    return refused(SceneErrorKind::TooBright { value, limit });
                 }
                 if let Some(value) = value.into_iter().find(|x| is_too_dim(*x)) {
-                    return Err(SceneError::new(
-                        Origin::line(file.to_owned(), s.line),
-                        SceneErrorKind::TooDim {
-                            value,
-                            limit: MIN_EXITANCE,
-                        },
-                    ));
+                    let limit = MIN_EXITANCE;
+                    return refused(SceneErrorKind::TooDim { value, limit });
                 }
-                if let Some(material) = scan.materials.last_mut() {
-                    material.exitance_line = s.line;
-                }
-                write_rgb(&mut scan.values, "Ke", value);
+                last.exitance = value;
+                last.exitance_line = s.line;
             }
-            map @ ("map_Kd" | "map_Ke") => {
-                if let Some(material) = scan.materials.last_mut() {
-                    material
-                        .texture
-                        .get_or_insert((s.line, if map == "map_Kd" { "Kd" } else { "Ke" }));
+            (map @ ("map_Kd" | "map_Ke"), Some(last)) => {
+                let counts = if map == "map_Kd" { "Kd" } else { "Ke" };
+                last.texture.get_or_insert((s.line, counts));
+            }
+            (_, Some(last)) => {
+                if let Some(keyword) = not_diffuse(&s) {
+                    last.not_diffuse.get_or_insert((s.line, keyword));
                 }
             }
-            _ => {
-                let keyword = not_diffuse(&s);
-                if let (Some(keyword), Some(material)) = (keyword, scan.materials.last_mut()) {
-                    material.not_diffuse.get_or_insert((s.line, keyword));
-                }
-            }
+            (_, None) => {}
         }
         Ok(())
     })?;
-    Ok(scan)
+    Ok(materials)
+}
+
+impl Definition {
+    /// Returns a material of which only the name is known.
+    fn begun(file: &Path, line: u32) -> Self {
+        Self {
+            file: file.to_owned(),
+            line,
+            reflectance: None,
+            exitance: [0.0; 3],
+            exitance_line: line,
+            texture: None,
+            not_diffuse: None,
+            repeated: false,
+        }
+    }
 }
 
 /// Returns the keyword of a statement by which a surface mirrors (`Ks`) or lets light through (`d`, `Tr`).
@@ -351,28 +284,23 @@ fn not_diffuse(s: &Statement) -> Option<&'static str> {
     }
 }
 
-/// Returns the three numbers of a `Kd` or `Ke`; one number stands for three.
-fn rgb(s: &Statement, keyword: &'static str, file: &Path, scan: &Scan) -> Result<[f64; 3], SceneError> {
-    if scan.materials.is_empty() {
-        return Err(SceneError::new(
-            Origin::line(file.to_owned(), s.line),
-            SceneErrorKind::OutsideMaterial { keyword },
-        ));
-    }
+/// Returns the three numbers of a `Kd` or `Ke`, and the material that they belong to; one number stands for three.
+fn rgb<'d>(
+    s: &Statement,
+    keyword: &'static str,
+    file: &Path,
+    material: Option<&'d mut Definition>,
+) -> Result<([f64; 3], &'d mut Definition), SceneError> {
+    let refused = |kind| SceneError::new(Origin::line(file.to_owned(), s.line), kind);
+    let material = material.ok_or_else(|| refused(SceneErrorKind::OutsideMaterial { keyword }))?;
     let numbers: Option<Vec<f64>> = s.words().map(|word| word.parse().ok()).collect();
-    match numbers.as_deref() {
-        Some(&[grey]) => Ok([grey; 3]),
-        Some(&[r, g, b]) => Ok([r, g, b]),
-        _ => Err(SceneError::new(
-            Origin::line(file.to_owned(), s.line),
-            SceneErrorKind::BadMaterialValue {
-                keyword,
-                value: s.words().collect::<Vec<_>>().join(" "),
-            },
-        )),
-    }
-}
-
-fn write_rgb(values: &mut String, keyword: &str, [r, g, b]: [f64; 3]) {
-    let _ = writeln!(values, "{keyword} {r:?} {g:?} {b:?}");
+    let value = match numbers.as_deref() {
+        Some(&[grey]) => [grey; 3],
+        Some(&[r, g, b]) => [r, g, b],
+        _ => {
+            let value = s.words().collect::<Vec<_>>().join(" ");
+            return Err(refused(SceneErrorKind::BadMaterialValue { keyword, value }));
+        }
+    };
+    Ok((value, material))
 }

@@ -1,0 +1,168 @@
+//! The formats of scene files: one trait, one list, and which of them a file has.
+
+use std::fmt;
+use std::io::Read as _;
+use std::path::{Path, PathBuf};
+
+use super::polygons::Polygons;
+use super::source::Source;
+use super::{LoadOptions, gltf, msh, obj, ply, stl, vs3, vtk};
+use crate::input_file;
+use crate::scene::{Origin, SceneError, SceneErrorKind};
+
+/// Bytes at the start of a file that show its format.
+pub(super) const HEAD: u64 = 1 << 16;
+
+/// A format of scene files: what it is called, how its files are known, and what they hold.
+pub(super) trait Reader: Sync {
+    /// Its name, in small letters.
+    fn name(&self) -> &'static str;
+
+    /// What it is, for a list.
+    fn summary(&self) -> &'static str;
+
+    /// The suffixes of its files, in small letters.
+    fn suffixes(&self) -> &'static [&'static str];
+
+    /// Tells whether a file begins as those of the format do.
+    fn recognises(&self, head: &Head<'_>) -> bool;
+
+    /// Reads the polygons of a file.
+    fn read(&self, source: &Source<'_>, options: &LoadOptions) -> Result<Polygons, SceneError>;
+
+    /// Returns the other files that a file names, as far as they exist, without reading the scene.
+    fn companions(&self, _path: &Path) -> Vec<PathBuf> {
+        Vec::new()
+    }
+}
+
+/// The start of a file.
+pub(super) struct Head<'a> {
+    /// Its first [`HEAD`] bytes, or all.
+    pub(super) bytes: &'a [u8],
+    /// The bytes of the whole file.
+    pub(super) length: u64,
+}
+
+impl Head<'_> {
+    /// Tells whether the file begins with some text, after a byte-order mark and blanks.
+    pub(super) fn begins_with(&self, text: &str) -> bool {
+        let bytes = self.bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(self.bytes);
+        bytes.trim_ascii_start().starts_with(text.as_bytes())
+    }
+
+    /// Tells whether some text is in the head.
+    pub(super) fn contains(&self, text: &str) -> bool {
+        self.bytes.windows(text.len()).any(|window| window == text.as_bytes())
+    }
+
+    /// Returns the whole lines of the head that are text, without blanks at their ends.
+    pub(super) fn lines(&self) -> impl Iterator<Item = &str> {
+        let lines = self.bytes.split(|byte| matches!(byte, b'\n' | b'\r'));
+        lines.filter_map(|line| std::str::from_utf8(line.trim_ascii()).ok())
+    }
+}
+
+/// All formats: of files that more than one recognises, the first one counts; a file that shows none of them is OBJ.
+static REGISTRY: [&dyn Reader; 7] = [
+    &obj::Obj,
+    &gltf::Gltf,
+    &ply::Ply,
+    &msh::Msh,
+    &vtk::Vtk,
+    &vs3::Vs3,
+    &stl::Stl,
+];
+
+/// A format of scene files.
+#[derive(Clone, Copy)]
+pub struct Format(&'static dyn Reader);
+
+impl Format {
+    /// Iterates over all formats.
+    pub fn all() -> impl Iterator<Item = Self> {
+        REGISTRY.into_iter().map(Self)
+    }
+
+    /// Returns the format of a name, or of a suffix of its files, if there is one.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        let name = name.to_lowercase();
+        Self::all().find(|format| format.name() == name || format.0.suffixes().contains(&&*name))
+    }
+
+    /// Returns its name: `obj`, `stl`, `ply`, `msh`, `vtk`, `gltf`, `vs3`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        self.0.name()
+    }
+
+    /// Returns what it is, in a few words.
+    #[must_use]
+    pub fn summary(self) -> &'static str {
+        self.0.summary()
+    }
+
+    /// Returns the format of a file: by its content, and if that shows none, by its suffix; OBJ, where neither shows one. What a pipe will give cannot be looked at.
+    ///
+    /// # Errors
+    /// Those of the file system.
+    pub fn of(path: impl AsRef<Path>) -> Result<Self, SceneError> {
+        let path = path.as_ref();
+        let unreadable = |source| SceneError::new(Origin::file(path), SceneErrorKind::Unreadable { source });
+        let Some(file) = input_file::open_to_look(path).map_err(unreadable)? else {
+            return Ok(Self::of_start(path, &[], 0));
+        };
+        let length = file.metadata().map_err(unreadable)?.len();
+        let mut head = Vec::new();
+        file.take(HEAD).read_to_end(&mut head).map_err(unreadable)?;
+        Ok(Self::of_start(path, &head, length))
+    }
+
+    /// Returns the format of a file that begins with some bytes.
+    pub(super) fn of_start(path: &Path, bytes: &[u8], length: u64) -> Self {
+        let head = Head { bytes, length };
+        let suffix = path.extension().map(|suffix| suffix.to_string_lossy().to_lowercase());
+        let has_suffix = |format: &Self| {
+            format
+                .0
+                .suffixes()
+                .iter()
+                .any(|known| suffix.as_deref() == Some(*known))
+        };
+        // Of several that the content allows, the one of the suffix.
+        let shown = Self::all().filter(|format| format.0.recognises(&head));
+        let best = shown.min_by_key(|format| !has_suffix(format));
+        best.or_else(|| Self::all().find(has_suffix)).unwrap_or(Self(&obj::Obj))
+    }
+
+    pub(super) fn read(self, source: &Source<'_>, options: &LoadOptions) -> Result<Polygons, SceneError> {
+        self.0.read(source, options)
+    }
+
+    /// Returns the other files that a file names, as far as they exist, without reading the scene.
+    #[cfg(feature = "cli")]
+    pub(crate) fn companions(self, path: &Path) -> Vec<PathBuf> {
+        self.0.companions(path)
+    }
+}
+
+impl fmt::Debug for Format {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Format({})", self.name())
+    }
+}
+
+impl PartialEq for Format {
+    fn eq(&self, other: &Self) -> bool {
+        self.name() == other.name()
+    }
+}
+
+impl Eq for Format {}
+
+impl fmt::Display for Format {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}

@@ -1,0 +1,556 @@
+//! The meshes of a glTF file where its nodes put them.
+
+use std::collections::HashMap;
+
+use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
+
+use super::super::Counts;
+use super::super::polygons::{FileMaterial, NONE, Names, Polygons};
+use super::super::source::{Binary, Source};
+use super::document::{Accessor, Document, MaterialOfFile, Primitive};
+use crate::scene::{
+    MAX_COORDINATE, Numbering, Origin, SceneError, SceneErrorKind, SceneWarning, SceneWarningKind, Written,
+};
+
+/// Nodes below one another beyond which a file is refused: those of a circle have no end.
+const MAX_DEPTH: usize = 1 << 10;
+
+/// The modes of primitives that are triangles.
+const TRIANGLES: u32 = 4;
+const STRIP: u32 = 5;
+const FAN: u32 = 6;
+
+/// A node, and where it is put.
+#[derive(Clone, Copy)]
+struct Placed {
+    node: usize,
+    world_from_node: DAffine3,
+    /// How far the numbers of the transformations may be off, as a part of a coordinate and in its unit.
+    rounding: [f64; 2],
+}
+
+struct Meshes<'a> {
+    document: &'a Document,
+    buffers: &'a [Vec<u8>],
+    source: &'a Source<'a>,
+    polygons: Polygons,
+    groups: Names,
+    /// The parts of the file, by the number before their first triangle.
+    parts: Vec<(u32, String)>,
+    n_thin: usize,
+    /// The meshes of which something is not read, and what.
+    unread: Vec<(usize, &'static str)>,
+}
+
+/// Returns the polygons of the scene that a file shows.
+pub(super) fn polygons(document: &Document, buffers: &[Vec<u8>], source: &Source<'_>) -> Result<Polygons, SceneError> {
+    let mut meshes = Meshes {
+        document,
+        buffers,
+        source,
+        polygons: Polygons {
+            written: Written::new(),
+            materials: materials(document, source),
+            ..Polygons::default()
+        },
+        groups: Names::default(),
+        parts: Vec::new(),
+        n_thin: 0,
+        unread: Vec::new(),
+    };
+    for placed in meshes.nodes()? {
+        meshes.add(placed)?;
+    }
+    let Meshes {
+        mut polygons,
+        groups,
+        parts,
+        n_thin,
+        unread,
+        ..
+    } = meshes;
+    polygons.groups = groups.all;
+    polygons.numbering = Numbering::Elements {
+        noun: "triangle",
+        first: 0,
+        parts,
+    };
+    let file = Origin::file(source.path);
+    let mut warn = |count, what| {
+        let kind = SceneWarningKind::SkippedElements { count, what };
+        polygons.warnings.push(SceneWarning::new(file.clone(), kind));
+    };
+    if n_thin > 0 {
+        warn(n_thin, "primitives of points or lines");
+    }
+    let mut counts: HashMap<&'static str, usize> = HashMap::new();
+    unread
+        .iter()
+        .for_each(|(_, what)| *counts.entry(what).or_default() += 1);
+    let mut counts: Vec<_> = counts.into_iter().collect();
+    counts.sort_unstable();
+    counts.into_iter().for_each(|(what, count)| warn(count, what));
+    Ok(polygons)
+}
+
+impl<'a> Meshes<'a> {
+    fn error_at(&self, element: String, kind: SceneErrorKind) -> SceneError {
+        let path = self.source.path.to_owned();
+        SceneError::new(Origin::Element { path, element }, kind)
+    }
+
+    /// Returns the roots of the scene that is shown; of a file without scenes all nodes below no other.
+    fn roots(&self) -> Vec<usize> {
+        let document = self.document;
+        if let Some(scene) = document.scenes.get(document.scene) {
+            return scene.nodes.clone();
+        }
+        let mut is_child = vec![false; document.nodes.len()];
+        for &child in document.nodes.iter().flat_map(|node| &node.children) {
+            if let Some(is_child) = is_child.get_mut(child) {
+                *is_child = true;
+            }
+        }
+        (0..document.nodes.len()).filter(|node| !is_child[*node]).collect()
+    }
+
+    /// Returns the nodes with a mesh, in file order: children before siblings.
+    fn nodes(&self) -> Result<Vec<Placed>, SceneError> {
+        let mut found = Vec::new();
+        let mut is_seen = vec![false; self.document.nodes.len()];
+        let whole = |node| Placed {
+            node,
+            world_from_node: DAffine3::IDENTITY,
+            rounding: [0.0; 2],
+        };
+        // The last one is the next.
+        let mut waiting: Vec<(Placed, usize)> = self.roots().into_iter().rev().map(|node| (whole(node), 0)).collect();
+        while let Some((parent, depth)) = waiting.pop() {
+            let node = parent.node;
+            let refused = |expected: &str, found: &str| {
+                let kind = SceneErrorKind::malformed(expected, found);
+                self.error_at(format!("node {node}"), kind)
+            };
+            let Some(own) = self.document.nodes.get(node) else {
+                return Err(refused("a node of the file", &node.to_string()));
+            };
+            if depth > MAX_DEPTH || std::mem::replace(&mut is_seen[node], true) {
+                return Err(refused("each node once below one other", "it again"));
+            }
+            let (transform, [part, shift]) = transform(own);
+            let placed = Placed {
+                node,
+                world_from_node: parent.world_from_node * transform,
+                rounding: [parent.rounding[0] + part, parent.rounding[1] + shift],
+            };
+            if !placed.world_from_node.is_finite() {
+                return Err(refused("a finite transformation", "another"));
+            }
+            if own.mesh.is_some() {
+                found.push(placed);
+            }
+            let children = own.children.iter().rev();
+            waiting.extend(children.map(|&node| (Placed { node, ..placed }, depth + 1)));
+        }
+        Ok(found)
+    }
+
+    /// Adds the mesh of a node.
+    fn add(&mut self, placed: Placed) -> Result<(), SceneError> {
+        let node = placed.node;
+        let own = &self.document.nodes[node];
+        let number = own.mesh.unwrap_or(usize::MAX);
+        let Some(mesh) = self.document.meshes.get(number) else {
+            let kind = SceneErrorKind::malformed("a mesh of the file", number.to_string());
+            return Err(self.error_at(format!("node {node}"), kind));
+        };
+        let stated = [&own.name, &mesh.name].into_iter().flatten();
+        let name = stated.map(|name| name.trim()).find(|name| !name.is_empty());
+        let name = name.map_or_else(|| format!("node{node}"), str::to_owned);
+        if own.skin.is_some() {
+            self.unread.push((number, "skins of meshes"));
+        }
+        for (k, primitive) in mesh.primitives.iter().enumerate() {
+            let element = match mesh.primitives.len() {
+                1 => format!("`{name}`"),
+                _ => format!("`{name}`, primitive {k}"),
+            };
+            let added = self.primitive(primitive, number, &name, &element, placed);
+            added.map_err(|kind| self.error_at(element, kind))?;
+        }
+        Ok(())
+    }
+
+    fn primitive(
+        &mut self,
+        primitive: &Primitive,
+        mesh: usize,
+        name: &str,
+        element: &str,
+        placed: Placed,
+    ) -> Result<(), SceneErrorKind> {
+        let mode = primitive.mode.unwrap_or(TRIANGLES);
+        if !(TRIANGLES..=FAN).contains(&mode) {
+            self.n_thin += 1;
+            return Ok(());
+        }
+        let unread = [
+            (!primitive.targets.is_empty(), "morph targets"),
+            (primitive.attributes.contains_key("COLOR_0"), "colours of vertices"),
+        ];
+        let new: Vec<_> = unread
+            .into_iter()
+            .filter(|(is_there, _)| *is_there)
+            .map(|(_, what)| (mesh, what))
+            .collect();
+        for unread in new {
+            if !self.unread.contains(&unread) {
+                self.unread.push(unread);
+            }
+        }
+        let Some(positions) = primitive.attributes.get("POSITION") else {
+            return Err(SceneErrorKind::malformed("an attribute `POSITION`", "none"));
+        };
+        let material = match primitive.material {
+            None => NONE,
+            Some(k) if k < self.polygons.materials.len() => u32::try_from(k).unwrap_or(NONE),
+            Some(k) => return Err(SceneErrorKind::malformed("a material of the file", k.to_string())),
+        };
+        let first = self.positions(*positions, placed)?;
+        let n_vertices = self.polygons.vertices.len() - first;
+        let indices = match primitive.indices {
+            Some(accessor) => self.indices(accessor, n_vertices)?,
+            None => (0..u32::try_from(n_vertices).unwrap_or(NONE)).collect(),
+        };
+        let group = self.groups.number(name);
+        let before = u32::try_from(self.polygons.faces.len()).unwrap_or(u32::MAX);
+        self.parts.push((before, element.to_owned()));
+        let first = u32::try_from(first).unwrap_or(NONE);
+        // A reflection turns the winding of triangles round, and the format turns it back.
+        let is_mirrored = placed.world_from_node.matrix3.determinant() < 0.0;
+        let mut push = |mut corners: [u32; 3]| {
+            if is_mirrored {
+                corners.swap(1, 2);
+            }
+            let number = u32::try_from(self.polygons.faces.len())
+                .unwrap_or(u32::MAX)
+                .saturating_add(1);
+            let corners = corners.map(|corner| first.saturating_add(corner));
+            self.polygons.face(corners, group, material, number);
+        };
+        match mode {
+            STRIP => indices.windows(3).enumerate().for_each(|(k, own)| {
+                push(if k % 2 == 0 {
+                    [own[0], own[1], own[2]]
+                } else {
+                    [own[1], own[0], own[2]]
+                });
+            }),
+            FAN => indices
+                .windows(2)
+                .skip(1)
+                .for_each(|own| push([indices[0], own[0], own[1]])),
+            _ => indices.as_chunks::<3>().0.iter().for_each(|own| push(*own)),
+        }
+        Ok(())
+    }
+
+    /// Adds the positions of an accessor, and returns the number of the first vertex.
+    fn positions(&mut self, accessor: usize, placed: Placed) -> Result<usize, SceneErrorKind> {
+        let world_from_node = placed.world_from_node;
+        let (own, bytes, stride) = self.accessor(accessor)?;
+        if own.kind != "VEC3" {
+            return Err(SceneErrorKind::malformed("positions of type `VEC3`", own.kind.clone()));
+        }
+        let first = self.polygons.vertices.len();
+        self.source
+            .expect(Counts {
+                n_vertices: own.count,
+                ..Counts::default()
+            })
+            .map_err(|error| error.kind)?;
+        let size = component_bytes(own.component_type)?;
+        let mut greatest = 0.0_f64;
+        let mut local_written = Written::new();
+        for point in bytes.chunks(stride) {
+            let mut local = [0.0; 3];
+            for (x, own_bytes) in local.iter_mut().zip(point.chunks_exact(size)) {
+                *x = component(own, own_bytes);
+                if x.is_nan() || x.abs() > MAX_COORDINATE {
+                    return Err(SceneErrorKind::BadCoordinate { token: x.to_string() });
+                }
+                greatest = greatest.max(x.abs());
+                #[expect(clippy::cast_possible_truncation, reason = "it was an f32, or is a short number")]
+                local_written.see_single(*x as f32);
+            }
+            let position = world_from_node.transform_point3(DVec3::from_array(local));
+            if position
+                .to_array()
+                .iter()
+                .any(|x| x.is_nan() || x.abs() > MAX_COORDINATE)
+            {
+                return Err(SceneErrorKind::BadCoordinate {
+                    token: position.to_string(),
+                });
+            }
+            self.polygons.vertices.push(position);
+        }
+        self.note_rounding(placed, greatest, &local_written);
+        Ok(first)
+    }
+
+    /// Takes note of how far positions may be off: by a step of f32 in each of three coordinates, as the node scales it, and by its own rounding.
+    fn note_rounding(&mut self, placed: Placed, greatest: f64, local: &Written) {
+        let written = &mut self.polygons.written;
+        if placed.world_from_node == DAffine3::IDENTITY {
+            written.merge_single(local);
+            return;
+        }
+        let rows = placed.world_from_node.matrix3.transpose().to_cols_array_2d();
+        let sums = rows.map(|row| row.iter().map(|x| x.abs()).sum::<f64>());
+        let scale = sums.into_iter().fold(0.0, f64::max);
+        let of_points = if local.shows_rounding() {
+            local.unit(greatest)
+        } else {
+            0.0
+        };
+        let [part, shift] = placed.rounding;
+        // Numbers of f64 are not rounded.
+        let least = scale * (of_points + part * greatest) + shift;
+        if least > 1e-14 * greatest * scale {
+            written.at_least(least);
+        }
+    }
+
+    fn indices(&self, accessor: usize, n_vertices: usize) -> Result<Vec<u32>, SceneErrorKind> {
+        let (own, bytes, stride) = self.accessor(accessor)?;
+        if own.kind != "SCALAR" || !matches!(own.component_type, 5121 | 5123 | 5125) {
+            return Err(SceneErrorKind::malformed(
+                "indices that are unsigned whole numbers",
+                own.kind.clone(),
+            ));
+        }
+        self.source
+            .expect(Counts {
+                n_corners: own.count,
+                n_faces: own.count / 3,
+                ..Counts::default()
+            })
+            .map_err(|error| error.kind)?;
+        let size = component_bytes(own.component_type)?;
+        let index = |bytes: &[u8]| -> Result<u32, SceneErrorKind> {
+            let index = match size {
+                1 => u8::of(&bytes[..1], true).into(),
+                2 => u16::of(&bytes[..2], true).into(),
+                _ => u32::of(&bytes[..4], true),
+            };
+            if (index as usize) < n_vertices {
+                Ok(index)
+            } else {
+                let index = index.into();
+                Err(SceneErrorKind::IndexOutOfRange { index, n_vertices })
+            }
+        };
+        bytes.chunks(stride).map(index).collect()
+    }
+
+    /// Returns an accessor with its bytes and the bytes from one element to the next; the last chunk of so many holds a whole element.
+    fn accessor(&self, number: usize) -> Result<(&'a Accessor, &'a [u8], usize), SceneErrorKind> {
+        let document = self.document;
+        let missing = |what: &str, number: usize| SceneErrorKind::malformed(what, number.to_string());
+        let own = document
+            .accessors
+            .get(number)
+            .ok_or_else(|| missing("an accessor of the file", number))?;
+        if own.sparse.is_some() {
+            return Err(SceneErrorKind::unsupported(
+                "sparse accessors are not read; export plain ones",
+            ));
+        }
+        let n_components = match &*own.kind {
+            "SCALAR" => 1,
+            "VEC3" => 3,
+            other => return Err(SceneErrorKind::malformed("an accessor of `SCALAR` or `VEC3`", other)),
+        };
+        let size = (n_components * component_bytes(own.component_type)?) as u64;
+        let view = own.buffer_view.ok_or_else(|| {
+            SceneErrorKind::unsupported("accessors without a buffer are not read; export without compression")
+        })?;
+        let view = document
+            .views
+            .get(view)
+            .ok_or_else(|| missing("a buffer view of the file", view))?;
+        let buffer = self
+            .buffers
+            .get(view.buffer)
+            .ok_or_else(|| missing("a buffer of the file", view.buffer))?;
+        let slice = |bytes: &'a [u8], from: u64, n: u64| -> Option<&'a [u8]> {
+            let from = usize::try_from(from).ok()?;
+            let to = from.checked_add(usize::try_from(n).ok()?)?;
+            bytes.get(from..to)
+        };
+        let stride = view.byte_stride.filter(|stride| *stride >= size).unwrap_or(size);
+        let needed = match own.count {
+            0 => 0,
+            n => (n - 1).saturating_mul(stride).saturating_add(size),
+        };
+        let bytes = slice(buffer, view.byte_offset, view.byte_length)
+            .and_then(|bytes| slice(bytes, own.byte_offset, needed))
+            .ok_or(SceneErrorKind::Truncated {
+                what: "elements of an accessor",
+                n: own.count,
+                room: (buffer.len() as u64).saturating_sub(view.byte_offset) / stride,
+            })?;
+        Ok((own, bytes, usize::try_from(stride).unwrap_or(usize::MAX)))
+    }
+}
+
+fn component_bytes(kind: u32) -> Result<usize, SceneErrorKind> {
+    match kind {
+        5120 | 5121 => Ok(1),
+        5122 | 5123 => Ok(2),
+        5125 | 5126 => Ok(4),
+        _ => Err(SceneErrorKind::malformed(
+            "a type of components of glTF",
+            kind.to_string(),
+        )),
+    }
+}
+
+/// Returns a component; whole numbers that are normalised fill [−1, 1] or [0, 1].
+fn component(own: &Accessor, bytes: &[u8]) -> f64 {
+    let (value, greatest) = match own.component_type {
+        5120 => (i8::of(bytes, true).into(), 127.0),
+        5121 => (u8::of(bytes, true).into(), 255.0),
+        5122 => (i16::of(bytes, true).into(), 32767.0),
+        5123 => (u16::of(bytes, true).into(), 65535.0),
+        5125 => (u32::of(bytes, true).into(), 4_294_967_295.0),
+        _ => return f32::of(bytes, true).into(),
+    };
+    if own.normalized {
+        f64::max(value / greatest, -1.0)
+    } else {
+        value
+    }
+}
+
+/// Returns where a node puts what is below it, and how far its numbers may be off: as a part of a coordinate, and in its unit.
+fn transform(node: &super::document::Node) -> (DAffine3, [f64; 2]) {
+    let unit_of = |numbers: &[f64]| {
+        let mut written = Written::new();
+        numbers
+            .iter()
+            .filter(|x| x.is_finite())
+            .for_each(|x| written.see_binary(*x));
+        let greatest = numbers.iter().fold(0.0, |greatest: f64, x| greatest.max(x.abs()));
+        if written.shows_rounding() {
+            written.unit(greatest)
+        } else {
+            0.0
+        }
+    };
+    if let Some(matrix) = &node.matrix {
+        let rounding = [unit_of(&matrix[..12]), unit_of(&matrix[12..15])];
+        return (DAffine3::from_mat4(DMat4::from_cols_array(matrix)), rounding);
+    }
+    let rotation = node.rotation.map_or(DQuat::IDENTITY, |rotation| {
+        let stated = DQuat::from_array(rotation);
+        // A rotation of f32 is of length 1 to 24 bits.
+        if stated.length_squared() > 0.0 {
+            stated.normalize()
+        } else {
+            DQuat::IDENTITY
+        }
+    });
+    let scale = node.scale.unwrap_or([1.0; 3]);
+    let translation = node.translation.unwrap_or_default();
+    let is_right_angle = DMat3::from_quat(rotation)
+        .to_cols_array()
+        .iter()
+        .all(|x| (x - x.round()).abs() < 1e-15);
+    // A number of a quaternion counts up to four times in a matrix.
+    let of_rotation = if is_right_angle {
+        0.0
+    } else {
+        node.rotation.map_or(0.0, |numbers| 4.0 * unit_of(&numbers))
+    };
+    let affine =
+        DAffine3::from_scale_rotation_translation(DVec3::from_array(scale), rotation, DVec3::from_array(translation));
+    (affine, [of_rotation + unit_of(&scale), unit_of(&translation)])
+}
+
+/// Returns the materials of a file: the base colour as reflectance, π × factor × strength of the emission as exitance.
+fn materials(document: &Document, source: &Source<'_>) -> Vec<FileMaterial> {
+    let mut names: HashMap<&str, usize> = HashMap::new();
+    document
+        .materials
+        .iter()
+        .filter_map(|own| own.name.as_deref())
+        .for_each(|name| *names.entry(name).or_default() += 1);
+    let stated = document.materials.iter().enumerate();
+    stated
+        .map(|(k, own)| {
+            let stated = own.name.as_deref().filter(|name| !name.trim().is_empty());
+            let name = match stated {
+                Some(name) if names[name] == 1 => name.to_owned(),
+                Some(name) => format!("{name} {k}"),
+                None => format!("material{k}"),
+            };
+            material(name, own, source)
+        })
+        .collect()
+}
+
+fn material(name: String, own: &MaterialOfFile, source: &Source<'_>) -> FileMaterial {
+    let surface = &own.pbr_metallic_roughness;
+    let strength = own.extensions.get("KHR_materials_emissive_strength");
+    let strength = strength.and_then(|own| own["emissiveStrength"].as_f64()).unwrap_or(1.0);
+    let factor = own.emissive_factor.unwrap_or_default();
+    let (path, element) = (source.path.to_owned(), format!("material `{name}`"));
+    let at = Origin::Element { path, element };
+    let mut doubts = Vec::new();
+    let mut doubt = |kind| doubts.push(SceneWarning::new(at.clone(), kind));
+    if surface.base_color_factor.is_none() {
+        doubt(SceneWarningKind::MissingReflectance { name: name.clone() });
+    }
+    let textures = [
+        (surface.base_color_texture.is_some(), "baseColorFactor"),
+        (own.emissive_texture.is_some(), "emissiveFactor"),
+    ];
+    for (_, keyword) in textures.into_iter().filter(|(is_there, _)| *is_there) {
+        doubt(SceneWarningKind::IgnoredTexture {
+            keyword,
+            name: name.clone(),
+        });
+    }
+    let is_clear = own.alpha_mode.as_deref().is_some_and(|mode| mode != "OPAQUE");
+    let properties = [
+        (
+            surface.metallic_factor.is_some_and(|x| x > 0.0),
+            "metalness (`metallicFactor`)",
+        ),
+        (
+            surface.roughness_factor.is_some_and(|x| x < 1.0),
+            "gloss (`roughnessFactor`)",
+        ),
+        (is_clear, "transparency (`alphaMode`)"),
+        (
+            own.extensions.contains_key("KHR_materials_transmission"),
+            "transmission",
+        ),
+        (own.double_sided, "the light of the back (`doubleSided`)"),
+    ];
+    for (_, what) in properties.into_iter().filter(|(is_there, _)| *is_there) {
+        doubt(SceneWarningKind::IgnoredProperty {
+            what,
+            name: name.clone(),
+        });
+    }
+    FileMaterial {
+        name,
+        reflectance: surface.base_color_factor.map(|[r, g, b, _]| [r, g, b]),
+        exitance: factor.map(|factor| std::f64::consts::PI * factor * strength),
+        at,
+        doubts,
+    }
+}

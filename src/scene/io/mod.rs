@@ -1,0 +1,145 @@
+//! Scene files: one reader a format, behind one trait, and one way from what they hold to a [`Scene`](super::Scene).
+//!
+//! [`Format`] lists the formats and tells which one a file has. A reader returns the polygons of a file, with the names of surfaces and
+//! materials; `assemble` scales and turns them, joins vertices, parts faces into surfaces where the file names none, and hands them to a
+//! [`SceneBuilder`](super::SceneBuilder), which checks them.
+//!
+//! The readers are our own: of the libraries for these formats none reports the line or element of what is wrong, keeps all digits of
+//! text and how many there are, or bounds memory by the length of the file where a header lies.
+
+use std::path::Path;
+
+use super::{Scene, SceneError, SceneWarning};
+
+mod assemble;
+mod cells;
+mod creases;
+mod format;
+mod gltf;
+mod msh;
+mod obj;
+mod options;
+mod ply;
+mod polygons;
+mod source;
+mod stl;
+mod vs3;
+mod vtk;
+mod weld;
+
+pub use cells::USUAL_ARRAYS;
+pub use format::Format;
+pub use obj::write::write_obj;
+pub(super) use obj::write::write_whole;
+pub use options::{DEFAULT_CREASE_ANGLE, Flip, LengthUnit, LoadOptions, UpAxis};
+pub(crate) use source::Room;
+
+use source::Source;
+
+/// A scene from a file, and what was doubtful about it.
+#[derive(Clone, Debug)]
+pub struct Loaded {
+    /// The scene.
+    pub scene: Scene,
+    /// What was left open in the file, in the order in which it was found.
+    pub warnings: Vec<SceneWarning>,
+}
+
+/// The reflectance of a material that states none.
+pub const DEFAULT_REFLECTANCE: f64 = 0.5;
+
+/// How much there is of a scene.
+#[derive(Clone, Copy, Debug, Default)]
+struct Counts {
+    n_vertices: u64,
+    n_corners: u64,
+    n_faces: u64,
+}
+
+/// Bytes for a vertex, a corner and a face while a scene is read and looked at: in the polygons of the file, in the scene, and in the tables that find equal vertices,
+/// faces that repeat and edges.
+const VERTEX_BYTES: u64 = 96;
+const CORNER_BYTES: u64 = 96;
+const FACE_BYTES: u64 = 160;
+
+impl Counts {
+    /// Returns an upper bound of the memory that it takes to make a scene, beside the file's own bytes.
+    fn bytes(self) -> u64 {
+        let all = [
+            (self.n_vertices, VERTEX_BYTES),
+            (self.n_corners, CORNER_BYTES),
+            (self.n_faces, FACE_BYTES),
+        ];
+        all.iter()
+            .fold(0_u64, |sum, (n, each)| sum.saturating_add(n.saturating_mul(*each)))
+    }
+}
+
+/// Loads a scene from a file of any [`Format`].
+///
+/// - Lengths are metres, as written: every f64 survives, no coordinate is moved, and bit-identical positions become one vertex (0 and −0 are the same).
+/// - A face sees along the normal of its winding. Flat convex quads stay quads; a quad is flat if no corner is further than
+///   1e-6 of its diameter from its plane. Bent or concave quads and larger outlines become triangles of the same outline; beyond 1e-3 there is a warning.
+/// - A surface has the name that the file gives a group of faces: `o` or `g` (OBJ), several `solid`s (STL), a physical group, else an elementary entity (gmsh), the value of a cell array
+///   ([`LoadOptions::surface_array`], VTK and PLY), a node (glTF), a surface (View3D). A file without such names has one surface per connected piece between creases
+///   ([`LoadOptions::crease_angle`]): `faceN` for a piece of one face, `partN` for more, where N is its first face, counted from 1. Surfaces are in the order in which their names appear;
+///   names without faces are dropped.
+/// - OBJ: the last `o` or `g` above a face names its surface (tools write either, or an `o` for the object and a `g` for a part of it: the finer name
+///   counts). A `g` with several names is one surface with all of them in its name. Faces above the first one, or below one without a name, are surface `default`.
+/// - Materials: `Kd` is the reflectance ρ, `Ke` the exitance E in W·m⁻²; one number stands for all three channels (OBJ). glTF: ρ is the base colour, E = π × emissive factor × strength. View3D: ρ = 1 − ε.
+///   Without a reflectance, without a material, or if the library is missing, ρ is [`DEFAULT_REFLECTANCE`], with a warning. Textures are not read, with a warning. [`LoadOptions::materials`] gives others.
+/// - Faces without an area are skipped, with a warning. Faces of opposite winding may coincide.
+/// - Where faces of the same winding overlap in one plane, as a door that is drawn on its wall, the smaller one is cut out of the larger one, with a warning: flat parts of one surface and
+///   material count as a whole, and of equal ones the later stays whole. Faces of which one equals the other are an error. What is narrower than the rounding of
+///   the coordinates as they are written is no overlap, nor is what is narrower than that of six digits of the scene's size. Where the file [shows that it was rounded](super::Written::shows_rounding),
+///   faces that are not along the axes may stand out of the larger one by a unit of each coordinate's last place.
+/// - OBJ: `fo` is read as `f`, and keywords in capitals as in small letters, with a warning. Texture coordinates, normals and attributes are ignored; lines, points, free-form curves and
+///   surfaces, calls and unknown statements are skipped, with a warning of each kind. Volume cells of gmsh and VTK are skipped, with a warning; cells of higher order are read as flat, through their corners, with a warning.
+/// - A library that is not where `mtllib` says is looked for by its file name beside the scene file, whatever its case, with a warning.
+///
+/// Accuracy: coordinates, reflectance and exitance are the nearest f64 to the text, or the numbers of a binary file. How far they may be off what was meant, by the digits of the text or the 24 bits of a binary f32,
+/// is in [`Scene::written`], and is part of the errors of form factors.
+///
+/// # Errors
+/// [`SceneError`], with file, line or element, and remedy: files that cannot be read, are cut short, or hold less than their header says, coordinates or indices that are none, faces with fewer than three
+/// corners, outlines that cross themselves, faces of the same winding that coincide, reflectances outside \[0, 1\], exitances that are negative, above [`MAX_EXITANCE`](super::MAX_EXITANCE), or above 0 and below [`MIN_EXITANCE`](super::MIN_EXITANCE),
+/// power beyond the range of f64, companions outside the scene's folder, and scenes without a usable face.
+///
+/// Source: Wavefront's OBJ and MTL, 3D Systems' STL, Stanford's PLY, gmsh's MSH 2.2 and 4.1, VTK's file formats (legacy and XML), Khronos' glTF 2.0, View3D's manual (3.3).
+/// Departures: only polygons; OBJ: capitals; a vertex must stand above the faces that use it; the weight of a vertex is ignored.
+pub fn load(path: impl AsRef<Path>) -> Result<Loaded, SceneError> {
+    load_with(path, &LoadOptions::default())
+}
+
+/// Loads a scene as [`load`] does, with options.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_with(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Loaded, SceneError> {
+    load_within(path.as_ref(), options, &|_| Ok(()))
+}
+
+/// Loads a scene as [`load_with`] does, if there is memory for it: `room` is asked before more is taken.
+pub(crate) fn load_within(path: &Path, options: &LoadOptions, room: Room<'_>) -> Result<Loaded, SceneError> {
+    let source = Source::open(path, room)?;
+    let format = options.format.unwrap_or_else(|| {
+        let head = usize::try_from(format::HEAD)
+            .unwrap_or(usize::MAX)
+            .min(source.bytes.len());
+        Format::of_start(path, &source.bytes[..head], source.bytes.len() as u64)
+    });
+    let polygons = format.read(&source, options)?;
+    // The text is done with before the tables of the scene are made.
+    drop(source);
+    assemble::assemble(polygons, path, options)
+}
+
+/// Returns the other files that a scene file names, as far as they exist, without reading the scene; none of what can be read only once.
+#[cfg(feature = "cli")]
+pub(crate) fn companions_of(path: &Path, format: Option<Format>) -> Vec<std::path::PathBuf> {
+    let is_file = std::fs::metadata(path).is_ok_and(|data| data.is_file());
+    let format = format.or_else(|| Format::of(path).ok());
+    format
+        .filter(|_| is_file)
+        .map_or_else(Vec::new, |format| format.companions(path))
+}

@@ -1,0 +1,247 @@
+//! 3D Systems' STL, ASCII and binary.
+
+use glam::DVec3;
+
+use super::format::{Head, Reader};
+use super::polygons::{NONE, Names, Polygons};
+use super::source::{Cursor, Source};
+use super::{Counts, LoadOptions};
+use crate::scene::builder::FirstAndCount;
+use crate::scene::{MAX_COORDINATE, Numbering, SceneError, SceneErrorKind, SceneWarning, SceneWarningKind, Written};
+
+/// Bytes of a binary file before its triangles, and of each triangle.
+const HEADER: u64 = 84;
+const TRIANGLE: u64 = 50;
+
+/// The format.
+pub(super) struct Stl;
+
+impl Reader for Stl {
+    fn name(&self) -> &'static str {
+        "stl"
+    }
+
+    fn summary(&self) -> &'static str {
+        "STL, ASCII or binary"
+    }
+
+    fn suffixes(&self) -> &'static [&'static str] {
+        &["stl"]
+    }
+
+    fn recognises(&self, head: &Head<'_>) -> bool {
+        has_binary_length(head.bytes, head.length) || is_ascii(head)
+    }
+
+    fn read(&self, source: &Source<'_>, _options: &LoadOptions) -> Result<Polygons, SceneError> {
+        let length = source.bytes.len() as u64;
+        let head = Head {
+            bytes: &source.bytes,
+            length,
+        };
+        if !has_binary_length(&source.bytes, length) && head.begins_with("solid") && !source.bytes.contains(&0) {
+            ascii(source)
+        } else {
+            binary(source)
+        }
+    }
+}
+
+/// Tells whether a file is as long as its count of triangles says.
+fn has_binary_length(bytes: &[u8], length: u64) -> bool {
+    let count = bytes
+        .get(80..84)
+        .and_then(|count| count.try_into().ok())
+        .map(u32::from_le_bytes);
+    count.is_some_and(|count| length == HEADER + TRIANGLE * u64::from(count))
+}
+
+fn is_ascii(head: &Head<'_>) -> bool {
+    let is_empty = || head.contains("endsolid");
+    head.begins_with("solid") && !head.bytes.contains(&0) && (head.contains("facet") || is_empty())
+}
+
+fn counts(n_triangles: u64) -> Counts {
+    Counts {
+        n_vertices: 3 * n_triangles,
+        n_corners: 3 * n_triangles,
+        n_faces: n_triangles,
+    }
+}
+
+/// Triangles as they come, with what their normals say.
+struct Triangles<'a> {
+    source: &'a Source<'a>,
+    polygons: Polygons,
+    opposed: FirstAndCount,
+}
+
+impl<'a> Triangles<'a> {
+    fn new(source: &'a Source<'a>, numbering: Numbering) -> Self {
+        Self {
+            source,
+            polygons: Polygons {
+                numbering,
+                written: Written::new(),
+                repeats_vertices: true,
+                has_no_materials: true,
+                ..Polygons::default()
+            },
+            opposed: FirstAndCount::default(),
+        }
+    }
+
+    fn push(&mut self, normal: DVec3, corners: [DVec3; 3], group: u32, number: u32) {
+        let [a, b, c] = corners;
+        if normal.dot((b - a).cross(c - a)) < 0.0 {
+            self.opposed.count(number);
+        }
+        let first = u32::try_from(self.polygons.vertices.len()).unwrap_or(NONE - 3);
+        self.polygons.vertices.extend(corners);
+        self.polygons
+            .face([0, 1, 2].map(|k| first.saturating_add(k)), group, NONE, number);
+    }
+
+    fn end(mut self) -> Polygons {
+        if let Some((number, count)) = self.opposed.0 {
+            let at = self.polygons.numbering.origin(self.source.path, number);
+            let warning = SceneWarning::new(at, SceneWarningKind::OpposedNormals { count });
+            self.polygons.warnings.push(warning);
+        }
+        self.polygons
+    }
+}
+
+fn binary(source: &Source<'_>) -> Result<Polygons, SceneError> {
+    let mut cursor = source.cursor();
+    cursor.take(80, "the header of 80 bytes")?;
+    let n: u32 = cursor.binary("the number of triangles")?;
+    let n = cursor
+        .count(n.into(), TRIANGLE, "triangles")
+        .map_err(|error| source.error(error.kind))?;
+    source.expect(counts(n as u64))?;
+    let mut triangles = Triangles::new(source, Numbering::elements("triangle", 1));
+    for number in (1..).take(n) {
+        let mut point = |is_corner: bool| {
+            let mut numbers = [0.0; 3];
+            for x in &mut numbers {
+                let value: f32 = cursor.binary("a triangle")?;
+                if is_corner && (value.is_nan() || f64::from(value).abs() > MAX_COORDINATE) {
+                    let token = value.to_string();
+                    return Err(cursor.error_in(format!("triangle {number}"), SceneErrorKind::BadCoordinate { token }));
+                }
+                if is_corner {
+                    triangles.polygons.written.see_single(value);
+                }
+                *x = f64::from(value);
+            }
+            Ok(DVec3::from_array(numbers))
+        };
+        let normal = point(false)?;
+        let corners = [point(true)?, point(true)?, point(true)?];
+        cursor.take(2, "a triangle")?;
+        triangles.push(normal, corners, NONE, number);
+    }
+    Ok(triangles.end())
+}
+
+fn ascii(source: &Source<'_>) -> Result<Polygons, SceneError> {
+    let mut cursor = source.cursor();
+    let n_corners = source
+        .bytes
+        .windows(6)
+        .filter(|word| word.eq_ignore_ascii_case(b"vertex"))
+        .count() as u64;
+    source.expect(counts(n_corners.div_ceil(3)))?;
+    let mut triangles = Triangles::new(source, Numbering::Lines);
+    let mut names = Names::default();
+    let mut n_solids = 0;
+    while let Some((line, text)) = cursor.next_full_line()? {
+        let text = text.trim_start_matches('\u{feff}');
+        let keyword = text.split_whitespace().next().unwrap_or("");
+        if !keyword.eq_ignore_ascii_case("solid") {
+            let found = SceneErrorKind::malformed("`solid`", keyword);
+            return Err(SceneError::new(
+                triangles.polygons.numbering.origin(source.path, line),
+                found,
+            ));
+        }
+        n_solids += 1;
+        let name = text.get(keyword.len()..).unwrap_or("").trim();
+        let group = if name.is_empty() {
+            names.number(&format!("solid{n_solids}"))
+        } else {
+            names.number(name)
+        };
+        while facet(&mut cursor, &mut triangles, group)? {}
+    }
+    // The name of a lone solid parts nothing, and is mostly that of a program.
+    if n_solids > 1 {
+        triangles.polygons.groups = names.all;
+    } else {
+        triangles.polygons.faces.iter_mut().for_each(|face| face.group = NONE);
+    }
+    Ok(triangles.end())
+}
+
+/// Reads a facet, or the end of a solid, which returns false.
+fn facet(cursor: &mut Cursor<'_>, triangles: &mut Triangles<'_>, group: u32) -> Result<bool, SceneError> {
+    let word = cursor.expect_word("`facet` or `endsolid`")?;
+    let line = cursor.line();
+    if word.eq_ignore_ascii_case("endsolid") || word.eq_ignore_ascii_case("end") {
+        // The name again.
+        cursor.next_line()?;
+        return Ok(false);
+    }
+    if !word.eq_ignore_ascii_case("facet") {
+        return Err(cursor.malformed("`facet` or `endsolid`", word));
+    }
+    expect(cursor, "normal")?;
+    // Some programs write `nan` or `-1.#IND` for a triangle without an area.
+    let mut normal = [0.0; 3];
+    for x in &mut normal {
+        *x = cursor.expect_word("a normal")?.parse().unwrap_or(0.0);
+    }
+    expect(cursor, "outer")?;
+    expect(cursor, "loop")?;
+    let mut corners = [DVec3::ZERO; 3];
+    for corner in &mut corners {
+        expect(cursor, "vertex")?;
+        *corner = coordinates(cursor, &mut triangles.polygons.written)?;
+    }
+    expect(cursor, "endloop")?;
+    expect(cursor, "endfacet")?;
+    triangles.push(DVec3::from_array(normal), corners, group, line);
+    Ok(true)
+}
+
+fn expect(cursor: &mut Cursor<'_>, keyword: &str) -> Result<(), SceneError> {
+    let expected = format!("`{keyword}`");
+    let word = cursor.expect_word(&expected)?;
+    if word.eq_ignore_ascii_case(keyword) {
+        Ok(())
+    } else {
+        Err(cursor.malformed(&expected, word))
+    }
+}
+
+/// Reads three coordinates as text.
+pub(super) fn coordinates(cursor: &mut Cursor<'_>, written: &mut Written) -> Result<DVec3, SceneError> {
+    let mut position = [0.0; 3];
+    for x in &mut position {
+        *x = coordinate(cursor, written)?;
+    }
+    Ok(DVec3::from_array(position))
+}
+
+/// Reads a coordinate as text.
+pub(super) fn coordinate(cursor: &mut Cursor<'_>, written: &mut Written) -> Result<f64, SceneError> {
+    let token = cursor.expect_word("a coordinate")?;
+    let number = token.parse::<f64>().ok().filter(|x| x.abs() <= MAX_COORDINATE);
+    let value = number.ok_or_else(|| {
+        let token = token.to_owned();
+        cursor.error(SceneErrorKind::BadCoordinate { token })
+    })?;
+    written.see_value(token, value);
+    Ok(value)
+}

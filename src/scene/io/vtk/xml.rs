@@ -1,0 +1,312 @@
+//! VTK's XML files of unstructured grids and of polygons.
+
+use std::borrow::Cow;
+
+use quick_xml::XmlVersion;
+use quick_xml::events::{BytesStart, Event};
+use quick_xml::reader::Reader;
+
+use super::super::cells::Array;
+use super::super::source::{Source, text_of};
+use super::dataset::{Dataset, LINE, STRIP, VERTICES};
+use super::xml_array::{Content, DataArray, Encoding};
+use crate::scene::lines::line_after;
+use crate::scene::{Origin, SceneError, SceneErrorKind};
+
+/// A part of a file, with its arrays.
+#[derive(Default)]
+struct Piece<'a> {
+    n_points: u64,
+    /// The numbers of cells: of a grid, or of vertices, lines, strips and polygons.
+    n_cells: [u64; 4],
+    points: Option<DataArray<'a>>,
+    /// Offsets, connectivity and types, of a grid in the last place.
+    cells: [[Option<DataArray<'a>>; 3]; 4],
+    cell_data: Vec<DataArray<'a>>,
+}
+
+/// The places of kinds of polygons among the cells of a piece, in the order of their data.
+const SECTIONS: [&str; 4] = ["Verts", "Lines", "Polys", "Strips"];
+
+/// The place of polygons, or of all cells of a grid.
+const POLYS: usize = 2;
+
+struct File<'a> {
+    source: &'a Source<'a>,
+    encoding: Encoding<'a>,
+    is_grid: bool,
+    pieces: Vec<Piece<'a>>,
+    /// The section that the reader is in.
+    section: &'static str,
+    is_ended: bool,
+}
+
+pub(super) fn read(source: &Source<'_>) -> Result<Dataset, SceneError> {
+    // What is appended need be no text.
+    let bytes = &source.bytes;
+    let tag = b"<AppendedData";
+    let end = bytes.windows(tag.len()).position(|window| window == tag);
+    let text = text_of(source.path, &bytes[..end.unwrap_or(bytes.len())])?;
+    let mut file = File {
+        source,
+        encoding: Encoding::default(),
+        is_grid: false,
+        pieces: Vec::new(),
+        section: "",
+        is_ended: end.is_some(),
+    };
+    if let Some(end) = end {
+        file.encoding.append(&bytes[end..]);
+    }
+    file.parse(text)?;
+    if !file.is_ended {
+        return Err(source.error(SceneErrorKind::CutShort { what: "`VTKFile`" }));
+    }
+    file.dataset()
+}
+
+impl<'a> File<'a> {
+    fn parse(&mut self, text: &'a str) -> Result<(), SceneError> {
+        let source = self.source;
+        let mut reader = Reader::from_str(text);
+        let mut array: Option<DataArray<'a>> = None;
+        // How deep the place is in elements that describe an array.
+        let mut depth = 0;
+        loop {
+            let event = reader.read_event();
+            let line = || {
+                let at = usize::try_from(reader.error_position()).unwrap_or(usize::MAX);
+                line_after(text.get(..at).unwrap_or(text))
+            };
+            let malformed = |expected: &str, found: &str| {
+                let kind = SceneErrorKind::malformed(expected, found);
+                SceneError::new(Origin::line(source.path, line()), kind)
+            };
+            match event.map_err(|error| malformed("well-formed XML", &error.to_string()))? {
+                Event::Start(_) if array.is_some() => depth += 1,
+                Event::End(_) if depth > 0 => depth -= 1,
+                Event::Empty(_) if array.is_some() => {}
+                Event::Start(tag) => {
+                    array = self
+                        .begin(&tag)
+                        .map_err(|(expected, found)| malformed(expected, &found))?;
+                }
+                Event::Empty(tag) => {
+                    if let Some(array) = self
+                        .begin(&tag)
+                        .map_err(|(expected, found)| malformed(expected, &found))?
+                    {
+                        self.keep(array);
+                    }
+                }
+                Event::Text(content) => {
+                    let own = array.as_mut().filter(|_| depth == 0);
+                    if let (Some(array), Cow::Borrowed(content)) = (own, content.into_inner()) {
+                        array.content.write(content);
+                    }
+                }
+                Event::End(tag) => match tag.name().as_ref() {
+                    "DataArray" | "Array" => {
+                        if let Some(array) = array.take() {
+                            self.keep(array);
+                        }
+                    }
+                    "VTKFile" => {
+                        self.is_ended = true;
+                        return Ok(());
+                    }
+                    name if name == self.section => self.section = "",
+                    _ => {}
+                },
+                Event::Eof => return Ok(()),
+                _ => {}
+            }
+        }
+    }
+
+    /// Takes note of an element that begins; an array is returned. An error is what was expected, and what was found.
+    fn begin(&mut self, tag: &BytesStart<'_>) -> Result<Option<DataArray<'a>>, (&'static str, String)> {
+        let attribute = |name: &str| -> Option<String> {
+            let found = tag.try_get_attribute(name).ok()??;
+            found
+                .normalized_value(XmlVersion::Implicit1_0)
+                .ok()
+                .map(std::borrow::Cow::into_owned)
+        };
+        let count = |name: &str| -> Result<u64, (&'static str, String)> {
+            let text = attribute(name).unwrap_or_default();
+            if text.trim().is_empty() {
+                return Ok(0);
+            }
+            text.trim().parse().map_err(|_| ("a number of points or cells", text))
+        };
+        match tag.name().as_ref() {
+            "VTKFile" => {
+                let kind = attribute("type").unwrap_or_default();
+                self.is_grid = kind == "UnstructuredGrid";
+                if !self.is_grid && kind != "PolyData" {
+                    return Err(("a file of type `UnstructuredGrid` or `PolyData`", kind));
+                }
+                let (order, header) = (attribute("byte_order"), attribute("header_type"));
+                self.encoding.is_little = order.as_deref() != Some("BigEndian");
+                self.encoding.has_wide_headers = header.as_deref() == Some("UInt64");
+                self.encoding.compressor = attribute("compressor").filter(|name| !name.is_empty());
+            }
+            "Piece" => {
+                let mut piece = Piece {
+                    n_points: count("NumberOfPoints")?,
+                    ..Piece::default()
+                };
+                if self.is_grid {
+                    piece.n_cells[POLYS] = count("NumberOfCells")?;
+                } else {
+                    for (n, section) in piece.n_cells.iter_mut().zip(SECTIONS) {
+                        *n = count(&format!("NumberOf{section}"))?;
+                    }
+                }
+                self.pieces.push(piece);
+            }
+            name => {
+                const ALL: [&str; 9] = [
+                    "Points",
+                    "Cells",
+                    "Verts",
+                    "Lines",
+                    "Polys",
+                    "Strips",
+                    "CellData",
+                    "PointData",
+                    "FieldData",
+                ];
+                if let Some(section) = ALL.iter().find(|section| **section == name) {
+                    self.section = section;
+                } else if matches!(name, "DataArray" | "Array") {
+                    return DataArray::begun(&attribute).map(Some);
+                }
+            }
+        }
+        Ok(None)
+    }
+
+    /// Puts an array in its place.
+    fn keep(&mut self, array: DataArray<'a>) {
+        if let Content::Appended(offset) = array.content {
+            self.encoding.offsets.push(offset);
+        }
+        let Some(piece) = self.pieces.last_mut() else {
+            return;
+        };
+        let place = match self.section {
+            "Points" => {
+                piece.points = Some(array);
+                return;
+            }
+            "CellData" => {
+                piece.cell_data.push(array);
+                return;
+            }
+            "Cells" => POLYS,
+            section => match SECTIONS.iter().position(|known| *known == section) {
+                Some(place) => place,
+                None => return,
+            },
+        };
+        let which = match &*array.name {
+            "offsets" => 0,
+            "connectivity" => 1,
+            "types" => 2,
+            _ => return,
+        };
+        piece.cells[place][which] = Some(array);
+    }
+
+    fn dataset(mut self) -> Result<Dataset, SceneError> {
+        self.encoding.offsets.sort_unstable();
+        let mut dataset = Dataset::default();
+        let pieces = std::mem::take(&mut self.pieces);
+        let n_pieces = pieces.len();
+        for (k, piece) in pieces.into_iter().enumerate() {
+            let refused = |kind| {
+                if n_pieces == 1 {
+                    return self.source.error(kind);
+                }
+                let (path, element) = (self.source.path.to_owned(), format!("piece {k}"));
+                SceneError::new(Origin::Element { path, element }, kind)
+            };
+            self.add(piece, &mut dataset).map_err(refused)?;
+        }
+        Ok(dataset)
+    }
+
+    fn add(&self, piece: Piece<'a>, dataset: &mut Dataset) -> Result<(), SceneErrorKind> {
+        let room = |n_bytes| self.source.expect_room(n_bytes).map_err(|error| error.kind);
+        let encoding = &self.encoding;
+        let first_point = u32::try_from(dataset.points.len()).unwrap_or(u32::MAX);
+        let n_points = piece.n_points.saturating_mul(3);
+        if let Some(points) = piece.points.filter(|_| n_points > 0) {
+            points.points(encoding, n_points, room, dataset)?;
+        } else if n_points > 0 {
+            return Err(SceneErrorKind::malformed("an array of points", "none"));
+        }
+        let first_cell = dataset.ends.len();
+        for ((place, n), arrays) in piece.n_cells.into_iter().enumerate().zip(piece.cells) {
+            if n == 0 {
+                continue;
+            }
+            let [Some(offsets), Some(connectivity), types] = arrays else {
+                return Err(SceneErrorKind::malformed(
+                    "arrays `offsets` and `connectivity` of cells",
+                    "none",
+                ));
+            };
+            let start = dataset.connectivity.len();
+            let mut ends = Vec::new();
+            let mut last = 0;
+            for end in offsets.whole(encoding, Some(n), room)? {
+                let own = usize::try_from(end).ok().filter(|own| *own >= last);
+                last = own.ok_or_else(|| SceneErrorKind::malformed("offsets that grow", end.to_string()))?;
+                ends.push(start.saturating_add(last));
+            }
+            for point in connectivity.whole(encoding, None, room)? {
+                let own = u32::try_from(point).ok().filter(|own| u64::from(*own) < piece.n_points);
+                let own = own.ok_or(SceneErrorKind::IndexOutOfRange {
+                    index: point,
+                    n_vertices: usize::try_from(piece.n_points).unwrap_or(usize::MAX),
+                })?;
+                dataset.connectivity.push(first_point.saturating_add(own));
+            }
+            let n_connected = dataset.connectivity.len() - start;
+            if last > n_connected {
+                let (n, room) = (last as u64, n_connected as u64);
+                let what = "points of cells";
+                return Err(SceneErrorKind::Truncated { what, n, room });
+            }
+            dataset.connectivity.truncate(start + last);
+            if self.is_grid {
+                let types = types.ok_or_else(|| SceneErrorKind::malformed("an array `types` of cells", "none"))?;
+                let types = types.whole(encoding, Some(n), room)?;
+                dataset
+                    .types
+                    .extend(types.iter().map(|kind| u8::try_from(*kind).unwrap_or(u8::MAX)));
+                dataset.ends.append(&mut ends);
+            } else {
+                match SECTIONS[place] {
+                    "Verts" => dataset.push_cells(ends, |_| VERTICES),
+                    "Lines" => dataset.push_cells(ends, |_| LINE),
+                    "Strips" => dataset.push_cells(ends, |_| STRIP),
+                    _ => dataset.push_cells(ends, Dataset::polygon_of),
+                }
+            }
+        }
+        let n_cells = (dataset.ends.len() - first_cell) as u64;
+        let mut arrays = Vec::new();
+        for array in piece.cell_data.into_iter().filter(DataArray::may_name) {
+            let name = array.name.clone();
+            if let Some(values) = array.names(encoding, n_cells, room)? {
+                arrays.push(Array { name, values });
+            }
+        }
+        super::xml_array::join(&mut dataset.arrays, arrays, first_cell);
+        Ok(())
+    }
+}

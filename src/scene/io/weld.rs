@@ -1,0 +1,129 @@
+//! Vertices that are one place: equal ones, and those that nearly are.
+
+use std::collections::HashMap;
+
+use glam::DVec3;
+
+/// Vertices nearer than this part of the scene's size are nearly equal: some steps of f32.
+pub(super) const NEAR: f64 = 1e-6;
+
+/// Vertices of which some are one.
+pub(super) struct Welded {
+    /// The first vertex at the place of each, \[n\].
+    pub(super) first: Vec<u32>,
+    /// How far a vertex is from the one that stands for it, at most, in m.
+    pub(super) moved: f64,
+    /// How many vertices are not equal to the one that stands for them.
+    pub(super) n_moved: usize,
+}
+
+/// Returns the first vertex at the place of each: bit for bit equal, but for 0 and −0.
+pub(super) fn equal(vertices: &[DVec3]) -> Vec<u32> {
+    let mut first_at: HashMap<[u64; 3], u32> = HashMap::with_capacity(vertices.len().min(1 << 16));
+    (0..)
+        .zip(vertices)
+        .map(|(id, &vertex)| *first_at.entry(bits(vertex)).or_insert(id))
+        .collect()
+}
+
+fn bits(vertex: DVec3) -> [u64; 3] {
+    // Adding zero turns -0.0 into 0.0.
+    (vertex + 0.0).to_array().map(f64::to_bits)
+}
+
+/// Joins vertices that are not farther apart than `tolerance`, in m: in their order, each goes to the nearest of those before that stand for themselves.
+///
+/// Work: O(n), unless many vertices that stay apart are in one cube of that side.
+pub(super) fn within(vertices: &[DVec3], tolerance: f64) -> Welded {
+    let mut first = equal(vertices);
+    let (mut moved, mut n_moved) = (0.0_f64, 0);
+    let mut cells: HashMap<[i64; 3], Vec<u32>> = HashMap::new();
+    for id in 0..first.len() {
+        if (first[id] as usize) < id {
+            // What it equals has been joined already.
+            first[id] = first[first[id] as usize];
+            n_moved += usize::from(vertices[first[id] as usize] != vertices[id]);
+            continue;
+        }
+        let here = vertices[id];
+        let cell = cell_of(here, tolerance);
+        let near = neighbours(cell).filter_map(|place| cells.get(&place)).flatten();
+        let nearest = near
+            .map(|&other| (vertices[other as usize].distance(here), other))
+            .filter(|(distance, _)| *distance <= tolerance)
+            .min_by(|a, b| a.0.total_cmp(&b.0));
+        if let Some((distance, other)) = nearest {
+            first[id] = other;
+            moved = moved.max(distance);
+            n_moved += 1;
+        } else {
+            cells.entry(cell).or_default().push(first[id]);
+        }
+    }
+    Welded { first, moved, n_moved }
+}
+
+/// Returns how many vertices are within `tolerance` of an earlier one that they do not equal.
+pub(super) fn n_nearly_equal(vertices: &[DVec3], tolerance: f64) -> usize {
+    let welded = within(vertices, tolerance);
+    let is_first = equal(vertices);
+    // Each place counts once.
+    let own = (0_u32..).zip(&is_first).filter(|(id, first)| id == *first);
+    own.filter(|(id, _)| welded.first[*id as usize] != *id).count()
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "coordinates beyond the range of i64 meet in its last cell"
+)]
+fn cell_of(vertex: DVec3, side: f64) -> [i64; 3] {
+    (vertex / side).floor().to_array().map(|x| x as i64)
+}
+
+fn neighbours(cell: [i64; 3]) -> impl Iterator<Item = [i64; 3]> {
+    (0..27).map(move |k| {
+        let step = [k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1];
+        std::array::from_fn(|axis| cell[axis].saturating_add(step[axis]))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn vertices_join_the_nearest_before_them() {
+        let at = |x: f64| DVec3::new(x, 0.0, -0.0);
+        let vertices = [
+            at(0.0),
+            at(1.0),
+            at(0.3),
+            at(0.9),
+            at(1.0),
+            DVec3::new(0.0, 0.0, 0.0),
+            at(2.0),
+        ];
+        assert_eq!(equal(&vertices), [0, 1, 2, 3, 1, 0, 6]);
+        let welded = within(&vertices, 0.31);
+        assert_eq!(welded.first, [0, 1, 0, 1, 1, 0, 6]);
+        assert!((welded.moved - 0.3).abs() < 1e-15 && welded.n_moved == 2);
+        assert_eq!(n_nearly_equal(&vertices, 0.31), 2);
+        assert_eq!(n_nearly_equal(&vertices, 0.05), 0);
+    }
+
+    #[test]
+    fn no_pair_within_the_tolerance_stays_apart() {
+        // A grid that is shaken by less than the tolerance: all pairs at a distance that counts are found, across cells too.
+        let mut vertices = Vec::new();
+        for k in 0..1000 {
+            let base = DVec3::new(f64::from(k % 10), f64::from(k / 10 % 10), f64::from(k / 100)) - 5.0;
+            let off = 1e-3 * f64::from(k % 7) / 7.0;
+            vertices.extend([base, base + DVec3::new(off, -off, 0.5 * off)]);
+        }
+        let welded = within(&vertices, 2e-3);
+        for (k, first) in welded.first.iter().enumerate() {
+            assert_eq!(*first as usize, k / 2 * 2);
+        }
+        assert!(welded.moved > 1e-3 && welded.moved < 2e-3);
+    }
+}
