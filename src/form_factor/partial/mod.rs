@@ -21,6 +21,7 @@ mod quad;
 mod receiver;
 mod rule;
 mod shadow;
+mod sunlit;
 
 use std::cmp::Ordering;
 
@@ -37,6 +38,7 @@ use pieces::{Pieces, Sight};
 pub use point::VisibleFactor;
 use receiver::Receiver;
 use shadow::Shadows;
+pub(crate) use sunlit::{Lit, lit_part};
 
 /// What of the error allowed the exchange area without occluders may have.
 const SHARE_OF_WHOLE: f64 = 1e-3;
