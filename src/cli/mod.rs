@@ -9,6 +9,7 @@ mod field;
 mod file_set;
 mod form_factors;
 mod frames;
+mod heat;
 mod interrupt;
 mod lightings;
 mod output;
@@ -60,6 +61,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Scene(a) => &a.common,
         Command::FormFactors(a) => &a.common,
         Command::Solve(a) => &a.common,
+        Command::Heat(a) => &a.common,
         Command::Render(a) => &a.common,
         Command::Field(a) => &a.common,
         Command::Voxel(a) => &a.common,
@@ -133,6 +135,7 @@ fn run(command: &Command, common: &CommonArgs) -> Result<Outcome, Failure> {
         Command::Scene(a) => scene::run(a),
         Command::FormFactors(a) => form_factors::run(a),
         Command::Solve(a) => solve::run(a),
+        Command::Heat(a) => heat::run(a),
         Command::Render(a) => render::run(a),
         Command::Field(a) => field::run(a),
         Command::Voxel(a) => voxel::run(a),

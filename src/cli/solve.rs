@@ -62,7 +62,7 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
 }
 
 /// Returns the flags of the patches that a file is for; flags that ask for others are an error.
-fn mesh_args(file: &FormFactorFile, given: MeshArgs) -> Result<MeshArgs, Failure> {
+pub(super) fn mesh_args(file: &FormFactorFile, given: MeshArgs) -> Result<MeshArgs, Failure> {
     let default = given.options(Subdivision::Uniform(1));
     // A flag that is left out asks for nothing.
     let is_asked = given.subdivide.is_some() || given.max_edge.is_some();

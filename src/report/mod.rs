@@ -5,9 +5,11 @@ pub mod csv;
 pub mod curves;
 mod description;
 mod error;
+pub mod exchange;
 pub mod form_factors;
 #[cfg(feature = "reports")]
 mod frame;
+pub mod heat;
 #[cfg(feature = "reports")]
 mod log_axis;
 #[cfg(feature = "reports")]

@@ -156,11 +156,7 @@ impl SolutionReport<'_> {
         for (name, block) in self.quantities() {
             npz.numbers(name, &[n, block.n_channels()], block.values())?;
         }
-        npz.numbers("area", &[n], &self.mesh.areas())?;
-        let centroids = self.mesh.patches.iter().flat_map(|patch| patch.centroid.to_array());
-        npz.numbers("centroid", &[n, 3], &centroids.collect::<Vec<_>>())?;
-        let surfaces = self.mesh.patches.iter().map(|patch| i64::from(patch.surface.0));
-        npz.numbers("surface", &[n], &surfaces.collect::<Vec<_>>())?;
+        npz.patches(self.mesh)?;
         npz.finish()
     }
 

@@ -6,7 +6,9 @@
 
 mod context;
 mod error;
+mod exchange;
 mod form_factors;
+mod heat;
 mod image;
 mod leaks;
 mod lightings;
@@ -26,7 +28,9 @@ mod warning_text;
 
 pub use context::{Context, Demand, Watch};
 pub use error::{Unsuited, WorkflowError};
+pub use exchange::ExchangeNodes;
 pub use form_factors::{Afterwards, Balance, DEFAULT_RAYS, FormFactorRequest, FormFactorStudy, Raw};
+pub use heat::{HeatStudy, MAX_HEAT_ERROR};
 pub use image::{
     IMAGE_RAYS, IMAGE_TOLERANCE, ImageFile, ImageRequest, gathered, image_byte, image_patches, render_to_files,
     warn_if_blank,

@@ -87,6 +87,8 @@ impl Model {
             },
             backs: None,
             closed_rows: Some(&closed_rows),
+            signed: false,
+            aim: None,
         };
         let parts = Parts {
             scene,

@@ -8,6 +8,8 @@ pub enum Parameter {
     Flip,
     /// [`MeshOptions::cut_at_walls`](crate::mesh::MeshOptions::cut_at_walls).
     CutAtWalls,
+    /// [`Subdivision::Uniform`](crate::mesh::Subdivision::Uniform).
+    Subdivide,
     /// [`MethodSettings::tolerance`](crate::form_factor::MethodSettings::tolerance), where form factors are all that is wanted.
     Tolerance,
     /// The same, where a solver has a tolerance too.
@@ -59,6 +61,7 @@ impl Parameter {
         match self {
             Self::Flip => "flip",
             Self::CutAtWalls => "cut_at_walls",
+            Self::Subdivide => "subdivide",
             Self::Tolerance | Self::SolverTolerance => "tolerance",
             Self::FormFactorTolerance => "form_factor_tolerance",
             Self::Budget => "budget",

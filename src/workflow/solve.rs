@@ -92,6 +92,10 @@ pub struct Known<'a> {
     pub backs: Option<&'a [Fraction]>,
     /// The rows that are known to sum to 1, \[n\].
     pub closed_rows: Option<&'a [bool]>,
+    /// Whether exitances may be negative, as where heat is taken away.
+    pub signed: bool,
+    /// A tolerance below that of the request that is tried first: where it is not reached, the request's counts.
+    pub aim: Option<f64>,
 }
 
 impl FormFactorStudy {
@@ -105,6 +109,8 @@ impl FormFactorStudy {
             },
             backs: Some(&self.sky.back),
             closed_rows: Some(&self.closed_rows),
+            signed: false,
+            aim: None,
         }
     }
 }
@@ -298,14 +304,19 @@ pub(super) fn solve_system(
         refused((scene, file), error, surface, of)
     };
     let materials = (reflectance.clone(), exitance.clone());
-    let system = RadiositySystem::new(factors, areas, reflectance, exitance)
+    let build = if known.signed {
+        RadiositySystem::with_signed_exitance
+    } else {
+        RadiositySystem::new
+    };
+    let system = build(factors, areas, reflectance, exitance)
         .and_then(|system| match known.closed_rows {
             Some(rows) => system.with_closed_rows(rows),
             None => Ok(system),
         })
         .map_err(|error| refused(error, cx))?;
     let options = SolveOptions {
-        tolerance: Tolerance::ResidualL2(request.tolerance),
+        tolerance: Tolerance::ResidualL2(known.aim.map_or(request.tolerance, |aim| aim.min(request.tolerance))),
         max_passes: request.max_passes,
         start: request.start,
         ..SolveOptions::default()
@@ -317,8 +328,16 @@ pub(super) fn solve_system(
     let mut solution = solved.map_err(|error| refused(error, cx))?;
     if solution.stop_reason == StopReason::Interrupted {
         cx.go_on()?;
+    } else if known.aim.is_some()
+        && solution.stop_reason != StopReason::Diverged
+        && solution.residual_l2 <= request.tolerance
+    {
+        solution.accept();
     }
-    warn_of_bright_lamps(&system, &solution, cx);
+    // The error of heat is stated patch by patch.
+    if !known.signed {
+        warn_of_bright_lamps(&system, &solution, cx);
+    }
     let audit = cx.time("audit", || audit::solution(&system, &solution, known.given))?;
     cx.audited(audit);
     cx.judge_leaking_power((&materials.0, &materials.1), &solution.radiosity);

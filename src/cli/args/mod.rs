@@ -4,6 +4,7 @@ mod byte;
 mod experiments;
 mod field;
 mod form_factors;
+mod heat;
 mod render;
 mod solve;
 mod voxel;
@@ -23,6 +24,7 @@ pub use form_factors::{
     BalanceName, ClosureArgs, FormFactorsArgs, MemoryArgs, MeshArgs, MethodArgs, PrecisionName, SequenceName,
     StorageArgs, StorageName,
 };
+pub use heat::{HeatArgs, NodesName, SunArgs};
 pub use render::{DirectName, GatherArgs, ImageArgs, PartsName, PictureFileArgs, PixelsName, RenderArgs, ViewArgs};
 pub use solve::{BoundsName, SolveArgs, SolverArgs, StartName};
 pub use voxel::{FormName, LinksName, VoxelArgs};
@@ -50,6 +52,8 @@ pub enum Command {
     FormFactors(FormFactorsArgs),
     /// Solve for the radiosity of every patch
     Solve(SolveArgs),
+    /// Temperatures and net heat fluxes, with sun and sky
+    Heat(HeatArgs),
     /// Render a scene to a layered OpenEXR image and a PNG preview
     Render(RenderArgs),
     /// Render the form factor from every visible point to a surface
@@ -147,6 +151,13 @@ fn parse_positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
         _ => Err("give a number above 0".to_owned()),
+    }
+}
+
+fn parse_not_negative(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),
+        _ => Err("give a number from 0".to_owned()),
     }
 }
 

@@ -1,0 +1,91 @@
+//! Heat, and the sun.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+
+use super::{
+    AuditArgs, CommonArgs, MeshArgs, MethodArgs, SolverArgs, StorageArgs, parse_not_negative, parse_positive,
+    parse_vector,
+};
+use crate::workflow::ExchangeNodes;
+
+/// The sun.
+#[derive(Args, Clone, Copy, Debug)]
+#[command(next_help_heading = "Sun")]
+pub struct SunArgs {
+    /// The direction towards the sun, of any length; instead of that of the file
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse_vector, requires = "sun_irradiance")]
+    pub sun: Option<[f64; 3]>,
+    /// The irradiance of a plane that faces the sun, W/m²
+    #[arg(long, value_name = "W", value_parser = parse_not_negative, requires = "sun")]
+    pub sun_irradiance: Option<f64>,
+    /// The angular radius of the sun in degrees: above 0 its shadows have penumbras [default: 0]
+    #[arg(long, value_name = "DEG", value_parser = parse_not_negative, requires = "sun")]
+    pub sun_radius: Option<f64>,
+}
+
+/// What the nodes of exchange factors are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum NodesName {
+    /// Surfaces, averaged over their patches with weights ε A
+    Surface,
+    /// Patches
+    Patch,
+}
+
+impl From<NodesName> for ExchangeNodes {
+    fn from(name: NodesName) -> Self {
+        match name {
+            NodesName::Surface => Self::Surfaces,
+            NodesName::Patch => Self::Patches,
+        }
+    }
+}
+
+/// `radiosity heat`.
+#[derive(Args, Debug)]
+pub struct HeatArgs {
+    /// The scene (OBJ)
+    #[arg(value_name = "SCENE")]
+    pub scene: PathBuf,
+    /// The boundary conditions: emissivities, temperatures, supplied heat, nodes; surroundings, sun and sky
+    #[arg(long, value_name = "FILE.toml")]
+    pub boundary: PathBuf,
+    /// A file for the temperatures and fluxes of each patch: .csv, .npz or .vtu
+    #[arg(short, long, value_name = "OUT.csv")]
+    pub output: Option<PathBuf>,
+    /// A file for Gebhart factors, script-F and conductors of a thermal network: .npz, or .csv with the conductors alone
+    #[arg(long, value_name = "G.npz")]
+    pub exchange_factors: Option<PathBuf>,
+    /// The nodes of the exchange factors
+    #[arg(long, value_enum, default_value_t = NodesName::Surface, requires = "exchange_factors")]
+    pub by: NodesName,
+    /// Form factors that `form-factors -o` wrote, instead of computing them; they know how the scene was cut into patches
+    #[arg(long, value_name = "F.npz", conflicts_with_all = ["method", "rays", "points", "sequence", "seed", "resolution", "normalise", "budget", "form_factor_tolerance", "checkpoint"])]
+    pub form_factors: Option<PathBuf>,
+    /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-6]
+    #[arg(long, value_name = "T", value_parser = parse_positive)]
+    pub form_factor_tolerance: Option<f64>,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub sun: SunArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub mesh: MeshArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub method: MethodArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub solver: SolverArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub storage: StorageArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub audit: AuditArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub common: CommonArgs,
+}

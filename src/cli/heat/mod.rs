@@ -1,0 +1,166 @@
+//! `radiosity heat`.
+
+mod describe;
+
+use std::fmt::Write as _;
+
+use glam::DVec3;
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use super::Outcome;
+use super::args::{HeatArgs, SunArgs};
+use super::checks::checks_to_json;
+use super::exit_code::ExitCode;
+use super::failure::Failure;
+use super::file_set::FileSet;
+use super::run::Run;
+use super::solution::{code, quality_to_json};
+use super::solve::mesh_args;
+use crate::heat::{Boundary, HeatBalance, Sun, SurfaceHeat};
+use crate::mesh::Subdivision;
+use crate::report::exchange;
+use crate::report::form_factors::{FormFactorFile, files_of};
+use crate::report::heat::HeatReport;
+use crate::report::solution::Format;
+use crate::workflow::{Afterwards, Demand, FormFactorStudy, HeatStudy, MeshError, Model};
+
+/// What documents say of heat.
+#[derive(Serialize)]
+struct HeatDocument<'a> {
+    n_patches: usize,
+    surfaces: &'a [SurfaceHeat],
+    #[serde(flatten)]
+    balance: HeatBalance,
+    relative_error_max: f64,
+    mesh_error: Option<&'a MeshError>,
+    solar: Option<Value>,
+    thermal: Value,
+    form_factors: Value,
+}
+
+pub(super) fn run(args: &HeatArgs) -> Result<Outcome, Failure> {
+    let mut run = Run::new("heat", &args.common);
+    let result = work(args, &mut run);
+    run.ended(result)
+}
+
+fn work(args: &HeatArgs, run: &mut Run) -> Result<Outcome, Failure> {
+    if let Some(path) = &args.output {
+        Format::of(path)?;
+    }
+    if let Some(path) = &args.exchange_factors {
+        exchange::Format::of(path)?;
+    }
+    let sun = sun(&args.sun)?;
+    files(args).check()?;
+    let file = args.form_factors.as_deref().map(FormFactorFile::open).transpose()?;
+    let mesh = file.as_ref().map_or(Ok(args.mesh), |file| mesh_args(file, args.mesh))?;
+    let demand = Demand {
+        output: args.output.clone(),
+        tolerance: Some(args.solver.tolerance),
+        ..Demand::default()
+    };
+    run.expect(&args.storage, demand);
+    let mut model = run.prepare(&args.scene, mesh, |_| Subdivision::Uniform(1))?;
+    // Before the work: a mistake in them is found at once.
+    let mut boundary = Boundary::load(&args.boundary, &model.scene)?;
+    boundary.sun = sun.or(boundary.sun);
+    let method = run.request(&args.method, args.form_factor_tolerance, Afterwards::Light);
+    let solver = args.solver.request();
+    let need = solver.need(&run.cx)?;
+    let factors = match &file {
+        None => model.form_factors(&method, need, &mut run.cx)?,
+        Some(file) => model.form_factors_of(file, &method, need, &mut run.cx)?,
+    };
+    let study = model.heat(&factors, &boundary, &solver, &mut run.cx)?;
+    if let Some(path) = &args.exchange_factors {
+        let found = model.exchange_factors(&factors, &boundary, args.by.into(), &solver, &mut run.cx)?;
+        run.cx
+            .time("write", || exchange::write(path, &found, &run.cx.settings))?;
+    }
+    finish(args, run, &model, &factors, &study)
+}
+
+/// Returns the sun that flags ask for.
+pub(super) fn sun(args: &SunArgs) -> Result<Option<Sun>, Failure> {
+    let given = args.sun.zip(args.sun_irradiance);
+    let made = given.map(|(direction, irradiance)| {
+        Sun::new(DVec3::from_array(direction), irradiance, args.sun_radius.unwrap_or(0.0))
+    });
+    made.transpose().map_err(|(key, wrong)| {
+        let flag = match key {
+            "direction" => "--sun",
+            "irradiance_w_m2" => "--sun-irradiance",
+            _ => "--sun-radius",
+        };
+        Failure::usage(format!("{flag}: {wrong}"))
+    })
+}
+
+fn files(args: &HeatArgs) -> FileSet {
+    let mut files = FileSet::default();
+    if let Some(path) = &args.output {
+        files.writes("the output", path);
+    }
+    if let Some(path) = &args.exchange_factors {
+        files.writes("the exchange factors", path);
+    }
+    files.keeps("the checkpoint", args.storage.checkpoint.as_deref());
+    files.reads_scene(&args.scene);
+    files.reads("the boundary conditions", Some(&args.boundary));
+    for file in args.form_factors.iter().flat_map(|path| files_of(path)) {
+        files.reads("the form factors", Some(&file));
+    }
+    files
+}
+
+/// Writes and describes what was found.
+fn finish(
+    args: &HeatArgs,
+    run: &mut Run,
+    model: &Model,
+    factors: &FormFactorStudy,
+    study: &HeatStudy,
+) -> Result<Outcome, Failure> {
+    if let Some(path) = &args.output {
+        let report = HeatReport {
+            scene: &model.scene,
+            mesh: &model.mesh,
+            heat: &study.heat,
+            settings: &run.cx.settings,
+        };
+        run.cx.time("write", || report.write(path))?;
+    }
+    run.bars.finish();
+    let document = HeatDocument {
+        n_patches: model.mesh.n_patches(),
+        surfaces: &study.heat.surfaces,
+        balance: study.heat.balance,
+        relative_error_max: study.heat.relative_error,
+        mesh_error: study.mesh_error.as_ref(),
+        solar: study
+            .solar
+            .as_ref()
+            .map(|solution| quality_to_json(solution, study.error)),
+        thermal: quality_to_json(&study.thermal, study.error),
+        form_factors: checks_to_json(factors),
+    };
+    let document = run.document_of(model, json!(document));
+    let mut text = run.explanation(model);
+    describe::describe(&mut text, args, model, factors, study);
+    run.describe_audit(&mut text);
+    run.describe_times(&mut text);
+    for path in args.output.iter().chain(&args.exchange_factors) {
+        let _ = writeln!(text, "wrote {}", path.display());
+    }
+    let bands = std::iter::once(&study.thermal).chain(&study.solar);
+    let codes = bands.map(|solution| code(solution, Some(factors), study.error));
+    let inexact = (!study.is_exact()).then_some(ExitCode::NotConverged);
+    let code = codes.chain(inexact).find(|code| *code != ExitCode::Done);
+    Ok(Outcome {
+        text,
+        document,
+        code: run.judged(code.unwrap_or(ExitCode::Done), args.audit.strict),
+    })
+}
