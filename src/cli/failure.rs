@@ -166,6 +166,10 @@ impl From<ReportError> for Failure {
     fn from(error: ReportError) -> Self {
         match error {
             ReportError::UnknownFormat { .. } => Self::usage(error.to_string()),
+            ReportError::BadPoints { line, .. } => Self {
+                line: u32::try_from(line).ok(),
+                ..Self::new(error.kind(), error.to_string()).in_file(error.path())
+            },
             _ => Self::new(error.kind(), error.to_string()).in_file(error.path()),
         }
     }

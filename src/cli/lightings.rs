@@ -85,6 +85,7 @@ pub(super) fn run(
         worst = worst.or_worse(stated);
         if let Some(path) = &outputs[k] {
             let report = SolutionReport {
+                sun: None,
                 scene: &model.scene,
                 mesh: &model.mesh,
                 reflectance: &rho,

@@ -14,6 +14,7 @@ mod interrupt;
 mod lightings;
 mod output;
 mod picture;
+mod points;
 mod progress;
 mod render;
 mod reproduce;
@@ -62,6 +63,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::FormFactors(a) => &a.common,
         Command::Solve(a) => &a.common,
         Command::Heat(a) => &a.common,
+        Command::Points(a) => &a.common,
         Command::Render(a) => &a.common,
         Command::Field(a) => &a.common,
         Command::Voxel(a) => &a.common,
@@ -136,6 +138,7 @@ fn run(command: &Command, common: &CommonArgs) -> Result<Outcome, Failure> {
         Command::FormFactors(a) => form_factors::run(a),
         Command::Solve(a) => solve::run(a),
         Command::Heat(a) => heat::run(a),
+        Command::Points(a) => points::run(a),
         Command::Render(a) => render::run(a),
         Command::Field(a) => field::run(a),
         Command::Voxel(a) => voxel::run(a),

@@ -100,7 +100,7 @@ impl Run {
         if !self.common.flip.is_empty() {
             self.cx.set("flip", self.common.flip.clone());
         }
-        let wants_light = !matches!(self.command, "form-factors" | "field" | "compare" | "heat");
+        let wants_light = !matches!(self.command, "form-factors" | "field" | "compare" | "heat" | "points");
         let dark = RefCell::new(None);
         let scene = workflow::load(path, &options, &self.cx, |warning| {
             let is_later = self.has_lightings && warning.kind == SceneWarningKind::NoEmission;

@@ -11,7 +11,9 @@ use super::file_set::FileSet;
 use super::lightings::{Lightings, with_suffix};
 use super::run::Run;
 use super::solution::{code, describe, to_json};
-use super::{Outcome, lightings};
+use super::surfaces::add_sun;
+use super::{Outcome, heat, lightings};
+use crate::heat::Sunlit;
 use crate::mesh::Subdivision;
 use crate::printable::counted;
 use crate::report::form_factors::{FormFactorFile, files_of};
@@ -37,17 +39,21 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
         ..Demand::default()
     };
     run.expect(&args.storage, demand);
-    run.has_lightings = !args.lighting.is_empty();
+    let sun = heat::sun(&args.sun)?;
+    // In sunlight no face has to emit.
+    run.has_lightings = !args.lighting.is_empty() || sun.is_some();
     let mut model = run.prepare(&args.scene, mesh_args, |_| Subdivision::Uniform(1))?;
     // Before the work: a mistake in them is found at once, and their reflectances count in how form factors are stored.
     let loaded = Lightings::load(args, &model.scene)?;
     run.cx.demand.reflectance_max = loaded.reflectance_max();
-    loaded.warn_of_darkness(run, &model, &args.lighting);
+    if sun.is_none() {
+        loaded.warn_of_darkness(run, &model, &args.lighting);
+    }
     let method = run.request(&args.method, args.form_factor_tolerance, Afterwards::Light);
     let solver = args.solver.request();
     if args.on_the_fly {
         let (study, _) = model.solve_on_the_fly(&method, &solver, false, &mut run.cx)?;
-        return finish(args, run, &model, None, &study);
+        return finish(args, run, &model, None, (&study, None));
     }
     let need = solver.need(&run.cx)?;
     let factors = match &file {
@@ -57,8 +63,13 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
     if !args.lighting.is_empty() {
         return lightings::run(&loaded, run, model, &factors, args);
     }
+    if let Some(sun) = sun {
+        run.cx.set("sun", json!(args.sun));
+        let (study, sunlit) = model.solve_in_sun(&factors, &solver, &sun, &mut run.cx)?;
+        return finish(args, run, &model, Some(&factors), (&study, Some(&sunlit)));
+    }
     let study = model.solve(&factors, &solver, &mut run.cx)?;
-    finish(args, run, &model, Some(&factors), &study)
+    finish(args, run, &model, Some(&factors), (&study, None))
 }
 
 /// Returns the flags of the patches that a file is for; flags that ask for others are an error.
@@ -113,7 +124,7 @@ fn finish(
     run: &mut Run,
     model: &Model,
     computed: Option<&FormFactorStudy>,
-    study: &SolutionStudy,
+    (study, sunlit): (&SolutionStudy, Option<&Sunlit>),
 ) -> Result<Outcome, Failure> {
     let (reflectance, exitance) = model.materials();
     let SolutionStudy {
@@ -132,6 +143,7 @@ fn finish(
             solution,
             error: carried.as_ref(),
             row_sums: row_sums.as_deref(),
+            sun: sunlit,
             settings: &run.cx.settings,
         };
         run.cx.time("write", || report.write(path))?;
@@ -141,6 +153,9 @@ fn finish(
     let mut result = to_json(model, &args.solver.solver, solution, stated);
     result["form_factors"] = computed.map_or(Value::Null, checks_to_json);
     result["mesh_error"] = json!(mesh_error);
+    if let Some(sunlit) = sunlit {
+        add_sun(&mut result["surfaces"], model, sunlit);
+    }
     let document = run.document_of(model, result);
     let mut text = run.explanation(model);
     let _ = writeln!(

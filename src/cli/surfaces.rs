@@ -2,6 +2,8 @@
 
 use serde_json::{Value, json};
 
+use crate::heat::Sunlit;
+use crate::matrix::operator::Block;
 use crate::scene::Surface;
 use crate::solver::Solution;
 use crate::workflow::Model;
@@ -25,4 +27,22 @@ pub(super) fn surfaces_with_radiosity(model: &Model, solution: &Solution) -> Val
         surface["radiosity"] = json!(mean);
     }
     surfaces
+}
+
+/// Adds what the sun lights of each surface: the fraction of its area, and the mean irradiance straight from the sun, each with its error.
+pub(super) fn add_sun(surfaces: &mut Value, model: &Model, sunlit: &Sunlit) {
+    let one = |values: &[f64]| Block::from_values(values.to_vec(), 1);
+    let means = [
+        ("sunlit_fraction", one(&sunlit.light.fraction)),
+        ("sunlit_fraction_error", one(&sunlit.light.fraction_error)),
+        ("sun_irradiance", sunlit.irradiance.clone()),
+        ("sun_irradiance_error", sunlit.error.clone()),
+    ];
+    for (key, block) in means {
+        let of_surfaces = model.surface_means(&block);
+        for (surface, mean) in surfaces.as_array_mut().into_iter().flatten().zip(of_surfaces) {
+            let is_fraction = key.starts_with("sunlit");
+            surface[key] = if is_fraction { json!(mean[0]) } else { json!(mean) };
+        }
+    }
 }

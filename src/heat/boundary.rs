@@ -56,9 +56,9 @@ pub struct Boundary {
 /// Parallel light, or that of a uniform disc, in the solar band.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sun {
-    direction: DVec3,
-    irradiance: f64,
-    angular_radius_deg: f64,
+    pub(super) direction: DVec3,
+    pub(super) irradiance: f64,
+    pub(super) angular_radius_deg: f64,
 }
 
 /// Light that comes evenly from the hemisphere about a direction, in the solar band.

@@ -20,6 +20,7 @@ mod boundary_file;
 mod error;
 mod exchange;
 mod network;
+mod points;
 mod result;
 mod sides;
 mod summary;
@@ -31,13 +32,15 @@ pub use boundary::{Boundary, Condition, MAX_FLUX, MAX_TEMPERATURE_K, Node, Sky, 
 pub use error::HeatError;
 pub use exchange::{ExchangeFactors, SURROUNDINGS};
 pub use network::Network;
+pub use points::{PointHeat, PointQuery, PointStatus, PointView};
 pub use result::Heat;
 pub use summary::{HeatBalance, SurfaceHeat};
-pub use sunlight::{Sunlight, above_horizon, sunlight};
+pub use sunlight::{Sunlight, Sunlit, above_horizon, sunlight};
 pub use thermal::Stated;
 
 pub(crate) use band::{Enclosure, Outside, Solved, solar_system, thermal_exitance};
 pub(crate) use exchange::{Gathered, Nodes};
+pub(crate) use points::PointScene;
 pub(crate) use result::{DirectLight, Solution};
 
 /// σ, the Stefan-Boltzmann constant, W·m⁻²·K⁻⁴: CODATA 2018.

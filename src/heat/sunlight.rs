@@ -12,6 +12,7 @@ use crate::form_factor::{Fraction, Input};
 use crate::geometry::polygon;
 use crate::geometry::quadrature::unit_line;
 use crate::geometry::sampling::{Frame, PointStream, Sequence, UniformOnPolygon, cosine_direction};
+use crate::matrix::operator::Block;
 use crate::mesh::PatchId;
 use crate::visibility::occluders::{OccluderIndex, PairVisibility};
 use crate::visibility::{Coherence, HitBatch, RayBatch};
@@ -48,6 +49,42 @@ pub struct Sunlight {
     pub irradiance: Vec<f64>,
     /// Its error, W·m⁻², \[n\].
     pub irradiance_error: Vec<f64>,
+}
+
+/// What the sun lights of each patch, in the channels of a scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sunlit {
+    /// Fractions, and irradiances by a sun of 1 W/m².
+    pub light: Sunlight,
+    /// The irradiance straight from the sun, W·m⁻², \[n, c\].
+    pub irradiance: Block,
+    /// Its error, W·m⁻², \[n, c\].
+    pub error: Block,
+}
+
+impl Sunlit {
+    /// Finds what a sun lights whose `irradiance` differs by channels; that of `sun` plays no part.
+    #[must_use]
+    pub fn new(input: Input<'_>, sun: &Sun, irradiance: &[f64]) -> Self {
+        let light = sunlight(
+            input,
+            &Sun {
+                irradiance: 1.0,
+                ..*sun
+            },
+        );
+        let block = |of_patches: &[f64]| {
+            let rows = of_patches
+                .iter()
+                .flat_map(|own| irradiance.iter().map(move |strength| strength * own));
+            Block::from_values(rows.collect(), irradiance.len())
+        };
+        Self {
+            irradiance: block(&light.irradiance),
+            error: block(&light.irradiance_error),
+            light,
+        }
+    }
 }
 
 /// Finds what the sun lights of each patch.
@@ -120,6 +157,35 @@ impl Shone {
     }
 }
 
+impl Sun {
+    /// Returns the directions that stand for the sun, each with its weight and its cosine to the middle.
+    pub(super) fn directions(&self) -> Vec<(DVec3, f64, f64)> {
+        if self.angular_radius_deg() > 0.0 {
+            self.disc(CIRCLES[0])
+        } else {
+            vec![(self.direction(), 1.0, 1.0)]
+        }
+    }
+
+    fn disc(&self, n_circles: NonZeroUsize) -> Vec<(DVec3, f64, f64)> {
+        let frame = Frame::from_normal(self.direction());
+        let edge = self.angular_radius_deg().to_radians().sin();
+        let n_around = PER_CIRCLE * n_circles.get();
+        let circle = |(k, (square, weight)): (usize, (f64, f64))| {
+            let sine = edge * square.sqrt();
+            let along = (1.0 - sine * sine).sqrt();
+            let direction = move |j: usize| {
+                // Turned from circle to circle, so that no two directions lie in one plane with the axis.
+                let angle = TAU * (j as f64 + k as f64 / n_circles.get() as f64) / n_around as f64;
+                let local = DVec3::new(sine * angle.cos(), sine * angle.sin(), along);
+                (frame.to_world(local).normalize(), weight / n_around as f64, along)
+            };
+            (0..n_around).map(direction).collect::<Vec<_>>()
+        };
+        unit_line(n_circles).into_iter().enumerate().flat_map(circle).collect()
+    }
+}
+
 struct Lamp<'a> {
     input: Input<'a>,
     index: &'a OccluderIndex,
@@ -169,30 +235,20 @@ impl Lamp<'_> {
 
     /// Returns the mean over the disc of the sun: of the irradiance each direction has its share by the area of the disc that is seen.
     fn of_disc(&self, patch: usize, sun: &Sun, n_circles: NonZeroUsize) -> Shone {
-        let frame = Frame::from_normal(sun.direction());
-        let edge = sun.angular_radius_deg().to_radians().sin();
-        let n_around = PER_CIRCLE * n_circles.get();
         let mut mean = Shone::default();
         let mut squares = [0.0; 2];
-        for (k, (square, weight)) in unit_line(n_circles).into_iter().enumerate() {
-            let sine = edge * square.sqrt();
-            let along = (1.0 - sine * sine).sqrt();
-            for j in 0..n_around {
-                // Turned from circle to circle, so that no two directions lie in one plane with the axis.
-                let angle = TAU * (j as f64 + k as f64 / n_circles.get() as f64) / n_around as f64;
-                let direction = frame.to_world(DVec3::new(sine * angle.cos(), sine * angle.sin(), along));
-                // The irradiance of a plane across the axis is the area of the disc seen from there: dω cos = du dv.
-                let mut shone = self.shone_on(patch, direction.normalize());
-                shone.cosine /= along;
-                shone.cosine_error /= along;
-                let share = weight / n_around as f64;
-                squares[0] += share * shone.fraction.powi(2);
-                squares[1] += share * shone.cosine.powi(2);
-                mean.add(share, shone);
-            }
+        let directions = sun.disc(n_circles);
+        for &(direction, share, along) in &directions {
+            // The irradiance of a plane across the axis is the area of the disc seen from there: dω cos = du dv.
+            let mut shone = self.shone_on(patch, direction);
+            shone.cosine /= along;
+            shone.cosine_error /= along;
+            squares[0] += share * shone.fraction.powi(2);
+            squares[1] += share * shone.cosine.powi(2);
+            mean.add(share, shone);
         }
         // Between the directions the border of an occluder passes unseen.
-        let unseen = (n_around * n_circles.get()) as f64;
+        let unseen = directions.len() as f64;
         let missed = |square: f64, mean: f64| (square - mean * mean).max(0.0).sqrt() / unseen.powf(0.75);
         mean.fraction_error += missed(squares[0], mean.fraction);
         mean.cosine_error += missed(squares[1], mean.cosine);

@@ -26,6 +26,7 @@ pub mod page;
 mod paper;
 #[cfg(feature = "reports")]
 pub mod plot;
+pub mod points;
 mod read;
 pub mod solution;
 mod stages;

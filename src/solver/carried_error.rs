@@ -60,6 +60,17 @@ pub fn carried_error(
     exitance: &Block,
     solution: &Solution,
 ) -> Result<Block, SolverError> {
+    carried_error_with(factors, (reflectance, exitance), None, solution)
+}
+
+/// Does what [`carried_error`] does for an exitance that has an error of its own, W·m⁻², \[n, c\].
+#[track_caller]
+pub(crate) fn carried_error_with(
+    factors: &FormFactors,
+    (reflectance, exitance): (&Block, &Block),
+    exitance_error: Option<&Block>,
+    solution: &Solution,
+) -> Result<Block, SolverError> {
     let (n, n_channels) = (reflectance.n_rows(), reflectance.n_channels());
     let radiosity = &solution.radiosity;
     let shapes = [exitance, radiosity, &solution.irradiance].map(|block| (block.n_rows(), block.n_channels()));
@@ -68,6 +79,13 @@ pub fn carried_error(
     let residual = solution.residual(reflectance, exitance);
     for (value, r) in source.values_mut().iter_mut().zip(residual.values()) {
         *value += r.abs();
+    }
+    for (value, own) in source
+        .values_mut()
+        .iter_mut()
+        .zip(exitance_error.into_iter().flat_map(Block::values))
+    {
+        *value += own;
     }
     let system = RadiositySystem::new(factors, factors.areas().to_vec(), reflectance.clone(), source)?;
     let converged = solution.stop_reason == StopReason::Converged;

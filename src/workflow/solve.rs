@@ -217,7 +217,19 @@ impl Model {
         solution: Solution,
         cx: &Context,
     ) -> Result<SolutionStudy, WorkflowError> {
-        let carried = study.carried_error((reflectance, exitance), &solution, cx)?;
+        self.judged_with(study, (reflectance, exitance), None, solution, cx)
+    }
+
+    /// Does what [`judged`](Self::judged) does for an exitance that has an error of its own, W·m⁻², \[n, c\].
+    pub(super) fn judged_with(
+        &self,
+        study: &FormFactorStudy,
+        (reflectance, exitance): (&Block, &Block),
+        exitance_error: Option<&Block>,
+        solution: Solution,
+        cx: &Context,
+    ) -> Result<SolutionStudy, WorkflowError> {
+        let carried = study.carried_error_with((reflectance, exitance), exitance_error, &solution, cx)?;
         let coarse = self.coarsened(study, reflectance, &solution, cx)?;
         let mesh_error = self.mesh_error(coarse.as_ref(), (exitance, &solution), cx);
         study.factors.if_readable(())?;
@@ -433,12 +445,22 @@ impl FormFactorStudy {
         solution: &Solution,
         cx: &Context,
     ) -> Result<Option<Block>, WorkflowError> {
+        self.carried_error_with((reflectance, exitance), None, solution, cx)
+    }
+
+    fn carried_error_with(
+        &self,
+        materials: (&Block, &Block),
+        exitance_error: Option<&Block>,
+        solution: &Solution,
+        cx: &Context,
+    ) -> Result<Option<Block>, WorkflowError> {
         let is_rounded = self.factors.storage().precision == Precision::F32;
         if !self.errors_known && !is_rounded {
             return Ok(None);
         }
         let carried = cx.time("error", || {
-            solver::carried_error(&self.factors, reflectance, exitance, solution)
+            solver::carried_error_with(&self.factors, materials, exitance_error, solution)
         });
         match carried {
             Ok(error) if self.errors_known => Ok(Some(error)),

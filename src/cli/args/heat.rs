@@ -3,23 +3,24 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
+use serde::Serialize;
 
 use super::{
-    AuditArgs, CommonArgs, MeshArgs, MethodArgs, SolverArgs, StorageArgs, parse_not_negative, parse_positive,
-    parse_vector,
+    AuditArgs, CommonArgs, MeshArgs, MethodArgs, SolverArgs, StorageArgs, parse_channels, parse_not_negative,
+    parse_positive, parse_vector,
 };
 use crate::workflow::ExchangeNodes;
 
 /// The sun.
-#[derive(Args, Clone, Copy, Debug)]
+#[derive(Args, Clone, Copy, Debug, Serialize)]
 #[command(next_help_heading = "Sun")]
 pub struct SunArgs {
     /// The direction towards the sun, of any length; instead of that of the file
     #[arg(long, value_name = "X,Y,Z", value_parser = parse_vector, requires = "sun_irradiance")]
     pub sun: Option<[f64; 3]>,
-    /// The irradiance of a plane that faces the sun, W/m²
-    #[arg(long, value_name = "W", value_parser = parse_not_negative, requires = "sun")]
-    pub sun_irradiance: Option<f64>,
+    /// The irradiance of a plane that faces the sun, W/m²: one number, or red, green and blue
+    #[arg(long, value_name = "W[,G,B]", value_parser = parse_channels, requires = "sun")]
+    pub sun_irradiance: Option<[f64; 3]>,
     /// The angular radius of the sun in degrees: above 0 its shadows have penumbras [default: 0]
     #[arg(long, value_name = "DEG", value_parser = parse_not_negative, requires = "sun")]
     pub sun_radius: Option<f64>,
@@ -67,6 +68,9 @@ pub struct HeatArgs {
     /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-6]
     #[arg(long, value_name = "T", value_parser = parse_positive)]
     pub form_factor_tolerance: Option<f64>,
+    /// A uniform sky: the irradiance of an unoccluded plane that faces up, W/m²; up is that of the file, or +z
+    #[arg(long, value_name = "W", value_parser = parse_not_negative, help_heading = "Sun")]
+    pub sky: Option<f64>,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub sun: SunArgs,

@@ -5,6 +5,7 @@ mod experiments;
 mod field;
 mod form_factors;
 mod heat;
+mod points;
 mod render;
 mod solve;
 mod voxel;
@@ -25,6 +26,7 @@ pub use form_factors::{
     StorageArgs, StorageName,
 };
 pub use heat::{HeatArgs, NodesName, SunArgs};
+pub use points::PointsArgs;
 pub use render::{DirectName, GatherArgs, ImageArgs, PartsName, PictureFileArgs, PixelsName, RenderArgs, ViewArgs};
 pub use solve::{BoundsName, SolveArgs, SolverArgs, StartName};
 pub use voxel::{FormName, LinksName, VoxelArgs};
@@ -54,6 +56,8 @@ pub enum Command {
     Solve(SolveArgs),
     /// Temperatures and net heat fluxes, with sun and sky
     Heat(HeatArgs),
+    /// View factors, irradiance and mean radiant temperature at free points
+    Points(PointsArgs),
     /// Render a scene to a layered OpenEXR image and a PNG preview
     Render(RenderArgs),
     /// Render the form factor from every visible point to a surface
@@ -158,6 +162,19 @@ fn parse_not_negative(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),
         _ => Err("give a number from 0".to_owned()),
+    }
+}
+
+/// Reads one number for all channels, or three.
+fn parse_channels(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Vec<f64> = text
+        .split(',')
+        .map(|part| parse_not_negative(part.trim()))
+        .collect::<Result<_, _>>()?;
+    match numbers[..] {
+        [grey] => Ok([grey; 3]),
+        [r, g, b] => Ok([r, g, b]),
+        _ => Err("give one number, or three as in 1.0,0.9,0.8".to_owned()),
     }
 }
 
