@@ -1,5 +1,6 @@
 //! Enclosures by hand, by a dense solver, and at the ends of what numbers hold.
 
+use std::f64::consts::PI;
 use std::fmt::Write as _;
 
 use glam::{DMat3, DVec3};
@@ -95,12 +96,16 @@ fn spheres_in_spheres_converge() {
         let areas = [found.surface("inner").area_m2, found.surface("outer").area_m2];
         let resistance = 1.0 / inner.0 + areas[0] / areas[1] * (1.0 / outer.0 - 1.0);
         let flow = areas[0] * (power(inner.1) - power(outer.1)) / resistance;
-        let balance = found.surface("inner").net_heat_w + found.surface("outer").net_heat_w;
-        assert!(balance.abs() < 1e-6 * flow, "{balance}");
-        (found.surface("inner").net_heat_w / flow - 1.0).abs()
+        let heats = [found.surface("inner").net_heat_w, found.surface("outer").net_heat_w];
+        assert!((heats[0] + heats[1]).abs() < 1e-6 * flow, "{heats:?}");
+        assert!((heats[0] / flow - 1.0).abs() < 1e-5, "{heats:?} {flow}");
+        // Of the spheres themselves.
+        let areas = [PI, 4.0 * PI];
+        let resistance = 1.0 / inner.0 + areas[0] / areas[1] * (1.0 / outer.0 - 1.0);
+        (heats[0] * resistance / (areas[0] * (power(inner.1) - power(outer.1))) - 1.0).abs()
     };
     let offs = [off(0), off(1)];
-    assert!(offs[0] < 1e-2 && offs[1] < 0.3 * offs[0], "{offs:?}");
+    assert!(offs[0] < 0.3 && offs[1] < 0.35 * offs[0], "{offs:?}");
 }
 
 /// n shields between two plates let 1 / (n + 1) through: the nearer the plates, the nearer to it.
@@ -141,19 +146,19 @@ fn shields_part_what_goes_through() {
     let between_two = power(400.0) / (2.0 / 0.1 - 1.0);
     for n in [0, 1, 3] {
         let off = |gap: f64| (through(n, gap) * (n + 1) as f64 / between_two - 1.0).abs();
-        let offs = [off(1e-3), off(1e-4)];
-        assert!(offs[0] < 0.1 && offs[1] < 0.2 * offs[0], "{n}: {offs:?}");
+        let offs = [off(1e-4), off(1e-5)];
+        assert!(offs[0] < 0.03 && offs[1] < 0.2 * offs[0], "{n}: {offs:?}");
     }
 }
 
-/// Stated errors hold the true ones, by a mesh that is four times as fine.
+/// Stated errors hold the true ones, by a mesh that is twice as fine.
 #[test]
 fn errors_are_stated_and_hold() {
     let room = scene(&inside([1.0, 1.0, 0.5]));
     let text = "[[surface]]\nname = \"*\"\nemissivity = 0.2\nsupplied_w_m2 = 5.0\n\
          [[surface]]\nname = \"x*\"\nemissivity = 0.6\ntemperature_k = 350.0\n\
          [[surface]]\nname = \"z1\"\nnode = \"lid\"\n[[node]]\nname = \"lid\"\nsupplied_w = 100.0\n";
-    let (coarse, fine) = (heat(&room, 2, text), heat(&room, 8, text));
+    let (coarse, fine) = (heat(&room, 4, text), heat(&room, 8, text));
     for (own, exact) in coarse.study.heat.surfaces.iter().zip(&fine.study.heat.surfaces) {
         for (value, error, truth) in [
             (own.temperature_k, own.temperature_k_error, exact.temperature_k),
@@ -189,7 +194,7 @@ fn stiff_rooms_are_right() {
          [[surface]]\nname = \"z0\"\nemissivity = 1e-3\ntemperature_k = 3000.0\n";
     let found = heat(&cube, 2, text);
     let arriving = found.surface("z0").net_heat_w;
-    within(arriving, 1e-9, 1e-3 * power(3000.0), f64::INFINITY);
+    within(arriving, 1e-9, 1e-3 * (power(3000.0) - power(3.0)), f64::INFINITY);
     let cold: f64 = ["x0", "x1", "y0", "y1", "z1"]
         .iter()
         .map(|name| found.surface(name).net_heat_w)
