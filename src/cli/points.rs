@@ -68,18 +68,16 @@ fn work(args: &PointsArgs, run: &mut Run) -> Result<Outcome, Failure> {
         ));
     }
     let mut text = run.explanation(&model);
-    match &args.output {
-        Some(path) => {
-            run.cx
-                .time("write", || points::write(path, &model.scene, &views, &run.cx.settings))?;
-            let _ = writeln!(text, "wrote {} of {}", path.display(), counted(views.len(), "point"));
-        }
-        None => {
-            let mut table = Vec::new();
-            // Writing to memory cannot fail.
-            let _ = points::write_table(&mut table, &model.scene, &views);
-            text.push_str(&String::from_utf8_lossy(&table));
-        }
+    if let Some(path) = &args.output {
+        let settings = &run.cx.settings;
+        run.cx
+            .time("write", || points::write(path, &model.scene, &views, settings))?;
+        let _ = writeln!(text, "wrote {} of {}", path.display(), counted(views.len(), "point"));
+    } else {
+        let mut table = Vec::new();
+        // Writing to memory cannot fail.
+        let _ = points::write_table(&mut table, &model.scene, &views);
+        text.push_str(&String::from_utf8_lossy(&table));
     }
     run.bars.finish();
     let result = json!({

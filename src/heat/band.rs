@@ -120,13 +120,13 @@ impl Enclosure<'_> {
         let [light, irradiance] = [b, received].map(|x| Block::from_values(x.to_vec(), 1));
         let wrong = irradiance_error(self.factors, &light, &irradiance, Some(&references));
         let row_sums = self.received(&vec![1.0; b.len()]);
-        let of_row = |(i, wrong): (usize, &f64)| {
+        let of_row = |(i, own): (usize, &f64)| {
             let off = if self.closed_rows[i] {
                 (1.0 - row_sums[i]).abs()
             } else {
                 0.0
             };
-            wrong + off * received[i].abs()
+            own + off * received[i].abs()
         };
         wrong.values().iter().enumerate().map(of_row).collect()
     }
@@ -215,15 +215,15 @@ impl Solved<'_> {
         };
         let mut reflected = received.to_vec();
         reflect(&mut reflected);
-        reflected.iter_mut().for_each(|x| *x = x.abs());
-        let reflected = self.converged.then(|| Block::from_values(reflected, 1));
+        let sizes = || reflected.iter().map(|x| x.abs()).collect();
+        let sizes = self.converged.then(|| Block::from_values(sizes(), 1));
         let next = |error: &Block| {
             let light = error.values();
             let mut wrong = self.enclosure.wrong(light, &self.enclosure.received(light), 0.0);
             reflect(&mut wrong);
             Block::from_values(wrong, 1)
         };
-        match carried(&system, reflected.as_ref(), next) {
+        match carried(&system, sizes.as_ref(), next) {
             Ok(error) => Ok(error.values().to_vec()),
             Err(error @ SolverError::Disk(_)) => Err(error),
             Err(_) => Ok(unknown),

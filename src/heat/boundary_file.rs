@@ -394,12 +394,12 @@ fn conditions(
             condition: named(&condition, nodes, file, scene)?,
         };
         let surface = surface.checked().map_err(|(key, wrong)| {
-            let start = match key {
+            let place = match key {
                 "emissivity" => emissivity.1,
                 "absorptance" => absorptance.map_or(emissivity.1, |given| given.1),
                 _ => condition.start,
             };
-            file.bad(start, format!("surface {name}: {key}: {wrong}"))
+            file.bad(place, format!("surface {name}: {key}: {wrong}"))
         })?;
         Ok(Some((surface, condition.start)))
     };

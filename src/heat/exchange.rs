@@ -126,19 +126,19 @@ impl<'a> Gathered<'a> {
     /// Conductors are averaged with their reverse: they are symmetric but for errors. The surroundings emit what they send in, Σ A s, and what of it is absorbed nowhere goes back to them.
     pub(crate) fn factors(self) -> ExchangeFactors {
         let m = self.nodes.names.len();
-        let (mut areas, mut emitting) = (vec![0.0; m], vec![0.0; m]);
+        let (mut areas, mut emitting_area) = (vec![0.0; m], vec![0.0; m]);
         let mut sent_in = 0.0;
         for (i, &node) in self.nodes.of_patch.iter().enumerate() {
             let area = self.network.areas()[i];
             areas[node] += area;
-            emitting[node] += area * self.network.emissivity[i];
+            emitting_area[node] += area * self.network.emissivity[i];
             sent_in += area * self.outside(i);
         }
         let conductor = |i: usize, j: usize| self.absorbed[i * (m + 1) + j];
         let mut gebhart = Vec::with_capacity((m + 1) * (m + 1));
         let mut gebhart_error = Vec::with_capacity((m + 1) * (m + 1));
-        for i in 0..m {
-            let row = (0..=m).map(|j| conductor(i, j).map(|x| if emitting[i] > 0.0 { x / emitting[i] } else { 0.0 }));
+        for (i, &emitting) in emitting_area.iter().enumerate() {
+            let row = (0..=m).map(|j| conductor(i, j).map(|x| if emitting > 0.0 { x / emitting } else { 0.0 }));
             for [value, error] in row {
                 gebhart.push(value);
                 gebhart_error.push(error);
@@ -152,13 +152,13 @@ impl<'a> Gathered<'a> {
             gebhart_error.push(error);
         }
         let mean = |(emitting, area): (&f64, &f64)| if *area > 0.0 { emitting / area } else { 1.0 };
-        let emissivity = emitting.iter().zip(&areas).map(mean).chain([1.0]).collect();
-        emitting.push(sent_in);
+        let emissivity = emitting_area.iter().zip(&areas).map(mean).chain([1.0]).collect();
+        emitting_area.push(sent_in);
         let mut names = self.nodes.names;
         names.push(SURROUNDINGS.to_owned());
         ExchangeFactors {
             names,
-            emitting_area: emitting,
+            emitting_area,
             emissivity,
             gebhart,
             gebhart_error,

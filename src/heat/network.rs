@@ -119,7 +119,7 @@ impl Network {
             if n_alone + n_missing > 0 {
                 let pair = if n_alone > 0 { [k, other] } else { [other, k] };
                 return Err(HeatError::Apart {
-                    surfaces: pair.map(|k| scene.surfaces[k].name.clone()),
+                    surfaces: pair.map(|side| scene.surfaces[side].name.clone()),
                     n_alone: n_alone.max(n_missing),
                 });
             }

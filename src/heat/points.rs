@@ -159,10 +159,10 @@ impl PointScene<'_> {
         } else {
             backs
         };
-        let seen: f64 = surfaces.iter().chain([&backs]).map(|own| own.value).sum();
+        let sum: f64 = surfaces.iter().chain([&backs]).map(|own| own.value).sum();
         let error: f64 = surfaces.iter().chain([&backs]).map(|own| own.error).sum();
         let surroundings = Stated {
-            value: (1.0 - seen).clamp(0.0, 1.0),
+            value: (1.0 - sum).clamp(0.0, 1.0),
             error,
         };
         let status = match views.place(query.position) {
@@ -223,7 +223,7 @@ impl PointScene<'_> {
         };
         let shone = boundary.sun.map(|sun| shone_on(views, point, normal, &sun));
         let sunlit = shone.map(|[lit, _]| lit);
-        let sun = shone.map_or(Stated::default(), |[_, irradiance]| irradiance);
+        let sun = shone.map_or(Stated::default(), |[_, shining]| shining);
         let mean_radiant = normal.is_none().then(|| {
             let person = if self.with_person {
                 on_person(boundary, solar, sun)
@@ -280,7 +280,7 @@ fn on_person(boundary: &Boundary, solar: Stated, sun: Stated) -> Stated {
     let up = boundary.sky.map_or(DVec3::Z, |sky| sky.up());
     let height = boundary
         .sun
-        .map_or(0.0, |sun| sun.direction().dot(up).clamp(-1.0, 1.0).asin().to_degrees());
+        .map_or(0.0, |own| own.direction().dot(up).clamp(-1.0, 1.0).asin().to_degrees());
     let projected = 0.308 * (height * (0.998 - height * height / 50_000.0)).to_radians().cos();
     let share = PERSON[0] / PERSON[1];
     Stated {

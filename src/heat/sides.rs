@@ -21,8 +21,8 @@ pub(super) fn opposites(mesh: &Mesh, fronts: &[usize], backs: &[usize], toleranc
     let within = 2.0 * tolerance;
     let partner = |&front: &usize| {
         let own = level(front);
-        let first = sorted.partition_point(|(level, _)| *level < own - within);
-        let near = sorted[first..].iter().take_while(|(level, _)| *level <= own + within);
+        let first = sorted.partition_point(|(other, _)| *other < own - within);
+        let near = sorted[first..].iter().take_while(|(other, _)| *other <= own + within);
         let mut near = near.map(|&(_, back)| back);
         near.find(|&back| coincide(mesh, front, back, tolerance))
     };

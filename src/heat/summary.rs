@@ -261,10 +261,9 @@ impl Patches<'_> {
         let row_sums = self.enclosure.received(&vec![1.0; areas.len()]);
         let mut balance = HeatBalance::default();
         let (mut rows, mut gained, mut moved) = (0.0, 0.0, 0.0);
+        let mut supplied = Judged::default();
         for (i, &area) in areas.iter().enumerate() {
-            let supplied = self.thermal.supplied[i].stated();
-            balance.supplied_w += area * supplied.value;
-            balance.supplied_w_error += area * supplied.error;
+            supplied.add(area, self.thermal.supplied[i]);
             if let Some(sun) = self.sunlight {
                 balance.sun_w += area * sun.irradiance[i];
                 balance.sun_w_error += area * sun.irradiance_error[i];
@@ -286,6 +285,8 @@ impl Patches<'_> {
             gained += light * self.enclosure.gain[i];
             moved += area * (light.abs() + irradiance.abs() + self.thermal.supplied[i].value.abs());
         }
+        balance.supplied_w = supplied.value;
+        balance.supplied_w_error = supplied.stated().error;
         let rounding = 4.0 * roundings(areas.len()) * f64::EPSILON * moved;
         balance.energy_balance_w = balance.supplied_w + balance.sun_w + balance.sky_w + balance.from_surroundings_w
             - balance.escaped_w

@@ -249,7 +249,7 @@ impl Lamp<'_> {
         }
         // Between the directions the border of an occluder passes unseen.
         let unseen = directions.len() as f64;
-        let missed = |square: f64, mean: f64| (square - mean * mean).max(0.0).sqrt() / unseen.powf(0.75);
+        let missed = |square: f64, own: f64| (square - own * own).max(0.0).sqrt() / unseen.powf(0.75);
         mean.fraction_error += missed(squares[0], mean.fraction);
         mean.cosine_error += missed(squares[1], mean.cosine);
         mean

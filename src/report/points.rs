@@ -58,7 +58,7 @@ pub fn read(path: &Path) -> Result<Vec<PointQuery>, ReportError> {
         ));
     };
     let normal = match find(NORMAL) {
-        [Some(x), Some(y), Some(z)] => Some([x, y, z]),
+        [Some(nx), Some(ny), Some(nz)] => Some([nx, ny, nz]),
         [None, None, None] => None,
         _ => {
             return Err(bad(
@@ -68,8 +68,8 @@ pub fn read(path: &Path) -> Result<Vec<PointQuery>, ReportError> {
         }
     };
     let mut points = Vec::new();
-    for (line, text) in lines {
-        let cells: Vec<&str> = text.split(',').map(str::trim).collect();
+    for (line, row) in lines {
+        let cells: Vec<&str> = row.split(',').map(str::trim).collect();
         let vector = |columns: [usize; 3]| -> Result<DVec3, ReportError> {
             let mut found = [0.0; 3];
             for (value, column) in found.iter_mut().zip(columns) {
@@ -92,7 +92,7 @@ pub fn read(path: &Path) -> Result<Vec<PointQuery>, ReportError> {
             position: vector([x, y, z])?,
             normal: normal.map(vector).transpose()?,
         };
-        if query.normal.is_some_and(|normal| normal.try_normalize().is_none()) {
+        if query.normal.is_some_and(|own| own.try_normalize().is_none()) {
             return Err(bad(line, "the normal has no length; correct it".into()));
         }
         points.push(query);

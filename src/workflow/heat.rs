@@ -8,7 +8,7 @@ use crate::heat::{
 };
 use crate::matrix::connected;
 use crate::matrix::operator::{Block, LinearOperator};
-use crate::solver::{Coarsened, Solution};
+use crate::solver::{Coarsened, Solution, StopReason};
 
 /// The residual that solvers are to reach where they can: temperatures follow from light that is nearly even at low emissivities, and from little of it beside hot surfaces.
 const AIM: f64 = 1e-12;
@@ -222,7 +222,7 @@ impl Model {
             outside: &outside,
             emitted_error: &emitted_error,
             residual: residual.values(),
-            converged: solution.stop_reason == crate::solver::StopReason::Converged,
+            converged: solution.stop_reason == StopReason::Converged,
         };
         let mut band = cx.time("error", || solved.band(solution.radiosity.values(), reflect))?;
         if !study.errors_known {
@@ -276,8 +276,9 @@ impl HeatStudy {
         if self.heat.thermal.mesh_change.is_none() {
             cx.warn_once(Warning::NoMeshError);
         }
-        // Where nothing is known at all, another warning says so.
-        if !self.is_exact() && self.heat.relative_error.is_finite() {
+        // Where nothing is known at all, or the solver gave up, another warning says so.
+        let converged = self.thermal.stop_reason == StopReason::Converged;
+        if converged && !self.is_exact() && self.heat.relative_error.is_finite() {
             cx.warn(Warning::InexactHeat {
                 relative: self.heat.relative_error,
             });

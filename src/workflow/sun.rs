@@ -39,6 +39,9 @@ impl Model {
     ) -> Result<(SolutionStudy, Sunlit), WorkflowError> {
         if !sun.is_grey() {
             self.plan.revise_channels(sun.irradiance.len());
+            self.plan.n_channels = sun.irradiance.len();
+            self.plan
+                .revise("channels", sun.irradiance.len().to_string(), "the sun has a colour");
         }
         let (reflectance, exitance) = self.materials();
         let strengths = &sun.irradiance[..reflectance.n_channels()];

@@ -46,7 +46,6 @@ pub struct Cli {
 
 /// The commands.
 #[derive(Debug, Subcommand)]
-#[expect(clippy::large_enum_variant, reason = "there is one of them in a run")]
 pub enum Command {
     /// Write a built-in scene as OBJ and MTL
     Scene(SceneArgs),

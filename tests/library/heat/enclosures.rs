@@ -100,9 +100,8 @@ fn spheres_in_spheres_converge() {
         assert!((heats[0] + heats[1]).abs() < 1e-6 * flow, "{heats:?}");
         assert!((heats[0] / flow - 1.0).abs() < 1e-5, "{heats:?} {flow}");
         // Of the spheres themselves.
-        let areas = [PI, 4.0 * PI];
-        let resistance = 1.0 / inner.0 + areas[0] / areas[1] * (1.0 / outer.0 - 1.0);
-        (heats[0] * resistance / (areas[0] * (power(inner.1) - power(outer.1))) - 1.0).abs()
+        let between = 1.0 / inner.0 + 0.25 * (1.0 / outer.0 - 1.0);
+        (heats[0] * between / (PI * (power(inner.1) - power(outer.1))) - 1.0).abs()
     };
     let offs = [off(0), off(1)];
     assert!(offs[0] < 0.3 && offs[1] < 0.35 * offs[0], "{offs:?}");
@@ -137,7 +136,7 @@ fn shields_part_what_goes_through() {
             .collect();
         let found = heat(&scene(&names), 1, &text);
         for k in 1..=n {
-            let [down, up] = ["down", "up"].map(|side| found.surface(&format!("{side} {k}")));
+            let [down, up] = ["down", "up"].map(|name| found.surface(&format!("{name} {k}")));
             assert!((down.temperature_k - up.temperature_k).abs() < 1e-9);
             assert!((down.net_heat_w + up.net_heat_w).abs() < 1e-9 * up.net_heat_w.abs());
         }
@@ -172,9 +171,9 @@ fn errors_are_stated_and_hold() {
     }
 }
 
-/// Emissivities of 1e-6 everywhere, of 1e-3 beside 1, temperatures of 3 K beside 3,000 K, and heats that nearly cancel.
+/// Emissivities of 1e-6 everywhere.
 #[test]
-fn stiff_rooms_are_right() {
+fn a_room_of_mirrors_is_right() {
     let cube = scene(&inside([1.0; 3]));
     let text = "[[surface]]\nname = \"*\"\nemissivity = 1e-6\nadiabatic = true\n\
          [[surface]]\nname = \"z0\"\ntemperature_k = 400.0\n[[surface]]\nname = \"z1\"\ntemperature_k = 300.0\n";
@@ -189,7 +188,12 @@ fn stiff_rooms_are_right() {
         "{:?}",
         found.surface("z0")
     );
+}
 
+/// An emissivity of 1e-3 beside 1, and 3 K beside 3,000 K.
+#[test]
+fn cold_beside_hot_is_right() {
+    let cube = scene(&inside([1.0; 3]));
     let text = "[[surface]]\nname = \"*\"\nemissivity = 1.0\ntemperature_k = 3.0\n\
          [[surface]]\nname = \"z0\"\nemissivity = 1e-3\ntemperature_k = 3000.0\n";
     let found = heat(&cube, 2, text);
@@ -200,7 +204,12 @@ fn stiff_rooms_are_right() {
         .map(|name| found.surface(name).net_heat_w)
         .sum();
     assert!((cold + arriving).abs() < 1e-9 * arriving, "{cold} {arriving}");
+}
 
+/// Supplied heats that nearly cancel, beside a floor that hardly emits.
+#[test]
+fn heats_that_cancel_are_right() {
+    let cube = scene(&inside([1.0; 3]));
     let text = "[[surface]]\nname = \"*\"\nemissivity = 0.5\nadiabatic = true\n\
          [[surface]]\nname = \"x0\"\nsupplied_w_m2 = 1000.0\n[[surface]]\nname = \"x1\"\nsupplied_w_m2 = -999.999999\n\
          [[surface]]\nname = \"z0\"\nemissivity = 1e-3\ntemperature_k = 900.0\n";

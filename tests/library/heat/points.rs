@@ -116,8 +116,8 @@ fn places_are_told() {
         ("up", vec![rectangle([0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])]),
         ("down", vec![rectangle([0.0; 3], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0])]),
     ]);
-    let found = look(&sides, 2, text, &[around([0.5, 0.5, 0.5]), around([0.5, 0.5, -0.5])]);
-    for (view, seen) in found.iter().zip([0, 1]) {
+    let both = look(&sides, 2, text, &[around([0.5, 0.5, 0.5]), around([0.5, 0.5, -0.5])]);
+    for (view, seen) in both.iter().zip([0, 1]) {
         // A square from half its side above the middle: a sixth of the sphere.
         within(view.surfaces[seen].value, 1e-12, 1.0 / 6.0, 1.0);
         assert!(

@@ -22,96 +22,99 @@ fn entries_replace_keys() {
     assert_eq!(of("z1"), (0.3, 0.7, Condition::Supplied(0.0)));
 }
 
+/// Files with the line of their mistake, and words of the message.
+const MISTAKES: &[(&str, u32, &str)] = &[
+    (
+        "[[surface]]\nname = \"*\"\nemissivity = 0\ntemperature_k = 1\n",
+        3,
+        "emissivity: 0.0 is outside (0, 1]",
+    ),
+    (
+        "[[surface]]\nname = \"*\"\nemissivity = 1.1\ntemperature_k = 1\n",
+        3,
+        "outside (0, 1]",
+    ),
+    (
+        "[[surface]]\nname = \"*\"\nemissivity = nan\ntemperature_k = 1\n",
+        3,
+        "outside (0, 1]",
+    ),
+    (
+        "[[surface]]\nname = \"*\"\nemissivity = 0.5\nabsorptance = -0.1\ntemperature_k = 1\n",
+        4,
+        "outside [0, 1]",
+    ),
+    (
+        "[[surface]]\nname = \"*\"\nemissivity = 0.5\ntemperature_k = -1\n",
+        4,
+        "is negative; give kelvin",
+    ),
+    (
+        "[[surface]]\nname = \"*\"\nemissivity = 0.5\nsupplied_w_m2 = inf\n",
+        4,
+        "supplied_w_m2",
+    ),
+    (
+        "[[surface]]\nname = \"*\"\nemissivity = 0.5\ntemperature_k = 1\nadiabatic = true\n",
+        2,
+        "2 conditions in one entry",
+    ),
+    (
+        "[[surface]]\nname = \"*\"\nemissivity = 0.5\nadiabatic = false\n",
+        4,
+        "is no condition",
+    ),
+    ("[[surface]]\nname = \"*\"\nemissivity = 0.5\n", 2, "has no condition"),
+    (
+        "[[surface]]\nname = \"*\"\ntemperature_k = 1\n",
+        2,
+        "has no `emissivity`",
+    ),
+    ("[[surface]]\nname = \"q\"\nemissivity = 0.5\n", 2, "matches no surface"),
+    (
+        "[[surface]]\nname = \"q*\"\nemissivity = 0.5\n",
+        2,
+        "matches no surface",
+    ),
+    (
+        "[[surface]]\nname = \"*\"\nemissivity = 0.5\nnode = \"n\"\n",
+        4,
+        "add one",
+    ),
+    (
+        "[[surface]]\nname = \"*\"\nemissivity = 0.5\nother_side = \"q\"\n",
+        4,
+        "matches nothing",
+    ),
+    (
+        "[[surface]]\nname = \"*\"\nemissivity = 0.5\nother_side = \"x0\"\n",
+        4,
+        "other side",
+    ),
+    (
+        "[[surface]]\nname = \"*\"\nemissivity = 0.5\nkelvin = 5\n",
+        4,
+        "unknown field",
+    ),
+    ("[surroundings]\ntemperature_k = -3\n", 2, "surroundings.temperature_k"),
+    (
+        "[sun]\ndirection = [0, 0, 0]\nirradiance_w_m2 = 1\n",
+        1,
+        "sun.direction: zero",
+    ),
+    (
+        "[sun]\ndirection = [0, 0, 1]\nirradiance_w_m2 = -1\n",
+        1,
+        "sun.irradiance_w_m2",
+    ),
+    ("[sky]\nirradiance_w_m2 = 1\nup = [0, 0]\n", 3, "three numbers"),
+];
+
 #[test]
 fn mistakes_are_told_with_their_line() {
     let room = scene(&inside([1.0; 3]));
     let all = "[[surface]]\nname = \"*\"\nemissivity = 0.5\ntemperature_k = 300.0\n";
-    for (text, line, words) in [
-        (
-            "[[surface]]\nname = \"*\"\nemissivity = 0\ntemperature_k = 1\n",
-            3,
-            "emissivity: 0.0 is outside (0, 1]",
-        ),
-        (
-            "[[surface]]\nname = \"*\"\nemissivity = 1.1\ntemperature_k = 1\n",
-            3,
-            "outside (0, 1]",
-        ),
-        (
-            "[[surface]]\nname = \"*\"\nemissivity = nan\ntemperature_k = 1\n",
-            3,
-            "outside (0, 1]",
-        ),
-        (
-            "[[surface]]\nname = \"*\"\nemissivity = 0.5\nabsorptance = -0.1\ntemperature_k = 1\n",
-            4,
-            "outside [0, 1]",
-        ),
-        (
-            "[[surface]]\nname = \"*\"\nemissivity = 0.5\ntemperature_k = -1\n",
-            4,
-            "is negative; give kelvin",
-        ),
-        (
-            "[[surface]]\nname = \"*\"\nemissivity = 0.5\nsupplied_w_m2 = inf\n",
-            4,
-            "supplied_w_m2",
-        ),
-        (
-            "[[surface]]\nname = \"*\"\nemissivity = 0.5\ntemperature_k = 1\nadiabatic = true\n",
-            2,
-            "2 conditions in one entry",
-        ),
-        (
-            "[[surface]]\nname = \"*\"\nemissivity = 0.5\nadiabatic = false\n",
-            4,
-            "is no condition",
-        ),
-        ("[[surface]]\nname = \"*\"\nemissivity = 0.5\n", 2, "has no condition"),
-        (
-            "[[surface]]\nname = \"*\"\ntemperature_k = 1\n",
-            2,
-            "has no `emissivity`",
-        ),
-        ("[[surface]]\nname = \"q\"\nemissivity = 0.5\n", 2, "matches no surface"),
-        (
-            "[[surface]]\nname = \"q*\"\nemissivity = 0.5\n",
-            2,
-            "matches no surface",
-        ),
-        (
-            "[[surface]]\nname = \"*\"\nemissivity = 0.5\nnode = \"n\"\n",
-            4,
-            "add one",
-        ),
-        (
-            "[[surface]]\nname = \"*\"\nemissivity = 0.5\nother_side = \"q\"\n",
-            4,
-            "matches nothing",
-        ),
-        (
-            "[[surface]]\nname = \"*\"\nemissivity = 0.5\nother_side = \"x0\"\n",
-            4,
-            "other side",
-        ),
-        (
-            "[[surface]]\nname = \"*\"\nemissivity = 0.5\nkelvin = 5\n",
-            4,
-            "unknown field",
-        ),
-        ("[surroundings]\ntemperature_k = -3\n", 2, "surroundings.temperature_k"),
-        (
-            "[sun]\ndirection = [0, 0, 0]\nirradiance_w_m2 = 1\n",
-            1,
-            "sun.direction: zero",
-        ),
-        (
-            "[sun]\ndirection = [0, 0, 1]\nirradiance_w_m2 = -1\n",
-            1,
-            "sun.irradiance_w_m2",
-        ),
-        ("[sky]\nirradiance_w_m2 = 1\nup = [0, 0]\n", 3, "three numbers"),
-    ] {
+    for &(text, line, words) in MISTAKES {
         let error = boundary(text, &room).unwrap_err();
         let message = error.to_string();
         assert!(
