@@ -22,6 +22,7 @@ mod run;
 mod scene;
 mod solution;
 mod solve;
+mod sun;
 mod surfaces;
 mod verify;
 mod view;

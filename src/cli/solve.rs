@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use glam::DVec3;
 use serde_json::{Value, json};
 
 use super::args::{MeshArgs, SolveArgs};
@@ -12,7 +13,7 @@ use super::lightings::{Lightings, with_suffix};
 use super::run::Run;
 use super::solution::{code, describe, to_json};
 use super::surfaces::add_sun;
-use super::{Outcome, heat, lightings};
+use super::{Outcome, lightings, sun};
 use crate::heat::Sunlit;
 use crate::mesh::Subdivision;
 use crate::printable::counted;
@@ -39,14 +40,14 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
         ..Demand::default()
     };
     run.expect(&args.storage, demand);
-    let sun = heat::sun(&args.sun)?;
+    let shining = sun::sun(&args.sun, DVec3::Z)?;
     // In sunlight no face has to emit.
-    run.has_lightings = !args.lighting.is_empty() || sun.is_some();
+    run.has_lightings = !args.lighting.is_empty() || shining.is_some();
     let mut model = run.prepare(&args.scene, mesh_args, |_| Subdivision::Uniform(1))?;
     // Before the work: a mistake in them is found at once, and their reflectances count in how form factors are stored.
     let loaded = Lightings::load(args, &model.scene)?;
     run.cx.demand.reflectance_max = loaded.reflectance_max();
-    if sun.is_none() {
+    if shining.is_none() {
         loaded.warn_of_darkness(run, &model, &args.lighting);
     }
     let method = run.request(&args.method, args.form_factor_tolerance, Afterwards::Light);
@@ -63,9 +64,9 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
     if !args.lighting.is_empty() {
         return lightings::run(&loaded, run, model, &factors, args);
     }
-    if let Some(sun) = sun {
+    if let Some(request) = shining {
         run.cx.set("sun", json!(args.sun));
-        let (study, sunlit) = model.solve_in_sun(&factors, &solver, &sun, &mut run.cx)?;
+        let (study, sunlit) = model.solve_in_sun(&factors, &solver, &request, &mut run.cx)?;
         return finish(args, run, &model, Some(&factors), (&study, Some(&sunlit)));
     }
     let study = model.solve(&factors, &solver, &mut run.cx)?;

@@ -24,6 +24,7 @@ mod points;
 mod result;
 mod sides;
 mod summary;
+mod sun_position;
 mod sunlight;
 mod thermal;
 
@@ -35,6 +36,7 @@ pub use network::Network;
 pub use points::{PointHeat, PointQuery, PointStatus, PointView};
 pub use result::Heat;
 pub use summary::{HeatBalance, SurfaceHeat};
+pub use sun_position::sun_direction;
 pub use sunlight::{Sunlight, Sunlit, above_horizon, sunlight};
 pub use thermal::Stated;
 

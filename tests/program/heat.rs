@@ -132,6 +132,12 @@ fn the_sun_comes_from_flags_or_from_the_file() {
         files.push(std::fs::read(path(name)).unwrap());
     }
     assert!(files[0] == files[1], "equal bytes");
+    // At noon of an equinox the sun stands as high over the south as the latitude is from the pole.
+    let place = ["--latitude", "40", "--longitude", "0", "--time", "2026-03-20T12:07:00Z"];
+    let noon = [&["--sun-irradiance", "100"], &place[..]].concat();
+    let (fraction, power) = sunlit(&noon);
+    let height = power / 100.0 / (1.0 + 16.0 * fraction);
+    assert!((height - 50.0_f64.to_radians().sin()).abs() < 5e-3, "{height}");
     // In `solve` the sun lights a scene without lamps.
     let solve = [
         "solve",
@@ -182,6 +188,27 @@ fn mistakes_are_one_line() {
             "--sun: zero",
         ),
         (&["--boundary", "b.toml", "--sun", "0,0,1"], 2, "--sun-irradiance"),
+        (
+            &["--boundary", "b.toml", "--latitude", "50", "--sun-irradiance", "1"],
+            2,
+            "--longitude",
+        ),
+        (
+            &[
+                "--boundary",
+                "b.toml",
+                "--latitude",
+                "50",
+                "--longitude",
+                "10",
+                "--time",
+                "2026-06-21T00:00:00Z",
+                "--sun-irradiance",
+                "1",
+            ],
+            2,
+            "--time: the sun is",
+        ),
         (
             &["--boundary", "b.toml", "--sun", "0,0,1", "--sun-irradiance", "1,2,3"],
             2,

@@ -12,17 +12,31 @@ use super::{
 use crate::workflow::ExchangeNodes;
 
 /// The sun.
-#[derive(Args, Clone, Copy, Debug, Serialize)]
+#[derive(Args, Clone, Debug, Serialize)]
 #[command(next_help_heading = "Sun")]
+#[group(skip)]
+#[command(group = clap::ArgGroup::new("sun_direction").args(["sun", "latitude"]))]
 pub struct SunArgs {
     /// The direction towards the sun, of any length; instead of that of the file
     #[arg(long, value_name = "X,Y,Z", value_parser = parse_vector, requires = "sun_irradiance")]
     pub sun: Option<[f64; 3]>,
+    /// The place on Earth whose sun shines, in degrees north; with --longitude and --time in the place of --sun
+    #[arg(long, value_name = "DEG", conflicts_with = "sun", requires_all = ["longitude", "time", "sun_irradiance"])]
+    pub latitude: Option<f64>,
+    /// The place, in degrees east
+    #[arg(long, value_name = "DEG", requires = "latitude")]
+    pub longitude: Option<f64>,
+    /// The time in RFC 3339, as 2026-06-21T12:00:00+02:00
+    #[arg(long, value_name = "TIME", requires = "latitude")]
+    pub time: Option<String>,
+    /// The direction of the scene that is north, with --latitude; up is that of the sky, or +z
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse_vector, default_value = "0,1,0")]
+    pub north: [f64; 3],
     /// The irradiance of a plane that faces the sun, W/m²: one number, or red, green and blue
-    #[arg(long, value_name = "W[,G,B]", value_parser = parse_channels, requires = "sun")]
+    #[arg(long, value_name = "W[,G,B]", value_parser = parse_channels, requires = "sun_direction")]
     pub sun_irradiance: Option<[f64; 3]>,
     /// The angular radius of the sun in degrees: above 0 its shadows have penumbras [default: 0]
-    #[arg(long, value_name = "DEG", value_parser = parse_not_negative, requires = "sun")]
+    #[arg(long, value_name = "DEG", value_parser = parse_not_negative, requires = "sun_direction")]
     pub sun_radius: Option<f64>,
 }
 

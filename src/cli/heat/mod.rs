@@ -9,7 +9,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::Outcome;
-use super::args::{HeatArgs, SunArgs};
+use super::args::HeatArgs;
 use super::checks::checks_to_json;
 use super::exit_code::ExitCode;
 use super::failure::Failure;
@@ -17,13 +17,14 @@ use super::file_set::FileSet;
 use super::run::Run;
 use super::solution::{code, quality_to_json};
 use super::solve::mesh_args;
-use crate::heat::{Boundary, HeatBalance, Sky, Sun, SurfaceHeat};
+use super::sun::{grey, sun};
+use crate::heat::{Boundary, HeatBalance, Sky, SurfaceHeat};
 use crate::mesh::Subdivision;
 use crate::report::exchange;
 use crate::report::form_factors::{FormFactorFile, files_of};
 use crate::report::heat::HeatReport;
 use crate::report::solution::Format;
-use crate::workflow::{Afterwards, Demand, FormFactorStudy, HeatStudy, MeshError, Model, SunRequest};
+use crate::workflow::{Afterwards, Demand, FormFactorStudy, HeatStudy, MeshError, Model};
 
 /// What documents say of heat.
 #[derive(Serialize)]
@@ -52,7 +53,8 @@ fn work(args: &HeatArgs, run: &mut Run) -> Result<Outcome, Failure> {
     if let Some(path) = &args.exchange_factors {
         exchange::Format::of(path)?;
     }
-    let sun = sun(&args.sun)?.map(grey).transpose()?;
+    // Before the work: a mistake in the sun is found at once.
+    sun(&args.sun, DVec3::Z)?.map(grey).transpose()?;
     files(args).check()?;
     let file = args.form_factors.as_deref().map(FormFactorFile::open).transpose()?;
     let mesh = file.as_ref().map_or(Ok(args.mesh), |file| mesh_args(file, args.mesh))?;
@@ -65,9 +67,9 @@ fn work(args: &HeatArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let mut model = run.prepare(&args.scene, mesh, |_| Subdivision::Uniform(1))?;
     // Before the work: a mistake in them is found at once.
     let mut boundary = Boundary::load(&args.boundary, &model.scene)?;
-    boundary.sun = sun.or(boundary.sun);
+    let up = boundary.sky.map_or(DVec3::Z, |sky| sky.up());
+    boundary.sun = sun(&args.sun, up)?.map(grey).transpose()?.or(boundary.sun);
     if let Some(irradiance) = args.sky {
-        let up = boundary.sky.map_or(DVec3::Z, |sky| sky.up());
         let sky = Sky::new(irradiance, up).map_err(|(_, wrong)| Failure::usage(format!("--sky: {wrong}")))?;
         boundary.sky = Some(sky);
     }
@@ -85,35 +87,6 @@ fn work(args: &HeatArgs, run: &mut Run) -> Result<Outcome, Failure> {
             .time("write", || exchange::write(path, &found, &run.cx.settings))?;
     }
     finish(args, run, &model, &factors, &study)
-}
-
-/// Returns the sun that flags ask for.
-pub(super) fn sun(args: &SunArgs) -> Result<Option<SunRequest>, Failure> {
-    let given = args.sun.zip(args.sun_irradiance);
-    let made = given.map(|(direction, irradiance)| {
-        let greatest = irradiance.into_iter().fold(0.0, f64::max);
-        let radius = args.sun_radius.unwrap_or(0.0);
-        let sun = Sun::new(DVec3::from_array(direction), greatest, radius)?;
-        Ok(SunRequest { sun, irradiance })
-    });
-    made.transpose().map_err(|(key, wrong): (&str, String)| {
-        let flag = match key {
-            "direction" => "--sun",
-            "irradiance_w_m2" => "--sun-irradiance",
-            _ => "--sun-radius",
-        };
-        Failure::usage(format!("{flag}: {wrong}"))
-    })
-}
-
-/// Returns the sun of the one solar band.
-fn grey(request: SunRequest) -> Result<Sun, Failure> {
-    if request.is_grey() {
-        return Ok(request.sun);
-    }
-    Err(Failure::usage(
-        "--sun-irradiance: heat has one solar band; give one number",
-    ))
 }
 
 fn files(args: &HeatArgs) -> FileSet {
