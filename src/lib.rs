@@ -12,7 +12,7 @@
 //! Each arrow is one call with one input and one output. Dependencies point one way; nothing below imports anything above:
 //!
 //! ```text
-//! cli → document → experiment → workflow → audit → report, render, solver → form_factor → matrix, visibility → mesh → scene, geometry
+//! cli → document → experiment → workflow → audit → report, render → heat, solver → form_factor → matrix, visibility → mesh → scene, geometry
 //! ```
 //!
 //! | module | what it holds |
@@ -25,6 +25,7 @@
 //! | [`matrix`] | form factors stored, checked, made symmetric, applied |
 //! | [`solver`] | the solvers, one file each, behind one trait |
 //! | [`voxel`] | discrete radiosity: integer lines between voxels |
+//! | [`heat`] | boundary conditions, solar and thermal band, temperatures; sun and sky |
 //! | [`render`] | pictures: layers, OpenEXR, preview, and their verification |
 //! | [`workflow`] | whole studies: all of the above in turn, with the stated errors, the audit and the warnings |
 //! | [`audit`] | conservation checks of form factors, solutions and images |
@@ -105,6 +106,7 @@ pub mod embree;
 pub mod experiment;
 pub mod form_factor;
 pub mod geometry;
+pub mod heat;
 mod in_order;
 mod input_file;
 pub mod matrix;

@@ -65,6 +65,11 @@ pub const ARVO_1994: &str = "Arvo 1994";
 /// M. S. Floater, "Mean value coordinates", Computer Aided Geometric Design 20(1), 2003.
 pub const FLOATER_2003: &str = "Floater 2003";
 
+/// A. P. Ingersoll, T. Svitek, B. C. Murray, "Stability of polar frosts in spherical bowl-shaped craters on the Moon, Mercury, and Mars", Icarus 100(1), 1992.
+///
+/// The temperature of the shadow in a crater; `docs/heat.md` derives it.
+pub const INGERSOLL_1992: &str = "Ingersoll, Svitek and Murray 1992";
+
 /// D. R. Baum, S. Mann, K. P. Smith, J. M. Winget, "Making Radiosity Usable: Automatic Preprocessing and Meshing Techniques for the Generation of Accurate Radiosity Solutions", SIGGRAPH 1991.
 ///
 /// Where polygons meet, both are cut, so that no patch reaches from one side to the other.

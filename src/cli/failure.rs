@@ -160,6 +160,10 @@ impl From<ReportError> for Failure {
     fn from(error: ReportError) -> Self {
         match error {
             ReportError::UnknownFormat { .. } => Self::usage(error.to_string()),
+            ReportError::BadPoints { line, .. } => Self {
+                line: u32::try_from(line).ok(),
+                ..Self::new(error.kind(), error.text(&flag)).in_file(error.path())
+            },
             _ => Self::new(error.kind(), error.text(&flag)).in_file(error.path()),
         }
     }
@@ -221,6 +225,7 @@ impl From<WorkflowError> for Failure {
             WorkflowError::OtherGeometry { file, .. } => Self::new("other_geometry", text).in_file(file),
             WorkflowError::Render(error) => error.into(),
             WorkflowError::Voxel(error) => error.into(),
+            WorkflowError::Heat { file, .. } => Self::new("no_temperature", text).in_file(file),
             WorkflowError::Storage(_) | WorkflowError::VoxelMemory { .. } | WorkflowError::ImageMemory { .. } => {
                 Self::new("memory_limit", text)
             }

@@ -10,10 +10,12 @@ mod file_set;
 mod form_factors;
 mod frames;
 mod frames_text;
+mod heat;
 mod interrupt;
 mod lightings;
 mod output;
 mod picture;
+mod points;
 mod progress;
 mod render;
 mod reproduce;
@@ -22,6 +24,7 @@ mod run;
 mod scene;
 mod solution;
 mod solve;
+mod sun;
 mod surface_table;
 mod verify;
 mod verify_text;
@@ -62,6 +65,8 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Scene(a) => &a.common,
         Command::FormFactors(a) => &a.common,
         Command::Solve(a) => &a.common,
+        Command::Heat(a) => &a.common,
+        Command::Points(a) => &a.common,
         Command::Render(a) => &a.common,
         Command::Field(a) => &a.common,
         Command::Voxel(a) => &a.common,
@@ -135,6 +140,8 @@ fn run(command: &Command, common: &CommonArgs) -> Result<Outcome, Failure> {
         Command::Scene(a) => scene::run(a),
         Command::FormFactors(a) => form_factors::run(a),
         Command::Solve(a) => solve::run(a),
+        Command::Heat(a) => heat::run(a),
+        Command::Points(a) => points::run(a),
         Command::Render(a) => render::run(a),
         Command::Field(a) => field::run(a),
         Command::Voxel(a) => voxel::run(a),

@@ -98,7 +98,7 @@ impl Run {
             options = options.max_exitance(MAX_PICTURE_EXITANCE);
         }
         self.common.reading.describe(&mut self.cx);
-        let wants_light = !matches!(self.command, "form-factors" | "field" | "compare");
+        let wants_light = !matches!(self.command, "form-factors" | "field" | "compare" | "heat" | "points");
         let dark = RefCell::new(None);
         let scene = workflow::load(path, &options, &self.cx, |warning| {
             let is_later = self.has_lightings && warning.kind == SceneWarningKind::NoEmission;

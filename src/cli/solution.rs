@@ -75,7 +75,7 @@ pub(super) fn describe(text: &mut String, model: &Model, solver: &str, study: &S
 }
 
 /// Adds the line that tells what a coarser mesh would change.
-fn describe_mesh_error(text: &mut String, mesh_error: &MeshError) {
+pub(super) fn describe_mesh_error(text: &mut String, mesh_error: &MeshError) {
     let MeshError {
         n_patches,
         surface_mean_max,

@@ -2,6 +2,8 @@
 
 use std::fmt::Write as _;
 
+use glam::DVec3;
+
 use super::args::SolveArgs;
 use super::checks::{describe_checks, describe_patches};
 use super::failure::Failure;
@@ -9,7 +11,7 @@ use super::file_set::FileSet;
 use super::lightings::Lightings;
 use super::run::Run;
 use super::solution::{code, describe};
-use super::{Outcome, lightings};
+use super::{Outcome, lightings, sun};
 use crate::document::{FormFactorRecord, LitSurface, SolveDocument, SolverRecord};
 use crate::mesh::Subdivision;
 use crate::report::form_factors::{FormFactorFile, files_of};
@@ -35,12 +37,16 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
         ..Demand::default()
     };
     run.expect(&args.storage, demand);
-    run.has_lightings = !args.lighting.is_empty();
+    let shining = sun::sun(&args.sun, DVec3::Z)?;
+    // In sunlight no face has to emit.
+    run.has_lightings = !args.lighting.is_empty() || shining.is_some();
     let mut model = run.prepare(&args.scene, mesh_args, |_| Subdivision::Uniform(1))?;
     // Before the work: a mistake in them is found at once, and their reflectances count in how form factors are stored.
     let loaded = Lightings::load(args, &model.scene)?;
     run.cx.demand.reflectance_max = loaded.reflectance_max();
-    loaded.warn_of_darkness(run, &model, &args.lighting);
+    if shining.is_none() {
+        loaded.warn_of_darkness(run, &model, &args.lighting);
+    }
     let method = run.request(&args.method, args.form_factor_tolerance, Afterwards::Light);
     let solver = args.solver.request();
     if args.on_the_fly {
@@ -54,6 +60,11 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
     };
     if !args.lighting.is_empty() {
         return lightings::run(&loaded, run, model, &factors, args);
+    }
+    if let Some(request) = shining {
+        run.cx.settings.sun = Some(args.sun.record());
+        let study = model.solve_in_sun(&factors, &solver, &request, &mut run.cx)?;
+        return finish(args, run, &model, Some(&factors), &study);
     }
     let study = model.solve(&factors, &solver, &mut run.cx)?;
     finish(args, run, &model, Some(&factors), &study)
@@ -107,7 +118,7 @@ fn finish(
         SolveDocument {
             solver: SolverRecord::new(model, solver, solution, study.error),
             energy: solution.energy.clone(),
-            surfaces: LitSurface::of(model, solution),
+            surfaces: LitSurface::in_sun(model, study),
             form_factors: computed.map(FormFactorRecord::from),
             mesh_error: study.mesh_error.clone(),
         },

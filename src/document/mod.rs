@@ -4,6 +4,7 @@
 //! A number that is not finite is written as null. `docs/schema.json` is the JSON Schema of all of them; [`schema`](mod@schema) generates it.
 
 mod form_factors;
+mod heat;
 mod image;
 mod other;
 #[cfg(feature = "cli")]
@@ -13,6 +14,7 @@ mod surfaces;
 mod voxel;
 
 pub use form_factors::{FormFactorRecord, FormFactorsDocument, PlaceName, StorageRecord};
+pub use heat::{HeatDocument, PointsDocument};
 pub use image::{FieldDocument, FrameRecord, FramesDocument, PoseRecord, RenderDocument, UpdateRecord};
 pub use other::{FailureDocument, FailureRecord, SceneDocument, VerifyDocument};
 pub use solution::{LightingRecord, LightingsDocument, Quality, SolveDocument, SolverRecord};

@@ -5,8 +5,8 @@ use schemars::{JsonSchema, Schema};
 use serde_json::{Map, Value, json};
 
 use super::{
-    Document, FailureDocument, FieldDocument, FormFactorsDocument, FramesDocument, LightingsDocument, OfScene,
-    RenderDocument, SceneDocument, SolveDocument, VerifyDocument, VoxelDocument,
+    Document, FailureDocument, FieldDocument, FormFactorsDocument, FramesDocument, HeatDocument, LightingsDocument,
+    OfScene, PointsDocument, RenderDocument, SceneDocument, SolveDocument, VerifyDocument, VoxelDocument,
 };
 use crate::experiment::baranoski::BaranoskiDocument;
 use crate::experiment::compare::CompareDocument;
@@ -27,6 +27,8 @@ pub fn schema() -> Value {
     all.add::<OfModel<FormFactorsDocument<'_>>>("form-factors", "form-factors");
     all.add::<OfModel<SolveDocument>>("solve", "solve");
     all.add::<OfModel<LightingsDocument>>("solve-lightings", "solve");
+    all.add::<OfModel<HeatDocument>>("heat", "heat");
+    all.add::<OfModel<PointsDocument>>("points", "points");
     all.add::<OfModel<RenderDocument>>("render", "render");
     all.add::<OfModel<FramesDocument>>("render-frames", "render");
     all.add::<OfModel<FieldDocument>>("field", "field");

@@ -2,11 +2,13 @@
 
 use serde::Serialize;
 
+use crate::heat::Sunlit;
+use crate::matrix::operator::Block;
 use crate::render::SurfaceMean;
 use crate::scene::Scene;
 use crate::solver::Solution;
 use crate::voxel::SurfelMean;
-use crate::workflow::Model;
+use crate::workflow::{Model, SolutionStudy};
 
 /// A surface and its patches.
 #[derive(Clone, Debug, Serialize)]
@@ -48,15 +50,71 @@ pub struct LitSurface {
     /// The area mean of the radiosity, W·m⁻², of each channel.
     #[cfg_attr(feature = "cli", schemars(with = "Vec<Option<f64>>"))]
     pub radiosity: Vec<f64>,
+    /// What the sun lights of it, where it shines.
+    #[serde(flatten)]
+    pub sun: Option<SunlitSurface>,
+}
+
+/// What the sun lights of a surface.
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+pub struct SunlitSurface {
+    /// The fraction of its area that the sun lights.
+    pub sunlit_fraction: f64,
+    /// The error of that.
+    pub sunlit_fraction_error: f64,
+    /// The area mean of the irradiance straight from the sun, W·m⁻², of each channel.
+    pub sun_irradiance: Vec<f64>,
+    /// The error of that, W·m⁻².
+    pub sun_irradiance_error: Vec<f64>,
+}
+
+impl SunlitSurface {
+    /// Returns the surfaces of a model with the means of what the sun lights.
+    #[must_use]
+    fn of(model: &Model, sunlit: &Sunlit) -> Vec<Self> {
+        let mean = |values: &[f64]| model.surface_means(&Block::from_values(values.to_vec(), 1));
+        let fractions = mean(&sunlit.light.fraction)
+            .into_iter()
+            .zip(mean(&sunlit.light.fraction_error));
+        let light = model.surface_means(&sunlit.irradiance).into_iter();
+        let record =
+            |((fraction, fraction_error), (irradiance, error)): ((Vec<f64>, Vec<f64>), (Vec<f64>, Vec<f64>))| Self {
+                sunlit_fraction: fraction[0],
+                sunlit_fraction_error: fraction_error[0],
+                sun_irradiance: irradiance,
+                sun_irradiance_error: error,
+            };
+        fractions
+            .zip(light.zip(model.surface_means(&sunlit.error)))
+            .map(record)
+            .collect()
+    }
 }
 
 impl LitSurface {
+    /// Returns the surfaces of a model with the means of a solution, and of what the sun lights where it shines.
+    #[must_use]
+    pub fn in_sun(model: &Model, study: &SolutionStudy) -> Vec<Self> {
+        let mut surfaces = Self::of(model, &study.solution);
+        if let Some(sunlit) = &study.sunlit {
+            for (surface, sun) in surfaces.iter_mut().zip(SunlitSurface::of(model, sunlit)) {
+                surface.sun = Some(sun);
+            }
+        }
+        surfaces
+    }
+
     /// Returns the surfaces of a model with the means of a solution.
     #[must_use]
     pub fn of(model: &Model, solution: &Solution) -> Vec<Self> {
         let means = model.surface_means(&solution.radiosity);
         let surfaces = SurfaceRecord::of(model).into_iter().zip(means);
-        let record = |(surface, radiosity)| Self { surface, radiosity };
+        let record = |(surface, radiosity)| Self {
+            surface,
+            radiosity,
+            sun: None,
+        };
         surfaces.map(record).collect()
     }
 }

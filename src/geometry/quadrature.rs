@@ -14,6 +14,14 @@ pub struct WeightedPoint {
     pub weight: f64,
 }
 
+/// Returns the nodes and weights of the Gauss-Legendre rule with q points on \[0, 1\].
+pub(crate) fn unit_line(q: NonZeroUsize) -> Vec<(f64, f64)> {
+    GaussLegendre::new(q)
+        .iter()
+        .map(|(node, weight)| (0.5 * (node + 1.0), 0.5 * weight))
+        .collect()
+}
+
 /// A q × q Gauss-Legendre product rule.
 ///
 /// On a quad the rule acts on the bilinear map of the unit square, on a triangle on the collapsed square; the weights carry
@@ -29,11 +37,7 @@ impl GaussProduct {
     /// Returns the rule with q × q points.
     #[must_use]
     pub fn new(q: NonZeroUsize) -> Self {
-        let line = GaussLegendre::new(q)
-            .iter()
-            .map(|(node, weight)| (0.5 * (node + 1.0), 0.5 * weight))
-            .collect();
-        Self { line }
+        Self { line: unit_line(q) }
     }
 
     /// Returns the number of points of the rule, q².

@@ -18,18 +18,47 @@ pub fn write_solution(
     mesh: &Mesh,
     quantities: &[(&str, &Block)],
 ) -> io::Result<()> {
+    let columns = quantities.iter().flat_map(|(name, block)| {
+        let channels = channel_names(block.n_channels()).iter();
+        channels.map(move |channel| format!("{name}_{channel}"))
+    });
+    write_rows(writer, scene, mesh, columns, |i| {
+        quantities
+            .iter()
+            .flat_map(move |(_, block)| block.row(i).iter().copied())
+    })
+}
+
+/// Writes one row a patch, as [`write_solution`] does, with one value of each of `quantities` for it.
+pub(super) fn write_patches(
+    writer: &mut dyn Write,
+    scene: &Scene,
+    mesh: &Mesh,
+    quantities: &[(&str, &[f64])],
+) -> io::Result<()> {
+    let columns = quantities.iter().map(|(name, _)| (*name).to_owned());
+    write_rows(writer, scene, mesh, columns, |i| {
+        quantities.iter().map(move |(_, values)| values[i])
+    })
+}
+
+fn write_rows<V: Iterator<Item = f64>>(
+    writer: &mut dyn Write,
+    scene: &Scene,
+    mesh: &Mesh,
+    columns: impl Iterator<Item = String>,
+    values: impl Fn(usize) -> V,
+) -> io::Result<()> {
     write!(writer, "patch,surface,area_m2,x_m,y_m,z_m")?;
-    for (name, block) in quantities {
-        for channel in channel_names(block.n_channels()) {
-            write!(writer, ",{name}_{channel}")?;
-        }
+    for name in columns {
+        write!(writer, ",{name}")?;
     }
     writeln!(writer)?;
     for (i, patch) in mesh.patches.iter().enumerate() {
         let name = quoted(&scene.surfaces[patch.surface.0 as usize].name);
         let c = patch.centroid;
         write!(writer, "{i},{name},{:?},{:?},{:?},{:?}", patch.area, c.x, c.y, c.z)?;
-        for value in quantities.iter().flat_map(|(_, block)| block.row(i)) {
+        for value in values(i) {
             write!(writer, ",{value:?}")?;
         }
         writeln!(writer)?;

@@ -29,6 +29,16 @@ pub enum ReportError {
         /// What the operating system said.
         source: io::Error,
     },
+    /// A table of points that cannot be understood.
+    #[error("{}:{line}: {}", .path.display(), printable_message(.reason))]
+    BadPoints {
+        /// The file.
+        path: PathBuf,
+        /// The line, from 1.
+        line: usize,
+        /// What is wrong, and the remedy.
+        reason: String,
+    },
     /// The name does not end in a format that is known for this content.
     #[error("{}: the ending names no format for {content}; use one of {known}", .path.display())]
     UnknownFormat {
@@ -105,6 +115,7 @@ impl ReportError {
         match self {
             Self::Unwritable { path, .. }
             | Self::Unreadable { path, .. }
+            | Self::BadPoints { path, .. }
             | Self::UnknownFormat { path, .. }
             | Self::NoDescription { path, .. }
             | Self::Version { path, .. }
@@ -121,6 +132,7 @@ impl ReportError {
         match self {
             Self::Unwritable { .. } => "unwritable",
             Self::Unreadable { .. } => "unreadable",
+            Self::BadPoints { .. } => "bad_points",
             Self::UnknownFormat { .. } => "unknown_format",
             Self::NoDescription { .. } => "no_description",
             Self::Version { .. } => "version",

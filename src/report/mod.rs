@@ -5,9 +5,11 @@ pub mod csv;
 pub mod curves;
 mod description;
 mod error;
+pub mod exchange;
 pub mod form_factors;
 #[cfg(feature = "reports")]
 mod frame;
+pub mod heat;
 #[cfg(feature = "reports")]
 mod log_axis;
 #[cfg(feature = "reports")]
@@ -24,6 +26,7 @@ pub mod page;
 mod paper;
 #[cfg(feature = "reports")]
 pub mod plot;
+pub mod points;
 mod read;
 pub mod solution;
 mod stages;

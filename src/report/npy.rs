@@ -15,6 +15,8 @@ pub(super) enum Dtype {
     U64,
     /// Strings of so many bytes.
     Bytes(u64),
+    /// Texts of so many characters.
+    Text(u64),
 }
 
 impl Dtype {
@@ -27,6 +29,7 @@ impl Dtype {
             Self::I32 => "<i4".into(),
             Self::U64 => "<u8".into(),
             Self::Bytes(n) => format!("|S{n}"),
+            Self::Text(n) => format!("<U{n}"),
         }
     }
 
@@ -47,6 +50,7 @@ impl Dtype {
             Self::F64 | Self::I64 | Self::U64 => 8,
             Self::F32 | Self::I32 => 4,
             Self::Bytes(n) => n,
+            Self::Text(n) => n.saturating_mul(4),
         }
     }
 }

@@ -14,6 +14,7 @@ use super::ReportError;
 use super::description::FileCheck;
 use super::npy::{Dtype, Element, Header, push_counts, push_reals};
 use crate::input_file;
+use crate::mesh::Mesh;
 use crate::scene::hash::hexadecimal;
 
 /// Writes arrays one after the other.
@@ -111,11 +112,35 @@ impl<W: Write + Seek> NpzWriter<W> {
         content(&mut self.zip)
     }
 
+    /// Adds `area`, `surface` \[n\] and `centroid` \[n, 3\] of patches.
+    pub(super) fn patches(&mut self, mesh: &Mesh) -> io::Result<()> {
+        let n = mesh.n_patches();
+        self.numbers("area", &[n], &mesh.areas())?;
+        let centroids = mesh.patches.iter().flat_map(|patch| patch.centroid.to_array());
+        self.numbers("centroid", &[n, 3], &centroids.collect::<Vec<_>>())?;
+        let surfaces = mesh.patches.iter().map(|patch| i64::from(patch.surface.0));
+        self.numbers("surface", &[n], &surfaces.collect::<Vec<_>>())
+    }
+
     /// Adds an array of numbers that are in memory.
     pub(super) fn numbers<T: Element>(&mut self, name: &str, shape: &[usize], numbers: &[T]) -> io::Result<()> {
         let shape: Vec<u64> = shape.iter().map(|&n| n as u64).collect();
         self.array(name, &Header::new(T::DTYPE, &shape), |writer| {
             write_numbers(writer, numbers)
+        })
+    }
+
+    /// Adds an array of texts.
+    pub(super) fn texts(&mut self, name: &str, texts: &[String]) -> io::Result<()> {
+        let length = texts.iter().map(|text| text.chars().count()).max().unwrap_or(0).max(1);
+        let header = Header::new(Dtype::Text(length as u64), &[texts.len() as u64]);
+        self.array(name, &header, |writer| {
+            for text in texts {
+                let characters = text.chars().map(u32::from).chain(std::iter::repeat(0));
+                let bytes: Vec<u8> = characters.take(length).flat_map(u32::to_le_bytes).collect();
+                writer.write_all(&bytes)?;
+            }
+            Ok(())
         })
     }
 

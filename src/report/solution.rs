@@ -7,7 +7,7 @@
 //! | `.vtu` | patches with the same quantities | ParaView, PyVista |
 //!
 //! `error` is the estimated error of the radiosity (see [`carried_error`](crate::solver::carried_error)), `row_sum` the sum of each patch's form factors; both
-//! are left out where no form factors are stored, and `error` where their errors are not known. Radiosity, irradiance, exitance, residual and error are in W·m⁻², area in m², centroids in m.
+//! are left out where no form factors are stored, and `error` where their errors are not known. In sunlight `.npz` and `.vtu` have `sunlit_fraction`, `sun_irradiance` and their errors too. Radiosity, irradiance, exitance, residual and error are in W·m⁻², area in m², centroids in m.
 
 use std::io::{self, Seek, Write};
 use std::path::Path;
@@ -18,6 +18,7 @@ use serde_json::{Map, Value};
 use super::npz::NpzWriter;
 use super::vtu::CellData;
 use super::{ReportError, csv, pretty, vtu};
+use crate::heat::Sunlit;
 use crate::matrix::operator::Block;
 use crate::mesh::Mesh;
 use crate::scene::Scene;
@@ -41,6 +42,8 @@ pub struct SolutionReport<'a> {
     pub error: Option<&'a Block>,
     /// Σ_j F_ij, \[n\], where form factors were stored.
     pub row_sums: Option<&'a [f64]>,
+    /// What the sun lights; its light is in the irradiance, and not in the exitance.
+    pub sun: Option<&'a Sunlit>,
     /// How the form factors and the solution were computed: no time, path or number of threads.
     pub settings: &'a Map<String, Value>,
 }
@@ -158,6 +161,15 @@ impl SolutionReport<'_> {
         if let Some(error) = self.error {
             quantities.push(("error", error.clone()));
         }
+        if let Some(sun) = self.sun {
+            let one = |values: &[f64]| Block::from_values(values.to_vec(), 1);
+            quantities.extend([
+                ("sunlit_fraction", one(&sun.light.fraction)),
+                ("sunlit_fraction_error", one(&sun.light.fraction_error)),
+                ("sun_irradiance", sun.irradiance.clone()),
+                ("sun_irradiance_error", sun.error.clone()),
+            ]);
+        }
         if let Some(sums) = self.row_sums {
             quantities.push(("row_sum", Block::from_values(sums.to_vec(), 1)));
         }
@@ -182,11 +194,7 @@ impl SolutionReport<'_> {
         for (name, block) in self.quantities() {
             npz.numbers(name, &[n, block.n_channels()], block.values())?;
         }
-        npz.numbers("area", &[n], &self.mesh.areas())?;
-        let centroids = self.mesh.patches.iter().flat_map(|patch| patch.centroid.to_array());
-        npz.numbers("centroid", &[n, 3], &centroids.collect::<Vec<_>>())?;
-        let surfaces = self.mesh.patches.iter().map(|patch| i64::from(patch.surface.0));
-        npz.numbers("surface", &[n], &surfaces.collect::<Vec<_>>())?;
+        npz.patches(self.mesh)?;
         npz.finish()
     }
 

@@ -405,6 +405,12 @@ pub enum SceneErrorKind {
         /// What is wrong, and the remedy.
         message: String,
     },
+    /// A file of boundary conditions that cannot be understood, or names what the scene does not have.
+    #[error("{}", printable_message(.message))]
+    BadBoundary {
+        /// What is wrong, and the remedy.
+        message: String,
+    },
     /// The file cannot be written.
     #[error("cannot be written: {source}; check the directory and its permissions")]
     Unwritable {
@@ -527,6 +533,7 @@ impl SceneErrorKind {
             Self::BadCamera { .. } => "bad_camera",
             Self::BadLighting { .. } => "bad_lighting",
             Self::BadFrames { .. } => "bad_frames",
+            Self::BadBoundary { .. } => "bad_boundary",
             Self::Unwritable { .. } => "unwritable",
             Self::NotObj { .. } => "not_obj",
             Self::UnwritableName { .. } => "unwritable_name",

@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::lines::{line_after, read_text};
 use super::table::{Content, Table};
+use super::toml_file::TomlFile;
 use super::{Motion, MotionError, Origin, Pose, Scene, SceneError, SceneErrorKind};
-use crate::input_file::{self, DESCRIPTION_LIMIT};
+use crate::input_file;
 
 /// One frame as its file names it.
 #[derive(Clone, Debug, PartialEq)]
@@ -114,23 +114,9 @@ impl Frame {
 /// comes twice, or a list without frames.
 pub fn load(file: impl AsRef<Path>) -> Result<Vec<Frame>, SceneError> {
     let file = file.as_ref();
-    let text = read_text(file, DESCRIPTION_LIMIT)?;
-    let bad = |start: Option<usize>, message: String| {
-        SceneError::new(
-            Origin::line(
-                file.to_owned(),
-                start.map(|start| line_after(text.get(..start).unwrap_or(&text))),
-            ),
-            SceneErrorKind::BadFrames { message },
-        )
-    };
-    let parsed: FramesFile = toml::from_str(&text).map_err(|error| {
-        let message = error.message().trim().replace('\n', ", ");
-        bad(
-            error.span().map(|span| span.start),
-            format!("{message}; correct the frames"),
-        )
-    })?;
+    let list = TomlFile::read(file, |message| SceneErrorKind::BadFrames { message })?;
+    let bad = |start: Option<usize>, message: String| list.bad(start, message);
+    let parsed: FramesFile = list.parsed("frames")?;
     if parsed.frame.is_empty() {
         return Err(bad(None, "there is no [[frame]]; add one".to_owned()));
     }
@@ -155,12 +141,12 @@ pub fn load(file: impl AsRef<Path>) -> Result<Vec<Frame>, SceneError> {
         for named in frame.lighting.iter().chain(cameras) {
             expect_plain(file, named).map_err(|message| bad(Some(start), message))?;
         }
-        let line_of = |motion: &Spanned<Table<Motion>>| line_after(text.get(..motion.span().start).unwrap_or(&text));
+        let line_of = |motion: &Spanned<Table<Motion>>| list.line(motion.span().start);
         frames.push(Frame {
             name: frame.name,
             lighting: frame.lighting,
             camera: frame.camera,
-            line: line_after(text.get(..start).unwrap_or(&text)),
+            line: list.line(start),
             moves: frame
                 .moves
                 .into_iter()

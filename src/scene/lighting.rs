@@ -7,10 +7,9 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::bright::{MIN_EXITANCE, exitance_limit, is_too_dim};
-use super::lines::{line_after, read_text};
 use super::table::{Content, Table};
-use super::{MAX_EXITANCE, Material, MaterialId, Origin, Scene, SceneError, SceneErrorKind, SurfaceId};
-use crate::input_file::DESCRIPTION_LIMIT;
+use super::toml_file::{TomlFile, first_names};
+use super::{MAX_EXITANCE, Material, MaterialId, Scene, SceneError, SceneErrorKind, SurfaceId};
 use crate::printable::quoted;
 
 /// What one lighting changes of a scene's materials.
@@ -140,24 +139,9 @@ impl Lighting {
     /// # Errors
     /// As [`load`](Self::load).
     pub fn load_up_to(file: impl AsRef<Path>, scene: &Scene, max_exitance: f64) -> Result<Self, SceneError> {
-        let file = file.as_ref();
-        let text = read_text(file, DESCRIPTION_LIMIT)?;
-        let bad = |start: Option<usize>, message: String| {
-            SceneError::new(
-                Origin::line(
-                    file.to_owned(),
-                    start.map(|start| line_after(text.get(..start).unwrap_or(&text))),
-                ),
-                SceneErrorKind::BadLighting { message },
-            )
-        };
-        let parsed: LightingFile = toml::from_str(&text).map_err(|error| {
-            let message = error.message().trim().replace('\n', ", ");
-            bad(
-                error.span().map(|span| span.start),
-                format!("{message}; correct the lighting"),
-            )
-        })?;
+        let file = TomlFile::read(file.as_ref(), |message| SceneErrorKind::BadLighting { message })?;
+        let bad = |start: Option<usize>, message: String| file.bad(start, message);
+        let parsed: LightingFile = file.parsed("lighting")?;
         let surfaces: Vec<&str> = scene.surfaces.iter().map(|s| s.name.as_str()).collect();
         let materials: Vec<&str> = scene.materials.iter().map(|m| m.name.as_str()).collect();
         let [surface_areas, material_areas] = areas_of(scene);
@@ -177,7 +161,7 @@ impl Lighting {
                     let message = format!(
                         "{kind}.{}: the scene has no {kind} of that name; it has {}",
                         quoted(&name),
-                        first_names(known)
+                        first_names(known.iter().copied())
                     );
                     return Err(bad(Some(change.span().start), message));
                 }
@@ -308,16 +292,6 @@ impl Lighting {
             first(|change| change.exitance).unwrap_or(plain.exitance),
         )
     }
-}
-
-/// Returns the first of many names, as a message lists them.
-fn first_names(names: &[&str]) -> String {
-    const SHOWN: usize = 12;
-    let mut shown: Vec<String> = names.iter().take(SHOWN).map(|name| quoted(name)).collect();
-    if names.len() > SHOWN {
-        shown.push(format!("{} more", names.len() - SHOWN));
-    }
-    shown.join(", ")
 }
 
 /// Returns the areas of the surfaces of a scene, then those of its materials, in m².

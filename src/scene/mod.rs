@@ -29,7 +29,8 @@ mod motion;
 mod overlap;
 mod rounding;
 mod split;
-mod table;
+pub(crate) mod table;
+pub(crate) mod toml_file;
 mod warning;
 mod written;
 

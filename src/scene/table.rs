@@ -10,14 +10,14 @@ use serde::de::value::MapAccessDeserializer;
 use serde::de::{Deserializer, Error as _, MapAccess, SeqAccess, Visitor};
 
 /// What a table holds, for the message where there is none.
-pub(super) trait Content {
+pub(crate) trait Content {
     /// Completes "expected".
     const EXPECTED: &'static str;
 }
 
 /// A value that is written as a table, and as nothing else.
 #[derive(Clone, Debug)]
-pub(super) struct Table<T>(pub(super) T);
+pub(crate) struct Table<T>(pub(crate) T);
 
 impl<'de, T: Deserialize<'de> + Content> Deserialize<'de> for Table<T> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
@@ -38,7 +38,7 @@ impl<'de, T: Deserialize<'de> + Content> Deserialize<'de> for Table<T> {
 }
 
 /// Reads a list of three numbers.
-pub(super) fn three<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[f64; 3], D::Error> {
+pub(crate) fn three<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[f64; 3], D::Error> {
     struct OfThree;
     impl<'de> Visitor<'de> for OfThree {
         type Value = [f64; 3];
@@ -67,6 +67,6 @@ pub(super) fn three<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[f64; 
 }
 
 /// Reads a list of three numbers that may be left out.
-pub(super) fn three_if_given<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<[f64; 3]>, D::Error> {
+pub(crate) fn three_if_given<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<[f64; 3]>, D::Error> {
     three(deserializer).map(Some)
 }

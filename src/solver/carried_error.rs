@@ -60,6 +60,17 @@ pub fn carried_error(
     exitance: &Block,
     solution: &Solution,
 ) -> Result<Block, SolverError> {
+    carried_error_with(factors, (reflectance, exitance), None, solution)
+}
+
+/// Does what [`carried_error`] does for an exitance that has an error of its own, W·m⁻², \[n, c\].
+#[track_caller]
+pub(crate) fn carried_error_with(
+    factors: &FormFactors,
+    (reflectance, exitance): (&Block, &Block),
+    exitance_error: Option<&Block>,
+    solution: &Solution,
+) -> Result<Block, SolverError> {
     let (n, n_channels) = (reflectance.n_rows(), reflectance.n_channels());
     let radiosity = &solution.radiosity;
     let shapes = [exitance, radiosity, &solution.irradiance].map(|block| (block.n_rows(), block.n_channels()));
@@ -69,25 +80,65 @@ pub fn carried_error(
     for (value, r) in source.values_mut().iter_mut().zip(residual.values()) {
         *value += r.abs();
     }
+    for (value, own) in source
+        .values_mut()
+        .iter_mut()
+        .zip(exitance_error.into_iter().flat_map(Block::values))
+    {
+        *value += own;
+    }
     let system = RadiositySystem::new(factors, factors.areas().to_vec(), reflectance.clone(), source)?;
-    let mut error = solved(&system)?;
-    if solution.stop_reason == StopReason::Converged {
-        let shares = shares_of_next_order(&system, factors, &error, solution)?;
-        for (i, room) in system.components().labels.iter().enumerate() {
-            let of_room = shares.row(*room as usize).iter();
-            error
-                .row_mut(i)
-                .iter_mut()
-                .zip(of_room)
-                .for_each(|(e, share)| *e = all_orders(*e, *share));
-        }
+    let converged = solution.stop_reason == StopReason::Converged;
+    let reflected = converged.then(|| solution.sent_on(reflectance));
+    carried(&system, reflected.as_ref(), |error| {
+        let mut irradiance = Block::zeros(n, n_channels);
+        factors.apply(error, &mut irradiance);
+        sent_wrongly(factors, reflectance, error, &irradiance)
+    })
+}
+
+/// Returns all orders of the error that the sources of `system` make; `reflected`: ρ H of the light that has converged, or `None`, and then the first order; `next`: the sources that an error taken for light makes.
+pub(crate) fn carried(
+    system: &RadiositySystem,
+    reflected: Option<&Block>,
+    next: impl Fn(&Block) -> Block,
+) -> Result<Block, SolverError> {
+    let mut error = solved(system)?;
+    let Some(reflected) = reflected else {
+        return Ok(error);
+    };
+    let shares = shares_of_next_order(system, &error, reflected, next)?;
+    for (i, room) in system.components().labels.iter().enumerate() {
+        let of_room = shares.row(*room as usize).iter();
+        error
+            .row_mut(i)
+            .iter_mut()
+            .zip(of_room)
+            .for_each(|(e, share)| *e = all_orders(*e, *share));
     }
     Ok(error)
 }
 
 /// Returns ρ (h + u |H|) for the light B, whose irradiance is H.
 fn sent_wrongly(factors: &FormFactors, reflectance: &Block, radiosity: &Block, irradiance: &Block) -> Block {
-    let (n, n_channels) = (reflectance.n_rows(), reflectance.n_channels());
+    let mut sent = irradiance_error(factors, radiosity, irradiance, None);
+    for (value, rho) in sent.values_mut().iter_mut().zip(reflectance.values()) {
+        *value *= rho;
+    }
+    sent
+}
+
+/// Returns h + u |H|, what the errors of form factors and their rounding make wrong of the irradiance H = F B.
+///
+/// `references`: c_i of rows whose errors cancel, Σ_j δF_ij = 0, as their sum is known: h_i² = Σ_j (s_ij (B_j − c_i))² for any c_i, \[n\]; `None` for 0 in all rows.
+pub(crate) fn irradiance_error(
+    factors: &FormFactors,
+    radiosity: &Block,
+    irradiance: &Block,
+    references: Option<&[f64]>,
+) -> Block {
+    let (n, n_channels) = (radiosity.n_rows(), radiosity.n_channels());
+    let reference = |i: usize| references.map_or(0.0, |references| references[i]);
     // So that no square leaves the range of numbers, whatever the unit of light.
     let mut greatest = vec![f64::MIN_POSITIVE; n_channels];
     for (k, b) in radiosity.values().iter().enumerate() {
@@ -110,13 +161,14 @@ fn sent_wrongly(factors: &FormFactors, reflectance: &Block, radiosity: &Block, i
         for_each_error(factors, blocks[k].clone(), |i, j, error| {
             let of_row = squares.row_mut(i - blocks[k].start);
             for ((square, b), unit) in of_row.iter_mut().zip(radiosity.row(j)).zip(&greatest) {
-                *square += (error * (b / unit)).powi(2);
+                *square += (error * ((b - reference(i)) / unit)).powi(2);
             }
         });
         let source = |(i, c): (usize, usize)| {
-            let unhit = factors.open_error(i).powi(2) * mean_squares[c];
+            let shift = (reference(i) / greatest[c]).powi(2);
+            let unhit = factors.open_error(i).powi(2) * (mean_squares[c] + shift);
             let noise = (squares.row(i - blocks[k].start)[c] + unhit).sqrt() * greatest[c];
-            reflectance.row(i)[c] * (noise + rounding * irradiance.row(i)[c].abs())
+            noise + rounding * irradiance.row(i)[c].abs()
         };
         let places = blocks[k].clone().flat_map(|i| (0..n_channels).map(move |c| (i, c)));
         places.map(source).collect()
@@ -145,9 +197,9 @@ fn solved(system: &RadiositySystem) -> Result<Block, SolverError> {
 /// Where the error is at most [`NEGLIGIBLE`] of the reflected light throughout, that share is taken for q: it is no less, as T of all light is the error.
 fn shares_of_next_order(
     system: &RadiositySystem,
-    factors: &FormFactors,
     error: &Block,
-    solution: &Solution,
+    reflected: &Block,
+    next: impl Fn(&Block) -> Block,
 ) -> Result<Block, SolverError> {
     let (rho, n_channels) = (system.reflectance(), error.n_channels());
     let rooms = system.components();
@@ -158,19 +210,16 @@ fn shares_of_next_order(
     let shares = |of: &Block, all: &Block| {
         let of_rooms = members
             .iter()
-            .flat_map(|patches| relative_errors_of(patches, factors.areas(), of, all));
+            .flat_map(|patches| relative_errors_of(patches, system.areas(), of, all));
         Block::from_values(of_rooms.collect(), n_channels)
     };
-    let of_reflected = shares(error, &solution.sent_on(rho));
+    let of_reflected = shares(error, reflected);
     let is_small = |share: &f64| *share <= NEGLIGIBLE;
     if of_reflected.values().iter().all(is_small) || !error.values().iter().all(|e| e.is_finite()) {
         return Ok(of_reflected);
     }
-    let mut irradiance = Block::zeros(error.n_rows(), n_channels);
-    factors.apply(error, &mut irradiance);
-    let source = sent_wrongly(factors, rho, error, &irradiance);
-    let next = RadiositySystem::new(factors, factors.areas().to_vec(), rho.clone(), source)?;
-    Ok(shares(&solved(&next)?, error))
+    let of_error = RadiositySystem::new(system.operator(), system.areas().to_vec(), rho.clone(), next(error))?;
+    Ok(shares(&solved(&of_error)?, error))
 }
 
 /// Up to here the share of an error in the reflected light says enough of its next order.

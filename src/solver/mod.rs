@@ -47,6 +47,7 @@ pub use crate::matrix::operator;
 pub use anderson::Anderson;
 pub use auto::Auto;
 pub use carried_error::carried_error;
+pub(crate) use carried_error::{carried, carried_error_with, irradiance_error};
 pub use cg::ConjugateGradients;
 pub use chebyshev::{Chebyshev, SpectrumBounds};
 pub use choice::{Choice, ChoiceReason};

@@ -163,6 +163,14 @@ impl Solution {
         bounds.try_fold(0.0, |most: f64, bound| Some(most.max(bound?)))
     }
 
+    /// Counts the solution as converged, for a caller to whom its residual suffices.
+    pub(crate) fn accept(&mut self) {
+        self.stop_reason = StopReason::Converged;
+        for own in &mut self.channels {
+            own.stop_reason = StopReason::Converged;
+        }
+    }
+
     /// Tells what black backs take apart from what escapes, in [`energy`](Self::energy), before anything else than B stands in `radiosity`. `areas`: A, m², \[n\]; `backs`: the fraction of
     /// the light of each patch that backs take, \[n\].
     ///

@@ -6,6 +6,7 @@ use super::VoxelRemedy;
 use crate::checkpoint::CheckpointError;
 use crate::embree::EmbreeError;
 use crate::form_factor::{FormFactorError, Leak, MAX_ESCAPED};
+use crate::heat::HeatError;
 use crate::matrix::{DiskError, MatrixError};
 use crate::mesh::{MeshError, Subdivision};
 use crate::parameter::{Named, Parameter, plainly};
@@ -110,6 +111,13 @@ pub enum WorkflowError {
         needed: u64,
         /// What may be used, in bytes.
         limit: u64,
+    },
+    /// Boundary conditions do not fit the scene, or have no temperatures.
+    Heat {
+        /// The file of the boundary conditions.
+        file: PathBuf,
+        /// Why.
+        error: HeatError,
     },
     /// The checkpoint could not be opened.
     Checkpoint(CheckpointError),
@@ -258,6 +266,7 @@ impl WorkflowError {
                 remedy.text(named),
                 name(Parameter::MemoryLimit)
             ),
+            Self::Heat { file, error } => format!("{}: {error}", file.display()),
             Self::Checkpoint(error) => error.to_string(),
             Self::Unsuited(unsuited) => unsuited.text(named),
             Self::InFrame { error, .. } => format!("{}{}", error.text(named), self.place()),

@@ -152,6 +152,7 @@ impl Model {
                 carried,
                 error,
                 mesh_error,
+                sunlit: None,
             };
             let lit = LightingStudy {
                 number,

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::{Context, FormFactorStudy, Model, Warning, WorkflowError, go_on};
 use crate::matrix::Place;
-use crate::matrix::operator::Block;
+use crate::matrix::operator::{Block, LinearOperator};
 use crate::mesh::Hierarchy;
 use crate::progress::Progress as _;
 use crate::solver::{Coarsened, Solution, SolverError, StopReason, coarsened, relative_errors};
@@ -41,6 +41,18 @@ impl Model {
         solution: &Solution,
         cx: &Context,
     ) -> Result<Option<Coarsened>, WorkflowError> {
+        self.coarsened_by(&study.factors, study, reflectance, solution, cx)
+    }
+
+    /// Does what [`coarsened`](Self::coarsened) does where an `operator` that is made of the form factors takes their place.
+    pub(super) fn coarsened_by(
+        &self,
+        operator: &dyn LinearOperator,
+        study: &FormFactorStudy,
+        reflectance: &Block,
+        solution: &Solution,
+        cx: &Context,
+    ) -> Result<Option<Coarsened>, WorkflowError> {
         let factors = &study.factors;
         let watch = cx.progress();
         if matches!(factors.storage().place, Place::Disk(_)) || watch.is_late() {
@@ -48,7 +60,7 @@ impl Model {
         }
         let found = cx.time("mesh_error", || {
             let hierarchy = Hierarchy::of_mesh(&self.mesh);
-            coarsened(factors, factors.areas(), &hierarchy, reflectance, solution, || {
+            coarsened(operator, factors.areas(), &hierarchy, reflectance, solution, || {
                 go_on(&watch)
             })
         });

@@ -6,8 +6,10 @@
 
 mod context;
 mod error;
+mod exchange;
 mod field;
 mod form_factors;
+mod heat;
 mod image;
 mod image_light;
 mod leaks;
@@ -15,12 +17,14 @@ mod lightings;
 mod mesh_error;
 mod model;
 mod on_the_fly;
+mod points;
 mod repair;
 mod reuse;
 mod sequence;
 mod settings;
 mod solve;
 mod storage;
+mod sun;
 mod surfaces;
 mod total_error;
 mod view;
@@ -32,8 +36,10 @@ mod warning_text;
 
 pub use context::{Context, Demand, Watch};
 pub use error::{Unsuited, WorkflowError};
+pub use exchange::ExchangeNodes;
 pub use field::FieldRequest;
 pub use form_factors::{Afterwards, Balance, DEFAULT_RAYS, FormFactorRequest, FormFactorStudy, Raw};
+pub use heat::{HeatStudy, MAX_HEAT_ERROR};
 pub use image::{
     IMAGE_RAYS, IMAGE_TOLERANCE, ImageFile, ImageRequest, gathered, image_byte, image_patches, render_shown,
     render_to_files, warn_if_blank,
@@ -48,9 +54,10 @@ pub use reuse::mesh_options;
 pub use sequence::{
     Frame, FrameDefaults, FrameStudy, PoseStudy, Sequence, SequenceObserver, SequenceRequest, with_suffix,
 };
-pub use settings::{Balanced, Settings, StatedClosure, VarianceRepair};
+pub use settings::{Balanced, Settings, StatedClosure, SunRecord, VarianceRepair};
 pub use solve::{Known, SolutionStudy, SolveRequest, go_on};
 pub use storage::{ChosenStorage, MatrixDemand, Memory, Storage, choice_text, choose_storage, place_text};
+pub use sun::SunRequest;
 pub use surfaces::SurfaceTable;
 pub use total_error::TotalError;
 pub use view::{CameraChoice, CameraOrigin, ImageView, ViewRequest};

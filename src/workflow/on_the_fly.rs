@@ -29,6 +29,7 @@ impl Model {
             solution,
             carried: None,
             mesh_error: None,
+            sunlit: None,
         };
         Ok((study, indirect))
     }
@@ -87,6 +88,8 @@ impl Model {
             },
             backs: None,
             closed_rows: Some(&closed_rows),
+            signed: false,
+            aim: None,
         };
         let parts = Parts {
             scene,

@@ -40,6 +40,26 @@ pub enum StatedClosure {
     Open,
 }
 
+/// The sun that was asked for, by its direction or by place and time.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+pub struct SunRecord {
+    /// The direction towards the sun.
+    pub sun: Option<[f64; 3]>,
+    /// The place, in degrees north.
+    pub latitude: Option<f64>,
+    /// The place, in degrees east.
+    pub longitude: Option<f64>,
+    /// The time in RFC 3339.
+    pub time: Option<String>,
+    /// The direction of the scene that is north.
+    pub north: [f64; 3],
+    /// The irradiance of a plane that faces the sun, W·m⁻², of each channel.
+    pub sun_irradiance: Option<[f64; 3]>,
+    /// The angular radius, in degrees.
+    pub sun_radius: Option<f64>,
+}
+
 macro_rules! settings {
     ($($(#[$doc:meta])* $name:ident: $kind:ty,)*) => {
         /// What results are made with: the settings of the steps that were taken, each `None` where it plays no part.
@@ -150,6 +170,8 @@ settings! {
     subdivide: u32,
     /// The surface that a field of form factors is to.
     surface: String,
+    /// The sun.
+    sun: SunRecord,
     /// The array of cells that gives the surfaces.
     surface_array: String,
     /// The numbers of the tables that are reproduced.

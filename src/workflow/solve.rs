@@ -10,6 +10,7 @@ use super::total_error::TotalError;
 use super::{Context, FormFactorStudy, Model, Warning, WorkflowError};
 use crate::audit::{self, Given};
 use crate::form_factor::Fraction;
+use crate::heat::Sunlit;
 use crate::matrix::operator::{Block, LinearOperator};
 use crate::matrix::{Need, Precision};
 use crate::mesh::{Hierarchy, Mesh};
@@ -81,6 +82,8 @@ pub struct SolutionStudy {
     pub error: TotalError,
     /// What a coarser mesh would change; `None` where that is not known.
     pub mesh_error: Option<MeshError>,
+    /// What the sun lights, where it shines.
+    pub sunlit: Option<Sunlit>,
 }
 
 /// What is known of form factors beside their values.
@@ -92,6 +95,10 @@ pub struct Known<'a> {
     pub backs: Option<&'a [Fraction]>,
     /// The rows that are known to sum to 1, \[n\].
     pub closed_rows: Option<&'a [bool]>,
+    /// Whether exitances may be negative, as where heat is taken away.
+    pub signed: bool,
+    /// A tolerance below that of the request that is tried first: where it is not reached, the request's counts.
+    pub aim: Option<f64>,
 }
 
 impl FormFactorStudy {
@@ -105,6 +112,8 @@ impl FormFactorStudy {
             },
             backs: Some(&self.sky.back),
             closed_rows: Some(&self.closed_rows),
+            signed: false,
+            aim: None,
         }
     }
 }
@@ -194,6 +203,7 @@ impl Model {
             solution,
             carried: None,
             mesh_error: None,
+            sunlit: None,
         };
         (study, dark)
     }
@@ -209,7 +219,19 @@ impl Model {
         solution: Solution,
         cx: &Context,
     ) -> Result<SolutionStudy, WorkflowError> {
-        let carried = study.carried_error((reflectance, exitance), &solution, cx)?;
+        self.judged_with(study, (reflectance, exitance), None, solution, cx)
+    }
+
+    /// Does what [`judged`](Self::judged) does for an exitance that has an error of its own, W·m⁻², \[n, c\].
+    pub(super) fn judged_with(
+        &self,
+        study: &FormFactorStudy,
+        (reflectance, exitance): (&Block, &Block),
+        exitance_error: Option<&Block>,
+        solution: Solution,
+        cx: &Context,
+    ) -> Result<SolutionStudy, WorkflowError> {
+        let carried = study.carried_error_with((reflectance, exitance), exitance_error, &solution, cx)?;
         let coarse = self.coarsened(study, reflectance, &solution, cx)?;
         let mesh_error = self.mesh_error(coarse.as_ref(), (exitance, &solution), cx);
         study.factors.if_readable(())?;
@@ -218,6 +240,7 @@ impl Model {
             solution,
             carried,
             mesh_error,
+            sunlit: None,
         })
     }
 
@@ -242,6 +265,7 @@ impl Model {
             solution: &study.solution,
             error: study.carried.as_ref(),
             row_sums: row_sums.as_deref(),
+            sun: study.sunlit.as_ref(),
             settings: &cx.settings.record(),
         };
         Ok(report.write(path)?)
@@ -322,14 +346,19 @@ pub(super) fn solve_system(
         refused((scene, file), error, surface, of)
     };
     let materials = (reflectance.clone(), exitance.clone());
-    let system = RadiositySystem::new(factors, areas, reflectance, exitance)
+    let build = if known.signed {
+        RadiositySystem::with_signed_exitance
+    } else {
+        RadiositySystem::new
+    };
+    let system = build(factors, areas, reflectance, exitance)
         .and_then(|system| match known.closed_rows {
             Some(rows) => system.with_closed_rows(rows),
             None => Ok(system),
         })
         .map_err(|error| refused(error, cx))?;
     let options = SolveOptions {
-        tolerance: Tolerance::ResidualL2(request.tolerance),
+        tolerance: Tolerance::ResidualL2(known.aim.map_or(request.tolerance, |aim| aim.min(request.tolerance))),
         max_passes: request.max_passes,
         start: request.start,
         ..SolveOptions::default()
@@ -341,8 +370,16 @@ pub(super) fn solve_system(
     let mut solution = solved.map_err(|error| refused(error, cx))?;
     if solution.stop_reason == StopReason::Interrupted {
         cx.go_on()?;
+    } else if known.aim.is_some()
+        && solution.stop_reason != StopReason::Diverged
+        && solution.residual_l2 <= request.tolerance
+    {
+        solution.accept();
     }
-    warn_of_bright_lamps(&system, &solution, cx);
+    // The error of heat is stated patch by patch.
+    if !known.signed {
+        warn_of_bright_lamps(&system, &solution, cx);
+    }
     let audit = cx.time("audit", || audit::solution(&system, &solution, known.given))?;
     cx.audited(audit);
     cx.judge_leaking_power((&materials.0, &materials.1), &solution.radiosity);
@@ -438,12 +475,22 @@ impl FormFactorStudy {
         solution: &Solution,
         cx: &Context,
     ) -> Result<Option<Block>, WorkflowError> {
+        self.carried_error_with((reflectance, exitance), None, solution, cx)
+    }
+
+    fn carried_error_with(
+        &self,
+        materials: (&Block, &Block),
+        exitance_error: Option<&Block>,
+        solution: &Solution,
+        cx: &Context,
+    ) -> Result<Option<Block>, WorkflowError> {
         let is_rounded = self.factors.storage().precision == Precision::F32;
         if !self.errors_known && !is_rounded {
             return Ok(None);
         }
         let carried = cx.time("error", || {
-            solver::carried_error(&self.factors, reflectance, exitance, solution)
+            solver::carried_error_with(&self.factors, materials, exitance_error, solution)
         });
         match carried {
             Ok(error) if self.errors_known => Ok(Some(error)),

@@ -300,6 +300,18 @@ pub enum Warning {
     },
     /// The viewer that showed an image has gone.
     ViewerGone,
+    /// Black backs of faces take heat.
+    HeatToBacks {
+        /// How much, W.
+        power_w: f64,
+    },
+    /// The error of the mesh is in no stated error.
+    NoMeshError,
+    /// Temperatures are inexact.
+    InexactHeat {
+        /// The greatest error of a surface's irradiance, relative to the larger of that and its emissive power.
+        relative: f64,
+    },
     /// What a program has to say itself.
     Other(String),
 }

@@ -111,6 +111,7 @@ impl Warning {
             | Self::EscapingLinks { .. }
             | Self::PassedWalls { .. }
             | Self::UnshotLight { .. } => self.of_voxels(named),
+            Self::HeatToBacks { .. } | Self::NoMeshError | Self::InexactHeat { .. } => self.of_heat(named),
             _ => self.of_numbers(named),
         }
     }
@@ -239,6 +240,27 @@ impl Warning {
                 "after {passes} propagations unshot light is left, {unshot:.1e} of what there is or more; give more {}, or a {}",
                 named(Parameter::Passes, None),
                 named(Parameter::Solver, None)
+            ),
+            // Whoever adds a kind and no text is not to make it mute.
+            _ => format!("{self:?}"),
+        }
+    }
+
+    /// Returns what there is to say of heat.
+    fn of_heat(&self, named: Named<'_>) -> String {
+        match self {
+            Self::HeatToBacks { power_w } => format!(
+                "black backs of faces, at 0 K, take {power_w:.3e} W: close the scene around them, or reverse faces with {}",
+                named(Parameter::Flip, Some("NAME"))
+            ),
+            Self::NoMeshError => format!(
+                "the error of the mesh is not known and is in no stated error, as no coarser mesh is to be had; give {} of 2 or more",
+                named(Parameter::Subdivide, None)
+            ),
+            Self::InexactHeat { relative } => format!(
+                "the irradiance of a surface has an error of {relative:.1e} of itself; give a smaller {}, or a larger {}",
+                named(Parameter::FormFactorTolerance, None),
+                named(Parameter::Budget, None)
             ),
             // Whoever adds a kind and no text is not to make it mute.
             _ => format!("{self:?}"),

@@ -4,6 +4,7 @@
 mod audit;
 mod embree;
 mod form_factor;
+mod heat;
 mod matrix;
 mod occlusion;
 #[path = "../support/run.rs"]

@@ -9,6 +9,7 @@ mod at_walls;
 mod exchange;
 mod experiments;
 mod form_factors;
+mod heat;
 mod input;
 mod pages;
 mod pictures;

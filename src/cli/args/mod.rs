@@ -4,6 +4,8 @@ mod byte;
 mod experiments;
 mod field;
 mod form_factors;
+mod heat;
+mod points;
 mod reading;
 mod render;
 mod solve;
@@ -24,6 +26,8 @@ pub use form_factors::{
     BalanceName, ClosureArgs, FormFactorsArgs, MemoryArgs, MeshArgs, MethodArgs, PrecisionName, SequenceName,
     StorageArgs, StorageName,
 };
+pub use heat::{HeatArgs, NodesName, SunArgs};
+pub use points::PointsArgs;
 pub use reading::{ReadingArgs, UnitName, UpAxisName};
 pub use render::{DirectName, GatherArgs, ImageArgs, PartsName, PictureFileArgs, PixelsName, RenderArgs, ViewArgs};
 pub use solve::{BoundsName, SolveArgs, SolverArgs, StartName};
@@ -45,7 +49,6 @@ pub struct Cli {
 
 /// The commands.
 #[derive(Debug, Subcommand)]
-#[expect(clippy::large_enum_variant, reason = "there is one of them in a run")]
 pub enum Command {
     /// Write a built-in scene as OBJ and MTL
     Scene(SceneArgs),
@@ -53,6 +56,10 @@ pub enum Command {
     FormFactors(FormFactorsArgs),
     /// Solve for the radiosity of every patch
     Solve(SolveArgs),
+    /// Temperatures and net heat fluxes, with sun and sky
+    Heat(HeatArgs),
+    /// View factors, irradiance and mean radiant temperature at free points
+    Points(PointsArgs),
     /// Render a scene to a layered OpenEXR image and a PNG preview
     Render(RenderArgs),
     /// Render the form factor from every visible point to a surface
@@ -132,6 +139,26 @@ fn parse_positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
         _ => Err("give a number above 0".to_owned()),
+    }
+}
+
+fn parse_not_negative(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),
+        _ => Err("give a number from 0".to_owned()),
+    }
+}
+
+/// Reads one number for all channels, or three.
+fn parse_channels(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Vec<f64> = text
+        .split(',')
+        .map(|part| parse_not_negative(part.trim()))
+        .collect::<Result<_, _>>()?;
+    match numbers[..] {
+        [grey] => Ok([grey; 3]),
+        [r, g, b] => Ok([r, g, b]),
+        _ => Err("give one number, or three as in 1.0,0.9,0.8".to_owned()),
     }
 }
 

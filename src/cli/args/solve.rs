@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 
-use super::{AuditArgs, CommonArgs, MeshArgs, MethodArgs, StorageArgs, parse_positive, parse_tolerance};
+use super::{AuditArgs, CommonArgs, MeshArgs, MethodArgs, StorageArgs, SunArgs, parse_positive, parse_tolerance};
 use crate::solver::{Deflate, SolverSettings, SpectrumBounds, Start};
 use crate::workflow::SolveRequest;
 
@@ -167,14 +167,17 @@ pub struct SolveArgs {
     #[arg(long, value_name = "F.npz", conflicts_with_all = ["method", "rays", "points", "sequence", "seed", "resolution", "normalise", "budget", "form_factor_tolerance", "checkpoint"])]
     pub form_factors: Option<PathBuf>,
     /// Compute the form factors again in every pass instead of storing them; for methods that compute rows
-    #[arg(long, conflicts_with_all = ["form_factors", "lighting", "balance", "checkpoint"])]
+    #[arg(long, conflicts_with_all = ["form_factors", "lighting", "balance", "checkpoint", "sun_irradiance"])]
     pub on_the_fly: bool,
     /// A file with other exitances and reflectances, by surface or material; give it several times to solve for all at once
-    #[arg(long, value_name = "A.toml")]
+    #[arg(long, value_name = "A.toml", conflicts_with = "sun_irradiance")]
     pub lighting: Vec<PathBuf>,
     /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-6]
     #[arg(long, value_name = "T", value_parser = parse_positive)]
     pub form_factor_tolerance: Option<f64>,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub sun: SunArgs,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub mesh: MeshArgs,

@@ -14,6 +14,7 @@ mod cells;
 mod events;
 mod few;
 mod flat;
+mod free_point;
 mod layers;
 mod pieces;
 mod point;
@@ -21,6 +22,7 @@ mod quad;
 mod receiver;
 mod rule;
 mod shadow;
+mod sunlit;
 
 use std::cmp::Ordering;
 
@@ -33,10 +35,12 @@ use crate::visibility::occluders::Occluder;
 use cells::{Cells, Shape};
 use events::Outline;
 use flat::Flat;
+pub(crate) use free_point::{Place, PointViews};
 use pieces::{Pieces, Sight};
 pub use point::VisibleFactor;
 use receiver::Receiver;
 use shadow::Shadows;
+pub(crate) use sunlit::{Lit, lit_part};
 
 /// What of the error allowed the exchange area without occluders may have.
 const SHARE_OF_WHOLE: f64 = 1e-3;

@@ -60,11 +60,11 @@ struct Side {
 
 /// A half-space n · r + c > 0 of the vectors r from the target's middle.
 #[derive(Clone, Copy, Debug)]
-struct HalfSpace {
-    normal: DVec3,
-    offset: f64,
+pub(super) struct HalfSpace {
+    pub(super) normal: DVec3,
+    pub(super) offset: f64,
     /// Values up to this count as on the plane: so much, and so much for each metre of r.
-    slack: [f64; 2],
+    pub(super) slack: [f64; 2],
 }
 
 impl HalfSpace {
@@ -93,23 +93,23 @@ pub(super) struct Shadows {
 
 /// Convex polygons, one after the other.
 #[derive(Default)]
-struct Fragments {
+pub(super) struct Fragments {
     corners: Vec<DVec3>,
     ends: Vec<usize>,
 }
 
 impl Fragments {
-    fn clear(&mut self) {
+    pub(super) fn clear(&mut self) {
         self.corners.clear();
         self.ends.clear();
     }
 
-    fn push(&mut self, corners: &[DVec3]) {
+    pub(super) fn push(&mut self, corners: &[DVec3]) {
         self.corners.extend_from_slice(corners);
         self.ends.push(self.corners.len());
     }
 
-    fn iter(&self) -> impl Iterator<Item = &[DVec3]> {
+    pub(super) fn iter(&self) -> impl Iterator<Item = &[DVec3]> {
         let starts = std::iter::once(0).chain(self.ends.iter().copied());
         starts.zip(&self.ends).map(|(start, &end)| &self.corners[start..end])
     }
@@ -326,7 +326,7 @@ impl Shadows {
 }
 
 /// Adds to `out` the convex pieces of a convex fragment that lie outside of at least one half-space; returns false if that is all of it, and else leaves the other part in `rest`.
-fn subtract(
+pub(super) fn subtract(
     fragment: &[DVec3],
     half_spaces: &[HalfSpace],
     out: &mut Fragments,

@@ -6,6 +6,7 @@ use super::{Camera, Material, MaterialId, Origin, Scene, SceneBuilder, SceneErro
 
 mod cornell_box;
 mod corridor;
+mod crater;
 mod cube;
 mod lewis_room;
 mod living_room;
@@ -35,7 +36,7 @@ struct Entry {
 }
 
 /// Every built-in scene, in the order in which they are listed.
-const REGISTRY: [Entry; 8] = [
+const REGISTRY: [Entry; 9] = [
     Entry {
         name: "cube",
         levels: None,
@@ -76,6 +77,11 @@ const REGISTRY: [Entry; 8] = [
         levels: None,
         build: living_room::build,
     },
+    Entry {
+        name: "crater",
+        levels: None,
+        build: crater::build,
+    },
 ];
 
 /// Iterates over the names of all built-in scenes.
@@ -93,6 +99,7 @@ pub fn names() -> impl ExactSizeIterator<Item = &'static str> {
 /// - `corridor`: two walls with a partition of half their height between them, a coincident two-sided sheet.
 /// - `room-box`: a room with a floating box, twelve rectangles.
 /// - `living-room`: a furnished room with more than 600 objects and its camera, at the scale of [`MALGOUYRES_2002`](crate::references::MALGOUYRES_2002).
+/// - `crater`: a spherical cap in 256 faces, for sunlight; nothing emits.
 ///
 /// Coordinates and values are literals and what sums, products, quotients and square roots make of them: no function whose last bit depends on the machine.
 /// Departures: each scene's `README.md` in `scenes/` says what its source leaves open, and how that was decided.

@@ -234,6 +234,7 @@ fn solutions_hold_the_residual() {
     case.factors.apply(&solution.radiosity, &mut solution.irradiance);
     let settings = json!({"solver": "pcg"});
     let report = SolutionReport {
+        sun: None,
         error: None,
         row_sums: None,
         scene: &case.scene,

@@ -1,0 +1,123 @@
+//! Heat, and the sun.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+
+use super::{
+    AuditArgs, CommonArgs, MeshArgs, MethodArgs, SolverArgs, StorageArgs, parse_channels, parse_not_negative,
+    parse_positive, parse_vector,
+};
+use crate::workflow::{ExchangeNodes, SunRecord};
+
+/// The sun.
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Sun")]
+#[group(skip)]
+#[command(group = clap::ArgGroup::new("sun_direction").args(["sun", "latitude"]))]
+pub struct SunArgs {
+    /// The direction towards the sun, of any length; instead of that of the file
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse_vector, requires = "sun_irradiance")]
+    pub sun: Option<[f64; 3]>,
+    /// The place on Earth whose sun shines, in degrees north; with --longitude and --time in the place of --sun
+    #[arg(long, value_name = "DEG", conflicts_with = "sun", requires_all = ["longitude", "time", "sun_irradiance"])]
+    pub latitude: Option<f64>,
+    /// The place, in degrees east
+    #[arg(long, value_name = "DEG", requires = "latitude")]
+    pub longitude: Option<f64>,
+    /// The time in RFC 3339, as 2026-06-21T12:00:00+02:00
+    #[arg(long, value_name = "TIME", requires = "latitude")]
+    pub time: Option<String>,
+    /// The direction of the scene that is north, with --latitude; up is that of the sky, or +z
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse_vector, default_value = "0,1,0")]
+    pub north: [f64; 3],
+    /// The irradiance of a plane that faces the sun, W/m²: one number, or red, green and blue
+    #[arg(long, value_name = "W[,G,B]", value_parser = parse_channels, requires = "sun_direction")]
+    pub sun_irradiance: Option<[f64; 3]>,
+    /// The angular radius of the sun in degrees: above 0 its shadows have penumbras [default: 0]
+    #[arg(long, value_name = "DEG", value_parser = parse_not_negative, requires = "sun_direction")]
+    pub sun_radius: Option<f64>,
+}
+
+impl SunArgs {
+    /// Returns what was given, as settings of a run have it.
+    pub(in crate::cli) fn record(&self) -> SunRecord {
+        SunRecord {
+            sun: self.sun,
+            latitude: self.latitude,
+            longitude: self.longitude,
+            time: self.time.clone(),
+            north: self.north,
+            sun_irradiance: self.sun_irradiance,
+            sun_radius: self.sun_radius,
+        }
+    }
+}
+
+/// What the nodes of exchange factors are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum NodesName {
+    /// Surfaces, averaged over their patches with weights ε A
+    Surface,
+    /// Patches
+    Patch,
+}
+
+impl From<NodesName> for ExchangeNodes {
+    fn from(name: NodesName) -> Self {
+        match name {
+            NodesName::Surface => Self::Surfaces,
+            NodesName::Patch => Self::Patches,
+        }
+    }
+}
+
+/// `radiosity heat`.
+#[derive(Args, Debug)]
+pub struct HeatArgs {
+    /// The scene (OBJ)
+    #[arg(value_name = "SCENE")]
+    pub scene: PathBuf,
+    /// The boundary conditions: emissivities, temperatures, supplied heat, nodes; surroundings, sun and sky
+    #[arg(long, value_name = "FILE.toml")]
+    pub boundary: PathBuf,
+    /// A file for the temperatures and fluxes of each patch: .csv, .npz or .vtu
+    #[arg(short, long, value_name = "OUT.csv")]
+    pub output: Option<PathBuf>,
+    /// A file for Gebhart factors, script-F and conductors of a thermal network: .npz, or .csv with the conductors alone
+    #[arg(long, value_name = "G.npz")]
+    pub exchange_factors: Option<PathBuf>,
+    /// The nodes of the exchange factors
+    #[arg(long, value_enum, default_value_t = NodesName::Surface, requires = "exchange_factors")]
+    pub by: NodesName,
+    /// Form factors that `form-factors -o` wrote, instead of computing them; they know how the scene was cut into patches
+    #[arg(long, value_name = "F.npz", conflicts_with_all = ["method", "rays", "points", "sequence", "seed", "resolution", "normalise", "budget", "form_factor_tolerance", "checkpoint"])]
+    pub form_factors: Option<PathBuf>,
+    /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-6]
+    #[arg(long, value_name = "T", value_parser = parse_positive)]
+    pub form_factor_tolerance: Option<f64>,
+    /// A uniform sky: the irradiance of an unoccluded plane that faces up, W/m²; up is that of the file, or +z
+    #[arg(long, value_name = "W", value_parser = parse_not_negative, help_heading = "Sun")]
+    pub sky: Option<f64>,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub sun: SunArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub mesh: MeshArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub method: MethodArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub solver: SolverArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub storage: StorageArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub audit: AuditArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub common: CommonArgs,
+}

@@ -1,0 +1,45 @@
+//! Free points.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::{CommonArgs, MeshArgs, MethodArgs, SolverArgs, StorageArgs, parse_positive};
+
+/// `radiosity points`.
+#[derive(Args, Debug)]
+pub struct PointsArgs {
+    /// The scene (OBJ)
+    #[arg(value_name = "SCENE")]
+    pub scene: PathBuf,
+    /// A table of points with the columns x, y, z in m and, where they face one way, nx, ny, nz
+    #[arg(value_name = "P.csv")]
+    pub points: PathBuf,
+    /// Boundary conditions, for irradiances and mean radiant temperatures; without them there are view factors alone
+    #[arg(long, value_name = "FILE.toml")]
+    pub boundary: Option<PathBuf>,
+    /// A file for what the points see: .csv or .npz [default: a table on standard output]
+    #[arg(short, long, value_name = "OUT.csv")]
+    pub output: Option<PathBuf>,
+    /// Count the sun in the mean radiant temperature as it acts on a standing person
+    #[arg(long, requires = "boundary")]
+    pub person: bool,
+    /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-6]
+    #[arg(long, value_name = "T", value_parser = parse_positive)]
+    pub form_factor_tolerance: Option<f64>,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub mesh: MeshArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub method: MethodArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub solver: SolverArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub storage: StorageArgs,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
+    pub common: CommonArgs,
+}

@@ -1,0 +1,65 @@
+//! What people are told of heat.
+
+use std::fmt::Write as _;
+
+use crate::cli::args::HeatArgs;
+use crate::cli::checks::describe_checks;
+use crate::cli::solution::{describe_mesh_error, solver_line};
+use crate::cli::{cell, name_width};
+use crate::printable::{counted, printable};
+use crate::workflow::{FormFactorStudy, HeatStudy, Model};
+
+/// Describes temperatures and fluxes of surfaces, and the balance of the scene.
+pub(super) fn describe(
+    text: &mut String,
+    args: &HeatArgs,
+    model: &Model,
+    factors: &FormFactorStudy,
+    study: &HeatStudy,
+) {
+    let surfaces = &study.heat.surfaces;
+    let n_surfaces = counted(surfaces.len(), "surface");
+    let _ = writeln!(text, "{} patches on {n_surfaces}", model.mesh.n_patches());
+    describe_checks(text, factors);
+    let _ = writeln!(
+        text,
+        "{}",
+        solver_line(&args.solver.solver, &study.thermal, study.error)
+    );
+    if let Some(mesh_error) = &study.mesh_error {
+        describe_mesh_error(text, mesh_error);
+    }
+    let names: Vec<String> = surfaces.iter().map(|surface| printable(&surface.name)).collect();
+    let width = name_width(names.iter().map(String::as_str));
+    let _ = writeln!(
+        text,
+        "\n{:width$} {:>12} {:>12} {:>12} {:>12} {:>12} {:>8}",
+        "surface", "T, K", "error", "net, W/m²", "error", "net, W", "sunlit"
+    );
+    for (name, own) in names.iter().zip(surfaces) {
+        let numbers = [
+            own.temperature_k,
+            own.temperature_k_error,
+            own.net_flux_w_m2,
+            own.net_flux_w_m2_error,
+            own.net_heat_w,
+        ];
+        let lit = own
+            .sunlit_fraction
+            .map_or_else(|| "-".to_owned(), |lit| format!("{lit:.4}"));
+        let _ = writeln!(text, "{name:width$} {} {lit:>8}", numbers.map(cell).join(" "));
+    }
+    let balance = &study.heat.balance;
+    let _ = writeln!(
+        text,
+        "\nsupplied {:.6e} W, sun {:.6e} W, sky {:.6e} W, from surroundings {:.6e} W, escaped {:.6e} W, absorbed by backs {:.6e} W; balance {:.1e} +- {:.1e} W",
+        balance.supplied_w,
+        balance.sun_w,
+        balance.sky_w,
+        balance.from_surroundings_w,
+        balance.escaped_w,
+        balance.absorbed_by_backs_w,
+        balance.energy_balance_w,
+        balance.energy_balance_w_error
+    );
+}

@@ -1,0 +1,127 @@
+//! `radiosity heat`.
+
+mod describe;
+
+use std::fmt::Write as _;
+
+use glam::DVec3;
+
+use super::Outcome;
+use super::args::HeatArgs;
+use super::exit_code::ExitCode;
+use super::failure::Failure;
+use super::file_set::FileSet;
+use super::run::Run;
+use super::solution::code;
+use super::sun::{grey, sun};
+use crate::document::HeatDocument;
+use crate::heat::{Boundary, Sky};
+use crate::mesh::Subdivision;
+use crate::report::exchange;
+use crate::report::form_factors::{FormFactorFile, files_of};
+use crate::report::heat::HeatReport;
+use crate::report::solution::Format;
+use crate::workflow::{Afterwards, Demand, FormFactorStudy, HeatStudy, Model};
+
+pub(super) fn run(args: &HeatArgs) -> Result<Outcome, Failure> {
+    let mut run = Run::new("heat", &args.common);
+    let result = work(args, &mut run);
+    run.ended(result)
+}
+
+fn work(args: &HeatArgs, run: &mut Run) -> Result<Outcome, Failure> {
+    if let Some(path) = &args.output {
+        Format::of(path)?;
+    }
+    if let Some(path) = &args.exchange_factors {
+        exchange::Format::of(path)?;
+    }
+    // Before the work: a mistake in the sun is found at once.
+    sun(&args.sun, DVec3::Z)?.map(grey).transpose()?;
+    files(args).check()?;
+    let file = args.form_factors.as_deref().map(FormFactorFile::open).transpose()?;
+    let mesh = file.as_ref().map_or(Ok(args.mesh), |file| args.mesh.of_file(file))?;
+    let demand = Demand {
+        output: args.output.clone(),
+        tolerance: Some(args.solver.tolerance),
+        ..Demand::default()
+    };
+    run.expect(&args.storage, demand);
+    let mut model = run.prepare(&args.scene, mesh, |_| Subdivision::Uniform(1))?;
+    // Before the work: a mistake in them is found at once.
+    let mut boundary = Boundary::load(&args.boundary, &model.scene)?;
+    let up = boundary.sky.map_or(DVec3::Z, |sky| sky.up());
+    boundary.sun = sun(&args.sun, up)?.map(grey).transpose()?.or(boundary.sun);
+    if let Some(irradiance) = args.sky {
+        let sky = Sky::new(irradiance, up).map_err(|(_, wrong)| Failure::usage(format!("--sky: {wrong}")))?;
+        boundary.sky = Some(sky);
+    }
+    let method = run.request(&args.method, args.form_factor_tolerance, Afterwards::Light);
+    let solver = args.solver.request();
+    let need = solver.need(&run.cx)?;
+    let factors = match &file {
+        None => model.form_factors(&method, need, &mut run.cx)?,
+        Some(file) => model.form_factors_of(file, &method, need, &mut run.cx)?,
+    };
+    let study = model.heat(&factors, &boundary, &solver, &mut run.cx)?;
+    if let Some(path) = &args.exchange_factors {
+        let found = model.exchange_factors(&factors, &boundary, args.by.into(), &solver, &mut run.cx)?;
+        run.cx
+            .time("write", || exchange::write(path, &found, &run.cx.settings.record()))?;
+    }
+    finish(args, run, &model, &factors, &study)
+}
+
+fn files(args: &HeatArgs) -> FileSet {
+    let mut files = FileSet::default();
+    if let Some(path) = &args.output {
+        files.writes("the output", path);
+    }
+    if let Some(path) = &args.exchange_factors {
+        files.writes("the exchange factors", path);
+    }
+    files.keeps("the checkpoint", args.storage.checkpoint.as_deref());
+    files.reads_scene(&args.scene, &args.common.reading);
+    files.reads("the boundary conditions", Some(&args.boundary));
+    for file in args.form_factors.iter().flat_map(|path| files_of(path)) {
+        files.reads("the form factors", Some(&file));
+    }
+    files
+}
+
+/// Writes and describes what was found.
+fn finish(
+    args: &HeatArgs,
+    run: &mut Run,
+    model: &Model,
+    factors: &FormFactorStudy,
+    study: &HeatStudy,
+) -> Result<Outcome, Failure> {
+    if let Some(path) = &args.output {
+        let report = HeatReport {
+            scene: &model.scene,
+            mesh: &model.mesh,
+            heat: &study.heat,
+            settings: &run.cx.settings.record(),
+        };
+        run.cx.time("write", || report.write(path))?;
+    }
+    run.bars.finish();
+    let document = run.document_of(model, HeatDocument::new(model, factors, study));
+    let mut text = run.explanation(model);
+    describe::describe(&mut text, args, model, factors, study);
+    run.describe_audit(&mut text);
+    run.describe_times(&mut text);
+    for path in args.output.iter().chain(&args.exchange_factors) {
+        let _ = writeln!(text, "wrote {}", path.display());
+    }
+    let bands = std::iter::once(&study.thermal).chain(&study.solar);
+    let codes = bands.map(|solution| code(solution, Some(factors), study.error));
+    let inexact = (!study.is_exact()).then_some(ExitCode::NotConverged);
+    let code = codes.chain(inexact).find(|code| *code != ExitCode::Done);
+    Ok(Outcome {
+        text,
+        document,
+        code: run.judged(code.unwrap_or(ExitCode::Done), args.audit.strict),
+    })
+}

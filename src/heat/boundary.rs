@@ -1,0 +1,240 @@
+//! Boundary conditions of a scene: what surfaces are made of, what holds at them, and what is around.
+
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+
+use super::boundary_file::BoundaryFile;
+use crate::scene::toml_file::TomlFile;
+use crate::scene::{Scene, SceneError, SceneErrorKind};
+
+/// The greatest temperature, K: its fourth power leaves room for what is computed from it.
+pub const MAX_TEMPERATURE_K: f64 = 1e30;
+
+/// The greatest heat flux and irradiance, W·m⁻²; as heat of a node, W.
+pub const MAX_FLUX: f64 = 1e100;
+
+/// What surrounds a scene, what lights it, and what holds at each of its surfaces.
+///
+/// ```toml
+/// [surroundings]              # black: receive what escapes
+/// temperature_k = 3.0         # default 0
+/// [sun]
+/// direction = [0.0, -0.985, 0.174]   # towards the sun, of any length
+/// irradiance_w_m2 = 1361.0           # on a plane that faces it
+/// angular_radius_deg = 0.0           # above 0: a disc with a penumbra
+/// [sky]                       # uniform over the hemisphere about `up`, solar band
+/// irradiance_w_m2 = 100.0     # on an unoccluded plane that faces up
+/// up = [0.0, 0.0, 1.0]        # below the horizon there are only the surroundings
+/// [[surface]]
+/// name = "crater"             # an exact name counts before a pattern with *
+/// emissivity = 0.95           # thermal band, in (0, 1]
+/// absorptance = 0.88          # solar band, in [0, 1]; default: the emissivity
+/// temperature_k = 300.0       # or supplied_w_m2 | adiabatic = true | node = "NAME" | other_side = "NAME"
+/// [[node]]                    # the surfaces of a node have one unknown temperature
+/// name = "radiator"
+/// supplied_w = 40.0           # heat that is supplied to the node as a whole; default 0
+/// ```
+///
+/// Of several entries that match a surface a later one replaces single keys of an earlier one, and its condition the earlier condition.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Boundary {
+    /// What messages call it: its file.
+    pub file: PathBuf,
+    /// The temperature of the surroundings, K.
+    pub surroundings_k: f64,
+    /// The sun, if it shines.
+    pub sun: Option<Sun>,
+    /// The sky, if it shines.
+    pub sky: Option<Sky>,
+    /// What holds at each surface of the scene, in its order; `None` of a surface without faces.
+    pub surfaces: Vec<Option<SurfaceBoundary>>,
+    /// The nodes.
+    pub nodes: Vec<Node>,
+}
+
+/// Parallel light, or that of a uniform disc, in the solar band.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sun {
+    pub(super) direction: DVec3,
+    pub(super) irradiance: f64,
+    pub(super) angular_radius_deg: f64,
+}
+
+/// Light that comes evenly from the hemisphere about a direction, in the solar band.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sky {
+    irradiance: f64,
+    up: DVec3,
+}
+
+/// What a surface is made of, and what holds at it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfaceBoundary {
+    /// ε, the emissivity and absorptance of the thermal band, in (0, 1\].
+    pub emissivity: f64,
+    /// α, the absorptance of the solar band, in \[0, 1\].
+    pub absorptance: f64,
+    /// What holds at it.
+    pub condition: Condition,
+}
+
+/// What holds at a surface in the thermal band.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Condition {
+    /// Its temperature is given, K.
+    Temperature(f64),
+    /// Each patch by itself is supplied with so much heat, W·m⁻²; 0 is adiabatic.
+    Supplied(f64),
+    /// It is a part of the node of this number, with one temperature for all of it.
+    Node(usize),
+    /// It is one side of a sheet whose other side is the surface of this number: coincident patches have one temperature.
+    OtherSide(usize),
+}
+
+/// Surfaces that share one unknown temperature.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Node {
+    /// Its name.
+    pub name: String,
+    /// The heat that is supplied to it as a whole, W.
+    pub supplied_w: f64,
+}
+
+/// A value that is out of its range: its key, and what is wrong with it.
+pub(super) type OutOfRange = (&'static str, String);
+
+impl Sun {
+    /// Returns a sun in a `direction` of any length, with its `irradiance` on a plane that faces it, W·m⁻², and the angular radius of its disc, which is a point at 0.
+    ///
+    /// # Errors
+    /// The key and what is wrong: a direction that is zero or not finite, an irradiance that is negative or above [`MAX_FLUX`], a radius outside \[0, 45\] degrees.
+    pub fn new(direction: DVec3, irradiance: f64, angular_radius_deg: f64) -> Result<Self, (&'static str, String)> {
+        let direction = unit("direction", direction)?;
+        expect_light(irradiance)?;
+        if !(0.0..=45.0).contains(&angular_radius_deg) {
+            let message = format!("{angular_radius_deg} is outside [0, 45]; correct it");
+            return Err(("angular_radius_deg", message));
+        }
+        Ok(Self {
+            direction,
+            irradiance,
+            angular_radius_deg,
+        })
+    }
+
+    /// Returns the unit vector towards the sun.
+    #[must_use]
+    pub fn direction(&self) -> DVec3 {
+        self.direction
+    }
+
+    /// Returns the irradiance of a plane that faces the sun, W·m⁻².
+    #[must_use]
+    pub fn irradiance(&self) -> f64 {
+        self.irradiance
+    }
+
+    /// Returns the angular radius of the disc, degrees.
+    #[must_use]
+    pub fn angular_radius_deg(&self) -> f64 {
+        self.angular_radius_deg
+    }
+}
+
+impl Sky {
+    /// Returns a sky with its `irradiance` on an unoccluded plane that faces `up`, W·m⁻².
+    ///
+    /// # Errors
+    /// The key and what is wrong: as for [`Sun::new`].
+    pub fn new(irradiance: f64, up: DVec3) -> Result<Self, (&'static str, String)> {
+        let up = unit("up", up)?;
+        expect_light(irradiance)?;
+        Ok(Self { irradiance, up })
+    }
+
+    /// Returns the irradiance of an unoccluded plane that faces up, W·m⁻².
+    #[must_use]
+    pub fn irradiance(&self) -> f64 {
+        self.irradiance
+    }
+
+    /// Returns the unit vector upwards.
+    #[must_use]
+    pub fn up(&self) -> DVec3 {
+        self.up
+    }
+}
+
+fn unit(key: &'static str, direction: DVec3) -> Result<DVec3, OutOfRange> {
+    let largest = direction.abs().max_element();
+    // Divided first, so that no square leaves the range of numbers.
+    let scaled = (direction / largest).try_normalize().filter(|_| largest.is_finite());
+    scaled.ok_or_else(|| (key, "zero or not finite; correct it".to_owned()))
+}
+
+fn expect_light(irradiance: f64) -> Result<(), OutOfRange> {
+    if (0.0..=MAX_FLUX).contains(&irradiance) {
+        return Ok(());
+    }
+    let message = format!("{irradiance:?} is outside [0, {MAX_FLUX:.0e}]; correct it");
+    Err(("irradiance_w_m2", message))
+}
+
+/// Refuses a temperature, K, that is negative, no number or too great.
+pub(super) fn expect_temperature(kelvin: f64) -> Result<(), OutOfRange> {
+    let wrong = match kelvin {
+        t if t < 0.0 => "is negative; give kelvin",
+        t if t <= MAX_TEMPERATURE_K => return Ok(()),
+        _ => "is above 1e30 K or no number; correct it",
+    };
+    Err(("temperature_k", format!("{kelvin:?} {wrong}")))
+}
+
+/// Refuses a heat, W or W·m⁻², that is no number or too great.
+pub(super) fn expect_heat(key: &'static str, heat: f64) -> Result<(), OutOfRange> {
+    if heat.abs() <= MAX_FLUX {
+        return Ok(());
+    }
+    Err((
+        key,
+        format!("{heat:?} is above {MAX_FLUX:.0e} or no number; correct it"),
+    ))
+}
+
+impl SurfaceBoundary {
+    /// Refuses values out of range.
+    pub(super) fn checked(self) -> Result<Self, OutOfRange> {
+        let Self {
+            emissivity,
+            absorptance,
+            condition,
+        } = self;
+        if !(emissivity > 0.0 && emissivity <= 1.0) {
+            return Err(("emissivity", format!("{emissivity:?} is outside (0, 1]; correct it")));
+        }
+        if !(0.0..=1.0).contains(&absorptance) {
+            return Err(("absorptance", format!("{absorptance:?} is outside [0, 1]; correct it")));
+        }
+        match condition {
+            Condition::Temperature(kelvin) => expect_temperature(kelvin)?,
+            Condition::Supplied(flux) => expect_heat("supplied_w_m2", flux)?,
+            Condition::Node(_) | Condition::OtherSide(_) => {}
+        }
+        Ok(self)
+    }
+}
+
+impl Boundary {
+    /// Reads the boundary conditions of a scene from a TOML file.
+    ///
+    /// # Errors
+    /// A file that cannot be read; [`BadBoundary`](crate::scene::SceneErrorKind::BadBoundary), with the line, for what is no such TOML, a value out of its range, two conditions in one entry, a surface
+    /// without a condition or an emissivity, and names that match nothing.
+    pub fn load(file: impl AsRef<Path>, scene: &Scene) -> Result<Self, SceneError> {
+        let file = file.as_ref();
+        let text = TomlFile::read(file, |message| SceneErrorKind::BadBoundary { message })?;
+        let parsed: BoundaryFile = text.parsed("boundary")?;
+        parsed.resolved(file, &text, scene)
+    }
+}

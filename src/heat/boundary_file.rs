@@ -1,0 +1,501 @@
+//! The file of boundary conditions: entries, patterns, and which of them holds at a surface.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use glam::DVec3;
+use serde::Deserialize;
+use toml::Spanned;
+
+use super::boundary::{Boundary, Condition, Node, OutOfRange, Sky, Sun, SurfaceBoundary};
+use super::boundary::{expect_heat, expect_temperature};
+use crate::printable::quoted;
+use crate::scene::table::{Content, Table, three};
+use crate::scene::toml_file::{TomlFile, first_names};
+use crate::scene::{Scene, SceneError};
+
+/// Returns a name as messages show it.
+fn ticked(name: &str) -> String {
+    format!("`{}`", quoted(name))
+}
+
+/// The conditions that an entry may have, as messages name them.
+const CONDITIONS: &str = "`temperature_k`, `supplied_w_m2`, `adiabatic = true`, `node` or `other_side`";
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct BoundaryFile {
+    surroundings: Option<Table<SurroundingsInFile>>,
+    sun: Option<Spanned<Table<SunInFile>>>,
+    sky: Option<Spanned<Table<SkyInFile>>>,
+    #[serde(default)]
+    surface: Vec<Spanned<Table<Entry>>>,
+    #[serde(default)]
+    node: Vec<Spanned<Table<NodeInFile>>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SurroundingsInFile {
+    temperature_k: Spanned<f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SunInFile {
+    #[serde(deserialize_with = "three")]
+    direction: [f64; 3],
+    irradiance_w_m2: f64,
+    #[serde(default)]
+    angular_radius_deg: f64,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SkyInFile {
+    irradiance_w_m2: f64,
+    #[serde(default = "upwards", deserialize_with = "three")]
+    up: [f64; 3],
+}
+
+fn upwards() -> [f64; 3] {
+    [0.0, 0.0, 1.0]
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Entry {
+    name: Spanned<String>,
+    emissivity: Option<Spanned<f64>>,
+    absorptance: Option<Spanned<f64>>,
+    temperature_k: Option<Spanned<f64>>,
+    supplied_w_m2: Option<Spanned<f64>>,
+    adiabatic: Option<Spanned<bool>>,
+    node: Option<Spanned<String>>,
+    other_side: Option<Spanned<String>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct NodeInFile {
+    name: String,
+    #[serde(default)]
+    supplied_w: f64,
+}
+
+impl Content for SurroundingsInFile {
+    const EXPECTED: &'static str = "a table, as in [surroundings] with temperature_k = 3.0";
+}
+
+impl Content for SunInFile {
+    const EXPECTED: &'static str = "a table with `direction` and `irradiance_w_m2`, as in [sun]";
+}
+
+impl Content for SkyInFile {
+    const EXPECTED: &'static str = "a table with `irradiance_w_m2`, as in [sky]";
+}
+
+impl Content for Entry {
+    const EXPECTED: &'static str = "a table with a `name`, as in [[surface]]";
+}
+
+impl Content for NodeInFile {
+    const EXPECTED: &'static str = "a table with a `name`, as in [[node]]";
+}
+
+/// A condition as an entry has it, and the byte where it stands.
+#[derive(Clone)]
+struct Given {
+    condition: GivenCondition,
+    start: usize,
+}
+
+#[derive(Clone)]
+enum GivenCondition {
+    Temperature(f64),
+    Supplied(f64),
+    Node(String),
+    OtherSide(String),
+}
+
+impl Entry {
+    /// Returns the condition of the entry, if it has one.
+    fn condition(&self) -> Result<Option<Given>, (usize, String)> {
+        let numbers = [
+            (&self.temperature_k, GivenCondition::Temperature as fn(f64) -> _),
+            (&self.supplied_w_m2, GivenCondition::Supplied),
+        ];
+        let names = [
+            (&self.node, GivenCondition::Node as fn(String) -> _),
+            (&self.other_side, GivenCondition::OtherSide),
+        ];
+        let mut found = Vec::new();
+        for (value, condition) in numbers {
+            found.extend(value.as_ref().map(|value| Given {
+                condition: condition(*value.get_ref()),
+                start: value.span().start,
+            }));
+        }
+        for (name, condition) in names {
+            found.extend(name.as_ref().map(|name| Given {
+                condition: condition(name.get_ref().clone()),
+                start: name.span().start,
+            }));
+        }
+        if let Some(adiabatic) = &self.adiabatic {
+            let start = adiabatic.span().start;
+            if !adiabatic.get_ref() {
+                let message = format!("`adiabatic = false` is no condition; give {CONDITIONS}");
+                return Err((start, message));
+            }
+            found.push(Given {
+                condition: GivenCondition::Supplied(0.0),
+                start,
+            });
+        }
+        if found.len() > 1 {
+            let message = format!(
+                "surface {} has {} conditions in one entry; keep one of {CONDITIONS}",
+                ticked(self.name.get_ref()),
+                found.len()
+            );
+            return Err((self.name.span().start, message));
+        }
+        Ok(found.pop())
+    }
+}
+
+/// Tells whether a name matches a pattern, in which * stands for any text.
+fn matches(pattern: &str, name: &str) -> bool {
+    let Some((head, mut rest)) = pattern.split_once('*') else {
+        return pattern == name;
+    };
+    let Some(mut left) = name.strip_prefix(head) else {
+        return false;
+    };
+    while let Some((part, next)) = rest.split_once('*') {
+        let Some(at) = left.find(part) else {
+            return false;
+        };
+        left = &left[at + part.len()..];
+        rest = next;
+    }
+    left.len() >= rest.len() && left.ends_with(rest)
+}
+
+/// The last value of a key that entries give to a surface: one of an entry with the exact name, else one of a pattern.
+#[derive(Clone)]
+struct Latest<T> {
+    exact: Option<T>,
+    pattern: Option<T>,
+}
+
+impl<T> Latest<T> {
+    const NONE: Self = Self {
+        exact: None,
+        pattern: None,
+    };
+
+    fn set(&mut self, is_exact: bool, value: Option<T>) {
+        if value.is_some() {
+            *(if is_exact { &mut self.exact } else { &mut self.pattern }) = value;
+        }
+    }
+
+    fn get(self) -> Option<T> {
+        self.exact.or(self.pattern)
+    }
+}
+
+/// What entries say of one surface.
+#[derive(Clone)]
+struct Collected {
+    emissivity: Latest<(f64, usize)>,
+    absorptance: Latest<(f64, usize)>,
+    condition: Latest<Given>,
+    /// Where the last entry begins that matches.
+    start: Option<usize>,
+}
+
+impl BoundaryFile {
+    /// Returns what holds at each surface of a scene.
+    pub(super) fn resolved(self, path: &Path, file: &TomlFile, scene: &Scene) -> Result<Boundary, SceneError> {
+        let out_of_range = |start: usize, what: &str, (key, wrong): OutOfRange| {
+            let joint = if what.is_empty() { "" } else { "." };
+            file.bad(start, format!("{what}{joint}{key}: {wrong}"))
+        };
+        let surroundings_k = match &self.surroundings {
+            Some(Table(given)) => {
+                let value = &given.temperature_k;
+                let start = value.span().start;
+                expect_temperature(*value.get_ref()).map_err(|wrong| out_of_range(start, "surroundings", wrong))?;
+                *value.get_ref()
+            }
+            None => 0.0,
+        };
+        let sun = self.sun.as_ref().map(|given| {
+            let Table(sun) = given.get_ref();
+            let direction = DVec3::from_array(sun.direction);
+            let made = Sun::new(direction, sun.irradiance_w_m2, sun.angular_radius_deg);
+            made.map_err(|wrong| out_of_range(given.span().start, "sun", wrong))
+        });
+        let sky = self.sky.as_ref().map(|given| {
+            let Table(sky) = given.get_ref();
+            let made = Sky::new(sky.irradiance_w_m2, DVec3::from_array(sky.up));
+            made.map_err(|wrong| out_of_range(given.span().start, "sky", wrong))
+        });
+        let (sun, sky) = (sun.transpose()?, sky.transpose()?);
+        let nodes = nodes(&self.node, file)?;
+        let collected = collected(&self.surface, file, scene)?;
+        let mut surfaces = conditions(collected, &nodes, file, scene)?;
+        both_sides(&mut surfaces, file, scene)?;
+        let used: BTreeSet<usize> = surfaces
+            .iter()
+            .flatten()
+            .filter_map(|(surface, _)| match surface.condition {
+                Condition::Node(node) => Some(node),
+                _ => None,
+            })
+            .collect();
+        if let Some(unused) = (0..nodes.len()).find(|node| !used.contains(node)) {
+            let message = format!(
+                "node {}: no surface has it; give one the condition node = {}, or remove it",
+                ticked(&nodes[unused].name),
+                ticked(&nodes[unused].name)
+            );
+            return Err(file.bad(self.node[unused].span().start, message));
+        }
+        Ok(Boundary {
+            file: path.to_owned(),
+            surroundings_k,
+            sun,
+            sky,
+            surfaces: surfaces
+                .into_iter()
+                .map(|surface| surface.map(|(own, _)| own))
+                .collect(),
+            nodes,
+        })
+    }
+}
+
+fn nodes(given: &[Spanned<Table<NodeInFile>>], file: &TomlFile) -> Result<Vec<Node>, SceneError> {
+    let mut nodes: Vec<Node> = Vec::new();
+    for spanned in given {
+        let Table(node) = spanned.get_ref();
+        let start = spanned.span().start;
+        if nodes.iter().any(|other| other.name == node.name) {
+            let message = format!("two nodes are called {}; rename one", ticked(&node.name));
+            return Err(file.bad(start, message));
+        }
+        expect_heat("supplied_w", node.supplied_w)
+            .map_err(|(key, wrong)| file.bad(start, format!("node.{key}: {wrong}")))?;
+        nodes.push(Node {
+            name: node.name.clone(),
+            supplied_w: node.supplied_w,
+        });
+    }
+    Ok(nodes)
+}
+
+/// Gathers what the entries say of each surface.
+fn collected(entries: &[Spanned<Table<Entry>>], file: &TomlFile, scene: &Scene) -> Result<Vec<Collected>, SceneError> {
+    let nothing = Collected {
+        emissivity: Latest::NONE,
+        absorptance: Latest::NONE,
+        condition: Latest::NONE,
+        start: None,
+    };
+    let mut collected = vec![nothing; scene.surfaces.len()];
+    for spanned in entries {
+        let Table(entry) = spanned.get_ref();
+        let name = entry.name.get_ref();
+        let condition = entry.condition().map_err(|(start, message)| file.bad(start, message))?;
+        let exact = scene.surfaces.iter().any(|surface| surface.name == *name);
+        let mut is_any = false;
+        for (own, surface) in collected.iter_mut().zip(&scene.surfaces) {
+            let is_meant = if exact {
+                surface.name == *name
+            } else {
+                matches(name, &surface.name)
+            };
+            if !is_meant {
+                continue;
+            }
+            is_any = true;
+            let value = |given: &Option<Spanned<f64>>| given.as_ref().map(|x| (*x.get_ref(), x.span().start));
+            own.emissivity.set(exact, value(&entry.emissivity));
+            own.absorptance.set(exact, value(&entry.absorptance));
+            own.condition.set(exact, condition.clone());
+            own.start = Some(entry.name.span().start);
+        }
+        if !is_any {
+            let message = format!(
+                "{} matches no surface; the scene has {}",
+                ticked(name),
+                first_names(scene.surfaces.iter().map(|surface| surface.name.as_str()))
+            );
+            return Err(file.bad(entry.name.span().start, message));
+        }
+    }
+    // A surface that another names as its other side has that condition, as if by an entry with its own name; where that is contradicted, `both_sides` refuses it.
+    for k in 0..collected.len() {
+        let Some(Given {
+            condition: GivenCondition::OtherSide(name),
+            start,
+        }) = collected[k].condition.clone().get()
+        else {
+            continue;
+        };
+        if let Some(other) = scene.surfaces.iter().position(|surface| surface.name == name)
+            && collected[other].condition.exact.is_none()
+        {
+            collected[other].condition.exact = Some(Given {
+                condition: GivenCondition::OtherSide(scene.surfaces[k].name.clone()),
+                start,
+            });
+        }
+    }
+    Ok(collected)
+}
+
+/// Returns what holds at each surface with faces, and the byte where its condition stands.
+fn conditions(
+    collected: Vec<Collected>,
+    nodes: &[Node],
+    file: &TomlFile,
+    scene: &Scene,
+) -> Result<Vec<Option<(SurfaceBoundary, usize)>>, SceneError> {
+    let mut has_faces = vec![false; scene.surfaces.len()];
+    for face in &scene.faces {
+        has_faces[face.surface.0 as usize] = true;
+    }
+    let of_surface = |(k, own): (usize, Collected)| {
+        if !has_faces[k] {
+            return Ok(None);
+        }
+        let name = ticked(&scene.surfaces[k].name);
+        let start = own.start;
+        let missing = |what: &str| {
+            file.bad(
+                start,
+                format!("surface {name} has no {what} in an entry with its name or a pattern"),
+            )
+        };
+        let (absorptance, condition) = (own.absorptance.get(), own.condition.get());
+        let condition = condition.ok_or_else(|| missing(&format!("condition; give {CONDITIONS}")))?;
+        let emissivity = own
+            .emissivity
+            .get()
+            .ok_or_else(|| missing("`emissivity`; give one in (0, 1]"))?;
+        let surface = SurfaceBoundary {
+            emissivity: emissivity.0,
+            absorptance: absorptance.map_or(emissivity.0, |given| given.0),
+            condition: named(&condition, nodes, file, scene)?,
+        };
+        let surface = surface.checked().map_err(|(key, wrong)| {
+            let place = match key {
+                "emissivity" => emissivity.1,
+                "absorptance" => absorptance.map_or(emissivity.1, |given| given.1),
+                _ => condition.start,
+            };
+            file.bad(place, format!("surface {name}: {key}: {wrong}"))
+        })?;
+        Ok(Some((surface, condition.start)))
+    };
+    collected.into_iter().enumerate().map(of_surface).collect()
+}
+
+/// Finds the node or the surface that a condition names.
+fn named(given: &Given, nodes: &[Node], file: &TomlFile, scene: &Scene) -> Result<Condition, SceneError> {
+    let unknown = |key: &str, name: &str, known: String| {
+        let message = format!("`{key}` {} matches nothing; there is {known}", ticked(name));
+        file.bad(given.start, message)
+    };
+    match &given.condition {
+        GivenCondition::Temperature(kelvin) => Ok(Condition::Temperature(*kelvin)),
+        GivenCondition::Supplied(flux) => Ok(Condition::Supplied(*flux)),
+        GivenCondition::Node(name) => {
+            let found = nodes.iter().position(|node| node.name == *name);
+            found.map(Condition::Node).ok_or_else(|| {
+                let known = match nodes {
+                    [] => "no [[node]]; add one".to_owned(),
+                    _ => first_names(nodes.iter().map(|node| node.name.as_str())),
+                };
+                unknown("node", name, known)
+            })
+        }
+        GivenCondition::OtherSide(name) => {
+            let mut surfaces = scene.surfaces.iter();
+            let found = surfaces.position(|surface| surface.name == *name);
+            found.map(Condition::OtherSide).ok_or_else(|| {
+                let known = first_names(scene.surfaces.iter().map(|surface| surface.name.as_str()));
+                unknown("other_side", name, known)
+            })
+        }
+    }
+}
+
+/// Refuses sheets whose sides do not name each other.
+fn both_sides(
+    surfaces: &mut [Option<(SurfaceBoundary, usize)>],
+    file: &TomlFile,
+    scene: &Scene,
+) -> Result<(), SceneError> {
+    for k in 0..surfaces.len() {
+        let Some((
+            SurfaceBoundary {
+                condition: Condition::OtherSide(other),
+                ..
+            },
+            start,
+        )) = surfaces[k]
+        else {
+            continue;
+        };
+        let [own_name, other_name] = [k, other].map(|k| ticked(&scene.surfaces[k].name));
+        let wrong = match surfaces[other] {
+            _ if other == k => {
+                format!("surface {own_name} is its own other side; name the surface that coincides with it")
+            }
+            None => format!("surface {other_name} has no face; name the surface that coincides with {own_name}"),
+            Some((
+                SurfaceBoundary {
+                    condition: Condition::OtherSide(back),
+                    ..
+                },
+                _,
+            )) if back == k => continue,
+            Some(_) => format!(
+                "{other_name} is the other side of {own_name} and has another condition; give it other_side = {own_name}, or none"
+            ),
+        };
+        return Err(file.bad(start, wrong));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::matches;
+
+    #[test]
+    fn stars_stand_for_any_text() {
+        for (pattern, name, expected) in [
+            ("*", "", true),
+            ("*", "wall", true),
+            ("wall*", "wall", true),
+            ("wall*", "a wall", false),
+            ("*wall", "a wall", true),
+            ("w*l", "wall", true),
+            ("w*ll*l", "wall", false),
+            ("a*b*a", "aba", true),
+            ("a*a", "a", false),
+            ("*a*b*", "xbxa", false),
+            ("*a*b*", "xaxb", true),
+            ("wall", "walls", false),
+        ] {
+            assert_eq!(matches(pattern, name), expected, "{pattern} {name}");
+        }
+    }
+}

@@ -1,0 +1,61 @@
+//! Radiative heat transfer: boundary conditions, two bands, sun and sky; temperatures and net fluxes, each with its error.
+//!
+//! Surfaces are gray and diffuse in each of two bands that do not mix. In the solar band nothing is emitted, and what arrives straight from sun and sky is reflected on:
+//!
+//! H = D + F B, B = (1 − α) H, absorbed α H.
+//!
+//! In the thermal band the surroundings are black, with M₀ = σ T₀⁴ and the fraction s that escapes of each patch's light:
+//!
+//! H = s M₀ + F B, B = ε M + (1 − ε) H, M = σ T⁴, q = B − H = ε (M − H).
+//!
+//! A patch has a given T, or it is a member of a [group](Network) with one unknown T whose net heat Σ A q is what is supplied to it and what it absorbs of the sun: one patch where a flux is supplied, the two
+//! sides of a sheet, all patches of a node. M = Q / S + Σ w H then, with S = Σ A ε and w = A ε / S, so that all conditions are one linear system B = E + R F B, in which R is not negative and its rows sum to at
+//! most 1. The [solvers](crate::solver) solve it as it is: no further right-hand side for nodes, and no iteration around the solution.
+//!
+//! Temperatures follow from H, never from the difference of B and H. Backs of faces are black, at 0 K. `docs/heat.md` has the equations with their errors.
+
+mod band;
+mod boundary;
+mod boundary_file;
+mod error;
+mod exchange;
+mod network;
+mod points;
+mod result;
+mod sides;
+mod summary;
+mod sun_position;
+mod sunlight;
+mod thermal;
+
+pub use band::Band;
+pub use boundary::{Boundary, Condition, MAX_FLUX, MAX_TEMPERATURE_K, Node, Sky, Sun, SurfaceBoundary};
+pub use error::HeatError;
+pub use exchange::{ExchangeFactors, SURROUNDINGS};
+pub use network::Network;
+pub use points::{PointHeat, PointQuery, PointStatus, PointView};
+pub use result::Heat;
+pub use summary::{HeatBalance, SurfaceHeat};
+pub use sun_position::sun_direction;
+pub use sunlight::{Sunlight, Sunlit, above_horizon, sunlight};
+pub use thermal::Stated;
+
+pub(crate) use band::{Enclosure, Outside, Solved, solar_system, thermal_exitance};
+pub(crate) use exchange::{Gathered, Nodes};
+pub(crate) use points::PointScene;
+pub(crate) use result::{DirectLight, Solution};
+
+/// σ, the Stefan-Boltzmann constant, W·m⁻²·K⁻⁴: CODATA 2018.
+pub const STEFAN_BOLTZMANN: f64 = 5.670_374_419e-8;
+
+/// Returns σ T⁴, W·m⁻².
+#[must_use]
+pub fn emissive_power(kelvin: f64) -> f64 {
+    STEFAN_BOLTZMANN * kelvin.powi(4)
+}
+
+/// Returns T of an emissive power, K.
+#[must_use]
+pub fn temperature(power: f64) -> f64 {
+    (power / STEFAN_BOLTZMANN).sqrt().sqrt()
+}

@@ -1,0 +1,332 @@
+//! Free points: view factors, irradiance, mean radiant temperature.
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::band::Band;
+use super::boundary::{Boundary, Sun};
+use super::emissive_power;
+use super::thermal::Stated;
+use crate::form_factor::partial::{Place, PointViews};
+use crate::geometry::clip::clip_to_half_space;
+use crate::geometry::point_form_factor::point_form_factor;
+use crate::geometry::polygon;
+use crate::mesh::Mesh;
+use crate::scene::Scene;
+
+/// The share of a sphere, or of a hemisphere, up to which what is not seen of backs counts as rounding: a point that sees nothing else is inside a solid.
+const ALL: f64 = 1e-9;
+
+/// The absorptance for the sun and the emissivity of a person.
+const PERSON: [f64; 2] = [0.7, 0.97];
+
+/// A point to look from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PointQuery {
+    /// Where it is, m.
+    pub position: DVec3,
+    /// Where it faces, of any length; `None` for a point that looks all around.
+    pub normal: Option<DVec3>,
+}
+
+/// Where a point is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PointStatus {
+    /// In the open.
+    Free,
+    /// On a face: its factors are those of neither side.
+    OnFace,
+    /// Where nothing but backs is seen, as inside of a solid.
+    InsideSolid,
+}
+
+impl PointStatus {
+    /// Returns its name in files.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Free => "free",
+            Self::OnFace => "on_face",
+            Self::InsideSolid => "inside_solid",
+        }
+    }
+}
+
+/// What a point sees, and what arrives there. The factors sum to 1.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PointView {
+    /// Where it is.
+    pub status: PointStatus,
+    /// The factor to the front of each surface: of a point with a normal the form factor, else the share of the sphere.
+    pub surfaces: Vec<Stated>,
+    /// The factor to the surroundings.
+    pub surroundings: Stated,
+    /// The factor to backs.
+    pub backs: Stated,
+    /// What arrives, where boundary conditions are known.
+    pub heat: Option<PointHeat>,
+}
+
+/// What arrives at a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PointHeat {
+    /// The thermal irradiance, W·m⁻²; without a normal the mean radiosity around, Σ F B.
+    pub irradiance: Stated,
+    /// The solar irradiance without what comes straight from the sun, W·m⁻²; without a normal Σ F B.
+    pub solar: Stated,
+    /// What comes straight from the sun on the plane of the point, or without a normal on one that faces the sun, W·m⁻².
+    pub sun: Stated,
+    /// 1 where the sun shines, 0 in shadow; `None` without a sun.
+    pub sunlit: Option<Stated>,
+    /// The mean radiant temperature, K: (Σ F B / σ)^¼; `None` of a point with a normal.
+    pub mean_radiant: Option<Stated>,
+}
+
+/// What points look at.
+pub(crate) struct PointScene<'a> {
+    pub(crate) scene: &'a Scene,
+    pub(crate) mesh: &'a Mesh,
+    /// Thermal and solar band, and the conditions that they are of.
+    pub(crate) heat: Option<([&'a Band; 2], &'a Boundary)>,
+    /// Whether the sun counts in the mean radiant temperature as it does on a standing person.
+    pub(crate) with_person: bool,
+}
+
+/// Sums over what is seen: radiosities times factors, with the errors of the radiosities, of both bands; and the factor to what of it is above the horizon.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    light: [f64; 2],
+    light_error: [f64; 2],
+    above: f64,
+}
+
+impl PointScene<'_> {
+    /// Looks from all points.
+    pub(crate) fn look(&self, queries: &[PointQuery]) -> Vec<PointView> {
+        let views = PointViews::new(self.scene, self.mesh);
+        queries.par_iter().map(|query| self.look_from(&views, query)).collect()
+    }
+
+    fn look_from(&self, views: &PointViews, query: &PointQuery) -> PointView {
+        let normal = query.normal.map(DVec3::normalize_or_zero);
+        let mut surfaces = vec![Stated::default(); self.scene.surfaces.len()];
+        let mut backs = Stated::default();
+        let mut sums = Sums::default();
+        // No less than the lengths of borders as the point sees them, in radians: what a shift of corners changes.
+        let mut borders = vec![0.0; surfaces.len() + 1];
+        let up = self.sky_up();
+        let mut closest = f64::INFINITY;
+        let nearest = views.visit(query.position, normal, |part| {
+            let factor = measure(part.corners, normal);
+            let surface = self.mesh.patches[part.patch].surface.0 as usize;
+            let (sum, border) = if part.is_back {
+                (&mut backs, borders.len() - 1)
+            } else {
+                (&mut surfaces[surface], surface)
+            };
+            sum.value += factor;
+            let distance = part.corners.iter().map(|v| v.length()).fold(f64::INFINITY, f64::min);
+            borders[border] += polygon::perimeter(part.corners) / distance.max(f64::MIN_POSITIVE);
+            closest = closest.min(distance);
+            if let Some(up) = up {
+                sums.above += measure(&clip_to_half_space(part.corners, DVec3::ZERO, up), normal);
+            }
+            if let (Some((bands, _)), false) = (self.heat, part.is_back) {
+                for (k, band) in bands.into_iter().enumerate() {
+                    sums.light[k] += factor * band.radiosity[part.patch];
+                    sums.light_error[k] += factor * band.radiosity_error[part.patch];
+                }
+            }
+        });
+        // By so much, in radians, may a border seem to be off.
+        let off = views.tolerance() / closest.min(nearest).max(f64::MIN_POSITIVE);
+        let stated = |value: f64, border: f64| Stated {
+            value: value.clamp(0.0, 1.0),
+            error: (border * off + 1e-14).min(1.0),
+        };
+        for (own, border) in surfaces.iter_mut().zip(&borders) {
+            *own = if own.value > 0.0 {
+                stated(own.value, *border)
+            } else {
+                *own
+            };
+        }
+        let back_border = borders[surfaces.len()];
+        backs = if backs.value > 0.0 {
+            stated(backs.value, back_border)
+        } else {
+            backs
+        };
+        let sum: f64 = surfaces.iter().chain([&backs]).map(|own| own.value).sum();
+        let error: f64 = surfaces.iter().chain([&backs]).map(|own| own.error).sum();
+        let surroundings = Stated {
+            value: (1.0 - sum).clamp(0.0, 1.0),
+            error,
+        };
+        let status = match views.place(query.position) {
+            Place::OnFace => PointStatus::OnFace,
+            Place::Free if backs.value >= 1.0 - ALL => PointStatus::InsideSolid,
+            Place::Free => PointStatus::Free,
+        };
+        let heat = self.heat.map(|(_, boundary)| {
+            let seen = Seen {
+                sums,
+                surroundings,
+                normal,
+                error,
+            };
+            self.arriving(views, query.position, boundary, &seen)
+        });
+        PointView {
+            status,
+            surfaces,
+            surroundings,
+            backs,
+            heat,
+        }
+    }
+
+    fn sky_up(&self) -> Option<DVec3> {
+        self.heat.and_then(|(_, boundary)| boundary.sky).map(|sky| sky.up())
+    }
+
+    /// Returns what arrives at a point.
+    fn arriving(&self, views: &PointViews, point: DVec3, boundary: &Boundary, seen: &Seen) -> PointHeat {
+        let Seen {
+            sums,
+            surroundings,
+            normal,
+            error,
+        } = *seen;
+        let brightest = |k: usize| {
+            let radiosities = self.heat.map(|(bands, _)| &bands[k].radiosity);
+            radiosities.into_iter().flatten().copied().fold(0.0, f64::max)
+        };
+        let around = emissive_power(boundary.surroundings_k);
+        let irradiance = Stated {
+            value: sums.light[0] + surroundings.value * around,
+            error: sums.light_error[0] + error * brightest(0).max(around),
+        };
+        // The radiosity of the sky is its irradiance of a plane that faces up.
+        let sky = boundary.sky.map_or(Stated::default(), |sky| {
+            let half = normal.map_or(0.5, |normal| 0.5 * (1.0 + normal.dot(sky.up())));
+            Stated {
+                value: sky.irradiance() * (half - sums.above).clamp(0.0, 1.0),
+                error: sky.irradiance() * error,
+            }
+        });
+        let solar = Stated {
+            value: sums.light[1] + sky.value,
+            error: sums.light_error[1] + error * brightest(1) + sky.error,
+        };
+        let shone = boundary.sun.map(|sun| shone_on(views, point, normal, &sun));
+        let sunlit = shone.map(|[lit, _]| lit);
+        let sun = shone.map_or(Stated::default(), |[_, shining]| shining);
+        let mean_radiant = normal.is_none().then(|| {
+            let person = if self.with_person {
+                on_person(boundary, solar, sun)
+            } else {
+                Stated::default()
+            };
+            let power = Stated {
+                value: irradiance.value + person.value,
+                error: irradiance.error + person.error,
+            };
+            power.temperature()
+        });
+        PointHeat {
+            irradiance,
+            solar,
+            sun,
+            sunlit,
+            mean_radiant,
+        }
+    }
+}
+
+/// Returns the part of the sun that a point sees, and its irradiance on the plane of the point, or on one that faces the sun, W·m⁻².
+fn shone_on(views: &PointViews, point: DVec3, normal: Option<DVec3>, sun: &Sun) -> [Stated; 2] {
+    let (mut lit, mut irradiance) = (Stated::default(), Stated::default());
+    let directions = sun.directions();
+    for &(direction, weight, along) in &directions {
+        let (is_lit, is_certain) = views.is_lit(point, direction);
+        let cosine = normal.map_or(along, |normal| normal.dot(direction).max(0.0)) / along;
+        let (value, error) = (f64::from(u8::from(is_lit)), f64::from(u8::from(!is_certain)));
+        lit.value += weight * value;
+        lit.error += weight * error;
+        irradiance.value += weight * value * cosine * sun.irradiance();
+        irradiance.error += weight * error * cosine * sun.irradiance();
+    }
+    // Between the directions of a disc the border of an occluder passes unseen.
+    let missed = (lit.value * (1.0 - lit.value)).max(0.0).sqrt() / (directions.len() as f64).powf(0.75);
+    lit.error += missed;
+    irradiance.error += missed * sun.irradiance();
+    [lit, irradiance]
+}
+
+/// What a point sees, in sums.
+#[derive(Clone, Copy)]
+struct Seen {
+    sums: Sums,
+    surroundings: Stated,
+    normal: Option<DVec3>,
+    error: f64,
+}
+
+/// Returns what the solar band adds to σ T⁴ of a standing person, W·m⁻²: (0.7 / 0.97) (f_p I + Σ F B), with the projected area factor f_p = 0.308 cos(h (0.998 − h² / 50000)) of the sun's height h in degrees.
+fn on_person(boundary: &Boundary, solar: Stated, sun: Stated) -> Stated {
+    let up = boundary.sky.map_or(DVec3::Z, |sky| sky.up());
+    let height = boundary
+        .sun
+        .map_or(0.0, |own| own.direction().dot(up).clamp(-1.0, 1.0).asin().to_degrees());
+    let projected = 0.308 * (height * (0.998 - height * height / 50_000.0)).to_radians().cos();
+    let share = PERSON[0] / PERSON[1];
+    Stated {
+        value: share * (projected * sun.value + solar.value),
+        error: share * (projected * sun.error + solar.error),
+    }
+}
+
+/// Returns the factor from the origin to a convex polygon that faces it: with a normal the form factor, else the share of the sphere.
+fn measure(corners: &[DVec3], normal: Option<DVec3>) -> f64 {
+    if corners.len() < 3 {
+        return 0.0;
+    }
+    match normal {
+        Some(normal) => point_form_factor(DVec3::ZERO, normal, corners),
+        None => solid_angle(corners) / (4.0 * PI),
+    }
+}
+
+/// Returns the solid angle of a convex polygon as the origin sees it, sr.
+///
+/// Ω = Σ 2 atan2(|a · (b × c)|, abc + (a · b) c + (b · c) a + (c · a) b) over the triangles of a fan. Source: A. van Oosterom, J. Strackee, "The Solid Angle of a Plane Triangle", IEEE Transactions on
+/// Biomedical Engineering 30(2), 1983. Departures: none.
+fn solid_angle(corners: &[DVec3]) -> f64 {
+    let a = corners[0];
+    let triangle = |pair: &[DVec3]| {
+        let (b, c) = (pair[0], pair[1]);
+        let [x, y, z] = [a, b, c].map(DVec3::length);
+        let volume = a.dot(b.cross(c)).abs();
+        2.0 * volume.atan2(x * y * z + a.dot(b) * z + b.dot(c) * x + c.dot(a) * y)
+    };
+    corners[1..].windows(2).map(triangle).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_side_of_a_cube_is_a_sixth_of_the_sphere() {
+        let side = [
+            DVec3::new(-1.0, -1.0, 1.0),
+            DVec3::new(1.0, -1.0, 1.0),
+            DVec3::new(1.0, 1.0, 1.0),
+            DVec3::new(-1.0, 1.0, 1.0),
+        ];
+        assert!((solid_angle(&side) - 4.0 * PI / 6.0).abs() < 1e-14);
+    }
+}

@@ -1,0 +1,92 @@
+//! Files of exchange factors.
+//!
+//! | ending | content |
+//! |---|---|
+//! | `.npz` | `G`, `G_error`, `script_f`, `conductance_m2` \[m, m\], `names` \[m\], `meta.json` |
+//! | `.csv` | `node_i,node_j,conductance_m2` for i < j without zeros, as thermal network programs read it |
+
+use std::io::{self, Seek, Write};
+use std::path::Path;
+
+use serde_json::{Map, Value, json};
+
+use super::npz::NpzWriter;
+use super::{ReportError, csv};
+use crate::heat::ExchangeFactors;
+use crate::whole_file;
+
+/// The formats of exchange factors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// A table.
+    Csv,
+    /// NumPy's archive of arrays.
+    Npz,
+}
+
+impl Format {
+    /// Returns the format that a file's ending names.
+    ///
+    /// # Errors
+    /// [`ReportError::UnknownFormat`].
+    pub fn of(path: &Path) -> Result<Self, ReportError> {
+        let ending = path.extension().map(std::ffi::OsStr::to_ascii_lowercase);
+        match ending.as_ref().and_then(|e| e.to_str()) {
+            Some("csv") => Ok(Self::Csv),
+            Some("npz") => Ok(Self::Npz),
+            _ => Err(ReportError::UnknownFormat {
+                path: path.to_owned(),
+                content: "exchange factors",
+                known: ".csv, .npz".into(),
+            }),
+        }
+    }
+}
+
+/// Writes exchange factors to `path`, whole or not at all, in the format that its ending names; `settings`: how they were computed.
+///
+/// # Errors
+/// [`ReportError::UnknownFormat`], [`ReportError::Unwritable`].
+pub fn write(path: &Path, factors: &ExchangeFactors, settings: &Map<String, Value>) -> Result<(), ReportError> {
+    let format = Format::of(path)?;
+    let written = whole_file::write(path, |writer| match format {
+        Format::Csv => write_csv(writer, factors),
+        Format::Npz => write_npz(writer, factors, settings),
+    });
+    written.map_err(|source| ReportError::Unwritable {
+        path: path.to_owned(),
+        source,
+    })
+}
+
+fn write_csv(writer: &mut dyn Write, factors: &ExchangeFactors) -> io::Result<()> {
+    writeln!(writer, "node_i,node_j,conductance_m2")?;
+    let (m, conductance) = (factors.n_nodes(), factors.conductance());
+    let names: Vec<String> = factors.names.iter().map(|name| csv::quoted(name)).collect();
+    for (i, from) in names.iter().enumerate() {
+        for (j, to) in names.iter().enumerate().skip(i + 1) {
+            let value = conductance[i * m + j];
+            if value > 0.0 {
+                writeln!(writer, "{from},{to},{value:?}")?;
+            }
+        }
+    }
+    Ok(())
+}
+
+fn write_npz<W: Write + Seek>(writer: W, factors: &ExchangeFactors, settings: &Map<String, Value>) -> io::Result<()> {
+    let m = factors.n_nodes();
+    let description = json!({
+        "format": "radiosity exchange factors 1",
+        "unit": "G, G_error, script_f: 1; conductance_m2: m2",
+        "settings": settings,
+    });
+    let mut npz = NpzWriter::new(writer);
+    npz.bytes("meta.json", format!("{description:#}").as_bytes())?;
+    npz.numbers("G", &[m, m], &factors.gebhart)?;
+    npz.numbers("G_error", &[m, m], &factors.gebhart_error)?;
+    npz.numbers("script_f", &[m, m], &factors.script_f())?;
+    npz.numbers("conductance_m2", &[m, m], &factors.conductance())?;
+    npz.texts("names", &factors.names)?;
+    npz.finish()
+}

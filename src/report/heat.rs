@@ -1,0 +1,93 @@
+//! Files of temperatures and net fluxes: a row for each patch.
+//!
+//! | ending | content |
+//! |---|---|
+//! | `.csv` | patch, surface, area, centroid, then the quantities; before them the description in lines that begin with `#` |
+//! | `.npz` | each quantity \[n\]; `area`, `surface` \[n\], `centroid` \[n, 3\]; `meta.json` |
+//! | `.vtu` | patches with the same quantities |
+//!
+//! The unit of a quantity is in its name, and `NAME_error` is an estimate of its absolute error; infinite where that is not known.
+
+use std::io::{self, Seek, Write};
+use std::path::Path;
+
+use serde_json::{Map, Value, json};
+
+use super::npz::NpzWriter;
+use super::solution::Format;
+use super::vtu::CellData;
+use super::{ReportError, csv, vtu};
+use crate::heat::Heat;
+use crate::mesh::Mesh;
+use crate::scene::Scene;
+use crate::whole_file;
+
+/// The heat of the patches of a scene.
+#[derive(Clone, Copy, Debug)]
+pub struct HeatReport<'a> {
+    /// The scene.
+    pub scene: &'a Scene,
+    /// Its patches.
+    pub mesh: &'a Mesh,
+    /// Temperatures and fluxes.
+    pub heat: &'a Heat,
+    /// How they were computed: no time, path or number of threads.
+    pub settings: &'a Map<String, Value>,
+}
+
+impl HeatReport<'_> {
+    /// Writes the patches to `path`, whole or not at all, in the format that its ending names.
+    ///
+    /// # Errors
+    /// [`ReportError::UnknownFormat`], [`ReportError::Unwritable`].
+    pub fn write(&self, path: &Path) -> Result<(), ReportError> {
+        let format = Format::of(path)?;
+        let written = whole_file::write(path, |writer| match format {
+            Format::Csv => self.write_csv(writer),
+            Format::Npz => self.write_npz(writer),
+            Format::Vtu => self.write_vtu(writer),
+        });
+        written.map_err(|source| ReportError::Unwritable {
+            path: path.to_owned(),
+            source,
+        })
+    }
+
+    fn description(&self) -> String {
+        let description = json!({
+            "format": "radiosity heat 1",
+            "n_patches": self.mesh.n_patches(),
+            "geometry_sha256": self.mesh.geometry_hash(),
+            "scene_sha256": self.scene.content_hash(),
+            "surfaces": self.scene.surfaces.iter().map(|s| &s.name).collect::<Vec<_>>(),
+            "balance": self.heat.balance,
+            "settings": self.settings,
+        });
+        format!("{description:#}")
+    }
+
+    fn write_csv(&self, writer: &mut dyn Write) -> io::Result<()> {
+        csv::write_description(writer, &self.description())?;
+        let quantities = self.heat.patches.iter();
+        let quantities: Vec<_> = quantities.map(|(name, values)| (*name, values.as_slice())).collect();
+        csv::write_patches(writer, self.scene, self.mesh, &quantities)
+    }
+
+    fn write_npz<W: Write + Seek>(&self, writer: W) -> io::Result<()> {
+        let mut npz = NpzWriter::new(writer);
+        npz.bytes("meta.json", self.description().as_bytes())?;
+        for (name, values) in &self.heat.patches {
+            npz.numbers(name, &[values.len()], values)?;
+        }
+        npz.patches(self.mesh)?;
+        npz.finish()
+    }
+
+    fn write_vtu(&self, writer: &mut dyn Write) -> io::Result<()> {
+        let quantities = self.heat.patches.iter();
+        let data: Vec<_> = quantities
+            .map(|(name, values)| CellData::new(*name, 1, values.clone()))
+            .collect();
+        vtu::write(writer, self.scene, self.mesh, &self.description(), &data)
+    }
+}

@@ -1,0 +1,203 @@
+//! Files of free points: those to look from, and what they see.
+//!
+//! Points are read from a table with the columns `x`, `y`, `z` in m and, where they face one way, `nx`, `ny`, `nz`, in any order; other columns are passed over, lines that begin with `#` too. What they see has
+//! a row for each, `.csv` or `.npz`: `row`, `status`, `F_NAME` and `F_NAME_error` of every surface, `F_surroundings`, `F_backs`, and with boundary conditions what arrives, each with its error.
+
+use std::io::{self, Seek, Write};
+use std::path::Path;
+
+use glam::DVec3;
+use serde_json::{Map, Value, json};
+
+use super::exchange::Format;
+use super::npz::NpzWriter;
+use super::{ReportError, csv};
+use crate::heat::{PointQuery, PointView, Stated};
+use crate::input_file;
+use crate::printable::quoted;
+use crate::scene::Scene;
+use crate::whole_file;
+
+/// The most bytes of a table of points.
+const LIMIT: u64 = 1 << 30;
+
+/// The columns of the position, and of the normal.
+const POSITION: [&str; 3] = ["x", "y", "z"];
+const NORMAL: [&str; 3] = ["nx", "ny", "nz"];
+
+/// Reads points from a table.
+///
+/// # Errors
+/// [`ReportError::Unreadable`], and [`ReportError::BadPoints`] with the line of what is no such table, no finite number, or a normal without a length.
+pub fn read(path: &Path) -> Result<Vec<PointQuery>, ReportError> {
+    let unreadable = |source| ReportError::Unreadable {
+        path: path.to_owned(),
+        source,
+    };
+    let bytes = input_file::read(path, LIMIT).map_err(unreadable)?;
+    let bad = |line: usize, reason: String| ReportError::BadPoints {
+        path: path.to_owned(),
+        line: line + 1,
+        reason,
+    };
+    let text = String::from_utf8(bytes).map_err(|_| bad(0, "not UTF-8 text; convert the file to UTF-8".into()))?;
+    let text = text.trim_start_matches('\u{feff}');
+    let mut lines = text.lines().enumerate().filter(|(_, line)| {
+        let line = line.trim();
+        !line.is_empty() && !line.starts_with('#')
+    });
+    let (head_line, head) = lines
+        .next()
+        .ok_or_else(|| bad(0, "no line of names; begin with x,y,z".into()))?;
+    let names: Vec<&str> = head.split(',').map(|name| name.trim().trim_matches('"')).collect();
+    let find = |wanted: [&str; 3]| wanted.map(|name| names.iter().position(|own| own.eq_ignore_ascii_case(name)));
+    let [Some(x), Some(y), Some(z)] = find(POSITION) else {
+        return Err(bad(
+            head_line,
+            "the first line does not name the columns x, y and z; add it".into(),
+        ));
+    };
+    let normal = match find(NORMAL) {
+        [Some(nx), Some(ny), Some(nz)] => Some([nx, ny, nz]),
+        [None, None, None] => None,
+        _ => {
+            return Err(bad(
+                head_line,
+                "not all of nx, ny and nz are there; give all or none".into(),
+            ));
+        }
+    };
+    let mut points = Vec::new();
+    for (line, row) in lines {
+        let cells: Vec<&str> = row.split(',').map(str::trim).collect();
+        let vector = |columns: [usize; 3]| -> Result<DVec3, ReportError> {
+            let mut found = [0.0; 3];
+            for (value, column) in found.iter_mut().zip(columns) {
+                let cell = cells.get(column).copied().unwrap_or_default();
+                let number = cell.parse().ok().filter(|number: &f64| number.is_finite());
+                *value = number.ok_or_else(|| {
+                    bad(
+                        line,
+                        format!(
+                            "`{}` in column `{}` is no finite number; correct it",
+                            quoted(cell),
+                            names[column]
+                        ),
+                    )
+                })?;
+            }
+            Ok(DVec3::from_array(found))
+        };
+        let query = PointQuery {
+            position: vector([x, y, z])?,
+            normal: normal.map(vector).transpose()?,
+        };
+        if query.normal.is_some_and(|own| own.try_normalize().is_none()) {
+            return Err(bad(line, "the normal has no length; correct it".into()));
+        }
+        points.push(query);
+    }
+    Ok(points)
+}
+
+/// Columns of numbers, each with its name.
+type Columns = Vec<(String, Vec<f64>)>;
+
+/// Returns what points see as columns of numbers.
+fn columns(scene: &Scene, views: &[PointView]) -> Columns {
+    let mut columns = Columns::new();
+    let mut add = |name: &str, value: &dyn Fn(&PointView) -> Stated| {
+        columns.push((name.to_owned(), views.iter().map(|view| value(view).value).collect()));
+        columns.push((
+            format!("{name}_error"),
+            views.iter().map(|view| value(view).error).collect(),
+        ));
+    };
+    for (k, surface) in scene.surfaces.iter().enumerate() {
+        add(&format!("F_{}", surface.name), &|view| view.surfaces[k]);
+    }
+    add("F_surroundings", &|view| view.surroundings);
+    add("F_backs", &|view| view.backs);
+    let Some(first) = views.first().and_then(|view| view.heat) else {
+        return columns;
+    };
+    let heat =
+        |view: &PointView, of: fn(&crate::heat::PointHeat) -> Stated| view.heat.as_ref().map_or(Stated::default(), of);
+    add("irradiance_w_m2", &|view| heat(view, |own| own.irradiance));
+    add("solar_irradiance_w_m2", &|view| heat(view, |own| own.solar));
+    if first.sunlit.is_some() {
+        add("sun_irradiance_w_m2", &|view| heat(view, |own| own.sun));
+        add("sunlit_fraction", &|view| {
+            heat(view, |own| own.sunlit.unwrap_or_default())
+        });
+    }
+    if first.mean_radiant.is_some() {
+        add("t_mrt_k", &|view| {
+            heat(view, |own| own.mean_radiant.unwrap_or_default())
+        });
+    }
+    columns
+}
+
+/// Writes what points see to `path`, whole or not at all, in the format that its ending names; `settings`: how it was computed.
+///
+/// # Errors
+/// [`ReportError::UnknownFormat`], [`ReportError::Unwritable`].
+pub fn write(
+    path: &Path,
+    scene: &Scene,
+    views: &[PointView],
+    settings: &Map<String, Value>,
+) -> Result<(), ReportError> {
+    let format = Format::of(path)?;
+    let columns = columns(scene, views);
+    let written = whole_file::write(path, |writer| match format {
+        Format::Csv => write_csv(writer, views, &columns),
+        Format::Npz => write_npz(writer, views, &columns, settings),
+    });
+    written.map_err(|source| ReportError::Unwritable {
+        path: path.to_owned(),
+        source,
+    })
+}
+
+/// Writes what points see as a table.
+///
+/// # Errors
+/// Those of the writer.
+pub fn write_table(writer: &mut dyn Write, scene: &Scene, views: &[PointView]) -> io::Result<()> {
+    write_csv(writer, views, &columns(scene, views))
+}
+
+fn write_csv(writer: &mut dyn Write, views: &[PointView], columns: &Columns) -> io::Result<()> {
+    write!(writer, "row,status")?;
+    for (name, _) in columns {
+        write!(writer, ",{}", csv::quoted(name))?;
+    }
+    writeln!(writer)?;
+    for (row, view) in views.iter().enumerate() {
+        write!(writer, "{row},{}", view.status.name())?;
+        for (_, values) in columns {
+            write!(writer, ",{:?}", values[row])?;
+        }
+        writeln!(writer)?;
+    }
+    Ok(())
+}
+
+fn write_npz<W: Write + Seek>(
+    writer: W,
+    views: &[PointView],
+    columns: &Columns,
+    settings: &Map<String, Value>,
+) -> io::Result<()> {
+    let description = json!({ "format": "radiosity points 1", "settings": settings });
+    let mut npz = NpzWriter::new(writer);
+    npz.bytes("meta.json", format!("{description:#}").as_bytes())?;
+    let statuses: Vec<String> = views.iter().map(|view| view.status.name().to_owned()).collect();
+    npz.texts("status", &statuses)?;
+    for (name, values) in columns {
+        npz.numbers(&name.replace('/', "_"), &[values.len()], values)?;
+    }
+    npz.finish()
+}

@@ -1,0 +1,67 @@
+//! TOML files that describe what belongs to a scene: read whole, parsed strictly, with the line of every mistake.
+
+use std::path::{Path, PathBuf};
+
+use serde::de::DeserializeOwned;
+
+use super::lines::{line_after, read_text};
+use super::{Origin, SceneError, SceneErrorKind};
+use crate::input_file::DESCRIPTION_LIMIT;
+use crate::printable::quoted;
+
+/// A TOML file with its text, and the kind of error that is raised for what is wrong in it.
+pub(crate) struct TomlFile {
+    path: PathBuf,
+    text: String,
+    kind: fn(String) -> SceneErrorKind,
+}
+
+impl TomlFile {
+    /// Reads the text of a file; `kind` makes an error of a message.
+    ///
+    /// # Errors
+    /// A file that cannot be read, is too long or is not UTF-8.
+    pub(crate) fn read(path: &Path, kind: fn(String) -> SceneErrorKind) -> Result<Self, SceneError> {
+        Ok(Self {
+            path: path.to_owned(),
+            text: read_text(path, DESCRIPTION_LIMIT)?,
+            kind,
+        })
+    }
+
+    /// Parses the text; `what` completes "correct the ...".
+    ///
+    /// # Errors
+    /// What is no such TOML, with its line.
+    pub(crate) fn parsed<T: DeserializeOwned>(&self, what: &str) -> Result<T, SceneError> {
+        toml::from_str(&self.text).map_err(|error| {
+            let message = error.message().trim().replace('\n', ", ");
+            self.bad(
+                error.span().map(|span| span.start),
+                format!("{message}; correct the {what}"),
+            )
+        })
+    }
+
+    /// Returns an error about the line that the byte `start` stands on.
+    pub(crate) fn bad(&self, start: impl Into<Option<usize>>, message: String) -> SceneError {
+        let line = start.into().map(|start| self.line(start));
+        SceneError::new(Origin::line(self.path.clone(), line), (self.kind)(message))
+    }
+
+    /// Returns the line that the byte `start` stands on, from 1.
+    pub(crate) fn line(&self, start: usize) -> u32 {
+        line_after(self.text.get(..start).unwrap_or(&self.text))
+    }
+}
+
+/// Returns the first of many names, as a message lists them.
+pub(crate) fn first_names<'a>(names: impl ExactSizeIterator<Item = &'a str>) -> String {
+    const SHOWN: usize = 12;
+    let n = names.len();
+    let mut shown: Vec<String> = names.take(SHOWN).map(quoted).collect();
+    if n > SHOWN {
+        shown.push(format!("{} more", n - SHOWN));
+    }
+    shown.join(", ")
+}

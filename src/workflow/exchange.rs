@@ -1,0 +1,88 @@
+//! Exchange factors of a thermal network.
+
+use super::solve::Known;
+use super::{Context, FormFactorStudy, Model, SolveRequest, WorkflowError, expect_room};
+use crate::heat::{Boundary, ExchangeFactors, Gathered, Network, Nodes};
+use crate::matrix::operator::LinearOperator;
+
+/// The residual to which factors are solved where that can be reached.
+const AIM: f64 = 1e-12;
+
+/// Bytes of an entry while factors are found and written: sums, factors and errors, script-F and conductors.
+const ENTRY_BYTE: u64 = 48;
+
+/// Columns that are solved for in the same passes over the form factors.
+const COLUMNS: usize = 32;
+
+/// What the nodes of exchange factors are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ExchangeNodes {
+    /// Surfaces.
+    #[default]
+    Surfaces,
+    /// Patches, called `SURFACE:PATCH`.
+    Patches,
+}
+
+impl Model {
+    /// Computes the exchange factors of surfaces, averaged over their patches with weights ε A, or of patches; temperatures and heats of the conditions play no part.
+    ///
+    /// # Errors
+    /// [`WorkflowError::Heat`] of conditions that do not fit the scene; those of [`solve_system`](Self::solve_system).
+    pub fn exchange_factors(
+        &mut self,
+        study: &FormFactorStudy,
+        boundary: &Boundary,
+        by: ExchangeNodes,
+        request: &SolveRequest,
+        cx: &mut Context,
+    ) -> Result<ExchangeFactors, WorkflowError> {
+        let network = Network::new(&self.scene, &self.mesh, boundary).map_err(|error| WorkflowError::Heat {
+            file: boundary.file.clone(),
+            error,
+        })?;
+        let n_nodes = match by {
+            ExchangeNodes::Surfaces => self.scene.surfaces.len(),
+            ExchangeNodes::Patches => self.mesh.n_patches(),
+        };
+        let needed = ENTRY_BYTE.saturating_mul((n_nodes as u64 + 1).pow(2));
+        let what = format!("for exchange factors of {n_nodes} nodes");
+        expect_room(&self.file, &what, needed, &cx.memory, "or ask for those of surfaces")?;
+        let mut gathered = Gathered::new(&network, study.enclosure(), self.nodes(by));
+        let n_columns = gathered.n_columns();
+        for first in (0..n_columns).step_by(COLUMNS) {
+            let columns = first..n_columns.min(first + COLUMNS);
+            let (reflectance, exitance) = gathered.system(&columns);
+            let known = Known {
+                aim: Some(AIM),
+                ..study.known()
+            };
+            let operator = (&study.factors as &dyn LinearOperator, study.factors.areas().to_vec());
+            let materials = (reflectance.clone(), exitance.clone());
+            let solution = self.solve_system(operator, request, materials, known, cx)?;
+            let carried = study.carried_error((&reflectance, &exitance), &solution, cx)?;
+            gathered.take(&columns, &solution, carried.as_ref());
+            cx.go_on()?;
+        }
+        study.factors.if_readable(())?;
+        Ok(gathered.factors())
+    }
+
+    fn nodes(&self, by: ExchangeNodes) -> Nodes {
+        let surfaces = &self.scene.surfaces;
+        let patches = self.mesh.patches.iter();
+        match by {
+            ExchangeNodes::Surfaces => Nodes {
+                names: surfaces.iter().map(|surface| surface.name.clone()).collect(),
+                of_patch: patches.map(|patch| patch.surface.0 as usize).collect(),
+            },
+            ExchangeNodes::Patches => Nodes {
+                names: patches
+                    .enumerate()
+                    .map(|(i, patch)| format!("{}:{i}", surfaces[patch.surface.0 as usize].name))
+                    .collect(),
+                of_patch: (0..self.mesh.n_patches()).collect(),
+            },
+        }
+    }
+}

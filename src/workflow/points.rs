@@ -1,0 +1,37 @@
+//! Free points: what they see, and what arrives there.
+
+use super::{Context, HeatStudy, Model, WorkflowError};
+use crate::heat::{Boundary, PointQuery, PointScene, PointView};
+
+/// Points that are looked from between two questions whether to go on.
+const AT_ONCE: usize = 1024;
+
+impl Model {
+    /// Looks from free points: the factors to all surfaces, and with the heat of the scene what arrives; `with_person`: the sun counts in the mean radiant temperature as it does on a standing person.
+    ///
+    /// # Errors
+    /// [`WorkflowError::Interrupted`].
+    pub fn points(
+        &self,
+        queries: &[PointQuery],
+        heat: Option<(&HeatStudy, &Boundary)>,
+        with_person: bool,
+        cx: &Context,
+    ) -> Result<Vec<PointView>, WorkflowError> {
+        let looked_at = PointScene {
+            scene: &self.scene,
+            mesh: &self.mesh,
+            heat: heat.map(|(study, boundary)| ([&study.heat.thermal, &study.heat.solar], boundary)),
+            with_person,
+        };
+        let watch = cx.progress();
+        crate::progress::Progress::begin(&watch, "points", queries.len() as u64);
+        let mut found = Vec::with_capacity(queries.len());
+        for some in queries.chunks(AT_ONCE) {
+            found.extend(cx.time("points", || looked_at.look(some)));
+            crate::progress::Progress::advance(&watch, some.len() as u64);
+            cx.go_on()?;
+        }
+        Ok(found)
+    }
+}
