@@ -35,6 +35,11 @@ pub enum SpectrumBounds {
     Lanczos(NonZeroUsize),
 }
 
+impl SpectrumBounds {
+    /// [`Lanczos`](Self::Lanczos) with ten steps.
+    pub const TEN_LANCZOS_STEPS: Self = Self::Lanczos(NonZeroUsize::MIN.saturating_add(9));
+}
+
 /// Chebyshev iteration, all channels together.
 ///
 /// With γ = (ν + μ) / 2, σ = (ν − μ) / 2, r the residual of B:

@@ -1,7 +1,7 @@
 //! Solutions of the radiosity system, with all that is known of their error.
 
 use std::num::NonZeroUsize;
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -58,14 +58,25 @@ pub struct SolveRequest {
     pub start: Start,
 }
 
+impl SolveRequest {
+    /// [`tolerance`](Self::tolerance) where none is given.
+    pub const TOLERANCE: f64 = 1e-6;
+
+    /// [`max_passes`](Self::max_passes) where no number is given.
+    pub const MAX_PASSES: usize = 1000;
+
+    /// Tolerances that mean something: below the least of them no residual differs from 0, and from 1 on no light at all would do.
+    pub const TOLERANCES: Range<f64> = 1e-300..1.0;
+}
+
 impl Default for SolveRequest {
     /// The solver that suits the system, to 1e-6 in at most 1000 passes.
     fn default() -> Self {
         Self {
             solver: "auto".to_owned(),
             settings: SolverSettings::default(),
-            tolerance: 1e-6,
-            max_passes: 1000,
+            tolerance: Self::TOLERANCE,
+            max_passes: Self::MAX_PASSES,
             start: Start::default(),
         }
     }

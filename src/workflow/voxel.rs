@@ -74,6 +74,20 @@ pub struct VoxelRequest {
     pub is_shown: bool,
 }
 
+impl VoxelRequest {
+    /// [`n_voxels`](Self::n_voxels) where no number is given.
+    pub const VOXELS: u32 = 100;
+
+    /// [`radius`](Self::radius) where none is given.
+    pub const RADIUS: u32 = 20;
+
+    /// Propagations where no number is given.
+    pub const PASSES: usize = 10;
+
+    /// The level of the largest cells where none is given.
+    pub const COARSEST: u8 = 3;
+}
+
 /// How light was found.
 #[derive(Debug)]
 pub enum VoxelResult {

@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 
 use super::{ClosureArgs, CommonArgs, MemoryArgs, MeshArgs, parse_positive};
+use crate::experiment::CompareSettings;
+use crate::form_factor::ExactMethod;
 
 /// Whether occluders are looked at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -30,19 +32,19 @@ pub struct CompareArgs {
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub methods: Vec<String>,
     /// Runs of every setting, each with a seed of its own
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=10000))]
+    #[arg(long, value_name = "N", default_value_t = CompareSettings::SEEDS, value_parser = clap::value_parser!(u64).range(1..=10000))]
     pub seeds: u64,
     /// The first seed
     #[arg(long, value_name = "S", default_value_t = 0)]
     pub seed: u64,
     /// Leave out settings of which one run takes longer than S seconds
-    #[arg(long, value_name = "S", default_value_t = 10.0, value_parser = parse_positive)]
+    #[arg(long, value_name = "S", default_value_t = CompareSettings::TIME_LIMIT_S, value_parser = parse_positive)]
     pub time_limit: f64,
     /// Whether occluders are looked at
     #[arg(long, value_enum, default_value_t = VisibilityName::Both)]
     pub visibility: VisibilityName,
     /// The tolerance of exact that the methods are judged for: where nothing is known of the scene, the reference is exact at T/100
-    #[arg(long, value_name = "T", default_value_t = 1e-6, value_parser = parse_positive)]
+    #[arg(long, value_name = "T", default_value_t = ExactMethod::DEFAULT_TOLERANCE, value_parser = parse_positive)]
     pub tolerance: f64,
     #[command(flatten)]
     #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]

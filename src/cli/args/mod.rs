@@ -18,6 +18,7 @@ use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand};
 
+use crate::workflow::SolveRequest;
 use byte::parse_byte;
 
 pub use experiments::{CompareArgs, PaperName, ReproduceArgs, VisibilityName};
@@ -178,11 +179,15 @@ fn parse_time(text: &str) -> Result<Duration, String> {
     }
 }
 
-/// Below the least of these, no residual is told from 0; from 1 on, no light at all would do.
 fn parse_tolerance(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
-        Ok(value) if (1e-300..1.0).contains(&value) => Ok(value),
-        _ => Err("give a number from 1e-300 to below 1, such as 1e-6".to_owned()),
+        Ok(value) if SolveRequest::TOLERANCES.contains(&value) => Ok(value),
+        _ => Err(format!(
+            "give a number from {:e} to below {}, such as {:e}",
+            SolveRequest::TOLERANCES.start,
+            SolveRequest::TOLERANCES.end,
+            SolveRequest::TOLERANCE
+        )),
     }
 }
 

@@ -37,10 +37,10 @@ pub struct SolverArgs {
     #[arg(long, value_name = "NAME", default_value = "auto", value_parser = solver_name())]
     pub solver: String,
     /// Tolerance on sqrt(Σ A r² / Σ A E²), worst channel
-    #[arg(long, value_name = "T", default_value_t = 1e-6, value_parser = parse_tolerance)]
+    #[arg(long, value_name = "T", default_value_t = SolveRequest::TOLERANCE, value_parser = parse_tolerance)]
     pub tolerance: f64,
     /// The most passes over the form factors
-    #[arg(long, value_name = "K", default_value_t = 1000)]
+    #[arg(long, value_name = "K", default_value_t = SolveRequest::MAX_PASSES)]
     pub max_passes: usize,
     /// The first radiosities
     #[arg(long, value_enum, default_value_t = StartName::Exitance)]
@@ -107,7 +107,7 @@ impl From<BoundsName> for SpectrumBounds {
         match name {
             BoundsName::Safe => Self::Safe,
             BoundsName::Average => Self::Average,
-            BoundsName::Lanczos => Self::Lanczos(NonZeroUsize::MIN.saturating_add(9)),
+            BoundsName::Lanczos => Self::TEN_LANCZOS_STEPS,
         }
     }
 }

@@ -8,7 +8,7 @@ use super::byte::parse_byte;
 use super::solve::solver_name_without_symmetry;
 use super::{AuditArgs, ClosureArgs, CommonArgs, ImageArgs, MeshArgs, parse_positive, parse_tolerance};
 use crate::voxel::{Form, RowWeights, SolidAngle};
-use crate::workflow::{LinkPlace, VoxelLight, VoxelRequest};
+use crate::workflow::{LinkPlace, SolveRequest, VoxelLight, VoxelRequest};
 
 /// What a propagation computes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -52,13 +52,13 @@ pub struct VoxelArgs {
     #[arg(short, long, value_name = "IMAGE.exr|B.vtu")]
     pub output: Option<PathBuf>,
     /// Voxels along the longest axis, 4 to 4096
-    #[arg(long, value_name = "N", default_value_t = 100, help_heading = "Voxels")]
+    #[arg(long, value_name = "N", default_value_t = VoxelRequest::VOXELS, help_heading = "Voxels")]
     pub voxels: u32,
     /// Radius of the discrete sphere of directions, 1 to 255
-    #[arg(long, value_name = "R", default_value_t = 20, help_heading = "Voxels")]
+    #[arg(long, value_name = "R", default_value_t = VoxelRequest::RADIUS, help_heading = "Voxels")]
     pub radius: u32,
     /// Propagations of light
-    #[arg(long, value_name = "K", default_value_t = 10, help_heading = "Voxels")]
+    #[arg(long, value_name = "K", default_value_t = VoxelRequest::PASSES, help_heading = "Voxels")]
     pub passes: usize,
     /// What a propagation computes from
     #[arg(long, value_enum, default_value_t = FormName::InPlace, help_heading = "Voxels")]
@@ -67,7 +67,7 @@ pub struct VoxelArgs {
     #[arg(long, value_name = "T", value_parser = parse_positive, conflicts_with_all = ["solver", "form", "links", "link_file"], help_heading = "Voxels")]
     pub adaptive: Option<f64>,
     /// With `--adaptive`, the largest cells: 2^L voxels wide, L up to 6
-    #[arg(long, value_name = "L", default_value_t = 3, requires = "adaptive", value_parser = clap::value_parser!(u8).range(0..=6), help_heading = "Voxels")]
+    #[arg(long, value_name = "L", default_value_t = VoxelRequest::COARSEST, requires = "adaptive", value_parser = clap::value_parser!(u8).range(0..=6), help_heading = "Voxels")]
     pub coarsest: u8,
     /// Leave the weights of a voxel's directions as they are, not divided by their sum
     #[arg(long, help_heading = "Voxels")]
@@ -97,7 +97,7 @@ pub struct VoxelArgs {
     #[arg(
         long,
         value_name = "T",
-        default_value_t = 1e-6,
+        default_value_t = SolveRequest::TOLERANCE,
         value_parser = parse_tolerance,
         requires = "solver",
         help_heading = "Voxels"

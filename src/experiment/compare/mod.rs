@@ -33,6 +33,14 @@ pub struct CompareSettings<'a> {
     pub storage: StorageChoice<'a>,
 }
 
+impl CompareSettings<'_> {
+    /// [`n_seeds`](Self::n_seeds) where no number is given.
+    pub const SEEDS: u64 = 5;
+
+    /// [`time_limit_s`](Self::time_limit_s) where none is given.
+    pub const TIME_LIMIT_S: f64 = 10.0;
+}
+
 /// One run of one setting.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
