@@ -1,8 +1,11 @@
 //! Wavefront OBJ with its MTL libraries.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
+#[cfg(feature = "cli")]
+use std::path::PathBuf;
 
 mod index;
+#[cfg(feature = "cli")]
 mod libraries;
 pub(super) mod mtl;
 pub(super) mod write;
@@ -64,6 +67,7 @@ impl Reader for Obj {
         Ok(polygons)
     }
 
+    #[cfg(feature = "cli")]
     fn companions(&self, path: &Path) -> Vec<PathBuf> {
         libraries::libraries_of(path)
     }
