@@ -68,13 +68,13 @@ impl Head<'_> {
 
 /// All formats: of files that more than one recognises, the first one counts; a file that shows none of them is OBJ.
 static REGISTRY: [&dyn Reader; 7] = [
-    &obj::Obj,
     &gltf::Gltf,
     &ply::Ply,
     &msh::Msh,
     &vtk::Vtk,
     &vs3::Vs3,
     &stl::Stl,
+    &obj::Obj,
 ];
 
 /// A format of scene files.
