@@ -50,7 +50,7 @@ pub struct Leak {
     /// The name of the surface.
     pub surface: String,
     /// What its face is called, as in `line 12`.
-    pub face: String,
+    pub face: Box<str>,
     /// The middle of the patch, m.
     pub from: DVec3,
     /// Where one of its rays leaves the box around the scene, m.
@@ -172,7 +172,8 @@ fn probed(input: Input<'_>) -> Result<Vec<Probe>, Leak> {
         face: input
             .scene
             .numbering
-            .label(input.scene.faces[patch.face.0 as usize].line),
+            .label(input.scene.faces[patch.face.0 as usize].line)
+            .into(),
         from: patch.centroid,
         exit: probe.exit,
         escaped: share(probe),

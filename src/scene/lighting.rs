@@ -57,17 +57,14 @@ fn take_closer(old: &mut Option<(usize, [f64; 3])>, closeness: usize, value: Opt
 /// Returns the numbers of the names that a name of a file means, and how closely it fits: without bounds for an equal one, else by the letters beside `*`.
 fn meant(name: &str, known: &[&str]) -> (usize, Vec<u32>) {
     let those = |fits: &dyn Fn(&str) -> bool| {
-        let all = (0_u32..).zip(known).filter(|(_, known)| fits(known));
+        let all = (0_u32..).zip(known).filter(|(_, one)| fits(one));
         all.map(|(id, _)| id).collect::<Vec<_>>()
     };
-    let equal = those(&|known| known == name);
+    let equal = those(&|one| one == name);
     if !equal.is_empty() || !name.contains('*') {
         return (usize::MAX, equal);
     }
-    (
-        name.len() - name.matches('*').count(),
-        those(&|known| fits(name, known)),
-    )
+    (name.len() - name.matches('*').count(), those(&|one| fits(name, one)))
 }
 
 /// Tells whether a text fits a pattern, in which `*` stands for any text.
@@ -209,16 +206,16 @@ impl Lighting {
                     return Err(bad(exitance_start, message));
                 }
                 for id in ids {
-                    let found = found.entry(id).or_default();
-                    take_closer(&mut found.exitance, closeness, exitance);
-                    take_closer(&mut found.reflectance, closeness, reflectance);
+                    let own = found.entry(id).or_default();
+                    take_closer(&mut own.exitance, closeness, exitance);
+                    take_closer(&mut own.reflectance, closeness, reflectance);
                 }
             }
-            let change = |found: Found| Change {
-                exitance: found.exitance.map(|(_, value)| value),
-                reflectance: found.reflectance.map(|(_, value)| value),
+            let change = |own: Found| Change {
+                exitance: own.exitance.map(|(_, value)| value),
+                reflectance: own.reflectance.map(|(_, value)| value),
             };
-            Ok(found.into_iter().map(|(id, found)| (id, change(found))).collect())
+            Ok(found.into_iter().map(|(id, own)| (id, change(own))).collect())
         };
         Ok(Self {
             by_surface: read("surface", &surfaces, &surface_areas, parsed.surface)?,

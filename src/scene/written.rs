@@ -14,6 +14,7 @@ const SHORT_PLACES: i32 = 3;
 /// Programs write either so many places after the point (`%.3f`), or so many digits in all (`%.6g`, `%e`), and some leave trailing zeros out. Zeros after the point, or else the counts of the
 /// numbers that have the most of either, tell which; exponents without such zeros are those of a number of digits. Numbers that are all near an f32, with more digits than that needs, come from f32.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a sign of its own")]
 pub struct Written {
     /// The most places after the point, negative for whole tens, and how many numbers have them.
     places: Option<(i32, u32)>,
@@ -344,9 +345,9 @@ mod tests {
     #[test]
     fn binary_numbers_have_the_bits_of_f32_and_units_a_scale() {
         let mut meant = Written::new();
-        [0.25_f32, -3.0, 1024.0, 0.375]
-            .iter()
-            .for_each(|x| meant.see_single(*x));
+        for x in [0.25_f32, -3.0, 1024.0, 0.375] {
+            meant.see_single(x);
+        }
         assert!(!meant.shows_rounding() && meant.unit(1024.0) <= 0.0);
         let mut rounded = meant;
         rounded.see_single(0.1);
@@ -357,7 +358,9 @@ mod tests {
         is(rounded.unit(0.1e-3), 1e-3 * 2.0_f64.powi(-27));
         // An f64 has the digits of its shortest text.
         let mut double = Written::new();
-        [0.333_333, 2.0, 0.125].iter().for_each(|x| double.see_binary(*x));
+        for x in [0.333_333, 2.0, 0.125] {
+            double.see_binary(x);
+        }
         assert!(double.shows_rounding());
         is(double.unit(1.0), 1e-6);
         double.at_least(1e-4);

@@ -119,21 +119,21 @@ pub(super) enum Cell {
     Volume,
 }
 
-/// The cells of a file that are no flat faces.
+/// The numbers of cells of a file that are no flat faces.
 #[derive(Debug, Default)]
 pub(super) struct Others {
-    pub(super) n_thin: usize,
-    pub(super) n_volumes: usize,
-    pub(super) n_higher: usize,
+    pub(super) thin: usize,
+    volumes: usize,
+    higher: usize,
 }
 
 impl Others {
     /// Counts a cell.
     pub(super) fn count(&mut self, cell: Cell) {
         match cell {
-            Cell::Face(_, is_higher) => self.n_higher += usize::from(is_higher),
-            Cell::Thin => self.n_thin += 1,
-            Cell::Volume => self.n_volumes += 1,
+            Cell::Face(_, is_higher) => self.higher += usize::from(is_higher),
+            Cell::Thin => self.thin += 1,
+            Cell::Volume => self.volumes += 1,
         }
     }
 
@@ -141,9 +141,9 @@ impl Others {
     pub(super) fn warnings(&self, file: &std::path::Path) -> Vec<SceneWarning> {
         let skipped = |count, what| SceneWarningKind::SkippedElements { count, what };
         let kinds = [
-            (self.n_thin, skipped(self.n_thin, "points or lines")),
-            (self.n_volumes, skipped(self.n_volumes, "volume cells")),
-            (self.n_higher, SceneWarningKind::HigherOrder { count: self.n_higher }),
+            (self.thin, skipped(self.thin, "points or lines")),
+            (self.volumes, skipped(self.volumes, "volume cells")),
+            (self.higher, SceneWarningKind::HigherOrder { count: self.higher }),
         ];
         let those = kinds.into_iter().filter(|(count, _)| *count > 0);
         those

@@ -2,7 +2,9 @@
 
 use std::fmt;
 use std::io::Read as _;
-use std::path::{Path, PathBuf};
+use std::path::Path;
+#[cfg(feature = "cli")]
+use std::path::PathBuf;
 
 use super::polygons::Polygons;
 use super::source::Source;
@@ -31,6 +33,7 @@ pub(super) trait Reader: Sync {
     fn read(&self, source: &Source<'_>, options: &LoadOptions) -> Result<Polygons, SceneError>;
 
     /// Returns the other files that a file names, as far as they exist, without reading the scene.
+    #[cfg(feature = "cli")]
     fn companions(&self, _path: &Path) -> Vec<PathBuf> {
         Vec::new()
     }
@@ -65,13 +68,13 @@ impl Head<'_> {
 
 /// All formats: of files that more than one recognises, the first one counts; a file that shows none of them is OBJ.
 static REGISTRY: [&dyn Reader; 7] = [
-    &obj::Obj,
     &gltf::Gltf,
     &ply::Ply,
     &msh::Msh,
     &vtk::Vtk,
     &vs3::Vs3,
     &stl::Stl,
+    &obj::Obj,
 ];
 
 /// A format of scene files.

@@ -48,12 +48,12 @@ pub struct Loaded {
 /// The reflectance of a material that states none.
 pub const DEFAULT_REFLECTANCE: f64 = 0.5;
 
-/// How much there is of a scene.
+/// Numbers of what a scene has.
 #[derive(Clone, Copy, Debug, Default)]
 struct Counts {
-    n_vertices: u64,
-    n_corners: u64,
-    n_faces: u64,
+    vertices: u64,
+    corners: u64,
+    faces: u64,
 }
 
 /// Bytes for a vertex, a corner and a face while a scene is read and looked at: in the polygons of the file, in the scene, and in the tables that find equal vertices,
@@ -66,9 +66,9 @@ impl Counts {
     /// Returns an upper bound of the memory that it takes to make a scene, beside the file's own bytes.
     fn bytes(self) -> u64 {
         let all = [
-            (self.n_vertices, VERTEX_BYTES),
-            (self.n_corners, CORNER_BYTES),
-            (self.n_faces, FACE_BYTES),
+            (self.vertices, VERTEX_BYTES),
+            (self.corners, CORNER_BYTES),
+            (self.faces, FACE_BYTES),
         ];
         all.iter()
             .fold(0_u64, |sum, (n, each)| sum.saturating_add(n.saturating_mul(*each)))

@@ -192,12 +192,16 @@ fn header(cursor: &mut Cursor<'_>) -> Result<(Encoding, Vec<Element>), SceneErro
             let at = Numbering::Lines.origin(cursor.path(), line);
             SceneError::new(at, SceneErrorKind::malformed(expected, text))
         };
-        let (name, count, scalar) = property.map_err(malformed)?;
+        let (name, count, of) = property.map_err(malformed)?;
         let element = elements
             .last_mut()
             .ok_or_else(|| malformed("`element` before its properties"))?;
         let name = name.to_owned();
-        element.properties.push(Property { name, count, scalar });
+        element.properties.push(Property {
+            name,
+            count,
+            scalar: of,
+        });
     }
     let encoding = encoding.ok_or_else(|| cursor.malformed("a line `format` in the header", "end_header"))?;
     Ok((encoding, elements))
@@ -253,7 +257,7 @@ impl Content<'_> {
             }
         }
         self.source.expect(Counts {
-            n_vertices: n as u64,
+            vertices: n as u64,
             ..Counts::default()
         })?;
         self.polygons.vertices.reserve(n);
@@ -362,8 +366,8 @@ impl Content<'_> {
         };
         let n_indices = cursor.rest().len() as u64 / self.index_bytes(&element.properties[list]);
         self.source.expect(Counts {
-            n_corners: n_indices.min(4 * n as u64),
-            n_faces: n as u64,
+            corners: n_indices.min(4 * n as u64),
+            faces: n as u64,
             ..Counts::default()
         })?;
         let mut arrays: Vec<Option<Vec<i64>>> = element

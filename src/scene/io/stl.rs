@@ -63,9 +63,9 @@ fn is_ascii(head: &Head<'_>) -> bool {
 
 fn counts(n_triangles: u64) -> Counts {
     Counts {
-        n_vertices: 3 * n_triangles,
-        n_corners: 3 * n_triangles,
-        n_faces: n_triangles,
+        vertices: 3 * n_triangles,
+        corners: 3 * n_triangles,
+        faces: n_triangles,
     }
 }
 

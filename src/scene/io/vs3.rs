@@ -50,9 +50,9 @@ impl Reader for Vs3 {
         let text = source.text()?;
         let n_lines = text.bytes().filter(|byte| *byte == b'\n').count() as u64 + 1;
         source.expect(Counts {
-            n_vertices: 4 * n_lines,
-            n_corners: 4 * n_lines,
-            n_faces: n_lines,
+            vertices: 4 * n_lines,
+            corners: 4 * n_lines,
+            faces: n_lines,
         })?;
         let mut file = InputFile {
             source,
@@ -256,8 +256,7 @@ impl<'a> InputFile<'a> {
         };
         let name = words.words.next().unwrap_or("").to_owned();
         if !(0.0..=1.0).contains(&emissivity) {
-            let kind = SceneErrorKind::malformed("an emissivity in [0, 1]", emissivity.to_string());
-            return Err(self.error(line, kind));
+            return Err(self.malformed(line, "an emissivity in [0, 1]", &emissivity.to_string()));
         }
         for (number, what) in [(base, "base surface"), (combined, "surface to combine with")] {
             if number > self.surfaces.len() && !(what == "base surface" && kind == Kind::Surface) {
@@ -403,7 +402,9 @@ impl<'a> InputFile<'a> {
             return Err(self.malformed(surface.line, "a mask that faces its base", "one that does not"));
         }
         let step = MASK_GAP * own.length().sqrt() * base.normalize_or_zero();
-        corners.iter_mut().for_each(|corner| *corner += step);
+        for corner in corners {
+            *corner += step;
+        }
         Ok(())
     }
 }

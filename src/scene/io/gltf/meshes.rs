@@ -84,12 +84,14 @@ pub(super) fn polygons(document: &Document, buffers: &[Vec<u8>], source: &Source
         warn(n_thin, "primitives of points or lines");
     }
     let mut counts: HashMap<&'static str, usize> = HashMap::new();
-    unread
-        .iter()
-        .for_each(|(_, what)| *counts.entry(what).or_default() += 1);
+    for (_, what) in &unread {
+        *counts.entry(what).or_default() += 1;
+    }
     let mut counts: Vec<_> = counts.into_iter().collect();
     counts.sort_unstable();
-    counts.into_iter().for_each(|(what, count)| warn(count, what));
+    for (what, count) in counts {
+        warn(count, what);
+    }
     Ok(polygons)
 }
 
@@ -127,8 +129,8 @@ impl<'a> Meshes<'a> {
         let mut waiting: Vec<(Placed, usize)> = self.roots().into_iter().rev().map(|node| (whole(node), 0)).collect();
         while let Some((parent, depth)) = waiting.pop() {
             let node = parent.node;
-            let refused = |expected: &str, found: &str| {
-                let kind = SceneErrorKind::malformed(expected, found);
+            let refused = |expected: &str, instead: &str| {
+                let kind = SceneErrorKind::malformed(expected, instead);
                 self.error_at(format!("node {node}"), kind)
             };
             let Some(own) = self.document.nodes.get(node) else {
@@ -150,7 +152,7 @@ impl<'a> Meshes<'a> {
                 found.push(placed);
             }
             let children = own.children.iter().rev();
-            waiting.extend(children.map(|&node| (Placed { node, ..placed }, depth + 1)));
+            waiting.extend(children.map(|&child| (Placed { node: child, ..placed }, depth + 1)));
         }
         Ok(found)
     }
@@ -203,9 +205,9 @@ impl<'a> Meshes<'a> {
             .filter(|(is_there, _)| *is_there)
             .map(|(_, what)| (mesh, what))
             .collect();
-        for unread in new {
-            if !self.unread.contains(&unread) {
-                self.unread.push(unread);
+        for one in new {
+            if !self.unread.contains(&one) {
+                self.unread.push(one);
             }
         }
         let Some(positions) = primitive.attributes.get("POSITION") else {
@@ -265,7 +267,7 @@ impl<'a> Meshes<'a> {
         let first = self.polygons.vertices.len();
         self.source
             .expect(Counts {
-                n_vertices: own.count,
+                vertices: own.count,
                 ..Counts::default()
             })
             .map_err(|error| error.kind)?;
@@ -332,17 +334,17 @@ impl<'a> Meshes<'a> {
         }
         self.source
             .expect(Counts {
-                n_corners: own.count,
-                n_faces: own.count / 3,
+                corners: own.count,
+                faces: own.count / 3,
                 ..Counts::default()
             })
             .map_err(|error| error.kind)?;
         let size = component_bytes(own.component_type)?;
-        let index = |bytes: &[u8]| -> Result<u32, SceneErrorKind> {
+        let index = |one: &[u8]| -> Result<u32, SceneErrorKind> {
             let index = match size {
-                1 => u8::of(&bytes[..1], true).into(),
-                2 => u16::of(&bytes[..2], true).into(),
-                _ => u32::of(&bytes[..4], true),
+                1 => u8::of(&one[..1], true).into(),
+                2 => u16::of(&one[..2], true).into(),
+                _ => u32::of(&one[..4], true),
             };
             if (index as usize) < n_vertices {
                 Ok(index)
@@ -357,7 +359,7 @@ impl<'a> Meshes<'a> {
     /// Returns an accessor with its bytes and the bytes from one element to the next; the last chunk of so many holds a whole element.
     fn accessor(&self, number: usize) -> Result<(&'a Accessor, &'a [u8], usize), SceneErrorKind> {
         let document = self.document;
-        let missing = |what: &str, number: usize| SceneErrorKind::malformed(what, number.to_string());
+        let missing = |what: &str, place: usize| SceneErrorKind::malformed(what, place.to_string());
         let own = document
             .accessors
             .get(number)
@@ -490,8 +492,8 @@ fn materials(document: &Document, source: &Source<'_>) -> Vec<FileMaterial> {
     let stated = document.materials.iter().enumerate();
     stated
         .map(|(k, own)| {
-            let stated = own.name.as_deref().filter(|name| !name.trim().is_empty());
-            let name = match stated {
+            let given = own.name.as_deref().filter(|name| !name.trim().is_empty());
+            let name = match given {
                 Some(name) if names[name] == 1 => name.to_owned(),
                 Some(name) => format!("{name} {k}"),
                 None => format!("material{k}"),
@@ -504,7 +506,9 @@ fn materials(document: &Document, source: &Source<'_>) -> Vec<FileMaterial> {
 fn material(name: String, own: &MaterialOfFile, source: &Source<'_>) -> FileMaterial {
     let surface = &own.pbr_metallic_roughness;
     let strength = own.extensions.get("KHR_materials_emissive_strength");
-    let strength = strength.and_then(|own| own["emissiveStrength"].as_f64()).unwrap_or(1.0);
+    let strength = strength
+        .and_then(|given| given["emissiveStrength"].as_f64())
+        .unwrap_or(1.0);
     let factor = own.emissive_factor.unwrap_or_default();
     let (path, element) = (source.path.to_owned(), format!("material `{name}`"));
     let at = Origin::Element { path, element };

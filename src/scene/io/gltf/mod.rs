@@ -72,6 +72,7 @@ impl Reader for Gltf {
         meshes::polygons(&document, &buffers, source)
     }
 
+    #[cfg(feature = "cli")]
     fn companions(&self, path: &Path) -> Vec<PathBuf> {
         let parsed = input_file::read(path, u64::MAX).ok().and_then(|bytes| {
             let (json, _) = parts(&bytes).ok()?;

@@ -289,7 +289,7 @@ impl<'a> MeshFile<'a> {
             return Err(self.source.error(kind));
         }
         // gmsh saves points and lines of the model beside its surfaces.
-        self.others.n_thin = 0;
+        self.others.thin = 0;
         let entities: BTreeSet<i64> = self.tags.iter().map(|(_, entity)| *entity).collect();
         let has_physical = self.tags.iter().any(|(physical, _)| *physical != 0);
         if has_physical || entities.len() > 1 {

@@ -17,7 +17,7 @@ impl MeshFile<'_> {
         }
         let n = self.count(cursor, n, [8, 28], "nodes")?;
         self.source.expect(Counts {
-            n_vertices: n as u64,
+            vertices: n as u64,
             ..Counts::default()
         })?;
         self.polygons.vertices.reserve(n);
@@ -46,8 +46,8 @@ impl MeshFile<'_> {
         }
         let n = self.count(cursor, n, [8, 8], "elements")?;
         self.source.expect(Counts {
-            n_corners: 4 * n as u64,
-            n_faces: n as u64,
+            corners: 4 * n as u64,
+            faces: n as u64,
             ..Counts::default()
         })?;
         if self.is_binary {
@@ -114,8 +114,9 @@ impl MeshFile<'_> {
             cursor.binary::<i32>(WHAT)?,
         ];
         let malformed = |found: i32| {
-            let kind = SceneErrorKind::malformed("a type, a number of elements and one of tags", found.to_string());
-            self.source.error(kind)
+            let expected = "a type, a number of elements and one of tags";
+            self.source
+                .error(SceneErrorKind::malformed(expected, found.to_string()))
         };
         let (cell, n_nodes) = element(kind.into()).ok_or_else(|| malformed(kind))?;
         let n_elements = usize::try_from(n)
@@ -124,7 +125,7 @@ impl MeshFile<'_> {
             .ok_or_else(|| malformed(n))?;
         let n_tags = usize::try_from(n_tags)
             .ok()
-            .filter(|n| *n < 1 << 16)
+            .filter(|tags| *tags < 1 << 16)
             .ok_or_else(|| malformed(n_tags))?;
         for _ in 0..n_elements {
             let number: u32 = cursor.binary(WHAT)?;

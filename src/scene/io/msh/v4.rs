@@ -32,12 +32,12 @@ impl MeshFile<'_> {
         if self.version.0 == 2 {
             return Ok(());
         }
-        let mut n = [0; 4];
-        for n in &mut n {
+        let mut counts = [0; 4];
+        for count in &mut counts {
             let stated = self.size(cursor, WHAT)?;
-            *n = self.counted(cursor, stated, 5, "entities")?;
+            *count = self.counted(cursor, stated, 5, "entities")?;
         }
-        for (dimension, n) in n.into_iter().enumerate() {
+        for (dimension, n) in counts.into_iter().enumerate() {
             for _ in 0..n {
                 let tag = self.int(cursor, WHAT)?;
                 // A point, or the box around what is more than one.
@@ -71,7 +71,7 @@ impl MeshFile<'_> {
         let n_nodes = self.size(cursor, WHAT)?;
         let n_nodes = self.counted(cursor, n_nodes, 4, "nodes")?;
         self.source.expect(Counts {
-            n_vertices: n_nodes as u64,
+            vertices: n_nodes as u64,
             ..Counts::default()
         })?;
         self.polygons.vertices.reserve(n_nodes);
@@ -110,8 +110,8 @@ impl MeshFile<'_> {
         let n_elements = self.size(cursor, WHAT)?;
         let n_elements = self.counted(cursor, n_elements, 2, "elements")?;
         self.source.expect(Counts {
-            n_corners: 4 * n_elements as u64,
-            n_faces: n_elements as u64,
+            corners: 4 * n_elements as u64,
+            faces: n_elements as u64,
             ..Counts::default()
         })?;
         let _tags = [self.size(cursor, WHAT)?, self.size(cursor, WHAT)?];

@@ -185,10 +185,10 @@ impl Scan<'_> {
             ));
         };
         let mut position = [0.0; 3];
-        for (value, token) in position.iter_mut().zip([x, y, z]) {
+        for (place, token) in position.iter_mut().zip([x, y, z]) {
             // A NaN is within no range.
-            let number = token.parse::<f64>().ok().filter(|x| x.abs() <= MAX_COORDINATE);
-            *value = number.ok_or_else(|| {
+            let number = token.parse::<f64>().ok().filter(|value| value.abs() <= MAX_COORDINATE);
+            *place = number.ok_or_else(|| {
                 SceneError::new(
                     Origin::line(self.file.to_owned(), s.line),
                     SceneErrorKind::BadCoordinate {
@@ -196,7 +196,7 @@ impl Scan<'_> {
                     },
                 )
             })?;
-            self.index.polygons.written.see_value(token, *value);
+            self.index.polygons.written.see_value(token, *place);
         }
         self.index.polygons.vertices.push(DVec3::from_array(position));
         Ok(())

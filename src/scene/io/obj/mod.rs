@@ -1,8 +1,11 @@
 //! Wavefront OBJ with its MTL libraries.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
+#[cfg(feature = "cli")]
+use std::path::PathBuf;
 
 mod index;
+#[cfg(feature = "cli")]
 mod libraries;
 pub(super) mod mtl;
 pub(super) mod write;
@@ -58,12 +61,13 @@ impl Reader for Obj {
         }
         let definitions = Definitions::read_all(&libraries, file, options, &mut polygons.warnings)?;
         polygons.materials = materials
-            .into_iter()
+            .iter()
             .map(|named| material(named, &definitions, file))
             .collect();
         Ok(polygons)
     }
 
+    #[cfg(feature = "cli")]
     fn companions(&self, path: &Path) -> Vec<PathBuf> {
         libraries::libraries_of(path)
     }
@@ -82,10 +86,10 @@ fn counts(text: &str) -> Counts {
             match keyword {
                 None => {
                     keyword = Some(byte);
-                    counts.n_vertices += u64::from(matches!(byte, b'v' | b'V'));
-                    counts.n_faces += u64::from(matches!(byte, b'f' | b'F'));
+                    counts.vertices += u64::from(matches!(byte, b'v' | b'V'));
+                    counts.faces += u64::from(matches!(byte, b'f' | b'F'));
                 }
-                Some(b'f' | b'F') => counts.n_corners += 1,
+                Some(b'f' | b'F') => counts.corners += 1,
                 Some(_) => {}
             }
         }
@@ -96,7 +100,7 @@ fn counts(text: &str) -> Counts {
 
 /// Returns the warning about statements that were not read, or not as they are written.
 fn unread_warning(file: &Path, what: Unread, line: u32, count: usize) -> SceneWarning {
-    let skipped = |what| SceneWarningKind::SkippedStatements { count, what };
+    let skipped = |in_words| SceneWarningKind::SkippedStatements { count, what: in_words };
     let kind = match what {
         Unread::NamelessLibrary => SceneWarningKind::NamelessLibrary,
         Unread::Capitals => SceneWarningKind::Capitals { count },
@@ -109,7 +113,7 @@ fn unread_warning(file: &Path, what: Unread, line: u32, count: usize) -> SceneWa
 }
 
 /// Returns a material as its library defines it, with what is doubtful about it.
-fn material(named: NamedLine, definitions: &Definitions, file: &Path) -> FileMaterial {
+fn material(named: &NamedLine, definitions: &Definitions, file: &Path) -> FileMaterial {
     let name = || named.name.clone();
     let Some(definition) = definitions.get(&named.name) else {
         let at = Origin::line(file, named.line);

@@ -84,9 +84,9 @@ impl Dataset {
             .contains(&STRIP)
             .then_some(2 * self.connectivity.len() as u64);
         source.expect(Counts {
-            n_vertices: self.points.len() as u64,
-            n_corners: self.connectivity.len() as u64 + n_strip_corners.unwrap_or(0),
-            n_faces: self.ends.len() as u64 + n_strip_corners.unwrap_or(0) / 2,
+            vertices: self.points.len() as u64,
+            corners: self.connectivity.len() as u64 + n_strip_corners.unwrap_or(0),
+            faces: self.ends.len() as u64 + n_strip_corners.unwrap_or(0) / 2,
         })?;
         let mut polygons = Polygons {
             vertices: self.points,
@@ -119,9 +119,9 @@ impl Dataset {
             let Cell::Face(n_corners, _) = cell else {
                 continue;
             };
-            let refused = |kind| {
+            let refused = |reason| {
                 let (path, element) = (source.path.to_owned(), polygons.numbering.label(number));
-                SceneError::new(Origin::Element { path, element }, kind)
+                SceneError::new(Origin::Element { path, element }, reason)
             };
             if points.len() < n_corners || n_corners < 3 {
                 return Err(refused(SceneErrorKind::TooFewCorners { count: points.len() }));

@@ -182,7 +182,7 @@ impl<'a> Legacy<'a> {
         let scalar = self.scalar(words.get(1))?;
         self.fits(n.saturating_mul(3), scalar, "coordinates")?;
         self.source.expect(Counts {
-            n_vertices: n,
+            vertices: n,
             ..Counts::default()
         })?;
         for k in 0..n {
@@ -272,10 +272,10 @@ impl<'a> Legacy<'a> {
                 last = end;
                 ends.push(start + usize::try_from(end).unwrap_or(0));
             }
-            let scalar = self.array_line("CONNECTIVITY")?;
-            self.fits(size, scalar, "points of cells")?;
+            let of_points = self.array_line("CONNECTIVITY")?;
+            self.fits(size, of_points, "points of cells")?;
             for _ in 0..size {
-                let point = self.point(scalar)?;
+                let point = self.point(of_points)?;
                 self.dataset.connectivity.push(point);
             }
         } else {
@@ -350,12 +350,12 @@ impl<'a> Legacy<'a> {
             let Some((_, line)) = self.cursor.next_full_line()? else {
                 return Err(self.source.error(SceneErrorKind::CutShort { what: "a field" }));
             };
-            let words: Vec<&str> = line.split_whitespace().collect();
-            if words[0] == "METADATA" {
+            let of_array: Vec<&str> = line.split_whitespace().collect();
+            if of_array[0] == "METADATA" {
                 self.metadata()?;
                 continue;
             }
-            let [name, n_components, n_tuples, scalar] = words[..] else {
+            let [name, n_components, n_tuples, scalar] = of_array[..] else {
                 return Err(self.malformed("a name, two counts and a type", line));
             };
             let scalar = self.scalar(Some(&scalar))?;

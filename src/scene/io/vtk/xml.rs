@@ -92,23 +92,23 @@ impl<'a> File<'a> {
                         .map_err(|(expected, found)| malformed(expected, &found))?;
                 }
                 Event::Empty(tag) => {
-                    if let Some(array) = self
+                    if let Some(empty) = self
                         .begin(&tag)
                         .map_err(|(expected, found)| malformed(expected, &found))?
                     {
-                        self.keep(array);
+                        self.keep(empty);
                     }
                 }
                 Event::Text(content) => {
                     let own = array.as_mut().filter(|_| depth == 0);
-                    if let (Some(array), Cow::Borrowed(content)) = (own, content.into_inner()) {
-                        array.content.write(content);
+                    if let (Some(own), Cow::Borrowed(words)) = (own, content.into_inner()) {
+                        own.content.write(words);
                     }
                 }
                 Event::End(tag) => match tag.name().as_ref() {
                     "DataArray" | "Array" => {
-                        if let Some(array) = array.take() {
-                            self.keep(array);
+                        if let Some(ended) = array.take() {
+                            self.keep(ended);
                         }
                     }
                     "VTKFile" => {
@@ -277,9 +277,11 @@ impl<'a> File<'a> {
             }
             let n_connected = dataset.connectivity.len() - start;
             if last > n_connected {
-                let (n, room) = (last as u64, n_connected as u64);
-                let what = "points of cells";
-                return Err(SceneErrorKind::Truncated { what, n, room });
+                return Err(SceneErrorKind::Truncated {
+                    what: "points of cells",
+                    n: last as u64,
+                    room: n_connected as u64,
+                });
             }
             dataset.connectivity.truncate(start + last);
             if self.is_grid {

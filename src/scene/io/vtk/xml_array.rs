@@ -193,10 +193,10 @@ impl<'a> Encoding<'a> {
             .map(|_| self.header(&mut left))
             .collect::<Result<Vec<_>, _>>()?;
         let mut bytes = Vec::new();
-        for (k, size) in (1..).zip(&sizes) {
-            let (own, rest) = usize::try_from(*size)
+        for (k, n_own) in (1..).zip(&sizes) {
+            let (own, rest) = usize::try_from(*n_own)
                 .ok()
-                .and_then(|size| left.split_at_checked(size))
+                .and_then(|n_own| left.split_at_checked(n_own))
                 .ok_or(SceneErrorKind::CutShort { what: WHAT })?;
             left = rest;
             let length = if k == n_blocks && last > 0 { last } else { whole };
@@ -328,8 +328,11 @@ impl<'a> DataArray<'a> {
             }
         }
         if (coordinates.len() as u64) < n {
-            let (what, room) = ("coordinates", coordinates.len() as u64);
-            return Err(SceneErrorKind::Truncated { what, n, room });
+            return Err(SceneErrorKind::Truncated {
+                what: "coordinates",
+                n,
+                room: coordinates.len() as u64,
+            });
         }
         let n = usize::try_from(n).unwrap_or(usize::MAX);
         let points = coordinates[..n].as_chunks::<3>().0;
@@ -361,8 +364,8 @@ impl<'a> DataArray<'a> {
         };
         match n {
             Some(n) if (values.len() as u64) < n => {
-                let (what, room) = ("values of an array", values.len() as u64);
-                Err(SceneErrorKind::Truncated { what, n, room })
+                let (what, n_there) = ("values of an array", values.len() as u64);
+                Err(SceneErrorKind::Truncated { what, n, room: n_there })
             }
             _ => Ok(values),
         }
@@ -432,8 +435,8 @@ pub(super) fn join(known: &mut Vec<Array>, new: Vec<Array>, n_cells_before: usiz
             continue;
         };
         match (&mut old.values, array.values) {
-            (Values::Whole(old), Values::Whole(new)) => old.extend(new),
-            (Values::Text(old), Values::Text(new)) => old.extend(new),
+            (Values::Whole(before), Values::Whole(behind)) => before.extend(behind),
+            (Values::Text(before), Values::Text(behind)) => before.extend(behind),
             _ => {}
         }
     }
