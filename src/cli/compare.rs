@@ -11,7 +11,7 @@ use super::run::Run;
 use crate::experiment::compare::{Part, Subject, default_subdivision, matrix_demand};
 use crate::experiment::findings::text_file;
 use crate::experiment::{CompareSettings, SWEEPS, Sweep, storage_figures, sweep_by_name};
-use crate::report::{Machine, load_average};
+use crate::report::{Machine, load_average, memory_peak_byte};
 use crate::scene::builtin;
 use crate::workflow::{Demand, Model, choose_storage};
 
@@ -72,11 +72,14 @@ pub(super) fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
     };
     run.cx.judge_leaking_exchange();
     let report = subject.report(&parts, &storage);
+    // That of the measurements: drawing holds more for a moment, whatever the scene.
+    let memory_peak_bytes = memory_peak_byte();
     let mut files = subject.files(&parts, &report)?;
     output::add_page(&mut files, &report, &run.cx.settings);
     let names = files.iter().map(|(file, _)| file.clone());
     let names = names.chain(["results.json".to_owned()]).collect();
-    let document = run.document_of(&model, subject.document(&parts, storage, names));
+    let mut document = run.document_of(&model, subject.document(&parts, storage, names));
+    document["memory_peak_bytes"] = memory_peak_bytes.into();
     files.push(text_file("results.json", format!("{document:#}\n")));
     let (_, written) = output::write_all(&directory, &files)?;
     Ok(Outcome {

@@ -26,8 +26,8 @@ const CONDITIONS: &str = "`temperature_k`, `supplied_w_m2`, `adiabatic = true`, 
 #[serde(deny_unknown_fields)]
 pub(super) struct BoundaryFile {
     surroundings: Option<Table<SurroundingsInFile>>,
-    sun: Option<Spanned<Table<SunInFile>>>,
-    sky: Option<Spanned<Table<SkyInFile>>>,
+    sun: Option<Table<SunInFile>>,
+    sky: Option<Table<SkyInFile>>,
     #[serde(default)]
     surface: Vec<Spanned<Table<Entry>>>,
     #[serde(default)]
@@ -43,23 +43,20 @@ struct SurroundingsInFile {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct SunInFile {
-    #[serde(deserialize_with = "three")]
-    direction: [f64; 3],
-    irradiance_w_m2: f64,
-    #[serde(default)]
-    angular_radius_deg: f64,
+    direction: Spanned<Vector>,
+    irradiance_w_m2: Spanned<f64>,
+    angular_radius_deg: Option<Spanned<f64>>,
 }
+
+#[derive(Deserialize)]
+#[serde(transparent)]
+struct Vector(#[serde(deserialize_with = "three")] [f64; 3]);
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct SkyInFile {
-    irradiance_w_m2: f64,
-    #[serde(default = "upwards", deserialize_with = "three")]
-    up: [f64; 3],
-}
-
-fn upwards() -> [f64; 3] {
-    [0.0, 0.0, 1.0]
+    irradiance_w_m2: Spanned<f64>,
+    up: Option<Spanned<Vector>>,
 }
 
 #[derive(Deserialize)]
@@ -79,8 +76,7 @@ struct Entry {
 #[serde(deny_unknown_fields)]
 struct NodeInFile {
     name: String,
-    #[serde(default)]
-    supplied_w: f64,
+    supplied_w: Option<Spanned<f64>>,
 }
 
 impl Content for SurroundingsInFile {
@@ -233,16 +229,31 @@ impl BoundaryFile {
             }
             None => 0.0,
         };
-        let sun = self.sun.as_ref().map(|given| {
-            let Table(sun) = given.get_ref();
-            let direction = DVec3::from_array(sun.direction);
-            let made = Sun::new(direction, sun.irradiance_w_m2, sun.angular_radius_deg);
-            made.map_err(|wrong| out_of_range(given.span().start, "sun", wrong))
+        let sun = self.sun.as_ref().map(|Table(sun)| {
+            let radius = sun.angular_radius_deg.as_ref();
+            let direction = DVec3::from_array(sun.direction.get_ref().0);
+            let made = Sun::new(
+                direction,
+                *sun.irradiance_w_m2.get_ref(),
+                radius.map_or(0.0, |x| *x.get_ref()),
+            );
+            made.map_err(|wrong| {
+                let span = match wrong.0 {
+                    "direction" => sun.direction.span(),
+                    "irradiance_w_m2" => sun.irradiance_w_m2.span(),
+                    _ => radius.map_or(0..0, Spanned::span),
+                };
+                out_of_range(span.start, "sun", wrong)
+            })
         });
-        let sky = self.sky.as_ref().map(|given| {
-            let Table(sky) = given.get_ref();
-            let made = Sky::new(sky.irradiance_w_m2, DVec3::from_array(sky.up));
-            made.map_err(|wrong| out_of_range(given.span().start, "sky", wrong))
+        let sky = self.sky.as_ref().map(|Table(sky)| {
+            let up = sky.up.as_ref();
+            let direction = up.map_or(DVec3::Z, |up| DVec3::from_array(up.get_ref().0));
+            Sky::new(*sky.irradiance_w_m2.get_ref(), direction).map_err(|wrong| {
+                let irradiance = sky.irradiance_w_m2.span();
+                let span = up.filter(|_| wrong.0 == "up").map_or(irradiance, Spanned::span);
+                out_of_range(span.start, "sky", wrong)
+            })
         });
         let (sun, sky) = (sun.transpose()?, sky.transpose()?);
         let nodes = nodes(&self.node, file)?;
@@ -288,11 +299,14 @@ fn nodes(given: &[Spanned<Table<NodeInFile>>], file: &TomlFile) -> Result<Vec<No
             let message = format!("two nodes are called {}; rename one", ticked(&node.name));
             return Err(file.bad(start, message));
         }
-        expect_heat("supplied_w", node.supplied_w)
-            .map_err(|(key, wrong)| file.bad(start, format!("node.{key}: {wrong}")))?;
+        let supplied_w = node.supplied_w.as_ref().map_or(0.0, |x| *x.get_ref());
+        expect_heat("supplied_w", supplied_w).map_err(|(key, wrong)| {
+            let start = node.supplied_w.as_ref().map_or(start, |x| x.span().start);
+            file.bad(start, format!("node.{key}: {wrong}"))
+        })?;
         nodes.push(Node {
             name: node.name.clone(),
-            supplied_w: node.supplied_w,
+            supplied_w,
         });
     }
     Ok(nodes)

@@ -4,6 +4,7 @@
 
 use std::path::{Path, PathBuf};
 
+use radiosity::heat::Boundary;
 use radiosity::scene::{Camera, Lighting, builtin, frames, load};
 use rand_pcg::Pcg64Dxsm;
 use rand_pcg::rand_core::Rng as _;
@@ -170,6 +171,10 @@ const LIGHTING: &str =
 const FRAMES: &str =
     "[[frame]]\nname = \"noon\"\nlighting = \"noon.toml\"\n\n[[frame]]\nname = \"night-2.b\"\ncamera = \"unfolded\"\n";
 
+const BOUNDARY: &str = "[surroundings]\ntemperature_k = 3.0\n\n[sun]\ndirection = [0.0, -0.985, 0.174]\nirradiance_w_m2 = 1361.0\nangular_radius_deg = 0.25\n\n\
+     [sky]\nirradiance_w_m2 = 100.0\nup = [0.0, 0.0, 1.0]\n\n[[surface]]\nname = \"*\"\nemissivity = 0.95\nabsorptance = 0.88\ntemperature_k = 300.0\n\n\
+     [[surface]]\nname = \"z*\"\nsupplied_w_m2 = -5.0\n";
+
 /// Reads a file; an error is what the user would see.
 type Load = fn(&Path) -> Result<(), String>;
 
@@ -218,6 +223,19 @@ fn load_lighting(file: &Path) -> Result<(), String> {
     Ok(())
 }
 
+/// Reads boundary conditions of the cube, and checks that all values are in range.
+fn load_boundary(file: &Path) -> Result<(), String> {
+    let scene = builtin::build("cube", None).unwrap().scene;
+    let boundary = Boundary::load(file, &scene).map_err(|error| error.to_string())?;
+    assert!(boundary.surroundings_k >= 0.0 && boundary.surroundings_k.is_finite());
+    assert!(boundary.sun.is_none_or(|sun| sun.direction().is_normalized()));
+    for surface in boundary.surfaces.iter().flatten() {
+        assert!(surface.emissivity > 0.0 && surface.emissivity <= 1.0, "{surface:?}");
+        assert!((0.0..=1.0).contains(&surface.absorptance), "{surface:?}");
+    }
+    Ok(())
+}
+
 /// Reads a list of frames, and checks that their names can be parts of different files' names.
 fn load_frames(file: &Path) -> Result<(), String> {
     let list = frames::load(file).map_err(|error| error.to_string())?;
@@ -236,7 +254,12 @@ fn load_frames(file: &Path) -> Result<(), String> {
 fn cameras_lightings_and_frames() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("a.toml");
-    let kinds: [(&str, Load); 3] = [(CAMERA, load_camera), (LIGHTING, load_lighting), (FRAMES, load_frames)];
+    let kinds: [(&str, Load); 4] = [
+        (CAMERA, load_camera),
+        (LIGHTING, load_lighting),
+        (FRAMES, load_frames),
+        (BOUNDARY, load_boundary),
+    ];
     for (seed, (text, load)) in (100..).step_by(100).zip(kinds) {
         std::fs::write(&path, text).unwrap();
         assert_eq!(load(&path), Ok(()));
@@ -254,12 +277,16 @@ fn cameras_lightings_and_frames() {
     }
 }
 
-/// Each number of a camera and of a lighting, replaced by one that it must not be: refused, with its line.
+/// Each number of a camera, of a lighting and of boundary conditions, replaced by one that it must not be: refused, with its line.
 #[test]
 fn numbers_that_are_none_are_refused_with_their_line() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("a.toml");
-    let kinds: [(&str, Load); 2] = [(CAMERA, load_camera), (LIGHTING, load_lighting)];
+    let kinds: [(&str, Load); 3] = [
+        (CAMERA, load_camera),
+        (LIGHTING, load_lighting),
+        (BOUNDARY, load_boundary),
+    ];
     for (text, load) in kinds {
         let mut n_numbers = 0;
         for (number, line) in (1..).zip(text.lines()) {

@@ -3,7 +3,7 @@
 //! The cap is a part of a sphere of 2.5 m, from its lowest point to an angle whose sine is 0.8, in 8 rings of 32 flat faces with all corners on the sphere, triangles in the middle: 256 faces that look inwards.
 //! Its rim lies in the plane z = 0. Nothing emits; the reflectance is that of the solar band in [`INGERSOLL_1992`](crate::references::INGERSOLL_1992).
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 
 use super::Assembly;
 use crate::scene::{Camera, SceneError};
@@ -21,7 +21,10 @@ pub(super) fn build(assembly: &mut Assembly, _level: u32) -> Result<Option<Camer
     let rings = halved(&[DVec2::new(0.0, 1.0), DVec2::new(0.8, 0.6)], 3);
     let quarters = [DVec2::X, DVec2::Y, DVec2::NEG_X, DVec2::NEG_Y, DVec2::X];
     let around = halved(&quarters, 3);
-    let corner = |ring: DVec2, direction: DVec2| (RADIUS * ring.x * direction).extend(RADIUS * (1.0 - ring.y) - DEPTH);
+    let corner = |ring: DVec2, direction: DVec2| {
+        // With the zero, so that the middle has no negative one.
+        (RADIUS * ring.x * direction).extend(RADIUS * (1.0 - ring.y) - DEPTH) + DVec3::ZERO
+    };
     for (k, pair) in rings.windows(2).enumerate() {
         for sides in around.windows(2) {
             let [inner, outer] = [pair[0], pair[1]].map(|ring| [corner(ring, sides[0]), corner(ring, sides[1])]);

@@ -99,12 +99,12 @@ const MISTAKES: &[(&str, u32, &str)] = &[
     ("[surroundings]\ntemperature_k = -3\n", 2, "surroundings.temperature_k"),
     (
         "[sun]\ndirection = [0, 0, 0]\nirradiance_w_m2 = 1\n",
-        1,
+        2,
         "sun.direction: zero",
     ),
     (
         "[sun]\ndirection = [0, 0, 1]\nirradiance_w_m2 = -1\n",
-        1,
+        3,
         "sun.irradiance_w_m2",
     ),
     ("[sky]\nirradiance_w_m2 = 1\nup = [0, 0]\n", 3, "three numbers"),
