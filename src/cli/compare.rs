@@ -2,16 +2,17 @@
 
 use std::path::PathBuf;
 
-use super::Outcome;
 use super::args::{CompareArgs, StorageName, VisibilityName};
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::output;
 use super::run::Run;
+use super::{Outcome, in_order};
+use crate::document::OfScene;
 use crate::experiment::compare::{Part, Subject, default_subdivision, matrix_demand};
 use crate::experiment::findings::text_file;
 use crate::experiment::{CompareSettings, SWEEPS, Sweep, storage_figures, sweep_by_name};
-use crate::report::{Machine, load_average, memory_peak_byte};
+use crate::report::{Machine, load_average};
 use crate::scene::builtin;
 use crate::workflow::{Demand, Model, choose_storage};
 
@@ -72,14 +73,19 @@ pub(super) fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
     };
     run.cx.judge_leaking_exchange();
     let report = subject.report(&parts, &storage);
-    // That of the measurements: drawing holds more for a moment, whatever the scene.
-    let memory_peak_bytes = memory_peak_byte();
+    // Before the plots are drawn, which the limit of memory is not for.
+    let of_scene = OfScene::new(
+        &model,
+        &run.cx,
+        args.common.explain,
+        subject.document(&parts, storage, Vec::new()),
+    );
+    let mut document = run.typed_document(of_scene);
     let mut files = subject.files(&parts, &report)?;
     output::add_page(&mut files, &report, &run.cx.settings);
     let names = files.iter().map(|(file, _)| file.clone());
-    let names = names.chain(["results.json".to_owned()]).collect();
-    let mut document = run.document_of(&model, subject.document(&parts, storage, names));
-    document["memory_peak_bytes"] = memory_peak_bytes.into();
+    document.result.result.files = names.chain(["results.json".to_owned()]).collect();
+    let document = in_order(&document);
     files.push(text_file("results.json", format!("{document:#}\n")));
     let (_, written) = output::write_all(&directory, &files)?;
     Ok(Outcome {

@@ -239,11 +239,16 @@ impl Run {
         let _ = writeln!(text);
     }
 
-    /// Returns the document of a command.
-    pub(super) fn document(&self, result: impl Serialize) -> Value {
+    /// Returns the document of a command, with the peak of the memory up to now.
+    pub(super) fn typed_document<T>(&self, result: T) -> Document<'_, T> {
         let warnings = self.cx.warnings();
         let warnings = warnings.iter().map(|warning| printable_message(&warning.text(&flag)));
-        in_order(&Document::new(self.command, &self.cx, warnings.collect(), result))
+        Document::new(self.command, &self.cx, warnings.collect(), result)
+    }
+
+    /// Returns the document of a command.
+    pub(super) fn document(&self, result: impl Serialize) -> Value {
+        in_order(&self.typed_document(result))
     }
 
     /// Returns the document of a command that prepared a scene: with what was left out, and what was chosen.
