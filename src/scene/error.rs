@@ -387,6 +387,12 @@ pub enum SceneErrorKind {
         /// Names that the scene has.
         known: String,
     },
+    /// The parser refused a text that had been checked: a defect of this crate, told instead of hidden.
+    #[error("the parser disagrees with the check before it ({}); please report the file", printable_message(.message))]
+    Parser {
+        /// What the parser said.
+        message: String,
+    },
     /// A camera file that cannot be understood or makes no camera.
     #[error("{}", printable_message(.message))]
     BadCamera {
@@ -530,6 +536,7 @@ impl SceneErrorKind {
             Self::TooBright { .. } => "too_bright",
             Self::TooDim { .. } => "too_dim",
             Self::UnknownSurface { .. } => "unknown_surface",
+            Self::Parser { .. } => "parser",
             Self::BadCamera { .. } => "bad_camera",
             Self::BadLighting { .. } => "bad_lighting",
             Self::BadFrames { .. } => "bad_frames",

@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
+use std::fmt::Write as _;
 use std::path::Path;
 
 use super::super::polygons::{NONE, Names, Polygons};
@@ -27,6 +28,8 @@ pub(super) struct ObjIndex {
     pub(super) libraries: Vec<NamedLine>,
     /// What was not read, or not as it is written, with the first line and the number of each kind.
     pub(super) unread: BTreeMap<Unread, (u32, usize)>,
+    /// The checked `v` and `f` lines, with indices that count from the first vertex.
+    pub(super) geometry: String,
 }
 
 /// A kind of statement that a diffuse scene has no use for, or that is not written as the format wants it.
@@ -185,6 +188,8 @@ impl Scan<'_> {
             ));
         };
         let mut position = [0.0; 3];
+        // Writing to a String cannot fail.
+        let _ = writeln!(self.index.geometry, "v {x} {y} {z}");
         for (place, token) in position.iter_mut().zip([x, y, z]) {
             // A NaN is within no range.
             let number = token.parse::<f64>().ok().filter(|value| value.abs() <= MAX_COORDINATE);
@@ -204,10 +209,13 @@ impl Scan<'_> {
 
     fn face(&mut self, s: &Statement, has_groups: bool) -> Result<(), SceneError> {
         let start = self.index.polygons.corners.len();
+        self.index.geometry.push('f');
         for token in s.words() {
             let vertex = self.vertex_number(s.line, token)?;
+            let _ = write!(self.index.geometry, " {}", u64::from(vertex) + 1);
             self.index.polygons.corners.push(vertex);
         }
+        self.index.geometry.push('\n');
         let count = self.index.polygons.corners.len() - start;
         if count < 3 {
             return Err(SceneError::new(

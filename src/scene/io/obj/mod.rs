@@ -1,9 +1,10 @@
-//! Wavefront OBJ with its MTL libraries.
+//! Wavefront OBJ with its MTL libraries: lines are checked and indexed here, tobj reads the geometry.
 
 use std::path::Path;
 #[cfg(feature = "cli")]
 use std::path::PathBuf;
 
+mod geometry;
 mod index;
 #[cfg(feature = "cli")]
 mod libraries;
@@ -55,7 +56,10 @@ impl Reader for Obj {
             materials,
             libraries,
             unread,
+            geometry,
         } = scan(text, file)?;
+        geometry::parse(&geometry, &mut polygons, file)?;
+        drop(geometry);
         for (what, &(line, count)) in &unread {
             polygons.warnings.push(unread_warning(file, *what, line, count));
         }
