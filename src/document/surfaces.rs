@@ -73,22 +73,17 @@ impl SunlitSurface {
     /// Returns the surfaces of a model with the means of what the sun lights.
     #[must_use]
     fn of(model: &Model, sunlit: &Sunlit) -> Vec<Self> {
-        let mean = |values: &[f64]| model.surface_means(&Block::from_values(values.to_vec(), 1));
-        let fractions = mean(&sunlit.light.fraction)
-            .into_iter()
-            .zip(mean(&sunlit.light.fraction_error));
-        let light = model.surface_means(&sunlit.irradiance).into_iter();
-        let record =
-            |((fraction, fraction_error), (irradiance, error)): ((Vec<f64>, Vec<f64>), (Vec<f64>, Vec<f64>))| Self {
-                sunlit_fraction: fraction[0],
-                sunlit_fraction_error: fraction_error[0],
-                sun_irradiance: irradiance,
-                sun_irradiance_error: error,
-            };
-        fractions
-            .zip(light.zip(model.surface_means(&sunlit.error)))
-            .map(record)
-            .collect()
+        let one = |values: &[f64]| model.surface_means(&Block::from_values(values.to_vec(), 1));
+        let [fractions, fraction_errors] =
+            [&sunlit.light.fraction, &sunlit.light.fraction_error].map(|values| one(values));
+        let [irradiances, errors] = [&sunlit.irradiance, &sunlit.error].map(|block| model.surface_means(block));
+        let of_surface = |k: usize| Self {
+            sunlit_fraction: fractions[k][0],
+            sunlit_fraction_error: fraction_errors[k][0],
+            sun_irradiance: irradiances[k].clone(),
+            sun_irradiance_error: errors[k].clone(),
+        };
+        (0..model.scene.surfaces.len()).map(of_surface).collect()
     }
 }
 

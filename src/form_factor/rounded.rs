@@ -187,6 +187,22 @@ impl Terms {
     }
 }
 
+/// A face beside an edge.
+#[derive(Clone, Copy, Debug)]
+struct Side {
+    /// The unit normal, turned so that faces on both sides of an outline have the same sign.
+    normal: DVec3,
+    /// The sine of the angle by which the face may lean.
+    lean: f64,
+}
+
+impl Side {
+    /// Tells whether light in a direction passes the face from its back to its front for certain.
+    fn is_met_by(&self, flux: DVec3) -> bool {
+        self.normal.dot(flux) > self.lean * flux.length()
+    }
+}
+
 /// Patches whose corners were rounded in the file.
 pub(super) struct Rounded {
     written: Written,
@@ -276,16 +292,19 @@ impl Rounded {
         terms: &mut Terms,
     ) -> bool {
         // Each edge once, with the normals of the faces on its sides, those that run along it the other way turned round, and the sines by which they may lean.
-        let mut edges: Vec<([DVec3; 2], Vec<(DVec3, f64)>)> = Vec::new();
+        let mut edges: Vec<([DVec3; 2], Vec<Side>)> = Vec::new();
         for corners in occluders {
             let normal = polygon::area_vector(corners).normalize_or_zero();
             let off = corners.iter().map(|&v| Vertex::new(v, &self.written).half.length());
             let lean = Lean::of(corners).sine(off.fold(0.0, f64::max));
-            let normal = (normal, lean);
+            let normal = Side { normal, lean };
             for (k, &a) in corners.iter().enumerate() {
                 let b = corners[(k + 1) % corners.len()];
                 if let Some(known) = edges.iter_mut().find(|known| known.0 == [b, a]) {
-                    known.1.push((-normal.0, lean));
+                    known.1.push(Side {
+                        normal: -normal.normal,
+                        lean,
+                    });
                 } else if let Some(known) = edges.iter_mut().find(|known| known.0 == [a, b]) {
                     known.1.push(normal);
                 } else {
@@ -304,7 +323,7 @@ impl Rounded {
             let Some([start, end]) = shaft.part_within(a, b, off) else {
                 continue;
             };
-            let across = normals[0].0.cross(b - a).normalize_or_zero();
+            let across = normals[0].normal.cross(b - a).normalize_or_zero();
             for (s, weight) in RULE {
                 let t = start + s * (end - start);
                 let x = a + t * (b - a);
@@ -318,12 +337,9 @@ impl Rounded {
                     }
                 });
                 // On one side of both faces light passes by the edge inside of the one or the other, and meets one of them anyway.
-                let sign = normals[0].0.dot(flux).signum();
-                let goes = |sign: f64| {
-                    let mut sides = normals.iter();
-                    sides.any(|(normal, lean)| sign * normal.dot(flux) > lean * flux.length())
-                };
-                if goes(1.0) && goes(-1.0) {
+                let sign = normals[0].normal.dot(flux).signum();
+                let any_is_met = |towards: DVec3| normals.iter().any(|side| side.is_met_by(towards));
+                if any_is_met(flux) && any_is_met(-flux) {
                     continue;
                 }
                 let swept = -sign * weight * (end - start) * (b - a).cross(flux);

@@ -87,7 +87,7 @@ fn a_move_that_is_exact_changes_no_form_factor_by_more_than_is_stated() {
             };
             let near = Prepared::new(scene.clone(), subdivide).try_compute(&exact).unwrap();
             assert!(near.tolerance_met, "{name} {seed}: {:?}", near.pairs);
-            let expected = entries(&near.factors);
+            let of_near = entries(&near.factors);
             for place in PLACES {
                 let there = moved(&scene, DQuat::IDENTITY, 1.0, place);
                 let far = Prepared::new(there, subdivide).try_compute(&exact).unwrap();
@@ -99,7 +99,7 @@ fn a_move_that_is_exact_changes_no_form_factor_by_more_than_is_stated() {
                     far.pairs
                 );
                 // Estimates may be off by far less than the tolerance.
-                for (k, (found, expected)) in entries(&far.factors).into_iter().zip(&expected).enumerate() {
+                for (k, (found, expected)) in entries(&far.factors).into_iter().zip(&of_near).enumerate() {
                     let off = (found[0] - expected[0]).abs();
                     let stated = found[1] + expected[1];
                     assert!(
