@@ -222,7 +222,12 @@ fn single_rays_that_slip_out_of_a_closed_scene_are_no_broken_law() {
             });
             let mut tile = RowTile::new(i);
             let n_escaped = if i == 5 { n_escaped } else { 0 };
-            tile.push_row(&entries, RowTally { n_escaped, ..tally });
+            let tally = RowTally {
+                n_rays: tally.n_rays,
+                n_escaped,
+                ..RowTally::default()
+            };
+            tile.push_row(&entries, tally);
             tile
         });
         let lossy = FormFactors::from_tiles(areas.clone(), tiles, StorageChoice::default()).unwrap();

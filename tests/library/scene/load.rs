@@ -611,7 +611,7 @@ fn libraries_outside_the_scenes_folder_need_leave() {
         assert_eq!(
             error.to_string(),
             format!(
-                "{}:2: the library `{name}` lies outside the scene's folder; move it there, or say --allow-outside",
+                "{}:2: the library `{name}` lies outside the scene's folder; move it there, or say allow_outside",
                 scene.display()
             )
         );
