@@ -97,8 +97,8 @@ fn the_same_room_of_every_program_has_the_same_form_factors() {
                 for j in 0..n_faces {
                     let off = (factors.get(i, j) - reference.get(i, j)).abs();
                     let stated = factors.std_error(i, j) + reference.std_error(i, j);
-                    // gmsh rounds text to 16 digits.
-                    let bound = match (all, name.contains("gmsh")) {
+                    // Text has 12 to 17 digits, as its program writes them.
+                    let bound = match (all, name.contains("gmsh") || name.contains("ascii")) {
                         (true, false) => 1e-12,
                         (true, true) => stated.min(1e-8),
                         _ => stated + 1e-12,
