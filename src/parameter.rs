@@ -50,7 +50,7 @@ pub enum Parameter {
     Eye,
     /// Where the camera looks.
     LookAt,
-    /// What is up in the image.
+    /// The direction that is up in the image.
     Up,
     /// The vertical field of view.
     Fov,

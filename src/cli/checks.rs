@@ -1,4 +1,4 @@
-//! What people are told of form factors.
+//! The text that the program prints about form factors.
 
 use std::fmt::Write as _;
 

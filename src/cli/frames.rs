@@ -22,7 +22,7 @@ use crate::workflow::{
     Afterwards, FrameDefaults, FrameStudy, PoseStudy, Sequence, SequenceObserver, SequenceRequest, image_patches,
 };
 
-/// What is told of a sequence.
+/// The report of a sequence.
 struct Told<'a> {
     /// The name of the solver that was asked for.
     solver: &'a str,

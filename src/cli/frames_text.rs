@@ -1,4 +1,4 @@
-//! What people are told of the poses of a sequence.
+//! The text that the program prints about the poses of a sequence.
 //!
 //! Writing to a String cannot fail; the results of `write!` are dropped for that reason.
 

@@ -1,4 +1,4 @@
-//! What people are told of a solution, and the exit code that it deserves.
+//! The text that the program prints about a solution, and the exit code that it deserves.
 
 use std::fmt::Write as _;
 

@@ -1,4 +1,4 @@
-//! What people are told of form factors between surfaces.
+//! The text that the program prints about form factors between surfaces.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;

@@ -1,4 +1,4 @@
-//! What people are told of a verification.
+//! The text that the program prints about a verification.
 
 use std::fmt::Write as _;
 

@@ -17,7 +17,7 @@ use crate::render::RenderSettings;
 use crate::report::voxels::write_vtu;
 use crate::workflow::{ImageView, Model, VoxelImageRequest, VoxelStudy, image_byte, voxel_patches};
 
-/// What `-o` asks for.
+/// The output that `-o` requests.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Format {
     Image,

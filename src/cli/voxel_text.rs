@@ -1,4 +1,4 @@
-//! What people are told of a study on voxels.
+//! The text that the program prints about a study on voxels.
 //!
 //! Writing to a String cannot fail; the results of `write!` are dropped for that reason.
 

@@ -1,4 +1,4 @@
-//! What documents hold of form factors.
+//! The JSON documents about form factors.
 
 use serde::Serialize;
 
@@ -29,11 +29,11 @@ pub struct FormFactorRecord {
     pub n_absorbed: u64,
     /// The fraction of entries that are stored.
     pub density: f64,
-    /// What they take, in bytes, in memory or on a disk.
+    /// Their size, in bytes, in memory or on a disk.
     pub stored_bytes: u64,
     /// How they are stored.
     pub storage: StorageRecord,
-    /// What a repair did; null without one.
+    /// The effect of a repair; null without one.
     pub balance: Option<BalanceReport>,
     /// How the pairs of patches were treated; null of methods that do not look at pairs.
     pub pairs: Option<PairCounts>,

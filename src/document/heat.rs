@@ -1,4 +1,4 @@
-//! What `heat` and `points` found.
+//! The documents of `heat` and `points`.
 
 use serde::Serialize;
 
@@ -19,7 +19,7 @@ pub struct HeatDocument {
     pub balance: HeatBalance,
     /// The greatest error of a surface's irradiance, relative to the larger of that and its emissive power.
     pub relative_error_max: f64,
-    /// What a mesh of about a quarter of the patches would change; null where that is not known.
+    /// The change by a mesh of about a quarter of the patches; null where that is not known.
     pub mesh_error: Option<MeshError>,
     /// How good the solution of the solar band is; null without sun and sky.
     pub solar: Option<Quality>,

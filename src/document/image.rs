@@ -1,4 +1,4 @@
-//! What documents hold of images.
+//! The JSON documents about images.
 
 use std::cmp::Ordering;
 
@@ -24,13 +24,13 @@ pub struct RenderDocument {
     pub surfaces: Vec<LitSurface>,
     /// The form factors; null where none are stored.
     pub form_factors: Option<FormFactorRecord>,
-    /// What a mesh of about a quarter of the patches would change; null where that is not known.
+    /// The change by a mesh of about a quarter of the patches; null where that is not known.
     pub mesh_error: Option<MeshError>,
     /// The OpenEXR file.
     pub image: String,
     /// The PNG file.
     pub preview: String,
-    /// What final gather took; null without it.
+    /// The cost of final gather; null without it.
     pub final_gather: Option<GatherReport>,
     /// Pixels.
     pub width: usize,
@@ -116,14 +116,14 @@ pub struct PoseRecord {
     pub n_passes: usize,
     /// The form factors.
     pub form_factors: FormFactorRecord,
-    /// What became of the first pose's form factors; null of that one.
+    /// The fate of the first pose's form factors; null of that one.
     pub update: Option<UpdateRecord>,
     /// How good the solution is.
     #[serde(flatten)]
     pub quality: Quality,
 }
 
-/// What became of the first pose's form factors in a later one.
+/// The fate of the first pose's form factors in a later one.
 #[derive(Clone, Copy, Debug, Serialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct UpdateRecord {
@@ -155,7 +155,7 @@ pub struct FrameRecord {
     pub name: String,
     /// The file of its lighting; null where the materials are the scene's own.
     pub lighting: Option<String>,
-    /// What moves in it.
+    /// The motions in it.
     pub moves: Vec<Motion>,
     /// Where its camera comes from.
     pub camera: String,
@@ -167,9 +167,9 @@ pub struct FrameRecord {
     pub width: usize,
     /// Pixels.
     pub height: usize,
-    /// What final gather took; null without it.
+    /// The cost of final gather; null without it.
     pub final_gather: Option<GatherReport>,
-    /// What a mesh of about a quarter of the patches would change; null where that is not known.
+    /// The change by a mesh of about a quarter of the patches; null where that is not known.
     pub mesh_error: Option<MeshError>,
     /// The power balance of each channel.
     pub energy: Vec<Energy>,

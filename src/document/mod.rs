@@ -31,7 +31,7 @@ use crate::workflow::{Context, Leak, Model, Settings};
 /// The version of this crate.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
-/// What the documents of all commands share, around a command's own result.
+/// The keys that the documents of all commands share, around a command's own result.
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct Document<'a, T> {
@@ -41,7 +41,7 @@ pub struct Document<'a, T> {
     pub command: &'static str,
     /// The version of the program.
     pub version: &'static str,
-    /// What the result was made with.
+    /// The settings of the result.
     pub settings: &'a Settings,
     /// Wall time of each stage, s, by `NAME_s`.
     #[cfg_attr(feature = "cli", schemars(with = "std::collections::BTreeMap<String, f64>"))]
@@ -50,9 +50,9 @@ pub struct Document<'a, T> {
     pub total_s: f64,
     /// The most memory that the process has held, in bytes; null where the system does not tell.
     pub memory_peak_bytes: Option<u64>,
-    /// What there is to warn of, a line each.
+    /// The warnings, a line each.
     pub warnings: Vec<String>,
-    /// What the command found.
+    /// The command's own result.
     #[serde(flatten)]
     pub result: T,
 }
@@ -80,18 +80,18 @@ impl<'a, T> Document<'a, T> {
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct OfScene<'a, T> {
-    /// What was not done because this scene does not need it, or because it does not fit.
+    /// The steps that were left out because this scene does not need them, or because they do not fit.
     pub left_out: &'a [String],
     /// How many faces were cut at contact edges.
     pub n_cut_faces: usize,
-    /// What leaks through patches that are not cut at contact edges; null where none is crossed.
+    /// The light that leaks through patches that are not cut at contact edges; null where none is crossed.
     pub light_leak: Option<Leak>,
     /// The conservation checks.
     pub audit: AuditRecord<'a>,
-    /// What was chosen, and why; with `--explain`.
+    /// The choices, with their reasons; with `--explain`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub decisions: Option<&'a [Decision]>,
-    /// What the command found.
+    /// The command's own result.
     #[serde(flatten)]
     pub result: T,
 }

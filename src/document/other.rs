@@ -6,7 +6,7 @@ use super::VERSION;
 use crate::render::verify::VerifyReport;
 use crate::report::{SCHEMA_VERSION, StageTimes, memory_peak_byte};
 
-/// What `scene` prints.
+/// The document of `scene`.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct SceneDocument {
@@ -32,7 +32,7 @@ pub struct SceneDocument {
     pub n_surfaces: usize,
 }
 
-/// What `verify` prints.
+/// The document of `verify`.
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct VerifyDocument {
@@ -49,7 +49,7 @@ pub struct VerifyDocument {
     pub stages: StageTimes,
     /// The most memory that the process has held, in bytes; null where the system does not tell.
     pub memory_peak_bytes: Option<u64>,
-    /// What was found.
+    /// The findings.
     #[serde(flatten)]
     pub report: VerifyReport,
 }
@@ -70,13 +70,13 @@ impl VerifyDocument {
     }
 }
 
-/// What every command prints that ends without a result.
+/// The document of a command that ends without a result.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct FailureDocument {
     /// The version of these documents; another one has other keys or meanings.
     pub schema_version: u32,
-    /// What went wrong.
+    /// The fault.
     pub error: FailureRecord,
 }
 

@@ -1,4 +1,4 @@
-//! What documents hold of solutions.
+//! The JSON documents about solutions.
 
 use serde::Serialize;
 
@@ -114,7 +114,7 @@ pub struct SolveDocument {
     pub surfaces: Vec<LitSurface>,
     /// The form factors; null where none are stored.
     pub form_factors: Option<FormFactorRecord>,
-    /// What a mesh of about a quarter of the patches would change; null where that is not known.
+    /// The change by a mesh of about a quarter of the patches; null where that is not known.
     pub mesh_error: Option<MeshError>,
 }
 
@@ -143,7 +143,7 @@ pub struct LightingRecord {
     pub energy: Vec<Energy>,
     /// The surfaces, in file order.
     pub surfaces: Vec<LitSurface>,
-    /// What a mesh of about a quarter of the patches would change; null where that is not known.
+    /// The change by a mesh of about a quarter of the patches; null where that is not known.
     pub mesh_error: Option<MeshError>,
     /// The file that was written.
     pub output: Option<String>,

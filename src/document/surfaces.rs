@@ -1,4 +1,4 @@
-//! What documents hold of each surface.
+//! The JSON documents about each surface.
 
 use serde::Serialize;
 
@@ -50,12 +50,12 @@ pub struct LitSurface {
     /// The area mean of the radiosity, W·m⁻², of each channel.
     #[cfg_attr(feature = "cli", schemars(with = "Vec<Option<f64>>"))]
     pub radiosity: Vec<f64>,
-    /// What the sun lights of it, where it shines.
+    /// The sunlight, where the sun shines.
     #[serde(flatten)]
     pub sun: Option<SunlitSurface>,
 }
 
-/// What the sun lights of a surface.
+/// The sunlight on a surface.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct SunlitSurface {

@@ -1,4 +1,4 @@
-//! What documents hold of voxels.
+//! The JSON documents about voxels.
 
 use serde::Serialize;
 
@@ -28,11 +28,11 @@ pub struct VoxelDocument {
     pub n_escaped: Option<u64>,
     /// Links that end at the back of a face; null where they were not counted.
     pub n_backs: Option<u64>,
-    /// What links take, in bytes, in memory or on a disk.
+    /// The size of the links, in bytes, in memory or on a disk.
     pub link_bytes: u64,
-    /// What the octree takes, in bytes.
+    /// The memory of the octree, in bytes.
     pub octree_bytes: usize,
-    /// What surfels take, in bytes.
+    /// The memory of the surfels, in bytes.
     pub surfel_bytes: usize,
     /// Surfels of a closed scene that can be reached from outside.
     pub n_leaks: usize,

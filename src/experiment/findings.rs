@@ -1,4 +1,4 @@
-//! What reproductions find, as text, files and JSON.
+//! The findings of reproductions, as text, files and JSON.
 
 use serde::Serialize;
 
@@ -8,7 +8,7 @@ use crate::workflow::Settings;
 /// Files of one directory, by name.
 pub type Files = Vec<(String, Vec<u8>)>;
 
-/// What to warn of where a check of a reproduction fails.
+/// The warning where a check of a reproduction fails.
 pub(crate) const FAILED: &str = "our own figures are not what they must be; see the failed checks";
 
 /// Returns a file of text.
@@ -17,7 +17,7 @@ pub fn text_file(name: impl Into<String>, content: String) -> (String, Vec<u8>) 
     (name.into(), content.into_bytes())
 }
 
-/// What a reproduction found, ready to be printed and written.
+/// The findings of a reproduction, ready to be printed and written.
 ///
 /// Files that hold times of ours have `time` in their names; the others are the same bytes in every run.
 #[derive(Clone, Debug)]
@@ -26,9 +26,9 @@ pub struct Findings<D> {
     pub printed: String,
     /// The files.
     pub files: Files,
-    /// What the JSON document has of it.
+    /// The part of the JSON document about it.
     pub document: D,
-    /// What to warn of, where a figure of ours is not what it must be.
+    /// The warning where a figure of ours is not what it must be.
     pub wrong: Option<String>,
 }
 
@@ -36,7 +36,7 @@ pub struct Findings<D> {
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct Reproduced<D> {
-    /// What was found.
+    /// The findings.
     #[serde(flatten)]
     pub found: D,
     /// The files that were written into the directory.
@@ -47,11 +47,11 @@ pub struct Reproduced<D> {
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct PaperDocument<'a, R, T> {
-    /// What the times were measured on.
+    /// The machine that the times were measured on.
     pub machine: Machine,
     /// True if all checks are met.
     pub inside: bool,
-    /// What was found.
+    /// The findings.
     pub results: &'a R,
     /// Our times.
     pub times: T,
@@ -66,7 +66,7 @@ pub(crate) struct ResultsFile<'a, R> {
     /// The version of the program.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) version: Option<&'static str>,
-    /// What the results were made with.
+    /// The settings of the result.
     pub(crate) settings: &'a Settings,
     #[serde(flatten)]
     pub(crate) results: R,

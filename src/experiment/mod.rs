@@ -88,7 +88,7 @@ pub enum ExperimentError {
     /// Too few runs for a spread.
     #[error("{n_seeds} seeds are too few; give at least {least}")]
     TooFewSeeds {
-        /// What was asked for.
+        /// The request.
         n_seeds: u64,
         /// The least number.
         least: u64,

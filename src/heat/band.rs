@@ -21,7 +21,7 @@ pub(crate) struct Enclosure<'a> {
     pub(crate) gain: &'a [f64],
 }
 
-/// What reaches patches from outside, and is not reflected yet.
+/// The irradiance of patches from outside, before any reflection.
 #[derive(Clone, Debug)]
 pub(crate) struct Outside {
     /// Its irradiance, W·m⁻², \[n\].
@@ -43,7 +43,7 @@ pub struct Band {
     pub irradiance: Vec<f64>,
     /// The error of H by form factors and solver, W·m⁻², \[n\]; infinite where nothing is known.
     pub irradiance_error: Vec<f64>,
-    /// What a mesh of about a quarter of the patches would change in H, W·m⁻², \[n\]; `None` where that is not known.
+    /// The change by a mesh of about a quarter of the patches in H, W·m⁻², \[n\]; `None` where that is not known.
     pub mesh_change: Option<Vec<f64>>,
     /// Σ A |r|, the power that the solver left out, W.
     pub residual_power: f64,

@@ -14,7 +14,7 @@ pub const MAX_TEMPERATURE_K: f64 = 1e30;
 /// The greatest heat flux and irradiance, W·m⁻²; as heat of a node, W.
 pub const MAX_FLUX: f64 = 1e100;
 
-/// What surrounds a scene, what lights it, and what holds at each of its surfaces.
+/// The surroundings of a scene, its sun and sky, and the boundary condition of each surface.
 ///
 /// ```toml
 /// [surroundings]              # black: receive what escapes
@@ -47,7 +47,7 @@ pub struct Boundary {
     pub sun: Option<Sun>,
     /// The sky, if it shines.
     pub sky: Option<Sky>,
-    /// What holds at each surface of the scene, in its order; `None` of a surface without faces.
+    /// The boundary condition of each surface of the scene, in its order; `None` of a surface without faces.
     pub surfaces: Vec<Option<SurfaceBoundary>>,
     /// The nodes.
     pub nodes: Vec<Node>,
@@ -68,18 +68,18 @@ pub struct Sky {
     up: DVec3,
 }
 
-/// What a surface is made of, and what holds at it.
+/// The properties of a surface and its boundary condition.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceBoundary {
     /// ε, the emissivity and absorptance of the thermal band, in (0, 1\].
     pub emissivity: f64,
     /// α, the absorptance of the solar band, in \[0, 1\].
     pub absorptance: f64,
-    /// What holds at it.
+    /// Its boundary condition.
     pub condition: Condition,
 }
 
-/// What holds at a surface in the thermal band.
+/// The thermal boundary condition of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Condition {
     /// Its temperature is given, K.

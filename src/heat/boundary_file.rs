@@ -203,7 +203,7 @@ impl<T> Latest<T> {
     }
 }
 
-/// What entries say of one surface.
+/// The entries about one surface.
 #[derive(Clone)]
 struct Collected {
     emissivity: Latest<(f64, usize)>,

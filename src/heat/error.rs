@@ -21,7 +21,7 @@ pub enum HeatError {
     OutOfRange {
         /// The surface.
         surface: String,
-        /// What is wrong.
+        /// The fault.
         key: &'static str,
         /// How.
         wrong: String,

@@ -27,12 +27,12 @@ pub struct Network {
     /// α, \[n\].
     pub(super) absorptance: Vec<f64>,
     areas: Vec<f64>,
-    /// What determines the temperature of each patch, \[n\].
+    /// The quantity that determines the temperature of each patch, \[n\].
     pub(super) state: Vec<State>,
     pub(super) groups: Vec<Group>,
 }
 
-/// What determines the temperature of a patch.
+/// The quantity that determines the temperature of a patch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum State {
     /// It is given: T in K.

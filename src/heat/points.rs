@@ -54,7 +54,7 @@ impl PointStatus {
     }
 }
 
-/// What a point sees, and what arrives there. The factors sum to 1.
+/// The view from a point, and its irradiance. The factors sum to 1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PointView {
     /// Where it is.
@@ -65,18 +65,18 @@ pub struct PointView {
     pub surroundings: Stated,
     /// The factor to backs.
     pub backs: Stated,
-    /// What arrives, where boundary conditions are known.
+    /// The irradiance, where boundary conditions are known.
     pub heat: Option<PointHeat>,
 }
 
-/// What arrives at a point.
+/// The irradiance at a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointHeat {
     /// The thermal irradiance, W·m⁻²; without a normal the mean radiosity around, Σ F B.
     pub irradiance: Stated,
     /// The solar irradiance without what comes straight from the sun, W·m⁻²; without a normal Σ F B.
     pub solar: Stated,
-    /// What comes straight from the sun on the plane of the point, or without a normal on one that faces the sun, W·m⁻².
+    /// The irradiance straight from the sun on the plane of the point, or without a normal on one that faces the sun, W·m⁻².
     pub sun: Stated,
     /// 1 where the sun shines, 0 in shadow; `None` without a sun.
     pub sunlit: Option<Stated>,
@@ -84,7 +84,7 @@ pub struct PointHeat {
     pub mean_radiant: Option<Stated>,
 }
 
-/// What points look at.
+/// The scene that points look at.
 pub(crate) struct PointScene<'a> {
     pub(crate) scene: &'a Scene,
     pub(crate) mesh: &'a Mesh,
@@ -266,7 +266,7 @@ fn shone_on(views: &PointViews, point: DVec3, normal: Option<DVec3>, sun: &Sun) 
     [lit, irradiance]
 }
 
-/// What a point sees, in sums.
+/// Sums over the view from a point.
 #[derive(Clone, Copy)]
 struct Seen {
     sums: Sums,

@@ -9,7 +9,7 @@ use super::sunlight::Sunlight;
 use crate::mesh::Mesh;
 use crate::scene::Scene;
 
-/// What arrives straight from sun and sky.
+/// The irradiance straight from sun and sky.
 #[derive(Clone, Debug)]
 pub(crate) struct DirectLight {
     pub(crate) sun: Option<Sunlight>,
@@ -30,7 +30,7 @@ impl DirectLight {
     }
 }
 
-/// What is known of the heat of a scene.
+/// The heat of a scene.
 #[derive(Clone, Debug)]
 pub struct Heat {
     /// Of each surface.
@@ -47,7 +47,7 @@ pub struct Heat {
     pub relative_error: f64,
 }
 
-/// What the heat of a scene follows from.
+/// The input of the heat of a scene.
 pub(crate) struct Solution<'a> {
     pub(crate) scene: &'a Scene,
     pub(crate) mesh: &'a Mesh,

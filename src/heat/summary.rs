@@ -1,4 +1,4 @@
-//! What is stated of surfaces and of the whole scene, each number with its error.
+//! The figures of surfaces and of the whole scene, each with its error.
 
 use serde::Serialize;
 
@@ -68,27 +68,27 @@ pub struct SurfaceHeat {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct HeatBalance {
-    /// What is supplied to all surfaces.
+    /// The power supplied to all surfaces.
     pub supplied_w: f64,
     /// Its error.
     pub supplied_w_error: f64,
-    /// What arrives straight from the sun.
+    /// The power straight from the sun.
     pub sun_w: f64,
     /// Its error.
     pub sun_w_error: f64,
-    /// What arrives straight from the sky.
+    /// The power straight from the sky.
     pub sky_w: f64,
     /// Its error.
     pub sky_w_error: f64,
-    /// What arrives from the surroundings.
+    /// The power from the surroundings.
     pub from_surroundings_w: f64,
     /// Its error.
     pub from_surroundings_w_error: f64,
-    /// What escapes.
+    /// The power that escapes.
     pub escaped_w: f64,
     /// Its error.
     pub escaped_w_error: f64,
-    /// What black backs take, at 0 K.
+    /// The power that black back faces absorb, at 0 K.
     pub absorbed_by_backs_w: f64,
     /// Its error.
     pub absorbed_by_backs_w_error: f64,

@@ -1,4 +1,4 @@
-//! What of the sun and of the sky reaches each patch.
+//! The light of sun and sky on each patch.
 
 use std::f64::consts::TAU;
 use std::num::NonZeroUsize;
@@ -51,7 +51,7 @@ pub struct Sunlight {
     pub irradiance_error: Vec<f64>,
 }
 
-/// What the sun lights of each patch, in the channels of a scene.
+/// The sunlight on each patch, in the channels of a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sunlit {
     /// Fractions, and irradiances by a sun of 1 W/m².
@@ -137,7 +137,7 @@ pub fn sunlight(input: Input<'_>, sun: &Sun) -> Sunlight {
     }
 }
 
-/// What light from one direction does on a patch.
+/// The light from one direction on a patch.
 #[derive(Clone, Copy, Debug, Default)]
 struct Shone {
     /// The lit fraction.

@@ -64,7 +64,7 @@ impl Stated {
     }
 }
 
-/// What holds on each patch in the thermal band.
+/// The thermal quantities of each patch.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Thermal {
     /// M = σ T⁴, W·m⁻².

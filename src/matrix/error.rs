@@ -87,7 +87,7 @@ pub enum MatrixError {
     Target {
         /// The row.
         row: usize,
-        /// What was asked for.
+        /// The request.
         target: f64,
     },
     /// A balance was asked for form factors that are not symmetric as exchange areas.

@@ -42,13 +42,13 @@ pub struct SolutionReport<'a> {
     pub error: Option<&'a Block>,
     /// Σ_j F_ij, \[n\], where form factors were stored.
     pub row_sums: Option<&'a [f64]>,
-    /// What the sun lights; its light is in the irradiance, and not in the exitance.
+    /// The sunlight; it is in the irradiance, and not in the exitance.
     pub sun: Option<&'a Sunlit>,
     /// How the form factors and the solution were computed: no time, path or number of threads.
     pub settings: &'a Map<String, Value>,
 }
 
-/// What a file of a solution states about itself, in JSON.
+/// The metadata of a file of a solution, in JSON.
 #[derive(Debug, Serialize)]
 struct SolutionDescription<'a> {
     /// Name and number of the file's layout.

@@ -13,7 +13,7 @@ use crate::scene::Scene;
 use crate::voxel::VoxelScene;
 use crate::whole_file;
 
-/// What a file of voxels states about itself, in JSON.
+/// The metadata of a file of voxels, in JSON.
 #[derive(Debug, Serialize)]
 struct VoxelDescription<'a> {
     /// Name and number of the file's layout.

@@ -76,7 +76,7 @@ impl fmt::Display for Origin {
     }
 }
 
-/// What the numbers of faces ([`Face::line`](super::Face::line)) count.
+/// The things that the numbers of faces ([`Face::line`](super::Face::line)) count.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Numbering {
@@ -396,25 +396,25 @@ pub enum SceneErrorKind {
     /// A camera file that cannot be understood or makes no camera.
     #[error("{}", printable_message(.message))]
     BadCamera {
-        /// What is wrong, and the remedy.
+        /// The fault, and the remedy.
         message: String,
     },
     /// A lighting file that cannot be understood, or names what the scene does not have.
     #[error("{}", printable_message(.message))]
     BadLighting {
-        /// What is wrong, and the remedy.
+        /// The fault, and the remedy.
         message: String,
     },
     /// A list of frames that cannot be understood.
     #[error("{}", printable_message(.message))]
     BadFrames {
-        /// What is wrong, and the remedy.
+        /// The fault, and the remedy.
         message: String,
     },
     /// A file of boundary conditions that cannot be understood, or names what the scene does not have.
     #[error("{}", printable_message(.message))]
     BadBoundary {
-        /// What is wrong, and the remedy.
+        /// The fault, and the remedy.
         message: String,
     },
     /// The file cannot be written.

@@ -137,7 +137,7 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// How finely the coordinates are written in the file; `None` for a scene made in memory, where they are what is meant.
     pub written: Option<Written>,
-    /// What the numbers of faces count.
+    /// The things that the numbers of faces count.
     pub numbering: Numbering,
 }
 

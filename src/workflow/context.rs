@@ -32,7 +32,7 @@ pub struct Context {
     pub memory: Memory,
     /// What is known before form factors are stored of what comes after them.
     pub demand: Demand,
-    /// What the results are made with: files of results have it.
+    /// The settings of the results, as files of results have them.
     pub settings: Settings,
     /// The conservation checks of the results so far.
     pub audit: Audit,

@@ -30,21 +30,21 @@ pub enum WorkflowError {
     Motion(MotionError),
     /// Faces cannot be cut as asked for.
     Mesh {
-        /// What the scene is called.
+        /// The name of the scene.
         file: PathBuf,
         /// Why.
         error: MeshError,
     },
     /// The ray tracer's tree cannot be built.
     Embree {
-        /// What the scene is called.
+        /// The name of the scene.
         file: PathBuf,
         /// Why.
         error: EmbreeError,
     },
     /// Work takes more memory than there is to be.
     MemoryLimit {
-        /// What the scene is called.
+        /// The name of the scene.
         file: PathBuf,
         /// What the memory is for.
         what: String,
@@ -63,7 +63,7 @@ pub enum WorkflowError {
     Matrix(MatrixError),
     /// A scene that was said to be closed is not.
     NotClosed {
-        /// What the scene is called.
+        /// The name of the scene.
         file: PathBuf,
         /// Where light leaves.
         leak: Leak,
@@ -87,7 +87,7 @@ pub enum WorkflowError {
     OtherGeometry {
         /// The file of the form factors.
         file: PathBuf,
-        /// What the scene is called.
+        /// The name of the scene.
         scene: PathBuf,
     },
     /// Voxels or links were refused, or could not be kept.

@@ -14,7 +14,7 @@ const ENTRY_BYTE: u64 = 48;
 /// Columns that are solved for in the same passes over the form factors.
 const COLUMNS: usize = 32;
 
-/// What the nodes of exchange factors are.
+/// The nodes of exchange factors.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ExchangeNodes {
     /// Surfaces.

@@ -28,9 +28,9 @@ pub struct HeatStudy {
     pub solar: Option<Solution>,
     /// The solution of the thermal band.
     pub thermal: Solution,
-    /// What solver and form factors together say of the errors of both.
+    /// The total error by solver and form factors.
     pub error: TotalError,
-    /// What a coarser mesh would change in the thermal band; `None` where that is not known.
+    /// The change by a coarser mesh in the thermal band; `None` where that is not known.
     pub mesh_error: Option<MeshError>,
 }
 

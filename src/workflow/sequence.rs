@@ -21,7 +21,7 @@ pub struct Frame {
     pub lighting: usize,
     /// The number of its pose.
     pub pose: usize,
-    /// What moves in it.
+    /// The motions in it.
     pub motions: Vec<Motion>,
     /// From where it is seen.
     pub view: ImageView,
@@ -62,9 +62,9 @@ pub struct FrameDefaults<'a> {
 /// How the light of a sequence is found, and written.
 #[derive(Clone, Copy)]
 pub struct SequenceRequest<'a> {
-    /// What is asked of form factors.
+    /// The request for form factors.
     pub method: &'a FormFactorRequest,
-    /// What is asked of the solver.
+    /// The request to the solver.
     pub solver: &'a SolveRequest,
     /// How images are written.
     pub file: ImageFile,
@@ -76,7 +76,7 @@ pub struct SequenceRequest<'a> {
 pub struct FrameStudy<'a> {
     /// Its number in the sequence.
     pub number: usize,
-    /// What was asked for.
+    /// The request.
     pub frame: &'a Frame,
     /// The file of its lighting; `None` where the materials are the scene's own.
     pub lighting_file: Option<&'a Path>,
@@ -84,11 +84,11 @@ pub struct FrameStudy<'a> {
     pub model: &'a Model,
     /// The solution for its lighting.
     pub solution: Solution,
-    /// What solver and form factors together say of its error.
+    /// The total error by solver and form factors.
     pub error: TotalError,
-    /// What a coarser mesh would change; `None` where that is not known.
+    /// The change by a coarser mesh; `None` where that is not known.
     pub mesh_error: Option<MeshError>,
-    /// What final gather took.
+    /// The cost of final gather.
     pub gather: Option<GatherReport>,
     /// The image.
     pub image: Image,
@@ -108,7 +108,7 @@ pub struct PoseStudy<'a> {
     pub solution: &'a Solution,
     /// The worst that solver and form factors together say of the error of a lighting.
     pub error: TotalError,
-    /// What moved since the first pose; `None` of that one.
+    /// The motion since the first pose; `None` of that one.
     pub change: Option<&'a Change>,
 }
 
@@ -305,7 +305,7 @@ impl Sequence {
     }
 }
 
-/// What later poses need of the first one.
+/// The data of the first pose that later ones need.
 struct First {
     model: Model,
     /// The form factors without repairs, and whether they met their tolerance.
@@ -335,7 +335,7 @@ fn pose_factors(
     Ok((factors, study))
 }
 
-/// What the frames of a pose are made from.
+/// The input of the frames of a pose.
 struct Solved<'a> {
     model: &'a Model,
     factors: &'a FormFactorStudy,
@@ -346,7 +346,7 @@ struct Solved<'a> {
     stack: &'a Stack,
     /// Of all these lightings together.
     solution: &'a Solution,
-    /// What a coarser mesh would change in it.
+    /// The change by a coarser mesh in it.
     coarse: Option<&'a Coarsened>,
 }
 

@@ -1,4 +1,4 @@
-//! What results are made with, by name: documents and files of results have it.
+//! The settings of a result, by name, as documents and files of results have them.
 
 use serde::Serialize;
 use serde_json::{Map, Value};
@@ -29,7 +29,7 @@ pub enum VarianceRepair {
     Pooled,
 }
 
-/// What is stated of whether the scene is closed.
+/// The user's statement whether the scene is closed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
@@ -62,7 +62,7 @@ pub struct SunRecord {
 
 macro_rules! settings {
     ($($(#[$doc:meta])* $name:ident: $kind:ty,)*) => {
-        /// What results are made with: the settings of the steps that were taken, each `None` where it plays no part.
+        /// The settings of the steps that led to a result, each `None` where it plays no part.
         ///
         /// It holds no time, number of threads or path but those that a result is named by.
         #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -86,7 +86,7 @@ settings! {
     budget: u64,
     /// Where the camera comes from.
     camera: String,
-    /// What is stated of whether the scene is closed.
+    /// The user's statement whether the scene is closed.
     closure: StatedClosure,
     /// The level of the largest cells of voxels: 2^level voxels wide.
     coarsest: u8,

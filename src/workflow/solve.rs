@@ -91,9 +91,9 @@ pub struct SolutionStudy {
     pub carried: Option<Block>,
     /// What solver and form factors together say of the error.
     pub error: TotalError,
-    /// What a coarser mesh would change; `None` where that is not known.
+    /// The change by a coarser mesh; `None` where that is not known.
     pub mesh_error: Option<MeshError>,
-    /// What the sun lights, where it shines.
+    /// The sunlight, where the sun shines.
     pub sunlit: Option<Sunlit>,
 }
 

@@ -50,7 +50,7 @@ pub struct ViewRequest {
     pub eye: Option<DVec3>,
     /// The point that it looks at instead, m.
     pub look_at: Option<DVec3>,
-    /// What is up in the image instead.
+    /// The direction that is up in the image instead.
     pub up: Option<DVec3>,
     /// The vertical field of view instead, in degrees.
     pub fov: Option<f64>,

@@ -47,16 +47,12 @@ pub struct CompareArgs {
     #[arg(long, value_name = "T", default_value_t = ExactMethod::DEFAULT_TOLERANCE, value_parser = parse_positive)]
     pub tolerance: f64,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub closure: ClosureArgs,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub mesh: MeshArgs,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub memory: MemoryArgs,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub common: CommonArgs,
 }
 
@@ -97,6 +93,5 @@ pub struct ReproduceArgs {
     #[arg(long, value_name = "L", value_parser = clap::value_parser!(u32).range(1..=6))]
     pub level: Option<u32>,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub common: CommonArgs,
 }

@@ -46,15 +46,11 @@ pub struct FieldArgs {
     #[arg(long, value_name = "BYTES", value_parser = parse_byte)]
     pub memory_limit: Option<u64>,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub view: ViewArgs,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub file: PictureFileArgs,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub mesh: MeshArgs,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub common: CommonArgs,
 }

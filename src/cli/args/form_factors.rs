@@ -167,7 +167,6 @@ pub struct MethodArgs {
     #[arg(long, value_enum, default_value_t = BalanceName::Auto)]
     pub balance: BalanceName,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub closure: ClosureArgs,
 }
 
@@ -304,7 +303,6 @@ impl MemoryArgs {
 #[command(next_help_heading = "Memory")]
 pub struct StorageArgs {
     #[command(flatten)]
-    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub memory: MemoryArgs,
     /// A file for finished form factors and gathered light: after an interruption the same command goes on from there; it is removed when the command is done
     #[arg(long, value_name = "FILE")]
@@ -327,18 +325,13 @@ pub struct FormFactorsArgs {
     #[arg(long, value_name = "T", value_parser = parse_positive)]
     pub tolerance: Option<f64>,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub mesh: MeshArgs,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub method: MethodArgs,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub storage: StorageArgs,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub audit: AuditArgs,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub common: CommonArgs,
 }

@@ -1,4 +1,8 @@
 //! The command line: names, defaults, help.
+#![expect(
+    missing_docs,
+    reason = "a doc comment of a group of flags would replace the help of the flags"
+)]
 
 mod byte;
 mod experiments;
@@ -92,7 +96,6 @@ pub struct CommonArgs {
     #[arg(long)]
     pub quiet: bool,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub reading: ReadingArgs,
 }
 
@@ -118,7 +121,6 @@ pub struct SceneArgs {
     #[arg(short, long, value_name = "OUT.obj")]
     pub output: PathBuf,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub common: CommonArgs,
 }
 
@@ -132,7 +134,6 @@ pub struct VerifyArgs {
     #[arg(long, value_name = "BYTES", value_parser = parse_byte)]
     pub memory_limit: Option<u64>,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub common: CommonArgs,
 }
 

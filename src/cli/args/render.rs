@@ -47,31 +47,22 @@ pub struct RenderArgs {
     #[arg(long, value_name = "HOST:PORT", help_heading = "Picture")]
     pub display: Option<String>,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub image: ImageArgs,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub gather: GatherArgs,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub file: PictureFileArgs,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub mesh: MeshArgs,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub method: MethodArgs,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub solver: SolverArgs,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub storage: StorageArgs,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub audit: AuditArgs,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub common: CommonArgs,
 }
 
@@ -145,7 +136,6 @@ impl From<PartsName> for Parts {
 #[command(next_help_heading = "Picture")]
 pub struct ImageArgs {
     #[command(flatten)]
-    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub view: ViewArgs,
     /// Show each patch's own radiosity, not interpolated
     #[arg(long)]

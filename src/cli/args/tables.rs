@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 /// Reads a list like `3,5-7` of tables that are built.
 ///
 /// # Errors
-/// What is wrong with the list, and what helps.
+/// The fault of the list, and the remedy.
 pub fn parse_tables(list: &str, built: RangeInclusive<u8>) -> Result<Vec<u8>, String> {
     let (least, most) = (built.start(), built.end());
     let mut tables = Vec::new();

@@ -104,19 +104,14 @@ pub struct VoxelArgs {
     )]
     pub tolerance: f64,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub image: ImageArgs,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub mesh: MeshArgs,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub closure: ClosureArgs,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub audit: AuditArgs,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "a doc comment here would replace the help of the flags")]
     pub common: CommonArgs,
 }
 
@@ -178,7 +173,7 @@ impl VoxelArgs {
     /// Refuses flags that do not go together.
     ///
     /// # Errors
-    /// What is wrong with them, and what helps.
+    /// Their fault, and the remedy.
     pub fn expect_sensible(&self, is_image: bool) -> Result<(), &'static str> {
         if !is_image && (self.show_voxels || self.image.is_given()) {
             return Err("a picture wants a file; add -o IMAGE.exr");

@@ -1,4 +1,4 @@
-//! What people are told of heat.
+//! The text that the program prints about heat.
 
 use std::fmt::Write as _;
 

@@ -14,7 +14,7 @@ use crate::workflow::Settings;
 /// Runs of every stochastic method where nothing is asked for.
 pub const DEFAULT_SEEDS: u64 = 100;
 
-/// What the JSON document has of the tables.
+/// The part of the JSON document about the tables.
 #[derive(Clone, Copy, Debug, Serialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct BaranoskiDocument<'a> {

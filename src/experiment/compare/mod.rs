@@ -110,7 +110,7 @@ pub struct Comparison {
     pub cases: Vec<CaseSummary>,
     /// Every run in the order in which it was made.
     pub runs: Vec<Run>,
-    /// What was not measured.
+    /// The measurements that were left out.
     pub left_out: Vec<LeftOut>,
 }
 

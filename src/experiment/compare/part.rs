@@ -21,9 +21,9 @@ const REFERENCES: u32 = 2;
 pub struct Part {
     /// `on` or `off`.
     pub visibility: &'static str,
-    /// What the errors are against.
+    /// The reference that errors are measured against.
     pub reference: Reference,
-    /// What was measured.
+    /// The measurements.
     pub comparison: Comparison,
 }
 

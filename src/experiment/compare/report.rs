@@ -13,16 +13,16 @@ use crate::report::Machine;
 use crate::report::plot::{ErrorTimePlot, PlotPoint, Ranged, Series};
 use crate::workflow::{Model, choice_text};
 
-/// What was compared.
+/// The comparison.
 #[derive(Clone, Copy)]
 pub struct Subject<'a> {
-    /// What the scene is called.
+    /// The name of the scene.
     pub name: &'a str,
     /// The scene.
     pub model: &'a Model,
-    /// What was run.
+    /// The runs.
     pub settings: &'a CompareSettings<'a>,
-    /// What it ran on.
+    /// The machine that it ran on.
     pub machine: &'a Machine,
     /// How busy the machine was before: processes that ran or waited to run.
     pub load_before: Option<f64>,
@@ -31,23 +31,23 @@ pub struct Subject<'a> {
 /// Processes that run beside ours spoil its times from this share of the machine on.
 const BUSY: f64 = 0.2;
 
-/// What the JSON document has of a comparison.
+/// The part of the JSON document about a comparison.
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct CompareDocument<'a> {
-    /// What the scene is called.
+    /// The name of the scene.
     pub scene: &'a str,
     /// How many patches it has.
     pub n_patches: usize,
     /// How many surfaces it has.
     pub n_surfaces: usize,
-    /// What the times were measured on.
+    /// The machine that the times were measured on.
     pub machine: &'a Machine,
     /// Processes that ran or waited to run, in the mean of the minute before; null where the system does not tell.
     pub load_average_before: Option<f64>,
     /// With occluders and without, as far as asked for.
     pub comparisons: Vec<ComparisonRecord<'a>>,
-    /// What the form factors take in each layout.
+    /// The memory of the form factors in each layout.
     pub storage: StorageFigures,
     /// The files that were written into the directory.
     pub files: Vec<String>,
@@ -59,17 +59,17 @@ pub struct CompareDocument<'a> {
 pub struct ComparisonRecord<'a> {
     /// Whether occluders were looked at: `on` or `off`.
     pub visibility: &'a str,
-    /// What the errors are against.
+    /// The reference that errors are measured against.
     pub reference: ReferenceRecord,
     /// One entry for each setting, by method and value.
     pub cases: &'a [CaseSummary],
     /// Every run, in the order in which it was made.
     pub runs: &'a [Run],
-    /// What was not measured.
+    /// The measurements that were left out.
     pub left_out: &'a [LeftOut],
 }
 
-/// What errors are measured against.
+/// The reference that errors are measured against.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct ReferenceRecord {

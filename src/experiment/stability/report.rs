@@ -11,7 +11,7 @@ use crate::report::plot::{ErrorTimePlot, PlotPoint, Ranged, Series};
 use crate::report::{SCHEMA_VERSION, Table, pretty};
 use crate::workflow::Settings;
 
-/// What the JSON document has of the table.
+/// The part of the JSON document about the table.
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct StabilityDocument<'a> {
@@ -27,7 +27,7 @@ pub struct StabilityDocument<'a> {
     pub times: Vec<CaseTimes<'a>>,
 }
 
-/// What `results.json` has of the table.
+/// The part of `results.json` about the table.
 #[derive(Debug, Serialize)]
 struct StabilityResult<'a> {
     /// The table.

@@ -1,4 +1,4 @@
-//! What a free point sees of all patches of a mesh, by exact clipping.
+//! The view factors from a free point to all patches of a mesh, by exact clipping.
 
 use glam::DVec3;
 

@@ -108,7 +108,7 @@ fn unknown(name: &str, usable: &[Array]) -> SceneErrorKind {
     }
 }
 
-/// What a cell of a mesh is.
+/// A type of cells of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Cell {
     /// A face of so many corners, which are its first vertices; true if it has more vertices, between these.

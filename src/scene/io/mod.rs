@@ -41,7 +41,7 @@ use source::Source;
 pub struct Loaded {
     /// The scene.
     pub scene: Scene,
-    /// What was left open in the file, in the order in which it was found.
+    /// The warnings about the file, in the order in which it was found.
     pub warnings: Vec<SceneWarning>,
 }
 

@@ -1,4 +1,4 @@
-//! What every reader makes of a file: polygons over vertices, with the names of their surfaces and materials.
+//! The result of every reader: polygons over vertices, with the names of their surfaces and materials.
 
 use std::collections::HashMap;
 

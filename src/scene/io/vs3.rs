@@ -87,7 +87,7 @@ fn content_lines(text: &str) -> Vec<(u32, &str)> {
     lines
 }
 
-/// What a surface is for.
+/// The use of a surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
     Surface,

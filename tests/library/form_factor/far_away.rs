@@ -6,7 +6,7 @@ use radiosity::matrix::FormFactors;
 use radiosity::scene::Scene;
 
 use crate::support::Uniform;
-use crate::support::rooms::{Prepared, Shapes, moved};
+use crate::support::rooms::{Prepared, Shapes, ground, moved};
 
 /// Vertices are multiples of this, so that a move by whole metres up to 2^30 is exact.
 const QUANTUM: f64 = 1.0 / 4_194_304.0;
@@ -24,18 +24,6 @@ fn quantised(mut scene: Scene) -> Scene {
         *vertex = (*vertex / QUANTUM).round() * QUANTUM;
     }
     scene
-}
-
-/// Ground in triangles of `step` m, whose heights vary by `amplitude`.
-fn ground(random: &mut Uniform, step: f64, amplitude: f64) -> Scene {
-    let heights: Vec<f64> = (0..25).map(|_| amplitude * random.next()).collect();
-    let at = |x: usize, y: usize| DVec3::new(step * x as f64, step * y as f64, heights[5 * x + y]);
-    let mut shapes = Shapes::default();
-    for (x, y) in (0..16).map(|k| (k / 4, k % 4)) {
-        shapes.face(&[at(x, y), at(x + 1, y), at(x + 1, y + 1)]);
-        shapes.face(&[at(x, y), at(x + 1, y + 1), at(x, y + 1)]);
-    }
-    shapes.scene()
 }
 
 /// A room with two boxes in it, turned, in triangles: quads would be bent.
@@ -72,10 +60,10 @@ fn a_move_that_is_exact_changes_no_form_factor_by_more_than_is_stated() {
     for seed in 0..3 {
         let mut random = Uniform(seed);
         let scenes = [
-            ("fine ground", ground(&mut random, 0.125, 0.02), 1),
-            ("ground", ground(&mut random, 0.5, 0.3), 1),
-            ("hills", ground(&mut random, 10.0, 12.0), 1),
-            ("flat ground", ground(&mut random, 2.0, 0.02), 1),
+            ("fine ground", ground(0.125, || 0.02 * random.next()), 1),
+            ("ground", ground(0.5, || 0.3 * random.next()), 1),
+            ("hills", ground(10.0, || 12.0 * random.next()), 1),
+            ("flat ground", ground(2.0, || 0.02 * random.next()), 1),
             ("a room", room(&mut random, 1.0), 1),
             ("a small room", room(&mut random, 0.05), 1),
         ];

@@ -6,7 +6,7 @@ use glam::{DQuat, DVec3};
 use radiosity::form_factor::{Computed, ExactMethod, FormFactorMethod};
 use radiosity::scene::{Scene, builtin};
 
-use crate::support::rooms::{Prepared, Shapes, moved, quick, with_decimals, with_digits, written_as};
+use crate::support::rooms::{Prepared, Shapes, ground, moved, quick, with_decimals, with_digits, written_as};
 use crate::support::{Uniform, n_above, worst_error};
 
 /// A corner of a room on a map of a country, in metres.
@@ -165,17 +165,9 @@ fn hills(random: &mut Uniform) -> Scene {
 /// Nearly flat ground, in triangles of so many metres, whose heights vary by so much.
 fn rough_ground(random: &mut Uniform, step: f64, amplitude: f64) -> Scene {
     // The sum of three is much like a normal distribution of that deviation.
-    let mut height = || 2.0 * amplitude * (random.next() + random.next() + random.next() - 1.5);
-    let heights: Vec<f64> = (0..25).map(|_| height()).collect();
-    let at = |x: usize, y: usize| DVec3::new(step * x as f64, step * y as f64, heights[5 * x + y]);
-    let mut shapes = Shapes::default();
-    for x in 0..4 {
-        for y in 0..4 {
-            shapes.face(&[at(x, y), at(x + 1, y), at(x + 1, y + 1)]);
-            shapes.face(&[at(x, y), at(x + 1, y + 1), at(x, y + 1)]);
-        }
-    }
-    shapes.scene()
+    ground(step, || {
+        2.0 * amplitude * (random.next() + random.next() + random.next() - 1.5)
+    })
 }
 
 /// Two long houses beside a street, on a map.

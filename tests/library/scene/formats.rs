@@ -9,8 +9,8 @@ use glam::DVec3;
 use radiosity::form_factor::ExactMethod;
 use radiosity::matrix::{FormFactors, SurfaceFormFactors};
 use radiosity::scene::{
-    Flip, Format, LengthUnit, LoadOptions, Loaded, Origin, Scene, SceneErrorKind, SceneWarningKind, UpAxis, load,
-    load_with,
+    Flip, Format, LengthUnit, LoadOptions, Loaded, Material, Origin, Scene, SceneErrorKind, SceneWarningKind, UpAxis,
+    load, load_with,
 };
 
 use crate::support::rooms::Prepared;
@@ -32,6 +32,13 @@ fn read(name: &str) -> Loaded {
 
 fn surface_names(scene: &Scene) -> Vec<&str> {
     scene.surfaces.iter().map(|s| s.name.as_str()).collect()
+}
+
+/// Returns the material of the first face of a surface, by the surface's place in [`NAMES`].
+fn material_of(scene: &Scene, surface: &str) -> Material {
+    let k = NAMES.iter().position(|known| *known == surface).unwrap();
+    let face = scene.faces.iter().find(|face| face.surface.0 as usize == k).unwrap();
+    scene.materials[face.material.0 as usize].clone()
 }
 
 fn kinds(loaded: &Loaded) -> Vec<&'static str> {
@@ -309,16 +316,7 @@ fn the_materials_of_gltf_are_reflectance_and_exitance() {
     for name in ["triangles-trimesh.glb", "triangles-trimesh.gltf"] {
         let loaded = read(name);
         assert!(loaded.scene.is_emitting(), "{name}");
-        let of = |surface: &str| {
-            let k = NAMES.iter().position(|known| *known == surface).unwrap();
-            let face = loaded
-                .scene
-                .faces
-                .iter()
-                .find(|face| face.surface.0 as usize == k)
-                .unwrap();
-            loaded.scene.materials[face.material.0 as usize].clone()
-        };
+        let of = |surface: &str| material_of(&loaded.scene, surface);
         let ceiling = of("ceiling");
         for (channel, (factor, colour)) in [(1.0, 128.0), (0.8, 102.0), (0.6, 51.0)].into_iter().enumerate() {
             let off = ceiling.exitance[channel] / (std::f64::consts::PI * factor) - 1.0;
@@ -344,16 +342,7 @@ fn materials_come_from_a_file() {
     let options = LoadOptions::default().materials(Some(paints.clone()));
     let loaded = load_with(file("triangles-gmsh-41-binary.msh"), &options).unwrap();
     assert_eq!(loaded.warnings, []);
-    let of = |name: &str| {
-        let k = NAMES.iter().position(|known| *known == name).unwrap();
-        let face = loaded
-            .scene
-            .faces
-            .iter()
-            .find(|face| face.surface.0 as usize == k)
-            .unwrap();
-        loaded.scene.materials[face.material.0 as usize].clone()
-    };
+    let of = |name: &str| material_of(&loaded.scene, name);
     for (name, reflectance) in [
         ("floor", 0.2),
         ("ceiling", 0.2),

@@ -123,6 +123,18 @@ impl Shapes {
     }
 }
 
+/// Ground of 32 triangles in squares of `step` m, with a height for each of the 25 corners.
+pub(crate) fn ground(step: f64, mut height: impl FnMut() -> f64) -> Scene {
+    let heights: Vec<f64> = (0..25).map(|_| height()).collect();
+    let at = |x: usize, y: usize| DVec3::new(step * x as f64, step * y as f64, heights[5 * x + y]);
+    let mut shapes = Shapes::default();
+    for (x, y) in (0..16).map(|k| (k / 4, k % 4)) {
+        shapes.face(&[at(x, y), at(x + 1, y), at(x + 1, y + 1)]);
+        shapes.face(&[at(x, y), at(x + 1, y + 1), at(x, y + 1)]);
+    }
+    shapes.scene()
+}
+
 /// Returns the scene turned, scaled, then moved.
 pub(crate) fn moved(scene: &Scene, turn: DQuat, scale: f64, shift: DVec3) -> Scene {
     let mut scene = scene.clone();

@@ -17,7 +17,7 @@ pub(super) struct NamedLine {
     pub(super) name: String,
 }
 
-/// What an OBJ file says, in file order.
+/// The content of an OBJ file, in file order.
 #[derive(Debug, Default)]
 pub(super) struct ObjIndex {
     /// Its faces, with the names of the `o` and `g` statements, of which some may own no face.

@@ -6,59 +6,10 @@ use super::super::cells::{Array, Values};
 use super::super::source::{Cursor, Source};
 use super::super::{Counts, stl};
 use super::dataset::{Dataset, LINE, STRIP, VERTICES};
+use super::scalar::Scalar;
 use crate::scene::{MAX_COORDINATE, SceneError, SceneErrorKind};
 
-/// A type of numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Scalar {
-    Bit,
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    I64,
-    U64,
-    F32,
-    F64,
-    Text,
-}
-
-impl Scalar {
-    fn named(name: &str) -> Option<Self> {
-        Some(match name.to_ascii_lowercase().as_str() {
-            "bit" => Self::Bit,
-            "char" | "signed_char" | "vtktypeint8" => Self::I8,
-            "unsigned_char" | "vtktypeuint8" => Self::U8,
-            "short" | "vtktypeint16" => Self::I16,
-            "unsigned_short" | "vtktypeuint16" => Self::U16,
-            "int" | "vtkidtype" | "vtktypeint32" => Self::I32,
-            "unsigned_int" | "vtktypeuint32" => Self::U32,
-            "long" | "long_long" | "vtktypeint64" => Self::I64,
-            "unsigned_long" | "unsigned_long_long" | "vtktypeuint64" => Self::U64,
-            "float" | "vtktypefloat32" => Self::F32,
-            "double" | "vtktypefloat64" => Self::F64,
-            "string" => Self::Text,
-            _ => return None,
-        })
-    }
-
-    fn bytes(self) -> u64 {
-        match self {
-            Self::Bit | Self::Text | Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::I64 | Self::U64 | Self::F64 => 8,
-        }
-    }
-
-    fn is_whole(self) -> bool {
-        !matches!(self, Self::Bit | Self::F32 | Self::F64 | Self::Text)
-    }
-}
-
-/// What the arrays that follow have values for.
+/// The things that the arrays which follow have values for.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Of {
     Field,
@@ -148,7 +99,7 @@ impl<'a> Legacy<'a> {
 
     fn scalar(&self, word: Option<&&str>) -> Result<Scalar, SceneError> {
         let word = word.copied().unwrap_or("nothing");
-        Scalar::named(word).ok_or_else(|| self.malformed("a type of numbers such as `float`", word))
+        Scalar::of_legacy(word).ok_or_else(|| self.malformed("a type of numbers such as `float`", word))
     }
 
     fn kind(&self, words: &[&str]) -> Result<(), SceneError> {
@@ -164,7 +115,7 @@ impl<'a> Legacy<'a> {
     fn fits(&self, n: u64, scalar: Scalar, what: &'static str) -> Result<usize, SceneError> {
         let counted = if self.is_binary {
             let n_bytes = if scalar == Scalar::Bit { n.div_ceil(8) } else { n };
-            self.cursor.count(n_bytes, scalar.bytes(), what)?;
+            self.cursor.count(n_bytes, scalar.bytes() as u64, what)?;
             usize::try_from(n).map_err(|_| self.cursor.error(SceneErrorKind::CutShort { what }))
         } else {
             // A digit and a blank, but for the last one.
@@ -227,20 +178,11 @@ impl<'a> Legacy<'a> {
         if !self.is_binary {
             return self.cursor.number("a whole number");
         }
-        let cursor = &mut self.cursor;
-        Ok(match scalar {
-            Scalar::I8 => cursor.binary::<i8>(WHAT)?.into(),
-            Scalar::U8 => cursor.binary::<u8>(WHAT)?.into(),
-            Scalar::I16 => cursor.binary::<i16>(WHAT)?.into(),
-            Scalar::U16 => cursor.binary::<u16>(WHAT)?.into(),
-            Scalar::I32 => cursor.binary::<i32>(WHAT)?.into(),
-            Scalar::U32 => cursor.binary::<u32>(WHAT)?.into(),
-            Scalar::I64 => cursor.binary(WHAT)?,
-            Scalar::U64 => i64::try_from(cursor.binary::<u64>(WHAT)?).unwrap_or(i64::MAX),
-            Scalar::Bit | Scalar::F32 | Scalar::F64 | Scalar::Text => {
-                return Err(self.malformed("whole numbers", "others"));
-            }
-        })
+        if !scalar.is_whole() {
+            return Err(self.malformed("whole numbers", "others"));
+        }
+        let own = self.cursor.take(scalar.bytes(), WHAT)?;
+        Ok(scalar.whole(own, self.cursor.is_little).unwrap_or(-1))
     }
 
     fn point(&mut self, scalar: Scalar) -> Result<u32, SceneError> {
@@ -427,7 +369,7 @@ impl<'a> Legacy<'a> {
         if self.is_binary {
             let n_bytes = match scalar {
                 Scalar::Bit => (n as u64).div_ceil(8),
-                _ => (n as u64).saturating_mul(scalar.bytes()),
+                _ => (n as u64).saturating_mul(scalar.bytes() as u64),
             };
             self.cursor
                 .take(usize::try_from(n_bytes).unwrap_or(usize::MAX), "an array")?;

@@ -2,6 +2,7 @@
 
 mod dataset;
 mod legacy;
+mod scalar;
 mod xml;
 mod xml_array;
 

@@ -10,6 +10,7 @@ use glam::DVec3;
 use super::super::cells::{Array, Values};
 use super::super::source::Binary;
 use super::dataset::Dataset;
+use super::scalar::Scalar;
 use crate::scene::{MAX_COORDINATE, SceneErrorKind};
 
 /// How the arrays of a file are written.
@@ -24,50 +25,6 @@ pub(super) struct Encoding<'a> {
     /// What is appended.
     appended: &'a [u8],
     is_base64: bool,
-}
-
-/// A type of numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Scalar {
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    I64,
-    U64,
-    F32,
-    F64,
-    Text,
-}
-
-impl Scalar {
-    fn named(name: &str) -> Option<Self> {
-        Some(match name {
-            "Int8" => Self::I8,
-            "UInt8" => Self::U8,
-            "Int16" => Self::I16,
-            "UInt16" => Self::U16,
-            "Int32" => Self::I32,
-            "UInt32" => Self::U32,
-            "Int64" => Self::I64,
-            "UInt64" => Self::U64,
-            "Float32" => Self::F32,
-            "Float64" => Self::F64,
-            "String" => Self::Text,
-            _ => return None,
-        })
-    }
-
-    fn bytes(self) -> usize {
-        match self {
-            Self::I8 | Self::U8 | Self::Text => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::I64 | Self::U64 | Self::F64 => 8,
-        }
-    }
 }
 
 /// Where the numbers of an array are.
@@ -267,7 +224,7 @@ impl<'a> DataArray<'a> {
         let n_components = attribute("NumberOfComponents").and_then(|n| n.trim().parse().ok());
         Ok(Self {
             name: attribute("Name").unwrap_or_default(),
-            kind: Scalar::named(&kind).ok_or(("a type of numbers such as `Float64`", kind))?,
+            kind: Scalar::of_xml(&kind).ok_or(("a type of numbers such as `Float64`", kind))?,
             n_components: n_components.unwrap_or(1),
             content,
         })
@@ -315,7 +272,7 @@ impl<'a> DataArray<'a> {
                     let x = match self.kind {
                         Scalar::F32 => f64::from(f32::of(own, encoding.is_little)),
                         Scalar::F64 => f64::of(own, encoding.is_little),
-                        kind => whole(kind, own, encoding.is_little) as f64,
+                        kind => kind.whole(own, encoding.is_little).unwrap_or(-1) as f64,
                     };
                     push(x, &|| x.to_string())?;
                     #[expect(clippy::cast_possible_truncation, reason = "it was an f32")]
@@ -359,7 +316,8 @@ impl<'a> DataArray<'a> {
                 .collect::<Result<_, _>>()?,
             Numbers::Bytes(bytes) => bytes
                 .chunks_exact(self.kind.bytes())
-                .map(|own| whole(self.kind, own, encoding.is_little))
+                // An index that is no whole number is out of range.
+                .map(|own| self.kind.whole(own, encoding.is_little).unwrap_or(-1))
                 .collect(),
         };
         match n {
@@ -406,21 +364,6 @@ impl<'a> DataArray<'a> {
             Values::Text(values) => values.len(),
         };
         Ok((n as u64 == n_cells).then_some(values))
-    }
-}
-
-fn whole(kind: Scalar, own: &[u8], is_little: bool) -> i64 {
-    match kind {
-        Scalar::I8 => i8::of(own, is_little).into(),
-        Scalar::U8 | Scalar::Text => u8::of(own, is_little).into(),
-        Scalar::I16 => i16::of(own, is_little).into(),
-        Scalar::U16 => u16::of(own, is_little).into(),
-        Scalar::I32 => i32::of(own, is_little).into(),
-        Scalar::U32 => u32::of(own, is_little).into(),
-        Scalar::I64 => i64::of(own, is_little),
-        Scalar::U64 => i64::try_from(u64::of(own, is_little)).unwrap_or(i64::MAX),
-        // An index that is no whole number is out of range.
-        Scalar::F32 | Scalar::F64 => -1,
     }
 }
 
