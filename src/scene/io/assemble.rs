@@ -65,7 +65,7 @@ pub(super) fn assemble(mut polygons: Polygons, file: &Path, options: &LoadOption
     Ok(loaded)
 }
 
-/// Refuses faces over vertices that there are not, and coordinates that are none.
+/// Refuses faces whose vertices do not exist.
 fn expect_vertices(polygons: &Polygons, file: &Path) -> Result<(), SceneError> {
     let n_vertices = polygons.vertices.len();
     if polygons.corners.iter().all(|&v| (v as usize) < n_vertices) {
