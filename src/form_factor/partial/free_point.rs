@@ -15,7 +15,6 @@ const IN_PLANE: f64 = 1e-12;
 struct Plate {
     corners: Vec<DVec3>,
     normal: DVec3,
-    level: f64,
     middle: DVec3,
     radius: f64,
 }
@@ -25,7 +24,6 @@ impl Plate {
         let normal = polygon::area_vector(&corners).normalize_or_zero();
         let middle = corners.iter().sum::<DVec3>() / corners.len() as f64;
         Self {
-            level: normal.dot(corners[0]),
             radius: corners.iter().map(|v| v.distance(middle)).fold(0.0, f64::max),
             normal,
             middle,
@@ -33,8 +31,9 @@ impl Plate {
         }
     }
 
+    /// From a point of the plane: far from the origin n · x has fewer digits than a difference of points.
     fn height(&self, point: DVec3) -> f64 {
-        self.normal.dot(point) - self.level
+        self.normal.dot(point - self.corners[0])
     }
 }
 
@@ -121,7 +120,10 @@ impl PointViews {
                 .map(|i| Plate::new(mesh.polygon(PatchId::from_index(i))))
                 .collect(),
             face_of: mesh.patches.iter().map(|patch| patch.face.0 as usize).collect(),
-            tolerance: scene.slack().max(IN_PLANE * largest.max(low.distance(high))),
+            tolerance: scene
+                .slack()
+                .max(IN_PLANE * low.distance(high))
+                .max(16.0 * f64::EPSILON * largest),
         }
     }
 

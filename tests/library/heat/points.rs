@@ -159,3 +159,49 @@ fn light_arrives_at_points() {
         );
     }
 }
+
+/// On a map, where coordinates are 10^7 times the size of faces, points see what they see near the origin: triangles of an octahedron in whole parts of 2^-20 m, one of them cut by a plate.
+#[test]
+fn views_from_points_are_the_same_far_from_the_origin() {
+    let unit = 1.0 / 1_048_576.0;
+    let [x, y, z] = [DVec3::X, DVec3::new(0.1, 1.1, 0.0), DVec3::new(0.2, 0.1, 0.9)];
+    let sides = |signs: [f64; 3]| {
+        let corners = vec![signs[0] * x, signs[1] * y, signs[2] * z];
+        let is_inwards = signs.iter().product::<f64>() < 0.0;
+        if is_inwards {
+            corners
+        } else {
+            corners.into_iter().rev().collect()
+        }
+    };
+    let signs = (0..8).map(|k| [0, 1, 2].map(|bit| if k >> bit & 1 == 0 { 1.0 } else { -1.0 }));
+    let mut surfaces: Vec<(String, Vec<DVec3>)> = signs.enumerate().map(|(k, s)| (format!("s{k}"), sides(s))).collect();
+    surfaces.push((
+        "plate".into(),
+        vec![0.3 * z - 0.1 * x, 0.3 * z + 0.1 * y, 0.35 * z + 0.1 * x - 0.1 * y],
+    ));
+    let text = "[[surface]]\nname = \"*\"\nemissivity = 0.9\ntemperature_k = 300\n";
+    let from = |place: DVec3| {
+        let at = |v: DVec3| (v * 0.25 / unit).round() * unit + place;
+        let all: Vec<(&str, Vec<Vec<DVec3>>)> = surfaces
+            .iter()
+            .map(|(name, corners)| (name.as_str(), vec![corners.iter().map(|&v| at(v)).collect()]))
+            .collect();
+        let queries = [DVec3::new(0.05, -0.1, 0.02), DVec3::new(-0.2, 0.1, 0.1)].map(|v| around(at(v).to_array()));
+        look(&scene(&all), 1, text, &queries)
+    };
+    let near = from(DVec3::ZERO);
+    let fronts = |view: &PointView| view.surfaces.iter().map(|own| own.value).sum::<f64>();
+    assert!(near.iter().all(|view| fronts(view) > 0.9), "{near:?}");
+    for place in [
+        DVec3::new(524_288.0, 5_242_880.0, 64.0),
+        DVec3::new(-8_388_608.0, 4.0, 2_097_152.0),
+    ] {
+        for (found, expected) in from(place).iter().zip(&near) {
+            assert_eq!(found.status, expected.status, "{place}");
+            for (own, other) in found.surfaces.iter().zip(&expected.surfaces) {
+                within(own.value, own.error + other.error, other.value, 1e-3);
+            }
+        }
+    }
+}
