@@ -120,6 +120,7 @@ pub mod references;
 pub mod render;
 pub mod report;
 pub mod scene;
+pub mod setting;
 pub mod solver;
 mod threads;
 pub mod visibility;

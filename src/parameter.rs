@@ -1,5 +1,7 @@
 //! Settings that warnings and refusals name as remedies.
 
+use crate::setting::Setting;
+
 /// A setting that remedies name; a program says how its users write it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
@@ -8,13 +10,13 @@ pub enum Parameter {
     Flip,
     /// [`MeshOptions::cut_at_walls`](crate::mesh::MeshOptions::cut_at_walls).
     CutAtWalls,
-    /// [`MethodSettings::tolerance`](crate::form_factor::MethodSettings::tolerance), where form factors are all that is wanted.
+    /// [`TOLERANCE`](crate::form_factor::TOLERANCE), where form factors are all that is wanted.
     Tolerance,
     /// The same, where a solver has a tolerance too.
     FormFactorTolerance,
     /// The tolerance of the solver.
     SolverTolerance,
-    /// [`MethodSettings::budget`](crate::form_factor::MethodSettings::budget).
+    /// [`BUDGET`](crate::form_factor::BUDGET).
     Budget,
     /// The method of the form factors.
     Method,
@@ -72,30 +74,8 @@ pub enum Parameter {
     Scratch,
     /// The file of the result.
     Output,
-    /// [`MethodSettings::rays`](crate::form_factor::MethodSettings::rays).
-    Rays,
-    /// [`MethodSettings::points`](crate::form_factor::MethodSettings::points).
-    Points,
-    /// [`MethodSettings::resolution`](crate::form_factor::MethodSettings::resolution).
-    Resolution,
-    /// [`MethodSettings::normalise`](crate::form_factor::MethodSettings::normalise).
-    Normalise,
-    /// [`MethodSettings::sequence`](crate::form_factor::MethodSettings::sequence).
-    Sequence,
-    /// [`SolverSettings::omega`](crate::solver::SolverSettings::omega).
-    Omega,
-    /// [`SolverSettings::bounds`](crate::solver::SolverSettings::bounds).
-    Bounds,
-    /// [`SolverSettings::steps_per_pass`](crate::solver::SolverSettings::steps_per_pass).
-    StepsPerPass,
-    /// [`SolverSettings::display`](crate::solver::SolverSettings::display).
-    DisplayAmbient,
-    /// [`SolverSettings::restart`](crate::solver::SolverSettings::restart).
-    Restart,
-    /// [`SolverSettings::deflation`](crate::solver::SolverSettings::deflation).
-    Deflation,
-    /// [`SolverSettings::depth`](crate::solver::SolverSettings::depth).
-    Depth,
+    /// A setting of methods or solvers.
+    Of(&'static Setting),
 }
 
 impl Parameter {
@@ -136,18 +116,7 @@ impl Parameter {
             Self::AllowOutside => "allow_outside",
             Self::Scratch => "scratch",
             Self::Output => "output",
-            Self::Rays => "rays",
-            Self::Points => "points",
-            Self::Resolution => "resolution",
-            Self::Normalise => "normalise",
-            Self::Sequence => "sequence",
-            Self::Omega => "omega",
-            Self::Bounds => "bounds",
-            Self::StepsPerPass => "steps_per_pass",
-            Self::DisplayAmbient => "display_ambient",
-            Self::Restart => "restart",
-            Self::Deflation => "deflation",
-            Self::Depth => "depth",
+            Self::Of(setting) => setting.name,
         }
     }
 }

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
 use radiosity::checkpoint::Checkpoint;
-use radiosity::form_factor::{FormFactorMethod, Input, MethodSettings, method};
+use radiosity::form_factor::{FormFactorMethod, Input, MethodSettings, RAYS, method};
 use radiosity::matrix::StorageChoice;
 use radiosity::mesh::{Mesh, Subdivision};
 use radiosity::progress::Progress;
@@ -36,10 +36,10 @@ fuzz_target!(|data: &[u8]| {
     // The first byte chooses the method.
     let Some((choice, data)) = data.split_first() else { return };
     let name = METHODS[usize::from(*choice) % METHODS.len()];
-    let settings = MethodSettings {
-        rays: (name == "sr").then_some(4),
-        ..MethodSettings::default()
-    };
+    let mut settings = MethodSettings::default();
+    if name == "sr" {
+        settings.values.set(&RAYS, 4_u64);
+    }
     let method = method(name, &settings).expect("a method");
     attempt(method.as_ref(), data);
     attempt(method.as_ref(), &repaired(data));

@@ -6,7 +6,6 @@ use std::num::NonZeroU32;
 use super::args::{DirectName, GatherArgs, ImageArgs, RenderArgs, ViewArgs};
 use super::failure::{Failure, flag};
 use super::run::Run;
-use crate::geometry::sampling::Sequence;
 use crate::render::{DirectMethod, GatherSettings, RenderSettings};
 use crate::workflow::{Demand, ImageView};
 
@@ -52,7 +51,7 @@ pub(super) fn render_settings(args: &RenderArgs, is_unfolded: bool) -> RenderSet
         adaptive: true,
         gather: args.gather.final_gather.then(|| gather_settings(args.gather)),
         direct: n.and_then(|n| direct.with_rays(n)).unwrap_or(direct),
-        sequence: args.method.sequence.map_or_else(Sequence::default, Into::into),
+        sequence: args.method.sequence(),
         seed: args.method.seed,
     }
 }

@@ -1,10 +1,13 @@
 //! The settings that are compared: one entry for each method.
 
-use std::num::NonZeroUsize;
+use std::sync::LazyLock;
 
-use crate::form_factor::registry::{self, MethodSettings};
-use crate::form_factor::{FormFactorError, FormFactorMethod};
+use crate::form_factor::registry;
+use crate::form_factor::{
+    FormFactorError, FormFactorMethod, MethodSettings, NORMALISE, POINTS, RAYS, RESOLUTION, SEQUENCE, TOLERANCE,
+};
 use crate::geometry::sampling::Sequence;
+use crate::setting::Value;
 
 /// A method and the values of the parameter that trades its time for its error.
 #[derive(Clone, Copy, Debug)]
@@ -110,20 +113,21 @@ impl Sweep {
     /// # Errors
     /// Those of the [`registry`], if the method does not have the parameter.
     pub fn build(&self, value: u64, seed: u64) -> Result<Box<dyn FormFactorMethod>, FormFactorError> {
-        let mut settings = MethodSettings {
-            seed,
-            sequence: self.sequence,
-            normalise: self.normalise,
-            ..MethodSettings::default()
-        };
-        let count = usize::try_from(value).ok().and_then(NonZeroUsize::new);
+        let mut settings = MethodSettings::default().seeded(seed).with(&NORMALISE, self.normalise);
+        let values = &mut settings.values;
+        if let Some(sequence) = self.sequence {
+            values.set(&SEQUENCE, sequence.name());
+        }
         match self.parameter {
             Parameter::None => {}
-            Parameter::RaysPerPatch | Parameter::RaysPerPair => settings.rays = Some(value),
-            Parameter::Points | Parameter::PointsOnBoth => settings.points = count,
-            Parameter::Resolution => settings.resolution = count,
+            Parameter::RaysPerPatch | Parameter::RaysPerPair => values.set(&RAYS, value),
+            Parameter::Points | Parameter::PointsOnBoth => values.set(&POINTS, value),
+            Parameter::Resolution => values.set(&RESOLUTION, value),
             // Read from text, so that it is the number that users write.
-            Parameter::Tolerance => settings.tolerance = format!("1e-{value}").parse().ok(),
+            Parameter::Tolerance => {
+                let tolerance = TOLERANCE.parse(&format!("1e-{value}"));
+                values.set(&TOLERANCE, tolerance.unwrap_or(Value::Number(f64::NAN)));
+            }
         }
         registry::method(self.method, &settings)
     }
@@ -139,18 +143,34 @@ impl Sweep {
 }
 
 /// Rays of each patch, for the methods that shoot.
-const RAYS: &[u64] = &[64, 256, 1024, 4096, 16384];
+const SHOT: &[u64] = &[64, 256, 1024, 4096, 16384];
 
-/// Everything that can be compared, one line each, in the order of tables and legends.
+/// Everything that can be compared, in the order of tables and legends: the table below, then each other method with its own settings.
+pub static SWEEPS: LazyLock<Vec<Sweep>> = LazyLock::new(|| {
+    let mut sweeps = TABLE.to_vec();
+    for entry in registry::METHODS {
+        // `sg` is in by its two usual numbers of points.
+        if entry.name != "sg" && sweeps.iter().all(|sweep| sweep.method != entry.name) {
+            let rays = if entry.by_rows() {
+                RayUse::Everything
+            } else {
+                RayUse::Visibility
+            };
+            sweeps.push(sweep(entry.name, Parameter::None, &[1], rays));
+        }
+    }
+    sweeps
+});
+
 #[rustfmt::skip]
-pub const SWEEPS: &[Sweep] = &[
+const TABLE: &[Sweep] = &[
     sweep("centre", Parameter::None, &[1], RayUse::Visibility),
     Sweep { name: "centre-normalised", normalise: true, ..sweep("centre", Parameter::None, &[1], RayUse::Visibility) },
     sweep("pdm", Parameter::PointsOnBoth, &[2, 3, 5, 8], RayUse::Visibility),
-    sweep("sr", Parameter::RaysPerPatch, RAYS, RayUse::Everything),
-    Sweep { name: "sr-random", sequence: Some(Sequence::Random), ..sweep("sr", Parameter::RaysPerPatch, RAYS, RayUse::Everything) },
-    sweep("sg5", Parameter::RaysPerPatch, RAYS, RayUse::Everything),
-    sweep("sg10", Parameter::RaysPerPatch, RAYS, RayUse::Everything),
+    sweep("sr", Parameter::RaysPerPatch, SHOT, RayUse::Everything),
+    Sweep { name: "sr-random", sequence: Some(Sequence::Random), ..sweep("sr", Parameter::RaysPerPatch, SHOT, RayUse::Everything) },
+    sweep("sg5", Parameter::RaysPerPatch, SHOT, RayUse::Everything),
+    sweep("sg10", Parameter::RaysPerPatch, SHOT, RayUse::Everything),
     sweep("hemicube", Parameter::Resolution, &[16, 32, 64, 128, 256], RayUse::Everything),
     sweep("gauss-lambert", Parameter::Points, &[1, 2, 3, 5, 10], RayUse::Visibility),
     sweep("contour", Parameter::PointsOnBoth, &[2, 3, 5, 8], RayUse::VisibilityOnly),

@@ -1,10 +1,12 @@
 //! `centre`: the integrand between the patches' centres.
 
+use super::entry::{MethodEntry, Work};
 use super::{Computed, FormFactorError, FormFactorMethod, Input, Reciprocity, sampled};
 use crate::geometry::quadrature::WeightedPoint;
 use crate::matrix::{FormFactors, MatrixError, RowTally, RowTile, StorageChoice};
 use crate::mesh::{Patch, PatchId};
 use crate::progress::Progress;
+use crate::setting::{Kind, Setting, Value};
 
 /// The integrand between the centroids, times the areas: the coarsest rule that there is.
 ///
@@ -23,6 +25,25 @@ pub struct CentrePoint {
     /// Whether each row is divided by its sum.
     pub normalise: bool,
 }
+
+/// Whether rows are divided by their sums.
+pub static NORMALISE: Setting = Setting {
+    name: "normalise",
+    help: "Divide each row by its sum",
+    letter: "",
+    kind: Kind::Flag,
+};
+
+pub(super) const ENTRY: MethodEntry = MethodEntry {
+    name: "centre",
+    summary: "One ray between the centres (Lewis)",
+    settings: &[NORMALISE.or(Value::Flag(false))],
+    work: Work::Pairs,
+    make: |s| {
+        let normalise = s.values.is_on(&NORMALISE);
+        Some(Box::new(CentrePoint { normalise }))
+    },
+};
 
 impl FormFactorMethod for CentrePoint {
     fn name(&self) -> &'static str {

@@ -3,8 +3,10 @@
 use std::num::NonZeroUsize;
 
 use super::contour::times_visible;
+use super::entry::{MethodEntry, Work};
 use super::facing;
 use super::pairs::Exchange;
+use super::settings::FIVE_POINTS;
 use super::{Computed, FormFactorError, FormFactorMethod, Input};
 use crate::geometry::polygon_form_factor::PreparedPolygon;
 use crate::geometry::rectangle::rectangle_exchange_area;
@@ -28,6 +30,19 @@ pub struct ClosedForm {
 
 /// The closed form's error in squared diameters of the pair.
 const ACCURACY: f64 = 3e-15;
+
+pub(super) const ENTRY: MethodEntry = MethodEntry {
+    name: "closed-form",
+    summary: "Rectangles with parallel edges, times the visible fraction",
+    settings: &[FIVE_POINTS],
+    work: Work::Pairs,
+    make: |s| {
+        Some(Box::new(ClosedForm {
+            points: s.points()?,
+            seed: s.seed,
+        }))
+    },
+};
 
 impl FormFactorMethod for ClosedForm {
     fn name(&self) -> &'static str {

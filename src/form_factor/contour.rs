@@ -2,10 +2,12 @@
 
 use std::num::NonZeroUsize;
 
+use super::entry::{MethodEntry, Work};
 use super::facing;
 use super::pairs::Exchange;
 use super::sampled::{self, Sampled};
 use super::segments::{Independence, PairSums, Segments, VisibleFraction};
+use super::settings::FIVE_POINTS;
 use super::{Computed, FormFactorError, FormFactorMethod, Input};
 use crate::geometry::polygon_form_factor;
 use crate::matrix::StorageChoice;
@@ -29,6 +31,19 @@ pub struct ContourIntegral {
     /// The seed of the points in the cells.
     pub seed: u64,
 }
+
+pub(super) const ENTRY: MethodEntry = MethodEntry {
+    name: "contour",
+    summary: "The integral around both contours, times the visible fraction",
+    settings: &[FIVE_POINTS],
+    work: Work::Pairs,
+    make: |s| {
+        Some(Box::new(ContourIntegral {
+            points: s.points()?,
+            seed: s.seed,
+        }))
+    },
+};
 
 impl FormFactorMethod for ContourIntegral {
     fn name(&self) -> &'static str {

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
-use super::{ExactMethod, FormFactorMethod, Input, RandomShooting};
+use super::{ExactMethod, FormFactorMethod, Input, MethodSettings, RandomShooting, SEQUENCE, TOLERANCE, settings};
 use crate::geometry::sampling::Sequence;
 use crate::progress::{Forecast, Progress};
 
@@ -74,6 +74,26 @@ pub struct Choice {
     pub rays: Option<u64>,
     /// The wall time in s that it is expected to take.
     pub expected_s: f64,
+}
+
+impl Choice {
+    /// Returns the settings of the method: those given, with the tolerance or the rays of the choice.
+    #[must_use]
+    pub fn settings(&self, given: &MethodSettings) -> MethodSettings {
+        let mut chosen = given.clone();
+        match self.tolerance {
+            Some(tolerance) => chosen.values.set(&TOLERANCE, tolerance),
+            None => chosen.values.remove(&TOLERANCE),
+        }
+        match self.rays {
+            Some(rays) => chosen.values.set(&settings::RAYS, rays),
+            None => {
+                chosen.values.remove(&settings::RAYS);
+                chosen.values.remove(&SEQUENCE);
+            }
+        }
+        chosen
+    }
 }
 
 /// Shooting takes this many rays for each patch at least, whatever time that takes, and no more than the most.

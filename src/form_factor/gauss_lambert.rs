@@ -6,10 +6,12 @@ use std::num::NonZeroUsize;
 
 use glam::DVec3;
 
+use super::entry::{MethodEntry, Work};
 use super::facing;
 use super::pairs::Exchange;
 use super::sampled::{self, Sampled};
 use super::segments::{Independence, PairSums, Segments, VisibleFraction};
+use super::settings::FIVE_POINTS;
 use super::{Computed, FormFactorError, FormFactorMethod, Input};
 use crate::geometry::point_form_factor::point_form_factor;
 use crate::geometry::polygon;
@@ -47,6 +49,14 @@ pub struct GaussLambert {
     /// q, the number of Gauss points along each side.
     pub points: NonZeroUsize,
 }
+
+pub(super) const ENTRY: MethodEntry = MethodEntry {
+    name: "gauss-lambert",
+    summary: "Gauss points on one patch, exact to the other",
+    settings: &[FIVE_POINTS],
+    work: Work::Pairs,
+    make: |s| Some(Box::new(GaussLambert { points: s.points()? })),
+};
 
 impl FormFactorMethod for GaussLambert {
     fn name(&self) -> &'static str {

@@ -5,8 +5,10 @@ use std::ops::Range;
 
 use glam::DVec3;
 
+use super::entry::{MethodEntry, Work};
 use super::on_the_fly::Rows;
 use super::point_errors::{Found, PointErrors};
+use super::settings::POINTS;
 use super::{Computed, FormFactorError, FormFactorMethod, Input, Reciprocity, rows};
 use crate::geometry::point_form_factor::point_form_factor;
 use crate::geometry::quadrature::{GaussProduct, WeightedPoint};
@@ -14,6 +16,7 @@ use crate::geometry::sampling::Frame;
 use crate::matrix::{Entry, RayWeights, RowTally, RowTile, StorageChoice};
 use crate::mesh::PatchId;
 use crate::progress::Progress;
+use crate::setting::{Kind, Setting, Value};
 use crate::visibility::{Coherence, HitBatch, RayBatch};
 
 /// A hemicube over the centre of each patch, or over its Gauss points.
@@ -39,6 +42,27 @@ pub struct Hemicube {
     /// q, the number of Gauss points along each side of a patch; the centroid where it is 1.
     pub points: NonZeroUsize,
 }
+
+/// Cells along each edge of the hemicube's top.
+pub static RESOLUTION: Setting = Setting {
+    name: "resolution",
+    help: "Cells along each edge of the top",
+    letter: "N",
+    kind: Kind::Count(4096),
+};
+
+pub(super) const ENTRY: MethodEntry = MethodEntry {
+    name: "hemicube",
+    summary: "Rays through the cells of a half cube (Cohen and Greenberg)",
+    settings: &[RESOLUTION.or(Value::Count(256)), POINTS.or(Value::Count(1))],
+    work: Work::Rows,
+    make: |s| {
+        Some(Box::new(Hemicube {
+            resolution: s.values.get(&RESOLUTION)?.size()?,
+            points: s.points()?,
+        }))
+    },
+};
 
 /// A ray of the hemicube: its direction in the patch's frame, and the form factor of its cell.
 struct Cell {

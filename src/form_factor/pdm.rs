@@ -2,7 +2,9 @@
 
 use std::num::NonZeroUsize;
 
+use super::entry::{MethodEntry, Work};
 use super::facing;
+use super::settings::FIVE_POINTS;
 use super::{Computed, FormFactorError, FormFactorMethod, Input, sampled};
 use crate::geometry::quadrature::GaussProduct;
 use crate::matrix::StorageChoice;
@@ -24,6 +26,14 @@ pub struct ParametricDifferential {
     /// q, the number of Gauss points along each side of both patches.
     pub points: NonZeroUsize,
 }
+
+pub(super) const ENTRY: MethodEntry = MethodEntry {
+    name: "pdm",
+    summary: "Gauss points on both patches (parametric differential method)",
+    settings: &[FIVE_POINTS],
+    work: Work::Pairs,
+    make: |s| Some(Box::new(ParametricDifferential { points: s.points()? })),
+};
 
 impl FormFactorMethod for ParametricDifferential {
     fn name(&self) -> &'static str {

@@ -1,14 +1,17 @@
 //! `qmc`: rays between low-discrepancy points of both patches, the exact form factor as a control.
 
+use super::entry::{MethodEntry, Work};
 use super::facing;
 use super::pairs::Exchange;
 use super::sampled::Sampled;
 use super::segments::{Independence, PairSums, Segments, VisibleFraction, kernel};
+use super::settings::RAYS;
 use super::{Computed, FormFactorError, FormFactorMethod, Input};
 use crate::geometry::polygon_form_factor::{Tolerance, exchange_area};
 use crate::geometry::sampling::{PointStream, Sequence, UniformOnPolygon};
 use crate::matrix::StorageChoice;
 use crate::progress::Progress;
+use crate::setting::Value;
 
 /// The exact exchange area without occluders, times the visible fraction of N rays between points of a scrambled Sobol sequence.
 ///
@@ -28,6 +31,19 @@ pub struct QuasiMonteCarlo {
     /// The seed of all sequences.
     pub seed: u64,
 }
+
+pub(super) const ENTRY: MethodEntry = MethodEntry {
+    name: "qmc",
+    summary: "The exact factor times the visible fraction of low-discrepancy rays",
+    settings: &[RAYS.or(Value::Count(64))],
+    work: Work::Pairs,
+    make: |s| {
+        Some(Box::new(QuasiMonteCarlo {
+            rays: s.rays()?,
+            seed: s.seed,
+        }))
+    },
+};
 
 impl FormFactorMethod for QuasiMonteCarlo {
     fn name(&self) -> &'static str {

@@ -5,8 +5,10 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::bounds::Unoccluded;
+use super::entry::{MethodEntry, Work};
 use super::on_the_fly::Rows;
 use super::point_errors::{Found, PointErrors};
+use super::settings::{FIVE_POINTS, MethodSettings, SHOT_RAYS, SOBOL};
 use super::shooting::{Shooter, Shot, n_nets};
 use super::{Computed, FormFactorError, FormFactorMethod, Input, Reciprocity, rows, upper_bounds};
 use crate::geometry::quadrature::{GaussProduct, WeightedPoint};
@@ -37,6 +39,41 @@ pub struct GaussShooting {
     pub sequence: Sequence,
     /// The seed of all streams.
     pub seed: u64,
+}
+
+pub(super) const ENTRY: MethodEntry = MethodEntry {
+    name: "sg",
+    summary: "Shooting from Q × Q Gauss points",
+    settings: &[SHOT_RAYS, SOBOL, FIVE_POINTS],
+    work: Work::RowsOfRays,
+    make: |s| GaussShooting::boxed(s.points(), s),
+};
+
+pub(super) const OF_5_POINTS: MethodEntry = MethodEntry {
+    name: "sg5",
+    summary: "Shooting from 5 × 5 Gauss points",
+    settings: &[SHOT_RAYS, SOBOL],
+    make: |s| GaussShooting::boxed(NonZeroUsize::new(5), s),
+    ..ENTRY
+};
+
+pub(super) const OF_10_POINTS: MethodEntry = MethodEntry {
+    name: "sg10",
+    summary: "Shooting from 10 × 10 Gauss points",
+    settings: &[SHOT_RAYS, SOBOL],
+    make: |s| GaussShooting::boxed(NonZeroUsize::new(10), s),
+    ..ENTRY
+};
+
+impl GaussShooting {
+    fn boxed(points: Option<NonZeroUsize>, settings: &MethodSettings) -> Option<Box<dyn FormFactorMethod>> {
+        Some(Box::new(Self {
+            points: points?,
+            rays: settings.rays()?,
+            sequence: settings.sequence()?,
+            seed: settings.seed,
+        }))
+    }
 }
 
 impl GaussShooting {

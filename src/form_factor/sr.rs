@@ -2,7 +2,9 @@
 
 use std::ops::Range;
 
+use super::entry::{MethodEntry, Work};
 use super::on_the_fly::Rows;
+use super::settings::{SHOT_RAYS, SOBOL};
 use super::shooting::{Shooter, Shot, n_nets};
 use super::{Computed, FormFactorError, FormFactorMethod, Input, Reciprocity, rows, upper_bounds};
 use crate::geometry::sampling::{PointStream, Sequence, UniformOnPolygon};
@@ -28,6 +30,20 @@ pub struct RandomShooting {
     /// The seed of all streams.
     pub seed: u64,
 }
+
+pub(super) const ENTRY: MethodEntry = MethodEntry {
+    name: "sr",
+    summary: "Shooting from random points",
+    settings: &[SHOT_RAYS, SOBOL],
+    work: Work::RowsOfRays,
+    make: |s| {
+        Some(Box::new(RandomShooting {
+            rays: s.rays()?,
+            sequence: s.sequence()?,
+            seed: s.seed,
+        }))
+    },
+};
 
 impl FormFactorMethod for RandomShooting {
     fn name(&self) -> &'static str {

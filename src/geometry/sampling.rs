@@ -23,6 +23,33 @@ pub enum Sequence {
     Random,
 }
 
+impl Sequence {
+    /// The names, each with what it stands for.
+    pub const NAMES: &[(&str, &str)] = &[
+        ("sobol", "Owen-scrambled Sobol points"),
+        ("random", "Independent pseudo-random numbers"),
+    ];
+
+    /// Returns the sequence of a name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        match name {
+            "sobol" => Some(Self::Sobol),
+            "random" => Some(Self::Random),
+            _ => None,
+        }
+    }
+
+    /// Returns its name.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Sobol => "sobol",
+            Self::Random => "random",
+        }
+    }
+}
+
 /// A stream of points in the unit hypercube of four dimensions, fixed by a seed and a stream number.
 ///
 /// Equal arguments give equal points on every machine and at any number of threads.

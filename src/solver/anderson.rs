@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 
+use super::entry::{SolverEntry, Symmetry};
 use super::error::SolverError;
 use super::history::HistoryEntry;
 use super::iteration::{self, Estimate, Iteration};
@@ -13,6 +14,7 @@ use super::solve::{SolveOptions, Solver};
 use super::system::RadiositySystem;
 use super::vectors::{add_scaled, inner, keep_channels};
 use crate::matrix::operator::Block;
+use crate::setting::{Kind, Setting, Value};
 
 /// Jacobi iteration B ← E + diag(ρ) F B, accelerated with the last m steps, all channels together.
 ///
@@ -43,6 +45,26 @@ impl Default for Anderson {
         }
     }
 }
+
+/// Steps that are remembered.
+pub static DEPTH: Setting = Setting {
+    name: "depth",
+    help: "Steps that are remembered",
+    letter: "M",
+    kind: Kind::Count(u64::MAX),
+};
+
+pub(super) const ENTRY: SolverEntry = SolverEntry {
+    name: "anderson",
+    summary: "Jacobi iteration with Anderson acceleration",
+    settings: &[DEPTH.or(Value::Count(8))],
+    symmetry: |_| Symmetry::Unused,
+    uses_hierarchy: false,
+    make: |s| {
+        let depth = s.values.get(&DEPTH)?.size()?;
+        Some(Box::new(Anderson { depth }))
+    },
+};
 
 impl Solver for Anderson {
     fn name(&self) -> &'static str {

@@ -3,6 +3,9 @@
 use std::ops::ControlFlow;
 
 use super::choice::ChoiceReason;
+use super::deflation::DEFLATED;
+use super::entry::{SolverEntry, Symmetry};
+use super::gmres::RESTARTED;
 use crate::matrix::operator::Block;
 
 use super::choice::Choice;
@@ -67,6 +70,21 @@ const FADES_FAST: f64 = 0.1;
 
 /// Passes that Krylov methods with deflation take for each decimal digit, beside the checks before and after.
 const PASSES_PER_DIGIT: f64 = 1.5;
+
+pub(super) const ENTRY: SolverEntry = SolverEntry {
+    name: "auto",
+    summary: "Whichever of the others suits the system; says which, and why",
+    settings: &[RESTARTED, DEFLATED],
+    symmetry: |_| Symmetry::Helps,
+    uses_hierarchy: false,
+    make: |s| {
+        Some(Box::new(Auto {
+            pcg: Pcg::with(s)?,
+            gmres: Gmres::with(s)?,
+            direct: Direct::with(s),
+        }))
+    },
+};
 
 impl Solver for Auto {
     fn name(&self) -> &'static str {

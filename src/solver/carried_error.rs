@@ -3,7 +3,8 @@
 use std::ops::Range;
 
 use super::error::SolverError;
-use super::registry::{self, SolverSettings};
+use super::registry;
+use super::settings::SolverSettings;
 use super::solution::Solution;
 use super::solve::SolveOptions;
 use super::stop::{StopReason, Tolerance};

@@ -7,6 +7,7 @@
 
 use std::ops::ControlFlow;
 
+use super::entry::{SolverEntry, Symmetry};
 use super::error::SolverError;
 use super::history::HistoryEntry;
 use super::iteration::{self, Estimate, Iteration};
@@ -33,6 +34,15 @@ use crate::matrix::operator::Block;
 /// black patches are left out.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ConjugateGradients;
+
+pub(super) const ENTRY: SolverEntry = SolverEntry {
+    name: "cg",
+    summary: "Conjugate gradients on V G, V = A/ρ, as in the paper",
+    settings: &[],
+    symmetry: |_| Symmetry::Needed,
+    uses_hierarchy: false,
+    make: |_| Some(Box::new(ConjugateGradients)),
+};
 
 impl Solver for ConjugateGradients {
     fn name(&self) -> &'static str {

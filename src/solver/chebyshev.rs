@@ -10,6 +10,7 @@ use std::ops::ControlFlow;
 use std::time::Instant;
 
 use super::ambient::Ambient;
+use super::entry::{SolverEntry, Symmetry};
 use super::error::SolverError;
 use super::history::{HistoryEntry, Setup};
 use super::iteration::{self, Estimate, Iteration};
@@ -19,6 +20,7 @@ use super::solve::{SolveOptions, Solver};
 use super::system::RadiositySystem;
 use super::{error_bound, lanczos};
 use crate::matrix::operator::Block;
+use crate::setting::{Kind, Setting, Value};
 
 /// Where the interval \[μ, ν\] for the eigenvalues of G = I − diag(ρ) F comes from, channel by channel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -38,6 +40,24 @@ pub enum SpectrumBounds {
 impl SpectrumBounds {
     /// [`Lanczos`](Self::Lanczos) with ten steps.
     pub const TEN_LANCZOS_STEPS: Self = Self::Lanczos(NonZeroUsize::MIN.saturating_add(9));
+
+    /// The names, each with what it stands for.
+    pub const NAMES: &[(&str, &str)] = &[
+        ("safe", "A bound that holds, from reflectances and row sums"),
+        ("average", "1 ± the mean reflectance, as in the paper: no bound"),
+        ("lanczos", "Ten Lanczos steps"),
+    ];
+
+    /// Returns the bounds of a name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        match name {
+            "safe" => Some(Self::Safe),
+            "average" => Some(Self::Average),
+            "lanczos" => Some(Self::TEN_LANCZOS_STEPS),
+            _ => None,
+        }
+    }
 }
 
 /// Chebyshev iteration, all channels together.
@@ -63,6 +83,30 @@ pub struct Chebyshev {
 
 /// The least μ: with a smaller one passes are spent on eigenvalues that need not exist.
 const MIN_LOW: f64 = 1.0 / 1024.0;
+
+/// Where the interval of the eigenvalues comes from: a [`SpectrumBounds`].
+pub static BOUNDS: Setting = Setting {
+    name: "bounds",
+    help: "Where the interval of the eigenvalues comes from",
+    letter: "BOUNDS",
+    kind: Kind::Choice(SpectrumBounds::NAMES),
+};
+
+pub(super) const ENTRY: SolverEntry = SolverEntry {
+    name: "chebyshev",
+    summary: "The best polynomial for an interval that holds the spectrum",
+    settings: &[BOUNDS.or(Value::Choice("safe"))],
+    symmetry: |s| match s.values.get(&BOUNDS) {
+        // Lanczos steps find the spectrum of a symmetric matrix.
+        Some(Value::Choice("lanczos")) => Symmetry::Needed,
+        _ => Symmetry::Unused,
+    },
+    uses_hierarchy: false,
+    make: |s| {
+        let bounds = SpectrumBounds::named(s.values.get(&BOUNDS)?.choice()?)?;
+        Some(Box::new(Chebyshev { bounds }))
+    },
+};
 
 impl Solver for Chebyshev {
     fn name(&self) -> &'static str {

@@ -1,16 +1,14 @@
 //! The even light of each component, taken out of a Krylov method's way.
 
-use serde::Serialize;
-
 use super::scaled::{Scaled, TrueResidual};
+use super::settings::SolverSettings;
 use super::system::RadiositySystem;
 use super::vectors::{add_scaled, equal_channels, inner, keep_channels, scale};
 use crate::matrix::operator::Block;
+use crate::setting::{Kind, Setting, Use, Value};
 
 /// Whether a Krylov method deflates the even light of each component.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Deflate {
     /// Where a component that emits has a mean reflectance above [`DEFLATED_FROM`].
     #[default]
@@ -19,6 +17,35 @@ pub enum Deflate {
     Always,
     /// Never.
     Never,
+}
+
+/// Whether the even light of each room is taken out of a Krylov method's way: a [`Deflate`].
+pub static DEFLATION: Setting = Setting {
+    name: "deflation",
+    help: "Whether the even light of each room is taken out of the way",
+    letter: "DEFLATION",
+    kind: Kind::Choice(Deflate::NAMES),
+};
+
+/// The setting, and the default.
+pub(super) const DEFLATED: Use = DEFLATION.or(Value::Choice("auto"));
+
+impl Deflate {
+    /// The names, each with what it stands for.
+    pub const NAMES: &[(&str, &str)] = &[
+        ("auto", "Where the mean reflectance is so high that it saves time"),
+        ("always", "Always"),
+        ("never", "Never"),
+    ];
+
+    pub(super) fn with(settings: &SolverSettings) -> Option<Self> {
+        match settings.values.get(&DEFLATION)?.choice()? {
+            "auto" => Some(Self::Auto),
+            "always" => Some(Self::Always),
+            "never" => Some(Self::Never),
+            _ => None,
+        }
+    }
 }
 
 /// The mean reflectance above which deflation pays for what it adds to the first pass and to the sums of each.

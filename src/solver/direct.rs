@@ -5,11 +5,13 @@ use std::ops::ControlFlow;
 
 use faer::{Mat, Par};
 
+use super::entry::{SolverEntry, Symmetry};
 use super::error::SolverError;
 use super::history::HistoryEntry;
 use super::iteration::{self, Estimate, Iteration};
 use super::lu::Lu;
 use super::scaled::{Scaled, TrueResidual};
+use super::settings::SolverSettings;
 use super::solution::Solution;
 use super::solve::{SolveOptions, Solver};
 use super::system::RadiositySystem;
@@ -42,6 +44,22 @@ impl Default for Direct {
         Self {
             memory_limit_byte: 4 << 30,
         }
+    }
+}
+
+pub(super) const ENTRY: SolverEntry = SolverEntry {
+    name: "direct",
+    summary: "Dense factorisation; for many lightings, and as the oracle",
+    settings: &[],
+    symmetry: |_| Symmetry::Unused,
+    uses_hierarchy: false,
+    make: |s| Some(Box::new(Direct::with(s))),
+};
+
+impl Direct {
+    pub(super) fn with(settings: &SolverSettings) -> Self {
+        let limit = settings.memory_limit_byte;
+        limit.map_or_else(Self::default, |memory_limit_byte| Self { memory_limit_byte })
     }
 }
 

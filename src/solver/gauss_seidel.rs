@@ -2,6 +2,7 @@
 
 use std::ops::ControlFlow;
 
+use super::entry::{SolverEntry, Symmetry};
 use super::error::SolverError;
 use super::history::HistoryEntry;
 use super::iteration::{self, Estimate, Iteration};
@@ -26,6 +27,15 @@ use crate::matrix::operator::{Block, RowAccess};
 /// Departures: line 5 of the former adds the reflected light (a minus sign is printed).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct GaussSeidel;
+
+pub(super) const ENTRY: SolverEntry = SolverEntry {
+    name: "gauss-seidel",
+    summary: "Every patch in turn gathers from the newest radiosities",
+    settings: &[],
+    symmetry: |_| Symmetry::Unused,
+    uses_hierarchy: false,
+    make: |_| Some(Box::new(GaussSeidel)),
+};
 
 impl Solver for GaussSeidel {
     fn name(&self) -> &'static str {

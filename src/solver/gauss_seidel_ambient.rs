@@ -3,6 +3,7 @@
 use std::ops::ControlFlow;
 
 use super::deflation::leave_undetermined;
+use super::entry::{SolverEntry, Symmetry};
 use super::error::SolverError;
 use super::gauss_seidel::sweep;
 use super::history::HistoryEntry;
@@ -33,6 +34,15 @@ use crate::matrix::operator::{Block, RowAccess};
 /// Departures: per connected component; weighted so that the power balance holds exactly, whatever the reflectances.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct GaussSeidelAmbient;
+
+pub(super) const ENTRY: SolverEntry = SolverEntry {
+    name: "gauss-seidel-ambient",
+    summary: "Gauss-Seidel with the total light of each room put right after every sweep",
+    settings: &[],
+    symmetry: |_| Symmetry::Unused,
+    uses_hierarchy: false,
+    make: |_| Some(Box::new(GaussSeidelAmbient)),
+};
 
 impl Solver for GaussSeidelAmbient {
     fn name(&self) -> &'static str {

@@ -11,16 +11,20 @@
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 
+use super::deflation::DEFLATED;
 use super::deflation::{Deflate, EvenLight, first_pass};
+use super::entry::{SolverEntry, Symmetry};
 use super::error::SolverError;
 use super::history::HistoryEntry;
 use super::iteration::{self, Estimate, Iteration};
 use super::scaled::{Scaled, TrueResidual};
+use super::settings::SolverSettings;
 use super::solution::Solution;
 use super::solve::{SolveOptions, Solver};
 use super::system::RadiositySystem;
 use super::vectors::{add_scaled, combine, inner, keep_channels};
 use crate::matrix::operator::Block;
+use crate::setting::{Kind, Setting, Use, Value};
 
 /// Restarted GMRES on (I − diag(ρ) F) B = E in the inner product ⟨u, v⟩ = Σ A u v, all channels together.
 ///
@@ -62,6 +66,35 @@ impl Default for Gmres {
             restart: const { NonZeroUsize::new(30).expect("positive") },
             deflation: Deflate::default(),
         }
+    }
+}
+
+/// Passes between restarts.
+pub static RESTART: Setting = Setting {
+    name: "restart",
+    help: "Passes between restarts",
+    letter: "M",
+    kind: Kind::Count(u64::MAX),
+};
+
+/// The setting, and the default.
+pub(super) const RESTARTED: Use = RESTART.or(Value::Count(30));
+
+pub(super) const ENTRY: SolverEntry = SolverEntry {
+    name: "gmres",
+    summary: "The least residual over a Krylov space; for form factors without symmetry",
+    settings: &[RESTARTED, DEFLATED],
+    symmetry: |_| Symmetry::Unused,
+    uses_hierarchy: false,
+    make: |s| Some(Box::new(Gmres::with(s)?)),
+};
+
+impl Gmres {
+    pub(super) fn with(settings: &SolverSettings) -> Option<Self> {
+        Some(Self {
+            restart: settings.values.get(&RESTART)?.size()?,
+            deflation: Deflate::with(settings)?,
+        })
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::ops::ControlFlow;
 
+use super::entry::{SolverEntry, Symmetry};
 use super::error::SolverError;
 use super::history::HistoryEntry;
 use super::iteration::{self, Estimate, Iteration};
@@ -22,6 +23,15 @@ use crate::matrix::operator::Block;
 /// Departures: light that a patch sends to itself stays on the right-hand side (F_ii = 0 for flat patches).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Jacobi;
+
+pub(super) const ENTRY: SolverEntry = SolverEntry {
+    name: "jacobi",
+    summary: "Every patch gathers from the radiosities of the pass before",
+    settings: &[],
+    symmetry: |_| Symmetry::Unused,
+    uses_hierarchy: false,
+    make: |_| Some(Box::new(Jacobi)),
+};
 
 impl Solver for Jacobi {
     fn name(&self) -> &'static str {

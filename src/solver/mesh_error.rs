@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use super::error::SolverError;
 use super::registry;
-use super::registry::SolverSettings;
+use super::settings::SolverSettings;
 use super::solution::Solution;
 use super::solve::SolveOptions;
 use super::stop::{StopReason, Tolerance};

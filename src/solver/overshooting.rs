@@ -6,15 +6,18 @@ use std::time::Instant;
 
 use super::ambient::Ambient;
 use super::columns::Columns;
+use super::entry::{SolverEntry, Symmetry};
 use super::error::SolverError;
 use super::history::{HistoryEntry, Setup};
 use super::iteration::{self, Estimate, Iteration};
 use super::progressive_refinement::Light;
+use super::progressive_refinement::{DISPLAY_AMBIENT, STEPS_PER_PASS};
 use super::scaled::{Scaled, TrueResidual};
 use super::solution::Solution;
 use super::solve::{SolveOptions, Solver};
 use super::system::RadiositySystem;
 use crate::matrix::operator::Block;
+use crate::setting::Value;
 
 /// Overshooting after Feda and Purgathofer, with the line mended that makes it diverge; all channels together.
 ///
@@ -42,6 +45,18 @@ pub struct Overshooting {
     /// Steps that count as one pass, or `None` for n; more than 16 n count as 16 n.
     pub steps_per_pass: Option<NonZeroUsize>,
 }
+
+pub(super) const ENTRY: SolverEntry = SolverEntry {
+    name: "overshooting",
+    summary: "Patches shoot what they have and what will come back (Feda)",
+    settings: &[STEPS_PER_PASS.optional(), DISPLAY_AMBIENT.optional()],
+    symmetry: |_| Symmetry::Unused,
+    uses_hierarchy: false,
+    make: |s| {
+        let steps_per_pass = s.values.get(&STEPS_PER_PASS).and_then(Value::size);
+        Some(Box::new(Overshooting { steps_per_pass }))
+    },
+};
 
 impl Solver for Overshooting {
     fn name(&self) -> &'static str {

@@ -2,11 +2,14 @@
 
 use std::ops::ControlFlow;
 
+use super::deflation::DEFLATED;
 use super::deflation::{Deflate, Deflation, first_pass};
+use super::entry::{SolverEntry, Symmetry};
 use super::error::SolverError;
 use super::history::HistoryEntry;
 use super::iteration::{self, Estimate, Iteration};
 use super::scaled::{Scaled, TrueResidual};
+use super::settings::SolverSettings;
 use super::solution::Solution;
 use super::solve::{SolveOptions, Solver};
 use super::system::RadiositySystem;
@@ -43,6 +46,23 @@ use crate::matrix::operator::Block;
 pub struct Pcg {
     /// Whether the even light of each component is deflated.
     pub deflation: Deflate,
+}
+
+pub(super) const ENTRY: SolverEntry = SolverEntry {
+    name: "pcg",
+    summary: "Conjugate gradients preconditioned with V⁻¹ = ρ/A, deflated where that pays",
+    settings: &[DEFLATED],
+    symmetry: |_| Symmetry::Needed,
+    uses_hierarchy: false,
+    make: |s| Some(Box::new(Pcg::with(s)?)),
+};
+
+impl Pcg {
+    pub(super) fn with(settings: &SolverSettings) -> Option<Self> {
+        Some(Self {
+            deflation: Deflate::with(settings)?,
+        })
+    }
 }
 
 impl Solver for Pcg {

@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use super::ambient::Ambient;
 use super::columns::Columns;
+use super::entry::{SolverEntry, Symmetry};
 use super::error::SolverError;
 use super::history::{HistoryEntry, Setup};
 use super::iteration::{self, Estimate, Iteration};
@@ -17,6 +18,7 @@ use super::stop::Tolerance;
 use super::system::RadiositySystem;
 use super::tournament::Tournament;
 use crate::matrix::operator::Block;
+use crate::setting::{Kind, Setting, Value};
 
 /// Progressive refinement, all channels together.
 ///
@@ -51,6 +53,34 @@ pub struct ProgressiveRefinement {
     /// Steps that count as one pass, or `None` for n; more than 16 n count as 16 n.
     pub steps_per_pass: Option<NonZeroUsize>,
 }
+
+/// Steps that count as one pass where patches shoot one by one.
+pub static STEPS_PER_PASS: Setting = Setting {
+    name: "steps_per_pass",
+    help: "Steps that count as one pass [default: one per patch; at most 16 per patch]",
+    letter: "N",
+    kind: Kind::Count(u64::MAX),
+};
+
+/// Whether an estimate of the light still under way is added: [`Solution::displayed`](super::Solution::displayed).
+pub static DISPLAY_AMBIENT: Setting = Setting {
+    name: "display_ambient",
+    help: "Add an estimate of the light still under way to the radiosities, for a picture after few passes",
+    letter: "",
+    kind: Kind::Flag,
+};
+
+pub(super) const ENTRY: SolverEntry = SolverEntry {
+    name: "progressive-refinement",
+    summary: "The patch with the most unshot power shoots first",
+    settings: &[STEPS_PER_PASS.optional(), DISPLAY_AMBIENT.optional()],
+    symmetry: |_| Symmetry::Unused,
+    uses_hierarchy: false,
+    make: |s| {
+        let steps_per_pass = s.values.get(&STEPS_PER_PASS).and_then(Value::size);
+        Some(Box::new(ProgressiveRefinement { steps_per_pass }))
+    },
+};
 
 impl Solver for ProgressiveRefinement {
     fn name(&self) -> &'static str {

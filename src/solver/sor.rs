@@ -3,6 +3,7 @@
 use std::ops::ControlFlow;
 
 use super::ambient::Ambient;
+use super::entry::{SolverEntry, Symmetry};
 use super::error::SolverError;
 use super::gauss_seidel::relaxed_sweep;
 use super::history::HistoryEntry;
@@ -12,6 +13,7 @@ use super::solution::Solution;
 use super::solve::{SolveOptions, Solver};
 use super::system::RadiositySystem;
 use crate::matrix::operator::{Block, RowAccess};
+use crate::setting::{Kind, Setting, Value};
 
 /// Successive overrelaxation, all channels together.
 ///
@@ -42,6 +44,26 @@ pub struct Sor {
     /// ω, or `None` for the rule above.
     pub omega: Option<f64>,
 }
+
+/// The relaxation factor ω.
+pub static OMEGA: Setting = Setting {
+    name: "omega",
+    help: "Relaxation factor, between 0 and 2 [default: by the mean reflectance]",
+    letter: "W",
+    kind: Kind::Number,
+};
+
+pub(super) const ENTRY: SolverEntry = SolverEntry {
+    name: "sor",
+    summary: "Gauss-Seidel with overrelaxation",
+    settings: &[OMEGA.optional()],
+    symmetry: |_| Symmetry::Unused,
+    uses_hierarchy: false,
+    make: |s| {
+        let omega = s.values.get(&OMEGA).and_then(Value::number);
+        Some(Box::new(Sor { omega }))
+    },
+};
 
 impl Solver for Sor {
     fn name(&self) -> &'static str {

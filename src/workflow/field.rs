@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::{Context, ImageFile, ImageView, Model, WorkflowError, image_byte, warn_if_blank};
+use crate::form_factor::{RAYS, SEQUENCE};
 use crate::render::{Attributes, DirectMethod, Field, FieldInput, FieldRecord, RenderSettings, exr, field, png};
 use crate::scene::SurfaceId;
 use crate::visibility::Visibility as _;
@@ -34,8 +35,8 @@ impl Model {
         image_byte(view, &settings, &cx.memory)?;
         let name = self.scene.surfaces[request.surface.0 as usize].name.clone();
         if let DirectMethod::CosineRays { n } | DirectMethod::Polygons { n } = settings.direct {
-            cx.settings.rays = Some(n.get().into());
-            cx.settings.sequence = Some(settings.sequence);
+            cx.settings.own.set(&RAYS, u64::from(n.get()));
+            cx.settings.own.set(&SEQUENCE, settings.sequence.name());
             self.warn_of_narrow_gaps(cx);
         } else {
             let nothing = "rays between points and the surface: what blocks is clipped away exactly";

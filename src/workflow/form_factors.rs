@@ -6,10 +6,10 @@ use super::repair::repair_kind;
 use super::storage::{self, MatrixDemand};
 use super::{Context, Model, Parameter, Storage, Unsuited, Warning, WorkflowError};
 use crate::audit::Repair;
-use crate::form_factor::registry::{self, MethodEntry, Setting};
+use crate::form_factor::registry::{self, MethodEntry};
 use crate::form_factor::{
-    self, Before, Closure, Computed, ExactMethod, FormFactorError, FormFactorMethod, MethodSettings, PairCounts,
-    Reciprocity, SkyFactors,
+    self, Before, Closure, Computed, ExactMethod, FormFactorError, FormFactorMethod, MethodSettings, NORMALISE,
+    PairCounts, RAYS, Reciprocity, SEQUENCE, SkyFactors, TOLERANCE,
 };
 use crate::matrix::{BalanceReport, Checks, FormFactors, Need, RepairKind, Sampling};
 use crate::progress::Progress as _;
@@ -68,7 +68,7 @@ pub struct FormFactorRequest {
     pub default_tolerance: f64,
     /// What sets the tolerance.
     pub tolerance_parameter: Parameter,
-    /// Whether [`MethodSettings::sequence`] is for something else too, so that a method without use for it passes over it.
+    /// Whether [`SEQUENCE`] is for something else too, so that a method without use for it passes over it.
     pub is_sequence_shared: bool,
     /// Whether they are made symmetric.
     pub balance: Balance,
@@ -268,7 +268,7 @@ impl Model {
 
     /// Says how visibility is found by exact clipping.
     fn explain_exact(&mut self, request: &FormFactorRequest) {
-        let asked = request.settings.tolerance;
+        let asked = request.settings.tolerance();
         let tolerance = asked.unwrap_or(request.default_tolerance);
         if !self.plan.convex_and_empty {
             let n = OccluderIndex::new(&self.scene).n_occluders();
@@ -299,7 +299,7 @@ impl Model {
     ) -> FormFactorRequest {
         let left = limit.saturating_sub(cx.elapsed()).mul_f64(share);
         let end = Instant::now() + left;
-        let tolerance = request.settings.tolerance.unwrap_or(request.default_tolerance);
+        let tolerance = request.settings.tolerance().unwrap_or(request.default_tolerance);
         let (choice, forecast) = {
             let watch = cx.progress();
             let choice = cx.time("forecast", || {
@@ -321,12 +321,7 @@ impl Model {
         );
         FormFactorRequest {
             method: choice.method.to_owned(),
-            settings: MethodSettings {
-                rays: choice.rays,
-                sequence: request.settings.sequence.filter(|_| choice.rays.is_some()),
-                tolerance: choice.tolerance,
-                ..request.settings
-            },
+            settings: choice.settings(&request.settings),
             ..request.clone()
         }
     }
@@ -376,49 +371,44 @@ impl super::Memory {
 impl FormFactorRequest {
     /// Notes the settings that the method has a use for.
     fn note_settings(&self, entry: &MethodEntry, settings: &MethodSettings, cx: &mut Context) {
-        let count = |n: std::num::NonZeroUsize| n.get() as u64;
         let noted = &mut cx.settings;
         noted.method = Some(entry.name.to_owned());
         noted.seed = Some(settings.seed);
-        noted.rays = settings.rays.or(noted.rays);
-        noted.points = settings.points.map(count).or(noted.points);
-        noted.resolution = settings.resolution.map(count).or(noted.resolution);
-        noted.sequence = settings.sequence.or(noted.sequence);
         let tolerance = match self.tolerance_parameter {
             Parameter::FormFactorTolerance => &mut noted.form_factor_tolerance,
             _ => &mut noted.tolerance,
         };
-        *tolerance = settings.tolerance.or(*tolerance);
-        noted.budget = settings.budget.map(count).or(noted.budget);
-        if entry.settings.contains(&Setting::Normalise) {
-            noted.normalise = Some(settings.normalise);
-        }
+        *tolerance = settings.tolerance().or(*tolerance);
+        noted.own.extend(&settings.values);
+        noted.own.remove(&TOLERANCE);
     }
 
-    fn tolerance_for(&self, entry: &MethodEntry) -> Option<f64> {
-        let has_one = entry.settings.iter().any(|s| matches!(s, Setting::Tolerance(_)));
-        let default = has_one.then_some(self.default_tolerance);
-        self.settings.tolerance.or(default)
+    /// Returns the values that are given, with this request's own defaults for the method.
+    fn given(&self, entry: &MethodEntry) -> MethodSettings {
+        let mut given = self.settings.clone();
+        let values = &mut given.values;
+        if entry.shoots() && values.get(&RAYS).is_none() {
+            values.set(&RAYS, self.default_rays);
+        }
+        if entry.uses(&TOLERANCE) && values.get(&TOLERANCE).is_none() {
+            values.set(&TOLERANCE, self.default_tolerance);
+        }
+        if self.is_sequence_shared && !entry.uses(&SEQUENCE) {
+            values.remove(&SEQUENCE);
+        }
+        given
     }
 
     /// Builds the method, and notes its settings.
     pub(super) fn chosen(&self, cx: &mut Context) -> Result<Chosen, WorkflowError> {
         let entry = registry::by_name(&self.method)?;
-        let given = &self.settings;
-        let sequence_is_elsewhere = self.is_sequence_shared && !entry.settings.contains(&Setting::Sequence);
-        let settings = entry.resolve(&MethodSettings {
-            rays: given.rays.or(entry.shoots().then_some(self.default_rays)),
-            sequence: given.sequence.filter(|_| !sequence_is_elsewhere),
-            tolerance: self.tolerance_for(entry),
-            ..*given
-        });
-        let settings = settings.map_err(|error| match error {
+        let settings = entry.resolve(&self.given(entry)).map_err(|error| match error {
             // Where the solver has a tolerance too, this one has a longer name.
             FormFactorError::UnusedSetting {
-                parameter: Parameter::Tolerance,
+                parameter: Parameter::Of(setting),
                 method,
                 used_by,
-            } => FormFactorError::UnusedSetting {
+            } if *setting == TOLERANCE => FormFactorError::UnusedSetting {
                 parameter: self.tolerance_parameter,
                 method,
                 used_by,
@@ -426,10 +416,10 @@ impl FormFactorRequest {
             other => other,
         })?;
         self.note_settings(entry, &settings, cx);
-        let by_rows = entry.by_rows() || settings.normalise;
+        let by_rows = entry.by_rows() || settings.values.is_on(&NORMALISE);
         // From one and two points a side, errors are stated of patches that no ray hit, too.
-        let is_sparse = settings.points.is_none_or(|points| points.get() > 2);
-        let n_entries = settings.rays.filter(|_| entry.shoots() && is_sparse);
+        let is_sparse = settings.points().is_none_or(|points| points.get() > 2);
+        let n_entries = settings.rays().filter(|_| entry.shoots() && is_sparse);
         Ok(Chosen {
             method: entry.build(&settings),
             by_rows,

@@ -43,7 +43,7 @@ impl Model {
     ) -> Result<(Solution, Option<Block>), WorkflowError> {
         let entry = solve.entry(cx)?;
         let unsuited = |unsuited| Err(WorkflowError::Unsuited(unsuited));
-        if entry.needs_reciprocity {
+        if entry.needs_reciprocity() {
             return unsuited(Unsuited::UnstoredReciprocity { solver: entry.name });
         }
         if cx.memory.storage != Storage::Auto || cx.memory.precision.is_some() {

@@ -4,10 +4,10 @@ use super::form_factors::{Balance, FormFactorRequest, FormFactorStudy, Raw};
 use super::settings::{Balanced, StatedClosure, VarianceRepair};
 use super::{Context, Model, Warning, WorkflowError};
 use crate::audit::{self, Claims, Repair};
-use crate::form_factor::{self, Closure, Enclosed};
-use crate::geometry::sampling::Sequence;
+use crate::form_factor::{self, Closure, Enclosed, SEQUENCE};
 use crate::matrix::{BalanceReport, Closed, FormFactors, Need, RepairKind, RowTally, Sampling};
 use crate::progress::Forecast;
+use crate::setting::Value;
 
 /// Row sums are restored to far below the noise, or as far as so many passes go.
 pub(super) const BALANCE_TOLERANCE: f64 = 1e-10;
@@ -40,7 +40,11 @@ impl Context {
     /// Tells whether rows are shot by low-discrepancy points.
     pub(super) fn is_net(&self) -> bool {
         let of_file = || Some(self.settings.form_factors.as_ref()?.get("sequence")? == "sobol");
-        let own = self.settings.sequence.map(|sequence| sequence == Sequence::Sobol);
+        let own = self
+            .settings
+            .own
+            .get(&SEQUENCE)
+            .map(|name| name == Value::Choice("sobol"));
         own.or_else(of_file).unwrap_or(false)
     }
 }

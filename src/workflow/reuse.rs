@@ -7,7 +7,7 @@ use super::repair::{BALANCE_TOLERANCE, repair_kind};
 use super::storage::{self, MatrixDemand};
 use super::{Context, Model, Unsuited, Warning, WorkflowError};
 use crate::audit::Repair;
-use crate::form_factor::{Computed, MethodSettings, Reciprocity, registry};
+use crate::form_factor::{Computed, MethodSettings, NORMALISE, Reciprocity, registry};
 use crate::matrix::{Need, RepairKind, Sampling};
 use crate::mesh::{MeshOptions, Subdivision};
 use crate::report::ReportError;
@@ -106,10 +106,7 @@ fn promised(file: &FormFactorFile) -> Promised {
     let is_set = |name: &str| settings.get(name).is_some_and(|value| value.as_bool() != Some(false));
     let normalise = is_set("normalise");
     let method = settings.get("method").and_then(Value::as_str).and_then(|name| {
-        let given = MethodSettings {
-            normalise,
-            ..MethodSettings::default()
-        };
+        let given = MethodSettings::default().with(&NORMALISE, normalise);
         registry::method(name, &given).ok()
     });
     let by_rule = method.as_ref().is_some_and(|method| method.errs_by_rule());

@@ -3,8 +3,8 @@
 use serde::Serialize;
 use serde_json::{Map, Value};
 
-use crate::geometry::sampling::Sequence;
-use crate::solver::{Deflate, Start};
+use crate::setting::Values;
+use crate::solver::Start;
 use crate::voxel::Form;
 
 /// Whether form factors were made symmetric, and how.
@@ -69,6 +69,10 @@ macro_rules! settings {
         #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
         pub struct Settings {
             $($(#[$doc])* #[serde(skip_serializing_if = "Option::is_none")] pub $name: Option<$kind>,)*
+            /// The settings of the method and of the solver.
+            #[serde(flatten)]
+            #[cfg_attr(feature = "cli", schemars(schema_with = "own"))]
+            pub own: Values,
         }
     };
 }
@@ -80,10 +84,6 @@ settings! {
     balance: Balanced,
     /// False where a repair of the form factors did not restore the row sums.
     balance_converged: bool,
-    /// Where the interval of the eigenvalues is taken from, with `chebyshev`.
-    bounds: String,
-    /// Evaluations for one pair of patches, with `exact`.
-    budget: u64,
     /// Where the camera comes from.
     camera: String,
     /// The user's statement whether the scene is closed.
@@ -94,12 +94,6 @@ settings! {
     crease_angle_degrees: f64,
     /// True if faces are cut at contact edges.
     cut_at_walls: bool,
-    /// Whether Krylov methods take the even light of each enclosure out of the way.
-    deflation: Deflate,
-    /// Steps that are remembered, with `anderson`.
-    depth: u64,
-    /// True if an estimate of the unshot light is added to the radiosities.
-    display_ambient: bool,
     /// True if directions of voxels are weighed by exact solid angles.
     exact_solid_angles: bool,
     /// Surfaces whose faces are reversed; an empty name stands for all.
@@ -128,10 +122,6 @@ settings! {
     method: String,
     /// The methods that are compared.
     methods: Vec<String>,
-    /// True if each row of form factors is divided by its sum.
-    normalise: bool,
-    /// The relaxation factor, with `sor`.
-    omega: f64,
     /// True if form factors are computed again in every pass.
     on_the_fly: bool,
     /// True if the whole scene is one surface.
@@ -142,30 +132,18 @@ settings! {
     passes: u64,
     /// True if every voxel of an emitter sends its exitance, not scaled to the power of the emitter's true area.
     plain_emission: bool,
-    /// Points along each side of a patch.
-    points: u64,
     /// The radius of the discrete sphere of directions, voxels.
     radius: u32,
-    /// Rays of each patch, of each pair of patches, or of each sample of a pixel, as the method has it.
-    rays: u64,
-    /// Cells along each edge of the top, with `hemicube`.
-    resolution: u64,
-    /// Passes between restarts, with `gmres`.
-    restart: u64,
     /// The (first) seed of all random numbers.
     seed: u64,
     /// Runs of every setting, each with a seed of its own.
     seeds: u64,
-    /// Where the numbers of rays come from.
-    sequence: Sequence,
     /// True if a picture shows the voxels themselves.
     show_voxels: bool,
     /// The solver.
     solver: String,
     /// The first radiosities.
     start: Start,
-    /// Steps that count as one pass, with `progressive-refinement` and `overshooting`.
-    steps_per_pass: u64,
     /// Every edge is cut into so many parts.
     subdivide: u32,
     /// The surface that a field of form factors is to.
@@ -190,6 +168,31 @@ settings! {
     visibility: String,
     /// Voxels along the longest axis.
     voxels: u32,
+}
+
+/// Describes the settings that methods and solvers list.
+#[cfg(feature = "cli")]
+fn own(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+    use crate::setting::Kind;
+    use crate::{form_factor, solver};
+
+    let of_methods = form_factor::registry::settings();
+    let mut properties = Map::new();
+    for (setting, users) in of_methods.into_iter().chain(solver::registry::settings()) {
+        let mut property = Map::new();
+        property.insert("description".into(), format!("{}.", setting.described(&users)).into());
+        match setting.kind {
+            Kind::Flag => property.insert("type".into(), "boolean".into()),
+            Kind::Count(_) => {
+                property.insert("minimum".into(), 1.into());
+                property.insert("type".into(), "integer".into())
+            }
+            Kind::Number => property.insert("type".into(), "number".into()),
+            Kind::Choice(words) => property.insert("enum".into(), words.iter().map(|(word, _)| *word).collect()),
+        };
+        properties.entry(setting.name).or_insert(Value::Object(property));
+    }
+    schemars::json_schema!({ "type": "object", "properties": properties })
 }
 
 impl Settings {

@@ -1,6 +1,5 @@
 //! Solutions of the radiosity system, with all that is known of their error.
 
-use std::num::NonZeroUsize;
 use std::ops::{ControlFlow, Range};
 use std::path::Path;
 use std::sync::Arc;
@@ -18,9 +17,9 @@ use crate::plan::Plan;
 use crate::progress::Progress;
 use crate::report::solution::SolutionReport;
 use crate::scene::{Scene, SurfaceId};
-use crate::solver::registry::{self, Setting, SolverEntry};
+use crate::solver::registry::{self, SolverEntry, Symmetry};
 use crate::solver::{
-    self, RadiositySystem, Solution, SolveOptions, SolverError, SolverSettings, SpectrumBounds, Start, StopReason,
+    self, DISPLAY_AMBIENT, RadiositySystem, Solution, SolveOptions, SolverError, SolverSettings, Start, StopReason,
     Tolerance, relative_errors,
 };
 
@@ -136,7 +135,7 @@ impl SolveRequest {
     /// [`WorkflowError::Solver`] of an unknown name, and of settings that it has no use for.
     pub fn entry(&self, cx: &Context) -> Result<&'static SolverEntry, WorkflowError> {
         let entry = registry::by_name(&self.solver)?;
-        entry.checked(&self.settings_for(entry, cx))?;
+        entry.checked(&self.settings_in(cx))?;
         Ok(entry)
     }
 
@@ -146,40 +145,28 @@ impl SolveRequest {
     /// As [`entry`](Self::entry).
     pub fn need(&self, cx: &Context) -> Result<Need, WorkflowError> {
         let entry = self.entry(cx)?;
-        let gains = entry.gains_by_reciprocity(&self.settings_for(entry, cx));
-        Ok(if gains && entry.name != "auto" {
-            Need::Symmetry
-        } else {
-            Need::Light { gains }
+        Ok(match (entry.symmetry)(&self.settings_in(cx)) {
+            Symmetry::Needed => Need::Symmetry,
+            Symmetry::Helps => Need::Light { gains: true },
+            Symmetry::Unused => Need::Light { gains: false },
         })
     }
 
-    /// Returns the settings of a solver; those that need no memory to speak of pass over its limit, which is that of the storage too.
-    fn settings_for(&self, entry: &SolverEntry, cx: &Context) -> SolverSettings {
-        let limit = cx.memory.limit_byte;
+    /// Returns the settings of the solver; the memory that it may take is that of the storage too.
+    fn settings_in(&self, cx: &Context) -> SolverSettings {
         SolverSettings {
-            memory_limit_byte: limit.filter(|_| entry.settings.contains(&Setting::MemoryLimit)),
+            memory_limit_byte: cx.memory.limit_byte,
             ..self.settings.clone()
         }
     }
 
     fn note_settings(&self, entry: &SolverEntry, cx: &mut Context) {
-        let count = |n: NonZeroUsize| n.get() as u64;
-        let (given, noted) = (&self.settings, &mut cx.settings);
+        let noted = &mut cx.settings;
         noted.solver = Some(entry.name.to_owned());
         noted.tolerance = Some(self.tolerance);
         noted.max_passes = Some(self.max_passes as u64);
         noted.start = Some(self.start);
-        noted.omega = given.omega.or(noted.omega);
-        noted.bounds = given
-            .bounds
-            .map(|bounds| bounds_name(bounds).to_owned())
-            .or(noted.bounds.take());
-        noted.restart = given.restart.map(count).or(noted.restart);
-        noted.depth = given.depth.map(count).or(noted.depth);
-        noted.deflation = given.deflation.or(noted.deflation);
-        noted.steps_per_pass = given.steps_per_pass.map(count).or(noted.steps_per_pass);
-        noted.display_ambient = given.display.then_some(true).or(noted.display_ambient);
+        noted.own.extend(&self.settings.values);
     }
 }
 
@@ -337,7 +324,7 @@ pub(super) fn solve_system(
         plan,
     } = parts;
     let entry = request.entry(cx)?;
-    let hierarchy = entry.uses_hierarchy().then(|| {
+    let hierarchy = entry.uses_hierarchy.then(|| {
         let hierarchy = cx.time("levels", || Hierarchy::of_mesh(mesh));
         let sizes: Vec<String> = hierarchy.sizes().iter().map(ToString::to_string).collect();
         plan.decide(
@@ -349,7 +336,7 @@ pub(super) fn solve_system(
     });
     let solver = entry.checked(&SolverSettings {
         hierarchy,
-        ..request.settings_for(entry, cx)
+        ..request.settings_in(cx)
     })?;
     request.note_settings(entry, cx);
     let refused = |error: SolverError, of: &Context| {
@@ -394,7 +381,7 @@ pub(super) fn solve_system(
     let audit = cx.time("audit", || audit::solution(&system, &solution, known.given))?;
     cx.audited(audit);
     cx.judge_leaking_power((&materials.0, &materials.1), &solution.radiosity);
-    if request.settings.display {
+    if request.settings.values.is_on(&DISPLAY_AMBIENT) {
         solution = solution.displayed(&system)?;
     }
     if let Some(backs) = known.backs {
@@ -433,14 +420,6 @@ fn refused(
         place: name.map_or_else(|| format!("patch {patch}"), |found| format!("`{}`", found.name)),
         n_patches,
         reflectance,
-    }
-}
-
-fn bounds_name(bounds: SpectrumBounds) -> &'static str {
-    match bounds {
-        SpectrumBounds::Safe => "safe",
-        SpectrumBounds::Average => "average",
-        SpectrumBounds::Lanczos(_) => "lanczos",
     }
 }
 

@@ -3,9 +3,11 @@
 use std::sync::Mutex;
 use std::sync::{Arc, PoisonError};
 
+use radiosity::form_factor::{RAYS, TOLERANCE};
 use radiosity::matrix::{DiskError, Need, Precision};
 use radiosity::mesh::{MeshOptions, Subdivision};
 use radiosity::scene::{Material, Scene, SceneBuilder, builtin};
+use radiosity::solver::OMEGA;
 use radiosity::workflow::{
     Balance, Context, FormFactorRequest, Model, Parameter, SolveRequest, Storage, Unsuited, Use, Warning, WorkflowError,
 };
@@ -25,7 +27,7 @@ fn the_error_of_light_is_stated_and_holds() {
         let mut cx = Context::default();
         let mut model = model(room_box(), Subdivision::Uniform(3), &mut cx);
         let mut request = FormFactorRequest::default();
-        request.settings.tolerance = Some(tolerance);
+        request.settings.values.set(&TOLERANCE, tolerance);
         let factors = model.form_factors(&request, Need::default(), &mut cx).unwrap();
         let solve = SolveRequest {
             tolerance: 1e-12,
@@ -120,15 +122,15 @@ fn refusals_of_every_step_name_parameters() {
             .unwrap()
     };
     let mut unused = FormFactorRequest::default();
-    unused.settings.rays = Some(5);
+    unused.settings.values.set(&RAYS, 5_u64);
     let mut shooting = FormFactorRequest {
         method: "sr".to_owned(),
         tolerance_parameter: Parameter::FormFactorTolerance,
         ..FormFactorRequest::default()
     };
-    shooting.settings.tolerance = Some(1e-3);
+    shooting.settings.values.set(&TOLERANCE, 1e-3);
     let mut omega = SolveRequest::default();
-    omega.settings.omega = Some(1.5);
+    omega.settings.values.set(&OMEGA, 1.5);
     let mut tight = Context::default();
     tight.memory.limit_byte = Some(1 << 30);
     tight.memory.storage = Storage::Dense;

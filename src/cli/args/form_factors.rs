@@ -1,6 +1,5 @@
 //! How a scene is cut into patches, and how form factors between them are computed and stored.
 
-use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -8,9 +7,10 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 
 use super::byte::parse_byte;
-use super::{AuditArgs, CommonArgs, parse_positive, parse_time, parse_up_to};
+use super::settings::{OfMethods, SettingFlags};
+use super::{AuditArgs, CommonArgs, parse_positive, parse_time};
 use crate::form_factor::registry::METHODS;
-use crate::form_factor::{Closure, ExactMethod, MethodSettings};
+use crate::form_factor::{Closure, ExactMethod, MethodSettings, TOLERANCE};
 use crate::geometry::sampling::Sequence;
 use crate::matrix::Precision;
 use crate::mesh::{MeshOptions, Subdivision};
@@ -139,24 +139,8 @@ pub struct MethodArgs {
     /// The method
     #[arg(long, value_name = "NAME", value_parser = method_name(), default_value = "exact")]
     pub method: String,
-    /// Rays for each patch, with sr and sg [default: 4096; render: 16384], or for each pair, with qmc [default: 64]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
-    pub rays: Option<u64>,
-    /// Points along each side of a patch, with sg, pdm, gauss-lambert, contour and closed-form [default: 5] and hemicube [default: 1]
-    #[arg(long, value_name = "Q", value_parser = |text: &str| parse_up_to(text, 256))]
-    pub points: Option<NonZeroUsize>,
-    /// Cells along each edge of the top, with hemicube [default: 256]
-    #[arg(long, value_name = "N", value_parser = |text: &str| parse_up_to(text, 4096))]
-    pub resolution: Option<NonZeroUsize>,
-    /// Divide each row by its sum, with centre
-    #[arg(long)]
-    pub normalise: bool,
-    /// Where the numbers of sr and sg come from [default: sobol]
-    #[arg(long, value_enum)]
-    pub sequence: Option<SequenceName>,
-    /// Evaluations for one pair of patches after which exact goes on to the next [default: 10000000]
-    #[arg(long, value_name = "N")]
-    pub budget: Option<NonZeroUsize>,
+    #[command(flatten)]
+    pub own: SettingFlags<OfMethods>,
     /// Choose the method and its tolerance so that all is done within this time, as in 90s, 10m or 2h; results then depend on the machine
     #[arg(long, value_name = "TIME", value_parser = parse_time, conflicts_with_all = ["method", "rays", "points", "resolution", "budget"])]
     pub time_limit: Option<Duration>,
@@ -171,6 +155,23 @@ pub struct MethodArgs {
 }
 
 impl MethodArgs {
+    fn settings(&self, tolerance: Option<f64>) -> MethodSettings {
+        let mut values = self.own.values.clone();
+        if let Some(tolerance) = tolerance {
+            values.set(&TOLERANCE, tolerance);
+        }
+        MethodSettings {
+            values,
+            seed: self.seed,
+        }
+    }
+
+    /// Returns where the numbers of rays come from.
+    #[must_use]
+    pub fn sequence(&self) -> Sequence {
+        self.settings(None).sequence().unwrap_or_default()
+    }
+
     /// Returns what is asked for: the flags, a tolerance that another flag sets, and what follows the form factors.
     #[must_use]
     pub fn request(&self, tolerance: Option<f64>, afterwards: Afterwards) -> FormFactorRequest {
@@ -180,16 +181,7 @@ impl MethodArgs {
         };
         FormFactorRequest {
             method: self.method.clone(),
-            settings: MethodSettings {
-                rays: self.rays,
-                points: self.points,
-                resolution: self.resolution,
-                normalise: self.normalise,
-                sequence: self.sequence.map(Into::into),
-                tolerance,
-                budget: self.budget,
-                seed: self.seed,
-            },
+            settings: self.settings(tolerance),
             default_rays,
             default_tolerance,
             tolerance_parameter: match afterwards {

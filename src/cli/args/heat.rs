@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
+use super::settings::of_computation;
 use super::{
     AuditArgs, CommonArgs, MeshArgs, MethodArgs, SolverArgs, StorageArgs, parse_channels, parse_not_negative,
     parse_positive, parse_vector,
@@ -91,7 +92,7 @@ pub struct HeatArgs {
     #[arg(long, value_enum, default_value_t = NodesName::Surface, requires = "exchange_factors")]
     pub by: NodesName,
     /// Form factors that `form-factors -o` wrote, instead of computing them; they know how the scene was cut into patches
-    #[arg(long, value_name = "F.npz", conflicts_with_all = ["method", "rays", "points", "sequence", "seed", "resolution", "normalise", "budget", "form_factor_tolerance", "checkpoint"])]
+    #[arg(long, value_name = "F.npz", conflicts_with_all = of_computation())]
     pub form_factors: Option<PathBuf>,
     /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-6]
     #[arg(long, value_name = "T", value_parser = parse_positive)]

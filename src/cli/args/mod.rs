@@ -12,6 +12,7 @@ mod heat;
 mod points;
 mod reading;
 mod render;
+mod settings;
 mod solve;
 mod tables;
 mod voxel;
@@ -35,7 +36,7 @@ pub use heat::{HeatArgs, NodesName, SunArgs};
 pub use points::PointsArgs;
 pub use reading::{ReadingArgs, UnitName, UpAxisName};
 pub use render::{DirectName, GatherArgs, ImageArgs, PartsName, PictureFileArgs, PixelsName, RenderArgs, ViewArgs};
-pub use solve::{BoundsName, SolveArgs, SolverArgs, StartName};
+pub use solve::{SolveArgs, SolverArgs, StartName};
 pub use tables::parse_tables;
 pub use voxel::{FormName, LinksName, VoxelArgs};
 

@@ -1,13 +1,13 @@
 //! How the system is solved.
 
-use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 
+use super::settings::{OfSolvers, SettingFlags, of_computation};
 use super::{AuditArgs, CommonArgs, MeshArgs, MethodArgs, StorageArgs, SunArgs, parse_positive, parse_tolerance};
-use crate::solver::{Deflate, SolverSettings, SpectrumBounds, Start};
+use crate::solver::{SolverSettings, Start};
 use crate::workflow::SolveRequest;
 
 /// Reads the name of a solver; help lists those that the registry has.
@@ -24,7 +24,7 @@ pub(super) fn solver_name_without_symmetry() -> impl TypedValueParser<Value = St
     PossibleValuesParser::new(
         crate::solver::registry::SOLVERS
             .iter()
-            .filter(|solver| !solver.needs_reciprocity)
+            .filter(|solver| !solver.needs_reciprocity())
             .map(|solver| PossibleValue::new(solver.name).help(solver.summary)),
     )
 }
@@ -45,27 +45,8 @@ pub struct SolverArgs {
     /// The first radiosities
     #[arg(long, value_enum, default_value_t = StartName::Exitance)]
     pub start: StartName,
-    /// Passes between restarts, with gmres [default: 30]
-    #[arg(long, value_name = "M")]
-    pub restart: Option<NonZeroUsize>,
-    /// Whether pcg and gmres take the even light of each room out of the way [default: auto]
-    #[arg(long, value_enum)]
-    pub deflation: Option<DeflationName>,
-    /// Steps that are remembered, with anderson [default: 8]
-    #[arg(long, value_name = "M")]
-    pub depth: Option<NonZeroUsize>,
-    /// Relaxation factor, between 0 and 2, with sor [default: by the mean reflectance]
-    #[arg(long, value_name = "W")]
-    pub omega: Option<f64>,
-    /// Where chebyshev takes the interval of the eigenvalues from [default: safe]
-    #[arg(long, value_enum)]
-    pub bounds: Option<BoundsName>,
-    /// Steps that count as one pass, with progressive-refinement and overshooting [default: one per patch; at most 16 per patch]
-    #[arg(long, value_name = "N")]
-    pub steps_per_pass: Option<NonZeroUsize>,
-    /// Add an estimate of the light still under way to the radiosities, with progressive-refinement and overshooting: for a picture after few passes
-    #[arg(long)]
-    pub display_ambient: bool,
+    #[command(flatten)]
+    pub own: SettingFlags<OfSolvers>,
 }
 
 impl SolverArgs {
@@ -75,60 +56,12 @@ impl SolverArgs {
         SolveRequest {
             solver: self.solver.clone(),
             settings: SolverSettings {
-                omega: self.omega,
-                bounds: self.bounds.map(Into::into),
-                steps_per_pass: self.steps_per_pass,
-                display: self.display_ambient,
-                restart: self.restart,
-                deflation: self.deflation.map(Into::into),
-                depth: self.depth,
+                values: self.own.values.clone(),
                 ..SolverSettings::default()
             },
             tolerance: self.tolerance,
             max_passes: self.max_passes,
             start: self.start.into(),
-        }
-    }
-}
-
-/// Where Chebyshev's method takes the interval of the eigenvalues from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum BoundsName {
-    /// A bound that holds, from reflectances and row sums
-    Safe,
-    /// 1 ± the mean reflectance, as in the paper: no bound
-    Average,
-    /// Ten Lanczos steps
-    Lanczos,
-}
-
-impl From<BoundsName> for SpectrumBounds {
-    fn from(name: BoundsName) -> Self {
-        match name {
-            BoundsName::Safe => Self::Safe,
-            BoundsName::Average => Self::Average,
-            BoundsName::Lanczos => Self::TEN_LANCZOS_STEPS,
-        }
-    }
-}
-
-/// Whether Krylov methods deflate the even light of each room.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum DeflationName {
-    /// Where the mean reflectance is so high that it saves time
-    Auto,
-    /// Always
-    Always,
-    /// Never
-    Never,
-}
-
-impl From<DeflationName> for Deflate {
-    fn from(name: DeflationName) -> Self {
-        match name {
-            DeflationName::Auto => Self::Auto,
-            DeflationName::Always => Self::Always,
-            DeflationName::Never => Self::Never,
         }
     }
 }
@@ -164,7 +97,7 @@ pub struct SolveArgs {
     #[arg(short, long, value_name = "B.csv")]
     pub output: Option<PathBuf>,
     /// Form factors that `form-factors -o` wrote, instead of computing them; they know how the scene was cut into patches
-    #[arg(long, value_name = "F.npz", conflicts_with_all = ["method", "rays", "points", "sequence", "seed", "resolution", "normalise", "budget", "form_factor_tolerance", "checkpoint"])]
+    #[arg(long, value_name = "F.npz", conflicts_with_all = of_computation())]
     pub form_factors: Option<PathBuf>,
     /// Compute the form factors again in every pass instead of storing them; for methods that compute rows
     #[arg(long, conflicts_with_all = ["form_factors", "lighting", "balance", "checkpoint", "sun_irradiance"])]

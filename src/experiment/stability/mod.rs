@@ -170,7 +170,7 @@ fn try_case(case: &Case, n_runs: &RangeInclusive<usize>, progress: &dyn Progress
             return SOLVERS.iter().map(|entry| refused(case, entry, error)).collect();
         }
     };
-    let mut trials: Vec<Trial> = SOLVERS.iter().map(Trial::new).collect();
+    let mut trials: Vec<Trial> = SOLVERS.iter().copied().map(Trial::new).collect();
     // Each with a system of its own, as a user has: some of what solvers ask of a system is kept there. By turns, so that where the allocator puts the vectors of a run, and a machine that changes its pace, matter to all solvers alike.
     while trials.iter().any(|trial| !trial.is_over(n_runs)) {
         for trial in trials.iter_mut().filter(|trial| !trial.is_over(n_runs)) {

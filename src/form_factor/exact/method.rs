@@ -1,6 +1,9 @@
 //! What the exact method is asked for.
 
+use crate::form_factor::entry::{MethodEntry, Work};
+use crate::form_factor::settings::TOLERANCE;
 use crate::geometry::polygon_form_factor::Tolerance;
+use crate::setting::{Kind, Setting, Value};
 
 /// Exact exchange areas: the kernel of unoccluded polygons where two patches see each other whole, clipping against the occluders where they do not.
 ///
@@ -55,6 +58,30 @@ pub struct ExactMethod {
     /// The most evaluations of the inner form factor for one pair.
     pub budget: usize,
 }
+
+/// Evaluations for one pair of patches after which the next one follows.
+pub static BUDGET: Setting = Setting {
+    name: "budget",
+    help: "Evaluations for one pair of patches after which the next one follows",
+    letter: "N",
+    kind: Kind::Count(usize::MAX as u64),
+};
+
+pub(in crate::form_factor) const ENTRY: MethodEntry = MethodEntry {
+    name: "exact",
+    summary: "Every pair to a tolerance, shadows by exact clipping",
+    settings: &[
+        TOLERANCE.or(Value::Number(ExactMethod::DEFAULT_TOLERANCE)),
+        BUDGET.or(Value::Count(ExactMethod::DEFAULT_BUDGET as u64)),
+    ],
+    work: Work::Pairs,
+    make: |s| {
+        Some(Box::new(ExactMethod {
+            tolerance: s.tolerance()?,
+            budget: s.values.get(&BUDGET)?.size()?.get(),
+        }))
+    },
+};
 
 /// Up to this tolerance pairs without occluders keep their relative digits, however small they are.
 const FULL_IS_RELATIVE: f64 = 1e-6;

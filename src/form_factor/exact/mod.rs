@@ -15,5 +15,6 @@ mod table;
 mod tables;
 mod walk;
 
-pub use method::ExactMethod;
+pub(super) use method::ENTRY;
+pub use method::{BUDGET, ExactMethod};
 pub(super) use split::Split;

@@ -21,6 +21,7 @@ mod obj;
 mod options;
 mod ply;
 mod polygons;
+mod reader;
 mod source;
 mod stl;
 mod vs3;
@@ -123,7 +124,7 @@ pub fn load_with(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Loaded
 pub(crate) fn load_within(path: &Path, options: &LoadOptions, room: Room<'_>) -> Result<Loaded, SceneError> {
     let source = Source::open(path, room)?;
     let format = options.format.unwrap_or_else(|| {
-        let head = usize::try_from(format::HEAD)
+        let head = usize::try_from(reader::HEAD)
             .unwrap_or(usize::MAX)
             .min(source.bytes.len());
         Format::of_start(path, &source.bytes[..head], source.bytes.len() as u64)

@@ -3,8 +3,8 @@
 use glam::DVec3;
 
 use super::cells::{Array, Values, surfaces};
-use super::format::{Head, Reader};
 use super::polygons::{NONE, Polygons};
+use super::reader::{Head, Reader};
 use super::source::{Cursor, Source};
 use super::{Counts, LoadOptions};
 use crate::scene::{

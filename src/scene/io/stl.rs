@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
-use super::format::{Head, Reader};
 use super::polygons::{NONE, Names, Polygons};
+use super::reader::{Head, Reader};
 use super::source::{Cursor, Source};
 use super::{Counts, LoadOptions};
 use crate::scene::builder::FirstAndCount;

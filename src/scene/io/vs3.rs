@@ -4,8 +4,8 @@
 
 use glam::DVec3;
 
-use super::format::{Head, Reader};
 use super::polygons::{FileMaterial, NONE, Names, Polygons};
+use super::reader::{Head, Reader};
 use super::source::Source;
 use super::{Counts, LoadOptions};
 use crate::geometry::polygon;

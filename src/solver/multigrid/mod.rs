@@ -13,6 +13,7 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Instant;
 
+use super::entry::{SolverEntry, Symmetry};
 use super::error::SolverError;
 use super::gauss_seidel;
 use super::history::{HistoryEntry, Setup};
@@ -155,6 +156,20 @@ fn consecutive(labels: &[u32]) -> Vec<u32> {
         })
         .collect()
 }
+
+pub(super) const ENTRY: SolverEntry = SolverEntry {
+    name: "multigrid",
+    summary: "Gauss-Seidel, corrected on ever coarser levels of the mesh",
+    settings: &[],
+    symmetry: |_| Symmetry::Unused,
+    uses_hierarchy: true,
+    make: |s| {
+        Some(Box::new(Multigrid {
+            hierarchy: s.hierarchy.clone(),
+            ..Multigrid::default()
+        }))
+    },
+};
 
 impl Solver for Multigrid {
     fn name(&self) -> &'static str {

@@ -4,8 +4,10 @@
 
 use glam::{DQuat, DVec3};
 use radiosity::form_factor::partial::{Accuracy, exchange_area};
-use radiosity::form_factor::registry::{self, MethodSettings};
-use radiosity::form_factor::{ClosedForm, Computed, ExactMethod, FormFactorMethod, Input, RandomShooting, closed_rows};
+use radiosity::form_factor::registry;
+use radiosity::form_factor::{
+    ClosedForm, Computed, ExactMethod, FormFactorMethod, Input, MethodSettings, RAYS, RandomShooting, closed_rows,
+};
 use radiosity::geometry::sampling::Sequence;
 use radiosity::matrix::StorageChoice;
 use radiosity::mesh::{Mesh, MeshOptions, Subdivision};
@@ -846,11 +848,7 @@ fn rays_take_the_sides_of_a_rounded_sheet_for_what_they_are() {
     for round in 0..4 {
         let turn = DQuat::from_axis_angle(direction(&mut uniform), 0.7 + f64::from(round));
         let prepared = Prepared::new(with_decimals(5, &adjoining_rooms(turn, true)), 2);
-        let settings = MethodSettings {
-            rays: Some(2000),
-            seed: 1,
-            ..MethodSettings::default()
-        };
+        let settings = MethodSettings::default().with(&RAYS, 2000_u64).seeded(1);
         let shot = prepared.compute(&*registry::method("sr", &settings).unwrap());
         let expected = compute(&prepared, 1e-5).factors;
         for (i, tally) in shot.tallies().iter().enumerate() {
@@ -881,10 +879,7 @@ fn no_method_lets_a_bent_quad_hide_its_own_patches() {
     ]));
     let prepared = Prepared::new(with_decimals(6, &shapes.scene()), 4);
     for name in ["exact", "contour", "qmc", "gauss-lambert", "pdm", "centre", "sr", "sg"] {
-        let settings = MethodSettings {
-            seed: 1,
-            ..MethodSettings::default()
-        };
+        let settings = MethodSettings::default().seeded(1);
         let factors = prepared.compute(&*registry::method(name, &settings).unwrap());
         let found = prepared.by_surface(&factors).form_factor[1];
         // 4 m × 4 m, 2 m apart: the closed form of parallel squares.

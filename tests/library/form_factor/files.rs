@@ -3,11 +3,10 @@
 #![expect(clippy::shadow_unrelated, reason = "every step of a test names its own results")]
 
 use std::io::{Read as _, Write as _};
-use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
 use radiosity::form_factor::registry::{METHODS, method};
-use radiosity::form_factor::{Input, MethodSettings};
+use radiosity::form_factor::{Input, MethodSettings, RAYS, RESOLUTION};
 use radiosity::matrix::{
     FormFactors, Layout, MatrixError, Precision, RayWeights, RowTally, RowTile, StorageChoice, Weighting,
 };
@@ -126,8 +125,11 @@ fn every_method_goes_through_every_file() {
     let visibility = EmbreeVisibility::new(&scene).unwrap();
     for entry in METHODS {
         let mut settings = entry.resolve(&MethodSettings::default()).unwrap();
-        settings.rays = settings.rays.map(|_| 100);
-        settings.resolution = settings.resolution.map(|_| NonZeroUsize::new(16).unwrap());
+        for (setting, value) in [(&RAYS, 100_u64), (&RESOLUTION, 16)] {
+            if entry.uses(setting) {
+                settings.values.set(setting, value);
+            }
+        }
         let input = Input {
             scene: &scene,
             mesh: &mesh,
@@ -459,14 +461,11 @@ fn entries_that_no_ray_hit_are_written_with_their_errors() {
     let directory = tempfile::tempdir().unwrap();
     for (name, layout) in [("sr", Layout::Sparse), ("sg5", Layout::Sparse), ("sr", Layout::Dense)] {
         let rays = Some(100);
-        let method = method(
-            name,
-            &MethodSettings {
-                rays,
-                ..MethodSettings::default()
-            },
-        )
-        .unwrap();
+        let mut settings = MethodSettings::default();
+        if let Some(rays) = rays {
+            settings.values.set(&RAYS, rays);
+        }
+        let method = method(name, &settings).unwrap();
         let storage = StorageChoice {
             layout,
             ..StorageChoice::default()

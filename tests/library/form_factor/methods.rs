@@ -6,7 +6,8 @@ use std::num::NonZeroUsize;
 use glam::{DQuat, DVec3};
 use radiosity::form_factor::registry;
 use radiosity::form_factor::{
-    CentrePoint, FormFactorError, FormFactorMethod, MethodSettings, ParametricDifferential, QuasiMonteCarlo, method,
+    CentrePoint, FormFactorError, FormFactorMethod, MethodSettings, POINTS, ParametricDifferential, QuasiMonteCarlo,
+    RESOLUTION, method,
 };
 use radiosity::matrix::FormFactors;
 use radiosity::scene::builtin;
@@ -141,12 +142,10 @@ fn the_errors_of_plain_quadrature_are_its_true_ones_to_two_digits() {
 fn the_hemicube_meets_the_cube_within_its_errors() {
     let exact = CubePatches::new();
     let cube = prepared("cube", 6);
-    for (resolution, points, tolerance) in [(64, 1, 0.024), (128, 5, 2e-3)] {
-        let settings = MethodSettings {
-            resolution: NonZeroUsize::new(resolution),
-            points: NonZeroUsize::new(points),
-            ..MethodSettings::default()
-        };
+    for (resolution, points, tolerance) in [(64_u64, 1_u64, 0.024), (128, 5, 2e-3)] {
+        let settings = MethodSettings::default()
+            .with(&RESOLUTION, resolution)
+            .with(&POINTS, points);
         let factors = cube.compute(&*method("hemicube", &settings).unwrap());
         let (error, ratio) = worst(&factors, |i, j| exact.get(&cube, i, j));
         assert!(
@@ -232,10 +231,10 @@ fn occluded_rooms_meet_their_certified_factors() {
         ("sg", 3.5e-3, 0.015),
         ("hemicube", 8e-3, 0.02),
     ] {
-        let settings = MethodSettings {
-            resolution: (name == "hemicube").then(|| NonZeroUsize::new(128)).flatten(),
-            ..MethodSettings::default()
-        };
+        let mut settings = MethodSettings::default();
+        if name == "hemicube" {
+            settings.values.set(&RESOLUTION, 128_u64);
+        }
         let method = method(name, &settings).unwrap();
         let surfaces = room.by_surface(&room.compute(&*method));
         for (i, row) in exact.iter().enumerate() {
@@ -419,10 +418,7 @@ fn the_error_covers_the_rule_and_the_shadows_that_few_points_miss() {
             ("hemicube", 2),
             ("hemicube", 3),
         ] {
-            let settings = MethodSettings {
-                points: NonZeroUsize::new(q),
-                ..MethodSettings::default()
-            };
+            let settings = MethodSettings::default().with(&POINTS, q);
             let method = method(name, &settings).unwrap();
             let surfaces = scene.by_surface(&scene.compute(&*method));
             let (value, error) = (surfaces.form_factor[1], surfaces.error[1]);
@@ -477,11 +473,10 @@ fn few_points_in_a_furnished_room_state_their_errors() {
         ("hemicube", 1, Some(64)),
         ("hemicube", 3, Some(64)),
     ] {
-        let settings = MethodSettings {
-            points: NonZeroUsize::new(points),
-            resolution: resolution.and_then(NonZeroUsize::new),
-            ..MethodSettings::default()
-        };
+        let mut settings = MethodSettings::default().with(&POINTS, points);
+        if let Some(resolution) = resolution {
+            settings.values.set(&RESOLUTION, resolution);
+        }
         let surfaces = room.by_surface(&room.compute(&*method(name, &settings).unwrap()));
         let (mut n, mut n_above, mut worst) = (0, 0, 0.0_f64);
         for (i, row) in exact.iter().enumerate() {

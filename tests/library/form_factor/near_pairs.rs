@@ -1,18 +1,13 @@
 //! Methods between pairs where patches are near each other, or an occluder is near them: their errors against what they state.
 
-use std::num::NonZeroUsize;
-
 use glam::{DQuat, DVec3};
-use radiosity::form_factor::{ExactMethod, FormFactorMethod, MethodSettings, method};
+use radiosity::form_factor::{ExactMethod, FormFactorMethod, MethodSettings, POINTS, method};
 
 use crate::support::Uniform;
 use crate::support::rooms::{Prepared, Shapes};
 
 fn with_points(name: &str, q: usize) -> Box<dyn FormFactorMethod> {
-    let settings = MethodSettings {
-        points: NonZeroUsize::new(q),
-        ..MethodSettings::default()
-    };
+    let settings = MethodSettings::default().with(&POINTS, q as u64);
     method(name, &settings).unwrap()
 }
 

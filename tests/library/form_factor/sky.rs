@@ -43,11 +43,9 @@ fn counted(prepared: &Prepared) -> SkyFactors {
         visibility: &oracle,
         ..prepared.input()
     };
-    let settings = radiosity::form_factor::MethodSettings {
-        rays: Some(RAYS),
-        seed: 3,
-        ..Default::default()
-    };
+    let settings = radiosity::form_factor::MethodSettings::default()
+        .with(&radiosity::form_factor::RAYS, RAYS)
+        .seeded(3);
     let method = radiosity::form_factor::method("sr", &settings).unwrap();
     let factors = method
         .compute(input, StorageChoice::default(), &Silent)

@@ -243,10 +243,7 @@ fn coverages(scene: Scene, subdivide: u32, names: &[&str], seeds: u64) -> Vec<Op
     let of_method = |name: &&str| {
         let mut coverage = Coverage::default();
         for seed in 0..seeds {
-            let settings = MethodSettings {
-                seed,
-                ..MethodSettings::default()
-            };
+            let settings = MethodSettings::default().seeded(seed);
             match prepared.try_compute(&*registry::method(name, &settings).unwrap()) {
                 Ok(found) => coverage.add(&truth, &found.factors),
                 Err(FormFactorError::NotApplicable { .. }) => return None,

@@ -3,7 +3,7 @@
 #![expect(clippy::print_stdout, reason = "tables are printed")]
 
 use glam::DVec3;
-use radiosity::form_factor::{ExactMethod, MethodSettings, closed_rows, registry};
+use radiosity::form_factor::{ExactMethod, MethodSettings, SEQUENCE, closed_rows, registry};
 use radiosity::geometry::sampling::Sequence;
 use radiosity::matrix::operator::Block;
 use radiosity::matrix::{FormFactors, Need, RepairKind, Sampling};
@@ -107,11 +107,10 @@ impl Case {
 
     /// Returns the root mean square error of F over its entries, and of B relative to it, after each repair.
     fn errors(&self, name: &str, sequence: Option<Sequence>, seed: u64) -> [[f64; 2]; 4] {
-        let settings = MethodSettings {
-            sequence,
-            seed,
-            ..MethodSettings::default()
-        };
+        let mut settings = MethodSettings::default().seeded(seed);
+        if let Some(sequence) = sequence {
+            settings.values.set(&SEQUENCE, sequence.name());
+        }
         let raw = self.prepared.compute(&*registry::method(name, &settings).unwrap());
         let targets = raw.row_targets(closed_rows(self.prepared.input()).as_slice());
         REPAIRS.map(|repair| {

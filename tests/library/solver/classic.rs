@@ -6,8 +6,8 @@ use std::ops::ControlFlow;
 use radiosity::matrix::operator::{Block, LinearOperator};
 use radiosity::matrix::{FormFactors, Weighting};
 use radiosity::solver::{
-    self, Chebyshev, Overshooting, ProgressiveRefinement, RadiositySystem, SolveOptions, Solver, SolverError,
-    SolverSettings, Sor, SpectrumBounds, Start, StopReason, Tolerance,
+    self, Chebyshev, Overshooting, ProgressiveRefinement, RadiositySystem, STEPS_PER_PASS, SolveOptions, Solver,
+    SolverError, SolverSettings, Sor, SpectrumBounds, Start, StopReason, Tolerance,
 };
 
 use crate::support::solving::{by_name, constant, l2, random_materials, run, system};
@@ -264,7 +264,9 @@ fn steps_per_pass_only_divide_the_work() {
     for name in ["progressive-refinement", "overshooting"] {
         let with = |steps_per_pass: Option<NonZeroUsize>| {
             let mut settings = SolverSettings::default();
-            settings.steps_per_pass = steps_per_pass;
+            if let Some(steps) = steps_per_pass {
+                settings.values.set(&STEPS_PER_PASS, steps);
+            }
             run(&*solver::solver(name, &settings).unwrap(), &system, &options)
         };
         let (whole, fine) = (with(None), with(NonZeroUsize::new(7)));

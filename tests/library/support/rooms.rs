@@ -2,13 +2,14 @@
 
 use glam::{DQuat, DVec3};
 use radiosity::form_factor::registry::{self, METHODS};
-use radiosity::form_factor::{Computed, FormFactorError, FormFactorMethod, Input, MethodSettings};
+use radiosity::form_factor::{
+    Computed, FormFactorError, FormFactorMethod, Input, MethodSettings, POINTS, RAYS, RESOLUTION,
+};
 use radiosity::matrix::{FormFactors, StorageChoice, SurfaceFormFactors};
 use radiosity::mesh::{Mesh, MeshOptions, Subdivision};
 use radiosity::progress::Silent;
 use radiosity::scene::{Corners, Face, Material, MaterialId, Scene, Surface, SurfaceId, topology};
 use radiosity::visibility::embree::EmbreeVisibility;
-use std::num::NonZeroUsize;
 
 /// The corners of the six sides of a box, numbered by bits x y z.
 const SIDES: [[usize; 4]; 6] = [
@@ -146,29 +147,15 @@ pub(crate) fn moved(scene: &Scene, turn: DQuat, scale: f64, shift: DVec3) -> Sce
 
 /// Settings that keep tests fast, and give every method something to do.
 pub(crate) fn quick(name: &str, seed: u64) -> Box<dyn FormFactorMethod> {
-    let number = |n| NonZeroUsize::new(n);
+    let settings = MethodSettings::default().seeded(seed);
     let settings = match name {
-        "sr" | "sg5" | "sg10" => MethodSettings {
-            rays: Some(2000),
-            ..MethodSettings::default()
-        },
-        "sg" => MethodSettings {
-            rays: Some(2000),
-            points: number(3),
-            ..MethodSettings::default()
-        },
-        "hemicube" => MethodSettings {
-            resolution: number(32),
-            points: number(2),
-            ..MethodSettings::default()
-        },
-        "pdm" | "gauss-lambert" | "contour" | "closed-form" => MethodSettings {
-            points: number(3),
-            ..MethodSettings::default()
-        },
-        _ => MethodSettings::default(),
+        "sr" | "sg5" | "sg10" => settings.with(&RAYS, 2000_u64),
+        "sg" => settings.with(&RAYS, 2000_u64).with(&POINTS, 3_u64),
+        "hemicube" => settings.with(&RESOLUTION, 32_u64).with(&POINTS, 2_u64),
+        "pdm" | "gauss-lambert" | "contour" | "closed-form" => settings.with(&POINTS, 3_u64),
+        _ => settings,
     };
-    registry::method(name, &MethodSettings { seed, ..settings }).expect("a method of the registry")
+    registry::method(name, &settings).expect("a method of the registry")
 }
 
 /// The names of all methods.

@@ -61,8 +61,10 @@ use super::super::ExperimentError;
 use super::super::solved::solved;
 use crate::matrix::operator::Block;
 use crate::progress::Progress;
+use crate::setting::Value;
 use crate::solver::{
-    HistoryEntry, RadiositySystem, SolveOptions, SolverSettings, Start, StopReason, Tolerance, solver,
+    BOUNDS, DEFLATION, HistoryEntry, RadiositySystem, STEPS_PER_PASS, SolveOptions, SolverSettings, Start, StopReason,
+    Tolerance, solver,
 };
 use model::Model;
 
@@ -186,12 +188,18 @@ fn run_method(
     reference: &Block,
 ) -> Result<SolverRun, ExperimentError> {
     let n = system.n_patches();
-    let settings = SolverSettings {
-        bounds: method.bounds,
-        deflation: method.deflation,
-        steps_per_pass: NonZeroUsize::new(n / POINTS_PER_PASS).filter(|_| method.by_steps),
-        ..SolverSettings::default()
-    };
+    let steps = NonZeroUsize::new(n / POINTS_PER_PASS).filter(|_| method.by_steps);
+    let given = [
+        (&BOUNDS, method.bounds.map(Value::Choice)),
+        (&DEFLATION, method.deflation.map(Value::Choice)),
+        (&STEPS_PER_PASS, steps.map(Value::from)),
+    ];
+    let mut settings = SolverSettings::default();
+    for (setting, value) in given {
+        if let Some(value) = value {
+            settings.values.set(setting, value);
+        }
+    }
     let options = SolveOptions {
         tolerance: Tolerance::ResidualMaxPower(TOLERANCE),
         max_passes: 10_000,

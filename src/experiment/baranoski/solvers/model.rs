@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::experiment::ExperimentError;
-use crate::form_factor::{Input, MethodSettings, method};
+use crate::form_factor::{Input, MethodSettings, TOLERANCE, method};
 use crate::matrix::operator::Block;
 use crate::matrix::{FormFactors, StorageChoice, Weighting};
 use crate::mesh::{Mesh, Subdivision};
@@ -68,10 +68,7 @@ impl Model {
         let scene = builtin::build(name, None)?.scene;
         let mesh = Mesh::new(&scene, Subdivision::Uniform(1))?;
         let visibility = EmbreeVisibility::new(&scene)?;
-        let settings = MethodSettings {
-            tolerance: Some(FORM_FACTOR_TOLERANCE),
-            ..MethodSettings::default()
-        };
+        let settings = MethodSettings::default().with(&TOLERANCE, FORM_FACTOR_TOLERANCE);
         let input = Input {
             scene: &scene,
             mesh: &mesh,

@@ -9,8 +9,8 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 
 use super::LoadOptions;
-use super::format::{Head, Reader};
 use super::polygons::Polygons;
+use super::reader::{Head, Reader};
 use super::source::Source;
 use crate::input_file;
 use crate::scene::{Origin, SceneError, SceneErrorKind};

@@ -7,8 +7,8 @@ mod v2;
 mod v4;
 
 use super::cells::{Cell, Others};
-use super::format::{Head, Reader};
 use super::polygons::{NONE, Names, Polygons};
+use super::reader::{Head, Reader};
 use super::source::{Binary, Cursor, Source};
 use super::{LoadOptions, stl};
 use crate::scene::{MAX_COORDINATE, Numbering, SceneError, SceneErrorKind, Written};

@@ -11,8 +11,8 @@ mod libraries;
 pub(super) mod mtl;
 pub(super) mod write;
 
-use super::format::{Head, Reader};
 use super::polygons::{FileMaterial, Polygons};
+use super::reader::{Head, Reader};
 use super::source::Source;
 use super::{Counts, LoadOptions};
 use crate::scene::{Origin, SceneError, SceneWarning, SceneWarningKind};

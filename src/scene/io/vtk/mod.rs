@@ -7,8 +7,8 @@ mod xml;
 mod xml_array;
 
 use super::LoadOptions;
-use super::format::{Head, Reader};
 use super::polygons::Polygons;
+use super::reader::{Head, Reader};
 use super::source::Source;
 use crate::scene::SceneError;
 

@@ -1,0 +1,63 @@
+//! What a format of scene files is: its names, how its files are known, and how they are read.
+
+#[cfg(feature = "cli")]
+use std::path::{Path, PathBuf};
+
+use super::LoadOptions;
+use super::polygons::Polygons;
+use super::source::Source;
+use crate::scene::SceneError;
+
+/// Bytes at the start of a file that show its format.
+pub(super) const HEAD: u64 = 1 << 16;
+
+/// A format of scene files: what it is called, how its files are known, and what they hold.
+pub(super) trait Reader: Sync {
+    /// Its name, in small letters.
+    fn name(&self) -> &'static str;
+
+    /// What it is, for a list.
+    fn summary(&self) -> &'static str;
+
+    /// The suffixes of its files, in small letters.
+    fn suffixes(&self) -> &'static [&'static str];
+
+    /// Tells whether a file begins as those of the format do.
+    fn recognises(&self, head: &Head<'_>) -> bool;
+
+    /// Reads the polygons of a file.
+    fn read(&self, source: &Source<'_>, options: &LoadOptions) -> Result<Polygons, SceneError>;
+
+    /// Returns the other files that a file names, as far as they exist, without reading the scene.
+    #[cfg(feature = "cli")]
+    fn companions(&self, _path: &Path) -> Vec<PathBuf> {
+        Vec::new()
+    }
+}
+
+/// The start of a file.
+pub(super) struct Head<'a> {
+    /// Its first [`HEAD`] bytes, or all.
+    pub(super) bytes: &'a [u8],
+    /// The bytes of the whole file.
+    pub(super) length: u64,
+}
+
+impl Head<'_> {
+    /// Tells whether the file begins with some text, after a byte-order mark and blanks.
+    pub(super) fn begins_with(&self, text: &str) -> bool {
+        let bytes = self.bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(self.bytes);
+        bytes.trim_ascii_start().starts_with(text.as_bytes())
+    }
+
+    /// Tells whether some text is in the head.
+    pub(super) fn contains(&self, text: &str) -> bool {
+        self.bytes.windows(text.len()).any(|window| window == text.as_bytes())
+    }
+
+    /// Returns the whole lines of the head that are text, without blanks at their ends.
+    pub(super) fn lines(&self) -> impl Iterator<Item = &str> {
+        let lines = self.bytes.split(|byte| matches!(byte, b'\n' | b'\r'));
+        lines.filter_map(|line| std::str::from_utf8(line.trim_ascii()).ok())
+    }
+}
