@@ -2,8 +2,6 @@
 
 use std::fmt::Write as _;
 
-use glam::DVec3;
-
 use super::args::SolveArgs;
 use super::checks::{describe_checks, describe_patches};
 use super::failure::Failure;
@@ -37,14 +35,14 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
         ..Demand::default()
     };
     run.expect(&args.storage, demand);
-    let shining = sun::sun(&args.sun, DVec3::Z)?;
-    // In sunlight no face has to emit.
-    run.has_lightings = !args.lighting.is_empty() || shining.is_some();
+    let daylight = sun::daylight(&args.sun)?;
+    // In daylight no face has to emit.
+    run.has_lightings = !args.lighting.is_empty() || daylight.shines();
     let mut model = run.prepare(&args.scene, mesh_args, |_| Subdivision::Uniform(1))?;
     // Before the work: a mistake in them is found at once, and their reflectances count in how form factors are stored.
     let loaded = Lightings::load(args, &model.scene)?;
     run.cx.demand.reflectance_max = loaded.reflectance_max();
-    if shining.is_none() {
+    if !daylight.shines() {
         loaded.warn_of_darkness(run, &model, &args.lighting);
     }
     let method = run.request(&args.method, args.form_factor_tolerance, Afterwards::Light);
@@ -61,9 +59,10 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
     if !args.lighting.is_empty() {
         return lightings::run(&loaded, run, model, &factors, args);
     }
-    if let Some(request) = shining {
-        run.cx.settings.sun = Some(args.sun.record());
-        let study = model.solve_in_sun(&factors, &solver, &request, &mut run.cx)?;
+    if daylight.shines() {
+        run.cx.settings.sun = daylight.sun.map(|_| args.sun.record());
+        run.cx.settings.sky_irradiance = args.sun.sky;
+        let study = model.solve_in_daylight(&factors, &solver, &daylight, &mut run.cx)?;
         return finish(args, run, &model, Some(&factors), &study);
     }
     let study = model.solve(&factors, &solver, &mut run.cx)?;
@@ -118,7 +117,7 @@ fn finish(
         SolveDocument {
             solver: SolverRecord::new(model, solver, solution, study.error),
             energy: solution.energy.clone(),
-            surfaces: LitSurface::in_sun(model, study),
+            surfaces: LitSurface::in_daylight(model, study),
             form_factors: computed.map(FormFactorRecord::from),
             mesh_error: study.mesh_error.clone(),
         },

@@ -1,11 +1,11 @@
-//! The sun that flags ask for.
+//! Sun and sky that flags ask for.
 
 use glam::DVec3;
 
 use super::args::SunArgs;
 use super::failure::Failure;
-use crate::heat::{Sun, sun_direction};
-use crate::workflow::SunRequest;
+use crate::heat::{Sky, Sun, sun_direction};
+use crate::workflow::{Daylight, SkyRequest, SunRequest, is_grey};
 
 /// Returns the sun that flags ask for, in a scene where `up` is up.
 pub(super) fn sun(args: &SunArgs, up: DVec3) -> Result<Option<SunRequest>, Failure> {
@@ -30,12 +30,33 @@ pub(super) fn sun(args: &SunArgs, up: DVec3) -> Result<Option<SunRequest>, Failu
     })
 }
 
-/// Returns the sun of the one solar band.
-pub(super) fn grey(request: SunRequest) -> Result<Sun, Failure> {
-    if request.is_grey() {
-        return Ok(request.sun);
+/// Returns the sky that flags ask for, in a scene where `up` is up.
+pub(super) fn sky(args: &SunArgs, up: DVec3) -> Result<Option<SkyRequest>, Failure> {
+    let made = args.sky.map(|irradiance| {
+        let greatest = irradiance.into_iter().fold(0.0, f64::max);
+        let sky = Sky::new(greatest, up)?;
+        Ok(SkyRequest { sky, irradiance })
+    });
+    made.transpose()
+        .map_err(|(_, wrong): (&str, String)| Failure::usage(format!("--sky: {wrong}")))
+}
+
+/// Returns sun and sky that flags ask for, where +z is up.
+pub(super) fn daylight(args: &SunArgs) -> Result<Daylight, Failure> {
+    Ok(Daylight {
+        sun: sun(args, DVec3::Z)?,
+        sky: sky(args, DVec3::Z)?,
+    })
+}
+
+/// Refuses colours, as there is one solar band.
+pub(super) fn expect_grey(args: &SunArgs) -> Result<(), Failure> {
+    for (flag, channels) in [("--sun-irradiance", args.sun_irradiance), ("--sky", args.sky)] {
+        if channels.is_some_and(|channels| !is_grey(channels)) {
+            return Err(Failure::usage(format!(
+                "{flag}: heat has one solar band; give one number"
+            )));
+        }
     }
-    Err(Failure::usage(
-        "--sun-irradiance: heat has one solar band; give one number",
-    ))
+    Ok(())
 }

@@ -53,6 +53,19 @@ pub struct LitSurface {
     /// The sunlight, where the sun shines.
     #[serde(flatten)]
     pub sun: Option<SunlitSurface>,
+    /// The light of the sky, where it shines.
+    #[serde(flatten)]
+    pub sky: Option<SkylitSurface>,
+}
+
+/// The light straight from the sky on a surface.
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+pub struct SkylitSurface {
+    /// The area mean of the irradiance straight from the sky, W·m⁻², of each channel.
+    pub sky_irradiance: Vec<f64>,
+    /// The error of that, W·m⁻².
+    pub sky_irradiance_error: Vec<f64>,
 }
 
 /// The sunlight on a surface.
@@ -88,13 +101,24 @@ impl SunlitSurface {
 }
 
 impl LitSurface {
-    /// Returns the surfaces of a model with the means of a solution, and of what the sun lights where it shines.
+    /// Returns the surfaces of a model with the means of a solution, and of what comes straight from sun and sky where they shine.
     #[must_use]
-    pub fn in_sun(model: &Model, study: &SolutionStudy) -> Vec<Self> {
+    pub fn in_daylight(model: &Model, study: &SolutionStudy) -> Vec<Self> {
         let mut surfaces = Self::of(model, &study.solution);
-        if let Some(sunlit) = &study.sunlit {
+        if let Some(sunlit) = &study.direct.sun {
             for (surface, sun) in surfaces.iter_mut().zip(SunlitSurface::of(model, sunlit)) {
                 surface.sun = Some(sun);
+            }
+        }
+        if let Some(light) = &study.direct.sky {
+            let [irradiances, errors] = light.each_ref().map(|block| model.surface_means(block));
+            for (surface, (sky_irradiance, sky_irradiance_error)) in
+                surfaces.iter_mut().zip(irradiances.into_iter().zip(errors))
+            {
+                surface.sky = Some(SkylitSurface {
+                    sky_irradiance,
+                    sky_irradiance_error,
+                });
             }
         }
         surfaces
@@ -109,6 +133,7 @@ impl LitSurface {
             surface,
             radiosity,
             sun: None,
+            sky: None,
         };
         surfaces.map(record).collect()
     }

@@ -7,7 +7,7 @@
 //! | `.vtu` | patches with the same quantities | ParaView, PyVista |
 //!
 //! `error` is the estimated error of the radiosity (see [`carried_error`](crate::solver::carried_error)), `row_sum` the sum of each patch's form factors; both
-//! are left out where no form factors are stored, and `error` where their errors are not known. In sunlight `.npz` and `.vtu` have `sunlit_fraction`, `sun_irradiance` and their errors too. Radiosity, irradiance, exitance, residual and error are in W·m⁻², area in m², centroids in m.
+//! are left out where no form factors are stored, and `error` where their errors are not known. In daylight `.npz` and `.vtu` have `sunlit_fraction`, `sun_irradiance`, `sky_irradiance` and their errors too. Radiosity, irradiance, exitance, residual and error are in W·m⁻², area in m², centroids in m.
 
 use std::io::{self, Seek, Write};
 use std::path::Path;
@@ -44,6 +44,8 @@ pub struct SolutionReport<'a> {
     pub row_sums: Option<&'a [f64]>,
     /// The sunlight; it is in the irradiance, and not in the exitance.
     pub sun: Option<&'a Sunlit>,
+    /// The irradiance straight from the sky and its error, W·m⁻², \[n, c\]; it is in the irradiance, and not in the exitance.
+    pub sky: Option<&'a [Block; 2]>,
     /// How the form factors and the solution were computed: no time, path or number of threads.
     pub settings: &'a Map<String, Value>,
 }
@@ -169,6 +171,10 @@ impl SolutionReport<'_> {
                 ("sun_irradiance", sun.irradiance.clone()),
                 ("sun_irradiance_error", sun.error.clone()),
             ]);
+        }
+        if let Some([irradiance, error]) = self.sky {
+            quantities.push(("sky_irradiance", irradiance.clone()));
+            quantities.push(("sky_irradiance_error", error.clone()));
         }
         if let Some(sums) = self.row_sums {
             quantities.push(("row_sum", Block::from_values(sums.to_vec(), 1)));

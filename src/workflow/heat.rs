@@ -4,7 +4,7 @@ use super::solve::Known;
 use super::{Context, FormFactorStudy, MeshError, Model, SolveRequest, TotalError, Warning, WorkflowError};
 use crate::heat::{
     Band, Boundary, DirectLight, Enclosure, Heat, HeatError, Network, Outside, Solution as HeatSolution, Solved,
-    above_horizon, emissive_power, solar_system, sunlight, thermal_exitance,
+    emissive_power, solar_system, sunlight, thermal_exitance,
 };
 use crate::matrix::connected;
 use crate::matrix::operator::{Block, LinearOperator};
@@ -78,7 +78,7 @@ impl Model {
         };
         let network = Network::new(&self.scene, &self.mesh, boundary).map_err(refused)?;
         let enclosure = study.enclosure();
-        let direct = self.direct_light(&enclosure, boundary, cx);
+        let direct = self.direct_light(study, boundary, cx);
         let solar = self.solar_band(study, (&network, &direct), request, cx)?;
         let solar_light = solar
             .as_ref()
@@ -137,18 +137,13 @@ impl Model {
     }
 
     /// Finds what arrives straight from sun and sky.
-    fn direct_light(&self, enclosure: &Enclosure<'_>, boundary: &Boundary, cx: &Context) -> DirectLight {
+    fn direct_light(&self, study: &FormFactorStudy, boundary: &Boundary, cx: &Context) -> DirectLight {
         let n = self.mesh.n_patches();
-        let input = self.input();
-        let sun = boundary.sun.map(|sun| cx.time("sun", || sunlight(input, &sun)));
+        let sun = boundary.sun.map(|sun| cx.time("sun", || sunlight(self.input(), &sun)));
         let sky = match &boundary.sky {
             None => [vec![0.0; n], vec![0.0; n]],
             Some(sky) => {
-                let row_sums = enclosure.received(&vec![1.0; n]);
-                let sees_nothing =
-                    |i: usize| row_sums[i] <= 0.0 && enclosure.backs[i].value + enclosure.backs[i].error() <= 0.0;
-                let sees_nothing: Vec<bool> = (0..n).map(sees_nothing).collect();
-                let above = cx.time("sky", || above_horizon(input, sky, enclosure.sky, &sees_nothing));
+                let above = self.above_horizon(study, sky, cx);
                 [
                     above.iter().map(|own| sky.irradiance() * own.value).collect(),
                     above.iter().map(|own| sky.irradiance() * own.error()).collect(),

@@ -3,7 +3,9 @@
 use std::ops::Range;
 use std::path::PathBuf;
 
-use super::{Context, FormFactorStudy, Model, SolutionStudy, SolveRequest, TotalError, WorkflowError};
+use super::{
+    Context, DirectDaylight, FormFactorStudy, Model, SolutionStudy, SolveRequest, TotalError, WorkflowError, is_grey,
+};
 use crate::matrix::operator::{Block, LinearOperator};
 use crate::mesh::Patch;
 use crate::scene::Lighting;
@@ -38,7 +40,7 @@ impl Stack {
             };
             let of_patches: Vec<_> = model.mesh.patches.iter().map(of_patch).collect();
             // What is grey everywhere takes a third of the time in one channel.
-            let grey = of_patches.iter().all(|(rho, e)| is_grey(rho) && is_grey(e));
+            let grey = of_patches.iter().all(|(rho, e)| is_grey(*rho) && is_grey(*e));
             let own = n_channels..n_channels + if grey { 1 } else { 3 };
             n_channels = own.end;
             channels.push(own);
@@ -152,7 +154,7 @@ impl Model {
                 carried,
                 error,
                 mesh_error,
-                sunlit: None,
+                direct: DirectDaylight::default(),
             };
             let lit = LightingStudy {
                 number,
@@ -164,11 +166,6 @@ impl Model {
         }
         Ok((solution, worst))
     }
-}
-
-/// Tells whether all three channels are the same.
-fn is_grey(rgb: &[f64; 3]) -> bool {
-    rgb.iter().all(|value| value.to_bits() == rgb[0].to_bits())
 }
 
 /// Returns some channels of a block.

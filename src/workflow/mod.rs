@@ -5,6 +5,7 @@
 //! are carried into the light ([`SolutionStudy::error`]). The program, the experiments and other languages call the same functions.
 
 mod context;
+mod daylight;
 mod error;
 mod exchange;
 mod field;
@@ -24,7 +25,6 @@ mod sequence;
 mod settings;
 mod solve;
 mod storage;
-mod sun;
 mod surfaces;
 mod total_error;
 mod view;
@@ -35,6 +35,7 @@ mod warning;
 mod warning_text;
 
 pub use context::{Context, Demand, Watch};
+pub use daylight::{Daylight, DirectDaylight, SkyRequest, SunRequest, is_grey};
 pub use error::{Unsuited, WorkflowError};
 pub use exchange::ExchangeNodes;
 pub use field::FieldRequest;
@@ -57,7 +58,6 @@ pub use sequence::{
 pub use settings::{Balanced, Settings, StatedClosure, SunRecord, VarianceRepair};
 pub use solve::{Known, SolutionStudy, SolveRequest, go_on};
 pub use storage::{ChosenStorage, MatrixDemand, Memory, Storage, choice_text, choose_storage, place_text};
-pub use sun::SunRequest;
 pub use surfaces::SurfaceTable;
 pub use total_error::TotalError;
 pub use view::{CameraChoice, CameraOrigin, ImageView, ViewRequest};

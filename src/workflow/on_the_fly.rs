@@ -2,8 +2,8 @@
 
 use super::solve::{Parts, solve_system};
 use super::{
-    Context, FormFactorRequest, Known, Model, SolutionStudy, SolveRequest, Storage, TotalError, Unsuited, Warning,
-    WorkflowError,
+    Context, DirectDaylight, FormFactorRequest, Known, Model, SolutionStudy, SolveRequest, Storage, TotalError,
+    Unsuited, Warning, WorkflowError,
 };
 use crate::audit::Given;
 use crate::form_factor::registry::METHODS;
@@ -29,7 +29,7 @@ impl Model {
             solution,
             carried: None,
             mesh_error: None,
-            sunlit: None,
+            direct: DirectDaylight::default(),
         };
         Ok((study, indirect))
     }

@@ -140,6 +140,8 @@ settings! {
     seeds: u64,
     /// True if a picture shows the voxels themselves.
     show_voxels: bool,
+    /// The irradiance of the sky on an unoccluded plane that faces up, W·m⁻², of each channel.
+    sky_irradiance: [f64; 3],
     /// The solver.
     solver: String,
     /// The first radiosities.

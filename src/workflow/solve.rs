@@ -6,10 +6,9 @@ use std::sync::Arc;
 
 use super::mesh_error::MeshError;
 use super::total_error::TotalError;
-use super::{Context, FormFactorStudy, Model, Warning, WorkflowError};
+use super::{Context, DirectDaylight, FormFactorStudy, Model, Warning, WorkflowError};
 use crate::audit::{self, Given};
 use crate::form_factor::Fraction;
-use crate::heat::Sunlit;
 use crate::matrix::operator::{Block, LinearOperator};
 use crate::matrix::{Need, Precision};
 use crate::mesh::{Hierarchy, Mesh};
@@ -92,8 +91,8 @@ pub struct SolutionStudy {
     pub error: TotalError,
     /// The change by a coarser mesh; `None` where that is not known.
     pub mesh_error: Option<MeshError>,
-    /// The sunlight, where the sun shines.
-    pub sunlit: Option<Sunlit>,
+    /// The light straight from sun and sky, where these shine.
+    pub direct: DirectDaylight,
 }
 
 /// What is known of form factors beside their values.
@@ -201,7 +200,7 @@ impl Model {
             solution,
             carried: None,
             mesh_error: None,
-            sunlit: None,
+            direct: DirectDaylight::default(),
         };
         (study, dark)
     }
@@ -238,7 +237,7 @@ impl Model {
             solution,
             carried,
             mesh_error,
-            sunlit: None,
+            direct: DirectDaylight::default(),
         })
     }
 
@@ -263,7 +262,8 @@ impl Model {
             solution: &study.solution,
             error: study.carried.as_ref(),
             row_sums: row_sums.as_deref(),
-            sun: study.sunlit.as_ref(),
+            sun: study.direct.sun.as_ref(),
+            sky: study.direct.sky.as_ref(),
             settings: &cx.settings.record(),
         };
         Ok(report.write(path)?)

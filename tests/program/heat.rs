@@ -162,6 +162,39 @@ fn the_sun_comes_from_flags_or_from_the_file() {
     );
 }
 
+/// A uniform sky lights what sees it: a floor below a plate by its sky factor, a wall by half, what faces down not at all.
+#[test]
+fn a_scene_is_solved_under_a_sky() {
+    let directory = TempDir::new().unwrap();
+    std::fs::write(
+        directory.path().join("scene.obj"),
+        "v 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nv 1 1 1\nv 2 1 1\nv 2 2 1\nv 1 2 1\nv 0 90 0\nv 1 90 0\nv 1 90 1\nv 0 90 1\n\
+         o floor\nf 1 2 3 4\no plate\nf 5 6 7 8\no under\nf 8 7 6 5\no wall\nf 12 11 10 9\n",
+    )
+    .unwrap();
+    let run = |command: &str, more: &[&str]| {
+        let (code, result) = document(directory.path(), &[&[command, "scene.obj"], more].concat());
+        assert_eq!(code, 0, "{result}");
+        result
+    };
+    let factors = run("form-factors", &[]);
+    let seen = factors["surface_form_factor"][0][2].as_f64().unwrap();
+    let result = run("solve", &["--sky", "80,40,20"]);
+    let surface = |k: usize| &result["surfaces"][k];
+    for (k, fraction) in [(0, 1.0 - seen), (1, 1.0), (2, 0.0), (3, 0.5)] {
+        let [light, error] = ["sky_irradiance", "sky_irradiance_error"].map(|key| crate::numbers(&surface(k)[key]));
+        for (c, strength) in [80.0, 40.0, 20.0].into_iter().enumerate() {
+            let off = (light[c] - strength * fraction).abs();
+            assert!(off <= error[c] + 1e-9 * strength && error[c] <= 1e-3 * strength, "{}", surface(k));
+        }
+    }
+    // The plate sees nothing but the sky, and reflects half of its light.
+    assert!((crate::numbers(&surface(1)["radiosity"])[0] - 40.0).abs() < 1e-9, "{}", surface(1));
+    let (code, grey) = document(directory.path(), &["solve", "scene.obj", "--sky", "80"]);
+    assert_eq!((code, crate::numbers(&grey["surfaces"][1]["radiosity"]).len()), (0, 1), "{grey}");
+    assert_eq!(grey["settings"]["sky_irradiance"], serde_json::json!([80.0, 80.0, 80.0]));
+}
+
 #[test]
 fn mistakes_are_one_line() {
     let directory = room();

@@ -38,6 +38,9 @@ pub struct SunArgs {
     /// The angular radius of the sun in degrees: above 0 its shadows have penumbras [default: 0]
     #[arg(long, value_name = "DEG", value_parser = parse_not_negative, requires = "sun_direction")]
     pub sun_radius: Option<f64>,
+    /// The irradiance of a uniform sky on an unobstructed plane that faces up, W/m²: one number, or red, green and blue; up is that of the boundary file's sky, or +z
+    #[arg(long, value_name = "W[,G,B]", value_parser = parse_channels)]
+    pub sky: Option<[f64; 3]>,
 }
 
 impl SunArgs {
@@ -97,9 +100,6 @@ pub struct HeatArgs {
     /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-6]
     #[arg(long, value_name = "T", value_parser = parse_positive)]
     pub form_factor_tolerance: Option<f64>,
-    /// A uniform sky: the irradiance of an unoccluded plane that faces up, W/m²; up is that of the file, or +z
-    #[arg(long, value_name = "W", value_parser = parse_not_negative, help_heading = "Sun")]
-    pub sky: Option<f64>,
     #[command(flatten)]
     pub sun: SunArgs,
     #[command(flatten)]

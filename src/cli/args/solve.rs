@@ -100,10 +100,10 @@ pub struct SolveArgs {
     #[arg(long, value_name = "F.npz", conflicts_with_all = of_computation())]
     pub form_factors: Option<PathBuf>,
     /// Compute the form factors again in every pass instead of storing them; for methods that compute rows
-    #[arg(long, conflicts_with_all = ["form_factors", "lighting", "balance", "checkpoint", "sun_irradiance"])]
+    #[arg(long, conflicts_with_all = ["form_factors", "lighting", "balance", "checkpoint", "sun_irradiance", "sky"])]
     pub on_the_fly: bool,
     /// A file with other exitances and reflectances, by surface or material; give it several times to solve for all at once
-    #[arg(long, value_name = "A.toml", conflicts_with = "sun_irradiance")]
+    #[arg(long, value_name = "A.toml", conflicts_with_all = ["sun_irradiance", "sky"])]
     pub lighting: Vec<PathBuf>,
     /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-6]
     #[arg(long, value_name = "T", value_parser = parse_positive)]

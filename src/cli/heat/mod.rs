@@ -13,9 +13,9 @@ use super::failure::Failure;
 use super::file_set::FileSet;
 use super::run::Run;
 use super::solution::code;
-use super::sun::{grey, sun};
+use super::sun::{daylight, expect_grey, sky, sun};
 use crate::document::HeatDocument;
-use crate::heat::{Boundary, Sky};
+use crate::heat::Boundary;
 use crate::mesh::Subdivision;
 use crate::report::exchange;
 use crate::report::form_factors::{FormFactorFile, files_of};
@@ -36,8 +36,9 @@ fn work(args: &HeatArgs, run: &mut Run) -> Result<Outcome, Failure> {
     if let Some(path) = &args.exchange_factors {
         exchange::Format::of(path)?;
     }
-    // Before the work: a mistake in the sun is found at once.
-    sun(&args.sun, DVec3::Z)?.map(grey).transpose()?;
+    // Before the work: a mistake in sun and sky is found at once.
+    expect_grey(&args.sun)?;
+    daylight(&args.sun)?;
     files(args).check()?;
     let file = args.form_factors.as_deref().map(FormFactorFile::open).transpose()?;
     let mesh = file.as_ref().map_or(Ok(args.mesh), |file| args.mesh.of_file(file))?;
@@ -51,11 +52,8 @@ fn work(args: &HeatArgs, run: &mut Run) -> Result<Outcome, Failure> {
     // Before the work: a mistake in them is found at once.
     let mut boundary = Boundary::load(&args.boundary, &model.scene)?;
     let up = boundary.sky.map_or(DVec3::Z, |sky| sky.up());
-    boundary.sun = sun(&args.sun, up)?.map(grey).transpose()?.or(boundary.sun);
-    if let Some(irradiance) = args.sky {
-        let sky = Sky::new(irradiance, up).map_err(|(_, wrong)| Failure::usage(format!("--sky: {wrong}")))?;
-        boundary.sky = Some(sky);
-    }
+    boundary.sun = sun(&args.sun, up)?.map(|request| request.sun).or(boundary.sun);
+    boundary.sky = sky(&args.sun, up)?.map(|request| request.sky).or(boundary.sky);
     let method = run.request(&args.method, args.form_factor_tolerance, Afterwards::Light);
     let solver = args.solver.request();
     let need = solver.need(&run.cx)?;

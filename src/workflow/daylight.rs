@@ -1,0 +1,148 @@
+//! Light of sun and sky on the patches of a scene.
+
+use super::{Context, FormFactorStudy, Model, SolutionStudy, SolveRequest, WorkflowError};
+use crate::form_factor::Fraction;
+use crate::heat::{Sky, Sun, Sunlit, above_horizon};
+use crate::matrix::operator::{Block, LinearOperator};
+
+/// The sun as channels see it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SunRequest {
+    /// Its direction and size.
+    pub sun: Sun,
+    /// The irradiance of a plane that faces it, W·m⁻², in three channels.
+    pub irradiance: [f64; 3],
+}
+
+/// A uniform sky as channels see it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SkyRequest {
+    /// Its direction.
+    pub sky: Sky,
+    /// The irradiance of an unoccluded plane that faces up, W·m⁻², in three channels.
+    pub irradiance: [f64; 3],
+}
+
+/// Sun and sky, as far as they shine.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Daylight {
+    /// The sun.
+    pub sun: Option<SunRequest>,
+    /// The sky.
+    pub sky: Option<SkyRequest>,
+}
+
+/// The light that comes straight from sun and sky.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct DirectDaylight {
+    /// The sunlight, where the sun shines.
+    pub sun: Option<Sunlit>,
+    /// The irradiance straight from the sky and its error, W·m⁻², \[n, c\], where it shines.
+    pub sky: Option<[Block; 2]>,
+}
+
+/// Tells whether all channels are the same.
+#[must_use]
+pub fn is_grey(channels: [f64; 3]) -> bool {
+    channels.iter().all(|value| value.to_bits() == channels[0].to_bits())
+}
+
+impl Daylight {
+    /// Tells whether sun or sky shine.
+    #[must_use]
+    pub fn shines(&self) -> bool {
+        self.sun.is_some() || self.sky.is_some()
+    }
+
+    /// Tells whether sun and sky are the same in all channels.
+    #[must_use]
+    pub fn is_grey(&self) -> bool {
+        self.sun.is_none_or(|sun| is_grey(sun.irradiance)) && self.sky.is_none_or(|sky| is_grey(sky.irradiance))
+    }
+}
+
+impl DirectDaylight {
+    /// Returns the irradiances of sun and sky with their errors.
+    fn parts(&self) -> impl Iterator<Item = [&Block; 2]> {
+        let sun = self.sun.as_ref().map(|sunlit| [&sunlit.irradiance, &sunlit.error]);
+        let sky = self.sky.as_ref().map(|[irradiance, error]| [irradiance, error]);
+        sun.into_iter().chain(sky)
+    }
+}
+
+/// Adds `of(i, c)` times a block to another.
+fn add(to: &mut Block, light: &Block, factor: Option<&Block>) {
+    for (k, (sum, value)) in to.values_mut().iter_mut().zip(light.values()).enumerate() {
+        *sum += factor.map_or(*value, |factor| factor.values()[k] * value);
+    }
+}
+
+impl Model {
+    /// Solves for the light of the scene's own materials in daylight, and states its error.
+    ///
+    /// B = E + ρ (D + F B), with D straight from sun and sky. The irradiance of the solution includes D; its energy counts ρ D as emitted.
+    ///
+    /// # Errors
+    /// As [`solve_system`](Self::solve_system).
+    pub fn solve_in_daylight(
+        &mut self,
+        study: &FormFactorStudy,
+        request: &SolveRequest,
+        daylight: &Daylight,
+        cx: &mut Context,
+    ) -> Result<SolutionStudy, WorkflowError> {
+        if !daylight.is_grey() {
+            self.plan.revise_channels(3);
+            self.plan.n_channels = 3;
+            self.plan.revise("channels", "3", "sun or sky have a colour");
+        }
+        let (reflectance, exitance) = self.materials();
+        let direct = self.direct_daylight(study, daylight, cx);
+        let (mut lit, mut error) = (exitance.clone(), Block::zeros(exitance.n_rows(), exitance.n_channels()));
+        for [irradiance, own_error] in direct.parts() {
+            add(&mut lit, irradiance, Some(&reflectance));
+            add(&mut error, own_error, Some(&reflectance));
+        }
+        let system = (&study.factors as &dyn LinearOperator, study.factors.areas().to_vec());
+        let materials = (reflectance.clone(), lit.clone());
+        let solution = self.solve_system(system, request, materials, study.known(), cx)?;
+        let mut found = self.judged_with(study, (&reflectance, &lit), Some(&error), solution, cx)?;
+        for [irradiance, _] in direct.parts() {
+            add(&mut found.solution.irradiance, irradiance, None);
+        }
+        found.direct = direct;
+        Ok(found)
+    }
+
+    /// Finds what comes straight from sun and sky.
+    fn direct_daylight(&self, study: &FormFactorStudy, daylight: &Daylight, cx: &Context) -> DirectDaylight {
+        let n_channels = self.plan.n_channels;
+        let sun = daylight.sun.map(|sun| {
+            let strengths = &sun.irradiance[..n_channels];
+            cx.time("sun", || Sunlit::new(self.input(), &sun.sun, strengths))
+        });
+        let sky = daylight.sky.map(|request| {
+            let above = self.above_horizon(study, &request.sky, cx);
+            let strengths = &request.irradiance[..n_channels];
+            let block = |of: fn(&Fraction) -> f64| {
+                let values = above.iter().flat_map(|own| strengths.iter().map(move |s| s * of(own)));
+                Block::from_values(values.collect(), n_channels)
+            };
+            [block(|own| own.value), block(|own| own.error())]
+        });
+        DirectDaylight { sun, sky }
+    }
+
+    /// Returns the fraction of the light of each patch that escapes above the horizon of a sky, \[n\].
+    pub(super) fn above_horizon(&self, study: &FormFactorStudy, sky: &Sky, cx: &Context) -> Vec<Fraction> {
+        let row_sums = study.factors.row_sums();
+        let sees_nothing = |i: usize| {
+            let back = study.sky.back[i];
+            row_sums[i] <= 0.0 && back.value + back.error() <= 0.0
+        };
+        let sees_nothing: Vec<bool> = (0..self.mesh.n_patches()).map(sees_nothing).collect();
+        cx.time("sky", || {
+            above_horizon(self.input(), sky, &study.sky.sky, &sees_nothing)
+        })
+    }
+}
