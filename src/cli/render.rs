@@ -10,7 +10,7 @@ use super::file_set::FileSet;
 use super::picture::{image_file, preview_of};
 use super::run::Run;
 use super::view::{demand, expect_sensible, render_settings, tell_camera};
-use super::{Outcome, solution};
+use super::{Outcome, solution, sun};
 use crate::document::{FormFactorRecord, LitSurface, RenderDocument, SolverRecord};
 use crate::printable::short;
 use crate::render::GatherReport;
@@ -36,12 +36,17 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
     files.reads_scene(&args.scene, &args.common.reading);
     files.reads("the camera", request.camera_file()).check()?;
     run.expect(&args.storage, demand(args));
+    let daylight = sun::daylight(&args.sun)?;
+    // In daylight no face has to emit.
+    run.has_lightings = daylight.shines();
+    args.sun.note(&mut run.cx);
     let mut model = run.prepare(&args.scene, args.mesh, image_patches)?;
     let view = request.view(&args.scene, &model.scene)?;
     run.cx.demand.image_byte = image_byte(view.as_view(), &settings, &run.cx.memory)?;
     let method = run.request(&args.method, args.form_factor_tolerance, Afterwards::Image);
     let asked = (&method, &args.solver.request());
-    let light = model.light_for_image(asked, settings.direct, args.on_the_fly, &mut run.cx)?;
+    let direct = (settings.direct, &daylight);
+    let light = model.light_for_image(asked, direct, args.on_the_fly, &mut run.cx)?;
     view.note_left_out(&mut model, &run.cx);
     let camera = view.origin().map(|origin| origin.text(&flag));
     let wanted = ImageRequest {
@@ -62,7 +67,7 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let document = RenderDocument {
         solver: SolverRecord::new(&model, &light.solver, solution, error),
         energy: solution.energy.clone(),
-        surfaces: LitSurface::of(&model, solution),
+        surfaces: LitSurface::in_daylight(&model, &light.study),
         form_factors: light.factors.as_ref().map(FormFactorRecord::from),
         mesh_error: light.study.mesh_error.clone(),
         image: args.output.display().to_string(),

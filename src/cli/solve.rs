@@ -60,8 +60,7 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
         return lightings::run(&loaded, run, model, &factors, args);
     }
     if daylight.shines() {
-        run.cx.settings.sun = daylight.sun.map(|_| args.sun.record());
-        run.cx.settings.sky_irradiance = args.sun.sky;
+        args.sun.note(&mut run.cx);
         let study = model.solve_in_daylight(&factors, &solver, &daylight, &mut run.cx)?;
         return finish(args, run, &model, Some(&factors), &study);
     }

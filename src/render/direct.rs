@@ -6,6 +6,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::direct_exact::{ClearParts, SeenByPatch};
+use super::outdoors::DistantSun;
 use crate::geometry::clip::clip_to_half_space;
 use crate::geometry::point_form_factor::point_form_factor;
 use crate::geometry::polygon;
@@ -139,6 +140,7 @@ pub(super) struct DirectPass<'a> {
     method: DirectMethod,
     sequence: Sequence,
     seed: u64,
+    sun: Option<DistantSun>,
     emitters: Vec<Emitter>,
     /// E of every face.
     exitance: Vec<[f64; 3]>,
@@ -149,10 +151,10 @@ pub(super) struct DirectPass<'a> {
 /// Buffers of one thread.
 #[derive(Default)]
 pub(super) struct Scratch {
-    rays: RayBatch,
+    pub(super) rays: RayBatch,
     hits: HitBatch,
-    blocked: Vec<bool>,
-    weights: Vec<f64>,
+    pub(super) blocked: Vec<bool>,
+    pub(super) weights: Vec<f64>,
     seen: SeenByPatch,
 }
 
@@ -197,20 +199,38 @@ impl<'a> DirectPass<'a> {
             method,
             sequence,
             seed,
+            sun: None,
             emitters,
             exitance,
             clear: (method == DirectMethod::Exact).then(|| ClearParts::new(scene, mesh)),
         }
     }
 
-    /// Estimates the direct irradiance at one point.
+    /// Returns the pass with a sun beside the emitters.
+    pub(super) fn with_sun(self, sun: Option<DistantSun>) -> Self {
+        Self { sun, ..self }
+    }
+
+    /// Estimates the direct irradiance at one point, of the emitters and the sun.
     pub(super) fn estimate(&self, at: &DirectPoint, scratch: &mut Scratch) -> DirectEstimate {
-        match self.method {
+        let mut estimate = match self.method {
             DirectMethod::Off => DirectEstimate::default(),
             DirectMethod::CosineRays { n } => self.by_rays(at, n.get(), scratch),
             DirectMethod::Polygons { n } => self.by_polygons(at, n.get(), scratch),
             DirectMethod::Exact => self.exactly(at, scratch),
+        };
+        if let Some(sun) = &self.sun {
+            let own = sun.estimate(self, at, (self.sequence, self.seed), scratch);
+            for c in 0..3 {
+                estimate.mean[c] += own.mean[c];
+                estimate.variance[c] += own.variance[c];
+            }
         }
+        estimate
+    }
+
+    pub(super) fn visibility(&self) -> &'a dyn Visibility {
+        self.visibility
     }
 
     fn exactly(&self, at: &DirectPoint, scratch: &mut Scratch) -> DirectEstimate {

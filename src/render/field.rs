@@ -78,6 +78,7 @@ pub fn field(
         irradiance: &dark,
         indirect_irradiance: Some(&dark),
         error: None,
+        outdoors: Default::default(),
     };
     let (lit_image, sums) = rendered(&lit, view, settings, progress, &Unwatched)?;
     let mut image = Image::new(lit_image.width(), lit_image.height());

@@ -3,6 +3,7 @@
 use sha2::{Digest, Sha256};
 
 use super::input::RenderInput;
+use super::outdoors::Outdoors;
 use super::settings::RenderSettings;
 use super::view::View;
 use crate::matrix::operator::Block;
@@ -18,6 +19,9 @@ impl RenderInput<'_> {
         let (width, height) = view.size();
         // Debug shows every digit of a float.
         hasher.update(format!("{width} {height} {:?} {settings:?}\n", view.description()));
+        if self.outdoors != Outdoors::default() {
+            hasher.update(format!("{:?}\n", self.outdoors));
+        }
         let origin = self.visibility.frame_origin().to_array();
         for number in origin.into_iter().chain([self.visibility.offset()]) {
             hasher.update(number.to_bits().to_le_bytes());

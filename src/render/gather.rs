@@ -5,6 +5,7 @@
 
 use std::num::NonZeroU32;
 
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::direct::DirectPass;
@@ -368,7 +369,7 @@ impl<'a> Gatherer<'a> {
         for (net, sums) in gathered.nets.iter_mut().enumerate() {
             let first = net * n_new as usize;
             for k in first..first + n_new as usize {
-                let light = self.light(hits, k).unwrap_or_default();
+                let light = self.light(rays, hits, k).unwrap_or_default();
                 if let Some(pool) = pool {
                     pool.add(light);
                 }
@@ -384,9 +385,15 @@ impl<'a> Gatherer<'a> {
         }
     }
 
-    /// Returns the radiosity of what ray k met, or what of it is reflected light.
-    fn light(&self, hits: &HitBatch, k: usize) -> Option<[f64; 3]> {
-        let hit = hits.face(k).filter(|hit| !hit.back)?;
+    /// Returns the radiosity of what ray k met, or what of it is reflected light; π times the radiance of the sky, if it met nothing.
+    fn light(&self, rays: &RayBatch, hits: &HitBatch, k: usize) -> Option<[f64; 3]> {
+        let Some(hit) = hits.face(k) else {
+            let direction = rays.direction.each_ref().map(|axis| f64::from(axis[k]));
+            return Some(self.input.outdoors.sky?.towards(DVec3::from_array(direction)));
+        };
+        if hit.back {
+            return None;
+        }
         let (u, v) = (f64::from(hits.u[k]), f64::from(hits.v[k]));
         let at = self.input.mesh.locate(hit.face, u, v);
         let radiosity = self.shader.radiosity(hit.face, &at);

@@ -1,5 +1,6 @@
 //! What is rendered.
 
+use super::outdoors::Outdoors;
 use crate::matrix::operator::Block;
 use crate::mesh::Mesh;
 use crate::scene::Scene;
@@ -22,4 +23,6 @@ pub struct RenderInput<'a> {
     pub indirect_irradiance: Option<&'a Block>,
     /// The estimated error of B, in W·m⁻².
     pub error: Option<&'a Block>,
+    /// Sun and sky. The irradiances of the patches hold theirs, but for the indirect one, which holds that of the sky alone.
+    pub outdoors: Outdoors,
 }

@@ -13,6 +13,7 @@ mod gather;
 mod image;
 mod input;
 mod kept;
+mod outdoors;
 mod pixel;
 pub mod png;
 mod rare;
@@ -34,6 +35,7 @@ pub use field::{FIELD_SHADOW_RAYS, Field, FieldInput, FieldRecord, SurfaceMean, 
 pub use gather::{GatherReport, GatherSettings};
 pub use image::{Image, Layer, Samples};
 pub use input::RenderInput;
+pub use outdoors::{DistantSky, DistantSun, Outdoors};
 pub use run::{render, render_watched};
 pub use settings::RenderSettings;
 pub use unfolded::{Tile, Unfolded};

@@ -52,6 +52,8 @@ struct Seen {
     n_samples: Vec<u32>,
     /// The front-facing parts of all pixels, pixel by pixel.
     parts: Vec<PixelPart>,
+    /// π times the radiance of the sky that the pixels show.
+    sky: Vec<[f64; 3]>,
 }
 
 /// What all samples that show the front of one surface bring together.
@@ -262,13 +264,19 @@ impl Renderer<'_> {
             None => self.trace(positions(block).map(|(x, y)| (f64::from(x) + 0.5, f64::from(y) + 0.5))),
         };
         let mut parts = Vec::new();
+        let mut sky = vec![[0.0; 3]; n_samples.len()];
         for (pixel, ((position, &n), of_pixel)) in wanted().zip(first.chunks_exact(n_first as usize)).enumerate() {
             let found = of_pixel
                 .iter()
                 .copied()
                 .chain(more.by_ref().take((n - n_first) as usize));
             let first_stream = self.number(position) * self.samples.n_streams();
-            for (stream, point) in (first_stream..).zip(found) {
+            for (sample, point) in (0..).zip(found) {
+                let stream = first_stream + u64::from(sample);
+                if point.is_none() {
+                    let own = self.sky_behind(position, sample);
+                    (0..3).for_each(|c| sky[pixel][c] += own[c] / f64::from(n));
+                }
                 if let Some(point) = point.filter(|point| !point.back) {
                     parts.push(PixelPart {
                         pixel,
@@ -283,7 +291,18 @@ impl Renderer<'_> {
             centres,
             n_samples,
             parts,
+            sky,
         }
+    }
+
+    /// Returns π times the radiance of the sky behind a sample that shows no surface.
+    fn sky_behind(&self, pixel: (u32, u32), sample: u32) -> [f64; 3] {
+        let Some(sky) = &self.input.outdoors.sky else {
+            return [0.0; 3];
+        };
+        let place = self.places(pixel, sample, sample + 1).next();
+        let sight = place.and_then(|(x, y)| self.view.sight(x, y));
+        sight.map_or([0.0; 3], |sight| sky.behind(&sight))
     }
 
     /// Returns what the first samples of a block's pixels see, and how many samples each pixel needs.
@@ -361,10 +380,15 @@ impl Renderer<'_> {
             .centres
             .into_iter()
             .zip(seen.n_samples)
-            .map(|(centre, n_samples)| Pixel {
-                n_samples,
-                centre,
-                ..Pixel::default()
+            .zip(seen.sky)
+            .map(|((centre, n_samples), sky)| {
+                let mut pixel = Pixel {
+                    n_samples,
+                    centre,
+                    ..Pixel::default()
+                };
+                pixel.shade.radiosity = sky;
+                pixel
             })
             .collect();
         let mut scratch = Scratch::default();

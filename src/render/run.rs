@@ -29,7 +29,8 @@ use crate::progress::Progress;
 /// irradiance from the emitters, and `direct_error.*`, its standard error as if all samples were independent. With `gather` also `variance.*`, the variance of `irradiance.*`, and `samples`,
 /// the number of gathered rays (u32). Where the [samples are adaptive](RenderSettings::adaptive) also `pixel_samples`, the number of samples of each pixel (u32). With [`RenderInput::error`] also `error.*`, the estimated error of the patches' radiosity. Colours are means over the pixel's
 /// samples, background counting as 0; `N`, `P`, `Z` and `patch` belong to the pixel's centre. Background is 0 in all
-/// layers, and `u32::MAX` in `patch`.
+/// layers, and `u32::MAX` in `patch`; where a sky shines, `R,G,B` and `radiosity.*` show it.
+/// The sun of [`Outdoors`](super::Outdoors) is a part of the direct pass, by one ray from each sample, or 16 into its disc; the light of the sky is interpolated between patches, or gathered.
 ///
 /// # Final gather
 ///
@@ -129,9 +130,11 @@ pub(super) fn rendered(
     let (width, height) = view.size();
     check_size(u64::from(width), u64::from(height))?;
     let with_direct = settings.direct != DirectMethod::Off;
+    // Without a direct pass the patches have the sun's light, unless rays look for all light that does not come straight.
+    let sun = input.outdoors.sun.filter(|_| with_direct || settings.gather.is_some());
     let direct_pass = || {
         let numbers = (settings.sequence, settings.seed);
-        DirectPass::new(input.scene, input.mesh, input.visibility, settings.direct, numbers)
+        DirectPass::new(input.scene, input.mesh, input.visibility, settings.direct, numbers).with_sun(sun)
     };
     let nothing = Block::zeros(input.mesh.n_patches(), 1);
     let (irradiance, flat) = match (settings.gather, with_direct) {
@@ -150,7 +153,7 @@ pub(super) fn rendered(
         view,
         settings,
         shader: Shader::new(input, irradiance, flat, of_patches),
-        direct: with_direct.then(direct_pass),
+        direct: (with_direct || sun.is_some()).then(direct_pass),
         gatherer: settings.gather.map(|gather| {
             // Interpolation keeps no patch's mean: along creases and contact edges the light would be too bright or too dark.
             let shader = Shader::new(input, input.irradiance, true, Some(input.radiosity));

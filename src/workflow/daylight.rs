@@ -4,6 +4,7 @@ use super::{Context, FormFactorStudy, Model, SolutionStudy, SolveRequest, Workfl
 use crate::form_factor::Fraction;
 use crate::heat::{Sky, Sun, Sunlit, above_horizon};
 use crate::matrix::operator::{Block, LinearOperator};
+use crate::render::{DistantSky, DistantSun, Outdoors};
 
 /// The sun as channels see it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,6 +59,24 @@ impl Daylight {
     #[must_use]
     pub fn is_grey(&self) -> bool {
         self.sun.is_none_or(|sun| is_grey(sun.irradiance)) && self.sky.is_none_or(|sky| is_grey(sky.irradiance))
+    }
+}
+
+impl Daylight {
+    /// Returns sun and sky as a renderer takes them.
+    #[must_use]
+    pub fn outdoors(&self) -> Outdoors {
+        Outdoors {
+            sun: self.sun.map(|request| DistantSun {
+                direction: request.sun.direction(),
+                sine: request.sun.angular_radius_deg().to_radians().sin(),
+                irradiance: request.irradiance,
+            }),
+            sky: self.sky.map(|request| DistantSky {
+                up: request.sky.up(),
+                radiosity: request.irradiance,
+            }),
+        }
     }
 }
 

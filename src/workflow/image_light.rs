@@ -1,10 +1,11 @@
 //! The light that an image shows, solved as far as the image needs it.
 
 use super::{
-    Context, FormFactorRequest, FormFactorStudy, Model, SolutionStudy, SolveRequest, WorkflowError, indirect_irradiance,
+    Context, Daylight, FormFactorRequest, FormFactorStudy, Model, SolutionStudy, SolveRequest, WorkflowError,
+    indirect_irradiance,
 };
 use crate::matrix::operator::Block;
-use crate::render::{DirectMethod, RenderInput};
+use crate::render::{DirectMethod, Outdoors, RenderInput};
 
 /// What stands in the place of a solver's name where none is needed: nothing reflects.
 pub const NO_SOLVER: &str = "none";
@@ -18,8 +19,10 @@ pub struct ImageLight {
     pub study: SolutionStudy,
     /// The form factors, where they are stored.
     pub factors: Option<FormFactorStudy>,
-    /// F (B − E), W·m⁻², \[n, c\], where a direct pass adds the rest.
+    /// F (B − E), and what comes straight from the sky, W·m⁻², \[n, c\], where a direct pass adds the rest.
     pub indirect_irradiance: Option<Block>,
+    /// Sun and sky.
+    pub outdoors: Outdoors,
 }
 
 impl ImageLight {
@@ -34,19 +37,20 @@ impl ImageLight {
             irradiance: &self.study.solution.irradiance,
             indirect_irradiance: self.indirect_irradiance.as_ref(),
             error: self.study.carried.as_ref(),
+            outdoors: self.outdoors,
         }
     }
 }
 
 impl Model {
-    /// Solves for the light of an image with a `direct` pass: not at all where that pass finds all light, without storing form factors if `on_the_fly`.
+    /// Solves for the light of an image with a `direct` pass, in `daylight` as far as that shines: not at all where that pass finds all light, without storing form factors if `on_the_fly`, which takes no daylight.
     ///
     /// # Errors
     /// Those of [`form_factors`](Self::form_factors), [`solve`](Self::solve) and [`solve_on_the_fly`](Self::solve_on_the_fly).
     pub fn light_for_image(
         &mut self,
         (method, solver): (&FormFactorRequest, &SolveRequest),
-        direct: DirectMethod,
+        (direct, daylight): (DirectMethod, &Daylight),
         on_the_fly: bool,
         cx: &mut Context,
     ) -> Result<ImageLight, WorkflowError> {
@@ -54,13 +58,16 @@ impl Model {
         if with_direct {
             self.warn_of_narrow_gaps(cx);
         }
-        let light = if with_direct && !self.scene.is_reflecting() {
+        let light = if daylight.shines() {
+            self.daylight_for_image((method, solver), (with_direct, daylight), cx)?
+        } else if with_direct && !self.scene.is_reflecting() {
             let (study, dark) = self.without_reflection(cx);
             ImageLight {
                 solver: NO_SOLVER.to_owned(),
                 study,
                 factors: None,
                 indirect_irradiance: Some(dark),
+                outdoors: Outdoors::default(),
             }
         } else if on_the_fly {
             let (study, indirect_irradiance) = self.solve_on_the_fly(method, solver, with_direct, cx)?;
@@ -71,6 +78,7 @@ impl Model {
                 study,
                 factors: None,
                 indirect_irradiance,
+                outdoors: Outdoors::default(),
             }
         } else {
             self.stored_light_for_image((method, solver), with_direct, cx)?
@@ -91,6 +99,35 @@ impl Model {
         let need = solver.need(cx)?;
         let factors = self.form_factors(method, need, cx)?;
         let study = self.solve(&factors, solver, cx)?;
+        self.stored_light((factors, study), solver, with_direct, cx)
+    }
+
+    fn daylight_for_image(
+        &mut self,
+        (method, solver): (&FormFactorRequest, &SolveRequest),
+        (with_direct, daylight): (bool, &Daylight),
+        cx: &mut Context,
+    ) -> Result<ImageLight, WorkflowError> {
+        let need = solver.need(cx)?;
+        let factors = self.form_factors(method, need, cx)?;
+        let study = self.solve_in_daylight(&factors, solver, daylight, cx)?;
+        let sky = study.direct.sky.clone();
+        let mut light = self.stored_light((factors, study), solver, with_direct, cx)?;
+        if let (Some(indirect), Some([irradiance, _])) = (&mut light.indirect_irradiance, sky) {
+            let sums = indirect.values_mut().iter_mut().zip(irradiance.values());
+            sums.for_each(|(sum, own)| *sum += own);
+        }
+        light.outdoors = daylight.outdoors();
+        Ok(light)
+    }
+
+    fn stored_light(
+        &self,
+        (factors, study): (FormFactorStudy, SolutionStudy),
+        solver: &SolveRequest,
+        with_direct: bool,
+        cx: &Context,
+    ) -> Result<ImageLight, WorkflowError> {
         let indirect_irradiance = with_direct.then(|| {
             cx.time("solve", || {
                 indirect_irradiance(&factors.factors, &self.materials().1, &study.solution)
@@ -102,6 +139,7 @@ impl Model {
             study,
             factors: Some(factors),
             indirect_irradiance,
+            outdoors: Outdoors::default(),
         })
     }
 }

@@ -378,6 +378,7 @@ impl<'a> Solved<'a> {
             irradiance: &own.irradiance,
             indirect_irradiance: Some(&indirect),
             error: carried.as_ref(),
+            outdoors: Default::default(),
         };
         let camera = frame.view.origin().map(|origin| origin.text(&cx.naming));
         let image = ImageRequest {

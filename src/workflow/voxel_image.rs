@@ -90,6 +90,7 @@ impl Model {
             irradiance: &irradiance,
             indirect_irradiance: None,
             error: None,
+            outdoors: Default::default(),
         };
         let view = request.view.as_view();
         Ok(cx.time("render", || render(&input, view, &request.settings, &cx.progress()))?)

@@ -185,14 +185,29 @@ fn a_scene_is_solved_under_a_sky() {
         let [light, error] = ["sky_irradiance", "sky_irradiance_error"].map(|key| crate::numbers(&surface(k)[key]));
         for (c, strength) in [80.0, 40.0, 20.0].into_iter().enumerate() {
             let off = (light[c] - strength * fraction).abs();
-            assert!(off <= error[c] + 1e-9 * strength && error[c] <= 1e-3 * strength, "{}", surface(k));
+            assert!(
+                off <= error[c] + 1e-9 * strength && error[c] <= 1e-3 * strength,
+                "{}",
+                surface(k)
+            );
         }
     }
     // The plate sees nothing but the sky, and reflects half of its light.
-    assert!((crate::numbers(&surface(1)["radiosity"])[0] - 40.0).abs() < 1e-9, "{}", surface(1));
+    assert!(
+        (crate::numbers(&surface(1)["radiosity"])[0] - 40.0).abs() < 1e-9,
+        "{}",
+        surface(1)
+    );
     let (code, grey) = document(directory.path(), &["solve", "scene.obj", "--sky", "80"]);
-    assert_eq!((code, crate::numbers(&grey["surfaces"][1]["radiosity"]).len()), (0, 1), "{grey}");
-    assert_eq!(grey["settings"]["sky_irradiance"], serde_json::json!([80.0, 80.0, 80.0]));
+    assert_eq!(
+        (code, crate::numbers(&grey["surfaces"][1]["radiosity"]).len()),
+        (0, 1),
+        "{grey}"
+    );
+    assert_eq!(
+        grey["settings"]["sky_irradiance"],
+        serde_json::json!([80.0, 80.0, 80.0])
+    );
 }
 
 #[test]

@@ -9,7 +9,7 @@ use super::{
     AuditArgs, CommonArgs, MeshArgs, MethodArgs, SolverArgs, StorageArgs, parse_channels, parse_not_negative,
     parse_positive, parse_vector,
 };
-use crate::workflow::{ExchangeNodes, SunRecord};
+use crate::workflow::{Context, ExchangeNodes, SunRecord};
 
 /// The sun.
 #[derive(Args, Clone, Debug)]
@@ -44,8 +44,13 @@ pub struct SunArgs {
 }
 
 impl SunArgs {
-    /// Returns what was given, as settings of a run have it.
-    pub(in crate::cli) fn record(&self) -> SunRecord {
+    /// Adds what was given to the settings of a run.
+    pub(in crate::cli) fn note(&self, cx: &mut Context) {
+        cx.settings.sky_irradiance = self.sky;
+        cx.settings.sun = self.sun_irradiance.map(|_| self.record());
+    }
+
+    fn record(&self) -> SunRecord {
         SunRecord {
             sun: self.sun,
             latitude: self.latitude,

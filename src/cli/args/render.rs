@@ -6,7 +6,8 @@ use clap::{Args, ValueEnum};
 use glam::DVec3;
 
 use super::{
-    AuditArgs, CommonArgs, MeshArgs, MethodArgs, SolverArgs, StorageArgs, parse_angle, parse_positive, parse_vector,
+    AuditArgs, CommonArgs, MeshArgs, MethodArgs, SolverArgs, StorageArgs, SunArgs, parse_angle, parse_positive,
+    parse_vector,
 };
 use crate::render::exr::{Parts, Pixels};
 use crate::scene::IMAGE_SIDES;
@@ -38,10 +39,10 @@ pub struct RenderArgs {
     #[arg(long, value_name = "T", value_parser = parse_positive)]
     pub form_factor_tolerance: Option<f64>,
     /// Compute the form factors again in every pass instead of storing them; for methods that compute rows
-    #[arg(long, conflicts_with_all = ["frames", "balance", "checkpoint"])]
+    #[arg(long, conflicts_with_all = ["frames", "balance", "checkpoint", "sun_irradiance", "sky"])]
     pub on_the_fly: bool,
     /// Render a sequence: a TOML file of frames, each with a name, a lighting, a camera and objects that move; writes IMAGE-NAME.exr for each
-    #[arg(long, value_name = "FILE.toml", help_heading = "Picture")]
+    #[arg(long, value_name = "FILE.toml", help_heading = "Picture", conflicts_with_all = ["sun_irradiance", "sky"])]
     pub frames: Option<PathBuf>,
     /// Show the picture while it is rendered in the viewer tev that listens there, as in localhost:14158
     #[arg(long, value_name = "HOST:PORT", help_heading = "Picture")]
@@ -52,6 +53,8 @@ pub struct RenderArgs {
     pub gather: GatherArgs,
     #[command(flatten)]
     pub file: PictureFileArgs,
+    #[command(flatten)]
+    pub sun: SunArgs,
     #[command(flatten)]
     pub mesh: MeshArgs,
     #[command(flatten)]

@@ -188,6 +188,7 @@ pub fn reproduce(level: u32, progress: &dyn Progress) -> Result<PicturesResults,
         irradiance: &solution.irradiance,
         indirect_irradiance: Some(&indirect),
         error: None,
+        outdoors: Default::default(),
     };
     let camera = camera.unwrap_or_else(|| crate::scene::Camera::default_view(&scene));
     let ray = |x: f64, y: f64| camera.primary_ray(x, y, width, width);

@@ -18,6 +18,9 @@ pub enum VerifyError {
          render it with a direct pass to verify it"
     )]
     NoDirectPass,
+    /// The image shows the light of a sun or a sky.
+    #[error("the image shows daylight, of which no closed form is known; render it without sun and sky to verify it")]
+    Daylight,
     /// The image does not say which camera made it.
     #[error("the image's description of its camera cannot be used: {}", quoted(.0))]
     BadCamera(String),

@@ -89,6 +89,12 @@ pub fn verify_image(image: &Image, attributes: &Attributes) -> Result<VerifyRepo
         DirectMethod::CosineRays { n } => n.get(),
         DirectMethod::Polygons { .. } | DirectMethod::Exact => 0,
     };
+    if ["sun", "sky_irradiance"]
+        .iter()
+        .any(|key| !attributes.solution[*key].is_null())
+    {
+        return Err(VerifyError::Daylight);
+    }
     check_polygons(attributes)?;
     let reference = Reference::new(attributes, n_rays).ok_or(VerifyError::NoEmitter)?;
     let layers = Layers::new(image, &reference)?;

@@ -235,6 +235,7 @@ fn solutions_hold_the_residual() {
     let settings = json!({"solver": "pcg"});
     let report = SolutionReport {
         sun: None,
+        sky: None,
         error: None,
         row_sums: None,
         scene: &case.scene,

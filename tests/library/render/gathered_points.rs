@@ -160,6 +160,7 @@ impl Lit {
             irradiance: &irradiance,
             indirect_irradiance: None,
             error: None,
+            outdoors: Default::default(),
         };
         let settings = RenderSettings {
             direct: DirectMethod::Polygons { n: n(1) },

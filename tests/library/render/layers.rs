@@ -159,6 +159,7 @@ fn backs_are_black_and_background_is_zero() {
         irradiance: &irradiance,
         indirect_irradiance: None,
         error: None,
+        outdoors: Default::default(),
     };
     // Three columns: at x/y = −2/3, 0, 2/3 of the middle row.
     let view = camera(3, 3, DVec3::new(0.0, 0.5, 0.5));
@@ -261,6 +262,7 @@ fn direct_methods_agree_in_a_penumbra() {
         irradiance: &zero,
         indirect_irradiance: Some(&zero),
         error: None,
+        outdoors: Default::default(),
     };
     let view = UnfoldedView::new(&scene, n(16)).unwrap();
     let floor = view

@@ -1,5 +1,6 @@
 //! Images of solved scenes: layout, layers, files and verification.
 
+mod daylight;
 mod display;
 mod exr_tools;
 mod field;

@@ -174,6 +174,7 @@ fn the_direct_light_of_a_picture_is_right() {
         irradiance: &dark,
         indirect_irradiance: Some(&dark),
         error: None,
+        outdoors: Default::default(),
     };
     let eye = DVec3::new(0.5, 0.45, -0.6);
     let camera = Camera::new(eye, DVec3::new(-0.35, -0.25, 1.0), DVec3::Y, 60.0).unwrap();

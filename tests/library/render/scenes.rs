@@ -119,6 +119,7 @@ pub(crate) fn flat_input<'a>(
         irradiance: radiosity,
         indirect_irradiance: None,
         error: None,
+        outdoors: Default::default(),
     }
 }
 
@@ -192,6 +193,7 @@ impl Solved {
             irradiance: &self.irradiance,
             indirect_irradiance: Some(&self.indirect),
             error: None,
+            outdoors: Default::default(),
         }
     }
 

@@ -1,0 +1,130 @@
+//! Light from beyond the scene: a sun and a uniform sky.
+
+use std::f64::consts::TAU;
+
+use glam::DVec3;
+
+use super::direct::{DirectEstimate, DirectPass, DirectPoint, Scratch};
+use super::view::Sight;
+use crate::geometry::sampling::{Frame, PointStream, Sequence};
+use crate::visibility::{Coherence, RayBatch};
+
+/// Light from beyond the scene.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Outdoors {
+    /// The sun, if it shines.
+    pub sun: Option<DistantSun>,
+    /// The sky, if it shines.
+    pub sky: Option<DistantSky>,
+}
+
+/// A sun: parallel light, or that of a uniform disc.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DistantSun {
+    /// The unit vector towards it.
+    pub direction: DVec3,
+    /// The sine of its angular radius; 0 of parallel light.
+    pub sine: f64,
+    /// The irradiance of a plane that faces it, W·m⁻².
+    pub irradiance: [f64; 3],
+}
+
+/// A sky of one radiance over the hemisphere about a direction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DistantSky {
+    /// The unit vector upwards.
+    pub up: DVec3,
+    /// π times its radiance: the irradiance of an unoccluded plane that faces up, W·m⁻².
+    pub radiosity: [f64; 3],
+}
+
+/// Directions in the disc of the sun from each sample of a pixel.
+const DIRECTIONS: u32 = 16;
+
+/// The streams of numbers of the disc are others than those of the emitters.
+const SEED: u64 = 0x0005_0000_0000_0001;
+
+impl DistantSky {
+    /// Returns π times the radiance in a direction of any length.
+    pub(super) fn towards(&self, direction: DVec3) -> [f64; 3] {
+        if direction.dot(self.up) > 0.0 {
+            self.radiosity
+        } else {
+            [0.0; 3]
+        }
+    }
+
+    /// Returns π times the radiance behind a sight that meets nothing.
+    pub(super) fn behind(&self, sight: &Sight) -> [f64; 3] {
+        match sight {
+            Sight::Ray { direction, .. } => self.towards(*direction),
+            Sight::Point { .. } => [0.0; 3],
+        }
+    }
+}
+
+impl DistantSun {
+    /// Returns a direction in the disc, uniform over |u|² and the angle; those of [0, 1)² are.
+    fn direction(&self, frame: &Frame, [square, turn]: [f64; 2]) -> DVec3 {
+        let sine = self.sine * square.sqrt();
+        let local = DVec3::new(
+            sine * (TAU * turn).cos(),
+            sine * (TAU * turn).sin(),
+            (1.0 - sine * sine).sqrt(),
+        );
+        frame.to_world(local)
+    }
+
+    /// Estimates its irradiance of a point: H = S Σ_k max(n · s_k, 0) V_k / N over one direction, or 16 in the disc.
+    ///
+    /// The variance is that of a mean of independent directions, which a net of them stays below.
+    pub(super) fn estimate(
+        &self,
+        pass: &DirectPass<'_>,
+        at: &DirectPoint,
+        (sequence, seed): (Sequence, u64),
+        scratch: &mut Scratch,
+    ) -> DirectEstimate {
+        let frame = Frame::from_normal(self.direction);
+        let n = if self.sine > 0.0 { DIRECTIONS } else { 1 };
+        let mut stream = PointStream::new(sequence, seed ^ SEED, at.stream);
+        let origin = pass.origin(at.face, at.point, at.normal);
+        let Scratch {
+            rays, blocked, weights, ..
+        } = scratch;
+        rays.clear();
+        weights.clear();
+        for _ in 0..n {
+            let direction = if self.sine > 0.0 {
+                let [square, turn, ..] = stream.next_point();
+                self.direction(&frame, [square, turn])
+            } else {
+                self.direction
+            };
+            let cosine = at.normal.dot(direction);
+            if cosine > 0.0 {
+                weights.push(cosine);
+                RayBatch::push_ray(rays, origin, direction);
+            }
+        }
+        pass.visibility().occluded(rays, Coherence::Coherent, blocked);
+        let (mut sum, mut squares) = (0.0, 0.0);
+        for (cosine, hidden) in weights.iter().zip(blocked.iter()) {
+            if !hidden {
+                sum += cosine;
+                squares += cosine * cosine;
+            }
+        }
+        let count = f64::from(n);
+        let mean = sum / count;
+        let spread = if n > 1 {
+            (squares / count - mean * mean).max(0.0) / (count - 1.0)
+        } else {
+            0.0
+        };
+        DirectEstimate {
+            mean: self.irradiance.map(|strength| strength * mean),
+            variance: self.irradiance.map(|strength| strength * strength * spread),
+        }
+    }
+}
