@@ -5,7 +5,7 @@ use super::args::{PaperName, ReproduceArgs, parse_tables};
 use super::failure::Failure;
 use super::reproduction::Reproduction;
 use crate::experiment::baranoski::{self, TABLE_OF_SOLVERS, solvers};
-use crate::experiment::{lewis, malgouyres, pictures, stability};
+use crate::experiment::{crater, lewis, malgouyres, pictures, stability};
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
     match args.paper {
@@ -14,6 +14,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
         PaperName::Lewis => lewis(args),
         PaperName::Malgouyres => malgouyres(args),
         PaperName::Pictures => pictures(args),
+        PaperName::Crater => crater(args),
     }
 }
 
@@ -101,6 +102,16 @@ fn pictures(args: &ReproduceArgs) -> Result<Outcome, Failure> {
     cx.settings.level = Some(level);
     let results = cx.time("reproduce", || pictures::reproduce(level, &cx.progress()))?;
     reproduction.finish(results.findings()?)
+}
+
+fn crater(args: &ReproduceArgs) -> Result<Outcome, Failure> {
+    let why = "`crater`: it is one table, and nothing is random";
+    let level = level_of(args, why, crater::LEVEL_DEFAULT, crater::LEVEL_MAX)?;
+    let mut reproduction = Reproduction::new(args)?;
+    let cx = &mut reproduction.run.cx;
+    cx.settings.level = Some(level);
+    let results = cx.time("reproduce", || crater::reproduce(level, &cx.progress()))?;
+    reproduction.finish(results.findings())
 }
 
 /// Returns the level of what has levels alone; `why` names it and says why it has no use for other flags.

@@ -10,6 +10,7 @@ use super::{
 };
 use crate::experiment::baranoski::BaranoskiDocument;
 use crate::experiment::compare::CompareDocument;
+use crate::experiment::crater::CraterResults;
 use crate::experiment::findings::{PaperDocument, Reproduced};
 use crate::experiment::lewis::{LevelTimes, LewisResults};
 use crate::experiment::malgouyres::{MalgouyresResults, SceneTimes};
@@ -40,6 +41,7 @@ pub fn schema() -> Value {
     all.add::<OfPaper<PaperDocument<'_, LewisResults, Vec<LevelTimes>>>>("reproduce-lewis", "reproduce");
     all.add::<OfPaper<PaperDocument<'_, MalgouyresResults, Vec<SceneTimes>>>>("reproduce-malgouyres", "reproduce");
     all.add::<OfPaper<PaperDocument<'_, PicturesResults, PictureTimes>>>("reproduce-pictures", "reproduce");
+    all.add::<OfPaper<PaperDocument<'_, CraterResults, Vec<f64>>>>("reproduce-crater", "reproduce");
     all.add::<FailureDocument>("failure", "");
     all.finish()
 }

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::report::Machine;
+use crate::report::{Machine, Table};
 use crate::workflow::Settings;
 
 /// Files of one directory, by name.
@@ -30,6 +30,50 @@ pub struct Findings<D> {
     pub document: D,
     /// The warning where a figure of ours is not what it must be.
     pub wrong: Option<String>,
+}
+
+/// A figure of ours that must lie in a range.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "cli", schemars(rename = "RangeCheck"))]
+pub struct Check {
+    /// Its name.
+    pub name: String,
+    /// Its value.
+    pub value: f64,
+    /// The least and the greatest value that it may have.
+    pub range: [f64; 2],
+    /// Whether it lies there.
+    pub is_met: bool,
+}
+
+impl Check {
+    /// Returns the check of a value.
+    #[must_use]
+    pub fn new(name: String, value: f64, range: [f64; 2]) -> Self {
+        Self {
+            name,
+            value,
+            range,
+            is_met: (range[0]..=range[1]).contains(&value),
+        }
+    }
+
+    /// Returns a table of checks, values with so many decimals.
+    #[must_use]
+    pub fn table(checks: &[Self], n_decimals: usize) -> Table {
+        let mut table = Table::new(["check", "value", "least", "greatest", "met"]);
+        for check in checks {
+            table.push([
+                check.name.clone(),
+                format!("{:.n_decimals$}", check.value),
+                check.range[0].to_string(),
+                check.range[1].to_string(),
+                if check.is_met { "yes" } else { "NO" }.to_owned(),
+            ]);
+        }
+        table
+    }
 }
 
 /// The part of a reproduction's document that is its own, with the names of its files.

@@ -2,13 +2,14 @@
 //!
 //! [`compare`](compare()) runs every setting of every method ([`SWEEPS`]) over several seeds and says how far each is from a
 //! [`Reference`], and how long it took. [`baranoski`] repeats the tables of that paper, [`lewis`] those of the paper on multigrid.
-//! [`malgouyres`] measures what the paper on voxels leaves open. [`pictures`] holds ways to render one solution against each other. [`stability`] tries every solver on stiff, extreme and impossible systems.
+//! [`malgouyres`] measures what the paper on voxels leaves open. [`crater`] holds the shadow of a tessellated crater against its closed form. [`pictures`] holds ways to render one solution against each other. [`stability`] tries every solver on stiff, extreme and impossible systems.
 //!
 //! Run times are results here, and the only ones that differ from run to run. `radiosity reproduce` keeps them apart: files with `time` in their names hold
 //! them, and so does `index.html`, the page with everything on it ([`page`](crate::report::page)); all others are the same bytes for the same settings. What it prints, and `--json`, has both.
 
 pub mod baranoski;
 pub mod compare;
+pub mod crater;
 pub mod findings;
 mod known;
 pub mod lewis;
@@ -79,6 +80,9 @@ pub enum ExperimentError {
         /// Where.
         residual_l2: f64,
     },
+    /// A study could not be made.
+    #[error(transparent)]
+    Study(#[from] crate::workflow::WorkflowError),
     /// A plot could not be drawn.
     #[error(transparent)]
     Plot(#[from] crate::report::plot::PlotError),
@@ -112,6 +116,7 @@ impl ExperimentError {
             Self::Scene(error) => error.text(named),
             Self::Mesh(error) => error.text(named),
             Self::Solver(error) => error.text(named),
+            Self::Study(error) => error.text(named),
             other => other.to_string(),
         }
     }

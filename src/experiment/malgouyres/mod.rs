@@ -12,7 +12,7 @@ mod runs;
 
 pub use measure::{Case, PatchReference};
 pub use report::SceneTimes;
-pub use runs::{Check, MalgouyresResults, PatchRun, SceneResult, VoxelRun, reproduce};
+pub use runs::{MalgouyresResults, PatchRun, SceneResult, VoxelRun, reproduce};
 
 /// The finest resolution is 10 · 2^level voxels along the longest axis; the greatest level that can be asked for.
 pub const LEVEL_MAX: u32 = 4;

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::{MalgouyresResults, PatchRun, SceneResult, VoxelRun};
 use crate::experiment::ExperimentError;
-use crate::experiment::findings::{FAILED, Files, Findings, PaperDocument, text_file};
+use crate::experiment::findings::{Check, FAILED, Files, Findings, PaperDocument, text_file};
 use crate::report::curves::{Curve, CurvePlot};
 use crate::report::plot::{ErrorTimePlot, PlotPoint, Ranged, Series};
 use crate::report::{Machine, Table};
@@ -69,7 +69,7 @@ fn files(results: &MalgouyresResults) -> Result<Files, ExperimentError> {
         text_file("voxels.csv", voxels_csv(results).to_csv()),
         text_file("patches.csv", patches_csv(results).to_csv()),
         text_file("times.csv", times_csv(results).to_csv()),
-        text_file("checks.csv", checks(results).to_csv()),
+        text_file("checks.csv", Check::table(&results.checks, 4).to_csv()),
         text_file("error-resolution.svg", by_resolution(results).to_svg()?),
         text_file("error-radius.svg", by_radius(results).to_svg()?),
     ];
@@ -114,7 +114,7 @@ fn report(results: &MalgouyresResults, with_times: bool) -> String {
         text.push_str(&patch_table(scene, with_times).to_markdown());
     }
     text.push_str("\n## Checks\n\n");
-    text.push_str(&checks(results).to_markdown());
+    text.push_str(&Check::table(&results.checks, 4).to_markdown());
     text
 }
 
@@ -259,20 +259,6 @@ fn times_csv(results: &MalgouyresResults) -> Table {
                 format!("{:?}", run.time_s),
             ]);
         }
-    }
-    table
-}
-
-fn checks(results: &MalgouyresResults) -> Table {
-    let mut table = Table::new(["check", "value", "least", "greatest", "met"]);
-    for check in &results.checks {
-        table.push([
-            check.name.clone(),
-            format!("{:.4}", check.value),
-            format!("{}", check.range[0]),
-            format!("{}", check.range[1]),
-            if check.is_met { "yes" } else { "NO" }.to_owned(),
-        ]);
     }
     table
 }

@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
+use super::super::findings::Check;
 use super::LEVEL_MAX;
 use super::measure::{CASES, Case, PatchReference};
 use crate::experiment::ExperimentError;
@@ -67,21 +68,6 @@ pub struct PatchRun {
     /// Wall time of form factors and solution, s.
     #[serde(skip)]
     pub time_s: f64,
-}
-
-/// A number and the range in which it must lie.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
-#[cfg_attr(feature = "cli", schemars(rename = "RangeCheck"))]
-pub struct Check {
-    /// What it is.
-    pub name: String,
-    /// Its value.
-    pub value: f64,
-    /// The least and the greatest value that it may have.
-    pub range: [f64; 2],
-    /// Whether it lies there.
-    pub is_met: bool,
 }
 
 /// All runs on one scene.
@@ -350,12 +336,8 @@ const SPREAD: f64 = 0.02;
 
 /// What must hold on a scene.
 fn checks(case: &Case, result: &SceneResult) -> Vec<Check> {
-    let check = |name: String, value: f64, range: [f64; 2]| Check {
-        name: format!("{}: {name}", result.scene),
-        value,
-        range,
-        is_met: (range[0]..=range[1]).contains(&value),
-    };
+    let check =
+        |name: String, value: f64, range: [f64; 2]| Check::new(format!("{}: {name}", result.scene), value, range);
     // Measured: 1.2 to 1.4. Directions of neighbouring voxels differ in what they see, so the errors of their sums partly cancel.
     let mut checks = vec![check("order in 1/R".into(), result.order_in_radius, [0.9, 1.8])];
     for (run, expected) in result.by_resolution.iter().zip(case.expected_errors) {

@@ -8,7 +8,7 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::ExperimentError;
-use super::malgouyres::Check;
+use super::findings::Check;
 use super::solved::solved;
 use crate::form_factor::{ExactMethod, FormFactorMethod as _, Input};
 use crate::matrix::StorageChoice;
@@ -266,12 +266,7 @@ fn errors(image: &Image, reference: &Image) -> [f64; 3] {
 fn checks(runs: &[PictureRun]) -> Vec<Check> {
     let mut checks = Vec::new();
     let mut add = |name: String, value: f64, range: [f64; 2]| {
-        checks.push(Check {
-            name,
-            value,
-            range,
-            is_met: (range[0]..=range[1]).contains(&value),
-        });
+        checks.push(Check::new(name, value, range));
     };
     for run in runs {
         if let Some(noise) = run.noise {

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::{PictureRun, PicturesResults};
 use crate::experiment::ExperimentError;
-use crate::experiment::findings::{FAILED, Files, Findings, PaperDocument, text_file};
+use crate::experiment::findings::{Check, FAILED, Files, Findings, PaperDocument, text_file};
 use crate::report::plot::{ErrorTimePlot, PlotPoint, Ranged, Series};
 use crate::report::{Machine, Table};
 
@@ -84,17 +84,7 @@ fn report(results: &PicturesResults, with_times: bool) -> String {
     text.push('\n');
     text.push_str(&table(results, with_times).to_markdown());
     text.push_str("\n## Checks\n\n");
-    let mut checks = Table::new(["check", "value", "least", "greatest", "met"]);
-    for check in &results.checks {
-        checks.push([
-            check.name.clone(),
-            format!("{:.3}", check.value),
-            check.range[0].to_string(),
-            check.range[1].to_string(),
-            if check.is_met { "yes" } else { "NO" }.to_owned(),
-        ]);
-    }
-    text.push_str(&checks.to_markdown());
+    text.push_str(&Check::table(&results.checks, 3).to_markdown());
     text
 }
 

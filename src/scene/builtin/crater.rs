@@ -1,12 +1,15 @@
 //! A bowl-shaped crater: a spherical cap of 4 m across and 1 m deep, for sunlight and temperatures.
 //!
-//! The cap is a part of a sphere of 2.5 m, from its lowest point to an angle whose sine is 0.8, in 8 rings of 32 flat faces with all corners on the sphere, triangles in the middle: 256 faces that look inwards.
+//! The cap is a part of a sphere of 2.5 m, from its lowest point to an angle whose sine is 0.8, in 2^level rings of 2^(level + 2) flat faces with all corners on the sphere, triangles in the middle; they look inwards.
 //! Its rim lies in the plane z = 0. Nothing emits; the reflectance is that of the solar band in [`INGERSOLL_1992`](crate::references::INGERSOLL_1992).
 
 use glam::{DVec2, DVec3};
 
-use super::Assembly;
+use super::{Assembly, Levels};
 use crate::scene::{Camera, SceneError};
+
+/// 4^9 is 262,144 faces.
+pub(super) const LEVELS: Levels = Levels { default: 3, max: 8 };
 
 /// The radius of the sphere, m, and the depth of its middle below the rim.
 const RADIUS: f64 = 2.5;
@@ -15,12 +18,12 @@ const DEPTH: f64 = 1.0;
 /// The solar reflectance, 1 − 0.88.
 const REFLECTANCE: f64 = 0.12;
 
-pub(super) fn build(assembly: &mut Assembly, _level: u32) -> Result<Option<Camera>, SceneError> {
+pub(super) fn build(assembly: &mut Assembly, level: u32) -> Result<Option<Camera>, SceneError> {
     let surface = assembly.surface("crater")?;
     let ground = assembly.grey("ground", REFLECTANCE, 0.0)?;
-    let rings = halved(&[DVec2::new(0.0, 1.0), DVec2::new(0.8, 0.6)], 3);
+    let rings = halved(&[DVec2::new(0.0, 1.0), DVec2::new(0.8, 0.6)], level);
     let quarters = [DVec2::X, DVec2::Y, DVec2::NEG_X, DVec2::NEG_Y, DVec2::X];
-    let around = halved(&quarters, 3);
+    let around = halved(&quarters, level);
     let corner = |ring: DVec2, direction: DVec2| {
         // With the zero, so that the middle has no negative one.
         (RADIUS * ring.x * direction).extend(RADIUS * (1.0 - ring.y) - DEPTH) + DVec3::ZERO

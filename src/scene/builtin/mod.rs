@@ -79,7 +79,7 @@ const REGISTRY: [Entry; 9] = [
     },
     Entry {
         name: "crater",
-        levels: None,
+        levels: Some(crater::LEVELS),
         build: crater::build,
     },
 ];
@@ -99,7 +99,7 @@ pub fn names() -> impl ExactSizeIterator<Item = &'static str> {
 /// - `corridor`: two walls with a partition of half their height between them, a coincident two-sided sheet.
 /// - `room-box`: a room with a floating box, twelve rectangles.
 /// - `living-room`: a furnished room with more than 600 objects and its camera, at the scale of [`MALGOUYRES_2002`](crate::references::MALGOUYRES_2002).
-/// - `crater`: a spherical cap in 256 faces, for sunlight; nothing emits.
+/// - `crater`: a spherical cap in 4^(level + 1) faces (default 3, at most 8), for sunlight; nothing emits.
 ///
 /// Coordinates and values are literals and what sums, products, quotients and square roots make of them: no function whose last bit depends on the machine.
 /// Departures: each scene's `README.md` in `scenes/` says what its source leaves open, and how that was decided.

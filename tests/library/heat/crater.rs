@@ -63,3 +63,15 @@ fn shadows_in_a_crater_have_one_temperature() {
     assert!(fine.0 < 0.4 * coarse.0 && fine.0 < 5e-3, "{coarse:?} {fine:?}");
     assert!(fine.1 < 2e-2, "{fine:?}");
 }
+
+/// What `radiosity reproduce crater` prints: every level comes nearer to the closed form, and what is stated covers all but the tessellation.
+#[test]
+fn the_reproduction_converges() {
+    let results = radiosity::experiment::crater::reproduce(4, &radiosity::progress::Silent).unwrap();
+    assert_eq!((results.runs.len(), results.checks.len()), (9, 6));
+    assert!(results.checks.iter().all(|check| check.is_met), "{:?}", results.checks);
+    let finest = &results.runs[7];
+    assert_eq!((finest.n_faces, finest.height_deg), (1024, 12.0));
+    assert!((finest.ingersoll_k - 177.42).abs() < 5e-3, "{finest:?}");
+    assert!((finest.mean_k - finest.ingersoll_k).abs() < 0.1 && finest.mean_k_error < 1e-2, "{finest:?}");
+}
