@@ -162,13 +162,13 @@ fn the_sun_comes_from_flags_or_from_the_file() {
     );
 }
 
-/// A uniform sky lights what sees it: a floor below a plate by its sky factor, a wall by half, what faces down not at all.
+/// A uniform sky lights what sees it: a floor below a plate by its sky factor, a wall by half, what faces down not at all. The wall is lower than the floor, which sees nothing of it.
 #[test]
 fn a_scene_is_solved_under_a_sky() {
     let directory = TempDir::new().unwrap();
     std::fs::write(
         directory.path().join("scene.obj"),
-        "v 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nv 1 1 1\nv 2 1 1\nv 2 2 1\nv 1 2 1\nv 0 90 0\nv 1 90 0\nv 1 90 1\nv 0 90 1\n\
+        "v 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nv 1 1 1\nv 2 1 1\nv 2 2 1\nv 1 2 1\nv 0 90 -3\nv 1 90 -3\nv 1 90 -2\nv 0 90 -2\n\
          o floor\nf 1 2 3 4\no plate\nf 5 6 7 8\no under\nf 8 7 6 5\no wall\nf 12 11 10 9\n",
     )
     .unwrap();

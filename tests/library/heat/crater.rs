@@ -73,5 +73,8 @@ fn the_reproduction_converges() {
     let finest = &results.runs[7];
     assert_eq!((finest.n_faces, finest.height_deg), (1024, 12.0));
     assert!((finest.ingersoll_k - 177.42).abs() < 5e-3, "{finest:?}");
-    assert!((finest.mean_k - finest.ingersoll_k).abs() < 0.1 && finest.mean_k_error < 1e-2, "{finest:?}");
+    assert!(
+        (finest.mean_k - finest.ingersoll_k).abs() < 0.1 && finest.mean_k_error < 1e-2,
+        "{finest:?}"
+    );
 }
