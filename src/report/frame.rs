@@ -168,7 +168,12 @@ where
     Ok(chart)
 }
 
-impl Legend<'_> {
+impl<'a> Legend<'a> {
+    /// Returns the part of the sheet that it takes.
+    pub(super) fn area(&self) -> &Area<'a> {
+        &self.area
+    }
+
     /// Adds a line of text and draws what stands for it: `draw` is told the place of the middle of a line 30 pixels long.
     pub(super) fn entry(&mut self, name: &str, draw: impl FnOnce(&Area<'_>, (i32, i32)) -> DrawResult) -> DrawResult {
         draw(&self.area, (19, self.y))?;
@@ -204,7 +209,7 @@ fn register_fonts() -> Result<(), PlotError> {
     Ok(())
 }
 
-fn text(size: f64) -> TextStyle<'static> {
+pub(super) fn text(size: f64) -> TextStyle<'static> {
     TextStyle::from((FONT, size)).transform(FontTransform::None)
 }
 

@@ -6,6 +6,8 @@ pub mod curves;
 mod description;
 mod error;
 pub mod exchange;
+#[cfg(feature = "reports")]
+pub mod false_colour;
 pub mod form_factors;
 #[cfg(feature = "reports")]
 mod frame;

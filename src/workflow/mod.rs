@@ -18,6 +18,7 @@ mod lightings;
 mod mesh_error;
 mod model;
 mod on_the_fly;
+mod patch_picture;
 mod points;
 mod repair;
 mod reuse;

@@ -210,6 +210,27 @@ fn a_scene_is_solved_under_a_sky() {
     );
 }
 
+/// The picture shows the temperatures in the colours of its scale, the same bytes at any number of threads; a camera of its own moves it.
+#[test]
+fn temperatures_are_pictured() {
+    let directory = room();
+    let run = |name: &str, more: &[&str]| {
+        let heat = ["heat", "scene.obj", "--boundary", "b.toml", "--picture", name];
+        let (code, result) = document(directory.path(), &[&heat, more].concat());
+        assert_eq!(code, 0, "{result}");
+        std::fs::read(directory.path().join(name)).unwrap()
+    };
+    let first = run("a.png", &["--threads", "1"]);
+    assert!(first.starts_with(b"\x89PNG") && first == run("b.png", &["--threads", "2"]));
+    assert_ne!(first, run("c.png", &["--fov", "20"]));
+    let heat = ["heat", "scene.obj", "--boundary", "b.toml", "--picture", "a.exr"];
+    let (code, result) = document(directory.path(), &heat);
+    assert!(
+        code == 2 && result.to_string().contains("give it the ending .png"),
+        "{result}"
+    );
+}
+
 #[test]
 fn mistakes_are_one_line() {
     let directory = room();

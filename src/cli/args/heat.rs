@@ -6,7 +6,7 @@ use clap::{Args, ValueEnum};
 
 use super::settings::of_computation;
 use super::{
-    AuditArgs, CommonArgs, MeshArgs, MethodArgs, SolverArgs, StorageArgs, parse_channels, parse_not_negative,
+    AuditArgs, CommonArgs, MeshArgs, MethodArgs, SolverArgs, StorageArgs, ViewArgs, parse_channels, parse_not_negative,
     parse_positive, parse_vector,
 };
 use crate::workflow::{Context, ExchangeNodes, SunRecord};
@@ -18,7 +18,7 @@ use crate::workflow::{Context, ExchangeNodes, SunRecord};
 #[command(group = clap::ArgGroup::new("sun_direction").args(["sun", "latitude"]))]
 pub struct SunArgs {
     /// The direction towards the sun, of any length; instead of that of the file
-    #[arg(long, value_name = "X,Y,Z", value_parser = parse_vector, requires = "sun_irradiance")]
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse_vector, requires = "sun_irradiance", allow_hyphen_values = true)]
     pub sun: Option<[f64; 3]>,
     /// The place on Earth whose sun shines, in degrees north; with --longitude and --time in the place of --sun
     #[arg(long, value_name = "DEG", conflicts_with = "sun", requires_all = ["longitude", "time", "sun_irradiance"])]
@@ -30,7 +30,7 @@ pub struct SunArgs {
     #[arg(long, value_name = "TIME", requires = "latitude")]
     pub time: Option<String>,
     /// The direction of the scene that is north, with --latitude; up is that of the sky, or +z
-    #[arg(long, value_name = "X,Y,Z", value_parser = parse_vector, default_value = "0,1,0")]
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse_vector, default_value = "0,1,0", allow_hyphen_values = true)]
     pub north: [f64; 3],
     /// The irradiance of a plane that faces the sun, W/m²: one number, or red, green and blue
     #[arg(long, value_name = "W[,G,B]", value_parser = parse_channels, requires = "sun_direction")]
@@ -105,6 +105,11 @@ pub struct HeatArgs {
     /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-6]
     #[arg(long, value_name = "T", value_parser = parse_positive)]
     pub form_factor_tolerance: Option<f64>,
+    /// A picture of the temperature in false colour, with a scale: a PNG
+    #[arg(long, value_name = "T.png", help_heading = "Picture")]
+    pub picture: Option<PathBuf>,
+    #[command(flatten)]
+    pub view: ViewArgs,
     #[command(flatten)]
     pub sun: SunArgs,
     #[command(flatten)]

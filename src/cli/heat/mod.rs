@@ -1,6 +1,7 @@
 //! `radiosity heat`.
 
 mod describe;
+mod picture;
 
 use std::fmt::Write as _;
 
@@ -39,6 +40,7 @@ fn work(args: &HeatArgs, run: &mut Run) -> Result<Outcome, Failure> {
     // Before the work: a mistake in sun and sky is found at once.
     expect_grey(&args.sun)?;
     daylight(&args.sun)?;
+    args.picture.as_deref().map(picture::expect_png).transpose()?;
     files(args).check()?;
     let file = args.form_factors.as_deref().map(FormFactorFile::open).transpose()?;
     let mesh = file.as_ref().map_or(Ok(args.mesh), |file| args.mesh.of_file(file))?;
@@ -67,6 +69,9 @@ fn work(args: &HeatArgs, run: &mut Run) -> Result<Outcome, Failure> {
         run.cx
             .time("write", || exchange::write(path, &found, &run.cx.settings.record()))?;
     }
+    if let Some(path) = &args.picture {
+        picture::write(path, args, (&mut model, &study), run)?;
+    }
     finish(args, run, &model, &factors, &study)
 }
 
@@ -77,6 +82,10 @@ fn files(args: &HeatArgs) -> FileSet {
     }
     if let Some(path) = &args.exchange_factors {
         files.writes("the exchange factors", path);
+    }
+    if let Some(path) = &args.picture {
+        files.writes("the picture", path);
+        files.reads("the camera", picture::request(args).camera_file());
     }
     files.keeps("the checkpoint", args.storage.checkpoint.as_deref());
     files.reads_scene(&args.scene, &args.common.reading);
@@ -110,7 +119,7 @@ fn finish(
     describe::describe(&mut text, args, model, factors, study);
     run.describe_audit(&mut text);
     run.describe_times(&mut text);
-    for path in args.output.iter().chain(&args.exchange_factors) {
+    for path in args.output.iter().chain(&args.exchange_factors).chain(&args.picture) {
         let _ = writeln!(text, "wrote {}", path.display());
     }
     let bands = std::iter::once(&study.thermal).chain(&study.solar);

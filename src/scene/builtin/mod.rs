@@ -12,6 +12,7 @@ mod lewis_room;
 mod living_room;
 mod room_box;
 mod sphere_room;
+mod street;
 
 /// A built-in scene.
 #[derive(Clone, Debug)]
@@ -82,6 +83,11 @@ const REGISTRY: [Entry; 9] = [
         levels: Some(crater::LEVELS),
         build: crater::build,
     },
+    Entry {
+        name: "street",
+        levels: None,
+        build: street::build,
+    },
 ];
 
 /// Iterates over the names of all built-in scenes.
@@ -100,6 +106,7 @@ pub fn names() -> impl ExactSizeIterator<Item = &'static str> {
 /// - `room-box`: a room with a floating box, twelve rectangles.
 /// - `living-room`: a furnished room with more than 600 objects and its camera, at the scale of [`MALGOUYRES_2002`](crate::references::MALGOUYRES_2002).
 /// - `crater`: a spherical cap in 4^(level + 1) faces (default 3, at most 8), for sunlight; nothing emits.
+/// - `street`: six houses along a street and its camera, for sun and sky; nothing emits.
 ///
 /// Coordinates and values are literals and what sums, products, quotients and square roots make of them: no function whose last bit depends on the machine.
 /// Departures: each scene's `README.md` in `scenes/` says what its source leaves open, and how that was decided.
