@@ -37,7 +37,7 @@ struct Entry {
 }
 
 /// Every built-in scene, in the order in which they are listed.
-const REGISTRY: [Entry; 9] = [
+const REGISTRY: [Entry; 10] = [
     Entry {
         name: "cube",
         levels: None,
