@@ -43,6 +43,8 @@ pub struct Band {
     pub irradiance: Vec<f64>,
     /// The error of H by form factors and solver, W·m⁻², \[n\]; infinite where nothing is known.
     pub irradiance_error: Vec<f64>,
+    /// The errors of B and H by form factors and solver alone, W·m⁻², \[n\] each: those of a thermal band have that of the solar light by the mesh too.
+    pub own_errors: [Vec<f64>; 2],
     /// The change by a mesh of about a quarter of the patches in H, W·m⁻², \[n\]; `None` where that is not known.
     pub mesh_change: Option<Vec<f64>>,
     /// Σ A |r|, the power that the solver left out, W.
@@ -59,6 +61,7 @@ impl Band {
             radiosity_error: zeros(),
             irradiance: zeros(),
             irradiance_error: zeros(),
+            own_errors: [zeros(), zeros()],
             mesh_change: Some(zeros()),
             residual_power: 0.0,
         }
@@ -140,8 +143,8 @@ pub(crate) struct Solved<'a> {
     /// What of each row the operator leaves out of R.
     pub(crate) reflectance: &'a Block,
     pub(crate) outside: &'a Outside,
-    /// The error of what is emitted, W·m⁻², \[n\].
-    pub(crate) emitted_error: &'a [f64],
+    /// The error of what is emitted, W·m⁻², \[n\]: by form factors and solver, and that of the mesh included.
+    pub(crate) emitted_error: [&'a [f64]; 2],
     /// The solver's residual, W·m⁻², \[n\].
     pub(crate) residual: &'a [f64],
     pub(crate) converged: bool,
@@ -166,14 +169,41 @@ impl Solved<'_> {
         let received = enclosure.received(radiosity);
         let mut wrong = enclosure.wrong(radiosity, &received, outside.radiosity);
         wrong.iter_mut().zip(&outside.error).for_each(|(w, own)| *w += own);
-        let mut source = wrong.clone();
+        let [own, all] = self.emitted_error;
+        let own_errors = self.errors(own, &wrong, &received, &reflect)?;
+        let [radiosity_error, irradiance_error] = if all == own {
+            own_errors.clone()
+        } else {
+            self.errors(all, &wrong, &received, &reflect)?
+        };
+        let sum = |(r, area): (&f64, &f64)| area * r.abs();
+        Ok(Band {
+            radiosity: radiosity.to_vec(),
+            irradiance_error,
+            radiosity_error,
+            irradiance: received.iter().zip(&outside.irradiance).map(|(f, d)| f + d).collect(),
+            own_errors,
+            mesh_change: None,
+            residual_power: residual.iter().zip(areas).map(sum).sum(),
+        })
+    }
+
+    /// Returns the errors e of B and e_H of H, where what is emitted has an error of its own and `wrong` is what is wrong of H.
+    fn errors(
+        &self,
+        emitted: &[f64],
+        wrong: &[f64],
+        received: &[f64],
+        reflect: &impl Fn(&mut [f64]),
+    ) -> Result<[Vec<f64>; 2], SolverError> {
+        let mut source = wrong.to_vec();
         reflect(&mut source);
-        for ((s, own), r) in source.iter_mut().zip(self.emitted_error).zip(*residual) {
+        for ((s, own), r) in source.iter_mut().zip(emitted).zip(self.residual) {
             *s += own + r.abs();
         }
-        let error = self.carried(source, &received, &reflect)?;
+        let error = self.carried(source, received, reflect)?;
         let known: Vec<f64> = error.iter().map(|e| if e.is_finite() { *e } else { 0.0 }).collect();
-        let of_error = enclosure.received(&known);
+        let of_error = self.enclosure.received(&known);
         let all = |(i, e): (usize, &f64)| {
             if e.is_finite() {
                 of_error[i] + wrong[i]
@@ -181,15 +211,8 @@ impl Solved<'_> {
                 f64::INFINITY
             }
         };
-        let sum = |(r, area): (&f64, &f64)| area * r.abs();
-        Ok(Band {
-            radiosity: radiosity.to_vec(),
-            irradiance_error: error.iter().enumerate().map(all).collect(),
-            radiosity_error: error,
-            irradiance: received.iter().zip(&outside.irradiance).map(|(f, d)| f + d).collect(),
-            mesh_change: None,
-            residual_power: residual.iter().zip(areas).map(sum).sum(),
-        })
+        let of_irradiance = error.iter().enumerate().map(all).collect();
+        Ok([error, of_irradiance])
     }
 
     fn carried(
@@ -242,24 +265,31 @@ pub(crate) fn solar_system(network: &Network, direct: &[f64]) -> (Block, Block) 
     (Block::from_values(reflectance, 1), Block::from_values(exitance, 1))
 }
 
-/// Returns the exitance of the thermal band, E of B = E + R F B, W·m⁻², and its error by that of what is absorbed of the sun, \[n\] each.
+/// Returns the exitance of the thermal band, E of B = E + R F B, W·m⁻², and its errors by those of what is absorbed of the sun, \[n\] each.
 ///
-/// `absorbed`: the absorbed solar heat and its error, W·m⁻², \[n\].
-pub(crate) fn thermal_exitance(network: &Network, outside: &Outside, absorbed: [&[f64]; 2]) -> [Vec<f64>; 2] {
+/// `absorbed`: the absorbed solar heat and its error, W·m⁻², \[n\]; `own_error`: that error without the mesh's.
+pub(crate) fn thermal_exitance(
+    network: &Network,
+    outside: &Outside,
+    absorbed: [&[f64]; 2],
+    own_error: &[f64],
+) -> (Vec<f64>, [Vec<f64>; 2]) {
     let mut exitance = outside.irradiance.clone();
     network.reflect(&mut exitance);
-    let mut error = vec![0.0; exitance.len()];
+    let mut errors = [own_error, absorbed[1]].map(|_| vec![0.0; exitance.len()]);
     let heats = network.heats(absorbed);
+    let own_heats = network.heats([absorbed[0], own_error]);
     for (i, state) in network.state.iter().enumerate() {
         let emissivity = network.emissivity[i];
         match *state {
             State::Given(kelvin) => exitance[i] += emissivity * super::emissive_power(kelvin),
             State::Member(group) => {
-                let [heat, heat_error] = heats[group];
-                exitance[i] += emissivity * heat / network.groups[group].absorbing;
-                error[i] = emissivity * heat_error / network.groups[group].absorbing;
+                let emitted = |heat: f64| emissivity * heat / network.groups[group].absorbing;
+                exitance[i] += emitted(heats[group][0]);
+                errors[0][i] = emitted(own_heats[group][1]);
+                errors[1][i] = emitted(heats[group][1]);
             }
         }
     }
-    [exitance, error]
+    (exitance, errors)
 }

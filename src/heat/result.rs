@@ -101,11 +101,7 @@ impl Patches<'_> {
         let mut sums = vec![[0.0; 3]; self.scene.surfaces.len()];
         let band = self.thermal_band;
         for (i, patch) in self.mesh.patches.iter().enumerate() {
-            let own = [
-                band.irradiance_error[i],
-                band.irradiance[i],
-                self.thermal.power[i].value,
-            ];
+            let own = [band.own_errors[1][i], band.irradiance[i], self.thermal.power[i].value];
             for (sum, value) in sums[patch.surface.0 as usize].iter_mut().zip(own) {
                 *sum += patch.area * value;
             }

@@ -93,6 +93,12 @@ impl Network {
         [value.collect(), error.collect()]
     }
 
+    /// Returns the error of that by form factors and solver, without the mesh's, W·m⁻², \[n\].
+    pub(crate) fn absorbed_own_error(&self, solar: &Band) -> Vec<f64> {
+        let all = self.absorptance.iter().zip(&solar.own_errors[1]);
+        all.map(|(absorptance, error)| absorptance * error).collect()
+    }
+
     /// Returns temperatures and fluxes of all patches from the thermal band; `absorbed`: the absorbed solar heat and its error, W·m⁻².
     ///
     /// M = H + q / ε where q is known, M = Q / S + Σ w H of a group; q = ε (M − H). None of it is the small difference of B and H.

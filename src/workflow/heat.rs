@@ -47,7 +47,8 @@ struct BandSystem<'a> {
     operator: &'a dyn LinearOperator,
     reflectance: Block,
     exitance: Block,
-    emitted_error: Vec<f64>,
+    /// By form factors and solver, and that of the mesh included.
+    emitted_error: [Vec<f64>; 2],
     outside: Outside,
     is_thermal: bool,
 }
@@ -99,7 +100,8 @@ impl Model {
             .expect_determined(&self.scene, &self.mesh, &components, absorbed[0], lets_out)
             .map_err(refused)?;
         let outside = enclosure.surroundings(emissive_power(boundary.surroundings_k));
-        let [exitance, emitted_error] = thermal_exitance(&network, &outside, absorbed);
+        let own_error = network.absorbed_own_error(&solar_light);
+        let (exitance, emitted_error) = thermal_exitance(&network, &outside, absorbed, &own_error);
         let system = BandSystem {
             operator,
             reflectance: network.reflectance(),
@@ -171,7 +173,7 @@ impl Model {
             operator: &study.factors,
             reflectance,
             exitance,
-            emitted_error: vec![0.0; error.len()],
+            emitted_error: [vec![0.0; error.len()], vec![0.0; error.len()]],
             outside: Outside {
                 irradiance,
                 error,
@@ -215,7 +217,7 @@ impl Model {
             operator,
             reflectance: &reflectance,
             outside: &outside,
-            emitted_error: &emitted_error,
+            emitted_error: emitted_error.each_ref().map(Vec::as_slice),
             residual: residual.values(),
             converged: solution.stop_reason == StopReason::Converged,
         };
@@ -223,10 +225,13 @@ impl Model {
         if !study.errors_known {
             band.radiosity_error.fill(f64::INFINITY);
             band.irradiance_error.fill(f64::INFINITY);
+            for errors in &mut band.own_errors {
+                errors.fill(f64::INFINITY);
+            }
         }
         let error = study
             .errors_known
-            .then(|| Block::from_values(band.radiosity_error.clone(), 1));
+            .then(|| Block::from_values(band.own_errors[0].clone(), 1));
         let coarse = self.coarsened_by(operator, study, &reflectance, &solution, cx)?;
         band.mesh_change = coarse.as_ref().map(|coarse| mesh_change(&enclosure, coarse));
         let mesh_error = is_thermal

@@ -52,8 +52,8 @@ pub(super) fn build(assembly: &mut Assembly, _level: u32) -> Result<Option<Camer
         assembly.surface_of(&format!("roof_{number}"), tiles, [top])?;
     }
     let camera = Camera::new(
-        DVec3::new(32.0, -30.0, 24.0),
-        DVec3::new(-32.0, 30.0, -22.0),
+        DVec3::new(46.0, -43.0, 33.0),
+        DVec3::new(-46.0, 43.0, -31.0),
         DVec3::Z,
         36.0,
     )?;
