@@ -72,6 +72,8 @@ pub enum Parameter {
     Scratch,
     /// The file of the result.
     Output,
+    /// Whether tables are whole that are long.
+    Full,
     /// [`MethodSettings::rays`](crate::form_factor::MethodSettings::rays).
     Rays,
     /// [`MethodSettings::points`](crate::form_factor::MethodSettings::points).
@@ -136,6 +138,7 @@ impl Parameter {
             Self::AllowOutside => "allow_outside",
             Self::Scratch => "scratch",
             Self::Output => "output",
+            Self::Full => "full",
             Self::Rays => "rays",
             Self::Points => "points",
             Self::Resolution => "resolution",

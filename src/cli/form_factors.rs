@@ -26,6 +26,9 @@ fn work(args: &FormFactorsArgs, run: &mut Run) -> Result<Outcome, Failure> {
     if args.surface.is_some() && format.is_some_and(|format| format != Format::Vtu) {
         return Err(Failure::usage("--surface is for `-o F.vtu`"));
     }
+    if args.dense && format != Some(Format::Npz) {
+        return Err(Failure::usage("--dense is for `-o F.npz`"));
+    }
     files(args).check()?;
     let demand = Demand {
         output: args.output.clone(),
@@ -42,7 +45,7 @@ fn work(args: &FormFactorsArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let computed = model.form_factors(&request, Need::AsTheyAre, &mut run.cx)?;
     run.cx.judge_leaking_exchange();
     let table = run.cx.time("surfaces", || {
-        SurfaceTable::new(&mut model, &computed, &run.cx, args.common.json)
+        SurfaceTable::new(&mut model, &computed, &run.cx, args.surfaces_up_to())
     });
     computed.factors.if_readable(())?;
     if let Some(path) = &args.output {
@@ -55,6 +58,7 @@ fn work(args: &FormFactorsArgs, run: &mut Run) -> Result<Outcome, Failure> {
             sky: Some(&computed.sky),
             settings: &run.cx.settings.record(),
             surface,
+            dense: args.dense,
         };
         run.cx.time("write", || report.write(path))?;
     }

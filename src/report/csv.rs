@@ -73,7 +73,7 @@ pub(super) fn write_description(writer: &mut dyn Write, description: &str) -> io
 
 /// Returns the names of one grey channel or of three.
 fn channel_names(n_channels: usize) -> &'static [&'static str] {
-    if n_channels == 1 { &["grey"] } else { &["r", "g", "b"] }
+    if n_channels == 1 { &["grey"] } else { &["R", "G", "B"] }
 }
 
 pub(super) fn quoted(name: &str) -> String {

@@ -45,6 +45,7 @@ impl Case {
             sky: None,
             settings: settings.as_object().unwrap(),
             surface: Some(SurfaceId(5)),
+            dense: false,
         };
         report.write(path).unwrap();
         let first = std::fs::read(path).unwrap();
