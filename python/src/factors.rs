@@ -221,6 +221,7 @@ impl FormFactors {
                 sky: Some(&of.study.sky),
                 settings: &cx.settings.record(),
                 surface: known,
+                is_closed: of.study.closed,
                 dense,
             };
             Ok(report.write(&path)?)

@@ -23,8 +23,9 @@ pub(super) fn run(args: &FormFactorsArgs) -> Result<Outcome, Failure> {
 
 fn work(args: &FormFactorsArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let format = args.output.as_deref().map(Format::of).transpose()?;
-    if args.surface.is_some() && format.is_some_and(|format| format != Format::Vtu) {
-        return Err(Failure::usage("--surface is for `-o F.vtu`"));
+    let has_quantities = |format| matches!(format, Format::Vtu | Format::Ply | Format::Obj);
+    if args.surface.is_some() && format.is_some_and(|format| !has_quantities(format)) {
+        return Err(Failure::usage("--surface is for `-o F.vtu`, F.ply and F.obj"));
     }
     if args.dense && format != Some(Format::Npz) {
         return Err(Failure::usage("--dense is for `-o F.npz`"));
@@ -58,6 +59,7 @@ fn work(args: &FormFactorsArgs, run: &mut Run) -> Result<Outcome, Failure> {
             sky: Some(&computed.sky),
             settings: &run.cx.settings.record(),
             surface,
+            is_closed: computed.closed,
             dense: args.dense,
         };
         run.cx.time("write", || report.write(path))?;

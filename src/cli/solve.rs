@@ -13,6 +13,7 @@ use super::run::Run;
 use super::solution::{code, describe};
 use super::{Outcome, lightings, sun};
 use crate::document::{FormFactorRecord, LitSurface, SolveDocument, SolverRecord};
+use crate::matrix::operator::Block;
 use crate::mesh::Subdivision;
 use crate::report::form_factors::{FormFactorFile, files_of};
 use crate::report::solution::Format;
@@ -39,12 +40,17 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
     run.expect(&args.storage, demand);
     let shining = sun::sun(&args.sun, DVec3::Z)?;
     // In sunlight no face has to emit.
-    run.has_lightings = !args.lighting.is_empty() || shining.is_some();
+    run.has_lightings = !args.lighting.is_empty() || shining.is_some() || args.exitance.is_some();
     let mut model = run.prepare(&args.scene, mesh_args, |_| Subdivision::Uniform(1))?;
     // Before the work: a mistake in them is found at once, and their reflectances count in how form factors are stored.
     let loaded = Lightings::load(args, &model.scene)?;
     run.cx.demand.reflectance_max = loaded.reflectance_max();
-    if shining.is_none() {
+    let exitances = args
+        .exitance
+        .as_deref()
+        .map(|file| model.materials_of(file))
+        .transpose()?;
+    if shining.is_none() && exitances.is_none() {
         loaded.warn_of_darkness(run, &model, &args.lighting);
     }
     let method = run.request(&args.method, args.form_factor_tolerance, Afterwards::Light);
@@ -66,8 +72,10 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
         let study = model.solve_in_sun(&factors, &solver, &request, &mut run.cx)?;
         return finish(args, run, &model, Some(&factors), &study);
     }
-    let study = model.solve(&factors, &solver, &mut run.cx)?;
-    finish(args, run, &model, Some(&factors), &study)
+    let materials = exitances.unwrap_or_else(|| model.materials());
+    model.plan.revise_channels(materials.1.n_channels());
+    let study = model.solve_with(&factors, (&materials.0, &materials.1), &solver, &mut run.cx)?;
+    finish_with(args, run, &model, Some(&factors), (&materials.0, &materials.1), &study)
 }
 
 fn files(args: &SolveArgs) -> Result<FileSet, Failure> {
@@ -91,6 +99,7 @@ fn files(args: &SolveArgs) -> Result<FileSet, Failure> {
     for file in args.form_factors.iter().flat_map(|path| files_of(path)) {
         files.reads("the form factors", Some(&file));
     }
+    files.reads("the exitances", args.exitance.as_deref());
     for file in &args.lighting {
         files.reads("a lighting", Some(file));
     }
@@ -105,10 +114,22 @@ fn finish(
     computed: Option<&FormFactorStudy>,
     study: &SolutionStudy,
 ) -> Result<Outcome, Failure> {
+    let (reflectance, exitance) = model.materials();
+    finish_with(args, run, model, computed, (&reflectance, &exitance), study)
+}
+
+/// Does the same for other reflectances and exitances than the scene's.
+fn finish_with(
+    args: &SolveArgs,
+    run: &mut Run,
+    model: &Model,
+    computed: Option<&FormFactorStudy>,
+    materials: (&Block, &Block),
+    study: &SolutionStudy,
+) -> Result<Outcome, Failure> {
     if let Some(path) = &args.output {
-        let materials = model.materials();
         run.cx.time("write", || {
-            model.write_solution(path, computed, (&materials.0, &materials.1), study, &run.cx)
+            model.write_solution(path, computed, materials, study, &run.cx)
         })?;
     }
     run.bars.finish();

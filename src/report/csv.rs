@@ -72,7 +72,7 @@ pub(super) fn write_description(writer: &mut dyn Write, description: &str) -> io
 }
 
 /// Returns the names of one grey channel, of three colours, or of any other number by their numbers.
-fn channel_names(n_channels: usize) -> Vec<String> {
+pub(super) fn channel_names(n_channels: usize) -> Vec<String> {
     match n_channels {
         1 => vec!["grey".to_owned()],
         3 => ["R", "G", "B"].map(str::to_owned).to_vec(),

@@ -7,6 +7,8 @@
 //! | `.mtx` | F as coordinates | this program, Matrix Market readers: SciPy, MATLAB, Julia |
 //! | `.csv` | form factors between surfaces, with their errors, and the sky and back factors of the surface that light comes from | tables |
 //! | `.exr` | F as an image: row i downwards, column j to the right | viewers |
+//! | `.vf` | form factors between surfaces, with areas and emissivities | View3D's users |
+//! | `.ply`, `.obj` | patches with the form factor to a chosen surface, else the sky factor, as colours of their vertices | MeshLab, Blender |
 //! | `.vtu` | patches with row sum, error, sky and back factor with their errors, and the form factor to a chosen surface | ParaView, PyVista |
 //!
 //! F\[i, j\] is the fraction of the light leaving patch i that reaches patch j, `area_m2` is in m², `error` the standard error of
@@ -27,8 +29,9 @@ use super::description::FileCheck;
 use super::npy::{Dtype, Header};
 use super::npz::{NpzWriter, write_numbers};
 use super::vtu::CellData;
-use super::{Description, ReportError, matrix_csv, matrix_exr, mtx, vtu};
+use super::{Description, ReportError, coloured, matrix_csv, matrix_exr, mtx, view3d, vtu};
 use crate::form_factor::{Fraction, PairCounts, SkyFactors};
+use crate::matrix::operator::Block;
 use crate::matrix::{FormFactors, Precision, RowTally};
 use crate::mesh::Mesh;
 use crate::scene::hash::hexadecimal;
@@ -57,6 +60,8 @@ pub struct FormFactorReport<'a> {
     pub settings: &'a Map<String, Value>,
     /// The surface that `.vtu` gives every patch's form factor to; no other format asks for it.
     pub surface: Option<SurfaceId>,
+    /// Whether light cannot leave the scene; `.vf` says so.
+    pub is_closed: bool,
     /// True if `.npz` holds F and its errors in full; no other format asks for it.
     pub dense: bool,
 }
@@ -74,18 +79,27 @@ pub enum Format {
     Csv,
     /// An image.
     Exr,
+    /// A mesh with colours of vertices.
+    Ply,
+    /// The same in Wavefront's format.
+    Obj,
+    /// View3D's text.
+    View3D,
     /// An unstructured grid of VTK.
     Vtu,
 }
 
 /// The one place that lists the formats: ending, format, and whether form factors can be read from it. A new one also has its arm in
 /// [`FormFactorReport::write`], and one in [`FormFactorFile`] if it is read.
-const FORMATS: [(&str, Format, bool); 6] = [
+const FORMATS: [(&str, Format, bool); 9] = [
     ("npz", Format::Npz, true),
     ("npy", Format::Npy, true),
     ("mtx", Format::Mtx, true),
     ("csv", Format::Csv, false),
     ("exr", Format::Exr, false),
+    ("vf", Format::View3D, false),
+    ("ply", Format::Ply, false),
+    ("obj", Format::Obj, false),
     ("vtu", Format::Vtu, false),
 ];
 
@@ -162,6 +176,14 @@ impl FormFactorReport<'_> {
                 matrix_csv::write(writer, self.scene, &surfaces, columns.as_ref(), &self.description())?;
                 readable()
             }),
+            Format::Ply => self.write_coloured(path, coloured::Format::Ply),
+            Format::Obj => self.write_coloured(path, coloured::Format::Obj),
+            Format::View3D => whole_file::write(path, |writer| {
+                let patch_surfaces = self.patch_surfaces();
+                let surfaces = factors.surface_rows(&patch_surfaces, self.scene.surfaces.len());
+                view3d::write(writer, self.scene, &surfaces, self.is_closed)?;
+                readable()
+            }),
             Format::Exr => whole_file::write(path, |writer| {
                 matrix_exr::write(writer, factors, &self.description()).map_err(io::Error::other)?;
                 readable()
@@ -218,6 +240,28 @@ impl FormFactorReport<'_> {
             data.extend(columns(&name, &|j| self.mesh.patches[j].surface == surface));
         }
         data
+    }
+
+    /// Writes patches in the colours of the form factor to the surface, else of the sky factor, else of the row sum.
+    fn write_coloured(&self, path: &Path, format: coloured::Format) -> io::Result<()> {
+        let data = self.cell_data();
+        let wanted = match (self.surface, self.sky) {
+            (Some(surface), _) => format!("form_factor_to_{}", self.scene.surfaces[surface.0 as usize].name),
+            (None, Some(_)) => "sky_factor".to_owned(),
+            (None, None) => "row_sum".to_owned(),
+        };
+        let Some(column) = data.iter().find(|column| column.name == wanted) else {
+            return Err(io::Error::other("no such quantity"));
+        };
+        let quantity = coloured::Quantity {
+            name: &column.name,
+            unit: "1",
+            values: &Block::from_values(column.values.clone(), 1),
+        };
+        whole_file::write(path, |writer| {
+            coloured::write(writer, format, (self.scene, self.mesh), &quantity)?;
+            self.factors.if_readable(()).map_err(io::Error::other)
+        })
     }
 
     /// Writes F in full, and then the description with its checksum beside it.

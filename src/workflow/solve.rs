@@ -291,6 +291,7 @@ impl Model {
             solution: &study.solution,
             error: study.carried.as_ref(),
             row_sums: row_sums.as_deref(),
+            sky: factors.map(|factors| &factors.sky),
             sun: study.sunlit.as_ref(),
             settings: &cx.settings.record(),
         };

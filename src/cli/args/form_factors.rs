@@ -315,10 +315,10 @@ pub struct FormFactorsArgs {
     /// The scene: OBJ, STL, PLY, gmsh, VTK, glTF or View3D input
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
-    /// A file for the form factors: .npz, .npy, .mtx or .exr (between patches), .csv (between surfaces), .vtu (sums and errors of each patch)
+    /// A file for the form factors: .npz, .npy, .mtx or .exr (between patches), .csv or View3D's .vf (between surfaces), .vtu (sums and errors of each patch), .ply or .obj (patches in colours)
     #[arg(short, long, value_name = "F.npz")]
     pub output: Option<PathBuf>,
-    /// A surface by name: with `-o F.vtu`, the form factor from each patch to it
+    /// A surface by name: with `-o F.vtu`, .ply or .obj, the form factor from each patch to it
     #[arg(long, value_name = "NAME", requires = "output")]
     pub surface: Option<String>,
     /// Write `F` and `error` in full, with `-o F.npz`, in place of compressed sparse rows

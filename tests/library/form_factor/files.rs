@@ -81,6 +81,7 @@ fn write_as(
         sky: None,
         settings: settings.as_object().unwrap(),
         surface: None,
+        is_closed: true,
         dense,
     };
     report.write(path)
@@ -581,6 +582,7 @@ fn entries_that_no_ray_hit_are_written_with_their_errors() {
             sky: None,
             settings: &settings,
             surface: None,
+            is_closed: true,
             dense: layout == Layout::Dense,
         };
         let path = directory.path().join("F.npz");

@@ -45,6 +45,7 @@ impl Case {
             sky: None,
             settings: settings.as_object().unwrap(),
             surface: Some(SurfaceId(5)),
+            is_closed: true,
             dense: false,
         };
         report.write(path).unwrap();
@@ -235,6 +236,7 @@ fn solutions_hold_the_residual() {
     case.factors.apply(&solution.radiosity, &mut solution.irradiance);
     let settings = json!({"solver": "pcg"});
     let report = SolutionReport {
+        sky: None,
         sun: None,
         error: None,
         row_sums: None,
