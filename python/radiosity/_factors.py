@@ -240,11 +240,12 @@ class FormFactors:
         ----------
         path : path
             ``.npz`` (`scipy.sparse.load_npz` reads it; `load` too), ``.npy``, ``.mtx`` or ``.exr`` between
-            patches, ``.csv`` between surfaces, ``.vtu`` of each patch.
+            patches, ``.csv`` or View3D's ``.vf`` between surfaces, ``.vtu`` of each patch, ``.ply`` or
+            ``.obj`` of patches in colours.
         dense : bool
             Write F and its errors in full, with ``.npz``.
         surface : str, optional
-            With ``.vtu``: the surface that the form factor of each patch to is written.
+            With ``.vtu``, ``.ply`` and ``.obj``: the form factor from each patch to this surface is written.
 
         Raises
         ------

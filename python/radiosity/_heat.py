@@ -150,7 +150,7 @@ class Heat(Mapping[str, Floats]):
         return self._core.warnings
 
     def save(self, path: Union[str, os.PathLike[str]]) -> None:
-        """Writes a row for each patch as ``.csv``, ``.npz`` or ``.vtu``, as the ending of `path` says.
+        """Writes a row for each patch as ``.csv``, ``.npz``, ``.vtu``, or ``.ply`` or ``.obj`` in colours, as the ending of `path` says.
 
         Raises
         ------

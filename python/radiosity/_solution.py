@@ -162,7 +162,7 @@ class Solution:
         return self._core.warnings
 
     def save(self, path: Union[str, os.PathLike[str]]) -> None:
-        """Writes the solution as ``.csv``, ``.npz`` or ``.vtu``, as the ending of `path` says.
+        """Writes the solution as ``.csv``, ``.npz``, ``.vtu``, or ``.ply`` or ``.obj`` in colours, as the ending of `path` says.
 
         Raises
         ------

@@ -111,17 +111,23 @@ def test_files_come_back(tmp_path: Path, dense: bool) -> None:
         rd.load(path, cube(subdivide=3))
 
 
-@pytest.mark.parametrize("ending", ["npy", "mtx", "csv", "exr", "vtu"])
+@pytest.mark.parametrize("ending", ["npy", "mtx", "csv", "exr", "vtu", "vf", "ply", "obj"])
 def test_other_files(tmp_path: Path, ending: str) -> None:
     model = cube(subdivide=2)
     ff = model.form_factors()
     path = tmp_path / f"F.{ending}"
-    ff.save(path, surface="floor" if ending == "vtu" else None)
+    ff.save(path, surface="floor" if ending in ("vtu", "ply", "obj") else None)
     assert path.stat().st_size > 100
     if ending in ("npy", "mtx"):
         again = rd.load(path, model)
         assert not again.errors_known and np.isnan(again.errors).all() and np.isnan(again.surface_error).all()
         np.testing.assert_allclose(again.toarray(), ff.toarray(), rtol=1e-12, atol=1e-300)
+    if ending == "vf":
+        lines = path.read_text().splitlines()
+        assert lines[0].split() == ["View3D", "3.3", "0", "1", "0", "6"] and len(lines) == 9
+        np.testing.assert_allclose([[float(x) for x in line.split()] for line in lines[2:8]], ff.surface, atol=1e-6)
+    if ending in ("ply", "obj"):
+        assert rd.Model.read(path).n_patches == 24
     if ending == "npy":
         np.testing.assert_array_equal(np.load(path), ff.toarray())
 

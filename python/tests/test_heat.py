@@ -190,7 +190,7 @@ def test_wrong_points_are_named(xyz: Any, normals: Any, message: str) -> None:
         cube().points(xyz, normals)
 
 
-@pytest.mark.parametrize("ending", ["csv", "npz", "vtu"])
+@pytest.mark.parametrize("ending", ["csv", "npz", "vtu", "ply", "obj"])
 def test_files(tmp_path: Path, ending: str) -> None:
     heat = cube(subdivide=2).heat(conditions(temperature_k=310.0))
     path = tmp_path / f"T.{ending}"

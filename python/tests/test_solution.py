@@ -145,7 +145,7 @@ def test_sunlight() -> None:
     assert (coloured.irradiance[:, 0] >= coloured.irradiance[:, 2]).all()
 
 
-@pytest.mark.parametrize("ending", ["csv", "npz", "vtu"])
+@pytest.mark.parametrize("ending", ["csv", "npz", "vtu", "ply", "obj"])
 def test_files(tmp_path: Path, ending: str) -> None:
     model = cube(subdivide=2, exitance={"ceiling": 1.0, "*": 0.0})
     solution = model.solve()
@@ -155,6 +155,8 @@ def test_files(tmp_path: Path, ending: str) -> None:
         with np.load(path) as archive:
             np.testing.assert_array_equal(archive["radiosity"][:, 0], solution.radiosity)
             assert archive["area"].shape == (24,)
+    if ending in ("ply", "obj"):
+        assert rd.Model.read(path).n_patches == 24
     if ending == "csv":
         header = [line for line in path.read_text().splitlines() if not line.startswith("#")][0]
         assert header.endswith("radiosity_grey,irradiance_grey,error_grey")

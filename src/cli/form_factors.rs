@@ -23,8 +23,8 @@ pub(super) fn run(args: &FormFactorsArgs) -> Result<Outcome, Failure> {
 
 fn work(args: &FormFactorsArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let format = args.output.as_deref().map(Format::of).transpose()?;
-    let has_quantities = |format| matches!(format, Format::Vtu | Format::Ply | Format::Obj);
-    if args.surface.is_some() && format.is_some_and(|format| !has_quantities(format)) {
+    let has_quantities = |own| matches!(own, Format::Vtu | Format::Ply | Format::Obj);
+    if args.surface.is_some() && format.is_some_and(|own| !has_quantities(own)) {
         return Err(Failure::usage("--surface is for `-o F.vtu`, F.ply and F.obj"));
     }
     if args.dense && format != Some(Format::Npz) {

@@ -48,7 +48,7 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let exitances = args
         .exitance
         .as_deref()
-        .map(|file| model.materials_of(file))
+        .map(|array| model.materials_of(array))
         .transpose()?;
     if shining.is_none() && exitances.is_none() {
         loaded.warn_of_darkness(run, &model, &args.lighting);

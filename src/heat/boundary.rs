@@ -326,7 +326,7 @@ impl Boundary {
     /// without a condition or an emissivity, and names that match nothing.
     pub fn load(file: impl AsRef<Path>, scene: &Scene) -> Result<Self, SceneError> {
         let file = file.as_ref();
-        Self::of(TomlFile::read(file, BAD)?, file, scene)
+        Self::of(&TomlFile::read(file, BAD)?, file, scene)
     }
 
     /// Reads the boundary conditions of a scene from a text in TOML; `name` is what messages call it.
@@ -335,11 +335,11 @@ impl Boundary {
     /// As [`load`](Self::load).
     pub fn parse(text: String, name: impl Into<PathBuf>, scene: &Scene) -> Result<Self, SceneError> {
         let name = name.into();
-        Self::of(TomlFile::of_text(name.clone(), text, BAD), &name, scene)
+        Self::of(&TomlFile::of_text(name.clone(), text, BAD), &name, scene)
     }
 
-    fn of(text: TomlFile, name: &Path, scene: &Scene) -> Result<Self, SceneError> {
+    fn of(text: &TomlFile, name: &Path, scene: &Scene) -> Result<Self, SceneError> {
         let parsed: BoundaryFile = text.parsed("boundary")?;
-        parsed.resolved(name, &text, scene)
+        parsed.resolved(name, text, scene)
     }
 }

@@ -314,7 +314,7 @@ impl BoundaryFile {
             .into_iter()
             .map(|own| own.map_or_else(PatchValues::default, |own| own.values));
         let mut patch_values: Vec<PatchValues> = values.collect();
-        if patch_values.iter().all(|values| *values == PatchValues::default()) {
+        if patch_values.iter().all(|own| *own == PatchValues::default()) {
             patch_values.clear();
         }
         Ok(Boundary {

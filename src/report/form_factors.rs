@@ -420,8 +420,8 @@ impl FormFactorReport<'_> {
                 if index == Dtype::I64 {
                     return write_numbers(writer, &columns.collect::<Vec<_>>());
                 }
-                let narrow = columns.map(|j| i32::try_from(j).unwrap_or(i32::MAX));
-                write_numbers(writer, &narrow.collect::<Vec<_>>())
+                let short = columns.map(|j| i32::try_from(j).unwrap_or(i32::MAX));
+                write_numbers(writer, &short.collect::<Vec<_>>())
             })
         })?;
         npz.array("data", &Header::new(self.dtype(), &[size]), |writer| {

@@ -1,5 +1,7 @@
 //! Boundary conditions of single patches.
 
+#![expect(clippy::shadow_unrelated, reason = "every step of a test names its own results")]
+
 use radiosity::heat::HeatError;
 use radiosity::scene::Scene;
 use radiosity::workflow::WorkflowError;

@@ -1,5 +1,9 @@
 //! Scenes from arrays: what they share with those of files, and what is refused.
 
+#![expect(clippy::shadow_unrelated, reason = "every step of a test names its own results")]
+
+use std::fmt::Write as _;
+
 use radiosity::scene::{
     Arrays, Flip, LengthUnit, LoadOptions, Loaded, SceneError, SceneErrorKind, SceneWarningKind, from_arrays, load,
 };
@@ -77,10 +81,10 @@ fn arrays_and_files_are_one_scene() {
     let path = directory.path().join("cube.obj");
     let mut text = String::new();
     for [x, y, z] in &cube.vertices {
-        text += &format!("v {x:?} {y:?} {z:?}\n");
+        writeln!(text, "v {x:?} {y:?} {z:?}").unwrap();
     }
     for face in cube.corners.chunks(3) {
-        text += &format!("f {} {} {}\n", face[0] + 1, face[1] + 1, face[2] + 1);
+        writeln!(text, "f {} {} {}", face[0] + 1, face[1] + 1, face[2] + 1).unwrap();
     }
     std::fs::write(&path, text).unwrap();
     let (here, there) = (cube.scene().unwrap(), load(&path).unwrap());
