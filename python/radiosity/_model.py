@@ -352,6 +352,7 @@ class Model:
         reflectance: Optional[ArrayLike] = None,
         exitance: Optional[ArrayLike] = None,
         sun: Optional[Sun] = None,
+        sky: Optional[float] = None,
         solver: str = "auto",
         tolerance: Optional[float] = None,
         max_passes: Optional[int] = None,
@@ -364,7 +365,7 @@ class Model:
         steps_per_pass: Optional[int] = None,
         progress: Progress = None,
     ) -> Solution:
-        """Solves for the radiosities, B = E + rho (D + F B), with F from patch i to patch j and D straight from the sun.
+        """Solves for the radiosities, B = E + rho (D + F B), with F from patch i to patch j and D straight from sun and sky.
 
         Parameters
         ----------
@@ -379,6 +380,9 @@ class Model:
             ``irradiance`` of a plane that faces the sun, W/m2 (a number or three), with ``direction`` or
             ``latitude``, ``longitude``, ``time`` (RFC 3339) and ``north``; ``angular_radius`` in degrees.
             Shadows are exact. Only along with the scene's own materials.
+        sky : float, optional
+            The irradiance of an unoccluded plane that faces up (z), W/m2, from a sky that is uniform over
+            the hemisphere. Only along with the scene's own materials.
         solver : str
             ``auto`` (default), ``pcg``, ``gmres``, ``jacobi``, ``gauss-seidel``, ``direct`` and others:
             `docs/methods.md` has them with their sources.
@@ -420,6 +424,7 @@ class Model:
             deflation=deflation,
             steps_per_pass=steps_per_pass,
             sun=None if sun is None else dict(sun),
+            sky=sky,
         )
         with Bar(progress) as callback:
             solution = self._core.solve(form_factors._core, materials, options, callback)
@@ -486,7 +491,7 @@ class Model:
         samples : int, optional
             samples^2 for each pixel. Default 2.
         direct : {"polygons", "exact", "rays", "off"}, optional
-            How the light straight from the emitters is found at each pixel.
+            How the light straight from the emitters is found at each pixel; "off" under sun and sky.
         flat : bool, optional
             Show the radiosity of each patch. Always so of a solution for reflectances or exitances of
             single patches, which a scene cannot hold.

@@ -55,7 +55,7 @@ class Solution:
 
     @property
     def irradiance(self) -> Floats:
-        """H of each patch, W/m2: F B, and what comes straight from the sun."""
+        """H of each patch, W/m2: F B, and what comes straight from sun and sky."""
         return self._core.irradiance.reshape(self._shape)
 
     @property

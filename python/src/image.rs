@@ -44,7 +44,8 @@ fn view(options: &Options<'_>) -> PyResult<ViewRequest> {
     })
 }
 
-fn settings(py: Python<'_>, options: &Options<'_>, is_unfolded: bool, is_own: bool) -> PyResult<RenderSettings> {
+fn settings(py: Python<'_>, options: &Options<'_>, is_unfolded: bool, solution: &Solution) -> PyResult<RenderSettings> {
+    let is_own = solution.is_own;
     let flat = options.take::<bool>("flat")?;
     if is_own && flat == Some(false) {
         let text =
@@ -53,6 +54,7 @@ fn settings(py: Python<'_>, options: &Options<'_>, is_unfolded: bool, is_own: bo
     }
     let flat = flat.unwrap_or(is_own);
     let direct = match options.take::<String>("direct")?.as_deref() {
+        None if solution.is_outdoors => DirectMethod::Off,
         None => DirectMethod::suited(is_unfolded, flat),
         Some("off") => DirectMethod::Off,
         Some("exact") => DirectMethod::Exact,
@@ -65,6 +67,10 @@ fn settings(py: Python<'_>, options: &Options<'_>, is_unfolded: bool, is_own: bo
             return Err(bad_argument(py, &text));
         }
     };
+    if solution.is_outdoors && direct != DirectMethod::Off {
+        let text = "direct: sun and sky are not among the emitters that it looks for; leave it out";
+        return Err(bad_argument(py, text));
+    }
     if flat && direct != DirectMethod::Off {
         return Err(bad_argument(py, "direct: not along with flat=True"));
     }
@@ -102,7 +108,7 @@ pub(crate) fn render(
         return Err(bad_argument(py, &text));
     }
     let request = view(options)?;
-    let settings = settings(py, options, request.is_unfolded(), solution.is_own)?;
+    let settings = settings(py, options, request.is_unfolded(), solution)?;
     options.finish()?;
     let call = Call {
         ..call(progress, &solution.settings)

@@ -285,12 +285,12 @@ impl Model {
     ) -> PyResult<Solution> {
         let options = Options::new(options)?;
         let request = options.solver()?;
-        let sun = options.sun(DVec3::Z)?;
+        let (sun, sky) = (options.sun(DVec3::Z)?, options.sky(DVec3::Z)?);
         options.finish()?;
-        if materials.is_some() && sun.is_some() {
+        if materials.is_some() && (sun.is_some() || sky.is_some()) {
             return Err(bad_argument(
                 py,
-                "sun: not along with reflectance or exitance of patches",
+                "sun, sky: not along with reflectance or exitance of patches",
             ));
         }
         self.expect_own(py, factors)?;
@@ -306,22 +306,19 @@ impl Model {
             ..call(progress, &factors.of.settings)
         };
         let (shared, of) = (&self.shared, &factors.of);
-        let is_own = materials.is_some();
+        let (is_own, is_outdoors) = (materials.is_some(), sun.is_some() || sky.is_some());
         let done = call.run(py, |cx| {
             let mut model = shared.lock();
-            let (study, reflectance, exitance) = match (materials, sun) {
-                (Some((rho, e)), _) => (model.solve_with(&of.study, (&rho, &e), &request, cx)?, rho, e),
-                (None, Some(sun)) => {
-                    let study = model.solve_in_sun(&of.study, &request, &sun, cx)?;
-                    let (rho, e) = model.materials();
-                    (study, rho, e)
-                }
-                (None, None) => {
-                    let (rho, e) = model.materials();
-                    (model.solve(&of.study, &request, cx)?, rho, e)
-                }
+            if let Some((rho, e)) = materials {
+                return Ok((model.solve_with(&of.study, (&rho, &e), &request, cx)?, rho, e));
+            }
+            let study = if is_outdoors {
+                model.solve_outdoors(&of.study, &request, (sun.as_ref(), sky.as_ref()), cx)?
+            } else {
+                model.solve(&of.study, &request, cx)?
             };
-            Ok((study, reflectance, exitance))
+            let (rho, e) = model.materials();
+            Ok((study, rho, e))
         })?;
         let (study, reflectance, exitance) = done.value;
         Ok(Solution {
@@ -331,6 +328,7 @@ impl Model {
             factors: Arc::clone(of),
             solver: request.solver,
             is_own,
+            is_outdoors,
             settings: done.settings,
             warnings: done.warnings,
         })

@@ -23,6 +23,8 @@ pub(crate) struct Solution {
     pub(crate) solver: String,
     /// Whether reflectance and exitance are others than the scene's.
     pub(crate) is_own: bool,
+    /// Whether light comes straight from sun or sky, which no renderer adds.
+    pub(crate) is_outdoors: bool,
     pub(crate) settings: Settings,
     pub(crate) warnings: Vec<String>,
 }

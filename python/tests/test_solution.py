@@ -145,6 +145,32 @@ def test_sunlight() -> None:
     assert (coloured.irradiance[:, 0] >= coloured.irradiance[:, 2]).all()
 
 
+def test_light_of_the_sky() -> None:
+    # Of a plate that sees nothing but the sky all of its light arrives; a second one 1 m above hides its own share.
+    ground = squares(distance=1.0, reflectance=0.0, subdivide=4)
+    ff = ground.form_factors()
+    solution = ground.solve(ff, sky=100.0)
+    lower, upper = ground.patch_surface == 0, ground.patch_surface == 1
+    mean = float(np.average(solution.irradiance[lower], weights=ground.patch_area[lower]))
+    assert mean == pytest.approx(100.0 * (1.0 - ff.surface[0, 1]), rel=1e-3)
+    np.testing.assert_allclose(solution.irradiance[upper], 0.0, atol=1e-9)
+    assert solution.sunlit is None
+    sun = {"direction": [0.0, 1.0, 1.0], "irradiance": 1000.0}
+    both, alone = ground.solve(ff, sky=100.0, sun=sun), ground.solve(ff, sun=sun)
+    np.testing.assert_allclose(both.irradiance, solution.irradiance + alone.irradiance, rtol=1e-12)
+    white = squares(distance=1.0, reflectance=0.8, subdivide=4)
+    lit = white.solve(sky=100.0)
+    assert (lit.radiosity[white.patch_surface == 1] > 1.0).all(), "the ground lights what is above it"
+    image = white.render(lit, width=16, height=16, eye=[0.5, -2.0, 0.5], look_at=[0.5, 0.5, 0.5])
+    assert image.radiance.max() > 0.0
+    with pytest.raises(rd.ArgumentError, match="direct"):
+        white.render(lit, direct="exact")
+    with pytest.raises(rd.ArgumentError, match="sun, sky"):
+        white.solve(exitance=1.0, sky=100.0)
+    with pytest.raises(rd.ArgumentError, match="sky"):
+        white.solve(sky=-1.0)
+
+
 @pytest.mark.parametrize("ending", ["csv", "npz", "vtu", "ply", "obj"])
 def test_files(tmp_path: Path, ending: str) -> None:
     model = cube(subdivide=2, exitance={"ceiling": 1.0, "*": 0.0})

@@ -3,7 +3,7 @@
 use super::solve::Known;
 use super::{Context, FormFactorStudy, MeshError, Model, SolveRequest, TotalError, Warning, WorkflowError};
 use crate::heat::{
-    Band, Boundary, DirectLight, Enclosure, Heat, HeatError, Network, Outside, Solution as HeatSolution, Solved,
+    Band, Boundary, DirectLight, Enclosure, Heat, HeatError, Network, Outside, Sky, Solution as HeatSolution, Solved,
     above_horizon, emissive_power, solar_system, sunlight, thermal_exitance,
 };
 use crate::matrix::connected;
@@ -143,19 +143,23 @@ impl Model {
         let sun = boundary.sun.map(|sun| cx.time("sun", || sunlight(input, &sun)));
         let sky = match &boundary.sky {
             None => [vec![0.0; n], vec![0.0; n]],
-            Some(sky) => {
-                let row_sums = enclosure.received(&vec![1.0; n]);
-                let sees_nothing =
-                    |i: usize| row_sums[i] <= 0.0 && enclosure.backs[i].value + enclosure.backs[i].error() <= 0.0;
-                let sees_nothing: Vec<bool> = (0..n).map(sees_nothing).collect();
-                let above = cx.time("sky", || above_horizon(input, sky, enclosure.sky, &sees_nothing));
-                [
-                    above.iter().map(|own| sky.irradiance() * own.value).collect(),
-                    above.iter().map(|own| sky.irradiance() * own.error()).collect(),
-                ]
-            }
+            Some(sky) => self.sky_light(enclosure, sky, cx),
         };
         DirectLight { sun, sky }
+    }
+
+    /// Returns the irradiance straight from a sky, and its error, W·m⁻², \[n\] each.
+    pub(super) fn sky_light(&self, enclosure: &Enclosure<'_>, sky: &Sky, cx: &Context) -> [Vec<f64>; 2] {
+        let n = self.mesh.n_patches();
+        let row_sums = enclosure.received(&vec![1.0; n]);
+        let sees_nothing =
+            |i: usize| row_sums[i] <= 0.0 && enclosure.backs[i].value + enclosure.backs[i].error() <= 0.0;
+        let sees_nothing: Vec<bool> = (0..n).map(sees_nothing).collect();
+        let above = cx.time("sky", || above_horizon(self.input(), sky, enclosure.sky, &sees_nothing));
+        [
+            above.iter().map(|own| sky.irradiance() * own.value).collect(),
+            above.iter().map(|own| sky.irradiance() * own.error()).collect(),
+        ]
     }
 
     /// Solves the solar band; `None` where nothing arrives.

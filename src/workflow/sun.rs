@@ -1,7 +1,7 @@
-//! Light of the sun on the patches of a scene.
+//! Light of sun and sky on the patches of a scene.
 
 use super::{Context, FormFactorStudy, Model, SolutionStudy, SolveRequest, WorkflowError};
-use crate::heat::{Sun, Sunlit};
+use crate::heat::{Sky, Sun, Sunlit};
 use crate::matrix::operator::{Block, LinearOperator};
 
 /// The sun as channels see it.
@@ -26,10 +26,8 @@ impl SunRequest {
 impl Model {
     /// Solves for the light of the scene's own materials in sunlight, and states its error.
     ///
-    /// B = E + ρ (D + F B), with D straight from the sun. The irradiance of the solution includes D; its energy counts ρ D as emitted.
-    ///
     /// # Errors
-    /// As [`solve_system`](Self::solve_system).
+    /// As [`solve_outdoors`](Self::solve_outdoors).
     pub fn solve_in_sun(
         &mut self,
         study: &FormFactorStudy,
@@ -37,20 +35,54 @@ impl Model {
         sun: &SunRequest,
         cx: &mut Context,
     ) -> Result<SolutionStudy, WorkflowError> {
-        if !sun.is_grey() {
-            self.plan.revise_channels(sun.irradiance.len());
-            self.plan.n_channels = sun.irradiance.len();
+        self.solve_outdoors(study, request, (Some(sun), None), cx)
+    }
+
+    /// Solves for the light of the scene's own materials under sun and sky, and states its error.
+    ///
+    /// B = E + ρ (D + F B), with D straight from sun and sky. The irradiance of the solution includes D; its energy counts ρ D as emitted.
+    ///
+    /// # Errors
+    /// As [`solve_system`](Self::solve_system).
+    pub fn solve_outdoors(
+        &mut self,
+        study: &FormFactorStudy,
+        request: &SolveRequest,
+        (sun, sky): (Option<&SunRequest>, Option<&Sky>),
+        cx: &mut Context,
+    ) -> Result<SolutionStudy, WorkflowError> {
+        if let Some(coloured) = sun.filter(|sun| !sun.is_grey()) {
+            let n_channels = coloured.irradiance.len();
+            self.plan.revise_channels(n_channels);
+            self.plan.n_channels = n_channels;
             self.plan
-                .revise("channels", sun.irradiance.len().to_string(), "the sun has a colour");
+                .revise("channels", n_channels.to_string(), "the sun has a colour");
         }
         let (reflectance, exitance) = self.materials();
-        let strengths = &sun.irradiance[..reflectance.n_channels()];
-        let sunlit = cx.time("sun", || Sunlit::new(self.input(), &sun.sun, strengths));
+        let n_channels = reflectance.n_channels();
+        let sunlit = sun.map(|sun| {
+            let strengths = &sun.irradiance[..n_channels];
+            cx.time("sun", || Sunlit::new(self.input(), &sun.sun, strengths))
+        });
+        let from_sky = sky.map(|sky| self.sky_light(&study.enclosure(), sky, cx));
+        let straight = |of_sun: fn(&Sunlit) -> &Block, of_sky: usize| {
+            let mut sum = Block::zeros(reflectance.n_rows(), n_channels);
+            if let Some(sunlit) = &sunlit {
+                sum.values_mut().copy_from_slice(of_sun(sunlit).values());
+            }
+            for (i, light) in from_sky.iter().flat_map(|sky| sky[of_sky].iter().enumerate()) {
+                for value in sum.row_mut(i) {
+                    *value += light;
+                }
+            }
+            sum
+        };
+        let (direct, direct_error) = (straight(|sun| &sun.irradiance, 0), straight(|sun| &sun.error, 1));
         let reflected = |light: &Block| {
             let products = reflectance.values().iter().zip(light.values()).map(|(rho, d)| rho * d);
-            Block::from_values(products.collect(), reflectance.n_channels())
+            Block::from_values(products.collect(), n_channels)
         };
-        let (mut lit, error) = (reflected(&sunlit.irradiance), reflected(&sunlit.error));
+        let (mut lit, error) = (reflected(&direct), reflected(&direct_error));
         lit.values_mut()
             .iter_mut()
             .zip(exitance.values())
@@ -60,8 +92,8 @@ impl Model {
         let solution = self.solve_system(system, request, materials, study.known(), cx)?;
         let mut found = self.judged_with(study, (&reflectance, &lit), Some(&error), solution, cx)?;
         let irradiance = found.solution.irradiance.values_mut().iter_mut();
-        irradiance.zip(sunlit.irradiance.values()).for_each(|(h, d)| *h += d);
-        found.sunlit = Some(sunlit);
+        irradiance.zip(direct.values()).for_each(|(h, d)| *h += d);
+        found.sunlit = sunlit;
         Ok(found)
     }
 }
