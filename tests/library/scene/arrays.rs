@@ -159,7 +159,7 @@ fn refusals_name_the_face_or_the_vertex() {
         let mut cube = Cube::new(0.0, false);
         change(&mut cube);
         let error = cube.scene().expect_err("refused");
-        (error.at.to_string(), error.kind)
+        (error.at.to_string().trim_end_matches(": ").to_owned(), error.kind)
     };
     let (at, kind) = refused(|cube| cube.vertices[3][1] = f64::NAN);
     assert!(
