@@ -79,7 +79,7 @@ def from_pyvista(mesh: Any, /, *, surface_array: str = "surface", **settings: Un
     ArgumentError, SceneError
         As of `Model`.
     """
-    poly = mesh if hasattr(mesh, "n_faces_strict") else mesh.extract_surface()
+    poly = mesh if hasattr(mesh, "faces") else mesh.extract_surface()
     faces = _polygons(np.asarray(poly.faces))
     if "surfaces" not in settings and surface_array in poly.cell_data:
         settings["surfaces"] = np.asarray(poly.cell_data[surface_array]).tolist()

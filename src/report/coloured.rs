@@ -7,7 +7,7 @@ use std::io::{self, Write};
 
 use super::csv::channel_names;
 use crate::matrix::operator::Block;
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, Patch};
 use crate::scene::Scene;
 
 /// The formats with colours of vertices.
@@ -89,7 +89,12 @@ fn write_ply(
         }
         writeln!(writer)?;
     }
-    for patch in &mesh.patches {
+    // Triangles before quads: meshio takes values of faces in no other order.
+    let (triangles, quads): (Vec<&Patch>, Vec<&Patch>) = mesh
+        .patches
+        .iter()
+        .partition(|patch| patch.corners.as_slice().len() == 3);
+    for patch in triangles.into_iter().chain(quads) {
         let corners = patch.corners.as_slice();
         write!(writer, "{}", corners.len())?;
         for corner in corners {

@@ -51,7 +51,7 @@ def main():
                 mesh = reader(at / file)
                 if name == "meshio":
                     # Cells come back by kind: triangles, then quads.
-                    data = {key: np.concatenate(parts) for key, parts in mesh.cell_data.items()}
+                    data = {key: np.squeeze(np.concatenate(parts)) for key, parts in mesh.cell_data.items()}
                 else:
                     data = dict(mesh.cell_data)
                 found = texts(mesh.field_data["surface_name"])
