@@ -45,11 +45,8 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
     // Before the work: a mistake in them is found at once, and their reflectances count in how form factors are stored.
     let loaded = Lightings::load(args, &model.scene)?;
     run.cx.demand.reflectance_max = loaded.reflectance_max();
-    let exitances = args
-        .exitance
-        .as_deref()
-        .map(|array| model.materials_of(array))
-        .transpose()?;
+    let given = args.exitance.as_deref();
+    let exitances = given.map(|array| model.materials_of(array)).transpose()?;
     if shining.is_none() && exitances.is_none() {
         loaded.warn_of_darkness(run, &model, &args.lighting);
     }
@@ -57,7 +54,8 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let solver = args.solver.request();
     if args.on_the_fly {
         let (study, _) = model.solve_on_the_fly(&method, &solver, false, &mut run.cx)?;
-        return finish(args, run, &model, None, &study);
+        let (rho, e) = model.materials();
+        return finish(args, run, &model, None, (&rho, &e), &study);
     }
     let need = solver.need(&run.cx)?;
     let factors = match &file {
@@ -70,12 +68,13 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
     if let Some(request) = shining {
         run.cx.settings.sun = Some(args.sun.record());
         let study = model.solve_in_sun(&factors, &solver, &request, &mut run.cx)?;
-        return finish(args, run, &model, Some(&factors), &study);
+        let (rho, e) = model.materials();
+        return finish(args, run, &model, Some(&factors), (&rho, &e), &study);
     }
     let materials = exitances.unwrap_or_else(|| model.materials());
     model.plan.revise_channels(materials.1.n_channels());
     let study = model.solve_with(&factors, (&materials.0, &materials.1), &solver, &mut run.cx)?;
-    finish_with(args, run, &model, Some(&factors), (&materials.0, &materials.1), &study)
+    finish(args, run, &model, Some(&factors), (&materials.0, &materials.1), &study)
 }
 
 fn files(args: &SolveArgs) -> Result<FileSet, Failure> {
@@ -108,18 +107,6 @@ fn files(args: &SolveArgs) -> Result<FileSet, Failure> {
 
 /// Writes and describes a solution; without `computed` there are no stored form factors to tell of.
 fn finish(
-    args: &SolveArgs,
-    run: &mut Run,
-    model: &Model,
-    computed: Option<&FormFactorStudy>,
-    study: &SolutionStudy,
-) -> Result<Outcome, Failure> {
-    let (reflectance, exitance) = model.materials();
-    finish_with(args, run, model, computed, (&reflectance, &exitance), study)
-}
-
-/// Does the same for other reflectances and exitances than the scene's.
-fn finish_with(
     args: &SolveArgs,
     run: &mut Run,
     model: &Model,
