@@ -70,14 +70,14 @@ impl Model {
             if let Some(sunlit) = &sunlit {
                 sum.values_mut().copy_from_slice(of_sun(sunlit).values());
             }
-            for (i, light) in from_sky.iter().flat_map(|sky| sky[of_sky].iter().enumerate()) {
+            for (i, light) in from_sky.iter().flat_map(|both| both[of_sky].iter().enumerate()) {
                 for value in sum.row_mut(i) {
                     *value += light;
                 }
             }
             sum
         };
-        let (direct, direct_error) = (straight(|sun| &sun.irradiance, 0), straight(|sun| &sun.error, 1));
+        let (direct, direct_error) = (straight(|lit| &lit.irradiance, 0), straight(|lit| &lit.error, 1));
         let reflected = |light: &Block| {
             let products = reflectance.values().iter().zip(light.values()).map(|(rho, d)| rho * d);
             Block::from_values(products.collect(), n_channels)
