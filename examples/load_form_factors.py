@@ -20,9 +20,10 @@ import scipy.sparse
 
 
 def load_npz(path):
-    """Returns F (an array or a sparse matrix) and the description; there are more arrays: `area`, `error`, ..."""
+    """Returns F (an array or a sparse matrix) and the description; there are more arrays: `area_m2`, `error`, ..."""
     with np.load(path) as archive:
-        description = json.loads(archive["meta.json"])
+        # Files of older programs have the description as a member that is no array.
+        description = json.loads(str(archive["meta"]) if "meta" in archive else archive["meta.json"])
         if "F" in archive:
             return archive["F"], description
     return scipy.sparse.load_npz(path), description
@@ -128,7 +129,7 @@ def main():
 def check_reciprocity(path, factors, description):
     """A_i F_ij = A_j F_ji: to rounding in symmetric form factors, to the noise in others."""
     with np.load(path) as archive:
-        area = archive["area"]
+        area = archive["area_m2" if "area_m2" in archive else "area"]
     exchange = scipy.sparse.diags(area) @ scipy.sparse.csr_array(factors)
     difference = float(abs(exchange - exchange.T).max())
     print(f"{path}: |A_i F_ij - A_j F_ji| is at most {difference} m2")

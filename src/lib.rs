@@ -12,7 +12,7 @@
 //! Each arrow is one call with one input and one output. Dependencies point one way; nothing below imports anything above:
 //!
 //! ```text
-//! cli → document → experiment → workflow → audit → report, render → heat, solver → form_factor → matrix, visibility → mesh → scene, geometry
+//! cli, python → document → experiment → workflow → audit → report, render → heat, solver → form_factor → matrix, visibility → mesh → scene, geometry
 //! ```
 //!
 //! | module | what it holds |

@@ -74,6 +74,8 @@ pub enum Parameter {
     Scratch,
     /// The file of the result.
     Output,
+    /// Whether tables are whole that are long.
+    Full,
     /// A setting of methods or solvers.
     Of(&'static Setting),
 }
@@ -116,6 +118,7 @@ impl Parameter {
             Self::AllowOutside => "allow_outside",
             Self::Scratch => "scratch",
             Self::Output => "output",
+            Self::Full => "full",
             Self::Of(setting) => setting.name,
         }
     }

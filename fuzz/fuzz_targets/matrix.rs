@@ -54,9 +54,17 @@ fn repaired_npz(data: &[u8]) -> Option<Vec<u8>> {
     let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
     for k in 0..found.len().min(16) {
         let member = found.by_index_raw(k).ok()?;
-        let name = member.name().ok()?.into_owned();
+        let mut name = member.name().ok()?.into_owned();
         let mut content = Vec::new();
         member.take(1 << 16).read_to_end(&mut content).ok()?;
+        // As a member that is no array the description may have any length.
+        if name == "meta.npy" {
+            let head = 10 + usize::from(u16::from_le_bytes([*content.get(8)?, *content.get(9)?]));
+            let characters = content.get(head..)?.as_chunks().0.iter();
+            let text = characters.filter_map(|b| char::from_u32(u32::from_le_bytes(*b)));
+            content = text.collect::<String>().into_bytes();
+            name = "meta.json".to_owned();
+        }
         if name == "meta.json" {
             content = described(&content, None).map_or(content, String::into_bytes);
         }

@@ -23,8 +23,12 @@ pub(super) fn run(args: &FormFactorsArgs) -> Result<Outcome, Failure> {
 
 fn work(args: &FormFactorsArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let format = args.output.as_deref().map(Format::of).transpose()?;
-    if args.surface.is_some() && format.is_some_and(|format| format != Format::Vtu) {
-        return Err(Failure::usage("--surface is for `-o F.vtu`"));
+    let has_quantities = |own| matches!(own, Format::Vtu | Format::Ply | Format::Obj);
+    if args.surface.is_some() && format.is_some_and(|own| !has_quantities(own)) {
+        return Err(Failure::usage("--surface is for `-o F.vtu`, F.ply and F.obj"));
+    }
+    if args.dense && format != Some(Format::Npz) {
+        return Err(Failure::usage("--dense is for `-o F.npz`"));
     }
     files(args).check()?;
     let demand = Demand {
@@ -42,7 +46,7 @@ fn work(args: &FormFactorsArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let computed = model.form_factors(&request, Need::AsTheyAre, &mut run.cx)?;
     run.cx.judge_leaking_exchange();
     let table = run.cx.time("surfaces", || {
-        SurfaceTable::new(&mut model, &computed, &run.cx, args.common.json)
+        SurfaceTable::new(&mut model, &computed, &run.cx, args.surfaces_up_to())
     });
     computed.factors.if_readable(())?;
     if let Some(path) = &args.output {
@@ -55,6 +59,8 @@ fn work(args: &FormFactorsArgs, run: &mut Run) -> Result<Outcome, Failure> {
             sky: Some(&computed.sky),
             settings: &run.cx.settings.record(),
             surface,
+            is_closed: computed.closed,
+            dense: args.dense,
         };
         run.cx.time("write", || report.write(path))?;
     }

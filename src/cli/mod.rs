@@ -13,6 +13,7 @@ mod frames_text;
 mod heat;
 mod interrupt;
 mod lightings;
+mod manual;
 mod output;
 mod picture;
 mod points;
@@ -61,20 +62,8 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Ok(cli) => cli,
         Err(error) => return usage(&error, &arguments),
     };
-    let common = match &cli.command {
-        Command::Scene(a) => &a.common,
-        Command::FormFactors(a) => &a.common,
-        Command::Solve(a) => &a.common,
-        Command::Heat(a) => &a.common,
-        Command::Points(a) => &a.common,
-        Command::Render(a) => &a.common,
-        Command::Field(a) => &a.common,
-        Command::Voxel(a) => &a.common,
-        Command::Verify(a) => &a.common,
-        Command::Compare(a) => &a.common,
-        Command::Reproduce(a) => &a.common,
-    };
-    let json = common.json;
+    let common = cli.command.common();
+    let json = common.is_some_and(|common| common.json);
     interrupt::outlive_size_limits();
     // A panic is a defect of the program: one line says so, and that it is not the user's fault.
     std::panic::set_hook(Box::new(|defect| {
@@ -83,8 +72,13 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
             one_line(defect)
         ));
     }));
-    let result = std::panic::catch_unwind(AssertUnwindSafe(|| run(&cli.command, common)))
-        .unwrap_or_else(|_| Err(Failure::new("defect", "")));
+    let result = std::panic::catch_unwind(AssertUnwindSafe(|| match (&cli.command, common) {
+        (Command::Completions(a), _) => Ok(manual::completions(*a, command())),
+        (Command::Man(a), _) => manual::pages(a, command()),
+        (other, Some(common)) => run(other, common),
+        (other, None) => unreachable!("a command that computes nothing: {other:?}"),
+    }))
+    .unwrap_or_else(|_| Err(Failure::new("defect", "")));
     match result {
         Ok(outcome) => {
             let printed = if json {
@@ -106,15 +100,19 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     }
 }
 
-/// Parses the arguments. A value may begin with a minus and a digit: what is wrong with a number, its flag knows best.
-fn parse(arguments: &[OsString]) -> Result<Cli, clap::Error> {
-    let command = Cli::command().mut_subcommands(|command| {
+/// Returns the command line. A value may begin with a minus and a digit: what is wrong with a number, its flag knows best.
+fn command() -> clap::Command {
+    Cli::command().mut_subcommands(|command| {
         command.mut_args(|argument| {
             let is_flag_with_value = !argument.is_positional() && argument.get_action().takes_values();
             argument.allow_negative_numbers(is_flag_with_value)
         })
-    });
-    let mut matches = command.try_get_matches_from(arguments)?;
+    })
+}
+
+/// Parses the arguments.
+fn parse(arguments: &[OsString]) -> Result<Cli, clap::Error> {
+    let mut matches = command().try_get_matches_from(arguments)?;
     Cli::from_arg_matches_mut(&mut matches)
 }
 
@@ -148,6 +146,7 @@ fn run(command: &Command, common: &CommonArgs) -> Result<Outcome, Failure> {
         Command::Verify(a) => verify::run(a),
         Command::Compare(a) => compare::run(a),
         Command::Reproduce(a) => reproduce::run(a),
+        Command::Completions(_) | Command::Man(_) => unreachable!("they read no scene and need no threads"),
     })
 }
 

@@ -122,12 +122,9 @@ impl Run {
         let mesh_args = mesh_args.into();
         let default = default(&scene);
         let options: MeshOptions = mesh_args.map_or_else(|| default.into(), |args| args.options(default));
-        match options.subdivision {
-            Subdivision::Uniform(n) => self.cx.settings.subdivide = Some(n),
-            Subdivision::MaxEdge(length) => self.cx.settings.max_edge_m = Some(length),
-        }
-        if mesh_args.is_some() {
-            self.cx.settings.cut_at_walls = Some(options.cut_at_walls);
+        match mesh_args {
+            Some(_) => self.cx.settings.note_mesh(options),
+            None => self.cx.settings.note_subdivision(options.subdivision),
         }
         let patches_for = match mesh_args {
             None => Use::Nothing,

@@ -11,6 +11,7 @@ use super::run::Run;
 use super::solution::{code, describe};
 use super::{Outcome, lightings, sun};
 use crate::document::{FormFactorRecord, LitSurface, SolveDocument, SolverRecord};
+use crate::matrix::operator::Block;
 use crate::mesh::Subdivision;
 use crate::report::form_factors::{FormFactorFile, files_of};
 use crate::report::solution::Format;
@@ -37,19 +38,22 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
     run.expect(&args.storage, demand);
     let daylight = sun::daylight(&args.sun)?;
     // In daylight no face has to emit.
-    run.has_lightings = !args.lighting.is_empty() || daylight.shines();
+    run.has_lightings = !args.lighting.is_empty() || daylight.shines() || args.exitance.is_some();
     let mut model = run.prepare(&args.scene, mesh_args, |_| Subdivision::Uniform(1))?;
     // Before the work: a mistake in them is found at once, and their reflectances count in how form factors are stored.
     let loaded = Lightings::load(args, &model.scene)?;
     run.cx.demand.reflectance_max = loaded.reflectance_max();
-    if !daylight.shines() {
+    let given = args.exitance.as_deref();
+    let exitances = given.map(|array| model.materials_of(array)).transpose()?;
+    if !daylight.shines() && exitances.is_none() {
         loaded.warn_of_darkness(run, &model, &args.lighting);
     }
     let method = run.request(&args.method, args.form_factor_tolerance, Afterwards::Light);
     let solver = args.solver.request();
     if args.on_the_fly {
         let (study, _) = model.solve_on_the_fly(&method, &solver, false, &mut run.cx)?;
-        return finish(args, run, &model, None, &study);
+        let (rho, e) = model.materials();
+        return finish(args, run, &model, None, (&rho, &e), &study);
     }
     let need = solver.need(&run.cx)?;
     let factors = match &file {
@@ -62,10 +66,13 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
     if daylight.shines() {
         args.sun.note(&mut run.cx);
         let study = model.solve_in_daylight(&factors, &solver, &daylight, &mut run.cx)?;
-        return finish(args, run, &model, Some(&factors), &study);
+        let (rho, e) = model.materials();
+        return finish(args, run, &model, Some(&factors), (&rho, &e), &study);
     }
-    let study = model.solve(&factors, &solver, &mut run.cx)?;
-    finish(args, run, &model, Some(&factors), &study)
+    let materials = exitances.unwrap_or_else(|| model.materials());
+    model.plan.revise_channels(materials.1.n_channels());
+    let study = model.solve_with(&factors, (&materials.0, &materials.1), &solver, &mut run.cx)?;
+    finish(args, run, &model, Some(&factors), (&materials.0, &materials.1), &study)
 }
 
 fn files(args: &SolveArgs) -> Result<FileSet, Failure> {
@@ -89,6 +96,7 @@ fn files(args: &SolveArgs) -> Result<FileSet, Failure> {
     for file in args.form_factors.iter().flat_map(|path| files_of(path)) {
         files.reads("the form factors", Some(&file));
     }
+    files.reads("the exitances", args.exitance.as_deref());
     for file in &args.lighting {
         files.reads("a lighting", Some(file));
     }
@@ -101,12 +109,12 @@ fn finish(
     run: &mut Run,
     model: &Model,
     computed: Option<&FormFactorStudy>,
+    materials: (&Block, &Block),
     study: &SolutionStudy,
 ) -> Result<Outcome, Failure> {
     if let Some(path) = &args.output {
-        let materials = model.materials();
         run.cx.time("write", || {
-            model.write_solution(path, computed, (&materials.0, &materials.1), study, &run.cx)
+            model.write_solution(path, computed, materials, study, &run.cx)
         })?;
     }
     run.bars.finish();

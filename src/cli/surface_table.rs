@@ -28,7 +28,8 @@ pub(super) fn describe_surfaces(text: &mut String, model: &Model, computed: &For
     let Some(rows) = table.rows().filter(|_| n <= SurfaceTable::MAX_READ) else {
         let _ = writeln!(
             text,
-            "the {n} × {n} surface form factors are in what --json prints and in the table that -o F.csv writes"
+            "the {n} × {n} surface form factors are in what --json{} prints and in the table that -o F.csv writes",
+            if n <= SurfaceTable::MAX_PRINTED { "" } else { " --full" }
         );
         return;
     };

@@ -112,9 +112,9 @@ pub struct FormFactorsDocument<'a> {
     pub n_surfaces: usize,
     /// The surfaces, in file order.
     pub surfaces: Vec<SurfaceRecord>,
-    /// F from each surface to each; null where they do not fit into memory.
+    /// F from each surface to each; null above 200 surfaces unless `--full` asks for it, and where they do not fit into memory.
     pub surface_form_factor: Option<Vec<&'a [f64]>>,
-    /// An estimate of the absolute error of each; null where they do not fit into memory.
+    /// An estimate of the absolute error of each; null where they are.
     pub surface_error: Option<Vec<&'a [f64]>>,
     /// 1 − Σ_j F_ij of each surface: what no front receives of its light.
     pub lost_factor: Option<Vec<f64>>,

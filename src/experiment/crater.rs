@@ -172,6 +172,7 @@ fn boundary(height_deg: f64) -> Boundary {
         sky: None,
         surfaces: vec![Some(surface)],
         nodes: Vec::new(),
+        patch_values: Vec::new(),
     }
 }
 

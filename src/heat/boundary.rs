@@ -31,6 +31,7 @@ pub const MAX_FLUX: f64 = 1e100;
 /// emissivity = 0.95           # thermal band, in (0, 1]
 /// absorptance = 0.88          # solar band, in [0, 1]; default: the emissivity
 /// temperature_k = 300.0       # or supplied_w_m2 | adiabatic = true | node = "NAME" | other_side = "NAME"
+///                             # a number may be a list of one for each patch of the surface, or of the scene
 /// [[node]]                    # the surfaces of a node have one unknown temperature
 /// name = "radiator"
 /// supplied_w = 40.0           # heat that is supplied to the node as a whole; default 0
@@ -49,6 +50,8 @@ pub struct Boundary {
     pub sky: Option<Sky>,
     /// The boundary condition of each surface of the scene, in its order; `None` of a surface without faces.
     pub surfaces: Vec<Option<SurfaceBoundary>>,
+    /// Values of single patches, in place of those of their surfaces, in the same order; empty where there are none at all.
+    pub patch_values: Vec<PatchValues>,
     /// The nodes.
     pub nodes: Vec<Node>,
 }
@@ -79,6 +82,40 @@ pub struct SurfaceBoundary {
     pub condition: Condition,
 }
 
+/// Values of the single patches of a surface: one for each patch of the surface, or of the scene, in the order of the mesh; empty where all patches have that of the surface.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PatchValues {
+    /// ε, in (0, 1\].
+    pub emissivity: Vec<f64>,
+    /// α, in \[0, 1\].
+    pub absorptance: Vec<f64>,
+    /// The number of the surface's condition: a temperature, K, or a supplied heat, W·m⁻².
+    pub condition: Vec<f64>,
+}
+
+/// The place of a patch among those of its surface and those of the scene, each with the number of these.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PatchPlace {
+    pub(super) in_surface: (usize, usize),
+    pub(super) in_scene: (usize, usize),
+}
+
+impl PatchPlace {
+    /// Returns the value of the patch; `None` where all patches of the surface have one.
+    fn pick(self, key: &'static str, values: &[f64]) -> Result<Option<f64>, OutOfRange> {
+        let ((k, n_own), (i, n)) = (self.in_surface, self.in_scene);
+        match values.len() {
+            0 => Ok(None),
+            length if length == n_own => Ok(Some(values[k])),
+            length if length == n => Ok(Some(values[i])),
+            length => Err((
+                key,
+                format!("{length} values, where the surface has {n_own} patches and the scene {n}; give one for each"),
+            )),
+        }
+    }
+}
+
 /// The thermal boundary condition of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Condition {
@@ -100,6 +137,9 @@ pub struct Node {
     /// The heat that is supplied to it as a whole, W.
     pub supplied_w: f64,
 }
+
+/// What is wrong with boundary conditions, as an error.
+const BAD: fn(String) -> SceneErrorKind = |message| SceneErrorKind::BadBoundary { message };
 
 /// A value that is out of its range: its key, and what is wrong with it.
 pub(super) type OutOfRange = (&'static str, String);
@@ -203,6 +243,26 @@ pub(super) fn expect_heat(key: &'static str, heat: f64) -> Result<(), OutOfRange
 }
 
 impl SurfaceBoundary {
+    /// Returns the same with another emissivity.
+    pub(super) fn with_emissivity(self, emissivity: f64) -> Self {
+        Self { emissivity, ..self }
+    }
+
+    /// Returns the same with another absorptance.
+    pub(super) fn with_absorptance(self, absorptance: f64) -> Self {
+        Self { absorptance, ..self }
+    }
+
+    /// Returns the same with another number of the condition; nodes and sheets have none.
+    pub(super) fn with_condition(self, value: f64) -> Self {
+        let condition = match self.condition {
+            Condition::Temperature(_) => Condition::Temperature(value),
+            Condition::Supplied(_) => Condition::Supplied(value),
+            other => other,
+        };
+        Self { condition, ..self }
+    }
+
     /// Refuses values out of range.
     pub(super) fn checked(self) -> Result<Self, OutOfRange> {
         let Self {
@@ -226,6 +286,39 @@ impl SurfaceBoundary {
 }
 
 impl Boundary {
+    /// Returns what holds at a patch of a surface.
+    ///
+    /// # Errors
+    /// Values out of range, or not one for each patch.
+    pub(super) fn of_patch(&self, surface: usize, place: PatchPlace) -> Result<Option<SurfaceBoundary>, OutOfRange> {
+        let Some(mut own) = self.surfaces[surface] else {
+            return Ok(None);
+        };
+        let Some(values) = self.patch_values.get(surface) else {
+            return Ok(Some(own));
+        };
+        let key = match own.condition {
+            Condition::Supplied(_) => "supplied_w_m2",
+            _ => "temperature_k",
+        };
+        if let Some(value) = place.pick("emissivity", &values.emissivity)? {
+            own = own.with_emissivity(value);
+        }
+        if let Some(value) = place.pick("absorptance", &values.absorptance)? {
+            own = own.with_absorptance(value);
+        }
+        if let Some(value) = place.pick(key, &values.condition)? {
+            own = own.with_condition(value);
+        }
+        own.checked().map(Some)
+    }
+
+    /// Tells whether patches of a surface have temperatures of their own.
+    pub(super) fn has_patch_conditions(&self, surface: usize) -> bool {
+        let values = self.patch_values.get(surface);
+        values.is_some_and(|values| !values.condition.is_empty())
+    }
+
     /// Reads the boundary conditions of a scene from a TOML file.
     ///
     /// # Errors
@@ -233,8 +326,20 @@ impl Boundary {
     /// without a condition or an emissivity, and names that match nothing.
     pub fn load(file: impl AsRef<Path>, scene: &Scene) -> Result<Self, SceneError> {
         let file = file.as_ref();
-        let text = TomlFile::read(file, |message| SceneErrorKind::BadBoundary { message })?;
+        Self::of(&TomlFile::read(file, BAD)?, file, scene)
+    }
+
+    /// Reads the boundary conditions of a scene from a text in TOML; `name` is what messages call it.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load).
+    pub fn parse(text: String, name: impl Into<PathBuf>, scene: &Scene) -> Result<Self, SceneError> {
+        let name = name.into();
+        Self::of(&TomlFile::of_text(name.clone(), text, BAD), &name, scene)
+    }
+
+    fn of(text: &TomlFile, name: &Path, scene: &Scene) -> Result<Self, SceneError> {
         let parsed: BoundaryFile = text.parsed("boundary")?;
-        parsed.resolved(file, &text, scene)
+        parsed.resolved(name, text, scene)
     }
 }

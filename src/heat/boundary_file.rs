@@ -7,7 +7,7 @@ use glam::DVec3;
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::boundary::{Boundary, Condition, Node, OutOfRange, Sky, Sun, SurfaceBoundary};
+use super::boundary::{Boundary, Condition, Node, OutOfRange, PatchValues, Sky, Sun, SurfaceBoundary};
 use super::boundary::{expect_heat, expect_temperature};
 use crate::printable::quoted;
 use crate::scene::table::{Content, Table, three};
@@ -63,13 +63,46 @@ struct SkyInFile {
 #[serde(deny_unknown_fields)]
 struct Entry {
     name: Spanned<String>,
-    emissivity: Option<Spanned<f64>>,
-    absorptance: Option<Spanned<f64>>,
-    temperature_k: Option<Spanned<f64>>,
-    supplied_w_m2: Option<Spanned<f64>>,
+    emissivity: Option<Spanned<Amount>>,
+    absorptance: Option<Spanned<Amount>>,
+    temperature_k: Option<Spanned<Amount>>,
+    supplied_w_m2: Option<Spanned<Amount>>,
     adiabatic: Option<Spanned<bool>>,
     node: Option<Spanned<String>>,
     other_side: Option<Spanned<String>>,
+}
+
+/// A number of a surface, or one for each patch.
+#[derive(Clone, Deserialize)]
+#[serde(untagged, expecting = "expected a number, or a list of one for each patch")]
+enum Amount {
+    All(f64),
+    Each(Vec<f64>),
+}
+
+impl Amount {
+    /// Returns the number, the first of several; not a number where there is none.
+    fn first(&self) -> f64 {
+        match self {
+            Self::All(value) => *value,
+            Self::Each(values) => values.first().copied().unwrap_or(f64::NAN),
+        }
+    }
+
+    /// Returns the numbers of single patches, if they have such.
+    fn each(self) -> Vec<f64> {
+        match self {
+            Self::All(_) => Vec::new(),
+            Self::Each(values) => values,
+        }
+    }
+
+    fn values(&self) -> &[f64] {
+        match self {
+            Self::All(value) => std::slice::from_ref(value),
+            Self::Each(values) => values,
+        }
+    }
 }
 
 #[derive(Deserialize)]
@@ -108,8 +141,8 @@ struct Given {
 
 #[derive(Clone)]
 enum GivenCondition {
-    Temperature(f64),
-    Supplied(f64),
+    Temperature(Amount),
+    Supplied(Amount),
     Node(String),
     OtherSide(String),
 }
@@ -118,7 +151,7 @@ impl Entry {
     /// Returns the condition of the entry, if it has one.
     fn condition(&self) -> Result<Option<Given>, (usize, String)> {
         let numbers = [
-            (&self.temperature_k, GivenCondition::Temperature as fn(f64) -> _),
+            (&self.temperature_k, GivenCondition::Temperature as fn(Amount) -> _),
             (&self.supplied_w_m2, GivenCondition::Supplied),
         ];
         let names = [
@@ -128,7 +161,7 @@ impl Entry {
         let mut found = Vec::new();
         for (value, condition) in numbers {
             found.extend(value.as_ref().map(|value| Given {
-                condition: condition(*value.get_ref()),
+                condition: condition(value.get_ref().clone()),
                 start: value.span().start,
             }));
         }
@@ -145,7 +178,7 @@ impl Entry {
                 return Err((start, message));
             }
             found.push(Given {
-                condition: GivenCondition::Supplied(0.0),
+                condition: GivenCondition::Supplied(Amount::All(0.0)),
                 start,
             });
         }
@@ -206,8 +239,8 @@ impl<T> Latest<T> {
 /// The entries about one surface.
 #[derive(Clone)]
 struct Collected {
-    emissivity: Latest<(f64, usize)>,
-    absorptance: Latest<(f64, usize)>,
+    emissivity: Latest<(Amount, usize)>,
+    absorptance: Latest<(Amount, usize)>,
     condition: Latest<Given>,
     /// Where the last entry begins that matches.
     start: Option<usize>,
@@ -258,12 +291,12 @@ impl BoundaryFile {
         let (sun, sky) = (sun.transpose()?, sky.transpose()?);
         let nodes = nodes(&self.node, file)?;
         let collected = collected(&self.surface, file, scene)?;
-        let mut surfaces = conditions(collected, &nodes, file, scene)?;
-        both_sides(&mut surfaces, file, scene)?;
+        let surfaces = conditions(collected, &nodes, file, scene)?;
+        both_sides(&surfaces, file, scene)?;
         let used: BTreeSet<usize> = surfaces
             .iter()
             .flatten()
-            .filter_map(|(surface, _)| match surface.condition {
+            .filter_map(|own| match own.surface.condition {
                 Condition::Node(node) => Some(node),
                 _ => None,
             })
@@ -276,15 +309,21 @@ impl BoundaryFile {
             );
             return Err(file.bad(self.node[unused].span().start, message));
         }
+        let of_surfaces = surfaces.iter().map(|own| own.as_ref().map(|own| own.surface)).collect();
+        let values = surfaces
+            .into_iter()
+            .map(|own| own.map_or_else(PatchValues::default, |own| own.values));
+        let mut patch_values: Vec<PatchValues> = values.collect();
+        if patch_values.iter().all(|own| *own == PatchValues::default()) {
+            patch_values.clear();
+        }
         Ok(Boundary {
             file: path.to_owned(),
             surroundings_k,
             sun,
             sky,
-            surfaces: surfaces
-                .into_iter()
-                .map(|surface| surface.map(|(own, _)| own))
-                .collect(),
+            surfaces: of_surfaces,
+            patch_values,
             nodes,
         })
     }
@@ -337,7 +376,7 @@ fn collected(entries: &[Spanned<Table<Entry>>], file: &TomlFile, scene: &Scene) 
                 continue;
             }
             is_any = true;
-            let value = |given: &Option<Spanned<f64>>| given.as_ref().map(|x| (*x.get_ref(), x.span().start));
+            let value = |given: &Option<Spanned<Amount>>| given.as_ref().map(|x| (x.get_ref().clone(), x.span().start));
             own.emissivity.set(exact, value(&entry.emissivity));
             own.absorptance.set(exact, value(&entry.absorptance));
             own.condition.set(exact, condition.clone());
@@ -373,13 +412,30 @@ fn collected(entries: &[Spanned<Table<Entry>>], file: &TomlFile, scene: &Scene) 
     Ok(collected)
 }
 
-/// Returns what holds at each surface with faces, and the byte where its condition stands.
+/// The boundary condition of a surface, the byte where it stands, and values of single patches.
+struct Resolved {
+    surface: SurfaceBoundary,
+    start: usize,
+    values: PatchValues,
+}
+
+impl GivenCondition {
+    /// Returns the number of the condition, if it has one.
+    fn amount(&self) -> Option<&Amount> {
+        match self {
+            Self::Temperature(amount) | Self::Supplied(amount) => Some(amount),
+            Self::Node(_) | Self::OtherSide(_) => None,
+        }
+    }
+}
+
+/// Returns what holds at each surface with faces.
 fn conditions(
     collected: Vec<Collected>,
     nodes: &[Node],
     file: &TomlFile,
     scene: &Scene,
-) -> Result<Vec<Option<(SurfaceBoundary, usize)>>, SceneError> {
+) -> Result<Vec<Option<Resolved>>, SceneError> {
     let mut has_faces = vec![false; scene.surfaces.len()];
     for face in &scene.faces {
         has_faces[face.surface.0 as usize] = true;
@@ -402,20 +458,41 @@ fn conditions(
             .emissivity
             .get()
             .ok_or_else(|| missing("`emissivity`; give one in (0, 1]"))?;
+        let absorptance = absorptance.unwrap_or_else(|| emissivity.clone());
         let surface = SurfaceBoundary {
-            emissivity: emissivity.0,
-            absorptance: absorptance.map_or(emissivity.0, |given| given.0),
+            emissivity: emissivity.0.first(),
+            absorptance: absorptance.0.first(),
             condition: named(&condition, nodes, file, scene)?,
         };
-        let surface = surface.checked().map_err(|(key, wrong)| {
+        let refused = |(key, wrong): OutOfRange| {
             let place = match key {
                 "emissivity" => emissivity.1,
-                "absorptance" => absorptance.map_or(emissivity.1, |given| given.1),
+                "absorptance" => absorptance.1,
                 _ => condition.start,
             };
             file.bad(place, format!("surface {name}: {key}: {wrong}"))
-        })?;
-        Ok(Some((surface, condition.start)))
+        };
+        surface.checked().map_err(refused)?;
+        let condition_values = condition.condition.amount();
+        for &value in emissivity.0.values() {
+            surface.with_emissivity(value).checked().map_err(refused)?;
+        }
+        for &value in absorptance.0.values() {
+            surface.with_absorptance(value).checked().map_err(refused)?;
+        }
+        for &value in condition_values.iter().flat_map(|amount| amount.values()) {
+            surface.with_condition(value).checked().map_err(refused)?;
+        }
+        let values = PatchValues {
+            condition: condition_values.cloned().map_or_else(Vec::new, Amount::each),
+            emissivity: emissivity.0.each(),
+            absorptance: absorptance.0.each(),
+        };
+        Ok(Some(Resolved {
+            surface,
+            start: condition.start,
+            values,
+        }))
     };
     collected.into_iter().enumerate().map(of_surface).collect()
 }
@@ -427,8 +504,8 @@ fn named(given: &Given, nodes: &[Node], file: &TomlFile, scene: &Scene) -> Resul
         file.bad(given.start, message)
     };
     match &given.condition {
-        GivenCondition::Temperature(kelvin) => Ok(Condition::Temperature(*kelvin)),
-        GivenCondition::Supplied(flux) => Ok(Condition::Supplied(*flux)),
+        GivenCondition::Temperature(kelvin) => Ok(Condition::Temperature(kelvin.first())),
+        GivenCondition::Supplied(flux) => Ok(Condition::Supplied(flux.first())),
         GivenCondition::Node(name) => {
             let found = nodes.iter().position(|node| node.name == *name);
             found.map(Condition::Node).ok_or_else(|| {
@@ -451,40 +528,26 @@ fn named(given: &Given, nodes: &[Node], file: &TomlFile, scene: &Scene) -> Resul
 }
 
 /// Refuses sheets whose sides do not name each other.
-fn both_sides(
-    surfaces: &mut [Option<(SurfaceBoundary, usize)>],
-    file: &TomlFile,
-    scene: &Scene,
-) -> Result<(), SceneError> {
-    for k in 0..surfaces.len() {
-        let Some((
-            SurfaceBoundary {
-                condition: Condition::OtherSide(other),
-                ..
-            },
-            start,
-        )) = surfaces[k]
-        else {
+fn both_sides(surfaces: &[Option<Resolved>], file: &TomlFile, scene: &Scene) -> Result<(), SceneError> {
+    for (k, own) in surfaces.iter().enumerate() {
+        let Some(own) = own else {
+            continue;
+        };
+        let Condition::OtherSide(other) = own.surface.condition else {
             continue;
         };
         let [own_name, other_name] = [k, other].map(|k| ticked(&scene.surfaces[k].name));
-        let wrong = match surfaces[other] {
+        let wrong = match surfaces[other].as_ref().map(|other| other.surface.condition) {
             _ if other == k => {
                 format!("surface {own_name} is its own other side; name the surface that coincides with it")
             }
             None => format!("surface {other_name} has no face; name the surface that coincides with {own_name}"),
-            Some((
-                SurfaceBoundary {
-                    condition: Condition::OtherSide(back),
-                    ..
-                },
-                _,
-            )) if back == k => continue,
+            Some(Condition::OtherSide(back)) if back == k => continue,
             Some(_) => format!(
                 "{other_name} is the other side of {own_name} and has another condition; give it other_side = {own_name}, or none"
             ),
         };
-        return Err(file.bad(start, wrong));
+        return Err(file.bad(own.start, wrong));
     }
     Ok(())
 }

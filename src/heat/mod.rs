@@ -29,7 +29,7 @@ mod sunlight;
 mod thermal;
 
 pub use band::Band;
-pub use boundary::{Boundary, Condition, MAX_FLUX, MAX_TEMPERATURE_K, Node, Sky, Sun, SurfaceBoundary};
+pub use boundary::{Boundary, Condition, MAX_FLUX, MAX_TEMPERATURE_K, Node, PatchValues, Sky, Sun, SurfaceBoundary};
 pub use error::HeatError;
 pub use exchange::{ExchangeFactors, SURROUNDINGS};
 pub use network::Network;

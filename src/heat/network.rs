@@ -1,6 +1,6 @@
 //! Boundary conditions on the patches of a mesh: which temperatures are given, and which patches share an unknown one.
 
-use super::boundary::{Boundary, Condition};
+use super::boundary::{Boundary, Condition, PatchPlace};
 use super::error::HeatError;
 use super::sides::opposites;
 use crate::disjoint_sets::DisjointSets;
@@ -89,20 +89,26 @@ impl Network {
         };
         let mut of_node = vec![Vec::new(); boundary.nodes.len()];
         for (k, patches) in of_surface.iter().enumerate() {
-            let Some(own) = boundary.surfaces[k] else {
-                continue;
-            };
-            for &i in patches {
+            for (place, &i) in patches.iter().enumerate() {
+                let place = PatchPlace {
+                    in_surface: (place, patches.len()),
+                    in_scene: (i, n),
+                };
+                let own = boundary.of_patch(k, place).map_err(|(key, wrong)| {
+                    let surface = scene.surfaces[k].name.clone();
+                    HeatError::OutOfRange { surface, key, wrong }
+                })?;
+                let Some(own) = own else {
+                    continue;
+                };
                 network.emissivity[i] = own.emissivity;
                 network.absorptance[i] = own.absorptance;
-            }
-            match own.condition {
-                Condition::Temperature(kelvin) => patches.iter().for_each(|&i| network.state[i] = State::Given(kelvin)),
-                Condition::Supplied(flux) => patches
-                    .iter()
-                    .for_each(|&i| network.group(&[i], flux * network.areas[i])),
-                Condition::Node(node) => of_node[node].extend(patches),
-                Condition::OtherSide(_) => {}
+                match own.condition {
+                    Condition::Temperature(kelvin) => network.state[i] = State::Given(kelvin),
+                    Condition::Supplied(flux) => network.group(&[i], flux * network.areas[i]),
+                    Condition::Node(node) => of_node[node].push(i),
+                    Condition::OtherSide(_) => {}
+                }
             }
         }
         // Weights need the emissivities of both sides.

@@ -72,6 +72,7 @@ impl Solution<'_> {
             scene: self.scene,
             mesh: self.mesh,
             boundary: self.boundary,
+            network: self.network,
             enclosure: self.enclosure,
             solar: &self.solar,
             thermal_band: &self.thermal,
@@ -83,7 +84,7 @@ impl Solution<'_> {
         };
         let (surfaces, balance) = (patches.surfaces(), patches.balance());
         let relative_error = patches.relative_error();
-        let columns = patches.columns(self.network);
+        let columns = patches.columns();
         Ok(Heat {
             surfaces,
             balance,
@@ -114,7 +115,7 @@ impl Patches<'_> {
     }
 
     /// Returns the quantities of each patch.
-    fn columns(&self, network: &Network) -> Vec<(&'static str, Vec<f64>)> {
+    fn columns(&self) -> Vec<(&'static str, Vec<f64>)> {
         let n = self.mesh.n_patches();
         let temperatures: Vec<_> = self
             .thermal
@@ -148,8 +149,8 @@ impl Patches<'_> {
             ("sky_irradiance_w_m2_error", self.sky_light[1].to_vec()),
             ("sky_factor", all(&|i| self.enclosure.sky[i].value)),
             ("sky_factor_error", all(&|i| self.enclosure.sky[i].error())),
-            ("emissivity", network.emissivity.clone()),
-            ("absorptance", network.absorptance.clone()),
+            ("emissivity", self.network.emissivity.clone()),
+            ("absorptance", self.network.absorptance.clone()),
         ];
         if let Some(sun) = self.sunlight {
             columns.extend([

@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use super::band::{Band, Enclosure};
 use super::boundary::{Boundary, Condition};
+use super::network::Network;
 use super::sunlight::Sunlight;
 use super::thermal::{Judged, Stated, Thermal};
 use crate::matrix::roundings;
@@ -103,6 +104,7 @@ pub(super) struct Patches<'a> {
     pub(super) scene: &'a Scene,
     pub(super) mesh: &'a Mesh,
     pub(super) boundary: &'a Boundary,
+    pub(super) network: &'a Network,
     pub(super) enclosure: Enclosure<'a>,
     pub(super) solar: &'a Band,
     pub(super) thermal_band: &'a Band,
@@ -119,6 +121,8 @@ pub(super) struct Patches<'a> {
 #[derive(Clone, Copy, Default)]
 struct Sums {
     area: f64,
+    emissivity: f64,
+    absorptance: f64,
     power: Judged,
     net_flux: Judged,
     supplied: Judged,
@@ -178,6 +182,8 @@ impl Patches<'_> {
             change: 0.0,
         };
         sums.area += area;
+        sums.emissivity += area * self.network.emissivity[i];
+        sums.absorptance += area * self.network.absorptance[i];
         sums.power.add(area, self.thermal.power[i]);
         sums.net_flux.add(area, self.thermal.net_flux[i]);
         sums.supplied.add(area, self.thermal.supplied[i]);
@@ -217,9 +223,22 @@ impl Patches<'_> {
         let [coldest, hottest] = [sums.coldest, sums.hottest].map(extreme);
         let (lit, sky) = (self.sunlight.map(|_| mean(sums.lit)), mean(sums.sky));
         let own = self.boundary.surfaces[k];
+        // Where patches differ in them, their area means.
+        let values = self.boundary.patch_values.get(k);
+        let [emissivity, absorptance] = [
+            (
+                values.is_some_and(|values| !values.emissivity.is_empty()),
+                sums.emissivity,
+            ),
+            (
+                values.is_some_and(|values| !values.absorptance.is_empty()),
+                sums.absorptance,
+            ),
+        ]
+        .map(|(differ, sum)| (differ && sums.area > 0.0).then(|| sum / sums.area));
         // As it is given, where it is.
         let given = |found: Stated| match own.map(|own| own.condition) {
-            Some(Condition::Temperature(kelvin)) => Stated {
+            Some(Condition::Temperature(kelvin)) if !self.boundary.has_patch_conditions(k) => Stated {
                 value: kelvin,
                 error: 0.0,
             },
@@ -229,8 +248,8 @@ impl Patches<'_> {
         SurfaceHeat {
             name: self.scene.surfaces[k].name.clone(),
             area_m2: sums.area,
-            emissivity: own.map_or(1.0, |own| own.emissivity),
-            absorptance: own.map_or(1.0, |own| own.absorptance),
+            emissivity: emissivity.unwrap_or_else(|| own.map_or(1.0, |own| own.emissivity)),
+            absorptance: absorptance.unwrap_or_else(|| own.map_or(1.0, |own| own.absorptance)),
             temperature_k: temperature.value,
             temperature_k_error: temperature.error,
             temperature_min_k: coldest.value,

@@ -19,7 +19,7 @@ pub fn write_solution(
     quantities: &[(&str, &Block)],
 ) -> io::Result<()> {
     let columns = quantities.iter().flat_map(|(name, block)| {
-        let channels = channel_names(block.n_channels()).iter();
+        let channels = channel_names(block.n_channels()).into_iter();
         channels.map(move |channel| format!("{name}_{channel}"))
     });
     write_rows(writer, scene, mesh, columns, |i| {
@@ -71,9 +71,13 @@ pub(super) fn write_description(writer: &mut dyn Write, description: &str) -> io
     description.lines().try_for_each(|line| writeln!(writer, "# {line}"))
 }
 
-/// Returns the names of one grey channel or of three.
-fn channel_names(n_channels: usize) -> &'static [&'static str] {
-    if n_channels == 1 { &["grey"] } else { &["r", "g", "b"] }
+/// Returns the names of one grey channel, of three colours, or of any other number by their numbers.
+pub(super) fn channel_names(n_channels: usize) -> Vec<String> {
+    match n_channels {
+        1 => vec!["grey".to_owned()],
+        3 => ["R", "G", "B"].map(str::to_owned).to_vec(),
+        _ => (0..n_channels).map(|channel| channel.to_string()).collect(),
+    }
 }
 
 pub(super) fn quoted(name: &str) -> String {

@@ -56,7 +56,7 @@ impl Description {
         Self {
             format: FORMAT.into(),
             orientation: "F[i, j] is the fraction of the light leaving patch i that reaches patch j".into(),
-            unit: "F and its standard error: 1; area: m2".into(),
+            unit: "F and its standard error: 1; area_m2: m2".into(),
             n_patches,
             geometry_sha256,
             symmetric,

@@ -39,6 +39,14 @@ pub enum ReportError {
         /// The fault, and the remedy.
         reason: String,
     },
+    /// An array that is not of the shape or the values that are wanted.
+    #[error("{}: {}", .path.display(), printable_message(.reason))]
+    BadArray {
+        /// The file.
+        path: PathBuf,
+        /// The fault, and the remedy.
+        reason: String,
+    },
     /// The name does not end in a format that is known for this content.
     #[error("{}: the ending names no format for {content}; use one of {known}", .path.display())]
     UnknownFormat {
@@ -116,6 +124,7 @@ impl ReportError {
             Self::Unwritable { path, .. }
             | Self::Unreadable { path, .. }
             | Self::BadPoints { path, .. }
+            | Self::BadArray { path, .. }
             | Self::UnknownFormat { path, .. }
             | Self::NoDescription { path, .. }
             | Self::Version { path, .. }
@@ -133,6 +142,7 @@ impl ReportError {
             Self::Unwritable { .. } => "unwritable",
             Self::Unreadable { .. } => "unreadable",
             Self::BadPoints { .. } => "bad_points",
+            Self::BadArray { .. } => "bad_array",
             Self::UnknownFormat { .. } => "unknown_format",
             Self::NoDescription { .. } => "no_description",
             Self::Version { .. } => "version",

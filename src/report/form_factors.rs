@@ -2,14 +2,16 @@
 //!
 //! | ending | content | for |
 //! |---|---|---|
-//! | `.npz` | dense: `F`, `area`, `error`; sparse (under a third not zero, or as `--storage` says): what `scipy.sparse.load_npz` reads, with `area` and `error`; sky and back factors of the patches | this program, NumPy, SciPy |
+//! | `.npz` | compressed sparse rows, as `scipy.sparse.load_npz` reads them: `data`, `indices`, `indptr`, `shape`, `format`; `error` of the same entries, `area_m2`, sky and back factors of the patches, the description `meta`; where asked for, `F` and `error` in full instead of the rows | this program, NumPy, SciPy |
 //! | `.npy` | F in full; the description stands in a file of the same name with `.json` after it | this program, NumPy |
 //! | `.mtx` | F as coordinates | this program, Matrix Market readers: SciPy, MATLAB, Julia |
 //! | `.csv` | form factors between surfaces, with their errors, and the sky and back factors of the surface that light comes from | tables |
 //! | `.exr` | F as an image: row i downwards, column j to the right | viewers |
+//! | `.vf` | form factors between surfaces, with areas and emissivities | View3D's users |
+//! | `.ply`, `.obj` | patches with the form factor to a chosen surface, else the sky factor, as colours of their vertices | MeshLab, Blender |
 //! | `.vtu` | patches with row sum, error, sky and back factor with their errors, and the form factor to a chosen surface | ParaView, PyVista |
 //!
-//! F\[i, j\] is the fraction of the light leaving patch i that reaches patch j, `area` is in m², `error` the standard error of
+//! F\[i, j\] is the fraction of the light leaving patch i that reaches patch j, `area_m2` is in m², `error` the standard error of
 //! each form factor, `sky_factor` the fraction of the light of a patch that escapes, `back_factor` what black backs take. Entries that no ray hit have the error that their number of rays leaves open. Sparse rows list them, too, with a form factor of 0, but
 //! where they are more than eight times as many as the others: then `open_error`, one number for each row, is the error of every entry that is not listed and whose patches face each other, or
 //! their factor without occluders where that is less; `points` is the number of points along each side of a patch that its rays start from, 0 if they start anywhere. Every file says so itself, together with the hash of the patches' geometry and the settings; it holds no
@@ -27,9 +29,10 @@ use super::description::FileCheck;
 use super::npy::{Dtype, Header};
 use super::npz::{NpzWriter, write_numbers};
 use super::vtu::CellData;
-use super::{Description, ReportError, matrix_csv, matrix_exr, mtx, vtu};
+use super::{Description, ReportError, coloured, matrix_csv, matrix_exr, mtx, view3d, vtu};
 use crate::form_factor::{Fraction, PairCounts, SkyFactors};
-use crate::matrix::{FormFactors, Layout, Precision, RowTally};
+use crate::matrix::operator::Block;
+use crate::matrix::{FormFactors, Precision, RowTally};
 use crate::mesh::Mesh;
 use crate::scene::hash::hexadecimal;
 use crate::scene::{Scene, SurfaceId};
@@ -57,6 +60,10 @@ pub struct FormFactorReport<'a> {
     pub settings: &'a Map<String, Value>,
     /// The surface that `.vtu` gives every patch's form factor to; no other format asks for it.
     pub surface: Option<SurfaceId>,
+    /// Whether light cannot leave the scene; `.vf` says so.
+    pub is_closed: bool,
+    /// True if `.npz` holds F and its errors in full; no other format asks for it.
+    pub dense: bool,
 }
 
 /// The formats that form factors are written in.
@@ -72,23 +79,29 @@ pub enum Format {
     Csv,
     /// An image.
     Exr,
+    /// A mesh with colours of vertices.
+    Ply,
+    /// The same in Wavefront's format.
+    Obj,
+    /// View3D's text.
+    View3D,
     /// An unstructured grid of VTK.
     Vtu,
 }
 
 /// The one place that lists the formats: ending, format, and whether form factors can be read from it. A new one also has its arm in
 /// [`FormFactorReport::write`], and one in [`FormFactorFile`] if it is read.
-const FORMATS: [(&str, Format, bool); 6] = [
+const FORMATS: [(&str, Format, bool); 9] = [
     ("npz", Format::Npz, true),
     ("npy", Format::Npy, true),
     ("mtx", Format::Mtx, true),
     ("csv", Format::Csv, false),
     ("exr", Format::Exr, false),
+    ("vf", Format::View3D, false),
+    ("ply", Format::Ply, false),
+    ("obj", Format::Obj, false),
     ("vtu", Format::Vtu, false),
 ];
-
-/// From this share of non-zero entries on a matrix is written dense, unless its storage was asked to be dense or sparse.
-const DENSE_FROM: f64 = 1.0 / 3.0;
 
 /// How many entries that no ray hit a sparse matrix lists at most for each of the others.
 const MAX_OPEN: usize = 8;
@@ -163,6 +176,14 @@ impl FormFactorReport<'_> {
                 matrix_csv::write(writer, self.scene, &surfaces, columns.as_ref(), &self.description())?;
                 readable()
             }),
+            Format::Ply => self.write_coloured(path, coloured::Format::Ply),
+            Format::Obj => self.write_coloured(path, coloured::Format::Obj),
+            Format::View3D => whole_file::write(path, |writer| {
+                let patch_surfaces = self.patch_surfaces();
+                let surfaces = factors.surface_rows(&patch_surfaces, self.scene.surfaces.len());
+                view3d::write(writer, self.scene, &surfaces, self.is_closed)?;
+                readable()
+            }),
             Format::Exr => whole_file::write(path, |writer| {
                 matrix_exr::write(writer, factors, &self.description()).map_err(io::Error::other)?;
                 readable()
@@ -221,6 +242,28 @@ impl FormFactorReport<'_> {
         data
     }
 
+    /// Writes patches in the colours of the form factor to the surface, else of the sky factor, else of the row sum.
+    fn write_coloured(&self, path: &Path, format: coloured::Format) -> io::Result<()> {
+        let data = self.cell_data();
+        let wanted = match (self.surface, self.sky) {
+            (Some(surface), _) => format!("form_factor_to_{}", self.scene.surfaces[surface.0 as usize].name),
+            (None, Some(_)) => "sky_factor".to_owned(),
+            (None, None) => "row_sum".to_owned(),
+        };
+        let Some(column) = data.iter().find(|column| column.name == wanted) else {
+            return Err(io::Error::other("no such quantity"));
+        };
+        let quantity = coloured::Quantity {
+            name: &column.name,
+            unit: "1",
+            values: &Block::from_values(column.values.clone(), 1),
+        };
+        whole_file::write(path, |writer| {
+            coloured::write(writer, format, (self.scene, self.mesh), &quantity)?;
+            self.factors.if_readable(()).map_err(io::Error::other)
+        })
+    }
+
     /// Writes F in full, and then the description with its checksum beside it.
     fn write_npy(&self, path: &Path) -> io::Result<()> {
         let n = self.factors.n_rows() as u64;
@@ -267,19 +310,14 @@ impl FormFactorReport<'_> {
 
     fn write_npz<W: Write + io::Seek>(&self, writer: W) -> io::Result<()> {
         let mut npz = NpzWriter::new(BufWriter::with_capacity(1 << 20, writer));
-        npz.bytes("meta.json", self.description().to_json().as_bytes())?;
-        let dense = match self.factors.storage().layout {
-            Layout::Dense => true,
-            Layout::Sparse => false,
-            Layout::Auto => self.factors.density() >= DENSE_FROM,
-        };
-        if dense {
+        npz.text("meta", &self.description().to_json())?;
+        if self.dense {
             self.add_dense(&mut npz)?;
         } else {
             self.add_sparse(&mut npz)?;
         }
         let n = self.factors.n_rows();
-        npz.numbers("area", &[n], self.factors.areas())?;
+        npz.numbers("area_m2", &[n], self.factors.areas())?;
         add_tallies(&mut npz, self.factors.tallies())?;
         let open: Vec<f64> = (0..n).map(|i| self.factors.open_error(i)).collect();
         if open.iter().any(|error| *error > 0.0) {
@@ -378,11 +416,12 @@ impl FormFactorReport<'_> {
         }
         npz.array("indices", &Header::new(index, &[size]), |writer| {
             self.for_each_row(lists_open, |row| {
-                let byte = if index == Dtype::I32 { 4 } else { 8 };
-                let columns = row
-                    .iter()
-                    .flat_map(|&(j, ..)| (j as u64).to_le_bytes().into_iter().take(byte));
-                writer.write_all(&columns.collect::<Vec<_>>())
+                let columns = row.iter().map(|&(j, ..)| (j as u64).cast_signed());
+                if index == Dtype::I64 {
+                    return write_numbers(writer, &columns.collect::<Vec<_>>());
+                }
+                let short = columns.map(|j| i32::try_from(j).unwrap_or(i32::MAX));
+                write_numbers(writer, &short.collect::<Vec<_>>())
             })
         })?;
         npz.array("data", &Header::new(self.dtype(), &[size]), |writer| {

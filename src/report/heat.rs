@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `.csv` | patch, surface, area, centroid, then the quantities; before them the description in lines that begin with `#` |
 //! | `.npz` | each quantity \[n\]; `area`, `surface` \[n\], `centroid` \[n, 3\]; `meta.json` |
+//! | `.ply`, `.obj` | patches whose vertices have the colours of the temperature |
 //! | `.vtu` | patches with the same quantities |
 //!
 //! The unit of a quantity is in its name, and `NAME_error` is an estimate of its absolute error; infinite where that is not known.
@@ -16,8 +17,9 @@ use serde_json::{Map, Value, json};
 use super::npz::NpzWriter;
 use super::solution::Format;
 use super::vtu::CellData;
-use super::{ReportError, csv, vtu};
+use super::{ReportError, coloured, csv, vtu};
 use crate::heat::Heat;
+use crate::matrix::operator::Block;
 use crate::mesh::Mesh;
 use crate::scene::Scene;
 use crate::whole_file;
@@ -46,6 +48,8 @@ impl HeatReport<'_> {
             Format::Csv => self.write_csv(writer),
             Format::Npz => self.write_npz(writer),
             Format::Vtu => self.write_vtu(writer),
+            Format::Ply => self.write_coloured(writer, coloured::Format::Ply),
+            Format::Obj => self.write_coloured(writer, coloured::Format::Obj),
         });
         written.map_err(|source| ReportError::Unwritable {
             path: path.to_owned(),
@@ -81,6 +85,19 @@ impl HeatReport<'_> {
         }
         npz.patches(self.mesh)?;
         npz.finish()
+    }
+
+    fn write_coloured(&self, writer: &mut dyn Write, format: coloured::Format) -> io::Result<()> {
+        let temperatures = self.heat.patches.iter().find(|(name, _)| *name == "temperature_k");
+        let Some((name, values)) = temperatures else {
+            return Err(io::Error::other("no temperatures"));
+        };
+        let quantity = coloured::Quantity {
+            name,
+            unit: "K",
+            values: &Block::from_values(values.clone(), 1),
+        };
+        coloured::write(writer, format, (self.scene, self.mesh), &quantity)
     }
 
     fn write_vtu(&self, writer: &mut dyn Write) -> io::Result<()> {

@@ -1,11 +1,13 @@
 //! What was done, how well, how long it took, and what was left out; and the files that carry results to other programs.
 
+mod coloured;
 pub mod csv;
 #[cfg(feature = "reports")]
 pub mod curves;
 mod description;
 mod error;
 pub mod exchange;
+pub mod exitance;
 #[cfg(feature = "reports")]
 pub mod false_colour;
 pub mod form_factors;
@@ -34,6 +36,7 @@ pub mod solution;
 mod stages;
 #[cfg(feature = "reports")]
 mod table;
+mod view3d;
 pub mod voxels;
 mod vtu;
 

@@ -40,7 +40,10 @@ impl Dtype {
             "<i8" => Self::I64,
             "<i4" => Self::I32,
             "<u8" => Self::U64,
-            _ => Self::Bytes(descr.strip_prefix("|S")?.parse().ok()?),
+            _ => match descr.strip_prefix("<U") {
+                Some(length) => Self::Text(length.parse().ok()?),
+                None => Self::Bytes(descr.strip_prefix("|S")?.parse().ok()?),
+            },
         })
     }
 
@@ -240,6 +243,11 @@ mod tests {
                 Dtype::Bytes(3),
                 &[],
                 "{'descr': '|S3', 'fortran_order': False, 'shape': (), }",
+            ),
+            (
+                Dtype::Text(9),
+                &[],
+                "{'descr': '<U9', 'fortran_order': False, 'shape': (), }",
             ),
         ] {
             let header = Header::new(dtype, shape);

@@ -132,9 +132,18 @@ impl<W: Write + Seek> NpzWriter<W> {
 
     /// Adds an array of texts.
     pub(super) fn texts(&mut self, name: &str, texts: &[String]) -> io::Result<()> {
+        let texts: Vec<&str> = texts.iter().map(String::as_str).collect();
+        self.texts_of_shape(name, &[texts.len() as u64], &texts)
+    }
+
+    /// Adds one text, an array without dimensions.
+    pub(super) fn text(&mut self, name: &str, text: &str) -> io::Result<()> {
+        self.texts_of_shape(name, &[], &[text])
+    }
+
+    fn texts_of_shape(&mut self, name: &str, shape: &[u64], texts: &[&str]) -> io::Result<()> {
         let length = texts.iter().map(|text| text.chars().count()).max().unwrap_or(0).max(1);
-        let header = Header::new(Dtype::Text(length as u64), &[texts.len() as u64]);
-        self.array(name, &header, |writer| {
+        self.array(name, &Header::new(Dtype::Text(length as u64), shape), |writer| {
             for text in texts {
                 let characters = text.chars().map(u32::from).chain(std::iter::repeat(0));
                 let bytes: Vec<u8> = characters.take(length).flat_map(u32::to_le_bytes).collect();
@@ -333,6 +342,17 @@ impl Member {
     }
 }
 
+/// Returns a text of four bytes a character, without the zeros that fill it up; `None` for numbers that are no characters.
+fn decoded(bytes: &[u8]) -> Option<String> {
+    let characters = bytes
+        .as_chunks()
+        .0
+        .iter()
+        .map(|b| char::from_u32(u32::from_le_bytes(*b)));
+    let text: String = characters.collect::<Option<_>>()?;
+    Some(text.trim_end_matches('\0').to_owned())
+}
+
 /// One array, read from the front.
 pub(super) struct Array {
     pub(super) header: Header,
@@ -400,8 +420,14 @@ impl Array {
     pub(super) fn next_text(&mut self) -> Result<String, ReportError> {
         let mut text = String::new();
         self.next_with(1, |dtype, bytes| {
-            text = String::from_utf8_lossy(bytes).into_owned();
-            matches!(dtype, Dtype::Bytes(_))
+            let found = match dtype {
+                Dtype::Bytes(_) => Some(String::from_utf8_lossy(bytes).into_owned()),
+                Dtype::Text(_) => decoded(bytes),
+                _ => None,
+            };
+            let is_text = found.is_some();
+            text = found.unwrap_or_default();
+            is_text
         })?;
         Ok(text)
     }

@@ -41,8 +41,8 @@ impl FormFactorFile {
         }
         let description = match Format::to_read(path)? {
             Format::Npz => {
-                let text = Archive::open(path)?.bytes("meta.json")?;
-                description(path, &text.ok_or_else(|| missing("the member `meta.json`".into()))?)?
+                let text = archived_description(&mut Archive::open(path)?)?;
+                description(path, &text.ok_or_else(|| missing("the member `meta`".into()))?)?
             }
             Format::Mtx => {
                 let text = mtx::description(path)?;
@@ -223,7 +223,9 @@ impl FormFactorFile {
 
     fn areas(archive: &mut Archive, mesh: &Mesh) -> Result<Vec<f64>, ReportError> {
         let areas = mesh.areas();
-        let mut array = archive.array("area")?;
+        // Files of older programs call them `area`.
+        let name = if archive.has("area_m2") { "area_m2" } else { "area" };
+        let mut array = archive.array(name)?;
         array.expect_shape(&[areas.len() as u64])?;
         let mut found = Vec::new();
         array.next_reals(areas.len(), &mut found)?;
@@ -312,6 +314,18 @@ impl FormFactorFile {
         }
         rows.finish()
     }
+}
+
+/// Returns the description in an archive, if there is one; files of older programs have it as a member that is no array.
+fn archived_description(archive: &mut Archive) -> Result<Option<Vec<u8>>, ReportError> {
+    if !archive.has("meta") {
+        return archive.bytes("meta.json");
+    }
+    let mut array = archive.array("meta")?;
+    array.expect_shape(&[])?;
+    let text = array.next_text()?;
+    array.finish()?;
+    Ok(Some(text.into_bytes()))
 }
 
 fn array_error(path: &Path, reason: &str) -> ReportError {

@@ -4,7 +4,8 @@
 //! |---|---|---|
 //! | `.csv` | a row for each patch: surface, area, centroid, radiosity, irradiance, error; before them the description in lines that begin with `#` | tables |
 //! | `.npz` | `radiosity`, `irradiance`, `exitance`, `reflectance`, `residual`, `error` \[n, c\]; `row_sum` \[n, 1\]; `area`, `surface` \[n\]; `centroid` \[n, 3\]; `meta.json` | NumPy |
-//! | `.vtu` | patches with the same quantities | ParaView, PyVista |
+//! | `.ply`, `.obj` | patches whose vertices have the colours of the radiosity, white the greatest | MeshLab, Blender |
+//! | `.vtu` | patches with the same quantities, sky and back factors | ParaView, PyVista, meshio |
 //!
 //! `error` is the estimated error of the radiosity (see [`carried_error`](crate::solver::carried_error)), `row_sum` the sum of each patch's form factors; both
 //! are left out where no form factors are stored, and `error` where their errors are not known. In daylight `.npz` and `.vtu` have `sunlit_fraction`, `sun_irradiance`, `sky_irradiance` and their errors too. Radiosity, irradiance, exitance, residual and error are in W·m⁻², area in m², centroids in m.
@@ -15,9 +16,11 @@ use std::path::Path;
 use serde::Serialize;
 use serde_json::{Map, Value};
 
+use super::form_factors::sky_columns;
 use super::npz::NpzWriter;
 use super::vtu::CellData;
-use super::{ReportError, csv, pretty, vtu};
+use super::{ReportError, coloured, csv, pretty, vtu};
+use crate::form_factor::SkyFactors;
 use crate::heat::Sunlit;
 use crate::matrix::operator::Block;
 use crate::mesh::Mesh;
@@ -42,10 +45,12 @@ pub struct SolutionReport<'a> {
     pub error: Option<&'a Block>,
     /// Σ_j F_ij, \[n\], where form factors were stored.
     pub row_sums: Option<&'a [f64]>,
+    /// What escapes of the light of each patch, where form factors were stored; `.vtu` has it.
+    pub sky: Option<&'a SkyFactors>,
     /// The sunlight; it is in the irradiance, and not in the exitance.
     pub sun: Option<&'a Sunlit>,
     /// The irradiance straight from the sky and its error, W·m⁻², \[n, c\]; it is in the irradiance, and not in the exitance.
-    pub sky: Option<&'a [Block; 2]>,
+    pub skylight: Option<&'a [Block; 2]>,
     /// How the form factors and the solution were computed: no time, path or number of threads.
     pub settings: &'a Map<String, Value>,
 }
@@ -84,6 +89,10 @@ pub enum Format {
     Npz,
     /// An unstructured grid of VTK.
     Vtu,
+    /// A mesh whose vertices have the colours of the radiosity.
+    Ply,
+    /// The same in Wavefront's format.
+    Obj,
 }
 
 impl Format {
@@ -97,10 +106,12 @@ impl Format {
             Some("csv") => Ok(Self::Csv),
             Some("npz") => Ok(Self::Npz),
             Some("vtu") => Ok(Self::Vtu),
+            Some("ply") => Ok(Self::Ply),
+            Some("obj") => Ok(Self::Obj),
             _ => Err(ReportError::UnknownFormat {
                 path: path.to_owned(),
                 content: "a solution",
-                known: ".csv, .npz, .vtu".into(),
+                known: ".csv, .npz, .vtu, .ply, .obj".into(),
             }),
         }
     }
@@ -129,6 +140,8 @@ impl SolutionReport<'_> {
             Format::Csv => self.write_csv(writer),
             Format::Npz => self.write_npz(writer),
             Format::Vtu => self.write_vtu(writer),
+            Format::Ply => self.write_coloured(writer, coloured::Format::Ply),
+            Format::Obj => self.write_coloured(writer, coloured::Format::Obj),
         });
         written.map_err(|source| ReportError::Unwritable {
             path: path.to_owned(),
@@ -172,7 +185,7 @@ impl SolutionReport<'_> {
                 ("sun_irradiance_error", sun.error.clone()),
             ]);
         }
-        if let Some([irradiance, error]) = self.sky {
+        if let Some([irradiance, error]) = self.skylight {
             quantities.push(("sky_irradiance", irradiance.clone()));
             quantities.push(("sky_irradiance_error", error.clone()));
         }
@@ -204,9 +217,21 @@ impl SolutionReport<'_> {
         npz.finish()
     }
 
+    fn write_coloured(&self, writer: &mut dyn Write, format: coloured::Format) -> io::Result<()> {
+        let quantity = coloured::Quantity {
+            name: "radiosity",
+            unit: "W/m2",
+            values: &self.solution.radiosity,
+        };
+        coloured::write(writer, format, (self.scene, self.mesh), &quantity)
+    }
+
     fn write_vtu(&self, writer: &mut dyn Write) -> io::Result<()> {
         let cell_data = |(name, block): (&str, Block)| CellData::new(name, block.n_channels(), block.values().to_vec());
-        let data: Vec<_> = self.quantities().into_iter().map(cell_data).collect();
+        let mut data: Vec<_> = self.quantities().into_iter().map(cell_data).collect();
+        for (name, values) in self.sky.map(sky_columns).into_iter().flatten() {
+            data.push(CellData::new(name, 1, values));
+        }
         vtu::write(writer, self.scene, self.mesh, &self.description(), &data)
     }
 }

@@ -118,12 +118,12 @@ pub(super) fn write_numbers<T, R: AsRef<[T]>>(
     writeln!(writer, "</DataArray>")
 }
 
-/// Writes texts as VTK wants them: the codes of their bytes, each text ended by 0.
+/// Writes texts as the numbers of their bytes, each text ended by 0: readers that know no arrays of strings take them too.
 fn write_texts(writer: &mut dyn Write, name: &str, texts: &[&str]) -> io::Result<()> {
-    let n = texts.len();
+    let n: usize = texts.iter().map(|text| text.len() + 1).sum();
     writeln!(
         writer,
-        "<DataArray type=\"String\" Name=\"{name}\" NumberOfTuples=\"{n}\" format=\"ascii\">"
+        "<DataArray type=\"UInt8\" Name=\"{name}\" NumberOfTuples=\"{n}\" format=\"ascii\">"
     )?;
     for text in texts {
         let mut line = String::new();

@@ -40,10 +40,10 @@ pub use camera::{Camera, IMAGE_SIDES};
 pub use error::{Earlier, Numbering, Origin, SceneError, SceneErrorKind};
 #[cfg(feature = "cli")]
 pub(crate) use io::companions_of;
-pub(crate) use io::load_within;
+pub(crate) use io::{ARRAYS_NAME, load_within};
 pub use io::{
-    DEFAULT_CREASE_ANGLE, DEFAULT_REFLECTANCE, Flip, Format, LengthUnit, LoadOptions, Loaded, USUAL_ARRAYS, UpAxis,
-    load, load_with, write_obj,
+    Arrays, DEFAULT_CREASE_ANGLE, DEFAULT_REFLECTANCE, Flip, Format, LengthUnit, LoadOptions, Loaded, USUAL_ARRAYS,
+    UpAxis, from_arrays, load, load_with, write_obj,
 };
 pub use lighting::Lighting;
 pub use motion::{Motion, MotionError, Names, Pose};

@@ -29,6 +29,11 @@ impl TomlFile {
         })
     }
 
+    /// Returns a text in memory as if it were read from a file of that name.
+    pub(crate) fn of_text(name: PathBuf, text: String, kind: fn(String) -> SceneErrorKind) -> Self {
+        Self { path: name, text, kind }
+    }
+
     /// Parses the text; `what` completes "correct the ...".
     ///
     /// # Errors

@@ -109,20 +109,7 @@ pub fn render_to_files(
         warn_if_blank(&image, view, request.camera, cx);
         return Ok(image);
     }
-    let image = {
-        let watch = cx.progress();
-        cx.time("render", || render_watched(input, view, &settings, &watch, watcher))?
-    };
-    cx.audited(audit::picture(&image));
-    warn_if_blank(&image, view, request.camera, cx);
-    let offset = input.visibility.offset();
-    let mut attributes = Attributes::new(
-        input.scene,
-        view.description(),
-        settings,
-        offset,
-        cx.settings.record().into(),
-    );
+    let (image, mut attributes) = rendered(input, (view, request.camera), settings, watcher, cx)?;
     attributes.pixels = file.pixels;
     cx.time("write", || {
         exr::write_parts(output, &image, &attributes, file.parts)?;
@@ -132,6 +119,29 @@ pub fn render_to_files(
         kept.keep(cx, output, preview);
     }
     Ok(image)
+}
+
+/// Renders an image, with the attributes that its file has; `camera`: what a warning calls it.
+///
+/// # Errors
+/// [`WorkflowError::Render`], and [`WorkflowError::Interrupted`].
+pub fn rendered(
+    input: &RenderInput<'_>,
+    (view, camera): (&dyn View, Option<&str>),
+    settings: RenderSettings,
+    watcher: &dyn Watcher,
+    cx: &mut Context,
+) -> Result<(Image, Attributes), WorkflowError> {
+    let image = {
+        let watch = cx.progress();
+        cx.time("render", || render_watched(input, view, &settings, &watch, watcher))?
+    };
+    cx.audited(audit::picture(&image));
+    warn_if_blank(&image, view, camera, cx);
+    let offset = input.visibility.offset();
+    let record = cx.settings.record().into();
+    let attributes = Attributes::new(input.scene, view.description(), settings, offset, record);
+    Ok((image, attributes))
 }
 
 /// Does as [`render_to_files`], while the viewer tev at `address`, if there is one, shows the image.

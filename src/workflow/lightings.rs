@@ -1,13 +1,14 @@
 //! Many lightings of one scene, all in the same passes over the form factors.
 
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::{
     Context, DirectDaylight, FormFactorStudy, Model, SolutionStudy, SolveRequest, TotalError, WorkflowError, is_grey,
 };
 use crate::matrix::operator::{Block, LinearOperator};
 use crate::mesh::Patch;
+use crate::report::{ReportError, exitance};
 use crate::scene::Lighting;
 use crate::solver::{ChannelQuality, Coarsened, Solution};
 
@@ -121,6 +122,23 @@ pub struct LightingStudy {
 }
 
 impl Model {
+    /// Returns ρ of the scene and E of a file for each channel of its lightings, \[n, c\] each; see [`exitance::read`].
+    ///
+    /// # Errors
+    /// [`WorkflowError::Report`], also where a scene with colours meets grey lightings.
+    pub fn materials_of(&self, exitances: &Path) -> Result<(Block, Block), WorkflowError> {
+        let found = exitance::read(exitances, self.mesh.n_patches())?;
+        let (reflectance, _) = self.materials();
+        let reflectance = found.reflectances(&reflectance).ok_or_else(|| ReportError::BadArray {
+            path: exitances.to_owned(),
+            reason: format!(
+                "grey lightings for a scene with colours; give an array of shape ({}, k, 3)",
+                self.mesh.n_patches()
+            ),
+        })?;
+        Ok((reflectance, found.values))
+    }
+
     /// Solves for lightings, each of a file, all together; `each` takes their light one by one. Returns the solution of all, and the worst that solver and form factors say of the error of one.
     ///
     /// # Errors

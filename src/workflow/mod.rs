@@ -44,13 +44,13 @@ pub use form_factors::{Afterwards, Balance, DEFAULT_RAYS, FormFactorRequest, For
 pub use heat::{HeatStudy, MAX_HEAT_ERROR};
 pub use image::{
     IMAGE_RAYS, IMAGE_TOLERANCE, ImageFile, ImageRequest, gathered, image_byte, image_patches, render_shown,
-    render_to_files, warn_if_blank,
+    render_to_files, rendered, warn_if_blank,
 };
 pub use image_light::{ImageLight, NO_SOLVER};
 pub use leaks::{Amount, Leak, Leaks};
 pub use lightings::{LightingStudy, Stack};
 pub use mesh_error::MeshError;
-pub use model::{Model, Use, expect_room, load};
+pub use model::{Model, Use, expect_room, load, load_arrays};
 pub use on_the_fly::indirect_irradiance;
 pub use reuse::mesh_options;
 pub use sequence::{

@@ -9,7 +9,10 @@ use crate::matrix::operator::Block;
 use crate::mesh::{ContactEdges, Mesh, MeshOptions, Patch};
 use crate::plan::Plan;
 use crate::report::memory_used_byte;
-use crate::scene::{Lighting, LoadOptions, Material, Pose, Scene, SceneErrorKind, SceneWarning, load_within};
+use crate::scene::{
+    ARRAYS_NAME, Arrays, Lighting, LoadOptions, Loaded, Material, Pose, Scene, SceneErrorKind, SceneWarning,
+    from_arrays, load_within,
+};
 use crate::solver::power_of_two_below;
 use crate::visibility::Visibility as _;
 use crate::visibility::embree::EmbreeVisibility;
@@ -81,13 +84,43 @@ pub fn load(
     if let Some(error) = refused.into_inner() {
         return Err(error);
     }
-    let loaded = loaded?;
+    Ok(told(loaded?, cx, on_darkness))
+}
+
+/// Makes a scene of arrays, and warns of what is doubtful in it, as [`load`] does.
+///
+/// # Errors
+/// [`WorkflowError::MemoryLimit`] and [`WorkflowError::Scene`].
+///
+/// # Panics
+/// If the arrays do not fit each other.
+#[track_caller]
+pub fn load_arrays(
+    arrays: &Arrays<'_>,
+    options: &LoadOptions,
+    cx: &Context,
+    on_darkness: impl Fn(&SceneWarning) -> bool,
+) -> Result<Scene, WorkflowError> {
+    let needed = arrays.needed_bytes();
+    expect_room(
+        Path::new(ARRAYS_NAME),
+        "to make it",
+        needed,
+        &cx.memory,
+        "or split the scene",
+    )?;
+    let loaded = cx.time("scene", || from_arrays(arrays, options))?;
+    Ok(told(loaded, cx, on_darkness))
+}
+
+/// Gives the warnings of a scene.
+fn told(loaded: Loaded, cx: &Context, on_darkness: impl Fn(&SceneWarning) -> bool) -> Scene {
     for warning in loaded.warnings {
         if !warning.kind.is_about_light() || on_darkness(&warning) {
             cx.warn(Warning::Scene(warning));
         }
     }
-    Ok(loaded.scene)
+    loaded.scene
 }
 
 /// Refuses what takes more memory than there is to be, before it is begun.

@@ -3,6 +3,7 @@
 use serde::Serialize;
 use serde_json::{Map, Value};
 
+use crate::mesh::{MeshOptions, Subdivision};
 use crate::setting::Values;
 use crate::solver::Start;
 use crate::voxel::Form;
@@ -198,6 +199,20 @@ fn own(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
 }
 
 impl Settings {
+    /// Notes how faces are cut into patches.
+    pub fn note_mesh(&mut self, options: MeshOptions) {
+        self.note_subdivision(options.subdivision);
+        self.cut_at_walls = Some(options.cut_at_walls);
+    }
+
+    /// Notes how finely faces are cut into patches.
+    pub fn note_subdivision(&mut self, subdivision: Subdivision) {
+        match subdivision {
+            Subdivision::Uniform(n) => self.subdivide = Some(n),
+            Subdivision::MaxEdge(length) => self.max_edge_m = Some(length),
+        }
+    }
+
     /// Returns the settings by name, as files of results hold them.
     ///
     /// # Panics

@@ -181,10 +181,25 @@ impl Model {
         cx: &mut Context,
     ) -> Result<SolutionStudy, WorkflowError> {
         let materials = self.materials();
+        self.solve_with(study, (&materials.0, &materials.1), request, cx)
+    }
+
+    /// Solves for the light of other reflectances and exitances of the patches, ρ and E, W·m⁻², \[n, c\] each, all channels in the same passes, and states its error.
+    ///
+    /// # Errors
+    /// As [`solve_system`](Self::solve_system).
+    pub fn solve_with(
+        &mut self,
+        study: &FormFactorStudy,
+        (reflectance, exitance): (&Block, &Block),
+        request: &SolveRequest,
+        cx: &mut Context,
+    ) -> Result<SolutionStudy, WorkflowError> {
         let areas = study.factors.areas().to_vec();
         let system = (&study.factors as &dyn LinearOperator, areas);
-        let solution = self.solve_system(system, request, materials.clone(), study.known(), cx)?;
-        self.judged(study, (&materials.0, &materials.1), solution, cx)
+        let materials = (reflectance.clone(), exitance.clone());
+        let solution = self.solve_system(system, request, materials, study.known(), cx)?;
+        self.judged(study, (reflectance, exitance), solution, cx)
     }
 
     /// Returns the light of a scene in which nothing reflects, E, with the irradiance that is not straight from the emitters, 0: no form factor is needed where direct light is found otherwise.
@@ -263,7 +278,8 @@ impl Model {
             error: study.carried.as_ref(),
             row_sums: row_sums.as_deref(),
             sun: study.direct.sun.as_ref(),
-            sky: study.direct.sky.as_ref(),
+            skylight: study.direct.sky.as_ref(),
+            sky: factors.map(|factors| &factors.sky),
             settings: &cx.settings.record(),
         };
         Ok(report.write(path)?)

@@ -13,7 +13,7 @@ const ENTRY_BYTE: u64 = 96;
 pub enum SurfaceTable {
     /// Those between all of them.
     Whole(Vec<SurfaceRow>),
-    /// 1 − Σ_T F_ST of each surface S, where the form factors between them do not fit into memory.
+    /// 1 − Σ_T F_ST of each surface S, where the form factors between them do not fit into memory or are more than are wanted.
     Lost(Vec<f64>),
     /// Nothing: it is not wanted.
     NotWanted,
@@ -23,24 +23,35 @@ impl SurfaceTable {
     /// More surfaces than this make a table that people do not read.
     pub const MAX_READ: usize = 12;
 
-    /// Calculates form factors between surfaces, and notes in the plan where they do not fit into memory. More than [`MAX_READ`](Self::MAX_READ) surfaces have a table only if `whole` asks for it.
+    /// More surfaces than this make a document of several MB.
+    pub const MAX_PRINTED: usize = 200;
+
+    /// Calculates form factors between up to `n_wanted` surfaces, and notes in the plan where there are more or they do not fit into memory. Up to [`MAX_READ`](Self::MAX_READ) wanted surfaces, more have
+    /// no table at all.
     #[must_use]
-    pub fn new(model: &mut Model, study: &FormFactorStudy, cx: &Context, whole: bool) -> Self {
+    pub fn new(model: &mut Model, study: &FormFactorStudy, cx: &Context, n_wanted: usize) -> Self {
         let n = model.scene.surfaces.len();
-        if n > Self::MAX_READ && !whole {
+        if n > n_wanted && n_wanted <= Self::MAX_READ {
             return Self::NotWanted;
         }
         let surface_of_patch: Vec<u32> = model.mesh.patches.iter().map(|p| p.surface.0).collect();
         let rows = study.factors.surface_rows(&surface_of_patch, n);
+        let file = (cx.naming)(Parameter::Output, Some("F.csv"));
+        if n > n_wanted {
+            model.plan.left_out.push(format!(
+                "surface_form_factor and surface_error: {n} × {n} surfaces are more than {n_wanted} × {n_wanted}; {} prints them, {file} writes them row by row",
+                (cx.naming)(Parameter::Full, None)
+            ));
+            return Self::Lost(rows.lost_factors());
+        }
         let needed = ENTRY_BYTE.saturating_mul((n as u64).saturating_pow(2));
         let free = cx.memory.limit().saturating_sub(memory_used_byte().unwrap_or(0));
         if n <= Self::MAX_READ || needed <= free {
             return Self::Whole(rows.iter().collect());
         }
         model.plan.left_out.push(format!(
-            "surface_form_factor and surface_error: those of {n} × {n} surfaces need {} of memory; {} writes them row by row",
-            byte_text(needed),
-            (cx.naming)(Parameter::Output, Some("F.csv"))
+            "surface_form_factor and surface_error: those of {n} × {n} surfaces need {} of memory; {file} writes them row by row",
+            byte_text(needed)
         ));
         Self::Lost(rows.lost_factors())
     }

@@ -371,8 +371,8 @@ fn promises_of_headers_are_not_believed() {
     )
     .unwrap();
     let mut npz = std::fs::read(at("F.npz")).unwrap();
-    let place = npz.windows(8).position(|w| w == b"(24, 24)").unwrap();
-    npz[place..place + 8].copy_from_slice(b"(99, 99)");
+    let place = npz.windows(5).position(|w| w == b"(25,)").unwrap();
+    npz[place..place + 5].copy_from_slice(b"(99,)");
     std::fs::write(at("huge.npz"), &npz).unwrap();
     // A row of a hundred million pixels, in each part of a picture.
     let mut exr = std::fs::read(at("i.exr")).unwrap();

@@ -503,7 +503,7 @@ fn tamper(from: &Path, to: &Path) {
         let mut bytes = Vec::new();
         member.read_to_end(&mut bytes).unwrap();
         let name = member.name().unwrap().into_owned();
-        if name == "F.npy" {
+        if name == "data.npy" {
             let place = bytes.len() - 8;
             bytes[place..].copy_from_slice(&0.25_f64.to_le_bytes());
         }

@@ -130,17 +130,24 @@ fn form_factors_between_too_many_surfaces_are_left_out() {
         assert_eq!(code, 0, "{result}");
         result
     };
-    let (whole, short) = (run(&[]), run(&["--memory-limit", "64M"]));
+    let (whole, short) = (run(&["--full"]), run(&["--full", "--memory-limit", "64M"]));
+    let unasked = run(&[]);
     let n = SIDE * SIDE;
     assert_eq!(whole["surface_error"].as_array().unwrap().len(), n);
     assert_eq!(
         whole["left_out"].as_array().unwrap().len() + 1,
         short["left_out"].as_array().unwrap().len()
     );
-    for name in ["surface_form_factor", "surface_error"] {
-        assert_eq!(short[name], Value::Null);
+    for found in [&short, &unasked] {
+        for name in ["surface_form_factor", "surface_error"] {
+            assert_eq!(found[name], Value::Null);
+        }
+        assert_eq!(found["lost_factor"], whole["lost_factor"]);
+        let left_out = found["left_out"].to_string();
+        assert!(left_out.contains("-o F.csv writes them row by row"), "{left_out}");
     }
-    assert_eq!(short["lost_factor"], whole["lost_factor"]);
+    assert!(unasked["left_out"].to_string().contains("--full prints them"));
+    assert!(unasked.to_string().len() < 1 << 20, "a short document");
     let table = std::fs::read_to_string(directory.path().join("F.csv")).unwrap();
     let rows: Vec<&str> = table.lines().filter(|line| line.starts_with("face1,")).collect();
     assert_eq!(rows.len(), n);

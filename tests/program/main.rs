@@ -8,6 +8,7 @@
 mod at_walls;
 mod exchange;
 mod experiments;
+mod files_out;
 mod form_factors;
 mod heat;
 mod input;

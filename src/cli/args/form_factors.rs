@@ -17,7 +17,7 @@ use crate::mesh::{MeshOptions, Subdivision};
 use crate::report::form_factors::FormFactorFile;
 use crate::workflow::{
     Afterwards, Balance, DEFAULT_RAYS, FormFactorRequest, IMAGE_RAYS, IMAGE_TOLERANCE, Memory, Parameter, Storage,
-    WorkflowError, mesh_options,
+    SurfaceTable, WorkflowError, mesh_options,
 };
 
 /// How faces are cut into patches.
@@ -307,12 +307,18 @@ pub struct FormFactorsArgs {
     /// The scene: OBJ, STL, PLY, gmsh, VTK, glTF or View3D input
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
-    /// A file for the form factors: .npz, .npy, .mtx or .exr (between patches), .csv (between surfaces), .vtu (sums and errors of each patch)
+    /// A file for the form factors: .npz, .npy, .mtx or .exr (between patches), .csv or View3D's .vf (between surfaces), .vtu (sums and errors of each patch), .ply or .obj (patches in colours)
     #[arg(short, long, value_name = "F.npz")]
     pub output: Option<PathBuf>,
-    /// A surface by name: with `-o F.vtu`, the form factor from each patch to it
+    /// A surface by name: with `-o F.vtu`, .ply or .obj, the form factor from each patch to it
     #[arg(long, value_name = "NAME", requires = "output")]
     pub surface: Option<String>,
+    /// Write `F` and `error` in full, with `-o F.npz`, in place of compressed sparse rows
+    #[arg(long, requires = "output")]
+    pub dense: bool,
+    /// Print the form factors between more than 200 surfaces too, with --json
+    #[arg(long, requires = "json")]
+    pub full: bool,
     /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-6]
     #[arg(long, value_name = "T", value_parser = parse_positive)]
     pub tolerance: Option<f64>,
@@ -326,4 +332,16 @@ pub struct FormFactorsArgs {
     pub audit: AuditArgs,
     #[command(flatten)]
     pub common: CommonArgs,
+}
+
+impl FormFactorsArgs {
+    /// Returns the number of surfaces up to which the factors between them are wanted.
+    #[must_use]
+    pub fn surfaces_up_to(&self) -> usize {
+        match (self.common.json, self.full) {
+            (false, _) => SurfaceTable::MAX_READ,
+            (true, false) => SurfaceTable::MAX_PRINTED,
+            (true, true) => usize::MAX,
+        }
+    }
 }

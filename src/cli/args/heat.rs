@@ -90,7 +90,7 @@ pub struct HeatArgs {
     /// The boundary conditions: emissivities, temperatures, supplied heat, nodes; surroundings, sun and sky
     #[arg(long, value_name = "FILE.toml")]
     pub boundary: PathBuf,
-    /// A file for the temperatures and fluxes of each patch: .csv, .npz or .vtu
+    /// A file for the temperatures and fluxes of each patch: .csv, .npz, .vtu, or .ply or .obj in the colours of the temperature
     #[arg(short, long, value_name = "OUT.csv")]
     pub output: Option<PathBuf>,
     /// A file for Gebhart factors, script-F and conductors of a thermal network: .npz, or .csv with the conductors alone

@@ -21,7 +21,7 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::workflow::SolveRequest;
 use byte::parse_byte;
@@ -78,6 +78,58 @@ pub enum Command {
     Compare(CompareArgs),
     /// Print a paper's tables beside what we measure
     Reproduce(ReproduceArgs),
+    /// Print the completions of this program for a shell
+    Completions(CompletionsArgs),
+    /// Write the manual pages of this program
+    Man(ManArgs),
+}
+
+impl Command {
+    /// Returns the flags that commands have which compute something.
+    #[must_use]
+    pub fn common(&self) -> Option<&CommonArgs> {
+        match self {
+            Self::Scene(a) => Some(&a.common),
+            Self::FormFactors(a) => Some(&a.common),
+            Self::Solve(a) => Some(&a.common),
+            Self::Heat(a) => Some(&a.common),
+            Self::Points(a) => Some(&a.common),
+            Self::Render(a) => Some(&a.common),
+            Self::Field(a) => Some(&a.common),
+            Self::Voxel(a) => Some(&a.common),
+            Self::Verify(a) => Some(&a.common),
+            Self::Compare(a) => Some(&a.common),
+            Self::Reproduce(a) => Some(&a.common),
+            Self::Completions(_) | Self::Man(_) => None,
+        }
+    }
+}
+
+/// `radiosity completions`.
+#[derive(Args, Clone, Copy, Debug)]
+pub struct CompletionsArgs {
+    /// The shell
+    #[arg(value_name = "SHELL", value_enum)]
+    pub shell: ShellName,
+}
+
+/// A shell that completes commands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ShellName {
+    /// As in: radiosity completions bash > ~/.local/share/bash-completion/completions/radiosity
+    Bash,
+    /// As in: radiosity completions zsh > a folder of $fpath/_radiosity
+    Zsh,
+    /// As in: radiosity completions fish > ~/.config/fish/completions/radiosity.fish
+    Fish,
+}
+
+/// `radiosity man`.
+#[derive(Args, Clone, Debug)]
+pub struct ManArgs {
+    /// The directory of the pages, as in ~/.local/share/man/man1; it is made if it is not there
+    #[arg(value_name = "DIR")]
+    pub directory: PathBuf,
 }
 
 /// Flags that every command has.

@@ -93,7 +93,7 @@ pub struct SolveArgs {
     /// The scene: OBJ, STL, PLY, gmsh, VTK, glTF or View3D input
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
-    /// A file for the solution of each patch: .csv, .npz or .vtu
+    /// A file for the solution of each patch: .csv, .npz, .vtu, or .ply or .obj in the colours of the radiosity
     #[arg(short, long, value_name = "B.csv")]
     pub output: Option<PathBuf>,
     /// Form factors that `form-factors -o` wrote, instead of computing them; they know how the scene was cut into patches
@@ -105,6 +105,9 @@ pub struct SolveArgs {
     /// A file with other exitances and reflectances, by surface or material; give it several times to solve for all at once
     #[arg(long, value_name = "A.toml", conflicts_with_all = ["sun_irradiance", "sky"])]
     pub lighting: Vec<PathBuf>,
+    /// An array of NumPy with exitances of the patches, W/m2, in place of the scene's: (n, k) for k grey lightings, (n, k, 3) for coloured ones, all solved in the same passes
+    #[arg(long, value_name = "E.npy", conflicts_with_all = ["lighting", "sun_irradiance", "on_the_fly"])]
+    pub exitance: Option<PathBuf>,
     /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-6]
     #[arg(long, value_name = "T", value_parser = parse_positive)]
     pub form_factor_tolerance: Option<f64>,

@@ -11,6 +11,7 @@ use std::path::Path;
 
 use super::{Scene, SceneError, SceneWarning};
 
+mod arrays;
 mod assemble;
 mod cells;
 mod creases;
@@ -28,6 +29,8 @@ mod vs3;
 mod vtk;
 mod weld;
 
+pub(crate) use arrays::NAME as ARRAYS_NAME;
+pub use arrays::{Arrays, from_arrays};
 pub use cells::USUAL_ARRAYS;
 pub use format::Format;
 pub use obj::write::write_obj;

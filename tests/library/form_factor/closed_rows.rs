@@ -223,6 +223,8 @@ fn rows_beyond_all_error_are_not_scaled_to_1() {
                 sky: None,
                 settings: settings.as_object().unwrap(),
                 surface: None,
+                is_closed: true,
+                dense: false,
             };
             report.write(&directory.path().join(name)).unwrap();
             let solve = ["solve", "scene.obj", "--form-factors", name, "--balance", "on"];

@@ -58,7 +58,17 @@ fn random(mesh: &Mesh, density: f64, precision: Precision) -> FormFactors {
     FormFactors::from_tiles(mesh.areas(), [tile], storage(Layout::Auto, precision)).unwrap()
 }
 
-fn write(path: &Path, (scene, mesh): (&Scene, &Mesh), factors: &FormFactors) -> Result<(), ReportError> {
+fn write(path: &Path, of: (&Scene, &Mesh), factors: &FormFactors) -> Result<(), ReportError> {
+    write_as(path, of, factors, false)
+}
+
+/// Writes form factors, `.npz` in full where they are to be dense.
+fn write_as(
+    path: &Path,
+    (scene, mesh): (&Scene, &Mesh),
+    factors: &FormFactors,
+    dense: bool,
+) -> Result<(), ReportError> {
     // The last as files of other versions may have it.
     let settings = json!({"subdivide": 2, "method": "sr", "stored_byte": 7});
     let report = FormFactorReport {
@@ -70,6 +80,8 @@ fn write(path: &Path, (scene, mesh): (&Scene, &Mesh), factors: &FormFactors) -> 
         sky: None,
         settings: settings.as_object().unwrap(),
         surface: None,
+        is_closed: true,
+        dense,
     };
     report.write(path)
 }
@@ -89,9 +101,12 @@ fn what_is_written_is_read_back_to_the_last_bit() {
     let path = directory.path().join("F.npz");
     let (scene, mesh) = cube(5);
     for density in [0.0, 0.1, 0.9] {
-        for precision in [Precision::F64, Precision::F32] {
+        for (precision, dense_file) in [Precision::F64, Precision::F32]
+            .map(|p| [(p, false), (p, true)])
+            .concat()
+        {
             let factors = random(&mesh, density, precision);
-            write(&path, (&scene, &mesh), &factors).unwrap();
+            write_as(&path, (&scene, &mesh), &factors, dense_file).unwrap();
             let bytes = std::fs::read(&path).unwrap();
             let file = FormFactorFile::open(&path).unwrap();
             let description = file.description();
@@ -107,7 +122,7 @@ fn what_is_written_is_read_back_to_the_last_bit() {
             assert_eq!(bits(&errors(&again)), bits(&errors(&factors)));
             assert_eq!(again.tallies(), factors.tallies());
             assert_eq!(again.storage().precision, precision);
-            write(&path, (&scene, &mesh), &again).unwrap();
+            write_as(&path, (&scene, &mesh), &again, dense_file).unwrap();
             assert!(
                 std::fs::read(&path).unwrap() == bytes,
                 "equal content gives equal bytes"
@@ -156,18 +171,18 @@ fn every_method_goes_through_every_file() {
     }
 }
 
-/// Sparse or dense as asked for, else as it suits the share of entries that are not zero.
+/// Compressed sparse rows, however the form factors are stored and however many are not zero; in full only where that is asked for.
 #[test]
-fn an_archive_has_the_layout_asked_for() {
+fn an_archive_has_one_layout() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("F.npz");
     let (scene, mesh) = cube(2);
-    for (layout, density, dense_file) in [
-        (Layout::Auto, 0.1, false),
-        (Layout::Auto, 0.9, true),
-        (Layout::Sparse, 0.9, false),
-        (Layout::Dense, 0.1, true),
-    ] {
+    let layouts = [Layout::Auto, Layout::Sparse, Layout::Dense];
+    let cases = layouts.into_iter().flat_map(|layout| {
+        let densities = [0.0, 0.1, 0.9].into_iter();
+        densities.flat_map(move |density| [(layout, density, false), (layout, density, true)])
+    });
+    for (layout, density, dense_file) in cases {
         let as_it_suits = random(&mesh, density, Precision::F64);
         let mut tile = RowTile::new(0);
         for i in 0..as_it_suits.n_rows() {
@@ -178,17 +193,70 @@ fn an_archive_has_the_layout_asked_for() {
             tile.push_row(&entries, RowTally::default());
         }
         let factors = FormFactors::from_tiles(mesh.areas(), [tile], storage(layout, Precision::F64)).unwrap();
-        write(&path, (&scene, &mesh), &factors).unwrap();
+        write_as(&path, (&scene, &mesh), &factors, dense_file).unwrap();
         let file = zip::ZipArchive::new(std::fs::File::open(&path).unwrap()).unwrap();
-        assert_eq!(
-            file.index_for_name("F.npy").is_some(),
-            dense_file,
-            "{layout:?} {density}"
-        );
-        assert_eq!(file.index_for_name("indices.npy").is_none(), dense_file);
+        let names: Vec<String> = file.file_names().map(|name| name.unwrap().into_owned()).collect();
+        let rows: &[&str] = if dense_file {
+            &["F.npy"]
+        } else {
+            &["format.npy", "shape.npy", "indptr.npy", "indices.npy", "data.npy"]
+        };
+        let expected = [&["meta.npy"], rows, &["error.npy", "area_m2.npy"]].concat();
+        assert_eq!(names, expected, "{layout:?} {density}");
         let again = read(&path, &mesh).unwrap();
         assert_eq!(bits(&dense(&again).concat()), bits(&dense(&factors).concat()));
         assert_eq!(bits(&errors(&again)), bits(&errors(&factors)));
+    }
+}
+
+/// The description stands in the archive as a text that NumPy shows.
+#[test]
+fn the_description_of_an_archive_is_a_text() {
+    let sound = Sound::new(0.5, false);
+    let (_, meta) = sound.members.iter().find(|(name, _)| name == "meta.npy").unwrap();
+    let (head, text) = meta.split_at(meta.len() - 4 * text_of(meta).chars().count());
+    let head = String::from_utf8_lossy(head);
+    let expected = format!("'descr': '<U{}', 'fortran_order': False, 'shape': ()", text.len() / 4);
+    assert!(head.contains(&expected), "{head}");
+    let description: serde_json::Value = serde_json::from_str(&text_of(meta)).unwrap();
+    assert_eq!(description["geometry_sha256"], sound.mesh.geometry_hash());
+}
+
+/// Files that older programs wrote: dense ones, the description a member that is no array, areas without a unit in their name.
+#[test]
+fn files_of_older_programs_are_read() {
+    let directory = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/form_factors");
+    for (name, parts, first) in [
+        ("layout_1_dense.npz", 1, "F.npy"),
+        ("layout_1_sparse.npz", 2, "data.npy"),
+    ] {
+        let path = directory.join(name);
+        let (scene, mesh) = cube(parts);
+        let file = FormFactorFile::open(&path).unwrap();
+        assert!(file.has_errors(), "{name}");
+        assert_eq!(file.description().settings["method"], "sr");
+        let factors = file.read(&mesh).unwrap();
+        // The values as they stand in the file; all that are not listed are 0.
+        let mut zip = zip::ZipArchive::new(std::fs::File::open(&path).unwrap()).unwrap();
+        let mut bytes = Vec::new();
+        zip.by_name(first).unwrap().read_to_end(&mut bytes).unwrap();
+        let values: Vec<f64> = bytes[128..]
+            .as_chunks()
+            .0
+            .iter()
+            .map(|b| f64::from_le_bytes(*b))
+            .collect();
+        let not_zero = |values: Vec<f64>| values.into_iter().filter(|value| *value > 0.0).collect::<Vec<_>>();
+        assert_eq!(not_zero(dense(&factors).concat()), not_zero(values), "{name}");
+        assert!(factors.row_sums().iter().all(|sum| (sum - 1.0).abs() < 1e-12), "{name}");
+        assert!(factors.tallies().iter().all(|tally| tally.n_rays > 0), "{name}");
+        // What is written now says the same.
+        let now = tempfile::tempdir().unwrap();
+        let again = now.path().join(name);
+        write(&again, (&scene, &mesh), &factors).unwrap();
+        let back = read(&again, &mesh).unwrap();
+        assert_eq!(bits(&dense(&back).concat()), bits(&dense(&factors).concat()), "{name}");
+        assert_eq!(bits(&errors(&back)), bits(&errors(&factors)), "{name}");
     }
 }
 
@@ -245,7 +313,8 @@ impl Sound {
         if symmetric {
             factors = factors.symmetrised(Weighting::Plain).unwrap();
         }
-        write(&path, (&scene, &mesh), &factors).unwrap();
+        // Full matrices in full, so that both layouts are tried.
+        write_as(&path, (&scene, &mesh), &factors, density > 0.5).unwrap();
         let mut zip = zip::ZipArchive::new(std::fs::File::open(&path).unwrap()).unwrap();
         let members = (0..zip.len()).map(|k| {
             let mut member = zip.by_index(k).unwrap();
@@ -291,6 +360,28 @@ fn replace(bytes: &mut Vec<u8>, from: &str, to: &str) {
     bytes.splice(at..at + from.len(), to.bytes());
 }
 
+/// Returns the text of an array of one text.
+fn text_of(array: &[u8]) -> String {
+    let head = 10 + usize::from(u16::from_le_bytes([array[8], array[9]]));
+    let characters = array[head..]
+        .as_chunks()
+        .0
+        .iter()
+        .map(|b| char::from_u32(u32::from_le_bytes(*b)).unwrap());
+    characters.collect()
+}
+
+/// Replaces a part of the text of an array by one that is not longer.
+fn replace_text(array: &mut Vec<u8>, from: &str, to: &str) {
+    let text = text_of(array);
+    assert!(text.contains(from) && to.len() <= from.len());
+    let length = text.chars().count();
+    let characters = text.replacen(from, to, 1);
+    let characters = characters.chars().chain(std::iter::repeat('\0')).take(length);
+    array.truncate(array.len() - 4 * length);
+    array.extend(characters.flat_map(|c| u32::from(c).to_le_bytes()));
+}
+
 /// Puts a number in the place of the one at `index` of an array.
 fn put(bytes: &mut [u8], index: usize, number: f64) {
     let at = bytes.len() - (24 * 24 - index) * 8;
@@ -320,7 +411,7 @@ fn what_contradicts_itself_is_refused() {
         "not a NumPy array",
     );
     damaged(full.refused("error.npy", Vec::clear), "missing");
-    damaged(full.refused("area.npy", |b| *b.last_mut().unwrap() ^= 1), "m²");
+    damaged(full.refused("area_m2.npy", |b| *b.last_mut().unwrap() ^= 1), "m²");
     damaged(full.refused("n_escaped.npy", |b| *b.last_mut().unwrap() ^= 1), "tally");
     damaged(
         full.refused("ray_weights.npy", |b| {
@@ -330,14 +421,14 @@ fn what_contradicts_itself_is_refused() {
         }),
         "tally",
     );
-    damaged(full.refused("meta.json", |b| replace(b, "24", "{")), "no JSON");
+    damaged(full.refused("meta.npy", |b| replace_text(b, "24", "{")), "no JSON");
     damaged(
-        full.refused("meta.json", |b| replace(b, "\"symmetric\": false,", "")),
+        full.refused("meta.npy", |b| replace_text(b, "\"symmetric\": false,", "")),
         "checksum",
     );
     damaged(
-        full.refused("meta.json", |b| {
-            replace(b, "\"symmetric\": false,", "\"symmetric\": true,");
+        full.refused("meta.npy", |b| {
+            replace_text(b, "\"symmetric\": false,", "\"symmetric\": true,");
         }),
         "checksum",
     );
@@ -357,9 +448,17 @@ fn what_contradicts_itself_is_refused() {
         matches!(&error, ReportError::Matrix { source: found, .. } if *found == source),
         "{error}"
     );
-    let error = full.refused("meta.json", |b| replace(b, "form factors 2", "form factors 1"));
+    let error = full.refused("meta.npy", |b| replace_text(b, "form factors 2", "form factors 1"));
     assert!(matches!(error, ReportError::Version { .. }), "{error}");
-    let error = full.refused("meta.json", Vec::clear);
+    damaged(
+        full.refused("meta.npy", |b| {
+            let last = b.len() - 1;
+            b[last] = 255;
+        }),
+        "cannot be used",
+    );
+    damaged(full.refused("meta.npy", |b| replace(b, "()", "(1,)")), "shape");
+    let error = full.refused("meta.npy", Vec::clear);
     assert!(matches!(error, ReportError::NoDescription { .. }), "{error}");
 
     let sparse = Sound::new(0.1, false);
@@ -482,6 +581,8 @@ fn entries_that_no_ray_hit_are_written_with_their_errors() {
             sky: None,
             settings: &settings,
             surface: None,
+            is_closed: true,
+            dense: layout == Layout::Dense,
         };
         let path = directory.path().join("F.npz");
         report.write(&path).unwrap();

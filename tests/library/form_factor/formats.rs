@@ -45,6 +45,8 @@ impl Case {
             sky: None,
             settings: settings.as_object().unwrap(),
             surface: Some(SurfaceId(5)),
+            is_closed: true,
+            dense: false,
         };
         report.write(path).unwrap();
         let first = std::fs::read(path).unwrap();
@@ -234,8 +236,9 @@ fn solutions_hold_the_residual() {
     case.factors.apply(&solution.radiosity, &mut solution.irradiance);
     let settings = json!({"solver": "pcg"});
     let report = SolutionReport {
-        sun: None,
         sky: None,
+        sun: None,
+        skylight: None,
         error: None,
         row_sums: None,
         scene: &case.scene,

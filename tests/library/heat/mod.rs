@@ -2,6 +2,7 @@
 
 mod crater;
 mod enclosures;
+mod patches;
 mod points;
 mod refused;
 mod sun;

@@ -1,5 +1,6 @@
 //! Scenes: files, arrays, built-in scenes, cameras, and which way faces look.
 
+mod arrays;
 mod builder;
 mod builtin;
 mod camera;

@@ -1,0 +1,129 @@
+"""Arguments as arrays of the shapes that the library wants; messages name the argument."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Optional, Union
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ._errors import ArgumentError
+
+Floats = NDArray[np.float64]
+#: A number, an array over faces or patches, or numbers and triples by the names of surfaces.
+Values = Union[ArrayLike, Mapping[str, ArrayLike]]
+
+
+def floats(name: str, values: ArrayLike) -> Floats:
+    """Returns finite numbers."""
+    try:
+        array = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ArgumentError(f"{name}: no array of numbers ({error})") from None
+    bad = np.argwhere(~np.isfinite(array))
+    if len(bad):
+        place = ", ".join(str(k) for k in bad[0])
+        at = f" at [{place}]" if place else ""
+        raise ArgumentError(f"{name}: {array[tuple(bad[0])]}{at} is not finite")
+    return array
+
+
+def points(name: str, values: ArrayLike) -> Floats:
+    """Returns rows of three finite numbers."""
+    array = floats(name, values)
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise ArgumentError(f"{name}: shape {array.shape}, expected (n, 3)")
+    return np.ascontiguousarray(array)
+
+
+def faces(values: Any, n_vertices: int) -> tuple[NDArray[np.uint32], NDArray[np.uint64]]:
+    """Returns the corners of all faces one after another, and where those of each end."""
+    if isinstance(values, np.ndarray) and values.dtype != object:
+        if values.ndim != 2 or values.shape[1] < 3:
+            raise ArgumentError(f"faces: shape {values.shape}, expected (m, 3), (m, 4) or a list of lists")
+        counts = np.full(len(values), values.shape[1], dtype=np.uint64)
+        flat = values.reshape(-1)
+    else:
+        rows = [np.asarray(row) for row in values]
+        for k, row in enumerate(rows):
+            if row.ndim != 1 or len(row) < 3:
+                raise ArgumentError(f"faces: face {k} has shape {row.shape}, expected at least 3 indices")
+        counts = np.array([len(row) for row in rows], dtype=np.uint64)
+        flat = np.concatenate(rows) if rows else np.zeros(0, dtype=np.int64)
+    if len(counts) == 0:
+        raise ArgumentError("faces: there are none")
+    if flat.dtype.kind not in "iu":
+        raise ArgumentError(f"faces: numbers of type {flat.dtype}, expected whole numbers")
+    ends = np.cumsum(counts, dtype=np.uint64)
+    wrong = np.flatnonzero((flat < 0) | (flat >= n_vertices))
+    if len(wrong):
+        face = int(np.searchsorted(ends, wrong[0], side="right"))
+        raise ArgumentError(f"faces: face {face} has vertex {flat[wrong[0]]}, and there are {n_vertices} vertices")
+    return np.ascontiguousarray(flat, dtype=np.uint32), ends
+
+
+def surfaces(values: Optional[Sequence[Any]], n_faces: int) -> tuple[list[str], NDArray[np.uint32]]:
+    """Returns the names of surfaces, in the order in which they appear, and that of each face; none where None is given."""
+    if values is None:
+        return [], np.zeros(0, dtype=np.uint32)
+    array = np.asarray(values)
+    if array.shape != (n_faces,):
+        raise ArgumentError(f"surfaces: shape {array.shape}, expected ({n_faces},), one for each face")
+    if array.dtype.kind not in "iuUO":
+        raise ArgumentError(f"surfaces: values of type {array.dtype}, expected names or whole numbers")
+    names: dict[str, int] = {}
+    plain = array.dtype.kind in "iu"
+    ids = [names.setdefault(f"surface{key}" if plain else str(key), len(names)) for key in array.tolist()]
+    return list(names), np.array(ids, dtype=np.uint32)
+
+
+def of_faces(name: str, values: Values, names: Sequence[str], surface: NDArray[np.uint32], n_faces: int) -> Floats:
+    """Returns three channels of each face, or of all faces alike, from a number, an array or a mapping from names of surfaces."""
+    if isinstance(values, Mapping):
+        return by_surface(name, values, names, surface)
+    array = floats(name, values)
+    if array.ndim == 0:
+        return np.full((1, 3), array)
+    if array.shape == (1, 3) or array.shape == (n_faces, 3):
+        return np.ascontiguousarray(array)
+    if array.shape == (n_faces,):
+        return np.repeat(array[:, np.newaxis], 3, axis=1)
+    expected = f"a number, (1, 3) for one colour, ({n_faces},), ({n_faces}, 3), or a dict from names of surfaces"
+    raise ArgumentError(f"{name}: shape {array.shape}, expected {expected}")
+
+
+def by_surface(
+    name: str, values: Mapping[str, ArrayLike], names: Sequence[str], surface: NDArray[np.uint32]
+) -> Floats:
+    """Returns three channels of each face from a mapping; `"*"` stands for surfaces that are not named."""
+    if not names:
+        raise ArgumentError(f"{name}: a dict needs `surfaces`, the names of the faces' surfaces")
+    unknown = [key for key in values if key not in names and key != "*"]
+    if unknown:
+        raise ArgumentError(f"{name}: there is no surface {unknown[0]!r}; the scene has {', '.join(names[:12])}")
+    table = np.empty((len(names), 3))
+    for k, own in enumerate(names):
+        value = values.get(own, values.get("*"))
+        if value is None:
+            raise ArgumentError(f"{name}: no value for surface {own!r}; give one, or one for '*'")
+        array = floats(f"{name}[{own!r}]", value)
+        if array.shape not in ((), (3,)):
+            raise ArgumentError(f"{name}[{own!r}]: shape {array.shape}, expected a number or three")
+        table[k] = array
+    return np.ascontiguousarray(table[surface])
+
+
+def of_patches(name: str, values: ArrayLike, n: int) -> Floats:
+    """Returns an array over patches: a number, (n,), (n, k) or (n, k, 3)."""
+    array = floats(name, values)
+    if array.ndim == 0:
+        return np.full(n, array)
+    if array.shape[0] == n and (array.ndim in (1, 2) or (array.ndim == 3 and array.shape[2] == 3)):
+        return array
+    raise ArgumentError(f"{name}: shape {array.shape}, expected a number, ({n},), ({n}, k) or ({n}, k, 3)")
+
+
+def given(**options: Any) -> dict[str, Any]:
+    """Returns the options that are not None."""
+    return {name: value for name, value in options.items() if value is not None}

@@ -1,0 +1,194 @@
+//! Work off the calling thread: the interpreter's lock is released, and that thread hears of signals and tells the progress.
+
+use std::ffi::CString;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use pyo3::prelude::*;
+use radiosity::progress::Progress;
+use radiosity::workflow::{Context, Demand, Memory, Settings, Warning, WorkflowError};
+
+use crate::error::{class, raised};
+
+/// How often signals are looked for and progress is told.
+const BEAT: Duration = Duration::from_millis(50);
+
+/// Bytes of the stack of a worker: that of a program's main thread on Linux.
+const STACK: usize = 8 << 20;
+
+/// The progress of a call as its worker tells it and the calling thread reads it.
+#[derive(Debug, Default)]
+struct Shared {
+    stage: Mutex<String>,
+    total: AtomicU64,
+    done: AtomicU64,
+    is_cancelled: AtomicBool,
+}
+
+impl Progress for Shared {
+    fn begin(&self, stage: &str, total: u64) {
+        let mut known = self.stage.lock().unwrap_or_else(PoisonError::into_inner);
+        stage.clone_into(&mut known);
+        self.total.store(total, Ordering::Relaxed);
+        self.done.store(0, Ordering::Relaxed);
+    }
+
+    fn advance(&self, steps: u64) {
+        self.done.fetch_add(steps, Ordering::Relaxed);
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.is_cancelled.load(Ordering::Relaxed)
+    }
+}
+
+impl Shared {
+    fn state(&self) -> (String, u64, u64) {
+        let stage = self.stage.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        (
+            stage,
+            self.done.load(Ordering::Relaxed),
+            self.total.load(Ordering::Relaxed),
+        )
+    }
+}
+
+/// What goes along with a call.
+#[derive(Debug, Default)]
+pub(crate) struct Call {
+    /// Hears of the progress: `progress(stage, done, total)`.
+    pub(crate) progress: Option<Py<PyAny>>,
+    /// What form factors may take, and where.
+    pub(crate) memory: Memory,
+    /// A file for finished work.
+    pub(crate) checkpoint: Option<std::path::PathBuf>,
+    /// What comes after form factors.
+    pub(crate) demand: Demand,
+    /// The settings of what the work rests on.
+    pub(crate) settings: Settings,
+}
+
+/// A result, with its warnings and settings.
+#[derive(Debug)]
+pub(crate) struct Done<T> {
+    pub(crate) value: T,
+    pub(crate) warnings: Vec<String>,
+    pub(crate) settings: Settings,
+}
+
+/// What a worker returns.
+struct Ended<T> {
+    result: Result<T, WorkflowError>,
+    warnings: Vec<Warning>,
+    settings: Settings,
+}
+
+impl Call {
+    /// Runs work, and gives its warnings to Python's `warnings`.
+    ///
+    /// # Errors
+    /// The exceptions of the package, KeyboardInterrupt, what the progress callback raises, and warnings that are to be errors.
+    pub(crate) fn run<T: Send>(
+        self,
+        py: Python<'_>,
+        work: impl FnOnce(&mut Context) -> Result<T, WorkflowError> + Send,
+    ) -> PyResult<Done<T>> {
+        let Self {
+            progress,
+            memory,
+            checkpoint,
+            demand,
+            settings,
+        } = self;
+        let shared = Arc::new(Shared::default());
+        let of_worker = Arc::clone(&shared);
+        let body = move || {
+            let mut cx = Context::new(of_worker);
+            cx.memory = memory;
+            cx.checkpoint_file = checkpoint;
+            cx.demand = demand;
+            cx.settings = settings;
+            let result = work(&mut cx);
+            if result.is_ok() {
+                cx.forget_checkpoint();
+            }
+            Ended {
+                result,
+                warnings: cx.warnings(),
+                settings: cx.settings,
+            }
+        };
+        let (ended, interrupted) = py.detach(|| watched(body, &shared, progress.as_ref()))?;
+        let warnings: Vec<String> = ended.warnings.iter().map(ToString::to_string).collect();
+        let told = warnings.iter().try_for_each(|text| warn(py, text));
+        if let Some(error) = interrupted {
+            return Err(error);
+        }
+        let value = ended.result.map_err(|error| raised(py, &error))?;
+        told?;
+        Ok(Done {
+            value,
+            warnings,
+            settings: ended.settings,
+        })
+    }
+}
+
+/// Runs a body on a thread of its own, while this one looks for signals; returns what either of them ended with.
+fn watched<T: Send>(
+    body: impl FnOnce() -> T + Send,
+    shared: &Shared,
+    progress: Option<&Py<PyAny>>,
+) -> PyResult<(T, Option<PyErr>)> {
+    std::thread::scope(|scope| {
+        let (ends, is_ended) = channel::<()>();
+        let worker = std::thread::Builder::new()
+            .name("radiosity".into())
+            .stack_size(STACK)
+            .spawn_scoped(scope, move || {
+                // Dropped when the body ends, also by a panic.
+                let _ends = ends;
+                body()
+            })?;
+        let mut interrupted = None;
+        let mut told = None;
+        while is_ended.recv_timeout(BEAT) == Err(RecvTimeoutError::Timeout) {
+            if interrupted.is_none()
+                && let Err(error) = Python::attach(|py| heard(py, shared, progress, &mut told))
+            {
+                shared.is_cancelled.store(true, Ordering::Relaxed);
+                interrupted = Some(error);
+            }
+        }
+        match worker.join() {
+            Ok(ended) => Ok((ended, interrupted)),
+            Err(panic) => std::panic::resume_unwind(panic),
+        }
+    })
+}
+
+/// Looks for signals, and tells the progress where it is another than before.
+fn heard(
+    py: Python<'_>,
+    shared: &Shared,
+    progress: Option<&Py<PyAny>>,
+    told: &mut Option<(String, u64, u64)>,
+) -> PyResult<()> {
+    py.check_signals()?;
+    let state = shared.state();
+    if let Some(callback) = progress
+        && told.as_ref() != Some(&state)
+    {
+        callback.call1(py, (&*state.0, state.1, state.2))?;
+        *told = Some(state);
+    }
+    Ok(())
+}
+
+/// Warns at the line of the user's code that called the package.
+fn warn(py: Python<'_>, text: &str) -> PyResult<()> {
+    let text = CString::new(text.replace('\0', " ")).unwrap_or_default();
+    PyErr::warn(py, &class(py, "RadiosityWarning")?, &text, 2)
+}

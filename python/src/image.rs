@@ -1,0 +1,200 @@
+//! Rendered images.
+
+use std::num::NonZeroU32;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use glam::DVec3;
+use numpy::{PyArray1, PyArray2, PyArrayMethods as _};
+use pyo3::prelude::*;
+use radiosity::render::display::Unwatched;
+use radiosity::render::{
+    Attributes, DirectMethod, GatherSettings, Outdoors, RenderInput, RenderSettings, Samples, exr, png,
+};
+use radiosity::workflow::{CameraChoice, ViewRequest, image_byte, indirect_irradiance, rendered};
+
+use crate::call::Call;
+use crate::error::bad_argument;
+use crate::model::{Shared, call};
+use crate::options::Options;
+use crate::solution::Solution;
+
+#[pyclass(frozen, module = "radiosity._core")]
+#[expect(
+    clippy::struct_field_names,
+    reason = "an image of the library, with what belongs to it"
+)]
+pub(crate) struct Image {
+    image: radiosity::render::Image,
+    attributes: Attributes,
+    warnings: Vec<String>,
+}
+
+fn view(options: &Options<'_>) -> PyResult<ViewRequest> {
+    let vector = |name: &str| Ok::<_, PyErr>(options.take::<[f64; 3]>(name)?.map(DVec3::from_array));
+    Ok(ViewRequest {
+        camera: match options.take::<PathBuf>("camera")? {
+            None => CameraChoice::OfScene,
+            Some(name) => CameraChoice::of_list(std::path::Path::new(""), &name),
+        },
+        eye: vector("eye")?,
+        look_at: vector("look_at")?,
+        up: vector("up")?,
+        fov: options.take("fov")?,
+        width: options.take("width")?,
+        height: options.take("height")?,
+    })
+}
+
+fn settings(py: Python<'_>, options: &Options<'_>, is_unfolded: bool, solution: &Solution) -> PyResult<RenderSettings> {
+    let is_own = solution.is_own;
+    let flat = options.take::<bool>("flat")?;
+    if is_own && flat == Some(false) {
+        let text =
+            "flat: a solution for reflectances or exitances of single patches is shown patch by patch; leave it out";
+        return Err(bad_argument(py, text));
+    }
+    let flat = flat.unwrap_or(is_own);
+    let direct = match options.take::<String>("direct")?.as_deref() {
+        None if solution.is_outdoors => DirectMethod::Off,
+        None => DirectMethod::suited(is_unfolded, flat),
+        Some("off") => DirectMethod::Off,
+        Some("exact") => DirectMethod::Exact,
+        Some("rays") => DirectMethod::CosineRays { n: DirectMethod::RAYS },
+        Some("polygons") => DirectMethod::Polygons {
+            n: DirectMethod::SHADOW_RAYS,
+        },
+        Some(other) => {
+            let text = format!("direct: \"{other}\" is none of off, rays, polygons, exact");
+            return Err(bad_argument(py, &text));
+        }
+    };
+    if solution.is_outdoors && direct != DirectMethod::Off {
+        let text = "direct: sun and sky are not among the emitters that it looks for; leave it out";
+        return Err(bad_argument(py, text));
+    }
+    if flat && direct != DirectMethod::Off {
+        return Err(bad_argument(py, "direct: not along with flat=True"));
+    }
+    let noise = options.take::<f64>("noise")?;
+    let final_gather = options.take::<bool>("final_gather")?.unwrap_or(noise.is_some());
+    let default = GatherSettings::default();
+    Ok(RenderSettings {
+        flat,
+        samples: options
+            .take::<u32>("samples")?
+            .and_then(NonZeroU32::new)
+            .unwrap_or(RenderSettings::default_samples(is_unfolded)),
+        adaptive: true,
+        gather: final_gather.then_some(GatherSettings {
+            noise: noise.unwrap_or(default.noise),
+            ..default
+        }),
+        direct,
+        seed: options.take("seed")?.unwrap_or(0),
+        ..RenderSettings::default()
+    })
+}
+
+pub(crate) fn render(
+    py: Python<'_>,
+    shared: &Arc<Shared>,
+    solution: &Solution,
+    options: &Options<'_>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Image> {
+    let n_channels = solution.study.solution.radiosity.n_channels();
+    if ![1, 3].contains(&n_channels) {
+        let text =
+            format!("solution: it has {n_channels} channels, and an image shows one or three; solve for one lighting");
+        return Err(bad_argument(py, &text));
+    }
+    let request = view(options)?;
+    let settings = settings(py, options, request.is_unfolded(), solution)?;
+    options.finish()?;
+    let call = Call {
+        ..call(progress, &solution.settings)
+    };
+    let done = call.run(py, |cx| {
+        let mut model = shared.lock();
+        let file = model.file.clone();
+        let view = request.view(&file, &model.scene)?;
+        image_byte(view.as_view(), &settings, &cx.memory)?;
+        view.note_left_out(&mut model, cx);
+        let (study, factors) = (&solution.study, &solution.factors.study.factors);
+        let indirect = (settings.direct != DirectMethod::Off)
+            .then(|| indirect_irradiance(factors, &solution.exitance, &study.solution));
+        let input = RenderInput {
+            scene: &model.scene,
+            mesh: &model.mesh,
+            visibility: &model.visibility,
+            radiosity: &study.solution.radiosity,
+            irradiance: &study.solution.irradiance,
+            indirect_irradiance: indirect.as_ref(),
+            error: study.carried.as_ref(),
+            outdoors: Outdoors::default(),
+        };
+        let camera = view.origin().map(|origin| origin.text(&cx.naming));
+        rendered(&input, (view.as_view(), camera.as_deref()), settings, &Unwatched, cx)
+    })?;
+    let (image, attributes) = done.value;
+    Ok(Image {
+        image,
+        attributes,
+        warnings: done.warnings,
+    })
+}
+
+#[pymethods]
+impl Image {
+    #[getter]
+    fn warnings(&self) -> Vec<String> {
+        self.warnings.clone()
+    }
+
+    #[getter]
+    fn size(&self) -> (usize, usize) {
+        (self.image.width(), self.image.height())
+    }
+
+    #[getter]
+    fn names(&self) -> Vec<String> {
+        self.image.layers().iter().map(|layer| layer.name.clone()).collect()
+    }
+
+    /// A layer of floats, \[h, w\]; `None` of one of another kind.
+    fn floats<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Option<Bound<'py, PyArray2<f32>>>> {
+        let samples = self.image.f32(name);
+        let size = [self.image.height(), self.image.width()];
+        samples
+            .map(|samples| PyArray1::from_slice(py, samples).reshape(size))
+            .transpose()
+    }
+
+    /// A layer of ids, \[h, w\]; the greatest number where nothing is seen.
+    fn ids<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Option<Bound<'py, PyArray2<u32>>>> {
+        let layer = self.image.layers().iter().find(|layer| layer.name == name);
+        let size = [self.image.height(), self.image.width()];
+        match layer.map(|layer| &layer.samples) {
+            Some(Samples::U32(samples)) => PyArray1::from_slice(py, samples).reshape(size).map(Some),
+            _ => Ok(None),
+        }
+    }
+
+    /// Writes an OpenEXR file with all layers, or a PNG file.
+    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
+        let ending = ending.to_ascii_lowercase();
+        if !["exr", "png"].contains(&&*ending) {
+            return Err(bad_argument(py, "path: an image is written as .exr or .png"));
+        }
+        Call::default().run(py, |_| {
+            match &*ending {
+                "exr" => exr::write(&path, &self.image, &self.attributes)?,
+                _ => png::write(&path, &self.image)?,
+            }
+            Ok(())
+        })?;
+        Ok(())
+    }
+}

@@ -1,0 +1,38 @@
+//! The compiled part of the Python package `radiosity`: the typed calls of `radiosity::workflow` on NumPy's arrays.
+//!
+//! `radiosity/*.py` checks shapes and values, and has the documentation; nothing here is public by itself. A row of a matrix of form factors is from i to j, here too.
+
+mod arrays;
+mod call;
+mod error;
+mod factors;
+mod heat;
+mod image;
+mod model;
+mod options;
+mod solution;
+
+use pyo3::pymodule;
+
+/// The compiled part of the package `radiosity`.
+#[pymodule]
+mod _core {
+    #[pymodule_export]
+    use crate::factors::FormFactors;
+    #[pymodule_export]
+    use crate::heat::Heat;
+    #[pymodule_export]
+    use crate::image::Image;
+    #[pymodule_export]
+    use crate::model::Model;
+    #[pymodule_export]
+    use crate::solution::Solution;
+
+    use pyo3::types::PyModuleMethods as _;
+    use pyo3::{Bound, PyResult, types::PyModule};
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", env!("CARGO_PKG_VERSION"))
+    }
+}

@@ -1,0 +1,83 @@
+//! Exitances of single patches from a file: many lightings of one scene.
+
+use std::path::Path;
+
+use super::ReportError;
+use super::npy::{Header, push_reals};
+use crate::input_file;
+use crate::matrix::operator::Block;
+
+/// The most bytes of a file of exitances.
+const LIMIT: u64 = 1 << 34;
+
+/// Exitances of the patches of a scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Exitances {
+    /// The number of lightings.
+    pub n_lightings: usize,
+    /// Whether each has three channels.
+    pub is_coloured: bool,
+    /// E, W·m⁻², \[n, c\]: the channels of the first lighting, then those of the second, and so on.
+    pub values: Block,
+}
+
+/// Reads exitances, W·m⁻², from an array of NumPy: \[n\] or \[n, k\] of k grey lightings, \[n, k, 3\] of coloured ones, of f64 or f32.
+///
+/// # Errors
+/// [`ReportError::Unreadable`], and [`ReportError::BadArray`] of what is no such array for `n_patches` patches, or holds a number that is negative or not finite.
+pub fn read(path: &Path, n_patches: usize) -> Result<Exitances, ReportError> {
+    let bytes = input_file::read(path, LIMIT).map_err(|source| ReportError::Unreadable {
+        path: path.to_owned(),
+        source,
+    })?;
+    let bad = |reason: String| ReportError::BadArray {
+        path: path.to_owned(),
+        reason,
+    };
+    let mut rest = bytes.as_slice();
+    let (header, _) = Header::read(&mut rest).map_err(|reason| {
+        bad(format!(
+            "{reason}; save it with `numpy.save(file, numpy.ascontiguousarray(exitance))`"
+        ))
+    })?;
+    let shape = &header.shape;
+    let expected = format!("expected ({n_patches}, k) for k grey lightings or ({n_patches}, k, 3) for coloured ones");
+    let (n_lightings, is_coloured) = match shape[..] {
+        [n] if n == n_patches as u64 => (1, false),
+        [n, k] if n == n_patches as u64 && k > 0 => (k, false),
+        [n, k, 3] if n == n_patches as u64 && k > 0 => (k, true),
+        _ => return Err(bad(format!("its shape is {shape:?}; {expected}"))),
+    };
+    if header.data_byte() != Some(rest.len() as u64) {
+        return Err(bad(format!("its shape is {shape:?} in {} bytes", rest.len())));
+    }
+    let mut values = Vec::new();
+    if !push_reals(header.dtype, rest, &mut values) {
+        return Err(bad(format!("numbers of type {:?}; save it as float64", header.dtype)));
+    }
+    let n_channels = values.len() / n_patches;
+    if let Some(k) = values.iter().position(|value| !(*value >= 0.0 && value.is_finite())) {
+        let (patch, value) = (k / n_channels, values[k]);
+        return Err(bad(format!(
+            "{value} of patch {patch} is negative or not finite; correct it"
+        )));
+    }
+    Ok(Exitances {
+        n_lightings: usize::try_from(n_lightings).unwrap_or(usize::MAX),
+        is_coloured,
+        values: Block::from_values(values, n_channels),
+    })
+}
+
+impl Exitances {
+    /// Returns reflectances \[n, 1\] or \[n, 3\] for all channels of all lightings; `None` where coloured ones meet grey lightings.
+    #[must_use]
+    pub fn reflectances(&self, reflectance: &Block) -> Option<Block> {
+        let (own, n_channels) = (reflectance.n_channels(), self.values.n_channels());
+        if own > 1 && !self.is_coloured {
+            return None;
+        }
+        let rows = (0..reflectance.n_rows()).flat_map(|i| (0..n_channels).map(move |c| reflectance.row(i)[c % own]));
+        Some(Block::from_values(rows.collect(), n_channels))
+    }
+}
