@@ -54,7 +54,8 @@ const VIRIDIS: [[f64; 3]; 9] = [
 
 /// Returns the colour of a place on the scale, from 0 to 1.
 fn colour(place: f64) -> RGBColor {
-    let along = place.clamp(0.0, 1.0) * (VIRIDIS.len() - 1) as f64;
+    // What is no number counts as 0.
+    let along = place.max(0.0).min(1.0) * (VIRIDIS.len() - 1) as f64;
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to 8")]
     let k = (along as usize).min(VIRIDIS.len() - 2);
     let t = along - k as f64;
