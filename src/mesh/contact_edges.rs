@@ -4,12 +4,14 @@ use std::cell::OnceCell;
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::contact_edge::ContactEdge;
 use super::pieces::Pieces;
 use super::planes::{FaceEdge, flat_joints, flat_joints_by};
 use crate::disjoint_sets::DisjointSets;
-use crate::geometry::box_pairs::{BoxTree, overlapping_pairs};
+use crate::geometry::box_pairs::{BoxTree, collected_pairs, overlap};
+use crate::geometry::polygon;
 use crate::scene::{FaceId, Positions, Scene};
 
 /// A face that ends within this part of the smaller one's size of another stands on it: a cut that is not needed does no harm.
@@ -42,6 +44,7 @@ const ROUNDING: f64 = 32.0 * f64::EPSILON;
 #[derive(Debug)]
 pub struct ContactEdges<'a> {
     pub(super) scene: &'a Scene,
+    joints: OnceCell<Vec<(FaceEdge, FaceEdge)>>,
     found: OnceCell<Found>,
     pieces: OnceCell<BTreeMap<FaceId, Pieces>>,
 }
@@ -52,6 +55,7 @@ impl<'a> ContactEdges<'a> {
     pub fn of(scene: &'a Scene) -> Self {
         Self {
             scene,
+            joints: OnceCell::new(),
             found: OnceCell::new(),
             pieces: OnceCell::new(),
         }
@@ -67,16 +71,22 @@ impl<'a> ContactEdges<'a> {
     pub(super) fn pieces(&self) -> &BTreeMap<FaceId, Pieces> {
         self.pieces.get_or_init(|| {
             let found = self.found();
-            let cut = found.on_face.iter().filter_map(|(&face, here)| {
-                let outline = self.scene.polygon(FaceId(face));
+            let scene = self.scene;
+            let cut = found.on_face.par_iter().filter_map(|(&face, here)| {
+                let outline = scene.polygon(FaceId(face));
                 Some((FaceId(face), Pieces::cut(&outline, &here.edges)?))
             });
-            cut.collect()
+            cut.collect::<Vec<_>>().into_iter().collect()
         })
     }
 
     pub(super) fn found(&self) -> &Found {
-        self.found.get_or_init(|| Found::of(self.scene))
+        self.found.get_or_init(|| Found::of(self.scene, self.flat_joints()))
+    }
+
+    /// Returns the edges along which two faces of one plane continue each other.
+    pub(super) fn flat_joints(&self) -> &[(FaceEdge, FaceEdge)] {
+        self.joints.get_or_init(|| flat_joints(self.scene))
     }
 
     /// Tells whether faces on one of two faces or both stand along a line: along the middle half of it at least, without a gap.
@@ -89,7 +99,8 @@ impl<'a> ContactEdges<'a> {
 #[derive(Clone, Debug)]
 pub(super) struct OnFace {
     edges: Vec<ContactEdge>,
-    boxes: BoxTree,
+    /// Of many edges.
+    boxes: Option<BoxTree>,
 }
 
 /// The contact edges by the face that they lie on.
@@ -102,22 +113,20 @@ pub(super) struct Found {
 
 impl Found {
     /// Finds the contact edges of a scene.
-    fn of(scene: &Scene) -> Self {
-        let outlines: Vec<Positions> = scene.faces.iter().map(|face| scene.positions(face)).collect();
-        let normals: Vec<DVec3> = scene
-            .face_ids()
-            .map(|face| scene.area_vector(face).normalize_or_zero())
+    fn of(scene: &Scene, joints: &[(FaceEdge, FaceEdge)]) -> Self {
+        let outlines: Vec<Positions> = scene.faces.par_iter().map(|face| scene.positions(face)).collect();
+        let normals: Vec<DVec3> = outlines
+            .par_iter()
+            .map(|outline| polygon::area_vector(outline).normalize_or_zero())
             .collect();
         let reaches = reaches(scene, &outlines);
-        let mut on_face: HashMap<u32, Vec<ContactEdge>> = HashMap::new();
-        // What hangs comes last: pieces depend on the order.
-        for is_hanging in [false, true] {
-            let boxes = outlines.iter().zip(&reaches).map(|(outline, reach)| {
+        let found = |is_hanging: bool| {
+            let boxes = outlines.par_iter().zip(&reaches).map(|(outline, reach)| {
                 let (least, greatest) = bounding_box(outline);
                 let around = if is_hanging { reach.hanging } else { reach.touching };
                 (least - around, greatest + around)
             });
-            overlapping_pairs(boxes.collect(), |a, b| {
+            collected_pairs(boxes.collect(), |a, b, edges: &mut Vec<(u32, ContactEdge)>| {
                 let reach = reaches[a as usize].min(reaches[b as usize]);
                 for (ground, wall) in [(a, b), (b, a)] {
                     let [ground_corners, wall_corners] = [ground, wall].map(|face| &outlines[face as usize]);
@@ -131,17 +140,21 @@ impl Found {
                         let ends = plane.line_of(wall_corners, reach.touching);
                         ends.map(|ends| plane.contact_edge(ends, reach))
                     };
-                    if let Some(edge) = edge {
-                        on_face.entry(ground).or_default().push(edge);
-                    }
+                    edges.extend(edge.map(|edge| (ground, edge)));
                 }
-            });
-        }
-        let on_face: HashMap<u32, OnFace> = on_face
-            .into_iter()
-            .map(|(face, edges)| (face, OnFace::new(edges)))
-            .collect();
-        let parted = parted(scene, &outlines, &on_face);
+            })
+        };
+        // What hangs comes last: pieces depend on the order.
+        let (mut edges, hanging) = rayon::join(|| found(false), || found(true));
+        edges.extend(hanging);
+        edges.par_sort_by_key(|edge| edge.0);
+        let by_face: Vec<&[(u32, ContactEdge)]> = edges.chunk_by(|a, b| a.0 == b.0).collect();
+        let on_face = by_face.into_par_iter().map(|here| {
+            let own = here.iter().map(|edge| edge.1).collect();
+            (here[0].0, OnFace::new(own))
+        });
+        let on_face: HashMap<u32, OnFace> = on_face.collect::<Vec<_>>().into_iter().collect();
+        let parted = parted(joints, &outlines, &on_face);
         Self { on_face, parted }
     }
 
@@ -187,7 +200,7 @@ impl Reach {
 fn reaches(scene: &Scene, outlines: &[Positions]) -> Vec<Reach> {
     let (slack, of_places) = (scene.slack(), PLACES * scene.last_place());
     let largest = |outline: &Positions| outline.iter().map(|v| v.abs().max_element()).fold(0.0, f64::max);
-    let rounding = ROUNDING * outlines.iter().map(largest).fold(0.0, f64::max);
+    let rounding = ROUNDING * outlines.par_iter().map(largest).reduce(|| 0.0, f64::max);
     let sizes_in_plane = sizes_in_plane(scene, outlines);
     let of_face = |(outline, size_in_plane): (&Positions, f64)| {
         let size = size_of(bounding_box(outline));
@@ -201,13 +214,15 @@ fn reaches(scene: &Scene, outlines: &[Positions]) -> Vec<Reach> {
 
 /// Returns the size of each face together with those that continue it in its plane: walls may be drawn in small faces, each with vertices of its own.
 fn sizes_in_plane(scene: &Scene, outlines: &[Positions]) -> Vec<f64> {
-    let mut first_at: HashMap<[u64; 3], u32> = HashMap::new();
     // Of 0 and -0, which are one, the bits differ.
     let bits = |v: &DVec3| (*v + DVec3::ZERO).to_array().map(f64::to_bits);
-    let first = (0..)
-        .zip(&scene.vertices)
-        .map(|(k, v)| *first_at.entry(bits(v)).or_insert(k));
-    let first: Vec<u32> = first.collect();
+    let mut places: Vec<([u64; 3], u32)> = (0..).zip(&scene.vertices).map(|(k, v)| (bits(v), k)).collect();
+    places.par_sort_unstable();
+    let mut first: Vec<u32> = vec![0; places.len()];
+    for at_one in places.chunk_by(|a, b| a.0 == b.0) {
+        at_one.iter().for_each(|&(_, k)| first[k as usize] = at_one[0].1);
+    }
+    drop(places);
     let mut sets = DisjointSets::new(outlines.len());
     for (one, other) in flat_joints_by(scene, |vertex| first[vertex as usize], BEND) {
         sets.join(one.0.0 as usize, other.0.0 as usize);
@@ -233,10 +248,10 @@ fn bounding_box(outline: &[DVec3]) -> (DVec3, DVec3) {
 }
 
 /// Returns the faces that have a contact edge elsewhere than along a border that no face of the plane continues.
-fn parted(scene: &Scene, outlines: &[Positions], on_face: &HashMap<u32, OnFace>) -> HashSet<u32> {
-    let beside: HashMap<FaceEdge, FaceId> = flat_joints(scene)
-        .into_iter()
-        .flat_map(|(one, other)| [(one, other.0), (other, one.0)])
+fn parted(joints: &[(FaceEdge, FaceEdge)], outlines: &[Positions], on_face: &HashMap<u32, OnFace>) -> HashSet<u32> {
+    let beside: HashMap<FaceEdge, FaceId> = joints
+        .iter()
+        .flat_map(|&(one, other)| [(one, other.0), (other, one.0)])
         .collect();
     let mut parted = HashSet::new();
     for (&face, here) in on_face {
@@ -266,25 +281,36 @@ fn cover(mut parts: Vec<[f64; 2]>, length: f64, tolerance: f64) -> bool {
     !parts.is_empty() && without_gap.is_some_and(|reached| reached >= length - tolerance)
 }
 
+/// So few contact edges are looked at one by one.
+const FEW: usize = 8;
+
 impl OnFace {
     fn new(edges: Vec<ContactEdge>) -> Self {
-        let boxes = edges.iter().map(|edge| {
-            let (least, greatest) = bounding_box(&[edge.from, edge.to]);
-            (least - edge.tolerance, greatest + edge.tolerance)
-        });
+        let boxes = edges.iter().map(box_around);
         Self {
-            boxes: BoxTree::new(boxes.collect()),
+            boxes: (edges.len() > FEW).then(|| BoxTree::new(boxes.collect())),
             edges,
         }
     }
 
     /// Returns the contact edges whose boxes overlap that of some points, in their order.
     pub(super) fn near(&self, points: &[DVec3]) -> Vec<ContactEdge> {
+        let around = bounding_box(points);
+        let Some(boxes) = &self.boxes else {
+            let near = self.edges.iter().filter(|edge| overlap(box_around(edge), around));
+            return near.copied().collect();
+        };
         let mut near = Vec::new();
-        self.boxes.overlapping(bounding_box(points), &mut |k| near.push(k));
+        boxes.overlapping(around, &mut |k| near.push(k));
         near.sort_unstable();
         near.into_iter().map(|k| self.edges[k as usize]).collect()
     }
+}
+
+/// Returns the box around a contact edge and what counts as on it.
+fn box_around(edge: &ContactEdge) -> (DVec3, DVec3) {
+    let (least, greatest) = bounding_box(&[edge.from, edge.to]);
+    (least - edge.tolerance, greatest + edge.tolerance)
 }
 
 /// A plane, in front of which its normal points.

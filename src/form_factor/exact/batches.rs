@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::ops::Range;
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::faces::FaceTree;
 use super::lattice::Lattice;
@@ -88,10 +89,15 @@ impl<'a> Batches<'a> {
         before: Option<Before<'a>>,
         progress: &'a dyn Progress,
     ) -> Self {
-        let index = (!input.unoccluded).then(|| OccluderIndex::new(input.scene));
-        let mut patches = Patches::new(input.mesh, index.is_some());
+        let (index, (facing, mut patches)) = rayon::join(
+            || (!input.unoccluded).then(|| OccluderIndex::new(input.scene)),
+            || {
+                let facing = Facing::new(input.mesh);
+                let patches = Patches::new(input.mesh, &facing, !input.unoccluded);
+                (facing, patches)
+            },
+        );
         patches.loosen_cut_ones(input.mesh, index.as_ref().map_or(0.0, OccluderIndex::slack));
-        let facing = Facing::new(input.mesh);
         Self {
             method,
             progress,
@@ -99,7 +105,7 @@ impl<'a> Batches<'a> {
             facing,
             lattices: patches
                 .faces
-                .iter()
+                .par_iter()
                 .map(|face| Lattice::find(&patches.corners, face.range()))
                 .collect(),
             index,

@@ -133,7 +133,8 @@ mod tests {
         ] {
             let scene = builtin::build(name, None).unwrap().scene;
             let mesh = Mesh::new(&scene, Subdivision::Uniform(n)).unwrap();
-            let (patches, facing) = (Patches::new(&mesh, true), Facing::new(&mesh));
+            let facing = Facing::new(&mesh);
+            let patches = Patches::new(&mesh, &facing, true);
             let tree = FaceTree::new(&patches, &facing);
             let (mut n_found, mut n_facing) = (0, 0);
             for f in 0..patches.faces.len() {

@@ -234,13 +234,15 @@ fn coordinates(from: &Lattice, to: &Lattice) -> Vec<Coordinate> {
 #[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
+    use crate::form_factor::facing::Facing;
     use crate::geometry::polygon_form_factor::{Tolerance, exchange_area};
     use crate::mesh::{Mesh, Subdivision};
     use crate::scene::builtin;
 
     fn patches(name: &str, n: u32) -> Patches {
         let scene = builtin::build(name, None).unwrap().scene;
-        Patches::new(&Mesh::new(&scene, Subdivision::Uniform(n)).unwrap(), true)
+        let mesh = Mesh::new(&scene, Subdivision::Uniform(n)).unwrap();
+        Patches::new(&mesh, &Facing::new(&mesh), true)
     }
 
     #[test]
@@ -292,7 +294,7 @@ mod tests {
         // The six walls are grids; the sphere's trapezoids and triangles are not.
         assert!(n_lattices >= 6 && n_lattices < sphere.faces.len(), "{n_lattices}");
         let cube = patches("cube", 3);
-        let mut corners = cube.corners.clone();
+        let mut corners = cube.corners.to_vec();
         assert!(Lattice::find(&corners, 0..9).is_some());
         corners[4][2] += DVec3::X * 1e-14;
         assert!(Lattice::find(&corners, 0..9).is_none());

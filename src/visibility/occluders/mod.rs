@@ -10,6 +10,7 @@ use std::borrow::Cow;
 use glam::DVec3;
 
 use super::shaft::{Lean, Plane, Shaft, rounding};
+use crate::scene::topology::Pieces;
 use crate::scene::{FaceId, SLACK_PER_CORNER, Scene};
 use solids::Solid;
 pub(crate) use touching::standing_on;
@@ -110,14 +111,19 @@ impl OccluderIndex {
     #[must_use]
     pub fn new(scene: &Scene) -> Self {
         let slack = scene.slack();
-        let polygons: Vec<(Vec<DVec3>, Vec<FaceId>)> = merge::convex_polygons(scene, slack / SLACK_PER_CORNER)
+        let (joined, pieces) = rayon::join(
+            || merge::convex_polygons(scene, slack / SLACK_PER_CORNER),
+            || Pieces::of(scene),
+        );
+        let polygons: Vec<(Vec<DVec3>, Vec<FaceId>)> = joined
             .into_iter()
             .map(|(corners, faces)| {
                 let positions = corners.iter().map(|&v| scene.vertices[v as usize]).collect();
                 (positions, faces.into_iter().map(FaceId).collect())
             })
             .collect();
-        let (solids, solid_of_polygon) = solids::find(scene, &polygons, slack);
+        let (solids, solid_of_polygon) = solids::find(scene, &pieces, &polygons, slack);
+        drop(pieces);
         let all = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         let boxes: Vec<(DVec3, DVec3)> = polygons
             .iter()

@@ -54,10 +54,10 @@ impl Solid {
 /// Corners may stand out from the planes of other sides by `slack`, m, as rounding moves them.
 pub(super) fn find(
     scene: &Scene,
+    connected: &Pieces,
     polygons: &[(Vec<DVec3>, Vec<FaceId>)],
     slack: f64,
 ) -> (Vec<Solid>, Vec<Option<u32>>) {
-    let connected = Pieces::of(scene);
     let piece_of_face: Vec<Option<u32>> = scene.face_ids().map(|face| connected.closed_by_itself(face)).collect();
     let mut polygons_of_piece: HashMap<u32, Vec<usize>> = HashMap::new();
     for (k, (_, faces)) in polygons.iter().enumerate() {
