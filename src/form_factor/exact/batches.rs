@@ -89,7 +89,7 @@ impl<'a> Batches<'a> {
         before: Option<Before<'a>>,
         progress: &'a dyn Progress,
     ) -> Self {
-        let (index, (facing, mut patches)) = rayon::join(
+        let (mut index, (facing, mut patches)) = rayon::join(
             || (!input.unoccluded).then(|| OccluderIndex::new(input.scene)),
             || {
                 let facing = Facing::new(input.mesh);
@@ -97,6 +97,9 @@ impl<'a> Batches<'a> {
                 (facing, patches)
             },
         );
+        if let Some(index) = &mut index {
+            index.expect_reach(patches.least_reach());
+        }
         patches.loosen_cut_ones(input.mesh, index.as_ref().map_or(0.0, OccluderIndex::slack));
         Self {
             method,

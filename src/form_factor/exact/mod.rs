@@ -13,6 +13,7 @@ mod split;
 mod stated;
 mod table;
 mod tables;
+mod views;
 mod walk;
 
 pub use method::ExactMethod;

@@ -11,6 +11,7 @@ use crate::form_factor::facing::Facing;
 use crate::geometry::polygon;
 use crate::geometry::polygon_form_factor::PreparedPolygon;
 use crate::mesh::Mesh;
+use crate::visibility::shaft::Lean;
 
 /// A run of consecutive patches of one face.
 #[derive(Clone, Debug)]
@@ -104,6 +105,17 @@ impl Patches {
         let normal = self.prepared[patch].normal();
         let middle = corners.iter().sum::<DVec3>() / corners.len() as f64;
         corners.iter().map(|&v| v - normal.dot(v - middle) * normal).collect()
+    }
+
+    /// Returns the least reach of a patch: the greatest distance of a corner from the mean of its corners, in m.
+    pub(super) fn least_reach(&self) -> f64 {
+        let reaches = self.corners.par_iter().map(|corners| Lean::of(corners).reach());
+        reaches.reduce(|| f64::INFINITY, f64::min)
+    }
+
+    /// Tells whether two faces are one patch each.
+    pub(super) fn are_one_pair(&self, faces: [usize; 2]) -> bool {
+        faces.iter().all(|&face| self.faces[face].range().len() == 1)
     }
 
     /// Returns the number of patches.

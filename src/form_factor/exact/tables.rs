@@ -4,10 +4,11 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::batches::{Batches, FaceView, Known};
+use super::batches::{Batches, Known};
 use super::corners::{CornerSums, PatchGrid};
 use super::lattice::{Lattice, Repeats};
 use super::table::{MIN_PAIRS, Table};
+use super::views::Views;
 use crate::form_factor::pairs::Exchange;
 use crate::geometry::polygon_form_factor::PreparedPolygon;
 use crate::visibility::occluders::PairVisibility;
@@ -16,7 +17,7 @@ impl Batches<'_> {
     /// Returns the exchange area of a pair without occluders, from the table of its faces if there is one.
     pub(super) fn unoccluded(&self, i: usize, j: usize) -> Exchange {
         let faces = [i, j].map(|k| self.patches.face_of_patch[k]);
-        let table = self.tables.get(&faces);
+        let table = self.table_of(faces);
         table.map_or_else(|| self.kernel(i, j), |table| table.get(i, j))
     }
 
@@ -25,16 +26,18 @@ impl Batches<'_> {
         &mut self,
         (of_batch, rows): (&Range<usize>, &Range<usize>),
         faces: &Range<usize>,
-        views: &[Vec<FaceView>],
+        views: &[Views],
     ) {
         let mut tables = std::mem::take(&mut self.tables);
         // What does not hold these rows goes first: perhaps nothing takes its place.
         tables.retain(|[f, _], table| of_batch.contains(f) && table.covers(&self.rows_of(*f, rows)));
+        let patches = &self.patches;
         let missing: Vec<[usize; 2]> = faces
             .clone()
             .flat_map(|f| {
-                let of_face = views[f - faces.start].iter();
+                let of_face = views[f - faces.start].faces.iter();
                 of_face
+                    .filter(move |view| !patches.are_one_pair([f, view.face]))
                     .filter(|view| matches!(&view.known, Known::Seen(seen) if seen.visibility != PairVisibility::None))
                     .map(move |view| [f, view.face])
             })
@@ -46,6 +49,13 @@ impl Batches<'_> {
             .collect();
         tables.extend(found);
         self.tables = tables;
+    }
+
+    /// Returns the table of two faces.
+    pub(super) fn table_of(&self, faces: [usize; 2]) -> Option<&Table> {
+        (!self.patches.are_one_pair(faces))
+            .then(|| self.tables.get(&faces))
+            .flatten()
     }
 
     fn rows_of(&self, face: usize, rows: &Range<usize>) -> Range<usize> {
