@@ -127,7 +127,7 @@ impl BoxTree {
     }
 
     fn halves(&self, index: usize) -> Option<[usize; 2]> {
-        let second = self.nodes[index].second as usize;
+        let second = self.nodes.get(index)?.second as usize;
         (second > 0).then_some([index + 1, second])
     }
 
@@ -291,6 +291,22 @@ mod tests {
         );
         assert_eq!(found.len(), expected.len());
         assert_eq!(found.into_iter().collect::<BTreeSet<_>>(), expected);
+    }
+
+    #[test]
+    fn pairs_that_are_collected_come_in_the_order_of_those_that_are_visited() {
+        let mut many = Vec::new();
+        for k in 0..40_u32 {
+            let by = DVec3::splat(1.7 * f64::from(k));
+            many.extend(boxes().into_iter().map(|(low, high)| (low + by, high + by)));
+        }
+        assert!(many.len() > 2 * PARALLEL);
+        for n in [0, 1, 9, many.len()] {
+            let mut visited = Vec::new();
+            overlapping_pairs(many[..n].to_vec(), |a, b| visited.push((a, b)));
+            let collected = collected_pairs(many[..n].to_vec(), |a, b, found| found.push((a, b)));
+            assert_eq!(collected, visited, "{n}");
+        }
     }
 
     #[test]

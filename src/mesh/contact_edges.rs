@@ -72,9 +72,9 @@ impl<'a> ContactEdges<'a> {
         self.pieces.get_or_init(|| {
             let found = self.found();
             let scene = self.scene;
-            let cut = found.on_face.par_iter().filter_map(|(&face, here)| {
-                let outline = scene.polygon(FaceId(face));
-                Some((FaceId(face), Pieces::cut(&outline, &here.edges)?))
+            let cut = found.faces().filter_map(|(face, here)| {
+                let outline = scene.positions(&scene.faces[face as usize]);
+                Some((FaceId(face), Pieces::cut(&outline, here.edges)?))
             });
             cut.collect::<Vec<_>>().into_iter().collect()
         })
@@ -96,17 +96,21 @@ impl<'a> ContactEdges<'a> {
 }
 
 /// The contact edges on one face, to find those near a line: a ground has many, and many patches.
-#[derive(Clone, Debug)]
-pub(super) struct OnFace {
-    edges: Vec<ContactEdge>,
+#[derive(Clone, Copy, Debug)]
+pub(super) struct OnFace<'a> {
+    edges: &'a [ContactEdge],
     /// Of many edges.
-    boxes: Option<BoxTree>,
+    boxes: Option<&'a BoxTree>,
 }
 
 /// The contact edges by the face that they lie on.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Found {
-    pub(super) on_face: HashMap<u32, OnFace>,
+    /// Those on face k are `edges[first[k]..first[k + 1]]`.
+    first: Vec<u32>,
+    edges: Vec<ContactEdge>,
+    /// Of faces with many.
+    boxes: HashMap<u32, BoxTree>,
     /// The faces that have a contact edge elsewhere than along a border that no face of the plane continues.
     pub(super) parted: HashSet<u32>,
 }
@@ -137,25 +141,70 @@ impl Found {
                     let edge = if is_hanging {
                         plane.edge_below(ground_corners, wall_corners, reach)
                     } else {
-                        let ends = plane.line_of(wall_corners, reach.touching);
+                        let ends = Plane::line_of(wall_corners, &plane.heights(wall_corners), reach.touching);
                         ends.map(|ends| plane.contact_edge(ends, reach))
                     };
                     edges.extend(edge.map(|edge| (ground, edge)));
                 }
             })
         };
-        // What hangs comes last: pieces depend on the order.
-        let (mut edges, hanging) = rayon::join(|| found(false), || found(true));
-        edges.extend(hanging);
-        edges.par_sort_by_key(|edge| edge.0);
-        let by_face: Vec<&[(u32, ContactEdge)]> = edges.chunk_by(|a, b| a.0 == b.0).collect();
-        let on_face = by_face.into_par_iter().map(|here| {
-            let own = here.iter().map(|edge| edge.1).collect();
-            (here[0].0, OnFace::new(own))
-        });
-        let on_face: HashMap<u32, OnFace> = on_face.collect::<Vec<_>>().into_iter().collect();
-        let parted = parted(joints, &outlines, &on_face);
-        Self { on_face, parted }
+        let (touching, hanging) = rayon::join(|| found(false), || found(true));
+        let mut on_faces = Self::new(scene.faces.len(), touching, hanging);
+        on_faces.parted = parted(joints, &outlines, &on_faces);
+        on_faces
+    }
+
+    /// Returns the contact edges on a face; `None` if there are none.
+    pub(super) fn on_face(&self, face: u32) -> Option<OnFace<'_>> {
+        let [begin, end] = [face, face + 1].map(|k| self.first[k as usize] as usize);
+        (begin < end).then(|| OnFace {
+            edges: &self.edges[begin..end],
+            boxes: self.boxes.get(&face),
+        })
+    }
+
+    /// Returns the faces with contact edges.
+    fn faces(&self) -> impl ParallelIterator<Item = (u32, OnFace<'_>)> {
+        let n = u32::try_from(self.first.len().saturating_sub(1)).unwrap_or(0);
+        (0..n)
+            .into_par_iter()
+            .filter_map(|face| Some((face, self.on_face(face)?)))
+    }
+
+    /// Takes the edges with the faces that they lie on. What hangs comes last: pieces depend on the order.
+    fn new(n_faces: usize, touching: Vec<(u32, ContactEdge)>, hanging: Vec<(u32, ContactEdge)>) -> Self {
+        let all = || touching.iter().chain(&hanging);
+        let mut first = vec![0_u32; n_faces + 1];
+        for (face, _) in all() {
+            first[*face as usize + 1] += 1;
+        }
+        for face in 0..n_faces {
+            first[face + 1] += first[face];
+        }
+        let mut next = first.clone();
+        let mut order = vec![0_u32; touching.len() + hanging.len()];
+        for (k, (face, _)) in (0..).zip(all()) {
+            order[next[*face as usize] as usize] = k;
+            next[*face as usize] += 1;
+        }
+        let edge = |&k: &u32| {
+            let k = k as usize;
+            touching.get(k).unwrap_or_else(|| &hanging[k - touching.len()]).1
+        };
+        let edges: Vec<ContactEdge> = order.par_iter().map(edge).collect();
+        let mut boxes = HashMap::new();
+        for (face, range) in (0..).zip(first.windows(2)) {
+            let here = &edges[range[0] as usize..range[1] as usize];
+            if here.len() > FEW {
+                boxes.insert(face, BoxTree::new(here.iter().map(box_around).collect()));
+            }
+        }
+        Self {
+            first,
+            edges,
+            boxes,
+            parted: HashSet::new(),
+        }
     }
 
     /// Tells whether faces on one of two faces or both stand along a line: along the middle half of it at least, without a gap.
@@ -165,7 +214,7 @@ impl Found {
         // Where several faces stand, as distances from the middle half's start.
         let mut parts: Vec<[f64; 2]> = Vec::new();
         let mut tolerance = 0.0_f64;
-        for here in faces.iter().filter_map(|face| self.on_face.get(face)) {
+        for here in faces.iter().filter_map(|&face| self.on_face(face)) {
             for edge in here.near(&middle) {
                 is_one |= middle.iter().all(|&end| edge.distance(end) <= edge.tolerance);
                 if !is_one && let Some(part) = edge.part_along(middle) {
@@ -248,28 +297,29 @@ fn bounding_box(outline: &[DVec3]) -> (DVec3, DVec3) {
 }
 
 /// Returns the faces that have a contact edge elsewhere than along a border that no face of the plane continues.
-fn parted(joints: &[(FaceEdge, FaceEdge)], outlines: &[Positions], on_face: &HashMap<u32, OnFace>) -> HashSet<u32> {
+fn parted(joints: &[(FaceEdge, FaceEdge)], outlines: &[Positions], found: &Found) -> HashSet<u32> {
     let beside: HashMap<FaceEdge, FaceId> = joints
         .iter()
         .flat_map(|&(one, other)| [(one, other.0), (other, one.0)])
         .collect();
-    let mut parted = HashSet::new();
-    for (&face, here) in on_face {
+    let of_face = |(face, here): (u32, OnFace<'_>)| {
         let outline = &outlines[face as usize];
-        for edge in &here.edges {
+        let mut parted = Vec::new();
+        for edge in here.edges {
             let border = (0..outline.len()).find(|&k| {
                 let (start, end) = (outline[k], outline[(k + 1) % outline.len()]);
                 let is_near = |point: DVec3| (point - start).reject_from(end - start).length() <= edge.tolerance;
                 is_near(edge.from) && is_near(edge.to)
             });
             match border.map(|k| beside.get(&(FaceId(face), k))) {
-                None => parted.extend([face]),
+                None => parted.push(face),
                 Some(Some(other)) => parted.extend([face, other.0]),
                 Some(None) => {}
             }
         }
-    }
-    parted
+        parted
+    };
+    found.faces().flat_map_iter(of_face).collect()
 }
 
 /// Tells whether parts of a line cover it from 0 to its length; those that were meant to touch do.
@@ -284,19 +334,11 @@ fn cover(mut parts: Vec<[f64; 2]>, length: f64, tolerance: f64) -> bool {
 /// So few contact edges are looked at one by one.
 const FEW: usize = 8;
 
-impl OnFace {
-    fn new(edges: Vec<ContactEdge>) -> Self {
-        let boxes = edges.iter().map(box_around);
-        Self {
-            boxes: (edges.len() > FEW).then(|| BoxTree::new(boxes.collect())),
-            edges,
-        }
-    }
-
+impl OnFace<'_> {
     /// Returns the contact edges whose boxes overlap that of some points, in their order.
     pub(super) fn near(&self, points: &[DVec3]) -> Vec<ContactEdge> {
         let around = bounding_box(points);
-        let Some(boxes) = &self.boxes else {
+        let Some(boxes) = self.boxes else {
             let near = self.edges.iter().filter(|edge| overlap(box_around(edge), around));
             return near.copied().collect();
         };
@@ -325,30 +367,36 @@ impl Plane {
         self.normal.dot(point - self.origin)
     }
 
-    /// Returns between which points a convex polygon that reaches in front of the plane meets it, if that is a line; corners within a tolerance are on the plane.
-    fn line_of(self, wall: &[DVec3], tolerance: f64) -> Option<[DVec3; 2]> {
-        let height = |k: usize| self.height(wall[k % wall.len()]);
-        if !(0..wall.len()).any(|k| height(k) > tolerance) {
+    /// Returns the heights of the corners of a face, 0 for those that it does not have.
+    fn heights(self, wall: &[DVec3]) -> [f64; 4] {
+        std::array::from_fn(|k| wall.get(k).map_or(0.0, |&corner| self.height(corner)))
+    }
+
+    /// Returns between which points a face that reaches in front of the plane meets it, if that is a line; corners within a tolerance are on the plane.
+    fn line_of(wall: &[DVec3], heights: &[f64; 4], tolerance: f64) -> Option<[DVec3; 2]> {
+        let heights = &heights[..wall.len()];
+        if !heights.iter().any(|&h| h > tolerance) {
             return None;
         }
-        let meeting = |k: usize| {
-            let (h, next) = (height(k), height(k + 1));
+        let (mut points, mut n) = ([DVec3::ZERO; 4], 0);
+        for (k, &h) in heights.iter().enumerate() {
+            let (after, next) = (wall[(k + 1) % wall.len()], heights[(k + 1) % wall.len()]);
             if h.abs() <= tolerance {
-                Some(wall[k])
+                points[n] = wall[k];
             } else if next.abs() > tolerance && (h < 0.0) != (next < 0.0) {
-                Some(wall[k].lerp(wall[(k + 1) % wall.len()], h / (h - next)))
+                points[n] = wall[k].lerp(after, h / (h - next));
             } else {
-                None
+                continue;
             }
-        };
-        // Few corners are seen again sooner than remembered.
-        let points = || (0..wall.len()).filter_map(meeting);
+            n += 1;
+        }
+        let points = &points[..n];
         // A corner on a straight edge is a third point.
         let farthest = |other: DVec3| {
             let by_distance = |a: &DVec3, b: &DVec3| other.distance(*a).total_cmp(&other.distance(*b));
-            points().max_by(by_distance)
+            points.iter().copied().max_by(by_distance)
         };
-        let to = farthest(points().next()?)?;
+        let to = farthest(*points.first()?)?;
         let from = farthest(to)?;
         (from.distance(to) > tolerance).then_some([from, to])
     }
@@ -383,17 +431,18 @@ impl Plane {
 
     /// Returns the line below which a convex polygon hangs over the ground in the plane, where more of it does than meets the plane.
     fn edge_below(self, ground: &[DVec3], wall: &[DVec3], reach: Reach) -> Option<ContactEdge> {
-        let heights = wall.iter().map(|&corner| self.height(corner));
-        let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), h| {
+        let heights = self.heights(wall);
+        let of_wall = heights[..wall.len()].iter();
+        let (low, high) = of_wall.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &h| {
             (low.min(h), high.max(h))
         });
         let near = reach.hanging.min(OF_HEIGHT * (high - low));
         if near <= reach.touching {
             return None;
         }
-        let hanging = self.line_of(wall, near)?;
+        let hanging = Self::line_of(wall, &heights, near)?;
         let length = |[from, to]: [DVec3; 2]| from.distance(to);
-        let touching = self.line_of(wall, reach.touching).map_or(0.0, length);
+        let touching = Self::line_of(wall, &heights, reach.touching).map_or(0.0, length);
         if length(hanging) <= touching + 2.0 * near || !self.holds(ground, hanging, near) {
             return None;
         }

@@ -96,7 +96,7 @@ const SAME_PLANE: f64 = 1e-8;
 const ON_LINE: f64 = 1e-24;
 
 /// Beyond a polygon, so many times its width off, its plane is asked no more what rounding has made of it.
-const MAX_LEAN: f64 = 100.0;
+pub(crate) const MAX_LEAN: f64 = 100.0;
 
 /// How the plane of a polygon leans where the polygon's corners are rounded: as much more as the polygon is narrow.
 #[derive(Clone, Copy, Debug)]

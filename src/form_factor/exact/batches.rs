@@ -7,7 +7,8 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::faces::FaceTree;
-use super::lattice::Lattice;
+use super::grids::Grids;
+use super::lattice::{Lattice, Repeats};
 use super::method::ExactMethod;
 use super::patches::Patches;
 use super::table::Table;
@@ -21,7 +22,7 @@ use crate::geometry::polygon_form_factor::exchange_area;
 use crate::matrix::Entry;
 use crate::progress::Progress;
 use crate::scene::FaceId;
-use crate::visibility::occluders::{Between, OccluderId, OccluderIndex, PairVisibility};
+use crate::visibility::occluders::{Between, Measures, OccluderId, OccluderIndex, PairVisibility};
 
 /// All batches in the order of their rows.
 pub(super) struct Batches<'a> {
@@ -30,6 +31,8 @@ pub(super) struct Batches<'a> {
     pub(super) patches: Patches,
     pub(super) facing: Facing,
     pub(super) tree: FaceTree,
+    /// Of the hulls of all faces.
+    pub(super) measures: Vec<Measures>,
     pub(super) index: Option<OccluderIndex>,
     /// The patches of a file whose coordinates are rounded.
     pub(super) rounded: Option<Rounded>,
@@ -38,6 +41,10 @@ pub(super) struct Batches<'a> {
     /// The faces of the scene, in the order of `patches.faces`.
     pub(super) face_ids: Vec<FaceId>,
     pub(super) lattices: Vec<Option<Lattice>>,
+    /// The grids that the mesh has already.
+    pub(super) grids: Grids,
+    /// The tables of two grids, of those whose rows are being computed.
+    pub(super) grid_tables: HashMap<[u32; 2], Repeats>,
     /// The pairs of two faces that are computed together, of the faces whose rows are being computed.
     pub(super) tables: HashMap<[usize; 2], Table>,
     pub(super) next_row: usize,
@@ -101,9 +108,15 @@ impl<'a> Batches<'a> {
             index.expect_reach(patches.least_reach());
         }
         patches.loosen_cut_ones(input.mesh, index.as_ref().map_or(0.0, OccluderIndex::slack));
+        let grids = Grids::find(&patches, method.shared_off(patches.least_reach()));
         Self {
             method,
             progress,
+            measures: patches
+                .faces
+                .par_iter()
+                .map(|face| Measures::of(&face.runs[0].hull))
+                .collect(),
             tree: FaceTree::new(&patches, &facing),
             facing,
             lattices: patches
@@ -121,6 +134,8 @@ impl<'a> Batches<'a> {
                 .map(|own| own[0].face)
                 .collect(),
             patches,
+            grids,
+            grid_tables: HashMap::new(),
             tables: HashMap::new(),
             next_row: 0,
             journal: Journal::new(progress),

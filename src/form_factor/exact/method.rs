@@ -88,6 +88,16 @@ impl ExactMethod {
         }
     }
 
+    /// Returns how far corners may be off, in m, for pairs of patches of a size, in m, or more to count as equal: what that changes is below what such pairs are computed to, or a hundredth of the tolerance where digits are not relative.
+    pub(super) fn shared_off(&self, size: f64) -> f64 {
+        let part = if self.tolerance > FULL_IS_RELATIVE {
+            1e-3 * self.tolerance
+        } else {
+            0.1 * self.full_tolerance(1.0).rel
+        };
+        part * size
+    }
+
     /// Returns what pairs without occluders are computed to.
     pub(super) fn full_tolerance(&self, smaller_area: f64) -> Tolerance {
         Tolerance {

@@ -5,6 +5,7 @@ mod batches;
 mod compute;
 mod corners;
 mod faces;
+mod grids;
 mod lattice;
 mod method;
 mod patches;

@@ -18,7 +18,41 @@ impl Batches<'_> {
     pub(super) fn unoccluded(&self, i: usize, j: usize) -> Exchange {
         let faces = [i, j].map(|k| self.patches.face_of_patch[k]);
         let table = self.table_of(faces);
-        table.map_or_else(|| self.kernel(i, j), |table| table.get(i, j))
+        table.map_or_else(|| self.repeated(i, j), |table| table.get(i, j))
+    }
+
+    /// Returns the exchange area of a pair of faces without a table, from that of their grids if there is one.
+    pub(super) fn repeated(&self, i: usize, j: usize) -> Exchange {
+        let grids = self.grids.of(i).zip(self.grids.of(j));
+        let table = grids.and_then(|(from, to)| self.grid_tables.get(&[from, to]));
+        let kernel = |i: usize, j: usize| self.kernel(i, j);
+        table.map_or_else(|| kernel(i, j), |table| table.get_or(&self.patches, (i, j), kernel))
+    }
+
+    /// Makes tables for the grids of some faces with those of all that they see anything of, and forgets those of grids before `first_row`.
+    fn find_grid_tables(&mut self, first_row: usize, faces: &Range<usize>, views: &[Views]) {
+        let grids = &self.grids;
+        self.grid_tables
+            .retain(|[from, _], _| grids.grids[*from as usize].last() >= first_row);
+        let grid = |face: usize| grids.of(self.patches.faces[face].range().start);
+        let mut is_known = vec![false; grids.grids.len()];
+        for (f, views) in faces.clone().zip(views) {
+            let Some(from) = grid(f) else { continue };
+            is_known.fill(false);
+            for view in &views.faces {
+                let Some(to) = grid(view.face).filter(|&to| !is_known[to as usize]) else {
+                    continue;
+                };
+                is_known[to as usize] = true;
+                if self.grid_tables.contains_key(&[from, to]) {
+                    continue;
+                }
+                let [one, other] = [from, to].map(|grid| &grids.grids[grid as usize]);
+                if let Some(table) = Repeats::empty(one, other) {
+                    self.grid_tables.insert([from, to], table);
+                }
+            }
+        }
     }
 
     /// Computes the tables of some faces of a batch with all later ones that they see anything of, for the rows of the batch, and forgets those of faces before it.
@@ -28,6 +62,7 @@ impl Batches<'_> {
         faces: &Range<usize>,
         views: &[Views],
     ) {
+        self.find_grid_tables(rows.start, faces, views);
         let mut tables = std::mem::take(&mut self.tables);
         // What does not hold these rows goes first: perhaps nothing takes its place.
         tables.retain(|[f, _], table| of_batch.contains(f) && table.covers(&self.rows_of(*f, rows)));

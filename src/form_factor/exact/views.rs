@@ -60,7 +60,10 @@ impl Batches<'_> {
     }
 
     fn outlook(&self, face: usize) -> Outlook<'_> {
-        Outlook::of(self.hull(face))
+        Outlook {
+            corners: self.hull(face),
+            measures: &self.measures[face],
+        }
     }
 }
 

@@ -98,7 +98,7 @@ impl Walk<'_> {
         self.strip.counts.full += 1;
         let exchange = self
             .table
-            .map_or_else(|| self.batches.kernel(i, j), |table| table.get(i, j));
+            .map_or_else(|| self.batches.repeated(i, j), |table| table.get(i, j));
         let integrated = exchange.error <= self.batches.goal([i, j]);
         let seen = Seen::whole(exchange.area, touched);
         let stated = self.batches.stated([i, j], seen, exchange, integrated);
@@ -114,7 +114,7 @@ impl Walk<'_> {
         }
         let unoccluded = self
             .table
-            .map_or_else(|| self.batches.kernel(i, j), |table| table.get(i, j));
+            .map_or_else(|| self.batches.repeated(i, j), |table| table.get(i, j));
         let error = self.batches.passing([i, j], unoccluded.area);
         if self.batches.is_stated([i, j], error) {
             self.batches.count_hidden([i, j], error, &mut self.strip.counts);

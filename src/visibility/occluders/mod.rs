@@ -16,7 +16,7 @@ use crate::scene::{FaceId, SLACK_PER_CORNER, Scene};
 use solids::Solid;
 pub(crate) use touching::standing_on;
 use tree::Tree;
-pub(crate) use wide::{Candidate, Closer, Outlook};
+pub(crate) use wide::{Candidate, Closer, Measures, Outlook};
 
 /// Index of an occluder in a [`OccluderIndex`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -242,6 +242,17 @@ impl OccluderIndex {
         if slack > 0.0 && self.are_sides_of_a_sheet(p, q) {
             return (Between::certain(PairVisibility::None), None);
         }
+        self.classify_no_sheet(p, q, slack, each)
+    }
+
+    /// Does what [`classify_with`](Self::classify_with) does for polygons that are not both sides of a sheet.
+    fn classify_no_sheet(
+        &self,
+        p: &[DVec3],
+        q: &[DVec3],
+        slack: f64,
+        each: impl FnOnce(&mut dyn FnMut(OccluderId) -> bool, &Shaft<'_>),
+    ) -> (Between, Option<Closer>) {
         let Some(shaft) = Shaft::new(p, q, slack) else {
             return (Between::certain(PairVisibility::None), None);
         };

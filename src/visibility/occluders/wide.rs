@@ -1,10 +1,10 @@
 //! Occluders between one polygon and all that lies in a box: found once, and narrowed down as the box shrinks.
 
-use std::ops::Range;
+use std::ops::{Deref, Range};
 
 use glam::DVec3;
 
-use super::super::shaft::{Lean, MIN_HEIGHT, Plane, rounding};
+use super::super::shaft::{Lean, MAX_LEAN, MIN_HEIGHT, Plane, rounding};
 use super::{Between, Entry, OccluderId, OccluderIndex, PairVisibility};
 
 /// A node of the tree of occluders, or an occluder.
@@ -23,10 +23,9 @@ pub(crate) enum Closer {
     Solid(u32),
 }
 
-/// A convex polygon, as searches see it.
+/// What searches ask of a polygon again and again.
 #[derive(Clone, Debug)]
-pub(crate) struct Outlook<'a> {
-    pub(crate) corners: &'a [DVec3],
+pub(crate) struct Measures {
     plane: Plane,
     low: DVec3,
     high: DVec3,
@@ -36,6 +35,21 @@ pub(crate) struct Outlook<'a> {
     rounding: f64,
 }
 
+/// A convex polygon, as searches see it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Outlook<'a> {
+    pub(crate) corners: &'a [DVec3],
+    pub(crate) measures: &'a Measures,
+}
+
+impl Deref for Outlook<'_> {
+    type Target = Measures;
+
+    fn deref(&self) -> &Measures {
+        self.measures
+    }
+}
+
 /// Heights of so many ulps over a plane may be 0: a quarter of what a shaft neglects at its sides.
 const IN_PLANE: f64 = 0.25;
 
@@ -43,12 +57,11 @@ const IN_PLANE: f64 = 0.25;
 const OFF: f64 = 1e-9;
 const OFF_SLACKS: f64 = 400.0;
 
-impl<'a> Outlook<'a> {
-    pub(crate) fn of(corners: &'a [DVec3]) -> Self {
+impl Measures {
+    pub(crate) fn of(corners: &[DVec3]) -> Self {
         let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         let (low, high) = corners.iter().fold(none, |(low, high), &v| (low.min(v), high.max(v)));
         Self {
-            corners,
             plane: Plane::of(corners),
             low,
             high,
@@ -56,7 +69,9 @@ impl<'a> Outlook<'a> {
             rounding: rounding(corners),
         }
     }
+}
 
+impl Outlook<'_> {
     /// Returns the height over the polygon's plane up to which all counts as in it, where the smaller of two polygons has this reach.
     fn least_height(&self, smaller_reach: f64) -> f64 {
         self.rounding.min(MIN_HEIGHT * smaller_reach)
@@ -78,6 +93,12 @@ impl<'a> Outlook<'a> {
                 .any(|&v| plane.plane.height(v) > 4.0 * MIN_HEIGHT * (most + plane.corners[0].distance(v)))
         };
         is_over(self, other) && is_over(other, self)
+    }
+
+    /// Tells whether another polygon is too far off this one's plane to be the other side of a sheet, whatever way either leans.
+    fn is_parted_from(&self, other: &Self, slack: f64) -> bool {
+        let most = slack * (2.0 + MAX_LEAN);
+        other.corners.iter().any(|&v| self.plane.height(v).abs() > most)
     }
 
     /// Returns the least and the greatest height over a plane.
@@ -270,8 +291,9 @@ impl OccluderIndex {
                 }
             }
         }
+        let may_be_sheet = self.slack > 0.0 && !from.is_parted_from(to, self.slack);
         if scratch.is_empty() {
-            let is_sheet = self.are_sides_of_a_sheet(from.corners, to.corners);
+            let is_sheet = may_be_sheet && self.are_sides_of_a_sheet(from.corners, to.corners);
             let visibility = if is_sheet {
                 PairVisibility::None
             } else {
@@ -279,7 +301,12 @@ impl OccluderIndex {
             };
             return (Between::certain(visibility), None);
         }
-        self.classify_with(from.corners, to.corners, self.slack, super::each_of(scratch))
+        let ends = [from.corners, to.corners];
+        if may_be_sheet {
+            self.classify_with(ends[0], ends[1], self.slack, super::each_of(scratch))
+        } else {
+            self.classify_no_sheet(ends[0], ends[1], self.slack, super::each_of(scratch))
+        }
     }
 
     /// Tells whether one polygon or solid hides all that lies in a box from a polygon. Errs on the side of false.
