@@ -315,7 +315,9 @@ mod tests {
                         continue;
                     };
                     n_tables += 1;
-                    let of = |grid: u32| (0..patches.len()).filter(move |&k| grids.of(k) == Some(grid));
+                    let of = |grid: u32| -> Vec<usize> {
+                        (0..patches.len()).filter(|&k| grids.of(k) == Some(grid)).collect()
+                    };
                     for i in of(a) {
                         for j in of(b) {
                             let repeated = table.get_or(&patches, (i, j), |i, j| exchange(&patches, i, j));

@@ -176,3 +176,222 @@ impl Search<'_> {
         self.found.faces.push(FaceView { face: g, known, fronts });
     }
 }
+
+#[cfg(test)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use glam::{DQuat, DVec3};
+
+    use super::*;
+    use crate::form_factor::{ExactMethod, Input};
+    use crate::mesh::{Mesh, Subdivision};
+    use crate::progress::Silent;
+    use crate::scene::{Corners, Face, Material, MaterialId, Scene, Surface, SurfaceId};
+    use crate::visibility::embree::EmbreeVisibility;
+
+    /// Numbers between 0 and 1.
+    struct Random(u64);
+
+    impl Random {
+        fn unit(&mut self) -> f64 {
+            self.0 = self
+                .0
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            (self.0 >> 11) as f64 / (1_u64 << 53) as f64
+        }
+
+        fn point(&mut self) -> DVec3 {
+            DVec3::new(self.unit(), self.unit(), self.unit())
+        }
+
+        fn is(&mut self, chance: f64) -> bool {
+            self.unit() < chance
+        }
+    }
+
+    fn cuboid(low: DVec3, size: DVec3, turn: DQuat) -> Vec<Vec<DVec3>> {
+        let middle = low + 0.5 * size;
+        let at = |k: usize| {
+            let pick = DVec3::new((k & 1) as f64, (k >> 1 & 1) as f64, (k >> 2 & 1) as f64);
+            middle + turn * (low + pick * size - middle)
+        };
+        let sides = [
+            [0, 4, 6, 2],
+            [1, 3, 7, 5],
+            [0, 1, 5, 4],
+            [2, 6, 7, 3],
+            [0, 2, 3, 1],
+            [4, 5, 7, 6],
+        ];
+        sides.iter().map(|side| side.iter().map(|&k| at(k)).collect()).collect()
+    }
+
+    fn cut(quad: &[DVec3], n: u32) -> Vec<Vec<DVec3>> {
+        let at = |i: u32, j: u32| {
+            let (s, t) = (f64::from(i) / f64::from(n), f64::from(j) / f64::from(n));
+            quad[0].lerp(quad[1], s).lerp(quad[3].lerp(quad[2], s), t)
+        };
+        let cells = (0..n * n).map(|k| (k % n, k / n));
+        cells
+            .map(|(i, j)| vec![at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)])
+            .collect()
+    }
+
+    /// Solids that touch or pierce each other, slivers, sheets and turned facets, perhaps in a room; some cracked, cut, bent, or with vertices of their own for each face.
+    fn careless(seed: u64) -> Scene {
+        let mut random = Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15));
+        let turn = if seed.is_multiple_of(3) {
+            DQuat::IDENTITY
+        } else {
+            DQuat::from_euler(glam::EulerRot::XYZ, random.unit(), random.unit(), random.unit())
+        };
+        let mut faces: Vec<Vec<DVec3>> = Vec::new();
+        if random.is(0.6) {
+            let mut room = cuboid(DVec3::ZERO, DVec3::new(4.0, 3.0, 2.0), DQuat::IDENTITY);
+            room.iter_mut().for_each(|side| side.reverse());
+            let n = 1 + u32::from(random.is(0.5)) * 3;
+            faces.extend(room.iter().flat_map(|side| cut(side, n)));
+        }
+        let mut low = DVec3::new(0.5, 0.5, 0.0);
+        for _ in 0..3 {
+            let size = 0.3 + random.point();
+            let own = if random.is(0.3) {
+                DQuat::from_rotation_z(random.unit())
+            } else {
+                DQuat::IDENTITY
+            };
+            let mut solid = cuboid(low, size, own);
+            if random.is(0.2) {
+                solid[2].reverse();
+            }
+            if random.is(0.2) {
+                solid.remove(1);
+            }
+            let n = 1 + u32::from(random.is(0.4)) * 2;
+            faces.extend(solid.iter().flat_map(|side| cut(side, n)));
+            // The next one touches, pierces or stands off.
+            low += DVec3::X * size.x * if random.is(0.4) { 1.0 } else { 0.5 + random.unit() };
+        }
+        for _ in 0..6 {
+            let (at, along) = (4.0 * random.point(), random.point() - 0.5);
+            let thin = 10.0_f64.powf(-6.0 * random.unit());
+            let triangle = vec![at, at + along, at + 0.5 * along + thin * (random.point() - 0.5)];
+            faces.push(triangle.clone());
+            if random.is(0.5) {
+                faces.push(triangle.into_iter().rev().collect());
+            }
+        }
+        let (bent, cracked) = (random.is(0.3), random.is(0.3));
+        let mut scene = Scene {
+            surfaces: vec![Surface { name: "all".into() }],
+            materials: vec![Material {
+                name: "grey".into(),
+                reflectance: [0.5; 3],
+                exitance: [0.0; 3],
+            }],
+            ..Scene::default()
+        };
+        let own_vertices = random.is(0.4);
+        for face in faces {
+            let off = |random: &mut Random| {
+                let bend = if bent { 1e-7 } else { 0.0 };
+                let crack = if cracked && random.is(0.05) { 1e-3 } else { 0.0 };
+                (bend + crack) * (random.point() - 0.5)
+            };
+            let ids: Vec<u32> = face
+                .into_iter()
+                .map(|corner| {
+                    let corner = turn * corner + off(&mut random);
+                    let known = scene.vertices.iter().position(|&v| v == corner && !own_vertices);
+                    let index = known.unwrap_or_else(|| {
+                        scene.vertices.push(corner);
+                        scene.vertices.len() - 1
+                    });
+                    u32::try_from(index).unwrap()
+                })
+                .collect();
+            scene.faces.push(Face {
+                corners: match *ids {
+                    [a, b, c] => Corners::Triangle([a, b, c]),
+                    _ => Corners::Quad([ids[0], ids[1], ids[2], ids[3]]),
+                },
+                surface: SurfaceId(0),
+                material: MaterialId(0),
+                line: 0,
+            });
+        }
+        scene
+    }
+
+    /// How many pairs of faces are of each class.
+    #[derive(Debug, Default)]
+    struct Counted {
+        full: usize,
+        hidden: usize,
+        partial: usize,
+        /// Hidden by a solid, of which the look at one section of each shaft is not sure.
+        hidden_surely: usize,
+        n_counted_alone: usize,
+    }
+
+    fn compare(batches: &Batches<'_>, f: usize, counted: &mut Counted) {
+        let views = batches.views_of(f);
+        assert!(views.faces.is_sorted_by_key(|view| view.face));
+        let mut n_hidden = 0;
+        for g in f + 1..batches.patches.faces.len() {
+            let found = views.faces.binary_search_by_key(&g, |view| view.face);
+            if !batches.faces_face(f, g) {
+                assert!(found.is_err(), "{f} {g}");
+                continue;
+            }
+            let direct = batches.between(batches.hull(f), batches.hull(g), None);
+            let known = found.ok().map(|k| &views.faces[k].known);
+            let seen = match known {
+                Some(Known::Seen(seen)) => seen.clone(),
+                Some(Known::Kept) => panic!("nothing is kept"),
+                None => {
+                    n_hidden += 1;
+                    Between::certain(PairVisibility::None)
+                }
+            };
+            match (&direct.visibility, &seen.visibility) {
+                (PairVisibility::Partial(_), PairVisibility::None) => counted.hidden_surely += 1,
+                (PairVisibility::None, PairVisibility::None) => {
+                    counted.hidden += 1;
+                    assert!(direct.touched || !seen.touched, "{f} {g}");
+                }
+                _ => assert_eq!(direct, seen, "{f} {g}"),
+            }
+            counted.full += usize::from(seen.visibility == PairVisibility::Full);
+            counted.partial += usize::from(matches!(seen.visibility, PairVisibility::Partial(_)));
+        }
+        assert_eq!(n_hidden, views.n_hidden, "{f}");
+        counted.n_counted_alone += n_hidden;
+    }
+
+    #[test]
+    fn branches_of_the_tree_are_of_the_class_that_each_pair_has_by_itself() {
+        let method = ExactMethod::default();
+        let mut counted = Counted::default();
+        for seed in 0..60 {
+            let scene = careless(seed);
+            let mesh = Mesh::new(&scene, Subdivision::Uniform(1)).unwrap();
+            let visibility = EmbreeVisibility::new(&scene).unwrap();
+            let input = Input {
+                scene: &scene,
+                mesh: &mesh,
+                visibility: &visibility,
+                unoccluded: false,
+            };
+            let batches = Batches::new(&method, input, None, &Silent);
+            (0..batches.patches.faces.len()).for_each(|f| compare(&batches, f, &mut counted));
+        }
+        let n_pairs = counted.full + counted.hidden + counted.partial;
+        assert!(
+            counted.full.min(counted.hidden).min(counted.partial) > 5000 && counted.n_counted_alone > 2000,
+            "{counted:?}"
+        );
+        assert!(counted.hidden_surely < n_pairs / 100, "{counted:?}");
+    }
+}

@@ -29,7 +29,8 @@ impl Walk<'_> {
         match &seen.visibility {
             PairVisibility::Full => self.each_facing_pair(columns, |walk, i, j| walk.push_full(i, j, touched)),
             PairVisibility::None => self.each_facing_pair(columns, |walk, i, j| walk.push_hidden(i, j, touched)),
-            PairVisibility::Partial(among) if of_faces => self.look(columns, among, touched),
+            // Of two patches that are their whole faces no more can be found out.
+            PairVisibility::Partial(among) if of_faces && !self.is_one_pair() => self.look(columns, among, touched),
             PairVisibility::Partial(among) => match columns.halves {
                 Some(halves) => {
                     for k in halves {
@@ -39,6 +40,13 @@ impl Walk<'_> {
                 None => self.each_facing_pair(columns, |walk, i, j| walk.push_seen(i, j, among, touched)),
             },
         }
+    }
+
+    /// Tells whether both faces are one patch each.
+    fn is_one_pair(&self) -> bool {
+        let faces = [self.rows.patches.start, self.runs[0].patches.start];
+        let patches = &self.batches.patches;
+        patches.are_one_pair(faces.map(|patch| patches.face_of_patch[patch]))
     }
 
     /// Classifies the rows against a run of columns, of larger ones that are `touched` or not.
