@@ -115,15 +115,12 @@ impl BoxTree {
         if !meets((node.low, node.high)) {
             return ControlFlow::Continue(());
         }
-        match self.halves(index) {
-            Some(halves) => halves
-                .into_iter()
-                .try_for_each(|half| self.meeting_below(half, meets, visit)),
-            None => {
-                let mut found = self.below(node).iter().filter(|&&k| meets(self.boxes[k as usize]));
-                found.try_for_each(|&k| visit(k))
-            }
+        if let Some(halves) = self.halves(index) {
+            let mut halves = halves.into_iter();
+            return halves.try_for_each(|half| self.meeting_below(half, meets, visit));
         }
+        let mut found = self.below(node).iter().filter(|&&k| meets(self.boxes[k as usize]));
+        found.try_for_each(|&k| visit(k))
     }
 
     fn halves(&self, index: usize) -> Option<[usize; 2]> {
@@ -170,7 +167,9 @@ impl BoxTree {
             (None, Some(halves)) => halves.iter().for_each(|&half| self.between(a, half, visit)),
             (Some(halves_a), Some(halves_b)) => {
                 for half in halves_a {
-                    halves_b.iter().for_each(|&other| self.between(half, other, visit));
+                    for other in halves_b {
+                        self.between(half, other, visit);
+                    }
                 }
             }
         }

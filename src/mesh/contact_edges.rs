@@ -148,8 +148,9 @@ impl Found {
                 }
             })
         };
-        let (touching, hanging) = rayon::join(|| found(false), || found(true));
-        let mut on_faces = Self::new(scene.faces.len(), touching, hanging);
+        // One after the other, for the sake of memory: each is work for all threads.
+        let (touching, hanging) = (found(false), found(true));
+        let mut on_faces = Self::new(scene.faces.len(), &touching, &hanging);
         on_faces.parted = parted(joints, &outlines, &on_faces);
         on_faces
     }
@@ -172,8 +173,8 @@ impl Found {
     }
 
     /// Takes the edges with the faces that they lie on. What hangs comes last: pieces depend on the order.
-    fn new(n_faces: usize, touching: Vec<(u32, ContactEdge)>, hanging: Vec<(u32, ContactEdge)>) -> Self {
-        let all = || touching.iter().chain(&hanging);
+    fn new(n_faces: usize, touching: &[(u32, ContactEdge)], hanging: &[(u32, ContactEdge)]) -> Self {
+        let all = || touching.iter().chain(hanging);
         let mut first = vec![0_u32; n_faces + 1];
         for (face, _) in all() {
             first[*face as usize + 1] += 1;
@@ -269,7 +270,9 @@ fn sizes_in_plane(scene: &Scene, outlines: &[Positions]) -> Vec<f64> {
     places.par_sort_unstable();
     let mut first: Vec<u32> = vec![0; places.len()];
     for at_one in places.chunk_by(|a, b| a.0 == b.0) {
-        at_one.iter().for_each(|&(_, k)| first[k as usize] = at_one[0].1);
+        for &(_, k) in at_one {
+            first[k as usize] = at_one[0].1;
+        }
     }
     drop(places);
     let mut sets = DisjointSets::new(outlines.len());

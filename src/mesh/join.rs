@@ -231,7 +231,9 @@ fn only_ones_of_their_normal(mesh: &Mesh) -> Vec<bool> {
     let mut is_alone = vec![true; by_x.len()];
     for pair in by_x.windows(2) {
         if (pair[1].0 - pair[0].0).abs() <= BEND {
-            pair.iter().for_each(|&(_, patch)| is_alone[patch] = false);
+            for &(_, patch) in pair {
+                is_alone[patch] = false;
+            }
         }
     }
     is_alone

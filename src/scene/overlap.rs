@@ -88,8 +88,7 @@ pub(super) fn all(scene: &Scene) -> Vec<Overlap> {
     if found.len() > MAX_OVERLAPS {
         // Which are listed is a matter of the scene, not of threads.
         found.clear();
-        let boxes = Search::new(scene).1;
-        overlapping_pairs(boxes, |a, b| {
+        overlapping_pairs(Search::new(scene).1, |a, b| {
             if found.len() < MAX_OVERLAPS
                 && let Some(pair) = search.pair(a, b)
                 && let Some(area) = search.common_area(a, b)

@@ -29,6 +29,14 @@ impl Plane {
     pub(crate) fn height(&self, point: DVec3) -> f64 {
         self.normal.dot(point - self.point)
     }
+
+    /// Returns the least and the greatest height of some points.
+    pub(crate) fn heights(&self, points: &[DVec3]) -> [f64; 2] {
+        let heights = points.iter().map(|&v| self.height(v));
+        heights.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], h| {
+            [low.min(h), high.max(h)]
+        })
+    }
 }
 
 /// A plane through an edge of one end of a shaft and a corner of the other, which has the shaft above it but for what is neglected beside it.

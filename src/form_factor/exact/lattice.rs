@@ -294,22 +294,22 @@ impl Repeats {
                 (None, None) => {}
             }
         }
-        let moved = |(mut a, mut b): ([usize; 2], [usize; 2]), along: usize, by: usize| {
+        let moved = |(mut from, mut to): ([usize; 2], [usize; 2]), along: usize, by: usize| {
             if let Some((axis, other, against, _)) = common[along] {
-                b[other] += by;
-                a[axis] = if against {
-                    a[axis].checked_sub(by)?
+                to[other] += by;
+                from[axis] = if against {
+                    from[axis].checked_sub(by)?
                 } else {
-                    a[axis] + by
+                    from[axis] + by
                 };
             }
-            Some((a, b))
+            Some((from, to))
         };
         let steps = |along: usize| 0..common[along].map_or(1, |(.., count)| count);
         steps(0).find_map(|first| {
             steps(1).find_map(|second| {
-                let (a, b) = moved(moved((a, b), 0, first)?, 1, second)?;
-                Some((self.from.patch_at(a)?, self.to.patch_at(b)?))
+                let (from, to) = moved(moved((a, b), 0, first)?, 1, second)?;
+                Some((self.from.patch_at(from)?, self.to.patch_at(to)?))
             })
         })
     }

@@ -25,7 +25,7 @@ impl Batches<'_> {
     pub(super) fn repeated(&self, i: usize, j: usize) -> Exchange {
         let grids = self.grids.of(i).zip(self.grids.of(j));
         let table = grids.and_then(|(from, to)| self.grid_tables.get(&[from, to]));
-        let kernel = |i: usize, j: usize| self.kernel(i, j);
+        let kernel = |one: usize, other: usize| self.kernel(one, other);
         table.map_or_else(|| kernel(i, j), |table| table.get_or(&self.patches, (i, j), kernel))
     }
 
@@ -36,10 +36,10 @@ impl Batches<'_> {
             .retain(|[from, _], _| grids.grids[*from as usize].last() >= first_row);
         let grid = |face: usize| grids.of(self.patches.faces[face].range().start);
         let mut is_known = vec![false; grids.grids.len()];
-        for (f, views) in faces.clone().zip(views) {
+        for (f, of_face) in faces.clone().zip(views) {
             let Some(from) = grid(f) else { continue };
             is_known.fill(false);
-            for view in &views.faces {
+            for view in &of_face.faces {
                 let Some(to) = grid(view.face).filter(|&to| !is_known[to as usize]) else {
                     continue;
                 };
@@ -47,7 +47,7 @@ impl Batches<'_> {
                 if self.grid_tables.contains_key(&[from, to]) {
                     continue;
                 }
-                let [one, other] = [from, to].map(|grid| &grids.grids[grid as usize]);
+                let [one, other] = [from, to].map(|k| &grids.grids[k as usize]);
                 if let Some(table) = Repeats::empty(one, other) {
                     self.grid_tables.insert([from, to], table);
                 }

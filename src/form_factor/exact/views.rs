@@ -249,7 +249,9 @@ mod tests {
         let mut faces: Vec<Vec<DVec3>> = Vec::new();
         if random.is(0.6) {
             let mut room = cuboid(DVec3::ZERO, DVec3::new(4.0, 3.0, 2.0), DQuat::IDENTITY);
-            room.iter_mut().for_each(|side| side.reverse());
+            for side in &mut room {
+                side.reverse();
+            }
             let n = 1 + u32::from(random.is(0.5)) * 3;
             faces.extend(room.iter().flat_map(|side| cut(side, n)));
         }
@@ -294,7 +296,7 @@ mod tests {
         };
         let own_vertices = random.is(0.4);
         for face in faces {
-            let off = |random: &mut Random| {
+            let mut off = || {
                 let bend = if bent { 1e-7 } else { 0.0 };
                 let crack = if cracked && random.is(0.05) { 1e-3 } else { 0.0 };
                 (bend + crack) * (random.point() - 0.5)
@@ -302,7 +304,7 @@ mod tests {
             let ids: Vec<u32> = face
                 .into_iter()
                 .map(|corner| {
-                    let corner = turn * corner + off(&mut random);
+                    let corner = turn * corner + off();
                     let known = scene.vertices.iter().position(|&v| v == corner && !own_vertices);
                     let index = known.unwrap_or_else(|| {
                         scene.vertices.push(corner);

@@ -69,6 +69,8 @@ struct Entry {
     /// The box around the corners.
     low: DVec3,
     high: DVec3,
+    /// The least and the greatest height of a corner over the plane: a quad may be bent.
+    heights: [f64; 2],
     faces: Vec<FaceId>,
     /// The corners of these faces, where they are several and rounding may have them stand out of the polygon.
     parts: Vec<Vec<DVec3>>,
@@ -143,6 +145,7 @@ impl OccluderIndex {
                 .zip(&boxes)
                 .map(|(((corners, faces), solid), &(low, high))| Entry {
                     plane: Plane::of(&corners),
+                    heights: Plane::of(&corners).heights(&corners),
                     low,
                     high,
                     parts: if slack > 0.0 && faces.len() > 1 {

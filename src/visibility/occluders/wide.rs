@@ -100,14 +100,6 @@ impl Outlook<'_> {
         let most = slack * (2.0 + MAX_LEAN);
         other.corners.iter().any(|&v| self.plane.height(v).abs() > most)
     }
-
-    /// Returns the least and the greatest height over a plane.
-    fn heights(&self, plane: &Plane) -> [f64; 2] {
-        let heights = self.corners.iter().map(|&v| plane.height(v));
-        heights.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], h| {
-            [low.min(h), high.max(h)]
-        })
-    }
 }
 
 /// The planes around a polygon's box and another: the convex hull of both but for the corners.
@@ -242,11 +234,12 @@ impl OccluderIndex {
             return false;
         }
         // What has both on one side does not reach in between.
-        let [low, high] = from.heights(&entry.plane);
+        let [low, high] = entry.plane.heights(from.corners);
         let (middle, reach) = (around.to.0.midpoint(around.to.1), (around.to.1 - around.to.0) * 0.5);
         let (height, off) = (entry.plane.height(middle), entry.plane.normal.abs().dot(reach));
         let flat = IN_PLANE * from.rounding;
-        !(low >= -flat && height - off >= -flat || high <= flat && height + off <= flat)
+        let [least, greatest] = [entry.heights[0] + flat, entry.heights[1] - flat];
+        !(low >= greatest && height - off >= greatest || high <= least && height + off <= least)
     }
 
     /// Finds the occluders between two polygons, `among` all candidates, none of which is a node; tells what hides all, if anything does. `closer` is looked at first.
@@ -270,9 +263,10 @@ impl OccluderIndex {
             {
                 return false;
             }
-            let ([l, h], [m, g]) = (from.heights(&entry.plane), to.heights(&entry.plane));
-            let [one, other] = [from, to].map(|end| IN_PLANE * end.rounding);
-            !(l >= -one && m >= -other || h <= one && g <= other)
+            let ([l, h], [m, g]) = (entry.plane.heights(from.corners), entry.plane.heights(to.corners));
+            let flat = IN_PLANE * from.rounding.min(to.rounding);
+            let [least, greatest] = [entry.heights[0] + flat, entry.heights[1] - flat];
+            !(l >= greatest && m >= greatest || h <= least && g <= least)
         };
         scratch.clear();
         for candidate in among {
@@ -315,6 +309,7 @@ impl OccluderIndex {
         match closer {
             Closer::Polygon(id) => {
                 let entry = &self.entries[id.0 as usize];
+                let off = off.max(entry.heights[1]).max(-entry.heights[0]);
                 let margin = off.max(OFF * entry.low.distance(entry.high));
                 let edges: &[DVec3] = &entry.corners;
                 let n = edges.len();
@@ -345,7 +340,7 @@ impl OccluderIndex {
 fn section(plane: &Plane, from: &Outlook<'_>, to: (DVec3, DVec3), off: f64, contains: impl Fn(DVec3) -> bool) -> bool {
     let (middle, reach) = (to.0.midpoint(to.1), (to.1 - to.0) * 0.5);
     let (height, extent) = (plane.height(middle), plane.normal.abs().dot(reach));
-    let [low, high] = from.heights(plane);
+    let [low, high] = plane.heights(from.corners);
     let is_parted = low > off && height + extent < -off || high < -off && height - extent > off;
     is_parted
         && (0..8).all(|corner| {

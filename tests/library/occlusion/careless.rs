@@ -17,12 +17,12 @@ const TOLERANCE: f64 = 1e-3;
 fn mesh(seed: u64) -> Scene {
     let mut random = Random::new(seed);
     let mut shapes = Shapes::default();
-    let is = |random: &mut Random, chance: f64| random.unit() < chance;
-    let own_turn = |random: &mut Random| {
-        if random.unit() < 0.5 {
+    let is = |numbers: &mut Random, chance: f64| numbers.unit() < chance;
+    let own_turn = |numbers: &mut Random| {
+        if numbers.unit() < 0.5 {
             DQuat::IDENTITY
         } else {
-            DQuat::from_axis_angle(random.direction(), random.between(0.0, 3.0))
+            DQuat::from_axis_angle(numbers.direction(), numbers.between(0.0, 3.0))
         }
     };
     if is(&mut random, 0.7) {
