@@ -240,7 +240,7 @@ mod tests {
 
     /// Solids that touch or pierce each other, slivers, sheets and turned facets, perhaps in a room; some cracked, cut, bent, or with vertices of their own for each face.
     fn careless(seed: u64) -> Scene {
-        let mut random = Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15));
+        let random = &mut Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15));
         let turn = if seed.is_multiple_of(3) {
             DQuat::IDENTITY
         } else {
@@ -284,6 +284,11 @@ mod tests {
                 faces.push(triangle.into_iter().rev().collect());
             }
         }
+        scene_of(&faces, turn, random)
+    }
+
+    /// Puts faces together, turned; bent, cracked or parted by chance.
+    fn scene_of(faces: &[Vec<DVec3>], turn: DQuat, random: &mut Random) -> Scene {
         let (bent, cracked) = (random.is(0.3), random.is(0.3));
         let mut scene = Scene {
             surfaces: vec![Surface { name: "all".into() }],
@@ -302,9 +307,9 @@ mod tests {
                 (bend + crack) * (random.point() - 0.5)
             };
             let ids: Vec<u32> = face
-                .into_iter()
-                .map(|corner| {
-                    let corner = turn * corner + off();
+                .iter()
+                .map(|&at| {
+                    let corner = turn * at + off();
                     let known = scene.vertices.iter().position(|&v| v == corner && !own_vertices);
                     let index = known.unwrap_or_else(|| {
                         scene.vertices.push(corner);
