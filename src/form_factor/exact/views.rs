@@ -340,6 +340,32 @@ mod tests {
         /// Hidden by a solid, of which the look at one section of each shaft is not sure.
         hidden_surely: usize,
         n_counted_alone: usize,
+        /// With fewer occluders than a shaft finds.
+        n_sharper: usize,
+    }
+
+    /// Tells whether a convex polygon crosses some of the segments between two others by more than rounding.
+    fn is_between(p: &[DVec3], q: &[DVec3], occluder: &[DVec3]) -> bool {
+        let plane = crate::visibility::shaft::Plane::of(occluder);
+        let point = |corners: &[DVec3], k: usize| {
+            let weights: Vec<f64> = (0..corners.len())
+                .map(|c| ((k * 7 + c * 13) % 17) as f64 + 0.1)
+                .collect();
+            let sum = corners.iter().zip(&weights).map(|(&v, &w)| v * w).sum::<DVec3>();
+            sum / weights.iter().sum::<f64>()
+        };
+        (0..17 * 17).any(|k| {
+            let (a, b) = (point(p, k % 17), point(q, k / 17));
+            let (from, to) = (plane.height(a), plane.height(b));
+            if from * to >= 0.0 || from.abs().min(to.abs()) < 1e-9 {
+                return false;
+            }
+            let at = a + (b - a) * (from / (from - to));
+            (0..occluder.len()).all(|c| {
+                let (start, end) = (occluder[c], occluder[(c + 1) % occluder.len()]);
+                plane.normal.cross(end - start).normalize_or_zero().dot(at - start) > 1e-9
+            })
+        })
     }
 
     fn compare(batches: &Batches<'_>, f: usize, counted: &mut Counted) {
@@ -368,7 +394,28 @@ mod tests {
                     counted.hidden += 1;
                     assert!(direct.touched || !seen.touched, "{f} {g}");
                 }
-                _ => assert_eq!(direct, seen, "{f} {g}"),
+                _ if direct == seen => {}
+                // The shaft of a sliver has no reliable sides, and counts what is beside it too.
+                (PairVisibility::Partial(all), PairVisibility::Partial(_) | PairVisibility::Full) => {
+                    counted.n_sharper += 1;
+                    let found = match &seen.visibility {
+                        PairVisibility::Partial(found) => found.as_slice(),
+                        _ => &[],
+                    };
+                    assert!(found.iter().all(|id| all.contains(id)), "{f} {g}: {direct:?} {seen:?}");
+                    for id in all.iter().filter(|id| !found.contains(id)) {
+                        let occluder = batches.index.as_ref().unwrap().corners(*id);
+                        assert!(
+                            !is_between(batches.hull(f), batches.hull(g), occluder),
+                            "{f} {g}: {id:?}"
+                        );
+                    }
+                }
+                _ => {
+                    assert_eq!(direct.visibility, seen.visibility, "{f} {g}");
+                    assert!(direct.touched, "{f} {g}: {direct:?} {seen:?}");
+                    counted.n_sharper += 1;
+                }
             }
             counted.full += usize::from(seen.visibility == PairVisibility::Full);
             counted.partial += usize::from(matches!(seen.visibility, PairVisibility::Partial(_)));
@@ -399,6 +446,9 @@ mod tests {
             counted.full.min(counted.hidden).min(counted.partial) > 5000 && counted.n_counted_alone > 2000,
             "{counted:?}"
         );
-        assert!(counted.hidden_surely < n_pairs / 100, "{counted:?}");
+        assert!(
+            counted.hidden_surely.max(counted.n_sharper) < n_pairs / 100,
+            "{counted:?}"
+        );
     }
 }
