@@ -1,8 +1,10 @@
 //! The patches as polygons, and which of them face each other.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use crate::geometry::polygon_form_factor::PreparedPolygon;
 use crate::mesh::{Mesh, PatchId};
@@ -22,22 +24,21 @@ pub(super) fn polygons<T>(mesh: &Mesh, map: impl Fn(&[DVec3]) -> T) -> Vec<T> {
 /// The planes of all patches and their corners, for the test that goes first.
 #[derive(Debug)]
 pub(super) struct Facing {
-    corners: Vec<Vec<DVec3>>,
+    corners: Arc<[Vec<DVec3>]>,
     normals: Vec<DVec3>,
     sizes: Vec<f64>,
 }
 
 impl Facing {
     pub(super) fn new(mesh: &Mesh) -> Self {
-        let corners: Vec<Vec<DVec3>> = (0..mesh.n_patches())
-            .map(|i| mesh.polygon(PatchId::from_index(i)))
-            .collect();
+        let all = (0..mesh.n_patches()).into_par_iter();
+        let corners: Vec<Vec<DVec3>> = all.map(|i| mesh.polygon(PatchId::from_index(i))).collect();
         let sizes = corners
-            .iter()
+            .par_iter()
             .map(|c| c.iter().map(|v| v.distance(c[0])).fold(0.0, f64::max))
             .collect();
         Self {
-            corners,
+            corners: corners.into(),
             normals: mesh.patches.iter().map(|p| p.normal).collect(),
             sizes,
         }
@@ -45,6 +46,11 @@ impl Facing {
 
     pub(super) fn len(&self) -> usize {
         self.corners.len()
+    }
+
+    /// Returns the corners of all patches, in m.
+    pub(super) fn corners(&self) -> &Arc<[Vec<DVec3>]> {
+        &self.corners
     }
 
     /// Returns the patches for the closed forms.

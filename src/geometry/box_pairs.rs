@@ -7,43 +7,79 @@ use glam::DVec3;
 /// A group of at most this many boxes is not split.
 const LEAF: usize = 8;
 
-/// A tree of groups of boxes.
-#[derive(Clone, Debug)]
-struct Group {
+/// Where so many boxes or more are below a node, threads share the work.
+const PARALLEL: usize = 1 << 12;
+
+/// Some boxes: a range of the tree's order.
+#[derive(Clone, Copy, Debug)]
+struct Node {
     low: DVec3,
     high: DVec3,
-    content: Content,
+    first: u32,
+    end: u32,
+    /// The second half, or 0 for boxes that are not split; the first half is the next node.
+    second: u32,
 }
 
-#[derive(Clone, Debug)]
-enum Content {
-    Faces(Vec<u32>),
-    Halves(Box<[Group; 2]>),
+impl Node {
+    const NONE: Self = Self {
+        low: DVec3::INFINITY,
+        high: DVec3::NEG_INFINITY,
+        first: 0,
+        end: 0,
+        second: 0,
+    };
+
+    fn len(&self) -> usize {
+        (self.end - self.first) as usize
+    }
 }
 
 /// Calls `visit` once for each pair of boxes that overlap or touch, by their places in the list; each is its least and its greatest corner.
 ///
 /// Work: O(n log n) and the number of pairs, for boxes that are small beside the space that they fill.
 pub(crate) fn overlapping_pairs(boxes: Vec<(DVec3, DVec3)>, mut visit: impl FnMut(u32, u32)) {
-    let boxes = Boxes(boxes);
-    if let Ok(n) = u32::try_from(boxes.0.len()) {
-        boxes.within(&boxes.group((0..n).collect()), &mut visit);
-    }
+    BoxTree::new(boxes).within(0, &mut visit);
+}
+
+/// Returns what `visit` makes of the pairs of [`overlapping_pairs`], in their order whatever the number of threads.
+pub(crate) fn collected_pairs<T: Send>(
+    boxes: Vec<(DVec3, DVec3)>,
+    visit: impl Fn(u32, u32, &mut Vec<T>) + Sync,
+) -> Vec<T> {
+    BoxTree::new(boxes).collected_within(0, &visit)
 }
 
 /// Boxes that are asked for one at a time which of them overlap another one.
 #[derive(Clone, Debug)]
 pub(crate) struct BoxTree {
-    boxes: Boxes,
-    root: Group,
+    boxes: Vec<(DVec3, DVec3)>,
+    /// The places of all boxes, so that those of a node are neighbours.
+    order: Vec<u32>,
+    /// The root is the first; none without boxes.
+    nodes: Vec<Node>,
+}
+
+/// Returns how many nodes the tree of `n` boxes has.
+fn n_nodes(n: usize) -> usize {
+    if n <= LEAF {
+        1
+    } else {
+        1 + n_nodes(n / 2) + n_nodes(n - n / 2)
+    }
 }
 
 impl BoxTree {
     /// Takes the boxes by their least and greatest corners. Work: O(n log n).
     pub(crate) fn new(boxes: Vec<(DVec3, DVec3)>) -> Self {
-        let boxes = Boxes(boxes);
-        let root = boxes.group((0..).take(boxes.0.len()).collect());
-        Self { boxes, root }
+        let n = u32::try_from(boxes.len()).unwrap_or(0);
+        let mut order: Vec<u32> = (0..n).collect();
+        let mut nodes = Vec::new();
+        if n > 0 {
+            nodes.resize(n_nodes(n as usize), Node::NONE);
+            grow(&boxes, &mut order, 0, &mut nodes, 0);
+        }
+        Self { boxes, order, nodes }
     }
 
     /// Calls `visit` once for each of the boxes that overlaps or touches `other`, by its place in the list.
@@ -63,99 +99,156 @@ impl BoxTree {
         meets: &impl Fn((DVec3, DVec3)) -> bool,
         visit: &mut impl FnMut(u32) -> ControlFlow<()>,
     ) -> ControlFlow<()> {
-        self.boxes.meeting(&self.root, meets, visit)
-    }
-}
-
-#[derive(Clone, Debug)]
-struct Boxes(Vec<(DVec3, DVec3)>);
-
-impl Boxes {
-    fn group(&self, mut faces: Vec<u32>) -> Group {
-        let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        let (low, high) = faces.iter().fold(empty, |(low, high), &face| {
-            let (l, h) = self.0[face as usize];
-            (low.min(l), high.max(h))
-        });
-        let content = if faces.len() <= LEAF {
-            Content::Faces(faces)
-        } else {
-            let axis = (high - low).max_position();
-            let middle = faces.len() / 2;
-            let twice_centre = |&face: &u32| self.0[face as usize].0[axis] + self.0[face as usize].1[axis];
-            faces.select_nth_unstable_by(middle, |a, b| twice_centre(a).total_cmp(&twice_centre(b)));
-            let upper = faces.split_off(middle);
-            Content::Halves(Box::new([self.group(faces), self.group(upper)]))
-        };
-        Group { low, high, content }
-    }
-
-    /// Visits the pairs within one group.
-    fn within(&self, group: &Group, visit: &mut impl FnMut(u32, u32)) {
-        match &group.content {
-            Content::Faces(faces) => {
-                for (i, &a) in faces.iter().enumerate() {
-                    faces[i + 1..].iter().for_each(|&b| self.pair(a, b, visit));
-                }
-            }
-            Content::Halves(halves) => {
-                self.within(&halves[0], visit);
-                self.within(&halves[1], visit);
-                self.between(&halves[0], &halves[1], visit);
-            }
+        if self.nodes.is_empty() {
+            return ControlFlow::Continue(());
         }
+        self.meeting_below(0, meets, visit)
     }
 
-    /// Visits the pairs with one face in each of two groups.
-    fn between(&self, a: &Group, b: &Group, visit: &mut impl FnMut(u32, u32)) {
-        if !overlap((a.low, a.high), (b.low, b.high)) {
-            return;
-        }
-        match (&a.content, &b.content) {
-            (Content::Faces(of_a), Content::Faces(of_b)) => {
-                for &face in of_a {
-                    for &other in of_b {
-                        self.pair(face, other, visit);
-                    }
-                }
-            }
-            (Content::Halves(halves), Content::Faces(_)) => halves.iter().for_each(|half| self.between(half, b, visit)),
-            (Content::Faces(_), Content::Halves(halves)) => halves.iter().for_each(|half| self.between(a, half, visit)),
-            (Content::Halves(of_a), Content::Halves(of_b)) => {
-                for half in of_a.iter() {
-                    of_b.iter().for_each(|other| self.between(half, other, visit));
-                }
-            }
-        }
-    }
-
-    /// Visits the faces of a group whose boxes meet something.
-    fn meeting(
+    fn meeting_below(
         &self,
-        group: &Group,
+        index: usize,
         meets: &impl Fn((DVec3, DVec3)) -> bool,
         visit: &mut impl FnMut(u32) -> ControlFlow<()>,
     ) -> ControlFlow<()> {
-        if !meets((group.low, group.high)) {
+        let node = &self.nodes[index];
+        if !meets((node.low, node.high)) {
             return ControlFlow::Continue(());
         }
-        match &group.content {
-            Content::Faces(faces) => {
-                let mut found = faces.iter().filter(|&&face| meets(self.0[face as usize]));
-                found.try_for_each(|&face| visit(face))
+        if let Some(halves) = self.halves(index) {
+            let mut halves = halves.into_iter();
+            return halves.try_for_each(|half| self.meeting_below(half, meets, visit));
+        }
+        let mut found = self.below(node).iter().filter(|&&k| meets(self.boxes[k as usize]));
+        found.try_for_each(|&k| visit(k))
+    }
+
+    fn halves(&self, index: usize) -> Option<[usize; 2]> {
+        let second = self.nodes.get(index)?.second as usize;
+        (second > 0).then_some([index + 1, second])
+    }
+
+    fn below(&self, node: &Node) -> &[u32] {
+        &self.order[node.first as usize..node.end as usize]
+    }
+
+    /// Visits the pairs below one node.
+    fn within(&self, index: usize, visit: &mut impl FnMut(u32, u32)) {
+        let Some(node) = self.nodes.get(index) else {
+            return;
+        };
+        if let Some([first, second]) = self.halves(index) {
+            self.within(first, visit);
+            self.within(second, visit);
+            self.between(first, second, visit);
+        } else {
+            let own = self.below(node);
+            for (i, &a) in own.iter().enumerate() {
+                own[i + 1..].iter().for_each(|&b| self.pair(a, b, visit));
             }
-            Content::Halves(halves) => halves.iter().try_for_each(|half| self.meeting(half, meets, visit)),
         }
     }
 
+    /// Visits the pairs with one box below each of two nodes.
+    fn between(&self, a: usize, b: usize, visit: &mut impl FnMut(u32, u32)) {
+        let [of_a, of_b] = [a, b].map(|k| &self.nodes[k]);
+        if !overlap((of_a.low, of_a.high), (of_b.low, of_b.high)) {
+            return;
+        }
+        match (self.halves(a), self.halves(b)) {
+            (None, None) => {
+                for &one in self.below(of_a) {
+                    for &other in self.below(of_b) {
+                        self.pair(one, other, visit);
+                    }
+                }
+            }
+            (Some(halves), None) => halves.iter().for_each(|&half| self.between(half, b, visit)),
+            (None, Some(halves)) => halves.iter().for_each(|&half| self.between(a, half, visit)),
+            (Some(halves_a), Some(halves_b)) => {
+                for half in halves_a {
+                    for other in halves_b {
+                        self.between(half, other, visit);
+                    }
+                }
+            }
+        }
+    }
+
+    fn collected_within<T: Send>(&self, index: usize, visit: &(impl Fn(u32, u32, &mut Vec<T>) + Sync)) -> Vec<T> {
+        let halves = self.halves(index).filter(|_| self.nodes[index].len() >= PARALLEL);
+        let Some([first, second]) = halves else {
+            let mut found = Vec::new();
+            self.within(index, &mut |a, b| visit(a, b, &mut found));
+            return found;
+        };
+        let (mut found, (mut of_second, mut of_both)) = rayon::join(
+            || self.collected_within(first, visit),
+            || {
+                rayon::join(
+                    || self.collected_within(second, visit),
+                    || {
+                        let mut of_both = Vec::new();
+                        self.between(first, second, &mut |a, b| visit(a, b, &mut of_both));
+                        of_both
+                    },
+                )
+            },
+        );
+        found.append(&mut of_second);
+        found.append(&mut of_both);
+        found
+    }
+
     fn pair(&self, a: u32, b: u32, visit: &mut impl FnMut(u32, u32)) {
-        if overlap(self.0[a as usize], self.0[b as usize]) {
+        if overlap(self.boxes[a as usize], self.boxes[b as usize]) {
             visit(a, b);
         }
     }
 }
 
-fn overlap(a: (DVec3, DVec3), b: (DVec3, DVec3)) -> bool {
+/// Fills the nodes of a subtree whose boxes `order` has, the first of them at `first` of all; its root is node `at` of all.
+fn grow(boxes: &[(DVec3, DVec3)], order: &mut [u32], first: u32, nodes: &mut [Node], at: usize) {
+    let (low, high) = order.iter().fold((Node::NONE.low, Node::NONE.high), |(low, high), &k| {
+        let (l, h) = boxes[k as usize];
+        (low.min(l), high.max(h))
+    });
+    let n = order.len();
+    let as_u32 = |k: usize| u32::try_from(k).expect("boxes are counted in 32 bits");
+    let (root, below) = nodes.split_first_mut().expect("as many nodes as the tree has");
+    *root = Node {
+        low,
+        high,
+        first,
+        end: first + as_u32(n),
+        second: 0,
+    };
+    if n <= LEAF {
+        return;
+    }
+    let (axis, middle) = ((high - low).max_position(), n / 2);
+    let twice_centre = |&k: &u32| boxes[k as usize].0[axis] + boxes[k as usize].1[axis];
+    order.select_nth_unstable_by(middle, |a, b| twice_centre(a).total_cmp(&twice_centre(b)));
+    let (lower, upper) = order.split_at_mut(middle);
+    let n_lower = n_nodes(middle);
+    let second = at + 1 + n_lower;
+    root.second = as_u32(second);
+    let (of_lower, of_upper) = below.split_at_mut(n_lower);
+    let first_of_upper = first + as_u32(middle);
+    let mut halves = (
+        || grow(boxes, lower, first, of_lower, at + 1),
+        || grow(boxes, upper, first_of_upper, of_upper, second),
+    );
+    if n >= PARALLEL {
+        rayon::join(halves.0, halves.1);
+    } else {
+        halves.0();
+        halves.1();
+    }
+}
+
+/// Tells whether two boxes overlap or touch.
+pub(crate) fn overlap(a: (DVec3, DVec3), b: (DVec3, DVec3)) -> bool {
     a.0.cmple(b.1).all() && b.0.cmple(a.1).all()
 }
 
@@ -197,6 +290,22 @@ mod tests {
         );
         assert_eq!(found.len(), expected.len());
         assert_eq!(found.into_iter().collect::<BTreeSet<_>>(), expected);
+    }
+
+    #[test]
+    fn pairs_that_are_collected_come_in_the_order_of_those_that_are_visited() {
+        let mut many = Vec::new();
+        for k in 0..40_u32 {
+            let by = DVec3::splat(1.7 * f64::from(k));
+            many.extend(boxes().into_iter().map(|(low, high)| (low + by, high + by)));
+        }
+        assert!(many.len() > 2 * PARALLEL);
+        for n in [0, 1, 9, many.len()] {
+            let mut visited = Vec::new();
+            overlapping_pairs(many[..n].to_vec(), |a, b| visited.push((a, b)));
+            let collected = collected_pairs(many[..n].to_vec(), |a, b, found| found.push((a, b)));
+            assert_eq!(collected, visited, "{n}");
+        }
     }
 
     #[test]

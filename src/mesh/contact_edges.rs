@@ -4,12 +4,14 @@ use std::cell::OnceCell;
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::contact_edge::ContactEdge;
 use super::pieces::Pieces;
 use super::planes::{FaceEdge, flat_joints, flat_joints_by};
 use crate::disjoint_sets::DisjointSets;
-use crate::geometry::box_pairs::{BoxTree, overlapping_pairs};
+use crate::geometry::box_pairs::{BoxTree, collected_pairs, overlap};
+use crate::geometry::polygon;
 use crate::scene::{FaceId, Positions, Scene};
 
 /// A face that ends within this part of the smaller one's size of another stands on it: a cut that is not needed does no harm.
@@ -42,6 +44,7 @@ const ROUNDING: f64 = 32.0 * f64::EPSILON;
 #[derive(Debug)]
 pub struct ContactEdges<'a> {
     pub(super) scene: &'a Scene,
+    joints: OnceCell<Vec<(FaceEdge, FaceEdge)>>,
     found: OnceCell<Found>,
     pieces: OnceCell<BTreeMap<FaceId, Pieces>>,
 }
@@ -52,6 +55,7 @@ impl<'a> ContactEdges<'a> {
     pub fn of(scene: &'a Scene) -> Self {
         Self {
             scene,
+            joints: OnceCell::new(),
             found: OnceCell::new(),
             pieces: OnceCell::new(),
         }
@@ -67,16 +71,22 @@ impl<'a> ContactEdges<'a> {
     pub(super) fn pieces(&self) -> &BTreeMap<FaceId, Pieces> {
         self.pieces.get_or_init(|| {
             let found = self.found();
-            let cut = found.on_face.iter().filter_map(|(&face, here)| {
-                let outline = self.scene.polygon(FaceId(face));
-                Some((FaceId(face), Pieces::cut(&outline, &here.edges)?))
+            let scene = self.scene;
+            let cut = found.faces().filter_map(|(face, here)| {
+                let outline = scene.positions(&scene.faces[face as usize]);
+                Some((FaceId(face), Pieces::cut(&outline, here.edges)?))
             });
-            cut.collect()
+            cut.collect::<Vec<_>>().into_iter().collect()
         })
     }
 
     pub(super) fn found(&self) -> &Found {
-        self.found.get_or_init(|| Found::of(self.scene))
+        self.found.get_or_init(|| Found::of(self.scene, self.flat_joints()))
+    }
+
+    /// Returns the edges along which two faces of one plane continue each other.
+    pub(super) fn flat_joints(&self) -> &[(FaceEdge, FaceEdge)] {
+        self.joints.get_or_init(|| flat_joints(self.scene))
     }
 
     /// Tells whether faces on one of two faces or both stand along a line: along the middle half of it at least, without a gap.
@@ -86,38 +96,41 @@ impl<'a> ContactEdges<'a> {
 }
 
 /// The contact edges on one face, to find those near a line: a ground has many, and many patches.
-#[derive(Clone, Debug)]
-pub(super) struct OnFace {
-    edges: Vec<ContactEdge>,
-    boxes: BoxTree,
+#[derive(Clone, Copy, Debug)]
+pub(super) struct OnFace<'a> {
+    edges: &'a [ContactEdge],
+    /// Of many edges.
+    boxes: Option<&'a BoxTree>,
 }
 
 /// The contact edges by the face that they lie on.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Found {
-    pub(super) on_face: HashMap<u32, OnFace>,
+    /// Those on face k are `edges[first[k]..first[k + 1]]`.
+    first: Vec<u32>,
+    edges: Vec<ContactEdge>,
+    /// Of faces with many.
+    boxes: HashMap<u32, BoxTree>,
     /// The faces that have a contact edge elsewhere than along a border that no face of the plane continues.
     pub(super) parted: HashSet<u32>,
 }
 
 impl Found {
     /// Finds the contact edges of a scene.
-    fn of(scene: &Scene) -> Self {
-        let outlines: Vec<Positions> = scene.faces.iter().map(|face| scene.positions(face)).collect();
-        let normals: Vec<DVec3> = scene
-            .face_ids()
-            .map(|face| scene.area_vector(face).normalize_or_zero())
+    fn of(scene: &Scene, joints: &[(FaceEdge, FaceEdge)]) -> Self {
+        let outlines: Vec<Positions> = scene.faces.par_iter().map(|face| scene.positions(face)).collect();
+        let normals: Vec<DVec3> = outlines
+            .par_iter()
+            .map(|outline| polygon::area_vector(outline).normalize_or_zero())
             .collect();
         let reaches = reaches(scene, &outlines);
-        let mut on_face: HashMap<u32, Vec<ContactEdge>> = HashMap::new();
-        // What hangs comes last: pieces depend on the order.
-        for is_hanging in [false, true] {
-            let boxes = outlines.iter().zip(&reaches).map(|(outline, reach)| {
+        let found = |is_hanging: bool| {
+            let boxes = outlines.par_iter().zip(&reaches).map(|(outline, reach)| {
                 let (least, greatest) = bounding_box(outline);
                 let around = if is_hanging { reach.hanging } else { reach.touching };
                 (least - around, greatest + around)
             });
-            overlapping_pairs(boxes.collect(), |a, b| {
+            collected_pairs(boxes.collect(), |a, b, edges: &mut Vec<(u32, ContactEdge)>| {
                 let reach = reaches[a as usize].min(reaches[b as usize]);
                 for (ground, wall) in [(a, b), (b, a)] {
                     let [ground_corners, wall_corners] = [ground, wall].map(|face| &outlines[face as usize]);
@@ -128,21 +141,71 @@ impl Found {
                     let edge = if is_hanging {
                         plane.edge_below(ground_corners, wall_corners, reach)
                     } else {
-                        let ends = plane.line_of(wall_corners, reach.touching);
+                        let ends = Plane::line_of(wall_corners, &plane.heights(wall_corners), reach.touching);
                         ends.map(|ends| plane.contact_edge(ends, reach))
                     };
-                    if let Some(edge) = edge {
-                        on_face.entry(ground).or_default().push(edge);
-                    }
+                    edges.extend(edge.map(|edge| (ground, edge)));
                 }
-            });
+            })
+        };
+        // One after the other, for the sake of memory: each is work for all threads.
+        let (touching, hanging) = (found(false), found(true));
+        let mut on_faces = Self::new(scene.faces.len(), &touching, &hanging);
+        on_faces.parted = parted(joints, &outlines, &on_faces);
+        on_faces
+    }
+
+    /// Returns the contact edges on a face; `None` if there are none.
+    pub(super) fn on_face(&self, face: u32) -> Option<OnFace<'_>> {
+        let [begin, end] = [face, face + 1].map(|k| self.first[k as usize] as usize);
+        (begin < end).then(|| OnFace {
+            edges: &self.edges[begin..end],
+            boxes: self.boxes.get(&face),
+        })
+    }
+
+    /// Returns the faces with contact edges.
+    fn faces(&self) -> impl ParallelIterator<Item = (u32, OnFace<'_>)> {
+        let n = u32::try_from(self.first.len().saturating_sub(1)).unwrap_or(0);
+        (0..n)
+            .into_par_iter()
+            .filter_map(|face| Some((face, self.on_face(face)?)))
+    }
+
+    /// Takes the edges with the faces that they lie on. What hangs comes last: pieces depend on the order.
+    fn new(n_faces: usize, touching: &[(u32, ContactEdge)], hanging: &[(u32, ContactEdge)]) -> Self {
+        let all = || touching.iter().chain(hanging);
+        let mut first = vec![0_u32; n_faces + 1];
+        for (face, _) in all() {
+            first[*face as usize + 1] += 1;
         }
-        let on_face: HashMap<u32, OnFace> = on_face
-            .into_iter()
-            .map(|(face, edges)| (face, OnFace::new(edges)))
-            .collect();
-        let parted = parted(scene, &outlines, &on_face);
-        Self { on_face, parted }
+        for face in 0..n_faces {
+            first[face + 1] += first[face];
+        }
+        let mut next = first.clone();
+        let mut order = vec![0_u32; touching.len() + hanging.len()];
+        for (k, (face, _)) in (0..).zip(all()) {
+            order[next[*face as usize] as usize] = k;
+            next[*face as usize] += 1;
+        }
+        let edge = |&k: &u32| {
+            let k = k as usize;
+            touching.get(k).unwrap_or_else(|| &hanging[k - touching.len()]).1
+        };
+        let edges: Vec<ContactEdge> = order.par_iter().map(edge).collect();
+        let mut boxes = HashMap::new();
+        for (face, range) in (0..).zip(first.windows(2)) {
+            let here = &edges[range[0] as usize..range[1] as usize];
+            if here.len() > FEW {
+                boxes.insert(face, BoxTree::new(here.iter().map(box_around).collect()));
+            }
+        }
+        Self {
+            first,
+            edges,
+            boxes,
+            parted: HashSet::new(),
+        }
     }
 
     /// Tells whether faces on one of two faces or both stand along a line: along the middle half of it at least, without a gap.
@@ -152,7 +215,7 @@ impl Found {
         // Where several faces stand, as distances from the middle half's start.
         let mut parts: Vec<[f64; 2]> = Vec::new();
         let mut tolerance = 0.0_f64;
-        for here in faces.iter().filter_map(|face| self.on_face.get(face)) {
+        for here in faces.iter().filter_map(|&face| self.on_face(face)) {
             for edge in here.near(&middle) {
                 is_one |= middle.iter().all(|&end| edge.distance(end) <= edge.tolerance);
                 if !is_one && let Some(part) = edge.part_along(middle) {
@@ -187,7 +250,7 @@ impl Reach {
 fn reaches(scene: &Scene, outlines: &[Positions]) -> Vec<Reach> {
     let (slack, of_places) = (scene.slack(), PLACES * scene.last_place());
     let largest = |outline: &Positions| outline.iter().map(|v| v.abs().max_element()).fold(0.0, f64::max);
-    let rounding = ROUNDING * outlines.iter().map(largest).fold(0.0, f64::max);
+    let rounding = ROUNDING * outlines.par_iter().map(largest).reduce(|| 0.0, f64::max);
     let sizes_in_plane = sizes_in_plane(scene, outlines);
     let of_face = |(outline, size_in_plane): (&Positions, f64)| {
         let size = size_of(bounding_box(outline));
@@ -201,13 +264,17 @@ fn reaches(scene: &Scene, outlines: &[Positions]) -> Vec<Reach> {
 
 /// Returns the size of each face together with those that continue it in its plane: walls may be drawn in small faces, each with vertices of its own.
 fn sizes_in_plane(scene: &Scene, outlines: &[Positions]) -> Vec<f64> {
-    let mut first_at: HashMap<[u64; 3], u32> = HashMap::new();
     // Of 0 and -0, which are one, the bits differ.
     let bits = |v: &DVec3| (*v + DVec3::ZERO).to_array().map(f64::to_bits);
-    let first = (0..)
-        .zip(&scene.vertices)
-        .map(|(k, v)| *first_at.entry(bits(v)).or_insert(k));
-    let first: Vec<u32> = first.collect();
+    let mut places: Vec<([u64; 3], u32)> = (0..).zip(&scene.vertices).map(|(k, v)| (bits(v), k)).collect();
+    places.par_sort_unstable();
+    let mut first: Vec<u32> = vec![0; places.len()];
+    for at_one in places.chunk_by(|a, b| a.0 == b.0) {
+        for &(_, k) in at_one {
+            first[k as usize] = at_one[0].1;
+        }
+    }
+    drop(places);
     let mut sets = DisjointSets::new(outlines.len());
     for (one, other) in flat_joints_by(scene, |vertex| first[vertex as usize], BEND) {
         sets.join(one.0.0 as usize, other.0.0 as usize);
@@ -233,28 +300,29 @@ fn bounding_box(outline: &[DVec3]) -> (DVec3, DVec3) {
 }
 
 /// Returns the faces that have a contact edge elsewhere than along a border that no face of the plane continues.
-fn parted(scene: &Scene, outlines: &[Positions], on_face: &HashMap<u32, OnFace>) -> HashSet<u32> {
-    let beside: HashMap<FaceEdge, FaceId> = flat_joints(scene)
-        .into_iter()
-        .flat_map(|(one, other)| [(one, other.0), (other, one.0)])
+fn parted(joints: &[(FaceEdge, FaceEdge)], outlines: &[Positions], found: &Found) -> HashSet<u32> {
+    let beside: HashMap<FaceEdge, FaceId> = joints
+        .iter()
+        .flat_map(|&(one, other)| [(one, other.0), (other, one.0)])
         .collect();
-    let mut parted = HashSet::new();
-    for (&face, here) in on_face {
+    let of_face = |(face, here): (u32, OnFace<'_>)| {
         let outline = &outlines[face as usize];
-        for edge in &here.edges {
+        let mut parted = Vec::new();
+        for edge in here.edges {
             let border = (0..outline.len()).find(|&k| {
                 let (start, end) = (outline[k], outline[(k + 1) % outline.len()]);
                 let is_near = |point: DVec3| (point - start).reject_from(end - start).length() <= edge.tolerance;
                 is_near(edge.from) && is_near(edge.to)
             });
             match border.map(|k| beside.get(&(FaceId(face), k))) {
-                None => parted.extend([face]),
+                None => parted.push(face),
                 Some(Some(other)) => parted.extend([face, other.0]),
                 Some(None) => {}
             }
         }
-    }
-    parted
+        parted
+    };
+    found.faces().flat_map_iter(of_face).collect()
 }
 
 /// Tells whether parts of a line cover it from 0 to its length; those that were meant to touch do.
@@ -266,25 +334,28 @@ fn cover(mut parts: Vec<[f64; 2]>, length: f64, tolerance: f64) -> bool {
     !parts.is_empty() && without_gap.is_some_and(|reached| reached >= length - tolerance)
 }
 
-impl OnFace {
-    fn new(edges: Vec<ContactEdge>) -> Self {
-        let boxes = edges.iter().map(|edge| {
-            let (least, greatest) = bounding_box(&[edge.from, edge.to]);
-            (least - edge.tolerance, greatest + edge.tolerance)
-        });
-        Self {
-            boxes: BoxTree::new(boxes.collect()),
-            edges,
-        }
-    }
+/// So few contact edges are looked at one by one.
+const FEW: usize = 8;
 
+impl OnFace<'_> {
     /// Returns the contact edges whose boxes overlap that of some points, in their order.
     pub(super) fn near(&self, points: &[DVec3]) -> Vec<ContactEdge> {
+        let around = bounding_box(points);
+        let Some(boxes) = self.boxes else {
+            let near = self.edges.iter().filter(|edge| overlap(box_around(edge), around));
+            return near.copied().collect();
+        };
         let mut near = Vec::new();
-        self.boxes.overlapping(bounding_box(points), &mut |k| near.push(k));
+        boxes.overlapping(around, &mut |k| near.push(k));
         near.sort_unstable();
         near.into_iter().map(|k| self.edges[k as usize]).collect()
     }
+}
+
+/// Returns the box around a contact edge and what counts as on it.
+fn box_around(edge: &ContactEdge) -> (DVec3, DVec3) {
+    let (least, greatest) = bounding_box(&[edge.from, edge.to]);
+    (least - edge.tolerance, greatest + edge.tolerance)
 }
 
 /// A plane, in front of which its normal points.
@@ -299,30 +370,36 @@ impl Plane {
         self.normal.dot(point - self.origin)
     }
 
-    /// Returns between which points a convex polygon that reaches in front of the plane meets it, if that is a line; corners within a tolerance are on the plane.
-    fn line_of(self, wall: &[DVec3], tolerance: f64) -> Option<[DVec3; 2]> {
-        let height = |k: usize| self.height(wall[k % wall.len()]);
-        if !(0..wall.len()).any(|k| height(k) > tolerance) {
+    /// Returns the heights of the corners of a face, 0 for those that it does not have.
+    fn heights(self, wall: &[DVec3]) -> [f64; 4] {
+        std::array::from_fn(|k| wall.get(k).map_or(0.0, |&corner| self.height(corner)))
+    }
+
+    /// Returns between which points a face that reaches in front of the plane meets it, if that is a line; corners within a tolerance are on the plane.
+    fn line_of(wall: &[DVec3], heights: &[f64; 4], tolerance: f64) -> Option<[DVec3; 2]> {
+        let heights = &heights[..wall.len()];
+        if !heights.iter().any(|&h| h > tolerance) {
             return None;
         }
-        let meeting = |k: usize| {
-            let (h, next) = (height(k), height(k + 1));
+        let (mut points, mut n) = ([DVec3::ZERO; 4], 0);
+        for (k, &h) in heights.iter().enumerate() {
+            let (after, next) = (wall[(k + 1) % wall.len()], heights[(k + 1) % wall.len()]);
             if h.abs() <= tolerance {
-                Some(wall[k])
+                points[n] = wall[k];
             } else if next.abs() > tolerance && (h < 0.0) != (next < 0.0) {
-                Some(wall[k].lerp(wall[(k + 1) % wall.len()], h / (h - next)))
+                points[n] = wall[k].lerp(after, h / (h - next));
             } else {
-                None
+                continue;
             }
-        };
-        // Few corners are seen again sooner than remembered.
-        let points = || (0..wall.len()).filter_map(meeting);
+            n += 1;
+        }
+        let points = &points[..n];
         // A corner on a straight edge is a third point.
         let farthest = |other: DVec3| {
             let by_distance = |a: &DVec3, b: &DVec3| other.distance(*a).total_cmp(&other.distance(*b));
-            points().max_by(by_distance)
+            points.iter().copied().max_by(by_distance)
         };
-        let to = farthest(points().next()?)?;
+        let to = farthest(*points.first()?)?;
         let from = farthest(to)?;
         (from.distance(to) > tolerance).then_some([from, to])
     }
@@ -357,17 +434,18 @@ impl Plane {
 
     /// Returns the line below which a convex polygon hangs over the ground in the plane, where more of it does than meets the plane.
     fn edge_below(self, ground: &[DVec3], wall: &[DVec3], reach: Reach) -> Option<ContactEdge> {
-        let heights = wall.iter().map(|&corner| self.height(corner));
-        let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), h| {
+        let heights = self.heights(wall);
+        let of_wall = heights[..wall.len()].iter();
+        let (low, high) = of_wall.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &h| {
             (low.min(h), high.max(h))
         });
         let near = reach.hanging.min(OF_HEIGHT * (high - low));
         if near <= reach.touching {
             return None;
         }
-        let hanging = self.line_of(wall, near)?;
+        let hanging = Self::line_of(wall, &heights, near)?;
         let length = |[from, to]: [DVec3; 2]| from.distance(to);
-        let touching = self.line_of(wall, reach.touching).map_or(0.0, length);
+        let touching = Self::line_of(wall, &heights, reach.touching).map_or(0.0, length);
         if length(hanging) <= touching + 2.0 * near || !self.holds(ground, hanging, near) {
             return None;
         }

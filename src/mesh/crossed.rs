@@ -26,7 +26,7 @@ impl ContactEdges<'_> {
             return Vec::new();
         }
         let crossed = mesh.patches.iter().enumerate().filter_map(|(i, patch)| {
-            let here = self.found().on_face.get(&patch.face.0)?;
+            let here = self.found().on_face(patch.face.0)?;
             let id = PatchId::from_index(i);
             let outline = mesh.polygon(id);
             let near = here.near(&outline);

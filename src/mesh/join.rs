@@ -3,14 +3,14 @@
 use std::collections::{BTreeSet, HashMap, HashSet};
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::contact_edges::ContactEdges;
 use super::patch::{Patch, PatchId};
 use super::patches::Mesh;
-use super::planes::flat_joints;
 use super::seams::{SLACK, Seams};
 use crate::disjoint_sets::DisjointSets;
-use crate::geometry::box_pairs::overlapping_pairs;
+use crate::geometry::box_pairs::collected_pairs;
 use crate::scene::Corners;
 
 /// Planes whose unit normals differ by less than this are parallel, as for faces that share an edge.
@@ -19,7 +19,7 @@ const BEND: f64 = 1e-9;
 /// Gives patches of one plane vertices of their own where a contact edge runs between them.
 pub(super) fn part(mesh: &mut Mesh, contact_edges: &ContactEdges<'_>) {
     // Faces that are patches, none of which continues another.
-    if mesh.n_patches() == contact_edges.scene.faces.len() && flat_joints(contact_edges.scene).is_empty() {
+    if mesh.n_patches() == contact_edges.scene.faces.len() && contact_edges.flat_joints().is_empty() {
         return;
     }
     let found = contact_edges.found();
@@ -121,7 +121,7 @@ struct Edge {
 pub(super) fn find_seams(mesh: &Mesh, contact_edges: &ContactEdges<'_>) -> Seams {
     let edges = free_edges(mesh);
     let place = |vertex: u32| mesh.vertices[vertex as usize];
-    let boxes = edges.iter().map(|edge| {
+    let boxes = edges.par_iter().map(|edge| {
         let (a, b) = (place(edge.from), place(edge.to));
         let slack = DVec3::splat(SLACK * a.distance(b));
         (a.min(b) - slack, a.max(b) + slack)
@@ -129,12 +129,14 @@ pub(super) fn find_seams(mesh: &Mesh, contact_edges: &ContactEdges<'_>) -> Seams
     let mut sets: Option<DisjointSets> = None;
     // On the edge of a patch, by its first vertex: hanging vertices and how far along they are.
     let mut hanging: HashMap<(usize, u32), Vec<(f64, u32)>> = HashMap::new();
-    overlapping_pairs(boxes.collect(), |i, j| {
+    let in_one_plane = collected_pairs(boxes.collect(), |i, j, found: &mut Vec<[Edge; 2]>| {
         let pair = [edges[i as usize], edges[j as usize]];
         let normals = pair.map(|edge| mesh.patches[edge.patch].normal);
-        if (normals[0] - normals[1]).length() > BEND || pair[0].patch == pair[1].patch {
-            return;
+        if (normals[0] - normals[1]).length() <= BEND && pair[0].patch != pair[1].patch {
+            found.push(pair);
         }
+    });
+    for pair in in_one_plane {
         for [one, other] in [pair, [pair[1], pair[0]]] {
             let (start, along) = (place(one.from), place(one.to) - place(one.from));
             let (length, other_length) = (along.length(), place(other.from).distance(place(other.to)));
@@ -166,7 +168,7 @@ pub(super) fn find_seams(mesh: &Mesh, contact_edges: &ContactEdges<'_>) -> Seams
                 }
             }
         }
-    });
+    }
     let mut seams = Seams::default();
     let mut sets = match sets {
         Some(sets) => sets,
@@ -196,19 +198,43 @@ pub(super) fn find_seams(mesh: &Mesh, contact_edges: &ContactEdges<'_>) -> Seams
     seams
 }
 
-/// Returns the edges that no neighbour in the plane shares.
+/// Returns the edges that no neighbour in the plane shares, of the patches that are not the only ones with their normal.
 fn free_edges(mesh: &Mesh) -> Vec<Edge> {
-    let mut by_ends: HashMap<(u32, u32), Edge> = HashMap::new();
-    for (patch, of_patch) in mesh.patches.iter().enumerate() {
-        let corners = of_patch.corners.as_slice();
-        for (k, &from) in corners.iter().enumerate() {
-            let to = corners[(k + 1) % corners.len()];
-            if by_ends.remove(&(to, from)).is_none() {
-                by_ends.insert((from, to), Edge { patch, from, to });
+    let is_alone = only_ones_of_their_normal(mesh);
+    let mut by_ends: Vec<([u32; 2], Edge)> = Vec::new();
+    for (patch, of_patch) in mesh.patches.iter().enumerate().filter(|&(patch, _)| !is_alone[patch]) {
+        let of_edge = |(from, to): (u32, u32)| ([from.min(to), from.max(to)], Edge { patch, from, to });
+        by_ends.extend(edges(of_patch.corners).map(of_edge));
+    }
+    // By ends, then in the order of the patches.
+    by_ends.par_sort_by_key(|edge| edge.0);
+    let mut free: Vec<Edge> = Vec::new();
+    for between in by_ends.chunk_by(|a, b| a.0 == b.0) {
+        // The last one either way that nothing has met so far.
+        let mut unmet = [None; 2];
+        for &(_, edge) in between {
+            let way = usize::from(edge.from < edge.to);
+            if unmet[1 - way].take().is_none() {
+                unmet[way] = Some(edge);
+            }
+        }
+        free.extend(unmet.into_iter().flatten());
+    }
+    free.par_sort_unstable_by_key(|edge| (edge.patch, edge.from, edge.to));
+    free
+}
+
+/// Tells of each patch whether no other one has nearly its normal: it continues none, as most triangles of a curved surface.
+fn only_ones_of_their_normal(mesh: &Mesh) -> Vec<bool> {
+    let mut by_x: Vec<(f64, usize)> = mesh.patches.iter().map(|patch| patch.normal.x).zip(0..).collect();
+    by_x.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    let mut is_alone = vec![true; by_x.len()];
+    for pair in by_x.windows(2) {
+        if (pair[1].0 - pair[0].0).abs() <= BEND {
+            for &(_, patch) in pair {
+                is_alone[patch] = false;
             }
         }
     }
-    let mut edges: Vec<Edge> = by_ends.into_values().collect();
-    edges.sort_unstable_by_key(|edge| (edge.patch, edge.from, edge.to));
-    edges
+    is_alone
 }

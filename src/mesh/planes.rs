@@ -1,7 +1,9 @@
 //! Faces that continue each other: flat neighbours across a shared edge.
 
 use glam::DVec3;
+use rayon::prelude::*;
 
+use crate::geometry::polygon;
 use crate::scene::{FaceId, Scene};
 
 /// One edge of one face: the face and the place of the edge's first corner.
@@ -27,10 +29,11 @@ pub(super) fn flat_joints_by(scene: &Scene, number: impl Fn(u32) -> u32, most: f
             edges.push(([from.min(to), from.max(to)], (face, k), from < to));
         }
     }
-    edges.sort_unstable();
+    edges.par_sort_unstable();
     let normals: Vec<DVec3> = scene
-        .face_ids()
-        .map(|f| scene.area_vector(f).normalize_or_zero())
+        .faces
+        .par_iter()
+        .map(|face| polygon::area_vector(&scene.positions(face)).normalize_or_zero())
         .collect();
     let mut joints = Vec::new();
     for at_edge in edges.chunk_by(|a, b| a.0 == b.0) {

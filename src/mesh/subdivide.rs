@@ -12,7 +12,7 @@ use super::grid::FaceGrid;
 use super::patch::Patch;
 use super::patches::Mesh;
 use super::pieces::{Corner, Pieces};
-use super::planes::{FaceEdge, flat_joints};
+use super::planes::FaceEdge;
 use super::seams::Seams;
 use crate::disjoint_sets::DisjointSets;
 use crate::geometry::polygon;
@@ -101,11 +101,11 @@ impl MeshError {
 
 pub(super) fn subdivide(options: MeshOptions, contact_edges: &ContactEdges<'_>) -> Result<Mesh, MeshError> {
     let scene = contact_edges.scene;
-    let joints = flat_joints(scene);
-    let parts = edge_parts(scene, options.subdivision, &joints)?;
+    let joints = contact_edges.flat_joints();
+    let parts = edge_parts(scene, options.subdivision, joints)?;
     let pieces = pieces(options, contact_edges);
     expect_nameable(n_patches(&parts, &pieces))?;
-    let mut builder = Builder::new(scene, &joints);
+    let mut builder = Builder::new(scene, joints);
     for face in scene.face_ids() {
         match pieces.get(&face) {
             Some(own) => builder.add_pieces(face, own),
@@ -118,7 +118,7 @@ pub(super) fn subdivide(options: MeshOptions, contact_edges: &ContactEdges<'_>) 
 /// Returns how many patches [`subdivide`] makes.
 pub(super) fn count(options: MeshOptions, contact_edges: &ContactEdges<'_>) -> Result<u64, MeshError> {
     let scene = contact_edges.scene;
-    let parts = edge_parts(scene, options.subdivision, &flat_joints(scene))?;
+    let parts = edge_parts(scene, options.subdivision, contact_edges.flat_joints())?;
     let n_patches = n_patches(&parts, &pieces(options, contact_edges));
     expect_nameable(n_patches)?;
     #[expect(
@@ -281,8 +281,11 @@ struct Builder<'a> {
     plane_of_face: Vec<usize>,
     /// Planes in use; those of faces are numbered by faces.
     n_planes: usize,
-    /// Vertices on the border of a face, by plane and place.
+    /// Vertices on the edge of a face, by plane and place.
     shared: HashMap<(usize, Place), u32>,
+    /// The last vertex made at each corner, and of each vertex the plane and the one made before it at its corner.
+    at_corner: Vec<Option<u32>>,
+    before: Vec<(usize, Option<u32>)>,
     mesh: Mesh,
 }
 
@@ -298,6 +301,8 @@ impl<'a> Builder<'a> {
             n_planes: scene.faces.len(),
             plane_of_face: (0..scene.faces.len()).map(|f| planes.find(f)).collect(),
             shared: HashMap::new(),
+            at_corner: Vec::new(),
+            before: Vec::new(),
             mesh: Mesh {
                 patches: Vec::new(),
                 vertices: Vec::new(),
@@ -435,45 +440,56 @@ impl<'a> Builder<'a> {
 
     /// Returns the id of a vertex: an old one if its place in this plane is known, else a new one.
     fn vertex(&mut self, plane: usize, place: Option<Place>, inside: impl FnOnce() -> DVec3) -> u32 {
-        let new_id = id(self.mesh.vertices.len());
-        let position = match place {
-            None => inside(),
-            Some(place) => {
-                let key = (plane, place);
-                if let Some(&known) = self.shared.get(&key) {
+        match place {
+            None => self.new_vertex((plane, None), inside()),
+            Some(Place::Corner(v)) => {
+                let corner = v as usize;
+                self.at_corner.resize(self.corners.len().max(corner + 1), None);
+                let last = self.at_corner[corner];
+                let before = |&vertex: &u32| self.before[vertex as usize].1;
+                let mut known = std::iter::successors(last, before);
+                if let Some(known) = known.find(|&vertex| self.before[vertex as usize].0 == plane) {
                     return known;
                 }
-                self.shared.insert(key, new_id);
-                match place {
-                    Place::Corner(v) => self.corners[v as usize],
-                    Place::Edge { low, high, step, n } => {
-                        // From the lower id: both faces, and both planes at a crease, compute the same bits.
-                        let (a, b) = (self.corners[low as usize], self.corners[high as usize]);
-                        a + f64::from(step) / f64::from(n) * (b - a)
-                    }
-                }
+                let new = self.new_vertex((plane, last), self.corners[corner]);
+                self.at_corner[corner] = Some(new);
+                new
             }
-        };
+            Some(place @ Place::Edge { low, high, step, n }) => {
+                if let Some(&known) = self.shared.get(&(plane, place)) {
+                    return known;
+                }
+                // From the lower id: both faces, and both planes at a crease, compute the same bits.
+                let (a, b) = (self.corners[low as usize], self.corners[high as usize]);
+                let new = self.new_vertex((plane, None), a + f64::from(step) / f64::from(n) * (b - a));
+                self.shared.insert((plane, place), new);
+                new
+            }
+        }
+    }
+
+    fn new_vertex(&mut self, before: (usize, Option<u32>), position: DVec3) -> u32 {
+        let new_id = id(self.mesh.vertices.len());
         self.mesh.vertices.push(position);
+        self.before.push(before);
         new_id
     }
 
     fn add_patch(&mut self, face: FaceId, corners: Corners) {
-        let positions: Vec<DVec3> = corners
-            .as_slice()
-            .iter()
-            .map(|&v| self.mesh.vertices[v as usize])
-            .collect();
+        let vertices = corners.as_slice();
+        let places: [DVec3; 4] =
+            std::array::from_fn(|k| self.mesh.vertices[vertices[k.min(vertices.len() - 1)] as usize]);
+        let positions = &places[..vertices.len()];
         let source = &self.scene.faces[face.0 as usize];
-        let normal = self.scene.area_vector(face).normalize();
+        let normal = polygon::area_vector(&self.scene.positions(source)).normalize();
         self.mesh.patches.push(Patch {
             corners,
             face,
             surface: source.surface,
             material: source.material,
-            area: polygon::area_vector(&positions).length(),
+            area: polygon::area_vector(positions).length(),
             normal,
-            centroid: polygon::centroid(&positions),
+            centroid: polygon::centroid(positions),
         });
     }
 }

@@ -1,10 +1,14 @@
 //! Faces of one winding that overlap in one plane: the area in common would count twice.
 
+use std::sync::atomic::AtomicUsize;
+use std::sync::atomic::Ordering::Relaxed;
+
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::split::PLANARITY;
 use super::{Face, FaceId, Scene, Written};
-use crate::geometry::box_pairs::overlapping_pairs;
+use crate::geometry::box_pairs::{collected_pairs, overlapping_pairs};
 use crate::geometry::clip::clip_to_half_space;
 use crate::geometry::polygon;
 
@@ -56,8 +60,12 @@ pub(super) struct Overlap {
 /// Work: O(n log n) for n faces of similar size, and the pairs whose boxes meet.
 pub(super) fn find(scene: &Scene) -> Option<[FaceId; 2]> {
     let mut first: Option<[(u32, u32); 2]> = None;
-    search(scene, |pair, common_area| {
-        if first.is_none_or(|first| pair < first) && common_area().is_some() {
+    let (search, boxes) = Search::new(scene);
+    overlapping_pairs(boxes, |a, b| {
+        if let Some(pair) = search.pair(a, b)
+            && first.is_none_or(|first| pair < first)
+            && search.common_area(a, b).is_some()
+        {
             first = Some(pair);
         }
     });
@@ -66,14 +74,29 @@ pub(super) fn find(scene: &Scene) -> Option<[FaceId; 2]> {
 
 /// Returns the pairs that [`find`] chooses from, ordered by their lines: all of them, or [`MAX_OVERLAPS`] if there are more.
 pub(super) fn all(scene: &Scene) -> Vec<Overlap> {
-    let mut found = Vec::new();
-    search(scene, |pair, common_area| {
-        if found.len() < MAX_OVERLAPS
-            && let Some(area) = common_area()
+    let n_found = AtomicUsize::new(0);
+    let (search, boxes) = Search::new(scene);
+    let mut found = collected_pairs(boxes, |a, b, found: &mut Vec<([(u32, u32); 2], f64)>| {
+        if n_found.load(Relaxed) <= MAX_OVERLAPS
+            && let Some(pair) = search.pair(a, b)
+            && let Some(area) = search.common_area(a, b)
         {
+            n_found.fetch_add(1, Relaxed);
             found.push((pair, area));
         }
     });
+    if found.len() > MAX_OVERLAPS {
+        // Which are listed is a matter of the scene, not of threads.
+        found.clear();
+        overlapping_pairs(Search::new(scene).1, |a, b| {
+            if found.len() < MAX_OVERLAPS
+                && let Some(pair) = search.pair(a, b)
+                && let Some(area) = search.common_area(a, b)
+            {
+                found.push((pair, area));
+            }
+        });
+    }
     found.sort_unstable_by_key(|(pair, _)| *pair);
     let overlaps = found.into_iter().map(|(pair, area)| Overlap {
         faces: pair.map(|(_, face)| FaceId(face)),
@@ -82,36 +105,51 @@ pub(super) fn all(scene: &Scene) -> Vec<Overlap> {
     overlaps.collect()
 }
 
-/// Calls `visit` for all pairs of faces with nearly the same normal whose boxes meet: with the lines and numbers of both, the greater first, and what computes their common area.
-fn search(scene: &Scene, mut visit: impl FnMut([(u32, u32); 2], &dyn Fn() -> Option<f64>)) {
-    let (scene_low, scene_high) = scene.bounding_box();
-    let size = scene_low.distance(scene_high);
-    let slack = scene.slack();
-    let measured: Vec<Measures> = scene.faces.iter().map(|face| Measures::of(scene, face, size)).collect();
-    let boxes = scene.faces.iter().zip(&measured).map(|(face, measures)| {
-        let (low, high) = scene.positions(face).bounding_box();
-        let of_digits = (0.5 * slack).max(measures.half_unit.length());
-        let margin = PLANARITY * measures.diameter + ULPS * measures.greatest + of_digits;
-        (low - margin, high + margin)
-    });
-    overlapping_pairs(boxes.collect(), |a, b| {
-        let [of_a, of_b] = [a, b].map(|face| &measured[face as usize]);
-        let places = [a, b].map(|face| (scene.faces[face as usize].line, face));
+/// A search for faces with nearly the same normal whose boxes meet.
+struct Search<'a> {
+    scene: &'a Scene,
+    slack: f64,
+    measured: Vec<Measures>,
+}
+
+impl<'a> Search<'a> {
+    /// Returns the search with the boxes of all faces.
+    fn new(scene: &'a Scene) -> (Self, Vec<(DVec3, DVec3)>) {
+        let (scene_low, scene_high) = scene.bounding_box();
+        let size = scene_low.distance(scene_high);
+        let slack = scene.slack();
+        let faces = scene.faces.par_iter();
+        let measured: Vec<Measures> = faces.map(|face| Measures::of(scene, face, size)).collect();
+        let boxes = scene.faces.par_iter().zip(&measured).map(|(face, measures)| {
+            let (low, high) = scene.positions(face).bounding_box();
+            let of_digits = (0.5 * slack).max(measures.half_unit.length());
+            let margin = PLANARITY * measures.diameter + ULPS * measures.greatest + of_digits;
+            (low - margin, high + margin)
+        });
+        let boxes = boxes.collect();
+        let search = Self { scene, slack, measured };
+        (search, boxes)
+    }
+
+    /// Returns the lines and numbers of two faces, the greater first, if their normals are nearly the same.
+    fn pair(&self, a: u32, b: u32) -> Option<[(u32, u32); 2]> {
+        let [of_a, of_b] = [a, b].map(|face| &self.measured[face as usize]);
+        let places = [a, b].map(|face| (self.scene.faces[face as usize].line, face));
         let pair = [places[0].max(places[1]), places[0].min(places[1])];
         // Built-in scenes have no lines.
         let is_one_outline = pair[0].0 == pair[1].0 && pair[0].0 != 0;
-        if is_one_outline || !of_a.is_parallel_to(of_b) {
-            return;
+        (!is_one_outline && of_a.is_parallel_to(of_b)).then_some(pair)
+    }
+
+    fn common_area(&self, a: u32, b: u32) -> Option<f64> {
+        let [of_a, of_b] = [a, b].map(|face| &self.measured[face as usize]);
+        let outlines = [a, b].map(|face| self.scene.positions(&self.scene.faces[face as usize]));
+        let mut larger_first = [(&*outlines[0], of_a), (&*outlines[1], of_b)];
+        if of_a.area < of_b.area {
+            larger_first.reverse();
         }
-        visit(pair, &|| {
-            let outlines = [a, b].map(|face| scene.positions(&scene.faces[face as usize]));
-            let mut larger_first = [(&*outlines[0], of_a), (&*outlines[1], of_b)];
-            if of_a.area < of_b.area {
-                larger_first.reverse();
-            }
-            common_area(larger_first, slack)
-        });
-    });
+        common_area(larger_first, self.slack)
+    }
 }
 
 /// What is asked of a face again and again.

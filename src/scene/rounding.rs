@@ -1,6 +1,7 @@
 //! How far the corners of a scene may lie from where they were meant.
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::{Corners, Face, MaterialId, Scene, SurfaceId, Written};
 use crate::geometry::polygon;
@@ -20,12 +21,10 @@ impl Scene {
     ///
     /// Rotated scenes in files with six decimals have 2e-6. What is thinner than that cannot be told from what touches.
     pub(crate) fn slack(&self) -> f64 {
-        let quads = self
-            .face_ids()
-            .filter(|face| self.faces[face.0 as usize].corners.as_slice().len() > 3);
+        let quads = self.faces.par_iter().filter(|face| face.corners.as_slice().len() > 3);
         let bent = quads
-            .map(|face| polygon::planarity_error(&self.polygon(face)))
-            .fold(0.0, f64::max);
+            .map(|face| polygon::planarity_error(&self.positions(face)))
+            .reduce(|| 0.0, f64::max);
         (HEIGHT * self.rounding()).max(2.0 * bent)
     }
 

@@ -1,7 +1,7 @@
 //! The shaft between two convex polygons: the convex hull in which all segments between them run.
 
 use std::borrow::Cow;
-use std::cell::OnceCell;
+use std::cell::{OnceCell, RefCell};
 
 use glam::DVec3;
 
@@ -28,6 +28,14 @@ impl Plane {
 
     pub(crate) fn height(&self, point: DVec3) -> f64 {
         self.normal.dot(point - self.point)
+    }
+
+    /// Returns the least and the greatest height of some points.
+    pub(crate) fn heights(&self, points: &[DVec3]) -> [f64; 2] {
+        let heights = points.iter().map(|&v| self.height(v));
+        heights.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], h| {
+            [low.min(h), high.max(h)]
+        })
     }
 }
 
@@ -75,6 +83,11 @@ struct End<'a> {
     lean: Lean,
 }
 
+thread_local! {
+    /// What is left of a polygon while it is cut: a look at an occluder takes no memory of its own.
+    static CUT: RefCell<[Vec<DVec3>; 2]> = const { RefCell::new([Vec::new(), Vec::new()]) };
+}
+
 /// The width of a shaft's neglected border in units of its own width.
 const RELATIVE_TOLERANCE: f64 = 1e-10;
 
@@ -82,7 +95,7 @@ const RELATIVE_TOLERANCE: f64 = 1e-10;
 const SEEN: f64 = 2e-14;
 
 /// A height of more than this part of the smaller polygon's size, and of the distance from it, is one, whatever the coordinates of the larger.
-const MIN_HEIGHT: f64 = 1e-9;
+pub(crate) const MIN_HEIGHT: f64 = 1e-9;
 
 /// Normals of one plane differ by less: ends that touch each other's plane may cross it by a tolerance.
 const SAME_PLANE: f64 = 1e-8;
@@ -91,7 +104,7 @@ const SAME_PLANE: f64 = 1e-8;
 const ON_LINE: f64 = 1e-24;
 
 /// Beyond a polygon, so many times its width off, its plane is asked no more what rounding has made of it.
-const MAX_LEAN: f64 = 100.0;
+pub(crate) const MAX_LEAN: f64 = 100.0;
 
 /// How the plane of a polygon leans where the polygon's corners are rounded: as much more as the polygon is narrow.
 #[derive(Clone, Copy, Debug)]
@@ -111,6 +124,11 @@ impl Lean {
             reach,
             width: polygon::area_vector(corners).length() / (2.0 * reach),
         }
+    }
+
+    /// Returns the greatest distance of a corner from the middle.
+    pub(crate) fn reach(&self) -> f64 {
+        self.reach
     }
 
     fn distance(&self, point: DVec3) -> f64 {
@@ -194,23 +212,25 @@ impl<'a> Shaft<'a> {
             return false;
         }
         // No single plane parts them: cut the polygon down to what is inside.
-        let mut inside = corners.to_vec();
-        let mut part = Vec::with_capacity(2 * corners.len() + 4);
-        for (plane, level) in of_ends().chain(of_sides()) {
-            let height = |v: DVec3| plane.height(v) - level;
-            if inside.iter().any(|&v| height(v) < 0.0) {
-                part.clear();
-                clip_contour(inside.len(), |k| inside[k], height, |v| part.push(v));
-                std::mem::swap(&mut inside, &mut part);
+        CUT.with_borrow_mut(|[inside, part]| {
+            inside.clear();
+            inside.extend_from_slice(corners);
+            for (plane, level) in of_ends().chain(of_sides()) {
+                let height = |v: DVec3| plane.height(v) - level;
+                if inside.iter().any(|&v| height(v) < 0.0) {
+                    part.clear();
+                    clip_contour(inside.len(), |k| inside[k], height, |v| part.push(v));
+                    std::mem::swap(inside, part);
+                }
+                if inside.is_empty() {
+                    return false;
+                }
             }
-            if inside.is_empty() {
-                return false;
-            }
-        }
-        // The nearer it is to an end, the less has rounding to do with its height.
-        self.ends.iter().all(|end| {
-            let mut heights = inside.iter().map(|&v| (v, end.plane.height(v) - slack));
-            heights.any(|(v, height)| height > end.least_height_at(v, &self.smaller))
+            // The nearer it is to an end, the less has rounding to do with its height.
+            self.ends.iter().all(|end| {
+                let mut heights = inside.iter().map(|&v| (v, end.plane.height(v) - slack));
+                heights.any(|(v, height)| height > end.least_height_at(v, &self.smaller))
+            })
         })
     }
 

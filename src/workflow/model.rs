@@ -178,6 +178,7 @@ impl Model {
         expect_room(&file, &what, needed, &cx.memory, "or subdivide less")?;
         let mesh = cx.time("mesh", || Mesh::at_contact_edges(&contact_edges, options));
         let mesh = mesh.map_err(refused)?;
+        drop(contact_edges);
         let visibility = ray_tracer(&scene, &file, cx)?;
         let mut model = Self {
             scene,

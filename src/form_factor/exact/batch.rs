@@ -16,7 +16,7 @@ use super::method::ExactMethod;
 use super::patches::{ROW_RUN, Run};
 use super::split::Split;
 use super::stated::{Seen, Stated};
-use super::table::MIN_PAIRS;
+use super::views::Views;
 use super::walk::Walk;
 use crate::form_factor::PairCounts;
 use crate::form_factor::kept::{self, Part, Piece};
@@ -65,9 +65,6 @@ const ROUNDING: f64 = 1e-13;
 
 /// What rounding does to patches that it has parted is known to the first order up to this part of what they exchange without occluders.
 const MOVED: f64 = 0.1;
-
-/// The least other faces that a thread looks at for one.
-const FACES_AT_ONCE: usize = 256;
 
 impl Batches<'_> {
     /// Tells whether a run of rows begins at `row`, or all rows end there.
@@ -133,7 +130,7 @@ impl Batches<'_> {
         let until = |row: usize| (first_row..row).map(|i| (n - 1 - i) as u64).sum::<u64>() / 2;
         let n_steps = until(self.next_row) - until(begin);
         let seen = Portions::new(self.progress, n_steps / 2, faces.len());
-        let views: Vec<Vec<FaceView>> = faces
+        let views: Vec<Views> = faces
             .clone()
             .into_par_iter()
             .map(|f| self.views_of(f))
@@ -203,35 +200,8 @@ impl Iterator for Batches<'_> {
 }
 
 impl Batches<'_> {
-    /// Looks at a face and all later ones that it faces.
-    pub(super) fn views_of(&self, f: usize) -> Vec<FaceView> {
-        if self.progress.is_cancelled() {
-            return Vec::new();
-        }
-        let hull = |face: usize| self.patches.faces[face].runs[0].hull.as_slice();
-        let of_facing = self.tree.after(f).into_par_iter().with_min_len(FACES_AT_ONCE);
-        of_facing
-            .filter(|&g| self.faces_face(f, g))
-            .map(|g| {
-                let known = if !self.any_moved([f, g]) && self.is_kept(hull(f), hull(g)) {
-                    Known::Kept
-                } else {
-                    Known::Seen(self.between(hull(f), hull(g), None))
-                };
-                let [own, other] = [f, g].map(|k| self.patches.faces[k].range());
-                let fronts = (own.len() * other.len() >= MIN_PAIRS).then(|| {
-                    [
-                        self.facing.in_front(other.clone(), own.clone()),
-                        self.facing.in_front(own, other),
-                    ]
-                });
-                FaceView { face: g, known, fronts }
-            })
-            .collect()
-    }
-
     /// Decides what becomes of all pairs of a run of rows, and computes those that see each other whole.
-    pub(super) fn classify(&self, f: usize, rows: &Run, views: &[FaceView]) -> Strip {
+    pub(super) fn classify(&self, f: usize, rows: &Run, views: &Views) -> Strip {
         let mut strip = Strip {
             first_row: rows.patches.start,
             rows: vec![Vec::new(); rows.patches.len()],
@@ -242,12 +212,13 @@ impl Batches<'_> {
         };
         let n_later: usize = rows.patches.clone().map(|i| self.patches.len() - 1 - i).sum();
         let columns = |view: &FaceView| &self.patches.faces[view.face].runs[0];
-        let n_columns: usize = views.iter().map(|view| columns(view).patches.len()).sum();
-        strip.counts.not_facing = (n_later - rows.patches.len() * n_columns) as u64;
-        for view in views {
+        let n_columns: usize = views.faces.iter().map(|view| columns(view).patches.len()).sum();
+        strip.counts.not_facing = (n_later - rows.patches.len() * n_columns - views.n_hidden) as u64;
+        strip.counts.hidden = views.n_hidden as u64;
+        for view in &views.faces {
             let mut walk = Walk {
                 batches: self,
-                table: self.tables.get(&[f, view.face]),
+                table: self.table_of([f, view.face]),
                 fronts: view.fronts.as_ref(),
                 starts: [f, view.face].map(|k| self.patches.faces[k].range().start),
                 may_keep: !self.any_moved([f, view.face]),

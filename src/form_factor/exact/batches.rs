@@ -4,9 +4,11 @@ use std::collections::HashMap;
 use std::ops::Range;
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::faces::FaceTree;
-use super::lattice::Lattice;
+use super::grids::Grids;
+use super::lattice::{Lattice, Repeats};
 use super::method::ExactMethod;
 use super::patches::Patches;
 use super::table::Table;
@@ -20,7 +22,7 @@ use crate::geometry::polygon_form_factor::exchange_area;
 use crate::matrix::Entry;
 use crate::progress::Progress;
 use crate::scene::FaceId;
-use crate::visibility::occluders::{Between, OccluderId, OccluderIndex, PairVisibility};
+use crate::visibility::occluders::{Between, Measures, OccluderId, OccluderIndex, PairVisibility};
 
 /// All batches in the order of their rows.
 pub(super) struct Batches<'a> {
@@ -29,6 +31,8 @@ pub(super) struct Batches<'a> {
     pub(super) patches: Patches,
     pub(super) facing: Facing,
     pub(super) tree: FaceTree,
+    /// Of the hulls of all faces.
+    pub(super) measures: Vec<Measures>,
     pub(super) index: Option<OccluderIndex>,
     /// The patches of a file whose coordinates are rounded.
     pub(super) rounded: Option<Rounded>,
@@ -37,6 +41,10 @@ pub(super) struct Batches<'a> {
     /// The faces of the scene, in the order of `patches.faces`.
     pub(super) face_ids: Vec<FaceId>,
     pub(super) lattices: Vec<Option<Lattice>>,
+    /// The grids that the mesh has already.
+    pub(super) grids: Grids,
+    /// The tables of two grids, of those whose rows are being computed.
+    pub(super) grid_tables: HashMap<[u32; 2], Repeats>,
     /// The pairs of two faces that are computed together, of the faces whose rows are being computed.
     pub(super) tables: HashMap<[usize; 2], Table>,
     pub(super) next_row: usize,
@@ -88,18 +96,32 @@ impl<'a> Batches<'a> {
         before: Option<Before<'a>>,
         progress: &'a dyn Progress,
     ) -> Self {
-        let index = (!input.unoccluded).then(|| OccluderIndex::new(input.scene));
-        let mut patches = Patches::new(input.mesh, index.is_some());
+        let (mut index, (facing, mut patches)) = rayon::join(
+            || (!input.unoccluded).then(|| OccluderIndex::new(input.scene)),
+            || {
+                let facing = Facing::new(input.mesh);
+                let patches = Patches::new(input.mesh, &facing, !input.unoccluded);
+                (facing, patches)
+            },
+        );
+        if let Some(index) = &mut index {
+            index.expect_reach(patches.least_reach());
+        }
         patches.loosen_cut_ones(input.mesh, index.as_ref().map_or(0.0, OccluderIndex::slack));
-        let facing = Facing::new(input.mesh);
+        let grids = Grids::find(&patches, method.shared_off(patches.least_reach()));
         Self {
             method,
             progress,
+            measures: patches
+                .faces
+                .par_iter()
+                .map(|face| Measures::of(&face.runs[0].hull))
+                .collect(),
             tree: FaceTree::new(&patches, &facing),
             facing,
             lattices: patches
                 .faces
-                .iter()
+                .par_iter()
                 .map(|face| Lattice::find(&patches.corners, face.range()))
                 .collect(),
             index,
@@ -112,6 +134,8 @@ impl<'a> Batches<'a> {
                 .map(|own| own[0].face)
                 .collect(),
             patches,
+            grids,
+            grid_tables: HashMap::new(),
             tables: HashMap::new(),
             next_row: 0,
             journal: Journal::new(progress),

@@ -141,13 +141,15 @@ impl CornerSums {
 #[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
+    use crate::form_factor::facing::Facing;
     use crate::geometry::polygon_form_factor::{Tolerance, exchange_area};
     use crate::mesh::{Mesh, Subdivision};
     use crate::scene::builtin;
 
     fn patches(name: &str, n: u32) -> Patches {
         let scene = builtin::build(name, None).unwrap().scene;
-        Patches::new(&Mesh::new(&scene, Subdivision::Uniform(n)).unwrap(), true)
+        let mesh = Mesh::new(&scene, Subdivision::Uniform(n)).unwrap();
+        Patches::new(&mesh, &Facing::new(&mesh), true)
     }
 
     #[test]

@@ -87,27 +87,32 @@ impl FaceTree {
         self.grow(range.start + middle..range.end);
     }
 
-    /// Returns the faces after `f` of which some patches may face some of `f`, in ascending order; those of a leaf are still to be looked at one by one.
-    pub(super) fn after(&self, f: usize) -> Vec<usize> {
+    /// Tells whether no face below a node comes after `f` and may face it.
+    pub(super) fn is_behind(&self, f: usize, node: usize) -> bool {
+        let Some(node) = self.nodes.get(node) else {
+            return true;
+        };
         let (own, normal) = (self.corners[f], self.normals[f]);
-        let mut found = Vec::new();
-        let mut stack = vec![0];
-        while let Some(index) = stack.pop() {
-            let node = &self.nodes[index];
-            // From the node's faces to this one, and back.
-            let to = (own.0 - node.corners.1, own.1 - node.corners.0);
-            let back = (-to.1, -to.0);
-            if node.last <= f || highest(node.normals, to) <= 0.0 || highest((normal, normal), back) <= 0.0 {
-                continue;
-            }
-            if node.second == 0 {
-                found.extend(self.order[node.faces.clone()].iter().copied().filter(|&g| g > f));
-            } else {
-                stack.extend([index + 1, node.second]);
-            }
-        }
-        found.sort_unstable();
-        found
+        // From the node's faces to this one, and back.
+        let to = (own.0 - node.corners.1, own.1 - node.corners.0);
+        let back = (-to.1, -to.0);
+        node.last <= f || highest(node.normals, to) <= 0.0 || highest((normal, normal), back) <= 0.0
+    }
+
+    /// Returns both children of a node that is not a leaf.
+    pub(super) fn halves(&self, node: usize) -> Option<[usize; 2]> {
+        let second = self.nodes[node].second;
+        (second > 0).then_some([node + 1, second])
+    }
+
+    /// Returns the box around the faces below a node.
+    pub(super) fn bounds(&self, node: usize) -> (DVec3, DVec3) {
+        self.nodes[node].corners
+    }
+
+    /// Returns the faces below a node.
+    pub(super) fn faces(&self, node: usize) -> &[usize] {
+        &self.order[self.nodes[node].faces.clone()]
     }
 }
 
@@ -133,12 +138,23 @@ mod tests {
         ] {
             let scene = builtin::build(name, None).unwrap().scene;
             let mesh = Mesh::new(&scene, Subdivision::Uniform(n)).unwrap();
-            let (patches, facing) = (Patches::new(&mesh, true), Facing::new(&mesh));
+            let facing = Facing::new(&mesh);
+            let patches = Patches::new(&mesh, &facing, true);
             let tree = FaceTree::new(&patches, &facing);
             let (mut n_found, mut n_facing) = (0, 0);
             for f in 0..patches.faces.len() {
-                let found = tree.after(f);
-                assert!(found.is_sorted() && found.iter().all(|&g| g > f));
+                let mut found = Vec::new();
+                let mut nodes = vec![0];
+                while let Some(node) = nodes.pop() {
+                    if tree.is_behind(f, node) {
+                        continue;
+                    }
+                    match tree.halves(node) {
+                        Some(halves) => nodes.extend(halves),
+                        None => found.extend(tree.faces(node).iter().copied().filter(|&g| g > f)),
+                    }
+                }
+                found.sort_unstable();
                 let any = |g: usize| facing.any(patches.faces[f].range(), patches.faces[g].range());
                 let exact: Vec<usize> = (f + 1..patches.faces.len()).filter(|&g| any(g)).collect();
                 assert!(exact.iter().all(|g| found.binary_search(g).is_ok()), "{name} {f}");

@@ -1,6 +1,7 @@
 //! Pairs of patches that repeat: on two regular grids an exchange area depends on the step between the patches only.
 
 use std::ops::Range;
+use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -14,17 +15,33 @@ const EQUAL: f64 = 4.0 * f64::EPSILON;
 /// A table is worth its memory only if each entry stands for at least so many pairs.
 const MIN_REPEATS: usize = 3;
 
+/// What a corner that is off by a part of a patch's size changes of an exchange area without cosines, at most: eight corners, each of which moves areas, distances and heights.
+const LEVER: f64 = 8.0;
+
 /// The most entries of one table: 16 MB.
 const MAX_ENTRIES: usize = 1 << 20;
 
-/// The patches of a face as translations of the first: patch i + j n lies at i u + j v.
-#[derive(Clone, Copy, Debug)]
+/// Patches as translations of one another: those of a face, of which patch i + j n lies at i u + j v, or some of one plane in any order.
+#[derive(Clone, Debug)]
 pub(super) struct Lattice {
     first: usize,
     /// The steps along both axes; that of an axis with one patch is zero.
     steps: [DVec3; 2],
     counts: [usize; 2],
     extent: f64,
+    /// Where the patches are, if not in the order of their numbers.
+    cells: Option<Arc<Cells>>,
+}
+
+/// The places of patches that do not come in the order of their lattice.
+#[derive(Debug)]
+struct Cells {
+    /// In ascending order of the patches.
+    places: Vec<(u32, [u32; 2])>,
+    /// By place, the first axis fastest; none where the lattice has a hole.
+    patches: Vec<Option<u32>>,
+    /// The greatest distance of a corner from where the lattice has it, along an axis, in m.
+    off: f64,
 }
 
 impl Lattice {
@@ -69,7 +86,57 @@ impl Lattice {
             steps,
             counts: [n_u, n_v],
             extent,
+            cells: None,
         })
+    }
+
+    /// Takes patches by their places, of which the least along each axis is 0; `off` is how far a corner is from where the lattice has it, in m.
+    pub(super) fn of_cells(mut places: Vec<(u32, [u32; 2])>, steps: [DVec3; 2], extent: f64, off: f64) -> Self {
+        places.sort_unstable();
+        let counts = [0, 1].map(|axis| places.iter().map(|place| place.1[axis] as usize + 1).max().unwrap_or(0));
+        let mut patches = vec![None; counts[0] * counts[1]];
+        for &(patch, [i, j]) in &places {
+            patches[i as usize + j as usize * counts[0]] = Some(patch);
+        }
+        let step = |axis: usize| if counts[axis] > 1 { steps[axis] } else { DVec3::ZERO };
+        Self {
+            first: places.first().map_or(0, |place| place.0 as usize),
+            steps: [step(0), step(1)],
+            counts,
+            extent,
+            cells: Some(Arc::new(Cells { places, patches, off })),
+        }
+    }
+
+    /// Returns the number of patches.
+    fn n_patches(&self) -> usize {
+        let all = self.counts[0] * self.counts[1];
+        self.cells.as_ref().map_or(all, |cells| cells.places.len())
+    }
+
+    /// Returns the patch with the greatest number.
+    pub(super) fn last(&self) -> usize {
+        let last = self.first + (self.counts[0] * self.counts[1]).saturating_sub(1);
+        let of_cells = |cells: &Arc<Cells>| cells.places.last().map_or(0, |place| place.0 as usize);
+        self.cells.as_ref().map_or(last, of_cells)
+    }
+
+    /// Returns how far corners may be from where the lattice has them, in m.
+    fn off(&self) -> f64 {
+        let rounding = EQUAL * self.extent;
+        self.cells.as_ref().map_or(rounding, |cells| rounding.max(cells.off))
+    }
+
+    /// Returns the patch at a place; `None` where there is none.
+    fn patch_at(&self, [i, j]: [usize; 2]) -> Option<usize> {
+        if i >= self.counts[0] || j >= self.counts[1] {
+            return None;
+        }
+        let k = i + j * self.counts[0];
+        match &self.cells {
+            Some(cells) => cells.patches[k].map(|patch| patch as usize),
+            None => Some(self.first + k),
+        }
     }
 
     /// Returns the first patch of the rows (along the first axis) that hold some patches, and the counts along both axes of these rows.
@@ -81,6 +148,11 @@ impl Lattice {
     }
 
     fn place(&self, patch: usize) -> [usize; 2] {
+        if let Some(cells) = &self.cells
+            && let Ok(k) = cells.places.binary_search_by_key(&patch, |place| place.0 as usize)
+        {
+            return cells.places[k].1.map(|index| index as usize);
+        }
         let k = patch - self.first;
         [k % self.counts[0], k / self.counts[0]]
     }
@@ -103,7 +175,8 @@ pub(super) struct Repeats {
     from: Lattice,
     to: Lattice,
     coordinates: Vec<Coordinate>,
-    values: Vec<Exchange>,
+    /// Computed when they are first asked for.
+    values: Vec<OnceLock<Exchange>>,
 }
 
 impl Repeats {
@@ -114,38 +187,71 @@ impl Repeats {
         to: &Lattice,
         exchange: impl Fn(usize, usize) -> Exchange + Sync,
     ) -> Option<Self> {
-        let coordinates = coordinates(from, to);
-        let n_values: usize = coordinates.iter().map(|c| c.count).product();
-        let n_pairs = from.counts.iter().chain(&to.counts).product::<usize>();
-        if n_values > MAX_ENTRIES || n_values * MIN_REPEATS > n_pairs {
-            return None;
-        }
-        let mut repeats = Self {
-            from: *from,
-            to: *to,
-            coordinates,
-            values: Vec::new(),
-        };
-        // Corners of the places in the table are equal to rounding; what that changes goes into the error.
-        let rounding = EQUAL * from.extent.max(to.extent);
-        repeats.values = (0..n_values)
-            .into_par_iter()
+        let repeats = Self::empty(from, to)?;
+        repeats
+            .values
+            .par_iter()
+            .enumerate()
             .with_min_len(64)
-            .map(|k| {
-                let (i, j) = repeats.representative(k);
-                let value = exchange(i, j);
-                let size = patches.prepared[i].radius().min(patches.prepared[j].radius());
-                Exchange {
-                    error: value.error + 2.0 * value.area * rounding / size,
-                    ..value
-                }
-            })
-            .collect();
+            .for_each(|(k, value)| {
+                value.get_or_init(|| repeats.value(patches, k, &exchange));
+            });
         Some(repeats)
     }
 
-    /// Returns the exchange area of a pair.
+    /// Returns the table of two grids with nothing computed; `None` if too little repeats.
+    pub(super) fn empty(from: &Lattice, to: &Lattice) -> Option<Self> {
+        let coordinates = coordinates(from, to);
+        let n_values: usize = coordinates.iter().map(|c| c.count).product();
+        let n_pairs = from.n_patches() * to.n_patches();
+        if n_values > MAX_ENTRIES || n_values * MIN_REPEATS > n_pairs {
+            return None;
+        }
+        Some(Self {
+            from: from.clone(),
+            to: to.clone(),
+            coordinates,
+            values: (0..n_values).map(|_| OnceLock::new()).collect(),
+        })
+    }
+
+    /// Returns the exchange area of a pair, if it is computed.
     pub(super) fn get(&self, i: usize, j: usize) -> Exchange {
+        self.values[self.index(i, j)].get().copied().unwrap_or_default()
+    }
+
+    /// Returns the exchange area of a pair, by `exchange` of the pair that stands for all with the same step if it is the first of them.
+    pub(super) fn get_or(
+        &self,
+        patches: &Patches,
+        (i, j): (usize, usize),
+        exchange: impl Fn(usize, usize) -> Exchange,
+    ) -> Exchange {
+        let index = self.index(i, j);
+        *self.values[index].get_or_init(|| self.value(patches, index, &exchange))
+    }
+
+    /// Computes entry `index`. Corners of all pairs that share it are equal but for a distance; what that changes goes into the error.
+    fn value(&self, patches: &Patches, index: usize, exchange: &impl Fn(usize, usize) -> Exchange) -> Exchange {
+        let Some((i, j)) = self.representative(index) else {
+            return Exchange::default();
+        };
+        let value = exchange(i, j);
+        let [p, q] = [i, j].map(|k| &patches.prepared[k]);
+        let size = p.radius().min(q.radius());
+        let rounding = EQUAL * self.from.extent.max(self.to.extent);
+        let off = self.from.off() + self.to.off();
+        let mut error = value.error + 2.0 * value.area * rounding / size;
+        if off > 2.0 * rounding {
+            // Where cosines are small, a corner that moves changes them by more.
+            let distance = (patches.corners[i][0] - patches.corners[j][0]).length_squared();
+            let most = (p.area() * q.area() / distance).min(p.area()).min(q.area());
+            error += LEVER * off / size * value.area.max(most);
+        }
+        Exchange { error, ..value }
+    }
+
+    fn index(&self, i: usize, j: usize) -> usize {
         let (a, b) = (self.from.place(i), self.to.place(j));
         let mut index = 0;
         for c in &self.coordinates {
@@ -161,38 +267,59 @@ impl Repeats {
             }
             index = index * c.count + value;
         }
-        self.values[index]
+        index
     }
 
-    /// Returns a pair that has entry `index`.
-    fn representative(&self, mut index: usize) -> (usize, usize) {
+    /// Returns the first pair that has entry `index`; `None` where the grids have holes in all of them.
+    fn representative(&self, mut index: usize) -> Option<(usize, usize)> {
         let (mut a, mut b) = ([0; 2], [0; 2]);
+        // The common directions: along these both move together.
+        let mut common: [Option<(usize, usize, bool, usize)>; 2] = [None; 2];
         for c in self.coordinates.iter().rev() {
             let value = index % c.count;
             index /= c.count;
             match (c.from, c.to) {
                 (Some(axis), None) => a[axis] = value,
                 (None, Some((axis, _))) => b[axis] = value,
-                (Some(axis), Some((other, false))) => {
-                    // a − b + shift = value, both as small as can be.
-                    a[axis] = value.saturating_sub(c.shift);
-                    b[other] = c.shift.saturating_sub(value);
-                }
-                (Some(axis), Some((other, true))) => {
-                    a[axis] = value.min(self.from.counts[axis] - 1);
-                    b[other] = value - a[axis];
+                (Some(axis), Some((other, against))) => {
+                    (a[axis], b[other]) = if against {
+                        let first = value.min(self.from.counts[axis] - 1);
+                        (first, value - first)
+                    } else {
+                        // a − b + shift = value, both as small as can be.
+                        (value.saturating_sub(c.shift), c.shift.saturating_sub(value))
+                    };
+                    common[usize::from(common[0].is_some())] = Some((axis, other, against, self.from.counts[axis]));
                 }
                 (None, None) => {}
             }
         }
-        let number = |grid: &Lattice, [i, j]: [usize; 2]| grid.first + i + j * grid.counts[0];
-        (number(&self.from, a), number(&self.to, b))
+        let moved = |(mut from, mut to): ([usize; 2], [usize; 2]), along: usize, by: usize| {
+            if let Some((axis, other, against, _)) = common[along] {
+                to[other] += by;
+                from[axis] = if against {
+                    from[axis].checked_sub(by)?
+                } else {
+                    from[axis] + by
+                };
+            }
+            Some((from, to))
+        };
+        let steps = |along: usize| 0..common[along].map_or(1, |(.., count)| count);
+        steps(0).find_map(|first| {
+            steps(1).find_map(|second| {
+                let (from, to) = moved(moved((a, b), 0, first)?, 1, second)?;
+                Some((self.from.patch_at(from)?, self.to.patch_at(to)?))
+            })
+        })
     }
 }
 
 /// Finds the axes that two grids have in common.
 fn coordinates(from: &Lattice, to: &Lattice) -> Vec<Coordinate> {
-    let slack = EQUAL * from.extent.max(to.extent);
+    let rounding = EQUAL * from.extent.max(to.extent);
+    let off = from.off() + to.off();
+    let slack = if off > 2.0 * rounding { off } else { rounding };
     let mut found = Vec::new();
     let mut free = [true; 2];
     for axis in 0..2 {
@@ -234,13 +361,15 @@ fn coordinates(from: &Lattice, to: &Lattice) -> Vec<Coordinate> {
 #[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
+    use crate::form_factor::facing::Facing;
     use crate::geometry::polygon_form_factor::{Tolerance, exchange_area};
     use crate::mesh::{Mesh, Subdivision};
     use crate::scene::builtin;
 
     fn patches(name: &str, n: u32) -> Patches {
         let scene = builtin::build(name, None).unwrap().scene;
-        Patches::new(&Mesh::new(&scene, Subdivision::Uniform(n)).unwrap(), true)
+        let mesh = Mesh::new(&scene, Subdivision::Uniform(n)).unwrap();
+        Patches::new(&mesh, &Facing::new(&mesh), true)
     }
 
     #[test]
@@ -292,7 +421,7 @@ mod tests {
         // The six walls are grids; the sphere's trapezoids and triangles are not.
         assert!(n_lattices >= 6 && n_lattices < sphere.faces.len(), "{n_lattices}");
         let cube = patches("cube", 3);
-        let mut corners = cube.corners.clone();
+        let mut corners = cube.corners.to_vec();
         assert!(Lattice::find(&corners, 0..9).is_some());
         corners[4][2] += DVec3::X * 1e-14;
         assert!(Lattice::find(&corners, 0..9).is_none());

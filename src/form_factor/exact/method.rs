@@ -11,12 +11,13 @@ use crate::setting::{Kind, Setting, Value};
 /// of a patch lies behind the other's plane takes no part; patches of one plane or back to back exchange exactly 0. A face sees on the side of its normal and
 /// blocks on both; two coincident faces of opposite winding are a sheet that both sides see from.
 ///
-/// - Faces that see nothing of each other are left out by a tree of the boxes around corners and normals.
+/// - Faces that see nothing of each other are left out by a tree of the boxes around corners and normals. What may occlude the faces below one of its nodes from a face is found once and handed down;
+///   branches that nothing can occlude, or that one polygon or convex solid hides, are settled whole.
 /// - Pairs are classified in f64 against all faces of the scene ([`OccluderIndex`](crate::visibility::occluders::OccluderIndex)): faces first, then runs of patches, then
 ///   patches, each only against what stood between the larger ones. With [`Input::unoccluded`](crate::form_factor::Input::unoccluded) no index is made and nothing is classified.
 /// - Full pairs: [`polygon_form_factor::exchange_area`](crate::geometry::polygon_form_factor::exchange_area) to a relative error of `tolerance`/10⁵, but not above 1e-9 or below 1e-12;
 ///   for tolerances above 1e-6, an absolute error of A_i F_ij / min(A_i, A_j) below `tolerance`/10⁵ is enough. Where two faces are
-///   regular grids with a common step, pairs with the same step between them are computed once; where they are grids of rectangles with parallel edges, whatever
+///   regular grids with a common step, or patches are faces of one plane that make such a grid in any order, pairs with the same step between them are computed once; where they are grids of rectangles with parallel edges, whatever
 ///   their steps, and the absolute error is enough, all pairs are differences of one closed form at the grids' corners.
 /// - Hidden pairs are exactly 0.
 /// - Partial pairs: [`partial::exchange_area`](crate::form_factor::partial::exchange_area), which follows the edges of the shadows, and subtracts what is hidden from the exchange area without occluders. Two patches with
@@ -113,6 +114,16 @@ impl ExactMethod {
         } else {
             25.0
         }
+    }
+
+    /// Returns how far corners may be off, in m, for pairs of patches of a size, in m, or more to count as equal: what that changes is below what such pairs are computed to, or a hundredth of the tolerance where digits are not relative.
+    pub(super) fn shared_off(&self, size: f64) -> f64 {
+        let part = if self.tolerance > FULL_IS_RELATIVE {
+            1e-3 * self.tolerance
+        } else {
+            0.1 * self.full_tolerance(1.0).rel
+        };
+        part * size
     }
 
     /// Returns what pairs without occluders are computed to.

@@ -5,6 +5,7 @@ mod batches;
 mod compute;
 mod corners;
 mod faces;
+mod grids;
 mod lattice;
 mod method;
 mod patches;
@@ -13,6 +14,7 @@ mod split;
 mod stated;
 mod table;
 mod tables;
+mod views;
 mod walk;
 
 pub(super) use method::ENTRY;

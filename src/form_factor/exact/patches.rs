@@ -2,12 +2,16 @@
 
 use std::borrow::Cow;
 use std::ops::Range;
+use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
+use rayon::prelude::*;
 
+use crate::form_factor::facing::Facing;
 use crate::geometry::polygon;
 use crate::geometry::polygon_form_factor::PreparedPolygon;
-use crate::mesh::{Mesh, PatchId};
+use crate::mesh::Mesh;
+use crate::visibility::shaft::Lean;
 
 /// A run of consecutive patches of one face.
 #[derive(Clone, Debug)]
@@ -35,7 +39,7 @@ pub(super) const ROW_RUN: usize = 8;
 /// All patches as polygons.
 pub(super) struct Patches {
     /// The corners of each patch, in m.
-    pub(super) corners: Vec<Vec<DVec3>>,
+    pub(super) corners: Arc<[Vec<DVec3>]>,
     /// The same, prepared for the unoccluded kernel.
     pub(super) prepared: Vec<PreparedPolygon>,
     /// How far the corners of each patch are off its plane, or may be off where they are meant, in m; 0 where that is rounding.
@@ -47,32 +51,33 @@ pub(super) struct Patches {
 }
 
 impl Patches {
-    /// Gathers the patches; `nested` false leaves each face one run, for where nothing is classified.
-    pub(super) fn new(mesh: &Mesh, nested: bool) -> Self {
-        let corners: Vec<Vec<DVec3>> = (0..mesh.n_patches())
-            .map(|i| mesh.polygon(PatchId::from_index(i)))
-            .collect();
-        let prepared = corners.iter().map(|c| PreparedPolygon::new(c)).collect();
-        let (mut faces, mut face_of_patch) = (Vec::new(), Vec::with_capacity(corners.len()));
-        let mut begin = 0;
+    /// Gathers the patches, whose corners `facing` has; `nested` false leaves each face one run, for where nothing is classified.
+    pub(super) fn new(mesh: &Mesh, facing: &Facing, nested: bool) -> Self {
+        let corners = Arc::clone(facing.corners());
+        let mut ranges: Vec<Range<usize>> = Vec::new();
         for same_face in mesh.patches.chunk_by(|a, b| a.face == b.face) {
-            let range = begin..begin + same_face.len();
-            begin = range.end;
-            face_of_patch.resize(range.end, faces.len());
+            let begin = ranges.last().map_or(0, |range| range.end);
+            ranges.push(begin..begin + same_face.len());
+        }
+        let face = |range: &Range<usize>| {
             let mut face = FacePatches {
                 runs: Vec::new(),
                 row_runs: Vec::new(),
             };
-            let frame = Frame::new(same_face[0].normal, &corners[range.start]);
-            face.grow(range, &frame, &corners, nested);
-            faces.push(face);
+            let frame = Frame::new(mesh.patches[range.start].normal, &corners[range.start]);
+            face.grow(range.clone(), &frame, &corners, nested);
+            face
+        };
+        let mut face_of_patch = vec![0; corners.len()];
+        for (f, range) in ranges.iter().enumerate() {
+            face_of_patch[range.clone()].fill(f);
         }
         Self {
-            bent: corners.iter().map(|c| bent(c)).collect(),
-            corners,
-            prepared,
-            faces,
+            bent: corners.par_iter().map(|c| bent(c)).collect(),
+            prepared: corners.par_iter().map(|c| PreparedPolygon::new(c)).collect(),
+            faces: ranges.par_iter().map(face).collect(),
             face_of_patch,
+            corners,
         }
     }
 
@@ -100,6 +105,17 @@ impl Patches {
         let normal = self.prepared[patch].normal();
         let middle = corners.iter().sum::<DVec3>() / corners.len() as f64;
         corners.iter().map(|&v| v - normal.dot(v - middle) * normal).collect()
+    }
+
+    /// Returns the least reach of a patch: the greatest distance of a corner from the mean of its corners, in m.
+    pub(super) fn least_reach(&self) -> f64 {
+        let reaches = self.corners.par_iter().map(|corners| Lean::of(corners).reach());
+        reaches.reduce(|| f64::INFINITY, f64::min)
+    }
+
+    /// Tells whether two faces are one patch each.
+    pub(super) fn are_one_pair(&self, faces: [usize; 2]) -> bool {
+        faces.iter().all(|&face| self.faces[face].range().len() == 1)
     }
 
     /// Returns the number of patches.
@@ -257,7 +273,7 @@ mod tests {
     fn patches(name: &str, n: u32) -> (Patches, Mesh) {
         let scene = builtin::build(name, None).unwrap().scene;
         let mesh = Mesh::new(&scene, Subdivision::Uniform(n)).unwrap();
-        (Patches::new(&mesh, true), mesh)
+        (Patches::new(&mesh, &Facing::new(&mesh), true), mesh)
     }
 
     #[test]

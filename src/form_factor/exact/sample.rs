@@ -13,11 +13,23 @@ use crate::form_factor::Input;
 use crate::form_factor::forecast::{RAYS, golden_section, mean, sampled, shooting_s};
 use crate::progress::Forecast;
 
-/// Runs of rows are classified for about this long at most.
-const MOST: Duration = Duration::from_millis(1200);
+/// How long a sample may take: to classify runs of rows, and then to integrate their pairs for each tolerance.
+struct Limits {
+    of_rows: Duration,
+    of_pairs: Duration,
+}
 
-/// And their pairs integrated for this long at most, for each tolerance.
-const MAX_OF_PAIRS: Duration = Duration::from_millis(600);
+/// Where the forecast is what was asked for.
+const IN_FULL: Limits = Limits {
+    of_rows: Duration::from_millis(1200),
+    of_pairs: Duration::from_millis(600),
+};
+
+/// Where it only warns, before the work itself begins.
+const BY_THE_WAY: Limits = Limits {
+    of_rows: Duration::from_millis(300),
+    of_pairs: Duration::from_millis(100),
+};
 
 /// And no more than one run of rows in so many: little work is not worth a forecast.
 const RUNS_PER_SAMPLE: usize = 32;
@@ -45,11 +57,12 @@ impl Batches<'_> {
         } else {
             runs.len() / RUNS_PER_SAMPLE
         };
-        let samples = sampled(runs.len(), n_samples, MOST, |k| self.classified_run(runs[k]));
+        let limits = if in_full { IN_FULL } else { BY_THE_WAY };
+        let samples = sampled(runs.len(), n_samples, limits.of_rows, |k| self.classified_run(runs[k]));
         let looked: Vec<f64> = samples.iter().map(|sample| sample.seconds).collect();
         let looked_s = mean(&looked)?;
         let of_tolerance = |tolerance: f64| {
-            let times = sampled(samples.len(), samples.len(), MAX_OF_PAIRS, |k| {
+            let times = sampled(samples.len(), samples.len(), limits.of_pairs, |k| {
                 self.pairs_s(&samples[k].strip, tolerance)
             });
             let of_run = looked_s + mean(&times)?;

@@ -29,7 +29,8 @@ impl Walk<'_> {
         match &seen.visibility {
             PairVisibility::Full => self.each_facing_pair(columns, |walk, i, j| walk.push_full(i, j, touched)),
             PairVisibility::None => self.each_facing_pair(columns, |walk, i, j| walk.push_hidden(i, j, touched)),
-            PairVisibility::Partial(among) if of_faces => self.look(columns, among, touched),
+            // Of two patches that are their whole faces no more can be found out.
+            PairVisibility::Partial(among) if of_faces && !self.is_one_pair() => self.look(columns, among, touched),
             PairVisibility::Partial(among) => match columns.halves {
                 Some(halves) => {
                     for k in halves {
@@ -39,6 +40,13 @@ impl Walk<'_> {
                 None => self.each_facing_pair(columns, |walk, i, j| walk.push_seen(i, j, among, touched)),
             },
         }
+    }
+
+    /// Tells whether both faces are one patch each.
+    fn is_one_pair(&self) -> bool {
+        let faces = [self.rows.patches.start, self.runs[0].patches.start];
+        let patches = &self.batches.patches;
+        patches.are_one_pair(faces.map(|patch| patches.face_of_patch[patch]))
     }
 
     /// Classifies the rows against a run of columns, of larger ones that are `touched` or not.
@@ -98,7 +106,7 @@ impl Walk<'_> {
         self.strip.counts.full += 1;
         let exchange = self
             .table
-            .map_or_else(|| self.batches.kernel(i, j), |table| table.get(i, j));
+            .map_or_else(|| self.batches.repeated(i, j), |table| table.get(i, j));
         let integrated = exchange.error <= self.batches.goal([i, j]);
         let seen = Seen::whole(exchange.area, touched);
         let stated = self.batches.stated([i, j], seen, exchange, integrated);
@@ -114,7 +122,7 @@ impl Walk<'_> {
         }
         let unoccluded = self
             .table
-            .map_or_else(|| self.batches.kernel(i, j), |table| table.get(i, j));
+            .map_or_else(|| self.batches.repeated(i, j), |table| table.get(i, j));
         let error = self.batches.passing([i, j], unoccluded.area);
         if self.batches.is_stated([i, j], error) {
             self.batches.count_hidden([i, j], error, &mut self.strip.counts);

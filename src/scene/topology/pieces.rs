@@ -6,9 +6,10 @@
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::caps::caps;
-use super::{edge_runs, edges};
+use super::edges;
 use crate::disjoint_sets::DisjointSets;
 use crate::geometry::box_pairs::{BoxTree, overlapping_pairs};
 use crate::geometry::polygon;
@@ -42,20 +43,8 @@ impl Pieces {
     ///
     /// Work: O(n log n).
     pub(crate) fn of(scene: &Scene) -> Self {
-        let runs = edge_runs(scene);
         let mut sets = DisjointSets::new(scene.faces.len());
-        let mut open = Vec::new();
-        for face in scene.face_ids() {
-            for (a, b) in edges(scene, face) {
-                let once = runs.get(&(a, b)).is_some_and(|run| run.1);
-                match runs.get(&(b, a)) {
-                    Some(&(neighbour, true)) if once => {
-                        sets.join(face.0 as usize, neighbour as usize);
-                    }
-                    _ => open.push((face.0, [a, b])),
-                }
-            }
-        }
+        let open = join_neighbours(scene, &mut sets);
         let parted = Parted::new(scene, &open);
         let mut joints = parted.joints();
         for joint in &joints {
@@ -162,6 +151,34 @@ impl Pieces {
     pub(crate) fn rims(&self) -> &[(u32, [u32; 2])] {
         &self.rims
     }
+}
+
+/// Joins faces along edges that no others share, which run along them in opposite senses; returns the other edges in the order of their faces, with their ends.
+fn join_neighbours(scene: &Scene, sets: &mut DisjointSets) -> Vec<(u32, [u32; 2])> {
+    let mut runs: Vec<([u32; 2], u32, u8)> = Vec::with_capacity(4 * scene.faces.len());
+    for face in scene.face_ids() {
+        let of_edge = |(k, (a, b)): (u8, (u32, u32))| ([a.min(b), a.max(b)], face.0, k);
+        runs.extend((0..).zip(edges(scene, face)).map(of_edge));
+    }
+    runs.par_sort_unstable();
+    let ends = |face: u32, k: u8| {
+        let corners = scene.faces[face as usize].corners;
+        let v = corners.as_slice();
+        [v[usize::from(k)], v[(usize::from(k) + 1) % v.len()]]
+    };
+    let mut open: Vec<(u32, u8)> = Vec::new();
+    for along in runs.chunk_by(|a, b| a.0 == b.0) {
+        match *along {
+            // The one edge of a face without length is its own neighbour.
+            [([a, b], ..)] if a == b => {}
+            [(_, one, k), (_, other, l)] if ends(one, k) != ends(other, l) => {
+                sets.join(one as usize, other as usize);
+            }
+            _ => open.extend(along.iter().map(|&(_, face, k)| (face, k))),
+        }
+    }
+    open.sort_unstable();
+    open.into_iter().map(|(face, k)| (face, ends(face, k))).collect()
 }
 
 /// Tells of each piece whether all of it lies in one plane.
@@ -359,10 +376,13 @@ fn open_sets(scene: &Scene, joints: &[Joint], sets: &mut DisjointSets) -> Vec<bo
             joints_of.entry(run.0).or_default().push(k);
         }
     }
+    if joints.is_empty() {
+        return is_open;
+    }
     let mut areas: HashMap<u32, f64> = HashMap::new();
     for face in scene.face_ids() {
         *areas.entry(super::index(sets.find(face.0 as usize))).or_default() +=
-            polygon::area_vector(&scene.polygon(face)).length();
+            polygon::area_vector(&scene.positions(&scene.faces[face.0 as usize])).length();
     }
     let mut smallest_first: Vec<u32> = joints_of.keys().copied().collect();
     smallest_first.sort_by(|a, b| areas[a].total_cmp(&areas[b]));

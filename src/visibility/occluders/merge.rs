@@ -28,16 +28,18 @@ pub(super) fn convex_polygons(scene: &Scene, off: f64) -> Vec<(Vec<u32>, Vec<u32
         vertices: &scene.vertices,
         off,
         loops: Vec::new(),
-        by_edge: HashMap::new(),
+        by_edge: HashMap::with_capacity(scene.faces.len() * 3 / 2),
     };
-    let mut known: HashMap<Vec<u32>, usize> = HashMap::new();
+    let mut known: HashMap<[u32; 4], usize> = HashMap::with_capacity(scene.faces.len());
     for face in scene.face_ids() {
         let corners = scene.faces[face.0 as usize].corners;
-        let area_vector = scene.area_vector(face);
+        let area_vector = polygon::area_vector(&scene.positions(&scene.faces[face.0 as usize]));
         if area_vector.length_squared() <= 0.0 {
             continue;
         }
-        let mut key = corners.as_slice().to_vec();
+        // A triangle has no fourth vertex, and no vertex is the last number.
+        let mut key = [u32::MAX; 4];
+        key[..corners.as_slice().len()].copy_from_slice(corners.as_slice());
         key.sort_unstable();
         if let Some(&twin) = known.get(&key) {
             merger.loops[twin].faces.push(face.0);
@@ -67,7 +69,24 @@ struct Merger<'a> {
     vertices: &'a [DVec3],
     off: f64,
     loops: Vec<Loop>,
-    by_edge: HashMap<Edge, Vec<usize>>,
+    by_edge: HashMap<Edge, Owners>,
+}
+
+/// The loops along an edge.
+#[derive(Clone, Copy)]
+enum Owners {
+    One(usize),
+    Two([usize; 2]),
+    More,
+}
+
+impl Owners {
+    fn and(self, index: usize) -> Self {
+        match self {
+            Self::One(first) => Self::Two([first, index]),
+            Self::Two(_) | Self::More => Self::More,
+        }
+    }
 }
 
 impl Merger<'_> {
@@ -75,7 +94,10 @@ impl Merger<'_> {
         let index = self.loops.len();
         for (k, &a) in corners.iter().enumerate() {
             let b = corners[(k + 1) % corners.len()];
-            self.by_edge.entry(edge(a, b)).or_default().push(index);
+            let owners = self.by_edge.entry(edge(a, b));
+            owners
+                .and_modify(|owners| *owners = owners.and(index))
+                .or_insert(Owners::One(index));
         }
         self.loops.push(Loop {
             corners,
@@ -90,7 +112,7 @@ impl Merger<'_> {
         let mut last_refused = None;
         for i in 0..corners.len() {
             let (a, b) = (corners[i], corners[(i + 1) % corners.len()]);
-            let Some(&[x, y]) = self.by_edge.get(&edge(a, b)).map(Vec::as_slice) else {
+            let Some(&Owners::Two([x, y])) = self.by_edge.get(&edge(a, b)) else {
                 continue; // a border, or an edge at which more than two faces meet
             };
             let other = if x == k { y } else { x };
@@ -195,12 +217,14 @@ impl Merger<'_> {
         let absorbed = std::mem::take(&mut self.loops[other].corners);
         let faces = std::mem::take(&mut self.loops[other].faces);
         for (i, &a) in absorbed.iter().enumerate() {
-            let owners = self
-                .by_edge
-                .entry(edge(a, absorbed[(i + 1) % absorbed.len()]))
-                .or_default();
-            for owner in owners.iter_mut().filter(|owner| **owner == other) {
-                *owner = k;
+            let owners = self.by_edge.get_mut(&edge(a, absorbed[(i + 1) % absorbed.len()]));
+            match owners {
+                Some(Owners::One(owner)) if *owner == other => *owner = k,
+                Some(Owners::Two(both)) => both
+                    .iter_mut()
+                    .filter(|owner| **owner == other)
+                    .for_each(|owner| *owner = k),
+                _ => {}
             }
         }
         self.loops[k].corners = union;

@@ -4,16 +4,19 @@ mod merge;
 mod solids;
 mod touching;
 mod tree;
+mod wide;
 
 use std::borrow::Cow;
 
 use glam::DVec3;
 
 use super::shaft::{Lean, Plane, Shaft, rounding};
+use crate::scene::topology::Pieces;
 use crate::scene::{FaceId, SLACK_PER_CORNER, Scene};
 use solids::Solid;
 pub(crate) use touching::standing_on;
 use tree::Tree;
+pub(crate) use wide::{Candidate, Closer, Measures, Outlook};
 
 /// Index of an occluder in a [`OccluderIndex`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -63,6 +66,11 @@ impl Between {
 struct Entry {
     corners: Vec<DVec3>,
     plane: Plane,
+    /// The box around the corners.
+    low: DVec3,
+    high: DVec3,
+    /// The least and the greatest height of a corner over the plane: a quad may be bent.
+    heights: [f64; 2],
     faces: Vec<FaceId>,
     /// The corners of these faces, where they are several and rounding may have them stand out of the polygon.
     parts: Vec<Vec<DVec3>>,
@@ -103,6 +111,8 @@ pub struct OccluderIndex {
     tree: Tree,
     /// [`Scene::slack`].
     slack: f64,
+    /// No patch reaches less far from its middle, in m; 0 where that is not known.
+    least_reach: f64,
 }
 
 impl OccluderIndex {
@@ -110,39 +120,55 @@ impl OccluderIndex {
     #[must_use]
     pub fn new(scene: &Scene) -> Self {
         let slack = scene.slack();
-        let polygons: Vec<(Vec<DVec3>, Vec<FaceId>)> = merge::convex_polygons(scene, slack / SLACK_PER_CORNER)
+        let (joined, pieces) = rayon::join(
+            || merge::convex_polygons(scene, slack / SLACK_PER_CORNER),
+            || Pieces::of(scene),
+        );
+        let polygons: Vec<(Vec<DVec3>, Vec<FaceId>)> = joined
             .into_iter()
             .map(|(corners, faces)| {
                 let positions = corners.iter().map(|&v| scene.vertices[v as usize]).collect();
                 (positions, faces.into_iter().map(FaceId).collect())
             })
             .collect();
-        let (solids, solid_of_polygon) = solids::find(scene, &polygons, slack);
+        let (solids, solid_of_polygon) = solids::find(scene, &pieces, &polygons, slack);
+        drop(pieces);
         let all = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         let boxes: Vec<(DVec3, DVec3)> = polygons
             .iter()
             .map(|(corners, _)| corners.iter().fold(all, |(l, h), &v| (l.min(v), h.max(v))))
             .collect();
-        let entries = polygons
-            .into_iter()
-            .zip(solid_of_polygon)
-            .map(|((corners, faces), solid)| Entry {
-                plane: Plane::of(&corners),
-                parts: if slack > 0.0 && faces.len() > 1 {
-                    faces.iter().map(|&face| scene.polygon(face)).collect()
-                } else {
-                    Vec::new()
-                },
-                corners,
-                faces,
-                solid,
-            });
+        let entries =
+            polygons
+                .into_iter()
+                .zip(solid_of_polygon)
+                .zip(&boxes)
+                .map(|(((corners, faces), solid), &(low, high))| Entry {
+                    plane: Plane::of(&corners),
+                    heights: Plane::of(&corners).heights(&corners),
+                    low,
+                    high,
+                    parts: if slack > 0.0 && faces.len() > 1 {
+                        faces.iter().map(|&face| scene.polygon(face)).collect()
+                    } else {
+                        Vec::new()
+                    },
+                    corners,
+                    faces,
+                    solid,
+                });
         Self {
             entries: entries.collect(),
             solids,
             tree: Tree::new(&boxes),
             slack,
+            least_reach: 0.0,
         }
+    }
+
+    /// Takes note that no polygon will be asked for whose corners reach less far from their mean than `reach`, m.
+    pub(crate) fn expect_reach(&mut self, reach: f64) {
+        self.least_reach = reach;
     }
 
     /// Returns how far a face may reach in between two others, in m, and be left out for the rounding of coordinates.
@@ -179,9 +205,10 @@ impl OccluderIndex {
 
     /// Does what [`classify`](Self::classify) does, and tells what was left out for the rounding of coordinates.
     pub(crate) fn between(&self, p: &[DVec3], q: &[DVec3]) -> Between {
-        self.classify_with(p, q, self.slack, |look_at, shaft| {
+        let all = |look_at: &mut dyn FnMut(OccluderId) -> bool, shaft: &Shaft<'_>| {
             self.tree.visit(shaft, |k| look_at(OccluderId(k)));
-        })
+        };
+        self.classify_with(p, q, self.slack, all).0
     }
 
     /// Tells whether two polygons that seem to face each other are two sides of a sheet, which rounded coordinates have parted.
@@ -199,77 +226,73 @@ impl OccluderIndex {
 
     /// Does what [`classify_among`](Self::classify_among) does, and tells what was left out for the rounding of coordinates.
     pub(crate) fn between_among(&self, p: &[DVec3], q: &[DVec3], among: &[OccluderId]) -> Between {
-        self.classify_with(p, q, self.slack, each_of(among))
+        self.classify_with(p, q, self.slack, each_of(among)).0
     }
 
     /// Finds which of the occluders `among` of a pair occlude two parts of it that no corners of the scene bound: nothing was meant to touch these, and nothing is left out for rounding.
     pub(crate) fn classify_cut(&self, p: &[DVec3], q: &[DVec3], among: &[OccluderId]) -> PairVisibility {
-        self.classify_with(p, q, 0.0, each_of(among)).visibility
+        self.classify_with(p, q, 0.0, each_of(among)).0.visibility
     }
 
-    /// Looks at occluders until one hides all; what reaches in between by less than `slack`, m, is left out.
+    /// Looks at occluders until one hides all for certain, and tells which; what reaches in between by less than `slack`, m, is left out.
     fn classify_with(
         &self,
         p: &[DVec3],
         q: &[DVec3],
         slack: f64,
         each: impl FnOnce(&mut dyn FnMut(OccluderId) -> bool, &Shaft<'_>),
-    ) -> Between {
+    ) -> (Between, Option<Closer>) {
         if slack > 0.0 && self.are_sides_of_a_sheet(p, q) {
-            return Between::certain(PairVisibility::None);
+            return (Between::certain(PairVisibility::None), None);
         }
+        self.classify_no_sheet(p, q, slack, each)
+    }
+
+    /// Does what [`classify_with`](Self::classify_with) does for polygons that are not both sides of a sheet.
+    fn classify_no_sheet(
+        &self,
+        p: &[DVec3],
+        q: &[DVec3],
+        slack: f64,
+        each: impl FnOnce(&mut dyn FnMut(OccluderId) -> bool, &Shaft<'_>),
+    ) -> (Between, Option<Closer>) {
         let Some(shaft) = Shaft::new(p, q, slack) else {
-            return Between::certain(PairVisibility::None);
+            return (Between::certain(PairVisibility::None), None);
         };
-        // What lies in the plane of a patch hides nothing from it; what is a gap off, which was meant, hides it, however narrow that is.
-        let mut found = Vec::new();
-        let mut closed = false;
-        let mut touched = false;
-        let mut last_solid = None;
-        let mut look_at = |occluder: OccluderId| {
-            let entry = &self.entries[occluder.0 as usize];
-            let is_met = if slack > 0.0 {
-                let is_touched = shaft.is_touched_by(&entry.corners);
-                let levels = if is_touched {
-                    [p, q].map(|end| entry.levels(end, slack))
-                } else {
-                    [Levels::Apart; 2]
-                };
-                let is_met = is_touched
-                    && !levels.contains(&Levels::Touching)
-                    && (levels.contains(&Levels::Gap) || shaft.meets(&entry.corners));
-                touched |= is_touched && !is_met;
-                is_met
-            } else {
-                shaft.meets(&entry.corners)
+        let mut look = Look {
+            index: self,
+            ends: [p, q],
+            shaft: &shaft,
+            slack,
+            found: Vec::new(),
+            closer: None,
+            is_closed: false,
+            touched: false,
+            last_solid: None,
+        };
+        each(&mut |occluder| look.at(occluder), &shaft);
+        let Look {
+            mut found,
+            closer,
+            is_closed,
+            touched,
+            ..
+        } = look;
+        if is_closed {
+            // What is closed leaves nothing open but what rounding explains.
+            let between = Between {
+                visibility: PairVisibility::None,
+                touched: closer.is_none(),
             };
-            if is_met {
-                found.push(occluder);
-                closed = shaft.is_closed_by(&entry.corners, &entry.plane, slack);
-                let is_close = closed && slack > 0.0 && !shaft.is_closed_by(&entry.corners, &entry.plane, 0.0);
-                if let Some(solid) = entry.solid
-                    && last_solid != Some(solid)
-                {
-                    last_solid = Some(solid);
-                    closed |= self.solids[solid as usize].closes(&shaft, p, q, self.slack);
-                }
-                // What is closed leaves nothing open but that.
-                if closed {
-                    touched = is_close;
-                }
-            }
-            !closed
-        };
-        each(&mut look_at, &shaft);
-        let visibility = if closed {
-            PairVisibility::None
-        } else if found.is_empty() {
+            return (between, closer);
+        }
+        let visibility = if found.is_empty() {
             PairVisibility::Full
         } else {
             found.sort_unstable();
             PairVisibility::Partial(found)
         };
-        Between { visibility, touched }
+        (Between { visibility, touched }, None)
     }
 
     /// Returns how many occluders these are, counting no more than three of one convex solid: as many sides does a box show.
@@ -324,6 +347,69 @@ impl OccluderIndex {
                 }
             })
             .collect()
+    }
+}
+
+/// A look at the occluders between two polygons, one after the other.
+struct Look<'a> {
+    index: &'a OccluderIndex,
+    ends: [&'a [DVec3]; 2],
+    shaft: &'a Shaft<'a>,
+    slack: f64,
+    found: Vec<OccluderId>,
+    /// What hides all for certain.
+    closer: Option<Closer>,
+    /// Whether all is hidden, but for what passes by rounding.
+    is_closed: bool,
+    /// See [`Between::touched`].
+    touched: bool,
+    last_solid: Option<u32>,
+}
+
+impl Look<'_> {
+    /// Looks at one more occluder; false where no more need be looked at.
+    ///
+    /// What lies in the plane of a patch hides nothing from it; what is a gap off, which was meant, hides it, however narrow that is.
+    fn at(&mut self, occluder: OccluderId) -> bool {
+        let (shaft, entry) = (self.shaft, &self.index.entries[occluder.0 as usize]);
+        if !self.meets(entry) {
+            return true;
+        }
+        self.found.push(occluder);
+        let is_closed = |slack: f64| shaft.is_closed_by(&entry.corners, &entry.plane, slack);
+        if is_closed(self.slack) {
+            self.is_closed = true;
+            if self.slack <= 0.0 || is_closed(0.0) {
+                self.closer = Some(Closer::Polygon(occluder));
+            }
+        }
+        if self.closer.is_none()
+            && let Some(solid) = entry.solid
+            && self.last_solid != Some(solid)
+        {
+            self.last_solid = Some(solid);
+            let [p, q] = self.ends;
+            if self.index.solids[solid as usize].closes(shaft, p, q, self.index.slack) {
+                self.is_closed = true;
+                self.closer = Some(Closer::Solid(solid));
+            }
+        }
+        self.closer.is_none()
+    }
+
+    fn meets(&mut self, entry: &Entry) -> bool {
+        let (shaft, slack) = (self.shaft, self.slack);
+        if slack <= 0.0 {
+            return shaft.meets(&entry.corners);
+        }
+        if !shaft.is_touched_by(&entry.corners) {
+            return false;
+        }
+        let levels = self.ends.map(|end| entry.levels(end, slack));
+        let is_met =
+            !levels.contains(&Levels::Touching) && (levels.contains(&Levels::Gap) || shaft.meets(&entry.corners));
+        self.touched |= !is_met;
+        is_met
     }
 }
 

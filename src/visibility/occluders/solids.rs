@@ -41,6 +41,17 @@ impl Solid {
 }
 
 impl Solid {
+    /// Returns a point inside.
+    pub(super) fn middle(&self) -> DVec3 {
+        self.middle
+    }
+
+    /// Tells whether a point lies inside, deeper than `off`, m, and rounding.
+    pub(super) fn holds(&self, point: DVec3, off: f64) -> bool {
+        let off = off + self.rounding;
+        self.planes.iter().all(|plane| plane.height(point) < -off)
+    }
+
     /// Tells whether the solid alone stops all light between two polygons. Errs on the side of false.
     pub(super) fn closes(&self, shaft: &Shaft<'_>, p: &[DVec3], q: &[DVec3], slack: f64) -> bool {
         // From inside of the solid to its inside nothing is in the way.
@@ -54,10 +65,10 @@ impl Solid {
 /// Corners may stand out from the planes of other sides by `slack`, m, as rounding moves them.
 pub(super) fn find(
     scene: &Scene,
+    connected: &Pieces,
     polygons: &[(Vec<DVec3>, Vec<FaceId>)],
     slack: f64,
 ) -> (Vec<Solid>, Vec<Option<u32>>) {
-    let connected = Pieces::of(scene);
     let piece_of_face: Vec<Option<u32>> = scene.face_ids().map(|face| connected.closed_by_itself(face)).collect();
     let mut polygons_of_piece: HashMap<u32, Vec<usize>> = HashMap::new();
     for (k, (_, faces)) in polygons.iter().enumerate() {

@@ -66,6 +66,29 @@ impl Tree {
         self.grow(boxes, middle, end);
     }
 
+    /// Returns the root; `None` without polygons.
+    pub(super) fn root(&self) -> Option<u32> {
+        (!self.nodes.is_empty()).then_some(0)
+    }
+
+    /// Returns the box around a node.
+    pub(super) fn bounds(&self, node: u32) -> (DVec3, DVec3) {
+        let node = &self.nodes[node as usize];
+        (node.low, node.high)
+    }
+
+    /// Returns both children of a node that is not a leaf.
+    pub(super) fn halves(&self, node: u32) -> Option<[u32; 2]> {
+        let second = self.nodes[node as usize].second;
+        (second > 0).then_some([node + 1, second])
+    }
+
+    /// Returns the polygons below a node.
+    pub(super) fn polygons(&self, node: u32) -> &[u32] {
+        let node = &self.nodes[node as usize];
+        &self.order[node.first as usize..node.end as usize]
+    }
+
     /// Calls `visit` for each polygon in the boxes that may meet a shaft; stops where it returns false.
     pub(super) fn visit(&self, shaft: &Shaft<'_>, mut visit: impl FnMut(u32) -> bool) {
         let mut stack = [0_u32; 64];

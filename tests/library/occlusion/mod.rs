@@ -2,6 +2,7 @@
 
 use crate::embree::scenes;
 
+mod careless;
 mod certified;
 mod closed_rooms;
 mod error_estimates;
