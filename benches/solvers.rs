@@ -75,8 +75,10 @@ fn lewis(level: u32) {
         prolongation: Prolongation::Injection,
         ..Multigrid::default()
     };
-    let mut settings = SolverSettings::default();
-    settings.hierarchy = Some(hierarchy);
+    let settings = SolverSettings {
+        hierarchy: Some(hierarchy),
+        ..SolverSettings::default()
+    };
     let chooser = solver("auto", &settings).expect("known");
     let options = SolveOptions {
         tolerance: Tolerance::ResidualMax(TOLERANCE),
@@ -191,8 +193,10 @@ fn cases() {
 }
 
 fn compare(name: char, room: &Case, system: &RadiositySystem, names: &[&str]) {
-    let mut settings = SolverSettings::default();
-    settings.hierarchy = Some(Arc::clone(&room.hierarchy));
+    let settings = SolverSettings {
+        hierarchy: Some(Arc::clone(&room.hierarchy)),
+        ..SolverSettings::default()
+    };
     let options = SolveOptions::default();
     let solvers: Vec<Box<dyn Solver>> = SOLVERS.iter().map(|entry| entry.build(&settings)).collect();
     let mut times = vec![Vec::new(); names.len()];

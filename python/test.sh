@@ -3,10 +3,18 @@
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 environment=target/python
-[ -x "$environment/bin/pip" ] || python3 -m venv "$environment" || {
-    echo "python/test.sh: python3 cannot make an environment; on Debian and Ubuntu: apt-get install python3-venv" >&2
-    exit 1
+# Debian has the module in a package of its own.
+with_venv() {
+    local as_root=()
+    [ "$(id -u)" -eq 0 ] || as_root=(sudo)
+    command -v apt-get >/dev/null && "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -q install -y python3-venv
 }
+if ! [ -x "$environment/bin/pip" ]; then
+    python3 -m venv "$environment" || { rm -rf "$environment"; with_venv && python3 -m venv "$environment"; } || {
+        echo "python/test.sh: python3 cannot make an environment; install its module venv, and run this again" >&2
+        exit 1
+    }
+fi
 "$environment/bin/pip" install -q --upgrade "pip>=21.3"
 "$environment/bin/pip" install -q "./python[test,sparse,mesh,plot,bar]"
 cd python

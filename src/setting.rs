@@ -99,22 +99,22 @@ impl Setting {
                 Ok(number) if number.is_finite() => Ok(Value::Number(number)),
                 _ => Err("give a finite number".to_owned()),
             },
-            Kind::Choice(words) => match words.iter().find(|(word, _)| *word == text) {
-                Some((word, _)) => Ok(Value::Choice(word)),
-                None => {
-                    let words: Vec<&str> = words.iter().map(|(word, _)| *word).collect();
-                    Err(format!("give one of {}", words.join(", ")))
-                }
-            },
+            Kind::Choice(words) => {
+                let known = words.iter().map(|(word, _)| *word);
+                let found = known.clone().find(|word| *word == text);
+                found.map(Value::Choice).ok_or_else(|| {
+                    let known: Vec<&str> = known.collect();
+                    format!("give one of {}", known.join(", "))
+                })
+            }
         }
     }
 
     /// Tells whether a value is one of the setting's.
     fn has(&self, value: Value) -> bool {
         match (self.kind, value) {
-            (Kind::Flag, Value::Flag(_)) => true,
+            (Kind::Flag, Value::Flag(_)) | (Kind::Number, Value::Number(_)) => true,
             (Kind::Count(most), Value::Count(count)) => (1..=most).contains(&count),
-            (Kind::Number, Value::Number(_)) => true,
             (Kind::Choice(words), Value::Choice(word)) => words.iter().any(|(known, _)| *known == word),
             _ => false,
         }
@@ -309,8 +309,8 @@ impl Values {
     /// Returns the values of the settings in use: those given, else the defaults.
     #[must_use]
     pub fn resolved(&self, uses: &[Use]) -> Self {
-        let value = |used: &Use| self.get(used.setting).or(used.default);
-        let all = uses.iter().filter_map(|used| Some((used.setting, value(used)?)));
+        let own = |used: &Use| self.get(used.setting).or(used.default);
+        let all = uses.iter().filter_map(|used| Some((used.setting, own(used)?)));
         Self(all.map(|(setting, value)| (setting.name, (setting, value))).collect())
     }
 }

@@ -101,11 +101,11 @@ pub fn ingersoll_k(height_deg: f64) -> f64 {
 /// [`ExperimentError::Study`], [`ExperimentError::Scene`].
 pub fn reproduce(level: u32, progress: &dyn Progress) -> Result<CraterResults, ExperimentError> {
     let levels = LEVEL_MIN.min(level)..=level;
-    progress.begin("crater", u64::from(level));
+    progress.begin("crater", levels.clone().count() as u64);
     let (mut runs, mut times_s) = (Vec::new(), Vec::new());
-    for level in levels {
+    for own in levels {
         let begun = Instant::now();
-        runs.extend(at_level(level)?);
+        runs.extend(at_level(own)?);
         times_s.push(begun.elapsed().as_secs_f64());
         progress.advance(1);
     }

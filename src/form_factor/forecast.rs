@@ -85,12 +85,11 @@ impl Choice {
             Some(tolerance) => chosen.values.set(&TOLERANCE, tolerance),
             None => chosen.values.remove(&TOLERANCE),
         }
-        match self.rays {
-            Some(rays) => chosen.values.set(&settings::RAYS, rays),
-            None => {
-                chosen.values.remove(&settings::RAYS);
-                chosen.values.remove(&SEQUENCE);
-            }
+        if let Some(rays) = self.rays {
+            chosen.values.set(&settings::RAYS, rays);
+        } else {
+            chosen.values.remove(&settings::RAYS);
+            chosen.values.remove(&SEQUENCE);
         }
         chosen
     }

@@ -8,6 +8,7 @@ use super::display::Unwatched;
 use super::error::RenderError;
 use super::image::Image;
 use super::input::RenderInput;
+use super::outdoors::Outdoors;
 use super::renderer::SurfaceSums;
 use super::run::rendered;
 use super::settings::RenderSettings;
@@ -78,7 +79,7 @@ pub fn field(
         irradiance: &dark,
         indirect_irradiance: Some(&dark),
         error: None,
-        outdoors: Default::default(),
+        outdoors: Outdoors::default(),
     };
     let (lit_image, sums) = rendered(&lit, view, settings, progress, &Unwatched)?;
     let mut image = Image::new(lit_image.width(), lit_image.height());

@@ -385,7 +385,7 @@ impl<'a> Gatherer<'a> {
         }
     }
 
-    /// Returns the radiosity of what ray k met, or what of it is reflected light; π times the radiance of the sky, if it met nothing.
+    /// Returns the radiosity of the surface that ray k hits, or the reflected part of it; π times the radiance of the sky, if it hits none.
     fn light(&self, rays: &RayBatch, hits: &HitBatch, k: usize) -> Option<[f64; 3]> {
         let Some(hit) = hits.face(k) else {
             let direction = rays.direction.each_ref().map(|axis| f64::from(axis[k]));

@@ -7,7 +7,7 @@ use glam::DVec3;
 use super::direct::{DirectEstimate, DirectPass, DirectPoint, Scratch};
 use super::view::Sight;
 use crate::geometry::sampling::{Frame, PointStream, Sequence};
-use crate::visibility::{Coherence, RayBatch};
+use crate::visibility::Coherence;
 
 /// Light from beyond the scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -64,7 +64,7 @@ impl DistantSky {
 }
 
 impl DistantSun {
-    /// Returns a direction in the disc, uniform over |u|² and the angle; those of [0, 1)² are.
+    /// Returns a direction in the disc: uniform over it, for numbers that are uniform in [0, 1)².
     fn direction(&self, frame: &Frame, [square, turn]: [f64; 2]) -> DVec3 {
         let sine = self.sine * square.sqrt();
         let local = DVec3::new(
@@ -104,7 +104,7 @@ impl DistantSun {
             let cosine = at.normal.dot(direction);
             if cosine > 0.0 {
                 weights.push(cosine);
-                RayBatch::push_ray(rays, origin, direction);
+                rays.push_ray(origin, direction);
             }
         }
         pass.visibility().occluded(rays, Coherence::Coherent, blocked);

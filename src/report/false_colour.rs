@@ -55,7 +55,7 @@ const VIRIDIS: [[f64; 3]; 9] = [
 /// Returns the colour of a place on the scale, from 0 to 1.
 fn colour(place: f64) -> RGBColor {
     // What is no number counts as 0.
-    let along = place.max(0.0).min(1.0) * (VIRIDIS.len() - 1) as f64;
+    let along = if place > 0.0 { place.min(1.0) } else { 0.0 } * (VIRIDIS.len() - 1) as f64;
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to 8")]
     let k = (along as usize).min(VIRIDIS.len() - 2);
     let t = along - k as f64;
@@ -113,11 +113,7 @@ impl FalseColour {
         let height = self.values.len() / self.width.max(1);
         let unit = (BOX[0] / self.width.max(1) as f64).min(BOX[1] / height.max(1) as f64);
         let spread = (high - low).max(f64::MIN_POSITIVE);
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "places on the sheet"
-        )]
+        #[expect(clippy::cast_possible_truncation, reason = "places on the sheet")]
         let [columns, rows] = [self.width, height].map(|n| (n as f64 * unit).floor() as i32);
         #[expect(
             clippy::cast_possible_truncation,

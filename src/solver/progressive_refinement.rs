@@ -62,10 +62,10 @@ pub static STEPS_PER_PASS: Setting = Setting {
     kind: Kind::Count(u64::MAX),
 };
 
-/// Whether an estimate of the light still under way is added: [`Solution::displayed`](super::Solution::displayed).
+/// Whether an estimate of the unshot light is added: [`Solution::displayed`](super::Solution::displayed).
 pub static DISPLAY_AMBIENT: Setting = Setting {
     name: "display_ambient",
-    help: "Add an estimate of the light still under way to the radiosities, for a picture after few passes",
+    help: "Add an estimate of the unshot light to the radiosities, for a picture after few passes",
     letter: "",
     kind: Kind::Flag,
 };

@@ -9,7 +9,7 @@ use super::{
 use crate::form_factor::{Before, Change};
 use crate::matrix::FormFactors;
 use crate::matrix::operator::LinearOperator;
-use crate::render::{DirectMethod, GatherReport, Image, MAX_PICTURE_EXITANCE, RenderInput, RenderSettings};
+use crate::render::{DirectMethod, GatherReport, Image, MAX_PICTURE_EXITANCE, Outdoors, RenderInput, RenderSettings};
 use crate::scene::{Lighting, Motion, Pose, SceneError, frames};
 use crate::solver::{Coarsened, Solution};
 
@@ -378,7 +378,7 @@ impl<'a> Solved<'a> {
             irradiance: &own.irradiance,
             indirect_irradiance: Some(&indirect),
             error: carried.as_ref(),
-            outdoors: Default::default(),
+            outdoors: Outdoors::default(),
         };
         let camera = frame.view.origin().map(|origin| origin.text(&cx.naming));
         let image = ImageRequest {

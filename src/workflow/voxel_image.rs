@@ -6,7 +6,7 @@ use super::{Context, ImageView, Model, VoxelStudy, WorkflowError, warn_if_blank}
 use crate::audit;
 use crate::matrix::operator::Block;
 use crate::mesh::Subdivision;
-use crate::render::{Attributes, Image, RenderInput, RenderSettings, exr, png, render};
+use crate::render::{Attributes, Image, Outdoors, RenderInput, RenderSettings, exr, png, render};
 use crate::scene::Scene;
 use crate::visibility::Visibility as _;
 use crate::voxel::{Grid, onto_patches, picture};
@@ -90,7 +90,7 @@ impl Model {
             irradiance: &irradiance,
             indirect_irradiance: None,
             error: None,
-            outdoors: Default::default(),
+            outdoors: Outdoors::default(),
         };
         let view = request.view.as_view();
         Ok(cx.time("render", || render(&input, view, &request.settings, &cx.progress()))?)

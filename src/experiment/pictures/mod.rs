@@ -16,7 +16,8 @@ use crate::matrix::operator::{Block, LinearOperator as _};
 use crate::mesh::{Mesh, Patch, Subdivision};
 use crate::progress::Progress;
 use crate::render::{
-    DirectMethod, GatherReport, GatherSettings, Image, RayView, RenderError, RenderInput, RenderSettings, png, render,
+    DirectMethod, GatherReport, GatherSettings, Image, Outdoors, RayView, RenderError, RenderInput, RenderSettings,
+    png, render,
 };
 use crate::scene::{Material, builtin, topology};
 use crate::solver::{RadiositySystem, Tolerance};
@@ -188,7 +189,7 @@ pub fn reproduce(level: u32, progress: &dyn Progress) -> Result<PicturesResults,
         irradiance: &solution.irradiance,
         indirect_irradiance: Some(&indirect),
         error: None,
-        outdoors: Default::default(),
+        outdoors: Outdoors::default(),
     };
     let camera = camera.unwrap_or_else(|| crate::scene::Camera::default_view(&scene));
     let ray = |x: f64, y: f64| camera.primary_ray(x, y, width, width);

@@ -89,13 +89,7 @@ pub fn verify_image(image: &Image, attributes: &Attributes) -> Result<VerifyRepo
         DirectMethod::CosineRays { n } => n.get(),
         DirectMethod::Polygons { .. } | DirectMethod::Exact => 0,
     };
-    if ["sun", "sky_irradiance"]
-        .iter()
-        .any(|key| !attributes.solution[*key].is_null())
-    {
-        return Err(VerifyError::Daylight);
-    }
-    check_polygons(attributes)?;
+    check_light(attributes)?;
     let reference = Reference::new(attributes, n_rays).ok_or(VerifyError::NoEmitter)?;
     let layers = Layers::new(image, &reference)?;
     let sheets = match &attributes.view {
@@ -215,6 +209,15 @@ fn n_samples<'a>(image: &'a Image, reference: &Reference<'_>) -> Result<Option<&
         Some(pixel) => Err(VerifyError::BadSamples { pixel }),
         None => Ok(Some(n_samples)),
     }
+}
+
+/// Refuses daylight, and a scene that is none.
+fn check_light(attributes: &Attributes) -> Result<(), VerifyError> {
+    let is_given = |key: &&str| !attributes.solution[*key].is_null();
+    if ["sun", "sky_irradiance"].iter().any(is_given) {
+        return Err(VerifyError::Daylight);
+    }
+    check_polygons(attributes)
 }
 
 fn check_polygons(attributes: &Attributes) -> Result<(), VerifyError> {

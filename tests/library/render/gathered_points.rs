@@ -7,7 +7,7 @@ use radiosity::geometry::sampling::{Frame, PointStream, Sequence, UniformOnPolyg
 use radiosity::matrix::operator::Block;
 use radiosity::mesh::{Mesh, MeshOptions, PatchId, Subdivision};
 use radiosity::progress::Silent;
-use radiosity::render::{DirectMethod, GatherSettings, RayView, RenderInput, RenderSettings, render};
+use radiosity::render::{DirectMethod, GatherSettings, Outdoors, RayView, RenderInput, RenderSettings, render};
 use radiosity::scene::{Scene, builtin};
 use radiosity::visibility::embree::EmbreeVisibility;
 use radiosity::visibility::{Coherence, HitBatch, RayBatch, Visibility};
@@ -160,7 +160,7 @@ impl Lit {
             irradiance: &irradiance,
             indirect_irradiance: None,
             error: None,
-            outdoors: Default::default(),
+            outdoors: Outdoors::default(),
         };
         let settings = RenderSettings {
             direct: DirectMethod::Polygons { n: n(1) },

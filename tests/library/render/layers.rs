@@ -6,7 +6,9 @@ use std::num::NonZeroU32;
 use radiosity::geometry::{DVec3, polygon};
 use radiosity::matrix::operator::Block;
 use radiosity::progress::Silent;
-use radiosity::render::{DirectMethod, Image, RayView, RenderError, RenderInput, RenderSettings, UnfoldedView, render};
+use radiosity::render::{
+    DirectMethod, Image, Outdoors, RayView, RenderError, RenderInput, RenderSettings, UnfoldedView, render,
+};
 use radiosity::visibility::Visibility;
 use radiosity::visibility::brute_force::BruteForce;
 use radiosity::visibility::embree::EmbreeVisibility;
@@ -159,7 +161,7 @@ fn backs_are_black_and_background_is_zero() {
         irradiance: &irradiance,
         indirect_irradiance: None,
         error: None,
-        outdoors: Default::default(),
+        outdoors: Outdoors::default(),
     };
     // Three columns: at x/y = −2/3, 0, 2/3 of the middle row.
     let view = camera(3, 3, DVec3::new(0.0, 0.5, 0.5));
@@ -262,7 +264,7 @@ fn direct_methods_agree_in_a_penumbra() {
         irradiance: &zero,
         indirect_irradiance: Some(&zero),
         error: None,
-        outdoors: Default::default(),
+        outdoors: Outdoors::default(),
     };
     let view = UnfoldedView::new(&scene, n(16)).unwrap();
     let floor = view

@@ -9,7 +9,7 @@ use radiosity::mesh::{Mesh, Subdivision};
 use radiosity::progress::Silent;
 use radiosity::render::verify::verify_image;
 use radiosity::render::{
-    Attributes, CameraRecord, DirectMethod, FieldRecord, RayView, RenderInput, RenderSettings, Samples, View,
+    Attributes, CameraRecord, DirectMethod, FieldRecord, Outdoors, RayView, RenderInput, RenderSettings, Samples, View,
     ViewDescription, render,
 };
 use radiosity::scene::{Camera, builtin};
@@ -174,7 +174,7 @@ fn the_direct_light_of_a_picture_is_right() {
         irradiance: &dark,
         indirect_irradiance: Some(&dark),
         error: None,
-        outdoors: Default::default(),
+        outdoors: Outdoors::default(),
     };
     let eye = DVec3::new(0.5, 0.45, -0.6);
     let camera = Camera::new(eye, DVec3::new(-0.35, -0.25, 1.0), DVec3::Y, 60.0).unwrap();

@@ -7,7 +7,7 @@ use radiosity::geometry::rectangle::rectangle_exchange_area;
 use radiosity::matrix::operator::Block;
 use radiosity::mesh::{Mesh, PatchId, Subdivision};
 use radiosity::progress::Silent;
-use radiosity::render::{Attributes, Image, RenderInput, RenderSettings, UnfoldedView, View, render};
+use radiosity::render::{Attributes, Image, Outdoors, RenderInput, RenderSettings, UnfoldedView, View, render};
 use radiosity::scene::{Corners, Face, Material, MaterialId, Scene, Surface, SurfaceId};
 use radiosity::visibility::Visibility;
 
@@ -119,7 +119,7 @@ pub(crate) fn flat_input<'a>(
         irradiance: radiosity,
         indirect_irradiance: None,
         error: None,
-        outdoors: Default::default(),
+        outdoors: Outdoors::default(),
     }
 }
 
@@ -193,7 +193,7 @@ impl Solved {
             irradiance: &self.irradiance,
             indirect_irradiance: Some(&self.indirect),
             error: None,
-            outdoors: Default::default(),
+            outdoors: Outdoors::default(),
         }
     }
 

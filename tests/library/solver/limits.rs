@@ -622,8 +622,10 @@ fn factorisations_keep_to_their_memory() {
     let f = random_room(20, 0.1, 37);
     let (reflectance, exitance) = random_materials(20, 0.9, 38);
     let system = system(&f, &reflectance, &exitance);
-    let mut settings = SolverSettings::default();
-    settings.memory_limit_byte = Some(3 * 8 * 400 - 1);
+    let settings = SolverSettings {
+        memory_limit_byte: Some(3 * 8 * 400 - 1),
+        ..SolverSettings::default()
+    };
     let refusal = radiosity::solver::solver("direct", &settings)
         .unwrap()
         .solve(&system, &l2(1e-6), &mut |_| ControlFlow::Continue(()));
