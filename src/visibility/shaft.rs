@@ -140,6 +140,12 @@ impl Lean {
         off / self.width
     }
 
+    /// Returns how far off the plane a point may seem that lies in it, where corners are off by ulps. Heights are measured from a corner: from there on the plane of a sliver leans by more than
+    /// its own width.
+    fn height_by_rounding(&self, rounding: f64, point: DVec3) -> f64 {
+        rounding * (1.0 + (self.reach + self.distance(point)) / self.width)
+    }
+
     /// Returns how far off the plane a point may seem that lies in it, where corners are off by `slack`.
     pub(crate) fn height(&self, slack: f64, point: DVec3) -> f64 {
         slack * (1.0 + (self.distance(point) / self.width).min(MAX_LEAN))
@@ -182,9 +188,14 @@ impl<'a> Shaft<'a> {
         })
     }
 
+    /// Tells whether a box and that around the hull have no point in common: of a sliver's hull, whose sides rounding turns, that is all that is certain.
+    pub(crate) fn is_apart_from(&self, low: DVec3, high: DVec3) -> bool {
+        self.low.cmpgt(high).any() || self.high.cmplt(low).any()
+    }
+
     /// Tells whether a box may meet the hull's interior. May err on the side of true.
     pub(crate) fn may_meet_box(&self, low: DVec3, high: DVec3) -> bool {
-        if self.low.cmpgt(high).any() || self.high.cmplt(low).any() {
+        if self.is_apart_from(low, high) {
             return false;
         }
         let (middle, reach) = (low.midpoint(high), (high - low) * 0.5);
@@ -427,7 +438,7 @@ fn largest(v: DVec3) -> f64 {
 impl End<'_> {
     /// Returns the height over the end's plane up to which a point may lie in it, given the smaller of the two ends.
     fn least_height_at(&self, point: DVec3, smaller: &Lean) -> f64 {
-        let rounded = self.lean.height(self.rounding, point);
+        let rounded = self.lean.height_by_rounding(self.rounding, point);
         rounded
             .max(SEEN * (self.lean.reach + self.lean.distance(point)))
             .min(MIN_HEIGHT * (smaller.reach + smaller.distance(point)))
@@ -598,6 +609,50 @@ mod tests {
                 "{size:e}"
             );
             assert!(!shaft.meets(&ground) && !shaft.meets(&small), "{size:e}");
+        }
+    }
+
+    #[test]
+    fn a_sliver_hides_nothing_from_itself() {
+        let mut state = 1_u64;
+        let mut unit = || {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        let mut point = || DVec3::new(unit(), unit(), unit());
+        for k in 0..2000 {
+            let thin = 10.0_f64.powf(-6.5 * f64::from(k) / 2000.0);
+            let (at, along) = (4.0 * point(), (point() - 0.5).normalize());
+            let across = along.cross(point() - 0.5).normalize() * thin;
+            let face = [at, at + along * 0.3, at + along * 0.15 + across * 0.3];
+            let up = Plane::of(&face).normal;
+            let to = at + up + (point() - 0.5);
+            let other = [
+                to,
+                to + up.any_orthonormal_vector(),
+                to + up.any_orthonormal_vector().cross(up),
+            ];
+            // A part of the sliver, as a patch.
+            let part = [
+                face[0].lerp(face[1], 0.25),
+                face[1],
+                face[1].lerp(face[2], 0.5),
+                face[0].lerp(face[2], 0.25),
+            ];
+            for patch in [&face[..], &part] {
+                for slack in [0.0, 1e-15] {
+                    let shaft = Shaft::new(patch, &other, slack).expect("they face each other");
+                    for turn in 0..3 {
+                        let mut whole = face;
+                        whole.rotate_left(turn);
+                        assert!(!shaft.meets(&whole), "{thin} {slack} {turn} {}", patch.len());
+                        whole.reverse();
+                        assert!(!shaft.meets(&whole), "{thin} {slack} {turn} {}", patch.len());
+                    }
+                }
+            }
         }
     }
 

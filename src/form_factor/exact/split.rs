@@ -20,6 +20,7 @@ use crate::geometry::clip::clip_to_half_space;
 use crate::geometry::polygon;
 use crate::progress::Progress;
 use crate::visibility::occluders::{Occluder, OccluderId, OccluderIndex, PairVisibility};
+use crate::visibility::shaft::Plane;
 
 /// A pair with fewer occluders is not taken apart; of a convex solid no more than three sides count, as the view of one changes little.
 const MIN_OCCLUDERS: usize = 5;
@@ -97,10 +98,15 @@ impl Split<'_> {
         without: Whole,
     ) -> Partial {
         if self.index.count(among) < MIN_OCCLUDERS
-            && let Some((point, normal)) = self.wall_in_a_gap(p, q, among)
+            && let Some(wall) = self.wall_in_a_gap(p, q, among)
         {
-            return self.on_both_sides([p, q], (point, normal), among, goal);
+            return self.on_both_sides([p, q], wall, among, goal);
         }
+        self.at_once(p, q, among, goal, without)
+    }
+
+    /// Does what [`exchange_area`](Self::exchange_area) does, without a look at narrow gaps.
+    fn at_once(&self, p: &[DVec3], q: &[DVec3], among: &[OccluderId], goal: f64, without: Whole) -> Partial {
         let occluders = self.index.occluders(p, q, among);
         let has_few = self.index.count(among) < MIN_OCCLUDERS;
         let closer = if are_unlike(p, q, if has_few { self.unlike_of_few } else { UNLIKE }) {
@@ -158,10 +164,10 @@ impl Split<'_> {
         }
     }
 
-    /// Returns a point and the normal of an occluder whose plane cuts both polygons, where these have but a narrow gap between them.
+    /// Returns an occluder whose plane cuts both polygons, where these have but a narrow gap between them.
     ///
     /// What such a wall hides lies in strips as wide as the gap, which take very many evaluations; on either side of it, it hides nothing.
-    fn wall_in_a_gap(&self, p: &[DVec3], q: &[DVec3], among: &[OccluderId]) -> Option<(DVec3, DVec3)> {
+    fn wall_in_a_gap(&self, p: &[DVec3], q: &[DVec3], among: &[OccluderId]) -> Option<OccluderId> {
         let area_vectors = [p, q].map(polygon::area_vector);
         let size = area_vectors[0].length().min(area_vectors[1].length()).sqrt();
         let height = |of: &[DVec3], over: &[DVec3], area_vector: DVec3| {
@@ -171,26 +177,21 @@ impl Split<'_> {
         if height(q, p, area_vectors[0]).min(height(p, q, area_vectors[1])) > NARROW * size {
             return None;
         }
-        among.iter().find_map(|&id| {
-            let corners = self.index.corners(id);
-            let (point, normal) = (corners[0], polygon::area_vector(corners).normalize_or_zero());
+        among.iter().copied().find(|&id| {
+            let wall = Plane::of(self.index.corners(id));
             let is_cut = |side: &[DVec3]| {
-                let heights = side.iter().map(|&v| normal.dot(v - point));
-                let (low, high) = heights.fold((0.0_f64, 0.0_f64), |(l, h), x| (l.min(x), h.max(x)));
+                let [low, high] = wall.heights(side);
                 low < -NARROWEST * size && high > NARROWEST * size
             };
-            (is_cut(p) && is_cut(q)).then_some((point, normal))
+            is_cut(p) && is_cut(q)
         })
     }
 
-    /// Returns the exchange area of two polygons as that of their parts on both sides of a plane.
-    fn on_both_sides(
-        &self,
-        sides: [&[DVec3]; 2],
-        (point, normal): (DVec3, DVec3),
-        among: &[OccluderId],
-        goal: f64,
-    ) -> Partial {
+    /// Returns the exchange area of two polygons as that of their parts on both sides of a wall, which hides nothing between two parts on one side.
+    fn on_both_sides(&self, sides: [&[DVec3]; 2], wall: OccluderId, among: &[OccluderId], goal: f64) -> Partial {
+        let Plane { normal, point } = Plane::of(self.index.corners(wall));
+        // Of slivers, rounding may leave a border on the other side: the same wall is not to cut it again.
+        let others: Vec<OccluderId> = among.iter().copied().filter(|&id| id != wall).collect();
         let parts = Split {
             budget: self.budget / 4,
             ..*self
@@ -203,10 +204,11 @@ impl Split<'_> {
             reached: true,
         };
         let [of_p, of_q] = sides.map(|side| [normal, -normal].map(|up| clip_to_half_space(side, point, up)));
-        for p in &of_p {
-            for q in &of_q {
+        for (p, is_before) in of_p.iter().zip([true, false]) {
+            for (q, is_before_too) in of_q.iter().zip([true, false]) {
+                let is_one_side = is_before == is_before_too;
                 let whole = Whole::of(p, q, 1e-3 * goal_of_part);
-                let found = self.index.classify_cut(p, q, among);
+                let found = self.index.classify_cut(p, q, if is_one_side { &others } else { among });
                 match whole_where_grazing(self.index, found, p, q) {
                     PairVisibility::None => {}
                     PairVisibility::Full => {
@@ -214,7 +216,11 @@ impl Split<'_> {
                         sum.error += whole.error;
                     }
                     PairVisibility::Partial(among) => {
-                        let part = parts.exchange_area(p, q, &among, goal_of_part, whole);
+                        let part = if is_one_side {
+                            parts.exchange_area(p, q, &among, goal_of_part, whole)
+                        } else {
+                            parts.at_once(p, q, &among, goal_of_part, whole)
+                        };
                         sum.exchange_area += part.exchange_area;
                         sum.error += part.error;
                         sum.n_evaluations += part.n_evaluations;

@@ -372,7 +372,7 @@ impl Look<'_> {
     /// What lies in the plane of a patch hides nothing from it; what is a gap off, which was meant, hides it, however narrow that is.
     fn at(&mut self, occluder: OccluderId) -> bool {
         let (shaft, entry) = (self.shaft, &self.index.entries[occluder.0 as usize]);
-        if !self.meets(entry) {
+        if shaft.is_apart_from(entry.low, entry.high) || !self.meets(entry) {
             return true;
         }
         self.found.push(occluder);
