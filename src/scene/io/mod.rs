@@ -138,6 +138,14 @@ pub(crate) fn load_within(path: &Path, options: &LoadOptions, room: Room<'_>) ->
     assemble::assemble(polygons, path, options)
 }
 
+/// Returns the scene of an OBJ file and the library beside it, both as text, whose coordinates are what is meant.
+pub(super) fn of_texts(obj: &str, library: &str, name: &str) -> Result<Scene, SceneError> {
+    let name = Path::new(name);
+    let polygons = obj::of_texts(obj, library, name)?;
+    let scene = assemble::assemble(polygons, name, &LoadOptions::default())?.scene;
+    Ok(Scene { written: None, ..scene })
+}
+
 /// Returns the other files that a scene file names, as far as they exist, without reading the scene; none of what can be read only once.
 #[cfg(feature = "cli")]
 pub(crate) fn companions_of(path: &Path, format: Option<Format>) -> Vec<std::path::PathBuf> {
