@@ -98,7 +98,7 @@ fn settings(args: &FieldArgs, is_unfolded: bool) -> Result<RenderSettings, Failu
                 n: rays.unwrap_or(FIELD_SHADOW_RAYS),
             },
         },
-        sequence: args.sequence.map_or_else(Sequence::default, Into::into),
+        sequence: args.sequence.unwrap_or_default(),
         seed: args.seed,
         ..RenderSettings::default()
     })
