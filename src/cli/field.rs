@@ -13,7 +13,6 @@ use super::surface_table::surface_named;
 use super::view::{samples, tell_camera};
 use super::{Outcome, name_width};
 use crate::document::{FieldDocument, FieldSurface};
-use crate::geometry::sampling::Sequence;
 use crate::printable::printable;
 use crate::render::{DirectMethod, FIELD_SHADOW_RAYS, Field, RenderSettings, SurfaceMean};
 use crate::workflow::{FieldRequest, Model, image_patches};

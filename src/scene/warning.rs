@@ -17,7 +17,8 @@ pub struct SceneWarning {
 }
 
 /// What is doubtful about a scene.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, strum::IntoStaticStr)]
+#[strum(serialize_all = "snake_case")]
 #[non_exhaustive]
 pub enum SceneWarningKind {
     /// Faces without an area were skipped.
@@ -190,33 +191,7 @@ impl SceneWarningKind {
     /// Returns a stable name of the kind of warning, in snake case, for programs.
     #[must_use]
     pub fn name(&self) -> &'static str {
-        match self {
-            Self::ZeroAreaFaces { .. } => "zero_area_faces",
-            Self::BentFaces { .. } => "bent_faces",
-            Self::CutFaces { .. } => "cut_faces",
-            Self::CoveredFaces { .. } => "covered_faces",
-            Self::SkippedStatements { .. } => "skipped_statements",
-            Self::SkippedElements { .. } => "skipped_elements",
-            Self::HigherOrder { .. } => "higher_order",
-            Self::OpposedNormals { .. } => "opposed_normals",
-            Self::MergedVertices { .. } => "merged_vertices",
-            Self::NearlyEqualVertices { .. } => "nearly_equal_vertices",
-            Self::MovedMasks { .. } => "moved_masks",
-            Self::BlackSurfaces { .. } => "black_surfaces",
-            Self::Capitals { .. } => "capitals",
-            Self::NamelessLibrary => "nameless_library",
-            Self::LibraryElsewhere { .. } => "library_elsewhere",
-            Self::MissingLibrary { .. } => "missing_library",
-            Self::UnknownMaterial { .. } => "unknown_material",
-            Self::NoMaterial { .. } => "no_material",
-            Self::NoMaterials => "no_materials",
-            Self::IgnoredProperty { .. } => "ignored_property",
-            Self::MissingReflectance { .. } => "missing_reflectance",
-            Self::RepeatedMaterial { .. } => "repeated_material",
-            Self::IgnoredTexture { .. } => "ignored_texture",
-            Self::NotDiffuse { .. } => "not_diffuse",
-            Self::NoEmission => "no_emission",
-        }
+        self.into()
     }
 
     /// Tells whether the warning is about light and materials alone: of no interest where only the geometry counts. A library that was not found where the file says counts everywhere.
