@@ -110,6 +110,21 @@ pub enum ReportError {
 }
 
 impl ReportError {
+    pub(super) fn unwritable(path: &Path, source: io::Error) -> Self {
+        let path = path.to_owned();
+        Self::Unwritable { path, source }
+    }
+
+    pub(super) fn unreadable(path: &Path, source: io::Error) -> Self {
+        let path = path.to_owned();
+        Self::Unreadable { path, source }
+    }
+
+    pub(super) fn damaged(path: &Path, reason: impl Into<String>) -> Self {
+        let (path, reason) = (path.to_owned(), reason.into());
+        Self::Damaged { path, reason }
+    }
+
     /// Returns the error as one line, with parameters as `named` writes them.
     #[must_use]
     pub fn text(&self, named: Named<'_>) -> String {

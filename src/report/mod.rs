@@ -10,6 +10,7 @@ pub mod exchange;
 pub mod exitance;
 #[cfg(feature = "reports")]
 pub mod false_colour;
+mod file;
 pub mod form_factors;
 #[cfg(feature = "reports")]
 mod frame;
@@ -32,6 +33,7 @@ mod paper;
 pub mod plot;
 pub mod points;
 mod read;
+mod sky;
 pub mod solution;
 mod stages;
 #[cfg(feature = "reports")]
