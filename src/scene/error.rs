@@ -1,11 +1,9 @@
 //! What can be wrong with a scene, a material library or a camera file.
 
 use std::fmt;
-use std::fmt::Write as _;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::builtin;
 use crate::parameter::{Named, Parameter};
 use crate::printable::{printable_message, quoted};
 
@@ -439,10 +437,12 @@ pub enum SceneErrorKind {
         name: String,
     },
     /// No built-in scene has this name.
-    #[error("there is no built-in scene `{name}`; choose one of {}", builtin_list())]
+    #[error("there is no built-in scene `{name}`; choose one of {known}")]
     UnknownBuiltin {
         /// The name asked for.
         name: String,
+        /// The names that there are.
+        known: String,
     },
     /// A level was given for a built-in scene that has none.
     #[error("the built-in scene `{name}` has no levels; leave the level out")]
@@ -512,14 +512,4 @@ impl SceneErrorKind {
     pub fn name(&self) -> &'static str {
         self.into()
     }
-}
-
-fn builtin_list() -> String {
-    let mut list = String::new();
-    for name in builtin::names() {
-        let comma = if list.is_empty() { "" } else { ", " };
-        // Writing to a String cannot fail.
-        let _ = write!(list, "{comma}{name}");
-    }
-    list
 }

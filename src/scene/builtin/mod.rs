@@ -126,7 +126,8 @@ pub fn build(name: &str, level: Option<u32>) -> Result<Builtin, SceneError> {
     let refused = |kind| Err(SceneError::new(Origin::Asked, kind));
     let own = || name.to_owned();
     let Some(entry) = REGISTRY.iter().find(|entry| entry.name == name) else {
-        return refused(SceneErrorKind::UnknownBuiltin { name: own() });
+        let known = names().collect::<Vec<_>>().join(", ");
+        return refused(SceneErrorKind::UnknownBuiltin { name: own(), known });
     };
     let scene = match entry.source {
         Source::Files { .. } if level.is_some() => return refused(SceneErrorKind::NoLevels { name: own() }),
