@@ -1,7 +1,5 @@
 //! `auto`: the solver that suits a system, and why.
 
-use std::ops::ControlFlow;
-
 use super::choice::ChoiceReason;
 use super::deflation::DEFLATED;
 use super::entry::{SolverEntry, Symmetry};
@@ -10,14 +8,13 @@ use crate::matrix::operator::Block;
 
 use super::choice::Choice;
 use super::direct::{Direct, memory_byte};
-use super::error::SolverError;
 use super::gauss_seidel::GaussSeidel;
 use super::gmres::Gmres;
-use super::history::HistoryEntry;
+use super::history::Monitor;
 use super::jacobi::Jacobi;
 use super::pcg::Pcg;
 use super::solution::Solution;
-use super::solve::{SolveOptions, Solver};
+use super::solve::{SolveOptions, SolveResult, Solver};
 use super::stop::Tolerance;
 use super::system::RadiositySystem;
 use super::vectors::equal_channels;
@@ -91,12 +88,7 @@ impl Solver for Auto {
         "auto"
     }
 
-    fn solve(
-        &self,
-        system: &RadiositySystem,
-        options: &SolveOptions,
-        monitor: &mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>,
-    ) -> Result<Solution, SolverError> {
+    fn solve(&self, system: &RadiositySystem, options: &SolveOptions, monitor: Monitor<'_>) -> SolveResult {
         let (solver, why) = self.choose(system, options);
         let solution = solver.solve(system, options, monitor)?;
         let choice = Choice {

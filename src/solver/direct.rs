@@ -1,19 +1,17 @@
 //! `direct`: dense factorisation.
 
 use std::num::NonZeroUsize;
-use std::ops::ControlFlow;
 
 use faer::{Mat, Par};
 
 use super::entry::{SolverEntry, Symmetry};
 use super::error::SolverError;
-use super::history::HistoryEntry;
+use super::history::Monitor;
 use super::iteration::{self, Estimate, Iteration};
 use super::lu::Lu;
 use super::scaled::{Scaled, TrueResidual};
 use super::settings::SolverSettings;
-use super::solution::Solution;
-use super::solve::{SolveOptions, Solver};
+use super::solve::{SolveOptions, SolveResult, Solver};
 use super::system::RadiositySystem;
 use super::vectors::equal_channels;
 use crate::matrix::operator::{Block, RowAccess};
@@ -68,12 +66,7 @@ impl Solver for Direct {
         "direct"
     }
 
-    fn solve(
-        &self,
-        system: &RadiositySystem,
-        options: &SolveOptions,
-        monitor: &mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>,
-    ) -> Result<Solution, SolverError> {
+    fn solve(&self, system: &RadiositySystem, options: &SolveOptions, monitor: Monitor<'_>) -> SolveResult {
         let Some(rows) = system.operator().rows() else {
             return Err(SolverError::NeedsRows { solver: self.name() });
         };

@@ -9,18 +9,17 @@ mod coarsest;
 mod levels;
 mod matrices;
 
-use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Instant;
 
 use super::entry::{SolverEntry, Symmetry};
 use super::error::SolverError;
 use super::gauss_seidel;
-use super::history::{HistoryEntry, Setup};
+use super::history::Monitor;
+use super::history::Setup;
 use super::iteration::{self, Estimate, Iteration};
 use super::scaled::{Scaled, TrueResidual};
-use super::solution::Solution;
-use super::solve::{SolveOptions, Solver};
+use super::solve::{SolveOptions, SolveResult, Solver};
 use super::stop::Norms;
 use super::system::RadiositySystem;
 use crate::matrix::FormFactors;
@@ -176,12 +175,7 @@ impl Solver for Multigrid {
         "multigrid"
     }
 
-    fn solve(
-        &self,
-        system: &RadiositySystem,
-        options: &SolveOptions,
-        monitor: &mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>,
-    ) -> Result<Solution, SolverError> {
+    fn solve(&self, system: &RadiositySystem, options: &SolveOptions, monitor: Monitor<'_>) -> SolveResult {
         let Some(rows) = system.operator().rows() else {
             return Err(SolverError::NeedsRows { solver: self.name() });
         };
