@@ -23,6 +23,7 @@ mod options;
 mod ply;
 mod polygons;
 mod reader;
+mod scalar;
 mod source;
 mod stl;
 mod vs3;
