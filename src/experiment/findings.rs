@@ -34,8 +34,7 @@ pub struct Findings<D> {
 
 /// A figure of ours that must lie in a range.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
-#[cfg_attr(feature = "cli", schemars(rename = "RangeCheck"))]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema), schemars(rename = "RangeCheck"))]
 pub struct Check {
     /// Its name.
     pub name: String,

@@ -36,8 +36,7 @@ struct StabilityResult<'a> {
 
 /// Our times of one case.
 #[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
-#[cfg_attr(feature = "cli", schemars(rename = "StabilityTimes"))]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema), schemars(rename = "StabilityTimes"))]
 pub struct CaseTimes<'a> {
     /// The case.
     pub case: &'a str,
