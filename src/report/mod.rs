@@ -52,6 +52,8 @@ pub use memory::{memory_available_byte, memory_peak_byte, memory_used_byte};
 pub use stages::StageTimes;
 #[cfg(feature = "reports")]
 pub use table::Table;
+#[cfg(feature = "reports")]
+pub(crate) use table::{Cell, table};
 
 /// The version of the JSON documents that the program prints and that experiments write: it changes when a key changes its name or its meaning.
 pub const SCHEMA_VERSION: u32 = 2;
