@@ -81,10 +81,7 @@ const COARSEST_MAX: usize = 1024;
 /// The number of cycles does not depend on the number of patches, and with a direct solution of the coarsest level hardly on ρ.
 ///
 /// In the room of Lewis it takes 4 cycles where Gauss-Seidel takes 11 or 12 sweeps, and as he has it 1.364, 0.602, 0.507 and 0.454 as many multiplications at l = 1 to 4
-/// (counted, `radiosity reproduce lewis --level 4`). The ratio of times, setup left out, is 0.56 to 0.58, 0.49 to 0.56, 0.49 to 0.53 and 0.46 to 0.57 at l = 1 to 4, the medians 0.57, 0.55, 0.52
-/// and 0.52 (`cargo bench --bench solvers -- 4 lewis`, a Zen 4 processor with two threads and 32 MB of third-level cache that others share, three runs, 22 at l = 4; 0.40 at l = 5, one run; Lewis: .500 and .429 at
-/// l = 3 and 4). At l = 4 it depends on what else that cache is used for: F is 19 MB, what a cycle reads besides is 2 MB, and sweeps between which that is read take 1.1 to 1.2 times as long as those of
-/// `gauss-seidel`; where these took least, 5.9 ms in all, it was 0.47. With R U in f64 it was 0.55 (the median of six runs by turns, in which it is now 0.50).
+/// (counted, `radiosity reproduce lewis --level 4`). Times: `docs/performance.md`.
 ///
 /// Work of a cycle: 1.2 passes over F in the room of Lewis (1.36 from the radiosities), of which 1 is the serial sweep. Setup: F once, and a third of that; it is part of
 /// [`Solution::setup_work`] and of the first entry of the history. Memory: R U takes at most a sixteenth of F in f64 where four patches make one, a twentieth in the room of Lewis (R K: a quarter), the coarser levels a tenth.
