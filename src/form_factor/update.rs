@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use crate::geometry::polygon;
 use crate::matrix::FormFactors;
 use crate::scene::{FaceId, Scene};
 use crate::visibility::shaft::Shaft;
@@ -93,9 +94,7 @@ impl Change {
 
 impl Group {
     fn new(polygons: Vec<Vec<DVec3>>) -> Self {
-        let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        let corners = polygons.iter().flatten();
-        let (low, high) = corners.fold(none, |(low, high), &v| (low.min(v), high.max(v)));
+        let (low, high) = polygon::bounds(polygons.iter().flatten());
         Self { low, high, polygons }
     }
 }
