@@ -27,7 +27,7 @@ use crate::setting::Value;
 /// is taken back later as negative unshot light: ΔB_i ← ΔB_i − ΔB'_i. Sums and Ambient are over the patch's connected component.
 ///
 /// Everything depends on Ambient, so that a step looks at all patches: O(n). Columns, passes, several channels, the estimate, starts, display and selections are
-/// as in progressive refinement; in [`Solution::display`] the ambient term is what this method itself reckons with.
+/// as in progressive refinement; in [`Solution::display`](super::Solution::display) the ambient term is what this method itself reckons with.
 ///
 /// With exitances of both signs there is no even irradiance to reckon with, and it is progressive refinement.
 ///

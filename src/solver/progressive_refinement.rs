@@ -38,8 +38,8 @@ use crate::setting::{Kind, Setting, Value};
 /// then, as a large one collects what many small ones have left: the steps go on, to a ΔB as much smaller. [`Start::Zero`] is the same as
 /// [`Start::Exitance`]: B̂ = 0 and ΔB = E.
 ///
-/// [`Solution::display`] is B_i + ρ_i Ambient, with Ambient the even irradiance that the unshot light ends as: it emits, absorbs and lets out as much power
-/// as the solution, at every step. [`Solution::selections`] tells how often each patch has shot.
+/// [`Solution::display`](super::Solution::display) is B_i + ρ_i Ambient, with Ambient the even irradiance that the unshot light ends as: it emits, absorbs and lets out as much power
+/// as the solution, at every step. [`Solution::selections`](super::Solution::selections) tells how often each patch has shot.
 ///
 /// Converges where all ρ_i Σ_j F_ij < 1: every step takes power out of ΔB. It slows down like 1 / (1 − ρ).
 ///

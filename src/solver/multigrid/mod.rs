@@ -84,7 +84,7 @@ const COARSEST_MAX: usize = 1024;
 /// (counted, `radiosity reproduce lewis --level 4`). Times: `docs/performance.md`.
 ///
 /// Work of a cycle: 1.2 passes over F in the room of Lewis (1.36 from the radiosities), of which 1 is the serial sweep. Setup: F once, and a third of that; it is part of
-/// [`Solution::setup_work`] and of the first entry of the history. Memory: R U takes at most a sixteenth of F in f64 where four patches make one, a twentieth in the room of Lewis (R K: a quarter), the coarser levels a tenth.
+/// [`Solution::setup_work`](super::Solution::setup_work) and of the first entry of the history. Memory: R U takes at most a sixteenth of F in f64 where four patches make one, a twentieth in the room of Lewis (R K: a quarter), the coarser levels a tenth.
 ///
 /// The history estimates the residual: what the sweep meets is the residual that the cycle before left; times the factor by which that fell, less a quarter, as a check that comes too early costs less than a cycle. When it meets the tolerance,
 /// the true residual is calculated. With [`true_residuals`](Self::true_residuals) that is done after every cycle, at one more pass each.
