@@ -3,7 +3,8 @@
 use crate::setting::Setting;
 
 /// A setting that remedies name; a program says how its users write it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, strum::IntoStaticStr)]
+#[strum(serialize_all = "snake_case")]
 #[non_exhaustive]
 pub enum Parameter {
     /// [`LoadOptions::flip`](crate::scene::LoadOptions::flip).
@@ -15,6 +16,7 @@ pub enum Parameter {
     /// The same, where a solver has a tolerance too.
     FormFactorTolerance,
     /// The tolerance of the solver.
+    #[strum(serialize = "tolerance")]
     SolverTolerance,
     /// [`BUDGET`](crate::form_factor::BUDGET).
     Budget,
@@ -85,41 +87,8 @@ impl Parameter {
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
-            Self::Flip => "flip",
-            Self::CutAtWalls => "cut_at_walls",
-            Self::Tolerance | Self::SolverTolerance => "tolerance",
-            Self::FormFactorTolerance => "form_factor_tolerance",
-            Self::Budget => "budget",
-            Self::Method => "method",
-            Self::Solver => "solver",
-            Self::Balance => "balance",
-            Self::Closed => "closed",
-            Self::MemoryLimit => "memory_limit",
-            Self::Storage => "storage",
-            Self::Precision => "precision",
-            Self::OnTheFly => "on_the_fly",
-            Self::TimeLimit => "time_limit",
-            Self::Threads => "threads",
-            Self::Voxels => "voxels",
-            Self::Links => "links",
-            Self::Passes => "passes",
-            Self::GatherRays => "gather_rays",
-            Self::Noise => "noise",
-            Self::Eye => "eye",
-            Self::LookAt => "look_at",
-            Self::Up => "up",
-            Self::Fov => "fov",
-            Self::Camera => "camera",
-            Self::Width => "width",
-            Self::Height => "height",
-            Self::Display => "display",
-            Self::Subdivide => "subdivide",
-            Self::MaxEdge => "max_edge",
-            Self::AllowOutside => "allow_outside",
-            Self::Scratch => "scratch",
-            Self::Output => "output",
-            Self::Full => "full",
             Self::Of(setting) => setting.name,
+            own => own.into(),
         }
     }
 }

@@ -159,6 +159,11 @@ pub fn gathered<'a>(
     settings
 }
 
+/// Returns names in backticks, with commas between them.
+pub(crate) fn ticked<'a>(names: impl Iterator<Item = &'a str>) -> String {
+    names.map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ")
+}
+
 /// Returns `a, b and c`.
 fn listed(names: &[&str]) -> String {
     match names {

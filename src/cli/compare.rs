@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::args::{CompareArgs, StorageName, VisibilityName};
+use super::args::{CompareArgs, VisibilityName};
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::output;
@@ -14,11 +14,11 @@ use crate::experiment::findings::text_file;
 use crate::experiment::{CompareSettings, SWEEPS, Sweep, storage_figures, sweep_by_name};
 use crate::report::{Machine, load_average};
 use crate::scene::builtin;
-use crate::workflow::{Demand, Model, choose_storage};
+use crate::workflow::{Demand, Model, Storage, choose_storage};
 
 pub(super) fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
     let sweeps = sweeps(&args.methods)?;
-    if args.memory.storage == StorageName::Symmetric {
+    if args.memory.storage == Storage::Symmetric {
         return Err(Failure::usage(
             "form factors are compared as the methods give them, and --storage symmetric would average and balance those that are not symmetric; use auto, dense, sparse or disk",
         ));

@@ -13,7 +13,6 @@ use super::surface_table::surface_named;
 use super::view::{samples, tell_camera};
 use super::{Outcome, name_width};
 use crate::document::{FieldDocument, FieldSurface};
-use crate::geometry::sampling::Sequence;
 use crate::printable::printable;
 use crate::render::{DirectMethod, FIELD_SHADOW_RAYS, Field, RenderSettings, SurfaceMean};
 use crate::workflow::{FieldRequest, Model, image_patches};
@@ -98,7 +97,7 @@ fn settings(args: &FieldArgs, is_unfolded: bool) -> Result<RenderSettings, Failu
                 n: rays.unwrap_or(FIELD_SHADOW_RAYS),
             },
         },
-        sequence: args.sequence.map_or_else(Sequence::default, Into::into),
+        sequence: args.sequence.unwrap_or_default(),
         seed: args.seed,
         ..RenderSettings::default()
     })

@@ -23,7 +23,7 @@ pub(super) fn preview_of(picture: &Path) -> Result<PathBuf, Failure> {
 /// Returns how a picture is written.
 pub(super) fn image_file(args: PictureFileArgs) -> ImageFile {
     ImageFile {
-        pixels: args.pixels.into(),
-        parts: args.parts.into(),
+        pixels: args.pixels,
+        parts: args.parts,
     }
 }

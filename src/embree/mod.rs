@@ -35,21 +35,7 @@
 //! - it asks for the device's error after every ray, has no occlusion queries, and traces one ray at a time: packets of
 //!   sixteen are more than three times as fast for bundles that go from patch to patch.
 //!
-//! # Rates
-//!
-//! Million rays a second, tracing closest hits and counting them by face, in a closed room with a sphere in it (14,288
-//! triangles); medians of 31 rounds in which the three contenders take turns. The bare C loop copies the same rays into
-//! the same packets, traces them and counts their hits, and does nothing else.
-//!
-//! Command: `cargo bench --bench rays`, which ends with this table. Embree 4.3.3, AMD EPYC with AVX-512 (packets of 16),
-//! 2 cores, nothing else at work; on another machine of the same kind the rates were a third higher and the ratios 0.91 to 0.96:
-//!
-//! | rays, threads | radiosity | bare C loop | embree4-rs | radiosity / bare | radiosity / embree4-rs |
-//! |---|---|---|---|---|---|
-//! | incoherent, 1 | 8.3 | 9.1 | 6.9 | 0.919 | 1.21 |
-//! | incoherent, 2 | 12.4 | 14.3 | 11.0 | 0.961 | 1.24 |
-//! | bundles of 16, 1 | 25.8 | 28.6 | 8.0 | 0.896 | 3.16 |
-//! | bundles of 16, 2 | 47.3 | 52.2 | 15.0 | 0.896 | 3.24 |
+//! Rates: `docs/performance.md`.
 
 #![allow(unsafe_code, reason = "here, and here alone, Rust meets C")]
 

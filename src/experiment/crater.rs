@@ -17,7 +17,7 @@ use crate::heat::{Boundary, Condition, STEFAN_BOLTZMANN, Sun, SurfaceBoundary};
 use crate::matrix::Need;
 use crate::mesh::Subdivision;
 use crate::progress::Progress;
-use crate::report::{Machine, Table};
+use crate::report::{Machine, Table, table};
 use crate::scene::builtin;
 use crate::workflow::{Context, FormFactorRequest, Model, SolveRequest, Use};
 
@@ -233,28 +233,15 @@ impl CraterResults {
     }
 
     fn table(&self) -> Table {
-        let mut table = Table::new([
-            "faces",
-            "sun (°)",
-            "in shadow",
-            "Ingersoll (K)",
-            "mean (K)",
-            "stated error (K)",
-            "deviation (K)",
-            "greatest of a face (K)",
-        ]);
-        for run in &self.runs {
-            table.push([
-                run.n_faces.to_string(),
-                run.height_deg.to_string(),
-                run.n_shadowed.to_string(),
-                format!("{:.3}", run.ingersoll_k),
-                format!("{:.3}", run.mean_k),
-                format!("{:.1e}", run.mean_k_error),
-                format!("{:+.3}", run.mean_k - run.ingersoll_k),
-                format!("{:.3}", run.worst_k),
-            ]);
+        table! { run in &self.runs;
+            "faces": run.n_faces,
+            "sun (°)": run.height_deg.to_string(),
+            "in shadow": run.n_shadowed,
+            "Ingersoll (K)": format!("{:.3}", run.ingersoll_k),
+            "mean (K)": format!("{:.3}", run.mean_k),
+            "stated error (K)": format!("{:.1e}", run.mean_k_error),
+            "deviation (K)": format!("{:+.3}", run.mean_k - run.ingersoll_k),
+            "greatest of a face (K)": format!("{:.3}", run.worst_k),
         }
-        table
     }
 }

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::report::{Machine, Table};
+use crate::report::{Machine, Table, table};
 use crate::workflow::Settings;
 
 /// Files of one directory, by name.
@@ -34,8 +34,7 @@ pub struct Findings<D> {
 
 /// A figure of ours that must lie in a range.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
-#[cfg_attr(feature = "cli", schemars(rename = "RangeCheck"))]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema), schemars(rename = "RangeCheck"))]
 pub struct Check {
     /// Its name.
     pub name: String,
@@ -62,17 +61,13 @@ impl Check {
     /// Returns a table of checks, values with so many decimals.
     #[must_use]
     pub fn table(checks: &[Self], n_decimals: usize) -> Table {
-        let mut table = Table::new(["check", "value", "least", "greatest", "met"]);
-        for check in checks {
-            table.push([
-                check.name.clone(),
-                format!("{:.n_decimals$}", check.value),
-                check.range[0].to_string(),
-                check.range[1].to_string(),
-                if check.is_met { "yes" } else { "NO" }.to_owned(),
-            ]);
+        table! { check in checks;
+            "check": check.name,
+            "value": format!("{:.n_decimals$}", check.value),
+            "least": check.range[0].to_string(),
+            "greatest": check.range[1].to_string(),
+            "met": if check.is_met { "yes" } else { "NO" },
         }
-        table
     }
 }
 

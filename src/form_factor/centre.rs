@@ -1,7 +1,7 @@
 //! `centre`: the integrand between the patches' centres.
 
 use super::entry::{MethodEntry, Work};
-use super::{Computed, FormFactorError, FormFactorMethod, Input, Reciprocity, sampled};
+use super::{ComputeResult, FormFactorError, FormFactorMethod, Input, Reciprocity, sampled};
 use crate::geometry::quadrature::WeightedPoint;
 use crate::matrix::{FormFactors, MatrixError, RowTally, RowTile, StorageChoice};
 use crate::mesh::{Patch, PatchId};
@@ -62,12 +62,7 @@ impl FormFactorMethod for CentrePoint {
         true
     }
 
-    fn compute(
-        &self,
-        input: Input<'_>,
-        storage: StorageChoice,
-        progress: &dyn Progress,
-    ) -> Result<Computed, FormFactorError> {
+    fn compute(&self, input: Input<'_>, storage: StorageChoice, progress: &dyn Progress) -> ComputeResult {
         let centre = |patch: &Patch| -> Vec<WeightedPoint> {
             vec![WeightedPoint {
                 position: patch.centroid,

@@ -7,7 +7,7 @@ use super::entry::{MethodEntry, Work};
 use super::facing;
 use super::pairs::Exchange;
 use super::settings::FIVE_POINTS;
-use super::{Computed, FormFactorError, FormFactorMethod, Input};
+use super::{ComputeResult, FormFactorError, FormFactorMethod, Input};
 use crate::geometry::polygon_form_factor::PreparedPolygon;
 use crate::geometry::rectangle::rectangle_exchange_area;
 use crate::matrix::StorageChoice;
@@ -53,12 +53,7 @@ impl FormFactorMethod for ClosedForm {
         true
     }
 
-    fn compute(
-        &self,
-        input: Input<'_>,
-        storage: StorageChoice,
-        progress: &dyn Progress,
-    ) -> Result<Computed, FormFactorError> {
+    fn compute(&self, input: Input<'_>, storage: StorageChoice, progress: &dyn Progress) -> ComputeResult {
         let patches = &input.mesh.patches;
         let polygons = facing::prepared(input.mesh);
         let corners: Vec<&[glam::DVec3]> = polygons.iter().map(PreparedPolygon::corners).collect();

@@ -8,7 +8,7 @@ use super::pairs::Exchange;
 use super::sampled::{self, Sampled};
 use super::segments::{Independence, PairSums, Segments, VisibleFraction};
 use super::settings::FIVE_POINTS;
-use super::{Computed, FormFactorError, FormFactorMethod, Input};
+use super::{ComputeResult, Computed, FormFactorError, FormFactorMethod, Input};
 use crate::geometry::polygon_form_factor;
 use crate::matrix::StorageChoice;
 use crate::progress::Progress;
@@ -54,12 +54,7 @@ impl FormFactorMethod for ContourIntegral {
         true
     }
 
-    fn compute(
-        &self,
-        input: Input<'_>,
-        storage: StorageChoice,
-        progress: &dyn Progress,
-    ) -> Result<Computed, FormFactorError> {
+    fn compute(&self, input: Input<'_>, storage: StorageChoice, progress: &dyn Progress) -> ComputeResult {
         let polygons = facing::prepared(input.mesh);
         let unoccluded = |[i, j]: [usize; 2]| {
             let exchange = polygon_form_factor::contour(&polygons[i], &polygons[j]);

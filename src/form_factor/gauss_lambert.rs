@@ -12,7 +12,7 @@ use super::pairs::Exchange;
 use super::sampled::{self, Sampled};
 use super::segments::{Independence, PairSums, Segments, VisibleFraction};
 use super::settings::FIVE_POINTS;
-use super::{Computed, FormFactorError, FormFactorMethod, Input};
+use super::{ComputeResult, FormFactorMethod, Input};
 use crate::geometry::point_form_factor::point_form_factor;
 use crate::geometry::polygon;
 use crate::geometry::polygon_form_factor::{Tolerance, exchange_area};
@@ -63,12 +63,7 @@ impl FormFactorMethod for GaussLambert {
         "gauss-lambert"
     }
 
-    fn compute(
-        &self,
-        input: Input<'_>,
-        storage: StorageChoice,
-        progress: &dyn Progress,
-    ) -> Result<Computed, FormFactorError> {
+    fn compute(&self, input: Input<'_>, storage: StorageChoice, progress: &dyn Progress) -> ComputeResult {
         let patches = &input.mesh.patches;
         let polygons = facing::prepared(input.mesh);
         let rule = GaussProduct::new(self.points);

@@ -9,7 +9,7 @@ use super::entry::{MethodEntry, Work};
 use super::on_the_fly::Rows;
 use super::point_errors::{Found, PointErrors};
 use super::settings::POINTS;
-use super::{Computed, FormFactorError, FormFactorMethod, Input, Reciprocity, rows};
+use super::{ComputeResult, FormFactorMethod, Input, Reciprocity, rows};
 use crate::geometry::point_form_factor::point_form_factor;
 use crate::geometry::quadrature::{GaussProduct, WeightedPoint};
 use crate::geometry::sampling::Frame;
@@ -113,12 +113,7 @@ impl FormFactorMethod for Hemicube {
         Reciprocity::NotPromised
     }
 
-    fn compute(
-        &self,
-        input: Input<'_>,
-        storage: StorageChoice,
-        progress: &dyn Progress,
-    ) -> Result<Computed, FormFactorError> {
+    fn compute(&self, input: Input<'_>, storage: StorageChoice, progress: &dyn Progress) -> ComputeResult {
         let cells = cells(self.resolution.get());
         let errors = PointErrors::new(input);
         rows::by_rows(input, storage, progress, None, |rows| {

@@ -219,6 +219,9 @@ pub enum Reciprocity {
     NotPromised,
 }
 
+/// What comes of computing form factors.
+pub type ComputeResult = Result<Computed, FormFactorError>;
+
 /// A way to compute form factors.
 pub trait FormFactorMethod: Sync {
     /// Returns the name on the command line.
@@ -251,12 +254,7 @@ pub trait FormFactorMethod: Sync {
     ///
     /// # Errors
     /// [`FormFactorError`] if the method cannot treat the scene, there is no patch, or a value does not fit the precision of the storage.
-    fn compute(
-        &self,
-        input: Input<'_>,
-        storage: StorageChoice,
-        progress: &dyn Progress,
-    ) -> Result<Computed, FormFactorError>;
+    fn compute(&self, input: Input<'_>, storage: StorageChoice, progress: &dyn Progress) -> ComputeResult;
 
     /// Computes the form factors of patches of which some have moved, with those from before the move as far as they are the same ([`PairCounts::kept`]).
     ///
@@ -273,7 +271,7 @@ pub trait FormFactorMethod: Sync {
         _before: Before<'_>,
         storage: StorageChoice,
         progress: &dyn Progress,
-    ) -> Result<Computed, FormFactorError> {
+    ) -> ComputeResult {
         self.compute(input, storage, progress)
     }
 

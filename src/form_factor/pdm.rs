@@ -5,7 +5,7 @@ use std::num::NonZeroUsize;
 use super::entry::{MethodEntry, Work};
 use super::facing;
 use super::settings::FIVE_POINTS;
-use super::{Computed, FormFactorError, FormFactorMethod, Input, sampled};
+use super::{ComputeResult, FormFactorMethod, Input, sampled};
 use crate::geometry::quadrature::GaussProduct;
 use crate::matrix::StorageChoice;
 use crate::progress::Progress;
@@ -44,12 +44,7 @@ impl FormFactorMethod for ParametricDifferential {
         true
     }
 
-    fn compute(
-        &self,
-        input: Input<'_>,
-        storage: StorageChoice,
-        progress: &dyn Progress,
-    ) -> Result<Computed, FormFactorError> {
+    fn compute(&self, input: Input<'_>, storage: StorageChoice, progress: &dyn Progress) -> ComputeResult {
         let rule = GaussProduct::new(self.points);
         let points = facing::polygons(input.mesh, |corners| rule.on_polygon(corners));
         sampled::quadrature(&points, input, storage, progress)

@@ -6,7 +6,7 @@ use super::pairs::Exchange;
 use super::sampled::Sampled;
 use super::segments::{Independence, PairSums, Segments, VisibleFraction, kernel};
 use super::settings::RAYS;
-use super::{Computed, FormFactorError, FormFactorMethod, Input};
+use super::{ComputeResult, FormFactorMethod, Input};
 use crate::geometry::polygon_form_factor::{Tolerance, exchange_area};
 use crate::geometry::sampling::{PointStream, Sequence, UniformOnPolygon};
 use crate::matrix::StorageChoice;
@@ -54,12 +54,7 @@ impl FormFactorMethod for QuasiMonteCarlo {
         true
     }
 
-    fn compute(
-        &self,
-        input: Input<'_>,
-        storage: StorageChoice,
-        progress: &dyn Progress,
-    ) -> Result<Computed, FormFactorError> {
+    fn compute(&self, input: Input<'_>, storage: StorageChoice, progress: &dyn Progress) -> ComputeResult {
         let patches = &input.mesh.patches;
         let polygons = facing::prepared(input.mesh);
         let maps = facing::polygons(input.mesh, UniformOnPolygon::new);

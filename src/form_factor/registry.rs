@@ -6,7 +6,7 @@ use super::{
     FormFactorError, FormFactorMethod, centre, closed_form, contour, exact, gauss_lambert, hemicube, pdm, qmc, sg, sr,
 };
 use crate::parameter::Parameter;
-use crate::setting::{Setting, Use};
+use crate::setting::{Setting, Use, ticked};
 
 /// All methods, in the order in which help lists them.
 pub const METHODS: &[&MethodEntry] = &[
@@ -41,7 +41,7 @@ pub fn by_name(name: &str) -> Result<&'static MethodEntry, FormFactorError> {
     let found = METHODS.iter().find(|m| m.name == name).copied();
     found.ok_or_else(|| FormFactorError::UnknownMethod {
         name: name.to_owned(),
-        known: joined(METHODS.iter().copied()),
+        known: ticked(METHODS.iter().map(|method| method.name)),
     })
 }
 
@@ -49,11 +49,6 @@ pub fn by_name(name: &str) -> Result<&'static MethodEntry, FormFactorError> {
 #[must_use]
 pub fn settings() -> Vec<(&'static Setting, Vec<(&'static str, Use)>)> {
     crate::setting::gathered(METHODS.iter().map(|method| (method.name, method.settings)))
-}
-
-fn joined<'a>(entries: impl IntoIterator<Item = &'a MethodEntry>) -> String {
-    let quoted: Vec<String> = entries.into_iter().map(|m| format!("`{}`", m.name)).collect();
-    quoted.join(", ")
 }
 
 impl MethodEntry {
@@ -67,7 +62,7 @@ impl MethodEntry {
             return Err(FormFactorError::UnusedSetting {
                 parameter: Parameter::Of(setting),
                 method: self.name,
-                used_by: joined(users),
+                used_by: ticked(users.map(|method| method.name)),
             });
         }
         Ok(MethodSettings {

@@ -4,7 +4,7 @@ use super::facing;
 use super::pairs::{self, Exchange, PairWorker};
 use super::segments::{Independence, PairSums, Segments, VisibleFraction, kernel};
 use super::sight::Sights;
-use super::{Computed, FormFactorError, Input, PairCounts};
+use super::{ComputeResult, Computed, FormFactorError, Input, PairCounts};
 use crate::geometry::clip::clip_to_half_space;
 use crate::geometry::polygon;
 use crate::geometry::polygon_form_factor::{self, PreparedPolygon, Tolerance, exchange_area};
@@ -27,12 +27,7 @@ where
     S: Fn(&mut Segments<'_>, usize, [usize; 2]) + Sync,
     X: Fn([usize; 2], PairSums, VisibleFraction) -> Result<Exchange, FormFactorError> + Sync,
 {
-    pub(super) fn compute(
-        &self,
-        input: Input<'_>,
-        storage: StorageChoice,
-        progress: &dyn Progress,
-    ) -> Result<Computed, FormFactorError> {
+    pub(super) fn compute(&self, input: Input<'_>, storage: StorageChoice, progress: &dyn Progress) -> ComputeResult {
         let sights = Sights::new(input);
         pairs::by_pairs(input, storage, progress, || Worker {
             method: self,

@@ -10,7 +10,7 @@ use super::on_the_fly::Rows;
 use super::point_errors::{Found, PointErrors};
 use super::settings::{FIVE_POINTS, MethodSettings, SHOT_RAYS, SOBOL};
 use super::shooting::{Shooter, Shot, n_nets};
-use super::{Computed, FormFactorError, FormFactorMethod, Input, Reciprocity, rows, upper_bounds};
+use super::{ComputeResult, FormFactorMethod, Input, Reciprocity, rows, upper_bounds};
 use crate::geometry::quadrature::{GaussProduct, WeightedPoint};
 use crate::geometry::sampling::{PointStream, Sequence};
 use crate::matrix::{Entry, RowTally, RowTile, StorageChoice};
@@ -92,12 +92,7 @@ impl FormFactorMethod for GaussShooting {
         Reciprocity::NotPromised
     }
 
-    fn compute(
-        &self,
-        input: Input<'_>,
-        storage: StorageChoice,
-        progress: &dyn Progress,
-    ) -> Result<Computed, FormFactorError> {
+    fn compute(&self, input: Input<'_>, storage: StorageChoice, progress: &dyn Progress) -> ComputeResult {
         if GaussProduct::new(self.points).coarser().is_none() {
             let errors = PointErrors::new(input);
             let errors = RuleErrors::OfFew(&errors);

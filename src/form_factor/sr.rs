@@ -6,7 +6,7 @@ use super::entry::{MethodEntry, Work};
 use super::on_the_fly::Rows;
 use super::settings::{SHOT_RAYS, SOBOL};
 use super::shooting::{Shooter, Shot, n_nets};
-use super::{Computed, FormFactorError, FormFactorMethod, Input, Reciprocity, rows, upper_bounds};
+use super::{ComputeResult, FormFactorMethod, Input, Reciprocity, rows, upper_bounds};
 use crate::geometry::sampling::{PointStream, Sequence, UniformOnPolygon};
 use crate::matrix::{RowTile, StorageChoice};
 use crate::mesh::PatchId;
@@ -54,12 +54,7 @@ impl FormFactorMethod for RandomShooting {
         Reciprocity::ToNoise
     }
 
-    fn compute(
-        &self,
-        input: Input<'_>,
-        storage: StorageChoice,
-        progress: &dyn Progress,
-    ) -> Result<Computed, FormFactorError> {
+    fn compute(&self, input: Input<'_>, storage: StorageChoice, progress: &dyn Progress) -> ComputeResult {
         let bounds = upper_bounds(input.mesh, None);
         rows::by_rows(input, storage, progress, Some(bounds), |rows| self.tile(input, rows))
     }

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use crate::geometry::polygon;
 use crate::matrix::FormFactors;
 use crate::scene::{FaceId, Scene};
 use crate::visibility::shaft::Shaft;
@@ -10,10 +11,6 @@ use crate::visibility::shaft::Shaft;
 ///
 /// The exchange area of two patches depends on their corners and on the faces between them. It is the same as before if neither patch is on a face
 /// that moved, and no such face, where it was or where it is, reaches into the convex hull of the two patches: all segments between them run there.
-///
-/// What that saves, as the time of [`ExactMethod`](super::ExactMethod)'s update to that of computing all anew (tolerance 1e-5, one thread, processor time of `radiosity render --frames` with and without
-/// a first frame; twice, on a machine with other work, which leaves some 5 %): 0.9 in `room-box` with 972 patches, where the floating box comes between most walls and 63 % of the pairs are computed anew, and they are the
-/// slow ones; 0.55 in `cornell-box` with 1280 patches after its short block has moved by 2 cm, 39 % anew. `cargo bench --bench form_factors -- move` has both on one core: 1.07 (715 ms after 665 ms) and 0.55 (1.29 s after 2.36 s) on an idle machine, so that where most pairs are computed anew nothing is saved.
 #[derive(Clone, Debug)]
 pub struct Change {
     /// For every face, whether it moved.
@@ -97,9 +94,7 @@ impl Change {
 
 impl Group {
     fn new(polygons: Vec<Vec<DVec3>>) -> Self {
-        let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        let corners = polygons.iter().flatten();
-        let (low, high) = corners.fold(none, |(low, high), &v| (low.min(v), high.max(v)));
+        let (low, high) = polygon::bounds(polygons.iter().flatten());
         Self { low, high, polygons }
     }
 }

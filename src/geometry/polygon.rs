@@ -16,6 +16,14 @@ pub fn area_vector(corners: &[DVec3]) -> DVec3 {
     rest.windows(2).map(|w| (w[0] - c).cross(w[1] - c)).sum::<DVec3>() * 0.5
 }
 
+/// Returns the least and the greatest corner of the box around points: infinite, and the wrong way round, of none.
+#[must_use]
+pub fn bounds<'a>(points: impl IntoIterator<Item = &'a DVec3>) -> (DVec3, DVec3) {
+    let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let points = points.into_iter();
+    points.fold(none, |(low, high), &v| (low.min(v), high.max(v)))
+}
+
 /// Returns the length of the border of a polygon, in m.
 #[must_use]
 pub fn perimeter(corners: &[DVec3]) -> f64 {

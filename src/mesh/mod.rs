@@ -15,8 +15,6 @@ mod pieces;
 mod planes;
 mod seams;
 mod subdivide;
-#[cfg(test)]
-mod tests;
 
 pub use contact_edges::ContactEdges;
 pub use crossed::CrossedPatch;

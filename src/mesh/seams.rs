@@ -60,3 +60,33 @@ pub(crate) fn mean_value_weights(outline: &[DVec3], x: DVec3, mut visit: impl Fn
     let total: f64 = (0..n).map(weight).sum();
     (0..n).for_each(|k| visit(k, weight(k) / total));
 }
+
+#[cfg(test)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use crate::mesh::{Mesh, Subdivision};
+    use crate::scene::{Scene, builtin};
+
+    #[test]
+    fn seams_are_where_vertices_of_a_plane_hang_and_nowhere_else() {
+        let rectangle = |[x0, x1]: [f64; 2], [y0, y1]: [f64; 2]| {
+            [[x0, y0], [x1, y0], [x1, y1], [x0, y1]].map(|[x, y]| glam::DVec3::new(x, y, 0.0))
+        };
+        let mut floor = Scene::of_quads(&[
+            rectangle([0.0, 1.0], [0.0, 1.0]),
+            rectangle([1.0, 2.0], [0.0, 0.35]),
+            rectangle([1.0, 2.0], [0.35, 1.0]),
+        ]);
+        floor.surfaces.truncate(1);
+        floor.faces.iter_mut().for_each(|face| face.surface.0 = 0);
+        for n in 1..4 {
+            let mesh = Mesh::new(&floor, Subdivision::Uniform(n)).unwrap();
+            assert!(!mesh.seams.outlines.is_empty(), "{n}");
+        }
+        for name in ["cube", "cornell-box", "sphere-room-r1"] {
+            let source = builtin::build(name, None).unwrap().scene;
+            let mesh = Mesh::new(&source, Subdivision::Uniform(3)).unwrap();
+            assert!(mesh.seams.outlines.is_empty() && mesh.seams.same.is_empty(), "{name}");
+        }
+    }
+}

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
-use sha2::{Digest, Sha256};
+use sha2::{Digest as _, Sha256};
 
 use super::exr::Pixels;
 use super::field::FieldRecord;
@@ -10,6 +10,7 @@ use super::samples::PixelSamples;
 use super::settings::RenderSettings;
 use super::view::ViewDescription;
 use crate::scene::Scene;
+use crate::scene::hash::hexadecimal;
 
 /// The newest layout of the attributes; it changes when an older reader would misread them.
 pub(super) const FORMAT: u32 = 2;
@@ -209,11 +210,7 @@ fn ascii_json(value: &impl Serialize) -> Result<String, serde_json::Error> {
 }
 
 fn sha256(text: &str) -> String {
-    use std::fmt::Write;
-    Sha256::digest(text).iter().fold(String::new(), |mut hex, byte| {
-        let _ = write!(hex, "{byte:02x}");
-        hex
-    })
+    hexadecimal(&Sha256::digest(text))
 }
 
 #[cfg(test)]

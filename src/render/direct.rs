@@ -6,14 +6,15 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::direct_exact::{ClearParts, SeenByPatch};
+use super::direct_point::{DirectEstimate, DirectPoint, ShadowRays};
 use super::outdoors::DistantSun;
 use crate::geometry::clip::clip_to_half_space;
 use crate::geometry::point_form_factor::point_form_factor;
 use crate::geometry::polygon;
 use crate::geometry::sampling::{Frame, PointStream, Sequence, UniformOnPolygon};
-use crate::mesh::{Mesh, PatchId};
+use crate::mesh::Mesh;
 use crate::scene::{FaceId, Scene};
-use crate::visibility::{Coherence, HitBatch, RayBatch, Visibility};
+use crate::visibility::{Coherence, HitBatch, Visibility};
 
 /// How the direct irradiance of a pixel is found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -71,26 +72,6 @@ impl DirectMethod {
             Self::Off | Self::Exact => None,
         }
     }
-}
-
-/// A front-facing point at which the direct irradiance is wanted.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct DirectPoint {
-    pub(super) face: FaceId,
-    pub(super) patch: PatchId,
-    pub(super) point: DVec3,
-    pub(super) normal: DVec3,
-    /// The number of the point's own random stream.
-    pub(super) stream: u64,
-}
-
-/// The estimate at one point, per channel.
-///
-/// The variance is that of the mean of independent samples; it is 0 where all samples agree.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct DirectEstimate {
-    pub(super) mean: [f64; 3],
-    pub(super) variance: [f64; 3],
 }
 
 /// A map of a convex face into its inside, away from the edges.
@@ -151,10 +132,8 @@ pub(super) struct DirectPass<'a> {
 /// Buffers of one thread.
 #[derive(Default)]
 pub(super) struct Scratch {
-    pub(super) rays: RayBatch,
+    shadows: ShadowRays,
     hits: HitBatch,
-    pub(super) blocked: Vec<bool>,
-    pub(super) weights: Vec<f64>,
     seen: SeenByPatch,
 }
 
@@ -220,17 +199,15 @@ impl<'a> DirectPass<'a> {
             DirectMethod::Exact => self.exactly(at, scratch),
         };
         if let Some(sun) = &self.sun {
-            let own = sun.estimate(self, at, (self.sequence, self.seed), scratch);
+            let origin = self.origin(at.face, at.point, at.normal);
+            let numbers = (self.sequence, self.seed);
+            let own = sun.estimate(self.visibility, origin, at, numbers, &mut scratch.shadows);
             for c in 0..3 {
                 estimate.mean[c] += own.mean[c];
                 estimate.variance[c] += own.variance[c];
             }
         }
         estimate
-    }
-
-    pub(super) fn visibility(&self) -> &'a dyn Visibility {
-        self.visibility
     }
 
     fn exactly(&self, at: &DirectPoint, scratch: &mut Scratch) -> DirectEstimate {
@@ -261,7 +238,8 @@ impl<'a> DirectPass<'a> {
     }
 
     fn by_rays(&self, at: &DirectPoint, n: u32, scratch: &mut Scratch) -> DirectEstimate {
-        let Scratch { rays, hits, .. } = scratch;
+        let Scratch { shadows, hits, .. } = scratch;
+        let rays = &mut shadows.rays;
         let frame = Frame::from_normal(at.normal);
         let origin = self.origin(at.face, at.point, at.normal);
         let mut stream = self.stream(at);
@@ -324,9 +302,7 @@ impl<'a> DirectPass<'a> {
         stream: &mut PointStream,
         scratch: &mut Scratch,
     ) -> (f64, f64) {
-        let Scratch {
-            rays, blocked, weights, ..
-        } = scratch;
+        let ShadowRays { rays, blocked, weights } = &mut scratch.shadows;
         let (mut total, mut seen, mut squares) = (0.0, 0.0, [0.0; 3]);
         let frame = self.visibility.frame_origin();
         let offset = self.visibility.offset();

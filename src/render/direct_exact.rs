@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
-use super::direct::DirectPoint;
+use super::direct_point::DirectPoint;
 use crate::form_factor::partial::VisibleFactor;
 use crate::geometry::point_form_factor::point_form_factor;
 use crate::mesh::{Mesh, PatchId};

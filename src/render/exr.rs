@@ -19,12 +19,15 @@ use crate::whole_file;
 
 /// How the numbers of a file are stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum Pixels {
     /// 32-bit floats.
     #[default]
     F32,
-    /// 16-bit floats (11 bits, up to 65504) for colours and normals: `R,G,B`, `irradiance.*`, `radiosity.*`, `direct.*`, `albedo.*`, `N.*`.
+    /// 16-bit floats for colours and normals.
+    ///
+    /// 11 bits, up to 65504: `R,G,B`, `irradiance.*`, `radiosity.*`, `direct.*`, `albedo.*`, `N.*`.
     ///
     /// A layer with a value beyond their range stays at 32 bits, as do all others: positions, depth, errors and variances.
     F16,
@@ -32,11 +35,16 @@ pub enum Pixels {
 
 /// How the layers of a file are arranged.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Parts {
-    /// All layers in one part; programs group them by the dots of their names.
+    /// All layers in one part.
+    ///
+    /// Programs group them by the dots of their names.
     #[default]
     Single,
-    /// A part for each group of layers: `rgba` (the picture), `depth`, and the names before the dots. Channels keep their full names.
+    /// A part for each group of layers.
+    ///
+    /// They are `rgba` (the picture), `depth`, and the names before the dots. Channels keep their full names.
     Multi,
 }
 

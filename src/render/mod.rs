@@ -3,6 +3,7 @@
 mod attributes;
 mod direct;
 mod direct_exact;
+mod direct_point;
 pub mod display;
 mod error;
 pub mod exr;

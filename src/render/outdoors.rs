@@ -4,10 +4,10 @@ use std::f64::consts::TAU;
 
 use glam::DVec3;
 
-use super::direct::{DirectEstimate, DirectPass, DirectPoint, Scratch};
+use super::direct_point::{DirectEstimate, DirectPoint, ShadowRays};
 use super::view::Sight;
 use crate::geometry::sampling::{Frame, PointStream, Sequence};
-use crate::visibility::Coherence;
+use crate::visibility::{Coherence, Visibility};
 
 /// Light from beyond the scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -75,23 +75,20 @@ impl DistantSun {
         frame.to_world(local)
     }
 
-    /// Estimates its irradiance of a point: H = S Σ_k max(n · s_k, 0) V_k / N over one direction, or 16 in the disc.
+    /// Estimates its irradiance of a point, whose rays begin at `origin`: H = S Σ_k max(n · s_k, 0) V_k / N over one direction, or 16 in the disc.
     ///
     /// The variance is that of a mean of independent directions, which a net of them stays below.
     pub(super) fn estimate(
         &self,
-        pass: &DirectPass<'_>,
+        visibility: &dyn Visibility,
+        origin: DVec3,
         at: &DirectPoint,
         (sequence, seed): (Sequence, u64),
-        scratch: &mut Scratch,
+        ShadowRays { rays, blocked, weights }: &mut ShadowRays,
     ) -> DirectEstimate {
         let frame = Frame::from_normal(self.direction);
         let n = if self.sine > 0.0 { DIRECTIONS } else { 1 };
         let mut stream = PointStream::new(sequence, seed ^ SEED, at.stream);
-        let origin = pass.origin(at.face, at.point, at.normal);
-        let Scratch {
-            rays, blocked, weights, ..
-        } = scratch;
         rays.clear();
         weights.clear();
         for _ in 0..n {
@@ -107,7 +104,7 @@ impl DistantSun {
                 rays.push_ray(origin, direction);
             }
         }
-        pass.visibility().occluded(rays, Coherence::Coherent, blocked);
+        visibility.occluded(rays, Coherence::Coherent, blocked);
         let (mut sum, mut squares) = (0.0, 0.0);
         for (cosine, hidden) in weights.iter().zip(blocked.iter()) {
             if !hidden {

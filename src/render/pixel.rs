@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use super::direct::DirectEstimate;
+use super::direct_point::DirectEstimate;
 use super::gather::Gathered;
 use super::image::{Image, Samples, channel_names};
 use super::shade::{Shade, SurfacePoint};

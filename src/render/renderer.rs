@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
-use super::direct::{DirectEstimate, DirectPass, DirectPoint, Scratch};
+use super::direct::{DirectPass, Scratch};
+use super::direct_point::{DirectEstimate, DirectPoint};
 use super::display::Watcher;
 use super::error::RenderError;
 use super::gather::{GatherScratch, Gathered, Gatherer, PixelPart, first_rays};

@@ -47,14 +47,18 @@ pub fn tone_map(image: &Image) -> Vec<u8> {
         .collect()
 }
 
+/// Returns a linear value as sRGB, 1 as 1 (IEC 61966-2-1).
+pub(crate) fn srgb_curve(linear: f64) -> f64 {
+    if linear <= 0.003_130_8 {
+        12.92 * linear
+    } else {
+        1.055 * linear.powf(1.0 / 2.4) - 0.055
+    }
+}
+
 /// Returns the 8-bit sRGB code of a linear value.
 fn srgb(linear: f64) -> u8 {
-    let x = linear.min(1.0);
-    let encoded = if x <= 0.003_130_8 {
-        12.92 * x
-    } else {
-        1.055 * x.powf(1.0 / 2.4) - 0.055
-    };
+    let encoded = srgb_curve(linear.min(1.0));
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,

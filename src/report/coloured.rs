@@ -8,6 +8,7 @@ use std::io::{self, Write};
 use super::csv::channel_names;
 use crate::matrix::operator::Block;
 use crate::mesh::{Mesh, Patch};
+use crate::render::tone_map::srgb_curve;
 use crate::scene::Scene;
 
 /// The formats with colours of vertices.
@@ -136,14 +137,6 @@ fn write_obj(
 
 /// Returns a value as the sRGB of its share of white, in \[0, 1\] (IEC 61966-2-1).
 fn srgb(value: f64, white: f64) -> f64 {
-    let linear = if white > 0.0 {
-        (value / white).clamp(0.0, 1.0)
-    } else {
-        0.0
-    };
-    if linear <= 0.003_130_8 {
-        12.92 * linear
-    } else {
-        1.055 * linear.powf(1.0 / 2.4) - 0.055
-    }
+    let share = if white > 0.0 { value / white } else { 0.0 };
+    srgb_curve(share.clamp(0.0, 1.0))
 }

@@ -10,7 +10,8 @@ use crate::parameter::Named;
 use crate::printable::{printable_message, quoted};
 
 /// Why a report could not be written, or a file of form factors not be read.
-#[derive(Debug, Error)]
+#[derive(Debug, Error, strum::IntoStaticStr)]
+#[strum(serialize_all = "snake_case")]
 #[non_exhaustive]
 pub enum ReportError {
     /// The file cannot be written.
@@ -99,6 +100,7 @@ pub enum ReportError {
     },
     /// The numbers make no form factors.
     #[error("{}: {source}; write it again with `radiosity form-factors`", .path.display())]
+    #[strum(serialize = "damaged")]
     Matrix {
         /// The file.
         path: PathBuf,
@@ -108,6 +110,21 @@ pub enum ReportError {
 }
 
 impl ReportError {
+    pub(super) fn unwritable(path: &Path, source: io::Error) -> Self {
+        let path = path.to_owned();
+        Self::Unwritable { path, source }
+    }
+
+    pub(super) fn unreadable(path: &Path, source: io::Error) -> Self {
+        let path = path.to_owned();
+        Self::Unreadable { path, source }
+    }
+
+    pub(super) fn damaged(path: &Path, reason: impl Into<String>) -> Self {
+        let (path, reason) = (path.to_owned(), reason.into());
+        Self::Damaged { path, reason }
+    }
+
     /// Returns the error as one line, with parameters as `named` writes them.
     #[must_use]
     pub fn text(&self, named: Named<'_>) -> String {
@@ -138,18 +155,7 @@ impl ReportError {
     /// Returns a stable name of the kind, snake_case.
     #[must_use]
     pub fn kind(&self) -> &'static str {
-        match self {
-            Self::Unwritable { .. } => "unwritable",
-            Self::Unreadable { .. } => "unreadable",
-            Self::BadPoints { .. } => "bad_points",
-            Self::BadArray { .. } => "bad_array",
-            Self::UnknownFormat { .. } => "unknown_format",
-            Self::NoDescription { .. } => "no_description",
-            Self::Version { .. } => "version",
-            Self::Damaged { .. } | Self::Matrix { .. } => "damaged",
-            Self::OtherGeometry { .. } => "other_geometry",
-            Self::Scratch { .. } => "scratch",
-        }
+        self.into()
     }
 }
 

@@ -10,10 +10,10 @@ use std::path::Path;
 
 use serde_json::{Map, Value, json};
 
+use super::file::{self, by_ending};
 use super::npz::NpzWriter;
 use super::{ReportError, csv};
 use crate::heat::ExchangeFactors;
-use crate::whole_file;
 
 /// The formats of exchange factors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,16 +30,7 @@ impl Format {
     /// # Errors
     /// [`ReportError::UnknownFormat`].
     pub fn of(path: &Path) -> Result<Self, ReportError> {
-        let ending = path.extension().map(std::ffi::OsStr::to_ascii_lowercase);
-        match ending.as_ref().and_then(|e| e.to_str()) {
-            Some("csv") => Ok(Self::Csv),
-            Some("npz") => Ok(Self::Npz),
-            _ => Err(ReportError::UnknownFormat {
-                path: path.to_owned(),
-                content: "exchange factors",
-                known: ".csv, .npz".into(),
-            }),
-        }
+        by_ending(path, "exchange factors", &[("csv", Self::Csv), ("npz", Self::Npz)])
     }
 }
 
@@ -49,13 +40,9 @@ impl Format {
 /// [`ReportError::UnknownFormat`], [`ReportError::Unwritable`].
 pub fn write(path: &Path, factors: &ExchangeFactors, settings: &Map<String, Value>) -> Result<(), ReportError> {
     let format = Format::of(path)?;
-    let written = whole_file::write(path, |writer| match format {
+    file::write(path, |writer| match format {
         Format::Csv => write_csv(writer, factors),
         Format::Npz => write_npz(writer, factors, settings),
-    });
-    written.map_err(|source| ReportError::Unwritable {
-        path: path.to_owned(),
-        source,
     })
 }
 

@@ -26,10 +26,7 @@ pub struct Exitances {
 /// # Errors
 /// [`ReportError::Unreadable`], and [`ReportError::BadArray`] of what is no such array for `n_patches` patches, or holds a number that is negative or not finite.
 pub fn read(path: &Path, n_patches: usize) -> Result<Exitances, ReportError> {
-    let bytes = input_file::read(path, LIMIT).map_err(|source| ReportError::Unreadable {
-        path: path.to_owned(),
-        source,
-    })?;
+    let bytes = input_file::read(path, LIMIT).map_err(|source| ReportError::unreadable(path, source))?;
     let bad = |reason: String| ReportError::BadArray {
         path: path.to_owned(),
         reason,

@@ -7,9 +7,8 @@ use plotters::element::{Rectangle, Text};
 use plotters::prelude::{Color, RGBColor};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use super::ReportError;
 use super::frame::{self, Area, DrawResult, Frame, PlotError, text};
-use crate::whole_file;
+use super::{ReportError, file};
 
 /// A picture of a quantity.
 #[derive(Clone, Debug, PartialEq)]
@@ -86,10 +85,7 @@ impl FalseColour {
             let bytes = self.to_png().map_err(io::Error::other)?;
             writer.write_all(&bytes)
         };
-        whole_file::write(path, |writer| write(writer)).map_err(|source| ReportError::Unwritable {
-            path: path.to_owned(),
-            source,
-        })
+        file::write(path, |writer| write(writer))
     }
 
     /// Returns the least and the greatest value.

@@ -23,18 +23,17 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 use serde_json::{Map, Value};
-use sha2::{Digest, Sha256};
 
-use super::description::FileCheck;
+use super::file::{Hashed, by_ending};
 use super::npy::{Dtype, Header};
 use super::npz::{NpzWriter, write_numbers};
+use super::sky::sky_columns;
 use super::vtu::CellData;
 use super::{Description, ReportError, coloured, matrix_csv, matrix_exr, mtx, view3d, vtu};
-use crate::form_factor::{Fraction, PairCounts, SkyFactors};
+use crate::form_factor::{PairCounts, SkyFactors};
 use crate::matrix::operator::Block;
 use crate::matrix::{FormFactors, Precision, RowTally};
 use crate::mesh::Mesh;
-use crate::scene::hash::hexadecimal;
 use crate::scene::{Scene, SurfaceId};
 use crate::whole_file;
 
@@ -125,20 +124,8 @@ impl Format {
 
     fn among(path: &Path, content: &'static str, counts: impl Fn(bool) -> bool) -> Result<Self, ReportError> {
         let known = FORMATS.iter().filter(|(.., readable)| counts(*readable));
-        let ending = path.extension().map(std::ffi::OsStr::to_ascii_lowercase);
-        let found = known
-            .clone()
-            .find(|(name, ..)| ending.as_deref() == Some(name.as_ref()));
-        found
-            .map(|&(_, format, _)| format)
-            .ok_or_else(|| ReportError::UnknownFormat {
-                path: path.to_owned(),
-                content,
-                known: known
-                    .map(|(name, ..)| format!(".{name}"))
-                    .collect::<Vec<_>>()
-                    .join(", "),
-            })
+        let known: Vec<_> = known.map(|&(name, format, _)| (name, format)).collect();
+        by_ending(path, content, &known)
     }
 }
 
@@ -199,10 +186,7 @@ impl FormFactorReport<'_> {
                 path: path.to_owned(),
                 source: error.clone(),
             },
-            None => ReportError::Unwritable {
-                path: path.to_owned(),
-                source,
-            },
+            None => ReportError::unwritable(path, source),
         })
     }
 
@@ -267,20 +251,14 @@ impl FormFactorReport<'_> {
     /// Writes F in full, and then the description with its checksum beside it.
     fn write_npy(&self, path: &Path) -> io::Result<()> {
         let n = self.factors.n_rows() as u64;
-        let (mut hasher, mut byte) = (Sha256::new(), 0);
+        let mut description = self.description();
         let matrix = whole_file::prepare(path, |writer| {
-            let mut hashed = Hashed {
-                writer,
-                hasher: &mut hasher,
-                byte: &mut byte,
-            };
+            let mut hashed = Hashed::new(writer);
             hashed.write_all(&Header::new(self.dtype(), &[n, n]).encode())?;
             self.write_rows(self.dtype(), &mut hashed, |value, _| value)?;
+            description.file = Some(hashed.check());
             self.factors.if_readable(()).map_err(io::Error::other)
         })?;
-        let mut description = self.description();
-        let sha256 = hexadecimal(&hasher.finalize());
-        description.file = Some(FileCheck { byte, sha256 });
         let described = whole_file::prepare(&beside(path), |writer| {
             writer.write_all(description.to_json().as_bytes())
         })?;
@@ -437,21 +415,6 @@ impl FormFactorReport<'_> {
     }
 }
 
-/// Returns the names and values of the numbers that files have of sky and back factors.
-pub(super) fn sky_columns(sky: &SkyFactors) -> SkyColumns {
-    let values = |of: &[Fraction]| of.iter().map(|fraction| fraction.value).collect();
-    let errors = |of: &[Fraction]| of.iter().map(|fraction| fraction.error()).collect();
-    [
-        ("sky_factor", values(&sky.sky)),
-        ("sky_factor_error", errors(&sky.sky)),
-        ("back_factor", values(&sky.back)),
-        ("back_factor_error", errors(&sky.back)),
-    ]
-}
-
-/// Four numbers for each patch or surface, with their names.
-pub(super) type SkyColumns = [(&'static str, Vec<f64>); 4];
-
 /// Returns the files that form factors are written to at `path`: the file itself, and the description beside it where that stands in a file of its own.
 #[must_use]
 pub fn files_of(path: &Path) -> Vec<PathBuf> {
@@ -466,26 +429,6 @@ pub(super) fn beside(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(".json");
     name.into()
-}
-
-/// Writes bytes, counts and hashes them.
-pub(super) struct Hashed<'a, W> {
-    pub(super) writer: W,
-    pub(super) hasher: &'a mut Sha256,
-    pub(super) byte: &'a mut u64,
-}
-
-impl<W: Write> Write for Hashed<'_, W> {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let n = self.writer.write(bytes)?;
-        self.hasher.update(&bytes[..n]);
-        *self.byte += n as u64;
-        Ok(n)
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        self.writer.flush()
-    }
 }
 
 /// Writes numbers as f32 where that is the type asked for, else as f64.

@@ -17,12 +17,11 @@ use serde_json::{Map, Value, json};
 use super::npz::NpzWriter;
 use super::solution::Format;
 use super::vtu::CellData;
-use super::{ReportError, coloured, csv, vtu};
+use super::{ReportError, coloured, csv, file, vtu};
 use crate::heat::Heat;
 use crate::matrix::operator::Block;
 use crate::mesh::Mesh;
 use crate::scene::Scene;
-use crate::whole_file;
 
 /// The heat of the patches of a scene.
 #[derive(Clone, Copy, Debug)]
@@ -44,16 +43,12 @@ impl HeatReport<'_> {
     /// [`ReportError::UnknownFormat`], [`ReportError::Unwritable`].
     pub fn write(&self, path: &Path) -> Result<(), ReportError> {
         let format = Format::of(path)?;
-        let written = whole_file::write(path, |writer| match format {
+        file::write(path, |writer| match format {
             Format::Csv => self.write_csv(writer),
             Format::Npz => self.write_npz(writer),
             Format::Vtu => self.write_vtu(writer),
             Format::Ply => self.write_coloured(writer, coloured::Format::Ply),
             Format::Obj => self.write_coloured(writer, coloured::Format::Obj),
-        });
-        written.map_err(|source| ReportError::Unwritable {
-            path: path.to_owned(),
-            source,
         })
     }
 

@@ -4,7 +4,7 @@ use std::io::{self, Write};
 
 use super::Description;
 use super::csv::{quoted, write_description};
-use super::form_factors::SkyColumns;
+use super::sky::SkyColumns;
 use crate::matrix::SurfaceRows;
 use crate::scene::Scene;
 

@@ -10,6 +10,7 @@ pub mod exchange;
 pub mod exitance;
 #[cfg(feature = "reports")]
 pub mod false_colour;
+mod file;
 pub mod form_factors;
 #[cfg(feature = "reports")]
 mod frame;
@@ -32,6 +33,7 @@ mod paper;
 pub mod plot;
 pub mod points;
 mod read;
+mod sky;
 pub mod solution;
 mod stages;
 #[cfg(feature = "reports")]
@@ -50,6 +52,8 @@ pub use memory::{memory_available_byte, memory_peak_byte, memory_used_byte};
 pub use stages::StageTimes;
 #[cfg(feature = "reports")]
 pub use table::Table;
+#[cfg(feature = "reports")]
+pub(crate) use table::{Cell, table};
 
 /// The version of the JSON documents that the program prints and that experiments write: it changes when a key changes its name or its meaning.
 pub const SCHEMA_VERSION: u32 = 2;

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use sha2::{Digest as _, Sha256};
 
 use super::description::FileCheck;
-use super::form_factors::Hashed;
+use super::file::Hashed;
 use super::{Description, ReportError};
 use crate::input_file;
 use crate::matrix::FormFactors;
@@ -31,15 +31,9 @@ pub(super) fn write(writer: &mut dyn Write, factors: &FormFactors, mut descripti
     for i in 0..factors.n_rows() {
         factors.for_each_in_row(i, |_, value, _| n_entries += u64::from(value.abs() > 0.0));
     }
-    let (mut hasher, mut byte) = (Sha256::new(), 0);
-    let hashed = Hashed {
-        writer: io::sink(),
-        hasher: &mut hasher,
-        byte: &mut byte,
-    };
-    write_entries(&mut io::BufWriter::new(hashed), factors, n_entries)?;
-    let sha256 = hexadecimal(&hasher.finalize());
-    description.file = Some(FileCheck { byte, sha256 });
+    let mut hashed = Hashed::new(io::sink());
+    write_entries(&mut io::BufWriter::new(&mut hashed), factors, n_entries)?;
+    description.file = Some(hashed.check());
     writeln!(writer, "{BANNER}")?;
     for line in description.to_json().lines() {
         writeln!(writer, "% {line}")?;
@@ -73,10 +67,7 @@ struct Lines {
 
 impl Lines {
     fn open(path: &Path) -> Result<Self, ReportError> {
-        let opened = input_file::open(path).map_err(|source| ReportError::Unreadable {
-            path: path.to_owned(),
-            source,
-        })?;
+        let opened = input_file::open(path).map_err(|source| ReportError::unreadable(path, source))?;
         Ok(Self {
             path: path.to_owned(),
             reader: BufReader::with_capacity(1 << 20, opened),
@@ -94,20 +85,14 @@ impl Lines {
         match read {
             Ok(n) => self.byte += n as u64,
             Err(error) if error.kind() == io::ErrorKind::InvalidData => return Err(self.error("it is no text")),
-            Err(source) => {
-                let path = self.path.clone();
-                return Err(ReportError::Unreadable { path, source });
-            }
+            Err(source) => return Err(ReportError::unreadable(&self.path, source)),
         }
         self.hasher.update(self.line.as_bytes());
         Ok((!self.line.is_empty()).then(|| self.line.trim_end()))
     }
 
     fn error(&self, reason: impl Into<String>) -> ReportError {
-        ReportError::Damaged {
-            path: self.path.clone(),
-            reason: reason.into(),
-        }
+        ReportError::damaged(&self.path, reason)
     }
 }
 

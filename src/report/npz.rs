@@ -198,16 +198,11 @@ pub(super) struct Archive {
 
 impl Archive {
     pub(super) fn open(path: &Path) -> Result<Self, ReportError> {
-        let unreadable = |source| ReportError::Unreadable {
-            path: path.to_owned(),
-            source,
-        };
+        let unreadable = |source| ReportError::unreadable(path, source);
         let file = input_file::open(path).map_err(unreadable)?;
         let file_byte = file.metadata().map_err(unreadable)?.len();
-        let zip = ZipArchive::new(BufReader::new(file)).map_err(|error| ReportError::Damaged {
-            path: path.to_owned(),
-            reason: format!("not a readable .npz archive: {error}"),
-        })?;
+        let zip = ZipArchive::new(BufReader::new(file))
+            .map_err(|error| ReportError::damaged(path, format!("not a readable .npz archive: {error}")))?;
         Ok(Self {
             path: path.to_owned(),
             zip,
@@ -264,10 +259,7 @@ impl Archive {
             file.seek(SeekFrom::Start(start))?;
             Ok(buffered(file, byte))
         };
-        let file = open().map_err(|source| ReportError::Unreadable {
-            path: self.path.clone(),
-            source,
-        })?;
+        let file = open().map_err(|source| ReportError::unreadable(&self.path, source))?;
         Ok(Member {
             path: self.path.clone(),
             name: name.to_owned(),
@@ -287,10 +279,7 @@ fn buffered(file: File, byte: u64) -> BufReader<Take<File>> {
 
 fn member_error(path: &Path, name: &str, reason: impl Into<String>) -> ReportError {
     let reason: String = reason.into();
-    ReportError::Damaged {
-        path: path.to_owned(),
-        reason: format!("`{}`: {reason}", name.trim_end_matches(".npy")),
-    }
+    ReportError::damaged(path, format!("`{}`: {reason}", name.trim_end_matches(".npy")))
 }
 
 /// The bytes of one member, checked against its checksum at the end.
@@ -362,10 +351,7 @@ pub(super) struct Array {
 impl Array {
     /// Opens the array of a `.npy` file, whose length and checksum are known from elsewhere.
     pub(super) fn open_npy(path: &Path, expected: &FileCheck) -> Result<Self, ReportError> {
-        let unreadable = |source| ReportError::Unreadable {
-            path: path.to_owned(),
-            source,
-        };
+        let unreadable = |source| ReportError::unreadable(path, source);
         let file = input_file::open(path).map_err(unreadable)?;
         let byte = file.metadata().map_err(unreadable)?.len();
         let member = Member {

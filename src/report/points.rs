@@ -11,12 +11,11 @@ use serde_json::{Map, Value, json};
 
 use super::exchange::Format;
 use super::npz::NpzWriter;
-use super::{ReportError, csv};
+use super::{ReportError, csv, file};
 use crate::heat::{PointQuery, PointView, Stated};
 use crate::input_file;
 use crate::printable::quoted;
 use crate::scene::Scene;
-use crate::whole_file;
 
 /// The most bytes of a table of points.
 const LIMIT: u64 = 1 << 30;
@@ -30,11 +29,7 @@ const NORMAL: [&str; 3] = ["nx", "ny", "nz"];
 /// # Errors
 /// [`ReportError::Unreadable`], and [`ReportError::BadPoints`] with the line of what is no such table, no finite number, or a normal without a length.
 pub fn read(path: &Path) -> Result<Vec<PointQuery>, ReportError> {
-    let unreadable = |source| ReportError::Unreadable {
-        path: path.to_owned(),
-        source,
-    };
-    let bytes = input_file::read(path, LIMIT).map_err(unreadable)?;
+    let bytes = input_file::read(path, LIMIT).map_err(|source| ReportError::unreadable(path, source))?;
     let bad = |line: usize, reason: String| ReportError::BadPoints {
         path: path.to_owned(),
         line: line + 1,
@@ -151,13 +146,9 @@ pub fn write(
 ) -> Result<(), ReportError> {
     let format = Format::of(path)?;
     let columns = columns(scene, views);
-    let written = whole_file::write(path, |writer| match format {
+    file::write(path, |writer| match format {
         Format::Csv => write_csv(writer, views, &columns),
         Format::Npz => write_npz(writer, views, &columns, settings),
-    });
-    written.map_err(|source| ReportError::Unwritable {
-        path: path.to_owned(),
-        source,
     })
 }
 

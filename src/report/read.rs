@@ -36,8 +36,7 @@ impl FormFactorFile {
         };
         if path.is_dir() {
             let source = std::io::Error::new(std::io::ErrorKind::IsADirectory, "it is a directory; name a file");
-            let path = path.to_owned();
-            return Err(ReportError::Unreadable { path, source });
+            return Err(ReportError::unreadable(path, source));
         }
         let description = match Format::to_read(path)? {
             Format::Npz => {
@@ -58,7 +57,7 @@ impl FormFactorFile {
                     Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
                         return Err(missing(format!("{} beside it", path.display())));
                     }
-                    Err(source) => return Err(ReportError::Unreadable { path, source }),
+                    Err(source) => return Err(ReportError::unreadable(&path, source)),
                 }
             }
         };
@@ -178,7 +177,10 @@ impl FormFactorFile {
         match found[..] {
             [0] => Ok(None),
             [q] if q <= 256 => Ok(usize::try_from(q).ok().and_then(NonZeroUsize::new)),
-            _ => Err(array_error(&self.path, "`points` is no number of points along a side")),
+            _ => Err(ReportError::damaged(
+                &self.path,
+                "`points` is no number of points along a side",
+            )),
         }
     }
 
@@ -272,10 +274,7 @@ impl FormFactorFile {
             };
             if !tally.is_consistent() {
                 let reason = format!("the tally of the rays of patch {i} contradicts itself");
-                return Err(ReportError::Damaged {
-                    path: self.path.clone(),
-                    reason,
-                });
+                return Err(ReportError::damaged(&self.path, reason));
             }
         }
         Ok(tallies)
@@ -304,12 +303,9 @@ impl FormFactorFile {
                 }
             }
             if let Some(j) = expected.iter().position(|difference| difference.abs() > 0.0) {
-                return Err(ReportError::Damaged {
-                    path: self.path.clone(),
-                    reason: format!(
-                        "it says that A_i F_ij is symmetric, and it is not between the patches {i} and {j}"
-                    ),
-                });
+                let reason =
+                    format!("it says that A_i F_ij is symmetric, and it is not between the patches {i} and {j}");
+                return Err(ReportError::damaged(&self.path, reason));
             }
         }
         rows.finish()
@@ -328,18 +324,8 @@ fn archived_description(archive: &mut Archive) -> Result<Option<Vec<u8>>, Report
     Ok(Some(text.into_bytes()))
 }
 
-fn array_error(path: &Path, reason: &str) -> ReportError {
-    ReportError::Damaged {
-        path: path.to_owned(),
-        reason: reason.to_owned(),
-    }
-}
-
 fn description(path: &Path, text: &[u8]) -> Result<Description, ReportError> {
-    let damaged = |reason: String| ReportError::Damaged {
-        path: path.to_owned(),
-        reason,
-    };
+    let damaged = |reason: String| ReportError::damaged(path, reason);
     let value: serde_json::Value =
         serde_json::from_slice(text).map_err(|error| damaged(format!("its description is no JSON: {error}")))?;
     let format = value["format"].as_str().unwrap_or("nothing known");

@@ -16,8 +16,9 @@ use std::path::Path;
 use serde::Serialize;
 use serde_json::{Map, Value};
 
-use super::form_factors::sky_columns;
+use super::file::{self, by_ending};
 use super::npz::NpzWriter;
+use super::sky::sky_columns;
 use super::vtu::CellData;
 use super::{ReportError, coloured, csv, pretty, vtu};
 use crate::form_factor::SkyFactors;
@@ -26,7 +27,6 @@ use crate::matrix::operator::Block;
 use crate::mesh::Mesh;
 use crate::scene::Scene;
 use crate::solver::{Solution, StopReason};
-use crate::whole_file;
 
 /// A solution with what it belongs to.
 #[derive(Clone, Copy, Debug)]
@@ -101,19 +101,14 @@ impl Format {
     /// # Errors
     /// [`ReportError::UnknownFormat`].
     pub fn of(path: &Path) -> Result<Self, ReportError> {
-        let ending = path.extension().map(std::ffi::OsStr::to_ascii_lowercase);
-        match ending.as_ref().and_then(|e| e.to_str()) {
-            Some("csv") => Ok(Self::Csv),
-            Some("npz") => Ok(Self::Npz),
-            Some("vtu") => Ok(Self::Vtu),
-            Some("ply") => Ok(Self::Ply),
-            Some("obj") => Ok(Self::Obj),
-            _ => Err(ReportError::UnknownFormat {
-                path: path.to_owned(),
-                content: "a solution",
-                known: ".csv, .npz, .vtu, .ply, .obj".into(),
-            }),
-        }
+        let known = [
+            ("csv", Self::Csv),
+            ("npz", Self::Npz),
+            ("vtu", Self::Vtu),
+            ("ply", Self::Ply),
+            ("obj", Self::Obj),
+        ];
+        by_ending(path, "a solution", &known)
     }
 }
 
@@ -136,16 +131,12 @@ impl SolutionReport<'_> {
         ];
         assert!(blocks.iter().all(|block| block.n_rows() == n), "one row per patch");
         let format = Format::of(path)?;
-        let written = whole_file::write(path, |writer| match format {
+        file::write(path, |writer| match format {
             Format::Csv => self.write_csv(writer),
             Format::Npz => self.write_npz(writer),
             Format::Vtu => self.write_vtu(writer),
             Format::Ply => self.write_coloured(writer, coloured::Format::Ply),
             Format::Obj => self.write_coloured(writer, coloured::Format::Obj),
-        });
-        written.map_err(|source| ReportError::Unwritable {
-            path: path.to_owned(),
-            source,
         })
     }
 

@@ -11,6 +11,41 @@ pub struct Table {
     rows: Vec<Vec<String>>,
 }
 
+/// A value as a cell: an f64 with the fewest digits that read back as the same, nothing where there is none.
+pub(crate) trait Cell {
+    fn cell(&self) -> String;
+}
+
+macro_rules! cells {
+    ($($own:ty: $format:literal),*) => {$(
+        impl Cell for $own {
+            fn cell(&self) -> String {
+                format!($format, self)
+            }
+        }
+    )*};
+}
+
+cells!(f64: "{:?}", bool: "{}", char: "{}", u8: "{}", u32: "{}", u64: "{}", usize: "{}", &str: "{}", String: "{}");
+
+impl<T: Cell> Cell for Option<T> {
+    fn cell(&self) -> String {
+        self.as_ref().map_or_else(String::new, Cell::cell)
+    }
+}
+
+/// Makes a [`Table`] of rows, each column of its name and its cell.
+macro_rules! table {
+    ($row:pat in $rows:expr; $($name:literal: $cell:expr),* $(,)?) => {{
+        let mut table = $crate::report::Table::new([$($name),*]);
+        for $row in $rows {
+            table.push([$($crate::report::Cell::cell(&$cell)),*]);
+        }
+        table
+    }};
+}
+pub(crate) use table;
+
 impl Table {
     /// Returns a table without rows.
     #[must_use]

@@ -7,11 +7,10 @@ use std::path::Path;
 use serde::Serialize;
 use serde_json::{Map, Value};
 
-use super::{ReportError, vtu};
+use super::{ReportError, file, vtu};
 use crate::matrix::operator::Block;
 use crate::scene::Scene;
 use crate::voxel::VoxelScene;
-use crate::whole_file;
 
 /// The metadata of a file of voxels, in JSON.
 #[derive(Debug, Serialize)]
@@ -66,7 +65,7 @@ pub fn write_vtu(
         }));
     }
     let half = 0.5 * voxels.grid.voxel_size;
-    let written = whole_file::write(path, |writer| {
+    file::write(path, |writer| {
         let names: Vec<&str> = scene.surfaces.iter().map(|s| s.name.as_str()).collect();
         let points = corners.iter().map(|&c| (voxels.grid.centre(c) - half).to_array());
         let surfaces = voxels
@@ -107,9 +106,5 @@ pub fn write_vtu(
             vtu::write_numbers(writer, "Float64", name, block.n_channels(), rows, number)?;
         }
         writeln!(writer, "</CellData>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>")
-    });
-    written.map_err(|source| ReportError::Unwritable {
-        path: path.to_owned(),
-        source,
     })
 }

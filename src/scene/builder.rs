@@ -433,9 +433,7 @@ pub(super) fn without_repeats(corners: &mut Vec<DVec3>) {
 
 /// Tells whether a corner is further than [`BENT`] of the size of an outline from its plane.
 fn is_bent(corners: &[DVec3]) -> bool {
-    let (low, high) = corners
-        .iter()
-        .fold((corners[0], corners[0]), |(low, high), &v| (low.min(v), high.max(v)));
+    let (low, high) = polygon::bounds(corners);
     corners.len() > 3 && polygon::planarity_error(corners) > BENT * low.distance(high)
 }
 

@@ -1,11 +1,9 @@
 //! What can be wrong with a scene, a material library or a camera file.
 
 use std::fmt;
-use std::fmt::Write as _;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::builtin;
 use crate::parameter::{Named, Parameter};
 use crate::printable::{printable_message, quoted};
 
@@ -192,7 +190,8 @@ fn outside_folder(library: &str, allowed: &str) -> String {
 }
 
 /// What is wrong with a scene, a material library, a camera, a lighting or a list of frames, and the remedy.
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug, thiserror::Error, strum::IntoStaticStr)]
+#[strum(serialize_all = "snake_case")]
 #[non_exhaustive]
 pub enum SceneErrorKind {
     /// The file cannot be read: missing, a directory, no permission.
@@ -229,6 +228,7 @@ pub enum SceneErrorKind {
     },
     /// The file ends too early.
     #[error("the file ends within {what}: it is cut short; export it again")]
+    #[strum(serialize = "truncated")]
     CutShort {
         /// What is not complete.
         what: &'static str,
@@ -437,10 +437,12 @@ pub enum SceneErrorKind {
         name: String,
     },
     /// No built-in scene has this name.
-    #[error("there is no built-in scene `{name}`; choose one of {}", builtin_list())]
+    #[error("there is no built-in scene `{name}`; choose one of {known}")]
     UnknownBuiltin {
         /// The name asked for.
         name: String,
+        /// The names that there are.
+        known: String,
     },
     /// A level was given for a built-in scene that has none.
     #[error("the built-in scene `{name}` has no levels; leave the level out")]
@@ -508,55 +510,6 @@ impl SceneErrorKind {
     /// Returns a stable name of the kind of error, in snake case, for programs.
     #[must_use]
     pub fn name(&self) -> &'static str {
-        match self {
-            Self::Unreadable { .. } => "unreadable",
-            Self::NotUtf8 { .. } => "not_utf8",
-            Self::NoFaces { .. } => "no_faces",
-            Self::Malformed { .. } => "malformed",
-            Self::Truncated { .. } | Self::CutShort { .. } => "truncated",
-            Self::Unsupported { .. } => "unsupported",
-            Self::UnknownArray { .. } => "unknown_array",
-            Self::NoRoom { .. } => "no_room",
-            Self::TooMany { .. } => "too_many",
-            Self::MissingCoordinate { .. } => "missing_coordinate",
-            Self::BadCoordinate { .. } => "bad_coordinate",
-            Self::BadIndex { .. } => "bad_index",
-            Self::IndexOutOfRange { .. } => "index_out_of_range",
-            Self::NotOneEach { .. } => "not_one_each",
-            Self::TooFewCorners { .. } => "too_few_corners",
-            Self::SelfIntersecting { .. } => "self_intersecting",
-            Self::DuplicateFace { .. } => "duplicate_face",
-            Self::OverlappingFaces { .. } => "overlapping_faces",
-            Self::MissingName { .. } => "missing_name",
-            Self::OutsideFolder { .. } => "outside_folder",
-            Self::OutsideMaterial { .. } => "outside_material",
-            Self::BadMaterialValue { .. } => "bad_material_value",
-            Self::ReflectanceOutOfRange { .. } => "reflectance_out_of_range",
-            Self::ExitanceOutOfRange { .. } => "exitance_out_of_range",
-            Self::TooBright { .. } => "too_bright",
-            Self::TooDim { .. } => "too_dim",
-            Self::UnknownSurface { .. } => "unknown_surface",
-            Self::Parser { .. } => "parser",
-            Self::BadCamera { .. } => "bad_camera",
-            Self::BadLighting { .. } => "bad_lighting",
-            Self::BadFrames { .. } => "bad_frames",
-            Self::BadBoundary { .. } => "bad_boundary",
-            Self::Unwritable { .. } => "unwritable",
-            Self::NotObj { .. } => "not_obj",
-            Self::UnwritableName { .. } => "unwritable_name",
-            Self::UnknownBuiltin { .. } => "unknown_builtin",
-            Self::NoLevels { .. } => "no_levels",
-            Self::LevelTooHigh { .. } => "level_too_high",
-        }
+        self.into()
     }
-}
-
-fn builtin_list() -> String {
-    let mut list = String::new();
-    for name in builtin::names() {
-        let comma = if list.is_empty() { "" } else { ", " };
-        // Writing to a String cannot fail.
-        let _ = write!(list, "{comma}{name}");
-    }
-    list
 }

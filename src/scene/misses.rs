@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
+use super::overlap::is_along_axis;
 use super::{Corners, Scene, Written};
 use crate::geometry::box_pairs::overlapping_pairs;
 use crate::geometry::polygon;
@@ -38,7 +39,7 @@ impl Misses {
         if corners.len() < 4 {
             return;
         }
-        let (low, high) = bounds(corners);
+        let (low, high) = polygon::bounds(corners);
         let unit = written.unit(low.abs().max(high.abs()).max_element());
         let size = low.distance(high);
         let bend = polygon::planarity_error(corners);
@@ -61,15 +62,6 @@ impl Misses {
             || has_nearly_square_halves(scene, written)
             || has_vertex_beside_edge(scene, written)
     }
-}
-
-fn bounds(corners: &[DVec3]) -> (DVec3, DVec3) {
-    let one = (corners[0], corners[0]);
-    corners.iter().fold(one, |(low, high), &v| (low.min(v), high.max(v)))
-}
-
-fn is_along_axis(edge: DVec3) -> bool {
-    edge.to_array().iter().filter(|x| x.abs() > 0.0).count() < 2
 }
 
 /// Tells whether the corners between four edges, none of which is along an axis, are right angles but for what ends that are off by a unit explain.

@@ -151,8 +151,7 @@ pub(crate) struct Positions {
 impl Positions {
     /// Returns the least and the greatest corner of the box around the face.
     pub(crate) fn bounding_box(&self) -> (DVec3, DVec3) {
-        let one = (self[0], self[0]);
-        self.iter().fold(one, |(low, high), &v| (low.min(v), high.max(v)))
+        polygon::bounds(self.iter())
     }
 }
 
@@ -224,10 +223,7 @@ impl Scene {
     #[must_use]
     pub fn bounding_box(&self) -> (DVec3, DVec3) {
         let used = self.faces.iter().flat_map(|face| face.corners.as_slice());
-        used.map(|&v| self.vertices[v as usize])
-            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), v| {
-                (lo.min(v), hi.max(v))
-            })
+        polygon::bounds(used.map(|&v| &self.vertices[v as usize]))
     }
 
     /// Gives materials of one name that differ names of their own: the name of the first surface that has them, behind the old one.

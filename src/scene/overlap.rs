@@ -209,7 +209,7 @@ impl Measures {
 }
 
 /// Tells whether a vector has one component at most.
-fn is_along_axis(vector: DVec3) -> bool {
+pub(super) fn is_along_axis(vector: DVec3) -> bool {
     vector.to_array().iter().filter(|x| x.abs() > 0.0).count() < 2
 }
 

@@ -70,3 +70,52 @@ pub(crate) fn first_names<'a>(names: impl ExactSizeIterator<Item = &'a str>) -> 
     }
     shown.join(", ")
 }
+
+/// Tells whether a text fits a pattern, in which `*` stands for any text.
+pub(crate) fn fits(pattern: &str, text: &str) -> bool {
+    let mut parts = pattern.split('*');
+    let Some(mut rest) = parts.next().and_then(|first| text.strip_prefix(first)) else {
+        return false;
+    };
+    let Some(last) = parts.next_back() else {
+        return rest.is_empty();
+    };
+    for part in parts {
+        let Some(at) = rest.find(part) else {
+            return false;
+        };
+        rest = &rest[at + part.len()..];
+    }
+    rest.ends_with(last)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::fits;
+
+    #[test]
+    fn a_name_fits_exactly_or_by_what_is_beside_the_stars() {
+        for (pattern, text, expected) in [
+            ("*", "", true),
+            ("*", "wall", true),
+            ("wall*", "wall", true),
+            ("wall*", "wall_1", true),
+            ("wall*", "a wall", false),
+            ("*wall", "a wall", true),
+            ("a*b*c", "aXbYc", true),
+            ("a*b*c", "abc", true),
+            ("a*b*c", "acb", false),
+            ("a*a", "a", false),
+            ("a**a", "aa", true),
+            ("w*l", "wall", true),
+            ("w*ll*l", "wall", false),
+            ("a*b*a", "aba", true),
+            ("*a*b*", "xbxa", false),
+            ("*a*b*", "xaxb", true),
+            ("lamp", "lamp", true),
+            ("lamp", "lamps", false),
+        ] {
+            assert_eq!(fits(pattern, text), expected, "{pattern} {text}");
+        }
+    }
+}

@@ -129,8 +129,7 @@ fn smallest_face(scene: &Scene) -> f64 {
 
 /// Returns the least and the greatest corner of the box around a polygon.
 pub(crate) fn bounding_box(corners: &[DVec3]) -> (DVec3, DVec3) {
-    let one = (corners[0], corners[0]);
-    corners.iter().fold(one, |(low, high), &v| (low.min(v), high.max(v)))
+    polygon::bounds(corners)
 }
 
 /// Returns a number of faces or pieces as an index.

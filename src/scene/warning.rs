@@ -1,14 +1,13 @@
 //! What a scene leaves open, and how it was filled: the scene is usable, but perhaps not what was meant.
 
-use std::fmt;
-
 use super::Origin;
 use crate::printable::{counted, quoted, short};
 
 /// A doubt about a scene that was loaded, with its place.
 ///
 /// Each kind is told once per cause, with the first place and a count, not once per face.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{at}{kind}")]
 pub struct SceneWarning {
     /// Where; of several places the first.
     pub at: Origin,
@@ -17,20 +16,24 @@ pub struct SceneWarning {
 }
 
 /// What is doubtful about a scene.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error, strum::IntoStaticStr)]
+#[strum(serialize_all = "snake_case")]
 #[non_exhaustive]
 pub enum SceneWarningKind {
     /// Faces without an area were skipped.
+    #[error("{}", one_or(*count, "a face without an area is skipped", "faces without an area are skipped, this is the first"))]
     ZeroAreaFaces {
         /// How many there are.
         count: usize,
     },
     /// Faces of four corners or more are not flat, and were cut into triangles.
+    #[error("{}; {} cut into triangles, which may not be those that were meant", one_or(*count, "a face is not flat", "faces are not flat, this is the first"), if *count == 1 { "it is" } else { "they are" })]
     BentFaces {
         /// How many there are.
         count: usize,
     },
     /// Faces are drawn on larger ones in their plane, as doors on a wall, and were cut out of these.
+    #[error("{}, {} m² in all", one_or(*count, "a face lies on larger ones in its plane and is cut out of them", "faces lie on larger ones in their plane, this is the first; they are cut out of these"), short_area(*area))]
     CutFaces {
         /// How many are.
         count: usize,
@@ -38,11 +41,13 @@ pub enum SceneWarningKind {
         area: f64,
     },
     /// Faces were cut away as a whole: smaller ones in their plane cover them.
+    #[error("smaller faces in {}", if *count == 1 { "its plane cover this face, which is left out".to_owned() } else { format!("their plane cover {count} faces, which are left out; this is the first") })]
     CoveredFaces {
         /// How many there are.
         count: usize,
     },
     /// Statements of one kind were skipped.
+    #[error("{} skipped, of which this is the first: {what} are not read; export them as faces (`f`)", counted(*count, "statement"))]
     SkippedStatements {
         /// How many there are.
         count: usize,
@@ -50,6 +55,7 @@ pub enum SceneWarningKind {
         what: &'static str,
     },
     /// Parts of one kind, which are no surfaces, were skipped.
+    #[error("{count} {what} are skipped: only faces are read; export the boundary as triangles or quads")]
     SkippedElements {
         /// How many there are.
         count: usize,
@@ -57,16 +63,19 @@ pub enum SceneWarningKind {
         what: &'static str,
     },
     /// Faces of higher order are read as flat, through their corners.
+    #[error("{} of higher order are read as flat, through their corners; export first order where they are curved", counted(*count, "face"))]
     HigherOrder {
         /// How many there are.
         count: usize,
     },
     /// The normals that a file states oppose the winding of faces, which counts.
+    #[error("the stated normal opposes the winding of {}, this is the first; the winding counts, and --flip reverses it", counted(*count, "face"))]
     OpposedNormals {
         /// How many faces there are.
         count: usize,
     },
     /// Vertices were joined that are not equal.
+    #[error("{count} vertices are joined with others, by up to {distance:.1e} m, which counts as rounding")]
     MergedVertices {
         /// How many vertices were moved.
         count: usize,
@@ -74,6 +83,9 @@ pub enum SceneWarningKind {
         distance: f64,
     },
     /// Vertices are nearly equal, but not joined.
+    #[error(
+        "{count} vertices are within {tolerance:.1e} m of others, but not equal to them; --merge-tolerance joins what is to be one"
+    )]
     NearlyEqualVertices {
         /// How many there are beside those that they nearly equal.
         count: usize,
@@ -81,6 +93,7 @@ pub enum SceneWarningKind {
         tolerance: f64,
     },
     /// Mask surfaces were moved off the surfaces that they cover.
+    #[error("{} stand {relative:e} of their size off their base; the factors between both err by about twice that", counted(*count, "mask surface"))]
     MovedMasks {
         /// How many there are.
         count: usize,
@@ -88,6 +101,7 @@ pub enum SceneWarningKind {
         relative: f64,
     },
     /// Surfaces that only block, or that nothing is to be computed of, are black surfaces of the scene.
+    #[error("{count} {what} are black surfaces of the scene; their rows and columns can be left out")]
     BlackSurfaces {
         /// How many faces there are.
         count: usize,
@@ -95,13 +109,16 @@ pub enum SceneWarningKind {
         what: &'static str,
     },
     /// Keywords in capitals were read as if they were in small letters.
+    #[error("{} in capitals, of which this is the first, read as in small letters", counted(*count, "keyword"))]
     Capitals {
         /// How many there are.
         count: usize,
     },
     /// A `mtllib` names no library.
+    #[error("`mtllib` without a name is skipped; materials that no library defines reflect 0.5")]
     NamelessLibrary,
     /// A material library is not where the scene file says: a file of its name beside the scene was read.
+    #[error("material library `{}` is not there; `{}` beside the scene is read in its place", quoted(.name), quoted(.used))]
     LibraryElsewhere {
         /// The name in the file.
         name: String,
@@ -109,23 +126,28 @@ pub enum SceneWarningKind {
         used: String,
     },
     /// A material library does not exist.
+    #[error("material library `{}` is not there; its materials reflect 0.5", quoted(.name))]
     MissingLibrary {
         /// The name in the file.
         name: String,
     },
     /// A `usemtl` names a material that no library defines: reflectance 0.5, exitance 0.
+    #[error("no library defines material `{}`; it reflects 0.5", quoted(.name))]
     UnknownMaterial {
         /// The material's name.
         name: String,
     },
     /// Faces have no material: reflectance 0.5, exitance 0.
+    #[error("{}", one_or(*count, "a face has no material; it reflects 0.5", "faces have no material, this is the first; they reflect 0.5"))]
     NoMaterial {
         /// How many there are.
         count: usize,
     },
     /// The file states no materials: reflectance 0.5, exitance 0.
+    #[error("the file states no materials: all faces reflect 0.5 and emit nothing; --materials FILE.toml gives others")]
     NoMaterials,
     /// A material in use states something that a diffuse face has no use for.
+    #[error("{what} of material `{}` is not used: surfaces are diffuse and opaque", quoted(.name))]
     IgnoredProperty {
         /// What it is.
         what: &'static str,
@@ -133,16 +155,19 @@ pub enum SceneWarningKind {
         name: String,
     },
     /// A material in use has no `Kd`: reflectance 0.5.
+    #[error("material `{}` has no `Kd`; it reflects 0.5", quoted(.name))]
     MissingReflectance {
         /// The material's name.
         name: String,
     },
     /// A material in use is defined twice: the last definition counts.
+    #[error("material `{}` is defined again; this definition counts", quoted(.name))]
     RepeatedMaterial {
         /// The material's name.
         name: String,
     },
     /// A material in use has a texture, which is not read: its `Kd` or `Ke` counts.
+    #[error("the texture of material `{}` is not read; its `{keyword}` counts everywhere", quoted(.name))]
     IgnoredTexture {
         /// What counts in its place.
         keyword: &'static str,
@@ -150,6 +175,7 @@ pub enum SceneWarningKind {
         name: String,
     },
     /// Materials in use mirror light or let it through (`Ks`, `d`, `Tr`), which is not used.
+    #[error("`{keyword}` is not used: surfaces are diffuse and opaque{}", if *count == 1 { String::new() } else { format!("; {count} materials are meant otherwise, this is the first") })]
     NotDiffuse {
         /// The keyword of that line.
         keyword: &'static str,
@@ -157,6 +183,7 @@ pub enum SceneWarningKind {
         count: usize,
     },
     /// No face emits light.
+    #[error("no face emits light; give a material an exitance `Ke`")]
     NoEmission,
 }
 
@@ -180,43 +207,11 @@ impl SceneWarning {
     }
 }
 
-impl fmt::Display for SceneWarning {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}{}", self.at, self.kind)
-    }
-}
-
 impl SceneWarningKind {
     /// Returns a stable name of the kind of warning, in snake case, for programs.
     #[must_use]
     pub fn name(&self) -> &'static str {
-        match self {
-            Self::ZeroAreaFaces { .. } => "zero_area_faces",
-            Self::BentFaces { .. } => "bent_faces",
-            Self::CutFaces { .. } => "cut_faces",
-            Self::CoveredFaces { .. } => "covered_faces",
-            Self::SkippedStatements { .. } => "skipped_statements",
-            Self::SkippedElements { .. } => "skipped_elements",
-            Self::HigherOrder { .. } => "higher_order",
-            Self::OpposedNormals { .. } => "opposed_normals",
-            Self::MergedVertices { .. } => "merged_vertices",
-            Self::NearlyEqualVertices { .. } => "nearly_equal_vertices",
-            Self::MovedMasks { .. } => "moved_masks",
-            Self::BlackSurfaces { .. } => "black_surfaces",
-            Self::Capitals { .. } => "capitals",
-            Self::NamelessLibrary => "nameless_library",
-            Self::LibraryElsewhere { .. } => "library_elsewhere",
-            Self::MissingLibrary { .. } => "missing_library",
-            Self::UnknownMaterial { .. } => "unknown_material",
-            Self::NoMaterial { .. } => "no_material",
-            Self::NoMaterials => "no_materials",
-            Self::IgnoredProperty { .. } => "ignored_property",
-            Self::MissingReflectance { .. } => "missing_reflectance",
-            Self::RepeatedMaterial { .. } => "repeated_material",
-            Self::IgnoredTexture { .. } => "ignored_texture",
-            Self::NotDiffuse { .. } => "not_diffuse",
-            Self::NoEmission => "no_emission",
-        }
+        self.into()
     }
 
     /// Tells whether the warning is about light and materials alone: of no interest where only the geometry counts. A library that was not found where the file says counts everywhere.
@@ -237,176 +232,12 @@ impl SceneWarningKind {
     }
 }
 
-impl SceneWarningKind {
-    /// Writes what is not about light and materials.
-    fn fmt_of_geometry(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::ZeroAreaFaces { count: 1, .. } => write!(f, "a face without an area is skipped"),
-            Self::ZeroAreaFaces { count, .. } => {
-                write!(f, "{count} faces without an area are skipped, this is the first")
-            }
-            Self::BentFaces { count: 1, .. } => {
-                write!(
-                    f,
-                    "a face is not flat; it is cut into triangles, which may not be those that were meant"
-                )
-            }
-            Self::BentFaces { count, .. } => {
-                write!(
-                    f,
-                    "{count} faces are not flat, this is the first; they are cut into triangles, which may not be those that were meant"
-                )
-            }
-            Self::CutFaces { count: 1, area, .. } => {
-                write!(
-                    f,
-                    "a face lies on larger ones in its plane and is cut out of them, {} m² in all",
-                    short_area(*area)
-                )
-            }
-            Self::CutFaces { count, area, .. } => write!(
-                f,
-                "{count} faces lie on larger ones in their plane, this is the first; they are cut out of these, {} m² in all",
-                short_area(*area)
-            ),
-            Self::CoveredFaces { count: 1, .. } => {
-                write!(f, "smaller faces in its plane cover this face, which is left out")
-            }
-            Self::CoveredFaces { count, .. } => write!(
-                f,
-                "smaller faces in their plane cover {count} faces, which are left out; this is the first"
-            ),
-            Self::SkippedStatements { count, what, .. } => write!(
-                f,
-                "{} skipped, of which this is the first: {what} are not read; export them as faces (`f`)",
-                counted(*count, "statement")
-            ),
-            Self::SkippedElements { count, what } => {
-                write!(
-                    f,
-                    "{count} {what} are skipped: only faces are read; export the boundary as triangles or quads"
-                )
-            }
-            Self::HigherOrder { count } => write!(
-                f,
-                "{} of higher order are read as flat, through their corners; export first order where they are curved",
-                counted(*count, "face")
-            ),
-            Self::OpposedNormals { count } => write!(
-                f,
-                "the stated normal opposes the winding of {}, this is the first; the winding counts, and --flip reverses it",
-                counted(*count, "face")
-            ),
-            Self::MergedVertices { count, distance } => write!(
-                f,
-                "{count} vertices are joined with others, by up to {distance:.1e} m, which counts as rounding"
-            ),
-            Self::NearlyEqualVertices { count, tolerance } => write!(
-                f,
-                "{count} vertices are within {tolerance:.1e} m of others, but not equal to them; --merge-tolerance joins what is to be one"
-            ),
-            Self::MovedMasks { count, relative } => write!(
-                f,
-                "{} stand {relative:e} of their size off their base; the factors between both err by about twice that",
-                counted(*count, "mask surface")
-            ),
-            Self::BlackSurfaces { count, what } => {
-                write!(
-                    f,
-                    "{count} {what} are black surfaces of the scene; their rows and columns can be left out"
-                )
-            }
-            Self::Capitals { count, .. } => write!(
-                f,
-                "{} in capitals, of which this is the first, read as in small letters",
-                counted(*count, "keyword")
-            ),
-            _ => Ok(()),
-        }
-    }
-}
-
-impl fmt::Display for SceneWarningKind {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::ZeroAreaFaces { .. }
-            | Self::BentFaces { .. }
-            | Self::CutFaces { .. }
-            | Self::CoveredFaces { .. }
-            | Self::SkippedStatements { .. }
-            | Self::SkippedElements { .. }
-            | Self::HigherOrder { .. }
-            | Self::OpposedNormals { .. }
-            | Self::MergedVertices { .. }
-            | Self::NearlyEqualVertices { .. }
-            | Self::MovedMasks { .. }
-            | Self::BlackSurfaces { .. }
-            | Self::Capitals { .. } => self.fmt_of_geometry(f),
-            Self::NamelessLibrary => {
-                write!(
-                    f,
-                    "`mtllib` without a name is skipped; materials that no library defines reflect 0.5"
-                )
-            }
-            Self::LibraryElsewhere { name, used, .. } => write!(
-                f,
-                "material library `{}` is not there; `{}` beside the scene is read in its place",
-                quoted(name),
-                quoted(used)
-            ),
-            Self::MissingLibrary { name, .. } => {
-                write!(
-                    f,
-                    "material library `{}` is not there; its materials reflect 0.5",
-                    quoted(name)
-                )
-            }
-            Self::UnknownMaterial { name, .. } => {
-                write!(f, "no library defines material `{}`; it reflects 0.5", quoted(name))
-            }
-            Self::NoMaterial { count: 1, .. } => write!(f, "a face has no material; it reflects 0.5"),
-            Self::NoMaterial { count, .. } => {
-                write!(f, "{count} faces have no material, this is the first; they reflect 0.5")
-            }
-            Self::NoMaterials => write!(
-                f,
-                "the file states no materials: all faces reflect 0.5 and emit nothing; --materials FILE.toml gives others"
-            ),
-            Self::IgnoredProperty { what, name } => {
-                write!(
-                    f,
-                    "{what} of material `{}` is not used: surfaces are diffuse and opaque",
-                    quoted(name)
-                )
-            }
-            Self::MissingReflectance { name, .. } => {
-                write!(f, "material `{}` has no `Kd`; it reflects 0.5", quoted(name))
-            }
-            Self::RepeatedMaterial { name, .. } => {
-                write!(
-                    f,
-                    "material `{}` is defined again; this definition counts",
-                    quoted(name)
-                )
-            }
-            Self::IgnoredTexture { name, keyword, .. } => {
-                write!(
-                    f,
-                    "the texture of material `{}` is not read; its `{keyword}` counts everywhere",
-                    quoted(name)
-                )
-            }
-            Self::NotDiffuse { keyword, count: 1, .. } => {
-                write!(f, "`{keyword}` is not used: surfaces are diffuse and opaque")
-            }
-            Self::NotDiffuse { keyword, count, .. } => {
-                write!(
-                    f,
-                    "`{keyword}` is not used: surfaces are diffuse and opaque; {count} materials are meant otherwise, this is the first"
-                )
-            }
-            Self::NoEmission => write!(f, "no face emits light; give a material an exitance `Ke`"),
-        }
+/// Returns what there is to say of one, or of more, behind their number.
+fn one_or(count: usize, one: &str, more: &str) -> String {
+    if count == 1 {
+        one.to_owned()
+    } else {
+        format!("{count} {more}")
     }
 }
 

@@ -2,15 +2,12 @@
 
 use std::collections::VecDeque;
 use std::num::NonZeroUsize;
-use std::ops::ControlFlow;
 
 use super::entry::{SolverEntry, Symmetry};
-use super::error::SolverError;
-use super::history::HistoryEntry;
+use super::history::Monitor;
 use super::iteration::{self, Estimate, Iteration};
 use super::scaled::{Scaled, TrueResidual};
-use super::solution::Solution;
-use super::solve::{SolveOptions, Solver};
+use super::solve::{SolveOptions, SolveResult, Solver};
 use super::system::RadiositySystem;
 use super::vectors::{add_scaled, inner, keep_channels};
 use crate::matrix::operator::Block;
@@ -71,12 +68,7 @@ impl Solver for Anderson {
         "anderson"
     }
 
-    fn solve(
-        &self,
-        system: &RadiositySystem,
-        options: &SolveOptions,
-        monitor: &mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>,
-    ) -> Result<Solution, SolverError> {
+    fn solve(&self, system: &RadiositySystem, options: &SolveOptions, monitor: Monitor<'_>) -> SolveResult {
         let scaled = Scaled::new(system);
         let state = State {
             scaled: &scaled,

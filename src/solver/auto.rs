@@ -1,7 +1,5 @@
 //! `auto`: the solver that suits a system, and why.
 
-use std::ops::ControlFlow;
-
 use super::choice::ChoiceReason;
 use super::deflation::DEFLATED;
 use super::entry::{SolverEntry, Symmetry};
@@ -10,14 +8,13 @@ use crate::matrix::operator::Block;
 
 use super::choice::Choice;
 use super::direct::{Direct, memory_byte};
-use super::error::SolverError;
 use super::gauss_seidel::GaussSeidel;
 use super::gmres::Gmres;
-use super::history::HistoryEntry;
+use super::history::Monitor;
 use super::jacobi::Jacobi;
 use super::pcg::Pcg;
 use super::solution::Solution;
-use super::solve::{SolveOptions, Solver};
+use super::solve::{SolveOptions, SolveResult, Solver};
 use super::stop::Tolerance;
 use super::system::RadiositySystem;
 use super::vectors::equal_channels;
@@ -37,16 +34,8 @@ use super::vectors::equal_channels;
 /// - else `gmres`.
 ///
 /// `gauss-seidel` is never taken for more than one patch: a sweep takes 1.3 to 2 times as long as a pass on one core where the matrix is in full, four times where it is sparse, and does not gain by further cores.
-/// In the room of Lewis with all reflectances lowered to a mean of 0.02 to 0.3 (l = 2 to 4, residuals of 1e-3 to 1e-9, medians of 31 runs) `gmres` took 0.45 to 0.79 of its time on two cores,
-/// 0.45 to 0.80 at l = 2 and 3 and 1.00 to 1.21 at l = 4 on one; `jacobi` took 0.47 to 0.99 of that of `gmres` up to a mean of 0.05, where λ is 0.08 at most.
 /// `multigrid` is never taken, even where there is a hierarchy: in the room of Lewis its setup, 4 cycles and a check are 7.1 passes for the 8 to 10 of `gmres`, but the sweeps among
-/// them run on one core, while all of those run on every core, and which is faster must not depend on how many there are. On two otherwise idle cores multigrid took 0.88 to 0.91, 0.59 to
-/// 0.62, 0.50 to 0.53 and 0.61 of Gauss-Seidel's time at l = 3 to 6, setup included, and `auto` 0.37 to 0.40, 0.41, 0.27 to 0.29 and 0.35 (`cargo bench --bench solvers -- 6`, medians of 9 alternating runs,
-/// the least and the greatest of four such benchmarks, one at l = 6). In cases A to F of Baranoski et al. `auto` took 0.09 to
-/// 0.11, 0.08 to 0.09, 0.04, 0.02, 0.04 and 0.02, and 0.92 to 1.08 of the fastest single solver's.
-/// Over the 50 cases of `radiosity reproduce stability` that it solves it takes 0.90 to 1.27 of the fastest one's (nine runs, each the least of up to
-/// a hundred by turns, with a system of its own), mostly 1.25 at worst, where areas differ by 1e8: 19 µs in all. Once it was 1.38: `direct` on 54 patches takes 26 to 29 or 37 to 40 µs, which of them
-/// changes from system to system, and there it took 29 by itself and 40 by way of `auto`. `chebyshev` takes more passes than conjugate gradients wherever these can be used.
+/// them run on one core, while all of those run on every core, and which is faster must not depend on how many there are. `chebyshev` takes more passes than conjugate gradients wherever these can be used.
 ///
 /// The choice and its reason are in [`Solution::choice`]. How far it is from the best: `radiosity reproduce stability` prints the ratios of work and time, case by case.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -91,12 +80,7 @@ impl Solver for Auto {
         "auto"
     }
 
-    fn solve(
-        &self,
-        system: &RadiositySystem,
-        options: &SolveOptions,
-        monitor: &mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>,
-    ) -> Result<Solution, SolverError> {
+    fn solve(&self, system: &RadiositySystem, options: &SolveOptions, monitor: Monitor<'_>) -> SolveResult {
         let (solver, why) = self.choose(system, options);
         let solution = solver.solve(system, options, monitor)?;
         let choice = Choice {

@@ -5,15 +5,12 @@
     reason = "inner scopes reuse the letters of the formulas and the names of what they look at"
 )]
 
-use std::ops::ControlFlow;
-
 use super::entry::{SolverEntry, Symmetry};
 use super::error::SolverError;
-use super::history::HistoryEntry;
+use super::history::Monitor;
 use super::iteration::{self, Estimate, Iteration};
 use super::scaled::{Scaled, TrueResidual};
-use super::solution::Solution;
-use super::solve::{SolveOptions, Solver};
+use super::solve::{SolveOptions, SolveResult, Solver};
 use super::system::RadiositySystem;
 use super::vectors::{add_scaled, combine};
 use crate::matrix::operator::Block;
@@ -49,12 +46,7 @@ impl Solver for ConjugateGradients {
         "cg"
     }
 
-    fn solve(
-        &self,
-        system: &RadiositySystem,
-        options: &SolveOptions,
-        monitor: &mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>,
-    ) -> Result<Solution, SolverError> {
+    fn solve(&self, system: &RadiositySystem, options: &SolveOptions, monitor: Monitor<'_>) -> SolveResult {
         let reciprocal = system.operator().reciprocal_areas();
         if reciprocal.is_none() && !options.allow_nonreciprocal {
             return Err(SolverError::NeedsReciprocity { solver: self.name() });

@@ -6,17 +6,16 @@
 )]
 
 use std::num::NonZeroUsize;
-use std::ops::ControlFlow;
 use std::time::Instant;
 
 use super::ambient::Ambient;
 use super::entry::{SolverEntry, Symmetry};
 use super::error::SolverError;
-use super::history::{HistoryEntry, Setup};
+use super::history::Monitor;
+use super::history::Setup;
 use super::iteration::{self, Estimate, Iteration};
 use super::scaled::{Scaled, TrueResidual};
-use super::solution::Solution;
-use super::solve::{SolveOptions, Solver};
+use super::solve::{SolveOptions, SolveResult, Solver};
 use super::system::RadiositySystem;
 use super::{error_bound, lanczos};
 use crate::matrix::operator::Block;
@@ -113,12 +112,7 @@ impl Solver for Chebyshev {
         "chebyshev"
     }
 
-    fn solve(
-        &self,
-        system: &RadiositySystem,
-        options: &SolveOptions,
-        monitor: &mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>,
-    ) -> Result<Solution, SolverError> {
+    fn solve(&self, system: &RadiositySystem, options: &SolveOptions, monitor: Monitor<'_>) -> SolveResult {
         let began = Instant::now();
         let scaled = Scaled::new(system);
         let (intervals, n_passes) = self.intervals(&scaled)?;

@@ -1,19 +1,17 @@
 //! `direct`: dense factorisation.
 
 use std::num::NonZeroUsize;
-use std::ops::ControlFlow;
 
 use faer::{Mat, Par};
 
 use super::entry::{SolverEntry, Symmetry};
 use super::error::SolverError;
-use super::history::HistoryEntry;
+use super::history::Monitor;
 use super::iteration::{self, Estimate, Iteration};
 use super::lu::Lu;
 use super::scaled::{Scaled, TrueResidual};
 use super::settings::SolverSettings;
-use super::solution::Solution;
-use super::solve::{SolveOptions, Solver};
+use super::solve::{SolveOptions, SolveResult, Solver};
 use super::system::RadiositySystem;
 use super::vectors::equal_channels;
 use crate::matrix::operator::{Block, RowAccess};
@@ -27,8 +25,7 @@ use crate::matrix::operator::{Block, RowAccess};
 ///
 /// Needs rows, not reciprocity. Memory: 8 n² bytes for each distinct reflectance, refused above [`memory_limit_byte`](Self::memory_limit_byte).
 /// Work: n / 3 passes' worth of multiplications for each factorisation, about n / 8 in time since they run in the cache, or n / 4 of passes over half of a symmetric matrix, and 2 passes for
-/// each solve. (`radiosity reproduce stability` on an idle core, least of 3 to 100 runs: 23 to 43 µs at n = 54 where `pcg` takes 28 to 47 and `gmres` 30 to 68. Alone, with a
-/// symmetric f64 matrix: 36, 102 and 424 µs at n = 54, 108 and 216, which are 20, 32 and 62 passes.)
+/// each solve.
 /// The sums are divided in the same way at any number of threads.
 ///
 /// Source: Golub and Van Loan, "Matrix Computations", 4th edition, algorithms 3.4.1 and section 3.5.3. Departures: none.
@@ -68,12 +65,7 @@ impl Solver for Direct {
         "direct"
     }
 
-    fn solve(
-        &self,
-        system: &RadiositySystem,
-        options: &SolveOptions,
-        monitor: &mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>,
-    ) -> Result<Solution, SolverError> {
+    fn solve(&self, system: &RadiositySystem, options: &SolveOptions, monitor: Monitor<'_>) -> SolveResult {
         let Some(rows) = system.operator().rows() else {
             return Err(SolverError::NeedsRows { solver: self.name() });
         };

@@ -1,16 +1,13 @@
 //! `gauss-seidel-ambient`: Gauss-Seidel with the light of each room put right after every sweep.
 
-use std::ops::ControlFlow;
-
 use super::deflation::leave_undetermined;
 use super::entry::{SolverEntry, Symmetry};
 use super::error::SolverError;
 use super::gauss_seidel::sweep;
-use super::history::HistoryEntry;
+use super::history::Monitor;
 use super::iteration::{self, Estimate, Iteration};
 use super::scaled::{Scaled, TrueResidual};
-use super::solution::Solution;
-use super::solve::{SolveOptions, Solver};
+use super::solve::{SolveOptions, SolveResult, Solver};
 use super::system::RadiositySystem;
 use crate::matrix::operator::{Block, RowAccess};
 
@@ -49,12 +46,7 @@ impl Solver for GaussSeidelAmbient {
         "gauss-seidel-ambient"
     }
 
-    fn solve(
-        &self,
-        system: &RadiositySystem,
-        options: &SolveOptions,
-        monitor: &mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>,
-    ) -> Result<Solution, SolverError> {
+    fn solve(&self, system: &RadiositySystem, options: &SolveOptions, monitor: Monitor<'_>) -> SolveResult {
         let Some(rows) = system.operator().rows() else {
             return Err(SolverError::NeedsRows { solver: self.name() });
         };

@@ -9,18 +9,15 @@
 )]
 
 use std::num::NonZeroUsize;
-use std::ops::ControlFlow;
 
 use super::deflation::DEFLATED;
 use super::deflation::{Deflate, EvenLight, first_pass};
 use super::entry::{SolverEntry, Symmetry};
-use super::error::SolverError;
-use super::history::HistoryEntry;
+use super::history::Monitor;
 use super::iteration::{self, Estimate, Iteration};
 use super::scaled::{Scaled, TrueResidual};
 use super::settings::SolverSettings;
-use super::solution::Solution;
-use super::solve::{SolveOptions, Solver};
+use super::solve::{SolveOptions, SolveResult, Solver};
 use super::system::RadiositySystem;
 use super::vectors::{add_scaled, combine, inner, keep_channels};
 use crate::matrix::operator::Block;
@@ -103,12 +100,7 @@ impl Solver for Gmres {
         "gmres"
     }
 
-    fn solve(
-        &self,
-        system: &RadiositySystem,
-        options: &SolveOptions,
-        monitor: &mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>,
-    ) -> Result<Solution, SolverError> {
+    fn solve(&self, system: &RadiositySystem, options: &SolveOptions, monitor: Monitor<'_>) -> SolveResult {
         let scaled = Scaled::new(system);
         let state = State {
             scaled: &scaled,

@@ -53,6 +53,9 @@ pub struct Errors {
     pub error_goertler: f64,
 }
 
+/// What is called after every pass of a solver, and stops it by breaking.
+pub type Monitor<'a> = &'a mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>;
+
 /// What was done before the first pass.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Setup {
@@ -72,19 +75,14 @@ pub(super) struct Recorder<'a> {
     /// B* in solver units.
     reference: Option<Block>,
     scaled: &'a Scaled<'a>,
-    monitor: &'a mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>,
+    monitor: Monitor<'a>,
     pub(super) entries: Vec<HistoryEntry>,
 }
 
 impl<'a> Recorder<'a> {
     /// `reference`: B*, W·m⁻², \[n, c\].
     #[track_caller]
-    pub(super) fn new(
-        scaled: &'a Scaled<'a>,
-        reference: Option<&Block>,
-        setup: Setup,
-        monitor: &'a mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>,
-    ) -> Self {
+    pub(super) fn new(scaled: &'a Scaled<'a>, reference: Option<&Block>, setup: Setup, monitor: Monitor<'a>) -> Self {
         let shape = (scaled.system.n_patches(), scaled.system.n_channels());
         assert!(
             reference.is_none_or(|b| (b.n_rows(), b.n_channels()) == shape),

@@ -1,10 +1,8 @@
 //! What all iterations share: when to look at the true residual, when to stop, what to write down.
 
-use std::ops::ControlFlow;
-
 use super::best::Best;
 use super::error::SolverError;
-use super::history::{HistoryEntry, Recorder, Setup};
+use super::history::{Monitor, Recorder, Setup};
 use super::scaled::{Scaled, TrueResidual};
 use super::solution::Solution;
 use super::solve::SolveOptions;
@@ -116,7 +114,7 @@ pub(super) trait Iteration {
 pub(super) fn run<I: Iteration>(
     scaled: &Scaled,
     options: &SolveOptions,
-    monitor: &mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>,
+    monitor: Monitor<'_>,
     mut iteration: I,
 ) -> Result<Solution, SolverError> {
     let tolerance = options.tolerance.validated()?;

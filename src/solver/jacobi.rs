@@ -1,14 +1,10 @@
 //! `jacobi`: every patch gathers from the radiosities of the pass before.
 
-use std::ops::ControlFlow;
-
 use super::entry::{SolverEntry, Symmetry};
-use super::error::SolverError;
-use super::history::HistoryEntry;
+use super::history::Monitor;
 use super::iteration::{self, Estimate, Iteration};
 use super::scaled::{Scaled, TrueResidual};
-use super::solution::Solution;
-use super::solve::{SolveOptions, Solver};
+use super::solve::{SolveOptions, SolveResult, Solver};
 use super::system::RadiositySystem;
 use crate::matrix::operator::Block;
 
@@ -38,12 +34,7 @@ impl Solver for Jacobi {
         "jacobi"
     }
 
-    fn solve(
-        &self,
-        system: &RadiositySystem,
-        options: &SolveOptions,
-        monitor: &mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>,
-    ) -> Result<Solution, SolverError> {
+    fn solve(&self, system: &RadiositySystem, options: &SolveOptions, monitor: Monitor<'_>) -> SolveResult {
         let scaled = Scaled::new(system);
         let state = State {
             scaled: &scaled,

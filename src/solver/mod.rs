@@ -60,7 +60,7 @@ pub use error::SolverError;
 pub use gauss_seidel::GaussSeidel;
 pub use gauss_seidel_ambient::GaussSeidelAmbient;
 pub use gmres::{Gmres, RESTART};
-pub use history::{Errors, HistoryEntry};
+pub use history::{Errors, HistoryEntry, Monitor};
 pub use jacobi::Jacobi;
 pub use mesh_error::{Coarsened, coarsened};
 pub use multigrid::{CoarseMatrices, Coarsest, Defect, Multigrid};
@@ -70,7 +70,7 @@ pub use progressive_refinement::{DISPLAY_AMBIENT, ProgressiveRefinement, STEPS_P
 pub use registry::solver;
 pub use settings::SolverSettings;
 pub use solution::{ChannelQuality, Solution};
-pub use solve::{SolveOptions, Solver};
+pub use solve::{SolveOptions, SolveResult, Solver};
 pub use sor::{OMEGA, Sor};
 pub use start::Start;
 pub use stop::{StopReason, Tolerance};

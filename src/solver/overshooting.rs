@@ -1,20 +1,18 @@
 //! `overshooting`: patches shoot what they have, and what they will get back (Feda and Purgathofer).
 
 use std::num::NonZeroUsize;
-use std::ops::ControlFlow;
 use std::time::Instant;
 
 use super::ambient::Ambient;
 use super::columns::Columns;
 use super::entry::{SolverEntry, Symmetry};
-use super::error::SolverError;
-use super::history::{HistoryEntry, Setup};
+use super::history::Monitor;
+use super::history::Setup;
 use super::iteration::{self, Estimate, Iteration};
 use super::progressive_refinement::Light;
 use super::progressive_refinement::{DISPLAY_AMBIENT, STEPS_PER_PASS};
 use super::scaled::{Scaled, TrueResidual};
-use super::solution::Solution;
-use super::solve::{SolveOptions, Solver};
+use super::solve::{SolveOptions, SolveResult, Solver};
 use super::system::RadiositySystem;
 use crate::matrix::operator::Block;
 use crate::setting::Value;
@@ -29,7 +27,7 @@ use crate::setting::Value;
 /// is taken back later as negative unshot light: ΔB_i ← ΔB_i − ΔB'_i. Sums and Ambient are over the patch's connected component.
 ///
 /// Everything depends on Ambient, so that a step looks at all patches: O(n). Columns, passes, several channels, the estimate, starts, display and selections are
-/// as in progressive refinement; in [`Solution::display`] the ambient term is what this method itself reckons with.
+/// as in progressive refinement; in [`Solution::display`](super::Solution::display) the ambient term is what this method itself reckons with.
 ///
 /// With exitances of both signs there is no even irradiance to reckon with, and it is progressive refinement.
 ///
@@ -63,12 +61,7 @@ impl Solver for Overshooting {
         "overshooting"
     }
 
-    fn solve(
-        &self,
-        system: &RadiositySystem,
-        options: &SolveOptions,
-        monitor: &mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>,
-    ) -> Result<Solution, SolverError> {
+    fn solve(&self, system: &RadiositySystem, options: &SolveOptions, monitor: Monitor<'_>) -> SolveResult {
         let began = Instant::now();
         let scaled = Scaled::new(system);
         let columns = Columns::new(system, self.name())?;

@@ -1,17 +1,14 @@
 //! `pcg`: preconditioned conjugate gradients.
 
-use std::ops::ControlFlow;
-
 use super::deflation::DEFLATED;
 use super::deflation::{Deflate, Deflation, first_pass};
 use super::entry::{SolverEntry, Symmetry};
 use super::error::SolverError;
-use super::history::HistoryEntry;
+use super::history::Monitor;
 use super::iteration::{self, Estimate, Iteration};
 use super::scaled::{Scaled, TrueResidual};
 use super::settings::SolverSettings;
-use super::solution::Solution;
-use super::solve::{SolveOptions, Solver};
+use super::solve::{SolveOptions, SolveResult, Solver};
 use super::system::RadiositySystem;
 use super::vectors::{add_scaled, combine, inner, scale};
 use crate::matrix::operator::Block;
@@ -70,12 +67,7 @@ impl Solver for Pcg {
         "pcg"
     }
 
-    fn solve(
-        &self,
-        system: &RadiositySystem,
-        options: &SolveOptions,
-        monitor: &mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>,
-    ) -> Result<Solution, SolverError> {
+    fn solve(&self, system: &RadiositySystem, options: &SolveOptions, monitor: Monitor<'_>) -> SolveResult {
         let reciprocal = system.operator().reciprocal_areas();
         if reciprocal.is_none() && !options.allow_nonreciprocal {
             return Err(SolverError::NeedsReciprocity { solver: self.name() });

@@ -1,18 +1,16 @@
 //! `progressive-refinement`: the patch with the most unshot power shoots first (Southwell's relaxation).
 
 use std::num::NonZeroUsize;
-use std::ops::ControlFlow;
 use std::time::Instant;
 
 use super::ambient::Ambient;
 use super::columns::Columns;
 use super::entry::{SolverEntry, Symmetry};
-use super::error::SolverError;
-use super::history::{HistoryEntry, Setup};
+use super::history::Monitor;
+use super::history::Setup;
 use super::iteration::{self, Estimate, Iteration};
 use super::scaled::{Scaled, TrueResidual};
-use super::solution::Solution;
-use super::solve::{SolveOptions, Solver};
+use super::solve::{SolveOptions, SolveResult, Solver};
 use super::start::Start;
 use super::stop::Tolerance;
 use super::system::RadiositySystem;
@@ -40,8 +38,8 @@ use crate::setting::{Kind, Setting, Value};
 /// then, as a large one collects what many small ones have left: the steps go on, to a ΔB as much smaller. [`Start::Zero`] is the same as
 /// [`Start::Exitance`]: B̂ = 0 and ΔB = E.
 ///
-/// [`Solution::display`] is B_i + ρ_i Ambient, with Ambient the even irradiance that the unshot light ends as: it emits, absorbs and lets out as much power
-/// as the solution, at every step. [`Solution::selections`] tells how often each patch has shot.
+/// [`Solution::display`](super::Solution::display) is B_i + ρ_i Ambient, with Ambient the even irradiance that the unshot light ends as: it emits, absorbs and lets out as much power
+/// as the solution, at every step. [`Solution::selections`](super::Solution::selections) tells how often each patch has shot.
 ///
 /// Converges where all ρ_i Σ_j F_ij < 1: every step takes power out of ΔB. It slows down like 1 / (1 − ρ).
 ///
@@ -87,12 +85,7 @@ impl Solver for ProgressiveRefinement {
         "progressive-refinement"
     }
 
-    fn solve(
-        &self,
-        system: &RadiositySystem,
-        options: &SolveOptions,
-        monitor: &mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>,
-    ) -> Result<Solution, SolverError> {
+    fn solve(&self, system: &RadiositySystem, options: &SolveOptions, monitor: Monitor<'_>) -> SolveResult {
         let began = Instant::now();
         let scaled = Scaled::new(system);
         let columns = Columns::new(system, self.name())?;

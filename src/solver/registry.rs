@@ -9,7 +9,7 @@ use super::{
     pcg, progressive_refinement, sor,
 };
 use crate::parameter::Parameter;
-use crate::setting::{Setting, Use};
+use crate::setting::{Setting, Use, ticked};
 
 /// All solvers, in the order in which help lists them.
 pub const SOLVERS: &[&SolverEntry] = &[
@@ -45,7 +45,7 @@ pub fn by_name(name: &str) -> Result<&'static SolverEntry, SolverError> {
     let found = SOLVERS.iter().find(|entry| entry.name == name).copied();
     found.ok_or_else(|| SolverError::UnknownSolver {
         name: name.to_owned(),
-        known: joined(SOLVERS.iter().copied()),
+        known: ticked(SOLVERS.iter().map(|solver| solver.name)),
     })
 }
 
@@ -53,11 +53,6 @@ pub fn by_name(name: &str) -> Result<&'static SolverEntry, SolverError> {
 #[must_use]
 pub fn settings() -> Vec<(&'static Setting, Vec<(&'static str, Use)>)> {
     crate::setting::gathered(SOLVERS.iter().map(|solver| (solver.name, solver.settings)))
-}
-
-fn joined<'a>(entries: impl IntoIterator<Item = &'a SolverEntry>) -> String {
-    let quoted: Vec<String> = entries.into_iter().map(|s| format!("`{}`", s.name)).collect();
-    quoted.join(", ")
 }
 
 impl SolverEntry {
@@ -71,7 +66,7 @@ impl SolverEntry {
             return Err(SolverError::UnusedSetting {
                 parameter: Parameter::Of(unused),
                 solver: self.name,
-                used_by: joined(SOLVERS.iter().copied().filter(uses)),
+                used_by: ticked(SOLVERS.iter().copied().filter(uses).map(|solver| solver.name)),
             });
         }
         Ok(self.build(settings))

@@ -1,9 +1,7 @@
 //! The interface of all solvers, and the options that they share.
 
-use std::ops::ControlFlow;
-
 use super::error::SolverError;
-use super::history::HistoryEntry;
+use super::history::Monitor;
 use super::solution::Solution;
 use super::start::Start;
 use super::stop::Tolerance;
@@ -48,6 +46,9 @@ impl Default for SolveOptions<'_> {
     }
 }
 
+/// What comes of solving.
+pub type SolveResult = Result<Solution, SolverError>;
+
 /// A method to solve the radiosity system.
 pub trait Solver: Sync {
     /// Returns the name on the command line.
@@ -63,10 +64,5 @@ pub trait Solver: Sync {
     /// [`SolverError::Tolerance`] for a tolerance that is not positive and finite; [`SolverError::NeedsReciprocity`] and
     /// [`SolverError::NeedsRows`] if the form factors lack what the solver needs; [`SolverError::Memory`] if it needs more memory than it may take;
     /// [`SolverError::Disk`] if they cannot be read.
-    fn solve(
-        &self,
-        system: &RadiositySystem,
-        options: &SolveOptions,
-        monitor: &mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>,
-    ) -> Result<Solution, SolverError>;
+    fn solve(&self, system: &RadiositySystem, options: &SolveOptions, monitor: Monitor<'_>) -> SolveResult;
 }

@@ -1,16 +1,13 @@
 //! `sor`: Gauss-Seidel that goes further in the direction of every update.
 
-use std::ops::ControlFlow;
-
 use super::ambient::Ambient;
 use super::entry::{SolverEntry, Symmetry};
 use super::error::SolverError;
 use super::gauss_seidel::relaxed_sweep;
-use super::history::HistoryEntry;
+use super::history::Monitor;
 use super::iteration::{self, Estimate, Iteration};
 use super::scaled::{Scaled, TrueResidual};
-use super::solution::Solution;
-use super::solve::{SolveOptions, Solver};
+use super::solve::{SolveOptions, SolveResult, Solver};
 use super::system::RadiositySystem;
 use crate::matrix::operator::{Block, RowAccess};
 use crate::setting::{Kind, Setting, Value};
@@ -70,12 +67,7 @@ impl Solver for Sor {
         "sor"
     }
 
-    fn solve(
-        &self,
-        system: &RadiositySystem,
-        options: &SolveOptions,
-        monitor: &mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>,
-    ) -> Result<Solution, SolverError> {
+    fn solve(&self, system: &RadiositySystem, options: &SolveOptions, monitor: Monitor<'_>) -> SolveResult {
         if let Some(value) = self.omega.filter(|omega| !(*omega > 0.0 && *omega < 2.0)) {
             return Err(SolverError::Omega { value });
         }

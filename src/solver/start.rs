@@ -8,14 +8,16 @@ use crate::matrix::operator::Block;
 
 /// The radiosities that a solver starts from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema, clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum Start {
-    /// B = E.
+    /// The exitance: B = E.
     #[default]
     Exitance,
-    /// B = 0.
+    /// No light: B = 0.
     Zero,
+    /// The exitance, and the rest of the light spread evenly over each room.
+    ///
     /// B_i = E_i + ρ_i Ambient, with Ambient = Σ A s E / Σ A (1 − ρ s), s_i = Σ_j F_ij, over the connected component of i: as if
     /// the light spread evenly there. In a closed room s = 1, and Ambient = Σ A E / Σ A · 1 / (1 − ρ_avg). Where nothing is lost the term is left out.
     ///

@@ -4,7 +4,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::discretize::VoxelScene;
-use super::grid::Voxel;
+use super::grid::{Voxel, to_u32};
 use crate::scene::{MaterialId, Scene, SurfaceId};
 
 /// The greatest level of a cell: 2⁶ voxels wide.
@@ -191,10 +191,6 @@ fn grouped(voxels: &VoxelScene, scene: &Scene, surfels: &[u32], level: u8) -> Ve
         }
     }
     cells
-}
-
-fn to_u32(n: usize) -> u32 {
-    u32::try_from(n).expect("surfels are counted in 32 bits")
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::VoxelError;
-use super::grid::{Grid, Voxel, nearest};
+use super::grid::{Grid, Voxel, nearest, to_u32};
 use super::octree::{Built, Octree};
 use super::regions::Regions;
 use super::thin::{self, ALL_NODES, Part, Sides, THIN, ThinWall};
@@ -545,8 +545,4 @@ fn fill(corners: &[DVec3], normal: DVec3, axis: usize, mut work: impl FnMut(Cros
 )]
 fn above(x: f64) -> i32 {
     x.floor() as i32 + 1
-}
-
-fn to_u32(n: usize) -> u32 {
-    u32::try_from(n).expect("the number of pieces is checked")
 }

@@ -80,3 +80,8 @@ impl Grid {
 pub(super) fn nearest(x: f64) -> i32 {
     (x + 0.5).floor() as i32
 }
+
+/// Returns a number of voxels, surfels or their parts in the 32 bits in which they are counted.
+pub(super) fn to_u32(n: usize) -> u32 {
+    u32::try_from(n).expect("voxels and their parts are counted in 32 bits")
+}

@@ -6,7 +6,7 @@
 //!
 //! Source: [`MALGOUYRES_2002`](crate::references::MALGOUYRES_2002), section 4.1. Departures: the paper leaves the choice of the line open.
 
-use super::grid::Voxel;
+use super::grid::{Voxel, to_u32};
 use super::octree::Octree;
 
 /// A crossing that never comes, in units of [`Direction::step`]: above all that do.
@@ -275,10 +275,6 @@ pub(super) fn first_surface_by_voxels(
         }
         counts[direction.next_axis(counts)] += 1;
     }
-}
-
-fn to_u32(n: usize) -> u32 {
-    u32::try_from(n).expect("fewer than 2^32 voxels")
 }
 
 #[cfg(test)]

@@ -10,22 +10,7 @@
 //!
 //! [`solve_adaptively`] joins voxels to cells where the light is even: [`Cells`] are the unknowns, the voxels still decide who sees whom.
 //!
-//! Scale: the living room on two cores, five propagations in place, links on the disk, one run each of
-//! `radiosity voxel scenes/living-room/scene.obj --voxels 315 --radius 30 --passes 5 --links disk -o B.vtu --json` (and `--voxels 420 --radius 38`):
-//!
-//! | | 315 × 315 × 190, R = 30 | the paper | 420 × 420 × 253, R = 38 | the paper |
-//! |---|---|---|---|---|
-//! | surface voxels, unknowns | 923 335, 949 828 | about a million | 1 651 605, 1 692 736 | |
-//! | octree, surfels | 4.2 MB, 30.3 MB | "less than 120Mo" | 9.6 MB, 54.0 MB | |
-//! | links | 4.29 · 10⁹ in 6.06 GB: 1.41 bytes each | 18 GB: 4 bytes each | 12.3 · 10⁹ in 17.7 GB: 1.44 bytes each | |
-//! | peak of the program's memory | 402 MB | | 827 MB | |
-//! | finding the links | 341 s | | 1490 s | |
-//! | propagations | 114 s | | 814 s | |
-//! | all | 8.0 min | 25 hours | 39.5 min | 72 hours |
-//!
-//! Both were before the seats of three chairs ended at their rests, which took 67 of the 923 335 voxels away (and as small a part of all else).
-//!
-//! The larger run shared the two cores with other programs: it took 46 minutes of CPU time, where the smaller took 14.
+//! Scale and speed: measured in `docs/performance.md`.
 //!
 //! In place or not: at 100 voxels and R = 10 in the living room, the mean radiosities of the surfaces are off from those after 40 propagations by 1.3 % after 5 propagations in place, 1.7 % after 5 of
 //! equation (3), 0.10 % after 10 in place and 0.14 % after 10 of equation (3): root mean square weighted by area, relative (`--form in-place|jacobi --passes 5|10`).
@@ -36,8 +21,6 @@
 //! tolerance of 0.2 come to 0.97 to 1.09 of these errors with 0.16 to 0.63 of the links; at equal run time to 1.03 (cube), 0.87 (room of Lewis), 1.00 (Cornell box) and 0.99 (sphere) of the error of
 //! uniform voxels, which is to say that they save memory and not time: a line of a cell costs more than one of the many that leave a whole brick together
 //! (one run of `radiosity reproduce malgouyres --level 2` on two otherwise idle cores).
-//!
-//! Lines: 7.2 million a second and thread in bundles, 2.7 one by one, where Embree traces 11.0 million rays (`cargo bench --bench voxel`, one run on the living room, otherwise idle).
 //!
 //! Source: [`MALGOUYRES_2002`](crate::references::MALGOUYRES_2002).
 

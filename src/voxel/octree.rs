@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::grid::Voxel;
+use super::grid::{Voxel, to_u32};
 
 /// The side of a brick, in voxels: two levels of the octree in one 64-bit mask.
 const BRICK: i32 = 4;
@@ -204,10 +204,6 @@ fn key(voxel: Voxel) -> u64 {
     let spread = |c: u32| (0..10).fold(0_u64, |sum, k| sum | u64::from(c >> (k + 2) & 1) << (3 * k));
     let brick = spread(v[0]) | spread(v[1]) << 1 | spread(v[2]) << 2;
     brick << 6 | u64::from(bit(v))
-}
-
-fn to_u32(n: usize) -> u32 {
-    u32::try_from(n).expect("fewer than 2^32 voxels")
 }
 
 #[cfg(test)]

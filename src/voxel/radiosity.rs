@@ -8,10 +8,10 @@ use crate::progress::Progress;
 
 /// What a pass computes from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema, clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum Form {
-    /// All of B_i from B_{i−1}: equation (3).
+    /// All values of a pass from those of the pass before: equation (3).
     Jacobi,
     /// From the newest values there are: section 4.2.
     #[default]

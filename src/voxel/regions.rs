@@ -8,7 +8,7 @@
 use glam::DVec3;
 
 use super::discretize::VoxelScene;
-use super::grid::Voxel;
+use super::grid::{Voxel, to_u32};
 use super::octree::{self, EMPTY};
 use super::thin::{AT_CENTRE, Side, Sides};
 use crate::disjoint_sets::DisjointSets;
@@ -187,8 +187,4 @@ fn is_open(voxels: &VoxelScene, sides: &Sides, voxel: Voxel, side: Side) -> bool
         .octree
         .rank(voxel)
         .is_none_or(|rank| sides.crossed(rank) >> side & 1 == 0)
-}
-
-fn to_u32(n: usize) -> u32 {
-    u32::try_from(n).expect("nodes are counted in 32 bits")
 }

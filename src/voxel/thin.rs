@@ -14,7 +14,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::discretize::{Piece, Pieces, Surfel, VoxelScene, each_crossing};
-use super::grid::{MAX_VOXELS, Voxel};
+use super::grid::{MAX_VOXELS, Voxel, to_u32};
 use crate::geometry::polygon;
 use crate::matrix::operator::Block;
 use crate::scene::{FaceId, Scene, SurfaceId};
@@ -535,8 +535,4 @@ fn crosses(corners: &[DVec3], from: DVec3, to: DVec3) -> bool {
 
 fn to_side(axis: usize) -> Side {
     u32::try_from(axis).expect("an axis")
-}
-
-fn to_u32(n: usize) -> u32 {
-    u32::try_from(n).expect("ranks are counted in 32 bits")
 }

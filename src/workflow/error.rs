@@ -367,21 +367,29 @@ impl Unsuited {
     }
 }
 
-impl From<Unsuited> for WorkflowError {
-    fn from(unsuited: Unsuited) -> Self {
-        Self::Unsuited(unsuited)
-    }
+macro_rules! from {
+    ($($error:ty => $variant:ident),* $(,)?) => {$(
+        impl From<$error> for WorkflowError {
+            fn from(error: $error) -> Self {
+                Self::$variant(error)
+            }
+        }
+    )*};
 }
 
-impl From<SceneError> for WorkflowError {
-    fn from(error: SceneError) -> Self {
-        Self::Scene(error)
-    }
+from! {
+    Unsuited => Unsuited,
+    SceneError => Scene,
+    MotionError => Motion,
+    MatrixError => Matrix,
+    ReportError => Report,
+    VoxelError => Voxel,
+    CheckpointError => Checkpoint,
 }
 
-impl From<MotionError> for WorkflowError {
-    fn from(error: MotionError) -> Self {
-        Self::Motion(error)
+impl From<DiskError> for WorkflowError {
+    fn from(error: DiskError) -> Self {
+        Self::Matrix(MatrixError::Disk(error))
     }
 }
 
@@ -395,18 +403,6 @@ impl From<FormFactorError> for WorkflowError {
     }
 }
 
-impl From<MatrixError> for WorkflowError {
-    fn from(error: MatrixError) -> Self {
-        Self::Matrix(error)
-    }
-}
-
-impl From<DiskError> for WorkflowError {
-    fn from(error: DiskError) -> Self {
-        Self::Matrix(MatrixError::Disk(error))
-    }
-}
-
 impl From<SolverError> for WorkflowError {
     fn from(error: SolverError) -> Self {
         match error {
@@ -416,29 +412,11 @@ impl From<SolverError> for WorkflowError {
     }
 }
 
-impl From<ReportError> for WorkflowError {
-    fn from(error: ReportError) -> Self {
-        Self::Report(error)
-    }
-}
-
 impl From<RenderError> for WorkflowError {
     fn from(error: RenderError) -> Self {
         match error {
             RenderError::Interrupted => Self::Interrupted,
             other => Self::Render(other),
         }
-    }
-}
-
-impl From<VoxelError> for WorkflowError {
-    fn from(error: VoxelError) -> Self {
-        Self::Voxel(error)
-    }
-}
-
-impl From<CheckpointError> for WorkflowError {
-    fn from(error: CheckpointError) -> Self {
-        Self::Checkpoint(error)
     }
 }

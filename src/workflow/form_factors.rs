@@ -21,13 +21,16 @@ pub const DEFAULT_RAYS: u64 = 4096;
 
 /// Whether form factors are made symmetric and their rows made to sum to what they should.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Balance {
-    /// What the need and the sampling suggest: see [`Need::repair`].
+    /// For light: rows of low-discrepancy rays are averaged with their reverse and keep their sums, random rays and noisy pairs get closure, other rows only what the solver needs.
+    ///
+    /// See [`Need::repair`].
     #[default]
     Auto,
-    /// Each pair averaged with its reverse, rows rescaled symmetrically.
+    /// Always: each pair averaged with its reverse, rows rescaled symmetrically.
     On,
-    /// The same by the entries' own error variances (least squares): what is known stays.
+    /// Always, but each entry is moved by its own error variance instead (least squares): what is known stays.
     Closure,
     /// Never.
     Off,

@@ -14,6 +14,7 @@ const SHARE: f64 = 0.8;
 
 /// How form factors are laid out, and where.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Storage {
     /// In memory if they fit, else on a disk; dense or sparse tile by tile.
     #[default]

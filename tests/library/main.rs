@@ -6,6 +6,7 @@ mod embree;
 mod form_factor;
 mod heat;
 mod matrix;
+mod mesh;
 mod occlusion;
 #[path = "../support/run.rs"]
 mod program;

@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 
 use super::byte::parse_byte;
-use super::{CommonArgs, MeshArgs, PictureFileArgs, SequenceName, ViewArgs};
+use super::{CommonArgs, MeshArgs, PictureFileArgs, ViewArgs};
+use crate::geometry::sampling::Sequence;
 
 /// How the form factor of a point is found: the methods of `form-factors` that need no patch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -38,7 +39,7 @@ pub struct FieldArgs {
     pub rays: Option<u32>,
     /// Where the numbers of sr and qmc come from [default: sobol]
     #[arg(long, value_enum, help_heading = "Form factors")]
-    pub sequence: Option<SequenceName>,
+    pub sequence: Option<Sequence>,
     /// Seed of all numbers
     #[arg(long, value_name = "S", default_value_t = 0, help_heading = "Form factors")]
     pub seed: u64,

@@ -90,48 +90,6 @@ fn method_name() -> impl TypedValueParser<Value = String> {
     )
 }
 
-/// The kinds of numbers that shooting uses.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum SequenceName {
-    /// Owen-scrambled Sobol points
-    Sobol,
-    /// Independent pseudo-random numbers
-    Random,
-}
-
-impl From<SequenceName> for Sequence {
-    fn from(name: SequenceName) -> Self {
-        match name {
-            SequenceName::Sobol => Self::Sobol,
-            SequenceName::Random => Self::Random,
-        }
-    }
-}
-
-/// Whether form factors are made symmetric and their rows made to sum to what they should.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum BalanceName {
-    /// For light: rows of low-discrepancy rays are averaged with their reverse and keep their sums, random rays and noisy pairs get closure, other rows only what the solver needs
-    Auto,
-    /// Always: each pair averaged with its reverse, rows rescaled symmetrically
-    On,
-    /// Always, but each entry is moved by its own error variance instead (least squares): what is known stays
-    Closure,
-    /// Never
-    Off,
-}
-
-impl From<BalanceName> for Balance {
-    fn from(name: BalanceName) -> Self {
-        match name {
-            BalanceName::Auto => Self::Auto,
-            BalanceName::On => Self::On,
-            BalanceName::Closure => Self::Closure,
-            BalanceName::Off => Self::Off,
-        }
-    }
-}
-
 /// How form factors are computed.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Form factors")]
@@ -148,8 +106,8 @@ pub struct MethodArgs {
     #[arg(long, value_name = "S", default_value_t = 0)]
     pub seed: u64,
     /// Average each pair with its reverse, and restore the sums of the rows
-    #[arg(long, value_enum, default_value_t = BalanceName::Auto)]
-    pub balance: BalanceName,
+    #[arg(long, value_enum, default_value_t)]
+    pub balance: Balance,
     #[command(flatten)]
     pub closure: ClosureArgs,
 }
@@ -190,7 +148,7 @@ impl MethodArgs {
             },
             // The direct pass of a picture takes its numbers from there too.
             is_sequence_shared: afterwards == Afterwards::Image,
-            balance: self.balance.into(),
+            balance: self.balance,
             closure: self.closure.closure(),
             time_limit: self.time_limit.map(|limit| (limit, afterwards)),
             explain: false,
@@ -221,22 +179,6 @@ impl ClosureArgs {
     }
 }
 
-/// How form factors are laid out, and where.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum StorageName {
-    /// In memory if they fit, else on a disk; dense or sparse tile by tile
-    #[default]
-    Auto,
-    /// In memory, every entry of each tile
-    Dense,
-    /// In memory, the upper triangle of the exchange areas; rows are averaged and balanced for it
-    Symmetric,
-    /// In memory, the entries that are not zero
-    Sparse,
-    /// In a scratch file
-    Disk,
-}
-
 /// How many digits of form factors are kept.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum PrecisionName {
@@ -257,8 +199,8 @@ pub struct MemoryArgs {
     #[arg(long, value_name = "BYTES", value_parser = parse_byte)]
     pub memory_limit: Option<u64>,
     /// How form factors are stored
-    #[arg(long, value_enum, default_value_t = StorageName::Auto)]
-    pub storage: StorageName,
+    #[arg(long, value_enum, default_value_t)]
+    pub storage: Storage,
     /// The digits of stored form factors
     #[arg(long, value_enum, default_value_t = PrecisionName::Auto)]
     pub precision: PrecisionName,
@@ -273,13 +215,7 @@ impl MemoryArgs {
     pub fn memory(&self) -> Memory {
         Memory {
             limit_byte: self.memory_limit,
-            storage: match self.storage {
-                StorageName::Auto => Storage::Auto,
-                StorageName::Dense => Storage::Dense,
-                StorageName::Symmetric => Storage::Symmetric,
-                StorageName::Sparse => Storage::Sparse,
-                StorageName::Disk => Storage::Disk,
-            },
+            storage: self.storage,
             precision: match self.precision {
                 PrecisionName::Auto => None,
                 PrecisionName::F32 => Some(Precision::F32),

@@ -28,17 +28,14 @@ use byte::parse_byte;
 
 pub use experiments::{CompareArgs, PaperName, ReproduceArgs, VisibilityName};
 pub use field::{FieldArgs, FieldMethodName};
-pub use form_factors::{
-    BalanceName, ClosureArgs, FormFactorsArgs, MemoryArgs, MeshArgs, MethodArgs, PrecisionName, SequenceName,
-    StorageArgs, StorageName,
-};
+pub use form_factors::{ClosureArgs, FormFactorsArgs, MemoryArgs, MeshArgs, MethodArgs, PrecisionName, StorageArgs};
 pub use heat::{HeatArgs, NodesName, SunArgs};
 pub use points::PointsArgs;
-pub use reading::{ReadingArgs, UnitName, UpAxisName};
-pub use render::{DirectName, GatherArgs, ImageArgs, PartsName, PictureFileArgs, PixelsName, RenderArgs, ViewArgs};
-pub use solve::{SolveArgs, SolverArgs, StartName};
+pub use reading::ReadingArgs;
+pub use render::{DirectName, GatherArgs, ImageArgs, PictureFileArgs, RenderArgs, ViewArgs};
+pub use solve::{SolveArgs, SolverArgs};
 pub use tables::parse_tables;
-pub use voxel::{FormName, LinksName, VoxelArgs};
+pub use voxel::{LinksName, VoxelArgs};
 
 /// Light in diffuse scenes: form factors to high accuracy, radiosity, OpenEXR pictures.
 #[derive(Debug, Parser)]

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 
 use super::parse_positive;
 use crate::scene::{DEFAULT_CREASE_ANGLE, Flip, Format, LengthUnit, LoadOptions, UpAxis};
@@ -23,10 +23,10 @@ pub struct ReadingArgs {
     pub flip: Vec<String>,
     /// The unit of the file's lengths [default: m]
     #[arg(long, value_name = "UNIT", value_enum)]
-    pub unit: Option<UnitName>,
+    pub unit: Option<LengthUnit>,
     /// The file's axis that points upwards; the scene's is z: y turns the scene, z leaves it [default: z]
     #[arg(long, value_name = "AXIS", value_enum)]
-    pub up_axis: Option<UpAxisName>,
+    pub up_axis: Option<UpAxis>,
     /// Join vertices up to this distance, in m; what is moved by it counts as rounding [default: 0, equal ones only]
     #[arg(long, value_name = "T", value_parser = parse_positive)]
     pub merge_tolerance: Option<f64>,
@@ -44,30 +44,6 @@ pub struct ReadingArgs {
     pub materials: Option<PathBuf>,
 }
 
-/// A unit of length.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum UnitName {
-    /// Metres
-    M,
-    /// Millimetres
-    Mm,
-    /// Centimetres
-    Cm,
-    /// Inches
-    In,
-    /// Feet
-    Ft,
-}
-
-/// The axis that points upwards.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum UpAxisName {
-    /// y; (x, y, z) becomes (x, -z, y)
-    Y,
-    /// z; coordinates stay as they are
-    Z,
-}
-
 impl ReadingArgs {
     /// Returns the options of the library.
     #[must_use]
@@ -76,11 +52,8 @@ impl ReadingArgs {
             .format(self.format.as_deref().and_then(Format::named))
             .allow_outside(self.allow_outside)
             .flip(self.flip())
-            .unit(self.unit.map_or(LengthUnit::Metre, UnitName::unit))
-            .up_axis(match self.up_axis {
-                Some(UpAxisName::Y) => UpAxis::Y,
-                _ => UpAxis::Z,
-            })
+            .unit(self.unit.unwrap_or_default())
+            .up_axis(self.up_axis.unwrap_or_default())
             .merge_tolerance(self.merge_tolerance.unwrap_or(0.0))
             .crease_angle(self.crease_angle.unwrap_or(DEFAULT_CREASE_ANGLE))
             .one_surface(self.one_surface)
@@ -119,29 +92,17 @@ impl ReadingArgs {
 
     /// Adds what was given to the settings of a run.
     pub(in crate::cli) fn describe(&self, cx: &mut Context) {
-        let up_axis = |axis| if axis == UpAxisName::Y { "y" } else { "z" };
+        let up_axis = |axis| if axis == UpAxis::Y { "y" } else { "z" };
         let settings = &mut cx.settings;
         settings.format.clone_from(&self.format);
         settings.flip = (!self.flip.is_empty()).then(|| self.flip.clone());
-        settings.unit_m = self.unit.map(|unit| unit.unit().metres(1.0));
+        settings.unit_m = self.unit.map(|unit| unit.metres(1.0));
         settings.up_axis = self.up_axis.map(|axis| up_axis(axis).to_owned());
         settings.merge_tolerance_m = self.merge_tolerance;
         settings.crease_angle_degrees = self.crease_angle;
         settings.one_surface = self.one_surface.then_some(true);
         settings.surface_array.clone_from(&self.surface_array);
         settings.materials = self.materials.as_ref().map(|file| file.display().to_string());
-    }
-}
-
-impl UnitName {
-    fn unit(self) -> LengthUnit {
-        match self {
-            Self::M => LengthUnit::Metre,
-            Self::Mm => LengthUnit::Millimetre,
-            Self::Cm => LengthUnit::Centimetre,
-            Self::In => LengthUnit::Inch,
-            Self::Ft => LengthUnit::Foot,
-        }
     }
 }
 

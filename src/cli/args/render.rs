@@ -84,54 +84,16 @@ pub struct GatherArgs {
     pub gather_rays: Option<u32>,
 }
 
-/// How numbers are stored in a picture.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum PixelsName {
-    /// 32-bit floats
-    #[default]
-    F32,
-    /// 16-bit floats for colours and normals
-    F16,
-}
-
-/// How the layers of a picture are arranged.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum PartsName {
-    /// All layers in one part
-    #[default]
-    Single,
-    /// A part for each group of layers
-    Multi,
-}
-
 /// The file of a picture.
 #[derive(Args, Clone, Copy, Debug)]
 #[command(next_help_heading = "Picture")]
 pub struct PictureFileArgs {
     /// The kind of floats
     #[arg(long, value_enum, default_value_t)]
-    pub pixels: PixelsName,
+    pub pixels: Pixels,
     /// The parts of the file
     #[arg(long, value_enum, default_value_t)]
-    pub parts: PartsName,
-}
-
-impl From<PixelsName> for Pixels {
-    fn from(name: PixelsName) -> Self {
-        match name {
-            PixelsName::F32 => Self::F32,
-            PixelsName::F16 => Self::F16,
-        }
-    }
-}
-
-impl From<PartsName> for Parts {
-    fn from(name: PartsName) -> Self {
-        match name {
-            PartsName::Single => Self::Single,
-            PartsName::Multi => Self::Multi,
-        }
-    }
+    pub parts: Parts,
 }
 
 /// The picture.

@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
+use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use clap::{Args, ValueEnum};
 
 use super::settings::{OfSolvers, SettingFlags, of_computation};
 use super::{AuditArgs, CommonArgs, MeshArgs, MethodArgs, StorageArgs, SunArgs, parse_positive, parse_tolerance};
@@ -43,8 +43,8 @@ pub struct SolverArgs {
     #[arg(long, value_name = "K", default_value_t = SolveRequest::MAX_PASSES)]
     pub max_passes: usize,
     /// The first radiosities
-    #[arg(long, value_enum, default_value_t = StartName::Exitance)]
-    pub start: StartName,
+    #[arg(long, value_enum, default_value_t)]
+    pub start: Start,
     #[command(flatten)]
     pub own: SettingFlags<OfSolvers>,
 }
@@ -61,28 +61,7 @@ impl SolverArgs {
             },
             tolerance: self.tolerance,
             max_passes: self.max_passes,
-            start: self.start.into(),
-        }
-    }
-}
-
-/// The radiosities that a solver starts from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum StartName {
-    /// The exitance
-    Exitance,
-    /// No light
-    Zero,
-    /// The exitance, and the rest of the light spread evenly over each room
-    Ambient,
-}
-
-impl From<StartName> for Start {
-    fn from(name: StartName) -> Self {
-        match name {
-            StartName::Exitance => Self::Exitance,
-            StartName::Zero => Self::Zero,
-            StartName::Ambient => Self::Ambient,
+            start: self.start,
         }
     }
 }

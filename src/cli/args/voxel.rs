@@ -10,24 +10,6 @@ use super::{AuditArgs, ClosureArgs, CommonArgs, ImageArgs, MeshArgs, parse_posit
 use crate::voxel::{Form, RowWeights, SolidAngle};
 use crate::workflow::{LinkPlace, SolveRequest, VoxelLight, VoxelRequest};
 
-/// What a propagation computes from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum FormName {
-    /// All values of a pass from those of the pass before
-    Jacobi,
-    /// From the newest values there are
-    InPlace,
-}
-
-impl From<FormName> for Form {
-    fn from(name: FormName) -> Self {
-        match name {
-            FormName::Jacobi => Self::Jacobi,
-            FormName::InPlace => Self::InPlace,
-        }
-    }
-}
-
 /// Where links are between passes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum LinksName {
@@ -61,8 +43,8 @@ pub struct VoxelArgs {
     #[arg(long, value_name = "K", default_value_t = VoxelRequest::PASSES, help_heading = "Voxels")]
     pub passes: usize,
     /// What a propagation computes from
-    #[arg(long, value_enum, default_value_t = FormName::InPlace, help_heading = "Voxels")]
-    pub form: FormName,
+    #[arg(long, value_enum, default_value_t, help_heading = "Voxels")]
+    pub form: Form,
     /// Join voxels to cells where the irradiance changes by less than T times its mean from cell to cell, as 0.05
     #[arg(long, value_name = "T", value_parser = parse_positive, conflicts_with_all = ["solver", "form", "links", "link_file"], help_heading = "Voxels")]
     pub adaptive: Option<f64>,
@@ -145,7 +127,7 @@ impl VoxelArgs {
                 },
                 (None, None) => VoxelLight::Propagations {
                     passes: self.passes,
-                    form: self.form.into(),
+                    form: self.form,
                 },
             },
             links: match self.links {

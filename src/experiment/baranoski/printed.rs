@@ -93,195 +93,64 @@ const FROM_FACTORS: &str = "the sum of the printed form factors of tables 7 and 
 const NOT_THE_SUM: &str = "the printed faces add up to this";
 
 /// Tables 3 to 6.
+#[rustfmt::skip]
 pub(super) const SUMS: [SumTable; 4] = [
-    SumTable {
-        number: 3,
-        divisions: 6,
-        rays: 1000,
-        columns: &[
-            same("PDM", 1.013_652, 8.19),
-            column(
-                "SR",
-                [
-                    ok(0.997_333),
-                    not(1.00114, 1.0114, FROM_ERRORS),
-                    ok(0.998_056),
-                    ok(1.00367),
-                    ok(1.00464),
-                ],
-                ok(2.43),
-            ),
-            column(
-                "SG5",
-                [ok(1.00186), ok(1.00233), ok(0.999), ok(1.00728), ok(1.00431)],
-                ok(1.68),
-            ),
-            column(
-                "SG10",
-                [ok(1.00194), ok(1.00292), ok(0.998_778), ok(1.01075), ok(1.00333)],
-                ok(2.02),
-            ),
-        ],
-    },
-    SumTable {
-        number: 4,
-        divisions: 9,
-        rays: 1000,
-        columns: &[
-            same("PDM", 1.009_103, 5.46),
-            column(
-                "SR",
-                [ok(0.997_815), ok(1.0009), ok(1.00023), ok(1.00049), ok(0.998_506)],
-                ok(0.53),
-            ),
-            column(
-                "SG5",
-                [ok(0.998_494), ok(1.00328), ok(0.997_444), ok(1.00523), ok(1.00448)],
-                ok(1.70),
-            ),
-            column(
-                "SG10",
-                [ok(0.998_852), ok(1.00312), ok(0.997_938), ok(1.00502), ok(1.00373)],
-                ok(1.51),
-            ),
-        ],
-    },
-    SumTable {
-        number: 5,
-        divisions: 13,
-        rays: 1000,
-        columns: &[
-            same("PDM", 1.006_303, 3.78),
-            column(
-                "SR",
-                [ok(1.00034), ok(1.00208), ok(0.999_124), ok(1.00108), ok(0.995_243)],
-                ok(0.91),
-            ),
-            column(
-                "SG5",
-                [ok(1.00032), ok(1.0047), ok(0.997_692), ok(0.999_473), ok(0.999_568)],
-                not(0.78, 0.83, NOT_THE_SUM),
-            ),
-            column(
-                "SG10",
-                [ok(1.00042), ok(1.00472), ok(0.997_704), ok(0.998_828), ok(1.00027)],
-                not(0.81, 0.89, NOT_THE_SUM),
-            ),
-        ],
-    },
-    SumTable {
-        number: 6,
-        divisions: 13,
-        rays: 625,
-        columns: &[
-            same("PDM", 1.006_303, 3.78),
-            column(
-                "SR",
-                [
-                    ok(1.00016),
-                    not(0.97264, 0.997_264, FROM_ERRORS),
-                    ok(0.999_451),
-                    ok(1.00034),
-                    ok(1.00235),
-                ],
-                ok(0.61),
-            ),
-            column(
-                "SG5",
-                [
-                    ok(1.00301),
-                    not(0.98485, 0.998_485, FROM_ERRORS),
-                    ok(0.994_348),
-                    ok(0.998_968),
-                    ok(1.00153),
-                ],
-                ok(1.27),
-            ),
-        ],
-    },
+    SumTable { number: 3, divisions: 6, rays: 1000, columns: &[
+        same("PDM", 1.013_652, 8.19),
+        column("SR", [ok(0.997_333), not(1.00114, 1.0114, FROM_ERRORS), ok(0.998_056), ok(1.00367), ok(1.00464)], ok(2.43)),
+        column("SG5", [ok(1.00186), ok(1.00233), ok(0.999), ok(1.00728), ok(1.00431)], ok(1.68)),
+        column("SG10", [ok(1.00194), ok(1.00292), ok(0.998_778), ok(1.01075), ok(1.00333)], ok(2.02)),
+    ] },
+    SumTable { number: 4, divisions: 9, rays: 1000, columns: &[
+        same("PDM", 1.009_103, 5.46),
+        column("SR", [ok(0.997_815), ok(1.0009), ok(1.00023), ok(1.00049), ok(0.998_506)], ok(0.53)),
+        column("SG5", [ok(0.998_494), ok(1.00328), ok(0.997_444), ok(1.00523), ok(1.00448)], ok(1.70)),
+        column("SG10", [ok(0.998_852), ok(1.00312), ok(0.997_938), ok(1.00502), ok(1.00373)], ok(1.51)),
+    ] },
+    SumTable { number: 5, divisions: 13, rays: 1000, columns: &[
+        same("PDM", 1.006_303, 3.78),
+        column("SR", [ok(1.00034), ok(1.00208), ok(0.999_124), ok(1.00108), ok(0.995_243)], ok(0.91)),
+        column("SG5", [ok(1.00032), ok(1.0047), ok(0.997_692), ok(0.999_473), ok(0.999_568)], not(0.78, 0.83, NOT_THE_SUM)),
+        column("SG10", [ok(1.00042), ok(1.00472), ok(0.997_704), ok(0.998_828), ok(1.00027)], not(0.81, 0.89, NOT_THE_SUM)),
+    ] },
+    SumTable { number: 6, divisions: 13, rays: 625, columns: &[
+        same("PDM", 1.006_303, 3.78),
+        column("SR", [ok(1.00016), not(0.97264, 0.997_264, FROM_ERRORS), ok(0.999_451), ok(1.00034), ok(1.00235)], ok(0.61)),
+        column("SG5", [ok(1.00301), not(0.98485, 0.998_485, FROM_ERRORS), ok(0.994_348), ok(0.998_968), ok(1.00153)], ok(1.27)),
+    ] },
 ];
 
 /// Tables 7 and 8; they belong to the runs of table 6, whose sums their rows add up to.
+#[rustfmt::skip]
 pub(super) const FACTORS: [FactorTable; 2] = [
     FactorTable {
-        number: 7,
-        pairs: &[(1, 6), (2, 3), (4, 5)],
+        number: 7, pairs: &[(1, 6), (2, 3), (4, 5)],
         reference: 0.1998,
         columns: &[
-            FactorColumn {
-                method: "PDM",
-                factors: &[(ok(0.199_841), 0.02); 3],
-            },
-            FactorColumn {
-                method: "SR",
-                factors: &[
-                    (not(0.199_044, 0.199_195, FROM_FACTORS), 0.38),
-                    (not(0.199_044, 0.199_026, FROM_FACTORS), 0.38),
-                    (ok(0.199_195), 0.30),
-                ],
-            },
-            FactorColumn {
-                method: "SG5",
-                factors: &[(ok(0.198_570), 0.62), (ok(0.199_508), 0.15), (ok(0.200_398), 0.30)],
-            },
+            FactorColumn { method: "PDM", factors: &[(ok(0.199_841), 0.02); 3] },
+            FactorColumn { method: "SR", factors: &[
+                (not(0.199_044, 0.199_195, FROM_FACTORS), 0.38),
+                (not(0.199_044, 0.199_026, FROM_FACTORS), 0.38),
+                (ok(0.199_195), 0.30),
+            ] },
+            FactorColumn { method: "SG5", factors: &[(ok(0.198_570), 0.62), (ok(0.199_508), 0.15), (ok(0.200_398), 0.30)] },
         ],
     },
     FactorTable {
-        number: 8,
-        pairs: &[
-            (1, 2),
-            (1, 3),
-            (1, 4),
-            (1, 5),
-            (2, 4),
-            (2, 5),
-            (2, 6),
-            (3, 4),
-            (3, 5),
-            (3, 6),
-            (4, 6),
-            (5, 6),
-        ],
+        number: 8, pairs: &[(1, 2), (1, 3), (1, 4), (1, 5), (2, 4), (2, 5), (2, 6), (3, 4), (3, 5), (3, 6), (4, 6), (5, 6)],
         reference: 0.200_043,
         columns: &[
-            FactorColumn {
-                method: "PDM",
-                factors: &[(ok(0.201_615), 0.78); 12],
-            },
-            FactorColumn {
-                method: "SR",
-                factors: &[
-                    (ok(0.200_502), 0.23),
-                    (ok(0.200_634), 0.30),
-                    (ok(0.199_044), 0.50),
-                    (ok(0.200_625), 0.29),
-                    (ok(0.198_892), 0.58),
-                    (ok(0.201_051), 0.50),
-                    (ok(0.200_691), 0.32),
-                    (ok(0.200_161), 0.06),
-                    (ok(0.198_305), 0.86),
-                    (ok(0.199_138), 0.45),
-                    (ok(0.202_159), 1.06),
-                    (ok(0.201_164), 0.56),
-                ],
-            },
-            FactorColumn {
-                method: "SG5",
-                factors: &[
-                    (ok(0.202_556), 1.26),
-                    (ok(0.202_622), 1.30),
-                    (ok(0.196_781), 1.63),
-                    (ok(0.199_470), 0.29),
-                    (ok(0.198_692), 0.68),
-                    (ok(0.200_312), 0.13),
-                    (ok(0.201_941), 0.95),
-                    (ok(0.198_343), 0.85),
-                    (ok(0.197_955), 1.04),
-                    (ok(0.200_057), 0.007),
-                    (ok(0.200_133), 0.05),
-                    (ok(0.200_833), 0.40),
-                ],
-            },
+            FactorColumn { method: "PDM", factors: &[(ok(0.201_615), 0.78); 12] },
+            FactorColumn { method: "SR", factors: &[
+                (ok(0.200_502), 0.23), (ok(0.200_634), 0.30), (ok(0.199_044), 0.50), (ok(0.200_625), 0.29),
+                (ok(0.198_892), 0.58), (ok(0.201_051), 0.50), (ok(0.200_691), 0.32), (ok(0.200_161), 0.06),
+                (ok(0.198_305), 0.86), (ok(0.199_138), 0.45), (ok(0.202_159), 1.06), (ok(0.201_164), 0.56),
+            ] },
+            FactorColumn { method: "SG5", factors: &[
+                (ok(0.202_556), 1.26), (ok(0.202_622), 1.30), (ok(0.196_781), 1.63), (ok(0.199_470), 0.29),
+                (ok(0.198_692), 0.68), (ok(0.200_312), 0.13), (ok(0.201_941), 0.95), (ok(0.198_343), 0.85),
+                (ok(0.197_955), 1.04), (ok(0.200_057), 0.007), (ok(0.200_133), 0.05), (ok(0.200_833), 0.40),
+            ] },
         ],
     },
 ];

@@ -8,7 +8,7 @@ use super::solvers::{self, CaseResult};
 use super::{Figure, LEVEL, TableResult};
 use crate::experiment::ExperimentError;
 use crate::experiment::findings::{Findings, ResultsFile, text_file};
-use crate::report::{SCHEMA_VERSION, Table, pretty};
+use crate::report::{SCHEMA_VERSION, Table, pretty, table};
 use crate::workflow::Settings;
 
 /// Runs of every stochastic method where nothing is asked for.
@@ -176,58 +176,31 @@ fn figures_table(table: &TableResult) -> Table {
 }
 
 fn all_figures(results: &[TableResult]) -> Table {
-    let mut table = Table::new([
-        "table",
-        "n_patches",
-        "rays",
-        "method",
-        "figure",
-        "printed",
-        "corrected",
-        "misprint",
-        "mean",
-        "sd",
-        "min",
-        "max",
-        "expected_mean",
-        "expected_sd",
-        "range_low",
-        "range_high",
-        "printed_percentile",
-        "printed_relative_error",
-        "relative_error",
-        "reproduced",
-        "p_mean",
-        "p_sd",
-    ]);
-    let number = |v: Option<f64>| v.map_or(String::new(), |v| format!("{v:?}"));
-    for result in results {
-        for figure in &result.figures {
-            table.push([
-                result.number.to_string(),
-                result.n_patches.to_string(),
-                result.rays.to_string(),
-                figure.method.to_owned(),
-                figure.name.clone(),
-                format!("{:?}", figure.printed),
-                number(figure.corrected),
-                figure.misprint.unwrap_or_default().to_owned(),
-                format!("{:?}", figure.measured.mean),
-                format!("{:?}", figure.measured.sd),
-                format!("{:?}", figure.measured.min),
-                format!("{:?}", figure.measured.max),
-                number(figure.expected_mean),
-                number(figure.expected_sd),
-                number(figure.range.map(|r| r[0])),
-                number(figure.range.map(|r| r[1])),
-                number(figure.printed_percentile),
-                number(figure.printed_relative_error),
-                number(figure.relative_error),
-                figure.reproduced.to_string(),
-                number(figure.p_mean),
-                number(figure.p_sd),
-            ]);
-        }
+    let all = results
+        .iter()
+        .flat_map(|of| of.figures.iter().map(move |figure| (of, figure)));
+    table! { (result, figure) in all;
+        "table": result.number,
+        "n_patches": result.n_patches,
+        "rays": result.rays,
+        "method": figure.method,
+        "figure": figure.name,
+        "printed": figure.printed,
+        "corrected": figure.corrected,
+        "misprint": figure.misprint,
+        "mean": figure.measured.mean,
+        "sd": figure.measured.sd,
+        "min": figure.measured.min,
+        "max": figure.measured.max,
+        "expected_mean": figure.expected_mean,
+        "expected_sd": figure.expected_sd,
+        "range_low": figure.range.map(|r| r[0]),
+        "range_high": figure.range.map(|r| r[1]),
+        "printed_percentile": figure.printed_percentile,
+        "printed_relative_error": figure.printed_relative_error,
+        "relative_error": figure.relative_error,
+        "reproduced": figure.reproduced,
+        "p_mean": figure.p_mean,
+        "p_sd": figure.p_sd,
     }
-    table
 }

@@ -43,8 +43,7 @@ impl CompareSettings<'_> {
 
 /// One run of one setting.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
-#[cfg_attr(feature = "cli", schemars(rename = "CompareRun"))]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema), schemars(rename = "CompareRun"))]
 pub struct Run {
     /// The method's name in the sweep.
     pub method: &'static str,
@@ -68,8 +67,7 @@ pub struct Run {
 
 /// What the runs of one setting say together.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
-#[cfg_attr(feature = "cli", schemars(rename = "CompareCase"))]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema), schemars(rename = "CompareCase"))]
 pub struct CaseSummary {
     /// The method's name in the sweep.
     pub method: &'static str,

@@ -6,7 +6,7 @@ use super::{CaseSummary, Comparison, Part};
 use crate::experiment::statistics::Spread;
 use crate::experiment::{Reference, ReferenceKind, StorageFigures, sweep_by_name};
 use crate::matrix::StorageChoice;
-use crate::report::Table;
+use crate::report::{Table, table};
 use crate::workflow::place_text;
 
 /// Returns a setting of a method in words.
@@ -181,35 +181,21 @@ fn milliseconds(time_s: f64) -> String {
 }
 
 pub(super) fn runs_table(parts: &[Part]) -> Table {
-    let mut table = Table::new([
-        "visibility",
-        "method",
-        "parameter",
-        "value",
-        "seed",
-        "time_s",
-        "error_max",
-        "error_rms",
-        "density",
-        "stored_byte",
-    ]);
-    for part in parts {
-        for run in &part.comparison.runs {
-            table.push([
-                part.visibility.to_owned(),
-                run.method.to_owned(),
-                run.parameter.to_owned(),
-                run.value.to_string(),
-                run.seed.to_string(),
-                format!("{:?}", run.time_s),
-                format!("{:?}", run.error_max),
-                format!("{:?}", run.error_rms),
-                format!("{:?}", run.density),
-                run.stored_bytes.to_string(),
-            ]);
-        }
+    let runs = parts
+        .iter()
+        .flat_map(|part| part.comparison.runs.iter().map(move |run| (part, run)));
+    table! { (part, run) in runs;
+        "visibility": part.visibility,
+        "method": run.method,
+        "parameter": run.parameter,
+        "value": run.value,
+        "seed": run.seed,
+        "time_s": run.time_s,
+        "error_max": run.error_max,
+        "error_rms": run.error_rms,
+        "density": run.density,
+        "stored_byte": run.stored_bytes,
     }
-    table
 }
 
 pub(super) fn storage_section(storage: &StorageFigures, choice: StorageChoice<'_>) -> String {

@@ -8,15 +8,14 @@ use super::{Check, LewisResults, SolverLine, density_png, unfolded_png};
 use crate::experiment::ExperimentError;
 use crate::experiment::findings::{FAILED, Files, Findings, PaperDocument, text_file};
 use crate::report::curves::{Curve, CurvePlot};
-use crate::report::{Machine, Table};
+use crate::report::{Machine, Table, table};
 
 /// Alternating runs of which the median counts.
 pub const ROUNDS: usize = 7;
 
 /// Our times of one level.
 #[derive(Clone, Copy, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
-#[cfg_attr(feature = "cli", schemars(rename = "LewisTimes"))]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema), schemars(rename = "LewisTimes"))]
 pub struct LevelTimes {
     /// l.
     pub level: u32,
@@ -134,18 +133,14 @@ fn report(tables: &[u8], results: &LewisResults, with_times: bool) -> String {
 }
 
 fn table_1(results: &LewisResults) -> Table {
-    let mut table = Table::new(["l", "N", "N²", "dense byte", "symmetric byte", "sparse byte"]);
-    for line in &results.sizes {
-        table.push([
-            line.level.to_string(),
-            line.n_patches.to_string(),
-            line.n_entries.to_string(),
-            line.dense_bytes.to_string(),
-            line.symmetric_bytes.to_string(),
-            line.sparse_bytes.to_string(),
-        ]);
+    table! { line in &results.sizes;
+        "l": line.level,
+        "N": line.n_patches,
+        "N²": line.n_entries,
+        "dense byte": line.dense_bytes,
+        "symmetric byte": line.symmetric_bytes,
+        "sparse byte": line.sparse_bytes,
     }
-    table
 }
 
 fn table_2(results: &LewisResults, with_times: bool) -> Table {
@@ -193,78 +188,47 @@ fn table_2(results: &LewisResults, with_times: bool) -> Table {
 }
 
 fn table_2_csv(results: &LewisResults) -> Table {
-    let mut table = Table::new([
-        "level",
-        "n_patches",
-        "gs_printed",
-        "gs_passes",
-        "mg_printed",
-        "mg_cycles",
-        "gs_multiply_adds",
-        "mg_multiply_adds",
-        "gs_printed_s",
-        "mg_printed_s",
-        "mg_setup_work",
-    ]);
-    for line in &results.solvers {
-        let number = |v: Option<f64>| v.map_or(String::new(), |v| format!("{v:?}"));
-        let printed = |k: usize| line.printed_iterations.map_or(String::new(), |n| n[k].to_string());
-        table.push([
-            line.level.to_string(),
-            line.n_patches.to_string(),
-            printed(0),
-            line.iterations[0].to_string(),
-            printed(1),
-            line.iterations[1].to_string(),
-            format!("{:?}", line.multiply_adds[0]),
-            format!("{:?}", line.multiply_adds[1]),
-            number(line.printed_times_s.map(|t| t[0])),
-            number(line.printed_times_s.map(|t| t[1])),
-            format!("{:?}", line.setup_work),
-        ]);
+    table! { line in &results.solvers;
+        "level": line.level,
+        "n_patches": line.n_patches,
+        "gs_printed": line.printed_iterations.map(|n| n[0]),
+        "gs_passes": line.iterations[0],
+        "mg_printed": line.printed_iterations.map(|n| n[1]),
+        "mg_cycles": line.iterations[1],
+        "gs_multiply_adds": line.multiply_adds[0],
+        "mg_multiply_adds": line.multiply_adds[1],
+        "gs_printed_s": line.printed_times_s.map(|t| t[0]),
+        "mg_printed_s": line.printed_times_s.map(|t| t[1]),
+        "mg_setup_work": line.setup_work,
     }
-    table
 }
 
 fn times_csv(results: &LewisResults) -> Table {
-    let mut table = Table::new(["level", "n_patches", "gs_s", "mg_s", "mg_setup_s"]);
-    for line in &results.solvers {
-        table.push([
-            line.level.to_string(),
-            line.n_patches.to_string(),
-            format!("{:?}", line.times_s[0]),
-            format!("{:?}", line.times_s[1]),
-            format!("{:?}", line.setup_s),
-        ]);
+    table! { line in &results.solvers;
+        "level": line.level,
+        "n_patches": line.n_patches,
+        "gs_s": line.times_s[0],
+        "mg_s": line.times_s[1],
+        "mg_setup_s": line.setup_s,
     }
-    table
 }
 
 fn history(results: &LewisResults) -> Table {
-    let mut table = Table::new(["pass", "gauss_seidel", "multigrid"]);
-    for (k, gauss_seidel) in results.gauss_seidel_residuals.iter().enumerate() {
-        let multigrid = results.multigrid_residuals.get(k);
-        table.push([
-            (k + 1).to_string(),
-            format!("{gauss_seidel:.3e}"),
-            multigrid.map_or(String::new(), |r| format!("{r:.3e}")),
-        ]);
+    table! { (k, gauss_seidel) in results.gauss_seidel_residuals.iter().enumerate();
+        "pass": k + 1,
+        "gauss_seidel": format!("{gauss_seidel:.3e}"),
+        "multigrid": results.multigrid_residuals.get(k).map(|r| format!("{r:.3e}")),
     }
-    table
 }
 
 fn checks(results: &LewisResults) -> Table {
-    let mut table = Table::new(["check", "expected", "measured", "tolerance", "met"]);
-    for check in &results.checks {
-        table.push([
-            check.name.clone(),
-            format!("{:?}", check.expected),
-            format!("{:?}", check.measured),
-            format!("{:?}", check.tolerance),
-            check.is_met().to_string(),
-        ]);
+    table! { check in &results.checks;
+        "check": check.name,
+        "expected": check.expected,
+        "measured": check.measured,
+        "tolerance": check.tolerance,
+        "met": check.is_met(),
     }
-    table
 }
 
 fn variants(results: &LewisResults) -> Table {

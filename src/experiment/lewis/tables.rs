@@ -47,8 +47,7 @@ pub struct SizeLine {
 
 /// One line of table 2.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
-#[cfg_attr(feature = "cli", schemars(rename = "LewisSolverLine"))]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema), schemars(rename = "LewisSolverLine"))]
 pub struct SolverLine {
     /// l.
     pub level: u32,
@@ -92,8 +91,7 @@ impl SolverLine {
 
 /// One of our numbers against what it must be.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
-#[cfg_attr(feature = "cli", schemars(rename = "LewisCheck"))]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema), schemars(rename = "LewisCheck"))]
 pub struct Check {
     /// What it is.
     pub name: String,

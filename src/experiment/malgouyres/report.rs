@@ -9,12 +9,11 @@ use crate::experiment::ExperimentError;
 use crate::experiment::findings::{Check, FAILED, Files, Findings, PaperDocument, text_file};
 use crate::report::curves::{Curve, CurvePlot};
 use crate::report::plot::{ErrorTimePlot, PlotPoint, Ranged, Series};
-use crate::report::{Machine, Table};
+use crate::report::{Machine, Table, table};
 
 /// Our times on one scene, in the order of the runs, s.
 #[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
-#[cfg_attr(feature = "cli", schemars(rename = "MalgouyresTimes"))]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema), schemars(rename = "MalgouyresTimes"))]
 pub struct SceneTimes {
     /// The scene.
     pub scene: &'static str,
@@ -188,79 +187,56 @@ fn patch_table(scene: &SceneResult, with_times: bool) -> Table {
 }
 
 fn voxels_csv(results: &MalgouyresResults) -> Table {
-    let mut table = Table::new([
-        "scene",
-        "varied",
-        "n",
-        "radius",
-        "tolerance",
-        "n_unknowns",
-        "n_links",
-        "error",
-        "change",
-    ]);
-    let number = |v: Option<f64>| v.map_or(String::new(), |v| format!("{v:?}"));
-    for scene in &results.scenes {
-        for (varied, run) in all_voxel_runs(scene) {
-            table.push([
-                scene.scene.to_owned(),
-                varied.to_owned(),
-                run.n.to_string(),
-                run.radius.to_string(),
-                number(run.tolerance),
-                run.n_unknowns.to_string(),
-                run.n_links.to_string(),
-                format!("{:?}", run.error),
-                number(run.change),
-            ]);
-        }
+    let runs = results
+        .scenes
+        .iter()
+        .flat_map(|of| all_voxel_runs(of).map(move |(varied, run)| (of, varied, run)));
+    table! { (scene, varied, run) in runs;
+        "scene": scene.scene,
+        "varied": varied,
+        "n": run.n,
+        "radius": run.radius,
+        "tolerance": run.tolerance,
+        "n_unknowns": run.n_unknowns,
+        "n_links": run.n_links,
+        "error": run.error,
+        "change": run.change,
     }
-    table
 }
 
 fn patches_csv(results: &MalgouyresResults) -> Table {
-    let mut table = Table::new(["scene", "method", "per_edge", "n_patches", "error"]);
-    for scene in &results.scenes {
-        for run in &scene.patches {
-            table.push([
-                scene.scene.to_owned(),
-                run.method.to_owned(),
-                run.per_edge.to_string(),
-                run.n_patches.to_string(),
-                format!("{:?}", run.error),
-            ]);
-        }
+    let runs = results
+        .scenes
+        .iter()
+        .flat_map(|of| of.patches.iter().map(move |run| (of, run)));
+    table! { (scene, run) in runs;
+        "scene": scene.scene,
+        "method": run.method,
+        "per_edge": run.per_edge,
+        "n_patches": run.n_patches,
+        "error": run.error,
     }
-    table
 }
 
 fn times_csv(results: &MalgouyresResults) -> Table {
-    let mut table = Table::new(["scene", "run", "n", "radius", "tolerance", "error", "time_s"]);
-    for scene in &results.scenes {
-        for (varied, run) in all_voxel_runs(scene) {
-            table.push([
-                scene.scene.to_owned(),
-                varied.to_owned(),
-                run.n.to_string(),
-                run.radius.to_string(),
-                run.tolerance.map_or(String::new(), |t| format!("{t:?}")),
-                format!("{:?}", run.error),
-                format!("{:?}", run.time_s),
-            ]);
-        }
-        for run in &scene.patches {
-            table.push([
-                scene.scene.to_owned(),
-                run.method.to_owned(),
-                run.per_edge.to_string(),
-                String::new(),
-                String::new(),
-                format!("{:?}", run.error),
-                format!("{:?}", run.time_s),
-            ]);
-        }
+    let runs = results.scenes.iter().flat_map(|of| {
+        let voxels = all_voxel_runs(of)
+            .map(|(varied, run)| (varied, run.n, Some(run.radius), run.tolerance, run.error, run.time_s));
+        let patches = of
+            .patches
+            .iter()
+            .map(|run| (run.method, run.per_edge, None, None, run.error, run.time_s));
+        voxels.chain(patches).map(move |run| (of.scene, run))
+    });
+    table! { (scene, (run, n, radius, tolerance, error, time_s)) in runs;
+        "scene": scene,
+        "run": run,
+        "n": n,
+        "radius": radius,
+        "tolerance": tolerance,
+        "error": error,
+        "time_s": time_s,
     }
-    table
 }
 
 /// Returns a curve for each scene.

@@ -72,8 +72,7 @@ pub struct PatchRun {
 
 /// All runs on one scene.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
-#[cfg_attr(feature = "cli", schemars(rename = "MalgouyresScene"))]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema), schemars(rename = "MalgouyresScene"))]
 pub struct SceneResult {
     /// The scene.
     pub scene: &'static str,

@@ -51,8 +51,7 @@ const RUNS_S: f64 = 5e-3;
 
 /// How one solver did on one case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
-#[cfg_attr(feature = "cli", schemars(rename = "StabilityVerdict"))]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema), schemars(rename = "StabilityVerdict"))]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
     /// It converged, and all it says is true.
@@ -67,8 +66,7 @@ pub enum Verdict {
 
 /// One solver on one case.
 #[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
-#[cfg_attr(feature = "cli", schemars(rename = "StabilityCell"))]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema), schemars(rename = "StabilityCell"))]
 pub struct Cell {
     /// The case's name.
     pub case: String,
@@ -97,8 +95,7 @@ pub struct Cell {
 
 /// One case and how `auto` did among the solvers.
 #[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
-#[cfg_attr(feature = "cli", schemars(rename = "StabilityCase"))]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema), schemars(rename = "StabilityCase"))]
 pub struct CaseSummary {
     /// Its name.
     pub name: String,

@@ -8,7 +8,7 @@ use super::{Cell, MAX_PASSES, Stability, TOLERANCE, Verdict};
 use crate::experiment::ExperimentError;
 use crate::experiment::findings::{Files, Findings, ResultsFile, text_file};
 use crate::report::plot::{ErrorTimePlot, PlotPoint, Ranged, Series};
-use crate::report::{SCHEMA_VERSION, Table, pretty};
+use crate::report::{SCHEMA_VERSION, Table, pretty, table};
 use crate::workflow::Settings;
 
 /// The part of the JSON document about the table.
@@ -36,8 +36,7 @@ struct StabilityResult<'a> {
 
 /// Our times of one case.
 #[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
-#[cfg_attr(feature = "cli", schemars(rename = "StabilityTimes"))]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema), schemars(rename = "StabilityTimes"))]
 pub struct CaseTimes<'a> {
     /// The case.
     pub case: &'a str,
@@ -134,12 +133,11 @@ fn times(result: &Stability) -> Vec<CaseTimes<'_>> {
 }
 
 fn times_table(result: &Stability) -> Table {
-    let mut table = Table::new(["case", "solver", "time_s"]);
-    for cell in &result.cells {
-        let time = cell.time_s.map_or(String::new(), |time| format!("{time:?}"));
-        table.push([cell.case.clone(), cell.solver.to_owned(), time]);
+    table! { cell in &result.cells;
+        "case": cell.case,
+        "solver": cell.solver,
+        "time_s": cell.time_s,
     }
-    table
 }
 
 fn show(cell: &Cell) -> String {
@@ -157,34 +155,18 @@ fn show(cell: &Cell) -> String {
 }
 
 fn cells(result: &Stability) -> Table {
-    let mut table = Table::new([
-        "case",
-        "solver",
-        "verdict",
-        "detail",
-        "choice",
-        "n_passes",
-        "work",
-        "error",
-        "error_bound",
-        "residual_l2",
-    ]);
-    let number = |v: Option<f64>| v.map_or(String::new(), |v| format!("{v:?}"));
-    for cell in &result.cells {
-        table.push([
-            cell.case.clone(),
-            cell.solver.to_owned(),
-            format!("{:?}", cell.verdict).to_lowercase(),
-            cell.detail.clone(),
-            cell.choice.unwrap_or_default().to_owned(),
-            cell.n_passes.map_or(String::new(), |n| n.to_string()),
-            number(cell.work),
-            number(cell.error),
-            number(cell.error_bound),
-            number(cell.residual_l2),
-        ]);
+    table! { cell in &result.cells;
+        "case": cell.case,
+        "solver": cell.solver,
+        "verdict": format!("{:?}", cell.verdict).to_lowercase(),
+        "detail": cell.detail,
+        "choice": cell.choice,
+        "n_passes": cell.n_passes,
+        "work": cell.work,
+        "error": cell.error,
+        "error_bound": cell.error_bound,
+        "residual_l2": cell.residual_l2,
     }
-    table
 }
 
 /// Draws the error of every right cell against its time.

@@ -79,8 +79,7 @@ pub struct LayerReport {
 
 /// The tolerance of a pixel: statistical + offset + rounding, each computed per pixel and channel.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
-#[cfg_attr(feature = "cli", schemars(rename = "VerifyTolerance"))]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema), schemars(rename = "VerifyTolerance"))]
 pub struct Tolerance {
     /// The probability with which a correct image may fail, all checks together.
     pub false_alarm: f64,

@@ -2,6 +2,8 @@
 
 use glam::DVec3;
 
+use crate::geometry::polygon;
+
 /// Rounding of coordinates in f64 and of what is computed from a few of them, relative to the largest.
 const ROUNDING: f64 = 1e-14;
 
@@ -16,8 +18,7 @@ pub(super) struct Size {
 
 impl Size {
     pub(super) fn of<'a>(points: impl Iterator<Item = &'a DVec3>) -> Self {
-        let nothing = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        let (low, high) = points.fold(nothing, |(low, high), &v| (low.min(v), high.max(v)));
+        let (low, high) = polygon::bounds(points);
         if low.x > high.x {
             return Self {
                 extent: 0.0,

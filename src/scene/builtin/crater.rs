@@ -6,7 +6,7 @@
 use glam::{DVec2, DVec3};
 
 use super::{Assembly, Levels};
-use crate::scene::{Camera, SceneError};
+use crate::scene::SceneError;
 
 /// 4^9 is 262,144 faces.
 pub(super) const LEVELS: Levels = Levels { default: 3, max: 8 };
@@ -18,7 +18,7 @@ const DEPTH: f64 = 1.0;
 /// The solar reflectance, 1 − 0.88.
 const REFLECTANCE: f64 = 0.12;
 
-pub(super) fn build(assembly: &mut Assembly, level: u32) -> Result<Option<Camera>, SceneError> {
+pub(super) fn build(assembly: &mut Assembly, level: u32) -> Result<(), SceneError> {
     let surface = assembly.surface("crater")?;
     let ground = assembly.grey("ground", REFLECTANCE, 0.0)?;
     let rings = halved(&[DVec2::new(0.0, 1.0), DVec2::new(0.8, 0.6)], level);
@@ -38,7 +38,7 @@ pub(super) fn build(assembly: &mut Assembly, level: u32) -> Result<Option<Camera
             }
         }
     }
-    Ok(None)
+    Ok(())
 }
 
 /// Cuts the arcs between unit vectors in two `n` times: by sums and square roots alone, which are the same on every machine.

@@ -9,15 +9,17 @@
 
 use glam::DVec3;
 
-use super::{Assembly, Levels, SIDES};
-use crate::scene::{Camera, MaterialId, SceneError};
+use super::{Assembly, Levels};
+use crate::scene::{MaterialId, SceneError};
 
 /// 6 · 4^10 is 6.3 million faces, a few hundred times what a matrix of form factors can hold.
 pub(super) const LEVELS: Levels = Levels { default: 3, max: 10 };
 
+const SIDES: [&str; 6] = ["x0", "x1", "y0", "y1", "z0", "z1"];
+
 const REFLECTANCE: [f64; 6] = [0.2, 0.6, 0.4, 0.8, 1.0, 1.0];
 
-pub(super) fn build(assembly: &mut Assembly, level: u32) -> Result<Option<Camera>, SceneError> {
+pub(super) fn build(assembly: &mut Assembly, level: u32) -> Result<(), SceneError> {
     let m = 1_u32 << level;
     let at = |i: u32| f64::from(i) / f64::from(m);
     let mut fraction_of_hole = HoleMaterial { m, material: None };
@@ -53,7 +55,7 @@ pub(super) fn build(assembly: &mut Assembly, level: u32) -> Result<Option<Camera
             assembly.face(corners, surface, hole.unwrap_or(material))?;
         }
     }
-    Ok(None)
+    Ok(())
 }
 
 /// The material of the faces that the hole covers: all to the same fraction, at any level.

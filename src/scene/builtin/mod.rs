@@ -1,18 +1,11 @@
-//! The scenes of the literature, made in memory: the same bits on every machine.
+//! The scenes of the literature: the same bits on every machine.
 
 use glam::DVec3;
 
-use super::{Camera, Material, MaterialId, Origin, Scene, SceneBuilder, SceneError, SceneErrorKind, SurfaceId};
+use super::{Camera, Material, MaterialId, Origin, Scene, SceneBuilder, SceneError, SceneErrorKind, SurfaceId, io};
 
-mod cornell_box;
-mod corridor;
 mod crater;
-mod cube;
 mod lewis_room;
-mod living_room;
-mod room_box;
-mod sphere_room;
-mod street;
 
 /// A built-in scene.
 #[derive(Clone, Debug)]
@@ -30,65 +23,81 @@ struct Levels {
     max: u32,
 }
 
+/// Where the faces of a scene come from.
+enum Source {
+    /// Its files in `scenes/`: the faces, and their materials.
+    Files { obj: &'static str, mtl: &'static str },
+    /// Made for a level.
+    Levels(Levels, fn(&mut Assembly, u32) -> Result<(), SceneError>),
+}
+
 struct Entry {
     name: &'static str,
-    levels: Option<Levels>,
-    build: fn(&mut Assembly, u32) -> Result<Option<Camera>, SceneError>,
+    source: Source,
+}
+
+macro_rules! files {
+    ($name:literal) => {
+        Entry {
+            name: $name,
+            source: Source::Files {
+                obj: include_str!(concat!("../../../scenes/", $name, "/scene.obj")),
+                mtl: include_str!(concat!("../../../scenes/", $name, "/scene.mtl")),
+            },
+        }
+    };
 }
 
 /// Every built-in scene, in the order in which they are listed.
-const REGISTRY: [Entry; 10] = [
-    Entry {
-        name: "cube",
-        levels: None,
-        build: cube::build,
-    },
-    Entry {
-        name: "cornell-box",
-        levels: None,
-        build: cornell_box::build,
-    },
+static REGISTRY: [Entry; 10] = [
+    files!("cube"),
+    files!("cornell-box"),
     Entry {
         name: "lewis-room",
-        levels: Some(lewis_room::LEVELS),
-        build: lewis_room::build,
+        source: Source::Levels(lewis_room::LEVELS, lewis_room::build),
     },
-    Entry {
-        name: "sphere-room-r1",
-        levels: None,
-        build: |assembly, _| sphere_room::build(assembly, &sphere_room::R1),
-    },
-    Entry {
-        name: "sphere-room-r2",
-        levels: None,
-        build: |assembly, _| sphere_room::build(assembly, &sphere_room::R2),
-    },
-    Entry {
-        name: "corridor",
-        levels: None,
-        build: corridor::build,
-    },
-    Entry {
-        name: "room-box",
-        levels: None,
-        build: room_box::build,
-    },
-    Entry {
-        name: "living-room",
-        levels: None,
-        build: living_room::build,
-    },
+    files!("sphere-room-r1"),
+    files!("sphere-room-r2"),
+    files!("corridor"),
+    files!("room-box"),
+    files!("living-room"),
     Entry {
         name: "crater",
-        levels: Some(crater::LEVELS),
-        build: crater::build,
+        source: Source::Levels(crater::LEVELS, crater::build),
     },
-    Entry {
-        name: "street",
-        levels: None,
-        build: street::build,
-    },
+    files!("street"),
 ];
+
+/// Returns the camera that belongs to a scene, where its source states one.
+fn camera_of(name: &str) -> Result<Option<Camera>, SceneError> {
+    let (eye, direction, up, vertical_fov, [width, height]) = match name {
+        // 2 atan(0.025 / (2 · 0.035)) in degrees, from the source's film height and focal length.
+        "cornell-box" => (
+            [0.278, 0.273, -0.8],
+            DVec3::Z,
+            DVec3::Y,
+            39.307_648_116_106_62,
+            [512, 512],
+        ),
+        "living-room" => (
+            [5.7, 0.5, 1.75],
+            DVec3::new(-0.72, 0.75, -0.16),
+            DVec3::Z,
+            68.0,
+            [960, 720],
+        ),
+        "street" => (
+            [46.0, -43.0, 33.0],
+            DVec3::new(-46.0, 43.0, -31.0),
+            DVec3::Z,
+            36.0,
+            [720, 508],
+        ),
+        _ => return Ok(None),
+    };
+    let camera = Camera::new(DVec3::from_array(eye), direction, up, vertical_fov)?;
+    Ok(Some(camera.with_image_size(Some(width), Some(height))))
+}
 
 /// Iterates over the names of all built-in scenes.
 #[must_use]
@@ -108,44 +117,37 @@ pub fn names() -> impl ExactSizeIterator<Item = &'static str> {
 /// - `crater`: a spherical cap in 4^(level + 1) faces (default 3, at most 8), for sunlight; nothing emits.
 /// - `street`: six houses along a street and its camera, for sun and sky; nothing emits.
 ///
-/// Coordinates and values are literals and what sums, products, quotients and square roots make of them: no function whose last bit depends on the machine.
-/// Departures: each scene's `README.md` in `scenes/` says what its source leaves open, and how that was decided.
+/// Scenes without levels are the files in `scenes/`; coordinates of the others come from sums, products, quotients and square roots: no function whose last bit depends on the machine.
+/// Departures: each scene's `README.md` there says what its source leaves open, and how that was decided.
 ///
 /// # Errors
 /// [`UnknownBuiltin`](crate::scene::SceneErrorKind::UnknownBuiltin), [`NoLevels`](crate::scene::SceneErrorKind::NoLevels), [`LevelTooHigh`](crate::scene::SceneErrorKind::LevelTooHigh).
 pub fn build(name: &str, level: Option<u32>) -> Result<Builtin, SceneError> {
+    let refused = |kind| Err(SceneError::new(Origin::Asked, kind));
+    let own = || name.to_owned();
     let Some(entry) = REGISTRY.iter().find(|entry| entry.name == name) else {
-        return Err(SceneError::new(
-            Origin::Asked,
-            SceneErrorKind::UnknownBuiltin { name: name.to_owned() },
-        ));
+        let known = names().collect::<Vec<_>>().join(", ");
+        return refused(SceneErrorKind::UnknownBuiltin { name: own(), known });
     };
-    let level = match (entry.levels, level) {
-        (None, None) => 0,
-        (None, Some(_)) => {
-            return Err(SceneError::new(
-                Origin::Asked,
-                SceneErrorKind::NoLevels { name: name.to_owned() },
-            ));
-        }
-        (Some(levels), None) => levels.default,
-        (Some(levels), Some(level)) if level <= levels.max => level,
-        (Some(levels), Some(level)) => {
-            return Err(SceneError::new(
-                Origin::Asked,
-                SceneErrorKind::LevelTooHigh {
-                    name: name.to_owned(),
+    let scene = match entry.source {
+        Source::Files { .. } if level.is_some() => return refused(SceneErrorKind::NoLevels { name: own() }),
+        Source::Files { obj, mtl } => io::of_texts(obj, mtl, entry.name)?,
+        Source::Levels(levels, build) => {
+            let (level, max) = (level.unwrap_or(levels.default), levels.max);
+            if level > max {
+                return refused(SceneErrorKind::LevelTooHigh {
+                    name: own(),
                     level,
-                    max: levels.max,
-                },
-            ));
+                    max,
+                });
+            }
+            let builder = SceneBuilder::of_file(name);
+            let mut assembly = Assembly { builder };
+            build(&mut assembly, level)?;
+            assembly.builder.build()?.scene
         }
     };
-    let mut assembly = Assembly {
-        builder: SceneBuilder::of_file(name),
-    };
-    let camera = (entry.build)(&mut assembly, level)?;
-    let scene = assembly.builder.build()?.scene;
+    let camera = camera_of(name)?;
     Ok(Builtin { scene, camera })
 }
 
@@ -159,16 +161,12 @@ impl Assembly {
         self.builder.surface(name)
     }
 
-    fn material(&mut self, name: &str, reflectance: [f64; 3], exitance: [f64; 3]) -> Result<MaterialId, SceneError> {
+    fn grey(&mut self, name: &str, reflectance: f64, exitance: f64) -> Result<MaterialId, SceneError> {
         self.builder.material(Material {
             name: name.to_owned(),
-            reflectance,
-            exitance,
+            reflectance: [reflectance; 3],
+            exitance: [exitance; 3],
         })
-    }
-
-    fn grey(&mut self, name: &str, reflectance: f64, exitance: f64) -> Result<MaterialId, SceneError> {
-        self.material(name, [reflectance; 3], [exitance; 3])
     }
 
     fn face(
@@ -179,37 +177,4 @@ impl Assembly {
     ) -> Result<(), SceneError> {
         self.builder.face(corners.as_ref(), surface, material, 0).map(|_| ())
     }
-
-    /// Adds a surface and its faces, all of one material.
-    fn surface_of<const N: usize>(
-        &mut self,
-        name: &str,
-        material: MaterialId,
-        faces: [[DVec3; 4]; N],
-    ) -> Result<(), SceneError> {
-        let surface = self.surface(name)?;
-        faces
-            .iter()
-            .try_for_each(|corners| self.face(corners, surface, material))
-    }
 }
-
-/// Returns the six sides of a box in the order x0, x1, y0, y1, z0, z1, normals inward.
-fn box_sides(low: DVec3, high: DVec3) -> [[DVec3; 4]; 6] {
-    let at = |x: bool, y: bool, z: bool| {
-        let pick = |upper, axis| if upper { high[axis] } else { low[axis] };
-        DVec3::new(pick(x, 0), pick(y, 1), pick(z, 2))
-    };
-    let (o, l) = (false, true);
-    [
-        [at(o, o, o), at(o, l, o), at(o, l, l), at(o, o, l)],
-        [at(l, o, o), at(l, o, l), at(l, l, l), at(l, l, o)],
-        [at(o, o, o), at(o, o, l), at(l, o, l), at(l, o, o)],
-        [at(o, l, o), at(l, l, o), at(l, l, l), at(o, l, l)],
-        [at(o, o, o), at(l, o, o), at(l, l, o), at(o, l, o)],
-        [at(o, o, l), at(o, l, l), at(l, l, l), at(l, o, l)],
-    ]
-}
-
-/// The names of the sides of a box, in the order of [`box_sides`].
-const SIDES: [&str; 6] = ["x0", "x1", "y0", "y1", "z0", "z1"];

@@ -6,6 +6,7 @@ use glam::DVec3;
 
 use super::polygons::{FileFace, FileMaterial, NONE, Polygons};
 use super::{DEFAULT_REFLECTANCE, Flip, LoadOptions, Loaded, creases, weld};
+use crate::geometry::polygon;
 use crate::scene::bright::too_bright;
 use crate::scene::builder::{Added, FirstAndCount};
 use crate::scene::{
@@ -121,9 +122,7 @@ fn join(polygons: &mut Polygons, file: &Path, options: &LoadOptions) -> Option<V
         return Some(welded.first);
     }
     if polygons.repeats_vertices && !polygons.vertices.is_empty() {
-        let one = (polygons.vertices[0], polygons.vertices[0]);
-        let bounds = polygons.vertices.iter();
-        let (low, high) = bounds.fold(one, |(low, high), &v| (low.min(v), high.max(v)));
+        let (low, high) = polygon::bounds(&polygons.vertices);
         let tolerance = weld::NEAR * low.distance(high);
         let count = if tolerance > 0.0 {
             weld::n_nearly_equal(&polygons.vertices, tolerance)

@@ -6,27 +6,12 @@ use super::source::Source;
 use crate::scene::{Origin, SceneError, SceneErrorKind, SceneWarning, SceneWarningKind};
 
 /// The names of cell arrays whose values are taken as surfaces unless [`LoadOptions::surface_array`] names another; the first one that a file has counts.
+#[rustfmt::skip]
 pub const USUAL_ARRAYS: [&str; 20] = [
-    "surface",
-    "surface_id",
-    "SurfaceId",
-    "surfaces",
-    "gmsh:physical",
-    "CellEntityIds",
-    "gmsh:geometrical",
-    "GroupIds",
-    "group",
-    "group_id",
-    "ElementBlockIds",
-    "RegionId",
-    "region",
-    "zone",
-    "PartId",
-    "part",
-    "cell_tags",
-    "medit:ref",
-    "MaterialIds",
-    "ObjectId",
+    "surface", "surface_id", "SurfaceId", "surfaces", "gmsh:physical",
+    "CellEntityIds", "gmsh:geometrical", "GroupIds", "group", "group_id",
+    "ElementBlockIds", "RegionId", "region", "zone", "PartId",
+    "part", "cell_tags", "medit:ref", "MaterialIds", "ObjectId",
 ];
 
 /// An array with a value for each face.

@@ -23,6 +23,7 @@ mod options;
 mod ply;
 mod polygons;
 mod reader;
+mod scalar;
 mod source;
 mod stl;
 mod vs3;
@@ -136,6 +137,16 @@ pub(crate) fn load_within(path: &Path, options: &LoadOptions, room: Room<'_>) ->
     // The text is done with before the tables of the scene are made.
     drop(source);
     assemble::assemble(polygons, path, options)
+}
+
+/// Returns the scene of an OBJ file and the library beside it, both as text: as if it were made in memory, where coordinates are what is meant and no face has a line.
+pub(super) fn of_texts(obj: &str, library: &str, name: &str) -> Result<Scene, SceneError> {
+    let name = Path::new(name);
+    let polygons = obj::of_texts(obj, library, name)?;
+    let mut scene = assemble::assemble(polygons, name, &LoadOptions::default())?.scene;
+    scene.written = None;
+    scene.faces.iter_mut().for_each(|face| face.line = 0);
+    Ok(scene)
 }
 
 /// Returns the other files that a scene file names, as far as they exist, without reading the scene; none of what can be read only once.

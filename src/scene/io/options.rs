@@ -53,17 +53,23 @@ pub enum Flip {
 
 /// A unit of length.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum LengthUnit {
     /// Metres.
     #[default]
+    #[cfg_attr(feature = "cli", value(name = "m"))]
     Metre,
     /// Millimetres.
+    #[cfg_attr(feature = "cli", value(name = "mm"))]
     Millimetre,
     /// Centimetres.
+    #[cfg_attr(feature = "cli", value(name = "cm"))]
     Centimetre,
     /// Inches, 25.4 mm.
+    #[cfg_attr(feature = "cli", value(name = "in"))]
     Inch,
     /// Feet, 304.8 mm.
+    #[cfg_attr(feature = "cli", value(name = "ft"))]
     Foot,
 }
 
@@ -83,6 +89,7 @@ impl LengthUnit {
 
 /// The axis of a file that points upwards.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum UpAxis {
     /// y: the scene is turned about x, so that (x, y, z) becomes (x, −z, y).
     Y,

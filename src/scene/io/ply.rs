@@ -5,6 +5,7 @@ use glam::DVec3;
 use super::cells::{Array, Values, surfaces};
 use super::polygons::{NONE, Polygons};
 use super::reader::{Head, Reader};
+use super::scalar::Scalar;
 use super::source::{Cursor, Source};
 use super::{Counts, LoadOptions};
 use crate::scene::{
@@ -72,48 +73,6 @@ enum Encoding {
     BigEndian,
 }
 
-/// A type of numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Scalar {
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    F32,
-    F64,
-}
-
-impl Scalar {
-    fn named(name: &str) -> Option<Self> {
-        Some(match name {
-            "char" | "int8" => Self::I8,
-            "uchar" | "uint8" => Self::U8,
-            "short" | "int16" => Self::I16,
-            "ushort" | "uint16" => Self::U16,
-            "int" | "int32" => Self::I32,
-            "uint" | "uint32" => Self::U32,
-            "float" | "float32" => Self::F32,
-            "double" | "float64" => Self::F64,
-            _ => return None,
-        })
-    }
-
-    fn bytes(self) -> u64 {
-        match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::F64 => 8,
-        }
-    }
-
-    fn is_whole(self) -> bool {
-        !matches!(self, Self::F32 | Self::F64)
-    }
-}
-
 #[derive(Debug)]
 struct Property {
     name: String,
@@ -135,7 +94,7 @@ impl Element {
         let of = |property: &Property| match encoding {
             // A digit and a blank, but for the last of the file.
             Encoding::Ascii => 1,
-            _ => property.count.unwrap_or(property.scalar).bytes(),
+            _ => property.count.unwrap_or(property.scalar).bytes() as u64,
         };
         self.properties.iter().map(of).sum::<u64>()
     }
@@ -151,7 +110,7 @@ fn header(cursor: &mut Cursor<'_>) -> Result<(Encoding, Vec<Element>), SceneErro
             return Err(cursor.malformed("`end_header`", "the end of the file"));
         };
         let words: Vec<&str> = text.split_whitespace().collect();
-        let scalar = |name: &str| Scalar::named(name).ok_or("a type of numbers such as `float`");
+        let scalar = |name: &str| Scalar::of_ply(name).ok_or("a type of numbers such as `float`");
         let property = match words[..] {
             ["end_header"] => break,
             ["comment" | "obj_info", ..] => continue,
@@ -214,14 +173,12 @@ fn value(cursor: &mut Cursor<'_>, scalar: Scalar, encoding: Encoding) -> Result<
         return cursor.number("a number");
     }
     Ok(match scalar {
-        Scalar::I8 => cursor.binary::<i8>(WHAT)?.into(),
-        Scalar::U8 => cursor.binary::<u8>(WHAT)?.into(),
-        Scalar::I16 => cursor.binary::<i16>(WHAT)?.into(),
-        Scalar::U16 => cursor.binary::<u16>(WHAT)?.into(),
-        Scalar::I32 => cursor.binary::<i32>(WHAT)?.into(),
-        Scalar::U32 => cursor.binary::<u32>(WHAT)?.into(),
         Scalar::F32 => cursor.binary::<f32>(WHAT)?.into(),
         Scalar::F64 => cursor.binary(WHAT)?,
+        whole => {
+            let own = cursor.take(whole.bytes(), WHAT)?;
+            whole.whole(own, cursor.is_little).unwrap_or(-1) as f64
+        }
     })
 }
 
@@ -305,8 +262,7 @@ impl Content<'_> {
                 cursor.expect_word("a number")?;
             }
         } else {
-            let n_bytes = (n as u64).saturating_mul(property.scalar.bytes());
-            cursor.take(usize::try_from(n_bytes).unwrap_or(usize::MAX), "the elements")?;
+            cursor.take(n.saturating_mul(property.scalar.bytes()), "the elements")?;
         }
         Ok(())
     }
@@ -326,7 +282,7 @@ impl Content<'_> {
         let least = if self.encoding == Encoding::Ascii {
             1
         } else {
-            of.bytes()
+            of.bytes() as u64
         };
         let counted = cursor.count(n, least, "numbers in a list");
         counted.map_err(|error| self.source.error(error.kind))
@@ -405,7 +361,7 @@ impl Content<'_> {
         if self.encoding == Encoding::Ascii {
             2
         } else {
-            list.scalar.bytes()
+            list.scalar.bytes() as u64
         }
     }
 

@@ -9,18 +9,17 @@ mod coarsest;
 mod levels;
 mod matrices;
 
-use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Instant;
 
 use super::entry::{SolverEntry, Symmetry};
 use super::error::SolverError;
 use super::gauss_seidel;
-use super::history::{HistoryEntry, Setup};
+use super::history::Monitor;
+use super::history::Setup;
 use super::iteration::{self, Estimate, Iteration};
 use super::scaled::{Scaled, TrueResidual};
-use super::solution::Solution;
-use super::solve::{SolveOptions, Solver};
+use super::solve::{SolveOptions, SolveResult, Solver};
 use super::stop::Norms;
 use super::system::RadiositySystem;
 use crate::matrix::FormFactors;
@@ -82,13 +81,10 @@ const COARSEST_MAX: usize = 1024;
 /// The number of cycles does not depend on the number of patches, and with a direct solution of the coarsest level hardly on ρ.
 ///
 /// In the room of Lewis it takes 4 cycles where Gauss-Seidel takes 11 or 12 sweeps, and as he has it 1.364, 0.602, 0.507 and 0.454 as many multiplications at l = 1 to 4
-/// (counted, `radiosity reproduce lewis --level 4`). The ratio of times, setup left out, is 0.56 to 0.58, 0.49 to 0.56, 0.49 to 0.53 and 0.46 to 0.57 at l = 1 to 4, the medians 0.57, 0.55, 0.52
-/// and 0.52 (`cargo bench --bench solvers -- 4 lewis`, a Zen 4 processor with two threads and 32 MB of third-level cache that others share, three runs, 22 at l = 4; 0.40 at l = 5, one run; Lewis: .500 and .429 at
-/// l = 3 and 4). At l = 4 it depends on what else that cache is used for: F is 19 MB, what a cycle reads besides is 2 MB, and sweeps between which that is read take 1.1 to 1.2 times as long as those of
-/// `gauss-seidel`; where these took least, 5.9 ms in all, it was 0.47. With R U in f64 it was 0.55 (the median of six runs by turns, in which it is now 0.50).
+/// (counted, `radiosity reproduce lewis --level 4`). Times: `docs/performance.md`.
 ///
 /// Work of a cycle: 1.2 passes over F in the room of Lewis (1.36 from the radiosities), of which 1 is the serial sweep. Setup: F once, and a third of that; it is part of
-/// [`Solution::setup_work`] and of the first entry of the history. Memory: R U takes at most a sixteenth of F in f64 where four patches make one, a twentieth in the room of Lewis (R K: a quarter), the coarser levels a tenth.
+/// [`Solution::setup_work`](super::Solution::setup_work) and of the first entry of the history. Memory: R U takes at most a sixteenth of F in f64 where four patches make one, a twentieth in the room of Lewis (R K: a quarter), the coarser levels a tenth.
 ///
 /// The history estimates the residual: what the sweep meets is the residual that the cycle before left; times the factor by which that fell, less a quarter, as a check that comes too early costs less than a cycle. When it meets the tolerance,
 /// the true residual is calculated. With [`true_residuals`](Self::true_residuals) that is done after every cycle, at one more pass each.
@@ -176,12 +172,7 @@ impl Solver for Multigrid {
         "multigrid"
     }
 
-    fn solve(
-        &self,
-        system: &RadiositySystem,
-        options: &SolveOptions,
-        monitor: &mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>,
-    ) -> Result<Solution, SolverError> {
+    fn solve(&self, system: &RadiositySystem, options: &SolveOptions, monitor: Monitor<'_>) -> SolveResult {
         let Some(rows) = system.operator().rows() else {
             return Err(SolverError::NeedsRows { solver: self.name() });
         };

@@ -53,24 +53,15 @@ const fn passes(name: &'static str, solver: &'static str, start: Start, counts: 
 }
 
 /// All methods, the paper's and those that it might have had.
+#[rustfmt::skip]
 pub const METHODS: [Method; 11] = [
     Method {
         rms: Some([5e-4, 9e-4, 7e-3, 1e-2, 6e-3, 1.5e-2]),
         paper_time_s: Some([1.20, 2.01, 6.43, 12.83, 5.23, 11.26]),
         paper_passes: Some([3, 5, 16, 32, 13, 28]),
-        ..passes(
-            "gauss-seidel",
-            "gauss-seidel",
-            Start::Exitance,
-            Some([3, 5, 12, 25, 13, 27]),
-        )
+        ..passes("gauss-seidel", "gauss-seidel", Start::Exitance, Some([3, 5, 12, 25, 13, 27]))
     },
-    passes(
-        "gauss-seidel, ambient start",
-        "gauss-seidel",
-        Start::Ambient,
-        Some([3, 4, 8, 15, 5, 8]),
-    ),
+    passes("gauss-seidel, ambient start", "gauss-seidel", Start::Ambient, Some([3, 4, 8, 15, 5, 8])),
     passes("jacobi", "jacobi", Start::Exitance, Some([4, 8, 24, 49, 22, 47])),
     passes("sor", "sor", Start::Exitance, None),
     Method {
@@ -78,12 +69,7 @@ pub const METHODS: [Method; 11] = [
         rms: Some([1e-4, 3e-4, 6e-4, 1e-3, 6e-4, 6e-4]),
         paper_time_s: Some([1.61, 2.81, 4.81, 6.45, 4.05, 5.64]),
         paper_passes: Some([4, 7, 12, 16, 10, 14]),
-        ..passes(
-            "chebyshev, 1 ± ρ_avg",
-            "chebyshev",
-            Start::Ambient,
-            Some([4, 6, 11, 16, 10, 15]),
-        )
+        ..passes("chebyshev, 1 ± ρ_avg", "chebyshev", Start::Ambient, Some([4, 6, 11, 16, 10, 15]))
     },
     passes("chebyshev", "chebyshev", Start::Ambient, None),
     Method {
@@ -101,22 +87,12 @@ pub const METHODS: [Method; 11] = [
     Method {
         by_steps: true,
         paper_time_s: Some([3.21, 6.85, 23.03, 50.56, 22.53, 50.43]),
-        ..passes(
-            "progressive-refinement",
-            "progressive-refinement",
-            Start::Zero,
-            Some([1803, 3599, 11156, 23161, 12015, 25564]),
-        )
+        ..passes("progressive-refinement", "progressive-refinement", Start::Zero, Some([1803, 3599, 11156, 23161, 12015, 25564]))
     },
     Method {
         by_steps: true,
         paper_time_s: Some([3.92, 5.32, 11.73, 18.47, 7.45, 9.92]),
-        ..passes(
-            "overshooting",
-            "overshooting",
-            Start::Zero,
-            Some([1275, 2020, 3920, 5965, 3132, 6285]),
-        )
+        ..passes("overshooting", "overshooting", Start::Zero, Some([1275, 2020, 3920, 5965, 3132, 6285]))
     },
 ];
 

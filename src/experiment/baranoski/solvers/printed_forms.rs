@@ -15,8 +15,11 @@ use crate::matrix::operator::{Block, LinearOperator};
 
 /// How a printed algorithm ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
-#[cfg_attr(feature = "cli", schemars(rename = "PrintedFormVerdict"))]
+#[cfg_attr(
+    feature = "cli",
+    derive(schemars::JsonSchema),
+    schemars(rename = "PrintedFormVerdict")
+)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
     /// It meets the tolerance on the true residual.

@@ -5,8 +5,8 @@ use std::fmt::Write as _;
 use super::{CaseResult, METHODS, SolverRun, Verdict, start_name};
 use crate::experiment::ExperimentError;
 use crate::experiment::findings::{Files, text_file};
-use crate::report::Table;
 use crate::report::curves::{Curve, CurvePlot};
+use crate::report::{Table, table};
 use crate::solver::HistoryEntry;
 
 /// An error norm of the paper.
@@ -234,117 +234,68 @@ fn spectra(results: &[CaseResult], title: &str, cases: &[char]) -> CurvePlot {
 }
 
 fn summary(results: &[CaseResult]) -> Table {
-    let mut table = Table::new([
-        "case",
-        "rho_avg",
-        "density",
-        "method",
-        "start",
-        "stop_reason",
-        "n_steps",
-        "n_passes",
-        "residual_max_power",
-        "error_rms",
-        "error_goertler",
-        "expected_count",
-        "expected_rms",
-        "paper_time_s",
-        "paper_passes",
-        "selected_alike",
-        "inside",
-    ]);
-    let number = |v: Option<f64>| v.map_or(String::new(), |v| format!("{v:?}"));
-    let whole = |v: Option<u64>| v.map_or(String::new(), |v| v.to_string());
-    for result in results {
-        for (run, method) in result.runs.iter().zip(&METHODS) {
-            table.push([
-                result.case.name.to_string(),
-                format!("{:?}", result.case.rho_avg),
-                format!("{:?}", result.density),
-                run.method.to_owned(),
-                start_name(method.start).to_owned(),
-                run.stop_reason.to_string(),
-                run.n_steps.to_string(),
-                format!("{:?}", run.n_passes),
-                format!("{:?}", run.residual_max_power),
-                format!("{:?}", run.error_rms),
-                format!("{:?}", run.error_goertler),
-                whole(run.expected_count),
-                number(run.expected_rms),
-                number(run.paper_time_s),
-                whole(run.paper_passes),
-                number(run.selected_alike),
-                run.inside.to_string(),
-            ]);
-        }
+    let runs = results
+        .iter()
+        .flat_map(|of| of.runs.iter().zip(&METHODS).map(move |(run, method)| (of, run, method)));
+    table! { (result, run, method) in runs;
+        "case": result.case.name,
+        "rho_avg": result.case.rho_avg,
+        "density": result.density,
+        "method": run.method,
+        "start": start_name(method.start),
+        "stop_reason": run.stop_reason.to_string(),
+        "n_steps": run.n_steps,
+        "n_passes": run.n_passes,
+        "residual_max_power": run.residual_max_power,
+        "error_rms": run.error_rms,
+        "error_goertler": run.error_goertler,
+        "expected_count": run.expected_count,
+        "expected_rms": run.expected_rms,
+        "paper_time_s": run.paper_time_s,
+        "paper_passes": run.paper_passes,
+        "selected_alike": run.selected_alike,
+        "inside": run.inside,
     }
-    table
+}
+
+/// Returns what every run met, pass by pass.
+fn entries(results: &[CaseResult]) -> impl Iterator<Item = (&CaseResult, &SolverRun, &HistoryEntry)> {
+    let runs = results.iter().flat_map(|of| of.runs.iter().map(move |run| (of, run)));
+    runs.flat_map(|(of, run)| run.history.iter().map(move |entry| (of, run, entry)))
 }
 
 fn histories(results: &[CaseResult]) -> Table {
-    let mut table = Table::new([
-        "case",
-        "method",
-        "pass",
-        "work",
-        "residual_max_power",
-        "residual_euclidean",
-        "residual_l2",
-        "error_rms",
-        "error_goertler",
-    ]);
-    for result in results {
-        for run in &result.runs {
-            for entry in &run.history {
-                let values = [
-                    entry.work,
-                    entry.residual_max_power,
-                    entry.residual_euclidean,
-                    entry.residual_l2,
-                    entry.errors.map_or(f64::NAN, |e| e.error_rms),
-                    entry.errors.map_or(f64::NAN, |e| e.error_goertler),
-                ];
-                let names = [
-                    result.case.name.to_string(),
-                    run.method.to_owned(),
-                    entry.pass.to_string(),
-                ];
-                table.push(names.into_iter().chain(values.map(|v| format!("{v:?}"))));
-            }
-        }
+    table! { (result, run, entry) in entries(results);
+        "case": result.case.name,
+        "method": run.method,
+        "pass": entry.pass,
+        "work": entry.work,
+        "residual_max_power": entry.residual_max_power,
+        "residual_euclidean": entry.residual_euclidean,
+        "residual_l2": entry.residual_l2,
+        "error_rms": entry.errors.map_or(f64::NAN, |e| e.error_rms),
+        "error_goertler": entry.errors.map_or(f64::NAN, |e| e.error_goertler),
     }
-    table
 }
 
 fn times(results: &[CaseResult]) -> Table {
-    let mut table = Table::new(["case", "method", "pass", "time_s"]);
-    for result in results {
-        for run in &result.runs {
-            for entry in &run.history {
-                table.push([
-                    result.case.name.to_string(),
-                    run.method.to_owned(),
-                    entry.pass.to_string(),
-                    format!("{:?}", entry.time_s),
-                ]);
-            }
-        }
+    table! { (result, run, entry) in entries(results);
+        "case": result.case.name,
+        "method": run.method,
+        "pass": entry.pass,
+        "time_s": entry.time_s,
     }
-    table
 }
 
 fn eigenvalues(results: &[CaseResult]) -> Table {
-    let mut table = Table::new(["case", "rho_avg", "density", "number", "eigenvalue"]);
-    for result in results {
-        for (k, value) in result.eigenvalues.iter().enumerate() {
-            table.push([
-                result.case.name.to_string(),
-                format!("{:?}", result.case.rho_avg),
-                format!("{:?}", result.density),
-                (k + 1).to_string(),
-                format!("{value:?}"),
-            ]);
-        }
+    let all = results
+        .iter()
+        .flat_map(|of| (1_usize..).zip(&of.eigenvalues).map(move |(k, value)| (of, k, value)));
+    table! { (result, k, value) in all;
+        "case": result.case.name,
+        "rho_avg": result.case.rho_avg,
+        "density": result.density,
+        "number": k,
+        "eigenvalue": *value,
     }
-    table
 }

@@ -65,40 +65,11 @@ impl Unread {
 }
 
 /// Keywords that a diffuse scene has no use for: normals and texture coordinates, smoothing, display, and the attributes of free-form elements.
+#[rustfmt::skip]
 const SILENT: [&str; 33] = [
-    "vt",
-    "vn",
-    "vp",
-    "s",
-    "mg",
-    "bevel",
-    "c_interp",
-    "d_interp",
-    "lod",
-    "maplib",
-    "usemap",
-    "shadow_obj",
-    "trace_obj",
-    "ctech",
-    "stech",
-    "cstype",
-    "deg",
-    "bmat",
-    "step",
-    "parm",
-    "trim",
-    "hole",
-    "scrv",
-    "sp",
-    "end",
-    "con",
-    "res",
-    "part",
-    "tex",
-    "vc",
-    "vw",
-    "usemat",
-    "g_interp",
+    "vt", "vn", "vp", "s", "mg", "bevel", "c_interp", "d_interp", "lod", "maplib", "usemap",
+    "shadow_obj", "trace_obj", "ctech", "stech", "cstype", "deg", "bmat", "step", "parm", "trim", "hole",
+    "scrv", "sp", "end", "con", "res", "part", "tex", "vc", "vw", "usemat", "g_interp",
 ];
 
 /// The surface of faces above the first `o` or `g`, or below one without a name.

@@ -15,7 +15,7 @@ use super::polygons::{FileMaterial, Polygons};
 use super::reader::{Head, Reader};
 use super::source::Source;
 use super::{Counts, LoadOptions};
-use crate::scene::{Origin, SceneError, SceneWarning, SceneWarningKind};
+use crate::scene::{MAX_EXITANCE, Origin, SceneError, SceneWarning, SceneWarningKind};
 use index::{NamedLine, ObjIndex, Unread, scan};
 use mtl::Definitions;
 
@@ -75,6 +75,21 @@ impl Reader for Obj {
     fn companions(&self, path: &Path) -> Vec<PathBuf> {
         libraries::libraries_of(path)
     }
+}
+
+/// Returns the polygons of a sound scene and of the one library that it names.
+pub(super) fn of_texts(obj: &str, library: &str, name: &Path) -> Result<Polygons, SceneError> {
+    let ObjIndex {
+        mut polygons,
+        materials,
+        geometry,
+        ..
+    } = scan(obj, name)?;
+    geometry::parse(&geometry, &mut polygons, name)?;
+    let definitions = Definitions::of_text(library, name, MAX_EXITANCE)?;
+    let materials = materials.iter();
+    polygons.materials = materials.map(|named| material(named, &definitions, name)).collect();
+    Ok(polygons)
 }
 
 /// Returns upper bounds of how much there is in a file, by the first letters of its lines.

@@ -88,8 +88,18 @@ impl Definitions {
     }
 
     fn read(&mut self, file: &Path, max_exitance: f64) -> Result<(), SceneError> {
-        let text = read_named_text(file, DESCRIPTION_LIMIT)?;
-        for (name, mut definition) in scan(&text, file, max_exitance)? {
+        self.add(&read_named_text(file, DESCRIPTION_LIMIT)?, file, max_exitance)
+    }
+
+    /// Returns the materials of one library.
+    pub(super) fn of_text(text: &str, file: &Path, max_exitance: f64) -> Result<Self, SceneError> {
+        let mut definitions = Self::default();
+        definitions.add(text, file, max_exitance)?;
+        Ok(definitions)
+    }
+
+    fn add(&mut self, text: &str, file: &Path, max_exitance: f64) -> Result<(), SceneError> {
+        for (name, mut definition) in scan(text, file, max_exitance)? {
             definition.repeated = self.by_name.contains_key(&name);
             self.by_name.insert(name, definition);
         }

@@ -3,10 +3,10 @@
 use glam::DVec3;
 
 use super::super::cells::{Array, Values};
+use super::super::scalar::Scalar;
 use super::super::source::{Cursor, Source};
 use super::super::{Counts, stl};
 use super::dataset::{Dataset, LINE, STRIP, VERTICES};
-use super::scalar::Scalar;
 use crate::scene::{MAX_COORDINATE, SceneError, SceneErrorKind};
 
 /// The things that the arrays which follow have values for.

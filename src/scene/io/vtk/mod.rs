@@ -2,7 +2,6 @@
 
 mod dataset;
 mod legacy;
-mod scalar;
 mod xml;
 mod xml_array;
 

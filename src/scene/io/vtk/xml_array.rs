@@ -8,9 +8,9 @@ use flate2::read::ZlibDecoder;
 use glam::DVec3;
 
 use super::super::cells::{Array, Values};
+use super::super::scalar::Scalar;
 use super::super::source::Binary;
 use super::dataset::Dataset;
-use super::scalar::Scalar;
 use crate::scene::{MAX_COORDINATE, SceneErrorKind};
 
 /// How the arrays of a file are written.

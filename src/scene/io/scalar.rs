@@ -1,6 +1,6 @@
-//! The types of numbers in VTK's files.
+//! The types of numbers in VTK's files and PLY.
 
-use crate::scene::io::source::Binary as _;
+use super::source::Binary as _;
 
 /// A type of numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,6 +53,21 @@ impl Scalar {
             "Float32" => Self::F32,
             "Float64" => Self::F64,
             "String" => Self::Text,
+            _ => return None,
+        })
+    }
+
+    /// Returns the type that PLY calls so.
+    pub(super) fn of_ply(name: &str) -> Option<Self> {
+        Some(match name {
+            "char" | "int8" => Self::I8,
+            "uchar" | "uint8" => Self::U8,
+            "short" | "int16" => Self::I16,
+            "ushort" | "uint16" => Self::U16,
+            "int" | "int32" => Self::I32,
+            "uint" | "uint32" => Self::U32,
+            "float" | "float32" => Self::F32,
+            "double" | "float64" => Self::F64,
             _ => return None,
         })
     }

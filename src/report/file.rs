@@ -1,0 +1,73 @@
+//! Files: their formats by their endings, written whole or not at all, counted and hashed.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::Path;
+
+use sha2::{Digest as _, Sha256};
+
+use super::ReportError;
+use super::description::FileCheck;
+use crate::scene::hash::hexadecimal;
+use crate::whole_file;
+
+/// Returns the format that a file's ending names, of those that are `known` for this content.
+pub(super) fn by_ending<F: Copy>(path: &Path, content: &'static str, known: &[(&str, F)]) -> Result<F, ReportError> {
+    let ending = path.extension().map(std::ffi::OsStr::to_ascii_lowercase);
+    let found = known.iter().find(|(name, _)| ending.as_deref() == Some(name.as_ref()));
+    found.map(|&(_, format)| format).ok_or_else(|| {
+        let endings = known.iter().map(|(name, _)| format!(".{name}"));
+        ReportError::UnknownFormat {
+            path: path.to_owned(),
+            content,
+            known: endings.collect::<Vec<_>>().join(", "),
+        }
+    })
+}
+
+/// Writes a file whole or not at all.
+pub(super) fn write(
+    path: &Path,
+    content: impl FnOnce(&mut BufWriter<&mut File>) -> io::Result<()>,
+) -> Result<(), ReportError> {
+    whole_file::write(path, content).map_err(|source| ReportError::unwritable(path, source))
+}
+
+/// Writes bytes, counts and hashes them.
+pub(super) struct Hashed<W> {
+    writer: W,
+    hasher: Sha256,
+    byte: u64,
+}
+
+impl<W: Write> Hashed<W> {
+    pub(super) fn new(writer: W) -> Self {
+        let hasher = Sha256::new();
+        Self {
+            writer,
+            hasher,
+            byte: 0,
+        }
+    }
+
+    /// Returns what a reader compares with what it reads.
+    pub(super) fn check(self) -> FileCheck {
+        FileCheck {
+            byte: self.byte,
+            sha256: hexadecimal(&self.hasher.finalize()),
+        }
+    }
+}
+
+impl<W: Write> Write for Hashed<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let n = self.writer.write(bytes)?;
+        self.hasher.update(&bytes[..n]);
+        self.byte += n as u64;
+        Ok(n)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.writer.flush()
+    }
+}
