@@ -2,6 +2,8 @@
 
 use std::fmt::Write as _;
 
+use glam::DVec3;
+
 use super::args::SolveArgs;
 use super::checks::{describe_checks, describe_patches};
 use super::failure::Failure;
@@ -9,12 +11,12 @@ use super::file_set::FileSet;
 use super::lightings::Lightings;
 use super::run::Run;
 use super::solution::{code, describe};
+use super::sun_path::{self, OnPath};
 use super::{Outcome, lightings, sun};
 use crate::document::{FormFactorRecord, LitSurface, SolveDocument, SolverRecord};
 use crate::matrix::operator::Block;
 use crate::mesh::Subdivision;
 use crate::report::form_factors::{FormFactorFile, files_of};
-use crate::report::solution::Format;
 use crate::workflow::{Afterwards, Demand, FormFactorStudy, Model, SolutionStudy, with_suffix};
 
 pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
@@ -24,9 +26,6 @@ pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
 }
 
 fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
-    if let Some(path) = &args.output {
-        Format::of(path)?;
-    }
     files(args)?.check()?;
     let file = args.form_factors.as_deref().map(FormFactorFile::open).transpose()?;
     let mesh_args = file.as_ref().map_or(Ok(args.mesh), |file| args.mesh.of_file(file))?;
@@ -37,15 +36,18 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
     };
     run.expect(&args.storage, demand);
     let daylight = sun::daylight(&args.sun)?;
+    let path = args.sun_path.as_deref();
+    let path = path.map(|file| sun_path::read(file, &args.sun, DVec3::Z)).transpose()?;
     // In daylight no face has to emit.
-    run.has_lightings = !args.lighting.is_empty() || daylight.shines() || args.exitance.is_some();
+    let shines = daylight.shines() || path.is_some();
+    run.has_lightings = !args.lighting.is_empty() || shines || args.exitance.is_some();
     let mut model = run.prepare(&args.scene, mesh_args, |_| Subdivision::Uniform(1))?;
     // Before the work: a mistake in them is found at once, and their reflectances count in how form factors are stored.
     let loaded = Lightings::load(args, &model.scene)?;
     run.cx.demand.reflectance_max = loaded.reflectance_max();
     let given = args.exitance.as_deref();
     let exitances = given.map(|array| model.materials_of(array)).transpose()?;
-    if !daylight.shines() && exitances.is_none() {
+    if !shines && exitances.is_none() {
         loaded.warn_of_darkness(run, &model, &args.lighting);
     }
     let method = run.request(&args.method, args.form_factor_tolerance, Afterwards::Light);
@@ -63,6 +65,10 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
     if !args.lighting.is_empty() {
         return lightings::run(&loaded, run, model, &factors, args);
     }
+    if let Some(path) = &path {
+        let factors = &factors;
+        return OnPath { model, factors, path }.solve(args, run);
+    }
     if daylight.shines() {
         args.sun.note(&mut run.cx);
         let study = model.solve_in_daylight(&factors, &solver, &daylight, &mut run.cx)?;
@@ -76,20 +82,18 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
 }
 
 fn files(args: &SolveArgs) -> Result<FileSet, Failure> {
+    let path = args.sun_path.as_deref();
+    sun_path::expect_work(args.storage.checkpoint.as_deref(), args.form_factors.as_deref(), path)?;
     let mut files = FileSet::default();
-    match &args.output {
-        Some(path) if args.lighting.is_empty() => {
-            files.writes("the output", path);
+    if let Some(output) = &args.output {
+        let output = sun_path::output(output, path)?;
+        if args.lighting.is_empty() {
+            files.writes("the output", &output);
         }
-        Some(path) => {
-            for name in lightings::names(&args.lighting)? {
-                files.writes(
-                    format!("the output for the lighting `{name}`"),
-                    &with_suffix(path, &name),
-                );
-            }
+        for name in lightings::names(&args.lighting)? {
+            let of = format!("the output for the lighting `{name}`");
+            files.writes(of, &with_suffix(&output, &name));
         }
-        None => {}
     }
     files.keeps("the checkpoint", args.storage.checkpoint.as_deref());
     files.reads_scene(&args.scene, &args.common.reading);
@@ -97,6 +101,7 @@ fn files(args: &SolveArgs) -> Result<FileSet, Failure> {
         files.reads("the form factors", Some(&file));
     }
     files.reads("the exitances", args.exitance.as_deref());
+    files.reads("the path of the sun", path);
     for file in &args.lighting {
         files.reads("a lighting", Some(file));
     }

@@ -29,11 +29,13 @@ pub enum ReportError {
         /// What the operating system said.
         source: io::Error,
     },
-    /// A table of points that cannot be understood.
+    /// A table that cannot be understood.
     #[error("{}:{line}: {}", .path.display(), printable_message(.reason))]
-    BadPoints {
+    BadTable {
         /// The file.
         path: PathBuf,
+        /// [`kind`](Self::kind).
+        kind: &'static str,
         /// The line, from 1.
         line: usize,
         /// The fault, and the remedy.
@@ -123,7 +125,7 @@ impl ReportError {
         match self {
             Self::Unwritable { path, .. }
             | Self::Unreadable { path, .. }
-            | Self::BadPoints { path, .. }
+            | Self::BadTable { path, .. }
             | Self::BadArray { path, .. }
             | Self::UnknownFormat { path, .. }
             | Self::NoDescription { path, .. }
@@ -141,7 +143,7 @@ impl ReportError {
         match self {
             Self::Unwritable { .. } => "unwritable",
             Self::Unreadable { .. } => "unreadable",
-            Self::BadPoints { .. } => "bad_points",
+            Self::BadTable { kind, .. } => kind,
             Self::BadArray { .. } => "bad_array",
             Self::UnknownFormat { .. } => "unknown_format",
             Self::NoDescription { .. } => "no_description",

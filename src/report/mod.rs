@@ -32,10 +32,13 @@ mod paper;
 pub mod plot;
 pub mod points;
 mod read;
+pub mod series;
 pub mod solution;
 mod stages;
+pub mod sun_path;
 #[cfg(feature = "reports")]
 mod table;
+mod text_table;
 mod view3d;
 pub mod voxels;
 mod vtu;

@@ -89,6 +89,28 @@ impl DirectDaylight {
     }
 }
 
+impl DirectDaylight {
+    /// Returns E + ρ D, what patches send out before any light comes from other patches, and the error of that, W·m⁻², \[n, c\].
+    pub(super) fn lit(&self, reflectance: &Block, exitance: &Block) -> (Block, Block) {
+        let (mut lit, mut error) = (exitance.clone(), Block::zeros(exitance.n_rows(), exitance.n_channels()));
+        for [irradiance, own_error] in self.parts() {
+            add(&mut lit, irradiance, Some(reflectance));
+            add(&mut error, own_error, Some(reflectance));
+        }
+        (lit, error)
+    }
+}
+
+impl SolutionStudy {
+    /// Adds what comes straight from sun and sky to the irradiance.
+    pub(super) fn shine(&mut self, direct: DirectDaylight) {
+        for [irradiance, _] in direct.parts() {
+            add(&mut self.solution.irradiance, irradiance, None);
+        }
+        self.direct = direct;
+    }
+}
+
 /// Adds `of(i, c)` times a block to another.
 fn add(to: &mut Block, light: &Block, factor: Option<&Block>) {
     for (k, (sum, value)) in to.values_mut().iter_mut().zip(light.values()).enumerate() {
@@ -110,31 +132,29 @@ impl Model {
         daylight: &Daylight,
         cx: &mut Context,
     ) -> Result<SolutionStudy, WorkflowError> {
+        self.see_colours(daylight);
+        let (reflectance, exitance) = self.materials();
+        let direct = self.direct_daylight(study, daylight, cx);
+        let (lit, error) = direct.lit(&reflectance, &exitance);
+        let system = (&study.factors as &dyn LinearOperator, study.factors.areas().to_vec());
+        let materials = (reflectance.clone(), lit.clone());
+        let solution = self.solve_system(system, request, materials, study.known(), cx)?;
+        let mut found = self.judged_with(study, (&reflectance, &lit), Some(&error), solution, cx)?;
+        found.shine(direct);
+        Ok(found)
+    }
+
+    /// Takes three channels where daylight has a colour.
+    pub(super) fn see_colours(&mut self, daylight: &Daylight) {
         if !daylight.is_grey() {
             self.plan.revise_channels(3);
             self.plan.n_channels = 3;
             self.plan.revise("channels", "3", "sun or sky have a colour");
         }
-        let (reflectance, exitance) = self.materials();
-        let direct = self.direct_daylight(study, daylight, cx);
-        let (mut lit, mut error) = (exitance.clone(), Block::zeros(exitance.n_rows(), exitance.n_channels()));
-        for [irradiance, own_error] in direct.parts() {
-            add(&mut lit, irradiance, Some(&reflectance));
-            add(&mut error, own_error, Some(&reflectance));
-        }
-        let system = (&study.factors as &dyn LinearOperator, study.factors.areas().to_vec());
-        let materials = (reflectance.clone(), lit.clone());
-        let solution = self.solve_system(system, request, materials, study.known(), cx)?;
-        let mut found = self.judged_with(study, (&reflectance, &lit), Some(&error), solution, cx)?;
-        for [irradiance, _] in direct.parts() {
-            add(&mut found.solution.irradiance, irradiance, None);
-        }
-        found.direct = direct;
-        Ok(found)
     }
 
     /// Finds what comes straight from sun and sky.
-    fn direct_daylight(&self, study: &FormFactorStudy, daylight: &Daylight, cx: &Context) -> DirectDaylight {
+    pub(super) fn direct_daylight(&self, study: &FormFactorStudy, daylight: &Daylight, cx: &Context) -> DirectDaylight {
         let n_channels = self.plan.n_channels;
         let sun = daylight.sun.map(|sun| {
             let strengths = &sun.irradiance[..n_channels];

@@ -10,7 +10,7 @@ use crate::matrix::operator::{Block, LinearOperator};
 use crate::mesh::Patch;
 use crate::report::{ReportError, exitance};
 use crate::scene::Lighting;
-use crate::solver::{ChannelQuality, Coarsened, Solution};
+use crate::solver::{Coarsened, Solution};
 
 /// Many lightings side by side, as channels of one system.
 #[derive(Clone, Debug)]
@@ -65,19 +65,14 @@ impl Stack {
     /// Returns ρ and E of lighting `k`.
     #[must_use]
     pub fn materials(&self, k: usize) -> (Block, Block) {
-        let own = |block| channels_of(block, &self.channels[k]);
+        let own = |block: &Block| block.channels(self.channels[k].clone());
         (own(&self.reflectance), own(&self.exitance))
     }
 
     /// Returns what of the coarser mesh of all lightings belongs to lighting `k`.
     #[must_use]
     pub fn coarsened(&self, k: usize, all: &Coarsened) -> Coarsened {
-        let own = |block| channels_of(block, &self.channels[k]);
-        Coarsened {
-            change: own(&all.change),
-            spread: own(&all.spread),
-            ..*all
-        }
+        all.of_channels(self.channels[k].clone())
     }
 
     /// Tells the plan how many channels there are, and later messages which of the lightings' files each of them is from.
@@ -91,20 +86,7 @@ impl Stack {
     /// Returns what of the solution of all lightings belongs to lighting `k`. The passes, and what happened in them, are those of all together.
     #[must_use]
     pub fn solution(&self, k: usize, all: &Solution) -> Solution {
-        let own = &self.channels[k];
-        let channels = all.channels[own.clone()].to_vec();
-        let quality = ChannelQuality::of_all(&channels, all.stop_reason);
-        Solution {
-            radiosity: channels_of(&all.radiosity, own),
-            irradiance: channels_of(&all.irradiance, own),
-            energy: all.energy[own.clone()].to_vec(),
-            stop_reason: quality.stop_reason,
-            residual_l2: quality.residual_l2,
-            residual_max_power: quality.residual_max_power,
-            error_bound: quality.error_bound,
-            channels,
-            ..all.clone()
-        }
+        all.of_channels(self.channels[k].clone())
     }
 }
 
@@ -184,10 +166,4 @@ impl Model {
         }
         Ok((solution, worst))
     }
-}
-
-/// Returns some channels of a block.
-fn channels_of(block: &Block, own: &Range<usize>) -> Block {
-    let rows = (0..block.n_rows()).flat_map(|i| &block.row(i)[own.clone()]);
-    Block::from_values(rows.copied().collect(), own.len())
 }
