@@ -109,6 +109,21 @@ impl Fragments {
         self.ends.push(self.corners.len());
     }
 
+    /// Returns the number of fragments.
+    pub(super) fn len(&self) -> usize {
+        self.ends.len()
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.ends.is_empty()
+    }
+
+    /// Drops all but the first `n` fragments.
+    pub(super) fn truncate(&mut self, n: usize) {
+        self.ends.truncate(n);
+        self.corners.truncate(self.ends.last().copied().unwrap_or(0));
+    }
+
     pub(super) fn iter(&self) -> impl Iterator<Item = &[DVec3]> {
         let starts = std::iter::once(0).chain(self.ends.iter().copied());
         starts.zip(&self.ends).map(|(start, &end)| &self.corners[start..end])
