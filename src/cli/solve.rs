@@ -129,7 +129,7 @@ fn finish(
         SolveDocument {
             solver: SolverRecord::new(model, solver, solution, study.error),
             energy: solution.energy.clone(),
-            surfaces: LitSurface::in_daylight(model, study),
+            surfaces: LitSurface::in_daylight(model, solution, &study.direct),
             form_factors: computed.map(FormFactorRecord::from),
             mesh_error: study.mesh_error.clone(),
         },

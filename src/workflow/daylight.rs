@@ -5,6 +5,7 @@ use crate::form_factor::Fraction;
 use crate::heat::{Sky, Sun, Sunlit, above_horizon};
 use crate::matrix::operator::{Block, LinearOperator};
 use crate::render::{DistantSky, DistantSun, Outdoors};
+use crate::solver::Solution;
 
 /// The sun as channels see it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -99,14 +100,41 @@ impl DirectDaylight {
         }
         (lit, error)
     }
+
+    /// Returns the first channels.
+    pub(super) fn of_channels(&self, n: usize) -> Self {
+        Self {
+            sun: self.sun.as_ref().map(|sun| Sunlit {
+                light: sun.light.clone(),
+                irradiance: sun.irradiance.channels(0..n),
+                error: sun.error.channels(0..n),
+            }),
+            sky: self.sky.as_ref().map(|sky| sky.each_ref().map(|block| block.channels(0..n))),
+        }
+    }
+
+    /// Adds what comes straight from sun and sky to an irradiance.
+    pub(super) fn add_to(&self, irradiance: &mut Block) {
+        for [own, _] in self.parts() {
+            add(irradiance, own, None);
+        }
+    }
+
+    /// Returns the irradiance without what comes straight from emitters and the sun, F (B − E) and that of the sky, W·m⁻², \[n, c\]; `exitance`: E.
+    #[must_use]
+    pub fn indirect_irradiance(&self, factors: &dyn LinearOperator, exitance: &Block, solution: &Solution) -> Block {
+        let mut indirect = super::indirect_irradiance(factors, exitance, solution);
+        if let Some([irradiance, _]) = &self.sky {
+            add(&mut indirect, irradiance, None);
+        }
+        indirect
+    }
 }
 
 impl SolutionStudy {
     /// Adds what comes straight from sun and sky to the irradiance.
     pub(super) fn shine(&mut self, direct: DirectDaylight) {
-        for [irradiance, _] in direct.parts() {
-            add(&mut self.solution.irradiance, irradiance, None);
-        }
+        direct.add_to(&mut self.solution.irradiance);
         self.direct = direct;
     }
 }
@@ -134,7 +162,7 @@ impl Model {
     ) -> Result<SolutionStudy, WorkflowError> {
         self.see_colours(daylight);
         let (reflectance, exitance) = self.materials();
-        let direct = self.direct_daylight(study, daylight, cx);
+        let direct = self.direct_daylight(study, daylight, self.plan.n_channels, cx);
         let (lit, error) = direct.lit(&reflectance, &exitance);
         let system = (&study.factors as &dyn LinearOperator, study.factors.areas().to_vec());
         let materials = (reflectance.clone(), lit.clone());
@@ -154,8 +182,13 @@ impl Model {
     }
 
     /// Finds what comes straight from sun and sky.
-    pub(super) fn direct_daylight(&self, study: &FormFactorStudy, daylight: &Daylight, cx: &Context) -> DirectDaylight {
-        let n_channels = self.plan.n_channels;
+    pub(super) fn direct_daylight(
+        &self,
+        study: &FormFactorStudy,
+        daylight: &Daylight,
+        n_channels: usize,
+        cx: &Context,
+    ) -> DirectDaylight {
         let sun = daylight.sun.map(|sun| {
             let strengths = &sun.irradiance[..n_channels];
             cx.time("sun", || Sunlit::new(self.input(), &sun.sun, strengths))

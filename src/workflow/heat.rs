@@ -3,7 +3,7 @@
 use super::solve::Known;
 use super::{Context, FormFactorStudy, MeshError, Model, SolveRequest, TotalError, Warning, WorkflowError};
 use crate::heat::{
-    Band, Boundary, DirectLight, Enclosure, Heat, HeatError, Network, Outside, Solution as HeatSolution, Solved,
+    Band, Boundary, DirectLight, Enclosure, Heat, HeatBalance, HeatError, Network, Outside, Solution as HeatSolution, Solved,
     emissive_power, solar_system, sunlight, thermal_exitance,
 };
 use crate::matrix::connected;
@@ -313,23 +313,32 @@ impl FormFactorStudy {
 }
 
 impl HeatStudy {
-    pub(super) fn warn(&self, cx: &Context) {
-        let balance = &self.heat.balance;
-        let moved = balance.escaped_w + balance.supplied_w.abs() + balance.sun_w + balance.sky_w;
-        if balance.absorbed_by_backs_w > TO_BACKS * moved {
-            cx.warn(Warning::HeatToBacks {
-                power_w: balance.absorbed_by_backs_w,
-            });
-        }
+    fn warn(&self, cx: &Context) {
+        warn_of_backs(&self.heat.balance, cx);
+        self.warn_without_mesh(cx);
+        warn_of_errors(self.thermal.stop_reason, self.heat.relative_error, cx);
+    }
+
+    pub(super) fn warn_without_mesh(&self, cx: &Context) {
         if self.heat.thermal.mesh_change.is_none() {
             cx.warn_once(Warning::NoMeshError);
         }
-        // Where nothing is known at all, or the solver gave up, another warning says so.
-        let converged = self.thermal.stop_reason == StopReason::Converged;
-        if converged && !self.is_exact() && self.heat.relative_error.is_finite() {
-            cx.warn(Warning::InexactHeat {
-                relative: self.heat.relative_error,
-            });
-        }
+    }
+}
+
+/// Warns of backs that take heat.
+pub(super) fn warn_of_backs(balance: &HeatBalance, cx: &Context) {
+    let moved = balance.escaped_w + balance.supplied_w.abs() + balance.sun_w + balance.sky_w;
+    if balance.absorbed_by_backs_w > TO_BACKS * moved {
+        cx.warn(Warning::HeatToBacks {
+            power_w: balance.absorbed_by_backs_w,
+        });
+    }
+}
+
+/// Warns of irradiances with a great `relative` error; where nothing is known at all, or the solver gave up, another warning says so.
+pub(super) fn warn_of_errors(reason: StopReason, relative: f64, cx: &Context) {
+    if reason == StopReason::Converged && relative > MAX_HEAT_ERROR && relative.is_finite() {
+        cx.warn(Warning::InexactHeat { relative });
     }
 }

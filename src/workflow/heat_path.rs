@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 
+use super::heat::{warn_of_backs, warn_of_errors};
 use super::sun_path::{BlockSink, PathStudy, PathWork, SolvedBlock};
 use super::{
     Context, FormFactorStudy, HeatStudy, MAX_HEAT_ERROR, MeshError, Model, Quality, SolveRequest, TotalError,
@@ -97,7 +98,20 @@ impl Model {
             path,
             sky: self.skylight(study, boundary, cx),
         };
-        self.along(study, path, (&work, request), sink, cx)
+        let found = self.along(study, path, (&work, request), sink, cx)?;
+        warn_of_the_worst(&found.steps, cx);
+        Ok(found)
+    }
+}
+
+/// Warns of the time at which backs take most heat, and of that with the greatest error.
+fn warn_of_the_worst(steps: &[HeatStep], cx: &Context) {
+    let to_backs = |step: &&HeatStep| step.balance.absorbed_by_backs_w;
+    if let Some(step) = steps.iter().max_by(|a, b| to_backs(a).total_cmp(&to_backs(b))) {
+        warn_of_backs(&step.balance, cx);
+    }
+    if let Some(step) = steps.iter().max_by(|a, b| a.relative_error_max.total_cmp(&b.relative_error_max)) {
+        warn_of_errors(step.thermal.stop_reason, step.relative_error_max, cx);
     }
 }
 
@@ -136,7 +150,7 @@ impl PathWork for HeatWork<'_> {
             time: steps[k].time_text.clone(),
         };
         let found = model.heat_of_each(self.study, self.boundary, &direct, (self.request, &refused), cx)?;
-        found.iter().for_each(|study| study.warn(cx));
+        found.iter().for_each(|study| study.warn_without_mesh(cx));
         let is_constant = |name: &str| CONSTANTS.contains(&name);
         let mut values = SeriesBlock {
             n_steps: steps.len(),

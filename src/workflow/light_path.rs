@@ -56,7 +56,7 @@ impl Model {
         let work = LightWork {
             study,
             request,
-            sky: self.direct_daylight(study, &daylight, cx).sky,
+            sky: self.direct_daylight(study, &daylight, self.plan.n_channels, cx).sky,
         };
         self.along(study, path, (&work, request), sink, cx)
     }
@@ -121,7 +121,7 @@ impl PathWork for LightWork<'_> {
             }
             found.push(LightStep {
                 energy: light.solution.energy.clone(),
-                surfaces: LitSurface::in_daylight(model, &light),
+                surfaces: LitSurface::in_daylight(model, &light.solution, &light.direct),
                 quality: Quality::new(&light.solution, light.error),
                 mesh_error: light.mesh_error,
             });

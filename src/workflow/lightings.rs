@@ -18,14 +18,27 @@ pub struct Stack {
     channels: Vec<Range<usize>>,
     /// ρ of each patch, \[n, c\].
     pub reflectance: Block,
-    /// E of each patch, W·m⁻², \[n, c\].
+    /// E of each patch, in daylight E + ρ D, W·m⁻², \[n, c\].
     pub exitance: Block,
+    /// Of each lighting, in daylight.
+    daylight: Vec<InDaylight>,
+}
+
+/// A lighting in daylight.
+#[derive(Clone, Debug)]
+pub(super) struct InDaylight {
+    /// E, W·m⁻², \[n, c\].
+    pub(super) emitted: Block,
+    /// The error of E + ρ D, W·m⁻², \[n, c\].
+    pub(super) error: Block,
+    /// D.
+    pub(super) direct: DirectDaylight,
 }
 
 impl Stack {
-    /// Returns lightings side by side; `None` is the lighting of the scene itself.
+    /// Returns lightings side by side; `None` is the lighting of the scene itself. With `has_colours` each has three channels, also where it is grey.
     #[must_use]
-    pub fn new(model: &Model, lightings: &[Option<Lighting>]) -> Self {
+    pub fn new(model: &Model, lightings: &[Option<Lighting>], has_colours: bool) -> Self {
         let scene = &model.scene;
         let plain = |patch: &Patch| {
             let material = &scene.materials[patch.material.0 as usize];
@@ -41,7 +54,7 @@ impl Stack {
             };
             let of_patches: Vec<_> = model.mesh.patches.iter().map(of_patch).collect();
             // What is grey everywhere takes a third of the time in one channel.
-            let grey = of_patches.iter().all(|(rho, e)| is_grey(*rho) && is_grey(*e));
+            let grey = !has_colours && of_patches.iter().all(|(rho, e)| is_grey(*rho) && is_grey(*e));
             let own = n_channels..n_channels + if grey { 1 } else { 3 };
             n_channels = own.end;
             channels.push(own);
@@ -59,7 +72,27 @@ impl Stack {
             channels,
             reflectance,
             exitance,
+            daylight: Vec::new(),
         }
+    }
+
+    /// Adds what comes straight from sun and sky, in three channels, to all lightings.
+    pub(super) fn shine(&mut self, direct: &DirectDaylight) {
+        for k in 0..self.channels.len() {
+            let own = self.channels[k].clone();
+            let direct = direct.of_channels(own.len());
+            let (reflectance, emitted) = self.materials(k);
+            let (lit, error) = direct.lit(&reflectance, &emitted);
+            for i in 0..lit.n_rows() {
+                self.exitance.row_mut(i)[own.clone()].copy_from_slice(lit.row(i));
+            }
+            self.daylight.push(InDaylight { emitted, error, direct });
+        }
+    }
+
+    /// Returns what lighting `k` is in daylight; `None` without.
+    pub(super) fn in_daylight(&self, k: usize) -> Option<&InDaylight> {
+        self.daylight.get(k)
     }
 
     /// Returns ρ and E of lighting `k`.
@@ -133,7 +166,7 @@ impl Model {
         cx: &mut Context,
         mut each: impl FnMut(&Self, LightingStudy, &Context) -> Result<(), WorkflowError>,
     ) -> Result<(Solution, TotalError), WorkflowError> {
-        let stack = Stack::new(self, lightings);
+        let stack = Stack::new(self, lightings, false);
         stack.announce(self, files, cx);
         let blocks = (stack.reflectance.clone(), stack.exitance.clone());
         let areas = factors.factors.areas().to_vec();

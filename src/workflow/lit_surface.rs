@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Model, SolutionStudy};
+use super::{DirectDaylight, Model};
 use crate::heat::Sunlit;
 use crate::matrix::operator::Block;
 use crate::solver::Solution;
@@ -100,14 +100,14 @@ impl SunlitSurface {
 impl LitSurface {
     /// Returns the surfaces of a model with the means of a solution, and of what comes straight from sun and sky where they shine.
     #[must_use]
-    pub fn in_daylight(model: &Model, study: &SolutionStudy) -> Vec<Self> {
-        let mut surfaces = Self::of(model, &study.solution);
-        if let Some(sunlit) = &study.direct.sun {
+    pub fn in_daylight(model: &Model, solution: &Solution, direct: &DirectDaylight) -> Vec<Self> {
+        let mut surfaces = Self::of(model, solution);
+        if let Some(sunlit) = &direct.sun {
             for (surface, sun) in surfaces.iter_mut().zip(SunlitSurface::of(model, sunlit)) {
                 surface.sun = Some(sun);
             }
         }
-        if let Some(light) = &study.direct.sky {
+        if let Some(light) = &direct.sky {
             let [irradiances, errors] = light.each_ref().map(|block| model.surface_means(block));
             for (surface, (sky_irradiance, sky_irradiance_error)) in
                 surfaces.iter_mut().zip(irradiances.into_iter().zip(errors))
