@@ -8,9 +8,7 @@ use glam::DVec3;
 use numpy::{PyArray1, PyArray2, PyArrayMethods as _};
 use pyo3::prelude::*;
 use radiosity::render::display::Unwatched;
-use radiosity::render::{
-    Attributes, DirectMethod, GatherSettings, RenderInput, RenderSettings, Samples, exr, png,
-};
+use radiosity::render::{Attributes, DirectMethod, GatherSettings, RenderInput, RenderSettings, Samples, exr, png};
 use radiosity::workflow::{CameraChoice, ViewRequest, image_byte, rendered};
 
 use crate::call::Call;
@@ -117,8 +115,11 @@ pub(crate) fn render(
         image_byte(view.as_view(), &settings, &cx.memory)?;
         view.note_left_out(&mut model, cx);
         let (study, factors) = (&solution.study, &solution.factors.study.factors);
-        let indirect = (settings.direct != DirectMethod::Off)
-            .then(|| study.direct.indirect_irradiance(factors, &solution.exitance, &study.solution));
+        let indirect = (settings.direct != DirectMethod::Off).then(|| {
+            study
+                .direct
+                .indirect_irradiance(factors, &solution.exitance, &study.solution)
+        });
         let input = RenderInput {
             scene: &model.scene,
             mesh: &model.mesh,

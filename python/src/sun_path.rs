@@ -51,7 +51,10 @@ pub(crate) fn along<'py>(
     let boundary = boundary
         .map(|text| lit(py, read(py, shared, text)?, options))
         .transpose()?;
-    let up = boundary.as_ref().and_then(|own| own.sky).map_or(DVec3::Z, |sky| sky.up());
+    let up = boundary
+        .as_ref()
+        .and_then(|own| own.sky)
+        .map_or(DVec3::Z, |sky| sky.up());
     let sky = if boundary.is_none() { options.sky(up)? } else { None };
     let path = path_of(py, table, options, up)?;
     let request = options.solver()?;

@@ -36,9 +36,7 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
     };
     run.expect(&args.storage, demand);
     let daylight = sun::daylight(&args.sun)?;
-    let path = args.sun_path.as_deref();
-    let path = path.map(|file| sun_path::read(file, &args.sun, DVec3::Z)).transpose()?;
-    // In daylight no face has to emit.
+    let path = sun_path::read(args.sun_path.as_deref(), &args.sun, DVec3::Z)?;
     let shines = daylight.shines() || path.is_some();
     run.has_lightings = !args.lighting.is_empty() || shines || args.exitance.is_some();
     let mut model = run.prepare(&args.scene, mesh_args, |_| Subdivision::Uniform(1))?;
@@ -58,27 +56,26 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
         return finish(args, run, &model, None, (&rho, &e), &study);
     }
     let need = solver.need(&run.cx)?;
-    let factors = match &file {
+    let factors = &match &file {
         None => model.form_factors(&method, need, &mut run.cx)?,
         Some(file) => model.form_factors_of(file, &method, need, &mut run.cx)?,
     };
     if !args.lighting.is_empty() {
-        return lightings::run(&loaded, run, model, &factors, args);
+        return lightings::run(&loaded, run, model, factors, args);
     }
     if let Some(path) = &path {
-        let factors = &factors;
         return OnPath { model, factors, path }.solve(args, run);
     }
     if daylight.shines() {
         args.sun.note(&mut run.cx);
-        let study = model.solve_in_daylight(&factors, &solver, &daylight, &mut run.cx)?;
+        let study = model.solve_in_daylight(factors, &solver, &daylight, &mut run.cx)?;
         let (rho, e) = model.materials();
-        return finish(args, run, &model, Some(&factors), (&rho, &e), &study);
+        return finish(args, run, &model, Some(factors), (&rho, &e), &study);
     }
     let materials = exitances.unwrap_or_else(|| model.materials());
     model.plan.revise_channels(materials.1.n_channels());
-    let study = model.solve_with(&factors, (&materials.0, &materials.1), &solver, &mut run.cx)?;
-    finish(args, run, &model, Some(&factors), (&materials.0, &materials.1), &study)
+    let study = model.solve_with(factors, (&materials.0, &materials.1), &solver, &mut run.cx)?;
+    finish(args, run, &model, Some(factors), (&materials.0, &materials.1), &study)
 }
 
 fn files(args: &SolveArgs) -> Result<FileSet, Failure> {

@@ -22,10 +22,11 @@ use crate::report::{ReportError, sun_path};
 use crate::solver::StopReason;
 use crate::workflow::{BlockSink, Context, FormFactorStudy, Model, PathStudy, TotalError, WorkflowError};
 
-/// Reads the path of the sun in a scene where `up` is up.
-pub(super) fn read(file: &Path, args: &SunArgs, up: DVec3) -> Result<SunPath, Failure> {
+/// Reads the path of the sun, if there is one, in a scene where `up` is up.
+pub(super) fn read(file: Option<&Path>, args: &SunArgs, up: DVec3) -> Result<Option<SunPath>, Failure> {
     let axes = [DVec3::from_array(args.north), up];
-    Ok(sun_path::read(file, args.sun_radius.unwrap_or(0.0), axes)?)
+    let read = |file| sun_path::read(file, args.sun_radius.unwrap_or(0.0), axes);
+    Ok(file.map(read).transpose()?)
 }
 
 /// Refuses a checkpoint of nothing: form factors are read from a file, and there is no path of the sun.

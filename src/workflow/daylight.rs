@@ -109,7 +109,10 @@ impl DirectDaylight {
                 irradiance: sun.irradiance.channels(0..n),
                 error: sun.error.channels(0..n),
             }),
-            sky: self.sky.as_ref().map(|sky| sky.each_ref().map(|block| block.channels(0..n))),
+            sky: self
+                .sky
+                .as_ref()
+                .map(|sky| sky.each_ref().map(|block| block.channels(0..n))),
         }
     }
 

@@ -3,8 +3,8 @@
 use super::solve::Known;
 use super::{Context, FormFactorStudy, MeshError, Model, SolveRequest, TotalError, Warning, WorkflowError};
 use crate::heat::{
-    Band, Boundary, DirectLight, Enclosure, Heat, HeatBalance, HeatError, Network, Outside, Solution as HeatSolution, Solved,
-    emissive_power, solar_system, sunlight, thermal_exitance,
+    Band, Boundary, DirectLight, Enclosure, Heat, HeatBalance, HeatError, Network, Outside, Solution as HeatSolution,
+    Solved, emissive_power, solar_system, sunlight, thermal_exitance,
 };
 use crate::matrix::connected;
 use crate::matrix::operator::{Block, LinearOperator};

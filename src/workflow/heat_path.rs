@@ -110,7 +110,10 @@ fn warn_of_the_worst(steps: &[HeatStep], cx: &Context) {
     if let Some(step) = steps.iter().max_by(|a, b| to_backs(a).total_cmp(&to_backs(b))) {
         warn_of_backs(&step.balance, cx);
     }
-    if let Some(step) = steps.iter().max_by(|a, b| a.relative_error_max.total_cmp(&b.relative_error_max)) {
+    if let Some(step) = steps
+        .iter()
+        .max_by(|a, b| a.relative_error_max.total_cmp(&b.relative_error_max))
+    {
         warn_of_errors(step.thermal.stop_reason, step.relative_error_max, cx);
     }
 }

@@ -1,9 +1,6 @@
 //! The light that an image shows, solved as far as the image needs it.
 
-use super::{
-    Context, Daylight, FormFactorRequest, FormFactorStudy, Model, SolutionStudy, SolveRequest, WorkflowError,
-    indirect_irradiance,
-};
+use super::{Context, Daylight, FormFactorRequest, FormFactorStudy, Model, SolutionStudy, SolveRequest, WorkflowError};
 use crate::matrix::operator::Block;
 use crate::render::{DirectMethod, Outdoors, RenderInput};
 
@@ -126,7 +123,9 @@ impl Model {
         let indirect_irradiance = with_direct.then(|| {
             cx.time("solve", || {
                 let (_, exitance) = self.materials();
-                study.direct.indirect_irradiance(&factors.factors, &exitance, &study.solution)
+                study
+                    .direct
+                    .indirect_irradiance(&factors.factors, &exitance, &study.solution)
             })
         });
         factors.factors.if_readable(())?;

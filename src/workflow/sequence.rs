@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use super::{
-    Context, Daylight, DirectDaylight, FormFactorRequest, FormFactorStudy, ImageFile, ImageRequest, ImageView, MeshError, Model, SolveRequest,
-    Stack, TotalError, Unsuited, ViewRequest, WorkflowError, gathered, image_byte, render_shown,
+    Context, Daylight, DirectDaylight, FormFactorRequest, FormFactorStudy, ImageFile, ImageRequest, ImageView,
+    MeshError, Model, SolveRequest, Stack, TotalError, Unsuited, ViewRequest, WorkflowError, gathered, image_byte,
+    render_shown,
 };
 use crate::form_factor::{Before, Change};
 use crate::matrix::FormFactors;

@@ -29,15 +29,24 @@ fn times_are_as_if_alone_and_in_the_files() {
         "--sun-irradiance",
         "900",
     ];
-    for (command, key) in [(&["solve"][..], "radiosity"), (&["heat", "--boundary", "b.toml"], "temperature_k")] {
+    for (command, key) in [
+        (&["solve"][..], "radiosity"),
+        (&["heat", "--boundary", "b.toml"], "temperature_k"),
+    ] {
         let scene = [&command[..1], &["scene.obj"], &command[1..], &["--sky", "50"]].concat();
         let (code, result) = document(here, &[&scene[..], &["--sun-path", "day.csv", "-o", "S.npz"]].concat());
         assert_eq!((code, &result["n_steps"]), (0, &3.into()), "{result}");
-        assert_eq!((&result["time_unit"], &result["settings"]["sun"]["path"]), (&"s".into(), &"day".into()));
+        assert_eq!(
+            (&result["time_unit"], &result["settings"]["sun"]["path"]),
+            (&"s".into(), &"day".into())
+        );
         let steps = result["steps"].as_array().unwrap();
         let times: Vec<f64> = steps.iter().map(|step| step["time"].as_f64().unwrap()).collect();
         assert_eq!(times, [0.0, 21_600.0, 32_400.0]);
-        assert_eq!((&steps[0]["sun_irradiance_w_m2"], &steps[2]["line"]), (&0.0.into(), &4.into()));
+        assert_eq!(
+            (&steps[0]["sun_irradiance_w_m2"], &steps[2]["line"]),
+            (&0.0.into(), &4.into())
+        );
         let (code, alone) = document(here, &[&scene[..], &place].concat());
         assert_eq!(code, 0);
         let of_surfaces = |document: &serde_json::Value| -> Vec<f64> {
@@ -57,7 +66,10 @@ fn times_are_as_if_alone_and_in_the_files() {
         let (code, _) = document(here, &[&scene[..], &["--sun-path", "day.csv", "-o", "V.vtu"]].concat());
         assert_eq!(code, 0);
         let list = std::fs::read_to_string(here.join("V.pvd")).unwrap();
-        assert!(list.contains("<DataSet timestep=\"21600.0\" group=\"\" part=\"0\" file=\"V-0001.vtu\"/>"), "{list}");
+        assert!(
+            list.contains("<DataSet timestep=\"21600.0\" group=\"\" part=\"0\" file=\"V-0001.vtu\"/>"),
+            "{list}"
+        );
         let one = std::fs::read_to_string(here.join("V-0002.vtu")).unwrap();
         assert!(one.contains("Name=\"TimeValue\"") && one.contains("\n32400.0\n") && one.contains("sunlit_fraction"));
         assert!(!here.join("V-0003.vtu").exists());
@@ -72,11 +84,21 @@ fn mistakes_in_paths_are_one_line() {
     write(here, "bad.csv", "time,x,y,z,irradiance\n0,0,0,1,5\n1,0,0,0,5\n");
     write(here, "good.csv", "time,x,y,z,irradiance\n0,0,0,1,5\n");
     let (code, result) = document(here, &["solve", "scene.obj", "--sun-path", "bad.csv"]);
-    assert_eq!((code, &result["error"]["kind"]), (1, &"bad_sun_path".into()), "{result}");
-    assert_eq!((&result["error"]["line"], &result["error"]["file"]), (&3.into(), &"bad.csv".into()));
+    assert_eq!(
+        (code, &result["error"]["kind"]),
+        (1, &"bad_sun_path".into()),
+        "{result}"
+    );
+    assert_eq!(
+        (&result["error"]["line"], &result["error"]["file"]),
+        (&3.into(), &"bad.csv".into())
+    );
     for (flags, part) in [
         (&["--sun-path", "good.csv", "-o", "B.csv"][..], "series"),
-        (&["--sun-path", "good.csv", "--sun", "0,0,1", "--sun-irradiance", "5"], "--sun"),
+        (
+            &["--sun-path", "good.csv", "--sun", "0,0,1", "--sun-irradiance", "5"],
+            "--sun",
+        ),
         (&["--sun-path", "good.csv", "--sun-irradiance", "5"], "--sun-irradiance"),
         (&["--sun-path", "good.csv", "-o", "good.csv"], "good.csv"),
         (&["--form-factors", "F.npz", "--checkpoint", "c"], "--checkpoint"),
@@ -93,7 +115,11 @@ fn mistakes_in_paths_are_one_line() {
 fn frames_have_sun_and_sky() {
     let directory = with_scene("street");
     let here = directory.path();
-    write(here, "f.toml", "[[frame]]\nname = \"a\"\n\n[[frame]]\nname = \"b\"\nlighting = \"red.toml\"\n");
+    write(
+        here,
+        "f.toml",
+        "[[frame]]\nname = \"a\"\n\n[[frame]]\nname = \"b\"\nlighting = \"red.toml\"\n",
+    );
     write(here, "red.toml", "[surface.street]\nreflectance = [0.8, 0.2, 0.1]\n");
     for colours in ["900", "900,800,700"] {
         let common = [

@@ -53,8 +53,7 @@ fn work(args: &HeatArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let up = boundary.sky.map_or(DVec3::Z, |sky| sky.up());
     boundary.sun = sun(&args.sun, up)?.map(|request| request.sun).or(boundary.sun);
     boundary.sky = sky(&args.sun, up)?.map(|request| request.sky).or(boundary.sky);
-    let path = args.sun_path.as_deref();
-    let path = path.map(|file| sun_path::read(file, &args.sun, up)).transpose()?;
+    let path = sun_path::read(args.sun_path.as_deref(), &args.sun, up)?;
     let method = run.request(&args.method, args.form_factor_tolerance, Afterwards::Light);
     let solver = args.solver.request();
     let need = solver.need(&run.cx)?;

@@ -65,17 +65,45 @@ pub(super) fn all() -> Vec<HeatCase> {
     let cold_and_hot = walls((0.5, ADIABATIC), (0.5, given(3.0)), (0.5, given(3000.0)));
     let mut hot_corner = walls((0.9, given(3.0)), (0.9, given(3.0)), (0.9, given(3000.0)));
     hot_corner[1] = (1e-3, supplied(1e-3));
-    let mut balanced = walls((0.5, ADIABATIC), (0.8, supplied(1e3)), (0.8, supplied(-1e3 * (1.0 - 1e-9))));
+    let mut balanced = walls(
+        (0.5, ADIABATIC),
+        (0.8, supplied(1e3)),
+        (0.8, supplied(-1e3 * (1.0 - 1e-9))),
+    );
     balanced[0] = (0.5, given(600.0));
-    let nowhere = walls((0.5, ADIABATIC), (0.8, supplied(1e3)), (0.8, supplied(-1e3 * (1.0 - 1e-9))));
+    let nowhere = walls(
+        (0.5, ADIABATIC),
+        (0.8, supplied(1e3)),
+        (0.8, supplied(-1e3 * (1.0 - 1e-9))),
+    );
     let too_much = walls((0.5, given(3.0)), (0.8, supplied(1e3)), (0.8, supplied(-1e3)));
     vec![
-        case("emissivity 1e-6", "300 and 400 K, adiabatic walls, ε = 1e-6 everywhere", mirrors),
-        case("emissivity 1e-3 beside 1", "300, 400 and 500 K, adiabatic walls", beside),
+        case(
+            "emissivity 1e-6",
+            "300 and 400 K, adiabatic walls, ε = 1e-6 everywhere",
+            mirrors,
+        ),
+        case(
+            "emissivity 1e-3 beside 1",
+            "300, 400 and 500 K, adiabatic walls",
+            beside,
+        ),
         case("3 K beside 3,000 K", "adiabatic walls between", cold_and_hot),
-        case("3 K around 3,000 K", "a wall of ε = 1e-3 is supplied with 1e-3 W/m²", hot_corner),
-        case("heats that nearly cancel", "±1 kW/m², off by 1e-9, one wall at 600 K", balanced),
-        refused(case("heats that nearly cancel, no temperature", "±1 kW/m², off by 1e-9", nowhere)),
+        case(
+            "3 K around 3,000 K",
+            "a wall of ε = 1e-3 is supplied with 1e-3 W/m²",
+            hot_corner,
+        ),
+        case(
+            "heats that nearly cancel",
+            "±1 kW/m², off by 1e-9, one wall at 600 K",
+            balanced,
+        ),
+        refused(case(
+            "heats that nearly cancel, no temperature",
+            "±1 kW/m², off by 1e-9",
+            nowhere,
+        )),
         refused(case("more heat taken than arrives", "±1 kW/m², walls at 3 K", too_much)),
     ]
 }
@@ -166,7 +194,9 @@ impl Enclosure {
             let error = (band.irradiance[i] - exact[i]).abs() / whole;
             let stated = band.own_errors[1][i] / whole;
             if !(error <= stated + ROUNDING / least) {
-                return Err(format!("the irradiance of patch {i} is off by {error:.1e}, above {stated:.1e}"));
+                return Err(format!(
+                    "the irradiance of patch {i} is off by {error:.1e}, above {stated:.1e}"
+                ));
             }
             worst = worst.max(error);
             bound = bound.max(stated);
@@ -176,7 +206,12 @@ impl Enclosure {
 
     /// Returns the irradiance of each patch to all digits, W·m⁻².
     fn exact(&self, case: &HeatCase) -> Result<Vec<f64>, WorkflowError> {
-        let of_patches = self.model.mesh.patches.iter().map(|patch| case.sides[patch.surface.0 as usize]);
+        let of_patches = self
+            .model
+            .mesh
+            .patches
+            .iter()
+            .map(|patch| case.sides[patch.surface.0 as usize]);
         let (rho, exitance): (Vec<f64>, Vec<f64>) = of_patches
             .map(|(emissivity, condition)| match condition {
                 Condition::Temperature(kelvin) => (1.0 - emissivity, emissivity * emissive_power(kelvin)),

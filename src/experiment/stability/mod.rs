@@ -154,7 +154,9 @@ fn try_all(seed: u64, n_runs: RangeInclusive<usize>, progress: &dyn Progress) ->
     };
     for case in &cases {
         let cells = try_case(case, &n_runs, progress);
-        table.cases.push(summary((&case.name, &case.about), case.areas.len(), &cells));
+        table
+            .cases
+            .push(summary((&case.name, &case.about), case.areas.len(), &cells));
         table.cells.extend(cells);
     }
     let mut cube = heat::Enclosure::new()?;
@@ -164,7 +166,9 @@ fn try_all(seed: u64, n_runs: RangeInclusive<usize>, progress: &dyn Progress) ->
             cube.cell(case, entry)
         };
         let cells: Vec<Cell> = SOLVERS.iter().map(tried).collect();
-        table.cases.push(summary((case.name, case.about), cube.n_patches(), &cells));
+        table
+            .cases
+            .push(summary((case.name, case.about), cube.n_patches(), &cells));
         table.cells.extend(cells);
     }
     Ok(table)

@@ -151,15 +151,20 @@ impl BallTree {
         self.grow(balls, first + half, end);
     }
 
-    /// Calls `visit` for each ball in those nodes whose balls are `wanted`.
-    pub(super) fn visit(&self, wanted: impl Fn(&Ball) -> bool, mut visit: impl FnMut(usize)) {
+    /// Returns the ball of each node.
+    pub(super) fn balls(&self) -> impl Iterator<Item = &Ball> {
+        self.nodes.iter().map(|node| &node.ball)
+    }
+
+    /// Calls `visit` for each ball in those nodes that are `wanted`, by their number and ball.
+    pub(super) fn visit(&self, wanted: impl Fn(usize, &Ball) -> bool, mut visit: impl FnMut(usize)) {
         let mut stack = [0_usize; 64];
         let mut depth = usize::from(!self.nodes.is_empty());
         while depth > 0 {
             depth -= 1;
             let index = stack[depth];
             let node = &self.nodes[index];
-            if !wanted(&node.ball) {
+            if !wanted(index, &node.ball) {
                 continue;
             }
             if node.second == 0 {

@@ -68,7 +68,7 @@ pub(super) struct HalfSpace {
 }
 
 impl HalfSpace {
-    fn value(&self, r: DVec3) -> f64 {
+    pub(super) fn value(&self, r: DVec3) -> f64 {
         self.normal.dot(r) + self.offset
     }
 }

@@ -254,7 +254,9 @@ fn a_person_feels_the_sun() {
 fn many_plates_hide_each_other() {
     let mut random = 1_u64;
     let mut next = || {
-        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        random = random
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
         (random >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
     };
     let mut vector = |scale: f64| DVec3::new(next(), next(), next()) * scale;
@@ -268,13 +270,21 @@ fn many_plates_hide_each_other() {
     let first = plates.len();
     let corner = DVec3::new(-0.4, 0.3, -0.2);
     for (_, faces) in inside([0.9, 0.8, 0.7]) {
-        plates.extend(faces.into_iter().map(|face| face.into_iter().rev().map(|v| v + corner).collect()));
+        plates.extend(
+            faces
+                .into_iter()
+                .map(|face| face.into_iter().rev().map(|v| v + corner).collect()),
+        );
     }
     let sheet: Vec<DVec3> = rectangle([1.5, -1.0, -1.0], [0.2, 1.5, 0.0], [0.0, 0.3, 1.5]);
     plates.push(sheet.iter().rev().copied().collect());
     plates.push(sheet);
     let names: Vec<String> = (0..plates.len()).map(|k| format!("p{k}")).collect();
-    let surfaces: Vec<(&str, Vec<Vec<DVec3>>)> = names.iter().map(String::as_str).zip(plates.iter().map(|p| vec![p.clone()])).collect();
+    let surfaces: Vec<(&str, Vec<Vec<DVec3>>)> = names
+        .iter()
+        .map(String::as_str)
+        .zip(plates.iter().map(|p| vec![p.clone()]))
+        .collect();
     let all = scene(&surfaces);
     let text = "[[surface]]\nname = \"*\"\nemissivity = 1.0\ntemperature_k = 300\n";
     let queries: Vec<PointQuery> = (0..40)
@@ -296,7 +306,10 @@ fn many_plates_hide_each_other() {
             for (k, plate) in plates.iter().enumerate() {
                 // The other side of a sheet lies in its plane, and hides nothing from its front.
                 let is_twin = |other: usize| other.max(k) == plates.len() - 1 && other.min(k) == plates.len() - 2;
-                let others = plates.iter().enumerate().filter(|(other, _)| *other != k && !is_twin(*other));
+                let others = plates
+                    .iter()
+                    .enumerate()
+                    .filter(|(other, _)| *other != k && !is_twin(*other));
                 let occluders: Vec<Occluder<'_>> = others
                     .map(|(_, corners)| Occluder {
                         corners: corners.as_slice().into(),
@@ -310,7 +323,10 @@ fn many_plates_hide_each_other() {
                     0.0
                 };
                 let found = view.surfaces[k];
-                assert!((found.value - expected).abs() < 1e-9, "{k} of {first}: {found:?} {expected}");
+                assert!(
+                    (found.value - expected).abs() < 1e-9,
+                    "{k} of {first}: {found:?} {expected}"
+                );
                 n_seen += usize::from(expected > 1e-6);
             }
         }

@@ -25,8 +25,14 @@ const CONDITIONS: &str = "[surroundings]\ntemperature_k = 250\n[sky]\nirradiance
 fn court() -> Scene {
     let mut surfaces = inside([3.0, 2.0, 1.0]);
     surfaces.retain(|(name, _)| *name != "z1");
-    surfaces.push(("wall", vec![rectangle([1.5, 0.0, 0.0], [0.0, 1.2, 0.0], [0.0, 0.0, 0.8])]));
-    surfaces.push(("other", vec![rectangle([1.5, 0.0, 0.0], [0.0, 0.0, 0.8], [0.0, 1.2, 0.0])]));
+    surfaces.push((
+        "wall",
+        vec![rectangle([1.5, 0.0, 0.0], [0.0, 1.2, 0.0], [0.0, 0.0, 0.8])],
+    ));
+    surfaces.push((
+        "other",
+        vec![rectangle([1.5, 0.0, 0.0], [0.0, 0.0, 0.8], [0.0, 1.2, 0.0])],
+    ));
     scene(&surfaces)
 }
 
@@ -53,7 +59,9 @@ fn prepared(scene: Scene, cut: u32) -> Court {
     let mut cx = Context::default();
     let mut model = Model::new(scene, "here", Subdivision::Uniform(cut).into(), Use::Light, &mut cx).unwrap();
     let need = SolveRequest::default().need(&cx).unwrap();
-    let factors = model.form_factors(&FormFactorRequest::default(), need, &mut cx).unwrap();
+    let factors = model
+        .form_factors(&FormFactorRequest::default(), need, &mut cx)
+        .unwrap();
     Court { model, factors, cx }
 }
 
@@ -85,7 +93,11 @@ fn each_time_is_as_if_alone() {
     let path = path(70, DQuat::IDENTITY);
     let request = SolveRequest::default();
     for irradiance in [[60.0; 3], [60.0, 40.0, 20.0]] {
-        let Court { mut model, factors, mut cx } = prepared(court(), 2);
+        let Court {
+            mut model,
+            factors,
+            mut cx,
+        } = prepared(court(), 2);
         let sky = SkyRequest {
             sky: radiosity::heat::Sky::new(60.0, DVec3::Z).unwrap(),
             irradiance,
@@ -111,7 +123,11 @@ fn each_time_is_as_if_alone() {
             let alone = model.solve_in_daylight(&factors, &request, &daylight, &mut cx).unwrap();
             let n = model.mesh.n_patches();
             near(&at(&blocks, "radiosity", k, n), alone.solution.radiosity.values(), 1e-5);
-            near(&at(&blocks, "irradiance", k, n), alone.solution.irradiance.values(), 1e-5);
+            near(
+                &at(&blocks, "irradiance", k, n),
+                alone.solution.irradiance.values(),
+                1e-5,
+            );
             near(&at(&blocks, "error", k, n), alone.carried.unwrap().values(), 1e-2);
             let sun = alone.direct.sun.map(|sun| sun.light.fraction).unwrap_or(vec![0.0; n]);
             near(&at(&blocks, "sunlit_fraction", k, n), &sun, 1e-14);
@@ -121,7 +137,11 @@ fn each_time_is_as_if_alone() {
             }
         }
     }
-    let Court { mut model, factors, mut cx } = prepared(court(), 2);
+    let Court {
+        mut model,
+        factors,
+        mut cx,
+    } = prepared(court(), 2);
     let conditions = boundary(CONDITIONS, &model.scene).unwrap();
     let study = model
         .heat_along_sun_path(&factors, (&path, &conditions), &request, None, &mut cx)
@@ -148,13 +168,23 @@ fn turned_and_moved_with_its_sun_a_scene_has_the_same_light() {
     let light = |turn: DQuat, shift: DVec3| {
         let mut scene = court();
         scene.vertices.iter_mut().for_each(|v| *v = turn * *v + shift);
-        let Court { mut model, factors, mut cx } = prepared(scene, 2);
+        let Court {
+            mut model,
+            factors,
+            mut cx,
+        } = prepared(scene, 2);
         let sky = SkyRequest {
             sky: radiosity::heat::Sky::new(60.0, turn * DVec3::Z).unwrap(),
             irradiance: [60.0; 3],
         };
         let study = model
-            .solve_along_sun_path(&factors, (&path(9, turn), Some(sky)), &SolveRequest::default(), None, &mut cx)
+            .solve_along_sun_path(
+                &factors,
+                (&path(9, turn), Some(sky)),
+                &SolveRequest::default(),
+                None,
+                &mut cx,
+            )
             .unwrap();
         let of_step = |step: &radiosity::workflow::LightStep| {
             let surfaces = step.surfaces.iter();
@@ -184,7 +214,9 @@ fn an_interrupted_path_goes_on() {
         let mut model = Model::new(court(), "here", Subdivision::Uniform(2).into(), Use::Light, &mut cx).unwrap();
         let request = SolveRequest::default();
         let need = request.need(&cx).unwrap();
-        let factors = model.form_factors(&FormFactorRequest::default(), need, &mut cx).unwrap();
+        let factors = model
+            .form_factors(&FormFactorRequest::default(), need, &mut cx)
+            .unwrap();
         let conditions = boundary(CONDITIONS, &model.scene).unwrap();
         let mut blocks = Vec::new();
         let mut sink = |block: &SeriesBlock| {
@@ -250,11 +282,18 @@ fn tables_are_read_or_refused_with_their_line() {
         (format!("{head}noon,0,0,1,5\n"), 3, "as a number"),
         (format!("{head}2026-06-21T12:00:00Z,0,0,1,5\n"), 3, "in one way"),
         ("time,latitude,longitude,irradiance\n12,47,8,5\n".into(), 2, "RFC 3339"),
-        ("time,latitude,longitude,irradiance\n2026-06-21T12:00:00Z,97,8,5\n".into(), 2, "latitude: 97"),
+        (
+            "time,latitude,longitude,irradiance\n2026-06-21T12:00:00Z,97,8,5\n".into(),
+            2,
+            "latitude: 97",
+        ),
     ] {
         let error = read(&text).unwrap_err();
         let message = error.to_string();
-        assert!(message.contains(&format!("p.csv:{line}: ")) && message.contains(part), "{message}");
+        assert!(
+            message.contains(&format!("p.csv:{line}: ")) && message.contains(part),
+            "{message}"
+        );
         assert_eq!(error.kind(), "bad_sun_path");
     }
 }
@@ -262,7 +301,11 @@ fn tables_are_read_or_refused_with_their_line() {
 /// Where heat is taken that does not arrive at one of the times, the message names that time.
 #[test]
 fn an_impossible_time_is_named() {
-    let Court { mut model, factors, mut cx } = prepared(court(), 1);
+    let Court {
+        mut model,
+        factors,
+        mut cx,
+    } = prepared(court(), 1);
     let taken = format!("{CONDITIONS}[[surface]]\nname = \"z0\"\nsupplied_w_m2 = -300\n");
     let conditions = boundary(&taken, &model.scene).unwrap();
     let mut path = SunPath::new(Path::new("path.csv"), 0.0, AXES);
