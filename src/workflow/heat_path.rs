@@ -1,5 +1,7 @@
 //! The heat of a scene along a path of the sun.
 
+use std::path::PathBuf;
+
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 
@@ -128,7 +130,12 @@ impl PathWork for HeatWork<'_> {
     }
 
     fn hash_into(&self, _: &Model, hasher: &mut Sha256) {
-        hasher.update(format!("{:?}", self.boundary));
+        // Wherever their file is.
+        let conditions = Boundary {
+            file: PathBuf::new(),
+            ..self.boundary.clone()
+        };
+        hasher.update(format!("{conditions:?}"));
         for value in self.sky.iter().flatten() {
             hasher.update(value.to_le_bytes());
         }
