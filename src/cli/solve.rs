@@ -79,11 +79,11 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
 }
 
 fn files(args: &SolveArgs) -> Result<FileSet, Failure> {
-    let path = args.sun_path.as_deref();
-    sun_path::expect_work(args.storage.checkpoint.as_deref(), args.form_factors.as_deref(), path)?;
+    let of_sun = args.sun_path.as_deref();
+    sun_path::expect_work(args.storage.checkpoint.as_deref(), args.form_factors.as_deref(), of_sun)?;
     let mut files = FileSet::default();
     if let Some(output) = &args.output {
-        let output = sun_path::output(output, path)?;
+        let output = sun_path::output(output, of_sun)?;
         if args.lighting.is_empty() {
             files.writes("the output", &output);
         }
@@ -98,7 +98,7 @@ fn files(args: &SolveArgs) -> Result<FileSet, Failure> {
         files.reads("the form factors", Some(&file));
     }
     files.reads("the exitances", args.exitance.as_deref());
-    files.reads("the path of the sun", path);
+    files.reads("the path of the sun", of_sun);
     for file in &args.lighting {
         files.reads("a lighting", Some(file));
     }

@@ -25,7 +25,7 @@ use crate::workflow::{BlockSink, Context, FormFactorStudy, Model, PathStudy, Tot
 /// Reads the path of the sun, if there is one, in a scene where `up` is up.
 pub(super) fn read(file: Option<&Path>, args: &SunArgs, up: DVec3) -> Result<Option<SunPath>, Failure> {
     let axes = [DVec3::from_array(args.north), up];
-    let read = |file| sun_path::read(file, args.sun_radius.unwrap_or(0.0), axes);
+    let read = |table| sun_path::read(table, args.sun_radius.unwrap_or(0.0), axes);
     Ok(file.map(read).transpose()?)
 }
 
@@ -69,7 +69,7 @@ impl OnPath<'_> {
         })?;
         let converged = study.steps.iter().map(|step| step.quality.stop_reason);
         let code = self.code(converged, &study, true);
-        self.finish(study, (code, args.audit.strict), written, run)
+        Ok(self.finish(study, (code, args.audit.strict), written.as_deref(), run))
     }
 
     /// Finds the heat at each time.
@@ -86,7 +86,7 @@ impl OnPath<'_> {
             .flat_map(|step| step.solar.iter().chain([&step.thermal]));
         let is_exact = study.steps.iter().all(crate::workflow::HeatStep::is_exact);
         let code = self.code(bands.map(|band| band.stop_reason), &study, is_exact);
-        self.finish(study, (code, args.audit.strict), written, run)
+        Ok(self.finish(study, (code, args.audit.strict), written.as_deref(), run))
     }
 
     /// Runs `work` with a place for the values of patches, and writes these.
@@ -126,9 +126,9 @@ impl OnPath<'_> {
         self,
         study: PathStudy<S>,
         (code, strict): (ExitCode, bool),
-        written: Option<PathBuf>,
+        written: Option<&Path>,
         run: &mut Run,
-    ) -> Result<Outcome, Failure> {
+    ) -> Outcome {
         run.bars.finish();
         let mut text = run.explanation(&self.model);
         describe_patches(&mut text, &self.model);
@@ -152,14 +152,14 @@ impl OnPath<'_> {
         let _ = writeln!(text);
         run.describe_audit(&mut text);
         run.describe_times(&mut text);
-        if let Some(path) = &written {
+        if let Some(path) = written {
             let _ = writeln!(text, "wrote {}", path.display());
         }
         let document = PathDocument::new(&self.model, self.factors, self.path, study);
-        Ok(Outcome {
+        Outcome {
             text,
             document: run.document_of(&self.model, document),
             code: run.judged(code, strict),
-        })
+        }
     }
 }

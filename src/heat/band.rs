@@ -76,7 +76,9 @@ impl Band {
             own_radiosity,
             own_irradiance,
         ];
-        errors.into_iter().for_each(|own| own.fill(f64::INFINITY));
+        for own in errors {
+            own.fill(f64::INFINITY);
+        }
     }
 
     /// Returns the whole error of H of a patch, that of the mesh included.
@@ -224,8 +226,8 @@ impl Solved<'_> {
     ) -> Result<[Block; 2], SolverError> {
         let mut source = wrong.clone();
         reflect(&mut source);
-        let own = emitted.values().iter().zip(self.residual.values());
-        for (s, (own, r)) in source.values_mut().iter_mut().zip(own) {
+        let emitted = emitted.values().iter().zip(self.residual.values());
+        for (s, (own, r)) in source.values_mut().iter_mut().zip(emitted) {
             *s += own + r.abs();
         }
         let error = self.carried(source, received, reflect)?;

@@ -217,16 +217,16 @@ impl SeriesWriter {
         npz.texts("time_text", report.time_texts)?;
         for own in &self.constants {
             let header = Header::new(f64::DTYPE, &own.shape(None, n));
-            npz.array(&own.name, &header, |writer| write_numbers(writer, &own.values))?;
+            npz.array(&own.name, &header, |array| write_numbers(array, &own.values))?;
         }
         for k in 0..self.quantities.len() {
             let own = &self.quantities[k];
             let header = Header::new(f64::DTYPE, &own.shape(Some(report.times.len()), n));
             let name = own.name.clone();
-            npz.array(&name, &header, |writer| {
+            npz.array(&name, &header, |array| {
                 for block in 0..self.blocks.len() {
                     let n_steps = self.blocks[block].1;
-                    self.copy((block, k), 0..n_steps, n, &mut |numbers| write_numbers(writer, numbers))?;
+                    self.copy((block, k), 0..n_steps, n, &mut |numbers| write_numbers(array, numbers))?;
                 }
                 Ok(())
             })?;

@@ -44,13 +44,14 @@ impl TextFile {
             source,
         };
         let bytes = input_file::read(path, LIMIT).map_err(unreadable)?;
-        let text = String::from_utf8(bytes);
+        let decoded = String::from_utf8(bytes);
         let file = |text| Self {
             path: path.to_owned(),
             kind,
             text,
         };
-        text.map(file)
+        decoded
+            .map(file)
             .map_err(|_| file(String::new()).bad(0, "not UTF-8 text; convert the file to UTF-8".into()))
     }
 

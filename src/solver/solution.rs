@@ -141,7 +141,7 @@ impl Solution {
             channels,
             history: self.history.clone(),
             selections: self.selections.clone(),
-            choice: self.choice.clone(),
+            choice: self.choice,
         }
     }
 

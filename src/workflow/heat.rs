@@ -112,23 +112,23 @@ impl Model {
             .components()
             .unwrap_or_else(|| connected(&study.factors, &study.factors));
         let lets_out = |i: usize| enclosure.lets_out(i, row_sums[i]);
-        for (k, [absorbed, _]) in absorbed.iter().enumerate() {
+        for (k, [own, _]) in absorbed.iter().enumerate() {
             network
-                .expect_determined(&self.scene, &self.mesh, &components, absorbed, lets_out)
+                .expect_determined(&self.scene, &self.mesh, &components, own, lets_out)
                 .map_err(|error| refused(k, error))?;
         }
         let outside = enclosure.surroundings(emissive_power(boundary.surroundings_k), direct.len());
         let (mut exitances, mut errors) = (Vec::new(), [Vec::new(), Vec::new()]);
-        for (c, (band, absorbed)) in solar_light.iter().zip(&absorbed).enumerate() {
+        for (c, (band, own)) in solar_light.iter().zip(&absorbed).enumerate() {
             let own_error = network.absorbed_own_error(band);
-            let absorbed = absorbed.each_ref().map(Vec::as_slice);
             let from_outside = outside.irradiance.channel(c);
-            let (exitance, emitted_error) = thermal_exitance(&network, from_outside, absorbed, &own_error);
+            let (exitance, emitted_error) =
+                thermal_exitance(&network, from_outside, own.each_ref().map(Vec::as_slice), &own_error);
             exitances.push(exitance);
             errors
                 .iter_mut()
                 .zip(emitted_error)
-                .for_each(|(all, own)| all.push(own));
+                .for_each(|(all, found)| all.push(found));
         }
         let system = BandSystem {
             operator,
@@ -142,27 +142,27 @@ impl Model {
         let mut solar = solar.into_iter().flatten();
         let mut all = Vec::new();
         let bands = thermal.into_iter().zip(solar_light);
-        for (k, ((thermal, solar_light), direct)) in bands.zip(direct).enumerate() {
+        for (k, ((of_thermal, of_solar), light)) in bands.zip(direct).enumerate() {
             let solution = HeatSolution {
                 scene: &self.scene,
                 mesh: &self.mesh,
                 boundary,
                 network: &network,
                 enclosure,
-                direct,
-                solar: solar_light,
-                thermal: thermal.band,
+                direct: light,
+                solar: of_solar,
+                thermal: of_thermal.band,
             };
             let mut found = HeatStudy {
                 heat: solution.heat().map_err(|error| refused(k, error))?,
                 solar: None,
-                thermal: thermal.solution,
-                error: thermal.error,
-                mesh_error: thermal.mesh_error,
+                thermal: of_thermal.solution,
+                error: of_thermal.error,
+                mesh_error: of_thermal.mesh_error,
             };
-            if let Some(solar) = solar.next() {
-                found.error = found.error.or_worse(solar.error);
-                found.solar = Some(solar.solution);
+            if let Some(own) = solar.next() {
+                found.error = found.error.or_worse(own.error);
+                found.solar = Some(own.solution);
             }
             all.push(found);
         }
@@ -223,8 +223,9 @@ impl Model {
             is_thermal: false,
         };
         let reflect = |x: &mut Block| {
-            let all = x.values_mut().iter_mut().zip(rho.values());
-            all.for_each(|(x, rho)| *x *= rho);
+            for (own, factor) in x.values_mut().iter_mut().zip(rho.values()) {
+                *own *= factor;
+            }
         };
         self.bands(study, system, reflect, request, cx).map(Some)
     }

@@ -160,16 +160,18 @@ impl PathWork for HeatWork<'_> {
             time: steps[k].time_text.clone(),
         };
         let found = model.heat_of_each(self.study, self.boundary, &direct, (self.request, &refused), cx)?;
-        found.iter().for_each(|study| study.warn_without_mesh(cx));
+        for study in &found {
+            study.warn_without_mesh(cx);
+        }
         let is_constant = |name: &str| CONSTANTS.contains(&name);
         let mut values = SeriesBlock {
             n_steps: steps.len(),
             ..SeriesBlock::default()
         };
         if with_values && let Some(first) = found.first() {
-            for (k, (name, first)) in first.heat.patches.iter().enumerate() {
+            for (k, (name, of_first)) in first.heat.patches.iter().enumerate() {
                 if is_constant(name) {
-                    values.constants.push(SeriesQuantity::scalar(*name, first.clone()));
+                    values.constants.push(SeriesQuantity::scalar(*name, of_first.clone()));
                 } else {
                     let all = found.iter().flat_map(|study| &study.heat.patches[k].1);
                     values

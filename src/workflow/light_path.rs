@@ -89,7 +89,7 @@ impl PathWork for LightWork<'_> {
         let (reflectance, exitance) = model.materials();
         let direct = self.direct(model, occluders, steps, cx);
         let lit = direct.iter().map(|own| own.lit(&reflectance, &exitance));
-        let (lit, errors): (Vec<Block>, Vec<Block>) = lit.map(<(Block, Block)>::from).unzip();
+        let (lit, errors): (Vec<Block>, Vec<Block>) = lit.unzip();
         let rho = Block::side_by_side(&vec![reflectance.clone(); steps.len()]);
         let [all_lit, all_errors] = [&lit, &errors].map(|blocks| Block::side_by_side(blocks));
         let system = (&study.factors as &dyn LinearOperator, study.factors.areas().to_vec());
@@ -100,22 +100,22 @@ impl PathWork for LightWork<'_> {
         study.factors.if_readable(())?;
         let (mut found, mut values) = (Vec::new(), Values::default());
         let mut worst = TotalError::Relative(0.0);
-        for (k, (direct, lit)) in direct.into_iter().zip(&lit).enumerate() {
+        for (k, (daylight, sent)) in direct.into_iter().zip(&lit).enumerate() {
             let c = exitance.n_channels();
             let own = k * c..(k + 1) * c;
-            let carried = carried.as_ref().map(|carried| carried.channels(own.clone()));
-            let coarse = coarse.as_ref().map(|coarse| coarse.of_channels(own.clone()));
+            let own_carried = carried.as_ref().map(|all| all.channels(own.clone()));
+            let own_coarse = coarse.as_ref().map(|all| all.of_channels(own.clone()));
             let own = solution.of_channels(own);
-            let error = TotalError::of(model, carried.as_ref(), &own, cx);
+            let error = TotalError::of(model, own_carried.as_ref(), &own, cx);
             worst = worst.or_worse(error);
             let mut light = SolutionStudy {
-                mesh_error: model.mesh_error(coarse.as_ref(), (lit, &own), cx),
+                mesh_error: model.mesh_error(own_coarse.as_ref(), (sent, &own), cx),
                 solution: own,
-                carried,
+                carried: own_carried,
                 error,
                 direct: DirectDaylight::default(),
             };
-            light.shine(direct);
+            light.shine(daylight);
             if with_values {
                 values.push(&light, study.errors_known);
             }

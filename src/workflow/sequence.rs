@@ -372,10 +372,10 @@ impl<'a> Solved<'a> {
         let mut own = self.stack.solution(place, self.solution);
         let (reflectance, exitance) = self.stack.materials(place);
         let daylight = self.stack.in_daylight(place);
-        let direct = daylight.map(|own| own.direct.clone()).unwrap_or_default();
-        let emitted = daylight.map_or(&exitance, |own| &own.emitted);
+        let direct = daylight.map(|day| day.direct.clone()).unwrap_or_default();
+        let emitted = daylight.map_or(&exitance, |day| &day.emitted);
         let indirect = cx.time("solve", || direct.indirect_irradiance(&factors.factors, emitted, &own));
-        let lit_error = daylight.map(|own| &own.error);
+        let lit_error = daylight.map(|day| &day.error);
         let carried = factors.carried_error_with((&reflectance, &exitance), lit_error, &own, cx)?;
         let coarse = self.coarse.map(|coarse| self.stack.coarsened(place, coarse));
         let mesh_error = model.mesh_error(coarse.as_ref(), (&exitance, &own), cx);

@@ -188,7 +188,7 @@ fn kept_block<S: DeserializeOwned>(checkpoint: &Checkpoint, key: &[u8; 32], k: u
     let (mut block, lengths): (SolvedBlock<S>, Vec<usize>) = ciborium::from_reader(&record[..]).ok()?;
     let mut numbers = numbers.chunks_exact(size_of::<f64>());
     for (own, length) in block.values.all_mut().zip(lengths) {
-        let found = numbers.by_ref().take(length).flat_map(|bytes| bytes.try_into().ok());
+        let found = numbers.by_ref().take(length).filter_map(|bytes| bytes.try_into().ok());
         own.values = found.map(f64::from_le_bytes).collect();
         if own.values.len() != length {
             return None;

@@ -53,7 +53,7 @@ fn work(args: &HeatArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let up = boundary.sky.map_or(DVec3::Z, |sky| sky.up());
     boundary.sun = sun(&args.sun, up)?.map(|request| request.sun).or(boundary.sun);
     boundary.sky = sky(&args.sun, up)?.map(|request| request.sky).or(boundary.sky);
-    let path = sun_path::read(args.sun_path.as_deref(), &args.sun, up)?;
+    let on_path = sun_path::read(args.sun_path.as_deref(), &args.sun, up)?;
     let method = run.request(&args.method, args.form_factor_tolerance, Afterwards::Light);
     let solver = args.solver.request();
     let need = solver.need(&run.cx)?;
@@ -61,13 +61,9 @@ fn work(args: &HeatArgs, run: &mut Run) -> Result<Outcome, Failure> {
         None => model.form_factors(&method, need, &mut run.cx)?,
         Some(file) => model.form_factors_of(file, &method, need, &mut run.cx)?,
     };
-    if let Some(path) = &path {
-        let on_path = OnPath {
-            model,
-            factors: &factors,
-            path,
-        };
-        return on_path.heat(args, &boundary, run);
+    if let Some(path) = &on_path {
+        let factors = &factors;
+        return OnPath { model, factors, path }.heat(args, &boundary, run);
     }
     let study = model.heat(&factors, &boundary, &solver, &mut run.cx)?;
     if let Some(path) = &args.exchange_factors {
@@ -82,13 +78,13 @@ fn work(args: &HeatArgs, run: &mut Run) -> Result<Outcome, Failure> {
 }
 
 fn files(args: &HeatArgs) -> Result<FileSet, Failure> {
-    let path = args.sun_path.as_deref();
-    sun_path::expect_work(args.storage.checkpoint.as_deref(), args.form_factors.as_deref(), path)?;
+    let of_sun = args.sun_path.as_deref();
+    sun_path::expect_work(args.storage.checkpoint.as_deref(), args.form_factors.as_deref(), of_sun)?;
     let mut files = FileSet::default();
     if let Some(output) = &args.output {
-        files.writes("the output", &sun_path::output(output, path)?);
+        files.writes("the output", &sun_path::output(output, of_sun)?);
     }
-    files.reads("the path of the sun", path);
+    files.reads("the path of the sun", of_sun);
     if let Some(path) = &args.exchange_factors {
         files.writes("the exchange factors", path);
     }
