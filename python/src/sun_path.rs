@@ -79,13 +79,13 @@ pub(crate) fn along<'py>(
     let (document, values) = done.value;
     let k = path.steps.len();
     let n = values.n_patches;
-    let shaped = |own: SeriesQuantity, first: Option<usize>| {
+    let array_of = |own: SeriesQuantity, first: Option<usize>| {
         let shape: Vec<usize> = first.into_iter().chain([n]).chain(own.channels).collect();
         let array = PyArray1::from_vec(py, own.values).reshape(IxDyn(&shape))?;
         Ok((own.name, array))
     };
-    let changing = values.all.quantities.into_iter().map(|own| shaped(own, Some(k)));
-    let constant = values.all.constants.into_iter().map(|own| shaped(own, None));
+    let changing = values.all.quantities.into_iter().map(|own| array_of(own, Some(k)));
+    let constant = values.all.constants.into_iter().map(|own| array_of(own, None));
     let arrays: PyResult<Vec<_>> = changing.chain(constant).collect();
     Ok((PyArray1::from_vec(py, path.times()), path.texts(), document, arrays?))
 }
