@@ -34,7 +34,7 @@ from ._errors import (
     SolverError,
 )
 from ._factors import FormFactors
-from ._heat import ExchangeFactors, Heat, PointViews
+from ._heat import ExchangeFactors, Heat, PointViews, SunPath
 from ._image import Image
 from ._interop import from_meshio, from_pyvista, from_trimesh
 from ._model import Model, load
@@ -58,6 +58,7 @@ __all__ = [
     "SceneError",
     "Solution",
     "SolverError",
+    "SunPath",
     "__version__",
     "from_meshio",
     "from_pyvista",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Optional, Union
@@ -246,3 +246,33 @@ class PointViews(Mapping[str, Floats]):
     def mean_radiant_temperature(self) -> Floats:
         """T, K, (k,), of points without a normal: (sum F B / sigma)^(1/4)."""
         return self["mean_radiant_temperature"]
+
+
+class SunPath(Mapping[str, Floats]):
+    """Light or heat at k times of the sun.
+
+    `Model.along_sun_path` makes it. As a mapping it holds the quantities of the n patches by name, those
+    that change with a first axis for the times, (k, n, c) for light and (k, n) for heat; the names are those
+    of `Solution` (``radiosity``, ``irradiance``, ``error``, ``sunlit_fraction``, ...) and of `Heat`.
+    """
+
+    def __init__(self, times: Floats, texts: Sequence[str], document: str, arrays: list[tuple[str, Floats]]) -> None:
+        self._arrays = dict(arrays)
+        #: The times, (k,): numbers as they were given, or s from the first date.
+        self.times = times
+        #: The times as they were written.
+        self.time_texts = list(texts)
+        #: What the program prints with ``--json``: ``steps`` has the surfaces of each time.
+        self.document: dict[str, Any] = json.loads(document)
+
+    def __getitem__(self, name: str) -> Floats:
+        return self._arrays[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._arrays)
+
+    def __len__(self) -> int:
+        return len(self._arrays)
+
+    def __repr__(self) -> str:
+        return f"SunPath({len(self.times)} times of {', '.join(self._arrays)})"

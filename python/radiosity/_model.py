@@ -15,7 +15,7 @@ from ._arguments import Values, faces as face_array, floats, given, of_faces, of
 from ._arguments import surfaces as surface_array
 from ._errors import ArgumentError
 from ._factors import FormFactors
-from ._heat import Boundary, ExchangeFactors, Heat, PointViews, boundary_text
+from ._heat import Boundary, ExchangeFactors, Heat, PointViews, SunPath, boundary_text
 from ._image import Image
 from ._progress import Bar, Progress
 from ._solution import Solution
@@ -584,6 +584,73 @@ class Model:
         options = _heat_options(sun, sky, solver, tolerance, max_passes)
         with Bar(progress) as callback:
             return Heat(self._core.heat(form_factors._core, text, options, callback), form_factors)
+
+    def along_sun_path(
+        self,
+        sun_path: Union[Path, ArrayLike],
+        form_factors: Optional[FormFactors] = None,
+        *,
+        boundary: Optional[Boundary] = None,
+        sky: Union[None, float, Sequence[float]] = None,
+        north: Sequence[float] = (0.0, 1.0, 0.0),
+        angular_radius: float = 0.0,
+        solver: str = "auto",
+        tolerance: Optional[float] = None,
+        max_passes: Optional[int] = None,
+        checkpoint: Optional[Path] = None,
+        progress: Progress = None,
+    ) -> SunPath:
+        """Finds the light of the scene's own materials, or with `boundary` temperatures, at many times of the sun.
+
+        Parameters
+        ----------
+        sun_path : path or array_like, (k, 5)
+            A table (CSV) with the columns ``time``, ``irradiance`` and ``x``, ``y``, ``z`` or ``latitude``,
+            ``longitude``, or rows of time, x, y, z (towards the sun, of any length) and the irradiance of a
+            plane that faces the sun, W/m2. Times increase; dates are in RFC 3339.
+        form_factors : FormFactors, optional
+            Of this model, from patch i to patch j; computed with the defaults of `form_factors` where they
+            are left out. They serve all times.
+        boundary : path or dict, optional
+            As of `heat`. Surfaces store no heat: each time is a steady state of its own.
+        sky : float or three, optional
+            As of `solve`.
+        north, angular_radius
+            Of the scene, for places on Earth, and of the sun's disc in degrees.
+        solver, tolerance, max_passes
+            As of `solve`.
+        checkpoint : path, optional
+            A file for finished times, from which the same call goes on after an interruption.
+        progress : bool or callable, optional
+            As of `Model`.
+
+        Returns
+        -------
+        SunPath
+
+        Raises
+        ------
+        FileError
+            If the table is wrong; the message has its line.
+        """
+        if form_factors is None:
+            form_factors = self.form_factors(progress=progress)
+        is_file = isinstance(sun_path, (str, os.PathLike))
+        table = (os.fspath(sun_path), None) if is_file else (None, floats("sun_path", sun_path))
+        if table[1] is not None and table[1].ndim != 2:
+            raise ArgumentError(f"sun_path: shape {table[1].shape}, expected (k, 5)")
+        options = given(
+            sky=sky if sky is None or isinstance(sky, (int, float)) else list(sky),
+            north=list(north),
+            angular_radius=angular_radius,
+            solver=solver,
+            tolerance=tolerance,
+            max_passes=max_passes,
+            checkpoint=None if checkpoint is None else os.fspath(checkpoint),
+        )
+        text = None if boundary is None else boundary_text(boundary)
+        with Bar(progress) as callback:
+            return SunPath(*self._core.along_sun_path(form_factors._core, table, text, options, callback))
 
     def exchange_factors(
         self,

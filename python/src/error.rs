@@ -23,7 +23,7 @@ pub(crate) fn raised(py: Python<'_>, error: &WorkflowError) -> PyErr {
         WorkflowError::Solver(_) | WorkflowError::NoFiniteSolution { .. } => "SolverError",
         WorkflowError::Report(_) | WorkflowError::OtherGeometry { .. } | WorkflowError::Checkpoint(_) => "FileError",
         WorkflowError::Render(_) => "RenderError",
-        WorkflowError::Heat { .. } => "HeatError",
+        WorkflowError::Heat { .. } | WorkflowError::AtTime { .. } => "HeatError",
         WorkflowError::Unsuited(_) => "ArgumentError",
         _ => "RadiosityError",
     };

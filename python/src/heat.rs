@@ -28,7 +28,7 @@ pub(crate) struct Heat {
 }
 
 /// Reads boundary conditions from their text, or where there is none from the file of that name.
-fn read(py: Python<'_>, shared: &Shared, (text, name): (String, String)) -> PyResult<Boundary> {
+pub(crate) fn read(py: Python<'_>, shared: &Shared, (text, name): (String, String)) -> PyResult<Boundary> {
     let model = shared.lock();
     let read = if text.is_empty() {
         Boundary::load(&name, &model.scene)
@@ -39,7 +39,7 @@ fn read(py: Python<'_>, shared: &Shared, (text, name): (String, String)) -> PyRe
 }
 
 /// Takes sun and sky of a call in place of those of the conditions.
-fn lit(py: Python<'_>, mut boundary: Boundary, options: &Options<'_>) -> PyResult<Boundary> {
+pub(crate) fn lit(py: Python<'_>, mut boundary: Boundary, options: &Options<'_>) -> PyResult<Boundary> {
     let up = boundary.sky.map_or(DVec3::Z, |sky| sky.up());
     if let Some(request) = options.sun(up)? {
         if !is_grey(request.irradiance) {

@@ -8,10 +8,8 @@ use glam::DVec3;
 use numpy::{PyArray1, PyArray2, PyArrayMethods as _};
 use pyo3::prelude::*;
 use radiosity::render::display::Unwatched;
-use radiosity::render::{
-    Attributes, DirectMethod, GatherSettings, Outdoors, RenderInput, RenderSettings, Samples, exr, png,
-};
-use radiosity::workflow::{CameraChoice, ViewRequest, image_byte, indirect_irradiance, rendered};
+use radiosity::render::{Attributes, DirectMethod, GatherSettings, RenderInput, RenderSettings, Samples, exr, png};
+use radiosity::workflow::{CameraChoice, ViewRequest, image_byte, rendered};
 
 use crate::call::Call;
 use crate::error::bad_argument;
@@ -56,7 +54,6 @@ fn settings(py: Python<'_>, options: &Options<'_>, is_unfolded: bool, solution: 
     }
     let flat = flat.unwrap_or(is_own);
     let direct = match options.take::<String>("direct")?.as_deref() {
-        None if solution.is_outdoors => DirectMethod::Off,
         None => DirectMethod::suited(is_unfolded, flat),
         Some("off") => DirectMethod::Off,
         Some("exact") => DirectMethod::Exact,
@@ -69,10 +66,6 @@ fn settings(py: Python<'_>, options: &Options<'_>, is_unfolded: bool, solution: 
             return Err(bad_argument(py, &text));
         }
     };
-    if solution.is_outdoors && direct != DirectMethod::Off {
-        let text = "direct: sun and sky are not among the emitters that it looks for; leave it out";
-        return Err(bad_argument(py, text));
-    }
     if flat && direct != DirectMethod::Off {
         return Err(bad_argument(py, "direct: not along with flat=True"));
     }
@@ -122,8 +115,11 @@ pub(crate) fn render(
         image_byte(view.as_view(), &settings, &cx.memory)?;
         view.note_left_out(&mut model, cx);
         let (study, factors) = (&solution.study, &solution.factors.study.factors);
-        let indirect = (settings.direct != DirectMethod::Off)
-            .then(|| indirect_irradiance(factors, &solution.exitance, &study.solution));
+        let indirect = (settings.direct != DirectMethod::Off).then(|| {
+            study
+                .direct
+                .indirect_irradiance(factors, &solution.exitance, &study.solution)
+        });
         let input = RenderInput {
             scene: &model.scene,
             mesh: &model.mesh,
@@ -132,7 +128,7 @@ pub(crate) fn render(
             irradiance: &study.solution.irradiance,
             indirect_irradiance: indirect.as_ref(),
             error: study.carried.as_ref(),
-            outdoors: Outdoors::default(),
+            outdoors: solution.daylight.outdoors(),
         };
         let camera = view.origin().map(|origin| origin.text(&cx.naming));
         rendered(&input, (view.as_view(), camera.as_deref()), settings, &Unwatched, cx)

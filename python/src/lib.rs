@@ -11,6 +11,7 @@ mod image;
 mod model;
 mod options;
 mod solution;
+mod sun_path;
 
 use pyo3::pymodule;
 

@@ -23,6 +23,7 @@ use crate::heat::Heat;
 use crate::image::Image;
 use crate::options::Options;
 use crate::solution::Solution;
+use crate::sun_path::{Along, Table};
 
 /// A model that calls share, one at a time.
 pub(crate) struct Shared {
@@ -306,14 +307,14 @@ impl Model {
             ..call(progress, &factors.of.settings)
         };
         let (shared, of) = (&self.shared, &factors.of);
-        let (is_own, is_outdoors) = (materials.is_some(), sun.is_some() || sky.is_some());
+        let (is_own, daylight) = (materials.is_some(), Daylight { sun, sky });
         let done = call.run(py, |cx| {
             let mut model = shared.lock();
             if let Some((rho, e)) = materials {
                 return Ok((model.solve_with(&of.study, (&rho, &e), &request, cx)?, rho, e));
             }
-            let study = if is_outdoors {
-                model.solve_in_daylight(&of.study, &request, &Daylight { sun, sky }, cx)?
+            let study = if daylight.shines() {
+                model.solve_in_daylight(&of.study, &request, &daylight, cx)?
             } else {
                 model.solve(&of.study, &request, cx)?
             };
@@ -328,7 +329,7 @@ impl Model {
             factors: Arc::clone(of),
             solver: request.solver,
             is_own,
-            is_outdoors,
+            daylight,
             settings: done.settings,
             warnings: done.warnings,
         })
@@ -359,6 +360,21 @@ impl Model {
     ) -> PyResult<Heat> {
         self.expect_own(py, factors)?;
         crate::heat::heat(py, &self.shared, factors, boundary, &Options::new(options)?, progress)
+    }
+
+    /// Finds light, or with `boundary` heat, at every time of a path of the sun.
+    fn along_sun_path<'py>(
+        &self,
+        py: Python<'py>,
+        factors: &FormFactors,
+        table: Table<'py>,
+        boundary: Option<(String, String)>,
+        options: &Bound<'py, PyDict>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Along<'py>> {
+        self.expect_own(py, factors)?;
+        let options = Options::new(options)?;
+        crate::sun_path::along(py, (&self.shared, factors), table, boundary, &options, progress)
     }
 
     /// Gebhart factors and conductors between the nodes of a thermal network, the surroundings last.

@@ -7,7 +7,7 @@ use numpy::PyArray1;
 use pyo3::prelude::*;
 use radiosity::document::SolverRecord;
 use radiosity::matrix::operator::Block;
-use radiosity::workflow::{Settings, SolutionStudy};
+use radiosity::workflow::{Daylight, Settings, SolutionStudy};
 
 use crate::arrays::{Numbers, array, table};
 use crate::call::Call;
@@ -23,8 +23,8 @@ pub(crate) struct Solution {
     pub(crate) solver: String,
     /// Whether reflectance and exitance are others than the scene's.
     pub(crate) is_own: bool,
-    /// Whether light comes straight from sun or sky, which no renderer adds.
-    pub(crate) is_outdoors: bool,
+    /// Sun and sky, as far as they shine.
+    pub(crate) daylight: Daylight,
     pub(crate) settings: Settings,
     pub(crate) warnings: Vec<String>,
 }

@@ -198,3 +198,28 @@ def test_files(tmp_path: Path, ending: str) -> None:
     if ending == "npz":
         with np.load(path) as archive:
             np.testing.assert_array_equal(archive["temperature_k"], heat.temperature)
+
+
+def test_a_path_of_the_sun(tmp_path: Path) -> None:
+    ground = squares(distance=1.0, reflectance=0.3, subdivide=2)
+    ff = ground.form_factors()
+    rows = [[0.0, 0, 1, 1, 1000.0], [1.5, 0, 0.2, 1, 800.0], [2.0, 0, 1, 1, 0.0]]
+    light = ground.along_sun_path(rows, ff, sky=20.0)
+    assert light["radiosity"].shape == (3, 8, 1) and light["reflectance"].shape == (8, 1)
+    np.testing.assert_array_equal(light.times, [0.0, 1.5, 2.0])
+    for k, (_, x, y, z, strength) in enumerate(rows[:2]):
+        alone = ground.solve(ff, sun={"direction": [x, y, z], "irradiance": strength}, sky=20.0)
+        np.testing.assert_allclose(light["radiosity"][k], alone.radiosity, rtol=1e-5, atol=1e-6)
+    assert [step["sun_irradiance_w_m2"] for step in light.document["steps"]] == [1000.0, 800.0, 0.0]
+    boundary = {"surroundings": {"temperature_k": 250.0}, "surface": {"*": {"emissivity": 0.9, "adiabatic": True}}}
+    table = tmp_path / "day.csv"
+    lines = ["2026-06-21T12:00:00+02:00,47.4,8.5,900", "2026-06-21T23:00:00+02:00,47.4,8.5,0"]
+    table.write_text("time,latitude,longitude,irradiance\n" + "\n".join(lines) + "\n")
+    heat = ground.along_sun_path(table, ff, boundary=boundary)
+    assert heat["temperature_k"].shape == (2, 8) and heat.times[1] == 11 * 3600.0
+    assert (heat["temperature_k"][0] > heat["temperature_k"][1]).any()
+    table.write_text("time,x,y,z,irradiance\n0,0,0,0,5\n")
+    with pytest.raises(rd.FileError, match="day.csv:2"):
+        ground.along_sun_path(table, ff)
+    with pytest.raises(rd.ArgumentError, match="row 1: time"):
+        ground.along_sun_path([rows[1], rows[0]], ff)

@@ -163,12 +163,28 @@ def test_light_of_the_sky() -> None:
     assert (lit.radiosity[white.patch_surface == 1] > 1.0).all(), "the ground lights what is above it"
     image = white.render(lit, width=16, height=16, eye=[0.5, -2.0, 0.5], look_at=[0.5, 0.5, 0.5])
     assert image.radiance.max() > 0.0
-    with pytest.raises(rd.ArgumentError, match="direct"):
-        white.render(lit, direct="exact")
     with pytest.raises(rd.ArgumentError, match="sun, sky"):
         white.solve(exitance=1.0, sky=100.0)
     with pytest.raises(rd.ArgumentError, match="sky"):
         white.solve(sky=-1.0)
+
+
+def test_sunlight_is_pictured() -> None:
+    # Straight down on the lower square, half of it in the shadow of an upper one that is half a square aside.
+    ground = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    roof = [[x + 0.5, y, 1.0] for x, y, _ in ground]
+    model = rd.Model(ground + roof, [[0, 1, 2, 3], [4, 5, 6, 7]], surfaces=["ground", "roof"], reflectance=0.5, subdivide=2)
+    solution = model.solve(sun={"direction": [0.0, 0.0, 1.0], "irradiance": 1000.0}, sky=50.0)
+    camera = {"width": 32, "height": 32, "eye": [0.5, 0.5, 0.9], "look_at": [0.5, 0.5, 0.0], "up": [0.0, 1.0, 0.0], "fov": 50.0}
+    for direct in ["exact", "polygons"]:
+        image = model.render(solution, direct=direct, **camera)
+        direct_light, place = image["direct"], image["P"]
+        on_ground = (place[..., 2] < 1e-3) & (image["patch"] < 4)
+        lit = on_ground & (place[..., 0] < 0.49)
+        dark = on_ground & (place[..., 0] > 0.51)
+        assert lit.sum() > 100 and dark.sum() > 100
+        np.testing.assert_allclose(direct_light[lit], 1000.0, rtol=1e-4)
+        np.testing.assert_allclose(direct_light[dark], 0.0, atol=1e-3)
 
 
 @pytest.mark.parametrize("ending", ["csv", "npz", "vtu", "ply", "obj"])

@@ -25,14 +25,14 @@ mod solution;
 
 use std::fmt;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::render::{Image, Samples};
 pub use form_factors::{Claims, FormFactorAudit, Repair, doubted_rows, form_factors};
 pub use solution::{Given, propagation, sides, solution};
 
 /// A law that a result has to obey.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
@@ -97,7 +97,7 @@ impl Law {
 }
 
 /// One law, and how near it is to being broken.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct Check {
     /// The law.
@@ -194,6 +194,25 @@ impl Audit {
     pub fn extend(&mut self, other: Self) {
         self.checks.extend(other.checks);
         self.not_checked.extend(other.not_checked);
+    }
+
+    /// Joins the checks of each law into one: of the worst place, with the counts of all.
+    pub(crate) fn keep_worst(&mut self) {
+        let mut joined: Vec<Check> = Vec::new();
+        for check in self.checks.drain(..) {
+            let Some(own) = joined.iter_mut().find(|own| own.law == check.law) else {
+                joined.push(check);
+                continue;
+            };
+            let counts = [own.n_checked + check.n_checked, own.n_violations + check.n_violations];
+            let share = |of: &Check| of.deviation / of.allowed.max(f64::MIN_POSITIVE);
+            let is_worse = (!check.passed, share(&check)) > (!own.passed, share(own));
+            if is_worse {
+                *own = check;
+            }
+            [own.n_checked, own.n_violations] = counts;
+        }
+        self.checks = joined;
     }
 
     fn skip(&mut self, law: Law, reason: impl Into<String>) {

@@ -160,7 +160,7 @@ impl From<ReportError> for Failure {
     fn from(error: ReportError) -> Self {
         match error {
             ReportError::UnknownFormat { .. } => Self::usage(error.to_string()),
-            ReportError::BadPoints { line, .. } => Self {
+            ReportError::BadTable { line, .. } => Self {
                 line: u32::try_from(line).ok(),
                 ..Self::new(error.kind(), error.text(&flag)).in_file(error.path())
             },
@@ -231,7 +231,7 @@ impl From<WorkflowError> for Failure {
             }
             WorkflowError::Checkpoint(error) => error.into(),
             WorkflowError::Unsuited(_) => Self::usage(text),
-            WorkflowError::InFrame { error, .. } => {
+            WorkflowError::InFrame { error, .. } | WorkflowError::AtTime { error, .. } => {
                 let failure = Self::from(*error);
                 Self {
                     message: format!("{}{place}", failure.message),

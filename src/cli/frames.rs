@@ -12,6 +12,7 @@ use super::frames_text::describe_pose;
 use super::picture::{image_file, preview_of};
 use super::run::Run;
 use super::solution;
+use super::sun;
 use super::view::{demand, expect_sensible, render_settings};
 use crate::document::{
     FormFactorRecord, FrameRecord, FramesDocument, LitSurface, PoseRecord, Quality, SolverRecord, UpdateRecord,
@@ -51,7 +52,7 @@ impl SequenceObserver for Told<'_> {
             final_gather: study.gather,
             mesh_error: study.mesh_error.clone(),
             energy: study.solution.energy.clone(),
-            surfaces: LitSurface::of(study.model, &study.solution),
+            surfaces: LitSurface::in_daylight(study.model, &study.solution, &study.direct),
             quality: Quality::new(&study.solution, study.error),
         };
         if study.gather.is_some_and(|report| report.n_above > 0) {
@@ -96,11 +97,17 @@ pub(super) fn work(args: &RenderArgs, file: &Path, run: &mut Run) -> Result<Outc
     files(args, file, &all)?.check()?;
     let lighting_files = all.lighting_files.iter().map(Option::as_deref);
     let lightings: Vec<_> = lighting_files.zip(all.lightings.iter().map(Option::as_ref)).collect();
-    run.warn_of_darkness(&model, &lightings);
+    let daylight = sun::daylight(&args.sun)?;
+    if daylight.shines() {
+        args.sun.note(&mut run.cx);
+    } else {
+        run.warn_of_darkness(&model, &lightings);
+    }
     all.announce(&model, &mut run.cx)?;
     let request = SequenceRequest {
         method: &run.request(&args.method, args.form_factor_tolerance, Afterwards::Image),
         solver: &args.solver.request(),
+        daylight,
         file: image_file(args.file),
         viewer: args.display.as_deref(),
     };

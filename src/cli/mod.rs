@@ -26,6 +26,7 @@ mod scene;
 mod solution;
 mod solve;
 mod sun;
+mod sun_path;
 mod surface_table;
 mod verify;
 mod verify_text;

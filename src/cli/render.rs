@@ -67,7 +67,7 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let document = RenderDocument {
         solver: SolverRecord::new(&model, &light.solver, solution, error),
         energy: solution.energy.clone(),
-        surfaces: LitSurface::in_daylight(&model, &light.study),
+        surfaces: LitSurface::in_daylight(&model, &light.study.solution, &light.study.direct),
         form_factors: light.factors.as_ref().map(FormFactorRecord::from),
         mesh_error: light.study.mesh_error.clone(),
         image: args.output.display().to_string(),

@@ -2,6 +2,8 @@
 
 use std::fmt::Write as _;
 
+use glam::DVec3;
+
 use super::args::SolveArgs;
 use super::checks::{describe_checks, describe_patches};
 use super::failure::Failure;
@@ -9,12 +11,12 @@ use super::file_set::FileSet;
 use super::lightings::Lightings;
 use super::run::Run;
 use super::solution::{code, describe};
+use super::sun_path::{self, OnPath};
 use super::{Outcome, lightings, sun};
 use crate::document::{FormFactorRecord, LitSurface, SolveDocument, SolverRecord};
 use crate::matrix::operator::Block;
 use crate::mesh::Subdivision;
 use crate::report::form_factors::{FormFactorFile, files_of};
-use crate::report::solution::Format;
 use crate::workflow::{Afterwards, Demand, FormFactorStudy, Model, SolutionStudy, with_suffix};
 
 pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
@@ -24,9 +26,6 @@ pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
 }
 
 fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
-    if let Some(path) = &args.output {
-        Format::of(path)?;
-    }
     files(args)?.check()?;
     let file = args.form_factors.as_deref().map(FormFactorFile::open).transpose()?;
     let mesh_args = file.as_ref().map_or(Ok(args.mesh), |file| args.mesh.of_file(file))?;
@@ -37,15 +36,16 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
     };
     run.expect(&args.storage, demand);
     let daylight = sun::daylight(&args.sun)?;
-    // In daylight no face has to emit.
-    run.has_lightings = !args.lighting.is_empty() || daylight.shines() || args.exitance.is_some();
+    let path = sun_path::read(args.sun_path.as_deref(), &args.sun, DVec3::Z)?;
+    let shines = daylight.shines() || path.is_some();
+    run.has_lightings = !args.lighting.is_empty() || shines || args.exitance.is_some();
     let mut model = run.prepare(&args.scene, mesh_args, |_| Subdivision::Uniform(1))?;
     // Before the work: a mistake in them is found at once, and their reflectances count in how form factors are stored.
     let loaded = Lightings::load(args, &model.scene)?;
     run.cx.demand.reflectance_max = loaded.reflectance_max();
     let given = args.exitance.as_deref();
     let exitances = given.map(|array| model.materials_of(array)).transpose()?;
-    if !daylight.shines() && exitances.is_none() {
+    if !shines && exitances.is_none() {
         loaded.warn_of_darkness(run, &model, &args.lighting);
     }
     let method = run.request(&args.method, args.form_factor_tolerance, Afterwards::Light);
@@ -56,40 +56,41 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
         return finish(args, run, &model, None, (&rho, &e), &study);
     }
     let need = solver.need(&run.cx)?;
-    let factors = match &file {
+    let factors = &match &file {
         None => model.form_factors(&method, need, &mut run.cx)?,
         Some(file) => model.form_factors_of(file, &method, need, &mut run.cx)?,
     };
     if !args.lighting.is_empty() {
-        return lightings::run(&loaded, run, model, &factors, args);
+        return lightings::run(&loaded, run, model, factors, args);
+    }
+    if let Some(path) = &path {
+        return OnPath { model, factors, path }.solve(args, run);
     }
     if daylight.shines() {
         args.sun.note(&mut run.cx);
-        let study = model.solve_in_daylight(&factors, &solver, &daylight, &mut run.cx)?;
+        let study = model.solve_in_daylight(factors, &solver, &daylight, &mut run.cx)?;
         let (rho, e) = model.materials();
-        return finish(args, run, &model, Some(&factors), (&rho, &e), &study);
+        return finish(args, run, &model, Some(factors), (&rho, &e), &study);
     }
     let materials = exitances.unwrap_or_else(|| model.materials());
     model.plan.revise_channels(materials.1.n_channels());
-    let study = model.solve_with(&factors, (&materials.0, &materials.1), &solver, &mut run.cx)?;
-    finish(args, run, &model, Some(&factors), (&materials.0, &materials.1), &study)
+    let study = model.solve_with(factors, (&materials.0, &materials.1), &solver, &mut run.cx)?;
+    finish(args, run, &model, Some(factors), (&materials.0, &materials.1), &study)
 }
 
 fn files(args: &SolveArgs) -> Result<FileSet, Failure> {
+    let of_sun = args.sun_path.as_deref();
+    sun_path::expect_work(args.storage.checkpoint.as_deref(), args.form_factors.as_deref(), of_sun)?;
     let mut files = FileSet::default();
-    match &args.output {
-        Some(path) if args.lighting.is_empty() => {
-            files.writes("the output", path);
+    if let Some(output) = &args.output {
+        let output = sun_path::output(output, of_sun)?;
+        if args.lighting.is_empty() {
+            files.writes("the output", &output);
         }
-        Some(path) => {
-            for name in lightings::names(&args.lighting)? {
-                files.writes(
-                    format!("the output for the lighting `{name}`"),
-                    &with_suffix(path, &name),
-                );
-            }
+        for name in lightings::names(&args.lighting)? {
+            let of = format!("the output for the lighting `{name}`");
+            files.writes(of, &with_suffix(&output, &name));
         }
-        None => {}
     }
     files.keeps("the checkpoint", args.storage.checkpoint.as_deref());
     files.reads_scene(&args.scene, &args.common.reading);
@@ -97,6 +98,7 @@ fn files(args: &SolveArgs) -> Result<FileSet, Failure> {
         files.reads("the form factors", Some(&file));
     }
     files.reads("the exitances", args.exitance.as_deref());
+    files.reads("the path of the sun", of_sun);
     for file in &args.lighting {
         files.reads("a lighting", Some(file));
     }
@@ -124,7 +126,7 @@ fn finish(
         SolveDocument {
             solver: SolverRecord::new(model, solver, solution, study.error),
             energy: solution.energy.clone(),
-            surfaces: LitSurface::in_daylight(model, study),
+            surfaces: LitSurface::in_daylight(model, solution, &study.direct),
             form_factors: computed.map(FormFactorRecord::from),
             mesh_error: study.mesh_error.clone(),
         },

@@ -10,6 +10,7 @@ mod other;
 #[cfg(feature = "cli")]
 pub mod schema;
 mod solution;
+mod sun_path;
 mod surfaces;
 mod voxel;
 
@@ -17,8 +18,9 @@ pub use form_factors::{FormFactorRecord, FormFactorsDocument, PlaceName, Storage
 pub use heat::{HeatDocument, PointsDocument};
 pub use image::{FieldDocument, FrameRecord, FramesDocument, PoseRecord, RenderDocument, UpdateRecord};
 pub use other::{FailureDocument, FailureRecord, SceneDocument, VerifyDocument};
-pub use solution::{LightingRecord, LightingsDocument, Quality, SolveDocument, SolverRecord};
-pub use surfaces::{FieldSurface, LitSurface, SurfaceRecord, VoxelSurface};
+pub use solution::{LightingRecord, LightingsDocument, SolveDocument, SolverRecord};
+pub use sun_path::{PathDocument, StepRecord};
+pub use surfaces::{FieldSurface, VoxelSurface};
 pub use voxel::{GapRecord, VoxelDocument, VoxelLightRecord, WallRecord};
 
 use serde::Serialize;
@@ -27,6 +29,7 @@ use crate::audit::{Audit, Check, NotChecked};
 use crate::plan::Decision;
 use crate::report::{SCHEMA_VERSION, StageTimes, memory_peak_byte};
 use crate::workflow::{Context, Leak, Model, Settings};
+pub use crate::workflow::{LitSurface, Quality, SurfaceRecord};
 
 /// The version of this crate.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");

@@ -6,7 +6,7 @@ use serde_json::{Map, Value, json};
 
 use super::{
     Document, FailureDocument, FieldDocument, FormFactorsDocument, FramesDocument, HeatDocument, LightingsDocument,
-    OfScene, PointsDocument, RenderDocument, SceneDocument, SolveDocument, VerifyDocument, VoxelDocument,
+    OfScene, PathDocument, PointsDocument, RenderDocument, SceneDocument, SolveDocument, VerifyDocument, VoxelDocument,
 };
 use crate::experiment::baranoski::BaranoskiDocument;
 use crate::experiment::compare::CompareDocument;
@@ -17,6 +17,7 @@ use crate::experiment::malgouyres::{MalgouyresResults, SceneTimes};
 use crate::experiment::pictures::{PictureTimes, PicturesResults};
 use crate::experiment::stability::StabilityDocument;
 use crate::report::SCHEMA_VERSION;
+use crate::workflow::{HeatStep, LightStep};
 
 /// Returns the JSON Schema (draft 2020-12) of what the program prints with `--json`.
 ///
@@ -28,7 +29,9 @@ pub fn schema() -> Value {
     all.add::<OfModel<FormFactorsDocument<'_>>>("form-factors", "form-factors");
     all.add::<OfModel<SolveDocument>>("solve", "solve");
     all.add::<OfModel<LightingsDocument>>("solve-lightings", "solve");
+    all.add::<OfModel<PathDocument<LightStep>>>("solve-sun-path", "solve");
     all.add::<OfModel<HeatDocument>>("heat", "heat");
+    all.add::<OfModel<PathDocument<HeatStep>>>("heat-sun-path", "heat");
     all.add::<OfModel<PointsDocument>>("points", "points");
     all.add::<OfModel<RenderDocument>>("render", "render");
     all.add::<OfModel<FramesDocument>>("render-frames", "render");

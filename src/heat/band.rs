@@ -24,10 +24,10 @@ pub(crate) struct Enclosure<'a> {
 /// The irradiance of patches from outside, before any reflection.
 #[derive(Clone, Debug)]
 pub(crate) struct Outside {
-    /// Its irradiance, W·m⁻², \[n\].
-    pub(crate) irradiance: Vec<f64>,
-    /// The error of that, W·m⁻², \[n\]; of the surroundings without the error of what escapes, where that is the remainder of a row.
-    pub(crate) error: Vec<f64>,
+    /// Its irradiance, W·m⁻², \[n, c\].
+    pub(crate) irradiance: Block,
+    /// The error of that, W·m⁻², \[n, c\]; of the surroundings without the error of what escapes, where that is the remainder of a row.
+    pub(crate) error: Block,
     /// The radiosity of the surroundings, W·m⁻².
     pub(crate) radiosity: f64,
 }
@@ -67,6 +67,20 @@ impl Band {
         }
     }
 
+    /// States that nothing is known of the errors by form factors and solver.
+    pub(crate) fn forget_errors(&mut self) {
+        let [own_radiosity, own_irradiance] = &mut self.own_errors;
+        let errors = [
+            &mut self.radiosity_error,
+            &mut self.irradiance_error,
+            own_radiosity,
+            own_irradiance,
+        ];
+        for own in errors {
+            own.fill(f64::INFINITY);
+        }
+    }
+
     /// Returns the whole error of H of a patch, that of the mesh included.
     pub(super) fn irradiance_error_with_mesh(&self, i: usize) -> f64 {
         self.irradiance_error[i] + self.mesh_change.as_ref().map_or(0.0, |change| change[i].abs())
@@ -75,10 +89,16 @@ impl Band {
 
 impl Enclosure<'_> {
     /// Returns F x.
-    pub(crate) fn received(&self, x: &[f64]) -> Vec<f64> {
-        let mut y = Block::zeros(x.len(), 1);
-        self.factors.apply(&Block::from_values(x.to_vec(), 1), &mut y);
-        y.values().to_vec()
+    pub(crate) fn received(&self, x: &Block) -> Block {
+        let mut y = Block::zeros(x.n_rows(), x.n_channels());
+        self.factors.apply(x, &mut y);
+        y
+    }
+
+    /// Returns Σ_j F_ij as F applied to 1, \[n\].
+    pub(crate) fn row_sums(&self) -> Vec<f64> {
+        let ones = vec![1.0; self.sky.len()];
+        self.received(&Block::from_values(ones, 1)).values().to_vec()
     }
 
     /// Returns whether a row lets light out, as [`RadiositySystem`] judges it from row sums s.
@@ -86,8 +106,8 @@ impl Enclosure<'_> {
         !self.closed_rows[i] && row_sum < 1.0 - f64::from(f32::EPSILON)
     }
 
-    /// Returns the irradiance from surroundings of a radiosity, with its error.
-    pub(crate) fn surroundings(&self, radiosity: f64) -> Outside {
+    /// Returns the irradiance from surroundings of a radiosity in all channels, with its error.
+    pub(crate) fn surroundings(&self, radiosity: f64, n_channels: usize) -> Outside {
         let n = self.sky.len();
         let error = |i: usize| {
             let [sky, back] = [self.sky[i].error(), self.backs[i].error()];
@@ -98,8 +118,11 @@ impl Enclosure<'_> {
             }
         };
         Outside {
-            irradiance: self.sky.iter().map(|sky| sky.value * radiosity).collect(),
-            error: (0..n).map(|i| error(i) * radiosity).collect(),
+            irradiance: Block::from_channels(&vec![
+                self.sky.iter().map(|sky| sky.value * radiosity).collect();
+                n_channels
+            ]),
+            error: Block::from_channels(&vec![(0..n).map(|i| error(i) * radiosity).collect(); n_channels]),
             radiosity,
         }
     }
@@ -109,33 +132,32 @@ impl Enclosure<'_> {
         self.sky[i].value > 0.0 && self.factors.tallies()[i].n_rays == 0
     }
 
-    /// Returns what the errors of form factors make wrong of H = F B, W·m⁻², \[n\]; the surroundings have a `radiosity` of their own.
+    /// Returns what the errors of form factors make wrong of H = F B, W·m⁻², \[n, c\]; the surroundings have a `radiosity` of their own.
     ///
     /// The errors of a row that is known to sum to 1 cancel but for the differences of radiosities: they count relative to the irradiance itself. So do those of a row whose remainder sees the surroundings,
     /// relative to these.
-    fn wrong(&self, b: &[f64], received: &[f64], surroundings: f64) -> Vec<f64> {
-        let reference = |i: usize| match () {
-            () if self.closed_rows[i] => received[i],
-            () if self.is_remainder(i) => surroundings,
-            () => 0.0,
-        };
-        let references: Vec<f64> = (0..b.len()).map(reference).collect();
-        let [light, irradiance] = [b, received].map(|x| Block::from_values(x.to_vec(), 1));
-        let wrong = irradiance_error(self.factors, &light, &irradiance, Some(&references));
-        let row_sums = self.received(&vec![1.0; b.len()]);
-        let of_row = |(i, own): (usize, &f64)| {
-            let off = if self.closed_rows[i] {
-                (1.0 - row_sums[i]).abs()
-            } else {
-                0.0
-            };
-            own + off * received[i].abs()
-        };
-        wrong.values().iter().enumerate().map(of_row).collect()
+    fn wrong(&self, b: &Block, received: &Block, surroundings: f64) -> Block {
+        let mut references = Block::zeros(b.n_rows(), b.n_channels());
+        for i in 0..b.n_rows() {
+            let own = references.row_mut(i);
+            if self.closed_rows[i] {
+                own.copy_from_slice(received.row(i));
+            } else if self.is_remainder(i) {
+                own.fill(surroundings);
+            }
+        }
+        let mut wrong = irradiance_error(self.factors, b, received, Some(&references));
+        for (i, row_sum) in self.row_sums().iter().enumerate().filter(|(i, _)| self.closed_rows[*i]) {
+            let off = (1.0 - row_sum).abs();
+            for (own, light) in wrong.row_mut(i).iter_mut().zip(received.row(i)) {
+                *own += off * light.abs();
+            }
+        }
+        wrong
     }
 }
 
-/// A band that is solved, and what its errors depend on.
+/// A band that is solved for several boundary conditions, each a channel, and what its errors depend on.
 pub(crate) struct Solved<'a> {
     pub(crate) enclosure: Enclosure<'a>,
     /// R F or F.
@@ -143,22 +165,22 @@ pub(crate) struct Solved<'a> {
     /// What of each row the operator leaves out of R.
     pub(crate) reflectance: &'a Block,
     pub(crate) outside: &'a Outside,
-    /// The error of what is emitted, W·m⁻², \[n\]: by form factors and solver, and that of the mesh included.
-    pub(crate) emitted_error: [&'a [f64]; 2],
-    /// The solver's residual, W·m⁻², \[n\].
-    pub(crate) residual: &'a [f64],
+    /// The error of what is emitted, W·m⁻², \[n, c\]: by form factors and solver, and that of the mesh included.
+    pub(crate) emitted_error: [&'a Block; 2],
+    /// The solver's residual, W·m⁻², \[n, c\].
+    pub(crate) residual: &'a Block,
     pub(crate) converged: bool,
 }
 
 impl Solved<'_> {
-    /// Returns the band with the errors that come from form factors, from outside and from the solver; `reflect`: x ← R x.
+    /// Returns the band of each channel with the errors that come from form factors, from outside and from the solver; `reflect`: x ← R x.
     ///
     /// e = (I − R F)⁻¹ (R w + e_E + |r|) and e_H = F e + w, with w what is wrong of H by the errors of F and of the light from outside. All of it is to first order, with the sum of all orders as in
     /// [`carried_error`](crate::solver::carried_error).
     ///
     /// # Errors
     /// [`SolverError`] where form factors on a disk cannot be read.
-    pub(crate) fn band(&self, radiosity: &[f64], reflect: impl Fn(&mut [f64])) -> Result<Band, SolverError> {
+    pub(crate) fn bands(&self, radiosity: &Block, reflect: impl Fn(&mut Block)) -> Result<Vec<Band>, SolverError> {
         let Self {
             enclosure,
             outside,
@@ -168,114 +190,120 @@ impl Solved<'_> {
         let areas = enclosure.factors.areas();
         let received = enclosure.received(radiosity);
         let mut wrong = enclosure.wrong(radiosity, &received, outside.radiosity);
-        wrong.iter_mut().zip(&outside.error).for_each(|(w, own)| *w += own);
+        add(&mut wrong, &outside.error);
         let [own, all] = self.emitted_error;
         let own_errors = self.errors(own, &wrong, &received, &reflect)?;
-        let [radiosity_error, irradiance_error] = if all == own {
+        let with_mesh = if all == own {
             own_errors.clone()
         } else {
             self.errors(all, &wrong, &received, &reflect)?
         };
-        let sum = |(r, area): (&f64, &f64)| area * r.abs();
-        Ok(Band {
-            radiosity: radiosity.to_vec(),
-            irradiance_error,
-            radiosity_error,
-            irradiance: received.iter().zip(&outside.irradiance).map(|(f, d)| f + d).collect(),
-            own_errors,
-            mesh_change: None,
-            residual_power: residual.iter().zip(areas).map(sum).sum(),
-        })
+        let mut irradiance = received;
+        add(&mut irradiance, &outside.irradiance);
+        let of_channel = |c: usize| {
+            let [radiosity_error, irradiance_error] = with_mesh.each_ref().map(|block| block.channel(c));
+            let left_out = residual.channel(c);
+            Band {
+                radiosity: radiosity.channel(c),
+                irradiance_error,
+                radiosity_error,
+                irradiance: irradiance.channel(c),
+                own_errors: own_errors.each_ref().map(|block| block.channel(c)),
+                mesh_change: None,
+                residual_power: left_out.iter().zip(areas).map(|(r, area)| area * r.abs()).sum(),
+            }
+        };
+        Ok((0..radiosity.n_channels()).map(of_channel).collect())
     }
 
     /// Returns the errors e of B and e_H of H, where what is emitted has an error of its own and `wrong` is what is wrong of H.
     fn errors(
         &self,
-        emitted: &[f64],
-        wrong: &[f64],
-        received: &[f64],
-        reflect: &impl Fn(&mut [f64]),
-    ) -> Result<[Vec<f64>; 2], SolverError> {
-        let mut source = wrong.to_vec();
+        emitted: &Block,
+        wrong: &Block,
+        received: &Block,
+        reflect: &impl Fn(&mut Block),
+    ) -> Result<[Block; 2], SolverError> {
+        let mut source = wrong.clone();
         reflect(&mut source);
-        for ((s, own), r) in source.iter_mut().zip(emitted).zip(self.residual) {
+        let emitted = emitted.values().iter().zip(self.residual.values());
+        for (s, (own, r)) in source.values_mut().iter_mut().zip(emitted) {
             *s += own + r.abs();
         }
         let error = self.carried(source, received, reflect)?;
-        let known: Vec<f64> = error.iter().map(|e| if e.is_finite() { *e } else { 0.0 }).collect();
-        let of_error = self.enclosure.received(&known);
-        let all = |(i, e): (usize, &f64)| {
-            if e.is_finite() {
-                of_error[i] + wrong[i]
-            } else {
-                f64::INFINITY
+        let mut known = error.clone();
+        known
+            .values_mut()
+            .iter_mut()
+            .filter(|e| !e.is_finite())
+            .for_each(|e| *e = 0.0);
+        let mut of_irradiance = self.enclosure.received(&known);
+        add(&mut of_irradiance, wrong);
+        for (own, e) in of_irradiance.values_mut().iter_mut().zip(error.values()) {
+            if !e.is_finite() {
+                *own = f64::INFINITY;
             }
-        };
-        let of_irradiance = error.iter().enumerate().map(all).collect();
+        }
         Ok([error, of_irradiance])
     }
 
-    fn carried(
-        &self,
-        source: Vec<f64>,
-        received: &[f64],
-        reflect: &impl Fn(&mut [f64]),
-    ) -> Result<Vec<f64>, SolverError> {
-        let n = source.len();
+    fn carried(&self, source: Block, received: &Block, reflect: &impl Fn(&mut Block)) -> Result<Block, SolverError> {
+        let (n, n_channels) = (source.n_rows(), source.n_channels());
+        let unknown = || Block::from_values(vec![f64::INFINITY; n * n_channels], n_channels);
         let areas = self.enclosure.factors.areas().to_vec();
-        let unknown = vec![f64::INFINITY; n];
-        let built = RadiositySystem::new(
-            self.operator,
-            areas,
-            self.reflectance.clone(),
-            Block::from_values(source, 1),
-        );
-        let system = match built {
+        let system = match RadiositySystem::new(self.operator, areas, self.reflectance.clone(), source) {
             Ok(system) => system,
             Err(error @ SolverError::Disk(_)) => return Err(error),
             // Errors so great, or an enclosure that lets out so little, have no estimate.
-            Err(_) => return Ok(unknown),
+            Err(_) => return Ok(unknown()),
         };
-        let mut reflected = received.to_vec();
-        reflect(&mut reflected);
-        let sizes = || reflected.iter().map(|x| x.abs()).collect();
-        let sizes = self.converged.then(|| Block::from_values(sizes(), 1));
-        let next = |error: &Block| {
-            let light = error.values();
+        let mut sizes = received.clone();
+        reflect(&mut sizes);
+        sizes.values_mut().iter_mut().for_each(|x| *x = x.abs());
+        let next = |light: &Block| {
             let mut wrong = self.enclosure.wrong(light, &self.enclosure.received(light), 0.0);
             reflect(&mut wrong);
-            Block::from_values(wrong, 1)
+            wrong
         };
-        match carried(&system, sizes.as_ref(), next) {
-            Ok(error) => Ok(error.values().to_vec()),
+        match carried(&system, self.converged.then_some(&sizes), next) {
+            Ok(error) => Ok(error),
             Err(error @ SolverError::Disk(_)) => Err(error),
-            Err(_) => Ok(unknown),
+            Err(_) => Ok(unknown()),
         }
     }
 }
 
-/// Returns ρ and E of a solar band: B = (1 − α) (D + F B), \[n, 1\].
-pub(crate) fn solar_system(network: &Network, direct: &[f64]) -> (Block, Block) {
-    let reflectance: Vec<f64> = network
-        .absorptance
-        .iter()
-        .map(|absorptance| 1.0 - absorptance)
-        .collect();
-    let exitance = reflectance.iter().zip(direct).map(|(rho, d)| rho * d).collect();
-    (Block::from_values(reflectance, 1), Block::from_values(exitance, 1))
+/// Adds a block to another.
+fn add(to: &mut Block, more: &Block) {
+    to.values_mut()
+        .iter_mut()
+        .zip(more.values())
+        .for_each(|(sum, x)| *sum += x);
+}
+
+/// Returns ρ of a solar band and E of each channel: B = (1 − α) (D + F B), \[n, c\]; `direct`: D, W·m⁻², \[n, c\].
+pub(crate) fn solar_system(network: &Network, direct: &Block) -> (Block, Block) {
+    let mut reflectance = Block::zeros(direct.n_rows(), direct.n_channels());
+    for (i, absorptance) in network.absorptance.iter().enumerate() {
+        reflectance.row_mut(i).fill(1.0 - absorptance);
+    }
+    let exitance = reflectance.values().iter().zip(direct.values()).map(|(rho, d)| rho * d);
+    let exitance = Block::from_values(exitance.collect(), direct.n_channels());
+    (reflectance, exitance)
 }
 
 /// Returns the exitance of the thermal band, E of B = E + R F B, W·m⁻², and its errors by those of what is absorbed of the sun, \[n\] each.
 ///
-/// `absorbed`: the absorbed solar heat and its error, W·m⁻², \[n\]; `own_error`: that error without the mesh's.
+/// `outside`: the irradiance from outside, W·m⁻², \[n\]; `absorbed`: the absorbed solar heat and its error, W·m⁻², \[n\]; `own_error`: that error without the mesh's.
 pub(crate) fn thermal_exitance(
     network: &Network,
-    outside: &Outside,
+    outside: Vec<f64>,
     absorbed: [&[f64]; 2],
     own_error: &[f64],
 ) -> (Vec<f64>, [Vec<f64>; 2]) {
-    let mut exitance = outside.irradiance.clone();
-    network.reflect(&mut exitance);
+    let mut irradiance = Block::from_values(outside, 1);
+    network.reflect(&mut irradiance);
+    let mut exitance = irradiance.values().to_vec();
     let mut errors = [own_error, absorbed[1]].map(|_| vec![0.0; exitance.len()]);
     let heats = network.heats(absorbed);
     let own_heats = network.heats([absorbed[0], own_error]);

@@ -24,6 +24,7 @@ mod points;
 mod result;
 mod sides;
 mod summary;
+mod sun_path;
 mod sun_position;
 mod sunlight;
 mod thermal;
@@ -36,6 +37,7 @@ pub use network::Network;
 pub use points::{PointHeat, PointQuery, PointStatus, PointView};
 pub use result::Heat;
 pub use summary::{HeatBalance, SurfaceHeat};
+pub use sun_path::{SunPath, SunPlace, SunStep};
 pub use sun_position::sun_direction;
 pub use sunlight::{Sunlight, Sunlit, above_horizon, sunlight};
 pub use thermal::Stated;
@@ -44,6 +46,7 @@ pub(crate) use band::{Enclosure, Outside, Solved, solar_system, thermal_exitance
 pub(crate) use exchange::{Gathered, Nodes};
 pub(crate) use points::PointScene;
 pub(crate) use result::{DirectLight, Solution};
+pub(crate) use sunlight::SunOccluders;
 
 /// σ, the Stefan-Boltzmann constant, W·m⁻²·K⁻⁴: CODATA 2018.
 pub const STEFAN_BOLTZMANN: f64 = 5.670_374_419e-8;

@@ -168,22 +168,23 @@ impl Network {
         &self.areas
     }
 
-    /// Returns 1 − ε of patches whose temperature is given, and 1 of the members of groups, for [`Coupled`] F, \[n, 1\].
-    pub(crate) fn reflectance(&self) -> Block {
+    /// Returns 1 − ε of patches whose temperature is given, and 1 of the members of groups, for [`Coupled`] F, the same in all channels, \[n, c\].
+    pub(crate) fn reflectance(&self, n_channels: usize) -> Block {
         let of_patch = |(state, emissivity): (&State, &f64)| match state {
             State::Given(_) => 1.0 - emissivity,
             State::Member(_) => 1.0,
         };
-        let values = self.state.iter().zip(&self.emissivity).map(of_patch);
-        Block::from_values(values.collect(), 1)
+        let values: Vec<f64> = self.state.iter().zip(&self.emissivity).map(of_patch).collect();
+        Block::from_channels(&vec![values; n_channels])
     }
 
     /// x ← R x.
-    pub(crate) fn reflect(&self, x: &mut [f64]) {
-        self.share(x, 1);
-        for (k, state) in self.state.iter().enumerate() {
+    pub(crate) fn reflect(&self, x: &mut Block) {
+        let n_channels = x.n_channels();
+        self.share(x.values_mut(), n_channels);
+        for (i, state) in self.state.iter().enumerate() {
             if let State::Given(_) = state {
-                x[k] *= 1.0 - self.emissivity[k];
+                x.row_mut(i).iter_mut().for_each(|own| *own *= 1.0 - self.emissivity[i]);
             }
         }
     }

@@ -103,10 +103,14 @@ struct Sums {
 }
 
 impl PointScene<'_> {
+    /// Gathers what points look at.
+    pub(crate) fn views(&self) -> PointViews {
+        PointViews::new(self.scene, self.mesh)
+    }
+
     /// Looks from all points.
-    pub(crate) fn look(&self, queries: &[PointQuery]) -> Vec<PointView> {
-        let views = PointViews::new(self.scene, self.mesh);
-        queries.par_iter().map(|query| self.look_from(&views, query)).collect()
+    pub(crate) fn look(&self, views: &PointViews, queries: &[PointQuery]) -> Vec<PointView> {
+        queries.par_iter().map(|query| self.look_from(views, query)).collect()
     }
 
     fn look_from(&self, views: &PointViews, query: &PointQuery) -> PointView {

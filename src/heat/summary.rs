@@ -1,6 +1,6 @@
 //! The figures of surfaces and of the whole scene, each with its error.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::band::{Band, Enclosure};
 use super::boundary::{Boundary, Condition};
@@ -12,7 +12,7 @@ use crate::mesh::Mesh;
 use crate::scene::Scene;
 
 /// The heat of one surface. Errors are those of form factors, solver and mesh together; `null` where nothing is known.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct SurfaceHeat {
     /// The surface.
@@ -66,7 +66,7 @@ pub struct SurfaceHeat {
 }
 
 /// The heat of the whole scene, both bands together, W. Errors as of [`SurfaceHeat`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct HeatBalance {
     /// The power supplied to all surfaces.
@@ -279,7 +279,7 @@ impl Patches<'_> {
     /// Σ A r + Σ A B (1 − Σ_j F_ij − sky − back) − Σ B g, both bands together: the stated error is the sum of the sizes, and rounding.
     pub(super) fn balance(&self) -> HeatBalance {
         let areas = self.enclosure.factors.areas();
-        let row_sums = self.enclosure.received(&vec![1.0; areas.len()]);
+        let row_sums = self.enclosure.row_sums();
         let mut balance = HeatBalance::default();
         let (mut rows, mut gained, mut moved) = (0.0, 0.0, 0.0);
         let mut supplied = Judged::default();

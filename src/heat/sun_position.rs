@@ -8,6 +8,9 @@ use toml::value::{Datetime, Offset};
 /// Minutes in a day.
 const DAY: f64 = 1440.0;
 
+/// The Julian date of 1970-01-01T00:00:00Z.
+const UNIX_EPOCH: f64 = 2_440_587.5;
+
 /// Returns the unit vector towards the sun at a place on Earth, degrees north and east, and a time in RFC 3339, as 2026-06-21T12:00:00+02:00; `north` and `up` are directions of the scene.
 ///
 /// The sun's azimuth and its height with standard refraction, by the algorithm of the National Renewable Energy Laboratory, to 0.0003°. Source: I. Reda, A. Andreas, "Solar position algorithm for solar radiation
@@ -15,11 +18,37 @@ const DAY: f64 = 1440.0;
 ///
 /// # Errors
 /// The name of the value and what is wrong: `latitude` or `longitude` out of range, a `time` that is no RFC 3339 or at which the sun is below the horizon, a `north` along `up`.
-pub fn sun_direction(
+pub fn sun_direction(place: (f64, f64), time: &str, axes: [DVec3; 2]) -> Result<DVec3, (&'static str, String)> {
+    let SunPosition {
+        direction, height_deg, ..
+    } = sun_position(place, time, axes)?;
+    if height_deg > 0.0 {
+        return Ok(direction);
+    }
+    let wrong = format!(
+        "the sun is {:.1}° below the horizon then; choose a time of the day",
+        -height_deg
+    );
+    Err(("time", wrong))
+}
+
+/// Where the sun stands.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct SunPosition {
+    /// The unit vector towards it.
+    pub(crate) direction: DVec3,
+    /// Its height above the horizon, degrees; negative below.
+    pub(crate) height_deg: f64,
+    /// The time, s from 1970-01-01T00:00:00Z without leap seconds, to a millisecond.
+    pub(crate) time_s: f64,
+}
+
+/// Does what [`sun_direction`] does for a sun below the horizon too.
+pub(crate) fn sun_position(
     (latitude, longitude): (f64, f64),
     time: &str,
     [north, up]: [DVec3; 2],
-) -> Result<DVec3, (&'static str, String)> {
+) -> Result<SunPosition, (&'static str, String)> {
     if !(-90.0..=90.0).contains(&latitude) {
         return Err(("latitude", format!("{latitude} is outside [-90, 90]; correct it")));
     }
@@ -38,15 +67,26 @@ pub fn sun_direction(
         .at_from_julian(julian, place, 0.0, Some(RefractionCorrection::standard()))
         .map_err(|error| no_time(error.to_string()))?;
     let (height, azimuth) = (position.elevation_angle(), position.azimuth());
-    if height <= 0.0 {
-        let wrong = format!(
-            "the sun is {:.1}° below the horizon then; choose a time of the day",
-            -height
-        );
-        return Err(("time", wrong));
-    }
     let ((sin_h, cos_h), (sin_a, cos_a)) = (height.to_radians().sin_cos(), azimuth.to_radians().sin_cos());
-    Ok(cos_h * (cos_a * north + sin_a * north.cross(up)) + sin_h * up)
+    Ok(SunPosition {
+        direction: cos_h * (cos_a * north + sin_a * north.cross(up)) + sin_h * up,
+        height_deg: height,
+        time_s: since_1970(&julian),
+    })
+}
+
+/// Returns a time in RFC 3339 in s from 1970-01-01T00:00:00Z without leap seconds, to a millisecond.
+///
+/// # Errors
+/// `time`, and what is wrong with it.
+pub(super) fn seconds(time: &str) -> Result<f64, (&'static str, String)> {
+    let found = julian(time).map_err(|why| ("time", format!("{why}; write it as 2026-06-21T12:00:00+02:00")))?;
+    Ok(since_1970(&found))
+}
+
+/// A Julian date has the digits for 40 µs.
+fn since_1970(date: &JulianDate) -> f64 {
+    ((date.julian_date() - UNIX_EPOCH) * DAY * 60.0 * 1e3).round() / 1e3
 }
 
 /// Returns a time in RFC 3339 as a Julian date.

@@ -51,6 +51,18 @@ pub struct Sunlight {
     pub irradiance_error: Vec<f64>,
 }
 
+impl Sunlight {
+    /// Returns the light of a sun that does not shine on `n` patches.
+    pub(crate) fn dark(n: usize) -> Self {
+        Self {
+            fraction: vec![0.0; n],
+            fraction_error: vec![0.0; n],
+            irradiance: vec![0.0; n],
+            irradiance_error: vec![0.0; n],
+        }
+    }
+}
+
 /// The sunlight on each patch, in the channels of a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sunlit {
@@ -66,13 +78,25 @@ impl Sunlit {
     /// Finds what a sun lights whose `irradiance` differs by channels; that of `sun` plays no part.
     #[must_use]
     pub fn new(input: Input<'_>, sun: &Sun, irradiance: &[f64]) -> Self {
-        let light = sunlight(
-            input,
-            &Sun {
-                irradiance: 1.0,
-                ..*sun
-            },
-        );
+        Self::of(&SunOccluders::new(input), input, sun, irradiance)
+    }
+
+    /// Returns the light of a sun that does not shine on `n` patches.
+    pub(crate) fn dark(n: usize, n_channels: usize) -> Self {
+        Self {
+            light: Sunlight::dark(n),
+            irradiance: Block::zeros(n, n_channels),
+            error: Block::zeros(n, n_channels),
+        }
+    }
+
+    /// Does what [`new`](Self::new) does with occluders that are gathered.
+    pub(crate) fn of(occluders: &SunOccluders, input: Input<'_>, sun: &Sun, irradiance: &[f64]) -> Self {
+        let one = Sun {
+            irradiance: 1.0,
+            ..*sun
+        };
+        let light = occluders.sunlight(input, &one);
         let block = |of_patches: &[f64]| {
             let rows = of_patches
                 .iter()
@@ -100,41 +124,7 @@ impl Sunlit {
 /// If the mesh has no patch.
 #[must_use]
 pub fn sunlight(input: Input<'_>, sun: &Sun) -> Sunlight {
-    let index = OccluderIndex::new(input.scene);
-    let (low, high) = input.scene.bounding_box();
-    let lamp = Lamp {
-        input,
-        index: &index,
-        reach: 2.0 * low.distance(high),
-    };
-    let of_patch = |i: usize| {
-        let [fine, coarse] = if sun.angular_radius_deg() > 0.0 {
-            CIRCLES.map(|n_circles| lamp.of_disc(i, sun, n_circles))
-        } else {
-            [lamp.shone_on(i, sun.direction()); 2]
-        };
-        let difference = |a: f64, b: f64| (a - b).abs();
-        let [fraction_error, cosine_error] = [
-            fine.fraction_error + difference(fine.fraction, coarse.fraction),
-            fine.cosine_error + difference(fine.cosine, coarse.cosine),
-        ];
-        let strength = sun.irradiance();
-        [
-            fine.fraction.min(1.0),
-            fraction_error.min(1.0),
-            strength * fine.cosine,
-            strength * cosine_error,
-        ]
-    };
-    let n = input.mesh.n_patches();
-    let found: Vec<[f64; 4]> = (0..n).into_par_iter().map(of_patch).collect();
-    let column = |k: usize| found.iter().map(|row| row[k]).collect();
-    Sunlight {
-        fraction: column(0),
-        fraction_error: column(1),
-        irradiance: column(2),
-        irradiance_error: column(3),
-    }
+    SunOccluders::new(input).sunlight(input, sun)
 }
 
 /// The light from one direction on a patch.
@@ -186,6 +176,35 @@ impl Sun {
     }
 }
 
+/// The occluders of a scene, gathered for the light of any number of suns.
+pub(crate) struct SunOccluders {
+    index: OccluderIndex,
+    /// Longer than the scene, m.
+    reach: f64,
+}
+
+impl SunOccluders {
+    /// Gathers the occluders.
+    pub(crate) fn new(input: Input<'_>) -> Self {
+        let (low, high) = input.scene.bounding_box();
+        Self {
+            index: OccluderIndex::new(input.scene),
+            reach: 2.0 * low.distance(high),
+        }
+    }
+
+    /// Does what [`sunlight`] does in the scene that this is from.
+    pub(crate) fn sunlight(&self, input: Input<'_>, sun: &Sun) -> Sunlight {
+        let lamp = Lamp {
+            input,
+            index: &self.index,
+            reach: self.reach,
+        };
+        lamp.sunlight(sun)
+    }
+}
+
+/// The light of suns on the patches of a scene.
 struct Lamp<'a> {
     input: Input<'a>,
     index: &'a OccluderIndex,
@@ -194,6 +213,37 @@ struct Lamp<'a> {
 }
 
 impl Lamp<'_> {
+    fn sunlight(&self, sun: &Sun) -> Sunlight {
+        let of_patch = |i: usize| {
+            let [fine, coarse] = if sun.angular_radius_deg() > 0.0 {
+                CIRCLES.map(|n_circles| self.of_disc(i, sun, n_circles))
+            } else {
+                [self.shone_on(i, sun.direction()); 2]
+            };
+            let difference = |a: f64, b: f64| (a - b).abs();
+            let [fraction_error, cosine_error] = [
+                fine.fraction_error + difference(fine.fraction, coarse.fraction),
+                fine.cosine_error + difference(fine.cosine, coarse.cosine),
+            ];
+            let strength = sun.irradiance();
+            [
+                fine.fraction.min(1.0),
+                fraction_error.min(1.0),
+                strength * fine.cosine,
+                strength * cosine_error,
+            ]
+        };
+        let n = self.input.mesh.n_patches();
+        let found: Vec<[f64; 4]> = (0..n).into_par_iter().map(of_patch).collect();
+        let column = |k: usize| found.iter().map(|row| row[k]).collect();
+        Sunlight {
+            fraction: column(0),
+            fraction_error: column(1),
+            irradiance: column(2),
+            irradiance_error: column(3),
+        }
+    }
+
     fn shone_on(&self, patch: usize, direction: DVec3) -> Shone {
         let own = &self.input.mesh.patches[patch];
         let cosine = own.normal.dot(direction);

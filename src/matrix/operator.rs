@@ -1,5 +1,7 @@
 //! What a solver sees of the form factors: a linear operator on blocks of vectors.
 
+use std::ops::Range;
+
 use super::error::DiskError;
 
 /// n rows by c channels of f64, row-major: the channel runs fastest.
@@ -36,6 +38,46 @@ impl Block {
             "values fill whole rows"
         );
         Self { n_channels, values }
+    }
+
+    /// Puts vectors of one length side by side, each as a channel.
+    ///
+    /// # Panics
+    /// If there is no vector, or their lengths differ.
+    #[must_use]
+    #[track_caller]
+    pub fn from_channels(channels: &[Vec<f64>]) -> Self {
+        let n = channels.first().map_or(0, Vec::len);
+        assert!(channels.iter().all(|own| own.len() == n), "vectors of one length");
+        let rows = (0..n).flat_map(|i| channels.iter().map(move |own| own[i]));
+        Self::from_values(rows.collect(), channels.len())
+    }
+
+    /// Puts the channels of blocks side by side.
+    ///
+    /// # Panics
+    /// If there is no block, or they differ in their numbers of rows.
+    #[must_use]
+    #[track_caller]
+    pub fn side_by_side(blocks: &[Self]) -> Self {
+        let n = blocks.first().map_or(0, Self::n_rows);
+        assert!(blocks.iter().all(|own| own.n_rows() == n), "blocks of one length");
+        let rows = (0..n).flat_map(|i| blocks.iter().flat_map(move |own| own.row(i)));
+        Self::from_values(rows.copied().collect(), blocks.iter().map(Self::n_channels).sum())
+    }
+
+    /// Returns one channel, \[n\].
+    #[must_use]
+    pub fn channel(&self, c: usize) -> Vec<f64> {
+        self.values.iter().skip(c).step_by(self.n_channels).copied().collect()
+    }
+
+    /// Returns some of the channels.
+    #[must_use]
+    pub fn channels(&self, own: Range<usize>) -> Self {
+        let n_channels = own.len();
+        let rows = (0..self.n_rows()).flat_map(|i| &self.row(i)[own.clone()]);
+        Self::from_values(rows.copied().collect(), n_channels)
     }
 
     /// Returns the number of rows (patches).

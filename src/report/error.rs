@@ -30,11 +30,13 @@ pub enum ReportError {
         /// What the operating system said.
         source: io::Error,
     },
-    /// A table of points that cannot be understood.
+    /// A table that cannot be understood.
     #[error("{}:{line}: {}", .path.display(), printable_message(.reason))]
-    BadPoints {
+    BadTable {
         /// The file.
         path: PathBuf,
+        /// [`kind`](Self::kind).
+        kind: &'static str,
         /// The line, from 1.
         line: usize,
         /// The fault, and the remedy.
@@ -140,7 +142,7 @@ impl ReportError {
         match self {
             Self::Unwritable { path, .. }
             | Self::Unreadable { path, .. }
-            | Self::BadPoints { path, .. }
+            | Self::BadTable { path, .. }
             | Self::BadArray { path, .. }
             | Self::UnknownFormat { path, .. }
             | Self::NoDescription { path, .. }
@@ -155,7 +157,10 @@ impl ReportError {
     /// Returns a stable name of the kind, snake_case.
     #[must_use]
     pub fn kind(&self) -> &'static str {
-        self.into()
+        match self {
+            Self::BadTable { kind, .. } => kind,
+            _ => self.into(),
+        }
     }
 }
 

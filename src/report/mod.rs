@@ -33,11 +33,14 @@ mod paper;
 pub mod plot;
 pub mod points;
 mod read;
+pub mod series;
 mod sky;
 pub mod solution;
 mod stages;
+pub mod sun_path;
 #[cfg(feature = "reports")]
 mod table;
+mod text_table;
 mod view3d;
 pub mod voxels;
 mod vtu;

@@ -11,14 +11,10 @@ use serde_json::{Map, Value, json};
 
 use super::exchange::Format;
 use super::npz::NpzWriter;
+use super::text_table::TextFile;
 use super::{ReportError, csv, file};
 use crate::heat::{PointQuery, PointView, Stated};
-use crate::input_file;
-use crate::printable::quoted;
 use crate::scene::Scene;
-
-/// The most bytes of a table of points.
-const LIMIT: u64 = 1 << 30;
 
 /// The columns of the position, and of the normal.
 const POSITION: [&str; 3] = ["x", "y", "z"];
@@ -27,68 +23,29 @@ const NORMAL: [&str; 3] = ["nx", "ny", "nz"];
 /// Reads points from a table.
 ///
 /// # Errors
-/// [`ReportError::Unreadable`], and [`ReportError::BadPoints`] with the line of what is no such table, no finite number, or a normal without a length.
+/// [`ReportError::Unreadable`], and [`ReportError::BadTable`] with the line of what is no such table, no finite number, or a normal without a length.
 pub fn read(path: &Path) -> Result<Vec<PointQuery>, ReportError> {
-    let bytes = input_file::read(path, LIMIT).map_err(|source| ReportError::unreadable(path, source))?;
-    let bad = |line: usize, reason: String| ReportError::BadPoints {
-        path: path.to_owned(),
-        line: line + 1,
-        reason,
+    let file = TextFile::read(path, "bad_points")?;
+    let table = file.table("x,y,z")?;
+    let [Some(x), Some(y), Some(z)] = table.find(POSITION) else {
+        return Err(table.bad_head("the first line does not name the columns x, y and z; add it"));
     };
-    let text = String::from_utf8(bytes).map_err(|_| bad(0, "not UTF-8 text; convert the file to UTF-8".into()))?;
-    let text = text.trim_start_matches('\u{feff}');
-    let mut lines = text.lines().enumerate().filter(|(_, line)| {
-        let line = line.trim();
-        !line.is_empty() && !line.starts_with('#')
-    });
-    let (head_line, head) = lines
-        .next()
-        .ok_or_else(|| bad(0, "no line of names; begin with x,y,z".into()))?;
-    let names: Vec<&str> = head.split(',').map(|name| name.trim().trim_matches('"')).collect();
-    let find = |wanted: [&str; 3]| wanted.map(|name| names.iter().position(|own| own.eq_ignore_ascii_case(name)));
-    let [Some(x), Some(y), Some(z)] = find(POSITION) else {
-        return Err(bad(
-            head_line,
-            "the first line does not name the columns x, y and z; add it".into(),
-        ));
-    };
-    let normal = match find(NORMAL) {
+    let normal = match table.find(NORMAL) {
         [Some(nx), Some(ny), Some(nz)] => Some([nx, ny, nz]),
         [None, None, None] => None,
-        _ => {
-            return Err(bad(
-                head_line,
-                "not all of nx, ny and nz are there; give all or none".into(),
-            ));
-        }
+        _ => return Err(table.bad_head("not all of nx, ny and nz are there; give all or none")),
     };
     let mut points = Vec::new();
-    for (line, row) in lines {
-        let cells: Vec<&str> = row.split(',').map(str::trim).collect();
-        let vector = |columns: [usize; 3]| -> Result<DVec3, ReportError> {
-            let mut found = [0.0; 3];
-            for (value, column) in found.iter_mut().zip(columns) {
-                let cell = cells.get(column).copied().unwrap_or_default();
-                let number = cell.parse().ok().filter(|number: &f64| number.is_finite());
-                *value = number.ok_or_else(|| {
-                    bad(
-                        line,
-                        format!(
-                            "`{}` in column `{}` is no finite number; correct it",
-                            quoted(cell),
-                            names[column]
-                        ),
-                    )
-                })?;
-            }
-            Ok(DVec3::from_array(found))
-        };
+    for row in table.rows() {
         let query = PointQuery {
-            position: vector([x, y, z])?,
-            normal: normal.map(vector).transpose()?,
+            position: row.numbers([x, y, z])?.into(),
+            normal: normal
+                .map(|columns| row.numbers(columns))
+                .transpose()?
+                .map(DVec3::from_array),
         };
         if query.normal.is_some_and(|own| own.try_normalize().is_none()) {
-            return Err(bad(line, "the normal has no length; correct it".into()));
+            return Err(row.bad("the normal has no length; correct it".into()));
         }
         points.push(query);
     }

@@ -35,8 +35,24 @@ pub(super) fn write(
     description: &str,
     data: &[CellData],
 ) -> io::Result<()> {
+    write_at(writer, None, (scene, mesh), description, data)
+}
+
+/// Does what [`write`] does for values at a time, which readers of VTK find as `TimeValue`.
+pub(super) fn write_at(
+    writer: &mut dyn Write,
+    time: Option<f64>,
+    (scene, mesh): (&Scene, &Mesh),
+    description: &str,
+    data: &[CellData],
+) -> io::Result<()> {
     let names: Vec<&str> = scene.surfaces.iter().map(|s| s.name.as_str()).collect();
-    write_head(writer, description, &names, mesh.vertices.len(), mesh.n_patches())?;
+    write_fields(writer, description, &names)?;
+    if let Some(time) = time {
+        let head = "<DataArray type=\"Float64\" Name=\"TimeValue\" NumberOfTuples=\"1\" format=\"ascii\">";
+        writeln!(writer, "{head}\n{time:?}\n</DataArray>")?;
+    }
+    end_fields(writer, mesh.vertices.len(), mesh.n_patches())?;
     write_numbers(
         writer,
         "Float64",
@@ -82,6 +98,32 @@ pub(super) fn write_head(
     n_points: usize,
     n_cells: usize,
 ) -> io::Result<()> {
+    write_fields(writer, description, surface_names)?;
+    end_fields(writer, n_points, n_cells)
+}
+
+/// A time, and the name of the file of what there is then.
+pub(super) type Collected<'a> = (f64, &'a str);
+
+/// Writes the list of the files of a series (`.pvd`), which lie beside it.
+pub(super) fn write_collection(writer: &mut dyn Write, files: &[Collected<'_>]) -> io::Result<()> {
+    writeln!(writer, "<?xml version=\"1.0\"?>")?;
+    writeln!(
+        writer,
+        "<VTKFile type=\"Collection\" version=\"0.1\" byte_order=\"LittleEndian\">\n<Collection>"
+    )?;
+    for (time, name) in files {
+        let name = escaped(name);
+        writeln!(
+            writer,
+            "<DataSet timestep=\"{time:?}\" group=\"\" part=\"0\" file=\"{name}\"/>"
+        )?;
+    }
+    writeln!(writer, "</Collection>\n</VTKFile>")
+}
+
+/// Writes the beginning, with data of the whole field, of which there may be more.
+fn write_fields(writer: &mut dyn Write, description: &str, surface_names: &[&str]) -> io::Result<()> {
     writeln!(writer, "<?xml version=\"1.0\"?>")?;
     writeln!(
         writer,
@@ -89,7 +131,10 @@ pub(super) fn write_head(
     )?;
     writeln!(writer, "<UnstructuredGrid>\n<FieldData>")?;
     write_texts(writer, "description", &[description])?;
-    write_texts(writer, "surface_name", surface_names)?;
+    write_texts(writer, "surface_name", surface_names)
+}
+
+fn end_fields(writer: &mut dyn Write, n_points: usize, n_cells: usize) -> io::Result<()> {
     writeln!(writer, "</FieldData>")?;
     writeln!(
         writer,

@@ -131,15 +131,16 @@ fn sent_wrongly(factors: &FormFactors, reflectance: &Block, radiosity: &Block, i
 
 /// Returns h + u |H|, what the errors of form factors and their rounding make wrong of the irradiance H = F B.
 ///
-/// `references`: c_i of rows whose errors cancel, Σ_j δF_ij = 0, as their sum is known: h_i² = Σ_j (s_ij (B_j − c_i))² for any c_i, \[n\]; `None` for 0 in all rows.
+/// `references`: c_i of rows whose errors cancel, Σ_j δF_ij = 0, as their sum is known: h_i² = Σ_j (s_ij (B_j − c_i))² for any c_i, \[n, c\]; `None` for 0 in all rows.
 pub(crate) fn irradiance_error(
     factors: &FormFactors,
     radiosity: &Block,
     irradiance: &Block,
-    references: Option<&[f64]>,
+    references: Option<&Block>,
 ) -> Block {
     let (n, n_channels) = (radiosity.n_rows(), radiosity.n_channels());
-    let reference = |i: usize| references.map_or(0.0, |references| references[i]);
+    let zeros = vec![0.0; n_channels];
+    let reference = |i: usize| references.map_or(&zeros[..], |references| references.row(i));
     // So that no square leaves the range of numbers, whatever the unit of light.
     let mut greatest = vec![f64::MIN_POSITIVE; n_channels];
     for (k, b) in radiosity.values().iter().enumerate() {
@@ -161,12 +162,13 @@ pub(crate) fn irradiance_error(
         let mut squares = Block::zeros(blocks[k].len(), n_channels);
         for_each_error(factors, blocks[k].clone(), |i, j, error| {
             let of_row = squares.row_mut(i - blocks[k].start);
-            for ((square, b), unit) in of_row.iter_mut().zip(radiosity.row(j)).zip(&greatest) {
-                *square += (error * ((b - reference(i)) / unit)).powi(2);
+            let light = radiosity.row(j).iter().zip(reference(i)).zip(&greatest);
+            for (square, ((b, own), unit)) in of_row.iter_mut().zip(light) {
+                *square += (error * ((b - own) / unit)).powi(2);
             }
         });
         let source = |(i, c): (usize, usize)| {
-            let shift = (reference(i) / greatest[c]).powi(2);
+            let shift = (reference(i)[c] / greatest[c]).powi(2);
             let unhit = factors.open_error(i).powi(2) * (mean_squares[c] + shift);
             let noise = (squares.row(i - blocks[k].start)[c] + unhit).sqrt() * greatest[c];
             noise + rounding * irradiance.row(i)[c].abs()

@@ -1,6 +1,6 @@
 //! Where the light of a solution goes.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::system::RadiositySystem;
 use crate::matrix::operator::Block;
@@ -9,7 +9,7 @@ use crate::matrix::operator::Block;
 ///
 /// With r = E − B + ρ H, Σ A r = emitted − absorbed − absorbed_by_backs − escaped holds exactly where A_i F_ij is symmetric, so that
 /// its size is at most sqrt(Σ A) sqrt(Σ A r²); else the rest is the light that form factors without reciprocity make or lose.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct Energy {
     /// Σ A E, W.

@@ -1,6 +1,6 @@
 //! How far radiosities would be off on a coarser mesh: what tells of the error of the mesh.
 
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
 
 use super::error::SolverError;
 use super::registry;
@@ -27,6 +27,18 @@ pub struct Coarsened {
     pub change: Block,
     /// What the radiosities are more than these means, W·m⁻², \[n, c\].
     pub spread: Block,
+}
+
+impl Coarsened {
+    /// Returns what of it belongs to some of the channels.
+    #[must_use]
+    pub fn of_channels(&self, own: Range<usize>) -> Self {
+        Self {
+            n_patches: self.n_patches,
+            change: self.change.channels(own.clone()),
+            spread: self.spread.channels(own),
+        }
+    }
 }
 
 /// Estimates how the radiosities would change if the first level of `hierarchy` were the mesh, from the form factors of the patches that there are; `None` without such a level, or if the estimate was

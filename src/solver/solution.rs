@@ -1,5 +1,7 @@
 //! What a solver returns.
 
+use std::ops::Range;
+
 use super::choice::Choice;
 use super::energy::Energy;
 use super::error::SolverError;
@@ -115,6 +117,31 @@ impl Solution {
             selections: Vec::new(),
             energy: Vec::new(),
             choice: None,
+        }
+    }
+
+    /// Returns what of the solution belongs to some of the channels. The passes, and what happened in them, are those of all together.
+    #[must_use]
+    pub fn of_channels(&self, own: Range<usize>) -> Self {
+        let channels = self.channels[own.clone()].to_vec();
+        let quality = ChannelQuality::of_all(&channels, self.stop_reason);
+        Self {
+            radiosity: self.radiosity.channels(own.clone()),
+            irradiance: self.irradiance.channels(own.clone()),
+            display: self.display.as_ref().map(|display| display.channels(own.clone())),
+            energy: self.energy.get(own).map(<[Energy]>::to_vec).unwrap_or_default(),
+            stop_reason: quality.stop_reason,
+            n_passes: self.n_passes,
+            n_checks: self.n_checks,
+            setup_work: self.setup_work,
+            setup_s: self.setup_s,
+            residual_l2: quality.residual_l2,
+            residual_max_power: quality.residual_max_power,
+            error_bound: quality.error_bound,
+            channels,
+            history: self.history.clone(),
+            selections: self.selections.clone(),
+            choice: self.choice,
         }
     }
 

@@ -45,6 +45,8 @@ pub struct Context {
     pub(super) checkpoint: Option<Checkpoint>,
     pub(super) deadline: Option<Instant>,
     pub(super) has_looked_at_gaps: Cell<bool>,
+    /// Of warnings of one kind only the first is kept: work that repeats itself warns once.
+    pub(super) warns_once_of_a_kind: bool,
     begun: Instant,
 }
 
@@ -89,6 +91,7 @@ impl Context {
             checkpoint: None,
             deadline: None,
             has_looked_at_gaps: Cell::new(false),
+            warns_once_of_a_kind: false,
             begun: Instant::now(),
         }
     }
@@ -108,6 +111,10 @@ impl Context {
 
     /// Keeps a warning and tells it.
     pub fn warn(&self, warning: Warning) {
+        let is_of_its_kind = |other: &Warning| std::mem::discriminant(other) == std::mem::discriminant(&warning);
+        if self.warns_once_of_a_kind && self.warnings.borrow().iter().any(is_of_its_kind) {
+            return;
+        }
         if let Some(listener) = &self.listener {
             listener(&warning);
         }

@@ -5,6 +5,7 @@ use crate::form_factor::Fraction;
 use crate::heat::{Sky, Sun, Sunlit, above_horizon};
 use crate::matrix::operator::{Block, LinearOperator};
 use crate::render::{DistantSky, DistantSun, Outdoors};
+use crate::solver::Solution;
 
 /// The sun as channels see it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -89,6 +90,58 @@ impl DirectDaylight {
     }
 }
 
+impl DirectDaylight {
+    /// Returns E + ρ D, what patches send out before any light comes from other patches, and the error of that, W·m⁻², \[n, c\].
+    pub(super) fn lit(&self, reflectance: &Block, exitance: &Block) -> (Block, Block) {
+        let (mut lit, mut error) = (exitance.clone(), Block::zeros(exitance.n_rows(), exitance.n_channels()));
+        for [irradiance, own_error] in self.parts() {
+            add(&mut lit, irradiance, Some(reflectance));
+            add(&mut error, own_error, Some(reflectance));
+        }
+        (lit, error)
+    }
+
+    /// Returns the first channels.
+    pub(super) fn of_channels(&self, n: usize) -> Self {
+        Self {
+            sun: self.sun.as_ref().map(|sun| Sunlit {
+                light: sun.light.clone(),
+                irradiance: sun.irradiance.channels(0..n),
+                error: sun.error.channels(0..n),
+            }),
+            sky: self
+                .sky
+                .as_ref()
+                .map(|sky| sky.each_ref().map(|block| block.channels(0..n))),
+        }
+    }
+
+    /// Adds what comes straight from sun and sky to an irradiance.
+    pub(super) fn add_to(&self, irradiance: &mut Block) {
+        for [own, _] in self.parts() {
+            add(irradiance, own, None);
+        }
+    }
+
+    /// Returns the irradiance without what comes straight from emitters and the sun, F (B − E) and that of the sky, W·m⁻², \[n, c\]; `exitance`: E.
+    #[must_use]
+    pub fn indirect_irradiance(&self, factors: &dyn LinearOperator, exitance: &Block, solution: &Solution) -> Block {
+        let mut indirect = super::indirect_irradiance(factors, exitance, solution);
+        if let Some([irradiance, _]) = &self.sky {
+            add(&mut indirect, irradiance, None);
+        }
+        indirect
+    }
+}
+
+impl SolutionStudy {
+    /// Adds what comes straight from sun and sky to the irradiance.
+    pub(super) fn shine(&mut self, direct: DirectDaylight) {
+        direct.add_to(&mut self.solution.irradiance);
+        self.direct = direct;
+    }
+}
+
 /// Adds `of(i, c)` times a block to another.
 fn add(to: &mut Block, light: &Block, factor: Option<&Block>) {
     for (k, (sum, value)) in to.values_mut().iter_mut().zip(light.values()).enumerate() {
@@ -110,32 +163,35 @@ impl Model {
         daylight: &Daylight,
         cx: &mut Context,
     ) -> Result<SolutionStudy, WorkflowError> {
+        self.see_colours(daylight);
+        let (reflectance, exitance) = self.materials();
+        let direct = self.direct_daylight(study, daylight, self.plan.n_channels, cx);
+        let (lit, error) = direct.lit(&reflectance, &exitance);
+        let system = (&study.factors as &dyn LinearOperator, study.factors.areas().to_vec());
+        let materials = (reflectance.clone(), lit.clone());
+        let solution = self.solve_system(system, request, materials, study.known(), cx)?;
+        let mut found = self.judged_with(study, (&reflectance, &lit), Some(&error), solution, cx)?;
+        found.shine(direct);
+        Ok(found)
+    }
+
+    /// Takes three channels where daylight has a colour.
+    pub(super) fn see_colours(&mut self, daylight: &Daylight) {
         if !daylight.is_grey() {
             self.plan.revise_channels(3);
             self.plan.n_channels = 3;
             self.plan.revise("channels", "3", "sun or sky have a colour");
         }
-        let (reflectance, exitance) = self.materials();
-        let direct = self.direct_daylight(study, daylight, cx);
-        let (mut lit, mut error) = (exitance.clone(), Block::zeros(exitance.n_rows(), exitance.n_channels()));
-        for [irradiance, own_error] in direct.parts() {
-            add(&mut lit, irradiance, Some(&reflectance));
-            add(&mut error, own_error, Some(&reflectance));
-        }
-        let system = (&study.factors as &dyn LinearOperator, study.factors.areas().to_vec());
-        let materials = (reflectance.clone(), lit.clone());
-        let solution = self.solve_system(system, request, materials, study.known(), cx)?;
-        let mut found = self.judged_with(study, (&reflectance, &lit), Some(&error), solution, cx)?;
-        for [irradiance, _] in direct.parts() {
-            add(&mut found.solution.irradiance, irradiance, None);
-        }
-        found.direct = direct;
-        Ok(found)
     }
 
     /// Finds what comes straight from sun and sky.
-    fn direct_daylight(&self, study: &FormFactorStudy, daylight: &Daylight, cx: &Context) -> DirectDaylight {
-        let n_channels = self.plan.n_channels;
+    pub(super) fn direct_daylight(
+        &self,
+        study: &FormFactorStudy,
+        daylight: &Daylight,
+        n_channels: usize,
+        cx: &Context,
+    ) -> DirectDaylight {
         let sun = daylight.sun.map(|sun| {
             let strengths = &sun.irradiance[..n_channels];
             cx.time("sun", || Sunlit::new(self.input(), &sun.sun, strengths))

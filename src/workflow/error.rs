@@ -134,6 +134,17 @@ pub enum WorkflowError {
         /// The name of the frame.
         frame: String,
     },
+    /// A time of a path of the sun has an error.
+    AtTime {
+        /// Why.
+        error: Box<WorkflowError>,
+        /// The table of times.
+        path: PathBuf,
+        /// Its line, from 1.
+        line: usize,
+        /// The time.
+        time: String,
+    },
     /// Work was told to end.
     Interrupted,
 }
@@ -198,6 +209,7 @@ impl WorkflowError {
             Self::InFrame { list, line, frame, .. } => {
                 format!("; frame `{frame}` names it, {}:{line}", list.display())
             }
+            Self::AtTime { path, line, time, .. } => format!("; at time `{time}`, {}:{line}", path.display()),
             _ => String::new(),
         }
     }
@@ -269,7 +281,9 @@ impl WorkflowError {
             Self::Heat { file, error } => format!("{}: {error}", file.display()),
             Self::Checkpoint(error) => error.to_string(),
             Self::Unsuited(unsuited) => unsuited.text(named),
-            Self::InFrame { error, .. } => format!("{}{}", error.text(named), self.place()),
+            Self::InFrame { error, .. } | Self::AtTime { error, .. } => {
+                format!("{}{}", error.text(named), self.place())
+            }
             Self::Interrupted => "no output was written".to_owned(),
         };
         printable_message(&text)

@@ -3,8 +3,8 @@
 use super::solve::Known;
 use super::{Context, FormFactorStudy, MeshError, Model, SolveRequest, TotalError, Warning, WorkflowError};
 use crate::heat::{
-    Band, Boundary, DirectLight, Enclosure, Heat, HeatError, Network, Outside, Solution as HeatSolution, Solved,
-    emissive_power, solar_system, sunlight, thermal_exitance,
+    Band, Boundary, DirectLight, Enclosure, Heat, HeatBalance, HeatError, Network, Outside, Solution as HeatSolution,
+    Solved, emissive_power, solar_system, sunlight, thermal_exitance,
 };
 use crate::matrix::connected;
 use crate::matrix::operator::{Block, LinearOperator};
@@ -42,13 +42,13 @@ impl HeatStudy {
     }
 }
 
-/// One band to be solved.
+/// One band to be solved, for all directions of the sun side by side.
 struct BandSystem<'a> {
     operator: &'a dyn LinearOperator,
     reflectance: Block,
     exitance: Block,
     /// By form factors and solver, and that of the mesh included.
-    emitted_error: [Vec<f64>; 2],
+    emitted_error: [Block; 2],
     outside: Outside,
     is_thermal: bool,
 }
@@ -73,107 +73,148 @@ impl Model {
         request: &SolveRequest,
         cx: &mut Context,
     ) -> Result<HeatStudy, WorkflowError> {
-        let refused = |error: HeatError| WorkflowError::Heat {
+        let direct = [self.direct_light(study, boundary, cx)];
+        let refused = |_, error: HeatError| WorkflowError::Heat {
             file: boundary.file.clone(),
             error,
         };
-        let network = Network::new(&self.scene, &self.mesh, boundary).map_err(refused)?;
+        let mut found = self.heat_of_each(study, boundary, &direct, (request, &refused), cx)?;
+        let found = found.swap_remove(0);
+        found.warn(cx);
+        Ok(found)
+    }
+
+    /// Does what [`heat`](Self::heat) does for each of several lights from outside, all in the same passes over the form factors; `refused`: what to say of an error of the light of this number.
+    pub(super) fn heat_of_each(
+        &mut self,
+        study: &FormFactorStudy,
+        boundary: &Boundary,
+        direct: &[DirectLight],
+        (request, refused): (&SolveRequest, &dyn Fn(usize, HeatError) -> WorkflowError),
+        cx: &mut Context,
+    ) -> Result<Vec<HeatStudy>, WorkflowError> {
+        let network = Network::new(&self.scene, &self.mesh, boundary).map_err(|error| refused(0, error))?;
         let enclosure = study.enclosure();
-        let direct = self.direct_light(study, boundary, cx);
-        let solar = self.solar_band(study, (&network, &direct), request, cx)?;
-        let solar_light = solar
-            .as_ref()
-            .map_or_else(|| Band::dark(network.n_patches()), |solar| solar.band.clone());
-        let absorbed = network.absorbed(&solar_light);
-        let absorbed = absorbed.each_ref().map(Vec::as_slice);
+        let n = network.n_patches();
+        let solar = self.solar_band(study, (&network, direct), request, cx)?;
+        let solar_light: Vec<Band> = match &solar {
+            Some(studies) => studies.iter().map(|own| own.band.clone()).collect(),
+            None => vec![Band::dark(n); direct.len()],
+        };
+        let absorbed: Vec<[Vec<f64>; 2]> = solar_light.iter().map(|band| network.absorbed(band)).collect();
         let coupled = network.coupled(&study.factors);
         let operator: &dyn LinearOperator = match &coupled {
             Some(coupled) => coupled,
             None => &study.factors,
         };
-        let row_sums = enclosure.received(&vec![1.0; network.n_patches()]);
+        let row_sums = enclosure.row_sums();
         let components = operator
             .components()
             .unwrap_or_else(|| connected(&study.factors, &study.factors));
         let lets_out = |i: usize| enclosure.lets_out(i, row_sums[i]);
-        network
-            .expect_determined(&self.scene, &self.mesh, &components, absorbed[0], lets_out)
-            .map_err(refused)?;
-        let outside = enclosure.surroundings(emissive_power(boundary.surroundings_k));
-        let own_error = network.absorbed_own_error(&solar_light);
-        let (exitance, emitted_error) = thermal_exitance(&network, &outside, absorbed, &own_error);
+        for (k, [own, _]) in absorbed.iter().enumerate() {
+            network
+                .expect_determined(&self.scene, &self.mesh, &components, own, lets_out)
+                .map_err(|error| refused(k, error))?;
+        }
+        let outside = enclosure.surroundings(emissive_power(boundary.surroundings_k), direct.len());
+        let (mut exitances, mut errors) = (Vec::new(), [Vec::new(), Vec::new()]);
+        for (c, (band, own)) in solar_light.iter().zip(&absorbed).enumerate() {
+            let own_error = network.absorbed_own_error(band);
+            let from_outside = outside.irradiance.channel(c);
+            let (exitance, emitted_error) =
+                thermal_exitance(&network, from_outside, own.each_ref().map(Vec::as_slice), &own_error);
+            exitances.push(exitance);
+            errors
+                .iter_mut()
+                .zip(emitted_error)
+                .for_each(|(all, found)| all.push(found));
+        }
         let system = BandSystem {
             operator,
-            reflectance: network.reflectance(),
-            exitance: Block::from_values(exitance, 1),
-            emitted_error,
+            reflectance: network.reflectance(direct.len()),
+            exitance: Block::from_channels(&exitances),
+            emitted_error: errors.map(|all| Block::from_channels(&all)),
             outside,
             is_thermal: true,
         };
-        let thermal = self.band(study, system, |x| network.reflect(x), request, cx)?;
-        let solution = HeatSolution {
-            scene: &self.scene,
-            mesh: &self.mesh,
-            boundary,
-            network: &network,
-            enclosure,
-            direct: &direct,
-            solar: solar_light,
-            thermal: thermal.band,
-        };
-        let heat = solution.heat().map_err(refused)?;
-        study.factors.if_readable(())?;
-        let mut found = HeatStudy {
-            heat,
-            solar: None,
-            thermal: thermal.solution,
-            error: thermal.error,
-            mesh_error: thermal.mesh_error,
-        };
-        if let Some(solar) = solar {
-            found.error = found.error.or_worse(solar.error);
-            found.solar = Some(solar.solution);
+        let thermal = self.bands(study, system, |x| network.reflect(x), request, cx)?;
+        let mut solar = solar.into_iter().flatten();
+        let mut all = Vec::new();
+        let bands = thermal.into_iter().zip(solar_light);
+        for (k, ((of_thermal, of_solar), light)) in bands.zip(direct).enumerate() {
+            let solution = HeatSolution {
+                scene: &self.scene,
+                mesh: &self.mesh,
+                boundary,
+                network: &network,
+                enclosure,
+                direct: light,
+                solar: of_solar,
+                thermal: of_thermal.band,
+            };
+            let mut found = HeatStudy {
+                heat: solution.heat().map_err(|error| refused(k, error))?,
+                solar: None,
+                thermal: of_thermal.solution,
+                error: of_thermal.error,
+                mesh_error: of_thermal.mesh_error,
+            };
+            if let Some(own) = solar.next() {
+                found.error = found.error.or_worse(own.error);
+                found.solar = Some(own.solution);
+            }
+            all.push(found);
         }
-        found.warn(cx);
-        Ok(found)
+        study.factors.if_readable(())?;
+        Ok(all)
     }
 
     /// Finds what arrives straight from sun and sky.
     fn direct_light(&self, study: &FormFactorStudy, boundary: &Boundary, cx: &Context) -> DirectLight {
-        let n = self.mesh.n_patches();
         let sun = boundary.sun.map(|sun| cx.time("sun", || sunlight(self.input(), &sun)));
-        let sky = match &boundary.sky {
-            None => [vec![0.0; n], vec![0.0; n]],
-            Some(sky) => {
-                let above = self.above_horizon(study, sky, cx);
-                [
-                    above.iter().map(|own| sky.irradiance() * own.value).collect(),
-                    above.iter().map(|own| sky.irradiance() * own.error()).collect(),
-                ]
-            }
-        };
-        DirectLight { sun, sky }
+        DirectLight {
+            sun,
+            sky: self.skylight(study, boundary, cx),
+        }
     }
 
-    /// Solves the solar band; `None` where nothing arrives.
+    /// Finds what arrives straight from the sky, and its error, W·m⁻², \[n\] each.
+    pub(super) fn skylight(&self, study: &FormFactorStudy, boundary: &Boundary, cx: &Context) -> [Vec<f64>; 2] {
+        let n = self.mesh.n_patches();
+        let Some(sky) = &boundary.sky else {
+            return [vec![0.0; n], vec![0.0; n]];
+        };
+        let above = self.above_horizon(study, sky, cx);
+        [
+            above.iter().map(|own| sky.irradiance() * own.value).collect(),
+            above.iter().map(|own| sky.irradiance() * own.error()).collect(),
+        ]
+    }
+
+    /// Solves the solar band; `None` where nothing arrives at all.
     fn solar_band(
         &mut self,
         study: &FormFactorStudy,
-        (network, direct): (&Network, &DirectLight),
+        (network, direct): (&Network, &[DirectLight]),
         request: &SolveRequest,
         cx: &mut Context,
-    ) -> Result<Option<BandStudy>, WorkflowError> {
-        let [irradiance, error] = direct.irradiance();
-        if irradiance.iter().zip(&error).all(|(h, e)| h + e <= 0.0) {
+    ) -> Result<Option<Vec<BandStudy>>, WorkflowError> {
+        let arriving: Vec<[Vec<f64>; 2]> = direct.iter().map(DirectLight::irradiance).collect();
+        let block = |k: usize| Block::from_channels(&arriving.iter().map(|own| own[k].clone()).collect::<Vec<_>>());
+        let [irradiance, error] = [block(0), block(1)];
+        let all = irradiance.values().iter().zip(error.values());
+        if all.into_iter().all(|(h, e)| h + e <= 0.0) {
             return Ok(None);
         }
         let (reflectance, exitance) = solar_system(network, &irradiance);
         let rho = reflectance.clone();
+        let none = Block::zeros(error.n_rows(), error.n_channels());
         let system = BandSystem {
             operator: &study.factors,
             reflectance,
             exitance,
-            emitted_error: [vec![0.0; error.len()], vec![0.0; error.len()]],
+            emitted_error: [none.clone(), none],
             outside: Outside {
                 irradiance,
                 error,
@@ -181,19 +222,23 @@ impl Model {
             },
             is_thermal: false,
         };
-        let reflect = |x: &mut [f64]| x.iter_mut().zip(rho.values()).for_each(|(x, rho)| *x *= rho);
-        self.band(study, system, reflect, request, cx).map(Some)
+        let reflect = |x: &mut Block| {
+            for (own, factor) in x.values_mut().iter_mut().zip(rho.values()) {
+                *own *= factor;
+            }
+        };
+        self.bands(study, system, reflect, request, cx).map(Some)
     }
 
-    /// Solves one band and states its errors; `reflect`: x ← R x.
-    fn band(
+    /// Solves one band of each light from outside and states its errors; `reflect`: x ← R x.
+    fn bands(
         &mut self,
         study: &FormFactorStudy,
         system: BandSystem<'_>,
-        reflect: impl Fn(&mut [f64]),
+        reflect: impl Fn(&mut Block),
         request: &SolveRequest,
         cx: &mut Context,
-    ) -> Result<BandStudy, WorkflowError> {
+    ) -> Result<Vec<BandStudy>, WorkflowError> {
         let BandSystem {
             operator,
             reflectance,
@@ -217,39 +262,43 @@ impl Model {
             operator,
             reflectance: &reflectance,
             outside: &outside,
-            emitted_error: emitted_error.each_ref().map(Vec::as_slice),
-            residual: residual.values(),
+            emitted_error: emitted_error.each_ref(),
+            residual: &residual,
             converged: solution.stop_reason == StopReason::Converged,
         };
-        let mut band = cx.time("error", || solved.band(solution.radiosity.values(), reflect))?;
-        if !study.errors_known {
-            band.radiosity_error.fill(f64::INFINITY);
-            band.irradiance_error.fill(f64::INFINITY);
-            for errors in &mut band.own_errors {
-                errors.fill(f64::INFINITY);
-            }
-        }
-        let error = study
-            .errors_known
-            .then(|| Block::from_values(band.own_errors[0].clone(), 1));
+        let bands = cx.time("error", || solved.bands(&solution.radiosity, reflect))?;
         let coarse = self.coarsened_by(operator, study, &reflectance, &solution, cx)?;
-        band.mesh_change = coarse.as_ref().map(|coarse| mesh_change(&enclosure, coarse));
-        let mesh_error = is_thermal
-            .then(|| self.mesh_error(coarse.as_ref(), (&exitance, &solution), cx))
-            .flatten();
-        Ok(BandStudy {
-            band,
-            error: TotalError::of(self, error.as_ref(), &solution, cx),
-            mesh_error,
-            solution,
-        })
+        let mut all = Vec::new();
+        for (c, mut band) in bands.into_iter().enumerate() {
+            if !study.errors_known {
+                band.forget_errors();
+            }
+            let error = study
+                .errors_known
+                .then(|| Block::from_values(band.own_errors[0].clone(), 1));
+            let own = solution.of_channels(c..c + 1);
+            let coarse = coarse.as_ref().map(|coarse| coarse.of_channels(c..c + 1));
+            band.mesh_change = coarse.as_ref().map(|coarse| mesh_change(&enclosure, coarse));
+            let exitance = exitance.channels(c..c + 1);
+            let mesh_error = is_thermal
+                .then(|| self.mesh_error(coarse.as_ref(), (&exitance, &own), cx))
+                .flatten();
+            all.push(BandStudy {
+                band,
+                error: TotalError::of(self, error.as_ref(), &own, cx),
+                mesh_error,
+                solution: own,
+            });
+        }
+        Ok(all)
     }
 }
 
 /// Returns what a coarser mesh would change in the irradiance of each patch, W·m⁻²: F (d − (B − B̄)), with B̄ + d the radiosity of the coarser patch.
 fn mesh_change(enclosure: &Enclosure<'_>, coarse: &Coarsened) -> Vec<f64> {
     let change = coarse.change.values().iter().zip(coarse.spread.values());
-    enclosure.received(&change.map(|(d, spread)| d - spread).collect::<Vec<_>>())
+    let change = Block::from_values(change.map(|(d, spread)| d - spread).collect(), 1);
+    enclosure.received(&change).values().to_vec()
 }
 
 impl FormFactorStudy {
@@ -266,22 +315,31 @@ impl FormFactorStudy {
 
 impl HeatStudy {
     fn warn(&self, cx: &Context) {
-        let balance = &self.heat.balance;
-        let moved = balance.escaped_w + balance.supplied_w.abs() + balance.sun_w + balance.sky_w;
-        if balance.absorbed_by_backs_w > TO_BACKS * moved {
-            cx.warn(Warning::HeatToBacks {
-                power_w: balance.absorbed_by_backs_w,
-            });
-        }
+        warn_of_backs(&self.heat.balance, cx);
+        self.warn_without_mesh(cx);
+        warn_of_errors(self.thermal.stop_reason, self.heat.relative_error, cx);
+    }
+
+    pub(super) fn warn_without_mesh(&self, cx: &Context) {
         if self.heat.thermal.mesh_change.is_none() {
             cx.warn_once(Warning::NoMeshError);
         }
-        // Where nothing is known at all, or the solver gave up, another warning says so.
-        let converged = self.thermal.stop_reason == StopReason::Converged;
-        if converged && !self.is_exact() && self.heat.relative_error.is_finite() {
-            cx.warn(Warning::InexactHeat {
-                relative: self.heat.relative_error,
-            });
-        }
+    }
+}
+
+/// Warns of backs that take heat.
+pub(super) fn warn_of_backs(balance: &HeatBalance, cx: &Context) {
+    let moved = balance.escaped_w + balance.supplied_w.abs() + balance.sun_w + balance.sky_w;
+    if balance.absorbed_by_backs_w > TO_BACKS * moved {
+        cx.warn(Warning::HeatToBacks {
+            power_w: balance.absorbed_by_backs_w,
+        });
+    }
+}
+
+/// Warns of irradiances with a great `relative` error; where nothing is known at all, or the solver gave up, another warning says so.
+pub(super) fn warn_of_errors(reason: StopReason, relative: f64, cx: &Context) {
+    if reason == StopReason::Converged && relative > MAX_HEAT_ERROR && relative.is_finite() {
+        cx.warn(Warning::InexactHeat { relative });
     }
 }

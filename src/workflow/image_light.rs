@@ -1,9 +1,6 @@
 //! The light that an image shows, solved as far as the image needs it.
 
-use super::{
-    Context, Daylight, FormFactorRequest, FormFactorStudy, Model, SolutionStudy, SolveRequest, WorkflowError,
-    indirect_irradiance,
-};
+use super::{Context, Daylight, FormFactorRequest, FormFactorStudy, Model, SolutionStudy, SolveRequest, WorkflowError};
 use crate::matrix::operator::Block;
 use crate::render::{DirectMethod, Outdoors, RenderInput};
 
@@ -111,12 +108,7 @@ impl Model {
         let need = solver.need(cx)?;
         let factors = self.form_factors(method, need, cx)?;
         let study = self.solve_in_daylight(&factors, solver, daylight, cx)?;
-        let sky = study.direct.sky.clone();
         let mut light = self.stored_light((factors, study), solver, with_direct, cx)?;
-        if let (Some(indirect), Some([irradiance, _])) = (&mut light.indirect_irradiance, sky) {
-            let sums = indirect.values_mut().iter_mut().zip(irradiance.values());
-            sums.for_each(|(sum, own)| *sum += own);
-        }
         light.outdoors = daylight.outdoors();
         Ok(light)
     }
@@ -130,7 +122,10 @@ impl Model {
     ) -> Result<ImageLight, WorkflowError> {
         let indirect_irradiance = with_direct.then(|| {
             cx.time("solve", || {
-                indirect_irradiance(&factors.factors, &self.materials().1, &study.solution)
+                let (_, exitance) = self.materials();
+                study
+                    .direct
+                    .indirect_irradiance(&factors.factors, &exitance, &study.solution)
             })
         });
         factors.factors.if_readable(())?;

@@ -10,7 +10,7 @@ use crate::matrix::operator::{Block, LinearOperator};
 use crate::mesh::Patch;
 use crate::report::{ReportError, exitance};
 use crate::scene::Lighting;
-use crate::solver::{ChannelQuality, Coarsened, Solution};
+use crate::solver::{Coarsened, Solution};
 
 /// Many lightings side by side, as channels of one system.
 #[derive(Clone, Debug)]
@@ -18,14 +18,27 @@ pub struct Stack {
     channels: Vec<Range<usize>>,
     /// ρ of each patch, \[n, c\].
     pub reflectance: Block,
-    /// E of each patch, W·m⁻², \[n, c\].
+    /// E of each patch, in daylight E + ρ D, W·m⁻², \[n, c\].
     pub exitance: Block,
+    /// Of each lighting, in daylight.
+    daylight: Vec<InDaylight>,
+}
+
+/// A lighting in daylight.
+#[derive(Clone, Debug)]
+pub(super) struct InDaylight {
+    /// E, W·m⁻², \[n, c\].
+    pub(super) emitted: Block,
+    /// The error of E + ρ D, W·m⁻², \[n, c\].
+    pub(super) error: Block,
+    /// D.
+    pub(super) direct: DirectDaylight,
 }
 
 impl Stack {
-    /// Returns lightings side by side; `None` is the lighting of the scene itself.
+    /// Returns lightings side by side; `None` is the lighting of the scene itself. With `has_colours` each has three channels, also where it is grey.
     #[must_use]
-    pub fn new(model: &Model, lightings: &[Option<Lighting>]) -> Self {
+    pub fn new(model: &Model, lightings: &[Option<Lighting>], has_colours: bool) -> Self {
         let scene = &model.scene;
         let plain = |patch: &Patch| {
             let material = &scene.materials[patch.material.0 as usize];
@@ -41,7 +54,7 @@ impl Stack {
             };
             let of_patches: Vec<_> = model.mesh.patches.iter().map(of_patch).collect();
             // What is grey everywhere takes a third of the time in one channel.
-            let grey = of_patches.iter().all(|(rho, e)| is_grey(*rho) && is_grey(*e));
+            let grey = !has_colours && of_patches.iter().all(|(rho, e)| is_grey(*rho) && is_grey(*e));
             let own = n_channels..n_channels + if grey { 1 } else { 3 };
             n_channels = own.end;
             channels.push(own);
@@ -59,25 +72,40 @@ impl Stack {
             channels,
             reflectance,
             exitance,
+            daylight: Vec::new(),
         }
+    }
+
+    /// Adds what comes straight from sun and sky, in three channels, to all lightings.
+    pub(super) fn shine(&mut self, direct: &DirectDaylight) {
+        for k in 0..self.channels.len() {
+            let own = self.channels[k].clone();
+            let direct = direct.of_channels(own.len());
+            let (reflectance, emitted) = self.materials(k);
+            let (lit, error) = direct.lit(&reflectance, &emitted);
+            for i in 0..lit.n_rows() {
+                self.exitance.row_mut(i)[own.clone()].copy_from_slice(lit.row(i));
+            }
+            self.daylight.push(InDaylight { emitted, error, direct });
+        }
+    }
+
+    /// Returns what lighting `k` is in daylight; `None` without.
+    pub(super) fn in_daylight(&self, k: usize) -> Option<&InDaylight> {
+        self.daylight.get(k)
     }
 
     /// Returns ρ and E of lighting `k`.
     #[must_use]
     pub fn materials(&self, k: usize) -> (Block, Block) {
-        let own = |block| channels_of(block, &self.channels[k]);
+        let own = |block: &Block| block.channels(self.channels[k].clone());
         (own(&self.reflectance), own(&self.exitance))
     }
 
     /// Returns what of the coarser mesh of all lightings belongs to lighting `k`.
     #[must_use]
     pub fn coarsened(&self, k: usize, all: &Coarsened) -> Coarsened {
-        let own = |block| channels_of(block, &self.channels[k]);
-        Coarsened {
-            change: own(&all.change),
-            spread: own(&all.spread),
-            ..*all
-        }
+        all.of_channels(self.channels[k].clone())
     }
 
     /// Tells the plan how many channels there are, and later messages which of the lightings' files each of them is from.
@@ -91,20 +119,7 @@ impl Stack {
     /// Returns what of the solution of all lightings belongs to lighting `k`. The passes, and what happened in them, are those of all together.
     #[must_use]
     pub fn solution(&self, k: usize, all: &Solution) -> Solution {
-        let own = &self.channels[k];
-        let channels = all.channels[own.clone()].to_vec();
-        let quality = ChannelQuality::of_all(&channels, all.stop_reason);
-        Solution {
-            radiosity: channels_of(&all.radiosity, own),
-            irradiance: channels_of(&all.irradiance, own),
-            energy: all.energy[own.clone()].to_vec(),
-            stop_reason: quality.stop_reason,
-            residual_l2: quality.residual_l2,
-            residual_max_power: quality.residual_max_power,
-            error_bound: quality.error_bound,
-            channels,
-            ..all.clone()
-        }
+        all.of_channels(self.channels[k].clone())
     }
 }
 
@@ -151,7 +166,7 @@ impl Model {
         cx: &mut Context,
         mut each: impl FnMut(&Self, LightingStudy, &Context) -> Result<(), WorkflowError>,
     ) -> Result<(Solution, TotalError), WorkflowError> {
-        let stack = Stack::new(self, lightings);
+        let stack = Stack::new(self, lightings, false);
         stack.announce(self, files, cx);
         let blocks = (stack.reflectance.clone(), stack.exitance.clone());
         let areas = factors.factors.areas().to_vec();
@@ -184,10 +199,4 @@ impl Model {
         }
         Ok((solution, worst))
     }
-}
-
-/// Returns some channels of a block.
-fn channels_of(block: &Block, own: &Range<usize>) -> Block {
-    let rows = (0..block.n_rows()).flat_map(|i| &block.row(i)[own.clone()]);
-    Block::from_values(rows.copied().collect(), own.len())
 }

@@ -1,6 +1,6 @@
 //! What a coarser mesh tells of the error of the mesh.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::{Context, FormFactorStudy, Model, Warning, WorkflowError, go_on};
 use crate::matrix::Place;
@@ -16,7 +16,7 @@ const DARK: f64 = 1e-6;
 const MUCH: f64 = 0.5;
 
 /// How a solution would change with about a quarter of the patches.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct MeshError {
     /// The patches of the coarser mesh.

@@ -11,21 +11,26 @@ mod exchange;
 mod field;
 mod form_factors;
 mod heat;
+mod heat_path;
 mod image;
 mod image_light;
 mod leaks;
+mod light_path;
 mod lightings;
+mod lit_surface;
 mod mesh_error;
 mod model;
 mod on_the_fly;
 mod patch_picture;
 mod points;
+mod quality;
 mod repair;
 mod reuse;
 mod sequence;
 mod settings;
 mod solve;
 mod storage;
+mod sun_path;
 mod surfaces;
 mod total_error;
 mod view;
@@ -42,16 +47,20 @@ pub use exchange::ExchangeNodes;
 pub use field::FieldRequest;
 pub use form_factors::{Afterwards, Balance, DEFAULT_RAYS, FormFactorRequest, FormFactorStudy, Raw};
 pub use heat::{HeatStudy, MAX_HEAT_ERROR};
+pub use heat_path::HeatStep;
 pub use image::{
     IMAGE_RAYS, IMAGE_TOLERANCE, ImageFile, ImageRequest, gathered, image_byte, image_patches, render_shown,
     render_to_files, rendered, warn_if_blank,
 };
 pub use image_light::{ImageLight, NO_SOLVER};
 pub use leaks::{Amount, Leak, Leaks};
+pub use light_path::LightStep;
 pub use lightings::{LightingStudy, Stack};
+pub use lit_surface::{LitSurface, SkylitSurface, SunlitSurface, SurfaceRecord};
 pub use mesh_error::MeshError;
 pub use model::{Model, Use, expect_room, load, load_arrays};
 pub use on_the_fly::indirect_irradiance;
+pub use quality::Quality;
 pub use reuse::mesh_options;
 pub use sequence::{
     Frame, FrameDefaults, FrameStudy, PoseStudy, Sequence, SequenceObserver, SequenceRequest, with_suffix,
@@ -59,6 +68,7 @@ pub use sequence::{
 pub use settings::{Balanced, Settings, StatedClosure, SunRecord, VarianceRepair};
 pub use solve::{Known, SolutionStudy, SolveRequest, go_on};
 pub use storage::{ChosenStorage, MatrixDemand, Memory, Storage, choice_text, choose_storage, place_text};
+pub use sun_path::{BlockSink, PathStudy};
 pub use surfaces::SurfaceTable;
 pub use total_error::TotalError;
 pub use view::{CameraChoice, CameraOrigin, ImageView, ViewRequest};

@@ -26,9 +26,10 @@ impl Model {
         };
         let watch = cx.progress();
         crate::progress::Progress::begin(&watch, "points", queries.len() as u64);
+        let views = cx.time("points", || looked_at.views());
         let mut found = Vec::with_capacity(queries.len());
         for some in queries.chunks(AT_ONCE) {
-            found.extend(cx.time("points", || looked_at.look(some)));
+            found.extend(cx.time("points", || looked_at.look(&views, some)));
             crate::progress::Progress::advance(&watch, some.len() as u64);
             cx.go_on()?;
         }

@@ -3,13 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use super::{
-    Context, FormFactorRequest, FormFactorStudy, ImageFile, ImageRequest, ImageView, MeshError, Model, SolveRequest,
-    Stack, TotalError, Unsuited, ViewRequest, WorkflowError, gathered, image_byte, indirect_irradiance, render_shown,
+    Context, Daylight, DirectDaylight, FormFactorRequest, FormFactorStudy, ImageFile, ImageRequest, ImageView,
+    MeshError, Model, SolveRequest, Stack, TotalError, Unsuited, ViewRequest, WorkflowError, gathered, image_byte,
+    render_shown,
 };
 use crate::form_factor::{Before, Change};
 use crate::matrix::FormFactors;
 use crate::matrix::operator::LinearOperator;
-use crate::render::{DirectMethod, GatherReport, Image, MAX_PICTURE_EXITANCE, Outdoors, RenderInput, RenderSettings};
+use crate::render::{DirectMethod, GatherReport, Image, MAX_PICTURE_EXITANCE, RenderInput, RenderSettings};
 use crate::scene::{Lighting, Motion, Pose, SceneError, frames};
 use crate::solver::{Coarsened, Solution};
 
@@ -66,6 +67,8 @@ pub struct SequenceRequest<'a> {
     pub method: &'a FormFactorRequest,
     /// The request to the solver.
     pub solver: &'a SolveRequest,
+    /// Sun and sky over all frames.
+    pub daylight: Daylight,
     /// How images are written.
     pub file: ImageFile,
     /// Where a viewer shows them, if there is one.
@@ -84,6 +87,8 @@ pub struct FrameStudy<'a> {
     pub model: &'a Model,
     /// The solution for its lighting.
     pub solution: Solution,
+    /// The light straight from sun and sky, where these shine.
+    pub direct: DirectDaylight,
     /// The total error by solver and form factors.
     pub error: TotalError,
     /// The change by a coarser mesh; `None` where that is not known.
@@ -264,7 +269,11 @@ impl Sequence {
         numbers.sort_unstable();
         numbers.dedup();
         let lightings: Vec<Option<Lighting>> = numbers.iter().map(|&k| self.lightings[k].clone()).collect();
-        let stack = Stack::new(&model, &lightings);
+        let daylight = request.daylight;
+        let mut stack = Stack::new(&model, &lightings, !daylight.is_grey());
+        if daylight.shines() {
+            stack.shine(&model.direct_daylight(&factors, &daylight, 3, cx));
+        }
         let files: Vec<Option<PathBuf>> = numbers.iter().map(|&k| self.lighting_files[k].clone()).collect();
         stack.announce(&mut model, &files, cx);
         let areas = factors.factors.areas().to_vec();
@@ -360,13 +369,18 @@ impl<'a> Solved<'a> {
     ) -> Result<FrameStudy<'a>, WorkflowError> {
         let Self { model, factors, .. } = *self;
         let place = self.numbers.partition_point(|&k| k < frame.lighting);
-        let own = self.stack.solution(place, self.solution);
+        let mut own = self.stack.solution(place, self.solution);
         let (reflectance, exitance) = self.stack.materials(place);
-        let indirect = cx.time("solve", || indirect_irradiance(&factors.factors, &exitance, &own));
-        let carried = factors.carried_error((&reflectance, &exitance), &own, cx)?;
+        let daylight = self.stack.in_daylight(place);
+        let direct = daylight.map(|day| day.direct.clone()).unwrap_or_default();
+        let emitted = daylight.map_or(&exitance, |day| &day.emitted);
+        let indirect = cx.time("solve", || direct.indirect_irradiance(&factors.factors, emitted, &own));
+        let lit_error = daylight.map(|day| &day.error);
+        let carried = factors.carried_error_with((&reflectance, &exitance), lit_error, &own, cx)?;
         let coarse = self.coarse.map(|coarse| self.stack.coarsened(place, coarse));
         let mesh_error = model.mesh_error(coarse.as_ref(), (&exitance, &own), cx);
         let error = TotalError::of(model, carried.as_ref(), &own, cx);
+        direct.add_to(&mut own.irradiance);
         factors.factors.if_readable(())?;
         let lighting = self.lightings[frame.lighting].as_ref();
         let lit = lighting.map(|lighting| lighting.apply(&model.scene));
@@ -378,7 +392,7 @@ impl<'a> Solved<'a> {
             irradiance: &own.irradiance,
             indirect_irradiance: Some(&indirect),
             error: carried.as_ref(),
-            outdoors: Outdoors::default(),
+            outdoors: request.daylight.outdoors(),
         };
         let camera = frame.view.origin().map(|origin| origin.text(&cx.naming));
         let image = ImageRequest {
@@ -397,6 +411,7 @@ impl<'a> Solved<'a> {
             lighting_file: self.lighting_files[frame.lighting].as_deref(),
             model,
             solution: own,
+            direct,
             error,
             mesh_error,
             gather,

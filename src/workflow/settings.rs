@@ -45,6 +45,9 @@ pub enum StatedClosure {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct SunRecord {
+    /// The name of the table of where it stands at many times, without directory and ending.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub path: Option<String>,
     /// The direction towards the sun.
     pub sun: Option<[f64; 3]>,
     /// The place, in degrees north.

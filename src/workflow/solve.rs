@@ -484,7 +484,7 @@ impl FormFactorStudy {
         self.carried_error_with((reflectance, exitance), None, solution, cx)
     }
 
-    fn carried_error_with(
+    pub(super) fn carried_error_with(
         &self,
         materials: (&Block, &Block),
         exitance_error: Option<&Block>,

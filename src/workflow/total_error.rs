@@ -1,11 +1,13 @@
 //! The error that is stated of a solution, as one number.
 
+use serde::{Deserialize, Serialize};
+
 use super::{Context, Model, Warning};
 use crate::matrix::operator::Block;
 use crate::solver::{Solution, StopReason, relative_errors};
 
 /// What solver and form factors together say of the error of a solution; that of the mesh is not in it.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum TotalError {
     /// sqrt(Σ A e² / Σ A B²), the worst channel.
     Relative(f64),

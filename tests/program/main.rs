@@ -20,6 +20,7 @@ mod schema;
 #[path = "../support/sealed_room.rs"]
 mod sealed_room;
 mod solve;
+mod sun_path;
 mod threads;
 mod voxel;
 

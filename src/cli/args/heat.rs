@@ -1,6 +1,6 @@
 //! Heat, and the sun.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 
@@ -50,8 +50,21 @@ impl SunArgs {
         cx.settings.sun = self.sun_irradiance.map(|_| self.record());
     }
 
+    /// Adds what was given, and the table of where the sun stands, to the settings of a run.
+    pub(in crate::cli) fn note_path(&self, file: Option<&Path>, cx: &mut Context) {
+        cx.settings.sky_irradiance = self.sky;
+        let name = file
+            .and_then(Path::file_stem)
+            .map(|name| name.to_string_lossy().into_owned());
+        cx.settings.sun = Some(SunRecord {
+            path: name,
+            ..self.record()
+        });
+    }
+
     fn record(&self) -> SunRecord {
         SunRecord {
+            path: None,
             sun: self.sun,
             latitude: self.latitude,
             longitude: self.longitude,
@@ -105,6 +118,9 @@ pub struct HeatArgs {
     /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-6]
     #[arg(long, value_name = "T", value_parser = parse_positive)]
     pub form_factor_tolerance: Option<f64>,
+    /// A table of the sun at many times, with the columns time, x, y, z, irradiance or time, latitude, longitude, irradiance; the output is a series of times: .npz, or .vtu files with a .pvd. Surfaces store no heat: each time is a steady state
+    #[arg(long, value_name = "FILE.csv", group = "sun_direction", conflicts_with_all = ["sun_irradiance", "picture", "exchange_factors"], help_heading = "Sun")]
+    pub sun_path: Option<PathBuf>,
     /// A picture of the temperature in false colour, with a scale: a PNG
     #[arg(long, value_name = "T.png", help_heading = "Picture")]
     pub picture: Option<PathBuf>,

@@ -42,7 +42,7 @@ pub struct RenderArgs {
     #[arg(long, conflicts_with_all = ["frames", "balance", "checkpoint", "sun_irradiance", "sky"])]
     pub on_the_fly: bool,
     /// Render a sequence: a TOML file of frames, each with a name, a lighting, a camera and objects that move; writes IMAGE-NAME.exr for each
-    #[arg(long, value_name = "FILE.toml", help_heading = "Picture", conflicts_with_all = ["sun_irradiance", "sky"])]
+    #[arg(long, value_name = "FILE.toml", help_heading = "Picture")]
     pub frames: Option<PathBuf>,
     /// Show the picture while it is rendered in the viewer tev that listens there, as in localhost:14158
     #[arg(long, value_name = "HOST:PORT", help_heading = "Picture")]

@@ -33,8 +33,7 @@ impl Registry for OfMethods {
 /// Returns the flags that say how form factors are computed, which have no meaning where these are read from a file.
 pub(super) fn of_computation() -> Vec<&'static str> {
     let own = OfMethods::settings().into_iter().map(|(setting, _)| setting.name);
-    own.chain(["method", "seed", "form_factor_tolerance", "checkpoint"])
-        .collect()
+    own.chain(["method", "seed", "form_factor_tolerance"]).collect()
 }
 
 /// The settings of solvers.

@@ -90,6 +90,9 @@ pub struct SolveArgs {
     /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-6]
     #[arg(long, value_name = "T", value_parser = parse_positive)]
     pub form_factor_tolerance: Option<f64>,
+    /// A table of the sun at many times, with the columns time, x, y, z, irradiance or time, latitude, longitude, irradiance; the output is a series of times: .npz, or .vtu files with a .pvd
+    #[arg(long, value_name = "FILE.csv", group = "sun_direction", conflicts_with_all = ["sun_irradiance", "lighting", "exitance", "on_the_fly"], help_heading = "Sun")]
+    pub sun_path: Option<PathBuf>,
     #[command(flatten)]
     pub sun: SunArgs,
     #[command(flatten)]

@@ -15,13 +15,13 @@ use super::file_set::FileSet;
 use super::run::Run;
 use super::solution::code;
 use super::sun::{daylight, expect_grey, sky, sun};
+use super::sun_path::{self, OnPath};
 use crate::document::HeatDocument;
 use crate::heat::Boundary;
 use crate::mesh::Subdivision;
 use crate::report::exchange;
 use crate::report::form_factors::{FormFactorFile, files_of};
 use crate::report::heat::HeatReport;
-use crate::report::solution::Format;
 use crate::workflow::{Afterwards, Demand, FormFactorStudy, HeatStudy, Model};
 
 pub(super) fn run(args: &HeatArgs) -> Result<Outcome, Failure> {
@@ -31,9 +31,6 @@ pub(super) fn run(args: &HeatArgs) -> Result<Outcome, Failure> {
 }
 
 fn work(args: &HeatArgs, run: &mut Run) -> Result<Outcome, Failure> {
-    if let Some(path) = &args.output {
-        Format::of(path)?;
-    }
     if let Some(path) = &args.exchange_factors {
         exchange::Format::of(path)?;
     }
@@ -41,7 +38,7 @@ fn work(args: &HeatArgs, run: &mut Run) -> Result<Outcome, Failure> {
     expect_grey(&args.sun)?;
     daylight(&args.sun)?;
     args.picture.as_deref().map(picture::expect_png).transpose()?;
-    files(args).check()?;
+    files(args)?.check()?;
     let file = args.form_factors.as_deref().map(FormFactorFile::open).transpose()?;
     let mesh = file.as_ref().map_or(Ok(args.mesh), |file| args.mesh.of_file(file))?;
     let demand = Demand {
@@ -56,6 +53,7 @@ fn work(args: &HeatArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let up = boundary.sky.map_or(DVec3::Z, |sky| sky.up());
     boundary.sun = sun(&args.sun, up)?.map(|request| request.sun).or(boundary.sun);
     boundary.sky = sky(&args.sun, up)?.map(|request| request.sky).or(boundary.sky);
+    let on_path = sun_path::read(args.sun_path.as_deref(), &args.sun, up)?;
     let method = run.request(&args.method, args.form_factor_tolerance, Afterwards::Light);
     let solver = args.solver.request();
     let need = solver.need(&run.cx)?;
@@ -63,6 +61,10 @@ fn work(args: &HeatArgs, run: &mut Run) -> Result<Outcome, Failure> {
         None => model.form_factors(&method, need, &mut run.cx)?,
         Some(file) => model.form_factors_of(file, &method, need, &mut run.cx)?,
     };
+    if let Some(path) = &on_path {
+        let factors = &factors;
+        return OnPath { model, factors, path }.heat(args, &boundary, run);
+    }
     let study = model.heat(&factors, &boundary, &solver, &mut run.cx)?;
     if let Some(path) = &args.exchange_factors {
         let found = model.exchange_factors(&factors, &boundary, args.by.into(), &solver, &mut run.cx)?;
@@ -75,11 +77,14 @@ fn work(args: &HeatArgs, run: &mut Run) -> Result<Outcome, Failure> {
     finish(args, run, &model, &factors, &study)
 }
 
-fn files(args: &HeatArgs) -> FileSet {
+fn files(args: &HeatArgs) -> Result<FileSet, Failure> {
+    let of_sun = args.sun_path.as_deref();
+    sun_path::expect_work(args.storage.checkpoint.as_deref(), args.form_factors.as_deref(), of_sun)?;
     let mut files = FileSet::default();
-    if let Some(path) = &args.output {
-        files.writes("the output", path);
+    if let Some(output) = &args.output {
+        files.writes("the output", &sun_path::output(output, of_sun)?);
     }
+    files.reads("the path of the sun", of_sun);
     if let Some(path) = &args.exchange_factors {
         files.writes("the exchange factors", path);
     }
@@ -93,7 +98,7 @@ fn files(args: &HeatArgs) -> FileSet {
     for file in args.form_factors.iter().flat_map(|path| files_of(path)) {
         files.reads("the form factors", Some(&file));
     }
-    files
+    Ok(files)
 }
 
 /// Writes and describes what was found.

@@ -4,7 +4,7 @@
 //! an exact solution (a factorisation, refined with residuals in twice the precision): the radiosities are finite, not negative, their true residual
 //! meets the tolerance, their error is within the error bound that was given (or, where none was, within what the residual explains), and the light is accounted
 //! for. It is *refused* if the solver or the system returned a typed error or stopped as `stagnated` or `diverged`, and *slow* if all passes were used up. Everything else is
-//! *wrong*: there must be no such cell.
+//! *wrong*: there must be no such cell. So it is with the heat of enclosures, whose irradiances are held against what is stated of them.
 
 #![cfg_attr(
     test,
@@ -15,6 +15,7 @@
 )]
 
 mod cases;
+mod heat;
 mod oracle;
 mod report;
 mod rooms;
@@ -141,7 +142,8 @@ pub fn run(seed: u64, progress: &dyn Progress) -> Result<Stability, ExperimentEr
 
 fn try_all(seed: u64, n_runs: RangeInclusive<usize>, progress: &dyn Progress) -> Result<Stability, ExperimentError> {
     let cases = cases::all(seed)?;
-    progress.begin("stability", (cases.len() * SOLVERS.len()) as u64);
+    let enclosures = heat::all();
+    progress.begin("stability", ((cases.len() + enclosures.len()) * SOLVERS.len()) as u64);
     let mut table = Stability {
         cases: Vec::new(),
         solvers: SOLVERS.iter().map(|s| s.name).collect(),
@@ -149,7 +151,21 @@ fn try_all(seed: u64, n_runs: RangeInclusive<usize>, progress: &dyn Progress) ->
     };
     for case in &cases {
         let cells = try_case(case, &n_runs, progress);
-        table.cases.push(summary(case, &cells));
+        table
+            .cases
+            .push(summary((&case.name, &case.about), case.areas.len(), &cells));
+        table.cells.extend(cells);
+    }
+    let mut cube = heat::Enclosure::new()?;
+    for case in &enclosures {
+        let tried = |entry: &&'static SolverEntry| {
+            progress.advance(1);
+            cube.cell(case, entry)
+        };
+        let cells: Vec<Cell> = SOLVERS.iter().map(tried).collect();
+        table
+            .cases
+            .push(summary((case.name, case.about), cube.n_patches(), &cells));
         table.cells.extend(cells);
     }
     Ok(table)
@@ -372,7 +388,7 @@ fn relative_error(areas: &[f64], x: &Block, y: &Block) -> f64 {
     worst
 }
 
-fn summary(case: &Case, cells: &[Cell]) -> CaseSummary {
+fn summary((name, about): (&str, &str), n_patches: usize, cells: &[Cell]) -> CaseSummary {
     let right = || cells.iter().filter(|cell| cell.verdict == Verdict::Right);
     let others = || right().filter(|cell| cell.solver != "auto");
     let auto = right().find(|cell| cell.solver == "auto");
@@ -381,9 +397,9 @@ fn summary(case: &Case, cells: &[Cell]) -> CaseSummary {
         .min_by(|a, b| a.1.total_cmp(&b.1));
     let least_time = others().filter_map(|cell| cell.time_s).min_by(f64::total_cmp);
     CaseSummary {
-        name: case.name.clone(),
-        about: case.about.clone(),
-        n_patches: case.areas.len(),
+        name: name.to_owned(),
+        about: about.to_owned(),
+        n_patches,
         best,
         auto_work_ratio: auto.and_then(|auto| Some(auto.work? / best?.1)),
         auto_time_ratio: auto.and_then(|auto| Some(auto.time_s? / least_time?)),
@@ -403,10 +419,14 @@ mod tests {
         let table = try_all(0, 1..=1, &Silent).unwrap();
         let wrong: Vec<&Cell> = table.wrong().collect();
         assert!(wrong.is_empty(), "{wrong:#?}");
-        for (case, expected) in table.cases.iter().zip(cases::all(0).unwrap()) {
+        let of_solvers = cases::all(0).unwrap();
+        let expected = of_solvers.iter().map(|case| case.expected);
+        let expected: Vec<Expected> = expected.chain(heat::all().iter().map(|case| case.expected)).collect();
+        assert_eq!(table.cases.len(), expected.len());
+        for (case, expected) in table.cases.iter().zip(expected) {
             let cells: Vec<&Cell> = table.cells.iter().filter(|cell| cell.case == case.name).collect();
             assert_eq!(cells.len(), SOLVERS.len());
-            match expected.expected {
+            match expected {
                 Expected::Refusal => assert!(cells.iter().all(|c| c.verdict == Verdict::Refused), "{cells:#?}"),
                 // Beyond 1 − ρ = 1e-9 rounding alone is above the tolerance.
                 Expected::Solution if case.name.ends_with("1e-10") || case.name.ends_with("1e-12") => {}

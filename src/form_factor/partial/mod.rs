@@ -17,6 +17,7 @@ mod flat;
 mod free_point;
 mod layers;
 mod pieces;
+mod plates;
 mod point;
 mod quad;
 mod receiver;

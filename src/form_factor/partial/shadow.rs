@@ -68,7 +68,7 @@ pub(super) struct HalfSpace {
 }
 
 impl HalfSpace {
-    fn value(&self, r: DVec3) -> f64 {
+    pub(super) fn value(&self, r: DVec3) -> f64 {
         self.normal.dot(r) + self.offset
     }
 }
@@ -107,6 +107,21 @@ impl Fragments {
     pub(super) fn push(&mut self, corners: &[DVec3]) {
         self.corners.extend_from_slice(corners);
         self.ends.push(self.corners.len());
+    }
+
+    /// Returns the number of fragments.
+    pub(super) fn len(&self) -> usize {
+        self.ends.len()
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.ends.is_empty()
+    }
+
+    /// Drops all but the first `n` fragments.
+    pub(super) fn truncate(&mut self, n: usize) {
+        self.ends.truncate(n);
+        self.corners.truncate(self.ends.last().copied().unwrap_or(0));
     }
 
     pub(super) fn iter(&self) -> impl Iterator<Item = &[DVec3]> {

@@ -194,6 +194,17 @@ impl OccluderIndex {
         &self.entries[occluder.0 as usize].faces
     }
 
+    /// Returns the number of the closed convex solid that an occluder is a side of.
+    pub(crate) fn solid_of(&self, occluder: OccluderId) -> Option<usize> {
+        self.entries[occluder.0 as usize].solid.map(|solid| solid as usize)
+    }
+
+    /// Tells of each closed convex solid whether a point lies outside of it for certain.
+    pub(crate) fn solids_without(&self, point: DVec3) -> Vec<bool> {
+        let excludes = |solid: &Solid| solid.excludes(&[point], self.slack);
+        self.solids.iter().map(excludes).collect()
+    }
+
     /// Finds the occluders between two convex planar polygons, wound counter-clockwise seen from their fronts.
     ///
     /// The answer holds for all parts of the polygons too, as far as it says [`Full`](PairVisibility::Full) or [`None`](PairVisibility::None);

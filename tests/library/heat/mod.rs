@@ -6,6 +6,7 @@ mod patches;
 mod points;
 mod refused;
 mod sun;
+mod sun_path;
 
 use std::f64::consts::TAU;
 

@@ -205,3 +205,131 @@ fn views_from_points_are_the_same_far_from_the_origin() {
         }
     }
 }
+
+/// A standing person in the sun and in the shade, worked by hand: T_mrt⁴ = 300⁴ + (0.7 / (0.97 σ)) (f_p I + Σ F B), f_p = 0.308 cos(h (0.998 − h² / 50000)), among black things of 300 K.
+#[test]
+fn a_person_feels_the_sun() {
+    let (x, y) = ([2.0, 0.0, 0.0], [0.0, 2.0, 0.0]);
+    let roof = scene(&[
+        ("up", vec![rectangle([-1.0, -1.0, 1.0], x, y)]),
+        ("down", vec![rectangle([-1.0, -1.0, 1.0], y, x)]),
+    ]);
+    let all = "[surroundings]\ntemperature_k = 300\n[[surface]]\nname = \"*\"\nemissivity = 1.0\ntemperature_k = 300\n";
+    let feel = |light: &str, position: [f64; 3], with_person: bool| {
+        let mut cx = Context::default();
+        let conditions = boundary(&format!("{light}{all}"), &roof).unwrap();
+        let options = Subdivision::Uniform(2).into();
+        let mut model = Model::new(roof.clone(), "here", options, Use::Light, &mut cx).unwrap();
+        let factors = model
+            .form_factors(&FormFactorRequest::default(), Need::default(), &mut cx)
+            .unwrap();
+        let request = SolveRequest::default();
+        let study = model.heat(&factors, &conditions, &request, &mut cx).unwrap();
+        let heat = Some((&study, &conditions));
+        let found = model.points(&[around(position)], heat, with_person, &cx).unwrap();
+        found[0].heat.unwrap().mean_radiant.unwrap()
+    };
+    let sun = |degrees: f64| {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        format!("[sun]\ndirection = [{cos:?}, 0, {sin:?}]\nirradiance_w_m2 = 800\n")
+    };
+    // h = 30°: f_p = 0.268334; h = 60°: 0.174187.
+    for (height, kelvin) in [(30.0, 322.609_476_575_9), (60.0, 315.222_578_545_4)] {
+        let lit = feel(&sun(height), [50.0, 0.0, 0.0], true);
+        within(lit.value, lit.error + 1e-9, kelvin, 1e-3);
+        let without = feel(&sun(height), [50.0, 0.0, 0.0], false);
+        within(without.value, without.error + 1e-9, 300.0, 1e-3);
+        // 1 m below the roof, where its shadow falls.
+        let back = 1.0 / f64::tan(f64::to_radians(height));
+        let shaded = feel(&sun(height), [-back, 0.0, 0.0], true);
+        within(shaded.value, shaded.error + 1e-9, 300.0, 1e-3);
+    }
+    // Under the middle of the roof, which takes a sixth of the sphere, a third is left of a sky of 100 W/m².
+    let sky = feel("[sky]\nirradiance_w_m2 = 100\n", [0.0; 3], true);
+    within(sky.value, sky.error + 1e-9, 303.853_112_595_7, 1e-2);
+}
+
+/// Plates in disorder, a closed box among them and a sheet: what a point with a normal sees of each is what `VisibleFactor` finds with all others as occluders, from many points.
+#[test]
+fn many_plates_hide_each_other() {
+    let mut random = 1_u64;
+    let mut next = || {
+        random = random
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (random >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+    };
+    let mut vector = |scale: f64| DVec3::new(next(), next(), next()) * scale;
+    let mut plates: Vec<Vec<DVec3>> = Vec::new();
+    for k in 0..18 {
+        let (middle, a, b) = (vector(6.0), vector(3.0), vector(3.0));
+        let corners = [-a - b, a - b, a + b, -a + b];
+        let n = if k % 2 == 0 { 4 } else { 3 };
+        plates.push(corners[..n].iter().map(|v| middle + *v * 0.5).collect());
+    }
+    let first = plates.len();
+    let corner = DVec3::new(-0.4, 0.3, -0.2);
+    for (_, faces) in inside([0.9, 0.8, 0.7]) {
+        plates.extend(
+            faces
+                .into_iter()
+                .map(|face| face.into_iter().rev().map(|v| v + corner).collect()),
+        );
+    }
+    let sheet: Vec<DVec3> = rectangle([1.5, -1.0, -1.0], [0.2, 1.5, 0.0], [0.0, 0.3, 1.5]);
+    plates.push(sheet.iter().rev().copied().collect());
+    plates.push(sheet);
+    let names: Vec<String> = (0..plates.len()).map(|k| format!("p{k}")).collect();
+    let surfaces: Vec<(&str, Vec<Vec<DVec3>>)> = names
+        .iter()
+        .map(String::as_str)
+        .zip(plates.iter().map(|p| vec![p.clone()]))
+        .collect();
+    let all = scene(&surfaces);
+    let text = "[[surface]]\nname = \"*\"\nemissivity = 1.0\ntemperature_k = 300\n";
+    let queries: Vec<PointQuery> = (0..40)
+        .map(|_| PointQuery {
+            position: vector(9.0),
+            normal: Some(vector(1.0)),
+        })
+        .collect();
+    let mut n_seen = 0;
+    for cut in [1, 3] {
+        let views = look(&all, cut, text, &queries);
+        for (view, query) in views.iter().zip(&queries) {
+            if view.status != PointStatus::Free {
+                continue;
+            }
+            let (place, normal) = (query.position, query.normal.unwrap().normalize());
+            let frame = normal.any_orthonormal_pair();
+            let region = [place, place + 1e-6 * frame.0, place + 1e-6 * frame.1];
+            for (k, plate) in plates.iter().enumerate() {
+                // The other side of a sheet lies in its plane, and hides nothing from its front.
+                let is_twin = |other: usize| other.max(k) == plates.len() - 1 && other.min(k) == plates.len() - 2;
+                let others = plates
+                    .iter()
+                    .enumerate()
+                    .filter(|(other, _)| *other != k && !is_twin(*other));
+                let occluders: Vec<Occluder<'_>> = others
+                    .map(|(_, corners)| Occluder {
+                        corners: corners.as_slice().into(),
+                        one_sided: false,
+                    })
+                    .collect();
+                let area = (plate[1] - plate[0]).cross(plate[2] - plate[0]);
+                let expected = if area.dot(place - plate[0]) > 0.0 {
+                    VisibleFactor::new(&region, normal, plate, &occluders).at(place)
+                } else {
+                    0.0
+                };
+                let found = view.surfaces[k];
+                assert!(
+                    (found.value - expected).abs() < 1e-9,
+                    "{k} of {first}: {found:?} {expected}"
+                );
+                n_seen += usize::from(expected > 1e-6);
+            }
+        }
+    }
+    assert!(n_seen > 200, "{n_seen}");
+}

@@ -201,3 +201,50 @@ fn the_sky_lights_and_is_seen() {
     );
     assert_eq!(image.u32("patch").unwrap()[0], u32::MAX);
 }
+
+/// The whole scene turned and moved with sun, sky and camera: the same light on every patch and the same picture.
+#[test]
+fn turned_and_moved_all_looks_the_same() {
+    let direction = DVec3::new(0.3, -0.2, 1.0);
+    let look = |turn: glam::DQuat, shift: DVec3| {
+        let mut scene = scene();
+        scene.vertices.iter_mut().for_each(|v| *v = turn * *v + shift);
+        let mut daylight = daylight(turn * direction, 2.0);
+        daylight.sky = daylight.sky.map(|sky| SkyRequest {
+            sky: Sky::new(80.0, turn * DVec3::Z).unwrap(),
+            ..sky
+        });
+        let cx = &mut Context::default();
+        let mut model = Model::new(scene, "here", Subdivision::Uniform(4).into(), Use::Light, cx).unwrap();
+        let settings = RenderSettings {
+            direct: DirectMethod::Exact,
+            ..RenderSettings::default()
+        };
+        let light = lit(&mut model, settings.direct, &daylight);
+        let ray = move |x: f64, y: f64| {
+            let at = |t: f64| 5.0 * t / f64::from(SIDE) - 0.5;
+            let (from, towards) = (DVec3::new(at(x), at(y), 0.5), DVec3::NEG_Z);
+            (turn * from + shift, turn * towards)
+        };
+        let view = RayView::new(SIDE, SIDE, ray, serde_json::json!({}));
+        let image = render(&light.input(&model), &view, &settings, &Silent).unwrap();
+        (light.study.solution.radiosity.values().to_vec(), image)
+    };
+    let (plain, first) = look(glam::DQuat::IDENTITY, DVec3::ZERO);
+    let turn = glam::DQuat::from_axis_angle(DVec3::new(-0.4, 1.0, 0.7).normalize(), 2.0);
+    let (turned, second) = look(turn, DVec3::new(3.0, -7.0, 1.5));
+    let brightest = plain.iter().copied().fold(0.0, f64::max);
+    for (a, b) in plain.iter().zip(&turned) {
+        assert!((a - b).abs() < 2e-3 * brightest, "{a} {b}");
+    }
+    // The noise of a penumbra's directions is another: pixels are compared in the mean, and outside of it each by itself.
+    let (mut sums, mut n_off) = ([0.0; 2], 0);
+    for k in 0..(SIDE * SIDE) as usize {
+        let (a, b) = (rgb(&first, "", k)[0], rgb(&second, "", k)[0]);
+        sums[0] += a;
+        sums[1] += b;
+        n_off += usize::from((a - b).abs() > 0.01 * brightest);
+    }
+    assert!((sums[0] - sums[1]).abs() < 5e-3 * sums[0], "{sums:?}");
+    assert!(n_off < (SIDE * SIDE) as usize / 20, "{n_off}");
+}

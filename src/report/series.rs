@@ -1,0 +1,355 @@
+//! Files of patches at many times, written block by block.
+//!
+//! | ending | content | for |
+//! |---|---|---|
+//! | `.npz` | `time` \[k\], `time_text` \[k\]; each quantity \[k, n\] or \[k, n, c\], those that do not change \[n\] or \[n, c\]; `area`, `surface` \[n\], `centroid` \[n, 3\]; `meta.json` | NumPy |
+//! | `.pvd`, `.vtu` | `NAME.pvd`, which lists the times, and beside it `NAME-0000.vtu` and so on, a file for each time, with the time as `TimeValue` | ParaView, PyVista |
+//!
+//! Until all is there, values lie in a scratch file beside the output: memory does not grow with the number of times.
+
+use std::fs::File;
+use std::io::{self, BufReader, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+use super::npy::{Element as _, Header};
+use super::npz::{NpzWriter, write_numbers};
+use super::vtu::{CellData, Collected};
+use super::{ReportError, pretty, vtu};
+use crate::mesh::Mesh;
+use crate::scene::Scene;
+use crate::whole_file;
+
+/// Numbers copied at once.
+const AT_ONCE: usize = 1 << 16;
+
+/// Values of every patch.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SeriesQuantity {
+    /// Its name.
+    pub name: String,
+    /// The numbers of one patch at one time: none for one number, else c.
+    pub channels: Option<usize>,
+    /// The values, time by time, patch by patch.
+    #[serde(skip)]
+    pub values: Vec<f64>,
+}
+
+/// All quantities at some times, one after the other.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SeriesBlock {
+    /// The number of times.
+    pub n_steps: usize,
+    /// What changes, at these times.
+    pub quantities: Vec<SeriesQuantity>,
+    /// What does not change.
+    pub constants: Vec<SeriesQuantity>,
+}
+
+/// The formats of series.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Format {
+    Npz,
+    Vtu,
+}
+
+/// What a series belongs to.
+#[derive(Clone, Copy, Debug)]
+pub struct SeriesReport<'a> {
+    /// The scene.
+    pub scene: &'a Scene,
+    /// Its patches.
+    pub mesh: &'a Mesh,
+    /// The times.
+    pub times: &'a [f64],
+    /// The same as texts.
+    pub time_texts: &'a [String],
+    /// The unit of the times.
+    pub time_unit: &'a str,
+    /// How it was computed: no time, path or number of threads.
+    pub settings: &'a Map<String, Value>,
+}
+
+/// The metadata of a series, in JSON.
+#[derive(Debug, Serialize)]
+struct SeriesDescription<'a> {
+    format: &'static str,
+    n_steps: usize,
+    time_unit: &'a str,
+    n_patches: usize,
+    geometry_sha256: String,
+    scene_sha256: String,
+    surfaces: Vec<&'a str>,
+    settings: &'a Map<String, Value>,
+}
+
+/// Takes blocks, and writes the file of all of them.
+#[derive(Debug)]
+pub struct SeriesWriter {
+    path: PathBuf,
+    format: Format,
+    scratch: File,
+    /// Where the values of each block begin in the scratch file, and its number of times.
+    blocks: Vec<(u64, usize)>,
+    /// Without values.
+    quantities: Vec<SeriesQuantity>,
+    constants: Vec<SeriesQuantity>,
+}
+
+impl SeriesQuantity {
+    /// Returns one number for each patch and time.
+    #[must_use]
+    pub fn scalar(name: impl Into<String>, values: Vec<f64>) -> Self {
+        Self {
+            name: name.into(),
+            channels: None,
+            values,
+        }
+    }
+
+    /// Returns `channels` numbers for each patch and time.
+    #[must_use]
+    pub fn of_channels(name: impl Into<String>, channels: usize, values: Vec<f64>) -> Self {
+        Self {
+            name: name.into(),
+            channels: Some(channels),
+            values,
+        }
+    }
+
+    /// Returns the numbers of one time.
+    fn width(&self, n_patches: usize) -> usize {
+        n_patches * self.channels.unwrap_or(1)
+    }
+
+    /// Returns the array's shape for `first` times, or without times.
+    fn shape(&self, first: Option<usize>, n_patches: usize) -> Vec<u64> {
+        let all = first.into_iter().chain([n_patches]).chain(self.channels);
+        all.map(|n| n as u64).collect()
+    }
+}
+
+impl SeriesBlock {
+    /// Returns what changes, then what does not.
+    pub(crate) fn all(&self) -> impl Iterator<Item = &SeriesQuantity> {
+        self.quantities.iter().chain(&self.constants)
+    }
+
+    /// Returns the same for writing.
+    pub(crate) fn all_mut(&mut self) -> impl Iterator<Item = &mut SeriesQuantity> {
+        self.quantities.iter_mut().chain(&mut self.constants)
+    }
+}
+
+impl SeriesWriter {
+    /// Begins a series in the format that the ending of `path` names.
+    ///
+    /// # Errors
+    /// [`ReportError::UnknownFormat`], [`ReportError::Unwritable`].
+    pub fn new(path: &Path) -> Result<Self, ReportError> {
+        let format = format_of(path)?;
+        let directory = path.parent().filter(|own| !own.as_os_str().is_empty());
+        let scratch = tempfile::tempfile_in(directory.unwrap_or(Path::new(".")));
+        Ok(Self {
+            path: path.to_owned(),
+            format,
+            scratch: scratch.map_err(|source| unwritable(path, source))?,
+            blocks: Vec::new(),
+            quantities: Vec::new(),
+            constants: Vec::new(),
+        })
+    }
+
+    /// Returns the file that names all others: that of `path`, `NAME.pvd` for `NAME.vtu`.
+    ///
+    /// # Errors
+    /// [`ReportError::UnknownFormat`].
+    pub fn file_of(path: &Path) -> Result<PathBuf, ReportError> {
+        Ok(match format_of(path)? {
+            Format::Npz => path.to_owned(),
+            Format::Vtu => path.with_extension("pvd"),
+        })
+    }
+
+    /// Takes the next block.
+    ///
+    /// # Errors
+    /// [`ReportError::Unwritable`] where there is no room for it.
+    pub fn push(&mut self, block: &SeriesBlock) -> Result<(), ReportError> {
+        let without_values = |own: &SeriesQuantity| SeriesQuantity {
+            values: Vec::new(),
+            ..own.clone()
+        };
+        if self.blocks.is_empty() {
+            self.quantities = block.quantities.iter().map(without_values).collect();
+            self.constants.clone_from(&block.constants);
+        }
+        let written = self.scratch.stream_position().and_then(|start| {
+            self.blocks.push((start, block.n_steps));
+            let mut all = block.quantities.iter();
+            all.try_for_each(|own| write_numbers(&mut self.scratch, &own.values))
+        });
+        written.map_err(|source| unwritable(&self.path, source))
+    }
+
+    /// Writes the file, or files, of all blocks, whole or not at all; returns the one that names all others.
+    ///
+    /// # Errors
+    /// [`ReportError::Unwritable`].
+    pub fn finish(mut self, report: &SeriesReport<'_>) -> Result<PathBuf, ReportError> {
+        let written = match self.format {
+            Format::Npz => {
+                let path = self.path.clone();
+                whole_file::write(&path, |writer| self.write_npz(writer, report)).map(|()| path)
+            }
+            Format::Vtu => self.write_vtus(report),
+        };
+        written.map_err(|source| unwritable(&self.path, source))
+    }
+
+    fn write_npz<W: Write + Seek>(&mut self, writer: W, report: &SeriesReport<'_>) -> io::Result<()> {
+        let n = report.mesh.n_patches();
+        let mut npz = NpzWriter::new(writer);
+        npz.bytes("meta.json", report.description().as_bytes())?;
+        npz.numbers("time", &[report.times.len()], report.times)?;
+        npz.texts("time_text", report.time_texts)?;
+        for own in &self.constants {
+            let header = Header::new(f64::DTYPE, &own.shape(None, n));
+            npz.array(&own.name, &header, |array| write_numbers(array, &own.values))?;
+        }
+        for k in 0..self.quantities.len() {
+            let own = &self.quantities[k];
+            let header = Header::new(f64::DTYPE, &own.shape(Some(report.times.len()), n));
+            let name = own.name.clone();
+            npz.array(&name, &header, |array| {
+                for block in 0..self.blocks.len() {
+                    let n_steps = self.blocks[block].1;
+                    self.copy((block, k), 0..n_steps, n, &mut |numbers| write_numbers(array, numbers))?;
+                }
+                Ok(())
+            })?;
+        }
+        npz.patches(report.mesh)?;
+        npz.finish()
+    }
+
+    /// Hands over the values of quantity `k` at some times of a block.
+    fn copy(
+        &mut self,
+        (block, k): (usize, usize),
+        steps: std::ops::Range<usize>,
+        n_patches: usize,
+        take: &mut dyn FnMut(&[f64]) -> io::Result<()>,
+    ) -> io::Result<()> {
+        let (start, n_steps) = self.blocks[block];
+        let before: usize = self.quantities[..k]
+            .iter()
+            .map(|own| own.width(n_patches) * n_steps)
+            .sum();
+        let width = self.quantities[k].width(n_patches);
+        let place = (before + steps.start * width) as u64 * size_of::<f64>() as u64;
+        self.scratch.seek(SeekFrom::Start(start + place))?;
+        let mut reader = BufReader::new(&mut self.scratch);
+        let mut left = steps.len() * width;
+        let mut numbers = Vec::with_capacity(left.min(AT_ONCE));
+        while left > 0 {
+            numbers.clear();
+            let mut bytes = [0; size_of::<f64>()];
+            for _ in 0..left.min(AT_ONCE) {
+                reader.read_exact(&mut bytes)?;
+                numbers.push(f64::from_le_bytes(bytes));
+            }
+            left -= numbers.len();
+            take(&numbers)?;
+        }
+        Ok(())
+    }
+
+    /// Writes a file for each time, and the one that lists them.
+    fn write_vtus(&mut self, report: &SeriesReport<'_>) -> io::Result<PathBuf> {
+        let digits = report.times.len().saturating_sub(1).to_string().len().max(4);
+        let list = self.path.with_extension("pvd");
+        let stem = list.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let (mut prepared, mut names) = (Vec::new(), Vec::new());
+        let steps: Vec<(usize, usize)> = (0..self.blocks.len())
+            .flat_map(|block| (0..self.blocks[block].1).map(move |step| (block, step)))
+            .collect();
+        let description = report.description();
+        for (number, ((block, step), time)) in steps.into_iter().zip(report.times).enumerate() {
+            let name = format!("{stem}-{number:0digits$}.vtu");
+            let data = self.at((block, step), report.mesh.n_patches())?;
+            prepared.push(whole_file::prepare(&list.with_file_name(&name), |writer| {
+                vtu::write_at(writer, Some(*time), (report.scene, report.mesh), &description, &data)
+            })?);
+            names.push(name);
+        }
+        let files: Vec<Collected<'_>> = names
+            .iter()
+            .zip(report.times)
+            .map(|(name, time)| (*time, name.as_str()))
+            .collect();
+        let last = whole_file::prepare(&list, |writer| vtu::write_collection(writer, &files))?;
+        prepared.into_iter().try_for_each(whole_file::Prepared::put)?;
+        last.put()?;
+        Ok(list)
+    }
+
+    /// Returns all quantities at one time.
+    fn at(&mut self, (block, step): (usize, usize), n_patches: usize) -> io::Result<Vec<CellData>> {
+        let mut data = Vec::new();
+        for k in 0..self.quantities.len() {
+            let mut values = Vec::new();
+            self.copy((block, k), step..step + 1, n_patches, &mut |numbers| {
+                values.extend_from_slice(numbers);
+                Ok(())
+            })?;
+            let own = &self.quantities[k];
+            data.push(CellData::new(own.name.clone(), own.channels.unwrap_or(1), values));
+        }
+        for own in &self.constants {
+            data.push(CellData::new(
+                own.name.clone(),
+                own.channels.unwrap_or(1),
+                own.values.clone(),
+            ));
+        }
+        Ok(data)
+    }
+}
+
+impl SeriesReport<'_> {
+    fn description(&self) -> String {
+        pretty(&SeriesDescription {
+            format: "radiosity series 1",
+            n_steps: self.times.len(),
+            time_unit: self.time_unit,
+            n_patches: self.mesh.n_patches(),
+            geometry_sha256: self.mesh.geometry_hash(),
+            scene_sha256: self.scene.content_hash(),
+            surfaces: self.scene.surfaces.iter().map(|s| s.name.as_str()).collect(),
+            settings: self.settings,
+        })
+    }
+}
+
+fn format_of(path: &Path) -> Result<Format, ReportError> {
+    let ending = path.extension().map(std::ffi::OsStr::to_ascii_lowercase);
+    match ending.as_ref().and_then(|e| e.to_str()) {
+        Some("npz") => Ok(Format::Npz),
+        Some("vtu" | "pvd") => Ok(Format::Vtu),
+        _ => Err(ReportError::UnknownFormat {
+            path: path.to_owned(),
+            content: "a series of times",
+            known: ".npz, .vtu, .pvd".into(),
+        }),
+    }
+}
+
+fn unwritable(path: &Path, source: io::Error) -> ReportError {
+    ReportError::Unwritable {
+        path: path.to_owned(),
+        source,
+    }
+}

@@ -1,0 +1,219 @@
+//! Light and heat along a path of the sun: form factors once, the times side by side in blocks, each block a piece of the checkpoint.
+
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+use sha2::{Digest as _, Sha256};
+
+use super::{Context, FormFactorStudy, Model, SolveRequest, TotalError, WorkflowError, storage};
+use crate::audit::{Audit, Check};
+use crate::checkpoint::Checkpoint;
+use crate::heat::{SunOccluders, SunPath, SunStep};
+use crate::matrix::operator::Block;
+use crate::progress::Progress as _;
+use crate::report::series::SeriesBlock;
+
+/// The part of the checkpoint that holds the blocks of a path.
+const PART: u32 = 1 << 22;
+
+/// Numbers in a vector of all unknowns of a block, and the most times in it.
+const BLOCK_SIZE: usize = 1 << 20;
+const MAX_STEPS: usize = 64;
+
+/// Takes the values of all patches, block by block.
+pub type BlockSink<'a> = &'a mut dyn FnMut(&SeriesBlock) -> Result<(), WorkflowError>;
+
+/// The results of a path of the sun.
+#[derive(Clone, Debug)]
+pub struct PathStudy<S> {
+    /// The result at each time.
+    pub steps: Vec<S>,
+    /// The solver of the first block: the one that was asked for, or that `auto` chose.
+    pub solver: String,
+    /// Passes over the form factors, in all blocks.
+    pub n_passes: usize,
+    /// The worst that solver and form factors say of the error of a time.
+    pub error: TotalError,
+    /// How many times an earlier run had finished.
+    pub n_resumed: usize,
+}
+
+/// The results of a block, and what a checkpoint keeps of them beside the values of patches.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct SolvedBlock<S> {
+    pub(super) steps: Vec<S>,
+    pub(super) solver: String,
+    pub(super) n_passes: usize,
+    pub(super) error: TotalError,
+    pub(super) values: SeriesBlock,
+    pub(super) checks: Vec<Check>,
+    pub(super) leak_is_too_great: bool,
+}
+
+/// What is computed at each time of a path.
+pub(super) trait PathWork {
+    /// The result at a time.
+    type Step: Serialize + DeserializeOwned;
+
+    /// The name of the work, and of its stage.
+    const NAME: &'static str;
+
+    /// Returns the unknowns of one time.
+    fn size(&self, model: &Model) -> usize;
+
+    /// Adds what the results depend on beside scene, form factors and path.
+    fn hash_into(&self, model: &Model, hasher: &mut Sha256);
+
+    /// Solves for some times; `with_values`: with those of all patches.
+    fn solve(
+        &self,
+        model: &mut Model,
+        occluders: &SunOccluders,
+        steps: &[SunStep],
+        with_values: bool,
+        cx: &mut Context,
+    ) -> Result<SolvedBlock<Self::Step>, WorkflowError>;
+}
+
+impl Model {
+    /// Takes a path of the sun block by block; those that the checkpoint has are read from it.
+    pub(super) fn along<W: PathWork>(
+        &mut self,
+        study: &FormFactorStudy,
+        path: &SunPath,
+        (work, request): (&W, &SolveRequest),
+        mut sink: Option<BlockSink<'_>>,
+        cx: &mut Context,
+    ) -> Result<PathStudy<W::Step>, WorkflowError> {
+        if cx.checkpoint().is_none() {
+            storage::open_checkpoint(cx, self)?;
+        }
+        let with_values = sink.is_some();
+        let key = self.path_key(study, path, (work, request), with_values);
+        let occluders = cx.time("sun", || SunOccluders::new(self.input()));
+        let n_at_once = (BLOCK_SIZE / work.size(self).max(1)).clamp(1, MAX_STEPS);
+        let mut found = PathStudy {
+            steps: Vec::with_capacity(path.steps.len()),
+            solver: String::new(),
+            n_passes: 0,
+            error: TotalError::Relative(0.0),
+            n_resumed: 0,
+        };
+        cx.progress().begin(W::NAME, path.steps.len() as u64);
+        cx.warns_once_of_a_kind = true;
+        for (k, steps) in path.steps.chunks(n_at_once).enumerate() {
+            let kept = cx
+                .checkpoint()
+                .and_then(|checkpoint| kept_block(checkpoint, &key, k as u64));
+            let is_kept = kept.is_some();
+            let block = match kept {
+                Some(block) => {
+                    found.n_resumed += steps.len();
+                    block
+                }
+                None => fresh_block(self, (work, &occluders), steps, with_values, cx)?,
+            };
+            if let Some(checkpoint) = cx.checkpoint().filter(|_| !is_kept) {
+                keep_block(checkpoint, &key, k as u64, &block);
+            }
+            if let Some(sink) = &mut sink {
+                sink(&block.values)?;
+            }
+            cx.audited(Audit {
+                checks: block.checks,
+                not_checked: Vec::new(),
+            });
+            cx.audit.keep_worst();
+            cx.leaks.are_too_great |= block.leak_is_too_great;
+            found.steps.extend(block.steps);
+            found.n_passes += block.n_passes;
+            found.error = found.error.or_worse(block.error);
+            if k == 0 {
+                found.solver = block.solver;
+            }
+            cx.progress().advance(steps.len() as u64);
+            cx.go_on()?;
+        }
+        cx.warns_once_of_a_kind = false;
+        cx.warn_of_checkpoint();
+        Ok(found)
+    }
+
+    /// Returns a hash of all that the results along a path depend on.
+    fn path_key<W: PathWork>(
+        &self,
+        study: &FormFactorStudy,
+        path: &SunPath,
+        (work, request): (&W, &SolveRequest),
+        with_values: bool,
+    ) -> [u8; 32] {
+        let mut hasher = Sha256::new();
+        hasher.update(format!("{} {with_values} {request:?} {:?};", W::NAME, path.steps));
+        hasher.update(self.scene.content_hash());
+        let (reflectance, exitance) = self.materials();
+        let sums = study.factors.row_sums();
+        for value in reflectance.values().iter().chain(exitance.values()).chain(&sums) {
+            hasher.update(value.to_le_bytes());
+        }
+        work.hash_into(self, &mut hasher);
+        hasher.finalize().into()
+    }
+}
+
+/// Solves a block, with the checks of its own.
+fn fresh_block<W: PathWork>(
+    model: &mut Model,
+    (work, occluders): (&W, &SunOccluders),
+    steps: &[SunStep],
+    with_values: bool,
+    cx: &mut Context,
+) -> Result<SolvedBlock<W::Step>, WorkflowError> {
+    let before = std::mem::take(&mut cx.audit);
+    let leaked = std::mem::take(&mut cx.leaks.are_too_great);
+    let solved = work.solve(model, occluders, steps, with_values, cx);
+    let own = std::mem::replace(&mut cx.audit, before);
+    let leak_is_too_great = std::mem::replace(&mut cx.leaks.are_too_great, leaked);
+    let mut block = solved?;
+    // What is not checked is the same in all blocks.
+    if cx.audit.not_checked.is_empty() {
+        cx.audit.not_checked = own.not_checked;
+    }
+    block.checks = own.checks;
+    block.leak_is_too_great = leak_is_too_great;
+    Ok(block)
+}
+
+/// Returns a block that an earlier run has finished.
+fn kept_block<S: DeserializeOwned>(checkpoint: &Checkpoint, key: &[u8; 32], k: u64) -> Option<SolvedBlock<S>> {
+    checkpoint.begin_part(PART, key);
+    let (record, numbers) = (checkpoint.piece(2 * k)?, checkpoint.piece(2 * k + 1)?);
+    let (mut block, lengths): (SolvedBlock<S>, Vec<usize>) = ciborium::from_reader(&record[..]).ok()?;
+    let mut numbers = numbers.chunks_exact(size_of::<f64>());
+    for (own, length) in block.values.all_mut().zip(lengths) {
+        let found = numbers.by_ref().take(length).filter_map(|bytes| bytes.try_into().ok());
+        own.values = found.map(f64::from_le_bytes).collect();
+        if own.values.len() != length {
+            return None;
+        }
+    }
+    Some(block)
+}
+
+/// Keeps a block for a later run: its record, then the numbers of its patches.
+fn keep_block<S: Serialize>(checkpoint: &Checkpoint, key: &[u8; 32], k: u64, block: &SolvedBlock<S>) {
+    checkpoint.begin_part(PART, key);
+    let lengths: Vec<usize> = block.values.all().map(|own| own.values.len()).collect();
+    let mut record = Vec::new();
+    // Writing to memory cannot fail, and what is not kept is computed again.
+    if ciborium::into_writer(&(block, lengths), &mut record).is_ok() {
+        let numbers = block.values.all().flat_map(|own| &own.values);
+        let numbers: Vec<u8> = numbers.flat_map(|x| x.to_le_bytes()).collect();
+        checkpoint.keep(2 * k, &record);
+        checkpoint.keep(2 * k + 1, &numbers);
+    }
+}
+
+/// Adds the numbers of a block to a hash.
+pub(super) fn hash_block(hasher: &mut Sha256, block: &Block) {
+    for value in block.values() {
+        hasher.update(value.to_le_bytes());
+    }
+}
