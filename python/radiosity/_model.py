@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Any, Optional, TypedDict, Union
+from typing import Any, Optional, TypedDict, Union, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -635,10 +635,13 @@ class Model:
         """
         if form_factors is None:
             form_factors = self.form_factors(progress=progress)
-        is_file = isinstance(sun_path, (str, os.PathLike))
-        table = (os.fspath(sun_path), None) if is_file else (None, floats("sun_path", sun_path))
-        if table[1] is not None and table[1].ndim != 2:
-            raise ArgumentError(f"sun_path: shape {table[1].shape}, expected (k, 5)")
+        file, rows = None, None
+        if isinstance(sun_path, (str, os.PathLike)):
+            file = os.fspath(sun_path)
+        else:
+            rows = floats("sun_path", cast("ArrayLike", sun_path))
+            if rows.ndim != 2:
+                raise ArgumentError(f"sun_path: shape {rows.shape}, expected (k, 5)")
         options = given(
             sky=sky if sky is None or isinstance(sky, (int, float)) else list(sky),
             north=list(north),
@@ -650,7 +653,7 @@ class Model:
         )
         text = None if boundary is None else boundary_text(boundary)
         with Bar(progress) as callback:
-            return SunPath(*self._core.along_sun_path(form_factors._core, table, text, options, callback))
+            return SunPath(*self._core.along_sun_path(form_factors._core, (file, rows), text, options, callback))
 
     def exchange_factors(
         self,

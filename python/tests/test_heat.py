@@ -209,7 +209,7 @@ def test_a_path_of_the_sun(tmp_path: Path) -> None:
     np.testing.assert_array_equal(light.times, [0.0, 1.5, 2.0])
     for k, (_, x, y, z, strength) in enumerate(rows[:2]):
         alone = ground.solve(ff, sun={"direction": [x, y, z], "irradiance": strength}, sky=20.0)
-        np.testing.assert_allclose(light["radiosity"][k], alone.radiosity, rtol=1e-5, atol=1e-6)
+        np.testing.assert_allclose(light["radiosity"][k, :, 0], alone.radiosity, rtol=1e-5, atol=1e-6)
     assert [step["sun_irradiance_w_m2"] for step in light.document["steps"]] == [1000.0, 800.0, 0.0]
     boundary = {"surroundings": {"temperature_k": 250.0}, "surface": {"*": {"emissivity": 0.9, "adiabatic": True}}}
     table = tmp_path / "day.csv"

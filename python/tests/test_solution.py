@@ -169,6 +169,7 @@ def test_light_of_the_sky() -> None:
         white.solve(sky=-1.0)
 
 
+@pytest.mark.filterwarnings("ignore:.*no face sees another")
 def test_sunlight_is_pictured() -> None:
     # Straight down on the lower square, half of it in the shadow of an upper one that is half a square aside.
     ground = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]

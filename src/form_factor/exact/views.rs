@@ -1,4 +1,4 @@
-//! What one face sees of all later ones: whole branches of the tree of faces at once, where nothing can stand in between or one thing hides all.
+//! The later faces that one face sees: whole branches of the tree of faces at once, where nothing can stand in between or one thing hides all.
 
 use std::ops::Range;
 
@@ -398,12 +398,12 @@ mod tests {
                 // The shaft of a sliver has no reliable sides, and counts what is beside it too.
                 (PairVisibility::Partial(all), PairVisibility::Partial(_) | PairVisibility::Full) => {
                     counted.n_sharper += 1;
-                    let found = match &seen.visibility {
-                        PairVisibility::Partial(found) => found.as_slice(),
+                    let left = match &seen.visibility {
+                        PairVisibility::Partial(some) => some.as_slice(),
                         _ => &[],
                     };
-                    assert!(found.iter().all(|id| all.contains(id)), "{f} {g}: {direct:?} {seen:?}");
-                    for id in all.iter().filter(|id| !found.contains(id)) {
+                    assert!(left.iter().all(|id| all.contains(id)), "{f} {g}: {direct:?} {seen:?}");
+                    for id in all.iter().filter(|id| !left.contains(id)) {
                         let occluder = batches.index.as_ref().unwrap().corners(*id);
                         assert!(
                             !is_between(batches.hull(f), batches.hull(g), occluder),
