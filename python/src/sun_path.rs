@@ -31,7 +31,7 @@ pub(crate) type Along<'py> = (
 /// A table of where the sun stands: a file, or rows of time, x, y, z and irradiance.
 pub(crate) type Table<'py> = (Option<PathBuf>, Option<PyReadonlyArray2<'py, f64>>);
 
-/// What is found along a path.
+/// The results along a path.
 struct Work<'a> {
     study: &'a Study,
     path: &'a SunPath,

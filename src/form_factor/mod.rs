@@ -219,7 +219,7 @@ pub enum Reciprocity {
     NotPromised,
 }
 
-/// What comes of computing form factors.
+/// The result of computing form factors.
 pub type ComputeResult = Result<Computed, FormFactorError>;
 
 /// A way to compute form factors.

@@ -42,9 +42,9 @@ pub struct SeriesQuantity {
 pub struct SeriesBlock {
     /// The number of times.
     pub n_steps: usize,
-    /// What changes, at these times.
+    /// The values that change, at these times.
     pub quantities: Vec<SeriesQuantity>,
-    /// What does not change.
+    /// The values that stay the same.
     pub constants: Vec<SeriesQuantity>,
 }
 
@@ -55,7 +55,7 @@ enum Format {
     Vtu,
 }
 
-/// What a series belongs to.
+/// The things that a series belongs to.
 #[derive(Clone, Copy, Debug)]
 pub struct SeriesReport<'a> {
     /// The scene.

@@ -12,7 +12,7 @@ const LIMIT: u64 = 1 << 30;
 /// The text of a table.
 pub(super) struct TextFile {
     path: PathBuf,
-    /// What [`ReportError::kind`] calls a mistake in it.
+    /// The [`ReportError::kind`] of a mistake in it.
     kind: &'static str,
     text: String,
 }

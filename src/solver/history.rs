@@ -53,7 +53,7 @@ pub struct Errors {
     pub error_goertler: f64,
 }
 
-/// What is called after every pass of a solver, and stops it by breaking.
+/// A function that is called after every pass of a solver, and stops it by breaking.
 pub type Monitor<'a> = &'a mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>;
 
 /// What was done before the first pass.

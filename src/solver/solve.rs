@@ -46,7 +46,7 @@ impl Default for SolveOptions<'_> {
     }
 }
 
-/// What comes of solving.
+/// The result of a solver.
 pub type SolveResult = Result<Solution, SolverError>;
 
 /// A method to solve the radiosity system.

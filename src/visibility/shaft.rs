@@ -84,7 +84,7 @@ struct End<'a> {
 }
 
 thread_local! {
-    /// What is left of a polygon while it is cut: a look at an occluder takes no memory of its own.
+    /// The rest of a polygon while it is cut: a look at an occluder uses no memory of its own.
     static CUT: RefCell<[Vec<DVec3>; 2]> = const { RefCell::new([Vec::new(), Vec::new()]) };
 }
 

@@ -48,7 +48,7 @@ pub(super) struct SolvedBlock<S> {
     pub(super) leak_is_too_great: bool,
 }
 
-/// What is computed at each time of a path.
+/// The quantities that are computed at each time of a path.
 pub(super) trait PathWork {
     /// The result at a time.
     type Step: Serialize + DeserializeOwned;

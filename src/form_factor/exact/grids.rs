@@ -29,7 +29,7 @@ pub(super) struct Grids {
     of_patch: Vec<Option<u32>>,
 }
 
-/// What patches of one grid have in common: the number of corners, two edges, and the distance of the plane from the origin, in units of a length.
+/// The properties that patches of one grid have in common: the number of corners, two edges, and the distance of the plane from the origin, in units of a length.
 type Shape = (usize, [i64; 7]);
 
 impl Grids {

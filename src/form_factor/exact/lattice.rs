@@ -15,7 +15,7 @@ const EQUAL: f64 = 4.0 * f64::EPSILON;
 /// A table is worth its memory only if each entry stands for at least so many pairs.
 const MIN_REPEATS: usize = 3;
 
-/// What a corner that is off by a part of a patch's size changes of an exchange area without cosines, at most: eight corners, each of which moves areas, distances and heights.
+/// The greatest change of an exchange area without cosines by a corner that is off by a part of a patch's size: eight corners, each of which moves areas, distances and heights.
 const LEVER: f64 = 8.0;
 
 /// The most entries of one table: 16 MB.

@@ -75,7 +75,7 @@ enum Hiding {
     All,
 }
 
-/// What hides from one point.
+/// The occluders of one point.
 struct Hiders {
     point: DVec3,
     /// Of each node of the tree of occluders, and of each occluder.

@@ -14,7 +14,7 @@ pub(crate) enum Candidate {
     Polygon(OccluderId),
 }
 
-/// What hides a polygon from others, alone.
+/// A thing that hides a polygon from others, alone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Closer {
     /// A polygon.
@@ -23,7 +23,7 @@ pub(crate) enum Closer {
     Solid(u32),
 }
 
-/// What searches ask of a polygon again and again.
+/// The measures of a polygon that searches need again and again.
 #[derive(Clone, Debug)]
 pub(crate) struct Measures {
     plane: Plane,
@@ -53,7 +53,7 @@ impl Deref for Outlook<'_> {
 /// Heights of so many ulps over a plane may be 0: a quarter of what a shaft neglects at its sides.
 const IN_PLANE: f64 = 0.25;
 
-/// What stands between a polygon and a box is no nearer to either than this part of the polygon's size, nor than so many times what rounding moves a corner by.
+/// Things between a polygon and a box are no nearer to either than this part of the polygon's size, nor than so many times the distance by which rounding moves a corner.
 const OFF: f64 = 1e-9;
 const OFF_SLACKS: f64 = 400.0;
 
