@@ -1,7 +1,8 @@
 """View factors and radiosity for diffuse scenes, with an error stated for every number.
 
 A scene of flat faces becomes a `Model`; from it come `FormFactors` (view factors; both names mean the
-same), a `Solution` (radiosities), an `Image`, `Heat` (temperatures and net fluxes) and `PointViews`.
+same), a `Solution` (radiosities), an `Image`, `Heat` (temperatures and net fluxes), `PointViews` and a
+`VoxelSolution` (discrete radiosity).
 
 >>> import radiosity as rd
 >>> vertices = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]]
@@ -39,6 +40,8 @@ from ._image import Image
 from ._interop import from_meshio, from_pyvista, from_trimesh
 from ._model import Model, load
 from ._solution import Solution
+from ._threads import set_threads
+from ._voxels import VoxelSolution
 
 __all__ = [
     "ArgumentError",
@@ -59,9 +62,11 @@ __all__ = [
     "Solution",
     "SolverError",
     "SunPath",
+    "VoxelSolution",
     "__version__",
     "from_meshio",
     "from_pyvista",
     "from_trimesh",
     "load",
+    "set_threads",
 ]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import os
 from collections.abc import Mapping, Sequence
 from typing import Any, Optional, Union
 
@@ -122,6 +124,41 @@ def of_patches(name: str, values: ArrayLike, n: int) -> Floats:
     if array.shape[0] == n and (array.ndim in (1, 2) or (array.ndim == 3 and array.shape[2] == 3)):
         return array
     raise ArgumentError(f"{name}: shape {array.shape}, expected a number, ({n},), ({n}, k) or ({n}, k, 3)")
+
+
+def squeezed(values: Floats) -> Floats:
+    """Returns the values of one channel without its axis."""
+    return values[:, 0] if values.shape[1] == 1 else values
+
+
+def vector(name: str, values: Optional[Sequence[float]]) -> Optional[list[float]]:
+    """Returns three numbers."""
+    if values is None:
+        return None
+    array = floats(name, values)
+    if array.shape != (3,):
+        raise ArgumentError(f"{name}: shape {array.shape}, expected (3,)")
+    found: list[float] = array.tolist()
+    return found
+
+
+def toml(name: str, value: Any) -> str:
+    """Returns a value as TOML has it: text, paths, truth, numbers, and lists and tables of these."""
+    if isinstance(value, (bool, np.bool_)):
+        return "true" if value else "false"
+    if isinstance(value, (str, os.PathLike)):
+        return json.dumps(os.fspath(value))
+    if isinstance(value, Mapping):
+        pairs = (f"{json.dumps(str(key))} = {toml(f'{name}[{key!r}]', own)}" for key, own in value.items())
+        return "{" + ", ".join(pairs) + "}"
+    if isinstance(value, (list, tuple)) and not all(isinstance(own, (int, float)) for own in value):
+        return "[" + ", ".join(toml(f"{name}[{k}]", own) for k, own in enumerate(value)) + "]"
+    array = floats(name, value)
+    if array.ndim > 1:
+        raise ArgumentError(f"{name}: shape {array.shape}, expected a number or a row of numbers")
+    if array.ndim == 0:
+        return repr(float(array))
+    return "[" + ", ".join(repr(number) for number in array.tolist()) + "]"
 
 
 def given(**options: Any) -> dict[str, Any]:

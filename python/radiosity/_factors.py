@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _core
 from ._arguments import floats
 from ._errors import ArgumentError
+from ._result import Result
 
 if TYPE_CHECKING:
     from ._model import Model
@@ -23,7 +24,7 @@ Floats = NDArray[np.float64]
 DENSE_FROM = 1.0 / 3.0
 
 
-class FormFactors:
+class FormFactors(Result[_core.FormFactors]):
     """Form factors (view factors) between the n patches of a model, with the error of each.
 
     A row is from i to j: F[i, j] is the fraction of what leaves patch i that reaches patch j. In a closed
@@ -38,7 +39,7 @@ class FormFactors:
     """
 
     def __init__(self, core: _core.FormFactors, model: Model) -> None:
-        self._core = core
+        super().__init__(core)
         self._model = model
 
     def __repr__(self) -> str:
@@ -225,11 +226,6 @@ class FormFactors:
         """How they were computed, by the names that files have."""
         found: dict[str, Any] = json.loads(self._core.settings)
         return found
-
-    @property
-    def warnings(self) -> list[str]:
-        """The warnings of the call that made them."""
-        return self._core.warnings
 
     def save(
         self, path: Union[str, os.PathLike[str]], *, dense: bool = False, surface: Optional[str] = None

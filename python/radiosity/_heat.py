@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
-from ._arguments import floats
+from ._arguments import toml
 from ._errors import ArgumentError
+from ._result import Result
 
 if TYPE_CHECKING:
     from ._factors import FormFactors
@@ -54,33 +55,21 @@ def _entries(key: str, value: Any) -> list[Mapping[str, Any]]:
 
 
 def _table(where: str, table: Mapping[str, Any]) -> list[str]:
-    return [f"{json.dumps(str(key))} = {_value(f'boundary[{where!r}][{key!r}]', value)}" for key, value in table.items()]
+    return [f"{json.dumps(str(key))} = {toml(f'boundary[{where!r}][{key!r}]', value)}" for key, value in table.items()]
 
 
-def _value(name: str, value: Any) -> str:
-    if isinstance(value, (bool, np.bool_)):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        return json.dumps(value)
-    array = floats(name, value)
-    if array.ndim > 1:
-        raise ArgumentError(f"{name}: shape {array.shape}, expected a number or one for each patch")
-    if array.ndim == 0:
-        return repr(float(array))
-    return "[" + ", ".join(repr(number) for number in array.tolist()) + "]"
-
-
-class Heat(Mapping[str, Floats]):
+class Heat(Result[_core.Heat], Mapping[str, Floats]):
     """Temperatures, fluxes and their errors, of each patch, each surface and the scene.
 
     `Model.heat` makes it. As a mapping it holds the quantities of the n patches by name, the unit in the
     name: ``temperature_k``, ``net_flux_w_m2``, ``supplied_w_m2``, ``irradiance_w_m2``, ``radiosity_w_m2``,
     ``solar_irradiance_w_m2`` and others; ``NAME_error`` estimates the absolute error of ``NAME``, infinite
-    where nothing is known. The equations are in `docs/heat.md` of the project.
+    where nothing is known. The equations are in `docs/heat.md` of the project. `save` writes a row for each
+    patch as ``.csv``, ``.npz``, ``.vtu``, or ``.ply`` or ``.obj`` in colours.
     """
 
     def __init__(self, core: _core.Heat, factors: FormFactors) -> None:
-        self._core = core
+        super().__init__(core)
         self._factors = factors
         self._patches = dict(core.patches())
 
@@ -143,21 +132,6 @@ class Heat(Mapping[str, Floats]):
         """What a mesh of about a quarter of the patches would change in the thermal band; None where that is not known."""
         found: Optional[dict[str, Any]] = self._record["mesh_error"]
         return found
-
-    @property
-    def warnings(self) -> list[str]:
-        """The warnings of the call that made it."""
-        return self._core.warnings
-
-    def save(self, path: Union[str, os.PathLike[str]]) -> None:
-        """Writes a row for each patch as ``.csv``, ``.npz``, ``.vtu``, or ``.ply`` or ``.obj`` in colours, as the ending of `path` says.
-
-        Raises
-        ------
-        FileError
-            If the file cannot be written.
-        """
-        self._core.save(os.fspath(path))
 
 
 @dataclass(frozen=True)

@@ -2,29 +2,33 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping
-from typing import Any, Union
+from typing import Any, Optional
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
+from ._result import Result
 
 #: The channels of a group of layers: colours, or coordinates.
 _SUFFIXES = ("RGB", "XYZ")
 
 
-class Image(Mapping[str, "NDArray[Any]"]):
+class Image(Result[_core.Image], Mapping[str, "NDArray[Any]"]):
     """An image: the radiance of each pixel, and layers by name.
 
-    `Model.render` makes it. ``np.asarray(image)`` is `radiance`. Layers are ``irradiance``, ``radiosity``,
+    `Model.render`, `Model.field` and `VoxelSolution.render` make it. ``np.asarray(image)`` is `radiance`. Layers are ``irradiance``, ``radiosity``,
     ``albedo`` (h, w, 3), ``N`` and ``P`` (normal and position, h, w, 3), ``Z`` (depth), ``patch`` (id, the
-    greatest uint32 where nothing is seen) and others, as the OpenEXR files have them.
+    greatest uint32 where nothing is seen) and others, as the OpenEXR files have them. `save` writes an
+    OpenEXR file with all layers, or a PNG.
     """
 
-    def __init__(self, core: _core.Image) -> None:
-        self._core = core
+    def __init__(self, core: _core.Image, surfaces: Optional[list[dict[str, Any]]] = None) -> None:
+        super().__init__(core)
+        #: Of a field (`Model.field`): the surfaces with the mean ``form_factor`` of the samples that show their
+        #: front, ``n_samples`` of them; None of other images.
+        self.surfaces = surfaces
         groups: dict[str, list[str]] = {}
         for name in core.names:
             stem, _, suffix = name.rpartition(".")
@@ -73,19 +77,4 @@ class Image(Mapping[str, "NDArray[Any]"]):
 
     def __len__(self) -> int:
         return len(self._groups)
-
-    @property
-    def warnings(self) -> list[str]:
-        """The warnings of the call that made it."""
-        return self._core.warnings
-
-    def save(self, path: Union[str, os.PathLike[str]]) -> None:
-        """Writes an OpenEXR file with all layers, or a PNG, as the ending of `path` says.
-
-        Raises
-        ------
-        RenderError
-            If the file cannot be written.
-        """
-        self._core.save(os.fspath(path))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Mapping, Sequence
 from functools import cached_property
@@ -11,14 +12,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
-from ._arguments import Values, faces as face_array, floats, given, of_faces, of_patches, points as point_array
+from ._arguments import Values, faces as face_array, floats, given, of_faces, of_patches, points as point_array, squeezed, vector
 from ._arguments import surfaces as surface_array
 from ._errors import ArgumentError
 from ._factors import FormFactors
+from ._frames import Frames, frames_text
 from ._heat import Boundary, ExchangeFactors, Heat, PointViews, SunPath, boundary_text
 from ._image import Image
 from ._progress import Bar, Progress
 from ._solution import Solution
+from ._voxels import VoxelSolution
 
 Floats = NDArray[np.float64]
 Path = Union[str, "os.PathLike[str]"]
@@ -244,12 +247,12 @@ class Model:
     @property
     def reflectance(self) -> Floats:
         """rho of each patch, (n,) of a gray scene, else (n, 3)."""
-        return _squeezed(self._core.materials()[0])
+        return squeezed(self._core.materials()[0])
 
     @property
     def exitance(self) -> Floats:
         """E of each patch, W/m2, (n,) of a gray scene, else (n, 3)."""
-        return _squeezed(self._core.materials()[1])
+        return squeezed(self._core.materials()[1])
 
     def form_factors(
         self,
@@ -516,7 +519,6 @@ class Model:
         SceneError
             If the camera cannot be read.
         """
-        vector = _vector
         options = given(
             eye=vector("eye", eye),
             look_at=vector("look_at", look_at),
@@ -534,6 +536,245 @@ class Model:
         )
         with Bar(progress) as callback:
             return Image(self._core.render(solution._core, options, callback))
+
+    def field(
+        self,
+        surface: str,
+        *,
+        method: str = "exact",
+        rays: Optional[int] = None,
+        sequence: Optional[str] = None,
+        seed: Optional[int] = None,
+        eye: Optional[Sequence[float]] = None,
+        look_at: Optional[Sequence[float]] = None,
+        up: Optional[Sequence[float]] = None,
+        fov: Optional[float] = None,
+        width: Optional[int] = None,
+        height: Optional[int] = None,
+        camera: Optional[Path] = None,
+        samples: Optional[int] = None,
+        memory_limit: Optional[int] = None,
+        progress: Progress = None,
+    ) -> Image:
+        """Renders the form factor from every visible point i to a surface j: F from a point with the normal of its face.
+
+        Parameters
+        ----------
+        surface : str
+            The name of the surface j.
+        method : {"exact", "sr", "qmc"}
+            Exact by clipping; rays from the point, with a standard error for every pixel; or exact times the
+            visible fraction of low-discrepancy rays.
+        rays : int, optional
+            Rays for each sample of a pixel with ``sr`` (default 4096), for each face of `surface` with ``qmc``
+            (default 64).
+        sequence : {"sobol", "random"}, optional
+            Where the numbers of rays come from.
+        eye, look_at, up, fov, width, height, camera, samples, seed, progress
+            As of `render`.
+        memory_limit : int, optional
+            The most memory to use, bytes.
+
+        Returns
+        -------
+        Image
+            The layers are in `docs/images.md`; `Image.surfaces` has the mean of each surface.
+
+        Raises
+        ------
+        ArgumentError
+            If there is no such surface, or settings do not go together.
+        """
+        if surface not in self.surfaces:
+            raise ArgumentError(f"surface: there is no {surface!r}; the scene has {', '.join(self.surfaces[:12])}")
+        options = given(
+            method=method,
+            rays=rays,
+            sequence=sequence,
+            seed=seed,
+            eye=vector("eye", eye),
+            look_at=vector("look_at", look_at),
+            up=vector("up", up),
+            fov=fov,
+            width=width,
+            height=height,
+            camera=None if camera is None else os.fspath(camera),
+            samples=samples,
+            memory_limit=memory_limit,
+        )
+        with Bar(progress) as callback:
+            image, means = self._core.field(self.surfaces.index(surface), options, callback)
+        return Image(image, json.loads(means))
+
+    def render_frames(
+        self,
+        frames: Frames,
+        output: Path,
+        *,
+        form_factors: Optional[Mapping[str, Any]] = None,
+        sun: Optional[Sun] = None,
+        sky: Optional[float] = None,
+        solver: str = "auto",
+        tolerance: Optional[float] = None,
+        max_passes: Optional[int] = None,
+        eye: Optional[Sequence[float]] = None,
+        look_at: Optional[Sequence[float]] = None,
+        up: Optional[Sequence[float]] = None,
+        fov: Optional[float] = None,
+        width: Optional[int] = None,
+        height: Optional[int] = None,
+        camera: Optional[Path] = None,
+        samples: Optional[int] = None,
+        direct: Optional[str] = None,
+        flat: Optional[bool] = None,
+        final_gather: Optional[bool] = None,
+        noise: Optional[float] = None,
+        seed: Optional[int] = None,
+        checkpoint: Optional[Path] = None,
+        progress: Progress = None,
+    ) -> dict[str, Any]:
+        """Renders a sequence of lightings, cameras and places of surfaces into files.
+
+        Form factors are computed once as far as they stay the same, and lightings of one pose are solved
+        together.
+
+        Parameters
+        ----------
+        frames : path or sequence of dict
+            A TOML file, or its frames: each has a ``name``, and as far as they differ from the scene's own a
+            ``lighting`` and a ``camera`` (paths of TOML files) and ``move``, a list of motions such as
+            ``{"surface": "door", "rotate": 30.0}``.
+        output : path
+            ``B.exr``: frame NAME is written as ``B-NAME.exr``, with a preview ``B-NAME.png``.
+        form_factors : dict, optional
+            Keyword arguments of `form_factors`.
+        sun, sky, solver, tolerance, max_passes
+            As of `solve`.
+        eye, look_at, up, fov, width, height, camera, samples, direct, flat, final_gather, noise, seed
+            As of `render`.
+        checkpoint : path, optional
+            A file for finished work, from which the same call goes on.
+        progress : bool or callable, optional
+            As of `Model`.
+
+        Returns
+        -------
+        dict
+            By the names that `radiosity render --frames --json` has: ``frames`` with their files and the mean
+            radiosity of each surface, and ``poses``.
+
+        Raises
+        ------
+        SceneError
+            If the list, a lighting or a camera is wrong; the message has the line.
+        """
+        options = given(
+            form_factors=None if form_factors is None else dict(form_factors),
+            sun=None if sun is None else dict(sun),
+            sky=sky,
+            solver=solver,
+            tolerance=tolerance,
+            max_passes=max_passes,
+            eye=vector("eye", eye),
+            look_at=vector("look_at", look_at),
+            up=vector("up", up),
+            fov=fov,
+            width=width,
+            height=height,
+            camera=None if camera is None else os.fspath(camera),
+            samples=samples,
+            direct=direct,
+            flat=flat,
+            final_gather=final_gather,
+            noise=noise,
+            seed=seed,
+            checkpoint=None if checkpoint is None else os.fspath(checkpoint),
+        )
+        with Bar(progress) as callback:
+            text = self._core.render_frames(frames_text(frames), os.fspath(output), options, callback)
+        found: dict[str, Any] = json.loads(text)
+        return found
+
+    def voxels(
+        self,
+        n: int = 100,
+        *,
+        radius: int = 20,
+        passes: Optional[int] = None,
+        form: Optional[str] = None,
+        adaptive: Optional[float] = None,
+        coarsest: Optional[int] = None,
+        solver: Optional[str] = None,
+        tolerance: Optional[float] = None,
+        unnormalised: bool = False,
+        plain_emission: bool = False,
+        exact_solid_angles: bool = False,
+        links: Optional[str] = None,
+        link_file: Optional[Path] = None,
+        closed: Optional[bool] = None,
+        memory_limit: Optional[int] = None,
+        progress: Progress = None,
+    ) -> VoxelSolution:
+        """Solves for light on voxels, linked by integer lines: discrete radiosity, without form factors.
+
+        Parameters
+        ----------
+        n : int
+            Voxels along the longest axis, 4 to 4096.
+        radius : int
+            The radius of the discrete sphere of directions, 1 to 255.
+        passes : int, optional
+            Propagations of light. Default 10.
+        form : {"in-place", "jacobi"}, optional
+            Whether a propagation computes from the newest values or from those of the one before.
+        adaptive : float, optional
+            Join voxels to cells where the irradiance changes by less than this part of its mean.
+        coarsest : int, optional
+            With `adaptive`: the largest cells are 2^coarsest voxels wide, up to 2^6. Default 3.
+        solver, tolerance : str and float, optional
+            Solve to a tolerance, in place of a number of passes; as of `solve`.
+        unnormalised, plain_emission, exact_solid_angles : bool
+            Leave the weights of a voxel's directions as they are; let every voxel of an emitter send its
+            exitance; weigh directions by exact solid angles.
+        links : {"auto", "memory", "disk", "recompute"}, optional
+            Where links are between passes.
+        link_file : path, optional
+            The file of links on a disk. Default: the name of the scene's file with ``.links``.
+        closed : bool, optional
+            As of `form_factors`.
+        memory_limit : int, optional
+            The most memory to use, bytes.
+        progress : bool or callable, optional
+            As of `Model`.
+
+        Returns
+        -------
+        VoxelSolution
+
+        Raises
+        ------
+        ArgumentError, MemoryLimitError
+            If settings do not go together, or the voxels do not fit the memory.
+        """
+        options = given(
+            n=n,
+            radius=radius,
+            passes=passes,
+            form=form,
+            adaptive=adaptive,
+            coarsest=coarsest,
+            solver=solver,
+            tolerance=tolerance,
+            unnormalised=unnormalised,
+            plain_emission=plain_emission,
+            exact_solid_angles=exact_solid_angles,
+            links=links,
+            link_file=None if link_file is None else os.fspath(link_file),
+            closed=closed,
+            memory_limit=memory_limit,
+        )
+        with Bar(progress) as callback:
+            return VoxelSolution(self._core.voxels(options, callback), self)
 
     def heat(
         self,
@@ -818,10 +1059,6 @@ def load(
         return FormFactors(model._core.load_form_factors(os.fspath(path), options, callback), model)
 
 
-def _squeezed(values: Floats) -> Floats:
-    return values[:, 0] if values.shape[1] == 1 else values
-
-
 def _fitted(values: Floats, shape: tuple[int, ...]) -> Optional[Floats]:
     """Returns values for every channel of a shape: gray ones count for all, coloured ones for each lighting."""
     if values.shape == shape:
@@ -835,16 +1072,6 @@ def _fitted(values: Floats, shape: tuple[int, ...]) -> Optional[Floats]:
         if values.shape[1] == shape[1] and shape[1] != 3:
             return np.broadcast_to(values[:, :, np.newaxis], shape)
     return None
-
-
-def _vector(name: str, values: Optional[Sequence[float]]) -> Optional[list[float]]:
-    if values is None:
-        return None
-    array = floats(name, values)
-    if array.shape != (3,):
-        raise ArgumentError(f"{name}: shape {array.shape}, expected (3,)")
-    vector: list[float] = array.tolist()
-    return vector
 
 
 def _heat_options(

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-import os
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Optional, Union
+from typing import TYPE_CHECKING, Any, Optional
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
+from ._result import Result
 
 if TYPE_CHECKING:
     from ._factors import FormFactors
@@ -19,17 +19,18 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 
-class Solution:
+class Solution(Result[_core.Solution]):
     """Radiosities of the n patches of a model, B = E + rho F B, and how good they are.
 
     `Model.solve` makes them. F is from patch i to patch j. Arrays over patches have the shape (n,) of a
-    gray scene, (n, 3) of one with colours, or that of the exitance that `Model.solve` was given.
+    gray scene, (n, 3) of one with colours, or that of the exitance that `Model.solve` was given. `save` writes
+    ``.csv``, ``.npz``, ``.vtu``, or ``.ply`` or ``.obj`` in colours.
     """
 
     def __init__(
         self, core: _core.Solution, model: Model, factors: FormFactors, shape: Optional[tuple[int, ...]]
     ) -> None:
-        self._core = core
+        super().__init__(core)
         self._model = model
         self._factors = factors
         n, n_channels = core.radiosity.shape
@@ -155,18 +156,3 @@ class Solution:
             "irradiance": irradiance.reshape(self._shape),
             "irradiance_error": error.reshape(self._shape),
         }
-
-    @property
-    def warnings(self) -> list[str]:
-        """The warnings of the call that made it."""
-        return self._core.warnings
-
-    def save(self, path: Union[str, os.PathLike[str]]) -> None:
-        """Writes the solution as ``.csv``, ``.npz``, ``.vtu``, or ``.ply`` or ``.obj`` in colours, as the ending of `path` says.
-
-        Raises
-        ------
-        FileError
-            If the file cannot be written.
-        """
-        self._core.save(os.fspath(path))

@@ -10,13 +10,28 @@ use pyo3::prelude::*;
 use radiosity::progress::Progress;
 use radiosity::workflow::{Context, Demand, Memory, Settings, Warning, WorkflowError};
 
-use crate::error::{class, raised};
+use crate::error::{bad_argument, class, raised};
 
 /// How often signals are looked for and progress is told.
 const BEAT: Duration = Duration::from_millis(50);
 
 /// Bytes of the stack of a worker: that of a program's main thread on Linux.
 const STACK: usize = 8 << 20;
+
+/// The threads that calls work with; `None` for all cores.
+static POOL: Mutex<Option<Arc<rayon::ThreadPool>>> = Mutex::new(None);
+
+/// Sets the number of threads of all calls that follow, or with `None` all cores.
+#[pyfunction]
+#[pyo3(signature = (n))]
+pub(crate) fn set_threads(py: Python<'_>, n: Option<usize>) -> PyResult<()> {
+    let pool = n
+        .map(|n| rayon::ThreadPoolBuilder::new().num_threads(n).build())
+        .transpose();
+    let pool = pool.map_err(|error| bad_argument(py, &format!("n: cannot start that many threads: {error}")))?;
+    *POOL.lock().unwrap_or_else(PoisonError::into_inner) = pool.map(Arc::new);
+    Ok(())
+}
 
 /// The progress of a call as its worker tells it and the calling thread reads it.
 #[derive(Debug, Default)]
@@ -104,7 +119,8 @@ impl Call {
         } = self;
         let shared = Arc::new(Shared::default());
         let of_worker = Arc::clone(&shared);
-        let body = move || {
+        let pool = POOL.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let study = move || {
             let mut cx = Context::new(of_worker);
             cx.memory = memory;
             cx.checkpoint_file = checkpoint;
@@ -119,6 +135,10 @@ impl Call {
                 warnings: cx.warnings(),
                 settings: cx.settings,
             }
+        };
+        let body = move || match pool {
+            Some(pool) => pool.install(study),
+            None => study(),
         };
         let (ended, interrupted) = py.detach(|| watched(body, &shared, progress.as_ref()))?;
         let warnings: Vec<String> = ended.warnings.iter().map(ToString::to_string).collect();

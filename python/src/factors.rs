@@ -196,6 +196,7 @@ impl FormFactors {
     }
 
     /// Writes a file, in the format that its ending names.
+    #[pyo3(signature = (path, dense=false, surface=None))]
     fn save(&self, py: Python<'_>, path: PathBuf, dense: bool, surface: Option<&str>) -> PyResult<()> {
         let of = &self.of;
         let call = Call {

@@ -23,12 +23,13 @@ use crate::solution::Solution;
     reason = "an image of the library, with what belongs to it"
 )]
 pub(crate) struct Image {
-    image: radiosity::render::Image,
-    attributes: Attributes,
-    warnings: Vec<String>,
+    pub(crate) image: radiosity::render::Image,
+    pub(crate) attributes: Attributes,
+    pub(crate) warnings: Vec<String>,
 }
 
-fn view(options: &Options<'_>) -> PyResult<ViewRequest> {
+/// Takes from where an image is seen.
+pub(crate) fn view(options: &Options<'_>) -> PyResult<ViewRequest> {
     let vector = |name: &str| Ok::<_, PyErr>(options.take::<[f64; 3]>(name)?.map(DVec3::from_array));
     Ok(ViewRequest {
         camera: match options.take::<PathBuf>("camera")? {
@@ -44,49 +45,74 @@ fn view(options: &Options<'_>) -> PyResult<ViewRequest> {
     })
 }
 
-fn settings(py: Python<'_>, options: &Options<'_>, is_unfolded: bool, solution: &Solution) -> PyResult<RenderSettings> {
-    let is_own = solution.is_own;
-    let flat = options.take::<bool>("flat")?;
-    if is_own && flat == Some(false) {
-        let text =
-            "flat: a solution for reflectances or exitances of single patches is shown patch by patch; leave it out";
-        return Err(bad_argument(py, text));
-    }
-    let flat = flat.unwrap_or(is_own);
-    let direct = match options.take::<String>("direct")?.as_deref() {
-        None => DirectMethod::suited(is_unfolded, flat),
-        Some("off") => DirectMethod::Off,
-        Some("exact") => DirectMethod::Exact,
-        Some("rays") => DirectMethod::CosineRays { n: DirectMethod::RAYS },
-        Some("polygons") => DirectMethod::Polygons {
-            n: DirectMethod::SHADOW_RAYS,
-        },
-        Some(other) => {
-            let text = format!("direct: \"{other}\" is none of off, rays, polygons, exact");
-            return Err(bad_argument(py, &text));
+/// How an image is to be rendered, whatever its view.
+pub(crate) struct Wanted {
+    flat: bool,
+    direct: Option<DirectMethod>,
+    samples: Option<NonZeroU32>,
+    gather: Option<GatherSettings>,
+    seed: u64,
+}
+
+impl Wanted {
+    /// Takes how an image is rendered; `is_own`: what it shows can be shown patch by patch alone.
+    pub(crate) fn of(py: Python<'_>, options: &Options<'_>, is_own: bool) -> PyResult<Self> {
+        let flat = options.take::<bool>("flat")?;
+        if is_own && flat == Some(false) {
+            let text = "flat: a solution for reflectances or exitances of single patches is shown patch by patch; leave it out";
+            return Err(bad_argument(py, text));
         }
-    };
-    if flat && direct != DirectMethod::Off {
-        return Err(bad_argument(py, "direct: not along with flat=True"));
+        let flat = flat.unwrap_or(is_own);
+        let rays = DirectMethod::CosineRays { n: DirectMethod::RAYS };
+        let polygons = DirectMethod::Polygons {
+            n: DirectMethod::SHADOW_RAYS,
+        };
+        let known = [
+            ("off", DirectMethod::Off),
+            ("rays", rays),
+            ("polygons", polygons),
+            ("exact", DirectMethod::Exact),
+        ];
+        let direct = options.choice("direct", &known)?;
+        if flat && direct.is_some_and(|direct| direct != DirectMethod::Off) {
+            return Err(bad_argument(py, "direct: not along with flat=True"));
+        }
+        let noise = options.take::<f64>("noise")?;
+        let final_gather = options.take::<bool>("final_gather")?.unwrap_or(noise.is_some());
+        let default = GatherSettings::default();
+        Ok(Self {
+            flat,
+            direct,
+            samples: options.take::<u32>("samples")?.and_then(NonZeroU32::new),
+            gather: final_gather.then_some(GatherSettings {
+                noise: noise.unwrap_or(default.noise),
+                ..default
+            }),
+            seed: options.take("seed")?.unwrap_or(0),
+        })
     }
-    let noise = options.take::<f64>("noise")?;
-    let final_gather = options.take::<bool>("final_gather")?.unwrap_or(noise.is_some());
-    let default = GatherSettings::default();
-    Ok(RenderSettings {
-        flat,
-        samples: options
-            .take::<u32>("samples")?
-            .and_then(NonZeroU32::new)
-            .unwrap_or(RenderSettings::default_samples(is_unfolded)),
-        adaptive: true,
-        gather: final_gather.then_some(GatherSettings {
-            noise: noise.unwrap_or(default.noise),
-            ..default
-        }),
-        direct,
-        seed: options.take("seed")?.unwrap_or(0),
-        ..RenderSettings::default()
-    })
+
+    /// Returns the settings for a view of light that has no direct part of its own.
+    pub(crate) fn settings_without_direct(&self, is_unfolded: bool) -> RenderSettings {
+        RenderSettings {
+            direct: DirectMethod::Off,
+            ..self.settings(is_unfolded)
+        }
+    }
+
+    /// Returns the settings for a view.
+    pub(crate) fn settings(&self, is_unfolded: bool) -> RenderSettings {
+        let suited = || DirectMethod::suited(is_unfolded, self.flat);
+        RenderSettings {
+            flat: self.flat,
+            samples: self.samples.unwrap_or(RenderSettings::default_samples(is_unfolded)),
+            adaptive: true,
+            gather: self.gather,
+            direct: self.direct.unwrap_or_else(suited),
+            seed: self.seed,
+            ..RenderSettings::default()
+        }
+    }
 }
 
 pub(crate) fn render(
@@ -103,7 +129,7 @@ pub(crate) fn render(
         return Err(bad_argument(py, &text));
     }
     let request = view(options)?;
-    let settings = settings(py, options, request.is_unfolded(), solution)?;
+    let settings = Wanted::of(py, options, solution.is_own)?.settings(request.is_unfolded());
     options.finish()?;
     let call = Call {
         ..call(progress, &solution.settings)

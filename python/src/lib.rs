@@ -6,18 +6,23 @@ mod arrays;
 mod call;
 mod error;
 mod factors;
+mod field;
+mod frames;
 mod heat;
 mod image;
 mod model;
 mod options;
 mod solution;
 mod sun_path;
+mod voxels;
 
 use pyo3::pymodule;
 
 /// The compiled part of the package `radiosity`.
 #[pymodule]
 mod _core {
+    #[pymodule_export]
+    use crate::call::set_threads;
     #[pymodule_export]
     use crate::factors::FormFactors;
     #[pymodule_export]
@@ -28,6 +33,8 @@ mod _core {
     use crate::model::Model;
     #[pymodule_export]
     use crate::solution::Solution;
+    #[pymodule_export]
+    use crate::voxels::VoxelSolution;
 
     use pyo3::types::PyModuleMethods as _;
     use pyo3::{Bound, PyResult, types::PyModule};

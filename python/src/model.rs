@@ -24,6 +24,7 @@ use crate::image::Image;
 use crate::options::Options;
 use crate::solution::Solution;
 use crate::sun_path::{Along, Table};
+use crate::voxels::VoxelSolution;
 
 /// A model that calls share, one at a time.
 pub(crate) struct Shared {
@@ -347,6 +348,40 @@ impl Model {
             return Err(bad_argument(py, "solution: it is of another model"));
         }
         crate::image::render(py, &self.shared, solution, &Options::new(options)?, progress)
+    }
+
+    /// Renders the form factor from every visible point to a surface; returns it with the means of the surfaces.
+    fn field(
+        &self,
+        py: Python<'_>,
+        surface: u32,
+        options: &Bound<'_, PyDict>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<(Image, String)> {
+        crate::field::field(py, &self.shared, surface, &Options::new(options)?, progress)
+    }
+
+    /// Renders a sequence of images into files; returns what there is to say of them.
+    fn render_frames(
+        &self,
+        py: Python<'_>,
+        frames: (String, String),
+        output: PathBuf,
+        options: &Bound<'_, PyDict>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<String> {
+        let options = Options::new(options)?;
+        crate::frames::render(py, &self.shared, frames, &output, &options, progress)
+    }
+
+    /// Solves for light on voxels.
+    fn voxels(
+        &self,
+        py: Python<'_>,
+        options: &Bound<'_, PyDict>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<VoxelSolution> {
+        crate::voxels::solve(py, &self.shared, &Options::new(options)?, progress)
     }
 
     /// Finds temperatures and net fluxes; `boundary`: the text of boundary conditions in TOML and what messages call it.

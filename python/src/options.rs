@@ -54,7 +54,7 @@ impl<'py> Options<'py> {
     }
 
     /// Takes a setting that is one of some names.
-    fn choice<T: Copy>(&self, name: &str, known: &[(&str, T)]) -> PyResult<Option<T>> {
+    pub(crate) fn choice<T: Copy>(&self, name: &str, known: &[(&str, T)]) -> PyResult<Option<T>> {
         let Some(text) = self.take::<String>(name)? else {
             return Ok(None);
         };
@@ -69,7 +69,7 @@ impl<'py> Options<'py> {
     }
 
     /// Takes a number that is above 0.
-    fn positive(&self, name: &str) -> PyResult<Option<f64>> {
+    pub(crate) fn positive(&self, name: &str) -> PyResult<Option<f64>> {
         let value = self.take::<f64>(name)?;
         match value.filter(|value| !(*value > 0.0 && value.is_finite())) {
             Some(value) => Err(bad_argument(self.py(), &format!("{name}: {value} is not above 0"))),
@@ -77,7 +77,8 @@ impl<'py> Options<'py> {
         }
     }
 
-    fn count(&self, name: &str) -> PyResult<Option<NonZeroUsize>> {
+    /// Takes a whole number that is above 0.
+    pub(crate) fn count(&self, name: &str) -> PyResult<Option<NonZeroUsize>> {
         let value = self.take::<usize>(name)?;
         let wrong = || bad_argument(self.py(), &format!("{name}: 0 is not above 0"));
         value
@@ -198,14 +199,25 @@ impl<'py> Options<'py> {
             },
             tolerance_parameter: Parameter::Tolerance,
             balance: self.choice("balance", &balances)?.unwrap_or_default(),
-            closure: match self.take::<bool>("closed")? {
-                None => Closure::Detect,
-                Some(true) => Closure::Closed,
-                Some(false) => Closure::Open,
-            },
+            closure: self.closure()?,
             time_limit: limit.map(|seconds| (Duration::from_secs_f64(seconds), then)),
             ..FormFactorRequest::default()
         })
+    }
+
+    /// Takes whether the scene is closed.
+    pub(crate) fn closure(&self) -> PyResult<Closure> {
+        Ok(match self.take::<bool>("closed")? {
+            None => Closure::Detect,
+            Some(true) => Closure::Closed,
+            Some(false) => Closure::Open,
+        })
+    }
+
+    /// Takes a table of settings; an empty one where it is not given.
+    pub(crate) fn table(&self, name: &str) -> PyResult<Self> {
+        let table = self.take::<Bound<'py, PyDict>>(name)?;
+        Self::new(&table.unwrap_or_else(|| PyDict::new(self.py())))
     }
 
     /// Takes what form factors may use.

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::num::NonZeroU32;
 
-use super::args::{FieldArgs, FieldMethodName};
+use super::args::FieldArgs;
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::file_set::FileSet;
@@ -14,8 +14,8 @@ use super::view::{samples, tell_camera};
 use super::{Outcome, name_width};
 use crate::document::{FieldDocument, FieldSurface};
 use crate::printable::printable;
-use crate::render::{DirectMethod, FIELD_SHADOW_RAYS, Field, RenderSettings, SurfaceMean};
-use crate::workflow::{FieldRequest, Model, image_patches};
+use crate::render::{Field, RenderSettings, SurfaceMean};
+use crate::workflow::{FieldMethod, FieldRequest, Model, image_patches};
 
 pub(super) fn run(args: &FieldArgs) -> Result<Outcome, Failure> {
     let mut run = Run::new("field", &args.common);
@@ -35,16 +35,14 @@ fn work(args: &FieldArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let mut model = run.prepare(&args.scene, args.mesh, image_patches)?;
     let surface = surface_named(&model.scene, &args.surface)?;
     let view = view.view(&args.scene, &model.scene)?;
-    run.cx.settings.method = Some(method_name(args.method).to_owned());
+    run.cx.settings.method = Some(args.method.name().to_owned());
     let request = FieldRequest {
         surface,
         view: &view,
         settings,
-        file: image_file(args.file),
-        output: &args.output,
-        preview: &preview,
     };
-    let Field { image, means } = model.field_to_files(request, &mut run.cx)?;
+    let outputs = [&*args.output, &*preview];
+    let Field { image, means } = model.field_to_files(request, image_file(args.file), outputs, &mut run.cx)?;
     run.bars.finish();
 
     let mut text = run.explanation(&model);
@@ -69,16 +67,8 @@ fn work(args: &FieldArgs, run: &mut Run) -> Result<Outcome, Failure> {
     })
 }
 
-fn method_name(method: FieldMethodName) -> &'static str {
-    match method {
-        FieldMethodName::Exact => "exact",
-        FieldMethodName::Sr => "sr",
-        FieldMethodName::Qmc => "qmc",
-    }
-}
-
 fn settings(args: &FieldArgs, is_unfolded: bool) -> Result<RenderSettings, Failure> {
-    let is_exact = args.method == FieldMethodName::Exact;
+    let is_exact = args.method == FieldMethod::Exact;
     if is_exact && (args.rays.is_some() || args.sequence.is_some()) {
         return Err(Failure::usage(
             "--rays and --sequence are for --method sr and qmc; exact traces no rays",
@@ -88,15 +78,7 @@ fn settings(args: &FieldArgs, is_unfolded: bool) -> Result<RenderSettings, Failu
     Ok(RenderSettings {
         samples: samples(&args.view, is_unfolded),
         adaptive: true,
-        direct: match args.method {
-            FieldMethodName::Exact => DirectMethod::Exact,
-            FieldMethodName::Sr => DirectMethod::CosineRays {
-                n: rays.unwrap_or(DirectMethod::RAYS),
-            },
-            FieldMethodName::Qmc => DirectMethod::Polygons {
-                n: rays.unwrap_or(FIELD_SHADOW_RAYS),
-            },
-        },
+        direct: args.method.direct(rays),
         sequence: args.sequence.unwrap_or_default(),
         seed: args.seed,
         ..RenderSettings::default()

@@ -14,9 +14,7 @@ use super::run::Run;
 use super::solution;
 use super::sun;
 use super::view::{demand, expect_sensible, render_settings};
-use crate::document::{
-    FormFactorRecord, FrameRecord, FramesDocument, LitSurface, PoseRecord, Quality, SolverRecord, UpdateRecord,
-};
+use crate::document::{FrameRecord, FramesDocument, PoseRecord, SolverRecord};
 use crate::printable::counted;
 use crate::scene::frames;
 use crate::workflow::{
@@ -36,25 +34,11 @@ struct Told<'a> {
 
 impl SequenceObserver for Told<'_> {
     fn frame(&mut self, study: &FrameStudy<'_>) {
-        let (frame, image) = (study.frame, &study.image);
-        let (width, height) = (image.width(), image.height());
-        let (file, preview) = (frame.output.display(), frame.preview.display());
-        let line = format!("{}: wrote {file} ({width} × {height}) and {preview}\n", frame.name);
-        let record = FrameRecord {
-            name: frame.name.clone(),
-            lighting: study.lighting_file.map(|lighting| lighting.display().to_string()),
-            moves: frame.motions.clone(),
-            camera: frame.view.camera_text(&flag),
-            image: file.to_string(),
-            preview: preview.to_string(),
-            width,
-            height,
-            final_gather: study.gather,
-            mesh_error: study.mesh_error.clone(),
-            energy: study.solution.energy.clone(),
-            surfaces: LitSurface::in_daylight(study.model, &study.solution, &study.direct),
-            quality: Quality::new(&study.solution, study.error),
-        };
+        let record = FrameRecord::new(study, &flag);
+        let line = format!(
+            "{}: wrote {} ({} × {}) and {}\n",
+            record.name, record.image, record.width, record.height, record.preview
+        );
         if study.gather.is_some_and(|report| report.n_above > 0) {
             self.code = ExitCode::NotConverged;
         }
@@ -63,16 +47,7 @@ impl SequenceObserver for Told<'_> {
 
     fn pose(&mut self, study: &PoseStudy<'_>) {
         let solved = SolverRecord::new(study.model, self.solver, study.solution, study.error);
-        let record = PoseRecord {
-            frames: study.frames.iter().map(|frame| frame.name.clone()).collect(),
-            n_lightings: study.n_lightings,
-            solver: solved.solver.clone(),
-            why: solved.why,
-            n_passes: solved.n_passes,
-            form_factors: FormFactorRecord::from(study.factors),
-            update: study.change.map(|change| UpdateRecord::new(change, study.factors)),
-            quality: solved.quality,
-        };
+        let record = PoseRecord::new(study, &solved);
         describe_pose(&mut self.text, self.solver, study, &record);
         if solution::code(study.solution, Some(study.factors), study.error) != ExitCode::Done {
             self.code = ExitCode::NotConverged;

@@ -13,7 +13,7 @@ use super::view::{samples, tell_camera};
 use super::voxel_text::{describe, describe_surfaces};
 use crate::document::VoxelDocument;
 use crate::mesh::Subdivision;
-use crate::render::RenderSettings;
+use crate::render::{RenderSettings, exr, png};
 use crate::report::voxels::write_vtu;
 use crate::workflow::{ImageView, Model, VoxelImageRequest, VoxelStudy, image_byte, voxel_patches};
 
@@ -139,8 +139,11 @@ fn write(
         view: &view,
         settings: render_settings(args),
         show_voxels: args.show_voxels,
-        output: path,
     };
-    model.render_voxels(study, request, &mut run.cx)?;
+    let (image, attributes) = model.render_voxels(study, request, &mut run.cx)?;
+    run.cx.time("write", || {
+        exr::write(path, &image, &attributes)?;
+        png::write(&path.with_extension("png"), &image)
+    })?;
     Ok(Some(view))
 }

@@ -6,10 +6,11 @@ use serde::Serialize;
 
 use super::{FieldSurface, FormFactorRecord, LitSurface, Quality, SolverRecord};
 use crate::form_factor::Change;
+use crate::parameter::Named;
 use crate::render::GatherReport;
 use crate::scene::Motion;
 use crate::solver::{ChoiceReason, Energy, StopReason};
-use crate::workflow::{FormFactorStudy, MeshError};
+use crate::workflow::{FormFactorStudy, FrameStudy, MeshError, PoseStudy};
 
 /// The result of `render`.
 #[derive(Clone, Debug, Serialize)]
@@ -80,6 +81,21 @@ impl FramesDocument {
 }
 
 impl PoseRecord {
+    /// Returns the record of a pose; `solver` is the record of its solution.
+    #[must_use]
+    pub fn new(study: &PoseStudy<'_>, solver: &SolverRecord) -> Self {
+        Self {
+            frames: study.frames.iter().map(|frame| frame.name.clone()).collect(),
+            n_lightings: study.n_lightings,
+            solver: solver.solver.clone(),
+            why: solver.why,
+            n_passes: solver.n_passes,
+            form_factors: FormFactorRecord::from(study.factors),
+            update: study.change.map(|change| UpdateRecord::new(change, study.factors)),
+            quality: solver.quality,
+        }
+    }
+
     /// Compares how bad two poses are: by the end of the solver, the tolerance of the form factors, the residual.
     fn order(&self, other: &Self) -> Ordering {
         let rank = |pose: &Self| (severity(pose.quality.stop_reason), !pose.form_factors.tolerance_met);
@@ -178,6 +194,29 @@ pub struct FrameRecord {
     /// How good the solution is.
     #[serde(flatten)]
     pub quality: Quality,
+}
+
+impl FrameRecord {
+    /// Returns the record of a frame, with parameters as `named` writes them.
+    #[must_use]
+    pub fn new(study: &FrameStudy<'_>, named: Named<'_>) -> Self {
+        let (frame, image) = (study.frame, &study.image);
+        Self {
+            name: frame.name.clone(),
+            lighting: study.lighting_file.map(|lighting| lighting.display().to_string()),
+            moves: frame.motions.clone(),
+            camera: frame.view.camera_text(named),
+            image: frame.output.display().to_string(),
+            preview: frame.preview.display().to_string(),
+            width: image.width(),
+            height: image.height(),
+            final_gather: study.gather,
+            mesh_error: study.mesh_error.clone(),
+            energy: study.solution.energy.clone(),
+            surfaces: LitSurface::in_daylight(study.model, &study.solution, &study.direct),
+            quality: Quality::new(&study.solution, study.error),
+        }
+    }
 }
 
 /// The result of `field`.

@@ -1,8 +1,9 @@
 //! Where faces stand on others or pierce them: contact edges, across which light is discontinuous (D0 discontinuities).
 
 use std::cell::OnceCell;
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::BTreeMap;
 
+use foldhash::{HashMap, HashMapExt as _, HashSet, HashSetExt as _};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -394,6 +395,9 @@ impl Plane {
             n += 1;
         }
         let points = &points[..n];
+        if let [from, to] = *points {
+            return (from.distance(to) > tolerance).then_some([from, to]);
+        }
         // A corner on a straight edge is a third point.
         let farthest = |other: DVec3| {
             let by_distance = |a: &DVec3, b: &DVec3| other.distance(*a).total_cmp(&other.distance(*b));

@@ -1,7 +1,8 @@
 //! Which vertices patches share: parted where contact edges run between them, joined where they meet side by side.
 
-use std::collections::{BTreeSet, HashMap, HashSet};
+use std::collections::BTreeSet;
 
+use foldhash::{HashMap, HashMapExt as _, HashSet, HashSetExt as _};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -76,7 +77,8 @@ pub(super) fn part(mesh: &mut Mesh, contact_edges: &ContactEdges<'_>) {
             }
         }
         // The first keeps the old one: a set is known by its least member.
-        let mut own: HashMap<usize, u32> = HashMap::from([(0, vertex)]);
+        let mut own: HashMap<usize, u32> = HashMap::new();
+        own.insert(0, vertex);
         for (k, &patch) in here.iter().enumerate() {
             let corner = *own.entry(together.find(k)).or_insert_with(|| {
                 new_vertices.push(place(vertex));

@@ -1,9 +1,10 @@
 //! Cutting faces into patches so that flat neighbours match along their common edges.
 
 use std::borrow::Cow;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 use std::fmt;
 
+use foldhash::{HashMap, HashMapExt as _};
 use glam::DVec3;
 
 use super::contact_edges::ContactEdges;

@@ -1,10 +1,10 @@
 //! Puts a scene together: merges vertices, names surfaces, splits outlines, and refuses what no method could use.
 
-use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::hash::Hash;
 use std::path::PathBuf;
 
+use foldhash::{HashMap, HashMapExt as _};
 use glam::DVec3;
 
 use super::bright::{is_too_dim, too_bright};
@@ -81,13 +81,16 @@ impl OutlineLines {
                 }
             }
         }
-        let turned = from_least(vertices);
-        if turned.len() > 4 {
-            return insert(&mut self.large, turned, line);
+        let n = vertices.len();
+        if n > 4 {
+            let mut key = vertices.to_vec();
+            from_least(&mut key);
+            return insert(&mut self.large, key, line);
         }
         // A triangle has no fourth vertex, and no vertex is the last number.
         let mut key = [u32::MAX; 4];
-        key[..turned.len()].copy_from_slice(&turned);
+        key[..n].copy_from_slice(vertices);
+        from_least(&mut key[..n]);
         insert(&mut self.small, key, line)
     }
 }
@@ -438,11 +441,9 @@ fn is_bent(corners: &[DVec3]) -> bool {
 }
 
 /// Turns an outline so that it begins with its least vertex: the same outline from any start.
-fn from_least(vertices: &[u32]) -> Vec<u32> {
-    let mut turned = vertices.to_vec();
-    let least = (0..turned.len()).min_by_key(|&k| turned[k]).unwrap_or(0);
-    turned.rotate_left(least);
-    turned
+fn from_least(vertices: &mut [u32]) {
+    let least = (0..vertices.len()).min_by_key(|&k| vertices[k]).unwrap_or(0);
+    vertices.rotate_left(least);
 }
 
 #[cfg(test)]
@@ -463,7 +464,11 @@ mod tests {
 
     #[test]
     fn an_outline_is_the_same_from_any_start_but_not_reversed() {
-        assert_eq!(from_least(&[7, 3, 5, 9]), from_least(&[5, 9, 7, 3]));
-        assert_ne!(from_least(&[7, 3, 5, 9]), from_least(&[9, 5, 3, 7]));
+        let turned = |mut outline: [u32; 4]| {
+            from_least(&mut outline);
+            outline
+        };
+        assert_eq!(turned([7, 3, 5, 9]), turned([5, 9, 7, 3]));
+        assert_ne!(turned([7, 3, 5, 9]), turned([9, 5, 3, 7]));
     }
 }

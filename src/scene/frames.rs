@@ -114,7 +114,22 @@ impl Frame {
 /// comes twice, or a list without frames.
 pub fn load(file: impl AsRef<Path>) -> Result<Vec<Frame>, SceneError> {
     let file = file.as_ref();
-    let list = TomlFile::read(file, |message| SceneErrorKind::BadFrames { message })?;
+    listed(&TomlFile::read(file, BAD)?, file)
+}
+
+/// Reads a list of frames from text, as [`load`] does; `name` stands for the file in messages, and paths are relative to its folder.
+///
+/// # Errors
+/// As for [`load`].
+pub fn parse(text: String, name: impl AsRef<Path>) -> Result<Vec<Frame>, SceneError> {
+    let name = name.as_ref();
+    listed(&TomlFile::of_text(name.to_owned(), text, BAD), name)
+}
+
+/// The kind of error of what is wrong in a list.
+const BAD: fn(String) -> SceneErrorKind = |message| SceneErrorKind::BadFrames { message };
+
+fn listed(list: &TomlFile, file: &Path) -> Result<Vec<Frame>, SceneError> {
     let bad = |start: Option<usize>, message: String| list.bad(start, message);
     let parsed: FramesFile = list.parsed("frames")?;
     if parsed.frame.is_empty() {

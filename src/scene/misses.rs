@@ -1,7 +1,6 @@
 //! What shows that short decimals were rounded: outlines that are nearly flat or nearly square, their halves, and vertices that nearly lie on an edge.
 
-use std::collections::HashMap;
-
+use foldhash::{HashMap, HashMapExt as _};
 use glam::DVec3;
 
 use super::overlap::is_along_axis;

@@ -1,12 +1,55 @@
 //! Fields of form factors as a whole step of a study: rendering, files, and what there is to warn of.
 
+use std::num::NonZeroU32;
 use std::path::Path;
 
 use super::{Context, ImageFile, ImageView, Model, WorkflowError, image_byte, warn_if_blank};
 use crate::form_factor::{RAYS, SEQUENCE};
-use crate::render::{Attributes, DirectMethod, Field, FieldInput, FieldRecord, RenderSettings, exr, field, png};
+use crate::render::{
+    Attributes, DirectMethod, FIELD_SHADOW_RAYS, Field, FieldInput, FieldRecord, RenderSettings, exr, field, png,
+};
 use crate::scene::SurfaceId;
 use crate::visibility::Visibility as _;
+
+/// How the form factor of a point is found: the methods of form factors that need no patch.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+pub enum FieldMethod {
+    /// The exact form factor to the visible part of the surface, by clipping; no rays
+    #[default]
+    Exact,
+    /// Rays from the point, with a standard error for every pixel
+    Sr,
+    /// The exact form factor, times the visible fraction of low-discrepancy rays
+    Qmc,
+}
+
+impl FieldMethod {
+    /// Returns its name.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Exact => "exact",
+            Self::Sr => "sr",
+            Self::Qmc => "qmc",
+        }
+    }
+
+    /// Returns how an image finds the form factor at each sample; `rays`: for each sample with [`Sr`](Self::Sr), by default [`DirectMethod::RAYS`], for each face of the surface with
+    /// [`Qmc`](Self::Qmc), by default [`FIELD_SHADOW_RAYS`].
+    #[must_use]
+    pub fn direct(self, rays: Option<NonZeroU32>) -> DirectMethod {
+        match self {
+            Self::Exact => DirectMethod::Exact,
+            Self::Sr => DirectMethod::CosineRays {
+                n: rays.unwrap_or(DirectMethod::RAYS),
+            },
+            Self::Qmc => DirectMethod::Polygons {
+                n: rays.unwrap_or(FIELD_SHADOW_RAYS),
+            },
+        }
+    }
+}
 
 /// A field that is wanted: the form factor from every visible point to a surface.
 #[derive(Clone, Copy)]
@@ -17,20 +60,14 @@ pub struct FieldRequest<'a> {
     pub view: &'a ImageView,
     /// How it is rendered.
     pub settings: RenderSettings,
-    /// How it is written.
-    pub file: ImageFile,
-    /// The OpenEXR file.
-    pub output: &'a Path,
-    /// Its preview, a PNG file.
-    pub preview: &'a Path,
 }
 
 impl Model {
-    /// Renders a field and writes it with its preview.
+    /// Renders a field, with the attributes that its file has.
     ///
     /// # Errors
     /// [`WorkflowError::ImageMemory`], [`WorkflowError::Render`] and [`WorkflowError::Interrupted`].
-    pub fn field_to_files(&mut self, request: FieldRequest<'_>, cx: &mut Context) -> Result<Field, WorkflowError> {
+    pub fn field(&mut self, request: FieldRequest<'_>, cx: &mut Context) -> Result<(Field, Attributes), WorkflowError> {
         let (view, settings) = (request.view.as_view(), request.settings);
         image_byte(view, &settings, &cx.memory)?;
         let name = self.scene.surfaces[request.surface.0 as usize].name.clone();
@@ -55,12 +92,27 @@ impl Model {
         let camera = request.view.origin().map(|origin| origin.text(&cx.naming));
         warn_if_blank(&found.image, view, camera.as_deref(), cx);
         let (offset, solution) = (self.visibility.offset(), cx.settings.record().into());
-        let mut attributes = Attributes::new(&self.scene, view.description(), settings, offset, solution)
+        let attributes = Attributes::new(&self.scene, view.description(), settings, offset, solution)
             .with_field(FieldRecord { surface: name });
-        attributes.pixels = request.file.pixels;
+        Ok((found, attributes))
+    }
+
+    /// Renders a field and writes it as OpenEXR to `output`, with its preview as PNG.
+    ///
+    /// # Errors
+    /// As [`field`](Self::field).
+    pub fn field_to_files(
+        &mut self,
+        request: FieldRequest<'_>,
+        file: ImageFile,
+        [output, preview]: [&Path; 2],
+        cx: &mut Context,
+    ) -> Result<Field, WorkflowError> {
+        let (found, mut attributes) = self.field(request, cx)?;
+        attributes.pixels = file.pixels;
         cx.time("write", || {
-            exr::write_parts(request.output, &found.image, &attributes, request.file.parts)?;
-            png::write(request.preview, &found.image)
+            exr::write_parts(output, &found.image, &attributes, file.parts)?;
+            png::write(preview, &found.image)
         })?;
         Ok(found)
     }

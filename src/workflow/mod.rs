@@ -44,7 +44,7 @@ pub use context::{Context, Demand, Watch};
 pub use daylight::{Daylight, DirectDaylight, SkyRequest, SunRequest, is_grey};
 pub use error::{Unsuited, WorkflowError};
 pub use exchange::ExchangeNodes;
-pub use field::FieldRequest;
+pub use field::{FieldMethod, FieldRequest};
 pub use form_factors::{Afterwards, Balance, DEFAULT_RAYS, FormFactorRequest, FormFactorStudy, Raw};
 pub use heat::{HeatStudy, MAX_HEAT_ERROR};
 pub use heat_path::HeatStep;

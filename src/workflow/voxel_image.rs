@@ -1,12 +1,10 @@
 //! Images of light on voxels: the surfaces that they stand for, or the voxels themselves.
 
-use std::path::Path;
-
 use super::{Context, ImageView, Model, VoxelStudy, WorkflowError, warn_if_blank};
 use crate::audit;
 use crate::matrix::operator::Block;
 use crate::mesh::Subdivision;
-use crate::render::{Attributes, Image, Outdoors, RenderInput, RenderSettings, exr, png, render};
+use crate::render::{Attributes, Image, Outdoors, RenderInput, RenderSettings, render};
 use crate::scene::Scene;
 use crate::visibility::Visibility as _;
 use crate::voxel::{Grid, onto_patches, picture};
@@ -31,12 +29,10 @@ pub struct VoxelImageRequest<'a> {
     pub settings: RenderSettings,
     /// Whether it shows the voxels themselves, not the surfaces that they stand for.
     pub show_voxels: bool,
-    /// The OpenEXR file; its preview, a PNG file, is written beside it.
-    pub output: &'a Path,
 }
 
 impl Model {
-    /// Renders light on voxels and writes the image with its preview.
+    /// Renders light on voxels, with the attributes that the image's file has.
     ///
     /// # Errors
     /// [`WorkflowError::Render`], and [`WorkflowError::Interrupted`].
@@ -45,7 +41,7 @@ impl Model {
         study: &VoxelStudy,
         request: VoxelImageRequest<'_>,
         cx: &mut Context,
-    ) -> Result<(), WorkflowError> {
+    ) -> Result<(Image, Attributes), WorkflowError> {
         let view = request.view.as_view();
         cx.settings.show_voxels = Some(request.show_voxels);
         let image = if request.show_voxels {
@@ -62,11 +58,7 @@ impl Model {
         let offset = self.visibility.offset();
         let solution = cx.settings.record().into();
         let attributes = Attributes::new(&self.scene, view.description(), request.settings, offset, solution);
-        cx.time("write", || {
-            exr::write(request.output, &image, &attributes)?;
-            png::write(&request.output.with_extension("png"), &image)
-        })?;
-        Ok(())
+        Ok((image, attributes))
     }
 
     /// Renders the irradiance of the voxels on the patches of the surfaces that they stand for.

@@ -2,22 +2,12 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 
 use super::byte::parse_byte;
 use super::{CommonArgs, MeshArgs, PictureFileArgs, ViewArgs};
 use crate::geometry::sampling::Sequence;
-
-/// How the form factor of a point is found: the methods of `form-factors` that need no patch.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum FieldMethodName {
-    /// The exact form factor to the visible part of the surface, by clipping; no rays
-    Exact,
-    /// Rays from the point, with a standard error for every pixel
-    Sr,
-    /// The exact form factor, times the visible fraction of low-discrepancy rays
-    Qmc,
-}
+use crate::workflow::FieldMethod;
 
 /// `radiosity field`.
 #[derive(Args, Debug)]
@@ -32,8 +22,8 @@ pub struct FieldArgs {
     #[arg(short, long, value_name = "F.exr")]
     pub output: PathBuf,
     /// The method
-    #[arg(long, value_enum, default_value_t = FieldMethodName::Exact, help_heading = "Form factors")]
-    pub method: FieldMethodName,
+    #[arg(long, value_enum, default_value_t, help_heading = "Form factors")]
+    pub method: FieldMethod,
     /// Rays for each sample of a pixel, with sr [default: 4096], or for each face of the surface, with qmc [default: 64]
     #[arg(long, value_name = "N", help_heading = "Form factors", value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub rays: Option<u32>,

@@ -27,7 +27,7 @@ use crate::workflow::SolveRequest;
 use byte::parse_byte;
 
 pub use experiments::{CompareArgs, PaperName, ReproduceArgs, VisibilityName};
-pub use field::{FieldArgs, FieldMethodName};
+pub use field::FieldArgs;
 pub use form_factors::{ClosureArgs, FormFactorsArgs, MemoryArgs, MeshArgs, MethodArgs, PrecisionName, StorageArgs};
 pub use heat::{HeatArgs, NodesName, SunArgs};
 pub use points::PointsArgs;

@@ -124,14 +124,14 @@ fn join(polygons: &mut Polygons, file: &Path, options: &LoadOptions) -> Option<V
     if polygons.repeats_vertices && !polygons.vertices.is_empty() {
         let (low, high) = polygon::bounds(&polygons.vertices);
         let tolerance = weld::NEAR * low.distance(high);
-        let count = if tolerance > 0.0 {
-            weld::n_nearly_equal(&polygons.vertices, tolerance)
-        } else {
-            0
-        };
-        if count > 0 {
-            let kind = SceneWarningKind::NearlyEqualVertices { count, tolerance };
-            polygons.warnings.push(warn(kind));
+        if tolerance > 0.0 {
+            let first = weld::equal(&polygons.vertices);
+            let count = weld::n_nearly_equal(&polygons.vertices, &first, tolerance);
+            if count > 0 {
+                let kind = SceneWarningKind::NearlyEqualVertices { count, tolerance };
+                polygons.warnings.push(warn(kind));
+            }
+            return Some(first);
         }
     }
     None

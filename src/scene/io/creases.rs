@@ -1,6 +1,7 @@
 //! Surfaces of files that name none: connected pieces between creases.
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::polygons::Polygons;
 use crate::disjoint_sets::DisjointSets;
@@ -32,7 +33,7 @@ pub(super) fn part(polygons: &mut Polygons, first: &[u32], crease_angle: f64) {
             }));
         }
     }
-    edges.sort_unstable();
+    edges.par_sort_unstable();
     let mut pieces = DisjointSets::new(normals.len());
     for at_edge in edges.chunk_by(|a, b| a.0 == b.0) {
         if at_edge.len() > MAX_AT_EDGE || at_edge[0].0[0] == at_edge[0].0[1] {

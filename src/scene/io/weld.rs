@@ -1,7 +1,6 @@
 //! Vertices that are one place: equal ones, and those that nearly are.
 
-use std::collections::HashMap;
-
+use foldhash::{HashMap, HashMapExt as _};
 use glam::DVec3;
 
 /// Vertices nearer than this part of the scene's size are nearly equal: some steps of f32.
@@ -33,11 +32,20 @@ fn bits(vertex: DVec3) -> [u64; 3] {
 
 /// Joins vertices that are not farther apart than `tolerance`, in m: in their order, each goes to the nearest of those before that stand for themselves.
 ///
-/// Work: O(n), unless many vertices that stay apart are in one cube of that side.
+/// Work: O(n), unless many vertices that stay apart are in one cube of four times that side.
 pub(super) fn within(vertices: &[DVec3], tolerance: f64) -> Welded {
-    let mut first = equal(vertices);
+    within_of(vertices, equal(vertices), tolerance)
+}
+
+/// Joins vertices as [`within`] does, with the first vertex at the place of each at hand.
+fn within_of(vertices: &[DVec3], mut first: Vec<u32>, tolerance: f64) -> Welded {
     let (mut moved, mut n_moved) = (0.0_f64, 0);
-    let mut cells: HashMap<[i64; 3], Vec<u32>> = HashMap::new();
+    // The last vertex that stands for itself in each cell, and of each the one before it there.
+    let mut last: HashMap<[i64; 3], u32> = HashMap::new();
+    let mut before: Vec<u32> = vec![u32::MAX; first.len()];
+    let side = 4.0 * tolerance;
+    // No less than what a distance up to the tolerance is before it is rounded.
+    let reach = tolerance * (1.0 + 8.0 * f64::EPSILON);
     for id in 0..first.len() {
         if (first[id] as usize) < id {
             // What it equals has been joined already.
@@ -46,29 +54,32 @@ pub(super) fn within(vertices: &[DVec3], tolerance: f64) -> Welded {
             continue;
         }
         let here = vertices[id];
-        let cell = cell_of(here, tolerance);
-        let near = neighbours(cell).filter_map(|place| cells.get(&place)).flatten();
+        let near = cells_between(cell_of(here - reach, side), cell_of(here + reach, side))
+            .filter_map(|cell| last.get(&cell).copied())
+            .flat_map(|last| {
+                std::iter::successors(Some(last), |&k| Some(before[k as usize]).filter(|&k| k != u32::MAX))
+            });
         let nearest = near
-            .map(|&other| (vertices[other as usize].distance(here), other))
+            .map(|other| (vertices[other as usize].distance(here), other))
             .filter(|(distance, _)| *distance <= tolerance)
-            .min_by(|a, b| a.0.total_cmp(&b.0));
+            .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         if let Some((distance, other)) = nearest {
             first[id] = other;
             moved = moved.max(distance);
             n_moved += 1;
         } else {
-            cells.entry(cell).or_default().push(first[id]);
+            let known = last.insert(cell_of(here, side), first[id]);
+            before[id] = known.unwrap_or(u32::MAX);
         }
     }
     Welded { first, moved, n_moved }
 }
 
-/// Returns how many vertices are within `tolerance` of an earlier one that they do not equal.
-pub(super) fn n_nearly_equal(vertices: &[DVec3], tolerance: f64) -> usize {
-    let welded = within(vertices, tolerance);
-    let is_first = equal(vertices);
+/// Returns how many vertices are within `tolerance` of an earlier one that they do not equal; `first` is that of [`equal`].
+pub(super) fn n_nearly_equal(vertices: &[DVec3], first: &[u32], tolerance: f64) -> usize {
+    let welded = within_of(vertices, first.to_vec(), tolerance);
     // Each place counts once.
-    let own = (0_u32..).zip(&is_first).filter(|(id, first)| id == *first);
+    let own = (0_u32..).zip(first).filter(|(id, first)| id == *first);
     own.filter(|(id, _)| welded.first[*id as usize] != *id).count()
 }
 
@@ -80,10 +91,12 @@ fn cell_of(vertex: DVec3, side: f64) -> [i64; 3] {
     (vertex / side).floor().to_array().map(|x| x as i64)
 }
 
-fn neighbours(cell: [i64; 3]) -> impl Iterator<Item = [i64; 3]> {
-    (0..27).map(move |k| {
-        let step = [k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1];
-        std::array::from_fn(|axis| cell[axis].saturating_add(step[axis]))
+/// Returns the cells from one to another, along each axis.
+fn cells_between(from: [i64; 3], to: [i64; 3]) -> impl Iterator<Item = [i64; 3]> {
+    let [x, y, z] = std::array::from_fn(|axis| from[axis]..=to[axis]);
+    x.flat_map(move |i| {
+        let z = z.clone();
+        y.clone().flat_map(move |j| z.clone().map(move |k| [i, j, k]))
     })
 }
 
@@ -107,8 +120,9 @@ mod tests {
         let welded = within(&vertices, 0.31);
         assert_eq!(welded.first, [0, 1, 0, 1, 1, 0, 6]);
         assert!((welded.moved - 0.3).abs() < 1e-15 && welded.n_moved == 2);
-        assert_eq!(n_nearly_equal(&vertices, 0.31), 2);
-        assert_eq!(n_nearly_equal(&vertices, 0.05), 0);
+        let first = equal(&vertices);
+        assert_eq!(n_nearly_equal(&vertices, &first, 0.31), 2);
+        assert_eq!(n_nearly_equal(&vertices, &first, 0.05), 0);
     }
 
     #[test]

@@ -1,7 +1,6 @@
 //! Joining flat neighbours into larger convex polygons: the fewer edges, the less work for shadows.
 
-use std::collections::HashMap;
-
+use foldhash::{HashMap, HashMapExt as _};
 use glam::DVec3;
 
 use crate::geometry::polygon;

@@ -1,0 +1,26 @@
+"""The number of threads."""
+
+from __future__ import annotations
+
+from typing import Optional
+
+from . import _core
+from ._errors import ArgumentError
+
+
+def set_threads(n: Optional[int]) -> None:
+    """Sets the number of threads of all calls that follow; results do not depend on it.
+
+    Parameters
+    ----------
+    n : int or None
+        Threads, 1 or more; None for all cores, as at the start.
+
+    Raises
+    ------
+    ArgumentError
+        If `n` is not above 0, or so many threads cannot be started.
+    """
+    if n is not None and n < 1:
+        raise ArgumentError(f"n: {n} is not above 0")
+    _core.set_threads(n)
